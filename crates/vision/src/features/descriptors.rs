@@ -1,0 +1,212 @@
+//! Descriptors of one image, stored as the rows of one matrix.
+
+/// Type and length of a descriptor; it decides how two of them are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
+pub enum DescriptorKind {
+    /// Real values, compared by Euclidean distance.
+    Float {
+        /// Number of values.
+        dim: usize,
+    },
+    /// Bits, compared by Hamming distance.
+    Binary {
+        /// Number of bits.
+        bits: usize,
+    },
+}
+
+/// The descriptors of one image.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Descriptors {
+    /// Real-valued descriptors (SIFT, SURF, KAZE ...).
+    Float(FloatRows),
+    /// Binary descriptors (ORB, BRISK, AKAZE ...).
+    Binary(BinaryRows),
+}
+
+impl Descriptors {
+    /// No descriptors of the given kind.
+    pub fn empty(kind: DescriptorKind) -> Self {
+        match kind {
+            DescriptorKind::Float { dim } => Self::Float(FloatRows::new(dim)),
+            DescriptorKind::Binary { bits } => Self::Binary(BinaryRows::new(bits)),
+        }
+    }
+
+    /// Type and length.
+    pub fn kind(&self) -> DescriptorKind {
+        match self {
+            Self::Float(rows) => DescriptorKind::Float { dim: rows.dim() },
+            Self::Binary(rows) => DescriptorKind::Binary { bits: rows.bits() },
+        }
+    }
+
+    /// Number of descriptors.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Float(rows) => rows.len(),
+            Self::Binary(rows) => rows.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// Real-valued descriptors of `dim` values each, row after row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FloatRows {
+    dim: usize,
+    data: Vec<f32>,
+}
+
+impl FloatRows {
+    /// No rows, of `dim` values each.
+    ///
+    /// # Panics
+    /// If `dim` is 0.
+    pub fn new(dim: usize) -> Self {
+        Self::from_vec(dim, Vec::new())
+    }
+
+    /// Rows of `dim` values over `data`.
+    ///
+    /// # Panics
+    /// If `dim` is 0 or does not divide the length of `data`.
+    pub fn from_vec(dim: usize, data: Vec<f32>) -> Self {
+        assert!(
+            dim > 0 && data.len().is_multiple_of(dim),
+            "{} values in rows of {dim}",
+            data.len()
+        );
+        Self { dim, data }
+    }
+
+    /// Values in a row.
+    pub fn dim(&self) -> usize {
+        self.dim
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.data.len() / self.dim
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.data.is_empty()
+    }
+
+    /// Row `index`.
+    pub fn row(&self, index: usize) -> &[f32] {
+        &self.data[index * self.dim..][..self.dim]
+    }
+
+    /// All values, row after row.
+    pub fn data(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// Appends a row.
+    ///
+    /// # Panics
+    /// If `row` does not have [`FloatRows::dim`] values.
+    pub fn push(&mut self, row: &[f32]) {
+        assert_eq!(row.len(), self.dim, "a row has {} values", self.dim);
+        self.data.extend_from_slice(row);
+    }
+}
+
+/// Binary descriptors of `bits` bits each, row after row, each padded with zeros to whole 64-bit
+/// words. Bit `i` of a row is bit `i % 64` (from the least significant) of word `i / 64`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BinaryRows {
+    bits: usize,
+    data: Vec<u64>,
+}
+
+impl BinaryRows {
+    /// No rows, of `bits` bits each.
+    ///
+    /// # Panics
+    /// If `bits` is 0.
+    pub fn new(bits: usize) -> Self {
+        Self::from_vec(bits, Vec::new())
+    }
+
+    /// Rows of `bits` bits over `data`.
+    ///
+    /// # Panics
+    /// If `bits` is 0 or its number of words does not divide the length of `data`.
+    pub fn from_vec(bits: usize, data: Vec<u64>) -> Self {
+        let rows = Self { bits, data };
+        assert!(
+            bits > 0 && rows.data.len().is_multiple_of(rows.words()),
+            "{} words in rows of {bits} bits",
+            rows.data.len()
+        );
+        rows
+    }
+
+    /// Bits in a row.
+    pub fn bits(&self) -> usize {
+        self.bits
+    }
+
+    /// 64-bit words in a row.
+    pub fn words(&self) -> usize {
+        self.bits.div_ceil(64)
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.data.len() / self.words()
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.data.is_empty()
+    }
+
+    /// Row `index`.
+    pub fn row(&self, index: usize) -> &[u64] {
+        &self.data[index * self.words()..][..self.words()]
+    }
+
+    /// All words, row after row.
+    pub fn data(&self) -> &[u64] {
+        &self.data
+    }
+
+    /// Appends a row.
+    ///
+    /// # Panics
+    /// If `row` does not have [`BinaryRows::words`] words.
+    pub fn push(&mut self, row: &[u64]) {
+        assert_eq!(row.len(), self.words(), "a row has {} words", self.words());
+        self.data.extend_from_slice(row);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn binary_rows_are_padded_to_words() {
+        let mut rows = BinaryRows::new(486);
+        assert_eq!(rows.words(), 8);
+        rows.push(&[7; 8]);
+        assert_eq!((rows.len(), rows.row(0)), (1, &[7; 8][..]));
+    }
+
+    #[test]
+    #[should_panic(expected = "3 values in rows of 2")]
+    fn ragged_rows_are_refused() {
+        FloatRows::from_vec(2, vec![0.0; 3]);
+    }
+}

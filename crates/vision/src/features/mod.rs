@@ -1,0 +1,60 @@
+//! Local features: where something recognisable is ([`Keypoint`]) and what it looks like
+//! ([`Descriptors`]).
+//!
+//! Each algorithm is a file or folder of this module and implements [`Extractor`], or
+//! [`Detector`] and [`Describer`] where the two halves are separate papers. None of them can fail:
+//! an empty, a one-pixel or a black image has no features, and that is a result.
+
+mod descriptors;
+mod keypoint;
+
+pub use descriptors::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
+pub use keypoint::{Features, Keypoint};
+
+use crate::image::GrayImage;
+
+/// Finds keypoints.
+pub trait Detector: Send + Sync {
+    /// The keypoints of `image`, in an order that depends on the image alone.
+    fn detect(&self, image: &GrayImage) -> Vec<Keypoint>;
+}
+
+/// Describes given keypoints.
+pub trait Describer: Send + Sync {
+    /// Type and length of the descriptors that [`Describer::describe`] returns.
+    fn kind(&self) -> DescriptorKind;
+
+    /// One descriptor for each keypoint. Keypoints that cannot be described (too near the border)
+    /// are removed, and an orientation may be written into the others.
+    fn describe(&self, image: &GrayImage, keypoints: &mut Vec<Keypoint>) -> Descriptors;
+}
+
+/// Finds and describes keypoints at once, in one shared scale space.
+pub trait Extractor: Send + Sync {
+    /// Type and length of the descriptors.
+    fn kind(&self) -> DescriptorKind;
+
+    /// The features of `image`, in an order that depends on the image alone.
+    fn extract(&self, image: &GrayImage) -> Features;
+}
+
+/// A [`Detector`] followed by a [`Describer`]: the usual way to combine two papers.
+#[derive(Clone, Copy, Debug)]
+pub struct DetectThenDescribe<K, D> {
+    /// Finds the keypoints.
+    pub detector: K,
+    /// Describes them.
+    pub describer: D,
+}
+
+impl<K: Detector, D: Describer> Extractor for DetectThenDescribe<K, D> {
+    fn kind(&self) -> DescriptorKind {
+        self.describer.kind()
+    }
+
+    fn extract(&self, image: &GrayImage) -> Features {
+        let mut keypoints = self.detector.detect(image);
+        let descriptors = self.describer.describe(image, &mut keypoints);
+        Features::new(image.size(), keypoints, descriptors)
+    }
+}

@@ -1,0 +1,215 @@
+//! A pinhole camera with optional lens distortion.
+
+use std::fmt;
+
+use nalgebra::{Matrix3, Point2};
+
+/// Pinhole camera: `u = fx x + cx`, `v = fy y + cy` for the point (x, y) at depth 1, after lens
+/// distortion. Lengths are in pixels; pixel centres are at integers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Camera {
+    /// Horizontal focal length, in pixels.
+    pub fx: f64,
+    /// Vertical focal length, in pixels.
+    pub fy: f64,
+    /// Column of the principal point.
+    pub cx: f64,
+    /// Row of the principal point.
+    pub cy: f64,
+    /// Lens distortion, if the images are not rectified.
+    #[cfg_attr(
+        feature = "serde",
+        serde(default, skip_serializing_if = "Option::is_none")
+    )]
+    pub distortion: Option<Distortion>,
+}
+
+/// Radial and tangential lens distortion (Brown, "Close-Range Camera Calibration", 1971), with
+/// the coefficients in OpenCV's order and meaning.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Distortion {
+    /// Radial, of r^2.
+    pub k1: f64,
+    /// Radial, of r^4.
+    pub k2: f64,
+    /// Tangential.
+    pub p1: f64,
+    /// Tangential.
+    pub p2: f64,
+    /// Radial, of r^6.
+    pub k3: f64,
+}
+
+/// Why a matrix or a set of numbers is not a camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraError(String);
+
+impl fmt::Display for CameraError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for CameraError {}
+
+impl Camera {
+    /// A camera without distortion.
+    pub const fn pinhole(fx: f64, fy: f64, cx: f64, cy: f64) -> Self {
+        Self {
+            fx,
+            fy,
+            cx,
+            cy,
+            distortion: None,
+        }
+    }
+
+    /// The camera whose calibration matrix is `[fx 0 cx; 0 fy cy; 0 0 1]`.
+    ///
+    /// # Errors
+    /// If the matrix has another form, a number that is not finite or a focal length that is not
+    /// positive.
+    pub fn from_matrix(k: &Matrix3<f64>) -> Result<Self, CameraError> {
+        if !k.iter().all(|x| x.is_finite()) {
+            return Err(CameraError(
+                "the calibration matrix has a number that is not finite".into(),
+            ));
+        }
+        if k[(0, 1)] != 0.0 {
+            return Err(CameraError(format!(
+                "the calibration matrix has skew {}: only cameras without skew are supported",
+                k[(0, 1)]
+            )));
+        }
+        if (k[(1, 0)], k[(2, 0)], k[(2, 1)], k[(2, 2)]) != (0.0, 0.0, 0.0, 1.0) {
+            return Err(CameraError(
+                "the calibration matrix is not [fx 0 cx; 0 fy cy; 0 0 1]".into(),
+            ));
+        }
+        if k[(0, 0)] <= 0.0 || k[(1, 1)] <= 0.0 {
+            return Err(CameraError(format!(
+                "focal lengths must be positive, found fx {} and fy {}",
+                k[(0, 0)],
+                k[(1, 1)]
+            )));
+        }
+        Ok(Self::pinhole(k[(0, 0)], k[(1, 1)], k[(0, 2)], k[(1, 2)]))
+    }
+
+    /// The calibration matrix `K`.
+    pub fn matrix(&self) -> Matrix3<f64> {
+        Matrix3::new(self.fx, 0.0, self.cx, 0.0, self.fy, self.cy, 0.0, 0.0, 1.0)
+    }
+
+    /// Mean of the two focal lengths, in pixels: turns a pixel threshold into a normalised one.
+    pub fn mean_focal(&self) -> f64 {
+        f64::midpoint(self.fx, self.fy)
+    }
+
+    /// The point at depth 1 that is seen at `pixel`: calibration and distortion undone.
+    pub fn normalize(&self, pixel: Point2<f64>) -> Point2<f64> {
+        let distorted = Point2::new((pixel.x - self.cx) / self.fx, (pixel.y - self.cy) / self.fy);
+        self.distortion
+            .map_or(distorted, |lens| lens.undistort(distorted))
+    }
+
+    /// The pixel where the point at depth 1 is seen.
+    pub fn project(&self, normalized: Point2<f64>) -> Point2<f64> {
+        let seen = self
+            .distortion
+            .map_or(normalized, |lens| lens.distort(normalized));
+        Point2::new(self.fx * seen.x + self.cx, self.fy * seen.y + self.cy)
+    }
+}
+
+impl Distortion {
+    /// Where the lens moves the point that an ideal camera sees at `p` (depth 1).
+    pub fn distort(&self, p: Point2<f64>) -> Point2<f64> {
+        let r2 = p.x * p.x + p.y * p.y;
+        let radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
+        let (dx, dy) = self.tangential(p, r2);
+        Point2::new(p.x * radial + dx, p.y * radial + dy)
+    }
+
+    /// Inverse of [`Distortion::distort`], by fixed-point iteration to full precision where the
+    /// lens model is invertible.
+    pub fn undistort(&self, seen: Point2<f64>) -> Point2<f64> {
+        let mut p = seen;
+        for _ in 0..50 {
+            let r2 = p.x * p.x + p.y * p.y;
+            let radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
+            let (dx, dy) = self.tangential(p, r2);
+            let next = Point2::new((seen.x - dx) / radial, (seen.y - dy) / radial);
+            let step = (next - p).abs().max();
+            p = next;
+            if step < 1e-14 {
+                break;
+            }
+        }
+        p
+    }
+
+    fn tangential(&self, p: Point2<f64>, r2: f64) -> (f64, f64) {
+        (
+            2.0 * self.p1 * p.x * p.y + self.p2 * (r2 + 2.0 * p.x * p.x),
+            self.p1 * (r2 + 2.0 * p.y * p.y) + 2.0 * self.p2 * p.x * p.y,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The colour camera of TUM's freiburg1, the strongest lens among the supported datasets.
+    const FREIBURG1: Camera = Camera {
+        fx: 517.3,
+        fy: 516.5,
+        cx: 318.6,
+        cy: 255.3,
+        distortion: Some(Distortion {
+            k1: 0.2624,
+            k2: -0.9531,
+            p1: -0.0054,
+            p2: 0.0026,
+            k3: 1.1633,
+        }),
+    };
+
+    #[test]
+    fn projecting_undoes_normalizing_over_the_whole_image() {
+        for (u, v) in [
+            (0.0, 0.0),
+            (639.0, 0.0),
+            (0.0, 479.0),
+            (639.0, 479.0),
+            (320.5, 200.25),
+        ] {
+            let pixel = Point2::new(u, v);
+            let back = FREIBURG1.project(FREIBURG1.normalize(pixel));
+            assert!((back - pixel).norm() < 1e-9, "{pixel} comes back as {back}");
+        }
+    }
+
+    #[test]
+    fn skew_is_refused_by_name() {
+        let mut k = FREIBURG1.matrix();
+        k[(0, 1)] = 0.5;
+        assert!(
+            Camera::from_matrix(&k)
+                .unwrap_err()
+                .to_string()
+                .contains("skew 0.5")
+        );
+    }
+
+    #[test]
+    fn matrix_comes_back() {
+        let camera = Camera::pinhole(2759.48, 2764.16, 1520.69, 1006.81);
+        assert_eq!(Camera::from_matrix(&camera.matrix()), Ok(camera));
+    }
+}

@@ -1,0 +1,84 @@
+//! Relative pose of two cameras up to scale, and how far one is from another.
+
+use nalgebra::{Isometry3, UnitQuaternion, UnitVector3};
+
+/// Rotation and direction of translation that take a point from camera `a` to camera `b`:
+/// `x_b = R x_a + s t` for an unknown scale `s > 0`. Two images cannot tell the scale.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RelativePose {
+    /// R.
+    pub rotation: UnitQuaternion<f64>,
+    /// t, of length 1.
+    pub direction: UnitVector3<f64>,
+}
+
+/// Angles between an estimated pose and the true one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseError {
+    /// Angle of the rotation between the two rotations, in radians, in `[0, pi]`.
+    pub rotation: f64,
+    /// Angle between the two translations, in radians, in `[0, pi]`. Signed in the sense that
+    /// opposite directions are `pi` apart: cheirality decides the sign, and a wrong one is wrong.
+    pub translation: f64,
+}
+
+impl RelativePose {
+    /// The pose without its scale; `None` where the translation is zero or not finite.
+    pub fn from_isometry(b_from_a: &Isometry3<f64>) -> Option<Self> {
+        let direction = UnitVector3::try_new(b_from_a.translation.vector, f64::MIN_POSITIVE)?;
+        direction.iter().all(|x| x.is_finite()).then_some(Self {
+            rotation: b_from_a.rotation,
+            direction,
+        })
+    }
+
+    /// The angles between this pose and the `true_pose`.
+    pub fn error(&self, true_pose: &Self) -> PoseError {
+        PoseError {
+            rotation: self.rotation.angle_to(&true_pose.rotation),
+            translation: self.direction.angle(&true_pose.direction),
+        }
+    }
+}
+
+impl PoseError {
+    /// The pose error of the paper (Sec. 3): the larger of the two angles, in radians.
+    pub fn max(&self) -> f64 {
+        self.rotation.max(self.translation)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    fn pose(angle: f64, direction: [f64; 3]) -> RelativePose {
+        RelativePose {
+            rotation: UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle),
+            direction: UnitVector3::new_normalize(Vector3::from(direction)),
+        }
+    }
+
+    #[test]
+    fn error_is_the_larger_of_the_two_angles() {
+        let error = pose(0.3, [0.0, 0.0, 1.0]).error(&pose(0.1, [0.0, 0.0, 2.0]));
+        assert!((error.rotation - 0.2).abs() < 1e-12);
+        assert!(error.translation < 1e-7);
+        assert_eq!(error.max(), error.rotation);
+    }
+
+    #[test]
+    fn the_opposite_translation_is_180_degrees_wrong() {
+        let error = pose(0.0, [1.0, 0.0, 0.0]).error(&pose(0.0, [-1.0, 0.0, 0.0]));
+        assert!((error.translation - PI).abs() < 1e-7);
+    }
+
+    #[test]
+    fn a_pose_without_translation_has_no_direction() {
+        assert_eq!(RelativePose::from_isometry(&Isometry3::identity()), None);
+    }
+}

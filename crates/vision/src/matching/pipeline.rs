@@ -1,0 +1,122 @@
+//! What a matcher is: three stages, each timed by whoever runs them.
+
+use super::Correspondences;
+use crate::features::{Extractor, Features};
+use crate::image::GrayImage;
+use crate::seed::Seed;
+
+/// One image as the selection sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// Its features.
+    pub features: &'a Features,
+    /// Its pixels, for matchers whose [`Matcher::selects_by_pixels`] says so, else `None`.
+    pub image: Option<&'a GrayImage>,
+}
+
+/// A feature matcher in the paper's sense: two images in, correspondences out.
+///
+/// Outsiders implement it too, so every stage may fail; a failure is counted against the pair and
+/// does not stop the run.
+pub trait Matcher: Send + Sync {
+    /// Features of one image; once per image.
+    ///
+    /// # Errors
+    /// Whatever went wrong, in words for the report.
+    fn extract(&self, image: &GrayImage) -> Result<Features, MatcherError>;
+
+    /// Putative correspondences; once per pair.
+    ///
+    /// # Errors
+    /// Whatever went wrong, in words for the report.
+    fn search(&self, a: &Features, b: &Features) -> Result<Correspondences, MatcherError>;
+
+    /// The correspondences worth keeping; once per pair.
+    ///
+    /// # Errors
+    /// Whatever went wrong, in words for the report.
+    fn select(
+        &self,
+        a: View<'_>,
+        b: View<'_>,
+        putative: Correspondences,
+        seed: Seed,
+    ) -> Result<Correspondences, MatcherError>;
+
+    /// Whether [`Matcher::select`] looks at the pixels (KVLD does), so that they must be decoded
+    /// for each pair.
+    fn selects_by_pixels(&self) -> bool {
+        false
+    }
+}
+
+/// Why a stage of a matcher failed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MatcherError(pub String);
+
+impl std::fmt::Display for MatcherError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for MatcherError {}
+
+/// Finds putative correspondences by comparing descriptors.
+pub trait Search: Send + Sync {
+    /// For each feature of `a` the nearest of `b`, in the order of `a`.
+    ///
+    /// # Panics
+    /// If the two images were described by descriptors of different kinds.
+    fn search(&self, a: &Features, b: &Features) -> Correspondences;
+}
+
+/// Drops correspondences that look wrong.
+pub trait Selector: Send + Sync {
+    /// Keeps the good ones of `matches`, in their order.
+    fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, seed: Seed);
+
+    /// Whether it needs [`View::image`].
+    fn by_pixels(&self) -> bool {
+        false
+    }
+}
+
+/// Extraction, search and any number of selectors one after the other: nearly every matcher is
+/// one of these.
+pub struct Pipeline {
+    /// Finds and describes features.
+    pub extractor: Box<dyn Extractor>,
+    /// Compares them.
+    pub search: Box<dyn Search>,
+    /// Prunes the matches, in this order.
+    pub selectors: Vec<Box<dyn Selector>>,
+}
+
+impl Matcher for Pipeline {
+    fn extract(&self, image: &GrayImage) -> Result<Features, MatcherError> {
+        Ok(self.extractor.extract(image))
+    }
+
+    fn search(&self, a: &Features, b: &Features) -> Result<Correspondences, MatcherError> {
+        Ok(self.search.search(a, b))
+    }
+
+    fn select(
+        &self,
+        a: View<'_>,
+        b: View<'_>,
+        putative: Correspondences,
+        seed: Seed,
+    ) -> Result<Correspondences, MatcherError> {
+        let mut matches = putative;
+        for (index, selector) in self.selectors.iter().enumerate() {
+            selector.select(a, b, &mut matches, seed.number(index as u64));
+        }
+        Ok(matches)
+    }
+
+    fn selects_by_pixels(&self) -> bool {
+        self.selectors.iter().any(|selector| selector.by_pixels())
+    }
+}
