@@ -13,14 +13,29 @@ const MAY_LOOK_INTO: &[(&str, &str, &[&str])] = &[
     ("vision", "features", &["image", "seed", "simd", "tables"]),
     ("vision", "geometry", &["simd"]),
     ("vision", "robust", &["geometry", "seed", "simd"]),
-    ("vision", "matching", &["features", "geometry", "image", "robust", "seed", "simd"]),
+    (
+        "vision",
+        "matching",
+        &["features", "geometry", "image", "robust", "seed", "simd"],
+    ),
     ("matchbench", "config", &[]),
     ("matchbench", "files", &[]),
     ("matchbench", "datasets", &["files"]),
     ("matchbench", "matchers", &["config"]),
     ("matchbench", "estimators", &["config"]),
     ("matchbench", "records", &["files"]),
-    ("matchbench", "run", &["config", "datasets", "estimators", "files", "matchers", "records"]),
+    (
+        "matchbench",
+        "run",
+        &[
+            "config",
+            "datasets",
+            "estimators",
+            "files",
+            "matchers",
+            "records",
+        ],
+    ),
     ("matchbench", "metrics", &["datasets", "records"]),
     ("matchbench", "report", &["files", "metrics", "records"]),
 ];
@@ -50,7 +65,9 @@ fn rust_files(folder: &Path) -> Vec<(PathBuf, String)> {
 
 /// The code of `text`, line by line, without line comments.
 fn code(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    text.lines().enumerate().map(|(index, line)| (index + 1, line.split("//").next().unwrap_or("")))
+    text.lines()
+        .enumerate()
+        .map(|(index, line)| (index + 1, line.split("//").next().unwrap_or("")))
 }
 
 /// Rooms of a package: the folders and files directly below `src`.
@@ -74,14 +91,22 @@ fn rooms_look_only_where_they_may() {
     for package in ["vision", "matchbench"] {
         let source = repository().join("crates").join(package).join("src");
         for (path, text) in rust_files(&source) {
-            let inside = path.strip_prefix(&source).expect("found below the source folder");
-            let room = inside.iter().next().and_then(|part| Path::new(part).file_stem());
-            let room = room.and_then(|stem| stem.to_str()).expect("file names are UTF-8");
+            let inside = path
+                .strip_prefix(&source)
+                .expect("found below the source folder");
+            let room = inside
+                .iter()
+                .next()
+                .and_then(|part| Path::new(part).file_stem());
+            let room = room
+                .and_then(|stem| stem.to_str())
+                .expect("file names are UTF-8");
             if room == "lib" {
                 continue;
             }
-            let Some((_, _, allowed)) =
-                MAY_LOOK_INTO.iter().find(|entry| (entry.0, entry.1) == (package, room))
+            let Some((_, _, allowed)) = MAY_LOOK_INTO
+                .iter()
+                .find(|entry| (entry.0, entry.1) == (package, room))
             else {
                 trespasses.push(format!("{package}/{room} is a room without rules"));
                 continue;
@@ -107,11 +132,17 @@ fn every_room_is_on_the_plan() {
     let plan = fs::read_to_string(repository().join("ARCHITECTURE.md")).expect("the plan exists");
     for package in ["vision", "matchbench"] {
         for room in rooms(package) {
-            assert!(plan.contains(&format!("`{room}`")), "ARCHITECTURE.md does not name {package}/{room}");
+            assert!(
+                plan.contains(&format!("`{room}`")),
+                "ARCHITECTURE.md does not name {package}/{room}"
+            );
         }
     }
     for (package, room, _) in MAY_LOOK_INTO {
-        assert!(rooms(package).iter().any(|name| name == room), "{package}/{room} does not exist");
+        assert!(
+            rooms(package).iter().any(|name| name == room),
+            "{package}/{room} does not exist"
+        );
     }
 }
 
@@ -123,7 +154,11 @@ fn unsafe_code_stays_in_one_room() {
             let words = line.split(|c: char| !(c.is_alphanumeric() || c == '_'));
             // This test speaks of it in strings.
             let is_unsafe = words.into_iter().any(|word| word == concat!("un", "safe"));
-            assert!(in_simd || !is_unsafe, "{}:{number} is outside the simd room", path.display());
+            assert!(
+                in_simd || !is_unsafe,
+                "{}:{number} is outside the simd room",
+                path.display()
+            );
         }
     }
 }

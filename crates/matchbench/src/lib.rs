@@ -6,6 +6,7 @@
 
 pub mod datasets;
 pub mod estimators;
+pub mod files;
 pub mod matchers;
 pub mod metrics;
 pub mod records;

@@ -1,0 +1,222 @@
+//! What can be typed. Parsing only; each subcommand's work is in `commands/`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Which feature matcher should I use?
+///
+/// matchbench runs feature matchers on pairs of images with known cameras, estimates the relative
+/// pose from the matches, compares it with the truth, and shows which matcher leads to how many
+/// right poses, with how many matches, in what time.
+#[derive(Debug, Parser)]
+#[command(name = "matchbench", version, arg_required_else_help = true, after_help = FIRST_STEPS)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const FIRST_STEPS: &str = "\
+First steps:
+  matchbench demo                                        a first report, on built-in data
+  matchbench import tum rgbd_dataset_freiburg3_... office --pairs window:9,stride:15
+  matchbench validate office                             are the data sound?
+  matchbench run office --matchers sift --out runs/first
+  matchbench eval runs/first                             the scores
+
+Exit codes: 0 done; 1 bad input; 2 finished, but some tasks failed; 130 stopped by Ctrl-C.";
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Run everything on built-in scenes and write a report: the quickest way to see what this is
+    Demo(DemoArgs),
+    /// Turn TUM, KITTI, Strecha, 7-Scenes or your own data into a dataset
+    Import(ImportArgs),
+    /// Run matchers on datasets; can be stopped and resumed at any time
+    Run(RunArgs),
+    /// Score a run, or results in the format of the paper's authors
+    Eval(EvalArgs),
+    /// Write a run's poses in the format of the paper's authors
+    Export(ExportArgs),
+    /// Show what is available, with every parameter
+    List(ListArgs),
+    /// Check a dataset; name every problem by file and line, and say how to mend it
+    Validate(ValidateArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DemoArgs {
+    /// Folder for the run and its report; running again resumes
+    #[arg(long, value_name = "DIR", default_value = "matchbench-demo")]
+    pub out: PathBuf,
+    /// Threads [default: all cores]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  matchbench import tum rgbd_dataset_freiburg3_long_office_household 06-office-wide --pairs window:9,stride:15
+  matchbench import kitti dataset 04-kitti --sequence 00 --pairs fragments:5
+  matchbench import strecha castle-P30 05-castle --pairs all
+  matchbench import folder photos mine --poses photos/poses.txt --camera 525,525,319.5,239.5
+
+The pairs of the paper:
+  fragments:15        consecutive fragments of 15 frames, the first of each against its others
+  all                 every image against every later one
+  window:9            every image against the next 9
+  window:9,stride:15  the same on every 15th image; the others are left out
+  list:FILE           pairs `a b` of image numbers, one pair a line")]
+pub(crate) struct ImportArgs {
+    /// What SRC is: tum, kitti, strecha, 7scenes or folder
+    #[arg(value_name = "KIND")]
+    pub kind: String,
+    /// The data as their authors publish them
+    #[arg(value_name = "SRC")]
+    pub source: PathBuf,
+    /// The dataset to be made; the folder's name becomes the dataset's name
+    #[arg(value_name = "OUT")]
+    pub out: PathBuf,
+    /// Which images are matched with which [default: what the paper does with this kind]
+    #[arg(long, value_name = "RULE")]
+    pub pairs: Option<String>,
+    /// Which sequence, where SRC holds several (KITTI: 00 to 10)
+    #[arg(long, value_name = "NN")]
+    pub sequence: Option<String>,
+    /// What happens to the images: they stay where they are, are linked to, or are copied
+    #[arg(long, value_enum, default_value_t = Images::Reference)]
+    pub images: Images,
+    /// Calibration of the camera, in pixels, where SRC has none or another is wanted
+    #[arg(long, value_name = "FX,FY,CX,CY", value_delimiter = ',', num_args = 1)]
+    pub camera: Option<Vec<f64>>,
+    /// The poses (KIND folder), in TUM or KITTI format
+    #[arg(long, value_name = "FILE")]
+    pub poses: Option<PathBuf>,
+    /// Largest difference in time between an image and its pose, in seconds (TUM)
+    #[arg(long, value_name = "SECONDS")]
+    pub tolerance: Option<f64>,
+    /// Interpolate between the poses before and after an image instead of taking the nearest (TUM)
+    #[arg(long)]
+    pub interpolate: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum Images {
+    /// The dataset names the files where they are
+    Reference,
+    /// Symbolic links in the dataset's folder
+    Link,
+    /// Copies in the dataset's folder: it can be moved and mailed
+    Copy,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    /// Dataset folders (made by `matchbench import`, or in the format of the paper's authors)
+    #[arg(value_name = "DATASET", required = true)]
+    pub datasets: Vec<PathBuf>,
+    /// Matchers, separated by commas, or `all` (see `matchbench list matchers`)
+    #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
+    pub matchers: Vec<String>,
+    /// Pose estimators, separated by commas [default: the one that belongs to each matcher]
+    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    pub estimator: Vec<String>,
+    /// Folder of the run; if it holds an unfinished run of the same plan, that is resumed
+    #[arg(long, value_name = "RUN")]
+    pub out: PathBuf,
+    /// Threads; results do not depend on it [default: all cores]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Only the first N pairs of each dataset
+    #[arg(long, value_name = "N")]
+    pub limit: Option<usize>,
+    /// Root of all random choices
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Change a parameter, for example --set sift.ratio=0.7 (repeatable; see `matchbench list`)
+    #[arg(long, value_name = "ID.NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Folder of the feature cache [default: RUN/cache]
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
+    /// Write RUN/report when done
+    #[arg(long)]
+    pub report: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct EvalArgs {
+    /// A run folder, or a folder with the authors' <sequence>/<matcher>.txt files
+    #[arg(value_name = "RESULTS")]
+    pub results: PathBuf,
+    /// Folder that holds <sequence>/pairs.txt (needed for the authors' format)
+    #[arg(long, value_name = "DIR")]
+    pub datasets: Option<PathBuf>,
+    /// How to write the scores
+    #[arg(long, value_enum, default_value_t = FormatArg::Table)]
+    pub format: FormatArg,
+    /// Write to a file instead of standard output
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum FormatArg {
+    /// Aligned text, for people
+    Table,
+    /// One row per dataset, matcher and estimator, full precision
+    Csv,
+    /// Everything, full precision
+    Json,
+    /// For a forge or a wiki
+    Markdown,
+    /// Like the paper's Table 2
+    Latex,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ExportArgs {
+    /// A run folder
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+    /// Folder to write <dataset>/<matcher>.txt into
+    #[arg(value_name = "OUT")]
+    pub out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ListArgs {
+    /// What to list [default: everything]
+    #[arg(value_enum)]
+    pub what: Option<Listed>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Listed {
+    /// Matchers, their papers and parameters
+    Matchers,
+    /// Pose estimators, their papers and parameters
+    Estimators,
+    /// Built-in datasets, and the kinds that can be imported
+    Datasets,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ValidateArgs {
+    /// The dataset folder
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+}
