@@ -72,7 +72,7 @@ def compare(name, a, b, binary, rounds, folder):
     brute_force = cv2.BFMatcher(cv2.NORM_HAMMING if binary else cv2.NORM_L2)
     columns = {"ours": [], "bf": [], "flann": []}
     for _ in range(rounds):
-        run = subprocess.run([PROGRAM, *paths, "1"], capture_output=True, text=True, check=True)
+        run = subprocess.run([PROGRAM, *paths, "3"], capture_output=True, text=True, check=True)
         columns["ours"].append(float(run.stdout))
         matches, elapsed = timed(lambda: brute_force.knnMatch(a, b, k=2))
         columns["bf"].append(elapsed)

@@ -62,16 +62,27 @@ impl<D: Copy + PartialOrd> TwoNearest<D> {
         first: usize,
         count: usize,
     ) {
-        let one_wins = distances
-            .iter()
-            .map(|&distance| distance < self.second)
-            .fold(false, |any, wins| any | wins);
-        if !one_wins {
+        if !self.loses_to_one(distances) {
             return;
         }
-        for (&distance, index) in distances.iter().zip(first..count) {
-            self.offer(distance, index as u32);
+        let (groups, rest) = distances.as_chunks::<16>();
+        debug_assert!(rest.is_empty(), "lanes come in groups of 16");
+        for (group, first) in groups.iter().zip((first..).step_by(16)) {
+            if self.loses_to_one(group) {
+                for (&distance, index) in group.iter().zip(first..count) {
+                    self.offer(distance, index as u32);
+                }
+            }
         }
+    }
+
+    /// Whether one of `distances` beats the second nearest; without branches, for vectors.
+    #[inline(always)]
+    fn loses_to_one<const LANES: usize>(&self, distances: &[D; LANES]) -> bool {
+        distances
+            .iter()
+            .map(|&distance| distance < self.second)
+            .fold(false, |any, wins| any | wins)
     }
 }
 
@@ -95,8 +106,11 @@ mod tests {
     #[test]
     fn first_of_equals_stays_and_is_also_the_second() {
         let mut best = TwoNearest::none(f32::INFINITY);
-        best.offer_lanes(&[f32::NAN, 3.0, 3.0, 9.0], 4, 8);
-        best.offer_lanes(&[3.0, f32::INFINITY, 1.0, 0.0], 8, 10);
+        let mut lanes = [9.0; 32];
+        [lanes[0], lanes[1], lanes[2]] = [f32::NAN, 3.0, 3.0];
+        best.offer_lanes(&lanes, 4, 40);
+        [lanes[16], lanes[17], lanes[20]] = [3.0, f32::INFINITY, 1.0];
+        best.offer_lanes(&lanes, 36, 36 + 20); // lane 20 is padding
         assert_eq!((best.index, best.nearest, best.second), (5, 3.0, 3.0));
     }
 

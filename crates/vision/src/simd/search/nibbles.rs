@@ -65,12 +65,12 @@ mod x86 {
 
     use super::super::{TILE_BYTES, TwoNearest, pack};
 
-    /// Candidates of a panel: one vector of bytes.
-    const LANES: usize = 32;
+    /// Candidates of a panel: two vectors of bytes.
+    const LANES: usize = 64;
 
-    /// Queries of a block: eight sums, and their tables (8 KiB for 256 bits) stay in the
-    /// first-level cache.
-    const ROWS: usize = 8;
+    /// Queries of a block: with two vectors each, six registers are loaded for eight look-ups, and
+    /// the tables (4 KiB for 256 bits) stay in the first-level cache beside the panel.
+    const ROWS: usize = 4;
 
     /// Look-ups, of at most four bits each, whose sum is sure to fit a byte.
     const LOOKUPS: usize = 32;
@@ -107,9 +107,10 @@ mod x86 {
         {
             for (a, best) in a.chunks(ROWS * words).zip(best.chunks_mut(ROWS)) {
                 for (row, a) in a.chunks_exact(words).enumerate() {
-                    let nibbles = a.iter().copied().flat_map(split);
-                    for (tables, nibble) in tables.iter_mut().zip(nibbles) {
-                        tables[row] = DIFFERING_BITS[usize::from(nibble)];
+                    for (tables, word) in tables.chunks_exact_mut(16).zip(a) {
+                        for (tables, nibble) in tables.iter_mut().zip(split(*word)) {
+                            tables[row] = DIFFERING_BITS[usize::from(nibble)];
+                        }
                     }
                 }
                 // SAFETY: AVX2 was detected on this processor.
@@ -135,43 +136,49 @@ mod x86 {
     ) {
         let panels = panels.chunks_exact(tables.len());
         for (panel, first) in panels.zip((first..).step_by(LANES)) {
-            let mut wide = [[_mm256_setzero_si256(); 2]; ROWS];
+            let mut wide = [[_mm256_setzero_si256(); 4]; ROWS];
             for (tables, panel) in tables.chunks(LOOKUPS).zip(panel.chunks(LOOKUPS)) {
-                let mut sums = [_mm256_setzero_si256(); ROWS];
+                let mut sums = [[_mm256_setzero_si256(); 2]; ROWS];
                 for (tables, candidates) in tables.iter().zip(panel) {
                     let candidates = load(candidates);
                     for row in 0..ROWS {
-                        let bits = _mm256_shuffle_epi8(load_twice(&tables[row]), candidates);
-                        sums[row] = _mm256_add_epi8(sums[row], bits);
+                        let table = load_twice(&tables[row]);
+                        for half in 0..2 {
+                            let bits = _mm256_shuffle_epi8(table, candidates[half]);
+                            sums[row][half] = _mm256_add_epi8(sums[row][half], bits);
+                        }
                     }
                 }
-                for (wide, sums) in wide.iter_mut().zip(sums) {
-                    let halves = [
-                        _mm256_castsi256_si128(sums),
-                        _mm256_extracti128_si256::<1>(sums),
+                for (wide, [low, high]) in wide.iter_mut().zip(sums) {
+                    let quarters = [
+                        _mm256_castsi256_si128(low),
+                        _mm256_extracti128_si256::<1>(low),
+                        _mm256_castsi256_si128(high),
+                        _mm256_extracti128_si256::<1>(high),
                     ];
-                    for (wide, half) in wide.iter_mut().zip(halves) {
-                        *wide = _mm256_add_epi16(*wide, _mm256_cvtepu8_epi16(half));
+                    for (wide, quarter) in wide.iter_mut().zip(quarters) {
+                        *wide = _mm256_add_epi16(*wide, _mm256_cvtepu8_epi16(quarter));
                     }
                 }
             }
             for (best, wide) in best.iter_mut().zip(wide) {
                 let mut distances = [0_u16; LANES];
-                let (halves, _) = distances.as_chunks_mut::<16>();
-                for (half, wide) in halves.iter_mut().zip(wide) {
-                    // SAFETY: `half` is 32 bytes long.
-                    unsafe { _mm256_storeu_si256(half.as_mut_ptr().cast(), wide) };
+                let (quarters, _) = distances.as_chunks_mut::<16>();
+                for (quarter, wide) in quarters.iter_mut().zip(wide) {
+                    // SAFETY: `quarter` is 32 bytes long.
+                    unsafe { _mm256_storeu_si256(quarter.as_mut_ptr().cast(), wide) };
                 }
                 best.offer_lanes(&distances, first, count);
             }
         }
     }
 
-    /// A vector of 32 bytes.
+    /// Two vectors of 32 bytes.
     #[target_feature(enable = "avx2")]
-    fn load(bytes: &[u8; 32]) -> __m256i {
-        // SAFETY: 32 bytes can be read.
-        unsafe { _mm256_loadu_si256(bytes.as_ptr().cast()) }
+    fn load(bytes: &[u8; LANES]) -> [__m256i; 2] {
+        let [low, high] = [0, 32].map(|lane| bytes[lane..].as_ptr().cast());
+        // SAFETY: 32 bytes can be read from byte 0 and from byte 32 of 64.
+        unsafe { [_mm256_loadu_si256(low), _mm256_loadu_si256(high)] }
     }
 
     /// A table in both halves of a vector.
