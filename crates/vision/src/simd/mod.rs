@@ -42,5 +42,7 @@ macro_rules! multiversioned {
 }
 
 mod dot;
+mod search;
 
 pub use dot::squared_distance;
+pub use search::{TwoNearest, two_nearest_bits, two_nearest_floats};
