@@ -41,6 +41,16 @@ macro_rules! multiversioned {
     )*};
 }
 
+mod convolve;
 mod dot;
+mod extrema;
+mod gradient;
+mod histogram;
+mod resample;
 
+pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
 pub use dot::squared_distance;
+pub use extrema::{ThreeRows, find_extrema};
+pub use gradient::polar_gradients;
+pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
+pub use resample::{double_row, halve_row, subtract};
