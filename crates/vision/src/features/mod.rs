@@ -7,9 +7,11 @@
 
 mod descriptors;
 mod keypoint;
+pub mod sift;
 
 pub use descriptors::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
 pub use keypoint::{Features, Keypoint};
+pub use sift::{Sift, SiftParams};
 
 use crate::image::GrayImage;
 

@@ -41,8 +41,18 @@ macro_rules! multiversioned {
     )*};
 }
 
+mod convolve;
 mod dot;
+mod extrema;
+mod gradient;
+mod histogram;
+mod resample;
 mod search;
 
+pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
 pub use dot::squared_distance;
+pub use extrema::{ThreeRows, find_extrema};
+pub use gradient::polar_gradients;
+pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
+pub use resample::{double_row, halve_row, subtract};
 pub use search::{TwoNearest, two_nearest_bits, two_nearest_floats};
