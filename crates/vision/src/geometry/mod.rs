@@ -3,6 +3,7 @@
 
 mod camera;
 mod pose;
+pub mod solvers;
 
 pub use camera::{Camera, CameraError, Distortion};
 pub use pose::{PoseError, RelativePose};
