@@ -42,5 +42,9 @@ macro_rules! multiversioned {
 }
 
 mod dot;
+mod sampson;
+mod triangulate;
 
 pub use dot::squared_distance;
+pub use sampson::{count_at_most, squared_sampson};
+pub use triangulate::triangulate_depths;
