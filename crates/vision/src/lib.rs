@@ -11,6 +11,9 @@ pub mod features;
 pub mod geometry;
 pub mod image;
 pub mod matching;
+mod params;
 pub mod robust;
 pub mod seed;
 pub mod simd;
+
+pub use params::ParamError;

@@ -89,8 +89,7 @@ fn null_space(a: &[Point2<f64>; 5], b: &[Point2<f64>; 5]) -> Option<[Flat; 4]> {
         let v = &mut head[k];
         v[..k].fill(0.0);
         let norm = dot(v, v).sqrt();
-        // Also true for NaN.
-        if !(norm > RANK_TOLERANCE) {
+        if norm <= RANK_TOLERANCE || norm.is_nan() {
             return None;
         }
         v[k] += norm.copysign(v[k]);
@@ -208,8 +207,7 @@ fn eliminate(mut m: [Cubic; 10]) -> Option<[[f64; 10]; 6]> {
                 best
             }
         });
-        // Also true for NaN.
-        if !(m[pivot][k].abs() > 0.0) {
+        if m[pivot][k] == 0.0 || m[pivot][k].is_nan() {
             return None;
         }
         m.swap(k, pivot);
@@ -308,8 +306,8 @@ fn polish(basis: &[Flat; 4], start: Vector4<f64>) -> Option<Matrix3<f64>> {
         if size < POLISHED || steps == MAX_POLISHING_STEPS {
             return (size < ACCEPTED).then_some(e);
         }
-        // Also true for NaN. A candidate this far off is no root at all.
-        if !(size < 0.1) {
+        // A candidate this far off is no root at all.
+        if size > 0.1 || size.is_nan() {
             return None;
         }
         steps += 1;

@@ -107,13 +107,13 @@ fn sign_changes(values: &[f64]) -> usize {
 
 /// Bernstein coefficients of the two halves of an interval (de Casteljau).
 fn halve<const N: usize>(mut right: [f64; N]) -> ([f64; N], [f64; N]) {
-    let mut left = right;
-    for level in 1..N {
-        for i in 0..N - level {
+    let left = std::array::from_fn(|level| {
+        let first = right[0];
+        for i in 0..N - 1 - level {
             right[i] = 0.5 * (right[i] + right[i + 1]);
         }
-        left[level] = right[0];
-    }
+        first
+    });
     (left, right)
 }
 
@@ -121,20 +121,20 @@ fn halve<const N: usize>(mut right: [f64; N]) -> ([f64; N], [f64; N]) {
 fn root_in<const N: usize>(c: &[f64; N], low: f64, high: f64, rising: bool) -> f64 {
     if high <= 0.5 {
         newton(
-            c.iter().rev(),
+            &c.iter().rev(),
             low / (1.0 - low),
             high / (1.0 - high),
             rising,
         )
     } else {
         // 1 / z is the root of the polynomial with the coefficients in reverse order.
-        1.0 / newton(c.iter(), (1.0 - high) / high, (1.0 - low) / low, !rising)
+        1.0 / newton(&c.iter(), (1.0 - high) / high, (1.0 - low) / low, !rising)
     }
 }
 
 /// Newton's method inside a shrinking bracket; `c` starts at the highest power.
 fn newton<'a>(
-    c: impl Iterator<Item = &'a f64> + Clone,
+    c: &(impl Iterator<Item = &'a f64> + Clone),
     mut low: f64,
     mut high: f64,
     rising: bool,
