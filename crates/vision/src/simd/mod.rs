@@ -47,7 +47,9 @@ mod extrema;
 mod gradient;
 mod histogram;
 mod resample;
+mod sampson;
 mod search;
+mod triangulate;
 
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
 pub use dot::squared_distance;
@@ -55,4 +57,6 @@ pub use extrema::{ThreeRows, find_extrema};
 pub use gradient::polar_gradients;
 pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
 pub use resample::{double_row, halve_row, subtract};
+pub use sampson::{count_at_most, squared_sampson};
 pub use search::{TwoNearest, two_nearest_bits, two_nearest_floats};
+pub use triangulate::triangulate_depths;
