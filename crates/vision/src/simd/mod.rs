@@ -42,7 +42,6 @@ macro_rules! multiversioned {
 }
 
 mod convolve;
-mod dot;
 mod extrema;
 mod gradient;
 mod histogram;
@@ -52,7 +51,6 @@ mod search;
 mod triangulate;
 
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
-pub use dot::squared_distance;
 pub use extrema::{ThreeRows, find_extrema};
 pub use gradient::polar_gradients;
 pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
