@@ -14,3 +14,4 @@ pub mod matching;
 pub mod robust;
 pub mod seed;
 pub mod simd;
+mod tables;

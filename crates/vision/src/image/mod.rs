@@ -2,7 +2,13 @@
 //!
 //! Coordinates everywhere: x to the right, y down, the centre of the first pixel at (0, 0).
 
+mod blur8;
+mod resize;
+
 use std::fmt;
+
+pub use blur8::gaussian_blur_u8;
+pub use resize::resize;
 
 /// Width and height of an image, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

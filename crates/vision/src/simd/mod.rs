@@ -41,6 +41,16 @@ macro_rules! multiversioned {
     )*};
 }
 
+mod bilinear;
+mod blur8;
 mod dot;
+mod fast;
+mod orb;
 
+pub use bilinear::{Between, blend_columns, blend_rows};
+pub use blur8::{weigh_along_u8, weigh_rows_u8};
 pub use dot::squared_distance;
+pub use fast::{segment_scores, strict_maxima};
+pub use orb::{
+    PATCH_MARGIN, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments,
+};
