@@ -26,13 +26,25 @@ pub(crate) fn contenders(
     for id in ids {
         let entry = matchers::find(id)?;
         let own = [entry.estimator().to_owned()];
-        let estimators = if estimators.is_empty() { &own[..] } else { estimators };
+        let estimators = if estimators.is_empty() {
+            &own[..]
+        } else {
+            estimators
+        };
         let mut built = Vec::new();
         for id in estimators {
             built.push(estimator(id, changes.get(id))?);
         }
-        used.extend(built.iter().map(|estimator| estimators::find(&estimator.id).map(|e| e.id())).collect::<Result<Vec<_>, _>>()?);
-        contenders.push(Contender { matcher: entry.build(changes.get(id))?, estimators: built });
+        used.extend(
+            built
+                .iter()
+                .map(|estimator| estimators::find(&estimator.id).map(|e| e.id()))
+                .collect::<Result<Vec<_>, _>>()?,
+        );
+        contenders.push(Contender {
+            matcher: entry.build(changes.get(id))?,
+            estimators: built,
+        });
     }
     if let Some(unused) = changes.keys().find(|id| !used.contains(&id.as_str())) {
         bail!("--set {unused}...: `{unused}` takes no part in this run");
@@ -58,7 +70,9 @@ fn parse(settings: &[String]) -> Result<Changes> {
         let last = names.pop().expect("at least two names");
         let mut object = &mut changes;
         for name in names {
-            let inner = object.entry(name).or_insert_with(|| Value::Object(Map::new()));
+            let inner = object
+                .entry(name)
+                .or_insert_with(|| Value::Object(Map::new()));
             object = match inner {
                 Value::Object(object) => object,
                 _ => bail!("--set {setting}: `{name}` was given a value before"),
@@ -79,7 +93,11 @@ mod tests {
 
     #[test]
     fn settings_become_nested_objects() {
-        let settings = ["sift.ratio=0.7", "sift.extractor.sigma=1.2", "gms.budget=authors"];
+        let settings = [
+            "sift.ratio=0.7",
+            "sift.extractor.sigma=1.2",
+            "gms.budget=authors",
+        ];
         let changes = parse(&settings.map(String::from)).expect("well-formed");
         assert_eq!(
             Value::Object(changes),
@@ -89,7 +107,14 @@ mod tests {
 
     #[test]
     fn malformed_settings_are_refused_with_an_example() {
-        for setting in ["sift", "sift.ratio", "sift.ratio=", "=1", "sift.=1", "ratio=0.7"] {
+        for setting in [
+            "sift",
+            "sift.ratio",
+            "sift.ratio=",
+            "=1",
+            "sift.=1",
+            "ratio=0.7",
+        ] {
             let error = parse(&[setting.to_owned()]).expect_err(setting).to_string();
             assert!(error.contains("sift.ratio=0.7"), "{setting}: {error}");
         }
@@ -98,6 +123,11 @@ mod tests {
     #[test]
     fn a_setting_for_nobody_is_an_error() {
         let error = contenders(&["sift".into()], &[], &["surf.ratio=0.7".into()]).err();
-        assert!(error.expect("refused").to_string().contains("takes no part"));
+        assert!(
+            error
+                .expect("refused")
+                .to_string()
+                .contains("takes no part")
+        );
     }
 }

@@ -15,5 +15,6 @@ mod params;
 pub mod robust;
 pub mod seed;
 pub mod simd;
+mod tables;
 
 pub use params::ParamError;

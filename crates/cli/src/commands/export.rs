@@ -10,7 +10,11 @@ use crate::args::ExportArgs;
 
 pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
     let records = store::read_run(&args.run)?;
-    ensure!(!records.is_empty(), "{} holds no records yet", args.run.display());
+    ensure!(
+        !records.is_empty(),
+        "{} holds no records yet",
+        args.run.display()
+    );
     for file in authors::write(&args.out, &records)? {
         writeln!(std::io::stdout(), "{}", file.display())?;
     }

@@ -18,9 +18,16 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<Ending> {
         };
         writeln!(out, "{label}: {}", problem.error)?;
     }
-    let errors = problems.iter().filter(|p| p.severity == Severity::Error).count();
+    let errors = problems
+        .iter()
+        .filter(|p| p.severity == Severity::Error)
+        .count();
     let warnings = problems.len() - errors;
-    writeln!(out, "{}: {errors} errors, {warnings} warnings", args.dataset.display())?;
+    writeln!(
+        out,
+        "{}: {errors} errors, {warnings} warnings",
+        args.dataset.display()
+    )?;
     if errors > 0 {
         anyhow::bail!("{} cannot be used as it is", args.dataset.display());
     }

@@ -6,7 +6,9 @@
 //! an empty, a one-pixel or a black image has no features, and that is a result.
 
 mod descriptors;
+pub mod fast;
 mod keypoint;
+pub mod orb;
 pub mod sift;
 
 pub use descriptors::{BinaryRows, DescriptorKind, Descriptors, FloatRows};

@@ -58,3 +58,14 @@ pub use resample::{double_row, halve_row, subtract};
 pub use sampson::{count_at_most, squared_sampson};
 pub use search::{TwoNearest, two_nearest_bits, two_nearest_floats};
 pub use triangulate::triangulate_depths;
+mod bilinear;
+mod blur8;
+mod fast;
+mod orb;
+
+pub use bilinear::{Between, blend_columns, blend_rows};
+pub use blur8::{weigh_along_u8, weigh_rows_u8};
+pub use fast::{segment_scores, strict_maxima};
+pub use orb::{
+    PATCH_MARGIN, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments,
+};

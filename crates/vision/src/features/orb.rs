@@ -1,0 +1,261 @@
+//! ORB: FAST corners with an orientation, described by 256 comparisons of intensity.
+//!
+//! E. Rublee, V. Rabaud, K. Konolige, G. Bradski: "ORB: an efficient alternative to SIFT or SURF",
+//! ICCV 2011.
+//!
+//! # How it works
+//! 1. A pyramid: each level is the one before, made smaller by the scale factor.
+//! 2. On each level FAST-9 corners; of twice the wanted number with the highest FAST score those
+//!    with the highest Harris score are kept (section 3.1). The wanted number is shared out among
+//!    the levels in proportion to the square root of their areas.
+//! 3. The orientation is the direction from the keypoint to the centre of intensity of a circular
+//!    patch of radius 15 (section 3.2, equations 1 to 3).
+//! 4. The level is smoothed; bit i says whether one place in the patch is darker than another,
+//!    both turned by the orientation (section 4.1, equations 4 to 7). The 256 pairs of places were
+//!    chosen in the paper by a greedy search for uncorrelated tests of high variance (section 4.3).
+//!
+//! | symbol | field | default | source |
+//! | --- | --- | --- | --- |
+//! | N | [`OrbParams::features`] | 100,000 | MatchBench |
+//! | - | [`OrbParams::scale_factor`] | 1.2 | OpenCV; sqrt 2 and 5 levels in the paper, section 6.1 |
+//! | - | [`OrbParams::levels`] | 8 | OpenCV |
+//! | - | [`OrbParams::fast_threshold`] | 20 | OpenCV |
+//! | n | - | 256 bits, patch 31 | section 4.3 |
+//!
+//! # Choices that the paper leaves open
+//! All as OpenCV's `ORB_create`: Harris weight 0.04 in a window of 7 pixels, border of 31 pixels
+//! on each level, a Gaussian of standard deviation 2 pixels instead of the paper's means of 5 x 5,
+//! the angle by a polynomial, places turned continuously and rounded, instead of in steps of 12
+//! degrees. The pairs are the ones of the authors, which the paper does not print; they were
+//! measured (`tables/SOURCES.toml`).
+//!
+//! # Differences from OpenCV
+//! None in keypoints and bits, up to ties in floating point. Where more corners are found than
+//! wanted, the ones that are kept stay in the order of rows (OpenCV leaves the order in which its
+//! selection happens to end); all that tie with the last one are kept, as there.
+
+use nalgebra::Point2;
+
+use super::fast::{Corner, corners};
+use super::{BinaryRows, DescriptorKind, Descriptors, Extractor, Features, Keypoint};
+use crate::image::{GrayImage, Size, gaussian_blur_u8, resize};
+use crate::simd::{PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments};
+use crate::tables::ORB_PAIRS;
+
+/// Number of bits of a descriptor.
+const BITS: usize = 256;
+/// Width and height of the described patch, in pixels of the level.
+const PATCH: f32 = 31.0;
+/// Distance that keypoints keep from the border of their level, in pixels.
+const MARGIN: usize = 31;
+
+/// Parameters of [`Orb`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
+pub struct OrbParams {
+    /// Number of features wanted; a few more are kept if they tie with the last one.
+    pub features: usize,
+    /// Ratio of the sizes of neighbouring levels, above 1.
+    pub scale_factor: f32,
+    /// Number of levels of the pyramid, the image itself included.
+    pub levels: usize,
+    /// FAST threshold, in grey levels.
+    pub fast_threshold: u8,
+}
+
+impl Default for OrbParams {
+    fn default() -> Self {
+        Self {
+            features: 100_000,
+            scale_factor: 1.2,
+            levels: 8,
+            fast_threshold: 20,
+        }
+    }
+}
+
+/// The ORB detector and descriptor. [`Keypoint::octave`] is the level, 0 for the image itself.
+#[derive(Clone, Debug)]
+pub struct Orb {
+    params: OrbParams,
+    pairs: PairTable,
+}
+
+impl Orb {
+    /// An extractor with the given parameters.
+    ///
+    /// # Panics
+    /// If the scale factor is not above 1 and finite.
+    pub fn new(params: OrbParams) -> Self {
+        assert!(
+            params.scale_factor > 1.0 && params.scale_factor.is_finite(),
+            "a pyramid of scale factor {} does not shrink",
+            params.scale_factor
+        );
+        let rows = ORB_PAIRS.as_chunks::<4>().0;
+        let column = |i: usize| std::array::from_fn(|bit| f32::from(rows[bit][i].cast_signed()));
+        let pairs = PairTable {
+            first: [column(0), column(1)],
+            second: [column(2), column(3)],
+        };
+        Self { params, pairs }
+    }
+
+    /// Ratio of lengths between the image and a level.
+    fn scale(&self, level: usize) -> f32 {
+        libm::pow(f64::from(self.params.scale_factor), level as f64) as f32
+    }
+
+    /// How many features each level may keep: shares that shrink by the scale factor.
+    fn wanted(&self) -> Vec<usize> {
+        let OrbParams {
+            features,
+            scale_factor,
+            levels,
+            ..
+        } = self.params;
+        let ratio = (1.0 / f64::from(scale_factor)) as f32;
+        let total = 1.0 - libm::pow(f64::from(ratio), levels as f64) as f32;
+        let mut share = features as f32 * (1.0 - ratio) / total;
+        let mut wanted = Vec::with_capacity(levels);
+        for _ in 1..levels {
+            wanted.push(share.round_ties_even() as usize);
+            share *= ratio;
+        }
+        if levels > 0 {
+            wanted.push(features.saturating_sub(wanted.iter().sum()));
+        }
+        wanted
+    }
+
+    /// Appends the features of one level.
+    fn extract_level(
+        &self,
+        image: &GrayImage,
+        level: usize,
+        wanted: usize,
+        keypoints: &mut Vec<Keypoint>,
+        words: &mut Vec<u64>,
+    ) {
+        let pixels = Pixels {
+            data: image.data(),
+            width: image.width(),
+        };
+        let mut corners = corners(image, self.params.fast_threshold, MARGIN);
+        retain_best(&mut corners, 2 * wanted, |corner| f32::from(corner.score));
+        let strengths = harris_strengths(pixels, &places(&corners));
+        let mut corners: Vec<(Corner, f32)> = corners.into_iter().zip(strengths).collect();
+        retain_best(&mut corners, wanted, |corner| corner.1);
+        if corners.is_empty() {
+            return;
+        }
+
+        let centres: Vec<[u32; 2]> = corners.iter().map(|corner| corner.0.at).collect();
+        let angles: Vec<f32> = intensity_moments(pixels, &centres)
+            .into_iter()
+            .map(|[x, y]| direction(y as f32, x as f32).to_radians())
+            .collect();
+        let scale = self.scale(level);
+        keypoints.extend(
+            corners
+                .iter()
+                .zip(&angles)
+                .map(|((corner, strength), angle)| Keypoint {
+                    at: Point2::from(corner.at.map(|v| v as f32)) * scale,
+                    size: PATCH * scale,
+                    angle: Some(*angle),
+                    response: *strength,
+                    octave: level as i16,
+                }),
+        );
+
+        let smooth = gaussian_blur_u8(image, 3, 2.0);
+        let pixels = Pixels {
+            data: smooth.data(),
+            width: smooth.width(),
+        };
+        let turns: Vec<[f32; 2]> = angles
+            .iter()
+            .map(|&angle| [libm::cosf(angle), libm::sinf(angle)])
+            .collect();
+        words.extend(compare_pairs(pixels, &centres, &turns, &self.pairs));
+    }
+}
+
+impl Default for Orb {
+    fn default() -> Self {
+        Self::new(OrbParams::default())
+    }
+}
+
+impl Extractor for Orb {
+    fn kind(&self) -> DescriptorKind {
+        DescriptorKind::Binary { bits: BITS }
+    }
+
+    fn extract(&self, image: &GrayImage) -> Features {
+        let mut keypoints = Vec::new();
+        let mut words = Vec::new();
+        let mut smaller: Option<GrayImage> = None;
+        for (level, wanted) in self.wanted().into_iter().enumerate() {
+            if level > 0 {
+                let size = scaled_size(image.size(), self.scale(level));
+                smaller = Some(resize(smaller.as_ref().unwrap_or(image), size));
+            }
+            let image = smaller.as_ref().unwrap_or(image);
+            if image.width() <= 2 * MARGIN || image.height() <= 2 * MARGIN {
+                break;
+            }
+            self.extract_level(image, level, wanted, &mut keypoints, &mut words);
+        }
+        let descriptors = Descriptors::Binary(BinaryRows::from_vec(BITS, words));
+        Features::new(image.size(), keypoints, descriptors)
+    }
+}
+
+fn scaled_size(size: Size, scale: f32) -> Size {
+    let scaled = |length: usize| (length as f32 * (1.0 / scale)).round_ties_even() as usize;
+    Size::new(scaled(size.width), scaled(size.height))
+}
+
+fn places(corners: &[Corner]) -> Vec<[u32; 2]> {
+    corners.iter().map(|corner| corner.at).collect()
+}
+
+/// Keeps the `count` items of highest value, and those that tie with the last of them, in order.
+fn retain_best<T>(items: &mut Vec<T>, count: usize, value: impl Fn(&T) -> f32) {
+    if count == 0 {
+        items.clear();
+    } else if items.len() > count {
+        let mut values: Vec<f32> = items.iter().map(&value).collect();
+        let (_, &mut last, _) = values.select_nth_unstable_by(count - 1, |a, b| b.total_cmp(a));
+        items.retain(|item| value(item) >= last);
+    }
+}
+
+/// Direction of the vector (x, y) in degrees, in `[0, 360]`; 0 for the zero vector.
+///
+/// An odd polynomial of degree 7 on the first octant, with the published coefficients of OpenCV's
+/// `fastAtan2`; it errs by less than 0.011 degrees.
+fn direction(y: f32, x: f32) -> f32 {
+    const DEGREES: f32 = 180.0 / std::f32::consts::PI;
+    const P1: f32 = 0.999_787_84 * DEGREES;
+    const P3: f32 = -0.325_808_4 * DEGREES;
+    const P5: f32 = 0.155_578_65 * DEGREES;
+    const P7: f32 = -0.044_326_555 * DEGREES;
+    let (small, large) = if x.abs() < y.abs() { (x, y) } else { (y, x) };
+    let c = small.abs() / (large.abs() + f64::EPSILON as f32);
+    let squared = c * c;
+    let angle = (((P7 * squared + P5) * squared + P3) * squared + P1) * c;
+    let angle = if x.abs() < y.abs() {
+        90.0 - angle
+    } else {
+        angle
+    };
+    let angle = if x < 0.0 { 180.0 - angle } else { angle };
+    if y < 0.0 { 360.0 - angle } else { angle }
+}

@@ -1,0 +1,91 @@
+//! Gaussian blur from 8-bit images to 8-bit images.
+//!
+//! Weights and sums are in single precision and only the result is rounded; beyond the border the
+//! image is mirrored about its outermost pixel centres (`dcb|abcd|cba`). The rounded results are
+//! those of OpenCV's `sepFilter2D` with its `getGaussianKernel`.
+
+use super::GrayImage;
+use crate::simd::{weigh_along_u8, weigh_rows_u8};
+
+/// `image` blurred by a Gaussian of standard deviation `sigma` pixels, cut off beyond `radius`
+/// pixels and normalised.
+///
+/// # Panics
+/// If `sigma` is not positive and finite.
+pub fn gaussian_blur_u8(image: &GrayImage, radius: usize, sigma: f64) -> GrayImage {
+    assert!(
+        sigma > 0.0 && sigma.is_finite(),
+        "a Gaussian of standard deviation {sigma}"
+    );
+    let half = half_kernel(radius, sigma);
+    let (width, height) = (image.width(), image.height());
+    let mut blurred = GrayImage::filled(image.size(), 0);
+    if image.size().area() == 0 {
+        return blurred;
+    }
+    let mut padded = vec![0.0; width + 2 * radius];
+    let mut rows = Vec::with_capacity(2 * radius + 1);
+    for y in 0..height {
+        rows.clear();
+        rows.extend(
+            (0..=2 * radius)
+                .map(|i| image.row(mirror(y as isize + i as isize - radius as isize, height))),
+        );
+        weigh_rows_u8(&rows, &half, &mut padded[radius..][..width]);
+        for i in 1..=radius {
+            padded[radius - i] = padded[radius + mirror(-(i as isize), width)];
+            let right = mirror((width - 1 + i) as isize, width);
+            padded[radius + width - 1 + i] = padded[radius + right];
+        }
+        weigh_along_u8(&padded, &half, blurred.row_mut(y));
+    }
+    blurred
+}
+
+/// Weights of the normalised kernel from its middle to one end.
+fn half_kernel(radius: usize, sigma: f64) -> Vec<f32> {
+    let weights: Vec<f64> = (0..=radius)
+        .map(|x| libm::exp(-((x * x) as f64) / (2.0 * sigma * sigma)))
+        .collect();
+    let sum = weights[0] + 2.0 * weights[1..].iter().sum::<f64>();
+    weights.iter().map(|weight| (weight / sum) as f32).collect()
+}
+
+/// The index in `0..length` where `index` falls when the sequence is mirrored about its first and
+/// last element, again and again if need be.
+fn mirror(index: isize, length: usize) -> usize {
+    if length == 1 {
+        return 0;
+    }
+    let period = 2 * (length as isize - 1);
+    let within = index.rem_euclid(period);
+    within.min(period - within) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Size;
+
+    #[test]
+    fn an_impulse_becomes_the_rounded_kernel() {
+        let mut image = GrayImage::filled(Size::new(71, 40), 0);
+        image.set(35, 20, 255);
+        let blurred = gaussian_blur_u8(&image, 3, 2.0);
+        // 255 times the products of exp(-x^2 / 8) / 4.62736.
+        let row: Vec<u8> = (31..40).map(|x| blurred.at(x, 20)).collect();
+        assert_eq!(row, [0, 4, 7, 11, 12, 11, 7, 4, 0]);
+        assert_eq!(blurred.at(32, 17), 1);
+        assert_eq!(blurred.data().iter().filter(|&&v| v > 0).count(), 49);
+    }
+
+    #[test]
+    fn constant_images_stay_constant_at_any_size() {
+        for (width, height) in [(0, 0), (0, 3), (1, 1), (2, 1), (1, 40), (7, 3), (33, 35)] {
+            for value in [0, 1, 255] {
+                let image = GrayImage::filled(Size::new(width, height), value);
+                assert_eq!(gaussian_blur_u8(&image, 3, 2.0), image);
+            }
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! Symmetric filters on 8-bit pixels, with sums in single precision.
+
+const LANES: usize = 32;
+
+multiversioned! {
+    /// The vertical pass: the middle row of `rows` times `half[0]`, plus the two rows at distance
+    /// `k` times `half[k]`, for each column.
+    ///
+    /// # Panics
+    /// If there are not `2 half.len() - 1` rows, or one is shorter than `out`.
+    pub fn weigh_rows_u8(rows: &[&[u8]], half: &[f32], out: &mut [f32]) {
+        assert_eq!(rows.len() + 1, 2 * half.len(), "a row for each weight");
+        let mut x = 0;
+        while x + LANES <= out.len() {
+            rows_block::<LANES>(rows, half, out, x);
+            x += LANES;
+        }
+        while x < out.len() {
+            rows_block::<1>(rows, half, out, x);
+            x += 1;
+        }
+    }
+
+    /// The horizontal pass over a row that has `half.len() - 1` pixels more at each end than
+    /// `out`, rounded to the nearest integer, half to even. The weights must not lift a sum out of
+    /// `0..=255`.
+    ///
+    /// # Panics
+    /// If the lengths do not fit.
+    pub fn weigh_along_u8(padded: &[f32], half: &[f32], out: &mut [u8]) {
+        assert_eq!(padded.len() + 2, out.len() + 2 * half.len(), "padding for the weights");
+        let mut x = 0;
+        while x + LANES <= out.len() {
+            along_block::<LANES>(padded, half, out, x);
+            x += LANES;
+        }
+        while x < out.len() {
+            along_block::<1>(padded, half, out, x);
+            x += 1;
+        }
+    }
+}
+
+#[inline(always)]
+fn rows_block<const L: usize>(rows: &[&[u8]], half: &[f32], out: &mut [f32], x: usize) {
+    let radius = half.len() - 1;
+    let lanes = |row: usize| {
+        rows[row][x..]
+            .first_chunk::<L>()
+            .expect("rows of one width")
+    };
+    let mut sum = lanes(radius).map(|pixel| half[0] * f32::from(pixel));
+    for k in 1..=radius {
+        let (above, below) = (lanes(radius - k), lanes(radius + k));
+        for i in 0..L {
+            let both = u16::from(above[i]) + u16::from(below[i]);
+            sum[i] = half[k].mul_add(f32::from(both), sum[i]);
+        }
+    }
+    out[x..x + L].copy_from_slice(&sum);
+}
+
+#[inline(always)]
+fn along_block<const L: usize>(padded: &[f32], half: &[f32], out: &mut [u8], x: usize) {
+    /// Adding this leaves the rounded integer in the lowest bits of the mantissa.
+    const ROUND: f32 = 1.5 * (1 << 23) as f32;
+    let radius = half.len() - 1;
+    let lanes = |offset: usize| padded[x + offset..].first_chunk::<L>().expect("padding");
+    let mut sum = lanes(radius).map(|value| half[0] * value);
+    for k in 1..=radius {
+        let (left, right) = (lanes(radius - k), lanes(radius + k));
+        for i in 0..L {
+            sum[i] = half[k].mul_add(left[i] + right[i], sum[i]);
+        }
+    }
+    out[x..x + L].copy_from_slice(&sum.map(|sum| (sum + ROUND).to_bits() as u8));
+}

@@ -1,0 +1,216 @@
+//! The segment test on rows of pixels.
+
+/// Columns looked at together.
+const LANES: usize = 32;
+
+/// The circle of radius 3, clockwise from its top: column relative to the centre plus 3, and row.
+const CIRCLE: [(usize, usize); 16] = [
+    (3, 0),
+    (4, 0),
+    (5, 1),
+    (6, 2),
+    (6, 3),
+    (6, 4),
+    (5, 5),
+    (4, 6),
+    (3, 6),
+    (2, 6),
+    (1, 5),
+    (0, 4),
+    (0, 3),
+    (0, 2),
+    (1, 1),
+    (2, 0),
+];
+
+multiversioned! {
+    /// FAST scores of the middle one of seven rows of equal length. The score of a pixel is the
+    /// largest `t` for which nine neighbours in a row on the circle of radius 3 all differ from it
+    /// by more than `t`, in the same direction; it is written where it is at least `threshold`,
+    /// and 0 elsewhere, as in the first and last three columns.
+    ///
+    /// # Panics
+    /// If the lengths differ.
+    pub fn segment_scores(rows: [&[u8]; 7], threshold: u8, scores: &mut [u8]) {
+        let width = scores.len();
+        assert!(rows.iter().all(|row| row.len() == width), "rows of one length");
+        scores.fill(0);
+        let mut x = 0;
+        while x + LANES + 6 <= width {
+            scores[x + 3..][..LANES].copy_from_slice(&score_block::<LANES>(rows, x, threshold));
+            x += LANES;
+        }
+        while x + 6 < width {
+            scores[x + 3..][..1].copy_from_slice(&score_block::<1>(rows, x, threshold));
+            x += 1;
+        }
+    }
+
+    /// Appends to `found` the columns where `rows[1]` is larger than all eight neighbours.
+    ///
+    /// # Panics
+    /// If the lengths differ.
+    pub fn strict_maxima(rows: [&[u8]; 3], found: &mut Vec<usize>) {
+        let width = rows[1].len();
+        assert!(rows.iter().all(|row| row.len() == width), "rows of one length");
+        let mut x = 1;
+        while x + LANES < width {
+            // Most of a picture is without corners.
+            if rows[1][x..x + LANES] != [0; LANES] {
+                let is_maximum = maxima_block::<LANES>(rows, x);
+                for (i, eight) in is_maximum.as_chunks::<8>().0.iter().enumerate() {
+                    let mut left = u64::from_le_bytes(*eight);
+                    while left != 0 {
+                        found.push(x + 8 * i + left.trailing_zeros() as usize / 8);
+                        left &= left - 1;
+                    }
+                }
+            }
+            x += LANES;
+        }
+        while x + 1 < width {
+            if maxima_block::<1>(rows, x) == [1] {
+                found.push(x);
+            }
+            x += 1;
+        }
+    }
+}
+
+/// Scores of the pixels `x + 3 .. x + 3 + L`.
+#[inline(always)]
+fn score_block<const L: usize>(rows: [&[u8]; 7], x: usize, threshold: u8) -> [u8; L] {
+    let centre = lanes::<L>(rows[3], x + 3);
+    let neighbour = |k: usize| lanes::<L>(rows[CIRCLE[k].1], x + CIRCLE[k].0);
+    let brighter = |k: usize| zip(neighbour(k), centre, u8::saturating_sub);
+    let darker = |k: usize| zip(centre, neighbour(k), u8::saturating_sub);
+
+    // Nine of sixteen in a row contain two neighbours among the four that lie on the axes.
+    let most = zip(&axes(brighter), &axes(darker), u8::max);
+    if zip(&most, &[threshold; L], u8::saturating_sub) == [0; L] {
+        return [0; L];
+    }
+    let most = zip(&best_arc(brighter), &best_arc(darker), u8::max);
+    most.map(|most| if most > threshold { most - 1 } else { 0 })
+}
+
+/// The largest value that two neighbours among four points on the axes both reach.
+#[inline(always)]
+fn axes<const L: usize>(value: impl Fn(usize) -> [u8; L]) -> [u8; L] {
+    let vertical = zip(&value(0), &value(8), u8::max);
+    let horizontal = zip(&value(4), &value(12), u8::max);
+    zip(&vertical, &horizontal, u8::min)
+}
+
+/// The largest value that nine points in a row all reach. The arcs that start at an even point and
+/// at the next one share eight points, so their minimum is taken once.
+#[inline(always)]
+fn best_arc<const L: usize>(value: impl Fn(usize) -> [u8; L]) -> [u8; L] {
+    let values: [[u8; L]; 16] = std::array::from_fn(value);
+    let two: [[u8; L]; 8] =
+        std::array::from_fn(|i| zip(&values[2 * i + 1], &values[(2 * i + 2) % 16], u8::min));
+    let four: [[u8; L]; 8] = std::array::from_fn(|i| zip(&two[i], &two[(i + 1) % 8], u8::min));
+    let mut best = [0; L];
+    for i in 0..8 {
+        let eight = zip(&four[i], &four[(i + 2) % 8], u8::min);
+        let either_end = zip(&values[2 * i], &values[(2 * i + 9) % 16], u8::max);
+        best = zip(&best, &zip(&eight, &either_end, u8::min), u8::max);
+    }
+    best
+}
+
+/// 1 where a pixel of `x .. x + L` is larger than its neighbours, else 0.
+#[inline(always)]
+fn maxima_block<const L: usize>(rows: [&[u8]; 3], x: usize) -> [u8; L] {
+    let [above, here, below] = rows.map(|row| [x - 1, x, x + 1].map(|x| lanes::<L>(row, x)));
+    let mut most = zip(here[0], here[2], u8::max);
+    for neighbour in [above, below].as_flattened() {
+        most = zip(&most, neighbour, u8::max);
+    }
+    zip(here[1], &most, |here, most| u8::from(here > most))
+}
+
+#[inline(always)]
+fn lanes<const L: usize>(row: &[u8], x: usize) -> &[u8; L] {
+    row[x..]
+        .first_chunk::<L>()
+        .expect("blocks lie inside the rows")
+}
+
+#[inline(always)]
+fn zip<const L: usize>(a: &[u8; L], b: &[u8; L], f: impl Fn(u8, u8) -> u8) -> [u8; L] {
+    std::array::from_fn(|i| f(a[i], b[i]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::Seed;
+
+    /// The definition, word by word.
+    fn score(rows: &[Vec<u8>], x: usize, threshold: u8) -> u8 {
+        let centre = i32::from(rows[3][x]);
+        let differences: Vec<i32> = CIRCLE
+            .iter()
+            .map(|&(dx, y)| i32::from(rows[y][x + dx - 3]) - centre)
+            .collect();
+        let passes = |t: i32| {
+            [1, -1].iter().any(|sign| {
+                (0..16).any(|start| (start..start + 9).all(|k| sign * differences[k % 16] > t))
+            })
+        };
+        let best = (0..256).take_while(|&t| passes(t)).last();
+        best.filter(|&best| best >= i32::from(threshold))
+            .map_or(0, |best| best as u8)
+    }
+
+    #[test]
+    fn scores_follow_the_definition() {
+        for (width, seed, levels) in [
+            (6, 1, 256),
+            (7, 2, 256),
+            (38, 3, 2),
+            (77, 4, 256),
+            (200, 5, 3),
+        ] {
+            let mut rng = Seed(seed).rng();
+            let rows: Vec<Vec<u8>> = (0..7)
+                .map(|_| {
+                    (0..width)
+                        .map(|_| (rng.below(levels) * 255 / (levels - 1)) as u8)
+                        .collect()
+                })
+                .collect();
+            for threshold in [0, 20, 100, 255] {
+                let mut scores = vec![9; width];
+                let slices = std::array::from_fn(|y| &rows[y][..]);
+                segment_scores(slices, threshold, &mut scores);
+                for (x, &found) in scores.iter().enumerate() {
+                    let inside = x >= 3 && x + 3 < width;
+                    let expected = if inside {
+                        score(&rows, x, threshold)
+                    } else {
+                        0
+                    };
+                    assert_eq!(
+                        found, expected,
+                        "column {x} of {width}, threshold {threshold}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn equal_neighbours_are_no_maxima() {
+        let mut row = vec![0; 80];
+        for (x, value) in [(1, 5), (10, 7), (11, 7), (33, 9), (40, 3), (78, 2), (79, 1)] {
+            row[x] = value;
+        }
+        let mut above = vec![0; 80];
+        above[41] = 4;
+        let mut found = Vec::new();
+        strict_maxima([&above, &row, &[0; 80]], &mut found);
+        assert_eq!(found, [1, 33, 78]);
+    }
+}

@@ -1,0 +1,195 @@
+//! What ORB reads around a keypoint: corner strength, centre of intensity, pairs of intensities.
+
+/// Pixels of an image, row after row, as the kernels below read them.
+#[derive(Clone, Copy, Debug)]
+pub struct Pixels<'a> {
+    /// All pixels.
+    pub data: &'a [u8],
+    /// Pixels in a row.
+    pub width: usize,
+}
+
+impl Pixels<'_> {
+    /// `L` pixels, the first of them `left` columns before and `down` rows below `centre`.
+    #[inline(always)]
+    fn run<const L: usize>(&self, centre: [u32; 2], left: usize, down: isize) -> &[u8; L] {
+        let y = (centre[1] as usize)
+            .checked_add_signed(down)
+            .expect("inside the image");
+        let start = y * self.width + centre[0] as usize - left;
+        self.data[start..]
+            .first_chunk::<L>()
+            .expect("inside the image")
+    }
+}
+
+/// Radius of the patch whose centre of intensity gives the orientation.
+pub const MOMENT_RADIUS: usize = 15;
+/// Distance to the border that every kernel here is content with.
+pub const PATCH_MARGIN: usize = 20;
+
+/// Half the length of the rows of a circular patch, from the middle row outwards: the circle of
+/// radius 15, made symmetric about the diagonals.
+const HALF_ROWS: [usize; MOMENT_RADIUS + 1] =
+    [15, 15, 15, 15, 14, 14, 14, 13, 13, 12, 11, 10, 9, 8, 6, 3];
+
+/// Places of the compared pairs relative to an upright keypoint, bit after bit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PairTable {
+    /// x, then y, of the first place of each pair.
+    pub first: [[f32; 256]; 2],
+    /// x, then y, of the second place of each pair.
+    pub second: [[f32; 256]; 2],
+}
+
+/// Rows and columns of the square that holds every turned place: `2 * 19 + 1`, and the size of
+/// the rows of its copy.
+const REACH: usize = 19;
+const COPY_ROW: usize = 64;
+
+multiversioned! {
+    /// Harris corner strength `(det - 0.04 trace^2)` of the second-moment matrix of the Sobel
+    /// gradients, summed over 7 x 7 pixels and scaled to intensities in `[0, 1]`, at each centre.
+    ///
+    /// # Panics
+    /// If a centre is nearer than [`PATCH_MARGIN`] to the border.
+    pub fn harris_strengths(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<f32> {
+        centres.iter().map(|&centre| harris_strength(pixels, centre)).collect()
+    }
+
+    /// First moments (of x, then of y) of the intensities in the circle of radius
+    /// [`MOMENT_RADIUS`] about each centre.
+    ///
+    /// # Panics
+    /// If a centre is nearer than [`PATCH_MARGIN`] to the border.
+    pub fn intensity_moments(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<[i32; 2]> {
+        centres.iter().map(|&centre| intensity_moment(pixels, centre)).collect()
+    }
+
+    /// 256 bits for each centre: whether the first place of each pair is darker than the second,
+    /// all places turned by the angle whose cosine and sine are given, to the nearest pixel.
+    ///
+    /// # Panics
+    /// If a centre is nearer than [`PATCH_MARGIN`] to the border, or if there are not as many
+    /// turns as centres.
+    pub fn compare_pairs(
+        pixels: Pixels<'_>,
+        centres: &[[u32; 2]],
+        turns: &[[f32; 2]],
+        pairs: &PairTable,
+    ) -> Vec<u64> {
+        assert_eq!(centres.len(), turns.len(), "one turn for each centre");
+        let mut bits = Vec::with_capacity(4 * centres.len());
+        let mut copy = [0; COPY_ROW * COPY_ROW];
+        let mut first = [0; 256];
+        let mut second = [0; 256];
+        for (&centre, &turn) in centres.iter().zip(turns) {
+            for (y, row) in copy.chunks_exact_mut(COPY_ROW).take(2 * REACH + 1).enumerate() {
+                let down = y as isize - REACH as isize;
+                row[..40].copy_from_slice(pixels.run::<40>(centre, REACH, down));
+            }
+            turn_places(&pairs.first, turn, &mut first);
+            turn_places(&pairs.second, turn, &mut second);
+            for (first, second) in first.as_chunks::<64>().0.iter().zip(second.as_chunks::<64>().0) {
+                let mut word = 0;
+                for i in 0..64 {
+                    // The masks change nothing; they tell the compiler that no place is outside.
+                    let a = copy[first[i] as usize & (COPY_ROW * COPY_ROW - 1)];
+                    let b = copy[second[i] as usize & (COPY_ROW * COPY_ROW - 1)];
+                    word |= u64::from(a < b) << i;
+                }
+                bits.push(word);
+            }
+        }
+        bits
+    }
+}
+
+#[inline(always)]
+fn harris_strength(pixels: Pixels<'_>, centre: [u32; 2]) -> f32 {
+    const K: f32 = 0.04;
+    const SCALE: f32 = 1.0 / (4 * 7 * 255) as f32;
+    // The derivative along x and the smoothing across it, of nine rows; the eighth lane is unused.
+    let mut along = [[0_i16; 8]; 9];
+    let mut across = [[0_i16; 8]; 9];
+    for y in 0..9 {
+        let run = |left| pixels.run::<8>(centre, left, y as isize - 4).map(i16::from);
+        let (left, middle, right) = (run(4), run(3), run(2));
+        along[y] = std::array::from_fn(|i| right[i] - left[i]);
+        across[y] = std::array::from_fn(|i| left[i] + 2 * middle[i] + right[i]);
+    }
+    let mut xx = [0_i32; 8];
+    let mut yy = [0_i32; 8];
+    let mut xy = [0_i32; 8];
+    for y in 1..8 {
+        for i in 0..8 {
+            let dx = i32::from(along[y - 1][i] + 2 * along[y][i] + along[y + 1][i]);
+            let dy = i32::from(across[y + 1][i] - across[y - 1][i]);
+            xx[i] += dx * dx;
+            yy[i] += dy * dy;
+            xy[i] += dx * dy;
+        }
+    }
+    let [a, b, c] = [xx, yy, xy].map(|lanes| lanes[..7].iter().sum::<i32>() as f32);
+    (a * b - c * c - K * (a + b) * (a + b)) * (SCALE * SCALE * SCALE * SCALE)
+}
+
+#[inline(always)]
+fn intensity_moment(pixels: Pixels<'_>, centre: [u32; 2]) -> [i32; 2] {
+    const IN_CIRCLE: [[u8; 32]; MOMENT_RADIUS + 1] = circle_masks();
+    // Per column: the sum, and the sum weighted by y, at most 31 * 255 and 120 * 255.
+    let mut sums: [i16; 32] = row_in_circle(pixels, centre, 0, &IN_CIRCLE[0]);
+    let mut weighted = [0_i16; 32];
+    for y in 1..=MOMENT_RADIUS {
+        let above = row_in_circle(pixels, centre, -(y as isize), &IN_CIRCLE[y]);
+        let below = row_in_circle(pixels, centre, y as isize, &IN_CIRCLE[y]);
+        for i in 0..32 {
+            sums[i] += above[i] + below[i];
+            weighted[i] += y as i16 * (below[i] - above[i]);
+        }
+    }
+    let mut moment = [0; 2];
+    for i in 0..32 {
+        moment[0] += (i as i32 - MOMENT_RADIUS as i32) * i32::from(sums[i]);
+        moment[1] += i32::from(weighted[i]);
+    }
+    moment
+}
+
+#[inline(always)]
+fn row_in_circle(pixels: Pixels<'_>, centre: [u32; 2], down: isize, mask: &[u8; 32]) -> [i16; 32] {
+    let run = pixels.run::<32>(centre, MOMENT_RADIUS, down);
+    std::array::from_fn(|i| i16::from(run[i] & mask[i]))
+}
+
+const fn circle_masks() -> [[u8; 32]; MOMENT_RADIUS + 1] {
+    let mut masks = [[0; 32]; MOMENT_RADIUS + 1];
+    let mut y = 0;
+    while y <= MOMENT_RADIUS {
+        let mut x = MOMENT_RADIUS - HALF_ROWS[y];
+        while x <= MOMENT_RADIUS + HALF_ROWS[y] {
+            masks[y][x] = 255;
+            x += 1;
+        }
+        y += 1;
+    }
+    masks
+}
+
+/// Places in the copied square, after a turn by the angle of cosine and sine `turn`.
+#[inline(always)]
+fn turn_places(places: &[[f32; 256]; 2], turn: [f32; 2], out: &mut [u16; 256]) {
+    /// Adding this leaves the rounded integer in the lowest bits of the mantissa.
+    const ROUND: f32 = 1.5 * (1 << 23) as f32;
+    let [cos, sin] = turn;
+    for (i, out) in out.iter_mut().enumerate() {
+        let (x, y) = (places[0][i], places[1][i]);
+        let turned_x = (x * cos - y * sin + ROUND).to_bits() as u16;
+        let turned_y = (x * sin + y * cos + ROUND).to_bits() as u16;
+        let (row, column) = (
+            turned_y.wrapping_add(REACH as u16),
+            turned_x.wrapping_add(REACH as u16),
+        );
+        *out = row.wrapping_mul(COPY_ROW as u16).wrapping_add(column);
+    }
+}

@@ -1,0 +1,50 @@
+//! Constants that belong to an algorithm's definition but were learned, not derived.
+//!
+//! `SOURCES.toml` says of each file what it holds, which paper it belongs to and how to make it
+//! again; a test recomputes the hashes.
+
+/// ORB's tests: x and y of the first place, x and y of the second, as signed bytes, for each of
+/// 256 bits.
+pub(crate) const ORB_PAIRS: &[u8; 4 * 256] = include_bytes!("orb_pairs.bin");
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::Path;
+
+    use sha2::{Digest, Sha256};
+
+    #[test]
+    fn every_table_is_the_one_that_its_source_describes() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/tables");
+        let text = fs::read_to_string(folder.join("SOURCES.toml")).expect("the list exists");
+        let sources: toml::Table = text.parse().expect("the list is TOML");
+        for (name, source) in &sources {
+            let bytes = fs::read(folder.join(name)).expect("a listed table exists");
+            let hash: String = Sha256::digest(&bytes)
+                .iter()
+                .map(|b| format!("{b:02x}"))
+                .collect();
+            for key in ["holds", "paper", "made", "command"] {
+                assert!(
+                    source.get(key).is_some_and(toml::Value::is_str),
+                    "{name}: no {key}"
+                );
+            }
+            assert_eq!(source["sha256"].as_str(), Some(&hash[..]), "{name}");
+            assert_eq!(
+                source["bytes"].as_integer(),
+                Some(bytes.len() as i64),
+                "{name}"
+            );
+        }
+        for file in fs::read_dir(&folder).expect("the folder can be listed") {
+            let name = file.expect("the folder can be listed").file_name();
+            let name = name.to_str().expect("file names are UTF-8");
+            assert!(
+                !name.ends_with(".bin") || sources.contains_key(name),
+                "{name} is not listed"
+            );
+        }
+    }
+}
