@@ -154,9 +154,9 @@ fn excerpt_gives_what_is_written_out_here() {
     // AUC = (12 + 9) / (6 pairs * 15 thresholds).
     assert_eq!(summary.pairs, 6);
     assert!((summary.auc.value.expect("pairs") - 21.0 / 90.0).abs() < 1e-15);
-    assert_eq!(summary.sp.values[..3], [0.0; 3]);
-    assert_eq!(summary.sp.values[3..6], [1.0 / 6.0; 3]);
-    assert_eq!(summary.sp.values[6..], [2.0 / 6.0; 9]);
+    assert_eq!(summary.sp.values()[..3], [0.0; 3]);
+    assert_eq!(summary.sp.values()[3..6], [1.0 / 6.0; 3]);
+    assert_eq!(summary.sp.values()[6..], [2.0 / 6.0; 9]);
     // Rotation alone: 3.5 passes 12; 0 2, 0 3 and 2 3 are exact and pass 15 each: 57 of 90.
     assert!((summary.rotation_auc.value.expect("pairs") - 57.0 / 90.0).abs() < 1e-15);
     // Translation alone: 0 1 is exact and passes 15, 0 2 passes 9: 24 of 90.

@@ -52,15 +52,20 @@ impl AngularError {
     /// none (their shortest baseline is 0.1 mm), so their scores do not depend on this choice.
     /// The rotation is still judged, by [`Angle::Rotation`].
     pub fn pose(&self) -> Option<f64> {
-        self.translation.map(|t| t.max(self.rotation))
+        self.translation.map(|t| larger(t, self.rotation))
     }
 
     /// Like [`AngularError::pose`], but a translation and its opposite count as the same:
     /// `max(e_r, min(e_t, 180 - e_t))`, the error of SuperGlue and its followers.
     pub fn sign_agnostic(&self) -> Option<f64> {
         self.translation
-            .map(|t| t.min(180.0 - t).max(self.rotation))
+            .map(|t| larger(t.min(180.0 - t), self.rotation))
     }
+}
+
+/// The larger of two angles; NaN where one is (`f64::max` would hide it).
+fn larger(a: f64, b: f64) -> f64 {
+    if a.is_nan() || a > b { a } else { b }
 }
 
 impl PairResult {

@@ -8,46 +8,58 @@
 
 use std::ops::RangeInclusive;
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use super::{Angle, PairResult};
 
 /// The thresholds of the paper, in degrees.
 pub const THRESHOLDS: RangeInclusive<usize> = 1..=15;
 
-/// SP(1) ... SP(15), each in `[0, 1]`, or NaN where there are no pairs.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(transparent)]
+/// SP(1) ... SP(15), as the counts that they are ratios of: equal scores are equal to the last bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SuccessCurve {
-    /// `values[k - 1]` is SP(k).
-    pub values: [f64; 15],
+    /// `below[k - 1]` pairs have an error below k degrees.
+    pub below: [usize; 15],
+    /// The denominator: all pairs.
+    pub pairs: usize,
 }
 
 impl SuccessCurve {
     /// The curve of one angle of the error.
     pub fn new(pairs: &[PairResult], angle: Angle) -> Self {
-        let mut below = [0_usize; 15];
+        let mut below = [0; 15];
         for error in pairs.iter().filter_map(|pair| pair.error(angle)) {
             for k in THRESHOLDS {
                 below[k - 1] += usize::from(error < k as f64);
             }
         }
-        Self {
-            values: below.map(|count| count as f64 / pairs.len() as f64),
-        }
+        let pairs = pairs.len();
+        Self { below, pairs }
     }
 
-    /// SP(k): the share of pairs with an error below `k` degrees.
+    /// SP(k): the share of pairs with an error below `k` degrees. NaN where there are no pairs.
     ///
     /// # Panics
     /// If `k` is not one of [`THRESHOLDS`].
     pub fn at(&self, k: usize) -> f64 {
-        self.values[k - 1]
+        self.values()[k - 1]
+    }
+
+    /// SP(1) ... SP(15), each in `[0, 1]`, or NaN where there are no pairs.
+    pub fn values(&self) -> [f64; 15] {
+        self.below.map(|count| count as f64 / self.pairs as f64)
     }
 
     /// The paper's AUC: the mean of SP(1) ... SP(15). NaN where there are no pairs.
     pub fn auc(&self) -> f64 {
-        self.values.iter().sum::<f64>() / self.values.len() as f64
+        self.below.iter().sum::<usize>() as f64 / (self.below.len() * self.pairs) as f64
+    }
+}
+
+/// Written as its fifteen values.
+impl Serialize for SuccessCurve {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.values().serialize(serializer)
     }
 }
 
@@ -75,7 +87,7 @@ mod tests {
     fn translation_is_signed() {
         // 179 degrees is nearly the opposite direction, and wrong at every threshold.
         let curve = SuccessCurve::new(&[solved(0, 0.0, 179.0, 30)], Angle::Pose);
-        assert_eq!(curve.values, [0.0; 15]);
+        assert_eq!(curve.values(), [0.0; 15]);
     }
 
     #[test]
@@ -86,9 +98,9 @@ mod tests {
             PairResult::failed(0, 3, Failure::Missing),
             solved(0, 90.0, 0.5, 30),
         ];
-        assert_eq!(SuccessCurve::new(&pairs, Angle::Pose).values, [0.25; 15]);
+        assert_eq!(SuccessCurve::new(&pairs, Angle::Pose).values(), [0.25; 15]);
         assert_eq!(
-            SuccessCurve::new(&pairs, Angle::Translation).values,
+            SuccessCurve::new(&pairs, Angle::Translation).values(),
             [0.5; 15]
         );
         assert_eq!(SuccessCurve::new(&pairs, Angle::Rotation).auc(), 0.25);
@@ -96,8 +108,10 @@ mod tests {
 
     #[test]
     fn nan_is_below_no_threshold() {
-        let curve = SuccessCurve::new(&[solved(0, f64::NAN, f64::NAN, 30)], Angle::Pose);
-        assert_eq!(curve.values, [0.0; 15]);
+        for (rotation, translation) in [(f64::NAN, 0.1), (0.1, f64::NAN), (f64::NAN, f64::NAN)] {
+            let pair = solved(0, rotation, translation, 30);
+            assert_eq!(SuccessCurve::new(&[pair], Angle::Pose).below, [0; 15]);
+        }
     }
 
     #[test]
