@@ -19,10 +19,10 @@ pub struct ConfigError {
 
 impl ConfigError {
     /// Parameters of the matcher or estimator `id` that are wrong for this `reason`.
-    pub fn new(id: &str, reason: impl ToString) -> Self {
+    pub fn new(id: &str, reason: impl Into<String>) -> Self {
         Self {
             id: id.into(),
-            reason: reason.to_string(),
+            reason: reason.into(),
         }
     }
 }
@@ -42,7 +42,7 @@ pub fn parse_params<P: DeserializeOwned + Default>(
         None => Ok(P::default()),
         // Checked here because serde would take an array too, field by field.
         Some(object @ Value::Object(_)) => {
-            P::deserialize(object).map_err(|error| ConfigError::new(id, error))
+            P::deserialize(object).map_err(|error| ConfigError::new(id, error.to_string()))
         }
         Some(other) => Err(ConfigError::new(
             id,

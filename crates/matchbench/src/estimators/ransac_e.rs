@@ -29,7 +29,8 @@ impl EstimatorEntry for RansacE {
 
     fn build(&self, config: Option<&Value>) -> Result<Box<dyn PoseEstimator>, ConfigError> {
         let params = parse_params(self.id(), config)?;
-        let ransac = Ransac::new(params).map_err(|error| ConfigError::new(self.id(), error))?;
+        let ransac =
+            Ransac::new(params).map_err(|error| ConfigError::new(self.id(), error.to_string()))?;
         Ok(Box::new(ransac))
     }
 }
