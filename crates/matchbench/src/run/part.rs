@@ -6,7 +6,7 @@ use super::folder::RunFolder;
 use super::observer::has_failed;
 use super::{Contender, RunError, RunSummary, Settings};
 use crate::datasets::{Pair, Sequence};
-use crate::records::{self, RunRecord, StoreError, Task};
+use crate::records::{RunRecord, StoreError, Task, store};
 
 /// One matcher on one dataset.
 pub(super) struct Part<'a> {
@@ -65,8 +65,8 @@ impl<'a> Part<'a> {
         };
         for estimator in &contender.estimators {
             let matcher = &contender.matcher.id;
-            let file = records::path(folder.path(), &sequence.name, matcher, &estimator.id);
-            let records = records::recover(&file)?;
+            let file = store::path(folder.path(), &sequence.name, matcher, &estimator.id);
+            let records = store::recover(&file)?;
             part.check(&file, &estimator.id, &records)?;
             part.sheets.push(Sheet {
                 file,

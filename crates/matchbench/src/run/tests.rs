@@ -5,13 +5,12 @@ use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use matchbench_vision::robust::NoPose;
 use tempfile::TempDir;
 
 use super::testing::{Toy, Trouble, dataset, decode};
 use super::*;
-use crate::records::{self, MIN_MATCHES, MIN_SUPPORT, Outcome, StageTimes};
-
-use matchbench_vision::robust::NoPose;
+use crate::records::{MIN_MATCHES, MIN_SUPPORT, Outcome, StageTimes, store};
 
 /// A folder with two datasets and room for runs.
 struct Bench {
@@ -68,7 +67,7 @@ impl Bench {
 
     /// The records of a run, without the times.
     fn records(&self, name: &str) -> Vec<RunRecord> {
-        let mut records = records::read_run(&self.path(name)).unwrap();
+        let mut records = store::read_run(&self.path(name)).unwrap();
         for record in &mut records {
             record.times = StageTimes::default();
         }
@@ -159,8 +158,8 @@ fn all_estimators_get_the_same_matches() {
     ]);
     bench.run("run").unwrap();
     let read = |estimator| {
-        let path = records::path(&bench.path("run"), "street", "bright", estimator);
-        records::read(&path).unwrap()
+        let path = store::path(&bench.path("run"), "street", "bright", estimator);
+        store::read(&path).unwrap()
     };
     for (first, second) in read("first").iter().zip(read("second")) {
         assert_eq!(first.counts, second.counts);
@@ -178,12 +177,12 @@ fn a_torn_file_is_completed_wherever_it_was_torn() {
     bench.settings.repetitions = NonZeroU32::new(2).unwrap();
     bench.run("run").unwrap();
     let expected = bench.records("run");
-    let path = records::path(&bench.path("run"), "street", "bright", "first");
+    let path = store::path(&bench.path("run"), "street", "bright", "first");
     let whole = fs::read(&path).unwrap();
     assert_eq!(expected.len(), 2 * 3 * 2 * 2);
     for length in 0..whole.len() {
         fs::write(&path, &whole[..length]).unwrap();
-        let kept = records::read(&path).unwrap().len();
+        let kept = store::read(&path).unwrap().len();
         let summary = bench.run("run").unwrap();
         assert_eq!((summary.before, summary.now), (24 - 6 + kept, 6 - kept));
         assert_eq!(bench.records("run"), expected, "torn at byte {length}");
@@ -194,11 +193,11 @@ fn a_torn_file_is_completed_wherever_it_was_torn() {
 fn a_complete_run_is_not_done_again() {
     let bench = Bench::new(two_by_two());
     bench.run("run").unwrap();
-    let records = records::read_run(&bench.path("run")).unwrap();
+    let records = store::read_run(&bench.path("run")).unwrap();
     let summary = bench.run("run").unwrap();
     assert_eq!((summary.before, summary.now), (summary.total, 0));
     assert_eq!(
-        records::read_run(&bench.path("run")).unwrap(),
+        store::read_run(&bench.path("run")).unwrap(),
         records,
         "also in the times"
     );
@@ -323,7 +322,7 @@ fn damage_is_refused_with_the_place() {
             "{message}"
         );
     };
-    let path = records::path(&bench.path("run"), "office", "bright", "second");
+    let path = store::path(&bench.path("run"), "office", "bright", "second");
     let text = fs::read_to_string(&path).unwrap();
     fs::write(&path, text.replacen("\"a\":1", "\"a\":2", 1)).unwrap();
     refused(&["bright+second.jsonl:3:", "another task"]);
@@ -486,7 +485,7 @@ fn each_frame_is_extracted_once_and_found_by_its_content() {
         12,
         "17 frames with 12 contents, two matchers"
     );
-    let timed: usize = (records::read_run(&bench.path("run")).unwrap().iter())
+    let timed: usize = (store::read_run(&bench.path("run")).unwrap().iter())
         .map(|record| {
             let StageTimes {
                 extract_a,
