@@ -36,7 +36,10 @@ fn differences(found: &[Pair], published: &[Pair]) -> (f64, f64) {
         let rotation = f.b_from_a.rotation.to_rotation_matrix().into_inner()
             - p.b_from_a.rotation.to_rotation_matrix().into_inner();
         let translation = f.b_from_a.translation.vector - p.b_from_a.translation.vector;
-        worst = (worst.0.max(rotation.amax()), worst.1.max(translation.amax()));
+        worst = (
+            worst.0.max(rotation.amax()),
+            worst.1.max(translation.amax()),
+        );
     }
     worst
 }
@@ -74,7 +77,11 @@ fn tum_office() -> Option<(tempfile::TempDir, PathBuf)> {
         fs::write(src.join(image), "").expect("an empty image");
     }
     fs::write(src.join("rgb.txt"), rgb).expect("a copy of the list");
-    fs::copy(original.join("groundtruth.txt"), src.join("groundtruth.txt")).expect("a copy");
+    fs::copy(
+        original.join("groundtruth.txt"),
+        src.join("groundtruth.txt"),
+    )
+    .expect("a copy");
     Some((folder, src))
 }
 
@@ -84,7 +91,13 @@ fn tum_office_gives_sequences_01_and_06() {
         return;
     };
     compare("tum", &src, "fragments:15", "01-office", (2e-6, 2e-6));
-    compare("tum", &src, "window:9,stride:15", "06-office-wide", (4e-6, 1e-5));
+    compare(
+        "tum",
+        &src,
+        "window:9,stride:15",
+        "06-office-wide",
+        (4e-6, 1e-5),
+    );
     let imported = read_source("tum", &src, &ImportOptions::default()).expect("the source");
     assert_eq!(imported.frames.len(), 2583);
     assert!(imported.about.notes[0].starts_with("2 images without a pose"));
@@ -120,10 +133,22 @@ fn castle_gives_sequence_05() {
 fn all_scenes_are_imported_and_sound() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (kind, src, rule, frames, pairs) in [
-        ("tum", "tum/rgbd_dataset_freiburg3_long_office_household", "all", 19, 171),
+        (
+            "tum",
+            "tum/rgbd_dataset_freiburg3_long_office_household",
+            "all",
+            19,
+            171,
+        ),
         ("kitti", "kitti", "fragments:5", 51, 40),
         ("7scenes", "7scenes/redkitchen", "fragments:15", 150, 140),
-        ("7scenes", "7scenes/redkitchen", "window:9,stride:15", 10, 45),
+        (
+            "7scenes",
+            "7scenes/redkitchen",
+            "window:9,stride:15",
+            10,
+            45,
+        ),
     ] {
         let Some(src) = shared(&format!("scenes/{src}")) else {
             return;
