@@ -27,7 +27,7 @@ use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
-use super::DatasetError;
+use super::{DatasetError, exif};
 
 /// Most pixels that an image may have (2^28, e.g. 16384 x 16384): what claims more is a damaged
 /// header or an attack, and its memory is never asked for.
@@ -135,7 +135,7 @@ pub(super) fn exif_orientation(bytes: &[u8]) -> u16 {
     }
     jpeg_header(ZCursor::new(bytes))
         .ok()
-        .and_then(|decoder| orientation_in(decoder.exif()?))
+        .and_then(|decoder| exif::orientation(decoder.exif()?))
         .unwrap_or(1)
 }
 
@@ -202,8 +202,9 @@ fn jpeg_size<R: ZByteReaderTrait>(decoder: &JpegDecoder<R>) -> Size {
 fn jpeg_error(error: &zune_jpeg::errors::DecodeErrors) -> DecodeError {
     use zune_jpeg::errors::DecodeErrors as E;
     match error {
-        E::ExhaustedData | E::IoErrors(_) => DecodeError::Truncated,
-        E::FormatStatic("Premature end of buffer") => DecodeError::Truncated,
+        E::ExhaustedData | E::IoErrors(_) | E::FormatStatic("Premature end of buffer") => {
+            DecodeError::Truncated
+        }
         E::Unsupported(scheme) => DecodeError::Unsupported(format!("{scheme:?}")),
         other => DecodeError::Damaged(other.to_string()),
     }
@@ -279,33 +280,6 @@ where
         (value >> extra_bits) as u8
     };
     GrayImage::from_vec(size, data.chunks_exact(channels).map(gray).collect())
-}
-
-/// The orientation tag (0x0112) in the first directory of a TIFF block, as EXIF embeds it.
-fn orientation_in(exif: &[u8]) -> Option<u16> {
-    let exif = exif.strip_prefix(b"Exif\0\0").unwrap_or(exif);
-    let little = exif.starts_with(b"II");
-    let u16_at = |at: usize| {
-        let bytes: [u8; 2] = exif.get(at..at.checked_add(2)?)?.try_into().ok()?;
-        Some(if little {
-            u16::from_le_bytes(bytes)
-        } else {
-            u16::from_be_bytes(bytes)
-        })
-    };
-    let u32_at = |at: usize| {
-        let (first, second) = (u32::from(u16_at(at)?), u32::from(u16_at(at + 2)?));
-        Some(if little {
-            second << 16 | first
-        } else {
-            first << 16 | second
-        })
-    };
-    let directory = u32_at(4)? as usize;
-    (0..usize::from(u16_at(directory)?))
-        .map(|entry| directory + 2 + 12 * entry)
-        .find(|&entry| u16_at(entry) == Some(0x0112))
-        .and_then(|entry| u16_at(entry + 8))
 }
 
 #[cfg(test)]
@@ -409,7 +383,7 @@ mod tests {
             "color.webp",
         ] {
             let path = folder.path().join(name);
-            fs::write(&path, &fixture(name)).unwrap();
+            fs::write(&path, fixture(name)).unwrap();
             assert_eq!(read_size(&path).unwrap(), Size::new(24, 17), "{name}");
         }
         let path = folder.path().join("half.png");

@@ -25,12 +25,20 @@ pub(super) fn frame_images(
     let named: Vec<_> = (0..in_manifest).map(|i| manifest.image(dir, i)).collect();
     if in_manifest > 0 && named.iter().all(Option::is_some) {
         let images: Vec<PathBuf> = named.into_iter().flatten().collect();
-        for image in images.iter().filter(|image| !image.is_file()) {
+        let mut missing = |path: &Path, what: &str| {
             let remedy = format!(
                 "put it there, or correct `image_root` in {}",
                 dir.join(manifest::FILE).display()
             );
-            problems.push(DatasetError::new(image, "the image is missing", remedy).into());
+            problems.push(DatasetError::new(path, what, remedy).into());
+        };
+        let root = manifest.image_root(dir);
+        if root.is_dir() {
+            for image in images.iter().filter(|image| !image.is_file()) {
+                missing(image, "the image is missing");
+            }
+        } else {
+            missing(&root, "the folder of the images is missing");
         }
         return images;
     }

@@ -112,8 +112,12 @@ impl Manifest {
     /// Where the image of frame `index` is, if the manifest says so.
     pub(super) fn image(&self, dataset: &Path, index: usize) -> Option<PathBuf> {
         let image = self.frames.get(index)?.image.as_ref()?;
-        let root = dataset.join(self.image_root.as_deref().unwrap_or(Path::new("")));
-        Some(root.join(image))
+        Some(self.image_root(dataset).join(image))
+    }
+
+    /// The folder that relative image paths start from.
+    pub(super) fn image_root(&self, dataset: &Path) -> PathBuf {
+        dataset.join(self.image_root.as_deref().unwrap_or(Path::new("")))
     }
 }
 

@@ -7,6 +7,7 @@
 
 mod decode;
 mod error;
+mod exif;
 mod images;
 mod importers;
 mod manifest;

@@ -18,6 +18,8 @@ use super::native::{CAMERA, IMAGES, PAIRS, POSES};
 use super::text::matrix_rows;
 use super::{DatasetError, Sequence};
 
+const INFALLIBLE: &str = "writing to a string cannot fail";
+
 /// What `dataset.toml` says about a dataset as a whole.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct About {
@@ -110,7 +112,7 @@ fn write_files(
         }
     }
     if let Some(first) = sequence.frames.first() {
-        write(&dir.join(CAMERA), &camera_text(&first.camera))?;
+        write_file(&dir.join(CAMERA), &camera_text(&first.camera))?;
     }
     let poses: Option<String> = sequence
         .frames
@@ -118,19 +120,16 @@ fn write_files(
         .map(|frame| Some(row(&matrix_rows(frame.world_from_camera.as_ref()?))))
         .collect();
     if let Some(poses) = poses {
-        write(&folder.join(POSES), &poses)?;
+        write_file(&folder.join(POSES), &poses)?;
     }
-    let pairs: String = sequence
-        .pairs
-        .iter()
-        .map(|pair| {
-            let motion = row(&matrix_rows(&pair.b_from_a));
-            format!("{} {} {motion}", pair.a, pair.b)
-        })
-        .collect();
-    write(&dir.join(PAIRS), &pairs)?;
+    let mut pairs = String::new();
+    for pair in &sequence.pairs {
+        let motion = row(&matrix_rows(&pair.b_from_a));
+        write!(pairs, "{} {} {motion}", pair.a, pair.b).expect(INFALLIBLE);
+    }
+    write_file(&dir.join(PAIRS), &pairs)?;
     let manifest = toml::to_string(&manifest).expect("a manifest is plain TOML");
-    write(&dir.join(manifest::FILE), &manifest)
+    write_file(&dir.join(manifest::FILE), &manifest)
 }
 
 /// The manifest without image paths: one camera for all, or one per frame.
@@ -246,13 +245,13 @@ fn row(numbers: &[f64]) -> String {
     let mut row = String::new();
     for (k, number) in numbers.iter().enumerate() {
         let gap = if k == 0 { "" } else { " " };
-        write!(row, "{gap}{number:?}").expect("writing to a string cannot fail");
+        write!(row, "{gap}{number:?}").expect(INFALLIBLE);
     }
     row.push('\n');
     row
 }
 
-fn write(path: &Path, text: &str) -> Result<(), DatasetError> {
+fn write_file(path: &Path, text: &str) -> Result<(), DatasetError> {
     fs::write(path, text).map_err(|error| DatasetError::io(path, &error))
 }
 
@@ -328,6 +327,8 @@ mod tests {
         fs::remove_dir_all(&source).unwrap();
         let open = |name: &str| Sequence::open(&folder.path().join("new").join(name));
         assert!(open("copy").is_ok());
+        let problems = validate(&folder.path().join("new/reference"));
+        assert_eq!(problems.len(), 1, "one for the folder, not one per image");
         assert!(open("reference").unwrap_err().remedy.contains("image_root"));
     }
 

@@ -27,13 +27,15 @@ const KINECT_COLOR: Camera = Camera::pinhole(525.0, 525.0, 320.0, 240.0);
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let folder = choose(src, options.sequence.as_deref())?;
     let mut notes = Vec::new();
-    let camera = match given_camera(&folder, options, &["camera.txt", "K.txt"])? {
-        Some(camera) => camera,
-        None => {
-            notes.push("K 525 525 320 240, the Kinect's nominal colour camera, was assumed".into());
-            KINECT_COLOR
-        }
-    };
+    let given = given_camera(&folder, options, &["camera.txt", "K.txt"])?;
+    if given.is_none() {
+        notes.push(
+            "K 525 525 320 240, the Kinect's nominal colour camera, was assumed; camera.txt in the \
+             source replaces it"
+                .to_owned(),
+        );
+    }
+    let camera = given.unwrap_or(KINECT_COLOR);
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
     for image in image_files(&folder)? {

@@ -12,7 +12,7 @@ fn source(name: &str, files: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {
     for (file, text) in files {
         let path = src.join(file);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
-        if file.ends_with(".png") {
+        if path.extension().is_some_and(|extension| extension == "png") {
             let image = testing::pixels(0);
             let (width, height) = (image.width() as u32, image.height() as u32);
             let color = image::ExtendedColorType::L8;
@@ -262,41 +262,36 @@ fn a_plain_folder_takes_poses_in_either_format() {
 #[test]
 fn an_import_is_a_sound_dataset_with_the_frames_of_its_rule() {
     let images: Vec<_> = (0..7).map(|i| format!("{i}.png")).collect();
-    let poses: String = (0..7)
-        .map(|i| format!("1 0 0 {i} 0 1 0 0 0 0 1 0\n"))
+    let rows: Vec<_> = (0..7)
+        .map(|i| format!("1 0 0 {i} 0 1 0 0 0 0 1 0"))
         .collect();
+    let poses = rows.join("\n");
     let mut files: Vec<_> = images.iter().map(|name| (name.as_str(), "")).collect();
     files.extend([("poses.txt", poses.as_str()), ("camera.txt", K)]);
     let (folder, src) = source("mine", &files);
-    let import_with = |rule: &str| {
+    let import_as = |name: &str, rule: &str| {
         let options = ImportOptions {
             pairs: Some(rule.parse().unwrap()),
             ..ImportOptions::default()
         };
-        import(
-            "folder",
-            &src,
-            &folder.path().join(rule.replace([':', ','], "-")),
-            &options,
-        )
+        import("folder", &src, &folder.path().join(name), &options)
     };
-    let report = import_with("window:2,stride:3").unwrap();
+    let report = import_as("wide", "window:2,stride:3").unwrap();
     assert_eq!((report.frames, report.pairs), (3, 3));
-    let out = folder.path().join("window-2-stride-3");
+    let out = folder.path().join("wide");
     assert_eq!(validate(&out), []);
     let sequence = Sequence::open(&out).unwrap();
     assert!(sequence.frames[1].image.ends_with("3.png"));
     assert_eq!(sequence.pairs[0].b_from_a.translation.x, -3.0);
 
     fs::write(src.join("list.txt"), "0 6\n5 1\n").unwrap();
-    let report = import_with(&format!("list:{}", src.join("list.txt").display()));
-    assert_eq!(report.map(|r| r.pairs).unwrap_or(2), 2);
-    let error = import_with("window:2,stride:9").unwrap_err();
+    let list = format!("list:{}", src.join("list.txt").display());
+    assert_eq!(import_as("listed", &list).unwrap().pairs, 2);
+    let pairs = Sequence::open(&folder.path().join("listed")).unwrap().pairs;
+    assert_eq!((pairs[1].a, pairs[1].b), (5, 1));
+    let error = import_as("none", "window:2,stride:9").unwrap_err();
     assert!(error.what.contains("give no pair"), "{error}");
-    assert!(
-        import_with("window:2,stride:3").is_err(),
-        "nothing is overwritten"
-    );
+    assert!(import_as("wide", "all").is_err(), "nothing is overwritten");
 }
 
 #[test]
