@@ -49,7 +49,7 @@ mod histogram;
 mod resample;
 
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
-pub use dot::squared_distance;
+pub use dot::{normalize_to_bytes, squared_distance};
 pub use extrema::{ThreeRows, find_extrema};
 pub use gradient::polar_gradients;
 pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
