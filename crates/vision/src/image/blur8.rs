@@ -42,13 +42,15 @@ pub fn gaussian_blur_u8(image: &GrayImage, radius: usize, sigma: f64) -> GrayIma
     blurred
 }
 
-/// Weights of the normalised kernel from its middle to one end.
+/// Weights of the normalised kernel from its middle, which counts twice, to one end.
 fn half_kernel(radius: usize, sigma: f64) -> Vec<f32> {
     let weights: Vec<f64> = (0..=radius)
         .map(|x| libm::exp(-((x * x) as f64) / (2.0 * sigma * sigma)))
         .collect();
     let sum = weights[0] + 2.0 * weights[1..].iter().sum::<f64>();
-    weights.iter().map(|weight| (weight / sum) as f32).collect()
+    let mut half: Vec<f32> = weights.iter().map(|weight| (weight / sum) as f32).collect();
+    half[0] /= 2.0;
+    half
 }
 
 /// The index in `0..length` where `index` falls when the sequence is mirrored about its first and

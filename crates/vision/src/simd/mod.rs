@@ -47,7 +47,7 @@ mod dot;
 mod fast;
 mod orb;
 
-pub use bilinear::{Between, blend_columns, blend_rows};
+pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
 pub use blur8::{weigh_along_u8, weigh_rows_u8};
 pub use dot::squared_distance;
 pub use fast::{segment_scores, strict_maxima};

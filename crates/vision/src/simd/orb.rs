@@ -54,7 +54,11 @@ multiversioned! {
     /// # Panics
     /// If a centre is nearer than [`PATCH_MARGIN`] to the border.
     pub fn harris_strengths(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<f32> {
-        centres.iter().map(|&centre| harris_strength(pixels, centre)).collect()
+        let mut strengths = Vec::with_capacity(centres.len());
+        for &centre in centres {
+            strengths.push(harris_strength(pixels, centre));
+        }
+        strengths
     }
 
     /// First moments (of x, then of y) of the intensities in the circle of radius
@@ -63,7 +67,11 @@ multiversioned! {
     /// # Panics
     /// If a centre is nearer than [`PATCH_MARGIN`] to the border.
     pub fn intensity_moments(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<[i32; 2]> {
-        centres.iter().map(|&centre| intensity_moment(pixels, centre)).collect()
+        let mut moments = Vec::with_capacity(centres.len());
+        for &centre in centres {
+            moments.push(intensity_moment(pixels, centre));
+        }
+        moments
     }
 
     /// 256 bits for each centre: whether the first place of each pair is darker than the second,
@@ -80,7 +88,9 @@ multiversioned! {
     ) -> Vec<u64> {
         assert_eq!(centres.len(), turns.len(), "one turn for each centre");
         let mut bits = Vec::with_capacity(4 * centres.len());
-        let mut copy = [0; COPY_ROW * COPY_ROW];
+        // As long as a 16-bit index may reach, so that no access needs a check; only the first
+        // rows are used.
+        let mut copy = [0; 1 << 16];
         let mut first = [0; 256];
         let mut second = [0; 256];
         for (&centre, &turn) in centres.iter().zip(turns) {
@@ -91,12 +101,11 @@ multiversioned! {
             turn_places(&pairs.first, turn, &mut first);
             turn_places(&pairs.second, turn, &mut second);
             for (first, second) in first.as_chunks::<64>().0.iter().zip(second.as_chunks::<64>().0) {
-                let mut word = 0;
-                for i in 0..64 {
-                    // The masks change nothing; they tell the compiler that no place is outside.
-                    let a = copy[first[i] as usize & (COPY_ROW * COPY_ROW - 1)];
-                    let b = copy[second[i] as usize & (COPY_ROW * COPY_ROW - 1)];
-                    word |= u64::from(a < b) << i;
+                let mut word = 0_u64;
+                for i in (0..64).rev() {
+                    let a = copy[usize::from(first[i])];
+                    let b = copy[usize::from(second[i])];
+                    word = word << 1 | u64::from(a < b);
                 }
                 bits.push(word);
             }
@@ -113,10 +122,15 @@ fn harris_strength(pixels: Pixels<'_>, centre: [u32; 2]) -> f32 {
     let mut along = [[0_i16; 8]; 9];
     let mut across = [[0_i16; 8]; 9];
     for y in 0..9 {
-        let run = |left| pixels.run::<8>(centre, left, y as isize - 4).map(i16::from);
-        let (left, middle, right) = (run(4), run(3), run(2));
-        along[y] = std::array::from_fn(|i| right[i] - left[i]);
-        across[y] = std::array::from_fn(|i| left[i] + 2 * middle[i] + right[i]);
+        let down = y as isize - 4;
+        let left = pixels.run::<8>(centre, 4, down);
+        let middle = pixels.run::<8>(centre, 3, down);
+        let right = pixels.run::<8>(centre, 2, down);
+        for i in 0..8 {
+            let (left, right) = (i16::from(left[i]), i16::from(right[i]));
+            along[y][i] = right - left;
+            across[y][i] = left + 2 * i16::from(middle[i]) + right;
+        }
     }
     let mut xx = [0_i32; 8];
     let mut yy = [0_i32; 8];
@@ -130,19 +144,25 @@ fn harris_strength(pixels: Pixels<'_>, centre: [u32; 2]) -> f32 {
             xy[i] += dx * dy;
         }
     }
-    let [a, b, c] = [xx, yy, xy].map(|lanes| lanes[..7].iter().sum::<i32>() as f32);
+    let (mut a, mut b, mut c) = (0, 0, 0);
+    for i in 0..7 {
+        a += xx[i];
+        b += yy[i];
+        c += xy[i];
+    }
+    let (a, b, c) = (a as f32, b as f32, c as f32);
     (a * b - c * c - K * (a + b) * (a + b)) * (SCALE * SCALE * SCALE * SCALE)
 }
 
 #[inline(always)]
 fn intensity_moment(pixels: Pixels<'_>, centre: [u32; 2]) -> [i32; 2] {
-    const IN_CIRCLE: [[u8; 32]; MOMENT_RADIUS + 1] = circle_masks();
+    static IN_CIRCLE: [[u8; 32]; MOMENT_RADIUS + 1] = circle_masks();
     // Per column: the sum, and the sum weighted by y, at most 31 * 255 and 120 * 255.
     let mut sums: [i16; 32] = row_in_circle(pixels, centre, 0, &IN_CIRCLE[0]);
     let mut weighted = [0_i16; 32];
-    for y in 1..=MOMENT_RADIUS {
-        let above = row_in_circle(pixels, centre, -(y as isize), &IN_CIRCLE[y]);
-        let below = row_in_circle(pixels, centre, y as isize, &IN_CIRCLE[y]);
+    for (y, mask) in IN_CIRCLE.iter().enumerate().skip(1) {
+        let above = row_in_circle(pixels, centre, -(y as isize), mask);
+        let below = row_in_circle(pixels, centre, y as isize, mask);
         for i in 0..32 {
             sums[i] += above[i] + below[i];
             weighted[i] += y as i16 * (below[i] - above[i]);
@@ -159,7 +179,11 @@ fn intensity_moment(pixels: Pixels<'_>, centre: [u32; 2]) -> [i32; 2] {
 #[inline(always)]
 fn row_in_circle(pixels: Pixels<'_>, centre: [u32; 2], down: isize, mask: &[u8; 32]) -> [i16; 32] {
     let run = pixels.run::<32>(centre, MOMENT_RADIUS, down);
-    std::array::from_fn(|i| i16::from(run[i] & mask[i]))
+    let mut row = [0; 32];
+    for i in 0..32 {
+        row[i] = i16::from(run[i] & mask[i]);
+    }
+    row
 }
 
 const fn circle_masks() -> [[u8; 32]; MOMENT_RADIUS + 1] {
