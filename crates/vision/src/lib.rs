@@ -11,7 +11,10 @@ pub mod features;
 pub mod geometry;
 pub mod image;
 pub mod matching;
+mod params;
 pub mod robust;
 pub mod seed;
 pub mod simd;
 mod tables;
+
+pub use params::ParamError;

@@ -9,9 +9,13 @@ mod descriptors;
 pub mod fast;
 mod keypoint;
 pub mod orb;
+pub mod sift;
 
 pub use descriptors::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
+pub use fast::{Fast, FastParams};
 pub use keypoint::{Features, Keypoint};
+pub use orb::{Orb, OrbParams};
+pub use sift::{Sift, SiftParams};
 
 use crate::image::GrayImage;
 

@@ -5,6 +5,7 @@
 //! those of OpenCV's `sepFilter2D` with its `getGaussianKernel`.
 
 use super::GrayImage;
+use super::blur::mirror;
 use crate::simd::{weigh_along_u8, weigh_rows_u8};
 
 /// `image` blurred by a Gaussian of standard deviation `sigma` pixels, cut off beyond `radius`
@@ -51,17 +52,6 @@ fn half_kernel(radius: usize, sigma: f64) -> Vec<f32> {
     let mut half: Vec<f32> = weights.iter().map(|weight| (weight / sum) as f32).collect();
     half[0] /= 2.0;
     half
-}
-
-/// The index in `0..length` where `index` falls when the sequence is mirrored about its first and
-/// last element, again and again if need be.
-fn mirror(index: isize, length: usize) -> usize {
-    if length == 1 {
-        return 0;
-    }
-    let period = 2 * (length as isize - 1);
-    let within = index.rem_euclid(period);
-    within.min(period - within) as usize
 }
 
 #[cfg(test)]

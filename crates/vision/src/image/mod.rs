@@ -2,13 +2,19 @@
 //!
 //! Coordinates everywhere: x to the right, y down, the centre of the first pixel at (0, 0).
 
+mod blur;
 mod blur8;
 mod resize;
+mod rows;
+mod scale_space;
 
 use std::fmt;
 
+pub use blur::{GaussianKernel, gaussian_blur};
 pub use blur8::gaussian_blur_u8;
 pub use resize::resize;
+pub use rows::RowBuffer;
+pub use scale_space::{Octave, ScaleSpace, ScaleSpaceShape};
 
 /// Width and height of an image, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -1,0 +1,151 @@
+"""Our features beside OpenCV's: the same pixels, the same keypoints?, the same descriptors?, how fast?
+
+    python features.py EXTRACTOR IMAGE... [--repeats N] [--example PATH] [--max-distance PX]
+
+Both sides get the gray pixels of `cv2.imread(path, 0)` and one thread. A keypoint has a twin in the
+other set if one lies within 0.5 px, 5 % in size and 5 degrees. Prints one row per image and a summary.
+See README.md for what the columns mean.
+"""
+
+import argparse
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# id of ours: (OpenCV's extractor, (x, y) by which OpenCV's positions are known to be shifted).
+EXTRACTORS = {
+    "orb": (lambda: cv2.ORB_create(100_000), (0, 0)),
+    "orb-gms": (lambda: cv2.ORB_create(10_000, fastThreshold=0), (0, 0)),
+    # Positions in the doubled image are halved without taking back its half-pixel offset.
+    "sift": (lambda: cv2.SIFT_create(), (0.25, 0.25)),
+}
+
+
+def opencv(extractor, gray):
+    """Keypoints as rows x y size angle, descriptors, seconds."""
+    start = time.perf_counter()
+    keypoints, descriptors = extractor.detectAndCompute(gray, None)
+    seconds = time.perf_counter() - start
+    rows = np.array([(*k.pt, k.size, k.angle) for k in keypoints], np.float32).reshape(-1, 4)
+    return rows, descriptors, seconds
+
+
+def ours(example, extractor, pgm, repeats):
+    """Keypoints as rows x y size angle, descriptors, median seconds."""
+    out = str(pgm.with_suffix(""))
+    command = [example, extractor, str(pgm), str(repeats), out]
+    printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    keypoints = np.load(out + ".keypoints.npy")
+    return keypoints[:, :4], np.load(out + ".descriptors.npy"), float(printed) / 1e3
+
+
+def twins(a, b, max_distance):
+    """For each row of `a` the index of its twin in `b`, or -1."""
+    twin = np.full(len(a), -1)
+    if len(b) == 0:
+        return twin
+    order = np.argsort(b[:, 0], kind="stable")
+    sorted_x = b[order, 0]
+    first = np.searchsorted(sorted_x, a[:, 0] - max_distance, "left")
+    last = np.searchsorted(sorted_x, a[:, 0] + max_distance, "right")
+    for i, row in enumerate(a):
+        near = order[first[i] : last[i]]
+        distance = np.hypot(b[near, 0] - row[0], b[near, 1] - row[1])
+        turn = np.abs((b[near, 3] - row[3] + 180) % 360 - 180)
+        size = np.abs(b[near, 2] / row[2] - 1)
+        fits = (distance <= max_distance) & (size <= 0.05) & (turn <= 5)
+        if fits.any():
+            # Several directions at one place: the nearest in all respects.
+            cost = distance / max_distance + size / 0.05 + turn / 5
+            twin[i] = near[np.argmin(np.where(fits, cost, np.inf))]
+    return twin
+
+
+def descriptor_distances(a, b):
+    """Distances of rows: relative to the norm, or the share of differing bits."""
+    if a.dtype == np.uint8:
+        return np.unpackbits(a ^ b, axis=1).mean(axis=1)
+    return np.linalg.norm(a - b, axis=1) / np.maximum(np.linalg.norm(a, axis=1), 1e-9)
+
+
+def compare(name, path, example, repeats, max_distance, scratch):
+    make, shift = EXTRACTORS[name]
+    gray = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    if gray is None:
+        sys.exit(f"{path}: not an image")
+    pgm = scratch / f"{Path(path).stem}.pgm"
+    cv2.imwrite(str(pgm), gray)
+    extractor = make()
+    opencv(extractor, gray)  # not timed: first use
+    times = []
+    for _ in range(repeats):  # interleaved, so that both see the same machine
+        reference, reference_rows, theirs = opencv(extractor, gray)
+        found, rows, mine = ours(example, name, pgm, 1)
+        times.append((mine, theirs))
+    there = twins(reference, found, max_distance)
+    back = twins(found, reference, max_distance)
+    matched = there >= 0
+    distance = descriptor_distances(reference_rows[matched], rows[there[matched]])
+    offset = np.median(reference[matched, :2] - found[there[matched], :2], axis=0)
+    centred = reference - np.array([*shift, 0, 0], np.float32)
+    close = twins(centred, found, 0.05)
+    row = {
+        "image": f"{Path(path).parent.name}/{Path(path).name}",
+        "pixels": f"{gray.shape[1]}x{gray.shape[0]}",
+        "theirs": len(reference),
+        "ours": len(found),
+        "theirs>ours %": 100 * matched.mean(),
+        "ours>theirs %": 100 * (back >= 0).mean(),
+        "shift": f"{offset[0]:+.2f},{offset[1]:+.2f}",
+        "<0.05px %": 100 * (close >= 0).mean(),
+        "desc med": float(np.median(distance)),
+        "desc equal %": 100 * float((distance == 0).mean()),
+        "ours ms": 1e3 * statistics.median(t[0] for t in times),
+        "theirs ms": 1e3 * statistics.median(t[1] for t in times),
+        "speed-up": statistics.median(t[1] / t[0] for t in times),
+    }
+    return row
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("extractor", choices=sorted(EXTRACTORS))
+    parser.add_argument("images", nargs="+")
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--max-distance", type=float, default=0.5, help="pixels")
+    parser.add_argument("--example", default=str(ROOT / "target/release/examples/extract"))
+    arguments = parser.parse_args()
+    cv2.setNumThreads(1)
+    print(f"OpenCV {cv2.__version__}, one thread, {arguments.repeats} interleaved repetitions")
+    rows = []
+    with tempfile.TemporaryDirectory() as scratch:
+        for path in arguments.images:
+            row = compare(
+                arguments.extractor, path, arguments.example, arguments.repeats,
+                arguments.max_distance, Path(scratch),
+            )
+            if not rows:
+                print(" | ".join(row))
+            rows.append(row)
+            cells = (f"{v:.4g}" if isinstance(v, float) else str(v) for v in row.values())
+            print(" | ".join(cells), flush=True)
+    print(
+        "worst: theirs>ours {:.2f} %, ours>theirs {:.2f} %, desc med {:.4f}, speed-up {:.2f}".format(
+            min(r["theirs>ours %"] for r in rows),
+            min(r["ours>theirs %"] for r in rows),
+            max(r["desc med"] for r in rows),
+            min(r["speed-up"] for r in rows),
+        )
+    )
+
+
+if __name__ == "__main__":
+    main()

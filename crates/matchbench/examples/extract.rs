@@ -1,0 +1,127 @@
+//! Extracts features from one image, several times, and says how long it took.
+//!
+//! ```text
+//! extract EXTRACTOR IMAGE REPEATS OUT
+//! ```
+//!
+//! IMAGE is an 8-bit grey PGM or PNG. Prints the median time in milliseconds. Writes
+//! `OUT.keypoints.npy`, one row `x y size angle_in_degrees response octave` each (an angle of -1
+//! stands for none), and `OUT.descriptors.npy`, one row of values (or of bytes, for binary
+//! descriptors) each. `compare/features.py` reads them.
+
+use std::error::Error;
+use std::path::Path;
+use std::time::Instant;
+
+use matchbench_vision::features::{
+    Descriptors, Extractor, Features, Orb, OrbParams, Sift, SiftParams,
+};
+use matchbench_vision::image::{GrayImage, Size};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [id, image, repeats, out] = arguments.as_slice() else {
+        return Err("usage: extract EXTRACTOR IMAGE REPEATS OUT".into());
+    };
+    let extractor = extractor(id)?;
+    let image = read_gray(Path::new(image))?;
+    let mut times = Vec::new();
+    let mut features = extractor.extract(&image);
+    for _ in 0..repeats.parse::<usize>()? {
+        let start = Instant::now();
+        features = extractor.extract(&image);
+        times.push(start.elapsed().as_secs_f64() * 1e3);
+    }
+    times.sort_by(f64::total_cmp);
+    println!(
+        "{:.3}",
+        times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
+    );
+    write(&features, out)
+}
+
+/// One line for each extractor that can be compared.
+fn extractor(id: &str) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
+    match id {
+        "orb" => Ok(Box::new(Orb::new(OrbParams::default())?)),
+        "orb-gms" => Ok(Box::new(Orb::new(OrbParams {
+            features: 10_000,
+            fast_threshold: 0,
+            ..OrbParams::default()
+        })?)),
+        "sift" => Ok(Box::new(Sift::new(SiftParams::default())?)),
+        _ => Err(format!("no extractor `{id}`; known: orb, orb-gms, sift").into()),
+    }
+}
+
+fn read_gray(path: &Path) -> Result<GrayImage, Box<dyn Error>> {
+    let image::DynamicImage::ImageLuma8(pixels) = image::open(path)? else {
+        return Err(format!("{}: not an 8-bit grey image", path.display()).into());
+    };
+    let size = Size::new(pixels.width() as usize, pixels.height() as usize);
+    Ok(GrayImage::from_vec(size, pixels.into_raw()))
+}
+
+fn write(features: &Features, out: &str) -> Result<(), Box<dyn Error>> {
+    let keypoints: Vec<u8> = features
+        .keypoints
+        .iter()
+        .flat_map(|k| {
+            let angle = k.angle.map_or(-1.0, f32::to_degrees);
+            [
+                k.at.x,
+                k.at.y,
+                k.size,
+                angle,
+                k.response,
+                f32::from(k.octave),
+            ]
+        })
+        .flat_map(f32::to_le_bytes)
+        .collect();
+    write_npy(
+        &format!("{out}.keypoints.npy"),
+        "<f4",
+        features.len(),
+        6,
+        &keypoints,
+    )?;
+    let (kind, columns, data): (_, _, Vec<u8>) = match &features.descriptors {
+        Descriptors::Float(rows) => (
+            "<f4",
+            rows.dim(),
+            rows.data().iter().flat_map(|v| v.to_le_bytes()).collect(),
+        ),
+        Descriptors::Binary(rows) => (
+            "|u1",
+            8 * rows.words(),
+            rows.data().iter().flat_map(|v| v.to_le_bytes()).collect(),
+        ),
+    };
+    write_npy(
+        &format!("{out}.descriptors.npy"),
+        kind,
+        features.len(),
+        columns,
+        &data,
+    )
+}
+
+/// A matrix in numpy's file format, version 1.0.
+fn write_npy(
+    path: &str,
+    kind: &str,
+    rows: usize,
+    columns: usize,
+    data: &[u8],
+) -> Result<(), Box<dyn Error>> {
+    let header =
+        format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({rows}, {columns}), }}");
+    // Magic, version and length take 10 bytes; the data start at a multiple of 64.
+    let length = (10 + header.len() + 1).next_multiple_of(64) - 10;
+    let mut file = b"\x93NUMPY\x01\x00".to_vec();
+    file.extend_from_slice(&u16::try_from(length)?.to_le_bytes());
+    file.extend_from_slice(format!("{header:<width$}\n", width = length - 1).as_bytes());
+    file.extend_from_slice(data);
+    std::fs::write(path, file).map_err(|error| format!("{path}: {error}").into())
+}

@@ -1,0 +1,103 @@
+//! The 128 values that describe a patch (section 6).
+
+use core::f32::consts::{SQRT_2, TAU};
+use std::ops::RangeInclusive;
+
+use nalgebra::Point2;
+
+use super::patch::Patch;
+use crate::image::RowBuffer;
+use crate::simd::{PatchGrid, PatchHistogram, add_patch_row};
+
+/// Cells of the grid along a side.
+const CELLS: usize = 4;
+/// Directions in a cell.
+const BINS: usize = 8;
+/// Values of a descriptor.
+pub(super) const LENGTH: usize = CELLS * CELLS * BINS;
+/// Width of a cell, in scales of the keypoint.
+const CELL_WIDTH: f32 = 3.0;
+/// No value may exceed this share of the norm before the second normalisation.
+const CLIP: f32 = 0.2;
+/// What a unit vector is scaled to before its values are rounded and limited to 255.
+const NORM: f32 = 512.0;
+
+/// Describes patches; its buffers are used again and again.
+#[derive(Default)]
+pub(super) struct PatchDescriber {
+    patch: Patch,
+}
+
+impl PatchDescriber {
+    /// The descriptor of the patch of a keypoint at `at` in pixels of `layer`, with a `scale` in
+    /// those pixels and an `angle` in radians from x towards y.
+    pub(super) fn describe(
+        &mut self,
+        layer: &RowBuffer,
+        at: Point2<f32>,
+        scale: f32,
+        angle: f32,
+    ) -> [f32; LENGTH] {
+        let size = layer.size();
+        let cell = CELL_WIDTH * scale;
+        // Half a diagonal of the grid and one half cell of interpolation on each side.
+        let reach = (cell * SQRT_2 * (CELLS as f32 + 1.0) * 0.5).round_ties_even();
+        let radius = reach.min((size.width + size.height) as f32) as i32;
+        let (sin, cos) = libm::sincosf(angle);
+        let grid = PatchGrid {
+            cos: cos / cell,
+            sin: sin / cell,
+            direction: 1.0 - angle / TAU,
+        };
+        // A Gaussian of half the width of the grid.
+        let deviation = 0.5 * CELLS as f32 * cell;
+        self.patch.reset(radius, -0.5 / (deviation * deviation));
+        let mut histogram: PatchHistogram = [0.0; 512];
+        self.patch.for_each_row(
+            layer,
+            [at.x, at.y].map(|v| v.round_ties_even() as i32),
+            |y| columns_inside(&grid, y as f32),
+            |row| add_patch_row(&grid, row, &mut histogram),
+        );
+        normalized(std::array::from_fn(|i| {
+            let (row, column, bin) = (i / (CELLS * BINS), i / BINS % CELLS, i % BINS);
+            histogram[(row + 1) * 64 + (column + 1) * 8 + bin]
+        }))
+    }
+}
+
+/// Offsets x where a row of pixels at offset `y` can lie within the grid and half a cell around
+/// it: `|x cos + y sin| < 2.5` and `|y cos - x sin| < 2.5`, and one more to be safe of rounding.
+fn columns_inside(grid: &PatchGrid, y: f32) -> RangeInclusive<i32> {
+    const HALF: f32 = 0.5 * (CELLS as f32 + 1.0);
+    let mut first = f32::MIN;
+    let mut last = f32::MAX;
+    for (slope, middle) in [(grid.cos, -y * grid.sin), (grid.sin, y * grid.cos)] {
+        if slope.abs() > 1e-9 {
+            let (a, b) = ((middle - HALF) / slope, (middle + HALF) / slope);
+            first = first.max(a.min(b));
+            last = last.min(a.max(b));
+        }
+    }
+    // Within any image, so that sums of offsets do not overflow.
+    (first.max(-1e6).floor() as i32)..=(last.min(1e6).ceil() as i32)
+}
+
+fn normalized(mut values: [f32; LENGTH]) -> [f32; LENGTH] {
+    let limit = norm(&values) * CLIP;
+    for value in &mut values {
+        *value = value.min(limit);
+    }
+    let scale = NORM / norm(&values).max(f32::EPSILON);
+    values.map(|value| (value * scale).round_ties_even().min(255.0))
+}
+
+fn norm(values: &[f32; LENGTH]) -> f32 {
+    let mut sums = [0.0_f32; 8];
+    for chunk in values.as_chunks::<8>().0 {
+        for (sum, value) in sums.iter_mut().zip(chunk) {
+            *sum += value * value;
+        }
+    }
+    sums.iter().sum::<f32>().sqrt()
+}

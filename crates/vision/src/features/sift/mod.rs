@@ -1,0 +1,314 @@
+//! SIFT: blobs in scale space, described by histograms of gradient directions.
+//!
+//! D. G. Lowe: "Distinctive Image Features from Scale-Invariant Keypoints", International Journal
+//! of Computer Vision 60(2), 91-110, 2004.
+//!
+//! 1. Scale space of the doubled image ([`ScaleSpace`], section 3); differences of neighbouring
+//!    layers, `D` (eq. 1).
+//! 2. Extrema of `D` among 26 neighbours; position and scale by a quadratic fit (eq. 2, 3); those
+//!    of low contrast or on edges are dropped (section 4).
+//! 3. Directions: peaks of a histogram of 36 gradient directions around the keypoint, weighted by
+//!    a Gaussian of 1.5 times its scale; one keypoint for each peak of at least 80 % of the
+//!    highest (section 5).
+//! 4. Descriptor: 4 x 4 histograms of 8 directions over a patch turned to that direction,
+//!    trilinear, weighted by a Gaussian; normalised, clipped at 0.2, normalised (section 6).
+//!
+//! | symbol | field | default | source |
+//! | --- | --- | --- | --- |
+//! | s | `octave_layers` | 3 | section 3.2 |
+//! | sigma | `sigma` | 1.6 | section 3.3 |
+//! | contrast | `contrast_threshold` | 0.04 | OpenCV; divided by s. Lowe's 0.03 would be 0.09 |
+//! | r | `edge_threshold` | 10 | section 4.1 |
+//! | - | `double_image` | true | section 3.3 |
+//! | - | `limit` | none | OpenCV's `nfeatures` = 0 |
+//!
+//! *Choices the paper leaves open* are those of OpenCV 4 with default arguments: which kernel
+//! sizes, the border of 5 pixels, a candidate's `|D|` above half the contrast threshold (rounded
+//! down in grey levels), at most 5 steps of the fit, smoothing of the direction histogram by
+//! (1 4 6 4 1) / 16, cells 3 scales wide, gradients at whole pixels about the rounded position,
+//! values times 512 rounded to integers 0..=255, keypoints sorted by position and duplicates
+//! dropped.
+//!
+//! *Differences from OpenCV*: positions. Doubling the image moves pixel (x, y) to
+//! (2 x + 1/2, 2 y + 1/2); OpenCV halves positions without taking that back, so its keypoints lie
+//! 0.25 pixels too far right and down. Here a position is where the pixel centres say.
+//! A fit that wanders more than 8 pixels from its extremum is given up. The last digits of sums
+//! differ.
+
+mod descriptor;
+mod extrema;
+mod orientation;
+mod patch;
+
+use nalgebra::Point2;
+
+use super::{
+    Describer, DescriptorKind, Descriptors, Detector, Extractor, Features, FloatRows, Keypoint,
+};
+use crate::ParamError;
+use crate::image::{GrayImage, ScaleSpace, ScaleSpaceShape};
+use descriptor::{LENGTH, PatchDescriber};
+use extrema::{Extremum, ExtremumFinder};
+use orientation::Orientations;
+
+/// Parameters of [`Sift`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct SiftParams {
+    /// Keep the keypoints of strongest response, at most this many.
+    pub limit: Option<usize>,
+    /// Scales per octave, 1 to 16.
+    pub octave_layers: usize,
+    /// Least contrast times `octave_layers`, for grey values in 0..=1.
+    pub contrast_threshold: f32,
+    /// Largest ratio of the principal curvatures, above 1.
+    pub edge_threshold: f32,
+    /// Blur of the first layer of each octave, in its pixels; 0.5 to 8.
+    pub sigma: f64,
+    /// Whether to start from the image at twice its resolution.
+    pub double_image: bool,
+}
+
+impl Default for SiftParams {
+    fn default() -> Self {
+        Self {
+            limit: None,
+            octave_layers: 3,
+            contrast_threshold: 0.04,
+            edge_threshold: 10.0,
+            sigma: 1.6,
+            double_image: true,
+        }
+    }
+}
+
+/// The SIFT detector and describer.
+///
+/// `Keypoint::octave` is the number of the scale nearest to the keypoint: octave `o`, layer `l` is
+/// `octave_layers * o + l`, where layers count from 1 and octave 0 has the pixels of the image.
+/// Its blur is `sigma * 2^(octave / octave_layers)`. The size of a keypoint is twice its scale.
+///
+/// As a [`Describer`] it describes keypoints of any detector: one whose number does not agree with
+/// its size is described at the scale nearest to its size, one without an angle gets the highest
+/// peak of the direction histogram. Keypoints outside the image, or without a positive size, are
+/// removed.
+#[derive(Clone, Debug)]
+pub struct Sift {
+    params: SiftParams,
+}
+
+impl Sift {
+    /// A SIFT of these parameters.
+    ///
+    /// # Errors
+    /// If a parameter is out of its range.
+    pub fn new(params: SiftParams) -> Result<Self, ParamError> {
+        let SiftParams {
+            octave_layers,
+            contrast_threshold,
+            edge_threshold,
+            sigma,
+            ..
+        } = params;
+        ParamError::unless(
+            (1..=16).contains(&octave_layers),
+            "octave_layers",
+            octave_layers,
+            "1 to 16",
+        )?;
+        ParamError::unless(
+            contrast_threshold >= 0.0 && contrast_threshold.is_finite(),
+            "contrast_threshold",
+            contrast_threshold,
+            "at least 0",
+        )?;
+        ParamError::unless(
+            edge_threshold > 1.0,
+            "edge_threshold",
+            edge_threshold,
+            "above 1",
+        )?;
+        ParamError::unless((0.5..=8.0).contains(&sigma), "sigma", sigma, "0.5 to 8")?;
+        Ok(Self { params })
+    }
+
+    /// What this SIFT was made with.
+    pub fn params(&self) -> &SiftParams {
+        &self.params
+    }
+
+    /// Keypoints in their order, and the scale space they were found in.
+    fn detect_in_scale_space(&self, image: &GrayImage) -> (Vec<Keypoint>, ScaleSpace) {
+        let mut finder = ExtremumFinder::new(&self.params);
+        let space = ScaleSpace::build(image, &self.shape(), |octave, y| finder.visit(octave, y));
+        let mut orientations = Orientations::default();
+        let mut keypoints = Vec::new();
+        for (octave, extrema) in space.octaves.iter().zip(finder.into_octaves()) {
+            for extremum in extrema {
+                let keypoint = self.keypoint(octave.number, &extremum);
+                let layer = octave.layer(extremum.layer);
+                let angles = orientations.peaks(layer, extremum.pixel, extremum.scale);
+                keypoints.extend(angles.iter().map(|&angle| Keypoint {
+                    angle: Some(angle),
+                    ..keypoint
+                }));
+            }
+        }
+        sort_and_deduplicate(&mut keypoints);
+        if let Some(limit) = self.params.limit {
+            keep_strongest(&mut keypoints, limit);
+        }
+        (keypoints, space)
+    }
+
+    fn describe_in_scale_space(
+        &self,
+        space: &ScaleSpace,
+        image: &GrayImage,
+        keypoints: &mut Vec<Keypoint>,
+    ) -> FloatRows {
+        let mut data = Vec::with_capacity(LENGTH * keypoints.len());
+        let mut describer = PatchDescriber::default();
+        let mut orientations = Orientations::default();
+        keypoints.retain_mut(|keypoint| {
+            if space.octaves.is_empty() || !is_inside(keypoint, image) {
+                return false;
+            }
+            let (octave, layer) = self.level(keypoint, space);
+            let octave = &space.octaves[octave];
+            let (at, scale) = self.in_octave(keypoint, octave.number);
+            let layer = octave.layer(layer);
+            let angle = *keypoint.angle.get_or_insert_with(|| {
+                let pixel = [at.x, at.y].map(|v| v.round_ties_even().max(0.0) as usize);
+                orientations.strongest(layer, pixel, scale)
+            });
+            data.extend_from_slice(&describer.describe(layer, at, scale, angle));
+            true
+        });
+        FloatRows::from_vec(LENGTH, data)
+    }
+
+    fn shape(&self) -> ScaleSpaceShape {
+        ScaleSpaceShape {
+            double: self.params.double_image,
+            intervals: self.params.octave_layers,
+            sigma: self.params.sigma,
+            input_sigma: 0.5,
+            smallest: 2 * extrema::BORDER + 1,
+        }
+    }
+
+    /// How far pixel centres moved when the image was doubled, in pixels of the image.
+    fn shift(&self) -> f32 {
+        if self.params.double_image { 0.25 } else { 0.0 }
+    }
+
+    fn keypoint(&self, octave: i32, extremum: &Extremum) -> Keypoint {
+        let spacing = spacing(octave);
+        Keypoint {
+            at: extremum.at.map(|v| v * spacing - self.shift()),
+            size: 2.0 * extremum.scale * spacing,
+            angle: None,
+            response: extremum.response,
+            octave: (self.params.octave_layers as i32 * octave + extremum.layer as i32) as i16,
+        }
+    }
+
+    /// Position and scale of a keypoint in pixels of an octave.
+    fn in_octave(&self, keypoint: &Keypoint, octave: i32) -> (Point2<f32>, f32) {
+        let spacing = spacing(octave);
+        let at = keypoint.at.map(|v| (v + self.shift()) / spacing);
+        (at, 0.5 * keypoint.size / spacing)
+    }
+
+    /// Index of the octave and number of the layer where a keypoint is described.
+    fn level(&self, keypoint: &Keypoint, space: &ScaleSpace) -> (usize, usize) {
+        let layers = self.params.octave_layers as i32;
+        let by_size = layers as f32 * libm::log2f(0.5 * keypoint.size / self.params.sigma as f32);
+        let number = f32::from(keypoint.octave);
+        // The fit puts a keypoint within half a step of its layer, up to rounding.
+        let agrees = (number - by_size).abs() < 0.501;
+        let level = (if agrees { number } else { by_size.round() }) as i32;
+        let finest = space.octaves[0].number;
+        let coarsest = finest + space.octaves.len() as i32 - 1;
+        let level = level.clamp(layers * finest + 1, layers * (coarsest + 1));
+        let octave = (level - 1).div_euclid(layers);
+        (
+            (octave - finest) as usize,
+            (level - layers * octave) as usize,
+        )
+    }
+}
+
+impl Detector for Sift {
+    fn detect(&self, image: &GrayImage) -> Vec<Keypoint> {
+        self.detect_in_scale_space(image).0
+    }
+}
+
+impl Describer for Sift {
+    fn kind(&self) -> DescriptorKind {
+        DescriptorKind::Float { dim: LENGTH }
+    }
+
+    fn describe(&self, image: &GrayImage, keypoints: &mut Vec<Keypoint>) -> Descriptors {
+        let space = ScaleSpace::build(image, &self.shape(), |_, _| ());
+        Descriptors::Float(self.describe_in_scale_space(&space, image, keypoints))
+    }
+}
+
+impl Extractor for Sift {
+    fn kind(&self) -> DescriptorKind {
+        DescriptorKind::Float { dim: LENGTH }
+    }
+
+    fn extract(&self, image: &GrayImage) -> Features {
+        let (mut keypoints, space) = self.detect_in_scale_space(image);
+        let descriptors = self.describe_in_scale_space(&space, image, &mut keypoints);
+        Features::new(image.size(), keypoints, Descriptors::Float(descriptors))
+    }
+}
+
+/// Width of a pixel of an octave in pixels of the image.
+fn spacing(octave: i32) -> f32 {
+    libm::scalbnf(1.0, octave)
+}
+
+fn is_inside(keypoint: &Keypoint, image: &GrayImage) -> bool {
+    let within = |v: f32, length: usize| v >= -0.5 && v < length as f32 - 0.5;
+    within(keypoint.at.x, image.width())
+        && within(keypoint.at.y, image.height())
+        && keypoint.size > 0.0
+        && keypoint.size.is_finite()
+        && keypoint.angle.is_none_or(f32::is_finite)
+}
+
+/// By column, then row, larger before smaller, then angle, and stronger before weaker; of those
+/// that agree in place, size and angle the first is kept.
+fn sort_and_deduplicate(keypoints: &mut Vec<Keypoint>) {
+    keypoints.sort_by(|a, b| {
+        let by_angle = |k: &Keypoint| k.angle.unwrap_or(0.0);
+        (a.at.x.total_cmp(&b.at.x))
+            .then(a.at.y.total_cmp(&b.at.y))
+            .then(b.size.total_cmp(&a.size))
+            .then(by_angle(a).total_cmp(&by_angle(b)))
+            .then(b.response.total_cmp(&a.response))
+            .then(b.octave.cmp(&a.octave))
+    });
+    keypoints.dedup_by(|later, first| {
+        (later.at, later.size, later.angle) == (first.at, first.size, first.angle)
+    });
+}
+
+/// Removes all but the `limit` strongest, earlier ones first among equals, without reordering.
+fn keep_strongest(keypoints: &mut Vec<Keypoint>, limit: usize) {
+    let mut order: Vec<usize> = (0..keypoints.len()).collect();
+    order.sort_by(|&i, &j| keypoints[j].response.total_cmp(&keypoints[i].response));
+    order.truncate(limit);
+    order.sort_unstable();
+    *keypoints = order.into_iter().map(|i| keypoints[i]).collect();
+}
+
+#[cfg(test)]
+mod tests;

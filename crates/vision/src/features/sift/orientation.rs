@@ -1,0 +1,111 @@
+//! Dominant directions of the gradients around a keypoint (section 5).
+
+use core::f32::consts::{PI, TAU};
+
+use super::patch::Patch;
+use crate::image::RowBuffer;
+use crate::simd::add_directions;
+
+const BINS: usize = 36;
+/// Standard deviation of the Gaussian window, in scales of the keypoint.
+const WINDOW: f32 = 1.5;
+/// Half the side of the square that is looked at, in scales: three standard deviations.
+const RADIUS: f32 = 3.0 * WINDOW;
+/// A peak counts if it is at least this share of the highest.
+const PEAK_RATIO: f32 = 0.8;
+
+/// Finds dominant directions; its buffers are used again and again.
+#[derive(Default)]
+pub(super) struct Orientations {
+    patch: Patch,
+    peaks: Vec<f32>,
+}
+
+impl Orientations {
+    /// Angles of the peaks about a pixel, in radians in `[0, 2 pi)` from x towards y.
+    pub(super) fn peaks(&mut self, layer: &RowBuffer, pixel: [usize; 2], scale: f32) -> &[f32] {
+        let histogram = self.histogram(layer, pixel, scale);
+        let highest = histogram.iter().copied().fold(0.0, f32::max);
+        self.peaks.clear();
+        for bin in 0..BINS {
+            if is_peak(&histogram, bin) && histogram[bin] >= PEAK_RATIO * highest {
+                self.peaks.push(peak_angle(&histogram, bin));
+            }
+        }
+        &self.peaks
+    }
+
+    /// Angle of the highest peak, the first of equals; 0 where there is no gradient.
+    pub(super) fn strongest(&mut self, layer: &RowBuffer, pixel: [usize; 2], scale: f32) -> f32 {
+        let histogram = self.histogram(layer, pixel, scale);
+        let peaks = (0..BINS).filter(|&bin| is_peak(&histogram, bin));
+        peaks
+            .reduce(|best, bin| {
+                if histogram[bin] > histogram[best] {
+                    bin
+                } else {
+                    best
+                }
+            })
+            .map_or(0.0, |bin| peak_angle(&histogram, bin))
+    }
+
+    /// The smoothed histogram; bin `i` is the direction of `10 i` degrees upwards from x.
+    fn histogram(&mut self, layer: &RowBuffer, pixel: [usize; 2], scale: f32) -> [f32; BINS] {
+        let size = layer.size();
+        let longest = size.width.max(size.height) as f32;
+        let radius = (RADIUS * scale).round_ties_even().min(longest) as i32;
+        let deviation = WINDOW * scale;
+        self.patch.reset(radius, -0.5 / (deviation * deviation));
+        let mut raw = [0.0; BINS];
+        self.patch.for_each_row(
+            layer,
+            pixel.map(|v| v as i32),
+            |_| -radius..=radius,
+            |row| add_directions(row, &mut raw),
+        );
+        std::array::from_fn(|i| {
+            let at = |offset: usize| raw[(i + BINS + offset - 2) % BINS];
+            ((at(0) + at(4)) * 1.0 + (at(1) + at(3)) * 4.0 + at(2) * 6.0) / 16.0
+        })
+    }
+}
+
+fn neighbours(histogram: &[f32; BINS], bin: usize) -> (f32, f32) {
+    (
+        histogram[(bin + BINS - 1) % BINS],
+        histogram[(bin + 1) % BINS],
+    )
+}
+
+fn is_peak(histogram: &[f32; BINS], bin: usize) -> bool {
+    let (before, after) = neighbours(histogram, bin);
+    histogram[bin] > before && histogram[bin] > after
+}
+
+/// The angle at the top of the parabola through a peak and its neighbours.
+fn peak_angle(histogram: &[f32; BINS], bin: usize) -> f32 {
+    let (before, after) = neighbours(histogram, bin);
+    let top = bin as f32 + 0.5 * (before - after) / (before - 2.0 * histogram[bin] + after);
+    let upwards = top.rem_euclid(BINS as f32) * (360.0 / BINS as f32);
+    let radians = (360.0 - upwards) * (PI / 180.0);
+    if radians >= TAU { 0.0 } else { radians }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_top_of_a_parabola_is_found_across_the_seam() {
+        let mut histogram = [0.0; BINS];
+        // 10 - (i - 0.25)^2 around bin 0, counted upwards: 2.5 degrees above the x axis.
+        for (bin, x) in [(35, -1.0_f32), (0, 0.0), (1, 1.0)] {
+            histogram[bin] = 10.0 - (x - 0.25) * (x - 0.25);
+        }
+        assert!(is_peak(&histogram, 0));
+        assert!((peak_angle(&histogram, 0).to_degrees() - 357.5).abs() < 1e-3);
+        histogram.swap(1, 35);
+        assert!((peak_angle(&histogram, 0).to_degrees() - 2.5).abs() < 1e-3);
+    }
+}

@@ -1,0 +1,179 @@
+//! Weighted sums of rows and along rows: the two passes of a separable filter.
+
+/// Rows that [`weigh_rows`] makes at once, so that a row is loaded once for four sums.
+pub const ROWS_AT_ONCE: usize = 4;
+
+multiversioned! {
+    /// The vertical pass: `out[r][x]` is the sum over k of `taps[k] * rows[r + k][x]`, for up to
+    /// [`ROWS_AT_ONCE`] neighbouring rows.
+    ///
+    /// # Panics
+    /// If there are not `taps.len() + out.len() - 1` rows, or if one is shorter than an output.
+    pub fn weigh_rows(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) {
+        assert_eq!(rows.len() + 1, taps.len() + out.len(), "a row for each tap");
+        match out {
+            [a, b, c, d] if taps.len() >= ROWS_AT_ONCE => {
+                rows_pass(rows, taps, &mut [&mut **a, &mut **b, &mut **c, &mut **d]);
+            }
+            _ => {
+                for (r, out) in out.iter_mut().enumerate() {
+                    rows_pass(&rows[r..][..taps.len()], taps, &mut [&mut **out]);
+                }
+            }
+        }
+    }
+
+    /// The horizontal pass with symmetric taps: `out[x]` is the sum over k of
+    /// `taps[k] * padded[x + k]`, from the outermost pair of taps to the middle.
+    ///
+    /// # Panics
+    /// If the number of taps is even, or `padded` not `taps.len() - 1` longer than `out`.
+    pub fn weigh_symmetric(padded: &[f32], taps: &[f32], out: &mut [f32]) {
+        const LANES: usize = 32;
+        assert!(taps.len() % 2 == 1, "one tap in the middle");
+        assert_eq!(padded.len() + 1, out.len() + taps.len(), "padding for the taps");
+        let mut x = 0;
+        while x + LANES <= out.len() {
+            symmetric_block::<LANES>(padded, taps, out, x);
+            x += LANES;
+        }
+        while x + 8 <= out.len() {
+            symmetric_block::<8>(padded, taps, out, x);
+            x += 8;
+        }
+        while x < out.len() {
+            symmetric_block::<1>(padded, taps, out, x);
+            x += 1;
+        }
+    }
+}
+
+#[inline(always)]
+fn rows_pass<const R: usize>(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]; R]) {
+    const LANES: usize = 16;
+    let width = out[0].len();
+    let mut x = 0;
+    while x + LANES <= width {
+        rows_block::<R, LANES>(rows, taps, out, x);
+        x += LANES;
+    }
+    while x < width {
+        rows_block::<R, 1>(rows, taps, out, x);
+        x += 1;
+    }
+}
+
+/// Columns `x..x + L` of `R` output rows. The first and the last `R - 1` input rows meet only
+/// some of the outputs.
+#[inline(always)]
+fn rows_block<const R: usize, const L: usize>(
+    rows: &[&[f32]],
+    taps: &[f32],
+    out: &mut [&mut [f32]; R],
+    x: usize,
+) {
+    let count = taps.len();
+    let mut sums = [[0.0_f32; L]; R];
+    for (j, row) in rows[..R - 1].iter().enumerate() {
+        let values = lanes::<L>(row, x);
+        for (r, sum) in sums.iter_mut().enumerate() {
+            if r <= j {
+                add_scaled(sum, values, taps[j - r]);
+            }
+        }
+    }
+    for (row, taps) in rows[R - 1..count].iter().zip(taps.windows(R)) {
+        let values = lanes::<L>(row, x);
+        for (r, sum) in sums.iter_mut().enumerate() {
+            add_scaled(sum, values, taps[R - 1 - r]);
+        }
+    }
+    for (i, row) in rows[count..].iter().enumerate() {
+        let values = lanes::<L>(row, x);
+        for (r, sum) in sums.iter_mut().enumerate() {
+            if r > i {
+                add_scaled(sum, values, taps[count + i - r]);
+            }
+        }
+    }
+    for (out, sum) in out.iter_mut().zip(&sums) {
+        out[x..x + L].copy_from_slice(sum);
+    }
+}
+
+#[inline(always)]
+fn symmetric_block<const L: usize>(padded: &[f32], taps: &[f32], out: &mut [f32], x: usize) {
+    let radius = taps.len() / 2;
+    let mut sum = [0.0_f32; L];
+    for (k, &tap) in taps[..radius].iter().enumerate() {
+        let left = lanes::<L>(padded, x + k);
+        let right = lanes::<L>(padded, x + 2 * radius - k);
+        for i in 0..L {
+            sum[i] = tap.mul_add(left[i] + right[i], sum[i]);
+        }
+    }
+    add_scaled(&mut sum, lanes::<L>(padded, x + radius), taps[radius]);
+    out[x..x + L].copy_from_slice(&sum);
+}
+
+#[inline(always)]
+fn lanes<const L: usize>(row: &[f32], x: usize) -> &[f32; L] {
+    row[x..].first_chunk::<L>().expect("rows of one width")
+}
+
+#[inline(always)]
+fn add_scaled<const L: usize>(sum: &mut [f32; L], values: &[f32; L], scale: f32) {
+    for i in 0..L {
+        sum[i] = values[i].mul_add(scale, sum[i]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::Seed;
+
+    fn random_row(width: usize, seed: u64) -> Vec<f32> {
+        let mut rng = Seed(seed).rng();
+        (0..width).map(|_| rng.uniform() as f32 * 255.0).collect()
+    }
+
+    #[test]
+    fn four_rows_at_once_are_the_same_bits_as_one_by_one() {
+        for (width, count) in [(1, 5), (15, 3), (33, 4), (70, 11)] {
+            let taps = random_row(count, 9);
+            let rows: Vec<_> = (0..count + 3)
+                .map(|y| random_row(width, y as u64))
+                .collect();
+            let rows: Vec<&[f32]> = rows.iter().map(Vec::as_slice).collect();
+            let mut four = vec![0.0; 4 * width];
+            weigh_rows(
+                &rows,
+                &taps,
+                &mut four.chunks_mut(width).collect::<Vec<_>>(),
+            );
+            for (y, four) in four.chunks(width).enumerate() {
+                let expected: Vec<f32> = (0..width)
+                    .map(|x| {
+                        (0..count).fold(0.0_f32, |sum, k| rows[y + k][x].mul_add(taps[k], sum))
+                    })
+                    .collect();
+                assert_eq!(four, expected, "{width} columns, {count} taps, row {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn blocks_and_single_pixels_are_the_same_bits() {
+        let taps = [0.1, 0.2, 0.4, 0.2, 0.1];
+        let padded = random_row(61 + 4, 3);
+        let mut out = vec![0.0; 61];
+        weigh_symmetric(&padded, &taps, &mut out);
+        for (x, &value) in out.iter().enumerate() {
+            let p = &padded[x..];
+            let outer = taps[0].mul_add(p[0] + p[4], 0.0);
+            let inner = taps[1].mul_add(p[1] + p[3], outer);
+            assert_eq!(value, p[2].mul_add(taps[2], inner));
+        }
+    }
+}

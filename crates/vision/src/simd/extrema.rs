@@ -1,0 +1,132 @@
+//! Extrema among the 26 neighbours in three layers of a scale space.
+
+use std::ops::Range;
+
+/// Three neighbouring rows of one layer.
+pub type ThreeRows<'a> = [&'a [f32]; 3];
+
+multiversioned! {
+    /// Appends to `found` the columns in `columns` where the middle row of the middle layer
+    /// exceeds `threshold` (at least 0) in absolute value and is not smaller (if positive) or not
+    /// larger (if negative) than any of its 26 neighbours.
+    ///
+    /// # Panics
+    /// If `columns` does not leave a column free on each side in every row.
+    pub fn find_extrema(layers: &[ThreeRows<'_>; 3], columns: Range<usize>, threshold: f32, found: &mut Vec<u32>) {
+        const LANES: usize = 16;
+        let mut x = columns.start;
+        while x + LANES <= columns.end {
+            block::<LANES>(layers, x, threshold, found);
+            x += LANES;
+        }
+        while x < columns.end {
+            block::<1>(layers, x, threshold, found);
+            x += 1;
+        }
+    }
+}
+
+/// Most blocks end at the threshold or among the eight neighbours in their own layer.
+#[inline(always)]
+fn block<const L: usize>(
+    layers: &[ThreeRows<'_>; 3],
+    x: usize,
+    threshold: f32,
+    found: &mut Vec<u32>,
+) {
+    let [above, here, below] = layers[1];
+    let centre = lanes::<L>(here, x);
+    if !any(&std::array::from_fn::<_, L, _>(|i| {
+        centre[i].abs() > threshold
+    })) {
+        return;
+    }
+    let (left, right) = (lanes::<L>(here, x - 1), lanes::<L>(here, x + 1));
+    let mut low: [f32; L] = std::array::from_fn(|i| smaller(left[i], right[i]));
+    let mut high: [f32; L] = std::array::from_fn(|i| larger(left[i], right[i]));
+    for row in [above, below] {
+        for start in x - 1..=x + 1 {
+            let values = lanes::<L>(row, start);
+            for i in 0..L {
+                low[i] = smaller(low[i], values[i]);
+                high[i] = larger(high[i], values[i]);
+            }
+        }
+    }
+    let candidate: [bool; L] = std::array::from_fn(|i| {
+        (centre[i] > threshold && centre[i] >= high[i])
+            || (centre[i] < -threshold && centre[i] <= low[i])
+    });
+    if !any(&candidate) {
+        return;
+    }
+    for i in 0..L {
+        if candidate[i] && beats_other_layers(layers, x + i, centre[i]) {
+            found.push((x + i) as u32);
+        }
+    }
+}
+
+#[inline(always)]
+fn beats_other_layers(layers: &[ThreeRows<'_>; 3], x: usize, value: f32) -> bool {
+    let mut others = [layers[0], layers[2]]
+        .into_iter()
+        .flatten()
+        .flat_map(|row| &row[x - 1..=x + 1]);
+    if value > 0.0 {
+        others.all(|&other| value >= other)
+    } else {
+        others.all(|&other| value <= other)
+    }
+}
+
+#[inline(always)]
+fn any<const L: usize>(mask: &[bool; L]) -> bool {
+    mask.iter().fold(false, |any, &one| any | one)
+}
+
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn lanes<const L: usize>(row: &[f32], x: usize) -> &[f32; L] {
+    row[x..].first_chunk::<L>().expect("rows of one width")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::Seed;
+
+    #[test]
+    fn blocks_find_what_the_definition_finds() {
+        let mut rng = Seed(5).rng();
+        let width = 400;
+        // Few distinct values, so that ties occur.
+        let rows: Vec<Vec<f32>> = (0..9)
+            .map(|_| (0..width).map(|_| rng.below(13) as f32 - 6.0).collect())
+            .collect();
+        let layers: [ThreeRows<'_>; 3] =
+            std::array::from_fn(|l| std::array::from_fn(|y| rows[3 * l + y].as_slice()));
+        let mut found = Vec::new();
+        find_extrema(&layers, 1..width - 1, 2.0, &mut found);
+        let expected: Vec<u32> = (1..width - 1)
+            .filter(|&x| {
+                let value = rows[4][x];
+                let mut around = rows.iter().flat_map(|row| &row[x - 1..=x + 1]);
+                (value > 2.0 && around.clone().all(|&v| value >= v))
+                    || (value < -2.0 && around.all(|&v| value <= v))
+            })
+            .map(|x| x as u32)
+            .collect();
+        assert!(expected.len() > 10, "the test sees extrema");
+        assert_eq!(found, expected);
+    }
+}
