@@ -60,7 +60,7 @@ Examples:
   matchbench import tum rgbd_dataset_freiburg3_long_office_household 06-office-wide --pairs window:9,stride:15
   matchbench import kitti dataset 04-kitti --sequence 00 --pairs fragments:5
   matchbench import strecha castle-P30 05-castle --pairs all
-  matchbench import folder photos mine --poses photos/poses.txt --camera 525,525,319.5,239.5
+  matchbench import folder photos mine --poses photos/poses.txt --camera photos/K.txt
 
 The pairs of the paper:
   fragments:15        consecutive fragments of 15 frames, the first of each against its others
@@ -87,9 +87,9 @@ pub(crate) struct ImportArgs {
     /// What happens to the images: they stay where they are, are linked to, or are copied
     #[arg(long, value_enum, default_value_t = Images::Reference)]
     pub images: Images,
-    /// Calibration of the camera, in pixels, where SRC has none or another is wanted
-    #[arg(long, value_name = "FX,FY,CX,CY", value_delimiter = ',', num_args = 1)]
-    pub camera: Option<Vec<f64>>,
+    /// 3x3 calibration matrix (and distortion `k1 k2 p1 p2 [k3]`), where SRC has none or another is wanted
+    #[arg(long, value_name = "FILE")]
+    pub camera: Option<PathBuf>,
     /// The poses (KIND folder), in TUM or KITTI format
     #[arg(long, value_name = "FILE")]
     pub poses: Option<PathBuf>,

@@ -4,6 +4,7 @@
 //! [`estimators`] into [`records`]; [`metrics`] are pure functions of records, and [`report`]
 //! writes them down. `ARCHITECTURE.md` in the repository draws it.
 
+pub mod config;
 pub mod datasets;
 pub mod estimators;
 pub mod files;

@@ -1,1 +1,155 @@
-//! (to be filled)
+//! Every pose estimator that a run can name: one file each, and the list.
+
+mod ransac_e;
+
+use matchbench_vision::robust::PoseEstimator;
+use serde_json::Value;
+
+use crate::config::ConfigError;
+
+/// A pose estimator by name: what it is, and how to make one.
+pub trait EstimatorEntry: Sync {
+    /// The name in commands, records and tables; lower case, words joined by `-`.
+    fn id(&self) -> &'static str;
+
+    /// What it is, in one sentence.
+    fn summary(&self) -> &'static str;
+
+    /// The paper that it implements.
+    fn reference(&self) -> &'static str;
+
+    /// Every parameter and its default, as a JSON object.
+    fn defaults(&self) -> Value;
+
+    /// An estimator with the parameters of `config`, a JSON object; what it leaves out keeps its
+    /// default.
+    ///
+    /// # Errors
+    /// If `config` names a parameter that does not exist, or gives one a value that is not allowed.
+    fn build(&self, config: Option<&Value>) -> Result<Box<dyn PoseEstimator>, ConfigError>;
+}
+
+/// All estimators, in the order of tables. A new one is a file of this folder and a line here.
+pub const ESTIMATORS: &[&dyn EstimatorEntry] = &[&ransac_e::RansacE];
+
+/// The estimator called `id`.
+pub fn find(id: &str) -> Option<&'static dyn EstimatorEntry> {
+    ESTIMATORS.iter().copied().find(|entry| entry.id() == id)
+}
+
+#[cfg(test)]
+mod tests {
+    use matchbench_vision::geometry::Camera;
+    use matchbench_vision::robust::{NoPose, TwoViews};
+    use matchbench_vision::seed::Seed;
+    use nalgebra::{Point2, Point3, Rotation3, Vector3};
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn ids_are_unique_and_well_formed() {
+        for (index, entry) in ESTIMATORS.iter().enumerate() {
+            let id = entry.id();
+            let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+            assert!(!id.is_empty() && id.chars().all(plain), "{id}");
+            assert!(
+                ESTIMATORS[..index].iter().all(|other| other.id() != id),
+                "{id} twice"
+            );
+            assert_eq!(find(id).map(EstimatorEntry::id), Some(id));
+        }
+        assert!(find("ransac").is_none());
+    }
+
+    #[test]
+    fn every_file_of_the_folder_is_listed() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/src/estimators");
+        let files = std::fs::read_dir(folder)
+            .expect("the folder of this file")
+            .count();
+        assert_eq!(files - 1, ESTIMATORS.len());
+    }
+
+    #[test]
+    fn defaults_are_what_is_built_without_parameters() {
+        let (a, b) = matches();
+        for entry in ESTIMATORS {
+            let explicit = entry.build(Some(&entry.defaults())).unwrap();
+            let implicit = entry.build(None).unwrap();
+            assert_eq!(
+                implicit.estimate(views(&a, &b), Seed(1)),
+                explicit.estimate(views(&a, &b), Seed(1)),
+                "{}",
+                entry.id()
+            );
+        }
+    }
+
+    #[test]
+    fn unknown_parameters_are_refused_by_name() {
+        for entry in ESTIMATORS {
+            let refused = entry.build(Some(&json!({"treshold": 1.0}))).err();
+            let message = refused.expect("no estimator has it").to_string();
+            assert!(
+                message.contains("treshold") && message.contains(entry.id()),
+                "{message}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_bits_on_every_thread() {
+        let (a, b) = matches();
+        for entry in ESTIMATORS {
+            let estimator = entry.build(None).unwrap();
+            let estimate = || estimator.estimate(views(&a, &b), Seed(5));
+            let here = estimate();
+            let there = std::thread::scope(|scope| scope.spawn(estimate).join());
+            assert!(here.is_ok(), "{}", entry.id());
+            assert_eq!(there.expect("it does not panic"), here, "{}", entry.id());
+        }
+    }
+
+    #[test]
+    fn nothing_in_is_no_pose_out() {
+        for entry in ESTIMATORS {
+            let nothing = entry
+                .build(None)
+                .unwrap()
+                .estimate(views(&[], &[]), Seed(1));
+            assert!(matches!(
+                nothing,
+                Err(NoPose::TooFewMatches { found: 0, .. })
+            ));
+        }
+    }
+
+    const CAMERA: Camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
+
+    fn views<'a>(a: &'a [Point2<f64>], b: &'a [Point2<f64>]) -> TwoViews<'a> {
+        TwoViews {
+            a,
+            b,
+            camera_a: &CAMERA,
+            camera_b: &CAMERA,
+            ambiguity: &[0.5; 80][..a.len()],
+        }
+    }
+
+    /// Sixty points of a scene seen twice, and twenty wrong matches.
+    fn matches() -> (Vec<Point2<f64>>, Vec<Point2<f64>>) {
+        let mut rng = Seed(1).rng();
+        let rotation = Rotation3::from_euler_angles(0.0, 0.1, 0.02);
+        let see = |p: Point3<f64>| CAMERA.project(Point2::new(p.x / p.z, p.y / p.z));
+        (0..80)
+            .map(|i| {
+                let mut at = || rng.uniform() - 0.5;
+                let scene = Point3::new(4.0 * at(), 4.0 * at(), 5.0 + at());
+                let wrong = Point2::new(320.0 + 400.0 * at(), 240.0 + 400.0 * at());
+                let seen = see(rotation * scene + Vector3::new(1.0, 0.0, 0.1));
+                (see(scene), if i < 60 { seen } else { wrong })
+            })
+            .unzip()
+    }
+}

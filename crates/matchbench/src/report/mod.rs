@@ -1,1 +1,145 @@
-//! (to be filled)
+//! Writes scores down: one exporter per file, from [`Summary`]s to text.
+//!
+//! [`render`] gives one table in one format; [`write_report`] a folder to look at and to mail. Every
+//! exporter is a pure function, the same scores give the same bytes, and names from data are
+//! escaped for the format they are written in.
+
+mod csv;
+mod figures;
+mod folder;
+mod html;
+mod json;
+mod latex;
+mod markdown;
+mod numbers;
+mod overview;
+mod svg;
+mod table;
+
+use std::str::FromStr;
+
+use crate::metrics::Summary;
+
+pub use folder::{ReportError, RunFacts, write_report};
+
+/// The form of a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Aligned text for a terminal.
+    Table,
+    /// Comma-separated values, full precision, one row per dataset, matcher and estimator.
+    Csv,
+    /// An array of everything that is known, full precision.
+    Json,
+    /// Pipe tables as forges render them.
+    Markdown,
+    /// A complete `tabular` like the paper's Table 2.
+    Latex,
+}
+
+impl Format {
+    /// All of them, in the order of their names in help texts.
+    pub const ALL: [Self; 5] = [
+        Self::Table,
+        Self::Csv,
+        Self::Json,
+        Self::Markdown,
+        Self::Latex,
+    ];
+
+    /// The name by which it is chosen.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Table => "table",
+            Self::Csv => "csv",
+            Self::Json => "json",
+            Self::Markdown => "markdown",
+            Self::Latex => "latex",
+        }
+    }
+}
+
+impl FromStr for Format {
+    type Err = UnknownFormat;
+
+    fn from_str(name: &str) -> Result<Self, UnknownFormat> {
+        (Self::ALL.into_iter())
+            .find(|format| format.name() == name)
+            .ok_or_else(|| UnknownFormat(name.to_owned()))
+    }
+}
+
+/// A name that no [`Format`] has.
+#[derive(Debug, thiserror::Error)]
+#[error("unknown format '{0}'; choose table, csv, json, markdown or latex")]
+pub struct UnknownFormat(String);
+
+/// The scores as text, ending in a line end.
+pub fn render(format: Format, summaries: &[Summary]) -> String {
+    match format {
+        Format::Table => table::render(summaries),
+        Format::Csv => csv::render(summaries),
+        Format::Json => json::render(summaries),
+        Format::Markdown => markdown::render(summaries),
+        Format::Latex => latex::render(summaries),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::{Bootstrap, Failure, PairResult, ResultSet};
+
+    /// Scores of one matcher with as many right pairs, in ten, as its AUC is to have tenths.
+    pub(super) fn summary(dataset: &str, matcher: &str, tenths: u32) -> Summary {
+        let pairs = (0..10)
+            .map(|a| {
+                let mut pair = PairResult::failed(a, a + 1, Failure::NoSupport);
+                if a < tenths {
+                    pair.outcome = Ok(crate::metrics::AngularError {
+                        rotation: 0.1,
+                        translation: Some(0.2),
+                    });
+                    pair.correspondences = 100 + a;
+                }
+                pair
+            })
+            .collect();
+        let results = ResultSet {
+            dataset: dataset.to_owned(),
+            matcher: matcher.to_owned(),
+            estimator: "ransac-e".to_owned(),
+            repetitions: 1,
+            pairs,
+            ignored: 0,
+        };
+        Summary::new(&results, &Bootstrap::default())
+    }
+
+    #[test]
+    fn formats_are_chosen_by_name() {
+        for format in Format::ALL {
+            assert_eq!(format.name().parse::<Format>().ok(), Some(format));
+        }
+        let error = "xml"
+            .parse::<Format>()
+            .expect_err("there is no such format");
+        assert!(error.to_string().contains("markdown"));
+    }
+
+    #[test]
+    fn every_format_takes_none_one_and_undefined_scores() {
+        let mut undefined = summary("room", "sift", 0);
+        undefined.auc.value = None;
+        undefined.maa_10 = f64::NAN;
+        undefined.exact_auc_5 = f64::NAN;
+        for summaries in [vec![], vec![summary("room", "sift", 7)], vec![undefined]] {
+            for format in Format::ALL {
+                let text = render(format, &summaries);
+                assert!(text.ends_with('\n'), "{format:?}");
+                assert!(!text.contains("NaN"), "{format:?}: {text}");
+                assert_eq!(text, render(format, &summaries));
+            }
+        }
+    }
+}

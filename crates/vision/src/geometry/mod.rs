@@ -2,7 +2,18 @@
 //! geometry, triangulation, minimal solvers.
 
 mod camera;
+mod cheirality;
+mod epipolar;
+mod essential;
+mod point_pairs;
 mod pose;
+pub mod solvers;
+mod triangulation;
 
 pub use camera::{Camera, CameraError, Distortion};
+pub use cheirality::choose_pose;
+pub use epipolar::squared_sampson_distances;
+pub use essential::{decompose_essential, essential_defect, essential_from_pose};
+pub use point_pairs::PointPairs;
 pub use pose::{PoseError, RelativePose};
+pub use triangulation::triangulate_depths;

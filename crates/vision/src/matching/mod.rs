@@ -1,7 +1,13 @@
 //! From two sets of features to correspondences: search, selection, and the two together.
 
 mod correspondence;
+mod mutual;
+mod nearest;
 mod pipeline;
+mod ratio;
 
 pub use correspondence::{Correspondence, Correspondences};
+pub use mutual::MutualCheck;
+pub use nearest::{NearestNeighbours, two_nearest};
 pub use pipeline::{Matcher, MatcherError, Pipeline, Search, Selector, View};
+pub use ratio::RatioTest;

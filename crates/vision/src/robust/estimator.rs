@@ -4,7 +4,7 @@ use std::fmt;
 
 use nalgebra::Point2;
 
-use crate::geometry::{Camera, RelativePose};
+use crate::geometry::{Camera, PointPairs, RelativePose};
 use crate::seed::Seed;
 
 /// Matched points of two images: `a[i]` and `b[i]` are taken to show the same point.
@@ -21,6 +21,19 @@ pub struct TwoViews<'a> {
     /// For each match, how ambiguous it is (nearest over second nearest distance, 0 = certain);
     /// samplers that prefer good matches sort by it.
     pub ambiguity: &'a [f32],
+}
+
+impl TwoViews<'_> {
+    /// The matches as points at depth 1: calibration and lens distortion of each camera undone.
+    ///
+    /// # Panics
+    /// If there are not as many points in `b` as in `a`.
+    pub fn at_depth_1(&self) -> PointPairs {
+        assert_eq!(self.a.len(), self.b.len(), "each match has two points");
+        (self.a.iter().zip(self.b))
+            .map(|(&a, &b)| (self.camera_a.normalize(a), self.camera_b.normalize(b)))
+            .collect()
+    }
 }
 
 /// What an estimator found.

@@ -119,11 +119,11 @@ fn blend_scalar(positions: &[Between], row: &[u16], out: &mut [u8]) {
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     use std::arch::x86_64::{
-        __m128i, __m256i, _mm_loadu_si128, _mm256_add_epi32, _mm256_extract_epi32,
-        _mm256_loadu_si256, _mm256_madd_epi16, _mm256_packs_epi32, _mm256_packus_epi16,
-        _mm256_set_m128i, _mm256_set1_epi16, _mm256_set1_epi32, _mm256_shuffle_epi8,
-        _mm256_srli_epi32, _mm256_xor_si256,
+        __m128i, __m256i, _mm256_add_epi32, _mm256_extract_epi32, _mm256_madd_epi16,
+        _mm256_packs_epi32, _mm256_packus_epi16, _mm256_set_m128i, _mm256_set1_epi16,
+        _mm256_set1_epi32, _mm256_shuffle_epi8, _mm256_srli_epi32, _mm256_xor_si256,
     };
+    use std::mem::transmute;
 
     use super::{Block, COLUMNS_AT_ONCE};
 
@@ -135,18 +135,15 @@ mod avx2 {
         let offset = _mm256_set1_epi32((1 << 23) + (1 << 15));
         for (block, out) in blocks.iter().zip(out.as_chunks_mut::<8>().0) {
             let load = |start: u32| {
-                let pixels: &[u16] = &row[start as usize..][..COLUMNS_AT_ONCE];
-                // SAFETY: eight pixels are sixteen bytes; the load needs no alignment.
-                unsafe { _mm_loadu_si128(pixels.as_ptr().cast::<__m128i>()) }
+                let pixels = row[start as usize..].first_chunk::<COLUMNS_AT_ONCE>();
+                // SAFETY: sixteen bytes either way, and every pattern of bits is valid.
+                unsafe { transmute::<[u16; 8], __m128i>(*pixels.expect("pixels beyond the end")) }
             };
             let inputs = _mm256_set_m128i(load(block.starts[1]), load(block.starts[0]));
-            // SAFETY: both arrays have 32 bytes; the loads need no alignment.
-            let (shuffle, weights) = unsafe {
-                (
-                    _mm256_loadu_si256(block.shuffle.as_ptr().cast::<__m256i>()),
-                    _mm256_loadu_si256(block.weights.as_ptr().cast::<__m256i>()),
-                )
-            };
+            // SAFETY: 32 bytes either way, and every pattern of bits is valid.
+            let shuffle = unsafe { transmute::<[u8; 32], __m256i>(block.shuffle) };
+            // SAFETY: the same.
+            let weights = unsafe { transmute::<[i16; 16], __m256i>(block.weights) };
             let pairs = _mm256_xor_si256(_mm256_shuffle_epi8(inputs, shuffle), sign);
             let sums = _mm256_madd_epi16(pairs, weights);
             let rounded = _mm256_srli_epi32::<16>(_mm256_add_epi32(sums, offset));

@@ -78,3 +78,35 @@ fn along_block<const L: usize>(padded: &[f32], half: &[f32], out: &mut [u8], x: 
         out[i] = (sum[i] + ROUND).to_bits() as u8;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::Seed;
+
+    #[test]
+    fn blocks_and_single_pixels_are_the_same_bits() {
+        let half = [0.15, 0.2, 0.15];
+        let mut rng = Seed(2).rng();
+        let rows: Vec<Vec<u8>> = (0..5)
+            .map(|_| (0..75).map(|_| rng.below(256) as u8).collect())
+            .collect();
+        let rows: Vec<&[u8]> = rows.iter().map(Vec::as_slice).collect();
+        let mut padded = vec![0.0; 75];
+        weigh_rows_u8(&rows, &half, &mut padded);
+        let pair = |a: u8, b: u8| f32::from(u16::from(a) + u16::from(b));
+        for (x, &value) in padded.iter().enumerate() {
+            let inner = half[0].mul_add(pair(rows[2][x], rows[2][x]), 0.0);
+            let middle = half[1].mul_add(pair(rows[1][x], rows[3][x]), inner);
+            assert_eq!(value, half[2].mul_add(pair(rows[0][x], rows[4][x]), middle));
+        }
+        let mut out = vec![0; 71];
+        weigh_along_u8(&padded, &half, &mut out);
+        for (p, &value) in padded.windows(5).zip(&out) {
+            let inner = half[0].mul_add(p[2] + p[2], 0.0);
+            let middle = half[1].mul_add(p[1] + p[3], inner);
+            let sum = half[2].mul_add(p[0] + p[4], middle);
+            assert_eq!(f32::from(value), sum.round_ties_even());
+        }
+    }
+}

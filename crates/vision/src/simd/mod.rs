@@ -44,23 +44,27 @@ macro_rules! multiversioned {
 mod bilinear;
 mod blur8;
 mod convolve;
-mod dot;
 mod extrema;
 mod fast;
 mod gradient;
 mod histogram;
 mod orb;
 mod resample;
+mod sampson;
+mod search;
+mod triangulate;
 
 pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
 pub use blur8::{weigh_along_u8, weigh_rows_u8};
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
-pub use dot::squared_distance;
 pub use extrema::{ThreeRows, find_extrema};
 pub use fast::{segment_scores, strict_maxima};
-pub use gradient::polar_gradients;
+pub use gradient::{polar_gradients, turns};
 pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
 pub use orb::{
     PATCH_MARGIN, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments,
 };
 pub use resample::{double_row, halve_row, subtract};
+pub use sampson::{count_at_most, squared_sampson};
+pub use search::{TwoNearest, two_nearest_bits, two_nearest_floats};
+pub use triangulate::triangulate_depths;

@@ -1,0 +1,149 @@
+"""Run the paper's protocol with OpenCV on a matchbench dataset.
+
+Writes OUT/<dataset>/<matcher>.txt in the format of the paper's authors, so that
+`matchbench eval OUT --datasets DIR` scores OpenCV with the same code as matchbench:
+
+    python opencv_run.py DATASET... --matchers sift,orb --out OUT [--search flann|exact] [--every N]
+
+The protocol: OpenCV's default parameters (ORB with 100,000 features), two nearest neighbours,
+ratio 0.8, findEssentialMat (RANSAC, 0.999, 1.0 px), recoverPose over all matches; fewer than 20
+matches or fewer than 10 supporting matches is a failure, which is a missing row.
+"""
+
+import argparse
+import tomllib
+from pathlib import Path
+from time import perf_counter
+
+import cv2
+import numpy as np
+
+RATIO = 0.8
+NEEDED_MATCHES, NEEDED_SUPPORT = 20, 10
+
+# id -> (detector, describer or None if one object does both, norm)
+MATCHERS = {
+    "sift": (cv2.SIFT_create, None, cv2.NORM_L2),
+    "orb": (lambda: cv2.ORB_create(100_000), None, cv2.NORM_HAMMING),
+    "brisk": (cv2.BRISK_create, None, cv2.NORM_HAMMING),
+    "kaze": (cv2.KAZE_create, None, cv2.NORM_L2),
+    "akaze": (cv2.AKAZE_create, None, cv2.NORM_HAMMING),
+    "freak-sift": (cv2.SIFT_create, cv2.xfeatures2d.FREAK_create, cv2.NORM_HAMMING),
+    "latch": (cv2.SIFT_create, cv2.xfeatures2d.LATCH_create, cv2.NORM_HAMMING),
+    "daisy": (cv2.SIFT_create, cv2.xfeatures2d.DAISY_create, cv2.NORM_L2),
+}
+
+
+def read_dataset(folder):
+    """Image paths, K of each image, and the pairs of a dataset folder."""
+    manifest = folder / "dataset.toml"
+    manifest = tomllib.loads(manifest.read_text()) if manifest.exists() else {}
+    if manifest.get("distortion"):
+        raise SystemExit(f"{folder}: lens distortion is not supported here")
+    root = folder / manifest.get("image_root", ".")
+    frames = manifest.get("frames", [])
+    if frames and "image" in frames[0]:
+        images = [root / frame["image"] for frame in frames]
+    else:
+        images = sorted(p for p in (folder / "Images").iterdir() if p.stem.isdigit())
+    shared = np.loadtxt(folder / "camera.txt") if (folder / "camera.txt").exists() else None
+    cameras = [shared] * len(images)
+    for index, frame in enumerate(frames):
+        if camera := frame.get("camera"):
+            cameras[index] = np.array(
+                [[camera["fx"], 0, camera["cx"]], [0, camera["fy"], camera["cy"]], [0, 0, 1]]
+            )
+    pairs = [tuple(map(int, line.split()[:2])) for line in open(folder / "pairs.txt") if line.strip()]
+    return images, cameras, pairs
+
+
+def extract(matcher, path):
+    make_detector, make_describer, _ = MATCHERS[matcher]
+    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    if image is None:
+        raise SystemExit(f"{path}: cannot be read")
+    detector = make_detector()
+    if make_describer is None:
+        keypoints, descriptors = detector.detectAndCompute(image, None)
+    else:
+        keypoints, descriptors = make_describer().compute(image, detector.detect(image))
+    points = np.array([k.pt for k in keypoints], np.float64).reshape(-1, 2)
+    return points, descriptors
+
+
+def match(matcher, search, a, b):
+    """Indices of the matches that pass the ratio test."""
+    norm = MATCHERS[matcher][2]
+    if a is None or b is None or len(b) < 2:
+        return np.empty((0, 2), int)
+    if norm == cv2.NORM_L2 and search == "flann":
+        finder = cv2.FlannBasedMatcher()
+    else:
+        finder = cv2.BFMatcher(norm)
+    candidates = finder.knnMatch(a, b, k=2)
+    kept = [m[0] for m in candidates if len(m) == 2 and m[0].distance < RATIO * m[1].distance]
+    return np.array([(m.queryIdx, m.trainIdx) for m in kept], int).reshape(-1, 2)
+
+
+def estimate(points_a, points_b, camera_a, camera_b):
+    """R, t and support, or None."""
+    if len(points_a) < NEEDED_MATCHES:
+        return None
+    if np.array_equal(camera_a, camera_b):
+        camera = camera_a
+        essential, _ = cv2.findEssentialMat(
+            points_a, points_b, camera, method=cv2.RANSAC, prob=0.999, threshold=1.0
+        )
+    else:
+        essential, _ = cv2.findEssentialMat(
+            points_a, points_b, camera_a, None, camera_b, None,
+            method=cv2.RANSAC, prob=0.999, threshold=1.0,
+        )
+        points_a = cv2.undistortPoints(points_a.reshape(-1, 1, 2), camera_a, None).reshape(-1, 2)
+        points_b = cv2.undistortPoints(points_b.reshape(-1, 1, 2), camera_b, None).reshape(-1, 2)
+        camera = np.eye(3)
+    if essential is None or essential.shape != (3, 3):
+        return None
+    support, rotation, translation, _ = cv2.recoverPose(essential, points_a, points_b, camera)
+    return (rotation, translation, support) if support >= NEEDED_SUPPORT else None
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("datasets", nargs="+", type=Path)
+    parser.add_argument("--matchers", required=True)
+    parser.add_argument("--out", required=True, type=Path)
+    parser.add_argument("--search", choices=["flann", "exact"], default="exact")
+    parser.add_argument("--every", type=int, default=1, help="only every Nth pair")
+    arguments = parser.parse_args()
+    cv2.setNumThreads(1)
+    for folder in arguments.datasets:
+        images, cameras, pairs = read_dataset(folder)
+        pairs = pairs[:: arguments.every]
+        for matcher in arguments.matchers.split(","):
+            start = perf_counter()
+            used = sorted({index for pair in pairs for index in pair})
+            features = {index: extract(matcher, images[index]) for index in used}
+            extracted = perf_counter()
+            rows = []
+            for a, b in pairs:
+                matches = match(matcher, arguments.search, features[a][1], features[b][1])
+                pose = estimate(
+                    features[a][0][matches[:, 0]], features[b][0][matches[:, 1]], cameras[a], cameras[b]
+                )
+                if pose is not None:
+                    rotation, translation, support = pose
+                    numbers = np.hstack([rotation, translation]).ravel()
+                    rows.append(f"{a} {b} {support} " + " ".join(f"{x:.9g}" for x in numbers))
+            target = arguments.out / folder.resolve().name / f"{matcher}.txt"
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text("\n".join(rows) + "\n")
+            print(
+                f"{target}: {len(rows)} of {len(pairs)} pairs have a pose; "
+                f"extraction {extracted - start:.1f} s, pairs {perf_counter() - extracted:.1f} s",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()

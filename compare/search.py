@@ -1,0 +1,129 @@
+"""Exact search side by side with OpenCV's brute-force matcher (and FLANN), one thread each.
+
+Takes SIFT and ORB (100,000 features) descriptors of two images with OpenCV, gives the same
+descriptors to both programs in turn, checks that neighbours and distances agree, and prints the
+median times. Build first: cargo build --release -p matchbench-vision --example search
+"""
+
+import argparse
+import pathlib
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+import cv2
+import numpy as np
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+PROGRAM = ROOT / "target/release/examples/search"
+SIZES = [2_000, 10_000, None]
+FOUND = np.dtype([("a", "<u4"), ("b", "<u4"), ("distance", "<f4"), ("second", "<f4")])
+
+
+def write(path, rows):
+    """Writes descriptors in the format that examples/search.rs documents."""
+    binary = rows.dtype == np.uint8
+    length = rows.shape[1] * 8 if binary else rows.shape[1]
+    with open(path, "wb") as file:
+        file.write(np.array([binary, length, len(rows)], "<u4").tobytes())
+        file.write(rows.tobytes() if binary else rows.astype("<f4").tobytes())
+
+
+def timed(function):
+    """The result of `function` and its time in milliseconds."""
+    start = time.perf_counter()
+    result = function()
+    return result, 1e3 * (time.perf_counter() - start)
+
+
+def knn_table(matches):
+    """OpenCV's two neighbours of each row as arrays (index, distance, second distance)."""
+    return (
+        np.array([m[0].trainIdx for m in matches]),
+        np.array([m[0].distance for m in matches], np.float32),
+        np.array([m[1].distance for m in matches], np.float32),
+    )
+
+
+def disagreements(ours, theirs, a, b, binary):
+    """Rows with other distances, and rows with another neighbour at another distance."""
+    index, nearest, second = theirs
+    assert np.array_equal(ours["a"], np.arange(len(a)))
+    distances = (ours["distance"] != nearest) | (ours["second"] != second)
+    other = np.flatnonzero(ours["b"] != index)
+    wrong = 0
+    for row in other:  # another neighbour is right only at exactly the same distance
+        pair = b[[ours["b"][row], index[row]]]
+        if binary:
+            both = np.bitwise_count(pair ^ a[row]).sum(1)
+        else:
+            both = ((pair.astype(np.int64) - a[row].astype(np.int64)) ** 2).sum(1)
+        wrong += both[0] != both[1]
+    return int(distances.sum()), len(other), int(wrong)
+
+
+def compare(name, a, b, binary, rounds, folder):
+    """Runs both programs in turn on the same descriptors and prints one line."""
+    paths = [folder / "a.bin", folder / "b.bin", folder / "found.bin"]
+    write(paths[0], a)
+    write(paths[1], b)
+    brute_force = cv2.BFMatcher(cv2.NORM_HAMMING if binary else cv2.NORM_L2)
+    columns = {"ours": [], "bf": [], "flann": []}
+    for _ in range(rounds):
+        run = subprocess.run([PROGRAM, *paths, "3"], capture_output=True, text=True, check=True)
+        columns["ours"].append(float(run.stdout))
+        matches, elapsed = timed(lambda: brute_force.knnMatch(a, b, k=2))
+        columns["bf"].append(elapsed)
+        if not binary:
+            flann = cv2.FlannBasedMatcher({"algorithm": 1, "trees": 4}, {"checks": 32})
+            approximate, elapsed = timed(lambda: flann.knnMatch(a, b, k=2))
+            columns["flann"].append(elapsed)
+    ours = np.fromfile(paths[2], FOUND)
+    distances, other, wrong = disagreements(ours, knn_table(matches), a, b, binary)
+    median = {key: statistics.median(value) for key, value in columns.items() if value}
+    line = (
+        f"{name:5} {len(a):6} x {len(b):6}: ours {median['ours']:9.1f} ms, "
+        f"BFMatcher {median['bf']:9.1f} ms ({median['bf'] / median['ours']:5.2f} x)"
+    )
+    if not binary:
+        recall = np.mean(knn_table(approximate)[0] == ours["b"])
+        line += (
+            f", FLANN {median['flann']:7.1f} ms ({median['flann'] / median['ours']:5.2f} x, "
+            f"finds {100 * recall:.1f} % of the nearest)"
+        )
+    print(f"{line}; {distances} distances differ, {other} ties resolved otherwise, {wrong} wrong")
+    sys.stdout.flush()
+    return distances + wrong
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("a", help="first image")
+    parser.add_argument("b", help="second image")
+    parser.add_argument("--rounds", type=int, default=5, help="times that each program runs")
+    arguments = parser.parse_args()
+    cv2.setNumThreads(1)
+    images = [cv2.imread(path, cv2.IMREAD_GRAYSCALE) for path in (arguments.a, arguments.b)]
+    if any(image is None for image in images):
+        parser.error("an image cannot be read")
+
+    print(f"OpenCV {cv2.__version__}, medians of {arguments.rounds} interleaved rounds")
+    failures = 0
+    for name, extractor in [("SIFT", cv2.SIFT_create()), ("ORB", cv2.ORB_create(100_000))]:
+        # A fixed shuffle: a prefix is then a fair sample of the image.
+        a, b = (
+            np.random.default_rng(0).permutation(extractor.detectAndCompute(image, None)[1])
+            for image in images
+        )
+        with tempfile.TemporaryDirectory() as folder:
+            for size in SIZES:
+                if size is None or size < max(len(a), len(b)):
+                    folder = pathlib.Path(folder)
+                    failures += compare(name, a[:size], b[:size], name == "ORB", arguments.rounds, folder)
+    sys.exit(failures > 0)
+
+
+if __name__ == "__main__":
+    main()

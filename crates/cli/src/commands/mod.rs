@@ -1,0 +1,9 @@
+//! One file per subcommand.
+
+pub(crate) mod demo;
+pub(crate) mod eval;
+pub(crate) mod export;
+pub(crate) mod import;
+pub(crate) mod list;
+pub(crate) mod run;
+pub(crate) mod validate;

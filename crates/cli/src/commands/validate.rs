@@ -1,0 +1,35 @@
+//! `matchbench validate`: every problem of a dataset, by file and line, with its remedy.
+
+use std::io::Write;
+
+use anyhow::Result;
+use matchbench::datasets::{Severity, validate};
+
+use crate::Ending;
+use crate::args::ValidateArgs;
+
+pub(crate) fn run(args: &ValidateArgs) -> Result<Ending> {
+    let problems = validate(&args.dataset);
+    let mut out = std::io::stdout().lock();
+    for problem in &problems {
+        let label = match problem.severity {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+        };
+        writeln!(out, "{label}: {}", problem.error)?;
+    }
+    let errors = problems
+        .iter()
+        .filter(|p| p.severity == Severity::Error)
+        .count();
+    let warnings = problems.len() - errors;
+    writeln!(
+        out,
+        "{}: {errors} errors, {warnings} warnings",
+        args.dataset.display()
+    )?;
+    if errors > 0 {
+        anyhow::bail!("{} cannot be used as it is", args.dataset.display());
+    }
+    Ok(Ending::Done)
+}

@@ -1,0 +1,133 @@
+//! From names on the command line to matchers and estimators that are ready to run.
+
+use anyhow::{Result, bail, ensure};
+use matchbench::estimators;
+use matchbench::matchers::{self, MATCHERS};
+use matchbench::run::{BuiltEstimator, Contender};
+use serde_json::{Map, Value};
+
+/// Parameters that the user changed: id of the entry, to a JSON object for it.
+type Changes = Map<String, Value>;
+
+/// The matchers called `ids` (`all` for all), each with the estimators called `estimators`, or
+/// with its own where that is empty; `settings` are `ID.NAME=VALUE`.
+pub(crate) fn contenders(
+    ids: &[String],
+    estimators: &[String],
+    settings: &[String],
+) -> Result<Vec<Contender>> {
+    let ids: Vec<&str> = match ids {
+        [all] if all == "all" => MATCHERS.iter().map(|entry| entry.id()).collect(),
+        ids => ids.iter().map(String::as_str).collect(),
+    };
+    let changes = parse(settings)?;
+    let mut used: Vec<&str> = ids.clone();
+    let mut contenders = Vec::new();
+    for id in ids {
+        let entry = matchers::find(id)?;
+        let own = [entry.estimator().to_owned()];
+        let estimators = if estimators.is_empty() {
+            &own[..]
+        } else {
+            estimators
+        };
+        let mut built = Vec::new();
+        for id in estimators {
+            built.push(estimator(id, changes.get(id))?);
+        }
+        used.extend(
+            built
+                .iter()
+                .map(|estimator| estimators::find(&estimator.id).map(|e| e.id()))
+                .collect::<Result<Vec<_>, _>>()?,
+        );
+        contenders.push(Contender {
+            matcher: entry.build(changes.get(id))?,
+            estimators: built,
+        });
+    }
+    if let Some(unused) = changes.keys().find(|id| !used.contains(&id.as_str())) {
+        bail!("--set {unused}...: `{unused}` takes no part in this run");
+    }
+    Ok(contenders)
+}
+
+fn estimator(id: &str, params: Option<&Value>) -> Result<BuiltEstimator> {
+    let _ = (id, params);
+    todo!()
+}
+
+/// `["sift.ratio=0.7"]` becomes `{"sift": {"ratio": 0.7}}`.
+fn parse(settings: &[String]) -> Result<Changes> {
+    let mut changes = Changes::new();
+    for setting in settings {
+        let (path, value) = setting.split_once('=').unwrap_or((setting, ""));
+        let mut names: Vec<&str> = path.split('.').collect();
+        ensure!(
+            names.len() >= 2 && !value.is_empty() && names.iter().all(|name| !name.is_empty()),
+            "--set {setting}: expected ID.NAME=VALUE, for example sift.ratio=0.7"
+        );
+        let last = names.pop().expect("at least two names");
+        let mut object = &mut changes;
+        for name in names {
+            let inner = object
+                .entry(name)
+                .or_insert_with(|| Value::Object(Map::new()));
+            object = match inner {
+                Value::Object(object) => object,
+                _ => bail!("--set {setting}: `{name}` was given a value before"),
+            };
+        }
+        // A value is JSON; what is not, is text: --set sift.search=exact needs no quotes.
+        let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.into()));
+        object.insert(last.into(), value);
+    }
+    Ok(changes)
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn settings_become_nested_objects() {
+        let settings = [
+            "sift.ratio=0.7",
+            "sift.extractor.sigma=1.2",
+            "gms.budget=authors",
+        ];
+        let changes = parse(&settings.map(String::from)).expect("well-formed");
+        assert_eq!(
+            Value::Object(changes),
+            json!({"sift": {"ratio": 0.7, "extractor": {"sigma": 1.2}}, "gms": {"budget": "authors"}})
+        );
+    }
+
+    #[test]
+    fn malformed_settings_are_refused_with_an_example() {
+        for setting in [
+            "sift",
+            "sift.ratio",
+            "sift.ratio=",
+            "=1",
+            "sift.=1",
+            "ratio=0.7",
+        ] {
+            let error = parse(&[setting.to_owned()]).expect_err(setting).to_string();
+            assert!(error.contains("sift.ratio=0.7"), "{setting}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_setting_for_nobody_is_an_error() {
+        let error = contenders(&["sift".into()], &[], &["surf.ratio=0.7".into()]).err();
+        assert!(
+            error
+                .expect("refused")
+                .to_string()
+                .contains("takes no part")
+        );
+    }
+}

@@ -1,0 +1,66 @@
+//! What is shown while a run goes on, and how it is stopped.
+
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use matchbench::records::RunRecord;
+use matchbench::run::{Cancel, Observer, Plan, RunSummary};
+
+/// A bar with pairs per second and the time left, drawn on standard error where that is a
+/// terminal, silent otherwise.
+pub(crate) struct Bar(ProgressBar);
+
+impl Bar {
+    pub(crate) fn new() -> Self {
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(10));
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Self(bar)
+    }
+
+    pub(crate) fn finish(&self) {
+        self.0.finish_and_clear();
+    }
+}
+
+impl Observer for Bar {
+    fn on_plan(&self, _: &Plan, summary: RunSummary) {
+        self.0.set_length(summary.total as u64);
+        self.0.set_position(summary.before as u64);
+        self.0.reset_eta();
+        let style = ProgressStyle::with_template(
+            "{prefix:<24} {bar:30} {pos}/{len} pairs  {per_sec}  {eta} left  {msg}",
+        );
+        self.0.set_style(style.expect("the template is a constant"));
+    }
+
+    fn on_part(&self, dataset: &str, matcher: &str) {
+        self.0.set_prefix(format!("{dataset} {matcher}"));
+        self.0.set_message("");
+    }
+
+    fn on_frame(&self, frame: u32, _cached: bool) {
+        self.0.set_message(format!("features of image {frame}"));
+    }
+
+    fn on_record(&self, _: &RunRecord) {
+        self.0.set_message("");
+        self.0.inc(1);
+    }
+}
+
+/// A token that Ctrl-C (or a polite kill) sets; a second one ends the process at once, which
+/// loses only the pairs in flight.
+pub(crate) fn cancel_on_ctrl_c() -> Result<Cancel> {
+    let cancel = Cancel::default();
+    let token = cancel.clone();
+    ctrlc::set_handler(move || {
+        if token.is_set() {
+            std::process::exit(130);
+        }
+        token.set();
+        eprintln!("\nstopping after the pairs in flight; again to stop at once");
+    })
+    .context("cannot listen for Ctrl-C")?;
+    Ok(cancel)
+}

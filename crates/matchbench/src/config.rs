@@ -1,0 +1,98 @@
+//! Parameters of matchers and estimators, as users write them.
+//!
+//! A parameter that nobody reads is the worst kind of mistake: the run succeeds and the table is
+//! about something else. So every parameter struct denies unknown fields, and what is refused is
+//! named.
+
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+/// Parameters that do not fit what they are for.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("parameters of `{id}`: {reason}")]
+pub struct ConfigError {
+    /// Id of the matcher or estimator.
+    pub id: String,
+    /// What is wrong, and what would be right.
+    pub reason: String,
+}
+
+impl ConfigError {
+    /// Parameters of the matcher or estimator `id` that are wrong for this `reason`.
+    pub fn new(id: &str, reason: impl Into<String>) -> Self {
+        Self {
+            id: id.into(),
+            reason: reason.into(),
+        }
+    }
+}
+
+/// The parameters of the matcher or estimator `id`: those of `config`, a JSON object, and the
+/// defaults for all that it leaves out (everything, where there is no `config`).
+///
+/// `P` must carry `#[serde(default, deny_unknown_fields)]`.
+///
+/// # Errors
+/// If `config` is not an object, names a parameter that `P` lacks or gives one the wrong type.
+pub fn parse_params<P: DeserializeOwned + Default>(
+    id: &str,
+    config: Option<&Value>,
+) -> Result<P, ConfigError> {
+    match config {
+        None => Ok(P::default()),
+        // Checked here because serde would take an array too, field by field.
+        Some(object @ Value::Object(_)) => {
+            P::deserialize(object).map_err(|error| ConfigError::new(id, error.to_string()))
+        }
+        Some(other) => Err(ConfigError::new(
+            id,
+            format!("expected an object like {{\"name\": value}}, found {other}"),
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde::{Deserialize, Serialize};
+    use serde_json::json;
+
+    use super::*;
+
+    #[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    struct Params {
+        ratio: f64,
+        count: usize,
+    }
+
+    #[test]
+    fn what_is_left_out_keeps_its_default() {
+        let parsed: Params = parse_params("x", Some(&json!({"ratio": 0.8}))).unwrap();
+        assert_eq!(
+            parsed,
+            Params {
+                ratio: 0.8,
+                count: 0
+            }
+        );
+        assert_eq!(parse_params::<Params>("x", None), Ok(Params::default()));
+    }
+
+    #[test]
+    fn what_is_refused_is_named() {
+        for (config, named) in [
+            (json!({"ratoi": 0.8}), "ratoi"),
+            (json!({"count": -1}), "-1"),
+            (json!([0.8, 1]), "[0.8,1]"),
+            (json!(null), "null"),
+        ] {
+            let message = parse_params::<Params>("sift", Some(&config))
+                .unwrap_err()
+                .to_string();
+            assert!(
+                message.contains(named) && message.contains("sift"),
+                "{message}"
+            );
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! `ransac-e`: the reference protocol of the paper.
+
+use matchbench_vision::robust::{PoseEstimator, Ransac, RansacParams};
+use serde_json::{Value, json};
+
+use super::EstimatorEntry;
+use crate::config::{ConfigError, parse_params};
+
+/// Five-point RANSAC as in OpenCV's `findEssentialMat` and `recoverPose`.
+pub(super) struct RansacE;
+
+impl EstimatorEntry for RansacE {
+    fn id(&self) -> &'static str {
+        "ransac-e"
+    }
+
+    fn summary(&self) -> &'static str {
+        "essential matrix by five-point RANSAC: the reference protocol"
+    }
+
+    fn reference(&self) -> &'static str {
+        "Nistér, \"An Efficient Solution to the Five-Point Relative Pose Problem\", PAMI 26(6), 2004; \
+         Fischler, Bolles, \"Random Sample Consensus\", CACM 24(6), 1981"
+    }
+
+    fn defaults(&self) -> Value {
+        json!(RansacParams::default())
+    }
+
+    fn build(&self, config: Option<&Value>) -> Result<Box<dyn PoseEstimator>, ConfigError> {
+        let params = parse_params(self.id(), config)?;
+        let ransac =
+            Ransac::new(params).map_err(|error| ConfigError::new(self.id(), error.to_string()))?;
+        Ok(Box::new(ransac))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_are_the_reference_protocol() {
+        let expected = json!({
+            "confidence": 0.999, "threshold_px": 1.0, "max_iterations": 1000, "max_depth": 50.0
+        });
+        assert_eq!(RansacE.defaults(), expected);
+    }
+
+    #[test]
+    fn a_value_that_is_not_allowed_is_refused_by_name() {
+        let refused = RansacE
+            .build(Some(&json!({"confidence": 1.5})))
+            .err()
+            .unwrap();
+        assert!(refused.to_string().contains("confidence"), "{refused}");
+    }
+}

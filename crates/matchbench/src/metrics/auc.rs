@@ -1,0 +1,98 @@
+//! What other benchmarks call AUC and mAA, so that their numbers can be set beside ours.
+//!
+//! Three things go by these names, and they differ on the same poses:
+//!
+//! - the paper's AUC, [`SuccessCurve::auc`](super::SuccessCurve::auc): translation signed, mean of
+//!   SP at 1 ... 15 degrees;
+//! - [`exact_auc`], of SuperGlue (Sarlin et al., CVPR 2020) and most learned matchers since;
+//! - [`maa`], of the Image Matching Challenge (Jin et al., "Image Matching across Wide Baselines",
+//!   IJCV 2021).
+//!
+//! The latter two are sign-agnostic: a translation and its opposite count as the same. Failed and
+//! missing pairs count in the denominator here too. A table should say which one it shows.
+
+use super::PairResult;
+
+/// Area under recall over pose error, from 0 to `limit` degrees, divided by `limit`.
+///
+/// Recall rises by one pair at each of the sorted errors; between them it is taken as linear
+/// (trapezoids from the origin), after the last one below the limit as constant. NaN where there
+/// are no pairs.
+pub fn exact_auc(pairs: &[PairResult], limit: f64) -> f64 {
+    let mut errors: Vec<f64> = (pairs.iter())
+        .filter_map(PairResult::sign_agnostic_error)
+        .filter(|&error| error < limit)
+        .collect();
+    errors.sort_by(f64::total_cmp);
+    let mut area = 0.0;
+    let mut from = (0.0, 0.0);
+    for (i, &error) in errors.iter().enumerate() {
+        let to = (error, (i + 1) as f64);
+        area += (to.0 - from.0) * (from.1 + to.1) / 2.0;
+        from = to;
+    }
+    area += (limit - from.0) * from.1;
+    area / (limit * pairs.len() as f64)
+}
+
+/// Mean over k = 1, 2, ..., `limit` of the share of pairs with a pose error below k degrees.
+///
+/// The challenge counts in histogram bins that are open above, all but the last: an error of
+/// exactly `limit` degrees still counts in it. NaN where there are no pairs.
+pub fn maa(pairs: &[PairResult], limit: u32) -> f64 {
+    let below: usize = (pairs.iter())
+        .filter_map(PairResult::sign_agnostic_error)
+        .map(|error| {
+            let passed = (1..=limit).filter(|&k| error < f64::from(k)).count();
+            passed + usize::from(error == f64::from(limit))
+        })
+        .sum();
+    below as f64 / (f64::from(limit) * pairs.len() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pair_result::tests::solved;
+    use super::super::{Failure, PairResult};
+    use super::*;
+
+    fn pairs() -> [PairResult; 4] {
+        [
+            solved(0, 1.0, 3.0, 30),
+            // The opposite direction, 1 degree off: the pose error is 1 when the sign is free.
+            solved(0, 0.5, 179.0, 30),
+            solved(0, 5.0, 7.0, 30),
+            PairResult::failed(0, 1, Failure::NoSupport),
+        ]
+    }
+
+    #[test]
+    fn exact_auc_is_the_area_under_the_trapezoids() {
+        // Errors 1, 3, 7 and none of four pairs. Up to 5 degrees, in units of pairs:
+        //   0 to 1, recall 0 to 1:  1 * 0.5 = 0.5
+        //   1 to 3, recall 1 to 2:  2 * 1.5 = 3.0
+        //   3 to 5, recall 2:       2 * 2.0 = 4.0    together 7.5 of 5 * 4 = 20.
+        assert!((exact_auc(&pairs(), 5.0) - 7.5 / 20.0).abs() < 1e-15);
+        // Up to 10: 0.5 + 3.0 + (3 to 7) 4 * 2.5 + (7 to 10) 3 * 3 = 22.5 of 40.
+        assert!((exact_auc(&pairs(), 10.0) - 22.5 / 40.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn an_error_at_the_limit_is_not_below_it() {
+        assert_eq!(exact_auc(&[solved(0, 5.0, 5.0, 30)], 5.0), 0.0);
+    }
+
+    #[test]
+    fn maa_is_the_mean_of_ten_shares() {
+        // Below k = 1..10: error 1 from k = 2 on (9 times), 3 from 4 on (7), 7 from 8 on (3).
+        assert!((maa(&pairs(), 10) - 19.0 / 40.0).abs() < 1e-15);
+        // The last bin is closed.
+        assert_eq!(maa(&[solved(0, 10.0, 0.0, 30)], 10), 0.1);
+        assert_eq!(maa(&[solved(0, 10.1, 0.0, 30)], 10), 0.0);
+    }
+
+    #[test]
+    fn without_pairs_nothing_is_known() {
+        assert!(exact_auc(&[], 5.0).is_nan() && maa(&[], 10).is_nan());
+    }
+}

@@ -1,0 +1,430 @@
+//! Results from disk: a run folder, or anybody's results in the authors' layout.
+//!
+//! - A run folder holds `plan.json` and `records/<dataset>/<matcher>+<estimator>.jsonl`, one
+//!   [`RunRecord`] a line. Poses were compared with the truth when they were recorded.
+//! - The authors' layout is `<sequence>/<matcher>.txt`, one row `a b count` + 3x4 pose a pair; a row
+//!   with a zero translation is a pair without a pose. The truth comes from
+//!   `<datasets>/<sequence>/pairs.txt`. A file may be called `<matcher>+<estimator>.txt`.
+//!
+//! What is scored are the pairs that the dataset lists, or, for a run whose datasets are not at
+//! hand, the pairs that any of its matchers has a record of. Rows for other pairs are ignored and
+//! counted, listed pairs without a row are failures, and a second row for the same pair is an
+//! error: nobody could say which one counts.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::records::RunRecord;
+
+use super::authors_files::{self, ListedPair, ResultRow};
+use super::{AngularError, Failure, PairResult};
+
+/// The results of one matcher with one estimator on one dataset.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResultSet {
+    /// Name of the dataset.
+    pub dataset: String,
+    /// Id of the matcher.
+    pub matcher: String,
+    /// Id of the estimator; empty where the results do not name it.
+    pub estimator: String,
+    /// How often each pair was run with another seed; at least 1.
+    pub repetitions: u32,
+    /// One result for each listed pair and repetition.
+    pub pairs: Vec<PairResult>,
+    /// Results for pairs that the dataset does not list; they are not in `pairs`.
+    pub ignored: usize,
+}
+
+/// Why results cannot be scored.
+#[derive(Debug, thiserror::Error)]
+pub enum ResultsError {
+    /// A file or folder cannot be read.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A line is not what it should be.
+    #[error("{path}:{line}: {problem}")]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong and what to do.
+        problem: String,
+    },
+    /// A file or folder is not where it should be.
+    #[error("{path}: {problem}")]
+    Layout {
+        /// Where it was looked for.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        problem: String,
+    },
+}
+
+/// Reads every set of results in a folder, sorted by dataset, matcher and estimator.
+///
+/// `datasets` is the folder that holds `<sequence>/pairs.txt`; a run folder can do without.
+///
+/// # Errors
+/// A file that cannot be read or a line that makes no sense, named by file and line.
+pub fn load(results: &Path, datasets: Option<&Path>) -> Result<Vec<ResultSet>, ResultsError> {
+    if results.join("plan.json").is_file() {
+        return load_run(&results.join("records"), datasets);
+    }
+    let datasets = datasets.ok_or_else(|| ResultsError::Layout {
+        path: results.to_path_buf(),
+        problem: "not a run folder (no plan.json); for results in the authors' layout, name the \
+                  folder that holds <sequence>/pairs.txt with --datasets"
+            .to_owned(),
+    })?;
+    load_authors(results, datasets)
+}
+
+fn load_authors(results: &Path, datasets: &Path) -> Result<Vec<ResultSet>, ResultsError> {
+    let mut sets = Vec::new();
+    for (dataset, folder) in folders(results)? {
+        let files = files(&folder, "txt")?;
+        if files.is_empty() {
+            continue;
+        }
+        let listed = listed_pairs(datasets, &dataset)?;
+        for (stem, file) in files {
+            let (matcher, estimator) = stem.rsplit_once('+').unwrap_or((&stem, ""));
+            sets.push(ResultSet {
+                dataset: dataset.clone(),
+                matcher: matcher.to_owned(),
+                estimator: estimator.to_owned(),
+                ..score_rows(&file, &listed)?
+            });
+        }
+    }
+    if sets.is_empty() {
+        return Err(ResultsError::Layout {
+            path: results.to_path_buf(),
+            problem: "no results here: neither plan.json nor <sequence>/<matcher>.txt".to_owned(),
+        });
+    }
+    sort(&mut sets);
+    Ok(sets)
+}
+
+/// The rows of one file against the listed pairs; the names are left empty.
+fn score_rows(file: &Path, listed: &[ListedPair]) -> Result<ResultSet, ResultsError> {
+    let mut rows = BTreeMap::new();
+    for row in authors_files::read_results(file)? {
+        let pair = (row.a, row.b);
+        if let Some(first) = rows.insert(pair, row) {
+            return Err(twice(file, rows[&pair].line, pair, first.line));
+        }
+    }
+    let found = rows.len();
+    let pairs: Vec<PairResult> = (listed.iter())
+        .map(|pair| match rows.remove(&(pair.a, pair.b)) {
+            Some(row) => score_row(&row, pair),
+            None => PairResult::failed(pair.a, pair.b, Failure::Missing),
+        })
+        .collect();
+    let missing = (pairs.iter())
+        .filter(|pair| pair.outcome == Err(Failure::Missing))
+        .count();
+    Ok(ResultSet {
+        dataset: String::new(),
+        matcher: String::new(),
+        estimator: String::new(),
+        repetitions: 1,
+        ignored: found - (pairs.len() - missing),
+        pairs,
+    })
+}
+
+fn score_row(row: &ResultRow, truth: &ListedPair) -> PairResult {
+    let failed = PairResult::failed(row.a, row.b, Failure::Unexplained);
+    let Some(pose) = row.pose else {
+        return failed;
+    };
+    let error = match truth.pose {
+        Some(true_pose) => {
+            let error = pose.error(&true_pose);
+            AngularError {
+                rotation: error.rotation.to_degrees(),
+                translation: Some(error.translation.to_degrees()),
+            }
+        }
+        None => AngularError {
+            rotation: pose.rotation.angle_to(&truth.rotation).to_degrees(),
+            translation: None,
+        },
+    };
+    PairResult {
+        outcome: Ok(error),
+        correspondences: row.count,
+        ..failed
+    }
+}
+
+fn load_run(records: &Path, datasets: Option<&Path>) -> Result<Vec<ResultSet>, ResultsError> {
+    let mut sets = Vec::new();
+    for (_, folder) in folders(records)? {
+        for (_, file) in files(&folder, "jsonl")? {
+            sets.extend(read_records(&file)?);
+        }
+    }
+    sort(&mut sets);
+    let mut listed = BTreeMap::<String, BTreeSet<(u32, u32)>>::new();
+    for set in &sets {
+        let pairs = listed.entry(set.dataset.clone()).or_default();
+        match datasets {
+            Some(datasets) if pairs.is_empty() => {
+                let list = listed_pairs(datasets, &set.dataset)?;
+                pairs.extend(list.iter().map(|pair| (pair.a, pair.b)));
+            }
+            Some(_) => {}
+            None => pairs.extend(set.pairs.iter().map(|pair| (pair.a, pair.b))),
+        }
+    }
+    for set in &mut sets {
+        complete(set, &listed[&set.dataset]);
+    }
+    Ok(sets)
+}
+
+/// Brings the pairs of a run into line with the listed ones: others out, missing ones in.
+fn complete(set: &mut ResultSet, listed: &BTreeSet<(u32, u32)>) {
+    let found = set.pairs.len();
+    let mut results: BTreeMap<_, _> = (set.pairs.drain(..))
+        .map(|pair| ((pair.a, pair.b, pair.repetition), pair))
+        .collect();
+    let mut scored = 0;
+    for &(a, b) in listed {
+        for repetition in 0..set.repetitions {
+            let result = results.remove(&(a, b, repetition));
+            scored += usize::from(result.is_some());
+            set.pairs.push(result.unwrap_or_else(|| PairResult {
+                repetition,
+                ..PairResult::failed(a, b, Failure::Missing)
+            }));
+        }
+    }
+    set.ignored = found - scored;
+}
+
+/// The records of one file; none where nothing has been recorded yet. A last line without its end
+/// was being written when the run was stopped, and is not there yet.
+fn read_records(file: &Path) -> Result<Option<ResultSet>, ResultsError> {
+    let text = read(file)?;
+    let complete = text.rfind('\n').map_or("", |end| &text[..end]);
+    let mut set: Option<ResultSet> = None;
+    let mut lines = BTreeMap::new();
+    for (i, line) in complete.lines().enumerate() {
+        let problem = |problem: String| ResultsError::Line {
+            path: file.to_path_buf(),
+            line: i + 1,
+            problem,
+        };
+        let record: RunRecord =
+            serde_json::from_str(line).map_err(|e| problem(format!("not a record: {e}")))?;
+        let task = &record.task;
+        if let Some(first) = lines.insert((task.a, task.b, task.repetition), i + 1) {
+            return Err(twice(file, i + 1, (task.a, task.b), first));
+        }
+        let set = set.get_or_insert_with(|| ResultSet {
+            dataset: task.dataset.clone(),
+            matcher: task.matcher.clone(),
+            estimator: task.estimator.clone(),
+            repetitions: 1,
+            pairs: Vec::new(),
+            ignored: 0,
+        });
+        if (&set.dataset, &set.matcher, &set.estimator)
+            != (&task.dataset, &task.matcher, &task.estimator)
+        {
+            return Err(problem(
+                "another dataset, matcher or estimator than on line 1; do not join files of records"
+                    .to_owned(),
+            ));
+        }
+        set.repetitions = set.repetitions.max(task.repetition + 1);
+        set.pairs.push(PairResult::from(&record));
+    }
+    Ok(set)
+}
+
+fn listed_pairs(datasets: &Path, dataset: &str) -> Result<Vec<ListedPair>, ResultsError> {
+    let file = datasets.join(dataset).join("pairs.txt");
+    if !file.is_file() {
+        return Err(ResultsError::Layout {
+            path: file,
+            problem: format!("needed to score the results for {dataset}, but not there"),
+        });
+    }
+    let listed = authors_files::read_pairs(&file)?;
+    let mut lines = BTreeMap::new();
+    for pair in &listed {
+        if let Some(first) = lines.insert((pair.a, pair.b), pair.line) {
+            return Err(twice(&file, pair.line, (pair.a, pair.b), first));
+        }
+    }
+    Ok(listed)
+}
+
+fn sort(sets: &mut [ResultSet]) {
+    let key = |set: &ResultSet| {
+        let names = [&set.dataset, &set.matcher, &set.estimator];
+        names.map(String::clone)
+    };
+    sets.sort_by_cached_key(key);
+}
+
+/// Subfolders and their names, sorted.
+fn folders(path: &Path) -> Result<Vec<(String, PathBuf)>, ResultsError> {
+    let mut folders = entries(path)?;
+    folders.retain(|(_, path)| path.is_dir());
+    Ok(folders)
+}
+
+/// Files with this extension and their names without it, sorted.
+fn files(path: &Path, extension: &str) -> Result<Vec<(String, PathBuf)>, ResultsError> {
+    let mut files = entries(path)?;
+    files.retain(|(_, path)| path.is_file() && path.extension().is_some_and(|e| e == extension));
+    for (name, _) in &mut files {
+        name.truncate(name.len() - extension.len() - 1);
+    }
+    Ok(files)
+}
+
+fn entries(path: &Path) -> Result<Vec<(String, PathBuf)>, ResultsError> {
+    let io = |source| ResultsError::Io {
+        path: path.to_path_buf(),
+        source,
+    };
+    let mut entries = Vec::new();
+    for entry in fs::read_dir(path).map_err(io)? {
+        let entry = entry.map_err(io)?;
+        entries.push((
+            entry.file_name().to_string_lossy().into_owned(),
+            entry.path(),
+        ));
+    }
+    entries.sort();
+    Ok(entries)
+}
+
+pub(super) fn read(file: &Path) -> Result<String, ResultsError> {
+    fs::read_to_string(file).map_err(|source| ResultsError::Io {
+        path: file.to_path_buf(),
+        source,
+    })
+}
+
+fn twice(file: &Path, line: usize, (a, b): (u32, u32), first: usize) -> ResultsError {
+    ResultsError::Line {
+        path: file.to_path_buf(),
+        line,
+        problem: format!(
+            "pair {a} {b} is there twice, first on line {first}; delete the one that does not count"
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A record as a run writes it, right up to 5 degrees.
+    fn line(matcher: &str, a: u32, b: u32, repetition: u32) -> String {
+        format!(
+            r#"{{"task":{{"dataset":"room","matcher":"{matcher}","estimator":"ransac-e","a":{a},"b":{b},"repetition":{repetition}}},"#,
+        ) + r#""counts":{"features_a":900,"features_b":800,"putative":500,"selected":90},"#
+            + r#""outcome":{"kind":"pose","rotation":[1,0,0,0,1,0,0,0,1],"translation":[1,0,0],"#
+            + r#""inliers":70,"support":80,"iterations":12,"rotation_error":0.5,"translation_error":4.5},"#
+            + r#""times":{"search":0.25}}"#
+            + "\n"
+    }
+
+    fn run_folder(files: &[(&str, String)]) -> tempfile::TempDir {
+        let run = tempfile::tempdir().expect("a temporary folder");
+        let records = run.path().join("records/room");
+        fs::create_dir_all(&records).expect("a folder can be made");
+        fs::write(run.path().join("plan.json"), "{}").expect("it is ours");
+        for (matcher, text) in files {
+            let name = format!("{matcher}+ransac-e.jsonl");
+            fs::write(records.join(name), text).expect("it is ours");
+        }
+        run
+    }
+
+    #[test]
+    fn a_pair_that_another_matcher_has_is_missing() {
+        let sift = line("sift", 0, 1, 0) + &line("sift", 0, 2, 0);
+        let run = run_folder(&[("sift", sift), ("orb", line("orb", 0, 2, 0))]);
+        let sets = load(run.path(), None).expect("both files are in order");
+        assert_eq!((&*sets[0].matcher, &*sets[1].matcher), ("orb", "sift"));
+        assert_eq!(sets[0].pairs[0].outcome, Err(Failure::Missing));
+        let right = &sets[0].pairs[1];
+        assert_eq!((right.a, right.b, right.correspondences), (0, 2, 80));
+        assert_eq!(right.times.search, Some(0.25));
+        assert!(sets[1].pairs.iter().all(|pair| pair.outcome.is_ok()));
+    }
+
+    #[test]
+    fn the_dataset_says_which_pairs_count() {
+        let text = line("sift", 0, 1, 0) + &line("sift", 7, 9, 0);
+        let run = run_folder(&[("sift", text)]);
+        let dataset = run.path().join("datasets/room");
+        fs::create_dir_all(&dataset).expect("a folder can be made");
+        let pose = "1 0 0 0 0 1 0 0 0 0 1 1";
+        fs::write(
+            dataset.join("pairs.txt"),
+            format!("0 1 {pose}\n0 3 {pose}\n"),
+        )
+        .expect("it is ours");
+        let sets = load(run.path(), Some(&run.path().join("datasets"))).expect("in order");
+        assert_eq!((sets[0].pairs.len(), sets[0].ignored), (2, 1));
+        assert_eq!(sets[0].pairs[1].outcome, Err(Failure::Missing));
+    }
+
+    #[test]
+    fn each_repetition_counts() {
+        let text = line("sift", 0, 1, 0) + &line("sift", 0, 1, 1) + &line("sift", 0, 2, 0);
+        let sets = load(run_folder(&[("sift", text)]).path(), None).expect("in order");
+        assert_eq!((sets[0].repetitions, sets[0].pairs.len()), (2, 4));
+        assert_eq!(sets[0].pairs[3].outcome, Err(Failure::Missing));
+    }
+
+    #[test]
+    fn a_torn_last_line_is_not_there_yet() {
+        let text = line("sift", 0, 1, 0) + line("sift", 0, 2, 0).trim_end();
+        let sets = load(run_folder(&[("sift", text)]).path(), None).expect("in order");
+        assert_eq!(sets[0].pairs.len(), 1);
+        let nothing_yet = run_folder(&[("sift", String::new())]);
+        assert_eq!(load(nothing_yet.path(), None).expect("in order"), []);
+    }
+
+    #[test]
+    fn bad_records_are_named_by_line() {
+        let cases = [
+            (line("sift", 0, 1, 0) + "{}\n", ":2: not a record"),
+            (
+                line("sift", 0, 1, 0) + &line("orb", 0, 2, 0),
+                ":2: another dataset",
+            ),
+            (
+                line("sift", 0, 1, 0) + &line("sift", 0, 1, 0),
+                ":2: pair 0 1 is there twice, first on line 1",
+            ),
+        ];
+        for (text, expected) in cases {
+            let run = run_folder(&[("sift", text)]);
+            let error = load(run.path(), None).expect_err(expected).to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+    }
+}

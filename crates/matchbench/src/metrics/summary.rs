@@ -1,0 +1,229 @@
+//! Every score of one matcher with one estimator on one dataset.
+
+use serde::Serialize;
+
+use super::average_matches::is_right;
+use super::success::share_of_thresholds;
+use super::{
+    Angle, Bootstrap, Failures, Interval, PairResult, ResultSet, StageSpreads, SuccessCurve, Term,
+    average_matches, exact_auc, maa,
+};
+
+/// The threshold at which the paper shows AP, in degrees.
+const AP_THRESHOLD: f64 = 5.0;
+
+/// A score and how far it would move with other reference images.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Score {
+    /// The score; `None` where it is undefined (no pairs, or no right pair for AP).
+    pub value: Option<f64>,
+    /// Its bootstrap interval, where there is enough evidence for one.
+    pub interval: Option<Interval>,
+}
+
+/// All scores of one dataset, matcher and estimator. Ratios are in `[0, 1]` and NaN without pairs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Name of the dataset.
+    pub dataset: String,
+    /// Id of the matcher.
+    pub matcher: String,
+    /// Id of the estimator; empty where the results do not name it.
+    pub estimator: String,
+    /// The denominator of every ratio: pairs that the dataset lists, once per repetition.
+    pub pairs: usize,
+    /// How often each pair was run with another seed.
+    pub repetitions: u32,
+    /// Pairs without a pose, missing ones included.
+    pub failed: usize,
+    /// The same by reason.
+    pub failures: Failures,
+    /// Results for pairs that the dataset does not list; they are not scored.
+    pub ignored: usize,
+    /// Pairs with a pose, but without a true direction to compare it with (no baseline).
+    pub undirected: usize,
+    /// The paper's AUC: mean of SP(1) ... SP(15).
+    pub auc: Score,
+    /// The same of the rotation error alone.
+    pub rotation_auc: Score,
+    /// The same of the translation error alone.
+    pub translation_auc: Score,
+    /// AP(5): mean correspondences over the pairs with a pose error below 5 degrees.
+    pub ap5: Score,
+    /// SP(1) ... SP(15) of the pose error.
+    pub sp: SuccessCurve,
+    /// The same of the rotation error alone.
+    pub rotation_sp: SuccessCurve,
+    /// The same of the translation error alone.
+    pub translation_sp: SuccessCurve,
+    /// [`exact_auc`] up to 5 degrees (SuperGlue; sign-agnostic).
+    pub exact_auc_5: f64,
+    /// [`exact_auc`] up to 10 degrees.
+    pub exact_auc_10: f64,
+    /// [`exact_auc`] up to 20 degrees.
+    pub exact_auc_20: f64,
+    /// [`maa`] up to 10 degrees (Image Matching Challenge; sign-agnostic).
+    pub maa_10: f64,
+    /// Features per image and time per stage, where they were recorded.
+    pub stages: StageSpreads,
+}
+
+impl Summary {
+    /// Scores one set of results.
+    pub fn new(results: &ResultSet, bootstrap: &Bootstrap) -> Self {
+        let pairs = &results.pairs;
+        let failures = Failures::count(pairs);
+        let curve = |angle| SuccessCurve::new(pairs, angle);
+        Self {
+            dataset: results.dataset.clone(),
+            matcher: results.matcher.clone(),
+            estimator: results.estimator.clone(),
+            pairs: pairs.len(),
+            repetitions: results.repetitions,
+            failed: failures.total(),
+            failures,
+            ignored: results.ignored,
+            undirected: pairs.iter().filter(|pair| is_undirected(pair)).count(),
+            auc: auc(pairs, Angle::Pose, bootstrap),
+            rotation_auc: auc(pairs, Angle::Rotation, bootstrap),
+            translation_auc: auc(pairs, Angle::Translation, bootstrap),
+            ap5: Score {
+                value: average_matches(pairs, AP_THRESHOLD),
+                interval: bootstrap.interval(pairs.iter().map(ap_term)),
+            },
+            sp: curve(Angle::Pose),
+            rotation_sp: curve(Angle::Rotation),
+            translation_sp: curve(Angle::Translation),
+            exact_auc_5: exact_auc(pairs, 5.0),
+            exact_auc_10: exact_auc(pairs, 10.0),
+            exact_auc_20: exact_auc(pairs, 20.0),
+            maa_10: maa(pairs, 10),
+            stages: StageSpreads::new(pairs),
+        }
+    }
+}
+
+/// How much better `this` is than `other` on the pairs that both have, in the paper's AUC: the
+/// difference and its paired bootstrap interval. Both must come from the same dataset.
+pub fn auc_difference(this: &ResultSet, other: &ResultSet, bootstrap: &Bootstrap) -> Score {
+    let other: std::collections::BTreeMap<_, _> = (other.pairs.iter())
+        .map(|pair| ((pair.a, pair.b, pair.repetition), pair))
+        .collect();
+    let terms: Vec<Term> = (this.pairs.iter())
+        .filter_map(|pair| {
+            let twin = other.get(&(pair.a, pair.b, pair.repetition))?;
+            let mut term = auc_term(pair, Angle::Pose);
+            term.numerator -= auc_term(twin, Angle::Pose).numerator;
+            Some(term)
+        })
+        .collect();
+    let sum: f64 = terms.iter().map(|term| term.numerator).sum();
+    Score {
+        value: (!terms.is_empty()).then(|| sum / terms.len() as f64),
+        interval: bootstrap.interval(terms),
+    }
+}
+
+fn auc(pairs: &[PairResult], angle: Angle, bootstrap: &Bootstrap) -> Score {
+    Score {
+        value: (!pairs.is_empty()).then(|| SuccessCurve::new(pairs, angle).auc()),
+        interval: bootstrap.interval(pairs.iter().map(|pair| auc_term(pair, angle))),
+    }
+}
+
+fn auc_term(pair: &PairResult, angle: Angle) -> Term {
+    Term {
+        cluster: pair.a,
+        numerator: share_of_thresholds(pair.error(angle)),
+        denominator: 1.0,
+    }
+}
+
+fn ap_term(pair: &PairResult) -> Term {
+    let right = is_right(pair, AP_THRESHOLD);
+    Term {
+        cluster: pair.a,
+        numerator: if right {
+            pair.correspondences.into()
+        } else {
+            0.0
+        },
+        denominator: if right { 1.0 } else { 0.0 },
+    }
+}
+
+fn is_undirected(pair: &PairResult) -> bool {
+    (pair.outcome.as_ref()).is_ok_and(|error| error.translation.is_none())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Failure;
+    use super::super::pair_result::tests::solved;
+    use super::*;
+
+    fn results(pairs: Vec<PairResult>) -> ResultSet {
+        ResultSet {
+            dataset: "street".into(),
+            matcher: "sift".into(),
+            estimator: "ransac-e".into(),
+            repetitions: 1,
+            pairs,
+            ignored: 2,
+        }
+    }
+
+    #[test]
+    fn scores_of_a_small_set_by_hand() {
+        let summary = Summary::new(
+            &results(vec![
+                // Below all of 1 ... 15: adds 15.
+                solved(0, 0.2, 0.9, 300),
+                // e = 4.5: below 5 ... 15, adds 11.
+                solved(0, 4.5, 1.0, 100),
+                // e = 12: below 13, 14, 15, adds 3.
+                solved(1, 0.1, 12.0, 900),
+                PairResult::failed(1, 5, Failure::TooFewMatches),
+            ]),
+            &Bootstrap::default(),
+        );
+        assert_eq!((summary.pairs, summary.failed, summary.ignored), (4, 1, 2));
+        let auc = summary.auc.value.expect("there are pairs");
+        assert!((auc - (15.0 + 11.0 + 3.0) / (4.0 * 15.0)).abs() < 1e-15);
+        // Rotation alone: 0.2, 4.5 and 0.1 add 15, 11 and 15.
+        let rotation = summary.rotation_auc.value.expect("there are pairs");
+        assert!((rotation - 41.0 / 60.0).abs() < 1e-15);
+        assert_eq!(summary.ap5.value, Some(200.0));
+        assert_eq!(summary.sp.at(1), 0.25);
+        let interval = summary.auc.interval.expect("two reference images");
+        assert!(interval.low <= auc && auc <= interval.high);
+    }
+
+    #[test]
+    fn one_pair_has_scores_but_no_interval() {
+        let summary = Summary::new(
+            &results(vec![solved(0, 0.1, 0.1, 50)]),
+            &Bootstrap::default(),
+        );
+        assert_eq!(summary.auc.value, Some(1.0));
+        assert_eq!(summary.auc.interval, None);
+    }
+
+    #[test]
+    fn without_pairs_every_score_is_unknown() {
+        let summary = Summary::new(&results(vec![]), &Bootstrap::default());
+        assert_eq!((summary.auc.value, summary.ap5.value), (None, None));
+        assert!(summary.maa_10.is_nan() && summary.sp.at(1).is_nan());
+    }
+
+    #[test]
+    fn difference_pairs_the_pairs() {
+        let better = results(vec![solved(0, 0.1, 0.1, 50), solved(3, 0.1, 4.0, 50)]);
+        let worse = results(vec![solved(3, 0.1, 7.0, 50), solved(0, 0.1, 3.0, 50)]);
+        // Image 0: 15 - 12 thresholds; image 3: 11 - 8. Three of fifteen each time.
+        let score = auc_difference(&better, &worse, &Bootstrap::default());
+        assert!((score.value.expect("two pairs in common") - 0.2).abs() < 1e-15);
+        let interval = score.interval.expect("two reference images");
+        assert!((interval.high - interval.low).abs() < 1e-12);
+    }
+}

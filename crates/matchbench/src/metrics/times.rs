@@ -1,0 +1,95 @@
+//! What each stage cost: median and quartiles over the pairs that were timed.
+
+use serde::Serialize;
+
+use crate::records::StageTimes;
+
+use super::bootstrap::quantile;
+use super::{Failure, PairResult};
+
+/// Quartiles of a set of numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// A quarter lies below.
+    pub lower: f64,
+    /// Half lies below.
+    pub median: f64,
+    /// A quarter lies above.
+    pub upper: f64,
+}
+
+impl Spread {
+    /// Quartiles of the values; `None` where there are none.
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
+        let mut values: Vec<f64> = values.into_iter().collect();
+        values.sort_by(f64::total_cmp);
+        (!values.is_empty()).then(|| Self {
+            lower: quantile(&values, 0.25),
+            median: quantile(&values, 0.5),
+            upper: quantile(&values, 0.75),
+        })
+    }
+}
+
+/// Features per image and seconds per stage, each where it was recorded: stages that came from a
+/// cache have no time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct StageSpreads {
+    /// Features of an image.
+    pub features: Option<Spread>,
+    /// Detection and description of an image, in seconds.
+    pub extract: Option<Spread>,
+    /// Search for putative correspondences of a pair, in seconds.
+    pub search: Option<Spread>,
+    /// Selection of a pair, in seconds.
+    pub select: Option<Spread>,
+    /// Pose estimation of a pair, in seconds.
+    pub estimate: Option<Spread>,
+}
+
+impl StageSpreads {
+    /// Quartiles over the pairs; an image counts once for each pair it was extracted for.
+    pub fn new(pairs: &[PairResult]) -> Self {
+        let stage =
+            |get: fn(&StageTimes) -> Option<f64>| pairs.iter().filter_map(move |p| get(&p.times));
+        let features = (pairs.iter())
+            .filter(|pair| pair.outcome != Err(Failure::Broken))
+            .filter_map(|pair| pair.counts)
+            .flat_map(|counts| [counts.features_a, counts.features_b]);
+        Self {
+            features: Spread::of(features.map(f64::from)),
+            extract: Spread::of(stage(|t| t.extract_a).chain(stage(|t| t.extract_b))),
+            search: Spread::of(stage(|t| t.search)),
+            select: Spread::of(stage(|t| t.select)),
+            estimate: Spread::of(stage(|t| t.estimate)),
+        }
+    }
+
+    /// Whether any stage was timed.
+    pub fn is_timed(&self) -> bool {
+        [self.extract, self.search, self.select, self.estimate]
+            .iter()
+            .any(Option::is_some)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pair_result::tests::solved;
+    use super::*;
+
+    #[test]
+    fn cached_stages_have_no_time() {
+        let mut first = solved(0, 1.0, 1.0, 30);
+        first.times.extract_a = Some(0.2);
+        first.times.extract_b = Some(0.4);
+        first.times.search = Some(0.1);
+        let cached = solved(0, 1.0, 1.0, 30);
+        let spreads = StageSpreads::new(&[first, cached]);
+        let extract = spreads.extract.expect("two images were timed");
+        assert!((extract.median - 0.3).abs() < 1e-15);
+        assert_eq!(spreads.search.map(|s| s.median), Some(0.1));
+        assert_eq!((spreads.select, spreads.features), (None, None));
+        assert!(spreads.is_timed() && !StageSpreads::new(&[]).is_timed());
+    }
+}

@@ -1,0 +1,151 @@
+//! The paper's Table 2 as data: matchers by datasets, the best three marked, and those above SIFT.
+
+use crate::metrics::Summary;
+
+/// The matcher that the paper measures the others by.
+const BASELINE: &str = "sift";
+
+/// AUC of every matcher on every dataset, both in the order in which the scores name them, but
+/// the baseline first.
+pub(super) struct Overview<'a> {
+    /// Names of the datasets, the columns.
+    pub(super) datasets: Vec<&'a str>,
+    /// One row per matcher, or per matcher and estimator where there are several estimators.
+    pub(super) rows: Vec<Row<'a>>,
+}
+
+/// One matcher (with one estimator) on all datasets.
+pub(super) struct Row<'a> {
+    /// How it is called in tables and legends.
+    pub(super) label: String,
+    pub(super) is_baseline: bool,
+    /// One cell per dataset, `None` where the matcher was not run.
+    pub(super) cells: Vec<Option<Cell<'a>>>,
+}
+
+/// One AUC and what the table says about it.
+pub(super) struct Cell<'a> {
+    pub(super) summary: &'a Summary,
+    /// 1, 2 or 3 for the best three of the dataset (equal scores share the rank), if there is
+    /// anything to be better than.
+    pub(super) rank: Option<u8>,
+    /// Better than SIFT with the same estimator.
+    pub(super) above_baseline: bool,
+}
+
+impl<'a> Overview<'a> {
+    pub(super) fn new(summaries: &'a [Summary]) -> Self {
+        let mut datasets: Vec<&str> = Vec::new();
+        let mut methods: Vec<(&str, &str)> = Vec::new();
+        for summary in summaries {
+            if !datasets.contains(&&*summary.dataset) {
+                datasets.push(&summary.dataset);
+            }
+            let method = (&*summary.matcher, &*summary.estimator);
+            if !methods.contains(&method) {
+                methods.push(method);
+            }
+        }
+        methods.sort_by_key(|method| method.0 != BASELINE);
+        let rows = (methods.iter())
+            .map(|&method| Row {
+                label: label(method, &methods),
+                is_baseline: method.0 == BASELINE,
+                cells: (datasets.iter())
+                    .map(|dataset| cell(summaries, dataset, method))
+                    .collect(),
+            })
+            .collect();
+        Self { datasets, rows }
+    }
+}
+
+/// The estimator is named only where there are several.
+fn label((matcher, estimator): (&str, &str), methods: &[(&str, &str)]) -> String {
+    if estimator.is_empty() || methods.iter().all(|other| other.1 == estimator) {
+        matcher.to_owned()
+    } else {
+        format!("{matcher} + {estimator}")
+    }
+}
+
+fn cell<'a>(summaries: &'a [Summary], dataset: &str, method: (&str, &str)) -> Option<Cell<'a>> {
+    let rivals = || summaries.iter().filter(|s| s.dataset == dataset);
+    let summary = rivals().find(|s| (&*s.matcher, &*s.estimator) == method)?;
+    let auc = summary.auc.value;
+    let better = rivals().filter(|s| s.auc.value > auc).count();
+    let scored = rivals().filter(|s| s.auc.value.is_some()).count();
+    let baseline = rivals()
+        .find(|s| s.matcher == BASELINE && s.estimator == method.1)
+        .and_then(|s| s.auc.value);
+    Some(Cell {
+        summary,
+        rank: (auc.is_some() && scored > 1 && better < 3).then_some(better as u8 + 1),
+        above_baseline: baseline.is_some() && auc > baseline,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::summary;
+    use super::*;
+
+    fn marks(overview: &Overview<'_>) -> Vec<(String, Option<u8>, bool)> {
+        (overview.rows.iter())
+            .map(|row| {
+                let cell = row.cells[0].as_ref().expect("all were run on the first");
+                (row.label.clone(), cell.rank, cell.above_baseline)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn best_three_and_above_sift() {
+        let summaries = [
+            ("orb", 3),
+            ("sift", 6),
+            ("gms", 9),
+            ("surf", 8),
+            ("latch", 6),
+        ]
+        .map(|(name, tenths)| summary("room", name, tenths));
+        let expected = [
+            ("sift", Some(3), false),
+            ("orb", None, false),
+            ("gms", Some(1), true),
+            ("surf", Some(2), true),
+            // Equal to SIFT: shares its rank and is not above it.
+            ("latch", Some(3), false),
+        ];
+        let expected = expected.map(|(name, rank, above)| (name.to_owned(), rank, above));
+        assert_eq!(marks(&Overview::new(&summaries)), expected);
+    }
+
+    #[test]
+    fn a_matcher_that_was_not_run_has_no_cell() {
+        let summaries = [
+            summary("room", "sift", 6),
+            summary("room", "orb", 5),
+            summary("street", "sift", 6),
+        ];
+        let overview = Overview::new(&summaries);
+        assert_eq!(overview.datasets, ["room", "street"]);
+        assert!(overview.rows[1].cells[1].is_none());
+        // Alone on the street, SIFT is not the best of anything.
+        assert_eq!(
+            overview.rows[0].cells[1].as_ref().and_then(|c| c.rank),
+            None
+        );
+    }
+
+    #[test]
+    fn several_estimators_are_told_apart() {
+        let mut other = summary("room", "sift", 8);
+        other.estimator = "lmeds-e".to_owned();
+        let summaries = [summary("room", "sift", 6), other];
+        let labels: Vec<_> = marks(&Overview::new(&summaries));
+        assert_eq!(labels[0].0, "sift + ransac-e");
+        // The baseline is SIFT with the same estimator, here itself.
+        assert_eq!(labels[1], ("sift + lmeds-e".to_owned(), Some(1), false));
+    }
+}

@@ -1,0 +1,146 @@
+//! AP bars: mean correspondences of the right pairs.
+
+use std::fmt::Write as _;
+
+use crate::metrics::Score;
+
+use super::super::numbers::{count, interval};
+use super::{COLOURS, INK, Place, axis, escape, open, text};
+
+const LEFT: f64 = 116.0;
+const BAR: f64 = 210.0;
+const RIGHT: f64 = 68.0;
+const LINE: f64 = 19.0;
+/// Names longer than this are cut; the whole name is in the tooltip.
+const NAME: usize = 17;
+
+/// One bar per `(number of the matcher in the report, name, AP)`, with a whisker for its interval.
+pub(in super::super) fn ap_bars(
+    place: Place,
+    title: &str,
+    bars: &[(usize, &str, Score)],
+) -> String {
+    let top = match place {
+        Place::File => 30.0,
+        Place::Page => 2.0,
+    };
+    let width = LEFT + BAR + RIGHT;
+    let max = bars.iter().fold(0.0_f64, |max, (_, _, ap)| {
+        let high = ap.interval.map_or(0.0, |interval| interval.high);
+        max.max(ap.value.unwrap_or(0.0)).max(high)
+    });
+    let (_, end) = axis(max);
+    let x = |value: f64| LEFT + BAR * value / end;
+
+    let mut svg = String::new();
+    let height = top + bars.len() as f64 * LINE + 6.0;
+    open(&mut svg, place, "chart ap", (width, height), title);
+    for (row, (series, name, ap)) in bars.iter().enumerate() {
+        let middle = top + (row as f64 + 0.5) * LINE;
+        let (class, colour) = (series % COLOURS.len(), COLOURS[series % COLOURS.len()]);
+        let _ = writeln!(
+            svg,
+            r#"<g class="bar s{class}"><title>{}: {}{}</title>"#,
+            escape(name),
+            count(ap.value),
+            match ap.interval {
+                Some(_) => format!(" (95 %: {})", interval(ap, count)),
+                None => String::new(),
+            }
+        );
+        text(
+            &mut svg,
+            "ink",
+            (LEFT - 7.0, middle + 4.0),
+            "end",
+            &shorten(name),
+        );
+        let mut label = x(0.0);
+        if let Some(value) = ap.value {
+            let _ = writeln!(
+                svg,
+                r#"<rect class="fill" fill="{colour}" x="{:.1}" y="{:.1}" width="{:.1}" height="{:.1}"/>"#,
+                x(0.0),
+                middle - LINE * 0.36,
+                x(value) - x(0.0),
+                LINE * 0.72
+            );
+            label = x(value);
+        }
+        if let Some(range) = ap.interval {
+            let _ = writeln!(
+                svg,
+                r#"<path class="whisker" fill="none" stroke="{INK}" d="M{:.1} {middle:.1}H{:.1}M{1:.1} {2:.1}v6M{0:.1} {2:.1}v6"/>"#,
+                x(range.low),
+                x(range.high),
+                middle - 3.0
+            );
+            label = label.max(x(range.high));
+        }
+        let value = count(ap.value);
+        text(
+            &mut svg,
+            "muted",
+            (label + 7.0, middle + 4.0),
+            "start",
+            &value,
+        );
+        svg.push_str("</g>\n");
+    }
+    svg.push_str("</svg>\n");
+    svg
+}
+
+fn shorten(name: &str) -> String {
+    if name.chars().count() <= NAME {
+        return escape(name);
+    }
+    let start: String = name.chars().take(NAME - 1).collect();
+    format!("{}…", escape(&start))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::Interval;
+
+    #[test]
+    fn bars_have_the_length_of_their_value() {
+        let bars = [
+            (
+                0,
+                "sift",
+                Score {
+                    value: Some(1000.0),
+                    interval: Some(Interval {
+                        low: 900.0,
+                        high: 1000.0,
+                    }),
+                },
+            ),
+            (
+                1,
+                "orb",
+                Score {
+                    value: None,
+                    interval: None,
+                },
+            ),
+        ];
+        let svg = ap_bars(Place::File, "room", &bars);
+        // The axis ends at 1000, so the first bar fills it; the second has none.
+        assert!(svg.contains(r#"width="210.0""#), "{svg}");
+        assert_eq!(svg.matches("class=\"fill\"").count(), 1);
+        assert_eq!(svg.matches("class=\"whisker\"").count(), 1);
+        assert!(svg.contains("<title>sift: 1000.0 (95 %: 900.0 to 1000.0)</title>"));
+        assert!(svg.contains(">–</text>"));
+    }
+
+    #[test]
+    fn long_names_are_cut_before_they_are_escaped() {
+        assert_eq!(
+            shorten("<<<<<<<<<<<<<<<<<<<<"),
+            format!("{}…", "&lt;".repeat(16))
+        );
+    }
+}

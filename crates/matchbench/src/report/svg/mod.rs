@@ -1,0 +1,163 @@
+//! Figures as hand-written SVG: no display, no fonts of our own, the same bytes for the same scores.
+//!
+//! Colours stand in attributes, so that a file shows alone; the page overrides them by class
+//! (`s0` ... `s7`, `ink`, `grid`), so that the same drawing serves a dark screen. Matchers are told
+//! apart three times, by colour, by marker and by dash, and keep theirs in every figure of a report.
+
+mod ap_bars;
+mod sp_curves;
+
+use std::fmt::Write as _;
+
+pub(super) use ap_bars::ap_bars;
+pub(super) use sp_curves::{legend_sample, sp_curves};
+
+/// Where a figure is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// Alone: with background, legend and title.
+    File,
+    /// In the page, which has its own.
+    Page,
+}
+
+/// Eight colours that stay apart with any colour vision (after Okabe and Ito, "Color Universal
+/// Design", 2008; the pale ones darkened to 3:1 on white). The page's style sheet holds the same,
+/// lighter, for dark screens.
+const COLOURS: [&str; 8] = [
+    "#0072b2", "#d55e00", "#008a64", "#b5508f", "#a87400", "#3488bd", "#4d4d4d", "#8a3ffc",
+];
+
+/// Dash patterns: with more than eight matchers the colours come again with the next.
+const DASHES: [&str; 3] = ["", "6 3", "2 2.5"];
+
+const INK: &str = "#222222";
+const MUTED: &str = "#666666";
+const GRID: &str = "#dddddd";
+
+/// Text of a name in element content or in a quoted attribute. Characters that XML cannot hold
+/// are replaced.
+pub(super) fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '&' => escaped.push_str("&amp;"),
+            '"' => escaped.push_str("&quot;"),
+            '\'' => escaped.push_str("&#39;"),
+            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => {
+                escaped.push('\u{fffd}');
+            }
+            c => escaped.push(c),
+        }
+    }
+    escaped
+}
+
+/// The opening tag of a figure of this size, its title for screen readers and, in a file, the
+/// background and the title in sight.
+fn open(svg: &mut String, place: Place, class: &str, (width, height): (f64, f64), title: &str) {
+    let title = escape(title);
+    match place {
+        Place::Page => {
+            let _ = writeln!(
+                svg,
+                r#"<svg class="{class}" viewBox="0 0 {width} {height}" role="img" aria-label="{title}" tabindex="0">"#
+            );
+        }
+        Place::File => {
+            let _ = writeln!(
+                svg,
+                r#"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" font-family="system-ui, Helvetica, Arial, sans-serif">"#
+            );
+            let _ = writeln!(svg, "<title>{title}</title>");
+            let _ = writeln!(
+                svg,
+                r##"<rect width="{width}" height="{height}" fill="#ffffff"/>"##
+            );
+            text(svg, "ink", (12.0, 20.0), "start", &title);
+        }
+    }
+}
+
+/// A line of text; `content` is already escaped.
+fn text(svg: &mut String, class: &str, (x, y): (f64, f64), anchor: &str, content: &str) {
+    let fill = if class == "ink" { INK } else { MUTED };
+    let _ = writeln!(
+        svg,
+        r#"<text class="{class}" x="{x:.1}" y="{y:.1}" text-anchor="{anchor}" font-size="11" fill="{fill}">{content}</text>"#
+    );
+}
+
+/// A line of the grid.
+fn grid(svg: &mut String, from: (f64, f64), to: (f64, f64)) {
+    let _ = writeln!(
+        svg,
+        r#"<line class="grid" x1="{:.1}" y1="{:.1}" x2="{:.1}" y2="{:.1}" stroke="{GRID}"/>"#,
+        from.0, from.1, to.0, to.1
+    );
+}
+
+/// A round step that divides `0 ..= max` into three to six parts, and the end of the axis: the
+/// first multiple of the step that is not below `max`.
+fn axis(max: f64) -> (f64, f64) {
+    if !(max > 0.0 && max.is_finite()) {
+        return (0.2, 1.0);
+    }
+    let mut decade = 1e-3;
+    loop {
+        for factor in [1.0, 2.0, 2.5, 5.0] {
+            let step = decade * factor;
+            let parts = (max / step - 1e-9).ceil();
+            if parts <= 5.0 {
+                return (step, step * parts.max(1.0));
+            }
+        }
+        decade *= 10.0;
+    }
+}
+
+/// The number of an axis tick: as many decimals as its step has.
+fn tick(value: f64, step: f64) -> String {
+    let decimals = [1.0, 0.1, 0.01, 0.001]
+        .iter()
+        .position(|unit| ((step / unit).round() - step / unit).abs() < 1e-6)
+        .unwrap_or(3);
+    format!("{value:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_end_at_round_numbers() {
+        for (max, step, end) in [
+            (0.198, 0.05, 0.2),
+            (0.93, 0.2, 1.0),
+            (1.0, 0.2, 1.0),
+            (0.54, 0.2, 0.6),
+            (2966.0, 1000.0, 3000.0),
+            (0.0, 0.2, 1.0),
+            (f64::NAN, 0.2, 1.0),
+        ] {
+            let (s, e) = axis(max);
+            assert!(
+                (s - step).abs() < 1e-9 && (e - end).abs() < 1e-9,
+                "{max}: {s} {e}"
+            );
+        }
+        assert_eq!(tick(0.5, 0.25), "0.50");
+        assert_eq!(tick(0.4, 0.2), "0.4");
+        assert_eq!(tick(1500.0, 500.0), "1500");
+    }
+
+    #[test]
+    fn names_are_text() {
+        assert_eq!(
+            escape("<b a='\"'>&\u{1}"),
+            "&lt;b a=&#39;&quot;&#39;&gt;&amp;\u{fffd}"
+        );
+    }
+}

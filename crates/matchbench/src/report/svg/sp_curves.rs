@@ -1,0 +1,211 @@
+//! SP curves: success ratio over the pose error that is allowed.
+
+use std::fmt::Write as _;
+
+use crate::metrics::{SuccessCurve, THRESHOLDS};
+
+use super::{COLOURS, DASHES, Place, axis, escape, grid, open, text, tick};
+
+/// Size of the plot itself and its place in the figure, in user units.
+const PLOT: (f64, f64) = (350.0, 210.0);
+const LEFT: f64 = 44.0;
+const RIGHT: f64 = 12.0;
+const BOTTOM: f64 = 40.0;
+/// Width of the legend of a file, and height of one of its lines.
+const LEGEND: f64 = 150.0;
+const LINE: f64 = 16.0;
+
+/// One figure with one curve per `(number of the matcher in the report, name, curve)`. Curves
+/// without values (no pairs) are left out.
+pub(in super::super) fn sp_curves(
+    place: Place,
+    title: &str,
+    curves: &[(usize, &str, &SuccessCurve)],
+) -> String {
+    let curves: Vec<_> = (curves.iter())
+        .filter(|(_, _, curve)| curve.pairs > 0)
+        .collect();
+    let (top, legend) = match place {
+        Place::File => (34.0, LEGEND),
+        Place::Page => (8.0, 0.0),
+    };
+    let width = LEFT + PLOT.0 + RIGHT + legend;
+    let rows = curves.len() as f64 * LINE;
+    let height = top + PLOT.1.max(if legend > 0.0 { rows } else { 0.0 }) + BOTTOM;
+    let max = (curves.iter()).fold(0.0_f64, |max, (_, _, curve)| max.max(curve.at(15)));
+    let (step, end) = axis(max);
+    let x = |k: usize| LEFT + PLOT.0 * (k - 1) as f64 / 14.0;
+    let y = |share: f64| top + PLOT.1 * (1.0 - share / end);
+
+    let mut svg = String::new();
+    open(&mut svg, place, "chart sp", (width, height), title);
+    let ticks = (end / step).round() as usize;
+    for value in (0..=ticks).map(|i| i as f64 * step) {
+        grid(&mut svg, (x(1), y(value)), (x(15), y(value)));
+        let at = (LEFT - 7.0, y(value) + 3.5);
+        text(&mut svg, "muted", at, "end", &tick(value, step));
+    }
+    for k in [1, 3, 5, 7, 9, 11, 13, 15] {
+        let at = (x(k), top + PLOT.1 + 16.0);
+        text(&mut svg, "muted", at, "middle", &k.to_string());
+    }
+    let at = (LEFT + PLOT.0 / 2.0, top + PLOT.1 + 32.0);
+    text(&mut svg, "muted", at, "middle", "error threshold (degrees)");
+    if place == Place::Page {
+        let _ = writeln!(
+            svg,
+            r#"<line class="cursor" x1="0" x2="0" y1="{:.1}" y2="{:.1}" data-x1="{:.1}" data-x15="{:.1}" visibility="hidden"/>"#,
+            top,
+            top + PLOT.1,
+            x(1),
+            x(15)
+        );
+    }
+    for (row, (series, name, curve)) in curves.into_iter().enumerate() {
+        let points: Vec<(f64, f64)> = THRESHOLDS.map(|k| (x(k), y(curve.at(k)))).collect();
+        open_series(&mut svg, place, *series, name, curve);
+        polyline(&mut svg, *series, &points);
+        // Every third point, not the same of neighbouring matchers: markers seldom cover another.
+        for &(px, py) in points.iter().skip(series % 3).step_by(3) {
+            marker(&mut svg, *series, px, py);
+        }
+        if place == Place::File {
+            let (left, middle) = (LEFT + PLOT.0 + 24.0, top + 8.0 + row as f64 * LINE);
+            sample(&mut svg, *series, left, middle);
+            text(
+                &mut svg,
+                "ink",
+                (left + 32.0, middle + 4.0),
+                "start",
+                &escape(name),
+            );
+        }
+        svg.push_str("</g>\n");
+    }
+    svg.push_str("</svg>\n");
+    svg
+}
+
+/// The line and marker of a matcher, for the legend of the page.
+pub(in super::super) fn legend_sample(series: usize) -> String {
+    let mut svg = format!(
+        r#"<svg class="sample s{}" viewBox="0 0 26 12" aria-hidden="true">"#,
+        series % COLOURS.len()
+    );
+    sample(&mut svg, series, 0.0, 6.0);
+    svg.push_str("</svg>");
+    svg
+}
+
+/// Opens the group of a matcher. In the page it carries its values, which the script shows on
+/// hover; in a file the name is its tooltip.
+fn open_series(svg: &mut String, place: Place, series: usize, name: &str, curve: &SuccessCurve) {
+    let class = series % COLOURS.len();
+    let name = escape(name);
+    match place {
+        Place::Page => {
+            let values = curve.values().map(|value| format!("{value:.3}")).join(" ");
+            let _ = writeln!(
+                svg,
+                r#"<g class="series s{class}" data-series="{series}" data-name="{name}" data-values="{values}">"#
+            );
+        }
+        Place::File => {
+            let _ = writeln!(svg, r#"<g class="series s{class}"><title>{name}</title>"#);
+        }
+    }
+}
+
+fn sample(svg: &mut String, series: usize, left: f64, middle: f64) {
+    polyline(svg, series, &[(left, middle), (left + 26.0, middle)]);
+    marker(svg, series, left + 13.0, middle);
+}
+
+fn polyline(svg: &mut String, series: usize, points: &[(f64, f64)]) {
+    let colour = COLOURS[series % COLOURS.len()];
+    let dash = DASHES[series / COLOURS.len() % DASHES.len()];
+    let _ = write!(
+        svg,
+        r#"<polyline class="line" fill="none" stroke="{colour}" stroke-width="1.6""#
+    );
+    if !dash.is_empty() {
+        let _ = write!(svg, r#" stroke-dasharray="{dash}""#);
+    }
+    let points: Vec<String> = (points.iter().map(|(x, y)| format!("{x:.1},{y:.1}"))).collect();
+    let _ = writeln!(svg, r#" points="{}"/>"#, points.join(" "));
+}
+
+/// One of eight shapes around a point.
+fn marker(svg: &mut String, series: usize, x: f64, y: f64) {
+    // Corners in units of the marker's radius; the first shape is a circle.
+    const SHAPES: [&[(f64, f64)]; 7] = [
+        &[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)],
+        &[(0.0, -1.2), (1.1, 0.9), (-1.1, 0.9)],
+        &[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)],
+        &[(0.0, 1.2), (1.1, -0.9), (-1.1, -0.9)],
+        &[(1.2, 0.0), (-0.9, -1.1), (-0.9, 1.1)],
+        &[(-1.2, 0.0), (0.9, -1.1), (0.9, 1.1)],
+        &[(-1.4, -0.5), (1.4, -0.5), (1.4, 0.5), (-1.4, 0.5)],
+    ];
+    const RADIUS: f64 = 2.8;
+    let colour = COLOURS[series % COLOURS.len()];
+    let shape = series % (SHAPES.len() + 1);
+    if shape == 0 {
+        let _ = writeln!(
+            svg,
+            r#"<circle class="mark" fill="{colour}" cx="{x:.1}" cy="{y:.1}" r="{RADIUS}"/>"#
+        );
+    } else {
+        let corners: Vec<String> = (SHAPES[shape - 1].iter())
+            .map(|(dx, dy)| format!("{:.1},{:.1}", x + RADIUS * dx, y + RADIUS * dy))
+            .collect();
+        let _ = writeln!(
+            svg,
+            r#"<polygon class="mark" fill="{colour}" points="{}"/>"#,
+            corners.join(" ")
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn curve(right: usize, pairs: usize) -> SuccessCurve {
+        SuccessCurve {
+            below: [right; 15],
+            pairs,
+        }
+    }
+
+    #[test]
+    fn figure_is_the_same_every_time_and_names_are_text() {
+        let curves = [
+            (0, "sift", &curve(5, 10)),
+            (9, "</g><script>", &curve(2, 10)),
+        ];
+        let draw = |place| sp_curves(place, "<room>", &curves);
+        for place in [Place::File, Place::Page] {
+            let svg = draw(place);
+            assert_eq!(svg, draw(place));
+            assert!(!svg.contains("<script>") && !svg.contains("<room>"));
+            assert_eq!(svg.matches("<g ").count(), 2);
+            assert_eq!(svg.matches("</g>").count(), 2);
+        }
+        assert!(draw(Place::Page).contains("stroke-dasharray"));
+    }
+
+    #[test]
+    fn curves_without_values_are_left_out() {
+        let svg = sp_curves(Place::File, "room", &[(0, "sift", &curve(0, 0))]);
+        assert!(!svg.contains("NaN") && !svg.contains("<g"));
+    }
+
+    #[test]
+    fn a_long_legend_makes_the_figure_higher() {
+        let flat = curve(1, 10);
+        let many: Vec<_> = (0..30).map(|i| (i, "matcher", &flat)).collect();
+        let svg = sp_curves(Place::File, "room", &many);
+        assert!(svg.contains(r#"height="554""#), "{}", &svg[..120]);
+    }
+}

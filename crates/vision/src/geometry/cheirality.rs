@@ -1,0 +1,113 @@
+//! The choice between the four poses of an essential matrix: scene points lie in front of both
+//! cameras.
+//!
+//! Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2nd edition, 2004, sec. 9.6.3.
+//! As in OpenCV's `recoverPose` without a mask, which the reference protocol uses: every match is
+//! triangulated, inlier or not; it supports a pose if its depth in both views is positive and below
+//! a limit, beyond which a point tells nothing about the translation; the pose with most support
+//! is chosen, the earlier in the order of [`decompose_essential`] if two have the same.
+//!
+//! Two triangulations serve for four poses: with -t for t, the scene point (X, w) becomes (X, -w),
+//! so both depths change sign.
+
+use nalgebra::Matrix3;
+
+use super::triangulation::triangulate_depths;
+use super::{PointPairs, RelativePose, decompose_essential};
+
+/// The pose of `essential` that most matches support, and how many do: those whose depth in both
+/// views is in `(0, max_depth)`, in baselines. `None` where the matrix is zero or not finite.
+pub fn choose_pose(
+    essential: &Matrix3<f64>,
+    pairs: &PointPairs,
+    max_depth: f64,
+) -> Option<(RelativePose, usize)> {
+    let poses = decompose_essential(essential)?;
+    let mut depths = (vec![0.0; pairs.len()], vec![0.0; pairs.len()]);
+    let mut support = [0; 4];
+    for rotation in 0..2 {
+        triangulate_depths(&poses[rotation], pairs, &mut depths.0, &mut depths.1);
+        let count = |sign: f64| {
+            let within = |depth: f64| depth * sign > 0.0 && depth * sign < max_depth;
+            (depths.0.iter().zip(&depths.1))
+                .filter(|&(&a, &b)| within(a) && within(b))
+                .count()
+        };
+        support[rotation] = count(1.0);
+        support[rotation + 2] = count(-1.0);
+    }
+    let best = (1..4).fold(
+        0,
+        |best, i| if support[i] > support[best] { i } else { best },
+    );
+    Some((poses[best], support[best]))
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point2, UnitQuaternion, UnitVector3, Vector3};
+
+    use super::*;
+    use crate::geometry::essential_from_pose;
+    use crate::seed::Seed;
+
+    fn pose() -> RelativePose {
+        RelativePose {
+            rotation: UnitQuaternion::from_euler_angles(0.1, -0.3, 0.2),
+            direction: UnitVector3::new_normalize(Vector3::new(0.8, 0.1, 0.3)),
+        }
+    }
+
+    /// Matches of points at these depths in view `a`.
+    fn seen(depths: &[f64]) -> PointPairs {
+        let mut rng = Seed(1).rng();
+        (depths.iter())
+            .map(|&depth| {
+                let a = Point2::new(rng.uniform() - 0.5, rng.uniform() - 0.5);
+                let x =
+                    pose().rotation * (a.to_homogeneous() * depth) + pose().direction.into_inner();
+                (a, Point2::new(x.x / x.z, x.y / x.z))
+            })
+            .collect()
+    }
+
+    #[test]
+    fn depths_are_those_of_the_scene() {
+        let truth = [1.0, 2.5, 10.0, 49.0, 200.0, -3.0, 5.0, 6.0, 7.0, 8.0, 9.0];
+        let pairs = seen(&truth);
+        let (mut a, mut b) = (vec![0.0; 11], vec![0.0; 11]);
+        triangulate_depths(&pose(), &pairs, &mut a, &mut b);
+        for i in 0..11 {
+            assert!(
+                (a[i] / truth[i] - 1.0).abs() < 1e-6,
+                "{} {}",
+                a[i],
+                truth[i]
+            );
+            let x = pose().rotation * (pairs.get(i).0.to_homogeneous() * truth[i]);
+            let depth_b = x.z + pose().direction.z;
+            assert!((b[i] / depth_b - 1.0).abs() < 1e-6, "{} {depth_b}", b[i]);
+        }
+    }
+
+    #[test]
+    fn only_points_in_front_and_not_too_far_support_a_pose() {
+        let pairs = seen(&[2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 60.0, -3.0]);
+        for sign in [1.0, -1.0] {
+            let e = essential_from_pose(&pose()) * sign;
+            let (found, support) = choose_pose(&e, &pairs, 50.0).unwrap();
+            assert!(found.error(&pose()).max() < 1e-7);
+            assert_eq!(support, 6);
+        }
+    }
+
+    #[test]
+    fn nothing_supports_a_pose_where_there_is_nothing() {
+        let e = essential_from_pose(&pose());
+        assert_eq!(choose_pose(&e, &PointPairs::default(), 50.0).unwrap().1, 0);
+        let nan = Point2::new(f64::NAN, 0.0);
+        let pairs: PointPairs = [(nan, nan)].into_iter().collect();
+        assert_eq!(choose_pose(&e, &pairs, 50.0).unwrap().1, 0);
+        assert_eq!(choose_pose(&Matrix3::zeros(), &pairs, 50.0), None);
+    }
+}

@@ -1,0 +1,84 @@
+//! How well a match agrees with an essential or fundamental matrix.
+//!
+//! For `b^T E a`, the *algebraic* residual, a geometric meaning is hard to give. The *Sampson
+//! distance* is the first-order approximation of the distance by which the two points must move,
+//! together, to satisfy the equation (Sampson, "Fitting Conic Sections to 'Very Scattered' Data",
+//! Computer Graphics and Image Processing 18, 1982; Hartley, Zisserman, "Multiple View Geometry in
+//! Computer Vision", 2nd edition, 2004, eq. 11.9):
+//!
+//! `(b^T E a)^2 / ((E a)_1^2 + (E a)_2^2 + (E^T b)_1^2 + (E^T b)_2^2)`
+//!
+//! in the squared unit of the points: for points at depth 1, multiply by the squared focal length
+//! to get squared pixels.
+
+use std::ops::Range;
+
+use nalgebra::Matrix3;
+
+use super::PointPairs;
+use crate::simd;
+
+/// Squared Sampson distance of each of the matches in `range`, written to `out`; NaN or infinite
+/// for matches that are not finite.
+///
+/// # Panics
+/// If `range` is not within `pairs`, or `out` has another length.
+pub fn squared_sampson_distances(
+    e: &Matrix3<f64>,
+    pairs: &PointPairs,
+    range: Range<usize>,
+    out: &mut [f64],
+) {
+    simd::squared_sampson(
+        &row_major(e),
+        &pairs.a_x[range.clone()],
+        &pairs.a_y[range.clone()],
+        &pairs.b_x[range.clone()],
+        &pairs.b_y[range],
+        out,
+    );
+}
+
+/// The entries of a matrix, row after row, as kernels take them.
+pub(super) fn row_major(m: &Matrix3<f64>) -> [f64; 9] {
+    m.transpose()
+        .as_slice()
+        .try_into()
+        .expect("a 3 x 3 matrix has nine entries")
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point2, UnitQuaternion, UnitVector3, Vector3};
+
+    use super::*;
+    use crate::geometry::{RelativePose, essential_from_pose};
+
+    #[test]
+    fn distance_is_what_moving_the_points_costs_to_first_order() {
+        let pose = RelativePose {
+            rotation: UnitQuaternion::from_euler_angles(0.1, -0.3, 0.2),
+            direction: UnitVector3::new_normalize(Vector3::new(0.3, 0.1, 0.9)),
+        };
+        let e = essential_from_pose(&pose);
+        let scene = Vector3::new(0.4, -0.7, 5.0);
+        let seen = pose.rotation * scene + pose.direction.into_inner();
+        let a = Point2::new(scene.x / scene.z, scene.y / scene.z);
+        let b = Point2::new(seen.x / seen.z, seen.y / seen.z);
+        // Off by 1e-4 perpendicularly to its epipolar line; half of the square remains, for
+        // the cheapest correction moves both points.
+        let line = e * a.to_homogeneous();
+        let normal = line.xy().normalize();
+        let pairs: PointPairs = [(a, b), (a, b + normal * 1e-4)].into_iter().collect();
+        let mut squared = [0.0; 2];
+        squared_sampson_distances(&e, &pairs, 0..2, &mut squared);
+        assert!(squared[0] < 1e-30);
+        let back = e.transpose() * (b + normal * 1e-4).to_homogeneous();
+        let share =
+            line.xy().norm_squared() / (line.xy().norm_squared() + back.xy().norm_squared());
+        assert!((squared[1] / (1e-8 * share) - 1.0).abs() < 1e-6);
+        let mut second = [0.0];
+        squared_sampson_distances(&e, &pairs, 1..2, &mut second);
+        assert_eq!(second[0], squared[1]);
+    }
+}

@@ -1,0 +1,54 @@
+//! Matched points of two views, coordinate by coordinate.
+
+use nalgebra::Point2;
+
+/// Matched points at depth 1 (see [`Camera::normalize`](super::Camera::normalize)): number `i` of
+/// `a` and number `i` of `b` are taken to show the same scene point. Each coordinate is an array
+/// of its own, so that kernels read several matches at once.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PointPairs {
+    /// x in view `a`.
+    pub a_x: Vec<f64>,
+    /// y in view `a`.
+    pub a_y: Vec<f64>,
+    /// x in view `b`.
+    pub b_x: Vec<f64>,
+    /// y in view `b`.
+    pub b_y: Vec<f64>,
+}
+
+impl PointPairs {
+    /// Number of matches.
+    pub fn len(&self) -> usize {
+        self.a_x.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.a_x.is_empty()
+    }
+
+    /// Match number `index`: its point in `a` and its point in `b`.
+    ///
+    /// # Panics
+    /// If there is no such match.
+    pub fn get(&self, index: usize) -> (Point2<f64>, Point2<f64>) {
+        (
+            Point2::new(self.a_x[index], self.a_y[index]),
+            Point2::new(self.b_x[index], self.b_y[index]),
+        )
+    }
+}
+
+impl FromIterator<(Point2<f64>, Point2<f64>)> for PointPairs {
+    fn from_iter<I: IntoIterator<Item = (Point2<f64>, Point2<f64>)>>(pairs: I) -> Self {
+        let mut all = Self::default();
+        for (a, b) in pairs {
+            all.a_x.push(a.x);
+            all.a_y.push(a.y);
+            all.b_x.push(b.x);
+            all.b_y.push(b.y);
+        }
+        all
+    }
+}

@@ -1,0 +1,54 @@
+//! Minimal solvers: from as few matches as determine a model to every model they allow.
+//!
+//! A solver is a function from points at depth 1 (see [`Camera::normalize`]) to [`Solutions`]; it
+//! allocates nothing, since sample consensus calls it thousands of times.
+//!
+//! [`Camera::normalize`]: crate::geometry::Camera::normalize
+
+mod five_point;
+mod roots;
+
+use std::ops::{Deref, DerefMut};
+
+pub use five_point::five_point;
+pub use roots::real_roots;
+
+/// At most `N` solutions, in the order in which they were found.
+#[derive(Clone, Copy, Debug)]
+pub struct Solutions<T, const N: usize> {
+    items: [T; N],
+    len: usize,
+}
+
+impl<T: Copy + Default, const N: usize> Solutions<T, N> {
+    /// No solution.
+    pub fn none() -> Self {
+        Self {
+            items: [T::default(); N],
+            len: 0,
+        }
+    }
+
+    /// Adds a solution.
+    ///
+    /// # Panics
+    /// If there are `N` already.
+    pub fn push(&mut self, solution: T) {
+        self.items[self.len] = solution;
+        self.len += 1;
+    }
+}
+
+impl<T, const N: usize> Deref for Solutions<T, N> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        &self.items[..self.len]
+    }
+}
+
+impl<T, const N: usize> DerefMut for Solutions<T, N> {
+    fn deref_mut(&mut self) -> &mut [T] {
+        &mut self.items[..self.len]
+    }
+}

@@ -1,0 +1,98 @@
+//! The mutual check: a match is trusted where each feature is the other's nearest.
+//!
+//! The search from `b` to `a` that this needs is made only for the features of `b` that are still
+//! matched, so the check is cheap after a ratio test and costs a second search before one. That
+//! search is exact, whichever search made the matches; of equally near features of `a` the one
+//! with the lowest index counts.
+
+use super::{Correspondences, Selector, View, two_nearest};
+use crate::features::Descriptors;
+use crate::seed::Seed;
+
+/// Keeps a match if its feature of `a` is the nearest to its feature of `b`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MutualCheck;
+
+impl Selector for MutualCheck {
+    fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, _seed: Seed) {
+        let mut matched: Vec<u32> = matches.iter().map(|m| m.b).collect();
+        matched.sort_unstable();
+        matched.dedup();
+
+        let queries = rows(&b.features.descriptors, &matched);
+        let mut nearest_in_a = vec![None; b.features.len()];
+        for reverse in two_nearest(&queries, &a.features.descriptors) {
+            nearest_in_a[matched[reverse.a as usize] as usize] = Some(reverse.b);
+        }
+        matches.retain(|m| nearest_in_a[m.b as usize] == Some(m.a));
+    }
+}
+
+/// The descriptors at `indices`.
+fn rows(descriptors: &Descriptors, indices: &[u32]) -> Descriptors {
+    let mut chosen = Descriptors::empty(descriptors.kind());
+    for index in indices.iter().map(|&index| index as usize) {
+        match (&mut chosen, descriptors) {
+            (Descriptors::Float(chosen), Descriptors::Float(all)) => chosen.push(all.row(index)),
+            (Descriptors::Binary(chosen), Descriptors::Binary(all)) => chosen.push(all.row(index)),
+            _ => unreachable!("made of one kind"),
+        }
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::features::{BinaryRows, Features, FloatRows, Keypoint};
+    use crate::image::Size;
+    use crate::matching::{NearestNeighbours, Search};
+
+    fn features(descriptors: Descriptors) -> Features {
+        let keypoint = Keypoint {
+            at: Point2::origin(),
+            size: 1.0,
+            angle: None,
+            response: 1.0,
+            octave: 0,
+        };
+        Features::new(
+            Size::new(1, 1),
+            vec![keypoint; descriptors.len()],
+            descriptors,
+        )
+    }
+
+    /// Pairs that are left of all nearest neighbours.
+    fn mutual(a: Descriptors, b: Descriptors) -> Vec<(u32, u32)> {
+        let (a, b) = (features(a), features(b));
+        let mut matches = NearestNeighbours.search(&a, &b);
+        let [a, b] = [&a, &b].map(|features| View {
+            features,
+            image: None,
+        });
+        MutualCheck.select(a, b, &mut matches, Seed(0));
+        matches.iter().map(|m| (m.a, m.b)).collect()
+    }
+
+    #[test]
+    fn only_mutual_matches_stay() {
+        let floats = |data: &[f32]| Descriptors::Float(FloatRows::from_vec(1, data.to_vec()));
+        // 1 and 3 both choose 2.5, which chooses 3; 8 and 10 are equally near to 9.
+        let left = mutual(floats(&[1.0, 3.0, 8.0, 10.0]), floats(&[50.0, 2.5, 9.0]));
+        assert_eq!(left, [(1, 1), (2, 2)]);
+        assert_eq!(mutual(floats(&[f32::NAN]), floats(&[f32::NAN])), []);
+        assert_eq!(mutual(floats(&[1.0]), floats(&[])), []);
+    }
+
+    #[test]
+    fn binary_descriptors_are_checked_too() {
+        let bits = |data: &[u64]| Descriptors::Binary(BinaryRows::from_vec(8, data.to_vec()));
+        assert_eq!(
+            mutual(bits(&[0, 1, 0xff]), bits(&[3, 0xfe])),
+            [(1, 0), (2, 1)]
+        );
+    }
+}

@@ -1,0 +1,204 @@
+//! Sample consensus: the best of many models, each made from as few data as possible.
+//!
+//! Fischler, Bolles, "Random Sample Consensus: A Paradigm for Model Fitting with Applications to
+//! Image Analysis and Automated Cartography", Communications of the ACM 24(6), 1981.
+//!
+//! 1. A [`Sampler`] draws a minimal sample; the [`Problem`] turns it into models.
+//! 2. A [`Score`] judges each by the residuals of all data. A strictly better one replaces the best.
+//! 3. With an inlier ratio w, k samples of s data all contain an outlier with probability
+//!    `(1 - w^s)^k`. When that falls below 1 - confidence, no more samples are drawn.
+//!
+//! | symbol | field | default | source |
+//! | --- | --- | --- | --- |
+//! | p | `confidence` | 0.999 | reference protocol |
+//! | | `max_samples` | 1000 | OpenCV 4 |
+//!
+//! *Choices*, all as in OpenCV's `RANSAC`: w is the inlier ratio of the best model so far; the
+//! number of samples is rounded to the nearest integer (half to even) and never grows; a model
+//! needs at least as many inliers as a sample has data; there is no local optimisation.
+
+use super::{Problem, Sampler, Score, Support};
+use crate::seed::Rng;
+
+/// When to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ConsensusParams {
+    /// Wanted probability that at least one sample was free of outliers.
+    pub confidence: f64,
+    /// Samples drawn at most.
+    pub max_samples: usize,
+}
+
+/// The best model and who agrees with it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Consensus<M> {
+    /// The model.
+    pub model: M,
+    /// What the data say about it.
+    pub support: Support,
+    /// Numbers of the data that agree with it, ascending.
+    pub inliers: Vec<u32>,
+    /// Number of samples that were drawn.
+    pub samples: usize,
+}
+
+/// The model that the `score` likes best among those that samples of the `problem` allow; `None`
+/// where no model has as many inliers as a sample has data.
+pub fn consensus<P: Problem>(
+    problem: &P,
+    score: &impl Score,
+    sampler: &mut impl Sampler,
+    params: ConsensusParams,
+    rng: &mut Rng,
+) -> Option<Consensus<P::Model>> {
+    if problem.len() < P::SAMPLE {
+        return None;
+    }
+    let mut residuals = vec![0.0; problem.len()];
+    let mut sample = vec![0; P::SAMPLE];
+    let mut best: Option<(P::Model, Support)> = None;
+    let mut needed = params.max_samples;
+    let mut samples = 0;
+    while samples < needed {
+        samples += 1;
+        sampler.draw(rng, &mut sample);
+        for model in problem.solve(&sample).iter() {
+            problem.squared_residuals(model, 0..problem.len(), &mut residuals);
+            let support = score.support(&mut residuals);
+            let better = (best.as_ref()).is_none_or(|(_, best)| support.quality > best.quality);
+            if better && support.inliers >= P::SAMPLE {
+                best = Some((model.clone(), support));
+                let inlier_ratio = support.inliers as f64 / problem.len() as f64;
+                needed = needed.min(samples_needed(inlier_ratio, P::SAMPLE, params));
+            }
+        }
+    }
+    let (model, support) = best?;
+    problem.squared_residuals(&model, 0..problem.len(), &mut residuals);
+    let inliers = (0_u32..)
+        .zip(&residuals)
+        .filter(|&(_, &squared)| squared <= support.squared_threshold)
+        .map(|(index, _)| index)
+        .collect();
+    Some(Consensus {
+        model,
+        support,
+        inliers,
+        samples,
+    })
+}
+
+/// Samples after which one is free of outliers with the wanted confidence.
+fn samples_needed(inlier_ratio: f64, sample: usize, params: ConsensusParams) -> usize {
+    let clean = (0..sample).fold(1.0, |clean, _| clean * inlier_ratio);
+    let log_failure = libm::log((1.0 - params.confidence).max(f64::MIN_POSITIVE));
+    let log_spoilt = libm::log(1.0 - clean);
+    // Infinite where every datum is an inlier: then what was drawn is enough.
+    if log_failure <= params.max_samples as f64 * log_spoilt {
+        return params.max_samples;
+    }
+    (log_failure / log_spoilt).round_ties_even() as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::Range;
+
+    use super::*;
+    use crate::geometry::solvers::Solutions;
+    use crate::robust::{InlierCount, Uniform};
+    use crate::seed::Seed;
+
+    /// The line y = m x + c through points, by vertical distance.
+    struct Line(Vec<[f64; 2]>);
+
+    impl Problem for Line {
+        type Model = [f64; 2];
+        type Models = Solutions<[f64; 2], 1>;
+        const SAMPLE: usize = 2;
+
+        fn len(&self) -> usize {
+            self.0.len()
+        }
+
+        fn solve(&self, sample: &[u32]) -> Self::Models {
+            let [p, q] = [self.0[sample[0] as usize], self.0[sample[1] as usize]];
+            let mut lines = Solutions::none();
+            if p[0] != q[0] {
+                let slope = (q[1] - p[1]) / (q[0] - p[0]);
+                lines.push([slope, p[1] - slope * p[0]]);
+            }
+            lines
+        }
+
+        fn squared_residuals(&self, model: &[f64; 2], range: Range<usize>, out: &mut [f64]) {
+            for (out, p) in out.iter_mut().zip(&self.0[range]) {
+                let residual = p[1] - model[0] * p[0] - model[1];
+                *out = residual * residual;
+            }
+        }
+    }
+
+    const PARAMS: ConsensusParams = ConsensusParams {
+        confidence: 0.999,
+        max_samples: 1000,
+    };
+
+    fn find(points: Vec<[f64; 2]>) -> Option<Consensus<[f64; 2]>> {
+        let score = InlierCount {
+            squared_threshold: 1e-6,
+        };
+        let mut sampler = Uniform::new(points.len());
+        consensus(
+            &Line(points),
+            &score,
+            &mut sampler,
+            PARAMS,
+            &mut Seed(1).rng(),
+        )
+    }
+
+    #[test]
+    fn the_line_is_found_among_outliers() {
+        let mut rng = Seed(2).rng();
+        let mut points: Vec<[f64; 2]> = (0..30)
+            .map(|_| [rng.normal(), 5.0 + rng.normal()])
+            .collect();
+        points.extend((0..20).map(|i| [f64::from(i), 2.0 * f64::from(i) - 7.0]));
+        points.push([f64::NAN, 0.0]);
+        let found = find(points).unwrap();
+        assert!((found.model[0] - 2.0).abs() < 1e-9 && (found.model[1] + 7.0).abs() < 1e-9);
+        assert_eq!(found.inliers, (30..50).collect::<Vec<u32>>());
+        assert_eq!(found.support.inliers, 20);
+        assert!(found.samples < 200, "{}", found.samples);
+    }
+
+    #[test]
+    fn there_is_no_line_where_no_sample_makes_one() {
+        assert_eq!(find(vec![]), None);
+        assert_eq!(find(vec![[1.0, 2.0]]), None);
+        assert_eq!(find(vec![[1.0, 2.0]; 9]), None);
+        assert_eq!(find(vec![[f64::NAN, 2.0]; 9]), None);
+    }
+
+    #[test]
+    fn number_of_samples_is_the_textbooks() {
+        // Hartley and Zisserman, 2nd edition, table 4.3, for p = 0.99; rounded up there.
+        let params = ConsensusParams {
+            confidence: 0.99,
+            ..PARAMS
+        };
+        for (sample, outliers, printed) in
+            [(2, 0.5, 17), (5, 0.3, 26), (5, 0.5, 146), (8, 0.4, 272)]
+        {
+            let needed = samples_needed(1.0 - outliers, sample, params);
+            assert!(
+                needed == printed || needed + 1 == printed,
+                "{needed} {printed}"
+            );
+        }
+        assert_eq!(samples_needed(1.0, 5, PARAMS), 0);
+        assert_eq!(samples_needed(0.0, 5, PARAMS), 1000);
+        assert_eq!(samples_needed(0.01, 5, PARAMS), 1000);
+    }
+}

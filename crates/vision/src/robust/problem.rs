@@ -1,0 +1,36 @@
+//! What is to be estimated from data of which many are wrong.
+
+use std::ops::{Deref, Range};
+
+/// A model, the data it is estimated from, and how the two are compared. One of the three axes of
+/// [`consensus`](super::consensus).
+///
+/// A problem owns its data, in whatever layout its residuals are computed fastest, and numbers
+/// them from 0; samples are such numbers.
+pub trait Problem {
+    /// What is estimated.
+    type Model: Clone;
+    /// All models that one sample allows: a fixed-capacity list, so that nothing is allocated.
+    type Models: Deref<Target = [Self::Model]>;
+    /// Data in a minimal sample.
+    const SAMPLE: usize;
+
+    /// Number of data.
+    fn len(&self) -> usize;
+
+    /// Whether there are no data.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The models that agree with the data of a `sample` of [`Problem::SAMPLE`] distinct numbers;
+    /// none where they are degenerate.
+    fn solve(&self, sample: &[u32]) -> Self::Models;
+
+    /// Squared residuals of the data in `range`, written to `out`: 0 or larger, infinite or NaN for
+    /// data that agree with no model. A range, so that a model can be given up early.
+    ///
+    /// # Panics
+    /// If `range` exceeds the data or `out` has another length.
+    fn squared_residuals(&self, model: &Self::Model, range: Range<usize>, out: &mut [f64]);
+}

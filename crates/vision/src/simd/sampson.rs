@@ -1,0 +1,71 @@
+//! Squared Sampson distances of many matches.
+
+multiversioned! {
+    /// Squared Sampson distance (see [`crate::geometry::squared_sampson_distances`]) of each
+    /// match to the matrix `e`, in row-major order. Where both epipolar lines vanish, and for
+    /// coordinates that are not finite, it is NaN or infinite.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn squared_sampson(e: &[f64; 9], a_x: &[f64], a_y: &[f64], b_x: &[f64], b_y: &[f64], out: &mut [f64]) {
+        let n = out.len();
+        assert!(
+            a_x.len() == n && a_y.len() == n && b_x.len() == n && b_y.len() == n,
+            "one entry for each match"
+        );
+        for i in 0..n {
+            let (ax, ay, bx, by) = (a_x[i], a_y[i], b_x[i], b_y[i]);
+            // E a, and the first two entries of E^T b.
+            let line_x = e[0].mul_add(ax, e[1].mul_add(ay, e[2]));
+            let line_y = e[3].mul_add(ax, e[4].mul_add(ay, e[5]));
+            let line_z = e[6].mul_add(ax, e[7].mul_add(ay, e[8]));
+            let back_x = e[0].mul_add(bx, e[3].mul_add(by, e[6]));
+            let back_y = e[1].mul_add(bx, e[4].mul_add(by, e[7]));
+            let algebraic = line_x.mul_add(bx, line_y.mul_add(by, line_z));
+            let lines = line_x.mul_add(line_x, line_y * line_y);
+            let backs = back_x.mul_add(back_x, back_y * back_y);
+            out[i] = algebraic * algebraic / (lines + backs);
+        }
+    }
+
+    /// How many of the `values` are at most `limit`; NaN is not.
+    pub fn count_at_most(values: &[f64], limit: f64) -> usize {
+        // Counted in lanes as wide as the values, which is what makes it vectorise.
+        let (lanes, rest) = values.as_chunks::<8>();
+        let mut counts = [0_u64; 8];
+        for lane in lanes {
+            for (count, value) in counts.iter_mut().zip(lane) {
+                *count += u64::from(*value <= limit);
+            }
+        }
+        let whole: u64 = counts.iter().sum();
+        whole as usize + rest.iter().filter(|&&value| value <= limit).count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distance_of_integers_is_exact() {
+        // E = [t]x for t = (1, 0, 0): epipolar lines are rows, the distance is vertical.
+        let e = [0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0];
+        let a_y: Vec<f64> = (0..21).map(f64::from).collect();
+        let (x, b_y) = (vec![3.0; 21], vec![10.0; 21]);
+        let mut out = vec![0.0; 21];
+        squared_sampson(&e, &x, &a_y, &x, &b_y, &mut out);
+        for (distance, y) in out.iter().zip(&a_y) {
+            assert_eq!(*distance, (y - 10.0) * (y - 10.0) / 2.0);
+        }
+    }
+
+    #[test]
+    fn counting_leaves_out_what_is_not_a_number() {
+        for n in 0..40 {
+            let mut values: Vec<f64> = (0..n).map(f64::from).collect();
+            values.extend([f64::NAN, f64::INFINITY, 3.0]);
+            assert_eq!(count_at_most(&values, 3.0), 1 + n.min(4) as usize);
+        }
+    }
+}
