@@ -13,7 +13,9 @@ use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
 
-use matchbench_vision::features::{Descriptors, Extractor, Features, Sift, SiftParams};
+use matchbench_vision::features::{
+    Descriptors, Extractor, Features, Orb, OrbParams, Sift, SiftParams,
+};
 use matchbench_vision::image::{GrayImage, Size};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -41,8 +43,14 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// One line for each extractor that can be compared.
 fn extractor(id: &str) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
     match id {
+        "orb" => Ok(Box::new(Orb::new(OrbParams::default())?)),
+        "orb-gms" => Ok(Box::new(Orb::new(OrbParams {
+            features: 10_000,
+            fast_threshold: 0,
+            ..OrbParams::default()
+        })?)),
         "sift" => Ok(Box::new(Sift::new(SiftParams::default())?)),
-        _ => Err(format!("no extractor `{id}`; known: sift").into()),
+        _ => Err(format!("no extractor `{id}`; known: orb, orb-gms, sift").into()),
     }
 }
 

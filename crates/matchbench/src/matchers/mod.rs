@@ -3,6 +3,8 @@
 //! To add one: write a file with an [`Entry`], add it to [`MATCHERS`]. The tests below walk the
 //! list and hold every entry to the same promises.
 
+mod local_features;
+mod orb;
 mod sift;
 
 use matchbench_vision::matching::Matcher;
@@ -12,7 +14,7 @@ use serde_json::Value;
 use crate::config::{self, ConfigError, UnknownName};
 
 /// All matchers, in the order of tables.
-pub const MATCHERS: &[&dyn Entry] = &[&sift::Sift];
+pub const MATCHERS: &[&dyn Entry] = &[&sift::SIFT, &orb::ORB];
 
 /// A matcher that can be asked for by name.
 pub trait Entry: Sync {
@@ -149,7 +151,7 @@ mod tests {
                     .unwrap()
                     .replace('_', "-")
             })
-            .filter(|stem| stem != "mod")
+            .filter(|stem| stem != "mod" && stem != "local-features")
             .collect();
         let ids: BTreeSet<String> = MATCHERS.iter().map(|entry| entry.id().into()).collect();
         assert_eq!(

@@ -12,7 +12,9 @@ pub mod orb;
 pub mod sift;
 
 pub use descriptors::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
+pub use fast::{Fast, FastParams};
 pub use keypoint::{Features, Keypoint};
+pub use orb::{Orb, OrbParams};
 pub use sift::{Sift, SiftParams};
 
 use crate::image::GrayImage;

@@ -41,33 +41,32 @@ macro_rules! multiversioned {
     )*};
 }
 
+mod bilinear;
+mod blur8;
 mod convolve;
 mod extrema;
+mod fast;
 mod gradient;
 mod histogram;
 mod normalize;
+mod orb;
 mod resample;
 mod sampson;
 mod search;
 mod triangulate;
 
+pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
+pub use blur8::{weigh_along_u8, weigh_rows_u8};
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
 pub use extrema::{ThreeRows, find_extrema};
-pub use gradient::polar_gradients;
+pub use fast::{segment_scores, strict_maxima};
+pub use gradient::{polar_gradients, turns};
 pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
 pub use normalize::normalize_to_bytes;
+pub use orb::{
+    PATCH_MARGIN, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments,
+};
 pub use resample::{double_row, halve_row, subtract};
 pub use sampson::{count_at_most, squared_sampson};
 pub use search::{TwoNearest, two_nearest_bits, two_nearest_floats};
 pub use triangulate::triangulate_depths;
-mod bilinear;
-mod blur8;
-mod fast;
-mod orb;
-
-pub use bilinear::{Between, blend_columns, blend_rows};
-pub use blur8::{weigh_along_u8, weigh_rows_u8};
-pub use fast::{segment_scores, strict_maxima};
-pub use orb::{
-    PATCH_MARGIN, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments,
-};
