@@ -39,7 +39,7 @@ impl Observer for Bar {
         self.0.set_message("");
     }
 
-    fn on_frame(&self, frame: u32, _cached: bool) {
+    fn on_frame(&self, frame: u32, _extracted: bool) {
         self.0.set_message(format!("features of image {frame}"));
     }
 

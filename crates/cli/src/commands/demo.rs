@@ -49,7 +49,7 @@ fn scenes() -> Result<Vec<PathBuf>> {
     let bar = ProgressBar::new(0);
     let style = "rendering the built-in scenes  {bar:30} {pos}/{len} images  {eta} left";
     bar.set_style(ProgressStyle::with_template(style).expect("the template is a constant"));
-    let folders = rendered::ensure(&cache, |progress| {
+    let folders = rendered::ensure(&cache, &|progress: rendered::Progress| {
         bar.set_length(progress.total.into());
         bar.set_position(progress.done.into());
     })

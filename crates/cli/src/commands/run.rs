@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use std::path::Path;
 use std::thread::available_parallelism;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use matchbench::datasets::{Sequence, decode_gray};
 use matchbench::run::{Contender, Dataset, FeatureCache, Run, RunSummary, Settings};
 

@@ -1,0 +1,174 @@
+//! What every command promises on the command line: output, messages, exit codes.
+
+mod common;
+
+use std::fs;
+use std::process::Output;
+
+use common::{dataset, matchbench};
+
+fn run(arguments: &[&str]) -> Output {
+    matchbench().args(arguments).output().expect("the program starts")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn help_succeeds_and_bad_usage_is_bad_input() {
+    assert_eq!(run(&["--help"]).status.code(), Some(0));
+    for arguments in [&["bogus"][..], &["run"], &["run", "--no-such-option"], &[]] {
+        assert_eq!(run(arguments).status.code(), Some(1), "{arguments:?}");
+    }
+}
+
+#[test]
+fn list_names_every_parameter() {
+    let out = text(&run(&["list"]).stdout);
+    for expected in ["sift", "extractor.contrast_threshold = 0.04", "ransac-e", "strecha"] {
+        assert!(out.contains(expected), "{expected} is not in\n{out}");
+    }
+}
+
+#[test]
+fn names_that_do_not_exist_are_answered_with_those_that_do() {
+    for (arguments, expected) in [
+        (["run", "x", "--matchers", "sfit", "--out", "y"], "did you mean `sift`"),
+        (["run", "/no/such/folder", "--matchers", "sift", "--out", "y"], "/no/such/folder"),
+        (["import", "colmap", "x", "y", "--pairs", "all"], "strecha"),
+        (["import", "tum", ".", "y", "--pairs", "some"], "fragments:"),
+    ] {
+        let output = run(&arguments);
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{message}");
+        assert!(message.contains(expected), "{message}");
+    }
+}
+
+#[test]
+fn a_parameter_is_set_by_name_and_an_unknown_one_is_refused() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 2);
+    let go = |setting: &str, run: &str| {
+        matchbench()
+            .args(["run", "--matchers", "sift", "--set", setting, "--out"])
+            .args([&folder.path().join(run), &wall])
+            .output()
+            .expect("the program starts")
+    };
+    assert!(go("sift.ratio=0.7", "right").status.success());
+    let plan = fs::read_to_string(folder.path().join("right/plan.json")).expect("a plan");
+    assert!(plan.contains("\"ratio\": 0.7"), "{plan}");
+    for (setting, named) in [
+        ("sift.raito=0.7", "raito"),
+        ("sift.extractor.sgima=1", "sgima"),
+        ("surf.ratio=0.7", "takes no part"),
+    ] {
+        let refused = go(setting, "wrong");
+        assert_eq!(refused.status.code(), Some(1));
+        assert!(text(&refused.stderr).contains(named), "{}", text(&refused.stderr));
+    }
+}
+
+/// Three listed pairs, one true pose each: no turn, one step to the right.
+///
+/// | pair | result | error in degrees |
+/// | --- | --- | --- |
+/// | 0 1 | 100 matches, direction turned by atan(0.0524) | 3.0 |
+/// | 0 2 | 300 matches, direction turned by atan(0.1763) | 10.0 |
+/// | 0 3 | no row | failed |
+/// | 7 8 | not listed | ignored |
+///
+/// SP(1..3) = 0 (the first error lies just above 3), SP(4..10) = 1/3, SP(11..15) = 2/3 (the second
+/// error lies just above 10), so AUC = (7/3 + 10/3) / 15 = 17/45 = 0.3777...; AP(5) = 100.
+#[test]
+fn eval_scores_the_authors_layout_as_counted_by_hand() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let truth = folder.path().join("truth/room");
+    let results = folder.path().join("results/room");
+    fs::create_dir_all(&truth).expect("writable");
+    fs::create_dir_all(&results).expect("writable");
+    let pose = |t: &str| format!("1 0 0 {t} 0 1 0 0 0 0 1 0");
+    fs::write(
+        truth.join("pairs.txt"),
+        format!("0 1 {0}\r\n0 2   {0} \n0 3 {0}", pose("1")),
+    )
+    .expect("writable");
+    let turned = |x: &str, y: &str| format!("1 0 0 {x} 0 1 0 {y} 0 0 1 0");
+    fs::write(
+        results.join("sift.txt"),
+        format!(
+            "0 1 100 {}\n0 2 300 {}\n7 8 50 {}\n",
+            turned("0.998629", "0.05234"),
+            turned("0.984807", "0.17366"),
+            pose("1"),
+        ),
+    )
+    .expect("writable");
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let output =
+        run(&["eval", &path("results"), "--datasets", &path("truth"), "--format", "csv"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let csv = text(&output.stdout);
+    let mut lines = csv.lines();
+    let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
+    let row: Vec<&str> = lines.next().expect("a row").split(',').collect();
+    assert_eq!(lines.next(), None);
+    let value = |name: &str| row[header.iter().position(|column| *column == name).expect(name)];
+    let number = |name: &str| value(name).parse::<f64>().expect(name);
+    assert_eq!((value("dataset"), value("matcher")), ("room", "sift"));
+    assert_eq!((value("pairs"), value("failed"), value("ignored")), ("3", "1", "1"));
+    for (name, expected) in
+        [("sp3", 0.0), ("sp4", 1.0 / 3.0), ("sp10", 1.0 / 3.0), ("sp11", 2.0 / 3.0)]
+    {
+        assert!((number(name) - expected).abs() < 1e-12, "{name}");
+    }
+    assert!((number("auc") - 17.0 / 45.0).abs() < 1e-12);
+    assert_eq!(number("ap5"), 100.0);
+}
+
+#[test]
+fn a_run_exports_to_what_eval_reads_with_the_same_scores() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 4);
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let done = matchbench()
+        .args(["run", "--matchers", "sift", "--report", "--out"])
+        .args([&path("run"), &wall.display().to_string()])
+        .output()
+        .expect("the program starts");
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    assert!(folder.path().join("run/report/index.html").is_file());
+    assert!(run(&["export", &path("run"), &path("authors")]).status.success());
+    let score = |arguments: &[&str]| {
+        let output = run(&[arguments, &["--format", "json"]].concat());
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let json: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        let text = json.to_string();
+        let auc = text.split("\"auc\":").nth(1).expect("an AUC").to_owned();
+        auc.split(',').next().expect("a number").to_owned()
+    };
+    let from_run = score(&["eval", &path("run")]);
+    let from_authors =
+        score(&["eval", &path("authors"), "--datasets", &folder.path().display().to_string()]);
+    assert_eq!(from_run, from_authors);
+}
+
+#[test]
+fn validate_names_file_and_line_and_remedy() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 3);
+    let path = wall.display().to_string();
+    assert_eq!(run(&["validate", &path]).status.code(), Some(0));
+    let pairs = fs::read_to_string(wall.join("pairs.txt")).expect("written just now");
+    let broken = pairs.replace("0 2  1 0 0", "0 9  1 NaN 0");
+    fs::write(wall.join("pairs.txt"), broken + &pairs).expect("writable");
+    fs::write(wall.join("Images/0001.pgm"), "P5 160 120 255\n").expect("writable");
+    let output = run(&["validate", &path]);
+    let out = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(1), "{out}");
+    for expected in ["pairs.txt:2:", "pairs.txt:4:", "0001.pgm"] {
+        assert!(out.contains(expected), "{expected} is not in\n{out}");
+    }
+}

@@ -1,0 +1,132 @@
+//! A run that is killed, stopped, resumed or given other threads leaves the same records.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use common::{dataset, matchbench, records};
+
+const FRAMES: usize = 12;
+const PAIRS: usize = FRAMES * (FRAMES - 1) / 2;
+
+fn start(dataset: &Path, run: &Path, threads: &str) -> Child {
+    matchbench()
+        .args(["run", "--matchers", "sift", "--threads", threads, "--out"])
+        .args([run, dataset])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program starts")
+}
+
+fn lines(run: &Path) -> usize {
+    let file = run.join("records/wall/sift+ransac-e.jsonl");
+    fs::read(file).map_or(0, |bytes| bytes.iter().filter(|&&byte| byte == b'\n').count())
+}
+
+#[test]
+fn a_killed_run_goes_on_to_the_same_records_for_any_number_of_threads() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", FRAMES);
+    let whole = folder.path().join("whole");
+    assert_eq!(start(&wall, &whole, "2").wait().expect("it ran").code(), Some(0));
+    let expected = records(&whole, "wall", "sift");
+    assert_eq!(expected.len(), PAIRS);
+
+    let killed = folder.path().join("killed");
+    let mut kills = 0;
+    // Each process may add a few records before it is killed, until one is quicker than the kill.
+    for goal in (1..PAIRS).step_by(7) {
+        let mut child = start(&wall, &killed, "1");
+        let patience = Instant::now() + Duration::from_secs(60);
+        let finished = loop {
+            if let Some(status) = child.try_wait().expect("it ran") {
+                break status.success();
+            }
+            if lines(&killed) >= goal {
+                break false;
+            }
+            assert!(Instant::now() < patience, "no record within a minute");
+            sleep(Duration::from_millis(1));
+        };
+        if finished {
+            break;
+        }
+        child.kill().expect("it can be killed");
+        child.wait().expect("it ended");
+        kills += 1;
+    }
+    assert!(kills >= 1, "the run was never interrupted");
+    assert_eq!(start(&wall, &killed, "1").wait().expect("it ran").code(), Some(0));
+    assert_eq!(records(&killed, "wall", "sift"), expected);
+}
+
+#[test]
+fn another_plan_in_the_same_folder_is_refused_by_name() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 3);
+    let run = folder.path().join("run");
+    assert!(start(&wall, &run, "2").wait().expect("it ran").success());
+    let refused = matchbench()
+        .args(["run", "--matchers", "sift", "--seed", "5", "--out"])
+        .args([&run, &wall])
+        .output()
+        .expect("it ran");
+    assert_eq!(refused.status.code(), Some(1));
+    let message = String::from_utf8_lossy(&refused.stderr);
+    assert!(message.contains("seed"), "{message}");
+    assert_eq!(records(&run, "wall", "sift").len(), 3);
+}
+
+#[test]
+fn an_image_that_cannot_be_read_is_counted_and_the_exit_code_is_2() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 4);
+    let torn = wall.join("Images/0002.pgm");
+    let bytes = fs::read(&torn).expect("written just now");
+    fs::write(&torn, &bytes[..500]).expect("writable");
+    let run = folder.path().join("run");
+    assert_eq!(start(&wall, &run, "2").wait().expect("it ran").code(), Some(2));
+    let records = records(&run, "wall", "sift");
+    let failed: Vec<_> = records.iter().filter(|r| r["outcome"]["kind"] == "failed").collect();
+    assert_eq!((records.len(), failed.len()), (6, 3), "the pairs of image 2 fail, no others");
+    for record in failed {
+        let reason = record["outcome"]["reason"].as_str().expect("a reason in words");
+        assert!(reason.contains("0002.pgm"), "{reason}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 2 * FRAMES);
+    let run = folder.path().join("run");
+    let child = matchbench()
+        .args(["run", "--matchers", "sift", "--threads", "1", "--out"])
+        .args([&run, &wall])
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    let patience = Instant::now() + Duration::from_secs(60);
+    while lines(&run) == 0 {
+        assert!(Instant::now() < patience, "no record within a minute");
+        sleep(Duration::from_millis(1));
+    }
+    let interrupted = std::process::Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(interrupted.expect("kill is everywhere").success());
+    let output = child.wait_with_output().expect("it ended");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(130), "{message}");
+    assert!(message.contains("the same command goes on from there"), "{message}");
+    assert!(lines(&run) < FRAMES * (2 * FRAMES - 1), "it did not run to its end");
+    assert!(start(&wall, &run, "2").wait().expect("it ran").success());
+    assert_eq!(records(&run, "wall", "sift").len(), FRAMES * (2 * FRAMES - 1));
+}
