@@ -1,22 +1,27 @@
-//! tmp
-use matchbench::datasets::rendered::*;
-fn main() {
-    let out = std::env::args().nth(1).unwrap();
-    let only = std::env::args().nth(2);
-    let t = std::time::Instant::now();
-    if let Some(only) = only {
-        for s in sequences().iter().filter(|s| s.name == only) {
-            let t = std::time::Instant::now();
-            let w = World::build(s.place);
-            eprintln!("{} built {:?}", s.name, t.elapsed());
-            let t = std::time::Instant::now();
-            for f in 0..std::env::args().nth(3).map_or(3, |n| n.parse().unwrap()) {
-                w.render(s, f);
-            }
-            eprintln!("frame {:?}", t.elapsed());
+//! Renders the built-in dataset into a folder: `cargo run --release --example render -- FOLDER`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use matchbench::datasets::rendered;
+
+fn main() -> ExitCode {
+    let Some(folder) = std::env::args_os().nth(1).map(PathBuf::from) else {
+        eprintln!("usage: render FOLDER");
+        return ExitCode::FAILURE;
+    };
+    let start = Instant::now();
+    match rendered::ensure(&folder, &|progress| {
+        eprint!("\r{} of {} frames", progress.done, progress.total);
+    }) {
+        Ok(sequences) => {
+            eprintln!("\r{} sequences in {:.1?}", sequences.len(), start.elapsed());
+            ExitCode::SUCCESS
         }
-        return;
+        Err(error) => {
+            eprintln!("\n{error}");
+            ExitCode::FAILURE
+        }
     }
-    ensure(out.as_ref(), &|_| ()).unwrap();
-    eprintln!("all {:?}", t.elapsed());
 }

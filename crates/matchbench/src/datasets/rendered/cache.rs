@@ -63,8 +63,16 @@ pub fn ensure(
     cache: &Path,
     observer: &(dyn Fn(Progress) + Sync),
 ) -> Result<Vec<PathBuf>, RenderError> {
+    ensure_scenes(cache, sequences(), observer)
+}
+
+fn ensure_scenes(
+    cache: &Path,
+    scenes: &[RenderedScene],
+    observer: &(dyn Fn(Progress) + Sync),
+) -> Result<Vec<PathBuf>, RenderError> {
     fs::create_dir_all(cache).map_err(|source| io_error(cache, source))?;
-    let missing: Vec<&RenderedScene> = sequences()
+    let missing: Vec<&RenderedScene> = scenes
         .iter()
         .filter(|scene| !is_complete(&cache.join(scene.name)))
         .collect();
@@ -80,10 +88,7 @@ pub fn ensure(
             })?;
         }
     }
-    Ok(sequences()
-        .iter()
-        .map(|scene| cache.join(scene.name))
-        .collect())
+    Ok(scenes.iter().map(|scene| cache.join(scene.name)).collect())
 }
 
 fn stamp() -> String {
@@ -186,5 +191,93 @@ fn io_error(path: &Path, source: io::Error) -> RenderError {
     RenderError::Io {
         path: path.to_owned(),
         source,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use matchbench_vision::image::Size;
+
+    use super::*;
+
+    fn tiny_scenes() -> Vec<RenderedScene> {
+        let in_cabinet = sequences()
+            .iter()
+            .filter(|scene| scene.place == Place::Cabinet);
+        in_cabinet
+            .map(|scene| RenderedScene {
+                size: Size::new(16, 12),
+                frames: 3,
+                ..scene.clone()
+            })
+            .collect()
+    }
+
+    fn rendered(cache: &Path, scenes: &[RenderedScene]) -> u32 {
+        let frames = AtomicU32::new(0);
+        ensure_scenes(cache, scenes, &|_| {
+            frames.fetch_add(1, Ordering::Relaxed);
+        })
+        .expect("a temporary folder can be written");
+        frames.into_inner()
+    }
+
+    #[test]
+    fn renders_what_is_missing_and_nothing_twice() {
+        let cache = tempfile::tempdir().expect("a temporary folder");
+        let scenes = tiny_scenes();
+        assert_eq!(rendered(cache.path(), &scenes), 6);
+        assert_eq!(rendered(cache.path(), &scenes), 0);
+        let folder = cache.path().join("cabinet");
+        let first = fs::read(folder.join("Images/0001.png")).expect("an image");
+
+        // What a copy that was cut off, or an older revision, leaves behind.
+        fs::remove_file(folder.join(STAMP)).expect("the stamp");
+        fs::remove_file(folder.join("Images/0001.png")).expect("an image");
+        assert_eq!(rendered(cache.path(), &scenes), 3);
+        assert_eq!(
+            fs::read(folder.join("Images/0001.png")).expect("an image"),
+            first
+        );
+        fs::write(
+            folder.join(STAMP),
+            "matchbench rendered scenes, revision 0\n",
+        )
+        .expect("a stamp");
+        assert_eq!(rendered(cache.path(), &scenes), 3);
+
+        let left = fs::read_dir(cache.path()).expect("the cache").count();
+        assert_eq!(left, scenes.len(), "no temporary folders stay");
+    }
+
+    #[test]
+    fn writes_the_authors_layout() {
+        let cache = tempfile::tempdir().expect("a temporary folder");
+        let scenes = &tiny_scenes()[..1];
+        rendered(cache.path(), scenes);
+        let read = |name: &str| -> Vec<Vec<f64>> {
+            let text = fs::read_to_string(cache.path().join("cabinet").join(name));
+            let numbers = |line: &str| {
+                line.split(' ')
+                    .map(|n| n.parse().expect("a number"))
+                    .collect()
+            };
+            text.expect("the file").lines().map(numbers).collect()
+        };
+        let shape = |rows: &[Vec<f64>]| (rows.len(), rows[0].len());
+        assert_eq!(shape(&read("Images/pose.txt")), (3, 12));
+        assert_eq!(shape(&read("camera.txt")), (3, 3));
+        assert_eq!(shape(&read("pairs.txt")), (2, 14));
+        let (pair, pose) = (&read("pairs.txt")[0], scenes[0].pairs()[0]);
+        assert_eq!((pair[0], pair[1]), (0.0, 1.0));
+        assert!((pair[5] - pose.b_from_a.translation.x).abs() < 1e-11);
+    }
+
+    #[test]
+    fn a_file_in_the_way_is_named() {
+        let file = tempfile::NamedTempFile::new().expect("a temporary file");
+        let error = ensure_scenes(file.path(), &tiny_scenes(), &|_| ()).expect_err("a file");
+        let name = file.path().display().to_string();
+        assert!(error.to_string().contains(&name), "{error}");
     }
 }

@@ -104,7 +104,7 @@ impl Lamp {
         let facing = u.cross(&v).normalize();
         let at = lifted(vertex);
         let points: [Vector3<f32>; LAMP_POINTS] = std::array::from_fn(|i| {
-            let place = |k: usize| (k as f32 + 0.5) / 2.0 - 1.0;
+            let place = |k: usize| 0.5 * k as f32 - 0.75;
             Vector3::from(self.centre) + u * place(i % 4) + v * place(i / 4)
         });
         let mut sum = 0.0;

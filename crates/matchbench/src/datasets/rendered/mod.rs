@@ -51,7 +51,7 @@ use super::Pair;
 pub const REVISION: u32 = 1;
 
 /// One sequence of the built-in dataset.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct RenderedScene {
     /// Its name in tables and its folder's name.
     pub name: &'static str,
@@ -156,5 +156,163 @@ impl RenderedScene {
         let turned = opens.rotation.angle_to(&closes.rotation);
         let moved = (opens.translation.vector - closes.translation.vector).norm();
         (turned + moved / self.place.distance()) * self.focal
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::LazyLock;
+
+    use matchbench_vision::image::{FloatImage, Size};
+    use nalgebra::{Matrix3, Point2, Point3};
+
+    use super::*;
+
+    static CABINET: LazyLock<World> = LazyLock::new(|| World::build(Place::Cabinet));
+
+    fn scene(name: &str) -> RenderedScene {
+        let found = sequences().iter().find(|scene| scene.name == name);
+        found.expect("a sequence of that name").clone()
+    }
+
+    /// The same sequence in images of a quarter of the width.
+    fn small(name: &str) -> RenderedScene {
+        let scene = scene(name);
+        RenderedScene {
+            size: Size::new(scene.size.width / 4, scene.size.height / 4),
+            focal: scene.focal / 4.0,
+            ..scene
+        }
+    }
+
+    #[test]
+    fn pictures_are_those_of_this_revision() {
+        // If this fails because pictures were meant to change, raise REVISION and copy the hashes.
+        let golden = [
+            ("office", "OFFICE"),
+            ("object", "OBJECT"),
+            ("cabinet", "CABINET"),
+            ("street", "STREET"),
+            ("facade", "FACADE"),
+        ];
+        let rendered = golden.map(|(name, _)| {
+            let scene = small(name);
+            let picture = World::build(scene.place).render(&scene, 7);
+            (name, blake3::hash(picture.data()).to_hex()[..16].to_owned())
+        });
+        let golden = golden.map(|(name, hash)| (name, hash.to_owned()));
+        assert_eq!((REVISION, rendered), (1, golden));
+    }
+
+    #[test]
+    fn one_thread_and_two_render_the_same_bits() {
+        let scene = small("cabinet");
+        let [one, two] = [1, 2].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.expect("threads can be started").install(|| {
+                let world = World::build(Place::Cabinet);
+                (world.render(&scene, 3), world.depth(&scene, 3))
+            })
+        });
+        assert_eq!(one, two);
+    }
+
+    #[test]
+    fn points_seen_in_one_frame_lie_on_what_the_other_sees() {
+        let scene = scene("cabinet-wide");
+        let camera = scene.camera();
+        let (a, b) = (2, 4);
+        let b_from_a = scene.world_from_camera(b).inverse() * scene.world_from_camera(a);
+        let [depth_a, depth_b] = [a, b].map(|frame| CABINET.depth(&scene, frame));
+        let (mut seen, mut equal, mut floating) = (0, 0, 0);
+        for y in (0..scene.size.height).step_by(3) {
+            for x in (0..scene.size.width).step_by(3) {
+                let ray = camera.normalize(Point2::new(x as f64, y as f64));
+                let z = f64::from(depth_a.at(x, y));
+                let in_b = b_from_a * Point3::new(ray.x * z, ray.y * z, z);
+                let pixel = camera.project(Point2::new(in_b.x / in_b.z, in_b.y / in_b.z));
+                let Some((nearest, furthest)) = range_around(&depth_b, pixel) else {
+                    continue;
+                };
+                seen += 1;
+                equal += i32::from(in_b.z > nearest * 0.999 && in_b.z < furthest * 1.001);
+                // Before everything that b sees there: impossible, or b would see the point.
+                floating += i32::from(in_b.z < nearest * 0.999);
+            }
+        }
+        assert!(seen > 4000, "{seen} points in view");
+        assert!(
+            equal * 10 > seen * 8,
+            "{equal} of {seen} at the right depth"
+        );
+        assert!(
+            floating * 500 < seen,
+            "{floating} of {seen} before the surface"
+        );
+    }
+
+    /// Smallest and largest depth of the four pixels around a point; `None` outside the image.
+    fn range_around(depth: &FloatImage, at: Point2<f64>) -> Option<(f64, f64)> {
+        let (x, y) = (at.x.floor(), at.y.floor());
+        let inside = x >= 0.0 && y >= 0.0;
+        let (x, y) = (x as usize, y as usize);
+        if !inside || x + 1 >= depth.width() || y + 1 >= depth.height() {
+            return None;
+        }
+        let around = [(0, 0), (1, 0), (0, 1), (1, 1)];
+        let depths = around.map(|(dx, dy)| f64::from(depth.at(x + dx, y + dy)));
+        Some((
+            depths.iter().fold(f64::INFINITY, |a, &b| a.min(b)),
+            depths.iter().fold(0.0, |a, &b| a.max(b)),
+        ))
+    }
+
+    #[test]
+    fn poses_are_rigid_and_the_camera_moves() {
+        for scene in sequences() {
+            for frame in 0..scene.frames {
+                let pose = scene.world_from_camera(frame);
+                let r = pose.rotation.to_rotation_matrix();
+                let off = (r.matrix() * r.matrix().transpose() - Matrix3::identity()).abs();
+                assert!(off.max() < 1e-12 && (r.matrix().determinant() - 1.0).abs() < 1e-12);
+            }
+            for pair in scene.pairs() {
+                let baseline = pair.b_from_a.translation.vector.norm();
+                assert!(baseline > 0.002, "{} {} {}", scene.name, pair.a, pair.b);
+            }
+        }
+    }
+
+    #[test]
+    fn pairs_follow_their_rules() {
+        let ends = |name: &str| -> Vec<(u32, u32)> {
+            scene(name)
+                .pairs()
+                .iter()
+                .map(|pair| (pair.a, pair.b))
+                .collect()
+        };
+        assert_eq!(ends("office").len(), 3 * 9);
+        assert_eq!(ends("office")[8..10], [(0, 9), (10, 11)]);
+        assert_eq!(ends("street").len(), 5 * 4);
+        assert_eq!(ends("facade").len(), 12 * 11 / 2);
+        assert_eq!(ends("office-wide").len(), 14 * 4 - 10);
+        assert_eq!(ends("office-wide").last(), Some(&(12, 13)));
+    }
+
+    #[test]
+    fn a_picture_uses_the_range_of_grey_values() {
+        let scene = small("cabinet");
+        let picture = CABINET.render(&scene, 0);
+        let share = |range: std::ops::RangeInclusive<u8>| {
+            let count = picture
+                .data()
+                .iter()
+                .filter(|value| range.contains(value))
+                .count();
+            count as f64 / picture.data().len() as f64
+        };
+        assert!(share(0..=5) < 0.05 && share(250..=255) < 0.2);
+        assert!(share(0..=100) > 0.02 && share(150..=255) > 0.02);
     }
 }

@@ -184,7 +184,11 @@ pub(super) fn tiles(u: f32, v: f32) -> f32 {
 pub(super) fn asphalt(u: f32, v: f32) -> f32 {
     let grit = octaves(u, v, 64, 3, 1.0, 181);
     let repair = worley(u, v, 4, 182);
-    let tone = if repair.id & 3 == 0 { -0.06 } else { 0.0 };
+    let tone = if repair.id.is_multiple_of(4) {
+        -0.06
+    } else {
+        0.0
+    };
     let seam = worley(u + 0.01 * octaves(u, v, 16, 3, 0.8, 183), v, 9, 184);
     let crack = 1.0 - smoothstep(0.0, 0.03, seam.next - seam.near);
     let oil = smoothstep(0.5, 1.3, octaves(u, v, 4, 4, 0.6, 185));
@@ -231,7 +235,7 @@ pub(super) fn bark(u: f32, v: f32) -> f32 {
 pub(super) fn pane(u: f32, v: f32) -> f32 {
     let room = worley(u, v, 10, 241);
     let tone = 0.04 + 0.16 * (room.id >> 24) as f32 / 255.0;
-    let curtain = 0.06 * libm::sinf(400.0 * u) * f32::from(room.id & 3 == 0);
+    let curtain = 0.06 * libm::sinf(400.0 * u) * f32::from(room.id.is_multiple_of(4));
     tone + curtain + 0.05 * octaves(u, v, 4, 5, 0.7, 242)
 }
 
@@ -262,7 +266,8 @@ fn letters(s: f32, t: f32, columns: i32, rows: i32, seed: u32) -> f32 {
     let id = scatter(column, row, seed);
     // Spaces between words, ragged right edges, empty lines.
     let end = columns - (scatter(row, 7, seed) % (columns as u32 / 2 + 1)) as i32;
-    let blank = id % 6 == 0 || column > end || scatter(row, 5, seed) % 9 == 0;
+    let no_line = scatter(row, 5, seed).is_multiple_of(9);
+    let blank = no_line || column > end || id.is_multiple_of(6);
     if blank || fx >= 1.0 || fy >= 1.0 {
         return 0.0;
     }
@@ -287,7 +292,7 @@ fn chart(s: f32, t: f32, paper: f32, seed: u32) -> f32 {
     let inside = t > 0.85 - height && t < 0.85 && s * 14.0 - (bar as f32) < 0.75;
     if inside {
         0.1 + 0.5 * chance(bar, 4, seed)
-    } else if t > 0.87 || t < 0.1 {
+    } else if !(0.1..0.87).contains(&t) {
         paper - 0.6 * letters(s, t, 30, 22, seed)
     } else {
         paper - 0.15 * f32::from((t * 20.0).fract() < 0.08)

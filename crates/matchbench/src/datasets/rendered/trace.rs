@@ -257,11 +257,11 @@ fn best_plane(bounds: &[Bounds], ids: &[u32]) -> (usize, f32) {
 fn enters(bounds: &Bounds, rays: &Rays, inverse: &[Lanes; 3], limit: &Lanes) -> bool {
     let mut from = [0.0_f32; LANES];
     let mut to = *limit;
-    for axis in 0..3 {
+    for (axis, inverse) in inverse.iter().enumerate() {
         for lane in 0..LANES {
             let origin = rays.origin[axis][lane];
-            let a = (bounds.low[axis] - origin) * inverse[axis][lane];
-            let b = (bounds.high[axis] - origin) * inverse[axis][lane];
+            let a = (bounds.low[axis] - origin) * inverse[lane];
+            let b = (bounds.high[axis] - origin) * inverse[lane];
             from[lane] = larger(from[lane], smaller(a, b));
             to[lane] = smaller(to[lane], larger(a, b));
         }

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Point2, Vector3};
 use rayon::prelude::*;
 
 use super::light::Lighting;
-use super::mesh::Mesh;
+use super::mesh::{Mesh, Surface};
 use super::noise::{octaves, smoothstep};
 use super::paint::Painter;
 use super::texture::Texture;
@@ -30,10 +30,10 @@ impl Model {
         }
     }
 
-    /// Registers a texture that repeats every `side` metres and returns its index.
-    pub(super) fn texture(&mut self, side: f32, resolution: usize, painter: Painter) -> usize {
+    /// A new matt material whose texture repeats every `side` metres.
+    pub(super) fn material(&mut self, side: f32, resolution: usize, painter: Painter) -> Surface {
         self.textures.push((side, resolution, painter));
-        self.textures.len() - 1
+        Surface::matt(self.textures.len() - 1)
     }
 }
 
@@ -128,7 +128,7 @@ impl World {
     /// own place in the pixel and its own instant, so that edges and motion are smooth.
     fn radiance(&self, scene: &RenderedScene, time: f64) -> FloatImage {
         // Instants about a pixel apart; the lens blurs what is left between them.
-        let bundles = (0.3 * scene.blur_in_pixels(time)).ceil().clamp(1.0, 4.0);
+        let bundles = (0.25 * scene.blur_in_pixels(time)).ceil().clamp(1.0, 4.0);
         let samples = bundles as usize * LANES;
         let views: Vec<View> = (0..samples)
             .map(|i| {

@@ -3,7 +3,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::super::light::{Lamp, Lighting};
-use super::super::mesh::Surface;
+use super::super::mesh::{Mesh, Surface};
 use super::super::paint;
 use super::super::path::{Path, Station};
 use super::super::world::Model;
@@ -28,118 +28,106 @@ pub(super) const PATH: Path = Path {
 };
 
 pub(super) fn model() -> Model {
-    let mut model = Model::new(
-        3,
-        0.15,
-        Lighting {
-            ambient: 0.5,
-            reach: 1.2,
-            lamps: vec![Lamp {
-                centre: [-0.9, -1.4, 2.8],
-                edges: [[0.6, 0.0, 0.0], [0.0, 0.2, 0.0]],
-                power: 2.6,
-            }],
-            sun: None,
-        },
-    );
-    let paint = Surface::matt(model.texture(1.4, 512, paint::paint)).glossy(0.05);
-    let floor = Surface::matt(model.texture(2.6, 512, paint::linoleum));
-    let metal = Surface::matt(model.texture(0.4, 256, paint::metal));
-    let print = Surface::matt(model.texture(0.9, 512, paint::print));
+    let lamp = Lamp {
+        centre: [-0.9, -1.4, 2.8],
+        edges: [[0.6, 0.0, 0.0], [0.0, 0.2, 0.0]],
+        power: 2.6,
+    };
+    let lighting = Lighting {
+        ambient: 0.5,
+        reach: 1.2,
+        lamps: vec![lamp],
+        sun: None,
+    };
+    let mut model = Model::new(3, 0.15, lighting);
+    let paint = model.material(1.4, 512, paint::paint).glossy(0.05);
+    let floor = model.material(2.6, 512, paint::linoleum);
+    let metal = model.material(0.4, 256, paint::metal);
+    let print = model.material(0.9, 512, paint::print);
     let mesh = &mut model.mesh;
-    lay(mesh, [0.0, 0.0, 0.0], 0.2, [12.0, 12.0], floor);
+    lay(mesh, floor, [0.0, 0.0, 0.0], 0.2, [12.0, 12.0]);
     for (corner, yaw) in [
         ([-6.0, 1.8, 2.8], 0.05),
         ([-3.6, -6.0, 2.8], 1.55),
         ([3.8, 6.0, 2.8], -1.55),
         ([6.0, -4.0, 2.8], 3.1),
     ] {
-        hang(mesh, corner, yaw, [12.0, 2.8], paint.shaded(1.25));
+        hang(mesh, paint.shaded(1.25), corner, yaw, [12.0, 2.8]);
     }
+    cabinet(mesh, paint, metal);
 
-    // The carcass: 1.2 m wide, 0.5 m deep, 1.3 m high; plinth and top plate stand out.
+    // Labels, and things on top and beside it.
+    hang(mesh, print, [0.30, -0.276, 1.16], 0.0, [0.10, 0.05]);
+    hang(mesh, print, [-0.40, -0.276, 1.17], 0.0, [0.10, 0.05]);
+    hang(mesh, print, [-0.42, -0.276, 0.80], 0.0, [0.14, 0.20]);
+    hang(mesh, metal, [1.0, 2.13, 0.5], 0.05, [0.09, 0.09]);
     stand(
         mesh,
-        [0.0, 0.0, 0.0],
-        0.0,
-        [1.16, 0.46, 0.08],
-        metal.shaded(0.4),
-    );
-    stand(
-        mesh,
-        [0.0, 0.0, 0.08],
-        0.0,
-        [1.2, 0.5, 1.2],
-        paint.shaded(0.95),
-    );
-    stand(
-        mesh,
-        [0.0, -0.005, 1.28],
-        0.0,
-        [1.24, 0.54, 0.025],
-        paint.shaded(0.8),
-    );
-    // Two doors with pressed panels, above them two drawers.
-    for side in [-1.0, 1.0] {
-        for (low, high) in [(0.11, 0.93), (0.96, 1.25)] {
-            let left = if side < 0.0 { -0.585 } else { 0.008 };
-            let (wide, tall) = (0.577, high - low);
-            let corner = Point3::new(left, -0.27, low);
-            // Rounded at the rim, with a groove 6 cm inside.
-            mesh.relief(
-                corner,
-                Vector3::x() * wide,
-                Vector3::z() * tall,
-                0.012,
-                paint,
-                |x, y| {
-                    let rim = x.min(wide - x).min(y).min(tall - y);
-                    let edge = -0.018 * (1.0 - rim / 0.015).max(0.0);
-                    let groove = -0.007 * (1.0 - (rim - 0.06).abs() / 0.012).max(0.0);
-                    edge + groove
-                },
-            );
-            let handle = [0.09 * side, -0.29, if tall > 0.5 { 0.6 } else { 1.1 }];
-            let size = if tall > 0.5 {
-                [0.018, 0.02, 0.14]
-            } else {
-                [0.14, 0.02, 0.018]
-            };
-            stand(mesh, handle, 0.0, size, metal.glossy(0.3));
-        }
-    }
-    hang(mesh, [0.30, -0.276, 1.16], 0.0, [0.10, 0.05], print);
-    hang(mesh, [-0.40, -0.276, 1.17], 0.0, [0.10, 0.05], print);
-    hang(
-        mesh,
-        [-0.42, -0.276, 0.80],
-        0.0,
-        [0.14, 0.20],
-        print.shaded(0.9),
-    );
-
-    // On top and beside it.
-    stand(
-        mesh,
+        print.shaded(0.7),
         [-0.35, 0.0, 1.305],
         0.2,
         [0.32, 0.24, 0.07],
-        print.shaded(0.7),
     );
     stand(
         mesh,
+        paint.shaded(0.5),
         [0.38, 0.05, 1.305],
         -0.3,
         [0.2, 0.2, 0.22],
-        paint.shaded(0.5),
     );
     stand(
         mesh,
+        paint.shaded(0.6),
         [1.15, 0.1, 0.0],
         0.5,
         [0.35, 0.3, 0.3],
-        paint.shaded(0.6),
     );
-    hang(mesh, [1.0, 2.08, 0.5], 0.05, [0.09, 0.09], metal);
     model
+}
+
+/// 1.2 m wide, 0.5 m deep, 1.3 m high; plinth and top plate stand out.
+fn cabinet(mesh: &mut Mesh, paint: Surface, metal: Surface) {
+    stand(
+        mesh,
+        metal.shaded(0.4),
+        [0.0, 0.0, 0.0],
+        0.0,
+        [1.16, 0.46, 0.08],
+    );
+    stand(
+        mesh,
+        paint.shaded(0.95),
+        [0.0, 0.0, 0.08],
+        0.0,
+        [1.2, 0.5, 1.2],
+    );
+    stand(
+        mesh,
+        paint.shaded(0.8),
+        [0.0, -0.005, 1.28],
+        0.0,
+        [1.24, 0.54, 0.025],
+    );
+    // Two doors, and above them two drawers: bottom, height, handle.
+    for (low, tall, handle_at, handle) in [
+        (0.11, 0.82, 0.6, [0.018, 0.02, 0.14]),
+        (0.96, 0.29, 1.1, [0.14, 0.02, 0.018]),
+    ] {
+        for (left, side) in [(-0.585, -1.0), (0.008, 1.0)] {
+            panel(mesh, paint, Point3::new(left, -0.27, low), 0.577, tall);
+            let foot = [0.09 * side, -0.29, handle_at];
+            stand(mesh, metal.glossy(0.3), foot, 0.0, handle);
+        }
+    }
+}
+
+/// A pressed front: rounded at the rim, with a groove 6 cm inside.
+fn panel(mesh: &mut Mesh, paint: Surface, corner: Point3<f64>, wide: f64, tall: f64) {
+    let (u, v) = (Vector3::x() * wide, Vector3::z() * tall);
+    mesh.relief(corner, u, v, 0.012, paint, |x, y| {
+        let rim = x.min(wide - x).min(y).min(tall - y);
+        let edge = -0.018 * (1.0 - rim / 0.015).max(0.0);
+        let groove = -0.007 * (1.0 - (rim - 0.06).abs() / 0.012).max(0.0);
+        edge + groove
+    });
 }

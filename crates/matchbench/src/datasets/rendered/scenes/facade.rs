@@ -1,16 +1,17 @@
 //! The court of a stone building: two wings with rows of windows, arches, cornices.
 
-use matchbench_vision::seed::Seed;
-use nalgebra::{Point3, Vector3};
+use std::f64::consts::FRAC_PI_2;
+
+use matchbench_vision::seed::{Rng, Seed};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::super::light::Lighting;
-use super::super::mesh::Surface;
+use super::super::mesh::{Mesh, Surface};
 use super::super::noise::octaves;
 use super::super::paint;
 use super::super::path::{Path, Station};
 use super::super::world::Model;
-use super::office::lumps;
-use super::{stand, turned};
+use super::{bush, lay, stand, turned};
 
 /// Through the court, always towards the building.
 pub(super) const PATH: Path = Path {
@@ -33,143 +34,127 @@ pub(super) const PATH: Path = Path {
 };
 
 pub(super) fn model() -> Model {
-    let mut model = Model::new(
-        5,
-        1.0,
-        Lighting {
-            ambient: 0.65,
-            reach: 4.0,
-            lamps: vec![],
-            sun: Some(([-0.55, -0.6, 0.7], 1.1)),
-        },
-    );
-    let stone = Surface::matt(model.texture(12.0, 1024, paint::stone));
-    let stucco = Surface::matt(model.texture(7.0, 512, paint::stucco));
-    let pane = Surface::matt(model.texture(6.0, 512, paint::pane)).glossy(0.3);
-    let tiles = Surface::matt(model.texture(9.0, 512, paint::tiles));
-    let gravel = Surface::matt(model.texture(6.0, 512, paint::gravel));
-    let leaves = Surface::matt(model.texture(3.0, 512, paint::leaves));
-    let wood = Surface::matt(model.texture(2.0, 512, paint::wood));
-    let mesh = &mut model.mesh;
+    let lighting = Lighting {
+        ambient: 0.65,
+        reach: 4.0,
+        lamps: vec![],
+        sun: Some(([-0.55, -0.6, 0.7], 1.1)),
+    };
+    let mut model = Model::new(5, 1.0, lighting);
+    let materials = Materials {
+        stone: model.material(12.0, 1024, paint::stone),
+        stucco: model.material(7.0, 512, paint::stucco),
+        pane: model.material(6.0, 512, paint::pane).glossy(0.3),
+        tiles: model.material(9.0, 512, paint::tiles),
+        gravel: model.material(6.0, 512, paint::gravel),
+        leaves: model.material(3.0, 512, paint::leaves),
+        wood: model.material(2.0, 512, paint::wood),
+    };
     let mut rng = Seed(5).child("court").rng();
+    court(&mut model.mesh, &materials, &mut rng);
+    // Where each front begins, which way it runs, how long it is.
+    for (x, y, yaw, wide, wall) in [
+        (-13.0, 2.0, 0.0, 25.0, materials.stone),
+        (12.0, 2.0, -FRAC_PI_2, 16.0, materials.stone),
+        (-13.6, -6.0, 1.2, 9.0, materials.stucco),
+    ] {
+        let mut wing = Wing {
+            mesh: &mut model.mesh,
+            frame: turned([x, y, 0.0], yaw),
+            yaw,
+        };
+        wing.walls(&materials, wall, wide);
+        wing.openings(&materials, wide, &mut rng);
+    }
+    model
+}
 
-    mesh.sheet(
-        Point3::new(-40.0, -40.0, 0.0),
-        Vector3::x() * 80.0,
-        Vector3::y() * 60.0,
-        gravel,
-    );
-    // Each wing: where its front begins, which way it runs, and how long it is.
-    for (number, (x, y, yaw, wide)) in [
-        (-13.0, 2.0, 0.0, 25.0),
-        (12.0, 2.0, -1.5708, 16.0),
-        (-13.6, -6.0, 1.2, 9.0),
-    ]
-    .into_iter()
-    .enumerate()
-    {
-        let frame = turned([x, y, 0.0], yaw);
-        let place = |x: f64, y: f64, z: f64| (frame * Point3::new(x, y, z)).coords.into();
-        let wall = if number == 2 { stucco } else { stone };
-        // The front, hewn: every stone has its own depth.
-        mesh.relief(
-            frame * Point3::origin(),
-            frame * (Vector3::x() * wide),
-            Vector3::z() * 9.0,
-            0.2,
-            wall,
-            |x, y| 0.05 * f64::from(octaves(x as f32 / 12.0, y as f32 / 12.0, 32, 3, 0.8, 7)),
+struct Materials {
+    stone: Surface,
+    stucco: Surface,
+    pane: Surface,
+    tiles: Surface,
+    gravel: Surface,
+    leaves: Surface,
+    wood: Surface,
+}
+
+/// A wing under construction: x runs along its front, y into it.
+struct Wing<'a> {
+    mesh: &'a mut Mesh,
+    frame: Isometry3<f64>,
+    yaw: f64,
+}
+
+impl Wing<'_> {
+    fn stand(&mut self, surface: Surface, x: f64, y: f64, z: f64, size: [f64; 3]) {
+        let foot = self.frame * Point3::new(x, y, z);
+        stand(self.mesh, surface, foot.coords.into(), self.yaw, size);
+    }
+
+    /// A front of stones that each have their own depth, cornices, a roof.
+    fn walls(&mut self, m: &Materials, wall: Surface, wide: f64) {
+        let (origin, u) = (
+            self.frame * Point3::origin(),
+            self.frame * (Vector3::x() * wide),
         );
-        stand(
-            mesh,
-            place(0.5 * wide, 3.1, 0.0),
-            yaw,
-            [wide, 6.0, 9.0],
-            stone,
-        );
-        for z in [0.0, 3.4, 6.3, 8.8] {
-            let out = if z > 8.0 { 0.9 } else { 0.4 };
-            stand(
-                mesh,
-                place(0.5 * wide, 0.0, z),
-                yaw,
-                [wide + 0.3, out, 0.3],
-                stone.shaded(1.15),
-            );
+        self.mesh
+            .relief(origin, u, Vector3::z() * 9.0, 0.2, wall, |x, y| {
+                0.05 * f64::from(octaves(x as f32 / 12.0, y as f32 / 12.0, 32, 3, 0.8, 7))
+            });
+        let middle = 0.5 * wide;
+        self.stand(m.stone, middle, 3.1, 0.0, [wide, 6.0, 9.0]);
+        for (z, out) in [(0.0, 0.4), (3.4, 0.4), (6.3, 0.4), (8.8, 0.9)] {
+            self.stand(m.stone.shaded(1.15), middle, 0.0, z, [wide + 0.3, out, 0.3]);
         }
-        stand(
-            mesh,
-            place(0.5 * wide, 2.5, 9.1),
-            yaw,
-            [wide, 4.0, 2.2],
-            tiles,
-        );
+        self.stand(m.tiles, middle, 2.5, 9.1, [wide, 4.0, 2.2]);
+    }
+
+    /// Three rows of windows that differ in their panes only, and pilasters between them.
+    fn openings(&mut self, m: &Materials, wide: f64, rng: &mut Rng) {
         let columns = (wide / 3.1) as i32;
+        let spacing = wide / f64::from(columns);
         for column in 0..columns {
-            let along = wide * (f64::from(column) + 0.5) / f64::from(columns);
-            for (low, high) in [(0.9, 1.9), (4.2, 1.8), (7.0, 1.5)] {
-                let trim = stone.shaded(1.1 + 0.2 * rng.uniform());
-                stand(
-                    mesh,
-                    place(along, 0.0, low - 0.2),
-                    yaw,
-                    [1.7, 0.24, high + 0.4],
-                    trim,
-                );
-                stand(mesh, place(along, 0.0, low), yaw, [1.25, 0.3, high], pane);
-                for cross in [-0.21, 0.21] {
-                    stand(
-                        mesh,
-                        place(along + cross, 0.0, low),
-                        yaw,
-                        [0.05, 0.34, high],
-                        wood,
-                    );
-                }
-                stand(
-                    mesh,
-                    place(along, 0.0, low + 0.6 * high),
-                    yaw,
-                    [1.25, 0.34, 0.06],
-                    wood,
-                );
-                stand(
-                    mesh,
-                    place(along, 0.0, low - 0.32),
-                    yaw,
-                    [1.9, 0.5, 0.12],
-                    trim,
-                );
+            let x = spacing * (f64::from(column) + 0.5);
+            for (z, high) in [(0.9, 1.9), (4.2, 1.8), (7.0, 1.5)] {
+                let trim = m.stone.shaded(1.1 + 0.2 * rng.uniform());
+                self.stand(trim, x, 0.0, z - 0.2, [1.7, 0.24, high + 0.4]);
+                self.stand(m.pane, x, 0.0, z, [1.25, 0.3, high]);
+                self.stand(m.wood, x - 0.21, 0.0, z, [0.05, 0.34, high]);
+                self.stand(m.wood, x + 0.21, 0.0, z, [0.05, 0.34, high]);
+                self.stand(m.wood, x, 0.0, z + 0.6 * high, [1.25, 0.34, 0.06]);
+                self.stand(trim, x, 0.0, z - 0.32, [1.9, 0.5, 0.12]);
             }
             if column % 2 == 0 {
-                let pilaster = place(along + 0.5 * wide / f64::from(columns), 0.0, 0.0);
-                stand(mesh, pilaster, yaw, [0.5, 0.5, 8.8], stone.shaded(0.95));
+                let pilaster = m.stone.shaded(0.95);
+                self.stand(pilaster, x + 0.5 * spacing, 0.0, 0.0, [0.5, 0.5, 8.8]);
             }
         }
     }
-    // A gate, a well, boxes, shrubs.
+}
+
+/// The ground, a gate, a well, crates, shrubs.
+fn court(mesh: &mut Mesh, m: &Materials, rng: &mut Rng) {
+    lay(mesh, m.gravel, [0.0, -10.0, 0.0], 0.0, [80.0, 60.0]);
     stand(
         mesh,
+        m.stone.shaded(1.3),
         [-0.3, 1.9, 0.0],
         0.0,
         [2.6, 0.5, 3.3],
-        stone.shaded(1.3),
     );
-    stand(mesh, [-0.3, 1.7, 0.0], 0.0, [1.9, 0.3, 2.8], wood);
-    mesh.cylinder(&turned([-4.5, -4.0, 0.0], 0.0), 1.1, 0.9, stone.shaded(1.1));
-    for (x, y) in [(-5.3, -4.0), (-3.7, -4.0)] {
-        mesh.cylinder(&turned([x, y, 0.0], 0.0), 0.09, 2.6, wood);
+    stand(mesh, m.wood, [-0.3, 1.7, 0.0], 0.0, [1.9, 0.3, 2.8]);
+    mesh.cylinder(&turned([-4.5, -4.0, 0.0], 0.0), 1.1, 0.9, m.stone);
+    for x in [-5.3, -3.7] {
+        mesh.cylinder(&turned([x, -4.0, 0.0], 0.0), 0.09, 2.6, m.wood);
     }
-    stand(mesh, [-4.5, -4.0, 2.6], 0.0, [2.2, 1.4, 0.12], tiles);
+    stand(mesh, m.tiles, [-4.5, -4.0, 2.6], 0.0, [2.2, 1.4, 0.12]);
     for _ in 0..7 {
         let at = [-9.0 + 19.0 * rng.uniform(), -1.5 * rng.uniform(), 0.5];
         let wide = 0.5 + 0.5 * rng.uniform();
-        mesh.blob(&turned(at, 0.0), [wide, wide, 0.8], 20, leaves, |d| {
-            lumps(d, 4.0, 0.3)
-        });
+        bush(mesh, m.leaves, at, [wide, wide, 0.8], 20);
     }
     for (x, y) in [(4.0, -2.0), (4.8, -2.4), (-8.0, -1.5)] {
-        stand(mesh, [x, y, 0.0], rng.uniform(), [0.7, 0.7, 0.7], wood);
+        stand(mesh, m.wood, [x, y, 0.0], rng.uniform(), [0.7, 0.7, 0.7]);
     }
-    model
 }

@@ -10,6 +10,7 @@ use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::mesh::{Mesh, Surface};
+use super::noise::gradient;
 use super::path::Path;
 use super::sensor::Sensor;
 use super::world::Model;
@@ -80,10 +81,9 @@ const INDOORS: Sensor = Sensor {
     read_noise: 12.0,
 };
 
-/// The same with the lamps turned down.
+/// The same with the lamps turned down: fewer photons.
 const DIM: Sensor = Sensor {
-    shutter: 0.016,
-    full_well: 1400.0,
+    full_well: 900.0,
     ..INDOORS
 };
 
@@ -177,13 +177,13 @@ pub(super) static SEQUENCES: [RenderedScene; 8] = [
     },
     RenderedScene {
         name: "object-wide",
-        description: "the plush toy, five frames in three seconds",
+        description: "the plush toy, two frames per second",
         place: Place::Object,
         size: Size::new(320, 240),
         frames: 14,
         pairing: Pairing::Window(4),
         focal: 265.0,
-        timing: Timing::Every(0.6),
+        timing: Timing::Every(0.5),
         sensor: INDOORS,
     },
     RenderedScene {
@@ -207,14 +207,14 @@ fn turned(at: [f64; 3], yaw: f64) -> Isometry3<f64> {
     )
 }
 
-/// A box that stands on `foot` (the middle of its bottom), turned by `yaw` radians.
-fn stand(mesh: &mut Mesh, foot: [f64; 3], yaw: f64, size: [f64; 3], surface: Surface) {
+/// A box that stands on `foot`, the middle of its bottom, turned by `yaw`.
+fn stand(mesh: &mut Mesh, surface: Surface, foot: [f64; 3], yaw: f64, size: [f64; 3]) {
     let centre = [foot[0], foot[1], foot[2] + 0.5 * size[2]];
     mesh.cuboid(&turned(centre, yaw), size, surface);
 }
 
-/// A horizontal rectangle that shows its upper side, its middle at `centre`, turned by `yaw`.
-fn lay(mesh: &mut Mesh, centre: [f64; 3], yaw: f64, size: [f64; 2], surface: Surface) {
+/// A rectangle with its middle at `centre` that shows its upper side, turned by `yaw`.
+fn lay(mesh: &mut Mesh, surface: Surface, centre: [f64; 3], yaw: f64, size: [f64; 2]) {
     let frame = turned(centre, yaw);
     let corner = frame * Point3::new(-0.5 * size[0], -0.5 * size[1], 0.0);
     let (u, v) = (Vector3::x() * size[0], Vector3::y() * size[1]);
@@ -223,9 +223,24 @@ fn lay(mesh: &mut Mesh, centre: [f64; 3], yaw: f64, size: [f64; 2], surface: Sur
 
 /// A vertical rectangle, such as a wall or a poster on it, seen by those who look along +y when
 /// `yaw` is 0; `upper_left` as they see it.
-fn hang(mesh: &mut Mesh, upper_left: [f64; 3], yaw: f64, size: [f64; 2], surface: Surface) {
+fn hang(mesh: &mut Mesh, surface: Surface, upper_left: [f64; 3], yaw: f64, size: [f64; 2]) {
     let frame = turned(upper_left, yaw);
     let corner = frame * Point3::new(0.0, 0.0, -size[1]);
     let u = frame * (Vector3::x() * size[0]);
     mesh.sheet(corner, u, Vector3::z() * size[1], surface);
+}
+
+/// A lumpy ellipsoid: a bush, a cushion.
+fn bush(mesh: &mut Mesh, surface: Surface, at: [f64; 3], radii: [f64; 3], steps: usize) {
+    mesh.blob(&turned(at, 7.0 * at[0]), radii, steps, surface, |d| {
+        lumps(d, 4.0, 0.3)
+    });
+}
+
+/// Relief of an irregular body: about `scale` bumps per radius, of relative height `amount`.
+fn lumps(direction: &Vector3<f64>, scale: f64, amount: f64) -> f64 {
+    let [x, y, z] =
+        [direction.x, direction.y, direction.z].map(|c| (c * scale + 8.0) as f32 / 16.0);
+    let sum = gradient(x, y, 16, 5) + gradient(y, z, 16, 6) + gradient(z, x, 16, 7);
+    amount * 0.6 * f64::from(sum)
 }
