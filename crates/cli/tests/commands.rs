@@ -8,7 +8,10 @@ use std::process::Output;
 use common::{dataset, matchbench};
 
 fn run(arguments: &[&str]) -> Output {
-    matchbench().args(arguments).output().expect("the program starts")
+    matchbench()
+        .args(arguments)
+        .output()
+        .expect("the program starts")
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -26,7 +29,12 @@ fn help_succeeds_and_bad_usage_is_bad_input() {
 #[test]
 fn list_names_every_parameter() {
     let out = text(&run(&["list"]).stdout);
-    for expected in ["sift", "extractor.contrast_threshold = 0.04", "ransac-e", "strecha"] {
+    for expected in [
+        "sift",
+        "extractor.contrast_threshold = 0.04",
+        "ransac-e",
+        "strecha",
+    ] {
         assert!(out.contains(expected), "{expected} is not in\n{out}");
     }
 }
@@ -34,8 +42,14 @@ fn list_names_every_parameter() {
 #[test]
 fn names_that_do_not_exist_are_answered_with_those_that_do() {
     for (arguments, expected) in [
-        (["run", "x", "--matchers", "sfit", "--out", "y"], "did you mean `sift`"),
-        (["run", "/no/such/folder", "--matchers", "sift", "--out", "y"], "/no/such/folder"),
+        (
+            ["run", "x", "--matchers", "sfit", "--out", "y"],
+            "did you mean `sift`",
+        ),
+        (
+            ["run", "/no/such/folder", "--matchers", "sift", "--out", "y"],
+            "/no/such/folder",
+        ),
         (["import", "colmap", "x", "y", "--pairs", "all"], "strecha"),
         (["import", "tum", ".", "y", "--pairs", "some"], "fragments:"),
     ] {
@@ -67,7 +81,11 @@ fn a_parameter_is_set_by_name_and_an_unknown_one_is_refused() {
     ] {
         let refused = go(setting, "wrong");
         assert_eq!(refused.status.code(), Some(1));
-        assert!(text(&refused.stderr).contains(named), "{}", text(&refused.stderr));
+        assert!(
+            text(&refused.stderr).contains(named),
+            "{}",
+            text(&refused.stderr)
+        );
     }
 }
 
@@ -107,21 +125,38 @@ fn eval_scores_the_authors_layout_as_counted_by_hand() {
     )
     .expect("writable");
     let path = |name: &str| folder.path().join(name).display().to_string();
-    let output =
-        run(&["eval", &path("results"), "--datasets", &path("truth"), "--format", "csv"]);
+    let output = run(&[
+        "eval",
+        &path("results"),
+        "--datasets",
+        &path("truth"),
+        "--format",
+        "csv",
+    ]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let csv = text(&output.stdout);
     let mut lines = csv.lines();
     let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
     let row: Vec<&str> = lines.next().expect("a row").split(',').collect();
     assert_eq!(lines.next(), None);
-    let value = |name: &str| row[header.iter().position(|column| *column == name).expect(name)];
+    let value = |name: &str| {
+        row[header
+            .iter()
+            .position(|column| *column == name)
+            .expect(name)]
+    };
     let number = |name: &str| value(name).parse::<f64>().expect(name);
     assert_eq!((value("dataset"), value("matcher")), ("room", "sift"));
-    assert_eq!((value("pairs"), value("failed"), value("ignored")), ("3", "1", "1"));
-    for (name, expected) in
-        [("sp3", 0.0), ("sp4", 1.0 / 3.0), ("sp10", 1.0 / 3.0), ("sp11", 2.0 / 3.0)]
-    {
+    assert_eq!(
+        (value("pairs"), value("failed"), value("ignored")),
+        ("3", "1", "1")
+    );
+    for (name, expected) in [
+        ("sp3", 0.0),
+        ("sp4", 1.0 / 3.0),
+        ("sp10", 1.0 / 3.0),
+        ("sp11", 2.0 / 3.0),
+    ] {
         assert!((number(name) - expected).abs() < 1e-12, "{name}");
     }
     assert!((number("auc") - 17.0 / 45.0).abs() < 1e-12);
@@ -140,7 +175,11 @@ fn a_run_exports_to_what_eval_reads_with_the_same_scores() {
         .expect("the program starts");
     assert!(done.status.success(), "{}", text(&done.stderr));
     assert!(folder.path().join("run/report/index.html").is_file());
-    assert!(run(&["export", &path("run"), &path("authors")]).status.success());
+    assert!(
+        run(&["export", &path("run"), &path("authors")])
+            .status
+            .success()
+    );
     let score = |arguments: &[&str]| {
         let output = run(&[arguments, &["--format", "json"]].concat());
         assert!(output.status.success(), "{}", text(&output.stderr));
@@ -150,8 +189,12 @@ fn a_run_exports_to_what_eval_reads_with_the_same_scores() {
         auc.split(',').next().expect("a number").to_owned()
     };
     let from_run = score(&["eval", &path("run")]);
-    let from_authors =
-        score(&["eval", &path("authors"), "--datasets", &folder.path().display().to_string()]);
+    let from_authors = score(&[
+        "eval",
+        &path("authors"),
+        "--datasets",
+        &folder.path().display().to_string(),
+    ]);
     assert_eq!(from_run, from_authors);
 }
 

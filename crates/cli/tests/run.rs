@@ -25,7 +25,9 @@ fn start(dataset: &Path, run: &Path, threads: &str) -> Child {
 
 fn lines(run: &Path) -> usize {
     let file = run.join("records/wall/sift+ransac-e.jsonl");
-    fs::read(file).map_or(0, |bytes| bytes.iter().filter(|&&byte| byte == b'\n').count())
+    fs::read(file).map_or(0, |bytes| {
+        bytes.iter().filter(|&&byte| byte == b'\n').count()
+    })
 }
 
 #[test]
@@ -33,7 +35,10 @@ fn a_killed_run_goes_on_to_the_same_records_for_any_number_of_threads() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let wall = dataset(folder.path(), "wall", FRAMES);
     let whole = folder.path().join("whole");
-    assert_eq!(start(&wall, &whole, "2").wait().expect("it ran").code(), Some(0));
+    assert_eq!(
+        start(&wall, &whole, "2").wait().expect("it ran").code(),
+        Some(0)
+    );
     let expected = records(&whole, "wall", "sift");
     assert_eq!(expected.len(), PAIRS);
 
@@ -61,7 +66,10 @@ fn a_killed_run_goes_on_to_the_same_records_for_any_number_of_threads() {
         kills += 1;
     }
     assert!(kills >= 1, "the run was never interrupted");
-    assert_eq!(start(&wall, &killed, "1").wait().expect("it ran").code(), Some(0));
+    assert_eq!(
+        start(&wall, &killed, "1").wait().expect("it ran").code(),
+        Some(0)
+    );
     assert_eq!(records(&killed, "wall", "sift"), expected);
 }
 
@@ -90,12 +98,24 @@ fn an_image_that_cannot_be_read_is_counted_and_the_exit_code_is_2() {
     let bytes = fs::read(&torn).expect("written just now");
     fs::write(&torn, &bytes[..500]).expect("writable");
     let run = folder.path().join("run");
-    assert_eq!(start(&wall, &run, "2").wait().expect("it ran").code(), Some(2));
+    assert_eq!(
+        start(&wall, &run, "2").wait().expect("it ran").code(),
+        Some(2)
+    );
     let records = records(&run, "wall", "sift");
-    let failed: Vec<_> = records.iter().filter(|r| r["outcome"]["kind"] == "failed").collect();
-    assert_eq!((records.len(), failed.len()), (6, 3), "the pairs of image 2 fail, no others");
+    let failed: Vec<_> = records
+        .iter()
+        .filter(|r| r["outcome"]["kind"] == "failed")
+        .collect();
+    assert_eq!(
+        (records.len(), failed.len()),
+        (6, 3),
+        "the pairs of image 2 fail, no others"
+    );
     for record in failed {
-        let reason = record["outcome"]["reason"].as_str().expect("a reason in words");
+        let reason = record["outcome"]["reason"]
+            .as_str()
+            .expect("a reason in words");
         assert!(reason.contains("0002.pgm"), "{reason}");
     }
 }
@@ -125,8 +145,17 @@ fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {
     let output = child.wait_with_output().expect("it ended");
     let message = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(130), "{message}");
-    assert!(message.contains("the same command goes on from there"), "{message}");
-    assert!(lines(&run) < FRAMES * (2 * FRAMES - 1), "it did not run to its end");
+    assert!(
+        message.contains("the same command goes on from there"),
+        "{message}"
+    );
+    assert!(
+        lines(&run) < FRAMES * (2 * FRAMES - 1),
+        "it did not run to its end"
+    );
     assert!(start(&wall, &run, "2").wait().expect("it ran").success());
-    assert_eq!(records(&run, "wall", "sift").len(), FRAMES * (2 * FRAMES - 1));
+    assert_eq!(
+        records(&run, "wall", "sift").len(),
+        FRAMES * (2 * FRAMES - 1)
+    );
 }

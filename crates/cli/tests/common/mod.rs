@@ -28,7 +28,11 @@ pub fn dataset(folder: &Path, name: &str, frames: usize) -> PathBuf {
             writeln!(pairs, "{a} {b}  1 0 0 {t} 0 1 0 0 0 0 1 0 ").expect("a string");
         }
     }
-    fs::write(dataset.join("camera.txt"), "100 0 79.5\r\n0 100 59.5\r\n0 0 1").expect("writable");
+    fs::write(
+        dataset.join("camera.txt"),
+        "100 0 79.5\r\n0 100 59.5\r\n0 0 1",
+    )
+    .expect("writable");
     fs::write(dataset.join("pairs.txt"), pairs).expect("writable");
     dataset
 }

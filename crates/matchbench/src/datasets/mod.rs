@@ -13,6 +13,7 @@ mod importers;
 mod manifest;
 mod native;
 mod pairs;
+pub mod rendered;
 mod sequence;
 #[cfg(test)]
 mod testing;
