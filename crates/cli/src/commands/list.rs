@@ -52,7 +52,7 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
         writeln!(out, "Built-in scenes (matchbench demo)\n")?;
         for scene in rendered::sequences() {
             let images = format!("{} images of {}", scene.frames, scene.size);
-            let pairs = scene.pairs().len();
+            let pairs = scene.sequence().pairs.len();
             writeln!(
                 out,
                 "  {:<14} {}\n      {images}, {pairs} pairs",

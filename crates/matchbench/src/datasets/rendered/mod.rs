@@ -33,9 +33,11 @@ mod texture;
 mod trace;
 mod world;
 
-pub use cache::{Progress, RenderError, ensure};
+pub use cache::{Progress, ensure};
 pub use scenes::Place;
 pub use world::World;
+
+use std::path::PathBuf;
 
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
@@ -44,7 +46,7 @@ use nalgebra::Isometry3;
 use path::Path;
 use sensor::Sensor;
 
-use super::Pair;
+use super::{Frame, PairRule, Sequence};
 
 /// Raised with every change that moves a bit of any picture or pose: older caches are rendered
 /// again.
@@ -64,22 +66,11 @@ pub struct RenderedScene {
     /// Number of frames.
     pub frames: u32,
     /// Which frames are matched with which.
-    pub pairing: Pairing,
+    pub pair_rule: PairRule,
     /// Focal length, in pixels.
     focal: f64,
     timing: Timing,
     sensor: Sensor,
-}
-
-/// Which frames of a sequence form pairs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pairing {
-    /// Fragments of so many frames; the first of each is matched to each of its others.
-    Fragments(u32),
-    /// Each frame is matched to the next so many.
-    Window(u32),
-    /// Each frame is matched to each later one.
-    All,
 }
 
 /// When the frames are taken, in seconds.
@@ -112,23 +103,22 @@ impl RenderedScene {
         self.path().world_from_camera(self.time(frame))
     }
 
-    /// The pairs to be matched, with their true poses.
-    pub fn pairs(&self) -> Vec<Pair> {
-        let mut pairs = Vec::new();
-        for a in 0..self.frames {
-            let to = match self.pairing {
-                Pairing::Fragments(length) if a % length == 0 => a + length,
-                Pairing::Fragments(_) => a,
-                Pairing::Window(width) => a + 1 + width,
-                Pairing::All => self.frames,
-            };
-            pairs.extend((a + 1..to.min(self.frames)).map(|b| Pair {
-                a,
-                b,
-                b_from_a: self.world_from_camera(b).inverse() * self.world_from_camera(a),
-            }));
+    /// Its frames and pairs with their true poses; the images are made by [`World::render`].
+    pub fn sequence(&self) -> Sequence {
+        let frames = (0..self.frames)
+            .map(|frame| Frame {
+                image: PathBuf::new(),
+                camera: self.camera(),
+                world_from_camera: Some(self.world_from_camera(frame)),
+            })
+            .collect();
+        let (frames, pairs) = (self.pair_rule.apply(frames))
+            .expect("all frames have poses, and no rule reads a file");
+        Sequence {
+            name: self.name.into(),
+            frames,
+            pairs,
         }
-        pairs
     }
 
     fn path(&self) -> &'static Path {

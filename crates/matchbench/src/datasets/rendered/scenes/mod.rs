@@ -9,12 +9,13 @@ mod street;
 use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
+use super::super::PairRule;
 use super::mesh::{Mesh, Surface};
 use super::noise::gradient;
 use super::path::Path;
 use super::sensor::Sensor;
 use super::world::Model;
-use super::{Pairing, RenderedScene, Timing};
+use super::{RenderedScene, Timing};
 
 /// A place in which sequences are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -111,7 +112,7 @@ pub(super) static SEQUENCES: [RenderedScene; 8] = [
         place: Place::Office,
         size: Size::new(320, 240),
         frames: 30,
-        pairing: Pairing::Fragments(10),
+        pair_rule: PairRule::Fragments { length: 10 },
         focal: 265.0,
         timing: SHORT,
         sensor: INDOORS,
@@ -122,7 +123,7 @@ pub(super) static SEQUENCES: [RenderedScene; 8] = [
         place: Place::Object,
         size: Size::new(320, 240),
         frames: 30,
-        pairing: Pairing::Fragments(10),
+        pair_rule: PairRule::Fragments { length: 10 },
         focal: 265.0,
         timing: SHORT,
         sensor: INDOORS,
@@ -133,7 +134,7 @@ pub(super) static SEQUENCES: [RenderedScene; 8] = [
         place: Place::Cabinet,
         size: Size::new(320, 240),
         frames: 30,
-        pairing: Pairing::Fragments(10),
+        pair_rule: PairRule::Fragments { length: 10 },
         focal: 265.0,
         timing: SHORT,
         sensor: DIM,
@@ -144,7 +145,7 @@ pub(super) static SEQUENCES: [RenderedScene; 8] = [
         place: Place::Street,
         size: Size::new(620, 188),
         frames: 25,
-        pairing: Pairing::Fragments(5),
+        pair_rule: PairRule::Fragments { length: 5 },
         focal: 359.0,
         timing: Timing::Fragments {
             length: 5,
@@ -159,7 +160,7 @@ pub(super) static SEQUENCES: [RenderedScene; 8] = [
         place: Place::Facade,
         size: Size::new(480, 320),
         frames: 12,
-        pairing: Pairing::All,
+        pair_rule: PairRule::All,
         focal: 430.0,
         timing: Timing::Every(1.0),
         sensor: OUTDOORS,
@@ -170,7 +171,7 @@ pub(super) static SEQUENCES: [RenderedScene; 8] = [
         place: Place::Office,
         size: Size::new(320, 240),
         frames: 14,
-        pairing: Pairing::Window(4),
+        pair_rule: PairRule::Window { size: 4, stride: 1 },
         focal: 265.0,
         timing: Timing::Every(0.75),
         sensor: INDOORS,
@@ -181,7 +182,7 @@ pub(super) static SEQUENCES: [RenderedScene; 8] = [
         place: Place::Object,
         size: Size::new(320, 240),
         frames: 14,
-        pairing: Pairing::Window(4),
+        pair_rule: PairRule::Window { size: 4, stride: 1 },
         focal: 265.0,
         timing: Timing::Every(0.5),
         sensor: INDOORS,
@@ -192,7 +193,7 @@ pub(super) static SEQUENCES: [RenderedScene; 8] = [
         place: Place::Cabinet,
         size: Size::new(320, 240),
         frames: 14,
-        pairing: Pairing::Window(4),
+        pair_rule: PairRule::Window { size: 4, stride: 1 },
         focal: 265.0,
         timing: Timing::Every(0.75),
         sensor: DIM,
