@@ -10,7 +10,7 @@ use matchbench_vision::matching::Matcher;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::config::ConfigError;
+use crate::config::{self, ConfigError, UnknownName};
 
 /// All matchers, in the order of tables.
 pub const MATCHERS: &[&dyn Entry] = &[&sift::Sift, &orb::Orb];
@@ -21,7 +21,7 @@ pub trait Entry: Sync {
     fn id(&self) -> &'static str;
 
     /// What it is, in a few words.
-    fn title(&self) -> &'static str;
+    fn summary(&self) -> &'static str;
 
     /// The paper, in full.
     fn reference(&self) -> &'static str;
@@ -66,63 +66,12 @@ pub struct Extraction {
     pub revision: u32,
 }
 
-/// Parameters as JSON. By way of text, which keeps the `f32` 0.8 what a person would write; as a
-/// value it would become 0.800000011920929.
-fn to_json<P: Serialize>(params: &P) -> Value {
-    let text = serde_json::to_string(params).expect("parameters are plain JSON");
-    serde_json::from_str(&text).expect("written just now")
-}
-
 /// The matcher called `id`.
 ///
 /// # Errors
 /// If there is none; the error names the nearest, and all.
-pub fn find(id: &str) -> Result<&'static dyn Entry, UnknownMatcher> {
-    (MATCHERS.iter().copied())
-        .find(|entry| entry.id() == id)
-        .ok_or_else(|| UnknownMatcher::new(id, MATCHERS))
-}
-
-/// There is no matcher of this name.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("unknown matcher `{id}`{suggestion}; the matchers are: {known}")]
-pub struct UnknownMatcher {
-    id: String,
-    suggestion: String,
-    known: String,
-}
-
-impl UnknownMatcher {
-    fn new(id: &str, entries: &[&dyn Entry]) -> Self {
-        let ids = || entries.iter().map(|entry| entry.id());
-        let nearest = (ids().map(|known| (edits(id, known), known)))
-            // With half of the letters wrong it is another word.
-            .filter(|&(edits, known)| 2 * edits <= known.len())
-            .min();
-        Self {
-            id: id.into(),
-            suggestion: nearest.map_or_else(String::new, |(_, known)| {
-                format!(" (did you mean `{known}`?)")
-            }),
-            known: ids().collect::<Vec<_>>().join(", "),
-        }
-    }
-}
-
-/// Letters to be inserted, removed or replaced to turn `a` into `b`, whatever their case
-/// (Levenshtein, "Binary codes capable of correcting deletions, insertions, and reversals", 1966).
-fn edits(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.to_lowercase().chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, letter_a) in a.to_lowercase().chars().enumerate() {
-        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
-        for (j, letter_b) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(letter_a != *letter_b);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
+pub fn find(id: &str) -> Result<&'static dyn Entry, UnknownName> {
+    config::find("matcher", MATCHERS, Entry::id, id)
 }
 
 #[cfg(test)]
@@ -273,45 +222,10 @@ mod tests {
     }
 
     #[test]
-    fn letters_are_counted() {
-        for (a, b, count) in [("", "", 0), ("sift", "SIFT", 0), ("sfit", "sift", 2)] {
-            assert_eq!((edits(a, b), edits(b, a)), (count, count), "{a} {b}");
+    fn every_matcher_is_found_by_its_name() {
+        for entry in MATCHERS {
+            assert_eq!(find(entry.id()).ok().map(Entry::id), Some(entry.id()));
         }
-        for (a, b, count) in [("sif", "sift", 1), ("surf", "sift", 3), ("", "orb", 3)] {
-            assert_eq!((edits(a, b), edits(b, a)), (count, count), "{a} {b}");
-        }
-    }
-
-    #[test]
-    fn an_unknown_name_is_answered_with_the_nearest_known_one() {
-        struct Named(&'static str);
-        impl Entry for Named {
-            fn id(&self) -> &'static str {
-                self.0
-            }
-            fn title(&self) -> &'static str {
-                ""
-            }
-            fn reference(&self) -> &'static str {
-                ""
-            }
-            fn defaults(&self) -> Value {
-                json!({})
-            }
-            fn build(&self, _: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {
-                Err(ConfigError::new(self.0, "only a name"))
-            }
-        }
-        let entries: [&dyn Entry; 2] = [&Named("sift"), &Named("binboost")];
-        let message = |id| UnknownMatcher::new(id, &entries).to_string();
-        assert_eq!(
-            message("binbost"),
-            "unknown matcher `binbost` (did you mean `binboost`?); the matchers are: sift, binboost"
-        );
-        assert_eq!(
-            message("superglue"),
-            "unknown matcher `superglue`; the matchers are: sift, binboost"
-        );
         assert!(find("no-such-matcher").is_err());
     }
 }

@@ -17,8 +17,8 @@ use matchbench_vision::matching::{NearestNeighbours, Pipeline, RatioTest};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{BuiltMatcher, Entry, Extraction, to_json};
-use crate::config::{ConfigError, parse_params};
+use super::{BuiltMatcher, Entry, Extraction};
+use crate::config::{ConfigError, parse_params, to_json};
 
 const ID: &str = "sift";
 
@@ -50,7 +50,7 @@ impl Entry for Sift {
         ID
     }
 
-    fn title(&self) -> &'static str {
+    fn summary(&self) -> &'static str {
         "SIFT, exact nearest neighbours, ratio test"
     }
 

@@ -28,7 +28,7 @@ mod testing;
 mod tests;
 
 pub use cache::FeatureCache;
-pub use contender::{BuiltEstimator, Contender};
+pub use contender::Contender;
 pub use error::RunError;
 pub use frame::Decode;
 pub use observer::{Cancel, Observer, RunSummary, Silent};

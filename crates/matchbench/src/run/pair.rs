@@ -9,12 +9,12 @@ use matchbench_vision::robust::{NoPose, TwoViews};
 use matchbench_vision::seed::Seed;
 use nalgebra::Point2;
 
-use super::BuiltEstimator;
 use super::frame::{Decode, load};
 use super::guard::{guard, timed};
 use super::part::Part;
 use super::resident::PairJob;
 use crate::datasets::Pair;
+use crate::estimators::BuiltEstimator;
 use crate::records::{Counts, MIN_MATCHES, MIN_SUPPORT, Outcome, RunRecord, StageTimes};
 
 /// The stages that are done once per pair.

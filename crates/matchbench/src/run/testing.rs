@@ -14,8 +14,9 @@ use matchbench_vision::seed::Seed;
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, UnitVector3, Vector3};
 use serde_json::json;
 
-use super::{BuiltEstimator, Contender, Dataset};
+use super::{Contender, Dataset};
 use crate::datasets::{Frame, Pair, Sequence};
+use crate::estimators::BuiltEstimator;
 use crate::matchers::{BuiltMatcher, Extraction};
 
 /// Pixels in a row of a test image, whose file is just its pixels.

@@ -51,29 +51,47 @@ multiversioned! {
     /// # Panics
     /// If the lengths differ.
     pub fn strict_maxima(rows: [&[u8]; 3], found: &mut Vec<usize>) {
-        let width = rows[1].len();
-        assert!(rows.iter().all(|row| row.len() == width), "rows of one length");
-        let mut x = 1;
-        while x + LANES < width {
-            // Most of a picture is without corners.
-            if rows[1][x..x + LANES] != [0; LANES] {
-                let is_maximum = maxima_block::<LANES>(rows, x);
-                for (i, eight) in is_maximum.as_chunks::<8>().0.iter().enumerate() {
-                    let mut left = u64::from_le_bytes(*eight);
-                    while left != 0 {
-                        found.push(x + 8 * i + left.trailing_zeros() as usize / 8);
-                        left &= left - 1;
-                    }
+        maxima(rows, found, |here, most| here > most);
+    }
+
+    /// Appends to `found` the columns where `rows[1]` is at least `least`, which is above 0, and
+    /// at least as large as all eight neighbours.
+    ///
+    /// # Panics
+    /// If the lengths differ.
+    pub fn weak_maxima(rows: [&[u8]; 3], least: u8, found: &mut Vec<usize>) {
+        maxima(rows, found, |here, most| here >= most.max(least));
+    }
+}
+
+/// The columns where a pixel compares with the largest of its neighbours as wanted; 0 never does.
+#[inline(always)]
+fn maxima(rows: [&[u8]; 3], found: &mut Vec<usize>, wanted: impl Fn(u8, u8) -> bool) {
+    let width = rows[1].len();
+    assert!(
+        rows.iter().all(|row| row.len() == width),
+        "rows of one length"
+    );
+    let mut x = 1;
+    while x + LANES < width {
+        // Most of a picture is without corners.
+        if rows[1][x..x + LANES] != [0; LANES] {
+            let is_maximum = maxima_block::<LANES>(rows, x, &wanted);
+            for (i, eight) in is_maximum.as_chunks::<8>().0.iter().enumerate() {
+                let mut left = u64::from_le_bytes(*eight);
+                while left != 0 {
+                    found.push(x + 8 * i + left.trailing_zeros() as usize / 8);
+                    left &= left - 1;
                 }
             }
-            x += LANES;
         }
-        while x + 1 < width {
-            if maxima_block::<1>(rows, x) == [1] {
-                found.push(x);
-            }
-            x += 1;
+        x += LANES;
+    }
+    while x + 1 < width {
+        if maxima_block::<1>(rows, x, &wanted) == [1] {
+            found.push(x);
         }
+        x += 1;
     }
 }
 
@@ -128,16 +146,22 @@ fn best_arc<const L: usize>(value: impl Fn(usize) -> [u8; L]) -> [u8; L] {
     best
 }
 
-/// 1 where a pixel of `x .. x + L` is larger than its neighbours, else 0.
+/// 1 where a pixel of `x .. x + L` compares with the largest of its neighbours as wanted, else 0.
 #[inline(always)]
-fn maxima_block<const L: usize>(rows: [&[u8]; 3], x: usize) -> [u8; L] {
+fn maxima_block<const L: usize>(
+    rows: [&[u8]; 3],
+    x: usize,
+    wanted: &impl Fn(u8, u8) -> bool,
+) -> [u8; L] {
     let mut most = zip(lanes(rows[1], x - 1), lanes(rows[1], x + 1), u8::max);
     for row in [rows[0], rows[2]] {
         for x in [x - 1, x, x + 1] {
             most = zip(&most, lanes(row, x), u8::max);
         }
     }
-    zip(lanes(rows[1], x), &most, |here, most| u8::from(here > most))
+    zip(lanes(rows[1], x), &most, |here, most| {
+        u8::from(wanted(here, most))
+    })
 }
 
 #[inline(always)]
@@ -218,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_neighbours_are_no_maxima() {
+    fn equal_neighbours_are_weak_maxima_only() {
         let mut row = vec![0; 80];
         for (x, value) in [(1, 5), (10, 7), (11, 7), (33, 9), (40, 3), (78, 2), (79, 1)] {
             row[x] = value;
@@ -228,5 +252,8 @@ mod tests {
         let mut found = Vec::new();
         strict_maxima([&above, &row, &[0; 80]], &mut found);
         assert_eq!(found, [1, 33, 78]);
+        found.clear();
+        weak_maxima([&above, &row, &[0; 80]], 5, &mut found);
+        assert_eq!(found, [1, 10, 11, 33]);
     }
 }
