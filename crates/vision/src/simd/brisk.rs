@@ -30,9 +30,10 @@ multiversioned! {
             }
         }
         let mut direction = [0; 2];
-        for k in 0..8 {
-            direction[0] += sums[0][k];
-            direction[1] += sums[1][k];
+        for (sum, lanes) in direction.iter_mut().zip(sums) {
+            for lane in lanes {
+                *sum += lane;
+            }
         }
         direction
     }

@@ -51,32 +51,35 @@ multiversioned! {
     /// # Panics
     /// If the lengths differ.
     pub fn strict_maxima(rows: [&[u8]; 3], found: &mut Vec<usize>) {
-        maxima(rows, found, |here, most| here > most);
+        maxima(rows, 1, found, |here, most| here > most);
     }
 
-    /// Appends to `found` the columns where `rows[1]` is at least `least`, which is above 0, and
-    /// at least as large as all eight neighbours.
+    /// Appends to `found` the columns where `rows[1]` is at least `least`, and at least as large as
+    /// all eight neighbours.
     ///
     /// # Panics
-    /// If the lengths differ.
+    /// If the lengths differ, or `least` is 0.
     pub fn weak_maxima(rows: [&[u8]; 3], least: u8, found: &mut Vec<usize>) {
-        maxima(rows, found, |here, most| here >= most.max(least));
+        maxima(rows, least, found, |here, most| here >= most);
     }
 }
 
-/// The columns where a pixel compares with the largest of its neighbours as wanted; 0 never does.
+/// The columns where a pixel is at least `least` and compares with the largest of its neighbours
+/// as wanted.
 #[inline(always)]
-fn maxima(rows: [&[u8]; 3], found: &mut Vec<usize>, wanted: impl Fn(u8, u8) -> bool) {
+fn maxima(rows: [&[u8]; 3], least: u8, found: &mut Vec<usize>, wanted: impl Fn(u8, u8) -> bool) {
     let width = rows[1].len();
     assert!(
         rows.iter().all(|row| row.len() == width),
         "rows of one length"
     );
+    assert!(least > 0, "0 is no score");
     let mut x = 1;
     while x + LANES < width {
         // Most of a picture is without corners.
-        if rows[1][x..x + LANES] != [0; LANES] {
-            let is_maximum = maxima_block::<LANES>(rows, x, &wanted);
+        let here = lanes::<LANES>(rows[1], x);
+        if zip(here, &[least - 1; LANES], u8::saturating_sub) != [0; LANES] {
+            let is_maximum = maxima_block::<LANES>(rows, x, least, &wanted);
             for (i, eight) in is_maximum.as_chunks::<8>().0.iter().enumerate() {
                 let mut left = u64::from_le_bytes(*eight);
                 while left != 0 {
@@ -88,7 +91,7 @@ fn maxima(rows: [&[u8]; 3], found: &mut Vec<usize>, wanted: impl Fn(u8, u8) -> b
         x += LANES;
     }
     while x + 1 < width {
-        if maxima_block::<1>(rows, x, &wanted) == [1] {
+        if maxima_block::<1>(rows, x, least, &wanted) == [1] {
             found.push(x);
         }
         x += 1;
@@ -146,11 +149,13 @@ fn best_arc<const L: usize>(value: impl Fn(usize) -> [u8; L]) -> [u8; L] {
     best
 }
 
-/// 1 where a pixel of `x .. x + L` compares with the largest of its neighbours as wanted, else 0.
+/// 1 where a pixel of `x .. x + L` is at least `least` and compares with the largest of its
+/// neighbours as wanted, else 0.
 #[inline(always)]
 fn maxima_block<const L: usize>(
     rows: [&[u8]; 3],
     x: usize,
+    least: u8,
     wanted: &impl Fn(u8, u8) -> bool,
 ) -> [u8; L] {
     let mut most = zip(lanes(rows[1], x - 1), lanes(rows[1], x + 1), u8::max);
@@ -160,7 +165,7 @@ fn maxima_block<const L: usize>(
         }
     }
     zip(lanes(rows[1], x), &most, |here, most| {
-        u8::from(wanted(here, most))
+        u8::from(here >= least && wanted(here, most))
     })
 }
 

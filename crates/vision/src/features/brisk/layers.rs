@@ -75,6 +75,18 @@ const INTRA_DOWN: Step = Step {
     back: [4.0, -1.0, 6.0],
 };
 
+/// Row by row, so that the first four come before the pixel itself.
+const NEIGHBOURS: [[i32; 2]; 8] = [
+    [-1, -1],
+    [0, -1],
+    [1, -1],
+    [-1, 0],
+    [1, 0],
+    [-1, 1],
+    [0, 1],
+    [1, 1],
+];
+
 impl ScaleLayers {
     pub(super) fn new(image: &GrayImage, octaves: usize) -> Self {
         let mut layers = vec![Layer::new(image.clone(), 1.0)];
@@ -199,7 +211,8 @@ impl Layer {
         [y - 1, y, y + 1].map(|y| [x - 1, x, x + 1].map(|x| self.score(x, y)))
     }
 
-    /// Whether none of the neighbours with the same score scores higher after smoothing.
+    /// Whether of the neighbours with the same score none scores higher after smoothing, and no
+    /// earlier one as high.
     fn wins_ties(&self, x: i32, y: i32, threshold: u8) -> bool {
         let centre = self.score(x, y);
         let smooth = |x: i32, y: i32| -> i32 {
@@ -215,17 +228,21 @@ impl Layer {
             sum
         };
         let around = self.scores_around(x, y);
-        let ties = around
+        if around
             .as_flattened()
             .iter()
             .filter(|&&score| score == centre)
-            .count();
-        ties == 1
-            || (-1..=1).all(|dy| {
-                (-1..=1).all(|dx| {
-                    self.score(x + dx, y + dy) != centre || smooth(x + dx, y + dy) <= smooth(x, y)
-                })
-            })
+            .count()
+            == 1
+        {
+            return true;
+        }
+        let here = smooth(x, y);
+        NEIGHBOURS.iter().enumerate().all(|(i, [dx, dy])| {
+            let (x, y) = (x + dx, y + dy);
+            let is_earlier = i < 4;
+            self.score(x, y) != centre || smooth(x, y) < here + i32::from(!is_earlier)
+        })
     }
 
     /// The maximum of this layer in the square around the place of a pixel of a neighbouring

@@ -13,10 +13,10 @@ const POINTS: usize = 60;
 /// Radius of each ring at scale 1 in pixels, and its number of points.
 const RINGS: [(f32, usize); 5] = [
     (0.0, 1),
-    (0.85 * 2.9, 10),
-    (0.85 * 4.9, 14),
-    (0.85 * 7.4, 15),
-    (0.85 * 10.8, 20),
+    ((0.85 * 2.9_f64) as f32, 10),
+    ((0.85 * 4.9_f64) as f32, 14),
+    ((0.85 * 7.4_f64) as f32, 15),
+    ((0.85 * 10.8_f64) as f32, 20),
 ];
 /// Pairs are compared below this distance, and tell the direction above the other; in pixels at
 /// scale 1.
@@ -24,9 +24,10 @@ const SHORT: f32 = 5.85;
 const LONG: f32 = 8.2;
 /// Half the side of a point's area, per distance to the next point of its ring.
 const AREA: f32 = 1.3;
-/// Number of scales, over a range from 1 to [`SCALE_RANGE`].
+/// Number of scales, over a range from 1 to 30, and the binary logarithm of 30; OpenCV rounds the
+/// logarithm to single precision before it divides, whence the last digit.
 const SCALES: usize = 64;
-const SCALE_RANGE: f64 = 30.0;
+const LOG_RANGE: f32 = 4.906_891;
 /// Size of a keypoint whose pattern has scale 1, per [`BASIC_SIZE`].
 const SMALLEST: f32 = 0.6;
 /// Number of angles.
@@ -123,9 +124,8 @@ impl Pattern {
 
     /// The scale of the pattern for keypoints of this size.
     fn scale(size: f32) -> usize {
-        let log_range = (libm::log(SCALE_RANGE) / std::f64::consts::LN_2) as f32;
         let log_size = libm::logf(size / (BASIC_SIZE * SMALLEST)) / std::f32::consts::LN_2;
-        let scale = f64::from(SCALES as f32 / log_range * log_size) + 0.5;
+        let scale = f64::from(SCALES as f32 / LOG_RANGE * log_size) + 0.5;
         (scale as usize).min(SCALES - 1)
     }
 
@@ -139,16 +139,15 @@ impl Pattern {
 
 impl PatternScale {
     fn new(index: usize) -> Self {
-        let log_range = (libm::log(SCALE_RANGE) / std::f64::consts::LN_2) as f32;
-        let step = log_range / SCALES as f32;
+        let step = LOG_RANGE / SCALES as f32;
         let scale = libm::pow(2.0, f64::from(index as f32 * step)) as f32;
         let mut margin = 0.0_f32;
         let rings = RINGS.map(|(radius, count)| {
             let half_side = if count == 1 {
                 AREA * scale * 0.5
             } else {
-                let distance = f64::from(radius) * libm::sin(PI / count as f64);
-                (f64::from(AREA * scale) * distance) as f32
+                let radius = f64::from(AREA * scale) * f64::from(radius);
+                (radius * libm::sin(PI / count as f64)) as f32
             };
             margin = margin.max((scale * radius + half_side).ceil() + 1.0);
             (f64::from(scale * radius), Area::new(half_side))
@@ -241,9 +240,9 @@ impl<'a> Sampler<'a> {
         // First and last pixel, and their shares, along each direction.
         let [x, y] = place.map(|v| {
             let (start, end) = (v - area.half_side, v + area.half_side);
-            let (first, last) = ((start + 0.5) as usize, (end + 0.5) as usize);
+            let [first, last] = [start, end].map(|v| (f64::from(v) + 0.5) as i32);
             let shares = [first as f32 - start + 0.5, end - last as f32 + 0.5];
-            ([first, last], shares)
+            ([first as usize, last as usize], shares)
         });
         let ([left, right], [left_share, right_share]) = x;
         let ([top, bottom], [upper_share, lower_share]) = y;
