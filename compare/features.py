@@ -22,6 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # id of ours: (OpenCV's extractor, (x, y) by which OpenCV's positions are known to be shifted).
 EXTRACTORS = {
+    "brisk": (lambda: cv2.BRISK_create(), (0, 0)),
     "orb": (lambda: cv2.ORB_create(100_000), (0, 0)),
     "orb-gms": (lambda: cv2.ORB_create(10_000, fastThreshold=0), (0, 0)),
     # Positions in the doubled image are halved without taking back its half-pixel offset.

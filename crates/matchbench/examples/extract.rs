@@ -43,6 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// One line for each extractor that can be compared.
 fn extractor(id: &str) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
     match id {
+        "brisk" => Ok(Box::new(Brisk::new(BriskParams::default())?)),
         "orb" => Ok(Box::new(Orb::new(OrbParams::default())?)),
         "orb-gms" => Ok(Box::new(Orb::new(OrbParams {
             features: 10_000,
@@ -50,7 +51,7 @@ fn extractor(id: &str) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
             ..OrbParams::default()
         })?)),
         "sift" => Ok(Box::new(Sift::new(SiftParams::default())?)),
-        _ => Err(format!("no extractor `{id}`; known: orb, orb-gms, sift").into()),
+        _ => Err(format!("no extractor `{id}`; known: brisk, orb, orb-gms, sift").into()),
     }
 }
 

@@ -3,6 +3,7 @@
 //! To add one: write a file with an [`Entry`], add it to [`MATCHERS`]. The tests below walk the
 //! list and hold every entry to the same promises.
 
+mod brisk;
 mod local_features;
 mod orb;
 mod sift;
@@ -14,7 +15,7 @@ use serde_json::Value;
 use crate::config::{self, ConfigError, UnknownName};
 
 /// All matchers, in the order of tables.
-pub const MATCHERS: &[&dyn Entry] = &[&sift::SIFT, &orb::ORB];
+pub const MATCHERS: &[&dyn Entry] = &[&sift::SIFT, &orb::ORB, &brisk::BRISK];
 
 /// A matcher that can be asked for by name.
 pub trait Entry: Sync {

@@ -5,12 +5,14 @@
 //! [`Detector`] and [`Describer`] where the two halves are separate papers. None of them can fail:
 //! an empty, a one-pixel or a black image has no features, and that is a result.
 
+pub mod brisk;
 mod descriptors;
 pub mod fast;
 mod keypoint;
 pub mod orb;
 pub mod sift;
 
+pub use brisk::{Brisk, BriskParams};
 pub use descriptors::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
 pub use fast::{Fast, FastParams};
 pub use keypoint::{Features, Keypoint};

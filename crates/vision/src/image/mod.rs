@@ -4,17 +4,21 @@
 
 mod blur;
 mod blur8;
+mod integral;
 mod resize;
 mod rows;
 mod scale_space;
+mod shrink8;
 
 use std::fmt;
 
 pub use blur::{GaussianKernel, gaussian_blur};
 pub use blur8::gaussian_blur_u8;
+pub use integral::IntegralImage;
 pub use resize::resize;
 pub use rows::RowBuffer;
 pub use scale_space::{Octave, ScaleSpace, ScaleSpaceShape};
+pub use shrink8::shrink_u8;
 
 /// Width and height of an image, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

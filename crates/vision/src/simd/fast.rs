@@ -51,29 +51,50 @@ multiversioned! {
     /// # Panics
     /// If the lengths differ.
     pub fn strict_maxima(rows: [&[u8]; 3], found: &mut Vec<usize>) {
-        let width = rows[1].len();
-        assert!(rows.iter().all(|row| row.len() == width), "rows of one length");
-        let mut x = 1;
-        while x + LANES < width {
-            // Most of a picture is without corners.
-            if rows[1][x..x + LANES] != [0; LANES] {
-                let is_maximum = maxima_block::<LANES>(rows, x);
-                for (i, eight) in is_maximum.as_chunks::<8>().0.iter().enumerate() {
-                    let mut left = u64::from_le_bytes(*eight);
-                    while left != 0 {
-                        found.push(x + 8 * i + left.trailing_zeros() as usize / 8);
-                        left &= left - 1;
-                    }
+        maxima(rows, 1, found, |here, most| here > most);
+    }
+
+    /// Appends to `found` the columns where `rows[1]` is at least `least`, and at least as large as
+    /// all eight neighbours.
+    ///
+    /// # Panics
+    /// If the lengths differ, or `least` is 0.
+    pub fn weak_maxima(rows: [&[u8]; 3], least: u8, found: &mut Vec<usize>) {
+        maxima(rows, least, found, |here, most| here >= most);
+    }
+}
+
+/// The columns where a pixel is at least `least` and compares with the largest of its neighbours
+/// as wanted.
+#[inline(always)]
+fn maxima(rows: [&[u8]; 3], least: u8, found: &mut Vec<usize>, wanted: impl Fn(u8, u8) -> bool) {
+    let width = rows[1].len();
+    assert!(
+        rows.iter().all(|row| row.len() == width),
+        "rows of one length"
+    );
+    assert!(least > 0, "0 is no score");
+    let mut x = 1;
+    while x + LANES < width {
+        // Most of a picture is without corners.
+        let here = lanes::<LANES>(rows[1], x);
+        if zip(here, &[least - 1; LANES], u8::saturating_sub) != [0; LANES] {
+            let is_maximum = maxima_block::<LANES>(rows, x, least, &wanted);
+            for (i, eight) in is_maximum.as_chunks::<8>().0.iter().enumerate() {
+                let mut left = u64::from_le_bytes(*eight);
+                while left != 0 {
+                    found.push(x + 8 * i + left.trailing_zeros() as usize / 8);
+                    left &= left - 1;
                 }
             }
-            x += LANES;
         }
-        while x + 1 < width {
-            if maxima_block::<1>(rows, x) == [1] {
-                found.push(x);
-            }
-            x += 1;
+        x += LANES;
+    }
+    while x + 1 < width {
+        if maxima_block::<1>(rows, x, least, &wanted) == [1] {
+            found.push(x);
         }
+        x += 1;
     }
 }
 
@@ -128,16 +149,24 @@ fn best_arc<const L: usize>(value: impl Fn(usize) -> [u8; L]) -> [u8; L] {
     best
 }
 
-/// 1 where a pixel of `x .. x + L` is larger than its neighbours, else 0.
+/// 1 where a pixel of `x .. x + L` is at least `least` and compares with the largest of its
+/// neighbours as wanted, else 0.
 #[inline(always)]
-fn maxima_block<const L: usize>(rows: [&[u8]; 3], x: usize) -> [u8; L] {
+fn maxima_block<const L: usize>(
+    rows: [&[u8]; 3],
+    x: usize,
+    least: u8,
+    wanted: &impl Fn(u8, u8) -> bool,
+) -> [u8; L] {
     let mut most = zip(lanes(rows[1], x - 1), lanes(rows[1], x + 1), u8::max);
     for row in [rows[0], rows[2]] {
         for x in [x - 1, x, x + 1] {
             most = zip(&most, lanes(row, x), u8::max);
         }
     }
-    zip(lanes(rows[1], x), &most, |here, most| u8::from(here > most))
+    zip(lanes(rows[1], x), &most, |here, most| {
+        u8::from(here >= least && wanted(here, most))
+    })
 }
 
 #[inline(always)]
@@ -218,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_neighbours_are_no_maxima() {
+    fn equal_neighbours_are_weak_maxima_only() {
         let mut row = vec![0; 80];
         for (x, value) in [(1, 5), (10, 7), (11, 7), (33, 9), (40, 3), (78, 2), (79, 1)] {
             row[x] = value;
@@ -228,5 +257,8 @@ mod tests {
         let mut found = Vec::new();
         strict_maxima([&above, &row, &[0; 80]], &mut found);
         assert_eq!(found, [1, 33, 78]);
+        found.clear();
+        weak_maxima([&above, &row, &[0; 80]], 5, &mut found);
+        assert_eq!(found, [1, 10, 11, 33]);
     }
 }

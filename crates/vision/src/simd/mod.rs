@@ -41,8 +41,10 @@ macro_rules! multiversioned {
     )*};
 }
 
+mod area;
 mod bilinear;
 mod blur8;
+mod brisk;
 mod convolve;
 mod extrema;
 mod fast;
@@ -55,11 +57,13 @@ mod sampson;
 mod search;
 mod triangulate;
 
+pub use area::{Cover, cover_columns, cover_rows, halve_rows_u8, integrate_row};
 pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
 pub use blur8::{weigh_along_u8, weigh_rows_u8};
+pub use brisk::{DirectionWeights, direction};
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
 pub use extrema::{ThreeRows, find_extrema};
-pub use fast::{segment_scores, strict_maxima};
+pub use fast::{segment_scores, strict_maxima, weak_maxima};
 pub use gradient::{polar_gradients, turns};
 pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
 pub use normalize::normalize_to_bytes;

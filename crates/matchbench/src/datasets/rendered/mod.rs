@@ -266,7 +266,7 @@ mod tests {
                 let off = (r.matrix() * r.matrix().transpose() - Matrix3::identity()).abs();
                 assert!(off.max() < 1e-12 && (r.matrix().determinant() - 1.0).abs() < 1e-12);
             }
-            for pair in scene.pairs() {
+            for pair in scene.sequence().pairs {
                 let baseline = pair.b_from_a.translation.vector.norm();
                 assert!(baseline > 0.002, "{} {} {}", scene.name, pair.a, pair.b);
             }
@@ -276,9 +276,7 @@ mod tests {
     #[test]
     fn pairs_follow_their_rules() {
         let ends = |name: &str| -> Vec<(u32, u32)> {
-            scene(name)
-                .pairs()
-                .iter()
+            (scene(name).sequence().pairs.iter())
                 .map(|pair| (pair.a, pair.b))
                 .collect()
         };
