@@ -8,7 +8,7 @@ use std::process::{Child, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use common::{dataset, matchbench, records};
+use common::{dataset, matchbench};
 
 const FRAMES: usize = 12;
 const PAIRS: usize = FRAMES * (FRAMES - 1) / 2;
@@ -25,9 +25,20 @@ fn start(dataset: &Path, run: &Path, threads: &str) -> Child {
 
 fn lines(run: &Path) -> usize {
     let file = run.join("records/wall/sift+ransac-e.jsonl");
-    fs::read(file).map_or(0, |bytes| {
-        bytes.iter().filter(|&&byte| byte == b'\n').count()
-    })
+    fs::read_to_string(file).map_or(0, |text| text.matches('\n').count())
+}
+
+/// The records of a run, without the times, which no two runs share.
+fn records(run: &Path, dataset: &str, matcher: &str) -> Vec<serde_json::Value> {
+    let file = run.join(format!("records/{dataset}/{matcher}+ransac-e.jsonl"));
+    let text = fs::read_to_string(file).expect("the run has records");
+    text.lines()
+        .map(|line| {
+            let mut record: serde_json::Value = serde_json::from_str(line).expect("a whole record");
+            record["times"] = serde_json::Value::Null;
+            record
+        })
+        .collect()
 }
 
 #[test]

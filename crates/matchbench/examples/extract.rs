@@ -14,7 +14,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use matchbench_vision::features::{
-    Descriptors, Extractor, Features, Orb, OrbParams, Sift, SiftParams,
+    Brisk, BriskParams, Descriptors, Extractor, Features, Orb, OrbParams, Sift, SiftParams,
 };
 use matchbench_vision::image::{GrayImage, Size};
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The program under test, without the environment's say.
-pub fn matchbench() -> Command {
+pub(crate) fn matchbench() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_matchbench"));
     command.env_remove("MATCHBENCH_CACHE");
     command
@@ -14,7 +14,7 @@ pub fn matchbench() -> Command {
 
 /// A dataset called `name` in `folder`: a textured wall, `frames` photographs of it from places
 /// side by side, all pairs.
-pub fn dataset(folder: &Path, name: &str, frames: usize) -> PathBuf {
+pub(crate) fn dataset(folder: &Path, name: &str, frames: usize) -> PathBuf {
     const STEP: usize = 5; // pixels of image motion between neighbours: 0.05 at depth 1 and f = 100
     let dataset = folder.join(name);
     fs::create_dir_all(dataset.join("Images")).expect("writable");
@@ -49,17 +49,4 @@ fn wall(shift: usize) -> Vec<u8> {
         }
     }
     file
-}
-
-/// The records of a run, without the times, which no two runs share.
-pub fn records(run: &Path, dataset: &str, matcher: &str) -> Vec<serde_json::Value> {
-    let file = run.join(format!("records/{dataset}/{matcher}+ransac-e.jsonl"));
-    let text = fs::read_to_string(file).expect("the run has records");
-    text.lines()
-        .map(|line| {
-            let mut record: serde_json::Value = serde_json::from_str(line).expect("a whole record");
-            record["times"] = serde_json::Value::Null;
-            record
-        })
-        .collect()
 }
