@@ -183,21 +183,27 @@ fn excerpt_gives_what_is_written_out_here() {
 fn bad_lines_are_named() {
     let pose = "1 0 0 0 0 1 0 0 0 0 1 1";
     let cases = [
-        (format!("0 1 9 {pose}\n0 2 9 {pose} 4\n"), ":2: 16 fields"),
-        ("0 1 9 NaN 0 0 0 0 1 0 0 0 0 1 1".into(), ":1: 'NaN'"),
-        ("0 1 9 1e999 0 0 0 0 1 0 0 0 0 1 1".into(), ":1: '1e999'"),
-        (format!("0 -1 9 {pose}"), ":1: '-1' is not a whole number"),
-        (format!("0 1 9.5 {pose}"), ":1: '9.5'"),
-        ("0 1 9 2 0 0 0 0 1 0 0 0 0 1 1".into(), ":1: not a rotation"),
+        (
+            format!("0 1 9 {pose}\n0 2 9 {pose} 4\n"),
+            ":2: found 16 numbers",
+        ),
+        ("0 1 9 NaN 0 0 0 0 1 0 0 0 0 1 1".into(), ":1: `NaN`"),
+        ("0 1 9 1e999 0 0 0 0 1 0 0 0 0 1 1".into(), ":1: `1e999`"),
+        (format!("0 -1 9 {pose}"), ":1: `-1` is not the index"),
+        (format!("0 1 9.5 {pose}"), ":1: `9.5`"),
+        (
+            "0 1 9 2 0 0 0 0 1 0 0 0 0 1 1".into(),
+            ":1: the 3x3 part is not a rotation",
+        ),
         (
             "0 1 9 -1 0 0 0 0 1 0 0 0 0 1 1".into(),
-            ":1: not a rotation",
+            ":1: the 3x3 part is not a rotation",
         ),
         (
             format!("0 1 9 {pose}\n\n0 1 9 {pose}"),
             ":3: pair 0 1 is there twice, first on line 1",
         ),
-        ("garbage".into(), ":1: 1 fields instead of 15"),
+        ("garbage".into(), ":1: found 1 numbers"),
     ];
     for (text, expected) in cases {
         let error = Excerpt::new(PAIRS, &[("sift", &text)])

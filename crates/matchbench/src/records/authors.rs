@@ -184,22 +184,24 @@ fn number<T: FromStr>(field: &str, what: &str) -> Result<T, String> {
         .map_err(|_| format!("`{field}` is not {what}"))
 }
 
-/// The pose `[R | t]`; `None` where t is zero.
+/// The pose `[R | t]`; `None` where t is zero, whatever R is: there is nothing to judge.
 fn relative_pose(rows: &[f64; 12]) -> Result<Option<RelativePose>, String> {
     /// Published rotations have six digits; what is off by more than this is something else.
     const TOLERANCE: f64 = 1e-3;
+    let translation = Vector3::from_fn(|row, _| rows[4 * row + 3]);
+    let Some(direction) = UnitVector3::try_new(translation, f64::MIN_POSITIVE) else {
+        return Ok(None);
+    };
     let r = Matrix3::from_fn(|row, column| rows[4 * row + column]);
     if (r.transpose() * r - Matrix3::identity()).amax() > TOLERANCE || r.determinant() < 0.0 {
         return Err("the 3x3 part is not a rotation".into());
     }
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(r));
-    let translation = Vector3::from_fn(|row, _| rows[4 * row + 3]);
-    Ok(
-        UnitVector3::try_new(translation, f64::MIN_POSITIVE).map(|direction| RelativePose {
-            rotation: UnitQuaternion::new_normalize(rotation.into_inner()),
-            direction,
-        }),
-    )
+    let rotation = UnitQuaternion::new_normalize(rotation.into_inner());
+    Ok(Some(RelativePose {
+        rotation,
+        direction,
+    }))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //!
 //! **The scalar text is the definition.** A kernel is written once, in portable Rust: fixed
 //! lanes, a fixed tree of sums, `f32::mul_add` where a fused multiply-add is meant. The
-//! [`multiversioned!`] macro compiles that one text for the baseline and again with the wider
+//! `multiversioned!` macro compiles that one text for the baseline and again with the wider
 //! instruction sets of the platform, and chooses at run time. Every version rounds the same
 //! operations in the same order, so all agree bit for bit by construction; the compiler may
 //! vectorise but never reorders floating-point arithmetic. Where that is not fast enough a kernel

@@ -359,7 +359,7 @@ mod tests {
             .collect();
         let tree = Tree::new(&corners);
         let mut met = 0;
-        for _ in 0..300 {
+        for _ in 0..600 {
             let origin = std::array::from_fn(|_| point(14.0));
             let direction = std::array::from_fn(|_| point(1.0).normalize());
             let rays = Rays::new(origin, direction);
