@@ -1,0 +1,84 @@
+//! Exact nearest neighbours between two files of descriptors, timed.
+//!
+//! ```text
+//! search A B OUT [REPETITIONS]
+//! ```
+//!
+//! prints the median time of a search in milliseconds (reading and writing excluded) and writes
+//! the correspondences. All numbers are little endian.
+//!
+//! - Descriptors: `u32` kind (0 real values, 1 bits), `u32` values or bits in a row, `u32` rows;
+//!   then the rows: `f32` values, or whole bytes whose least significant bit comes first.
+//! - Correspondences, one after the other: `u32` a, `u32` b, `f32` distance, `f32` distance to the
+//!   second nearest.
+
+use std::error::Error;
+use std::fs;
+use std::time::{Duration, Instant};
+
+use matchbench_vision::features::{BinaryRows, Descriptors, FloatRows};
+use matchbench_vision::matching::two_nearest;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (a, b, out, repetitions) = match arguments.as_slice() {
+        [a, b, out] => (a, b, out, 5),
+        [a, b, out, repetitions] => (a, b, out, repetitions.parse()?),
+        _ => return Err("usage: search A B OUT [REPETITIONS]".into()),
+    };
+    let (a, b) = (read(a)?, read(b)?);
+    if a.kind() != b.kind() {
+        return Err(format!("cannot compare {:?} with {:?}", a.kind(), b.kind()).into());
+    }
+
+    let mut times: Vec<Duration> = Vec::new();
+    let mut matches = Vec::new();
+    for _ in 0..repetitions.max(1) {
+        let start = Instant::now();
+        matches = two_nearest(&a, &b);
+        times.push(start.elapsed());
+    }
+    times.sort_unstable();
+    println!("{:.3}", times[times.len() / 2].as_secs_f64() * 1e3);
+
+    let bytes: Vec<u8> = matches
+        .iter()
+        .flat_map(|m| [m.a, m.b, m.distance.to_bits(), m.second.to_bits()])
+        .flat_map(u32::to_le_bytes)
+        .collect();
+    fs::write(out, bytes)?;
+    Ok(())
+}
+
+/// Reads a file of descriptors.
+fn read(path: &str) -> Result<Descriptors, Box<dyn Error>> {
+    let bytes = fs::read(path).map_err(|error| format!("{path}: {error}"))?;
+    let (header, body) = bytes
+        .split_first_chunk::<12>()
+        .ok_or_else(|| format!("{path}: shorter than its header"))?;
+    let (header, _) = header.as_chunks::<4>();
+    let header = [0, 1, 2].map(|i| u32::from_le_bytes(header[i]) as usize);
+    let [kind, length, rows] = header;
+    let row_bytes = match kind {
+        0 => 4 * length,
+        1 => length.div_ceil(8),
+        _ => return Err(format!("{path}: kind {kind}, not 0 or 1").into()),
+    };
+    if length == 0 || body.len() != rows * row_bytes {
+        return Err(format!("{path}: {rows} rows of {row_bytes} bytes expected").into());
+    }
+    Ok(if kind == 0 {
+        let (values, _) = body.as_chunks();
+        let values = values.iter().copied().map(f32::from_le_bytes).collect();
+        Descriptors::Float(FloatRows::from_vec(length, values))
+    } else {
+        let words = body.chunks_exact(row_bytes).flat_map(|row| {
+            row.chunks(8).map(|bytes| {
+                let mut word = [0; 8];
+                word[..bytes.len()].copy_from_slice(bytes);
+                u64::from_le_bytes(word)
+            })
+        });
+        Descriptors::Binary(BinaryRows::from_vec(length, words.collect()))
+    })
+}
