@@ -4,6 +4,7 @@
 //! list and hold every entry to the same promises.
 
 mod brisk;
+mod local_features;
 mod orb;
 mod sift;
 
@@ -14,7 +15,7 @@ use serde_json::Value;
 use crate::config::{self, ConfigError, UnknownName};
 
 /// All matchers, in the order of tables.
-pub const MATCHERS: &[&dyn Entry] = &[&sift::Sift, &orb::Orb, &brisk::Brisk];
+pub const MATCHERS: &[&dyn Entry] = &[&sift::SIFT, &orb::ORB, &brisk::BRISK];
 
 /// A matcher that can be asked for by name.
 pub trait Entry: Sync {
@@ -151,7 +152,7 @@ mod tests {
                     .unwrap()
                     .replace('_', "-")
             })
-            .filter(|stem| stem != "mod")
+            .filter(|stem| stem != "mod" && stem != "local-features")
             .collect();
         let ids: BTreeSet<String> = MATCHERS.iter().map(|entry| entry.id().into()).collect();
         assert_eq!(

@@ -83,9 +83,9 @@ mod tests {
             .unwrap()
     }
 
-    /// Later items are done sooner.
+    /// Later items are done sooner, but none at once.
     fn hurried(item: usize) -> usize {
-        thread::sleep(Duration::from_millis(10_usize.saturating_sub(item) as u64));
+        thread::sleep(Duration::from_millis(11 - item.min(10) as u64));
         item
     }
 
@@ -153,6 +153,6 @@ mod tests {
         };
         in_order(&pool(3), &cancel, &items, work, sink).unwrap();
         assert_eq!(left, items[..taken.into_inner()]);
-        assert!((8..20).contains(&left.len()), "{}", left.len());
+        assert!(left.len() >= 8 && left.len() < items.len());
     }
 }

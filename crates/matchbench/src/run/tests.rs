@@ -173,18 +173,18 @@ fn a_torn_file_is_completed_wherever_it_was_torn() {
     let mut bench = Bench::new(vec![
         Toy::default().contender("bright", &["first", "second"]),
     ]);
+    bench.datasets.truncate(1);
     bench.settings.limit = Some(3);
-    bench.settings.repetitions = NonZeroU32::new(2).unwrap();
     bench.run("run").unwrap();
     let expected = bench.records("run");
     let path = store::path(&bench.path("run"), "street", "bright", "first");
     let whole = fs::read(&path).unwrap();
-    assert_eq!(expected.len(), 2 * 3 * 2 * 2);
+    assert_eq!(expected.len(), 2 * 3);
     for length in 0..whole.len() {
         fs::write(&path, &whole[..length]).unwrap();
         let kept = store::read(&path).unwrap().len();
         let summary = bench.run("run").unwrap();
-        assert_eq!((summary.before, summary.now), (24 - 6 + kept, 6 - kept));
+        assert_eq!((summary.before, summary.now), (3 + kept, 3 - kept));
         assert_eq!(bench.records("run"), expected, "torn at byte {length}");
     }
 }
@@ -214,22 +214,26 @@ fn a_cancelled_run_keeps_what_it_has_and_can_be_resumed() {
             }
         }
     }
-    let bench = Bench::new(two_by_two());
+    let mut bench = Bench::new(two_by_two());
     bench.run("whole").unwrap();
-    let mut starts = 0;
-    loop {
-        let cancel = Cancel::default();
-        let observer = Impatient(AtomicUsize::new(5), cancel.clone());
-        let summary = bench.run_with("pieces", &observer, &cancel).unwrap();
-        assert_eq!(bench.records("pieces").len(), summary.before + summary.now);
-        starts += 1;
-        if summary.is_complete() {
-            break;
+    for threads in [1, 2] {
+        bench.threads = threads;
+        let pieces = format!("pieces by {threads}");
+        loop {
+            let cancel = Cancel::default();
+            let observer = Impatient(AtomicUsize::new(5), cancel.clone());
+            let summary = bench.run_with(&pieces, &observer, &cancel).unwrap();
+            let recorded = bench.records(&pieces).len();
+            assert_eq!(recorded, summary.before + summary.now);
+            if summary.is_complete() {
+                break;
+            }
+            assert!(summary.now >= 5, "{summary:?}");
+            // Of several threads, one may do the work of many while another is held up.
+            assert!(threads > 1 || summary.now <= 6, "a pair has two records");
         }
-        assert!((5..12).contains(&summary.now), "{summary:?}");
+        assert_eq!(bench.records(&pieces), bench.records("whole"));
     }
-    assert!(starts > 5);
-    assert_eq!(bench.records("pieces"), bench.records("whole"));
 }
 
 #[test]
