@@ -4,11 +4,11 @@ ORB compares the smoothed intensities at two places for each of its 256 bits; th
 chosen by a greedy search over training images and are printed nowhere in the paper. Here they are
 measured. OpenCV describes upright keypoints in images of noise; bit i of each descriptor then says
 whether S(p_i) < S(q_i), where S is the image after the 7x7 Gaussian blur. (ORB blurs a part of a
-larger image, and OpenCV then filters with weights rounded to 8 bits, as `sepFilter2D` does.) Each
-descriptor halves the pairs of places that can explain a bit; after a few hundred exactly one is
-left, or this script stops.
+larger image, for which OpenCV leaves its fixed-point `GaussianBlur` and rounds as `sepFilter2D`
+does.) Each descriptor halves the pairs of places that can explain a bit; after a few hundred
+exactly one is left, or this script stops.
 
-    pip install opencv-contrib-python-headless==4.14.0.94 numpy
+    pip install -r compare/requirements.txt
     python compare/probe_orb.py
 
 The table: 256 rows of 4 signed bytes, x and y of p_i, x and y of q_i, relative to the keypoint.

@@ -15,7 +15,7 @@
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
 //! | t | [`FastParams::threshold`] | 10 | OpenCV |
-//! | n | - | 9 | second paper, section 6: the most repeatable |
+//! | n | - | 9 | the second paper: the most repeatable |
 //!
 //! # Choices that the papers leave open
 //! A corner must score higher than each of its eight neighbours: of two equal neighbours neither

@@ -11,14 +11,14 @@
 //! 3. The orientation is the direction from the keypoint to the centre of intensity of a circular
 //!    patch of radius 15 (section 3.2, equations 1 to 3).
 //! 4. The level is smoothed; bit i says whether one place in the patch is darker than another,
-//!    both turned by the orientation (section 4.1, equations 4 to 7). The 256 pairs of places were
+//!    both turned by the orientation (section 4.1). The 256 pairs of places were
 //!    chosen in the paper by a greedy search for uncorrelated tests of high variance (section 4.3).
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
 //! | N | [`OrbParams::features`] | 100,000 | MatchBench |
-//! | - | [`OrbParams::scale_factor`] | 1.2 | OpenCV; sqrt 2 and 5 levels in the paper, section 6.1 |
-//! | - | [`OrbParams::levels`] | 8 | OpenCV |
+//! | - | [`OrbParams::scale_factor`] | 1.2 | OpenCV; sqrt 2 in the paper, section 6 |
+//! | - | [`OrbParams::levels`] | 8 | OpenCV; 5 in the paper |
 //! | - | [`OrbParams::fast_threshold`] | 20 | OpenCV |
 //! | n | - | 256 bits, patch 31 | section 4.3 |
 //!
@@ -30,9 +30,10 @@
 //! measured (`tables/SOURCES.toml`).
 //!
 //! # Differences from OpenCV
-//! None in keypoints; one bit in a million, where sums in floating point round differently. Where more corners are found than
-//! wanted, the ones that are kept stay in the order of rows (OpenCV leaves the order in which its
-//! selection happens to end); all that tie with the last one are kept, as there.
+//! None in keypoints; one bit in a million, where sums in floating point round differently. Where
+//! more corners are found than wanted, the ones that are kept stay in the order of rows (OpenCV
+//! leaves the order in which its selection happens to end); all that tie with the last one are
+//! kept, as there.
 
 use std::f32::consts::TAU;
 
