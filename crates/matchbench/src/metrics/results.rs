@@ -16,6 +16,8 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use serde_json::Value;
+
 use crate::datasets::{DatasetError, Pair, read_pairs};
 use crate::records::authors::{self, AuthorsError, Row};
 use crate::records::store::{self, StoreError};
@@ -80,7 +82,8 @@ pub enum ResultsError {
     },
 }
 
-/// Reads every set of results in a folder, sorted by dataset, matcher and estimator.
+/// Reads every set of results in a folder: those of a run in the order of its plan, others sorted
+/// by dataset, matcher and estimator.
 ///
 /// `datasets` is the folder that holds `<sequence>/pairs.txt`; a run folder can do without.
 ///
@@ -88,7 +91,7 @@ pub enum ResultsError {
 /// A file that cannot be read or a line that makes no sense, named by file and line.
 pub fn load(results: &Path, datasets: Option<&Path>) -> Result<Vec<ResultSet>, ResultsError> {
     if results.join("plan.json").is_file() {
-        return load_run(&results.join("records"), datasets);
+        return load_run(results, datasets);
     }
     let datasets = datasets.ok_or_else(|| ResultsError::Layout {
         path: results.to_path_buf(),
@@ -166,14 +169,18 @@ fn score_row(row: &Row, truth: &Pair) -> PairResult {
     }
 }
 
-fn load_run(records: &Path, datasets: Option<&Path>) -> Result<Vec<ResultSet>, ResultsError> {
+fn load_run(run: &Path, datasets: Option<&Path>) -> Result<Vec<ResultSet>, ResultsError> {
     let mut sets = Vec::new();
-    for (_, folder) in folders(records)? {
-        for (_, file) in files(&folder, "jsonl")? {
-            sets.extend(read_records(&file)?);
+    let records = run.join("records");
+    if records.exists() {
+        for (_, folder) in folders(&records)? {
+            for (_, file) in files(&folder, "jsonl")? {
+                sets.extend(read_records(&file)?);
+            }
         }
     }
     sort(&mut sets);
+    order_as_planned(&mut sets, &run.join("plan.json"))?;
     let mut listed = BTreeMap::<String, BTreeSet<(u32, u32)>>::new();
     for set in &sets {
         let pairs = listed.entry(set.dataset.clone()).or_default();
@@ -255,6 +262,31 @@ fn listed_pairs(datasets: &Path, dataset: &str) -> Result<Vec<Pair>, ResultsErro
         });
     }
     Ok(read_pairs(&file)?)
+}
+
+/// Datasets and matchers in the order in which the plan names them; what it does not name comes
+/// last.
+fn order_as_planned(sets: &mut [ResultSet], plan: &Path) -> Result<(), ResultsError> {
+    let io = |source| ResultsError::Io {
+        path: plan.to_path_buf(),
+        source,
+    };
+    let text = fs::read_to_string(plan).map_err(io)?;
+    let plan: Value = serde_json::from_str(&text).map_err(|error| io(error.into()))?;
+    let place = |list: &str, key: &str, name: &str| {
+        let named = plan[list].as_array().into_iter().flatten();
+        named
+            .map(|item| &item[key])
+            .take_while(|named| *named != name)
+            .count()
+    };
+    sets.sort_by_cached_key(|set| {
+        (
+            place("datasets", "name", &set.dataset),
+            place("matchers", "id", &set.matcher),
+        )
+    });
+    Ok(())
 }
 
 fn sort(sets: &mut [ResultSet]) {
@@ -381,6 +413,18 @@ mod tests {
         assert_eq!(sets[0].pairs.len(), 1);
         let nothing_yet = run_folder(&[("sift", String::new())]);
         assert_eq!(load(nothing_yet.path(), None).expect("in order"), []);
+    }
+
+    #[test]
+    fn the_plan_gives_the_order() {
+        let run = run_folder(&[
+            ("orb", line("orb", 0, 1, 0)),
+            ("sift", line("sift", 0, 1, 0)),
+        ]);
+        let plan = r#"{"datasets": [{"name": "room"}], "matchers": [{"id": "sift"}]}"#;
+        fs::write(run.path().join("plan.json"), plan).expect("it is ours");
+        let sets = load(run.path(), None).expect("in order");
+        assert_eq!((&*sets[0].matcher, &*sets[1].matcher), ("sift", "orb"));
     }
 
     #[test]

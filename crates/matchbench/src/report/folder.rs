@@ -2,10 +2,10 @@
 //! `tables/*.{csv,json,md,tex}`.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::files::write_whole;
 use crate::metrics::{Angle, Summary};
 
 use super::figures::{ap_figure, sp_figure};
@@ -24,35 +24,15 @@ pub struct RunFacts {
     pub plan: Option<String>,
 }
 
-/// A file or folder of the report cannot be written.
-#[derive(Debug, thiserror::Error)]
-#[error("{path}: {source}; choose another folder for the report")]
-pub struct ReportError {
-    /// The file or folder.
-    pub path: PathBuf,
-    /// What the system says.
-    pub source: io::Error,
-}
-
 /// Writes the report and returns the path of its page. Files of an earlier report are replaced, each
 /// at once.
 ///
 /// # Errors
 /// A file or folder that cannot be written.
-pub fn write_report(
-    folder: &Path,
-    summaries: &[Summary],
-    facts: &RunFacts,
-) -> Result<PathBuf, ReportError> {
+pub fn write_report(folder: &Path, summaries: &[Summary], facts: &RunFacts) -> io::Result<PathBuf> {
     let overview = Overview::new(summaries);
     let drawings = folder.join("figures");
     let tables = folder.join("tables");
-    for path in [&drawings, &tables] {
-        fs::create_dir_all(path).map_err(|source| ReportError {
-            path: path.clone(),
-            source,
-        })?;
-    }
     let mut taken = BTreeSet::new();
     for (column, dataset) in overview.datasets.iter().enumerate() {
         let name = file_name(dataset, &mut taken);
@@ -62,10 +42,13 @@ pub fn write_report(
             ("sp-translation", Angle::Translation),
         ] {
             let svg = sp_figure(&overview, column, angle, Place::File);
-            write(&drawings.join(format!("{prefix}-{name}.svg")), &svg)?;
+            write_whole(
+                &drawings.join(format!("{prefix}-{name}.svg")),
+                svg.as_bytes(),
+            )?;
         }
         let svg = ap_figure(&overview, column, Place::File);
-        write(&drawings.join(format!("ap-{name}.svg")), &svg)?;
+        write_whole(&drawings.join(format!("ap-{name}.svg")), svg.as_bytes())?;
     }
     for (name, format) in [
         ("scores.csv", Format::Csv),
@@ -73,23 +56,11 @@ pub fn write_report(
         ("scores.md", Format::Markdown),
         ("auc.tex", Format::Latex),
     ] {
-        write(&tables.join(name), &render(format, summaries))?;
+        write_whole(&tables.join(name), render(format, summaries).as_bytes())?;
     }
     let page = folder.join("index.html");
-    write(&page, &html::render(summaries, facts))?;
+    write_whole(&page, html::render(summaries, facts).as_bytes())?;
     Ok(page)
-}
-
-/// Beside, then renamed: whoever looks sees the old file or the new one, never a part.
-fn write(path: &Path, text: &str) -> Result<(), ReportError> {
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".new");
-    fs::write(&beside, text)
-        .and_then(|()| fs::rename(&beside, path))
-        .map_err(|source| ReportError {
-            path: path.to_path_buf(),
-            source,
-        })
 }
 
 /// A name for a file of this dataset: letters, digits, dots and dashes, different from the others
@@ -116,6 +87,8 @@ fn file_name(dataset: &str, taken: &mut BTreeSet<String>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::super::tests::summary;
     use super::*;
 
@@ -155,6 +128,6 @@ mod tests {
         let file = folder.path().join("file");
         fs::write(&file, "").expect("it is ours");
         let error = write_report(&file, &[], &RunFacts::default()).expect_err("a file is there");
-        assert!(error.to_string().contains("figures"), "{error}");
+        assert!(error.to_string().contains("scores.csv"), "{error}");
     }
 }

@@ -20,7 +20,7 @@ use std::str::FromStr;
 
 use crate::metrics::Summary;
 
-pub use folder::{ReportError, RunFacts, write_report};
+pub use folder::{RunFacts, write_report};
 
 /// The form of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
