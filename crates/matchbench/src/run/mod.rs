@@ -1,6 +1,6 @@
 //! A run: every matcher and estimator on every pair of every dataset, recorded as it goes.
 //!
-//! [`Run::execute`] and [`Run::go_on`] follow the way of the data: frames are decoded and extracted
+//! [`Run::execute`] and `Run::go_on` follow the way of the data: frames are decoded and extracted
 //! (`frame`), pairs are searched, selected, estimated and judged (`pair`), records are appended
 //! ([`crate::records`]). Around them: what is run ([`Plan`]), into which folder (`folder`), what is
 //! left to do (`part`), which features are kept in memory (`resident`) and on disk (`cache`), who
