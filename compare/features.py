@@ -22,6 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # id of ours: (OpenCV's extractor, (x, y) by which OpenCV's positions are known to be shifted).
 EXTRACTORS = {
+    "akaze": (lambda: cv2.AKAZE_create(), (0, 0)),
     # Positions in the doubled image are halved without taking back its half-pixel offset.
     "sift": (lambda: cv2.SIFT_create(), (0.25, 0.25)),
 }

@@ -13,7 +13,9 @@ use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
 
-use matchbench_vision::features::{Descriptors, Extractor, Features, Sift, SiftParams};
+use matchbench_vision::features::{
+    Akaze, AkazeParams, Descriptors, Extractor, Features, Sift, SiftParams,
+};
 use matchbench_vision::image::{GrayImage, Size};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -41,8 +43,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// One line for each extractor that can be compared.
 fn extractor(id: &str) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
     match id {
+        "akaze" => Ok(Box::new(Akaze::new(AkazeParams::default())?)),
         "sift" => Ok(Box::new(Sift::new(SiftParams::default())?)),
-        _ => Err(format!("no extractor `{id}`; known: sift").into()),
+        _ => Err(format!("no extractor `{id}`; known: akaze, sift").into()),
     }
 }
 
@@ -86,8 +89,13 @@ fn write(features: &Features, out: &str) -> Result<(), Box<dyn Error>> {
         ),
         Descriptors::Binary(rows) => (
             "|u1",
-            8 * rows.words(),
-            rows.data().iter().flat_map(|v| v.to_le_bytes()).collect(),
+            rows.bits().div_ceil(8),
+            (0..rows.len())
+                .flat_map(|row| {
+                    let bytes = rows.row(row).iter().flat_map(|word| word.to_le_bytes());
+                    bytes.take(rows.bits().div_ceil(8))
+                })
+                .collect(),
         ),
     };
     write_npy(

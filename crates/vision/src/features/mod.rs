@@ -5,12 +5,16 @@
 //! [`Detector`] and [`Describer`] where the two halves are separate papers. None of them can fail:
 //! an empty, a one-pixel or a black image has no features, and that is a result.
 
+pub mod akaze;
+#[cfg(test)]
+mod covariance;
 mod descriptors;
 pub mod fast;
 mod keypoint;
 pub mod orb;
 pub mod sift;
 
+pub use akaze::{Akaze, AkazeParams};
 pub use descriptors::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
 pub use keypoint::{Features, Keypoint};
 pub use sift::{Sift, SiftParams};

@@ -4,17 +4,22 @@
 
 mod blur;
 mod blur8;
+pub(crate) mod diffusion;
+pub(crate) mod hessian;
 mod resize;
 mod rows;
 mod scale_space;
+mod shrink;
 
 use std::fmt;
 
+pub(crate) use blur::gaussian_blur_within;
 pub use blur::{GaussianKernel, gaussian_blur};
 pub use blur8::gaussian_blur_u8;
 pub use resize::resize;
 pub use rows::RowBuffer;
 pub use scale_space::{Octave, ScaleSpace, ScaleSpaceShape};
+pub(crate) use shrink::shrink;
 
 /// Width and height of an image, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -1,4 +1,4 @@
-//! Extrema among the 26 neighbours in three layers of a scale space.
+//! Extrema among the 26 neighbours in three layers of a scale space, or the 8 in one layer.
 
 use std::ops::Range;
 
@@ -21,6 +21,23 @@ multiversioned! {
         }
         while x < columns.end {
             block::<1>(layers, x, threshold, found);
+            x += 1;
+        }
+    }
+
+    /// Columns in `columns` where `rows[1]` exceeds `threshold` and each of its 8 neighbours.
+    ///
+    /// # Panics
+    /// If `columns` does not leave a column free on each side in every row.
+    pub fn find_maxima(rows: &ThreeRows<'_>, columns: Range<usize>, threshold: f32, found: &mut Vec<u32>) {
+        const LANES: usize = 16;
+        let mut x = columns.start;
+        while x + LANES <= columns.end {
+            maxima_block::<LANES>(rows, x, threshold, found);
+            x += LANES;
+        }
+        while x < columns.end {
+            maxima_block::<1>(rows, x, threshold, found);
             x += 1;
         }
     }
@@ -64,6 +81,36 @@ fn block<const L: usize>(
         if candidate[i] && beats_other_layers(layers, x + i, centre[i]) {
             found.push((x + i) as u32);
         }
+    }
+}
+
+/// Most blocks end at the threshold.
+#[inline(always)]
+fn maxima_block<const L: usize>(
+    &[above, here, below]: &ThreeRows<'_>,
+    x: usize,
+    threshold: f32,
+    found: &mut Vec<u32>,
+) {
+    let centre = lanes::<L>(here, x);
+    if !any(&std::array::from_fn::<_, L, _>(|i| centre[i] > threshold)) {
+        return;
+    }
+    let (left, right) = (lanes::<L>(here, x - 1), lanes::<L>(here, x + 1));
+    let mut maximum: [bool; L] = std::array::from_fn(|i| {
+        let highest = larger(threshold, larger(left[i], right[i]));
+        centre[i] > highest
+    });
+    for row in [above, below] {
+        for start in x - 1..=x + 1 {
+            let values = lanes::<L>(row, start);
+            for i in 0..L {
+                maximum[i] &= centre[i] > values[i];
+            }
+        }
+    }
+    if any(&maximum) {
+        found.extend((0..L).filter(|&i| maximum[i]).map(|i| (x + i) as u32));
     }
 }
 
@@ -127,6 +174,28 @@ mod tests {
             .map(|x| x as u32)
             .collect();
         assert!(expected.len() > 10, "the test sees extrema");
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn maxima_exceed_threshold_and_neighbours() {
+        let mut rng = Seed(6).rng();
+        let width = 400;
+        let rows: Vec<Vec<f32>> = (0..3)
+            .map(|_| (0..width).map(|_| rng.below(9) as f32 - 4.0).collect())
+            .collect();
+        let layer: ThreeRows<'_> = std::array::from_fn(|y| rows[y].as_slice());
+        let mut found = Vec::new();
+        find_maxima(&layer, 1..width - 1, 1.0, &mut found);
+        let expected: Vec<u32> = (1..width - 1)
+            .filter(|&x| {
+                let value = rows[1][x];
+                let around = rows.iter().flat_map(|row| &row[x - 1..=x + 1]);
+                value > 1.0 && around.filter(|&&v| v >= value).count() == 1
+            })
+            .map(|x| x as u32)
+            .collect();
+        assert!(expected.len() > 10, "the test sees maxima");
         assert_eq!(found, expected);
     }
 }

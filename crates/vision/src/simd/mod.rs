@@ -42,20 +42,29 @@ macro_rules! multiversioned {
 }
 
 mod convolve;
+mod diffuse;
 mod extrema;
 mod gradient;
 mod histogram;
 mod resample;
+mod sampling;
 mod sampson;
+mod scharr;
 mod search;
 mod triangulate;
 
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
-pub use extrema::{ThreeRows, find_extrema};
+pub use diffuse::{Below, diffuse_row};
+pub use extrema::{ThreeRows, find_extrema, find_maxima};
 pub use gradient::polar_gradients;
 pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
 pub use resample::{double_row, halve_row, subtract};
+pub use sampling::{AROUND, CellSums, Planes, dominant_direction, sum_cells};
 pub use sampson::{count_at_most, squared_sampson};
+pub use scharr::{
+    Across, Scharr, conductivities, derivatives, determinants, find_largest, gradient_norms,
+    weigh_across,
+};
 pub use search::{TwoNearest, two_nearest_bits, two_nearest_floats};
 pub use triangulate::triangulate_depths;
 mod bilinear;
