@@ -3,7 +3,7 @@
 use anyhow::{Result, bail, ensure};
 use matchbench::estimators;
 use matchbench::matchers::{self, MATCHERS};
-use matchbench::run::{BuiltEstimator, Contender};
+use matchbench::run::Contender;
 use serde_json::{Map, Value};
 
 /// Parameters that the user changed: id of the entry, to a JSON object for it.
@@ -16,45 +16,43 @@ pub(crate) fn contenders(
     estimators: &[String],
     settings: &[String],
 ) -> Result<Vec<Contender>> {
-    let ids: Vec<&str> = match ids {
-        [all] if all == "all" => MATCHERS.iter().map(|entry| entry.id()).collect(),
-        ids => ids.iter().map(String::as_str).collect(),
+    let entries = match ids {
+        [all] if all == "all" => MATCHERS.to_vec(),
+        ids => ids
+            .iter()
+            .map(|id| matchers::find(id))
+            .collect::<Result<_, _>>()?,
     };
     let changes = parse(settings)?;
-    let mut used: Vec<&str> = ids.clone();
     let mut contenders = Vec::new();
-    for id in ids {
-        let entry = matchers::find(id)?;
+    for entry in entries {
         let own = [entry.estimator().to_owned()];
         let estimators = if estimators.is_empty() {
             &own[..]
         } else {
             estimators
         };
-        let mut built = Vec::new();
-        for id in estimators {
-            built.push(estimator(id, changes.get(id))?);
-        }
-        used.extend(
-            built
-                .iter()
-                .map(|estimator| estimators::find(&estimator.id).map(|e| e.id()))
-                .collect::<Result<Vec<_>, _>>()?,
-        );
         contenders.push(Contender {
-            matcher: entry.build(changes.get(id))?,
-            estimators: built,
+            matcher: entry.build(changes.get(entry.id()))?,
+            estimators: estimators
+                .iter()
+                .map(|id| Ok(estimators::find(id)?.build(changes.get(id))?))
+                .collect::<Result<_>>()?,
         });
     }
-    if let Some(unused) = changes.keys().find(|id| !used.contains(&id.as_str())) {
-        bail!("--set {unused}...: `{unused}` takes no part in this run");
+    let takes_part = |id: &str| {
+        contenders.iter().any(|contender| {
+            contender.matcher.id == id
+                || contender
+                    .estimators
+                    .iter()
+                    .any(|estimator| estimator.id == id)
+        })
+    };
+    match changes.keys().find(|id| !takes_part(id)) {
+        Some(id) => bail!("--set {id}: `{id}` takes no part in this run"),
+        None => Ok(contenders),
     }
-    Ok(contenders)
-}
-
-fn estimator(id: &str, params: Option<&Value>) -> Result<BuiltEstimator> {
-    let _ = (id, params);
-    todo!()
 }
 
 /// `["sift.ratio=0.7"]` becomes `{"sift": {"ratio": 0.7}}`.

@@ -14,7 +14,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use matchbench_vision::features::{
-    Akaze, AkazeParams, Descriptors, Extractor, Features, Sift, SiftParams,
+    Akaze, AkazeParams, Descriptors, Extractor, Features, Kaze, KazeParams, Orb, OrbParams, Sift,
+    SiftParams,
 };
 use matchbench_vision::image::{GrayImage, Size};
 
@@ -44,8 +45,15 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn extractor(id: &str) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
     match id {
         "akaze" => Ok(Box::new(Akaze::new(AkazeParams::default())?)),
+        "kaze" => Ok(Box::new(Kaze::new(KazeParams::default())?)),
+        "orb" => Ok(Box::new(Orb::new(OrbParams::default())?)),
+        "orb-gms" => Ok(Box::new(Orb::new(OrbParams {
+            features: 10_000,
+            fast_threshold: 0,
+            ..OrbParams::default()
+        })?)),
         "sift" => Ok(Box::new(Sift::new(SiftParams::default())?)),
-        _ => Err(format!("no extractor `{id}`; known: akaze, sift").into()),
+        _ => Err(format!("no extractor `{id}`; known: akaze, kaze, orb, orb-gms, sift").into()),
     }
 }
 

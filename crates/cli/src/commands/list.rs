@@ -1,1 +1,104 @@
+//! `matchbench list`: what there is, with every parameter.
 
+use std::io::{self, Write};
+
+use anyhow::Result;
+use matchbench::datasets::KINDS;
+use matchbench::datasets::rendered;
+use matchbench::estimators::ESTIMATORS;
+use matchbench::matchers::MATCHERS;
+use serde_json::Value;
+
+use crate::Ending;
+use crate::args::{ListArgs, Listed};
+
+pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
+    let mut out = io::stdout().lock();
+    let wanted = |what| args.what.is_none_or(|only| only == what);
+    if wanted(Listed::Matchers) {
+        writeln!(
+            out,
+            "Matchers (--matchers ID,...; parameters: --set ID.NAME=VALUE)\n"
+        )?;
+        for entry in MATCHERS {
+            let estimator = format!("estimator: {}", entry.estimator());
+            describe(
+                &mut out,
+                entry.id(),
+                entry.summary(),
+                entry.reference(),
+                &entry.defaults(),
+            )?;
+            writeln!(out, "      {estimator}\n")?;
+        }
+    }
+    if wanted(Listed::Estimators) {
+        writeln!(
+            out,
+            "Estimators (--estimator ID,...; parameters: --set ID.NAME=VALUE)\n"
+        )?;
+        for entry in ESTIMATORS {
+            describe(
+                &mut out,
+                entry.id(),
+                entry.summary(),
+                entry.reference(),
+                &entry.defaults(),
+            )?;
+            writeln!(out)?;
+        }
+    }
+    if wanted(Listed::Datasets) {
+        writeln!(out, "Built-in scenes (matchbench demo)\n")?;
+        for scene in rendered::sequences() {
+            let images = format!("{} images of {}", scene.frames, scene.size);
+            let pairs = scene.pairs().len();
+            writeln!(
+                out,
+                "  {:<14} {}\n      {images}, {pairs} pairs",
+                scene.name, scene.description
+            )?;
+        }
+        writeln!(
+            out,
+            "\nKinds of data that can be imported (matchbench import KIND SRC OUT)\n"
+        )?;
+        for kind in KINDS {
+            writeln!(
+                out,
+                "  {:<14} {}\n      pairs: {}",
+                kind.id, kind.help, kind.default_pairs
+            )?;
+        }
+    }
+    Ok(Ending::Done)
+}
+
+fn describe(
+    out: &mut impl Write,
+    id: &str,
+    summary: &str,
+    reference: &str,
+    defaults: &Value,
+) -> io::Result<()> {
+    writeln!(out, "  {id:<14} {summary}")?;
+    writeln!(out, "      {reference}")?;
+    for (name, value) in parameters("", defaults) {
+        writeln!(out, "      {name} = {value}")?;
+    }
+    Ok(())
+}
+
+/// Every parameter by its full name: `{"extractor": {"sigma": 1.6}}` is `extractor.sigma`.
+fn parameters(prefix: &str, value: &Value) -> Vec<(String, String)> {
+    match value {
+        Value::Object(object) => object
+            .iter()
+            .flat_map(|(name, value)| {
+                let dot = if prefix.is_empty() { "" } else { "." };
+                parameters(&format!("{prefix}{dot}{name}"), value)
+            })
+            .collect(),
+        value => vec![(prefix.to_owned(), value.to_string())],
+    }
+}

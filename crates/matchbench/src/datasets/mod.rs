@@ -1,5 +1,32 @@
 //! Images with known cameras and the pairs to be matched.
+//!
+//! A dataset on disk is a folder in the authors' layout ([`Sequence::open`] reads it,
+//! [`write_native`] writes it, [`validate`] explains what is wrong with it); everything else is
+//! brought into that layout by [`import`]. Poses are camera-to-world, `b_from_a` takes points of
+//! camera `a` to camera `b`.
 
+mod decode;
+mod error;
+mod exif;
+mod images;
+mod importers;
+mod manifest;
+mod native;
+mod pairs;
 mod sequence;
+#[cfg(test)]
+mod testing;
+mod text;
+mod trajectory;
+mod validate;
+mod write;
 
+pub use decode::{DecodeError, decode_gray, read_gray, read_size};
+pub use error::DatasetError;
+pub use importers::{ImportOptions, ImportReport, Imported, KINDS, Kind, import, read_source};
+pub use native::read_pairs;
+pub use pairs::{PairRule, PairRuleError, relative_pose};
 pub use sequence::{Frame, Pair, Sequence};
+pub use trajectory::Association;
+pub use validate::{Problem, Severity, validate};
+pub use write::{About, ImageStorage, write_native};

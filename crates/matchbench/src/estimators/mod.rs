@@ -5,7 +5,7 @@ mod ransac_e;
 use matchbench_vision::robust::PoseEstimator;
 use serde_json::Value;
 
-use crate::config::ConfigError;
+use crate::config::{self, ConfigError, UnknownName};
 
 /// A pose estimator by name: what it is, and how to make one.
 pub trait EstimatorEntry: Sync {
@@ -21,20 +21,32 @@ pub trait EstimatorEntry: Sync {
     /// Every parameter and its default, as a JSON object.
     fn defaults(&self) -> Value;
 
-    /// An estimator with the parameters of `config`, a JSON object; what it leaves out keeps its
-    /// default.
+    /// The estimator with the given parameters, a JSON object; the others keep their defaults.
     ///
     /// # Errors
-    /// If `config` names a parameter that does not exist, or gives one a value that is not allowed.
-    fn build(&self, config: Option<&Value>) -> Result<Box<dyn PoseEstimator>, ConfigError>;
+    /// If a parameter is unknown, of another type, or out of range.
+    fn build(&self, params: Option<&Value>) -> Result<BuiltEstimator, ConfigError>;
+}
+
+/// An estimator ready to be run, and everything that its results depend on.
+pub struct BuiltEstimator {
+    /// Id of its entry.
+    pub id: String,
+    /// Every parameter, also those left at their defaults.
+    pub params: Value,
+    /// The estimator.
+    pub estimator: Box<dyn PoseEstimator>,
 }
 
 /// All estimators, in the order of tables. A new one is a file of this folder and a line here.
 pub const ESTIMATORS: &[&dyn EstimatorEntry] = &[&ransac_e::RansacE];
 
 /// The estimator called `id`.
-pub fn find(id: &str) -> Option<&'static dyn EstimatorEntry> {
-    ESTIMATORS.iter().copied().find(|entry| entry.id() == id)
+///
+/// # Errors
+/// If there is none; the error names the nearest, and all.
+pub fn find(id: &str) -> Result<&'static dyn EstimatorEntry, UnknownName> {
+    config::find("estimator", ESTIMATORS, EstimatorEntry::id, id)
 }
 
 #[cfg(test)]
@@ -57,9 +69,9 @@ mod tests {
                 ESTIMATORS[..index].iter().all(|other| other.id() != id),
                 "{id} twice"
             );
-            assert_eq!(find(id).map(EstimatorEntry::id), Some(id));
+            assert_eq!(find(id).map(EstimatorEntry::id).ok(), Some(id));
         }
-        assert!(find("ransac").is_none());
+        assert!(find("ransac").is_err());
     }
 
     #[test]
@@ -77,9 +89,11 @@ mod tests {
         for entry in ESTIMATORS {
             let explicit = entry.build(Some(&entry.defaults())).unwrap();
             let implicit = entry.build(None).unwrap();
+            assert_eq!(implicit.params, explicit.params, "{}", entry.id());
+            assert_eq!(implicit.params, entry.defaults(), "{}", entry.id());
             assert_eq!(
-                implicit.estimate(views(&a, &b), Seed(1)),
-                explicit.estimate(views(&a, &b), Seed(1)),
+                implicit.estimator.estimate(views(&a, &b), Seed(1)),
+                explicit.estimator.estimate(views(&a, &b), Seed(1)),
                 "{}",
                 entry.id()
             );
@@ -102,7 +116,7 @@ mod tests {
     fn the_same_seed_gives_the_same_bits_on_every_thread() {
         let (a, b) = matches();
         for entry in ESTIMATORS {
-            let estimator = entry.build(None).unwrap();
+            let estimator = entry.build(None).unwrap().estimator;
             let estimate = || estimator.estimate(views(&a, &b), Seed(5));
             let here = estimate();
             let there = std::thread::scope(|scope| scope.spawn(estimate).join());
@@ -117,6 +131,7 @@ mod tests {
             let nothing = entry
                 .build(None)
                 .unwrap()
+                .estimator
                 .estimate(views(&[], &[]), Seed(1));
             assert!(matches!(
                 nothing,

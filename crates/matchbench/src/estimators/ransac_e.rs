@@ -1,17 +1,19 @@
 //! `ransac-e`: the reference protocol of the paper.
 
-use matchbench_vision::robust::{PoseEstimator, Ransac, RansacParams};
-use serde_json::{Value, json};
+use matchbench_vision::robust::{Ransac, RansacParams};
+use serde_json::Value;
 
-use super::EstimatorEntry;
-use crate::config::{ConfigError, parse_params};
+use super::{BuiltEstimator, EstimatorEntry};
+use crate::config::{ConfigError, parse_params, to_json};
+
+const ID: &str = "ransac-e";
 
 /// Five-point RANSAC as in OpenCV's `findEssentialMat` and `recoverPose`.
 pub(super) struct RansacE;
 
 impl EstimatorEntry for RansacE {
     fn id(&self) -> &'static str {
-        "ransac-e"
+        ID
     }
 
     fn summary(&self) -> &'static str {
@@ -24,18 +26,24 @@ impl EstimatorEntry for RansacE {
     }
 
     fn defaults(&self) -> Value {
-        json!(RansacParams::default())
+        to_json(&RansacParams::default())
     }
 
-    fn build(&self, config: Option<&Value>) -> Result<Box<dyn PoseEstimator>, ConfigError> {
-        let params = parse_params(self.id(), config)?;
-        let ransac = Ransac::new(params).map_err(|error| ConfigError::new(self.id(), error))?;
-        Ok(Box::new(ransac))
+    fn build(&self, params: Option<&Value>) -> Result<BuiltEstimator, ConfigError> {
+        let params: RansacParams = parse_params(ID, params)?;
+        let ransac = Ransac::new(params).map_err(|error| ConfigError::new(ID, error))?;
+        Ok(BuiltEstimator {
+            id: ID.into(),
+            params: to_json(&params),
+            estimator: Box::new(ransac),
+        })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
 
     #[test]

@@ -1,1 +1,234 @@
-//! (to be filled)
+//! The matchers that can be asked for by name: one file each, and the list of them all.
+//!
+//! To add one: write a file with an [`Entry`], add it to [`MATCHERS`]. The tests below walk the
+//! list and hold every entry to the same promises.
+
+mod akaze;
+mod kaze;
+mod local_features;
+mod orb;
+mod sift;
+
+use matchbench_vision::matching::Matcher;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::config::{self, ConfigError, UnknownName};
+
+/// All matchers, in the order of tables.
+pub const MATCHERS: &[&dyn Entry] = &[&sift::SIFT, &orb::ORB, &kaze::KAZE, &akaze::AKAZE];
+
+/// A matcher that can be asked for by name.
+pub trait Entry: Sync {
+    /// Its name on the command line, in records and in tables, in kebab-case.
+    fn id(&self) -> &'static str;
+
+    /// What it is, in a few words.
+    fn summary(&self) -> &'static str;
+
+    /// The paper, in full.
+    fn reference(&self) -> &'static str;
+
+    /// Id of the estimator that it is run with unless another is asked for.
+    fn estimator(&self) -> &'static str {
+        "ransac-e"
+    }
+
+    /// Every parameter with its default.
+    fn defaults(&self) -> Value;
+
+    /// The matcher with the given parameters, a JSON object; the others keep their defaults.
+    ///
+    /// # Errors
+    /// If a parameter is unknown, of another type, or out of range.
+    fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError>;
+}
+
+/// A matcher ready to be run, and everything that its results depend on.
+pub struct BuiltMatcher {
+    /// Id of its entry.
+    pub id: String,
+    /// Every parameter, also those left at their defaults.
+    pub params: Value,
+    /// What its features depend on.
+    pub extraction: Extraction,
+    /// The matcher.
+    pub matcher: Box<dyn Matcher>,
+}
+
+/// What the features of an image depend on, besides the image. Matchers that agree in it share
+/// their features: extracted for one, they are found in the cache by the others.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Extraction {
+    /// Id of the extractor.
+    pub extractor: String,
+    /// Every parameter of the extractor.
+    pub params: Value,
+    /// Raised whenever the same parameters come to give other features.
+    pub revision: u32,
+}
+
+/// The matcher called `id`.
+///
+/// # Errors
+/// If there is none; the error names the nearest, and all.
+pub fn find(id: &str) -> Result<&'static dyn Entry, UnknownName> {
+    config::find("matcher", MATCHERS, Entry::id, id)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::fs;
+    use std::path::Path;
+
+    use matchbench_vision::features::Features;
+    use matchbench_vision::image::{GrayImage, Size};
+    use matchbench_vision::matching::{Correspondences, View};
+    use matchbench_vision::seed::Seed;
+    use serde_json::json;
+
+    use super::*;
+
+    /// Patches of random grey with a little noise, moved by `shift` pixels: corners, blobs and
+    /// edges for every detector.
+    fn textured(shift: usize) -> GrayImage {
+        let mut noise = Seed(5).number(shift as u64).rng();
+        GrayImage::from_fn(Size::new(160, 120), |x, y| {
+            let (column, row) = ((x + shift) / 9, y / 7);
+            let patch = Seed(6).number(column as u64).number(row as u64);
+            let grey = 40 + patch.rng().below(170) + noise.below(6);
+            grey as u8
+        })
+    }
+
+    /// The three stages, one after the other.
+    fn run(
+        matcher: &dyn Matcher,
+        a: &GrayImage,
+        b: &GrayImage,
+    ) -> (Features, Features, Correspondences) {
+        let (features_a, features_b) = (matcher.extract(a).unwrap(), matcher.extract(b).unwrap());
+        let putative = matcher.search(&features_a, &features_b).unwrap();
+        let view = |features, image| View {
+            features,
+            image: matcher.selects_by_pixels().then_some(image),
+        };
+        let selected = matcher
+            .select(
+                view(&features_a, a),
+                view(&features_b, b),
+                putative,
+                Seed(3),
+            )
+            .unwrap();
+        (features_a, features_b, selected)
+    }
+
+    fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.unwrap().install(work)
+    }
+
+    #[test]
+    fn ids_are_unique_and_in_kebab_case() {
+        let ids: BTreeSet<_> = MATCHERS.iter().map(|entry| entry.id()).collect();
+        assert_eq!(ids.len(), MATCHERS.len());
+        for id in ids {
+            let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+            assert!(!id.is_empty() && id.chars().all(allowed), "{id}");
+        }
+    }
+
+    #[test]
+    fn every_file_of_this_folder_is_on_the_list() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/matchers");
+        let files: BTreeSet<String> = (fs::read_dir(folder).unwrap())
+            .map(|entry| entry.unwrap().path())
+            .map(|path| {
+                path.file_stem()
+                    .unwrap()
+                    .to_str()
+                    .unwrap()
+                    .replace('_', "-")
+            })
+            .filter(|stem| stem != "mod" && stem != "local-features")
+            .collect();
+        let ids: BTreeSet<String> = MATCHERS.iter().map(|entry| entry.id().into()).collect();
+        assert_eq!(
+            files, ids,
+            "a file is named as its matcher, with `_` for `-`"
+        );
+    }
+
+    #[test]
+    fn defaults_are_what_is_built_and_can_be_given_back() {
+        for entry in MATCHERS {
+            let built = entry.build(None).unwrap();
+            assert_eq!(built.id, entry.id());
+            assert_eq!(built.params, entry.defaults(), "{}", entry.id());
+            let again = entry.build(Some(&entry.defaults())).unwrap();
+            assert_eq!(again.params, built.params, "{}", entry.id());
+            assert_eq!(again.extraction, built.extraction, "{}", entry.id());
+        }
+    }
+
+    #[test]
+    fn an_unknown_parameter_is_refused_by_name_at_every_depth() {
+        for entry in MATCHERS {
+            let mut objects = vec![json!({"no-such-parameter": 1})];
+            for (name, value) in entry.defaults().as_object().unwrap() {
+                if value.is_object() {
+                    objects.push(json!({name: {"no-such-parameter": 1}}));
+                }
+            }
+            for params in objects {
+                let refused = entry.build(Some(&params)).err();
+                let refused = refused.unwrap_or_else(|| panic!("{}: {params}", entry.id()));
+                assert!(
+                    refused.to_string().contains("no-such-parameter"),
+                    "{refused}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn results_do_not_depend_on_the_run_or_on_the_number_of_threads() {
+        let (a, b) = (textured(0), textured(7));
+        for entry in MATCHERS {
+            let built = entry.build(None).unwrap();
+            let first = with_threads(1, || run(&*built.matcher, &a, &b));
+            assert!(!first.0.is_empty(), "{} finds nothing", entry.id());
+            assert!(!first.2.is_empty(), "{} matches nothing", entry.id());
+            let again = with_threads(2, || run(&*built.matcher, &a, &b));
+            assert!(first == again, "{} is not deterministic", entry.id());
+        }
+    }
+
+    #[test]
+    fn images_without_content_have_no_features_and_no_matches() {
+        let empty = GrayImage::filled(Size::new(0, 0), 0);
+        let pixel = GrayImage::filled(Size::new(1, 1), 255);
+        let black = GrayImage::filled(Size::new(160, 120), 0);
+        let textured = textured(0);
+        for entry in MATCHERS {
+            let built = entry.build(None).unwrap();
+            for image in [&empty, &pixel, &black] {
+                for (a, b) in [(image, image), (image, &textured), (&textured, image)] {
+                    let (_, _, matches) = run(&*built.matcher, a, b);
+                    assert!(matches.is_empty(), "{}, {}", entry.id(), image.size());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_matcher_is_found_by_its_name() {
+        for entry in MATCHERS {
+            assert_eq!(find(entry.id()).ok().map(Entry::id), Some(entry.id()));
+        }
+        assert!(find("no-such-matcher").is_err());
+    }
+}

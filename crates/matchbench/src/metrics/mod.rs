@@ -6,7 +6,6 @@
 //! [`Bootstrap`] (intervals) and [`Failures`].
 
 mod auc;
-mod authors_files;
 mod average_matches;
 mod bootstrap;
 mod failures;

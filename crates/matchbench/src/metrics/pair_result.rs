@@ -98,24 +98,29 @@ impl PairResult {
     }
 }
 
+/// What an outcome comes to, and how many correspondences it counts.
+pub(super) fn scored(outcome: &Outcome) -> (Result<AngularError, Failure>, u32) {
+    match outcome {
+        Outcome::Pose {
+            support,
+            rotation_error,
+            translation_error,
+            ..
+        } => {
+            let error = AngularError {
+                rotation: *rotation_error,
+                translation: *translation_error,
+            };
+            (Ok(error), *support)
+        }
+        Outcome::NoPose { reason } => (Err(Failure::from(reason)), 0),
+        Outcome::Failed { .. } => (Err(Failure::Broken), 0),
+    }
+}
+
 impl From<&RunRecord> for PairResult {
     fn from(record: &RunRecord) -> Self {
-        let (outcome, correspondences) = match &record.outcome {
-            Outcome::Pose {
-                support,
-                rotation_error,
-                translation_error,
-                ..
-            } => (
-                Ok(AngularError {
-                    rotation: *rotation_error,
-                    translation: *translation_error,
-                }),
-                *support,
-            ),
-            Outcome::NoPose { reason } => (Err(Failure::from(reason)), 0),
-            Outcome::Failed { .. } => (Err(Failure::Broken), 0),
-        };
+        let (outcome, correspondences) = scored(&record.outcome);
         Self {
             a: record.task.a,
             b: record.task.b,

@@ -16,10 +16,12 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::records::RunRecord;
+use crate::datasets::{DatasetError, Pair, read_pairs};
+use crate::records::authors::{self, AuthorsError, Row};
+use crate::records::store::{self, StoreError};
 
-use super::authors_files::{self, ListedPair, ResultRow};
-use super::{AngularError, Failure, PairResult};
+use super::pair_result::scored;
+use super::{Failure, PairResult};
 
 /// The results of one matcher with one estimator on one dataset.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,6 +61,15 @@ pub enum ResultsError {
         /// What is wrong and what to do.
         problem: String,
     },
+    /// A list of pairs is wrong.
+    #[error(transparent)]
+    Pairs(#[from] DatasetError),
+    /// A file in the authors' layout is wrong.
+    #[error(transparent)]
+    Rows(#[from] AuthorsError),
+    /// A file of records is wrong.
+    #[error(transparent)]
+    Records(#[from] StoreError),
     /// A file or folder is not where it should be.
     #[error("{path}: {problem}")]
     Layout {
@@ -117,9 +128,9 @@ fn load_authors(results: &Path, datasets: &Path) -> Result<Vec<ResultSet>, Resul
 }
 
 /// The rows of one file against the listed pairs; the names are left empty.
-fn score_rows(file: &Path, listed: &[ListedPair]) -> Result<ResultSet, ResultsError> {
+fn score_rows(file: &Path, listed: &[Pair]) -> Result<ResultSet, ResultsError> {
     let mut rows = BTreeMap::new();
-    for row in authors_files::read_results(file)? {
+    for row in authors::read(file)? {
         let pair = (row.a, row.b);
         if let Some(first) = rows.insert(pair, row) {
             return Err(twice(file, rows[&pair].line, pair, first.line));
@@ -145,28 +156,13 @@ fn score_rows(file: &Path, listed: &[ListedPair]) -> Result<ResultSet, ResultsEr
     })
 }
 
-fn score_row(row: &ResultRow, truth: &ListedPair) -> PairResult {
-    let failed = PairResult::failed(row.a, row.b, Failure::Unexplained);
-    let Some(pose) = row.pose else {
-        return failed;
-    };
-    let error = match truth.pose {
-        Some(true_pose) => {
-            let error = pose.error(&true_pose);
-            AngularError {
-                rotation: error.rotation.to_degrees(),
-                translation: Some(error.translation.to_degrees()),
-            }
-        }
-        None => AngularError {
-            rotation: pose.rotation.angle_to(&truth.rotation).to_degrees(),
-            translation: None,
-        },
-    };
+fn score_row(row: &Row, truth: &Pair) -> PairResult {
+    let (outcome, correspondences) = scored(&row.outcome(&truth.b_from_a));
     PairResult {
-        outcome: Ok(error),
-        correspondences: row.count,
-        ..failed
+        // The layout does not tell why there is no pose.
+        outcome: outcome.map_err(|_| Failure::Unexplained),
+        correspondences,
+        ..PairResult::failed(row.a, row.b, Failure::Unexplained)
     }
 }
 
@@ -216,24 +212,14 @@ fn complete(set: &mut ResultSet, listed: &BTreeSet<(u32, u32)>) {
     set.ignored = found - scored;
 }
 
-/// The records of one file; none where nothing has been recorded yet. A last line without its end
-/// was being written when the run was stopped, and is not there yet.
+/// The records of one file; none where nothing has been recorded yet.
 fn read_records(file: &Path) -> Result<Option<ResultSet>, ResultsError> {
-    let text = read(file)?;
-    let complete = text.rfind('\n').map_or("", |end| &text[..end]);
     let mut set: Option<ResultSet> = None;
     let mut lines = BTreeMap::new();
-    for (i, line) in complete.lines().enumerate() {
-        let problem = |problem: String| ResultsError::Line {
-            path: file.to_path_buf(),
-            line: i + 1,
-            problem,
-        };
-        let record: RunRecord =
-            serde_json::from_str(line).map_err(|e| problem(format!("not a record: {e}")))?;
-        let task = &record.task;
-        if let Some(first) = lines.insert((task.a, task.b, task.repetition), i + 1) {
-            return Err(twice(file, i + 1, (task.a, task.b), first));
+    for (index, record) in store::read(file)?.iter().enumerate() {
+        let (line, task) = (index + 1, &record.task);
+        if let Some(first) = lines.insert((task.a, task.b, task.repetition), line) {
+            return Err(twice(file, line, (task.a, task.b), first));
         }
         let set = set.get_or_insert_with(|| ResultSet {
             dataset: task.dataset.clone(),
@@ -246,18 +232,21 @@ fn read_records(file: &Path) -> Result<Option<ResultSet>, ResultsError> {
         if (&set.dataset, &set.matcher, &set.estimator)
             != (&task.dataset, &task.matcher, &task.estimator)
         {
-            return Err(problem(
-                "another dataset, matcher or estimator than on line 1; do not join files of records"
+            return Err(ResultsError::Line {
+                path: file.to_path_buf(),
+                line,
+                problem: "another dataset, matcher or estimator than on line 1; do not join files \
+                          of records"
                     .to_owned(),
-            ));
+            });
         }
         set.repetitions = set.repetitions.max(task.repetition + 1);
-        set.pairs.push(PairResult::from(&record));
+        set.pairs.push(PairResult::from(record));
     }
     Ok(set)
 }
 
-fn listed_pairs(datasets: &Path, dataset: &str) -> Result<Vec<ListedPair>, ResultsError> {
+fn listed_pairs(datasets: &Path, dataset: &str) -> Result<Vec<Pair>, ResultsError> {
     let file = datasets.join(dataset).join("pairs.txt");
     if !file.is_file() {
         return Err(ResultsError::Layout {
@@ -265,14 +254,7 @@ fn listed_pairs(datasets: &Path, dataset: &str) -> Result<Vec<ListedPair>, Resul
             problem: format!("needed to score the results for {dataset}, but not there"),
         });
     }
-    let listed = authors_files::read_pairs(&file)?;
-    let mut lines = BTreeMap::new();
-    for pair in &listed {
-        if let Some(first) = lines.insert((pair.a, pair.b), pair.line) {
-            return Err(twice(&file, pair.line, (pair.a, pair.b), first));
-        }
-    }
-    Ok(listed)
+    Ok(read_pairs(&file)?)
 }
 
 fn sort(sets: &mut [ResultSet]) {
@@ -315,13 +297,6 @@ fn entries(path: &Path) -> Result<Vec<(String, PathBuf)>, ResultsError> {
     }
     entries.sort();
     Ok(entries)
-}
-
-pub(super) fn read(file: &Path) -> Result<String, ResultsError> {
-    fs::read_to_string(file).map_err(|source| ResultsError::Io {
-        path: file.to_path_buf(),
-        source,
-    })
 }
 
 fn twice(file: &Path, line: usize, (a, b): (u32, u32), first: usize) -> ResultsError {

@@ -10,13 +10,17 @@ pub mod akaze;
 mod covariance;
 mod descriptors;
 pub mod fast;
+pub mod kaze;
 mod keypoint;
 pub mod orb;
 pub mod sift;
 
 pub use akaze::{Akaze, AkazeParams};
 pub use descriptors::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
+pub use fast::{Fast, FastParams};
+pub use kaze::{Kaze, KazeParams};
 pub use keypoint::{Features, Keypoint};
+pub use orb::{Orb, OrbParams};
 pub use sift::{Sift, SiftParams};
 
 use crate::image::GrayImage;

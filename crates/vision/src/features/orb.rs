@@ -30,16 +30,19 @@
 //! measured (`tables/SOURCES.toml`).
 //!
 //! # Differences from OpenCV
-//! None in keypoints and bits, up to ties in floating point. Where more corners are found than
+//! None in keypoints; one bit in a million, where sums in floating point round differently. Where more corners are found than
 //! wanted, the ones that are kept stay in the order of rows (OpenCV leaves the order in which its
 //! selection happens to end); all that tie with the last one are kept, as there.
+
+use std::f32::consts::TAU;
 
 use nalgebra::Point2;
 
 use super::fast::{Corner, corners};
 use super::{BinaryRows, DescriptorKind, Descriptors, Extractor, Features, Keypoint};
 use crate::image::{GrayImage, Size, gaussian_blur_u8, resize};
-use crate::simd::{PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments};
+use crate::params::ParamError;
+use crate::simd::{PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments, turns};
 use crate::tables::ORB_PAIRS;
 
 /// Number of bits of a descriptor.
@@ -59,9 +62,9 @@ const MARGIN: usize = 31;
 pub struct OrbParams {
     /// Number of features wanted; a few more are kept if they tie with the last one.
     pub features: usize,
-    /// Ratio of the sizes of neighbouring levels, above 1.
+    /// Ratio of the sizes of neighbouring levels, above 1, at most 2.
     pub scale_factor: f32,
-    /// Number of levels of the pyramid, the image itself included.
+    /// Number of levels of the pyramid, the image itself included; 1 to 64.
     pub levels: usize,
     /// FAST threshold, in grey levels.
     pub fast_threshold: u8,
@@ -88,21 +91,28 @@ pub struct Orb {
 impl Orb {
     /// An extractor with the given parameters.
     ///
-    /// # Panics
-    /// If the scale factor is not above 1 and finite.
-    pub fn new(params: OrbParams) -> Self {
-        assert!(
-            params.scale_factor > 1.0 && params.scale_factor.is_finite(),
-            "a pyramid of scale factor {} does not shrink",
-            params.scale_factor
-        );
+    /// # Errors
+    /// If a parameter is out of its range.
+    pub fn new(params: OrbParams) -> Result<Self, ParamError> {
+        let OrbParams {
+            scale_factor,
+            levels,
+            ..
+        } = params;
+        ParamError::unless(
+            scale_factor > 1.0 && scale_factor <= 2.0,
+            "scale_factor",
+            scale_factor,
+            "above 1, at most 2",
+        )?;
+        ParamError::unless((1..=64).contains(&levels), "levels", levels, "1 to 64")?;
         let rows = ORB_PAIRS.as_chunks::<4>().0;
         let column = |i: usize| std::array::from_fn(|bit| f32::from(rows[bit][i].cast_signed()));
         let pairs = PairTable {
             first: [column(0), column(1)],
             second: [column(2), column(3)],
         };
-        Self { params, pairs }
+        Ok(Self { params, pairs })
     }
 
     /// Ratio of lengths between the image and a level.
@@ -126,9 +136,7 @@ impl Orb {
             wanted.push(share.round_ties_even() as usize);
             share *= ratio;
         }
-        if levels > 0 {
-            wanted.push(features.saturating_sub(wanted.iter().sum()));
-        }
+        wanted.push(features.saturating_sub(wanted.iter().sum()));
         wanted
     }
 
@@ -147,7 +155,8 @@ impl Orb {
         };
         let mut corners = corners(image, self.params.fast_threshold, MARGIN);
         retain_best(&mut corners, 2 * wanted, |corner| f32::from(corner.score));
-        let strengths = harris_strengths(pixels, &places(&corners));
+        let centres: Vec<[u32; 2]> = corners.iter().map(|corner| corner.at).collect();
+        let strengths = harris_strengths(pixels, &centres);
         let mut corners: Vec<(Corner, f32)> = corners.into_iter().zip(strengths).collect();
         retain_best(&mut corners, wanted, |corner| corner.1);
         if corners.is_empty() {
@@ -157,7 +166,7 @@ impl Orb {
         let centres: Vec<[u32; 2]> = corners.iter().map(|corner| corner.0.at).collect();
         let angles: Vec<f32> = intensity_moments(pixels, &centres)
             .into_iter()
-            .map(|[x, y]| direction(y as f32, x as f32).to_radians())
+            .map(|[x, y]| turns(y as f32, x as f32).fract() * TAU)
             .collect();
         let scale = self.scale(level);
         keypoints.extend(
@@ -183,12 +192,6 @@ impl Orb {
             .map(|&angle| [libm::cosf(angle), libm::sinf(angle)])
             .collect();
         words.extend(compare_pairs(pixels, &centres, &turns, &self.pairs));
-    }
-}
-
-impl Default for Orb {
-    fn default() -> Self {
-        Self::new(OrbParams::default())
     }
 }
 
@@ -222,10 +225,6 @@ fn scaled_size(size: Size, scale: f32) -> Size {
     Size::new(scaled(size.width), scaled(size.height))
 }
 
-fn places(corners: &[Corner]) -> Vec<[u32; 2]> {
-    corners.iter().map(|corner| corner.at).collect()
-}
-
 /// Keeps the `count` items of highest value, and those that tie with the last of them, in order.
 fn retain_best<T>(items: &mut Vec<T>, count: usize, value: impl Fn(&T) -> f32) {
     if count == 0 {
@@ -237,25 +236,176 @@ fn retain_best<T>(items: &mut Vec<T>, count: usize, value: impl Fn(&T) -> f32) {
     }
 }
 
-/// Direction of the vector (x, y) in degrees, in `[0, 360]`; 0 for the zero vector.
-///
-/// An odd polynomial of degree 7 on the first octant, with the published coefficients of OpenCV's
-/// `fastAtan2`; it errs by less than 0.011 degrees.
-fn direction(y: f32, x: f32) -> f32 {
-    const DEGREES: f32 = 180.0 / std::f32::consts::PI;
-    const P1: f32 = 0.999_787_84 * DEGREES;
-    const P3: f32 = -0.325_808_4 * DEGREES;
-    const P5: f32 = 0.155_578_65 * DEGREES;
-    const P7: f32 = -0.044_326_555 * DEGREES;
-    let (small, large) = if x.abs() < y.abs() { (x, y) } else { (y, x) };
-    let c = small.abs() / (large.abs() + f64::EPSILON as f32);
-    let squared = c * c;
-    let angle = (((P7 * squared + P5) * squared + P3) * squared + P1) * c;
-    let angle = if x.abs() < y.abs() {
-        90.0 - angle
-    } else {
-        angle
-    };
-    let angle = if x < 0.0 { 180.0 - angle } else { angle };
-    if y < 0.0 { 360.0 - angle } else { angle }
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::Seed;
+
+    fn orb(features: usize, fast_threshold: u8) -> Orb {
+        let params = OrbParams {
+            features,
+            fast_threshold,
+            ..OrbParams::default()
+        };
+        Orb::new(params).expect("parameters in their ranges")
+    }
+
+    /// Blocks of 5 x 4 pixels in many shades.
+    fn blocks() -> GrayImage {
+        GrayImage::from_fn(Size::new(120, 110), |x, y| {
+            let (x, y) = (x / 5, y / 4);
+            ((37 * x + 101 * y) ^ (13 * x * y)) as u8
+        })
+    }
+
+    #[test]
+    fn bits_are_those_of_opencv() {
+        // cv2.ORB_create(3, fastThreshold=20) of OpenCV 4.14.0 on the same pixels.
+        let expected = [
+            (
+                [57.0, 65.0, 31.0, 209.162_38, 0.015_443_68],
+                [
+                    0xe8c3cb9ce14c2934,
+                    0x13019d302a5b186,
+                    0x3c5dab3a701b805a,
+                    0xa2dc0bf455a189c9,
+                ],
+            ),
+            (
+                [52.800_003, 54.000_004, 37.2, 104.396_96, 0.012_121_117],
+                [
+                    0x1d254ea2ed91d150,
+                    0x77e8b3d6604b3b2b,
+                    0x1a95141203c5db6,
+                    0x29857220b676b0b5,
+                ],
+            ),
+        ];
+        let features = orb(3, 20).extract(&blocks());
+        let Descriptors::Binary(rows) = &features.descriptors else {
+            panic!("ORB describes by bits");
+        };
+        assert_eq!(features.len(), expected.len());
+        for (i, (numbers, bits)) in expected.iter().enumerate() {
+            let k = features.keypoints[i];
+            let angle = k.angle.expect("ORB assigns orientations").to_degrees();
+            let found = [k.at.x, k.at.y, k.size, angle, k.response];
+            for (found, number) in found.iter().zip(numbers) {
+                assert!((found / number - 1.0).abs() < 1e-6, "{found}, not {number}");
+            }
+            assert_eq!((k.octave, rows.row(i)), (i as i16, &bits[..]));
+        }
+    }
+
+    #[test]
+    fn a_turned_image_has_turned_features() {
+        let image = blocks();
+        let (w, h) = (image.width(), image.height());
+        let turned = GrayImage::from_fn(Size::new(h, w), |x, y| image.at(y, h - 1 - x));
+        let params = OrbParams {
+            levels: 1,
+            ..OrbParams::default()
+        };
+        let orb = Orb::new(params).expect("parameters in their ranges");
+        let (a, b) = (orb.extract(&image), orb.extract(&turned));
+        assert_eq!((a.len(), b.len()), (17, 17));
+        for (i, k) in a.keypoints.iter().enumerate() {
+            let at = Point2::new((h - 1) as f32 - k.at.y, k.at.x);
+            let j = b
+                .keypoints
+                .iter()
+                .position(|k| k.at == at)
+                .expect("a turned keypoint");
+            let angle = |k: &Keypoint| k.angle.expect("ORB assigns orientations").to_degrees();
+            let turn = (angle(&b.keypoints[j]) - angle(k)).rem_euclid(360.0);
+            assert!((turn - 90.0).abs() < 0.03, "{turn}");
+            let (Descriptors::Binary(a), Descriptors::Binary(b)) = (&a.descriptors, &b.descriptors)
+            else {
+                panic!("ORB describes by bits");
+            };
+            let differing: u32 = a
+                .row(i)
+                .iter()
+                .zip(b.row(j))
+                .map(|(a, b)| (a ^ b).count_ones())
+                .sum();
+            assert!(differing <= 12, "{differing} bits differ");
+        }
+    }
+
+    #[test]
+    fn images_too_small_or_flat_have_no_features() {
+        for (width, height) in [(0, 0), (0, 70), (1, 1), (62, 500), (63, 63), (64, 80)] {
+            for value in [0, 255] {
+                let image = GrayImage::filled(Size::new(width, height), value);
+                assert!(orb(1000, 0).extract(&image).is_empty());
+            }
+        }
+        assert!(orb(0, 0).extract(&blocks()).is_empty());
+    }
+
+    #[test]
+    fn noise_yields_as_many_features_as_wanted() {
+        let mut rng = Seed(1).rng();
+        let noise = GrayImage::from_fn(Size::new(1800, 1800), |_, _| rng.below(256) as u8);
+        let features = orb(200_000, 0).extract(&noise);
+        // Ties with the last feature of a level are kept, and the highest levels have too few.
+        assert!(
+            (195_000..=200_100).contains(&features.len()),
+            "{}",
+            features.len()
+        );
+        assert_eq!(features, orb(200_000, 0).extract(&noise));
+        for k in &features.keypoints {
+            let angle = k.angle.expect("ORB assigns orientations");
+            assert!((0.0..TAU).contains(&angle));
+            let scale = k.size / PATCH;
+            let inside = |v: f32| (31.0 * scale..1800.0 - 30.0 * scale).contains(&v);
+            assert!(inside(k.at.x) && inside(k.at.y), "{k:?}");
+        }
+    }
+
+    #[test]
+    fn shares_of_the_levels_sum_to_the_wanted_number() {
+        for features in [0, 1, 500, 10_000, 100_000] {
+            let wanted = orb(features, 20).wanted();
+            assert_eq!(wanted.len(), 8);
+            assert_eq!(wanted.iter().sum::<usize>(), features);
+        }
+        assert_eq!(orb(500, 20).wanted(), [109, 90, 75, 63, 52, 44, 36, 31]);
+    }
+
+    #[test]
+    fn ties_with_the_last_are_kept() {
+        let mut items = vec![3, 1, 2, 5, 2, 2, 4];
+        retain_best(&mut items, 4, |&item| item as f32);
+        assert_eq!(items, [3, 2, 5, 2, 2, 4]);
+        retain_best(&mut items, 9, |&item| item as f32);
+        assert_eq!(items.len(), 6);
+        retain_best(&mut items, 0, |&item| item as f32);
+        assert!(items.is_empty());
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_refused() {
+        let refused = |params| Orb::new(params).expect_err("refused").to_string();
+        let params = OrbParams {
+            scale_factor: 1.0,
+            ..OrbParams::default()
+        };
+        assert_eq!(
+            refused(params),
+            "`scale_factor` is 1, but must be above 1, at most 2"
+        );
+        let params = OrbParams {
+            levels: 0,
+            ..OrbParams::default()
+        };
+        assert_eq!(refused(params), "`levels` is 0, but must be 1 to 64");
+        let params = OrbParams {
+            scale_factor: f32::NAN,
+            ..OrbParams::default()
+        };
+        assert!(Orb::new(params).is_err());
+    }
 }

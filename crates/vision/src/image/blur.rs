@@ -187,7 +187,7 @@ impl RowBlur {
 
 /// The index in `0..length` where `index` falls when the sequence is mirrored about its first and
 /// last element, again and again if need be.
-fn mirror(index: isize, length: usize) -> usize {
+pub(super) fn mirror(index: isize, length: usize) -> usize {
     if length == 1 {
         return 0;
     }

@@ -5,6 +5,7 @@
 //! those of OpenCV's `sepFilter2D` with its `getGaussianKernel`.
 
 use super::GrayImage;
+use super::blur::mirror;
 use crate::simd::{weigh_along_u8, weigh_rows_u8};
 
 /// `image` blurred by a Gaussian of standard deviation `sigma` pixels, cut off beyond `radius`
@@ -42,24 +43,15 @@ pub fn gaussian_blur_u8(image: &GrayImage, radius: usize, sigma: f64) -> GrayIma
     blurred
 }
 
-/// Weights of the normalised kernel from its middle to one end.
+/// Weights of the normalised kernel from its middle, which counts twice, to one end.
 fn half_kernel(radius: usize, sigma: f64) -> Vec<f32> {
     let weights: Vec<f64> = (0..=radius)
         .map(|x| libm::exp(-((x * x) as f64) / (2.0 * sigma * sigma)))
         .collect();
     let sum = weights[0] + 2.0 * weights[1..].iter().sum::<f64>();
-    weights.iter().map(|weight| (weight / sum) as f32).collect()
-}
-
-/// The index in `0..length` where `index` falls when the sequence is mirrored about its first and
-/// last element, again and again if need be.
-fn mirror(index: isize, length: usize) -> usize {
-    if length == 1 {
-        return 0;
-    }
-    let period = 2 * (length as isize - 1);
-    let within = index.rem_euclid(period);
-    within.min(period - within) as usize
+    let mut half: Vec<f32> = weights.iter().map(|weight| (weight / sum) as f32).collect();
+    half[0] /= 2.0;
+    half
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@
 //! ratios near 1, as between the levels of a pyramid.
 
 use super::{GrayImage, Size};
-use crate::simd::{Between, blend_columns, blend_rows};
+use crate::simd::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
 
 /// `image` resampled to `size`. An image without pixels gives black.
 pub fn resize(image: &GrayImage, size: Size) -> GrayImage {
@@ -15,18 +15,18 @@ pub fn resize(image: &GrayImage, size: Size) -> GrayImage {
     if image.size().area() == 0 {
         return resized;
     }
-    let columns = positions(image.width(), size.width);
-    let mut between = vec![0; image.width() + 1];
+    let columns = BlendColumns::new(positions(image.width(), size.width));
+    // Beyond its end the row may hold anything: it is read with weight 0.
+    let mut between = vec![0; image.width() + COLUMNS_AT_ONCE];
     for (y, at) in positions(image.height(), size.height)
         .into_iter()
         .enumerate()
     {
         let first = at.first as usize;
         let second = (first + 1).min(image.height() - 1);
-        let (last, rest) = between.split_last_mut().expect("one more than the width");
-        blend_rows(image.row(first), image.row(second), at.weight, rest);
-        *last = 0; // The last pixel's successor, always with weight 0.
-        blend_columns(&between, &columns, resized.row_mut(y));
+        let row = &mut between[..image.width()];
+        blend_rows(image.row(first), image.row(second), at.weight, row);
+        columns.apply(&between, resized.row_mut(y));
     }
     resized
 }

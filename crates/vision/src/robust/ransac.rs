@@ -28,8 +28,8 @@ use super::{
     ConsensusParams, EssentialProblem, InlierCount, NoPose, PoseEstimate, PoseEstimator, Problem,
     TwoViews, Uniform, consensus,
 };
-use crate::ParamError;
 use crate::geometry::choose_pose;
+use crate::params::ParamError;
 use crate::seed::Seed;
 
 /// Parameters of [`Ransac`].

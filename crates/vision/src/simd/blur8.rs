@@ -3,8 +3,8 @@
 const LANES: usize = 32;
 
 multiversioned! {
-    /// The vertical pass: the middle row of `rows` times `half[0]`, plus the two rows at distance
-    /// `k` times `half[k]`, for each column.
+    /// The vertical pass: the sum, for each column, of `half[k]` times the two rows at distance
+    /// `k` from the middle one, which counts twice for `k = 0`.
     ///
     /// # Panics
     /// If there are not `2 half.len() - 1` rows, or one is shorter than `out`.
@@ -21,9 +21,9 @@ multiversioned! {
         }
     }
 
-    /// The horizontal pass over a row that has `half.len() - 1` pixels more at each end than
-    /// `out`, rounded to the nearest integer, half to even. The weights must not lift a sum out of
-    /// `0..=255`.
+    /// The horizontal pass with the same weights, over a row that has `half.len() - 1` pixels more
+    /// at each end than `out`; rounded to the nearest integer, half to even. The weights must not
+    /// lift a sum out of `0..=255`.
     ///
     /// # Panics
     /// If the lengths do not fit.
@@ -49,12 +49,12 @@ fn rows_block<const L: usize>(rows: &[&[u8]], half: &[f32], out: &mut [f32], x: 
             .first_chunk::<L>()
             .expect("rows of one width")
     };
-    let mut sum = lanes(radius).map(|pixel| half[0] * f32::from(pixel));
-    for k in 1..=radius {
+    let mut sum = [0.0; L];
+    for (k, &weight) in half.iter().enumerate() {
         let (above, below) = (lanes(radius - k), lanes(radius + k));
         for i in 0..L {
             let both = u16::from(above[i]) + u16::from(below[i]);
-            sum[i] = half[k].mul_add(f32::from(both), sum[i]);
+            sum[i] = weight.mul_add(f32::from(both), sum[i]);
         }
     }
     out[x..x + L].copy_from_slice(&sum);
@@ -66,12 +66,47 @@ fn along_block<const L: usize>(padded: &[f32], half: &[f32], out: &mut [u8], x: 
     const ROUND: f32 = 1.5 * (1 << 23) as f32;
     let radius = half.len() - 1;
     let lanes = |offset: usize| padded[x + offset..].first_chunk::<L>().expect("padding");
-    let mut sum = lanes(radius).map(|value| half[0] * value);
-    for k in 1..=radius {
+    let mut sum = [0.0; L];
+    for (k, &weight) in half.iter().enumerate() {
         let (left, right) = (lanes(radius - k), lanes(radius + k));
         for i in 0..L {
-            sum[i] = half[k].mul_add(left[i] + right[i], sum[i]);
+            sum[i] = weight.mul_add(left[i] + right[i], sum[i]);
         }
     }
-    out[x..x + L].copy_from_slice(&sum.map(|sum| (sum + ROUND).to_bits() as u8));
+    let out = &mut out[x..x + L];
+    for i in 0..L {
+        out[i] = (sum[i] + ROUND).to_bits() as u8;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::Seed;
+
+    #[test]
+    fn blocks_and_single_pixels_are_the_same_bits() {
+        let half = [0.15, 0.2, 0.15];
+        let mut rng = Seed(2).rng();
+        let rows: Vec<Vec<u8>> = (0..5)
+            .map(|_| (0..75).map(|_| rng.below(256) as u8).collect())
+            .collect();
+        let rows: Vec<&[u8]> = rows.iter().map(Vec::as_slice).collect();
+        let mut padded = vec![0.0; 75];
+        weigh_rows_u8(&rows, &half, &mut padded);
+        let pair = |a: u8, b: u8| f32::from(u16::from(a) + u16::from(b));
+        for (x, &value) in padded.iter().enumerate() {
+            let inner = half[0].mul_add(pair(rows[2][x], rows[2][x]), 0.0);
+            let middle = half[1].mul_add(pair(rows[1][x], rows[3][x]), inner);
+            assert_eq!(value, half[2].mul_add(pair(rows[0][x], rows[4][x]), middle));
+        }
+        let mut out = vec![0; 71];
+        weigh_along_u8(&padded, &half, &mut out);
+        for (p, &value) in padded.windows(5).zip(&out) {
+            let inner = half[0].mul_add(p[2] + p[2], 0.0);
+            let middle = half[1].mul_add(p[1] + p[3], inner);
+            let sum = half[2].mul_add(p[0] + p[4], middle);
+            assert_eq!(f32::from(value), sum.round_ties_even());
+        }
+    }
 }

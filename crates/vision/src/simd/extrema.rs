@@ -1,4 +1,5 @@
 //! Extrema among the 26 neighbours in three layers of a scale space, or the 8 in one layer.
+#![allow(clippy::needless_bitwise_bool)] // a lazy `&&` is a branch, and lanes have none
 
 use std::ops::Range;
 
@@ -53,32 +54,34 @@ fn block<const L: usize>(
 ) {
     let [above, here, below] = layers[1];
     let centre = lanes::<L>(here, x);
-    if !any(&std::array::from_fn::<_, L, _>(|i| {
-        centre[i].abs() > threshold
-    })) {
+    let mut strong = false;
+    for value in centre {
+        strong |= value.abs() > threshold;
+    }
+    if !strong {
         return;
     }
-    let (left, right) = (lanes::<L>(here, x - 1), lanes::<L>(here, x + 1));
-    let mut low: [f32; L] = std::array::from_fn(|i| smaller(left[i], right[i]));
-    let mut high: [f32; L] = std::array::from_fn(|i| larger(left[i], right[i]));
+    let mut low = *lanes::<L>(here, x - 1);
+    let mut high = low;
+    widen(&mut low, &mut high, lanes(here, x + 1));
     for row in [above, below] {
-        for start in x - 1..=x + 1 {
-            let values = lanes::<L>(row, start);
-            for i in 0..L {
-                low[i] = smaller(low[i], values[i]);
-                high[i] = larger(high[i], values[i]);
-            }
-        }
+        widen(&mut low, &mut high, lanes(row, x - 1));
+        widen(&mut low, &mut high, lanes(row, x));
+        widen(&mut low, &mut high, lanes(row, x + 1));
     }
-    let candidate: [bool; L] = std::array::from_fn(|i| {
-        (centre[i] > threshold && centre[i] >= high[i])
-            || (centre[i] < -threshold && centre[i] <= low[i])
-    });
-    if !any(&candidate) {
+    let mut candidates = [0_u32; L];
+    let mut some = 0;
+    for i in 0..L {
+        let top = (centre[i] > threshold) & (centre[i] >= high[i]);
+        let bottom = (centre[i] < -threshold) & (centre[i] <= low[i]);
+        candidates[i] = u32::from(top | bottom);
+        some |= candidates[i];
+    }
+    if some == 0 {
         return;
     }
     for i in 0..L {
-        if candidate[i] && beats_other_layers(layers, x + i, centre[i]) {
+        if candidates[i] != 0 && beats_other_layers(layers, x + i, centre[i]) {
             found.push((x + i) as u32);
         }
     }
@@ -93,43 +96,51 @@ fn maxima_block<const L: usize>(
     found: &mut Vec<u32>,
 ) {
     let centre = lanes::<L>(here, x);
-    if !any(&std::array::from_fn::<_, L, _>(|i| centre[i] > threshold)) {
+    let mut strong = false;
+    for &value in centre {
+        strong |= value > threshold;
+    }
+    if !strong {
         return;
     }
-    let (left, right) = (lanes::<L>(here, x - 1), lanes::<L>(here, x + 1));
-    let mut maximum: [bool; L] = std::array::from_fn(|i| {
-        let highest = larger(threshold, larger(left[i], right[i]));
-        centre[i] > highest
-    });
+    let mut low = *lanes::<L>(here, x - 1);
+    let mut high = low;
+    widen(&mut low, &mut high, lanes(here, x + 1));
     for row in [above, below] {
-        for start in x - 1..=x + 1 {
-            let values = lanes::<L>(row, start);
-            for i in 0..L {
-                maximum[i] &= centre[i] > values[i];
-            }
-        }
+        widen(&mut low, &mut high, lanes(row, x - 1));
+        widen(&mut low, &mut high, lanes(row, x));
+        widen(&mut low, &mut high, lanes(row, x + 1));
     }
-    if any(&maximum) {
-        found.extend((0..L).filter(|&i| maximum[i]).map(|i| (x + i) as u32));
+    for i in 0..L {
+        if centre[i] > threshold && centre[i] > high[i] {
+            found.push((x + i) as u32);
+        }
     }
 }
 
 #[inline(always)]
 fn beats_other_layers(layers: &[ThreeRows<'_>; 3], x: usize, value: f32) -> bool {
-    let mut others = [layers[0], layers[2]]
-        .into_iter()
-        .flatten()
-        .flat_map(|row| &row[x - 1..=x + 1]);
+    let mut low = f32::MAX;
+    let mut high = f32::MIN;
+    for row in layers[0].iter().chain(&layers[2]) {
+        for &other in lanes::<3>(row, x - 1) {
+            low = smaller(low, other);
+            high = larger(high, other);
+        }
+    }
     if value > 0.0 {
-        others.all(|&other| value >= other)
+        value >= high
     } else {
-        others.all(|&other| value <= other)
+        value <= low
     }
 }
 
 #[inline(always)]
-fn any<const L: usize>(mask: &[bool; L]) -> bool {
-    mask.iter().fold(false, |any, &one| any | one)
+fn widen<const L: usize>(low: &mut [f32; L], high: &mut [f32; L], values: &[f32; L]) {
+    for i in 0..L {
+        low[i] = smaller(low[i], values[i]);
+        high[i] = larger(high[i], values[i]);
+    }
 }
 
 #[inline(always)]

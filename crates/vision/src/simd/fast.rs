@@ -91,7 +91,9 @@ fn score_block<const L: usize>(rows: [&[u8]; 7], x: usize, threshold: u8) -> [u8
         return [0; L];
     }
     let most = zip(&best_arc(brighter), &best_arc(darker), u8::max);
-    most.map(|most| if most > threshold { most - 1 } else { 0 })
+    zip(&most, &[threshold; L], |most, threshold| {
+        if most > threshold { most - 1 } else { 0 }
+    })
 }
 
 /// The largest value that two neighbours among four points on the axes both reach.
@@ -102,14 +104,21 @@ fn axes<const L: usize>(value: impl Fn(usize) -> [u8; L]) -> [u8; L] {
     zip(&vertical, &horizontal, u8::min)
 }
 
+/// An array of results, call by call: a loop is not always unrolled, and these results belong into
+/// registers.
+macro_rules! unrolled {
+    ($call:expr; $($i:literal)*) => { [$($call($i)),*] };
+}
+
 /// The largest value that nine points in a row all reach. The arcs that start at an even point and
 /// at the next one share eight points, so their minimum is taken once.
 #[inline(always)]
 fn best_arc<const L: usize>(value: impl Fn(usize) -> [u8; L]) -> [u8; L] {
-    let values: [[u8; L]; 16] = std::array::from_fn(value);
-    let two: [[u8; L]; 8] =
-        std::array::from_fn(|i| zip(&values[2 * i + 1], &values[(2 * i + 2) % 16], u8::min));
-    let four: [[u8; L]; 8] = std::array::from_fn(|i| zip(&two[i], &two[(i + 1) % 8], u8::min));
+    let values = unrolled!(value; 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15);
+    let two = |i: usize| zip(&values[2 * i + 1], &values[(2 * i + 2) % 16], u8::min);
+    let two = unrolled!(two; 0 1 2 3 4 5 6 7);
+    let four = |i: usize| zip(&two[i], &two[(i + 1) % 8], u8::min);
+    let four = unrolled!(four; 0 1 2 3 4 5 6 7);
     let mut best = [0; L];
     for i in 0..8 {
         let eight = zip(&four[i], &four[(i + 2) % 8], u8::min);
@@ -122,12 +131,13 @@ fn best_arc<const L: usize>(value: impl Fn(usize) -> [u8; L]) -> [u8; L] {
 /// 1 where a pixel of `x .. x + L` is larger than its neighbours, else 0.
 #[inline(always)]
 fn maxima_block<const L: usize>(rows: [&[u8]; 3], x: usize) -> [u8; L] {
-    let [above, here, below] = rows.map(|row| [x - 1, x, x + 1].map(|x| lanes::<L>(row, x)));
-    let mut most = zip(here[0], here[2], u8::max);
-    for neighbour in [above, below].as_flattened() {
-        most = zip(&most, neighbour, u8::max);
+    let mut most = zip(lanes(rows[1], x - 1), lanes(rows[1], x + 1), u8::max);
+    for row in [rows[0], rows[2]] {
+        for x in [x - 1, x, x + 1] {
+            most = zip(&most, lanes(row, x), u8::max);
+        }
     }
-    zip(here[1], &most, |here, most| u8::from(here > most))
+    zip(lanes(rows[1], x), &most, |here, most| u8::from(here > most))
 }
 
 #[inline(always)]
@@ -137,9 +147,15 @@ fn lanes<const L: usize>(row: &[u8], x: usize) -> &[u8; L] {
         .expect("blocks lie inside the rows")
 }
 
+/// `f` lane by lane. A loop, since the closures of the library's array functions are compiled
+/// without the wider instruction sets.
 #[inline(always)]
 fn zip<const L: usize>(a: &[u8; L], b: &[u8; L], f: impl Fn(u8, u8) -> u8) -> [u8; L] {
-    std::array::from_fn(|i| f(a[i], b[i]))
+    let mut out = [0; L];
+    for i in 0..L {
+        out[i] = f(a[i], b[i]);
+    }
+    out
 }
 
 #[cfg(test)]

@@ -33,7 +33,7 @@ multiversioned! {
 /// An odd polynomial of degree 7 on the first octant, with the published coefficients of OpenCV's
 /// `fastAtan2`, so that histograms of directions agree with it.
 #[inline(always)]
-pub(super) fn turns(y: f32, x: f32) -> f32 {
+pub fn turns(y: f32, x: f32) -> f32 {
     const TURN: f32 = 0.5 / core::f32::consts::PI;
     const P1: f32 = 0.999_787_84 * TURN;
     const P3: f32 = -0.325_808_4 * TURN;

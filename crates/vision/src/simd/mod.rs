@@ -41,11 +41,16 @@ macro_rules! multiversioned {
     )*};
 }
 
+mod bilinear;
+mod blur8;
 mod convolve;
 mod diffuse;
 mod extrema;
+mod fast;
 mod gradient;
 mod histogram;
+mod normalize;
+mod orb;
 mod resample;
 mod sampling;
 mod sampson;
@@ -53,13 +58,23 @@ mod scharr;
 mod search;
 mod triangulate;
 
+pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
+pub use blur8::{weigh_along_u8, weigh_rows_u8};
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
 pub use diffuse::{Below, diffuse_row};
 pub use extrema::{ThreeRows, find_extrema, find_maxima};
-pub use gradient::polar_gradients;
+pub use fast::{segment_scores, strict_maxima};
+pub use gradient::{polar_gradients, turns};
 pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
+pub use normalize::normalize_to_bytes;
+pub use orb::{
+    PATCH_MARGIN, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments,
+};
 pub use resample::{double_row, halve_row, subtract};
-pub use sampling::{AROUND, CellSums, Planes, dominant_direction, sum_cells};
+pub use sampling::{
+    AROUND, CellSums, Planes, longest_sum_of_slices, longest_sum_of_windows, sum_cells,
+    sum_gradients,
+};
 pub use sampson::{count_at_most, squared_sampson};
 pub use scharr::{
     Across, Scharr, conductivities, derivatives, determinants, find_largest, gradient_norms,
@@ -67,14 +82,3 @@ pub use scharr::{
 };
 pub use search::{TwoNearest, two_nearest_bits, two_nearest_floats};
 pub use triangulate::triangulate_depths;
-mod bilinear;
-mod blur8;
-mod fast;
-mod orb;
-
-pub use bilinear::{Between, blend_columns, blend_rows};
-pub use blur8::{weigh_along_u8, weigh_rows_u8};
-pub use fast::{segment_scores, strict_maxima};
-pub use orb::{
-    PATCH_MARGIN, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments,
-};

@@ -24,8 +24,9 @@ impl Pixels<'_> {
 }
 
 /// Radius of the patch whose centre of intensity gives the orientation.
-pub const MOMENT_RADIUS: usize = 15;
-/// Distance to the border that every kernel here is content with.
+const MOMENT_RADIUS: usize = 15;
+/// Distance that centres must keep from the border; nearer, the kernels here read pixels from the
+/// other end of the row, or panic.
 pub const PATCH_MARGIN: usize = 20;
 
 /// Half the length of the rows of a circular patch, from the middle row outwards: the circle of
@@ -50,28 +51,32 @@ const COPY_ROW: usize = 64;
 multiversioned! {
     /// Harris corner strength `(det - 0.04 trace^2)` of the second-moment matrix of the Sobel
     /// gradients, summed over 7 x 7 pixels and scaled to intensities in `[0, 1]`, at each centre.
-    ///
-    /// # Panics
-    /// If a centre is nearer than [`PATCH_MARGIN`] to the border.
+    /// Centres keep [`PATCH_MARGIN`] from the border.
     pub fn harris_strengths(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<f32> {
-        centres.iter().map(|&centre| harris_strength(pixels, centre)).collect()
+        let mut strengths = Vec::with_capacity(centres.len());
+        for &centre in centres {
+            strengths.push(harris_strength(pixels, centre));
+        }
+        strengths
     }
 
-    /// First moments (of x, then of y) of the intensities in the circle of radius
-    /// [`MOMENT_RADIUS`] about each centre.
-    ///
-    /// # Panics
-    /// If a centre is nearer than [`PATCH_MARGIN`] to the border.
+    /// First moments (of x, then of y) of the intensities in the circle of radius 15 about each
+    /// centre.
+    /// Centres keep [`PATCH_MARGIN`] from the border.
     pub fn intensity_moments(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<[i32; 2]> {
-        centres.iter().map(|&centre| intensity_moment(pixels, centre)).collect()
+        let mut moments = Vec::with_capacity(centres.len());
+        for &centre in centres {
+            moments.push(intensity_moment(pixels, centre));
+        }
+        moments
     }
 
     /// 256 bits for each centre: whether the first place of each pair is darker than the second,
     /// all places turned by the angle whose cosine and sine are given, to the nearest pixel.
+    /// Centres keep [`PATCH_MARGIN`] from the border.
     ///
     /// # Panics
-    /// If a centre is nearer than [`PATCH_MARGIN`] to the border, or if there are not as many
-    /// turns as centres.
+    /// If there are not as many turns as centres.
     pub fn compare_pairs(
         pixels: Pixels<'_>,
         centres: &[[u32; 2]],
@@ -80,7 +85,10 @@ multiversioned! {
     ) -> Vec<u64> {
         assert_eq!(centres.len(), turns.len(), "one turn for each centre");
         let mut bits = Vec::with_capacity(4 * centres.len());
-        let mut copy = [0; COPY_ROW * COPY_ROW];
+        // As long as a 16-bit index may reach, so that no access needs a check; only the first
+        // rows are used.
+        let copy = vec![0; 1 << 16].into_boxed_slice();
+        let mut copy: Box<[u8; 1 << 16]> = copy.try_into().expect("as long as that");
         let mut first = [0; 256];
         let mut second = [0; 256];
         for (&centre, &turn) in centres.iter().zip(turns) {
@@ -91,12 +99,11 @@ multiversioned! {
             turn_places(&pairs.first, turn, &mut first);
             turn_places(&pairs.second, turn, &mut second);
             for (first, second) in first.as_chunks::<64>().0.iter().zip(second.as_chunks::<64>().0) {
-                let mut word = 0;
-                for i in 0..64 {
-                    // The masks change nothing; they tell the compiler that no place is outside.
-                    let a = copy[first[i] as usize & (COPY_ROW * COPY_ROW - 1)];
-                    let b = copy[second[i] as usize & (COPY_ROW * COPY_ROW - 1)];
-                    word |= u64::from(a < b) << i;
+                let mut word = 0_u64;
+                for i in (0..64).rev() {
+                    let a = copy[usize::from(first[i])];
+                    let b = copy[usize::from(second[i])];
+                    word = word << 1 | u64::from(a < b);
                 }
                 bits.push(word);
             }
@@ -113,10 +120,15 @@ fn harris_strength(pixels: Pixels<'_>, centre: [u32; 2]) -> f32 {
     let mut along = [[0_i16; 8]; 9];
     let mut across = [[0_i16; 8]; 9];
     for y in 0..9 {
-        let run = |left| pixels.run::<8>(centre, left, y as isize - 4).map(i16::from);
-        let (left, middle, right) = (run(4), run(3), run(2));
-        along[y] = std::array::from_fn(|i| right[i] - left[i]);
-        across[y] = std::array::from_fn(|i| left[i] + 2 * middle[i] + right[i]);
+        let down = y as isize - 4;
+        let left = pixels.run::<8>(centre, 4, down);
+        let middle = pixels.run::<8>(centre, 3, down);
+        let right = pixels.run::<8>(centre, 2, down);
+        for i in 0..8 {
+            let (left, right) = (i16::from(left[i]), i16::from(right[i]));
+            along[y][i] = right - left;
+            across[y][i] = left + 2 * i16::from(middle[i]) + right;
+        }
     }
     let mut xx = [0_i32; 8];
     let mut yy = [0_i32; 8];
@@ -130,19 +142,25 @@ fn harris_strength(pixels: Pixels<'_>, centre: [u32; 2]) -> f32 {
             xy[i] += dx * dy;
         }
     }
-    let [a, b, c] = [xx, yy, xy].map(|lanes| lanes[..7].iter().sum::<i32>() as f32);
+    let (mut a, mut b, mut c) = (0, 0, 0);
+    for i in 0..7 {
+        a += xx[i];
+        b += yy[i];
+        c += xy[i];
+    }
+    let (a, b, c) = (a as f32, b as f32, c as f32);
     (a * b - c * c - K * (a + b) * (a + b)) * (SCALE * SCALE * SCALE * SCALE)
 }
 
 #[inline(always)]
 fn intensity_moment(pixels: Pixels<'_>, centre: [u32; 2]) -> [i32; 2] {
-    const IN_CIRCLE: [[u8; 32]; MOMENT_RADIUS + 1] = circle_masks();
+    static IN_CIRCLE: [[u8; 32]; MOMENT_RADIUS + 1] = circle_masks();
     // Per column: the sum, and the sum weighted by y, at most 31 * 255 and 120 * 255.
     let mut sums: [i16; 32] = row_in_circle(pixels, centre, 0, &IN_CIRCLE[0]);
     let mut weighted = [0_i16; 32];
-    for y in 1..=MOMENT_RADIUS {
-        let above = row_in_circle(pixels, centre, -(y as isize), &IN_CIRCLE[y]);
-        let below = row_in_circle(pixels, centre, y as isize, &IN_CIRCLE[y]);
+    for (y, mask) in IN_CIRCLE.iter().enumerate().skip(1) {
+        let above = row_in_circle(pixels, centre, -(y as isize), mask);
+        let below = row_in_circle(pixels, centre, y as isize, mask);
         for i in 0..32 {
             sums[i] += above[i] + below[i];
             weighted[i] += y as i16 * (below[i] - above[i]);
@@ -159,7 +177,11 @@ fn intensity_moment(pixels: Pixels<'_>, centre: [u32; 2]) -> [i32; 2] {
 #[inline(always)]
 fn row_in_circle(pixels: Pixels<'_>, centre: [u32; 2], down: isize, mask: &[u8; 32]) -> [i16; 32] {
     let run = pixels.run::<32>(centre, MOMENT_RADIUS, down);
-    std::array::from_fn(|i| i16::from(run[i] & mask[i]))
+    let mut row = [0; 32];
+    for i in 0..32 {
+        row[i] = i16::from(run[i] & mask[i]);
+    }
+    row
 }
 
 const fn circle_masks() -> [[u8; 32]; MOMENT_RADIUS + 1] {
@@ -191,5 +213,112 @@ fn turn_places(places: &[[f32; 256]; 2], turn: [f32; 2], out: &mut [u16; 256]) {
             turned_x.wrapping_add(REACH as u16),
         );
         *out = row.wrapping_mul(COPY_ROW as u16).wrapping_add(column);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::Seed;
+
+    const WIDTH: usize = 61;
+
+    fn noise() -> Vec<u8> {
+        let mut rng = Seed(8).rng();
+        (0..WIDTH * 50).map(|_| rng.below(256) as u8).collect()
+    }
+
+    const CENTRES: [[u32; 2]; 3] = [[20, 20], [25, 24], [40, 29]];
+
+    fn pixel(data: &[u8], centre: [u32; 2], x: i32, y: i32) -> i32 {
+        let (x, y) = (centre[0] as i32 + x, centre[1] as i32 + y);
+        i32::from(data[y as usize * WIDTH + x as usize])
+    }
+
+    #[test]
+    fn moments_follow_the_definition() {
+        let data = noise();
+        let pixels = Pixels {
+            data: &data,
+            width: WIDTH,
+        };
+        for (centre, found) in CENTRES.iter().zip(intensity_moments(pixels, &CENTRES)) {
+            let mut expected = [0, 0];
+            for y in -15..=15_i32 {
+                let half = HALF_ROWS[y.unsigned_abs() as usize] as i32;
+                for x in -half..=half {
+                    expected[0] += x * pixel(&data, *centre, x, y);
+                    expected[1] += y * pixel(&data, *centre, x, y);
+                }
+            }
+            assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn corners_are_stronger_than_edges() {
+        // A quadrant about (20, 20) and an edge through (40, 29), as bright as it gets.
+        let mut data = vec![0; WIDTH * 50];
+        for (i, value) in data.iter_mut().enumerate() {
+            let (x, y) = (i % WIDTH, i / WIDTH);
+            *value = if ((20..30).contains(&x) && y >= 20) || x >= 40 {
+                255
+            } else {
+                0
+            };
+        }
+        let pixels = Pixels {
+            data: &data,
+            width: WIDTH,
+        };
+        let strengths = harris_strengths(pixels, &CENTRES);
+        assert!(
+            strengths[0] > 0.001 && strengths[2] < -0.001,
+            "{strengths:?}"
+        );
+        // The edge: 14 columns of gradient 4 * 255 out of 49, scaled by 1 / (4 * 7 * 255).
+        let trace: f32 = 14.0 / 49.0;
+        assert!(
+            (strengths[2] + 0.04 * trace * trace).abs() < 1e-6,
+            "{strengths:?}"
+        );
+    }
+
+    #[test]
+    fn bits_follow_the_definition() {
+        let data = noise();
+        let pixels = Pixels {
+            data: &data,
+            width: WIDTH,
+        };
+        let mut rng = Seed(9).rng();
+        let mut places = || std::array::from_fn(|_| rng.below(27) as f32 - 13.0);
+        let pairs = PairTable {
+            first: [places(), places()],
+            second: [places(), places()],
+        };
+        let turns = [[1.0, 0.0], [0.0, -1.0], [0.8, 0.6]];
+        let bits = compare_pairs(pixels, &CENTRES, &turns, &pairs);
+        assert_eq!(bits.len(), 4 * CENTRES.len());
+        for (k, (&centre, [cos, sin])) in CENTRES.iter().zip(turns).enumerate() {
+            let value = |places: &[[f32; 256]; 2], i: usize| {
+                let (x, y) = (places[0][i], places[1][i]);
+                let round = |v: f32| v.round_ties_even() as i32;
+                pixel(
+                    &data,
+                    centre,
+                    round(x * cos - y * sin),
+                    round(x * sin + y * cos),
+                )
+            };
+            for i in 0..256 {
+                let darker = value(&pairs.first, i) < value(&pairs.second, i);
+                assert_eq!(
+                    bits[4 * k + i / 64] >> (i % 64) & 1,
+                    u64::from(darker),
+                    "{k} {i}"
+                );
+            }
+        }
     }
 }

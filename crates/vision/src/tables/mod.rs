@@ -21,10 +21,7 @@ mod tests {
         let sources: toml::Table = text.parse().expect("the list is TOML");
         for (name, source) in &sources {
             let bytes = fs::read(folder.join(name)).expect("a listed table exists");
-            let hash: String = Sha256::digest(&bytes)
-                .iter()
-                .map(|b| format!("{b:02x}"))
-                .collect();
+            let hash = format!("{:x}", Sha256::digest(&bytes));
             for key in ["holds", "paper", "made", "command"] {
                 assert!(
                     source.get(key).is_some_and(toml::Value::is_str),
@@ -39,11 +36,13 @@ mod tests {
             );
         }
         for file in fs::read_dir(&folder).expect("the folder can be listed") {
-            let name = file.expect("the folder can be listed").file_name();
-            let name = name.to_str().expect("file names are UTF-8");
+            let path = file.expect("the folder can be listed").path();
+            let name = path.file_name().and_then(|name| name.to_str());
+            let is_table = path.extension().is_some_and(|extension| extension == "bin");
             assert!(
-                !name.ends_with(".bin") || sources.contains_key(name),
-                "{name} is not listed"
+                !is_table || name.is_some_and(|name| sources.contains_key(name)),
+                "{} is not listed",
+                path.display()
             );
         }
     }

@@ -3,7 +3,7 @@
 use core::f32::consts::TAU;
 
 use crate::image::FloatImage;
-use crate::simd::{AROUND, CellSums, Planes, dominant_direction, sum_cells};
+use crate::simd::{AROUND, CellSums, Planes, longest_sum_of_slices, sum_cells};
 
 /// Bits: 3 values of each of 4, 9 and 16 cells, each pair of cells compared.
 pub(super) const BITS: usize = 3 * (6 + 36 + 120);
@@ -58,7 +58,7 @@ impl Orientations {
             gradients[0][i] = weight * level.dx.at(x, y);
             gradients[1][i] = weight * level.dy.at(x, y);
         }
-        let angle = dominant_direction(&gradients[0], &gradients[1]) * TAU;
+        let angle = longest_sum_of_slices(&gradients[0], &gradients[1]) * TAU;
         if angle < TAU { angle } else { 0.0 }
     }
 }

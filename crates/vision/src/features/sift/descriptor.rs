@@ -7,7 +7,7 @@ use nalgebra::Point2;
 
 use super::patch::Patch;
 use crate::image::RowBuffer;
-use crate::simd::{PatchGrid, PatchHistogram, add_patch_row};
+use crate::simd::{PatchGrid, PatchHistogram, add_patch_row, normalize_to_bytes};
 
 /// Cells of the grid along a side.
 const CELLS: usize = 4;
@@ -52,17 +52,20 @@ impl PatchDescriber {
         // A Gaussian of half the width of the grid.
         let deviation = 0.5 * CELLS as f32 * cell;
         self.patch.reset(radius, -0.5 / (deviation * deviation));
-        let mut histogram: PatchHistogram = [0.0; 512];
+        let mut histogram: PatchHistogram = [0.0; 1024];
         self.patch.for_each_row(
             layer,
             [at.x, at.y].map(|v| v.round_ties_even() as i32),
             |y| columns_inside(&grid, y as f32),
             |row| add_patch_row(&grid, row, &mut histogram),
         );
-        normalized(std::array::from_fn(|i| {
+        let mut values = std::array::from_fn(|i| {
             let (row, column, bin) = (i / (CELLS * BINS), i / BINS % CELLS, i % BINS);
-            histogram[(row + 1) * 64 + (column + 1) * 8 + bin]
-        }))
+            let place = (row + 1) * 64 + (column + 1) * 8 + bin;
+            histogram[place] + histogram[512 + place]
+        });
+        normalize_to_bytes(&mut values, CLIP, NORM);
+        values
     }
 }
 
@@ -81,23 +84,4 @@ fn columns_inside(grid: &PatchGrid, y: f32) -> RangeInclusive<i32> {
     }
     // Within any image, so that sums of offsets do not overflow.
     (first.max(-1e6).floor() as i32)..=(last.min(1e6).ceil() as i32)
-}
-
-fn normalized(mut values: [f32; LENGTH]) -> [f32; LENGTH] {
-    let limit = norm(&values) * CLIP;
-    for value in &mut values {
-        *value = value.min(limit);
-    }
-    let scale = NORM / norm(&values).max(f32::EPSILON);
-    values.map(|value| (value * scale).round_ties_even().min(255.0))
-}
-
-fn norm(values: &[f32; LENGTH]) -> f32 {
-    let mut sums = [0.0_f32; 8];
-    for chunk in values.as_chunks::<8>().0 {
-        for (sum, value) in sums.iter_mut().zip(chunk) {
-            *sum += value * value;
-        }
-    }
-    sums.iter().sum::<f32>().sqrt()
 }

@@ -45,8 +45,8 @@ use nalgebra::Point2;
 use super::{
     Describer, DescriptorKind, Descriptors, Detector, Extractor, Features, FloatRows, Keypoint,
 };
-use crate::ParamError;
 use crate::image::{GrayImage, ScaleSpace, ScaleSpaceShape};
+use crate::params::ParamError;
 use descriptor::{LENGTH, PatchDescriber};
 use extrema::{Extremum, ExtremumFinder};
 use orientation::Orientations;

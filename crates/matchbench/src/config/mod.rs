@@ -1,11 +1,18 @@
-//! Parameters of matchers and estimators, as users write them.
+//! Names and parameters of matchers and estimators, as users write them.
 //!
 //! A parameter that nobody reads is the worst kind of mistake: the run succeeds and the table is
 //! about something else. So every parameter struct denies unknown fields, and what is refused is
 //! named.
 
+mod names;
+
+use std::fmt;
+
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
+
+pub use names::{UnknownName, find};
 
 /// Parameters that do not fit what they are for.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -19,7 +26,7 @@ pub struct ConfigError {
 
 impl ConfigError {
     /// Parameters of the matcher or estimator `id` that are wrong for this `reason`.
-    pub fn new(id: &str, reason: impl ToString) -> Self {
+    pub fn new(id: &str, reason: impl fmt::Display) -> Self {
         Self {
             id: id.into(),
             reason: reason.to_string(),
@@ -49,6 +56,13 @@ pub fn parse_params<P: DeserializeOwned + Default>(
             format!("expected an object like {{\"name\": value}}, found {other}"),
         )),
     }
+}
+
+/// Parameters as JSON. By way of text, which keeps the `f32` 0.8 what a person would write; as a
+/// value it would become 0.800000011920929.
+pub fn to_json<P: Serialize>(params: &P) -> Value {
+    let text = serde_json::to_string(params).expect("parameters are plain JSON");
+    serde_json::from_str(&text).expect("written just now")
 }
 
 #[cfg(test)]

@@ -1,0 +1,418 @@
+//! Image files as gray pixels, the same gray as OpenCV's `imread(path, IMREAD_GRAYSCALE)`.
+//!
+//! | file | gray |
+//! | --- | --- |
+//! | gray, 8 bit | as stored |
+//! | JPEG | the luma channel of the file; colour is never reconstructed |
+//! | colour PNG (palettes expanded) | `(9797 R + 19234 G + 3737 B) >> 15` |
+//! | colour BMP, PPM, TIFF | `(4899 R + 9617 G + 1868 B + 2^13) >> 14` |
+//! | colour WebP | `(9798 R + 19235 G + 3735 B + 2^14) >> 15` |
+//! | 16 bit | the same in 16 bit, then `>> 8` |
+//! | alpha | ignored |
+//!
+//! Choices. The format is recognised by content, not by name. Pixels are taken as stored: an EXIF
+//! orientation is *not* applied (OpenCV applies it), because cameras and poses of all supported
+//! datasets belong to the stored pixels; `validate` warns of such files. A JPEG's inverse cosine
+//! transform may differ from libjpeg's by one gray level; it is the portable integer one, so that
+//! every machine sees the same pixels. What is damaged or cut off is an error, never half an image.
+
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader, Cursor, Seek};
+use std::path::Path;
+
+use image::{DynamicImage, ImageFormat, ImageReader};
+use matchbench_vision::image::{GrayImage, Size};
+use zune_core::bytestream::{ZByteReaderTrait, ZCursor};
+use zune_core::colorspace::ColorSpace;
+use zune_core::options::DecoderOptions;
+use zune_jpeg::JpegDecoder;
+
+use super::{DatasetError, exif};
+
+/// Most pixels that an image may have (2^28, e.g. 16384 x 16384): what claims more is a damaged
+/// header or an attack, and its memory is never asked for.
+const MAX_PIXELS: usize = 1 << 28;
+/// Longest side of an image; the most that JPEG can say.
+const MAX_SIDE: usize = 65_535;
+const JPEG_MAGIC: [u8; 3] = [0xff, 0xd8, 0xff];
+
+/// A fixed-point mean of red, green and blue: `(w . rgb + half) >> bits`.
+#[derive(Clone, Copy)]
+struct GrayRule {
+    weights: [u32; 3],
+    half: u32,
+    bits: u32,
+}
+
+// All are 0.299, 0.587, 0.114, in the arithmetic of the library that OpenCV leaves the work to.
+const LIBPNG: GrayRule = GrayRule {
+    weights: [9797, 19234, 3737],
+    half: 0,
+    bits: 15,
+};
+const LIBJPEG: GrayRule = GrayRule {
+    weights: [19595, 38470, 7471],
+    half: 1 << 15,
+    bits: 16,
+};
+const CVT_COLOR: GrayRule = GrayRule {
+    weights: [9798, 19235, 3735],
+    half: 1 << 14,
+    bits: 15,
+};
+const IMGCODECS: GrayRule = GrayRule {
+    weights: [4899, 9617, 1868],
+    half: 1 << 13,
+    bits: 14,
+};
+
+/// Why bytes are not an image.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DecodeError {
+    /// The format is not one of those supported.
+    #[error("not an image of a known format (png, jpeg, bmp, tiff, webp, pgm, ppm)")]
+    UnknownFormat,
+    /// The file ends too early.
+    #[error("the image is truncated")]
+    Truncated,
+    /// The decoder found something that must not be there.
+    #[error("the image is damaged: {0}")]
+    Damaged(String),
+    /// Pixels of a kind that cannot be turned into gray (floating point, CMYK).
+    #[error("unsupported pixels: {0}")]
+    Unsupported(String),
+    /// The header claims an absurd size.
+    #[error("the header claims {0} pixels")]
+    TooLarge(Size),
+}
+
+impl DecodeError {
+    fn remedy(&self) -> &'static str {
+        match self {
+            Self::UnknownFormat => "convert it to png",
+            Self::Truncated | Self::Damaged(_) => "copy or download the file again",
+            Self::Unsupported(_) => "convert it to 8-bit gray or colour",
+            Self::TooLarge(_) => "check the file, or scale the image down",
+        }
+    }
+
+    pub(super) fn in_file(&self, path: &Path) -> DatasetError {
+        DatasetError::new(path, self.to_string(), self.remedy())
+    }
+}
+
+/// Reads and decodes the image at `path`.
+///
+/// # Errors
+/// If the file cannot be read or is no complete image.
+pub fn read_gray(path: &Path) -> Result<GrayImage, DatasetError> {
+    let bytes = fs::read(path).map_err(|error| DatasetError::io(path, &error))?;
+    decode_gray(&bytes).map_err(|error| error.in_file(path))
+}
+
+/// Size of the image at `path`, from its header alone.
+///
+/// # Errors
+/// If the file cannot be read or its header is not that of an image.
+pub fn read_size(path: &Path) -> Result<Size, DatasetError> {
+    let file = File::open(path).map_err(|error| DatasetError::io(path, &error))?;
+    let mut reader = BufReader::new(file);
+    let head = reader
+        .fill_buf()
+        .map_err(|error| DatasetError::io(path, &error))?;
+    if head.starts_with(&JPEG_MAGIC) {
+        jpeg_header(reader).map(|decoder| jpeg_size(&decoder))
+    } else {
+        size_of_other(reader)
+    }
+    .map_err(|error| error.in_file(path))
+}
+
+/// EXIF orientation of the JPEG in `bytes`: 1 where pixels are stored upright or nothing is said.
+pub(super) fn exif_orientation(bytes: &[u8]) -> u16 {
+    if !bytes.starts_with(&JPEG_MAGIC) {
+        return 1;
+    }
+    jpeg_header(ZCursor::new(bytes))
+        .ok()
+        .and_then(|decoder| exif::orientation(decoder.exif()?))
+        .unwrap_or(1)
+}
+
+/// Decodes the image in `bytes`.
+///
+/// # Errors
+/// If they are no complete image of a supported format.
+pub fn decode_gray(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
+    if bytes.starts_with(&JPEG_MAGIC) {
+        decode_jpeg(bytes)
+    } else {
+        decode_other(bytes)
+    }
+}
+
+fn decode_jpeg(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
+    let mut decoder = jpeg_header(ZCursor::new(bytes))?;
+    let size = checked(jpeg_size(&decoder))?;
+    // The decoder fills what is missing with gray; only the end marker tells that all is there.
+    // Neither marker can occur inside compressed data.
+    let start_of_scan = bytes.windows(2).rposition(|pair| pair == [0xff, 0xda]);
+    let end_of_image = bytes.windows(2).rposition(|pair| pair == [0xff, 0xd9]);
+    if end_of_image < start_of_scan {
+        return Err(DecodeError::Truncated);
+    }
+    let stored = decoder
+        .input_colorspace()
+        .expect("the headers were decoded");
+    let gray = match stored {
+        ColorSpace::Luma | ColorSpace::YCbCr => ColorSpace::Luma,
+        ColorSpace::RGB => ColorSpace::RGB,
+        other => return Err(DecodeError::Unsupported(format!("{other:?}"))),
+    };
+    decoder.set_options(jpeg_options().jpeg_set_out_colorspace(gray));
+    let data = decoder.decode().map_err(|error| jpeg_error(&error))?;
+    Ok(match gray {
+        ColorSpace::Luma => GrayImage::from_vec(size, data),
+        _ => to_gray(size, &data, 3, LIBJPEG),
+    })
+}
+
+fn jpeg_options() -> DecoderOptions {
+    DecoderOptions::default()
+        .set_strict_mode(true)
+        // Portable code instead of the machine's: the same bits everywhere.
+        .set_use_unsafe(false)
+        .set_max_width(MAX_SIDE)
+        .set_max_height(MAX_SIDE)
+}
+
+fn jpeg_header<R: ZByteReaderTrait>(reader: R) -> Result<JpegDecoder<R>, DecodeError> {
+    let mut decoder = JpegDecoder::new_with_options(reader, jpeg_options());
+    decoder
+        .decode_headers()
+        .map_err(|error| jpeg_error(&error))?;
+    Ok(decoder)
+}
+
+fn jpeg_size<R: ZByteReaderTrait>(decoder: &JpegDecoder<R>) -> Size {
+    let info = decoder.info().expect("the headers were decoded");
+    Size::new(usize::from(info.width), usize::from(info.height))
+}
+
+fn jpeg_error(error: &zune_jpeg::errors::DecodeErrors) -> DecodeError {
+    use zune_jpeg::errors::DecodeErrors as E;
+    match error {
+        E::ExhaustedData | E::IoErrors(_) | E::FormatStatic("Premature end of buffer") => {
+            DecodeError::Truncated
+        }
+        E::Unsupported(scheme) => DecodeError::Unsupported(format!("{scheme:?}")),
+        other => DecodeError::Damaged(other.to_string()),
+    }
+}
+
+fn decode_other(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
+    let size = checked(size_of_other(Cursor::new(bytes))?)?;
+    let mut reader = ImageReader::new(Cursor::new(bytes))
+        .with_guessed_format()
+        .map_err(|_| DecodeError::UnknownFormat)?;
+    reader.no_limits(); // the size was checked
+    let rule = match reader.format() {
+        Some(ImageFormat::Png) => LIBPNG,
+        Some(ImageFormat::WebP) => CVT_COLOR,
+        _ => IMGCODECS,
+    };
+    let image = reader.decode().map_err(|error| other_error(&error))?;
+    Ok(match image {
+        DynamicImage::ImageLuma8(gray) => GrayImage::from_vec(size, gray.into_raw()),
+        DynamicImage::ImageLumaA8(gray) => to_gray(size, &gray, 2, rule),
+        DynamicImage::ImageRgb8(rgb) => to_gray(size, &rgb, 3, rule),
+        DynamicImage::ImageRgba8(rgb) => to_gray(size, &rgb, 4, rule),
+        DynamicImage::ImageLuma16(gray) => to_gray(size, &gray, 1, rule),
+        DynamicImage::ImageLumaA16(gray) => to_gray(size, &gray, 2, rule),
+        DynamicImage::ImageRgb16(rgb) => to_gray(size, &rgb, 3, rule),
+        DynamicImage::ImageRgba16(rgb) => to_gray(size, &rgb, 4, rule),
+        other => return Err(DecodeError::Unsupported(format!("{:?}", other.color()))),
+    })
+}
+
+fn size_of_other(reader: impl BufRead + Seek) -> Result<Size, DecodeError> {
+    let reader = ImageReader::new(reader)
+        .with_guessed_format()
+        .map_err(|_| DecodeError::UnknownFormat)?;
+    if reader.format().is_none() {
+        return Err(DecodeError::UnknownFormat);
+    }
+    let (width, height) = reader
+        .into_dimensions()
+        .map_err(|error| other_error(&error))?;
+    Ok(Size::new(width as usize, height as usize))
+}
+
+fn other_error(error: &image::ImageError) -> DecodeError {
+    match error {
+        image::ImageError::Unsupported(what) => DecodeError::Unsupported(what.to_string()),
+        image::ImageError::IoError(_) => DecodeError::Truncated,
+        other => DecodeError::Damaged(other.to_string()),
+    }
+}
+
+fn checked(size: Size) -> Result<Size, DecodeError> {
+    if size.width > MAX_SIDE || size.height > MAX_SIDE || size.area() > MAX_PIXELS {
+        return Err(DecodeError::TooLarge(size));
+    }
+    Ok(size)
+}
+
+/// `channels` interleaved 8- or 16-bit values per pixel as gray; alpha comes last and is ignored.
+fn to_gray<T>(size: Size, data: &[T], channels: usize, rule: GrayRule) -> GrayImage
+where
+    T: Copy + Into<u32>,
+{
+    let extra_bits = 8 * (size_of::<T>() - 1);
+    let [red, green, blue] = rule.weights;
+    let gray = |pixel: &[T]| {
+        let value = match *pixel {
+            [r, g, b, ..] => {
+                (red * r.into() + green * g.into() + blue * b.into() + rule.half) >> rule.bits
+            }
+            _ => pixel[0].into(),
+        };
+        (value >> extra_bits) as u8
+    };
+    GrayImage::from_vec(size, data.chunks_exact(channels).map(gray).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Small images made with Pillow and OpenCV. `*.pgm` is what OpenCV 4.14 reads from the file
+    /// with `IMREAD_GRAYSCALE | IMREAD_IGNORE_ORIENTATION`.
+    fn fixture(name: &str) -> Vec<u8> {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/images");
+        fs::read(folder.join(name)).expect("fixtures are part of the repository")
+    }
+
+    fn largest_difference_from_opencv(name: &str) -> u8 {
+        let stem = name.replace('.', "-");
+        let expected = decode_gray(&fixture(&format!("{stem}.pgm"))).unwrap();
+        let found = decode_gray(&fixture(name)).unwrap();
+        assert_eq!(found.size(), expected.size(), "{name}");
+        let difference = found.data().iter().zip(expected.data());
+        difference.map(|(p, q)| p.abs_diff(*q)).max().unwrap()
+    }
+
+    #[test]
+    fn gray_is_that_of_opencv() {
+        for name in [
+            "color.png",
+            "palette.png",
+            "rgba.png",
+            "one-bit.png",
+            "gray16.png",
+            "rgb16.png",
+            "color.bmp",
+            "color.ppm",
+            "color.tif",
+            "color.webp",
+        ] {
+            assert_eq!(largest_difference_from_opencv(name), 0, "{name}");
+        }
+        for name in ["color.jpg", "progressive.jpg", "gray.jpg", "turned.jpg"] {
+            assert!(largest_difference_from_opencv(name) <= 1, "{name}");
+        }
+    }
+
+    #[test]
+    fn an_image_cut_off_anywhere_is_an_error() {
+        for name in [
+            "color.jpg",
+            "progressive.jpg",
+            "color.png",
+            "color.tif",
+            "color.ppm",
+        ] {
+            let bytes = fixture(name);
+            for length in 0..bytes.len() {
+                let cut = decode_gray(&bytes[..length]);
+                // A PNG is complete before its 12-byte end marker.
+                let complete = name.ends_with("png") && length >= bytes.len() - 12;
+                assert!(cut.is_err() || complete, "{name} cut to {length} bytes");
+            }
+        }
+    }
+
+    #[test]
+    fn errors_name_the_file_and_say_what_to_do() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("0001.jpg");
+        let message = |bytes: &[u8]| {
+            fs::write(&path, bytes).unwrap();
+            let error = read_gray(&path).unwrap_err();
+            assert_eq!(error.file, path);
+            format!("{}; {}", error.what, error.remedy)
+        };
+        let jpeg = fixture("color.jpg");
+        assert_eq!(
+            message(&jpeg[..jpeg.len() - 2]),
+            "the image is truncated; copy or download the file again"
+        );
+        assert!(message(b"<html>not found</html>").starts_with("not an image"));
+        assert!(message(b"").starts_with("not an image"));
+        assert!(message(&fixture("cmyk.jpg")).starts_with("unsupported pixels: CMYK"));
+        assert!(read_gray(&folder.path().join("none.png")).is_err());
+    }
+
+    #[test]
+    fn a_bomb_is_not_decoded() {
+        let bomb = b"P5 60000 60000 255\n";
+        let size = Size::new(60000, 60000);
+        assert_eq!(decode_gray(bomb), Err(DecodeError::TooLarge(size)));
+    }
+
+    #[test]
+    fn the_header_alone_tells_the_size() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in [
+            "color.jpg",
+            "progressive.jpg",
+            "color.png",
+            "color.bmp",
+            "color.webp",
+        ] {
+            let path = folder.path().join(name);
+            fs::write(&path, fixture(name)).unwrap();
+            assert_eq!(read_size(&path).unwrap(), Size::new(24, 17), "{name}");
+        }
+        let path = folder.path().join("half.png");
+        fs::write(&path, &fixture("color.png")[..100]).unwrap();
+        assert_eq!(read_size(&path).unwrap(), Size::new(24, 17));
+        fs::write(&path, "").unwrap();
+        assert!(read_size(&path).is_err());
+    }
+
+    #[test]
+    fn a_turned_picture_is_known_by_its_tag() {
+        assert_eq!(exif_orientation(&fixture("turned.jpg")), 6);
+        assert_eq!(exif_orientation(&fixture("color.jpg")), 1);
+        assert_eq!(exif_orientation(&fixture("color.png")), 1);
+        assert_eq!(exif_orientation(b""), 1);
+    }
+
+    proptest! {
+        #[test]
+        fn damaged_bytes_do_not_panic(
+            which in 0..4_usize,
+            at in 0..2000_usize,
+            byte in any::<u8>(),
+        ) {
+            let mut bytes = fixture(["turned.jpg", "progressive.jpg", "palette.png", "color.tif"][which]);
+            let at = at % bytes.len();
+            bytes[at] = byte;
+            let _ = decode_gray(&bytes);
+            let _ = exif_orientation(&bytes);
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! What can be wrong with a dataset: always a file, often a line, and what to do about it.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Something wrong with one file of a dataset.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}{}: {what}; {remedy}", .file.display(), .line.map(|n| format!(":{n}")).unwrap_or_default())]
+pub struct DatasetError {
+    /// The file or folder.
+    pub file: PathBuf,
+    /// The line in it, counted from 1, where there is one.
+    pub line: Option<usize>,
+    /// What is wrong.
+    pub what: String,
+    /// How to mend it.
+    pub remedy: String,
+}
+
+impl DatasetError {
+    /// An error about `file` as a whole.
+    pub fn new(
+        file: impl Into<PathBuf>,
+        what: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        Self {
+            file: file.into(),
+            line: None,
+            what: what.into(),
+            remedy: remedy.into(),
+        }
+    }
+
+    /// The same error, placed at `line`.
+    #[must_use]
+    pub fn at(self, line: usize) -> Self {
+        Self {
+            line: Some(line),
+            ..self
+        }
+    }
+
+    /// The system could not read or write `file`.
+    pub(super) fn io(file: &Path, error: &io::Error) -> Self {
+        let remedy = match error.kind() {
+            io::ErrorKind::NotFound => "check the path",
+            io::ErrorKind::PermissionDenied => "check the permissions",
+            io::ErrorKind::StorageFull => "free some space and try again",
+            _ => "check the file and the disk",
+        };
+        Self::new(file, error.to_string(), remedy)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_message_names_file_line_and_remedy() {
+        let error = DatasetError::new("a/pairs.txt", "13 columns, not 14", "add one");
+        assert_eq!(
+            error.to_string(),
+            "a/pairs.txt: 13 columns, not 14; add one"
+        );
+        assert_eq!(
+            error.at(7).to_string(),
+            "a/pairs.txt:7: 13 columns, not 14; add one"
+        );
+    }
+}

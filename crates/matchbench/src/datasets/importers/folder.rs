@@ -1,0 +1,115 @@
+//! A plain folder of images, a file of poses and a calibration matrix.
+//!
+//! Images lie in the folder or in its `images/`, `Images/` or `rgb/`, in natural order
+//! (`img2` before `img10`). `poses.txt` has one camera-to-world line per image, in that order:
+//! 12 numbers (KITTI) or `time tx ty tz qx qy qz qw` (TUM). Where the images are named by their
+//! times (`1341847980.722988.png`) and the poses are TUM's, they are associated by time instead.
+//! `camera.txt` or `K.txt` holds K, optionally followed by `k1 k2 p1 p2 [k3]`.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::Isometry3;
+
+use super::{ImportOptions, Imported, base_name, given_camera, note_of};
+use crate::datasets::images::image_files;
+use crate::datasets::text::TextFile;
+use crate::datasets::trajectory::{parse_kitti, parse_tum};
+use crate::datasets::{About, DatasetError, Frame};
+
+pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
+    let camera = given_camera(src, options, &["camera.txt", "K.txt"])?.ok_or_else(|| {
+        DatasetError::new(
+            src.join("camera.txt"),
+            "there is no calibration matrix",
+            "write fx 0 cx, 0 fy cy, 0 0 1 into this file",
+        )
+    })?;
+    let images = images(src)?;
+    let file = options
+        .poses
+        .clone()
+        .unwrap_or_else(|| src.join("poses.txt"));
+    let poses = poses(&TextFile::read(&file)?, &images, options)?;
+    let mut frames = Vec::new();
+    let mut left_out = Vec::new();
+    for (image, pose) in images.into_iter().zip(poses) {
+        if pose.is_none() {
+            left_out.push(base_name(&image));
+            continue;
+        }
+        frames.push(Frame {
+            image,
+            camera,
+            world_from_camera: pose,
+        });
+    }
+    Ok(Imported {
+        about: About {
+            origin: format!("folder {}", base_name(src)),
+            notes: note_of("images without a pose were left out", &left_out)
+                .into_iter()
+                .collect(),
+        },
+        frames,
+    })
+}
+
+fn images(src: &Path) -> Result<Vec<PathBuf>, DatasetError> {
+    for name in ["images", "Images", "rgb"] {
+        let folder = src.join(name);
+        if folder.is_dir() {
+            return image_files(&folder);
+        }
+    }
+    image_files(src)
+}
+
+/// The pose of every image.
+fn poses(
+    file: &TextFile,
+    images: &[PathBuf],
+    options: &ImportOptions<'_>,
+) -> Result<Vec<Option<Isometry3<f64>>>, DatasetError> {
+    let columns = file
+        .rows()
+        .next()
+        .map(|(_, row)| row.split_whitespace().count());
+    let poses: Vec<_> = match columns {
+        Some(8) => {
+            let trajectory = parse_tum(file)?;
+            if let Some(times) = times_in_names(images) {
+                return Ok(times
+                    .into_iter()
+                    .map(|time| options.association.pose_at(&trajectory, time))
+                    .collect());
+            }
+            trajectory.iter().map(|p| p.world_from_camera).collect()
+        }
+        Some(12) => parse_kitti(file)?,
+        _ => {
+            return Err(file.error(
+                "these are no poses",
+                "expected 12 numbers (KITTI) or time tx ty tz qx qy qz qw (TUM) per line",
+            ));
+        }
+    };
+    if poses.len() != images.len() {
+        return Err(file.error(
+            format!("{} poses for {} images", poses.len(), images.len()),
+            "give one line per image, or name the images by their times",
+        ));
+    }
+    Ok(poses.into_iter().map(Some).collect())
+}
+
+/// The times that the images are named by, if all of them are.
+fn times_in_names(images: &[PathBuf]) -> Option<Vec<f64>> {
+    images
+        .iter()
+        .map(|image| {
+            let stem = image.file_stem()?.to_str()?;
+            let time: f64 = stem.contains('.').then(|| stem.parse().ok())??;
+            time.is_finite().then_some(time)
+        })
+        .collect()
+}

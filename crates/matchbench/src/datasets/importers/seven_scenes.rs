@@ -1,0 +1,137 @@
+//! 7-Scenes (Shotton, Glocker, Zach, Izadi, Criminisi, Fitzgibbon: "Scene Coordinate Regression
+//! Forests for Camera Relocalization in RGB-D Images", CVPR 2013).
+//!
+//! `frame-000017.color.png` (or jpg) with `frame-000017.pose.txt`, a 4x4 camera-to-world matrix,
+//! in the source folder itself or in its `seq-NN/`. The poses come from KinectFusion and are those
+//! of the depth camera, so they are approximate for colour images. Where a file's pose is not
+//! finite (tracking was lost), the image is reported and left out.
+//!
+//! K is not distributed with the colour images. The default, 525 525 320 240, is the Kinect's
+//! nominal colour camera; `camera-intrinsics.txt`, which some copies add, is the depth camera's
+//! (585) and is not used. Another K can be given as an option or as `camera.txt`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use matchbench_vision::geometry::Camera;
+use nalgebra::Isometry3;
+
+use super::{ImportOptions, Imported, base_name, given_camera, note_of};
+use crate::datasets::images::image_files;
+use crate::datasets::text::{self, TextFile};
+use crate::datasets::{About, DatasetError, Frame};
+
+/// Nominal calibration of the Kinect's colour camera at 640x480.
+const KINECT_COLOR: Camera = Camera::pinhole(525.0, 525.0, 320.0, 240.0);
+
+pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
+    let folder = choose(src, options.sequence.as_deref())?;
+    let mut notes = Vec::new();
+    let given = given_camera(&folder, options, &["camera.txt", "K.txt"])?;
+    if given.is_none() {
+        notes.push(
+            "K 525 525 320 240, the Kinect's nominal colour camera, was assumed; camera.txt in the \
+             source replaces it"
+                .to_owned(),
+        );
+    }
+    let camera = given.unwrap_or(KINECT_COLOR);
+    let mut frames = Vec::new();
+    let mut left_out = Vec::new();
+    for image in image_files(&folder)? {
+        let name = base_name(&image);
+        let Some((stem, _)) = name.split_once(".color.") else {
+            continue; // depth images lie beside
+        };
+        let file = folder.join(format!("{stem}.pose.txt"));
+        match pose(&TextFile::read(&file)?)? {
+            None => left_out.push(name),
+            Some(pose) => frames.push(Frame {
+                image,
+                camera,
+                world_from_camera: Some(pose),
+            }),
+        }
+    }
+    notes.extend(note_of(
+        "images whose pose is not finite were left out",
+        &left_out,
+    ));
+    Ok(Imported {
+        about: About {
+            origin: format!("7-Scenes, {}", base_name(&folder)),
+            notes,
+        },
+        frames,
+    })
+}
+
+/// The source itself if it holds frames, else the wanted or only one of its `seq-NN`.
+fn choose(src: &Path, wanted: Option<&str>) -> Result<PathBuf, DatasetError> {
+    let entries = fs::read_dir(src).map_err(|error| DatasetError::io(src, &error))?;
+    let mut found: Vec<String> = entries
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .filter(|name| name.starts_with("seq-") && src.join(name).is_dir())
+        .collect();
+    found.sort();
+    let list = found.join(", ");
+    if let Some(number) = wanted {
+        let name = format!("seq-{number:0>2}");
+        return if found.contains(&name) {
+            Ok(src.join(name))
+        } else {
+            Err(DatasetError::new(
+                src,
+                format!("there is no folder {name}"),
+                format!("those here: {list}"),
+            ))
+        };
+    }
+    match found.as_slice() {
+        [] => Ok(src.to_owned()),
+        [only] => Ok(src.join(only)),
+        _ => Err(DatasetError::new(
+            src,
+            "there are several sequences",
+            format!("choose one of {list}"),
+        )),
+    }
+}
+
+/// The pose in a file of 4x4 numbers; `None` where one of them is not finite.
+fn pose(file: &TextFile) -> Result<Option<Isometry3<f64>>, DatasetError> {
+    let is_lost = |word: &str| {
+        let word = word.to_lowercase();
+        word.contains("nan") || word.contains("inf") || word.contains('#')
+    };
+    if file.text().split_whitespace().any(is_lost) {
+        return Ok(None);
+    }
+    let wrong = |what: String| file.error(what, "expected a 4x4 camera-to-world matrix");
+    let numbers = file.numbers()?;
+    let (motion, last) = numbers
+        .split_first_chunk::<12>()
+        .filter(|(_, last)| last.len() == 4)
+        .ok_or_else(|| wrong(format!("{} numbers where 16 are expected", numbers.len())))?;
+    if last != [0.0, 0.0, 0.0, 1.0] {
+        return Err(wrong("the last row is not 0 0 0 1".to_owned()));
+    }
+    text::rigid_motion(motion).map(Some).map_err(wrong)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pose_is_a_rigid_4x4_matrix_or_lost() {
+        let read = |text: &str| pose(&TextFile::new(Path::new("p"), text));
+        let eye = "1 0 0 5\t\n0 1 0 6 \n0 0 1 7\n0 0 0 1\n";
+        let found = read(eye).unwrap().unwrap();
+        assert_eq!(found.translation.vector.as_slice(), [5.0, 6.0, 7.0]);
+        assert_eq!(read(&eye.replace('5', "-1.#IND")), Ok(None));
+        assert_eq!(read(&eye.replace('5', "NaN")), Ok(None));
+        assert!(read("1 2 3").is_err());
+        assert!(read(&eye.replace("0 0 0 1", "0 0 0 2")).is_err());
+    }
+}

@@ -1,0 +1,351 @@
+//! Each importer on a small source made by hand.
+
+use std::fs;
+
+use super::super::{Severity, testing, validate};
+use super::*;
+
+/// Writes files (images where the name ends in `.png`) into a new folder.
+fn source(name: &str, files: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let src = folder.path().join(name);
+    for (file, text) in files {
+        let path = src.join(file);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        if path.extension().is_some_and(|extension| extension == "png") {
+            let image = testing::pixels(0);
+            let (width, height) = (image.width() as u32, image.height() as u32);
+            let color = image::ExtendedColorType::L8;
+            image::save_buffer(&path, image.data(), width, height, color).unwrap();
+        } else {
+            fs::write(path, text).unwrap();
+        }
+    }
+    (folder, src)
+}
+
+fn xs(imported: &Imported) -> Vec<f64> {
+    let x = |frame: &Frame| frame.world_from_camera.unwrap().translation.x;
+    imported.frames.iter().map(x).collect()
+}
+
+fn read(kind: &str, src: &Path) -> Result<Imported, DatasetError> {
+    read_source(kind, src, &ImportOptions::default())
+}
+
+const K: &str = "20 0 12\n0 20 8\n0 0 1\n";
+const KITTI_POSES: &str =
+    "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 1 0 1 0 0 0 0 1 0\n1 0 0 2 0 1 0 0 0 0 1 0";
+const TUM_POSES: &str = "# t x y z q\n1.00 0 0 0 0 0 0 1\n1.01 1 0 0 0 0 0 1\n2.00 2 0 0 0 0 0 1\n";
+
+#[test]
+fn tum_associates_by_time_and_reports_what_it_leaves_out() {
+    let rgb = "# color images\n1.004 rgb/a.png\n1.009 rgb/b.png\n1.5 rgb/gone.png\n2.0 rgb/c.png\n";
+    let files = [
+        ("rgb.txt", rgb),
+        ("groundtruth.txt", TUM_POSES),
+        ("rgb/a.png", ""),
+        ("rgb/b.png", ""),
+        ("rgb/c.png", ""),
+    ];
+    let (_folder, src) = source("rgbd_dataset_freiburg1_x", &files);
+    let found = read("tum", &src).unwrap();
+    assert_eq!(xs(&found), [0.0, 1.0, 2.0]);
+    assert_eq!(found.frames[0].camera.fx, 517.3);
+    assert_eq!(
+        found.about.notes,
+        ["1 images without a pose within 0.02 s were left out: rgb/gone.png"]
+    );
+    let options = ImportOptions {
+        association: Association {
+            interpolate: true,
+            ..Association::default()
+        },
+        ..ImportOptions::default()
+    };
+    let between = xs(&read_source("tum", &src, &options).unwrap());
+    assert!((between[0] - 0.4).abs() < 1e-9 && (between[1] - 0.9).abs() < 1e-9);
+
+    fs::remove_file(src.join("rgb/b.png")).unwrap();
+    let error = read("tum", &src).unwrap_err();
+    assert_eq!(
+        (error.line, error.what.as_str()),
+        (Some(3), "there is no image rgb/b.png")
+    );
+}
+
+#[test]
+fn tum_needs_a_known_camera() {
+    let files = [
+        ("rgb.txt", "1 a.png"),
+        ("groundtruth.txt", TUM_POSES),
+        ("a.png", ""),
+    ];
+    let (_folder, src) = source("my_room", &files);
+    assert!(
+        read("tum", &src)
+            .unwrap_err()
+            .what
+            .contains("freiburg1, 2 or 3")
+    );
+    fs::write(src.join("camera.txt"), K).unwrap();
+    assert_eq!(
+        read("tum", &src).unwrap().frames[0].camera,
+        Camera::pinhole(20.0, 20.0, 12.0, 8.0)
+    );
+}
+
+#[test]
+fn kitti_takes_the_pose_with_the_number_of_the_image() {
+    let calib = "P0: 20 0 12 0 0 20 8 0 0 0 1 0\nP1: 1\n";
+    let files = [
+        ("sequences/06/image_0/000000.png", ""),
+        ("sequences/06/image_0/000002.png", ""),
+        ("sequences/06/image_0/000003.png", ""),
+        ("sequences/06/calib.txt", calib),
+        ("poses/06.txt", KITTI_POSES),
+        ("poses/07.txt", KITTI_POSES),
+        ("sequences/08/image_0/000000.png", ""),
+    ];
+    let (_folder, src) = source("kitti", &files);
+    let found = read("kitti", &src).unwrap();
+    assert_eq!(xs(&found), [0.0, 2.0]);
+    assert_eq!(
+        found.about.notes[0],
+        "1 images without a pose were left out: 000003.png"
+    );
+    assert_eq!(found.about.origin, "KITTI odometry, sequence 06");
+
+    let with = |number: &str| ImportOptions {
+        sequence: Some(number.into()),
+        ..ImportOptions::default()
+    };
+    assert_eq!(read_source("kitti", &src, &with("6")).unwrap(), found);
+    let error = read_source("kitti", &src, &with("08")).unwrap_err();
+    assert!(error.to_string().contains("those here: 06"), "{error}");
+    fs::create_dir(src.join("sequences/07")).unwrap();
+    fs::create_dir(src.join("sequences/07/image_0")).unwrap();
+    let error = read("kitti", &src).unwrap_err();
+    assert!(
+        error.to_string().contains("choose one of 06, 07"),
+        "{error}"
+    );
+}
+
+#[test]
+fn strecha_gives_each_image_its_camera() {
+    let camera = |f: u32, x: u32| {
+        format!("{f} 0 12\n0 {f} 8\n0 0 1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n{x} 0 0\n24 17\n")
+    };
+    let (first, second) = (camera(20, 0), camera(21, 1));
+    let files = [
+        ("images/0000.png", ""),
+        ("images/0001.png", ""),
+        ("images/0002.png", ""),
+        ("images/0000.png.camera", first.as_str()),
+        ("gt_dense_cameras/0001.png.camera", second.as_str()),
+    ];
+    let (folder, src) = source("castle", &files);
+    let found = read("strecha", &src).unwrap();
+    assert_eq!(xs(&found), [0.0, 1.0]);
+    assert_eq!(found.frames[1].camera.fx, 21.0);
+    assert!(found.about.notes[0].ends_with("left out: 0002.png"));
+    // Cameras that differ stand in dataset.toml.
+    let out = folder.path().join("05");
+    import("strecha", &src, &out, &ImportOptions::default()).unwrap();
+    assert_eq!(Sequence::open(&out).unwrap().frames[1].camera.fx, 21.0);
+    assert_eq!(validate(&out), []);
+
+    fs::write(
+        src.join("images/0000.png.camera"),
+        first.replace("24 17", "48 34"),
+    )
+    .unwrap();
+    let error = read("strecha", &src).unwrap_err();
+    assert!(
+        error.what.contains("48x34 pixels, its image has 24x17"),
+        "{error}"
+    );
+}
+
+#[test]
+fn seven_scenes_skips_lost_poses() {
+    let pose = "1 0 0 3\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
+    let lost = pose.replace('3', "nan");
+    let files = [
+        ("seq-01/frame-000000.color.png", ""),
+        ("seq-01/frame-000000.depth.png", ""),
+        ("seq-01/frame-000000.pose.txt", pose),
+        ("seq-01/frame-000001.color.png", ""),
+        ("seq-01/frame-000001.pose.txt", lost.as_str()),
+    ];
+    let (_folder, src) = source("chess", &files);
+    let found = read("7scenes", &src).unwrap();
+    assert_eq!(xs(&found), [3.0]);
+    assert_eq!(
+        found.frames[0].camera,
+        Camera::pinhole(525.0, 525.0, 320.0, 240.0)
+    );
+    assert!(found.about.notes[0].contains("was assumed"));
+    assert!(found.about.notes[1].ends_with("left out: frame-000001.color.png"));
+    fs::create_dir(src.join("seq-02")).unwrap();
+    assert!(
+        read("7scenes", &src)
+            .unwrap_err()
+            .remedy
+            .contains("seq-01, seq-02")
+    );
+    fs::write(src.join("K.txt"), K).unwrap();
+    let options = ImportOptions {
+        sequence: Some("1".into()),
+        camera: Some(src.join("K.txt")),
+        ..ImportOptions::default()
+    };
+    assert_eq!(
+        read_source("7scenes", &src, &options).unwrap().frames[0]
+            .camera
+            .fx,
+        20.0
+    );
+    fs::remove_file(src.join("seq-01/frame-000000.pose.txt")).unwrap();
+    let error = read_source("7scenes", &src, &options).unwrap_err();
+    assert!(error.file.ends_with("frame-000000.pose.txt"));
+}
+
+#[test]
+fn a_plain_folder_takes_poses_in_either_format() {
+    let files = [
+        ("img1.png", ""),
+        ("img2.png", ""),
+        ("img10.png", ""),
+        ("poses.txt", KITTI_POSES),
+        ("tum.txt", TUM_POSES),
+        ("K.txt", K),
+    ];
+    let (_folder, src) = source("mine", &files);
+    let found = read("folder", &src).unwrap();
+    assert_eq!(xs(&found), [0.0, 1.0, 2.0]);
+    assert!(
+        found.frames[2].image.ends_with("img10.png"),
+        "natural order"
+    );
+    let with = |poses: &str| ImportOptions {
+        poses: Some(src.join(poses)),
+        ..ImportOptions::default()
+    };
+    assert_eq!(
+        read_source("folder", &src, &with("tum.txt")).unwrap(),
+        found
+    );
+    let error = read_source("folder", &src, &with("K.txt")).unwrap_err();
+    assert_eq!(error.what, "these are no poses");
+
+    fs::remove_file(src.join("img2.png")).unwrap();
+    assert_eq!(
+        read("folder", &src).unwrap_err().what,
+        "3 poses for 2 images"
+    );
+    // Named by their times, images need not be as many as the poses.
+    fs::rename(src.join("img1.png"), src.join("1.005.png")).unwrap();
+    fs::rename(src.join("img10.png"), src.join("2.5.png")).unwrap();
+    let found = read_source("folder", &src, &with("tum.txt")).unwrap();
+    assert_eq!(xs(&found), [0.0]);
+    fs::remove_file(src.join("K.txt")).unwrap();
+    assert!(
+        read("folder", &src)
+            .unwrap_err()
+            .file
+            .ends_with("camera.txt")
+    );
+}
+
+#[test]
+fn an_import_is_a_sound_dataset_with_the_frames_of_its_rule() {
+    let images: Vec<_> = (0..7).map(|i| format!("{i}.png")).collect();
+    let rows: Vec<_> = (0..7)
+        .map(|i| format!("1 0 0 {i} 0 1 0 0 0 0 1 0"))
+        .collect();
+    let poses = rows.join("\n");
+    let mut files: Vec<_> = images.iter().map(|name| (name.as_str(), "")).collect();
+    files.extend([("poses.txt", poses.as_str()), ("camera.txt", K)]);
+    let (folder, src) = source("mine", &files);
+    let import_as = |name: &str, rule: &str| {
+        let options = ImportOptions {
+            pairs: Some(rule.parse().unwrap()),
+            ..ImportOptions::default()
+        };
+        import("folder", &src, &folder.path().join(name), &options)
+    };
+    let report = import_as("wide", "window:2,stride:3").unwrap();
+    assert_eq!((report.frames, report.pairs), (3, 3));
+    let out = folder.path().join("wide");
+    assert_eq!(validate(&out), []);
+    let sequence = Sequence::open(&out).unwrap();
+    assert!(sequence.frames[1].image.ends_with("3.png"));
+    assert_eq!(sequence.pairs[0].b_from_a.translation.x, -3.0);
+
+    fs::write(src.join("list.txt"), "0 6\n5 1\n").unwrap();
+    let list = format!("list:{}", src.join("list.txt").display());
+    assert_eq!(import_as("listed", &list).unwrap().pairs, 2);
+    let pairs = Sequence::open(&folder.path().join("listed")).unwrap().pairs;
+    assert_eq!((pairs[1].a, pairs[1].b), (5, 1));
+    let error = import_as("none", "window:2,stride:9").unwrap_err();
+    assert!(error.what.contains("give no pair"), "{error}");
+    assert!(import_as("wide", "all").is_err(), "nothing is overwritten");
+}
+
+#[test]
+fn wrong_kinds_and_options_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let src = folder.path();
+    assert!(
+        read("euroc", src)
+            .unwrap_err()
+            .remedy
+            .contains("tum, kitti, strecha, 7scenes, folder")
+    );
+    assert!(
+        read("tum", &src.join("none"))
+            .unwrap_err()
+            .what
+            .contains("no such folder")
+    );
+    let sequence = ImportOptions {
+        sequence: Some("1".into()),
+        ..ImportOptions::default()
+    };
+    assert!(
+        read_source("tum", src, &sequence)
+            .unwrap_err()
+            .what
+            .contains("no numbered")
+    );
+    let poses = ImportOptions {
+        poses: Some("p.txt".into()),
+        ..ImportOptions::default()
+    };
+    assert!(read_source("kitti", src, &poses).is_err());
+    for kind in KINDS {
+        let error = read(kind.id, src).unwrap_err();
+        assert!(!error.remedy.is_empty(), "{error}");
+    }
+}
+
+#[test]
+fn damage_found_after_the_import_is_explained() {
+    let files = [
+        ("0.png", ""),
+        ("1.png", ""),
+        ("2.png", ""),
+        ("poses.txt", KITTI_POSES),
+        ("K.txt", K),
+    ];
+    let (folder, src) = source("mine", &files);
+    let out = folder.path().join("out");
+    import("folder", &src, &out, &ImportOptions::default()).unwrap();
+    fs::remove_file(src.join("1.png")).unwrap();
+    let problems = validate(&out);
+    assert_eq!(problems.len(), 1);
+    assert_eq!(problems[0].severity, Severity::Error);
+    assert!(problems[0].error.file.ends_with("mine/1.png"));
+}

@@ -1,0 +1,135 @@
+//! TUM RGB-D (Sturm, Engelhard, Endres, Burgard, Cremers: "A Benchmark for the Evaluation of
+//! RGB-D SLAM Systems", IROS 2012).
+//!
+//! `rgb.txt` lists times and image files, `groundtruth.txt` times and poses of the colour camera;
+//! an image takes the pose nearest in time ([`Association`](super::Association)). With the default
+//! of 0.02 s this reproduces every digit of the paper's sequence 01. Images without a pose are
+//! reported and left out. The colour cameras' published calibrations, by the folder's name:
+//!
+//! | name | fx | fy | cx | cy | k1 | k2 | p1 | p2 | k3 |
+//! | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
+//! | freiburg1, fr1 | 517.3 | 516.5 | 318.6 | 255.3 | 0.2624 | -0.9531 | -0.0054 | 0.0026 | 1.1633 |
+//! | freiburg2, fr2 | 520.9 | 521.0 | 325.1 | 249.7 | 0.2312 | -0.7849 | -0.0033 | -0.0001 | 0.9172 |
+//! | freiburg3, fr3 | 535.4 | 539.2 | 320.1 | 247.6 | rectified |
+
+use std::path::Path;
+
+use matchbench_vision::geometry::{Camera, Distortion};
+
+use super::{ImportOptions, Imported, base_name, given_camera, note_of};
+use crate::datasets::text::TextFile;
+use crate::datasets::trajectory::parse_tum;
+use crate::datasets::{About, DatasetError, Frame};
+
+pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
+    let list = TextFile::read(&src.join("rgb.txt"))?;
+    let trajectory = parse_tum(&TextFile::read(&src.join("groundtruth.txt"))?)?;
+    let camera = camera(src, options)?;
+    let mut frames = Vec::new();
+    let mut left_out = Vec::new();
+    for (line, row) in list.rows() {
+        let (time, name) = timed_name(row).map_err(|what| list.error_at(line, what))?;
+        match options.association.pose_at(&trajectory, time) {
+            None => left_out.push(name.to_owned()),
+            Some(pose) => {
+                let image = src.join(name);
+                if !image.is_file() {
+                    return Err(list.error_at(line, format!("there is no image {name}")));
+                }
+                frames.push(Frame {
+                    image,
+                    camera,
+                    world_from_camera: Some(pose),
+                });
+            }
+        }
+    }
+    let without = format!(
+        "images without a pose within {} s were left out",
+        options.association.tolerance
+    );
+    Ok(Imported {
+        about: About {
+            origin: format!("TUM RGB-D, {}", base_name(src)),
+            notes: note_of(&without, &left_out).into_iter().collect(),
+        },
+        frames,
+    })
+}
+
+/// `time filename`; the name may contain spaces.
+fn timed_name(row: &str) -> Result<(f64, &str), String> {
+    let (time, name) = row
+        .split_once(char::is_whitespace)
+        .ok_or("a time and a file name are expected")?;
+    match time.parse::<f64>() {
+        Ok(seconds) if seconds.is_finite() => Ok((seconds, name.trim())),
+        _ => Err(format!("`{time}` is not a time in seconds")),
+    }
+}
+
+fn camera(src: &Path, options: &ImportOptions<'_>) -> Result<Camera, DatasetError> {
+    if let Some(camera) = given_camera(src, options, &["camera.txt", "K.txt"])? {
+        return Ok(camera);
+    }
+    let name = base_name(src);
+    calibration(&name).ok_or_else(|| {
+        DatasetError::new(
+            src,
+            format!("`{name}` does not tell whether this is freiburg1, 2 or 3"),
+            "put camera.txt (3x3, optionally k1 k2 p1 p2 k3 below) into the folder, or name it so",
+        )
+    })
+}
+
+/// The published calibration of the colour camera, by the name of the sequence.
+fn calibration(name: &str) -> Option<Camera> {
+    let name = name.to_lowercase();
+    let is = |number: &str| {
+        name.contains(&format!("freiburg{number}")) || name.contains(&format!("fr{number}"))
+    };
+    let lens = |k1, k2, p1, p2, k3| Some(Distortion { k1, k2, p1, p2, k3 });
+    let (camera, distortion) = if is("1") {
+        (
+            Camera::pinhole(517.3, 516.5, 318.6, 255.3),
+            lens(0.2624, -0.9531, -0.0054, 0.0026, 1.1633),
+        )
+    } else if is("2") {
+        (
+            Camera::pinhole(520.9, 521.0, 325.1, 249.7),
+            lens(0.2312, -0.7849, -0.0033, -0.0001, 0.9172),
+        )
+    } else if is("3") {
+        (Camera::pinhole(535.4, 539.2, 320.1, 247.6), None)
+    } else {
+        return None;
+    };
+    Some(Camera {
+        distortion,
+        ..camera
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn calibrations_are_found_by_name() {
+        let fx = |name| calibration(name).map(|camera| camera.fx);
+        assert_eq!(fx("rgbd_dataset_freiburg1_desk"), Some(517.3));
+        assert_eq!(fx("fr2_xyz"), Some(520.9));
+        assert_eq!(fx("RGBD_Dataset_Freiburg3_teddy"), Some(535.4));
+        assert_eq!(fx("my_room"), None);
+        assert!(calibration("fr1").unwrap().distortion.is_some());
+        assert!(calibration("fr3").unwrap().distortion.is_none());
+    }
+
+    #[test]
+    fn a_row_without_time_or_name_is_refused() {
+        assert_eq!(timed_name("1.5  rgb/a b.png"), Ok((1.5, "rgb/a b.png")));
+        assert!(timed_name("1.5").is_err());
+        assert!(timed_name("nan x.png").is_err());
+        assert!(timed_name("x.png 1.5").is_err());
+    }
+}

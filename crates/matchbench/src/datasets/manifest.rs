@@ -1,0 +1,199 @@
+//! `dataset.toml`: what the authors' format cannot say.
+//!
+//! ```toml
+//! version = 1
+//! origin = "TUM RGB-D, rgbd_dataset_freiburg1_desk; pairs fragments:15"
+//! notes = ["2 images without a pose were left out: ..."]
+//! image_root = "/data/rgbd_dataset_freiburg1_desk"   # the one line to change if images move
+//! distortion = { k1 = 0.2624, k2 = -0.9531, p1 = -0.0054, p2 = 0.0026, k3 = 1.1633 }
+//!
+//! [[frames]]                       # one per frame, in order
+//! image = "rgb/1305031452.791720.png"
+//! camera = { fx = 517.3, fy = 516.5, cx = 318.6, cy = 255.3 }   # where it has its own
+//! ```
+//!
+//! Every key but `version` may be absent; an unknown key is an error.
+
+use std::path::{Path, PathBuf};
+
+use matchbench_vision::geometry::{Camera, Distortion};
+use serde::{Deserialize, Serialize};
+
+use super::DatasetError;
+use super::text::TextFile;
+
+/// File name of the manifest.
+pub(super) const FILE: &str = "dataset.toml";
+/// The version of the format written here.
+pub(super) const VERSION: u32 = 1;
+
+/// The contents of `dataset.toml`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Manifest {
+    /// [`VERSION`].
+    pub(super) version: u32,
+    /// Name of the dataset, if it is not the folder's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) name: Option<String>,
+    /// Where the data come from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) origin: Option<String>,
+    /// What the importer had to say.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) notes: Vec<String>,
+    /// Folder that relative image paths start from; itself relative to the dataset's folder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) image_root: Option<PathBuf>,
+    /// Lens distortion of the camera in `camera.txt`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) distortion: Option<Distortion>,
+    /// One entry per frame, or none at all.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) frames: Vec<ManifestFrame>,
+}
+
+/// What is said about one frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ManifestFrame {
+    /// Its image, if it is not `Images/%04d.*`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) image: Option<PathBuf>,
+    /// Its camera, if it is not that of `camera.txt`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) camera: Option<Camera>,
+}
+
+impl Default for Manifest {
+    fn default() -> Self {
+        Self {
+            version: VERSION,
+            name: None,
+            origin: None,
+            notes: Vec::new(),
+            image_root: None,
+            distortion: None,
+            frames: Vec::new(),
+        }
+    }
+}
+
+impl Manifest {
+    /// Reads a manifest.
+    pub(super) fn parse(file: &TextFile) -> Result<Self, DatasetError> {
+        let manifest: Self = toml::from_str(file.text()).map_err(|error| {
+            let what = file.error(
+                error.message().replace('\n', ", "),
+                "correct this line; the reference of dataset.toml lists all keys",
+            );
+            match error.span() {
+                Some(span) => what.at(line_of(file.text(), span.start)),
+                None => what,
+            }
+        })?;
+        if manifest.version != VERSION {
+            return Err(file.error(
+                format!("version {} of dataset.toml is not known", manifest.version),
+                format!("use a newer matchbench, or write version = {VERSION}"),
+            ));
+        }
+        if let Some(name) = &manifest.name
+            && !is_plain_name(name)
+        {
+            return Err(file.error(
+                format!("`{name}` cannot be the name of a dataset: it names folders of results"),
+                "use letters, digits, dots, dashes and underscores",
+            ));
+        }
+        Ok(manifest)
+    }
+
+    /// Where the image of frame `index` is, if the manifest says so.
+    pub(super) fn image(&self, dataset: &Path, index: usize) -> Option<PathBuf> {
+        let image = self.frames.get(index)?.image.as_ref()?;
+        Some(self.image_root(dataset).join(image))
+    }
+
+    /// The folder that relative image paths start from.
+    pub(super) fn image_root(&self, dataset: &Path) -> PathBuf {
+        dataset.join(self.image_root.as_deref().unwrap_or(Path::new("")))
+    }
+}
+
+/// Whether `name` can be the name of a folder on every system.
+fn is_plain_name(name: &str) -> bool {
+    !name.is_empty()
+        && !name.starts_with('.')
+        && name
+            .chars()
+            .all(|c| c.is_alphanumeric() || "._- +@".contains(c))
+}
+
+fn line_of(text: &str, byte: usize) -> usize {
+    text.bytes().take(byte).filter(|&b| b == b'\n').count() + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn parse(text: &str) -> Result<Manifest, DatasetError> {
+        Manifest::parse(&TextFile::new(Path::new("dataset.toml"), text))
+    }
+
+    #[test]
+    fn an_unknown_key_is_named_with_its_line() {
+        let error = parse("version = 1\norigin = \"x\"\ncolour = true\n").unwrap_err();
+        assert_eq!(error.line, Some(3));
+        assert!(error.what.contains("colour"), "{error}");
+        let error = parse("version = 1\n[[frames]]\nimage = \"a\"\nfocal = 1\n").unwrap_err();
+        assert_eq!(error.line, Some(4));
+    }
+
+    #[test]
+    fn another_version_and_a_dangerous_name_are_refused() {
+        assert!(parse("version = 2").unwrap_err().what.contains("version 2"));
+        for name in ["", "..", "a/b", "a\\b", ".hidden"] {
+            assert!(parse(&format!("version = 1\nname = '{name}'")).is_err());
+        }
+        assert!(parse("version = 1\nname = '05-castle'").is_ok());
+    }
+
+    #[test]
+    fn what_is_written_reads_back() {
+        let manifest = Manifest {
+            name: Some("desk".into()),
+            notes: vec!["a \"quoted\" note".into()],
+            image_root: Some("/data/with space".into()),
+            distortion: Some(Distortion {
+                k1: 0.1 + 0.2,
+                k2: -1e-17,
+                p1: 0.0,
+                p2: 5e300,
+                k3: 1.0,
+            }),
+            frames: vec![ManifestFrame {
+                image: Some("rgb/1.5.png".into()),
+                camera: Some(Camera::pinhole(1.0 / 3.0, 2.0, 3.0, 4.0)),
+            }],
+            ..Manifest::default()
+        };
+        let text = toml::to_string(&manifest).unwrap();
+        assert_eq!(parse(&text).unwrap(), manifest);
+        assert_eq!(
+            manifest.image(Path::new("set"), 0),
+            Some("/data/with space/rgb/1.5.png".into())
+        );
+        assert_eq!(manifest.image(Path::new("set"), 1), None);
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in "(version = 1\n)?.{0,60}") {
+            let _ = parse(&text);
+        }
+    }
+}

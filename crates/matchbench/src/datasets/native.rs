@@ -1,0 +1,389 @@
+//! The authors' format, read as published.
+//!
+//! ```text
+//! NAME/camera.txt       3x3 calibration matrix
+//! NAME/pairs.txt        a b r11 r12 r13 t1 r21 ... t3: b_from_a, x_b = R x_a + t
+//! NAME/Images/0000.png  frame 0 (%04d, any decodable format), 0001.png ...
+//! NAME/Images/pose.txt  one row of 12 numbers per frame: [R t], camera-to-world; may be absent
+//! NAME/dataset.toml     ours, for what these files cannot say; may be absent
+//! ```
+//!
+//! One reader serves two callers: it goes on after an error and notes it, [`Sequence::open`]
+//! stops at the first one, `validate` reports all.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use matchbench_vision::geometry::{Camera, Distortion};
+use nalgebra::{Isometry3, Matrix3};
+
+use super::images::frame_images;
+use super::manifest::{self, Manifest};
+use super::pairs::pair_indices;
+use super::text::{self, TextFile};
+use super::validate::Problem;
+use super::{DatasetError, Frame, Pair, Sequence, Severity};
+
+pub(super) const IMAGES: &str = "Images";
+pub(super) const POSES: &str = "pose.txt";
+pub(super) const CAMERA: &str = "camera.txt";
+pub(super) const PAIRS: &str = "pairs.txt";
+
+impl Sequence {
+    /// Opens the dataset in the folder `dir`. Images are not read; that is `validate`'s part.
+    ///
+    /// # Errors
+    /// The first thing that is wrong with its text files, or an image that is not there.
+    pub fn open(dir: &Path) -> Result<Self, DatasetError> {
+        let mut problems = Vec::new();
+        let contents = Contents::read(dir, &mut problems);
+        if let Some(problem) = problems
+            .into_iter()
+            .find(|problem| problem.severity == Severity::Error)
+        {
+            return Err(problem.error);
+        }
+        let cameras = contents.cameras();
+        let frames = contents
+            .images
+            .into_iter()
+            .zip(cameras)
+            .enumerate()
+            .map(|(index, (image, camera))| Frame {
+                image,
+                camera: camera.expect("a frame without a camera is an error"),
+                world_from_camera: contents.poses.get(index).map(|&(_, pose)| pose),
+            })
+            .collect();
+        Ok(Self {
+            name: contents.name,
+            frames,
+            pairs: contents.pairs.into_iter().map(|(_, pair)| pair).collect(),
+        })
+    }
+}
+
+/// Reads a `pairs.txt`: the ground truth alone, for scoring without images.
+///
+/// # Errors
+/// If the file cannot be read or a line is wrong.
+pub fn read_pairs(file: &Path) -> Result<Vec<Pair>, DatasetError> {
+    let mut problems = Vec::new();
+    let pairs = parse_pairs(&TextFile::read(file)?, None, &mut problems);
+    match problems.into_iter().next() {
+        Some(problem) => Err(problem.error),
+        None => Ok(pairs.into_iter().map(|(_, pair)| pair).collect()),
+    }
+}
+
+/// Everything the text files of a dataset say, each item with its line.
+#[derive(Debug, Default)]
+pub(super) struct Contents {
+    pub(super) name: String,
+    pub(super) manifest: Manifest,
+    /// K of `camera.txt` with the manifest's distortion.
+    pub(super) camera: Option<Camera>,
+    pub(super) images: Vec<PathBuf>,
+    pub(super) poses: Vec<(usize, Isometry3<f64>)>,
+    pub(super) pairs: Vec<(usize, Pair)>,
+}
+
+impl Contents {
+    pub(super) fn read(dir: &Path, problems: &mut Vec<Problem>) -> Self {
+        if !dir.is_dir() {
+            problems.push(
+                DatasetError::new(dir, "no such folder", "give the folder of a dataset").into(),
+            );
+            return Self::default();
+        }
+        let mut note = |error: DatasetError| problems.push(error.into());
+        let manifest = optional(&dir.join(manifest::FILE))
+            .and_then(|file| file.as_ref().map(Manifest::parse).transpose())
+            .unwrap_or_else(|error| {
+                note(error);
+                None
+            })
+            .unwrap_or_default();
+        let name = manifest.name.clone().unwrap_or_else(|| folder_name(dir));
+        let all_have_cameras =
+            !manifest.frames.is_empty() && manifest.frames.iter().all(|f| f.camera.is_some());
+        let camera_file = dir.join(CAMERA);
+        let camera = if all_have_cameras && !camera_file.exists() {
+            None
+        } else {
+            TextFile::read(&camera_file)
+                .and_then(|file| parse_camera(&file))
+                .map_err(&mut note)
+                .ok()
+        };
+        let camera = camera.map(|pinhole| Camera {
+            distortion: manifest.distortion.or(pinhole.distortion),
+            ..pinhole
+        });
+
+        let images = frame_images(dir, &manifest, problems);
+        let poses_file = dir.join(IMAGES).join(POSES);
+        let poses = match optional(&poses_file) {
+            Ok(Some(file)) => parse_poses(&file, images.len(), problems),
+            Ok(None) => Vec::new(),
+            Err(error) => {
+                problems.push(error.into());
+                Vec::new()
+            }
+        };
+        let pairs = match TextFile::read(&dir.join(PAIRS)) {
+            Ok(file) => {
+                // Without images every row would be out of range; one error is enough.
+                let frames = (!images.is_empty()).then_some(images.len());
+                parse_pairs(&file, frames, problems)
+            }
+            Err(error) => {
+                problems.push(error.into());
+                Vec::new()
+            }
+        };
+        Self {
+            name,
+            manifest,
+            camera,
+            images,
+            poses,
+            pairs,
+        }
+    }
+
+    /// The camera of every frame; `None` where neither the manifest nor `camera.txt` has one.
+    pub(super) fn cameras(&self) -> Vec<Option<Camera>> {
+        (0..self.images.len())
+            .map(|index| {
+                let own = self.manifest.frames.get(index).and_then(|f| f.camera);
+                own.or(self.camera)
+            })
+            .collect()
+    }
+}
+
+/// The last part of the folder's path, also for `.` and `..`.
+fn folder_name(dir: &Path) -> String {
+    let real = fs::canonicalize(dir).unwrap_or_else(|_| dir.to_owned());
+    real.file_name()
+        .map_or_else(|| "dataset".into(), |name| name.to_string_lossy().into())
+}
+
+fn optional(path: &Path) -> Result<Option<TextFile>, DatasetError> {
+    if path.exists() {
+        TextFile::read(path).map(Some)
+    } else {
+        Ok(None)
+    }
+}
+
+/// A calibration matrix, optionally followed by the distortion `k1 k2 p1 p2 [k3]`.
+pub(super) fn parse_camera(file: &TextFile) -> Result<Camera, DatasetError> {
+    let numbers = file.numbers()?;
+    let (k, lens) = match numbers.len() {
+        9 | 13 | 14 => numbers.split_at(9),
+        found => {
+            return Err(file.error(
+                format!("{found} numbers where the 9 of a calibration matrix are expected"),
+                "write fx 0 cx, 0 fy cy and 0 0 1 in three lines",
+            ));
+        }
+    };
+    let camera = Camera::from_matrix(&Matrix3::from_row_slice(k))
+        .map_err(|error| file.error(error.to_string(), "write fx 0 cx, 0 fy cy, 0 0 1"))?;
+    let distortion = (!lens.is_empty()).then(|| Distortion {
+        k1: lens[0],
+        k2: lens[1],
+        p1: lens[2],
+        p2: lens[3],
+        k3: lens.get(4).copied().unwrap_or(0.0),
+    });
+    Ok(Camera {
+        distortion,
+        ..camera
+    })
+}
+
+fn parse_poses(
+    file: &TextFile,
+    frames: usize,
+    problems: &mut Vec<Problem>,
+) -> Vec<(usize, Isometry3<f64>)> {
+    let rows: Vec<_> = file.rows().collect();
+    if rows.len() != frames {
+        problems.push(
+            file.error(
+                format!("{} poses for {frames} images", rows.len()),
+                "give one row per image, in the images' order",
+            )
+            .into(),
+        );
+    }
+    rows.into_iter()
+        .map(|(line, row)| {
+            let pose = text::exactly(row).and_then(|numbers| text::rigid_motion(&numbers));
+            let pose = pose.unwrap_or_else(|what| {
+                problems.push(file.error_at(line, what).into());
+                Isometry3::identity()
+            });
+            (line, pose)
+        })
+        .collect()
+}
+
+fn parse_pairs(
+    file: &TextFile,
+    frames: Option<usize>,
+    problems: &mut Vec<Problem>,
+) -> Vec<(usize, Pair)> {
+    let mut first_line = BTreeMap::new();
+    let mut pairs = Vec::new();
+    for (line, row) in file.rows() {
+        match parse_pair(row, frames) {
+            Err(what) => problems.push(file.error_at(line, what).into()),
+            Ok(pair) => match first_line.entry((pair.a, pair.b)) {
+                Entry::Occupied(first) => {
+                    let what = format!(
+                        "the pair {} {} stands in line {} already",
+                        pair.a,
+                        pair.b,
+                        first.get()
+                    );
+                    problems.push(file.error_at(line, what).into());
+                }
+                Entry::Vacant(place) => {
+                    place.insert(line);
+                    pairs.push((line, pair));
+                }
+            },
+        }
+    }
+    if file.rows().next().is_none() {
+        problems.push(
+            file.error("there are no pairs", "list the pairs to be matched")
+                .into(),
+        );
+    }
+    pairs
+}
+
+fn parse_pair(row: &str, frames: Option<usize>) -> Result<Pair, String> {
+    let (a, b) = pair_indices(row, frames)?;
+    let numbers: [f64; 14] = text::exactly(row)?;
+    let motion = numbers[2..].try_into().expect("12 of 14 numbers are left");
+    Ok(Pair {
+        a,
+        b,
+        b_from_a: text::rigid_motion(&motion)?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::testing;
+    use super::*;
+
+    #[test]
+    fn a_published_folder_is_read_with_all_its_irregularities() {
+        let folder = tempfile::tempdir().unwrap();
+        let dir = folder.path().join("09-mine");
+        let file = |name: &str, text: &str| fs::write(dir.join(name), text).unwrap();
+        fs::create_dir_all(dir.join("Images")).unwrap();
+        file("camera.txt", "535.4 0 320.1 \r\n0   539.2 247.6 \r\n0 0 1");
+        file("Images/0000.png", "");
+        file("Images/0001.JPG", "");
+        file(
+            "Images/pose.txt",
+            "\u{feff}1 0 0 0 0 1 0 0 0 0 1 0 \r\n\r\n0.999999 0 0 2 0 1 0 0 0 0 1 0",
+        );
+        file("pairs.txt", "0   1 1 0 0 -2 0 1 0 0 0 0 1 0  \n\n");
+        let sequence = Sequence::open(&dir).unwrap();
+        assert_eq!(sequence.name, "09-mine");
+        assert_eq!(sequence.frames.len(), 2);
+        assert_eq!(sequence.frames[1].image, dir.join("Images/0001.JPG"));
+        assert_eq!(
+            sequence.frames[0].camera,
+            Camera::pinhole(535.4, 539.2, 320.1, 247.6)
+        );
+        let pose = sequence.frames[1].world_from_camera.unwrap();
+        assert_eq!(pose, Isometry3::translation(2.0, 0.0, 0.0));
+        assert_eq!((sequence.pairs[0].a, sequence.pairs[0].b), (0, 1));
+        assert_eq!(sequence.pairs[0].b_from_a, pose.inverse());
+        assert_eq!(read_pairs(&dir.join("pairs.txt")).unwrap(), sequence.pairs);
+    }
+
+    #[test]
+    fn poses_may_be_absent_but_images_may_not() {
+        let (_folder, dir) = testing::dataset();
+        fs::remove_file(dir.join("Images/pose.txt")).unwrap();
+        let sequence = Sequence::open(&dir).unwrap();
+        assert!(
+            sequence
+                .frames
+                .iter()
+                .all(|f| f.world_from_camera.is_none())
+        );
+        fs::remove_file(dir.join("Images/0002.png")).unwrap();
+        let error = Sequence::open(&dir).unwrap_err().to_string();
+        assert!(error.contains("0002, is missing"), "{error}");
+        let error = Sequence::open(&dir.join("nowhere")).unwrap_err();
+        assert_eq!(error.what, "no such folder");
+    }
+
+    #[test]
+    fn the_manifest_renames_redirects_and_bends() {
+        let (_folder, dir) = testing::dataset();
+        fs::rename(dir.join("Images/0003.png"), dir.join("last.png")).unwrap();
+        let manifest = "version = 1\nname = \"other\"\n\
+            distortion = { k1 = 0.1, k2 = 0, p1 = 0, p2 = 0, k3 = 0 }\n\
+            [[frames]]\nimage = \"Images/0000.png\"\n[[frames]]\nimage = \"Images/0001.png\"\n\
+            [[frames]]\nimage = \"Images/0002.png\"\n[[frames]]\nimage = \"last.png\"\n\
+            camera = { fx = 1, fy = 1, cx = 2, cy = 3 }\n";
+        fs::write(dir.join("dataset.toml"), manifest).unwrap();
+        let sequence = Sequence::open(&dir).unwrap();
+        assert_eq!(sequence.name, "other");
+        assert_eq!(sequence.frames[3].image, dir.join("last.png"));
+        assert_eq!(
+            sequence.frames[3].camera,
+            Camera::pinhole(1.0, 1.0, 2.0, 3.0)
+        );
+        assert_eq!(sequence.frames[0].camera.distortion.unwrap().k1, 0.1);
+    }
+
+    #[test]
+    fn a_camera_file_may_carry_distortion() {
+        let parse = |text: &str| parse_camera(&TextFile::new(Path::new("K.txt"), text));
+        let k = "5 0 2\n0 5 2\n0 0 1\n";
+        assert_eq!(parse(k), Ok(Camera::pinhole(5.0, 5.0, 2.0, 2.0)));
+        let lens = parse(&format!("{k}0.1 0.2 0.3 0.4"))
+            .unwrap()
+            .distortion
+            .unwrap();
+        assert_eq!((lens.k1, lens.p2, lens.k3), (0.1, 0.4, 0.0));
+        assert!(parse("5 0 2 0 5 2").unwrap_err().what.contains("6 numbers"));
+        assert!(
+            parse("5 1 2 0 5 2 0 0 1")
+                .unwrap_err()
+                .what
+                .contains("skew")
+        );
+        assert_eq!(parse("5 0 2\n0 x 2\n0 0 1").unwrap_err().line, Some(2));
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in "([-0-9.e]{1,4}[ \n]){0,40}|.{0,60}") {
+            let file = TextFile::new(Path::new("t"), &text);
+            let mut problems = Vec::new();
+            let _ = parse_camera(&file);
+            parse_poses(&file, 2, &mut problems);
+            parse_pairs(&file, Some(2), &mut problems);
+            parse_pairs(&file, None, &mut problems);
+        }
+    }
+}

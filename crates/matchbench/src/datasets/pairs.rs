@@ -1,0 +1,314 @@
+//! Which frames are matched with which: the paper's two portions and what users add.
+//!
+//! | rule | pairs | in the paper (Sec. 4) |
+//! | --- | --- | --- |
+//! | `fragments:15` | the first frame of every 15 with each of the other 14 | 01-03; 04 with 5 |
+//! | `all` | every frame with every later one | 05 |
+//! | `window:9` | every frame with the next 9 | |
+//! | `window:9,stride:15` | the same among every 15th frame | 06-08 |
+//! | `list:FILE` | as listed: `a b` per line, further columns are ignored | |
+//!
+//! A stride leaves frames out of the dataset: those kept are numbered anew from 0, as in the
+//! authors' sequences 06-08. The order is that of the authors' files: by `a`, then by `b`.
+
+use std::collections::HashSet;
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use nalgebra::Isometry3;
+
+use super::text::TextFile;
+use super::{DatasetError, Frame, Pair};
+
+/// A rule that chooses pairs of frames.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PairRule {
+    /// Consecutive fragments of `length` frames, the first of each matched to the others.
+    Fragments {
+        /// Frames in a fragment, at least 2; the last fragment may be shorter.
+        length: usize,
+    },
+    /// Every frame with every later one.
+    All,
+    /// Every kept frame with the next `size` kept ones.
+    Window {
+        /// Frames that one is matched to, at least 1.
+        size: usize,
+        /// Every `stride`-th frame is kept, beginning with the first; at least 1.
+        stride: usize,
+    },
+    /// The pairs listed in a file.
+    List {
+        /// Text file with `a b` in each line.
+        file: PathBuf,
+    },
+}
+
+/// A pair rule that cannot be understood.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "unknown pair rule `{0}`: use fragments:N (N at least 2), all, window:N, window:N,stride:S \
+     or list:FILE"
+)]
+pub struct PairRuleError(String);
+
+impl FromStr for PairRule {
+    type Err = PairRuleError;
+
+    fn from_str(text: &str) -> Result<Self, PairRuleError> {
+        let unknown = || PairRuleError(text.to_owned());
+        let number = |digits: &str, least: usize| match digits.trim().parse() {
+            Ok(n) if n >= least => Ok(n),
+            _ => Err(unknown()),
+        };
+        if text == "all" {
+            return Ok(Self::All);
+        }
+        match text.split_once(':').ok_or_else(unknown)? {
+            ("fragments", length) => Ok(Self::Fragments {
+                length: number(length, 2)?,
+            }),
+            ("window", rest) => {
+                let (size, stride) = match rest.split_once(',') {
+                    None => (rest, "1"),
+                    Some((size, stride)) => {
+                        let stride = stride.trim().strip_prefix("stride:").ok_or_else(unknown)?;
+                        (size, stride)
+                    }
+                };
+                Ok(Self::Window {
+                    size: number(size, 1)?,
+                    stride: number(stride, 1)?,
+                })
+            }
+            ("list", file) if !file.is_empty() => Ok(Self::List { file: file.into() }),
+            _ => Err(unknown()),
+        }
+    }
+}
+
+impl fmt::Display for PairRule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fragments { length } => write!(f, "fragments:{length}"),
+            Self::All => f.write_str("all"),
+            Self::Window { size, stride: 1 } => write!(f, "window:{size}"),
+            Self::Window { size, stride } => write!(f, "window:{size},stride:{stride}"),
+            Self::List { file } => write!(f, "list:{}", file.display()),
+        }
+    }
+}
+
+impl PairRule {
+    /// Every how manieth frame stays in the dataset.
+    pub fn stride(&self) -> usize {
+        match self {
+            Self::Window { stride, .. } => *stride,
+            _ => 1,
+        }
+    }
+
+    /// The pairs `(a, b)` among `kept` frames, numbered after the stride was applied.
+    ///
+    /// # Errors
+    /// If the list cannot be read or names a frame that does not exist, a frame with itself or a
+    /// pair twice.
+    pub fn pairs(&self, kept: usize) -> Result<Vec<(u32, u32)>, DatasetError> {
+        let with_next = |size: usize| {
+            move |a: usize| {
+                (a + 1..kept.min(a.saturating_add(size).saturating_add(1))).map(move |b| (a, b))
+            }
+        };
+        let pairs: Vec<(usize, usize)> = match self {
+            Self::Fragments { length } => (0..kept)
+                .step_by(*length)
+                .flat_map(with_next(length - 1))
+                .collect(),
+            Self::All => (0..kept).flat_map(with_next(kept)).collect(),
+            Self::Window { size, .. } => (0..kept).flat_map(with_next(*size)).collect(),
+            Self::List { file } => return listed(&TextFile::read(file)?, kept),
+        };
+        Ok(pairs
+            .into_iter()
+            .map(|(a, b)| (a as u32, b as u32))
+            .collect())
+    }
+
+    /// Applies the rule: the frames that stay, and their pairs with the true relative poses.
+    ///
+    /// # Errors
+    /// As [`PairRule::pairs`], and if a frame of a pair has no pose.
+    pub(super) fn apply(
+        &self,
+        frames: Vec<Frame>,
+    ) -> Result<(Vec<Frame>, Vec<Pair>), DatasetError> {
+        let frames: Vec<Frame> = frames.into_iter().step_by(self.stride()).collect();
+        let pose = |index: u32| {
+            let frame = &frames[index as usize];
+            frame.world_from_camera.as_ref().ok_or_else(|| {
+                DatasetError::new(
+                    &frame.image,
+                    "the image has no pose",
+                    "leave it out or give its pose",
+                )
+            })
+        };
+        let pairs = self
+            .pairs(frames.len())?
+            .into_iter()
+            .map(|(a, b)| {
+                Ok(Pair {
+                    a,
+                    b,
+                    b_from_a: relative_pose(pose(a)?, pose(b)?),
+                })
+            })
+            .collect::<Result<_, DatasetError>>()?;
+        Ok((frames, pairs))
+    }
+}
+
+/// `b_from_a` of two cameras whose poses in the world are known.
+pub fn relative_pose(
+    world_from_a: &Isometry3<f64>,
+    world_from_b: &Isometry3<f64>,
+) -> Isometry3<f64> {
+    world_from_b.inverse() * world_from_a
+}
+
+fn listed(file: &TextFile, kept: usize) -> Result<Vec<(u32, u32)>, DatasetError> {
+    let mut seen = HashSet::new();
+    file.rows()
+        .map(|(line, row)| {
+            let pair = pair_indices(row, Some(kept)).map_err(|what| file.error_at(line, what))?;
+            if !seen.insert(pair) {
+                return Err(file.error_at(line, "the pair stands here a second time"));
+            }
+            Ok(pair)
+        })
+        .collect()
+}
+
+/// The two frames that a row begins with, if they are different and below `frames`.
+pub(super) fn pair_indices(row: &str, frames: Option<usize>) -> Result<(u32, u32), String> {
+    let mut words = row.split_whitespace();
+    let mut index = || {
+        let word = words.next().ok_or("two frame numbers are expected")?;
+        let index: u32 = word
+            .parse()
+            .map_err(|_| format!("`{word}` is not the number of a frame"))?;
+        match frames {
+            Some(count) if index as usize >= count => Err(format!(
+                "frame {index} does not exist: there are {count}, numbered from 0"
+            )),
+            _ => Ok(index),
+        }
+    };
+    let (a, b) = (index()?, index()?);
+    if a == b {
+        return Err(format!("frame {a} is matched with itself"));
+    }
+    Ok((a, b))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn count(rule: &str, frames: usize) -> usize {
+        let rule: PairRule = rule.parse().unwrap();
+        let kept = frames.div_ceil(rule.stride());
+        rule.pairs(kept).unwrap().len()
+    }
+
+    /// Frames and pairs of the published sequences 01 to 08.
+    #[test]
+    fn the_papers_counts_are_reproduced() {
+        assert_eq!(count("fragments:15", 2583), 2410);
+        assert_eq!(count("fragments:15", 2405), 2244);
+        assert_eq!(count("fragments:15", 1006), 938);
+        assert_eq!(count("fragments:5", 4541), 3632);
+        assert_eq!(count("all", 30), 435);
+        assert_eq!(count("window:9,stride:15", 2583), 1512);
+        assert_eq!(count("window:9,stride:15", 2405), 1404);
+        assert_eq!(count("window:9,stride:15", 1006), 567);
+    }
+
+    #[test]
+    fn each_rule_chooses_what_it_says() {
+        let pairs = |rule: &str| rule.parse::<PairRule>().unwrap().pairs(5).unwrap();
+        assert_eq!(pairs("fragments:3"), [(0, 1), (0, 2), (3, 4)]);
+        assert_eq!(
+            pairs("window:2"),
+            [(0, 1), (0, 2), (1, 2), (1, 3), (2, 3), (2, 4), (3, 4)]
+        );
+        assert_eq!(pairs("all").len(), 10);
+        assert_eq!(pairs("fragments:2"), [(0, 1), (2, 3)]);
+    }
+
+    #[test]
+    fn no_frames_no_pairs() {
+        for rule in ["fragments:15", "all", "window:9", "window:9,stride:15"] {
+            assert_eq!(count(rule, 0), 0);
+            assert_eq!(count(rule, 1), 0);
+        }
+        assert_eq!(count(&format!("window:{}", usize::MAX), 3), 3);
+    }
+
+    #[test]
+    fn rules_print_as_they_are_written() {
+        for text in [
+            "fragments:15",
+            "all",
+            "window:9",
+            "window:9,stride:15",
+            "list:my pairs.txt",
+        ] {
+            assert_eq!(text.parse::<PairRule>().unwrap().to_string(), text);
+        }
+        for text in [
+            "",
+            "al",
+            "fragments",
+            "fragments:1",
+            "fragments:x",
+            "window:0",
+            "window:9,stride:0",
+            "window:9,step:2",
+            "list:",
+            "all:3",
+        ] {
+            let error = text.parse::<PairRule>().unwrap_err().to_string();
+            assert!(error.contains(&format!("`{text}`")), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_list_may_carry_more_columns_but_no_impossible_pairs() {
+        let list = |text: &str| listed(&TextFile::new(Path::new("list.txt"), text), 3);
+        assert_eq!(list("0 2 1 0 0\r\n\r\n2   1").unwrap(), [(0, 2), (2, 1)]);
+        for (text, message) in [
+            ("0 1\n0 3", "list.txt:2: frame 3 does not exist"),
+            ("1 1", "list.txt:1: frame 1 is matched with itself"),
+            ("0 1\n0 1", "list.txt:2: the pair stands here a second time"),
+            ("0", "list.txt:1: two frame numbers"),
+            ("0 -1", "list.txt:1: `-1` is not the number"),
+        ] {
+            let error = list(text).unwrap_err().to_string();
+            assert!(error.starts_with(message), "{error}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in ".{0,40}") {
+            let _ = text.parse::<PairRule>();
+            let _ = listed(&TextFile::new(Path::new("t"), &text), 3);
+        }
+    }
+}

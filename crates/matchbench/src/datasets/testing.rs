@@ -1,0 +1,57 @@
+//! Small datasets for the tests of this room.
+
+use std::path::PathBuf;
+
+use matchbench_vision::geometry::Camera;
+use matchbench_vision::image::{GrayImage, Size};
+use nalgebra::{Isometry3, Vector3};
+use tempfile::TempDir;
+
+use super::{About, Frame, ImageStorage, PairRule, Sequence, write_native};
+
+pub(super) const CAMERA: Camera = Camera::pinhole(20.5, 21.0, 11.5, 8.25);
+
+/// A pose that turns and moves with `index`, with digits that no short decimal has.
+pub(super) fn pose(index: usize) -> Isometry3<f64> {
+    let i = index as f64;
+    Isometry3::new(
+        Vector3::new(i / 3.0, -0.1 * i, 1e-7 * i),
+        Vector3::new(0.1 * i, 0.2, -0.05 * i),
+    )
+}
+
+pub(super) fn frames(count: usize) -> Vec<Frame> {
+    (0..count)
+        .map(|index| Frame {
+            image: PathBuf::new(),
+            camera: CAMERA,
+            world_from_camera: Some(pose(index)),
+        })
+        .collect()
+}
+
+pub(super) fn pixels(index: usize) -> GrayImage {
+    GrayImage::from_fn(Size::new(24, 17), |x, y| (x * 7 + y * 3 + index) as u8)
+}
+
+/// All pairs of `count` frames.
+pub(super) fn sequence(count: usize) -> Sequence {
+    let (frames, pairs) = PairRule::All.apply(frames(count)).unwrap();
+    Sequence {
+        name: String::new(),
+        frames,
+        pairs,
+    }
+}
+
+/// A sound dataset of four frames on disk.
+pub(super) fn dataset() -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path().join("small");
+    let about = About {
+        origin: "a test".into(),
+        notes: Vec::new(),
+    };
+    write_native(&dir, &sequence(4), &about, ImageStorage::Pixels(&pixels)).unwrap();
+    (folder, dir)
+}

@@ -1,0 +1,214 @@
+//! Tables of numbers as people write them: irregular spaces, CRLF, a byte order mark, blank
+//! lines, `#` comments, no final newline.
+//!
+//! Rotations are printed with few digits, so a 3x3 block is accepted as a rotation if no entry of
+//! `R^T R - I` exceeds [`ROTATION_TOLERANCE`], and replaced by the nearest rotation.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use super::DatasetError;
+
+/// Largest entry of `R^T R - I` in a printed rotation, and largest deviation of a printed
+/// quaternion's length from 1. Three printed decimals stay below it; a transposed block, a scaled
+/// or a mistyped one does not. It bounds the doubt about the angle by 0.03 degrees.
+pub(super) const ROTATION_TOLERANCE: f64 = 1e-3;
+
+/// A text file in memory, with its name for error messages.
+#[derive(Debug)]
+pub(super) struct TextFile {
+    pub(super) path: PathBuf,
+    text: String,
+}
+
+impl TextFile {
+    pub(super) fn read(path: &Path) -> Result<Self, DatasetError> {
+        let bytes = fs::read(path).map_err(|error| DatasetError::io(path, &error))?;
+        Ok(Self::new(path, &String::from_utf8_lossy(&bytes)))
+    }
+
+    pub(super) fn new(path: &Path, text: &str) -> Self {
+        Self {
+            path: path.to_owned(),
+            text: text.strip_prefix('\u{feff}').unwrap_or(text).to_owned(),
+        }
+    }
+
+    pub(super) fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Lines that hold something, trimmed, with their numbers (from 1).
+    pub(super) fn rows(&self) -> impl Iterator<Item = (usize, &str)> {
+        self.text
+            .lines()
+            .enumerate()
+            .map(|(index, line)| (index + 1, line.trim()))
+            .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
+    }
+
+    /// All numbers of the file, however they are broken into lines.
+    pub(super) fn numbers(&self) -> Result<Vec<f64>, DatasetError> {
+        let mut all = Vec::new();
+        for (line, row) in self.rows() {
+            all.extend(numbers(row).map_err(|what| self.error_at(line, what))?);
+        }
+        Ok(all)
+    }
+
+    /// An error about this file as a whole.
+    pub(super) fn error(&self, what: impl Into<String>, remedy: impl Into<String>) -> DatasetError {
+        DatasetError::new(&self.path, what, remedy)
+    }
+
+    /// An error in one line whose remedy is to correct that line.
+    pub(super) fn error_at(&self, line: usize, what: impl Into<String>) -> DatasetError {
+        self.error(what, "correct this line or take it out")
+            .at(line)
+    }
+}
+
+/// The finite numbers of a row.
+pub(super) fn numbers(row: &str) -> Result<Vec<f64>, String> {
+    row.split_whitespace()
+        .enumerate()
+        .map(|(column, word)| {
+            let column = column + 1;
+            match word.parse::<f64>() {
+                Ok(number) if number.is_finite() => Ok(number),
+                Ok(_) => Err(format!("column {column} is {word}, not a finite number")),
+                Err(_) => Err(format!("column {column} is `{word}`, not a number")),
+            }
+        })
+        .collect()
+}
+
+/// Exactly `N` numbers of a row.
+pub(super) fn exactly<const N: usize>(row: &str) -> Result<[f64; N], String> {
+    let columns = row.split_whitespace().count();
+    if columns != N {
+        return Err(format!("{columns} columns where {N} are expected"));
+    }
+    Ok(numbers(row)?
+        .try_into()
+        .expect("the number of columns was checked"))
+}
+
+/// A row-major 3x4 matrix [R t] as a rigid motion.
+pub(super) fn rigid_motion(m: &[f64; 12]) -> Result<Isometry3<f64>, String> {
+    let rotation = Matrix3::new(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]);
+    Ok(Isometry3::from_parts(
+        Translation3::new(m[3], m[7], m[11]),
+        nearest_rotation(&rotation)?,
+    ))
+}
+
+/// The row-major 3x4 matrix [R t] of a rigid motion.
+pub(super) fn matrix_rows(motion: &Isometry3<f64>) -> [f64; 12] {
+    let m = motion.to_homogeneous();
+    std::array::from_fn(|k| m[(k / 4, k % 4)])
+}
+
+/// The rotation nearest to a printed one: the orthogonal polar factor, by Newton's iteration
+/// (Higham, "Computing the Polar Decomposition - with Applications", SIAM J. Sci. Stat. Comput.
+/// 7(4), 1986). It equals `U V^T` of the SVD and needs no function but the four operations.
+pub(super) fn nearest_rotation(printed: &Matrix3<f64>) -> Result<UnitQuaternion<f64>, String> {
+    let deviation = (printed.transpose() * printed - Matrix3::identity()).amax();
+    if deviation.is_nan() || deviation > ROTATION_TOLERANCE {
+        return Err(format!(
+            "the 3x3 block is not a rotation: R^T R differs from the identity by {deviation:.1e} \
+             (at most {ROTATION_TOLERANCE:.0e} is accepted)"
+        ));
+    }
+    if printed.determinant() < 0.0 {
+        return Err("the 3x3 block is a reflection (determinant -1), not a rotation".to_owned());
+    }
+    let mut r = *printed;
+    for _ in 0..4 {
+        // Quadratic convergence from 1e-3: 1e-6, 1e-12, full precision, and one to spare.
+        let inverse = r
+            .try_inverse()
+            .expect("a nearly orthogonal matrix has an inverse");
+        r = (r + inverse.transpose()) * 0.5;
+    }
+    Ok(UnitQuaternion::from_rotation_matrix(
+        &Rotation3::from_matrix_unchecked(r),
+    ))
+}
+
+/// A printed quaternion (x, y, z, w) and translation as a rigid motion.
+pub(super) fn quaternion_motion(
+    translation: [f64; 3],
+    [x, y, z, w]: [f64; 4],
+) -> Result<Isometry3<f64>, String> {
+    let quaternion = nalgebra::Quaternion::new(w, x, y, z);
+    let length = quaternion.norm();
+    if length.is_nan() || (length - 1.0).abs() > ROTATION_TOLERANCE {
+        return Err(format!(
+            "the quaternion has length {length:.4}, not 1 (order: tx ty tz qx qy qz qw)"
+        ));
+    }
+    Ok(Isometry3::from_parts(
+        Translation3::from(Vector3::from(translation)),
+        UnitQuaternion::from_quaternion(quaternion),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn irregular_text_is_read() {
+        let file = TextFile::new(
+            Path::new("t"),
+            "\u{feff}1   2\t3 \r\n\r\n  # no\n4 5 6   \n7 8 9",
+        );
+        let rows: Vec<_> = file.rows().collect();
+        assert_eq!(rows, [(1, "1   2\t3"), (4, "4 5 6"), (5, "7 8 9")]);
+        assert_eq!(
+            file.numbers().unwrap(),
+            [1., 2., 3., 4., 5., 6., 7., 8., 9.]
+        );
+    }
+
+    #[test]
+    fn what_is_no_number_is_named_by_its_column() {
+        assert!(numbers("1 nan").unwrap_err().contains("column 2 is nan"));
+        assert!(numbers("1 2,5").unwrap_err().contains("column 2 is `2,5`"));
+        assert!(exactly::<3>("1 2").unwrap_err().contains("2 columns"));
+    }
+
+    #[test]
+    fn the_nearest_rotation_is_that_of_the_svd() {
+        let rotation = Rotation3::from_euler_angles(0.3, -1.2, 2.0);
+        let printed = rotation.matrix().map(|x: f64| (x * 1e4).round() / 1e4);
+        let nearest = nearest_rotation(&printed).unwrap().to_rotation_matrix();
+        let svd = printed.svd(true, true);
+        let expected = svd.u.unwrap() * svd.v_t.unwrap();
+        assert!((nearest.matrix() - expected).amax() < 1e-12);
+        assert!((nearest.matrix() - rotation.matrix()).amax() < 1e-4);
+    }
+
+    #[test]
+    fn scaled_mirrored_and_empty_blocks_are_no_rotations() {
+        let eye = Matrix3::identity();
+        assert!(nearest_rotation(&eye).is_ok());
+        for (wrong, word) in [
+            (eye * 1.01, "not a rotation"),
+            (-eye, "reflection"),
+            (eye * 0.0, "not a rotation"),
+            (eye * f64::NAN, "not a rotation"),
+        ] {
+            assert!(nearest_rotation(&wrong).unwrap_err().contains(word));
+        }
+    }
+
+    #[test]
+    fn a_quaternion_that_is_none_is_refused() {
+        assert!(quaternion_motion([0.0; 3], [0.0; 4]).is_err());
+        assert!(quaternion_motion([0.0; 3], [0.0003, 0.8617, -0.5072, -0.0145]).is_ok());
+    }
+}

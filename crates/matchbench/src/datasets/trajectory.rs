@@ -1,0 +1,184 @@
+//! Camera trajectories as text: TUM's (`time tx ty tz qx qy qz qw`) and KITTI's (12 numbers, the
+//! row-major [R t]). Both are camera-to-world.
+
+use nalgebra::Isometry3;
+
+use super::DatasetError;
+use super::text::{self, TextFile};
+
+/// A pose and the time when the camera was there, in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct TimedPose {
+    pub(super) time: f64,
+    pub(super) world_from_camera: Isometry3<f64>,
+}
+
+/// How an image finds its pose by time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Association {
+    /// Farthest that a pose may be from the image, in seconds. The default, 0.02, is that of
+    /// TUM's own tool.
+    pub tolerance: f64,
+    /// Interpolate between the poses before and after the image (both within the tolerance)
+    /// instead of taking the nearest one. The authors of the benchmark took the nearest.
+    pub interpolate: bool,
+}
+
+impl Default for Association {
+    fn default() -> Self {
+        Self {
+            tolerance: 0.02,
+            interpolate: false,
+        }
+    }
+}
+
+impl Association {
+    /// The pose at `time` from a `trajectory` that is sorted by time.
+    pub(super) fn pose_at(&self, trajectory: &[TimedPose], time: f64) -> Option<Isometry3<f64>> {
+        let after = trajectory.partition_point(|pose| pose.time < time);
+        let within = |pose: &&TimedPose| (pose.time - time).abs() <= self.tolerance;
+        let next = trajectory.get(after).filter(within);
+        let previous = after
+            .checked_sub(1)
+            .map(|before| &trajectory[before])
+            .filter(within);
+        if self.interpolate {
+            let next = next?;
+            if next.time == time {
+                return Some(next.world_from_camera);
+            }
+            let previous = previous?;
+            let share = (time - previous.time) / (next.time - previous.time);
+            return previous
+                .world_from_camera
+                .try_lerp_slerp(&next.world_from_camera, share, 1e-9);
+        }
+        match (previous, next) {
+            (Some(p), Some(n)) if n.time - time < time - p.time => Some(n.world_from_camera),
+            (Some(p), _) => Some(p.world_from_camera),
+            (None, n) => n.map(|n| n.world_from_camera),
+        }
+    }
+}
+
+/// Reads a trajectory in TUM's format, sorted by time.
+pub(super) fn parse_tum(file: &TextFile) -> Result<Vec<TimedPose>, DatasetError> {
+    let mut poses = file
+        .rows()
+        .map(|(line, row)| {
+            text::exactly(row)
+                .and_then(|[time, x, y, z, qx, qy, qz, qw]| {
+                    Ok(TimedPose {
+                        time,
+                        world_from_camera: text::quaternion_motion([x, y, z], [qx, qy, qz, qw])?,
+                    })
+                })
+                .map_err(|what| file.error_at(line, what))
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    poses.sort_by(|p, q| p.time.total_cmp(&q.time));
+    Ok(poses)
+}
+
+/// Reads a trajectory in KITTI's format.
+pub(super) fn parse_kitti(file: &TextFile) -> Result<Vec<Isometry3<f64>>, DatasetError> {
+    file.rows()
+        .map(|(line, row)| {
+            text::exactly(row)
+                .and_then(|numbers| text::rigid_motion(&numbers))
+                .map_err(|what| file.error_at(line, what))
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use nalgebra::Vector3;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn file(text: &str) -> TextFile {
+        TextFile::new(Path::new("poses.txt"), text)
+    }
+
+    /// Poses at 0, 1 and 3 seconds, x equal to the time, turning by 0.1 rad per second.
+    fn trajectory() -> Vec<TimedPose> {
+        [0.0, 1.0, 3.0]
+            .map(|time| TimedPose {
+                time,
+                world_from_camera: Isometry3::new(
+                    Vector3::new(time, 0.0, 0.0),
+                    Vector3::new(0.0, 0.1 * time, 0.0),
+                ),
+            })
+            .to_vec()
+    }
+
+    #[test]
+    fn the_nearest_pose_within_the_tolerance_is_taken() {
+        let x = |time: f64| {
+            Association {
+                tolerance: 0.6,
+                interpolate: false,
+            }
+            .pose_at(&trajectory(), time)
+            .map(|pose| pose.translation.x)
+        };
+        assert_eq!(x(0.4), Some(0.0));
+        assert_eq!(x(0.6), Some(1.0));
+        assert_eq!(x(0.5), Some(0.0), "the earlier of two equally near");
+        assert_eq!(x(-0.6), Some(0.0));
+        assert_eq!(x(2.0), None);
+        assert_eq!(x(3.7), None);
+        assert_eq!(x(f64::NAN), None);
+        assert_eq!(Association::default().pose_at(&[], 1.0), None);
+    }
+
+    #[test]
+    fn interpolation_lies_between_and_does_not_extrapolate() {
+        let rule = Association {
+            tolerance: 1.5,
+            interpolate: true,
+        };
+        let pose = rule.pose_at(&trajectory(), 2.5).unwrap();
+        assert!((pose.translation.x - 2.5).abs() < 1e-12);
+        assert!((pose.rotation.angle() - 0.25).abs() < 1e-12);
+        assert_eq!(
+            rule.pose_at(&trajectory(), 1.0),
+            Some(trajectory()[1].world_from_camera)
+        );
+        assert_eq!(rule.pose_at(&trajectory(), 3.1), None);
+        assert_eq!(rule.pose_at(&trajectory(), -0.1), None);
+    }
+
+    #[test]
+    fn tum_is_sorted_and_wrong_lines_are_named() {
+        let poses = parse_tum(&file("# c\n2 0 0 0 0 0 0 1\n1 5 0 0 0 0 0 1\n")).unwrap();
+        assert_eq!(poses.iter().map(|p| p.time).collect::<Vec<_>>(), [1.0, 2.0]);
+        for (text, line) in [
+            ("1 0 0 0 0 0 0 0", 1),
+            ("\n1 0 0 0 0 0 0 1\n1 0 0", 3),
+            ("1 0 0 0 0 nan 0 1", 1),
+        ] {
+            assert_eq!(parse_tum(&file(text)).unwrap_err().line, Some(line));
+        }
+        let error = parse_kitti(&file("1 0 0 0 0 1 0 0 0 0 2 0")).unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .contains("poses.txt:1: the 3x3 block is not")
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in "([-0-9.e]{1,4}[ \n]){0,30}|.{0,60}") {
+            let _ = parse_tum(&file(&text));
+            let _ = parse_kitti(&file(&text));
+        }
+    }
+}

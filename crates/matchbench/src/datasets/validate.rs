@@ -1,0 +1,459 @@
+//! Everything that is wrong with a dataset, by file and line, with the way to mend it.
+//!
+//! Beyond what opening a dataset checks (missing files, columns, numbers, rotations, indices,
+//! duplicates), every image is decoded in full, cameras are compared with the images they belong
+//! to, and pairs with the poses.
+
+use std::fmt;
+use std::fs;
+use std::path::Path;
+
+use matchbench_vision::geometry::Camera;
+use matchbench_vision::image::Size;
+use nalgebra::Isometry3;
+use rayon::prelude::*;
+
+use super::decode::{decode_gray, exif_orientation};
+use super::native::{CAMERA, Contents, IMAGES, PAIRS, POSES};
+use super::{DatasetError, Pair, manifest, relative_pose};
+
+/// Largest angle between a pair's rotation and that of the poses, in radians (0.1 degrees; both
+/// are printed with about six digits).
+const PAIR_ROTATION_TOLERANCE: f64 = 1.75e-3;
+/// Largest difference of the translations, as a share of the baseline ...
+const PAIR_TRANSLATION_TOLERANCE: f64 = 0.01;
+/// ... plus what six printed digits leave open, as a share of the cameras' distances from the
+/// origin.
+const PRINTED_DIGITS: f64 = 1e-5;
+/// How far the principal point may be from the image's centre, as a share of width or height,
+/// before it looks like another image's.
+const CENTRE_TOLERANCE: f64 = 0.15;
+/// Focal lengths that real lenses have, as shares of the image's longer side.
+const FOCAL_RANGE: std::ops::RangeInclusive<f64> = 0.2..=20.0;
+
+/// One thing that is wrong with a dataset.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// How bad it is.
+    pub severity: Severity,
+    /// File, line, what is wrong and how to mend it.
+    pub error: DatasetError,
+}
+
+/// How bad a problem is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Severity {
+    /// The dataset can be run; the results may not mean what they seem to.
+    Warning,
+    /// The dataset, or part of it, cannot be run.
+    Error,
+}
+
+impl fmt::Display for Severity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Warning => "warning",
+            Self::Error => "error",
+        })
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.severity, self.error)
+    }
+}
+
+impl From<DatasetError> for Problem {
+    fn from(error: DatasetError) -> Self {
+        Self {
+            severity: Severity::Error,
+            error,
+        }
+    }
+}
+
+impl Problem {
+    pub(super) fn warning(error: DatasetError) -> Self {
+        Self {
+            severity: Severity::Warning,
+            error,
+        }
+    }
+}
+
+/// All problems of the dataset in the folder `dir`; none if it is sound.
+///
+/// What the text files alone show comes first, then images, cameras, and what contradicts each
+/// other; within a file the order is that of its lines. Of `dataset.toml` only the first problem
+/// is known.
+pub fn validate(dir: &Path) -> Vec<Problem> {
+    let mut problems = Vec::new();
+    let contents = Contents::read(dir, &mut problems);
+    if contents.images.is_empty() {
+        return problems;
+    }
+    check_name(dir, &contents, &mut problems);
+    let sizes = check_images(&contents, &mut problems);
+    check_cameras(dir, &contents, &sizes, &mut problems);
+    check_pairs(dir, &contents, &mut problems);
+    problems
+}
+
+fn check_name(dir: &Path, contents: &Contents, problems: &mut Vec<Problem>) {
+    let folder = fs::canonicalize(dir).unwrap_or_else(|_| dir.to_owned());
+    let folder = folder.file_name().unwrap_or_default().to_string_lossy();
+    if contents.name != folder {
+        problems.push(Problem::warning(DatasetError::new(
+            dir.join(manifest::FILE),
+            format!("the name is {}, the folder's is {folder}", contents.name),
+            "results are filed under the name; take it out unless that is meant",
+        )));
+    }
+}
+
+/// Decodes every image; its size where that succeeds.
+fn check_images(contents: &Contents, problems: &mut Vec<Problem>) -> Vec<Option<Size>> {
+    let checked: Vec<_> = contents
+        .images
+        .par_iter()
+        .map(|image| {
+            if !image.is_file() {
+                return (None, None); // reported when the text files were read
+            }
+            let bytes = match fs::read(image) {
+                Ok(bytes) => bytes,
+                Err(error) => return (None, Some(DatasetError::io(image, &error).into())),
+            };
+            let size = match decode_gray(&bytes) {
+                Ok(pixels) => pixels.size(),
+                Err(error) => return (None, Some(error.in_file(image).into())),
+            };
+            let orientation = exif_orientation(&bytes);
+            let turned = (orientation != 1).then(|| {
+                Problem::warning(DatasetError::new(
+                    image,
+                    format!("EXIF orientation {orientation} is not applied: pixels as stored"),
+                    "make sure that camera and pose are those of the stored pixels",
+                ))
+            });
+            (Some(size), turned)
+        })
+        .collect();
+    checked
+        .into_iter()
+        .map(|(size, problem)| {
+            problems.extend(problem);
+            size
+        })
+        .collect()
+}
+
+fn check_cameras(
+    dir: &Path,
+    contents: &Contents,
+    sizes: &[Option<Size>],
+    problems: &mut Vec<Problem>,
+) {
+    // A camera is judged once per size of image, at the first frame that has it.
+    let mut judged: Vec<(Option<Camera>, Size)> = Vec::new();
+    for (index, camera) in contents.cameras().into_iter().enumerate() {
+        let own = contents
+            .manifest
+            .frames
+            .get(index)
+            .is_some_and(|frame| frame.camera.is_some());
+        let file = dir.join(if own { manifest::FILE } else { CAMERA });
+        let image = &contents.images[index];
+        let Some(size) = sizes[index] else { continue };
+        if judged.contains(&(camera, size)) {
+            continue;
+        }
+        if !own && let Some((_, other)) = judged.iter().find(|(c, _)| *c == camera) {
+            problems.push(
+                DatasetError::new(
+                    image,
+                    format!("the image is {size}, others of the same camera are {other}"),
+                    "give it its own camera in dataset.toml, or bring all to one size",
+                )
+                .into(),
+            );
+        }
+        judged.push((camera, size));
+        if let Some(camera) = camera {
+            check_camera(&camera, size, &file, image, problems);
+        }
+    }
+}
+
+fn check_camera(
+    camera: &Camera,
+    size: Size,
+    file: &Path,
+    image: &Path,
+    problems: &mut Vec<Problem>,
+) {
+    let (width, height) = (size.width as f64, size.height as f64);
+    let Camera { fx, fy, cx, cy, .. } = *camera;
+    let here = format!("the image {} of {size}", image.display());
+    if !(0.0..width).contains(&cx) || !(0.0..height).contains(&cy) {
+        problems.push(
+            DatasetError::new(
+                file,
+                format!("the principal point {cx} {cy} is outside {here}"),
+                "give the camera of images of this size (K scales with the image)",
+            )
+            .into(),
+        );
+    } else if (cx / width - 0.5).abs() > CENTRE_TOLERANCE
+        || (cy / height - 0.5).abs() > CENTRE_TOLERANCE
+    {
+        problems.push(Problem::warning(DatasetError::new(
+            file,
+            format!("the principal point {cx} {cy} is far from the centre of {here}"),
+            "check that K belongs to images of this size and not to scaled ones",
+        )));
+    }
+    let longer = width.max(height);
+    for (name, focal) in [("fx", fx), ("fy", fy)] {
+        if !FOCAL_RANGE.contains(&(focal / longer)) {
+            problems.push(Problem::warning(DatasetError::new(
+                file,
+                format!("the focal length {name} {focal} is implausible for {here}"),
+                "check that it is in pixels of this image",
+            )));
+        }
+    }
+}
+
+fn check_pairs(dir: &Path, contents: &Contents, problems: &mut Vec<Problem>) {
+    let file = dir.join(PAIRS);
+    let poses = &contents.poses;
+    if poses.is_empty() {
+        problems.push(Problem::warning(DatasetError::new(
+            dir.join(IMAGES).join(POSES),
+            "there are no poses, so pairs.txt cannot be checked against them",
+            "add them if you have them",
+        )));
+    }
+    for &(line, pair) in &contents.pairs {
+        if pair.b_from_a.translation.vector.norm() == 0.0 {
+            problems.push(Problem::warning(
+                DatasetError::new(
+                    &file,
+                    format!("the pair {} {} has no baseline", pair.a, pair.b),
+                    "take it out, or know that its translation is not scored",
+                )
+                .at(line),
+            ));
+        }
+        let pose = |index: u32| poses.get(index as usize).map(|(_, pose)| pose);
+        let (Some(a), Some(b)) = (pose(pair.a), pose(pair.b)) else {
+            continue;
+        };
+        if let Some(what) = contradiction(&pair, a, b) {
+            let remedy = format!(
+                "both say world_from_camera and x_b = R x_a + t? Correct this line or {}",
+                dir.join(IMAGES).join(POSES).display()
+            );
+            problems.push(DatasetError::new(&file, what, remedy).at(line).into());
+        }
+    }
+}
+
+fn contradiction(pair: &Pair, a: &Isometry3<f64>, b: &Isometry3<f64>) -> Option<String> {
+    let expected = relative_pose(a, b);
+    let angle = pair.b_from_a.rotation.angle_to(&expected.rotation);
+    let shift = (pair.b_from_a.translation.vector - expected.translation.vector).norm();
+    let baseline = expected.translation.vector.norm();
+    let from_origin = a.translation.vector.norm() + b.translation.vector.norm();
+    let allowed = PAIR_TRANSLATION_TOLERANCE * baseline + PRINTED_DIGITS * from_origin;
+    (angle > PAIR_ROTATION_TOLERANCE || shift > allowed).then(|| {
+        format!(
+            "the pair {} {} differs from pose.txt by {:.2} degrees and {shift:.3e} of a baseline \
+             of {baseline:.3e}",
+            pair.a,
+            pair.b,
+            angle.to_degrees()
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::super::testing;
+    use super::*;
+
+    /// A sound dataset with `change` applied to the text of one of its files, validated.
+    fn spoiled(name: &str, change: impl Fn(&str) -> String) -> Vec<Problem> {
+        let (_folder, dir) = testing::dataset();
+        let file = dir.join(name);
+        fs::write(&file, change(&fs::read_to_string(&file).unwrap())).unwrap();
+        validate(&dir)
+    }
+
+    /// The only problem, which must be about that file and line and contain those words.
+    fn assert_found(problems: &[Problem], file: &str, line: Option<usize>, words: &str) {
+        let [problem] = problems else {
+            panic!("{problems:#?} is not one problem");
+        };
+        assert!(problem.error.file.ends_with(file), "{problem}");
+        assert_eq!(problem.error.line, line, "{problem}");
+        assert!(problem.error.what.contains(words), "{problem}");
+        assert!(!problem.error.remedy.is_empty(), "{problem}");
+    }
+
+    fn with_line(text: &str, line: usize, new: &str) -> String {
+        let mut lines: Vec<_> = text.lines().collect();
+        lines[line - 1] = new;
+        lines.join("\n")
+    }
+
+    #[test]
+    fn each_wrong_line_of_the_pairs_is_named() {
+        let at_2 = |new: &'static str| spoiled("pairs.txt", move |text| with_line(text, 2, new));
+        let eye = "1 0 0 1 0 1 0 0 0 0 1 0";
+        let found = at_2("0 7 1 0 0 1 0 1 0 0 0 0 1 0");
+        assert_found(&found, "pairs.txt", Some(2), "frame 7 does not exist");
+        let found = at_2("0 0 1 0 0 1 0 1 0 0 0 0 1 0");
+        assert_found(&found, "pairs.txt", Some(2), "matched with itself");
+        let found = at_2("0 2 1 0 0");
+        assert_found(&found, "pairs.txt", Some(2), "5 columns");
+        let found = at_2("0 2 NaN 0 0 1 0 1 0 0 0 0 1 0");
+        assert_found(&found, "pairs.txt", Some(2), "column 3 is NaN");
+        let found = at_2("0 2 2 0 0 1 0 1 0 0 0 0 1 0");
+        assert_found(&found, "pairs.txt", Some(2), "not a rotation");
+        let found = at_2("0 2 1 0 0 1 0 1 0 0 0 0 1 0");
+        assert_found(&found, "pairs.txt", Some(2), "differs from pose.txt");
+        let found = spoiled("pairs.txt", |text| format!("{text}0 1 {eye}\n"));
+        assert_found(&found, "pairs.txt", Some(7), "stands in line 1 already");
+        let found = spoiled("pairs.txt", |_| String::new());
+        assert_found(&found, "pairs.txt", None, "no pairs");
+    }
+
+    #[test]
+    fn the_inverse_pose_is_a_contradiction() {
+        let found = spoiled("Images/pose.txt", |text| {
+            with_line(text, 2, "1 0 0 50 0 1 0 0 0 0 1 0")
+        });
+        let lines: Vec<_> = found.iter().map(|p| p.error.line).collect();
+        assert_eq!(lines, [Some(1), Some(4), Some(5)], "all pairs with frame 1");
+    }
+
+    #[test]
+    fn poses_are_checked_line_by_line() {
+        let found = spoiled("Images/pose.txt", |text| with_line(text, 4, "1 2 3"));
+        assert_eq!(found[0].error.line, Some(4));
+        assert!(found[0].error.what.contains("3 columns"));
+        let found = spoiled("Images/pose.txt", |text| {
+            text.lines().take(3).collect::<Vec<_>>().join("\n")
+        });
+        assert_found(&found, "pose.txt", None, "3 poses for 4 images");
+    }
+
+    #[test]
+    fn a_camera_that_cannot_belong_to_the_images_is_noticed() {
+        let with = |k: &'static str| spoiled("camera.txt", move |_| k.to_owned());
+        let found = with("20 0 100 0 20 8 0 0 1");
+        assert_found(&found, "camera.txt", None, "outside the image");
+        assert_eq!(found[0].severity, Severity::Error);
+        let found = with("20 0 5.75 0 20 4.1 0 0 1");
+        assert_found(&found, "camera.txt", None, "far from the centre");
+        assert_eq!(found[0].severity, Severity::Warning);
+        let found = with("1000 0 12 0 20 8 0 0 1");
+        assert_found(&found, "camera.txt", None, "fx 1000");
+        let found = with("20 3 12 0 20 8 0 0 1");
+        assert_found(&found, "camera.txt", None, "skew 3");
+        let found = with("20 0 12 0 20");
+        assert_found(&found, "camera.txt", None, "5 numbers");
+    }
+
+    #[test]
+    fn missing_and_damaged_images_are_named() {
+        let (_folder, dir) = testing::dataset();
+        let image = |index: usize| -> PathBuf { dir.join(format!("Images/{index:04}.png")) };
+        let bytes = fs::read(image(1)).unwrap();
+        fs::write(image(1), &bytes[..bytes.len() / 2]).unwrap();
+        fs::write(image(3), "").unwrap();
+        let found = validate(&dir);
+        assert_eq!(found.len(), 2, "{found:?}");
+        assert_found(&found[..1], "0001.png", None, "truncated");
+        assert_found(&found[1..], "0003.png", None, "not an image");
+        fs::write(image(1), &bytes).unwrap();
+        fs::write(image(3), &bytes).unwrap();
+        fs::remove_file(image(2)).unwrap();
+        let found = validate(&dir);
+        assert!(
+            found[0].error.what.contains("0002, is missing"),
+            "{found:?}"
+        );
+        fs::remove_dir_all(dir.join("Images")).unwrap();
+        assert_found(&validate(&dir), "Images", None, "");
+    }
+
+    #[test]
+    fn images_of_another_size_and_turned_ones_are_named() {
+        let (_folder, dir) = testing::dataset();
+        let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/images");
+        fs::remove_file(dir.join("Images/0002.png")).unwrap();
+        fs::copy(fixtures.join("turned.jpg"), dir.join("Images/0002.jpg")).unwrap();
+        let found = validate(&dir);
+        assert_found(&found, "0002.jpg", None, "EXIF orientation 6");
+        assert_eq!(found[0].severity, Severity::Warning);
+        fs::write(dir.join("Images/0002.jpg"), b"P5 22 17 255\n".repeat(40)).unwrap();
+        assert_found(
+            &validate(&dir),
+            "0002.jpg",
+            None,
+            "the image is 22x17, others of the same camera are 24x17",
+        );
+    }
+
+    #[test]
+    fn all_problems_are_found_at_once() {
+        let (_folder, dir) = testing::dataset();
+        fs::write(dir.join("dataset.toml"), "version = 1\ncolour = 3\n").unwrap();
+        fs::write(dir.join("camera.txt"), "20 0 100 0 20 8 0 0 1").unwrap();
+        fs::write(dir.join("Images/0001.png"), "x").unwrap();
+        let pairs = "0 1 nan 0 0 1 0 1 0 0 0 0 1 0\n2 2\n";
+        fs::write(dir.join("pairs.txt"), pairs).unwrap();
+        let found = validate(&dir);
+        let files: Vec<_> = found
+            .iter()
+            .map(|p| {
+                (
+                    p.error.file.file_name().unwrap().to_str().unwrap(),
+                    p.error.line,
+                )
+            })
+            .collect();
+        assert_eq!(
+            files,
+            [
+                ("dataset.toml", Some(2)),
+                ("pairs.txt", Some(1)),
+                ("pairs.txt", Some(2)),
+                ("0001.png", None),
+                ("camera.txt", None),
+            ]
+        );
+    }
+
+    #[test]
+    fn warnings_do_not_stop_a_dataset() {
+        let (_folder, dir) = testing::dataset();
+        fs::remove_file(dir.join("Images/pose.txt")).unwrap();
+        fs::write(dir.join("pairs.txt"), "0 1 1 0 0 0 0 1 0 0 0 0 1 0").unwrap();
+        fs::write(dir.join("dataset.toml"), "version = 1\nname = 'else'").unwrap();
+        let found = validate(&dir);
+        let words = ["the name is else", "there are no poses", "has no baseline"];
+        assert_eq!(found.len(), words.len(), "{found:?}");
+        for (problem, words) in found.iter().zip(words) {
+            assert_eq!(problem.severity, Severity::Warning);
+            assert!(problem.error.what.contains(words), "{problem}");
+        }
+        assert!(super::super::Sequence::open(&dir).is_ok());
+    }
+}

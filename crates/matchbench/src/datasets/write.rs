@@ -1,0 +1,392 @@
+//! Writes a dataset in the authors' layout.
+//!
+//! Everything is written into a hidden folder beside the new one and renamed at the end, so a
+//! killed import leaves no half dataset. Numbers are printed with as many digits as it takes to
+//! read the same ones back.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use image::ExtendedColorType;
+use matchbench_vision::geometry::Camera;
+use matchbench_vision::image::GrayImage;
+use rayon::prelude::*;
+
+use super::manifest::{self, Manifest, ManifestFrame};
+use super::native::{CAMERA, IMAGES, PAIRS, POSES};
+use super::text::matrix_rows;
+use super::{DatasetError, Sequence};
+
+const INFALLIBLE: &str = "writing to a string cannot fail";
+
+/// What `dataset.toml` says about a dataset as a whole.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct About {
+    /// Where the data come from, in one line.
+    pub origin: String,
+    /// What a user of the data should know.
+    pub notes: Vec<String>,
+}
+
+/// Where the images of a new dataset are.
+#[derive(Clone, Copy, Default)]
+pub enum ImageStorage<'a> {
+    /// Where they were: `dataset.toml` names them.
+    #[default]
+    Reference,
+    /// `Images/%04d.*` are links to them (hard links where the system has no others).
+    Link,
+    /// `Images/%04d.*` are copies of them.
+    Copy,
+    /// `Images/%04d.png` are made by this function of the frame's index; the frames' own paths
+    /// are not looked at.
+    Pixels(&'a (dyn Fn(usize) -> GrayImage + Sync)),
+}
+
+impl std::fmt::Debug for ImageStorage<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Reference => "Reference",
+            Self::Link => "Link",
+            Self::Copy => "Copy",
+            Self::Pixels(_) => "Pixels(..)",
+        })
+    }
+}
+
+/// Writes `sequence` as the new folder `out`, whose name becomes the dataset's name
+/// (`sequence.name` is not looked at).
+///
+/// # Errors
+/// If `out` exists and is not empty, an image cannot be found, or the disk refuses.
+pub fn write_native(
+    out: &Path,
+    sequence: &Sequence,
+    about: &About,
+    images: ImageStorage<'_>,
+) -> Result<(), DatasetError> {
+    let occupied = match fs::read_dir(out) {
+        Ok(mut entries) => entries.next().is_some(),
+        Err(_) => out.exists(),
+    };
+    if occupied {
+        return Err(DatasetError::new(
+            out,
+            "there is something already",
+            "give another folder or remove this one",
+        ));
+    }
+    let absolute = std::path::absolute(out).map_err(|error| DatasetError::io(out, &error))?;
+    let parent = absolute.parent().unwrap_or(&absolute);
+    fs::create_dir_all(parent).map_err(|error| DatasetError::io(parent, &error))?;
+    // The temporary folder is private to the user; the dataset inside it is an ordinary folder.
+    let hidden = tempfile::Builder::new()
+        .prefix(".matchbench-import-")
+        .tempdir_in(parent)
+        .map_err(|error| DatasetError::io(parent, &error))?;
+    let staged = hidden.path().join("dataset");
+    write_files(&staged, sequence, about, images)?;
+    if out.exists() {
+        fs::remove_dir(out).map_err(|error| DatasetError::io(out, &error))?;
+    }
+    fs::rename(&staged, out).map_err(|error| DatasetError::io(out, &error))
+}
+
+fn write_files(
+    dir: &Path,
+    sequence: &Sequence,
+    about: &About,
+    images: ImageStorage<'_>,
+) -> Result<(), DatasetError> {
+    let folder = dir.join(IMAGES);
+    fs::create_dir_all(&folder).map_err(|error| DatasetError::io(&folder, &error))?;
+    let mut manifest = describe(sequence, about);
+    match images {
+        ImageStorage::Reference => refer_to_images(&mut manifest, sequence)?,
+        ImageStorage::Link | ImageStorage::Copy => bring_images(&folder, sequence, images)?,
+        ImageStorage::Pixels(pixels) => {
+            (0..sequence.frames.len())
+                .into_par_iter()
+                .try_for_each(|i| save_png(&folder.join(format!("{i:04}.png")), &pixels(i)))?;
+        }
+    }
+    if let Some(first) = sequence.frames.first() {
+        write_file(&dir.join(CAMERA), &camera_text(&first.camera))?;
+    }
+    let poses: Option<String> = sequence
+        .frames
+        .iter()
+        .map(|frame| Some(row(&matrix_rows(frame.world_from_camera.as_ref()?))))
+        .collect();
+    if let Some(poses) = poses {
+        write_file(&folder.join(POSES), &poses)?;
+    }
+    let mut pairs = String::new();
+    for pair in &sequence.pairs {
+        let motion = row(&matrix_rows(&pair.b_from_a));
+        write!(pairs, "{} {} {motion}", pair.a, pair.b).expect(INFALLIBLE);
+    }
+    write_file(&dir.join(PAIRS), &pairs)?;
+    let manifest = toml::to_string(&manifest).expect("a manifest is plain TOML");
+    write_file(&dir.join(manifest::FILE), &manifest)
+}
+
+/// The manifest without image paths: one camera for all, or one per frame.
+fn describe(sequence: &Sequence, about: &About) -> Manifest {
+    let first = sequence.frames.first().map(|frame| frame.camera);
+    let shared = sequence.frames.iter().all(|f| Some(f.camera) == first);
+    let frames = if shared {
+        Vec::new()
+    } else {
+        let own = |camera| ManifestFrame {
+            image: None,
+            camera: Some(camera),
+        };
+        sequence.frames.iter().map(|f| own(f.camera)).collect()
+    };
+    Manifest {
+        origin: Some(about.origin.clone()),
+        notes: about.notes.clone(),
+        distortion: first.filter(|_| shared).and_then(|c| c.distortion),
+        frames,
+        ..Manifest::default()
+    }
+}
+
+fn refer_to_images(manifest: &mut Manifest, sequence: &Sequence) -> Result<(), DatasetError> {
+    let images = sequence
+        .frames
+        .iter()
+        .map(|frame| real_path(&frame.image))
+        .collect::<Result<Vec<_>, _>>()?;
+    let root = common_folder(&images);
+    manifest
+        .frames
+        .resize(images.len(), ManifestFrame::default());
+    for (frame, image) in manifest.frames.iter_mut().zip(&images) {
+        let relative = image.strip_prefix(&root).unwrap_or(image);
+        frame.image = Some(relative.to_owned());
+    }
+    manifest.image_root = Some(root);
+    Ok(())
+}
+
+fn real_path(image: &Path) -> Result<PathBuf, DatasetError> {
+    let path = fs::canonicalize(image).map_err(|error| DatasetError::io(image, &error))?;
+    if path.to_str().is_none() {
+        return Err(DatasetError::new(
+            image,
+            "the path is not UTF-8, so dataset.toml cannot name it",
+            "rename the folder, or link or copy the images",
+        ));
+    }
+    Ok(path)
+}
+
+/// The deepest folder that all of `files` are in.
+fn common_folder(files: &[PathBuf]) -> PathBuf {
+    let mut folder = files
+        .first()
+        .and_then(|f| f.parent())
+        .unwrap_or(Path::new(""));
+    for file in files {
+        while !file.starts_with(folder) {
+            folder = folder.parent().unwrap_or(Path::new(""));
+        }
+    }
+    folder.to_owned()
+}
+
+fn bring_images(
+    folder: &Path,
+    sequence: &Sequence,
+    how: ImageStorage<'_>,
+) -> Result<(), DatasetError> {
+    for (index, frame) in sequence.frames.iter().enumerate() {
+        let source = fs::canonicalize(&frame.image)
+            .map_err(|error| DatasetError::io(&frame.image, &error))?;
+        let extension = frame.image.extension().unwrap_or_default();
+        let target = folder
+            .join(format!("{index:04}"))
+            .with_extension(extension.to_ascii_lowercase());
+        match how {
+            ImageStorage::Copy => fs::copy(&source, &target).map(drop),
+            _ => link(&source, &target),
+        }
+        .map_err(|error| DatasetError::io(&target, &error))?;
+    }
+    Ok(())
+}
+
+#[cfg(unix)]
+fn link(source: &Path, target: &Path) -> std::io::Result<()> {
+    std::os::unix::fs::symlink(source, target)
+}
+
+#[cfg(not(unix))]
+fn link(source: &Path, target: &Path) -> std::io::Result<()> {
+    fs::hard_link(source, target)
+}
+
+fn save_png(path: &Path, image: &GrayImage) -> Result<(), DatasetError> {
+    let (width, height) = (image.width() as u32, image.height() as u32);
+    image::save_buffer(path, image.data(), width, height, ExtendedColorType::L8)
+        .map_err(|error| DatasetError::new(path, error.to_string(), "check the disk and try again"))
+}
+
+fn camera_text(camera: &Camera) -> String {
+    let Camera { fx, fy, cx, cy, .. } = camera;
+    format!("{fx:?} 0 {cx:?}\n0 {fy:?} {cy:?}\n0 0 1\n")
+}
+
+/// `Debug` prints the shortest text that reads back as the same number.
+fn row(numbers: &[f64]) -> String {
+    let mut row = String::new();
+    for (k, number) in numbers.iter().enumerate() {
+        let gap = if k == 0 { "" } else { " " };
+        write!(row, "{gap}{number:?}").expect(INFALLIBLE);
+    }
+    row.push('\n');
+    row
+}
+
+fn write_file(path: &Path, text: &str) -> Result<(), DatasetError> {
+    fs::write(path, text).map_err(|error| DatasetError::io(path, &error))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{read_gray, testing, validate};
+    use super::*;
+
+    #[test]
+    fn what_is_written_reads_back() {
+        let (_folder, dir) = testing::dataset();
+        assert_eq!(validate(&dir), []);
+        let found = Sequence::open(&dir).unwrap();
+        let expected = testing::sequence(4);
+        assert_eq!(found.name, "small");
+        for (index, (f, e)) in found.frames.iter().zip(&expected.frames).enumerate() {
+            let (found, expected) = (f.world_from_camera.unwrap(), e.world_from_camera.unwrap());
+            assert!((found.to_homogeneous() - expected.to_homogeneous()).amax() < 1e-15);
+            assert_eq!(f.camera, e.camera);
+            assert_eq!(read_gray(&f.image).unwrap(), testing::pixels(index));
+        }
+        for (f, e) in found.pairs.iter().zip(&expected.pairs) {
+            assert_eq!((f.a, f.b), (e.a, e.b));
+            assert_eq!(f.b_from_a.translation, e.b_from_a.translation);
+            let turn = f.b_from_a.to_homogeneous() - e.b_from_a.to_homogeneous();
+            assert!(turn.amax() < 1e-15);
+        }
+        assert_eq!(found.pairs.len(), expected.pairs.len());
+    }
+
+    #[test]
+    fn numbers_are_printed_so_that_they_read_back() {
+        let numbers = [
+            0.1 + 0.2,
+            -1.0 / 3.0,
+            9.04368e-12,
+            1e300,
+            0.0,
+            -0.0,
+            f64::MIN_POSITIVE,
+        ];
+        let text = row(&numbers);
+        let back: Vec<f64> = text
+            .split_whitespace()
+            .map(|w| w.parse().unwrap())
+            .collect();
+        assert!(
+            numbers
+                .iter()
+                .zip(&back)
+                .all(|(a, b)| a.to_bits() == b.to_bits()),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn images_are_referenced_linked_or_copied() {
+        let (folder, source) = testing::dataset();
+        let sequence = Sequence::open(&source).unwrap();
+        for (name, storage) in [
+            ("reference", ImageStorage::Reference),
+            ("link", ImageStorage::Link),
+            ("copy", ImageStorage::Copy),
+        ] {
+            let out = folder.path().join("new").join(name);
+            write_native(&out, &sequence, &About::default(), storage).unwrap();
+            assert_eq!(validate(&out), [], "{name}");
+            let found = Sequence::open(&out).unwrap();
+            assert_eq!(found.pairs.len(), sequence.pairs.len());
+            let own = found.frames[3].image == out.join("Images/0003.png");
+            assert_eq!(own, name != "reference");
+        }
+        fs::remove_dir_all(&source).unwrap();
+        let open = |name: &str| Sequence::open(&folder.path().join("new").join(name));
+        assert!(open("copy").is_ok());
+        let problems = validate(&folder.path().join("new/reference"));
+        assert_eq!(problems.len(), 1, "one for the folder, not one per image");
+        assert!(open("reference").unwrap_err().remedy.contains("image_root"));
+    }
+
+    #[test]
+    fn cameras_of_their_own_and_lenses_survive() {
+        let (folder, source) = testing::dataset();
+        let mut sequence = Sequence::open(&source).unwrap();
+        for frame in &mut sequence.frames {
+            frame.camera.distortion = Some(matchbench_vision::geometry::Distortion {
+                k1: 0.1,
+                k2: 0.2,
+                p1: 0.3,
+                p2: 0.4,
+                k3: 0.5,
+            });
+        }
+        let cameras = |sequence: &Sequence| -> Vec<Camera> {
+            sequence.frames.iter().map(|f| f.camera).collect()
+        };
+        for (name, storage) in [("a", ImageStorage::Reference), ("b", ImageStorage::Copy)] {
+            for own in [false, true] {
+                sequence.frames[2].camera.fx = if own { 22.0 } else { 20.5 };
+                let out = folder.path().join(format!("{name}{own}"));
+                write_native(&out, &sequence, &About::default(), storage).unwrap();
+                assert_eq!(cameras(&Sequence::open(&out).unwrap()), cameras(&sequence));
+                assert_eq!(validate(&out), []);
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_overwritten_and_nothing_half_is_left() {
+        let (folder, dir) = testing::dataset();
+        let write = |out: &Path, sequence: &Sequence| {
+            write_native(out, sequence, &About::default(), ImageStorage::Copy)
+        };
+        let error = write(&dir, &Sequence::open(&dir).unwrap()).unwrap_err();
+        assert!(error.what.contains("something already"));
+        // These frames have no image, so the import fails halfway.
+        assert!(write(&folder.path().join("new"), &testing::sequence(2)).is_err());
+        let left: Vec<_> = fs::read_dir(folder.path())
+            .unwrap()
+            .map(|e| e.unwrap().file_name())
+            .collect();
+        assert_eq!(left, ["small"]);
+        // An empty folder may be filled.
+        let empty = folder.path().join("empty");
+        fs::create_dir(&empty).unwrap();
+        write(&empty, &Sequence::open(&dir).unwrap()).unwrap();
+        assert_eq!(validate(&empty), []);
+    }
+
+    #[test]
+    fn the_common_folder_holds_all_files() {
+        let common =
+            |files: &[&str]| common_folder(&files.iter().map(PathBuf::from).collect::<Vec<_>>());
+        assert_eq!(common(&["/a/b/1.png", "/a/b/2.png"]), Path::new("/a/b"));
+        assert_eq!(common(&["/a/b/1.png", "/a/bc/2.png"]), Path::new("/a"));
+        assert_eq!(common(&[]), Path::new(""));
+    }
+}

@@ -1,0 +1,153 @@
+//! The paper's first category of matchers: local features, nearest neighbours, the ratio test.
+//!
+//! D. G. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", International Journal
+//! of Computer Vision 60(2), 2004, section 7.1, for the ratio test; the paper's evaluation uses it
+//! with every local feature. Each of these matchers is a file with its [`LocalFeatures`]; they
+//! differ in the extractor alone.
+//!
+//! | parameter | default | source |
+//! | --- | --- | --- |
+//! | `extractor` | the extractor's | OpenCV's, as in the paper's evaluation |
+//! | `ratio` | 0.8 | Lowe, section 7.1; the paper's evaluation |
+//!
+//! *Differs from the paper's evaluation* in the search for real-valued descriptors, which is exact
+//! here and approximate (FLANN) there.
+
+use matchbench_vision::ParamError;
+use matchbench_vision::features::Extractor;
+use matchbench_vision::matching::{NearestNeighbours, Pipeline, RatioTest};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{BuiltMatcher, Entry, Extraction};
+use crate::config::{ConfigError, parse_params, to_json};
+
+/// An extractor with parameters `P`, as a matcher.
+pub(super) struct LocalFeatures<P> {
+    /// Id of the matcher and of its extractor.
+    pub(super) id: &'static str,
+    /// What it is, in a few words.
+    pub(super) summary: &'static str,
+    /// The paper, in full.
+    pub(super) reference: &'static str,
+    /// Raised whenever the same image and parameters come to give other features, so that those
+    /// in caches are not used again.
+    pub(super) revision: u32,
+    /// The extractor with these parameters.
+    pub(super) extractor: fn(P) -> Result<Box<dyn Extractor>, ParamError>,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(
+    default,
+    deny_unknown_fields,
+    bound(deserialize = "P: DeserializeOwned + Default")
+)]
+struct Params<P> {
+    extractor: P,
+    ratio: f32,
+}
+
+impl<P: Default> Default for Params<P> {
+    fn default() -> Self {
+        Self {
+            extractor: P::default(),
+            ratio: RatioTest::default().ratio,
+        }
+    }
+}
+
+impl<P: Serialize + DeserializeOwned + Default> Entry for LocalFeatures<P> {
+    fn id(&self) -> &'static str {
+        self.id
+    }
+
+    fn summary(&self) -> &'static str {
+        self.summary
+    }
+
+    fn reference(&self) -> &'static str {
+        self.reference
+    }
+
+    fn defaults(&self) -> Value {
+        to_json(&Params::<P>::default())
+    }
+
+    fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {
+        let params: Params<P> = parse_params(self.id, params)?;
+        if !(params.ratio > 0.0 && params.ratio <= 1.0) {
+            let reason = format!(
+                "`ratio` is {}, but must be above 0 and at most 1",
+                params.ratio
+            );
+            return Err(ConfigError::new(self.id, reason));
+        }
+        let json = to_json(&params);
+        let extraction = Extraction {
+            extractor: self.id.into(),
+            params: to_json(&params.extractor),
+            revision: self.revision,
+        };
+        let extractor =
+            (self.extractor)(params.extractor).map_err(|error| ConfigError::new(self.id, error))?;
+        Ok(BuiltMatcher {
+            id: self.id.into(),
+            params: json,
+            extraction,
+            matcher: Box::new(Pipeline {
+                extractor,
+                search: Box::new(NearestNeighbours),
+                selectors: vec![Box::new(RatioTest {
+                    ratio: params.ratio,
+                })],
+            }),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::super::sift::SIFT;
+    use super::*;
+
+    #[test]
+    fn parameters_are_plain_numbers() {
+        assert_eq!(SIFT.defaults()["ratio"], json!(0.8));
+        assert_eq!(
+            SIFT.defaults()["extractor"]["contrast_threshold"],
+            json!(0.04)
+        );
+    }
+
+    #[test]
+    fn the_ratio_does_not_change_the_features_but_the_extractor_does() {
+        let extraction = |params: &Value| SIFT.build(Some(params)).unwrap().extraction;
+        let default = extraction(&json!({}));
+        assert_eq!(extraction(&json!({"ratio": 0.7})), default);
+        assert_ne!(extraction(&json!({"extractor": {"sigma": 1.5}})), default);
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused_by_name() {
+        for (params, named) in [
+            (json!({"ratio": 0}), "ratio"),
+            (json!({"ratio": 1.01}), "ratio"),
+            (json!({"ratio": "0.8"}), "0.8"),
+            (json!({"extractor": {"octave_layers": 0}}), "octave_layers"),
+        ] {
+            let message = SIFT
+                .build(Some(&params))
+                .err()
+                .expect("refused")
+                .to_string();
+            assert!(
+                message.contains(named) && message.contains("sift"),
+                "{message}"
+            );
+        }
+    }
+}

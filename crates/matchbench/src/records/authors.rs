@@ -1,0 +1,359 @@
+//! The layout in which the authors of MatchBench publish results: `<dataset>/<matcher>.txt`, one
+//! row per pair, in the order of the pairs.
+//!
+//! A row is `a b inliers` and the 12 numbers of the 3x4 matrix `[R | t]`, row after row, of
+//! `x_b = R x_a + t` with `t` of length 1. `inliers` is the number of selected matches in front of
+//! both cameras ([`Outcome::Pose`]'s `support`). A failed pair has the row
+//! `a b 0 1 0 0 0 0 1 0 0 0 0 1 0`: no inliers, no turn, no translation.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use matchbench_vision::geometry::RelativePose;
+use matchbench_vision::robust::NoPose;
+use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, UnitVector3, Vector3};
+
+use super::{MIN_SUPPORT, Outcome, RunRecord};
+use crate::files::write_whole;
+
+/// Why a file in the authors' layout cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum AuthorsError {
+    /// A file cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// Which file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file cannot be written; the error names it.
+    #[error(transparent)]
+    Write(#[from] io::Error),
+    /// A line that is not a row.
+    #[error(
+        "{}:{line}: {reason}; a row is `a b inliers` and the 12 numbers of the 3x4 matrix [R | t], \
+         row after row",
+        path.display()
+    )]
+    Row {
+        /// Which file.
+        path: PathBuf,
+        /// Which line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        reason: String,
+    },
+}
+
+/// One row: a pair and what was found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Its line in the file, from 1.
+    pub line: usize,
+    /// Index of the first frame.
+    pub a: u32,
+    /// Index of the second frame.
+    pub b: u32,
+    /// Matches in front of both cameras.
+    pub inliers: u32,
+    /// The relative pose; `None` where the row has no translation, as the rows of failed pairs.
+    pub b_from_a: Option<RelativePose>,
+}
+
+impl Row {
+    /// What the row says, judged by the `truth`. A pose with fewer than [`MIN_SUPPORT`] inliers
+    /// does not count.
+    pub fn outcome(&self, truth: &Isometry3<f64>) -> Outcome {
+        match self.b_from_a {
+            Some(b_from_a) if self.inliers as usize >= MIN_SUPPORT => {
+                Outcome::judged(&b_from_a, truth, self.inliers, self.inliers, 0)
+            }
+            _ => Outcome::NoPose {
+                reason: NoPose::NoSupport {
+                    found: self.inliers as usize,
+                    needed: MIN_SUPPORT,
+                },
+            },
+        }
+    }
+}
+
+/// The rows of one file, in their order. Any white space separates numbers; empty lines are
+/// skipped.
+///
+/// # Errors
+/// If the file cannot be read or a line is not a row.
+pub fn read(path: &Path) -> Result<Vec<Row>, AuthorsError> {
+    let text = fs::read_to_string(path).map_err(|source| AuthorsError::Read {
+        path: path.into(),
+        source,
+    })?;
+    (text.lines().enumerate())
+        .filter(|(_, line)| !line.trim().is_empty())
+        .map(|(index, line)| {
+            let number = index + 1;
+            parse(number, line).map_err(|reason| AuthorsError::Row {
+                path: path.into(),
+                line: number,
+                reason,
+            })
+        })
+        .collect()
+}
+
+/// Writes `records` as `out/<dataset>/<matcher>.txt`, or `<matcher>+<estimator>.txt` where a matcher
+/// was run with several estimators, and returns the files. The layout has one row per pair, so
+/// only the first repetition is written.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn write(out: &Path, records: &[RunRecord]) -> Result<Vec<PathBuf>, AuthorsError> {
+    let mut estimators = BTreeMap::<_, BTreeSet<_>>::new();
+    let mut texts = BTreeMap::<_, String>::new();
+    for RunRecord { task, outcome, .. } in records {
+        let matcher = (&task.dataset, &task.matcher);
+        (estimators.entry(matcher).or_default()).insert(&task.estimator);
+        if task.repetition == 0 {
+            let text = texts.entry((matcher, &task.estimator)).or_default();
+            push_row(text, task.a, task.b, outcome);
+        }
+    }
+    (texts.into_iter())
+        .map(|((matcher, estimator), text)| {
+            let (dataset, id) = matcher;
+            let name = match estimators[&matcher].len() {
+                1 => format!("{id}.txt"),
+                _ => format!("{id}+{estimator}.txt"),
+            };
+            let path = out.join(dataset).join(name);
+            write_whole(&path, text.as_bytes())?;
+            Ok(path)
+        })
+        .collect()
+}
+
+fn push_row(text: &mut String, a: u32, b: u32, outcome: &Outcome) {
+    let (inliers, r, t) = match outcome {
+        Outcome::Pose {
+            rotation,
+            translation,
+            support,
+            ..
+        } => (*support, *rotation, *translation),
+        Outcome::NoPose { .. } | Outcome::Failed { .. } => {
+            (0, [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], [0.0; 3])
+        }
+    };
+    write!(text, "{a} {b} {inliers}").expect("a string takes all");
+    for (row, t) in r.chunks_exact(3).zip(t) {
+        // Every digit is written, so that a score of the export is the score of the run.
+        write!(text, " {} {} {} {t}", row[0], row[1], row[2]).expect("a string takes all");
+    }
+    text.push('\n');
+}
+
+fn parse(number_of_line: usize, line: &str) -> Result<Row, String> {
+    let fields: Vec<&str> = line.split_whitespace().collect();
+    let Ok([a, b, inliers, pose @ ..]) = <[&str; 15]>::try_from(&fields[..]) else {
+        return Err(format!("found {} numbers, needed 15", fields.len()));
+    };
+    let mut rows = [0.0; 12];
+    for (value, field) in rows.iter_mut().zip(pose) {
+        *value = number(field, "a number")?;
+        if !f64::is_finite(*value) {
+            return Err(format!("`{field}` is not finite"));
+        }
+    }
+    Ok(Row {
+        line: number_of_line,
+        a: number(a, "the index of a frame")?,
+        b: number(b, "the index of a frame")?,
+        inliers: number(inliers, "a number of inliers")?,
+        b_from_a: relative_pose(&rows)?,
+    })
+}
+
+fn number<T: FromStr>(field: &str, what: &str) -> Result<T, String> {
+    field
+        .parse()
+        .map_err(|_| format!("`{field}` is not {what}"))
+}
+
+/// The pose `[R | t]`; `None` where t is zero.
+fn relative_pose(rows: &[f64; 12]) -> Result<Option<RelativePose>, String> {
+    /// Published rotations have six digits; what is off by more than this is something else.
+    const TOLERANCE: f64 = 1e-3;
+    let r = Matrix3::from_fn(|row, column| rows[4 * row + column]);
+    if (r.transpose() * r - Matrix3::identity()).amax() > TOLERANCE || r.determinant() < 0.0 {
+        return Err("the 3x3 part is not a rotation".into());
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(r));
+    let translation = Vector3::from_fn(|row, _| rows[4 * row + 3]);
+    Ok(
+        UnitVector3::try_new(translation, f64::MIN_POSITIVE).map(|direction| RelativePose {
+            rotation: UnitQuaternion::new_normalize(rotation.into_inner()),
+            direction,
+        }),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Translation3;
+
+    use super::super::{Counts, StageTimes, Task};
+    use super::*;
+
+    fn record(estimator: &str, b: u32, repetition: u32, outcome: Outcome) -> RunRecord {
+        RunRecord {
+            task: Task {
+                dataset: "05-castle".into(),
+                matcher: "sift".into(),
+                estimator: estimator.into(),
+                a: 0,
+                b,
+                repetition,
+            },
+            counts: Counts::default(),
+            outcome,
+            times: StageTimes::default(),
+        }
+    }
+
+    fn truth() -> Isometry3<f64> {
+        Isometry3::from_parts(
+            Translation3::new(1.0, 2.0, -0.3),
+            UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3),
+        )
+    }
+
+    fn solved() -> Outcome {
+        let pose = RelativePose::from_isometry(&truth()).unwrap();
+        Outcome::judged(&pose, &truth(), 30, 40, 1000)
+    }
+
+    fn broken() -> Outcome {
+        Outcome::Failed {
+            reason: "cannot read an image".into(),
+        }
+    }
+
+    fn read_text(text: &str) -> Result<Vec<Row>, AuthorsError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sift.txt");
+        fs::write(&path, text).unwrap();
+        read(&path)
+    }
+
+    #[test]
+    fn what_is_written_comes_back_with_the_same_errors() {
+        let out = tempfile::tempdir().unwrap();
+        let records = [
+            record("ransac-e", 1, 0, solved()),
+            record("ransac-e", 1, 1, broken()),
+            record("ransac-e", 2, 0, broken()),
+        ];
+        let files = write(out.path(), &records).unwrap();
+        assert_eq!(files, [out.path().join("05-castle/sift.txt")]);
+        let text = fs::read_to_string(&files[0]).unwrap();
+        assert_eq!(text.lines().nth(1), Some("0 2 0 1 0 0 0 0 1 0 0 0 0 1 0"));
+
+        let rows = read(&files[0]).unwrap();
+        assert_eq!((rows[0].line, rows[0].b, rows[0].inliers), (1, 1, 40));
+        let Outcome::Pose {
+            rotation_error,
+            translation_error,
+            ..
+        } = rows[0].outcome(&truth())
+        else {
+            panic!("the first row has a pose")
+        };
+        assert!(rotation_error < 1e-6 && translation_error.unwrap() < 1e-5);
+        assert!(matches!(
+            rows[1].outcome(&truth()),
+            Outcome::NoPose {
+                reason: NoPose::NoSupport {
+                    found: 0,
+                    needed: 10
+                }
+            }
+        ));
+    }
+
+    #[test]
+    fn several_estimators_are_told_apart_by_the_name_of_the_file() {
+        let out = tempfile::tempdir().unwrap();
+        let records = [
+            record("ransac-e", 1, 0, solved()),
+            record("lmeds-e", 1, 0, broken()),
+        ];
+        let names: Vec<_> = (write(out.path(), &records).unwrap().iter())
+            .map(|path| path.file_name().unwrap().to_owned())
+            .collect();
+        assert_eq!(names, ["sift+lmeds-e.txt", "sift+ransac-e.txt"]);
+    }
+
+    #[test]
+    fn white_space_may_be_irregular() {
+        let rows = read_text(
+            "0  1 12 1 0 0 0.6  0 1 0 0 0\t0 1 0.8  \r\n\r\n2 3 9 1 0 0 1 0 1 0 0 0 0 1 0",
+        );
+        let rows = rows.unwrap();
+        assert_eq!(rows.len(), 2);
+        assert_eq!(rows[0].b_from_a.unwrap().direction.z, 0.8);
+        assert!(
+            matches!(rows[1].outcome(&truth()), Outcome::NoPose { .. }),
+            "9 inliers are too few"
+        );
+    }
+
+    #[test]
+    fn what_is_not_a_row_is_named_by_line() {
+        let good = "0 1 12 1 0 0 1 0 1 0 0 0 0 1 0\n";
+        for (bad, named) in [
+            ("0 1", "found 2 numbers, needed 15"),
+            ("0 1 12 1 0 0 1 0 1 0 0 0 0 1 0 5", "found 16 numbers"),
+            (
+                "0 -1 12 1 0 0 1 0 1 0 0 0 0 1 0",
+                "`-1` is not the index of a frame",
+            ),
+            (
+                "0 1 x 1 0 0 1 0 1 0 0 0 0 1 0",
+                "`x` is not a number of inliers",
+            ),
+            ("0 1 12 1 0 0 nan 0 1 0 0 0 0 1 0", "`nan` is not finite"),
+            ("0 1 12 1 0 0 1 0 2 0 0 0 0 1 0", "not a rotation"),
+            ("0 1 12 -1 0 0 1 0 -1 0 0 0 0 -1 0", "not a rotation"),
+        ] {
+            let message = read_text(&format!("{good}{bad}\n"))
+                .unwrap_err()
+                .to_string();
+            assert!(
+                message.contains("sift.txt:2: ") && message.contains(named),
+                "{message}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_published_results_are_read() {
+        let results =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/reference/Results");
+        if !results.is_dir() {
+            eprintln!("skipped: the published results are not here");
+            return;
+        }
+        let rows = read(&results.join("05-castle/latch.txt")).unwrap();
+        assert_eq!(rows.len(), 435);
+        assert!(rows.iter().all(|row| row.b_from_a.is_some()));
+        let rows = read(&results.join("08-large-cabinet-wide/latch.txt")).unwrap();
+        let failed = rows.iter().filter(|row| row.b_from_a.is_none());
+        assert!(failed.clone().all(|row| row.inliers == 0));
+        assert_eq!((rows.len(), failed.count()), (567, 300));
+    }
+}

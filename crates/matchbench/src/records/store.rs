@@ -1,0 +1,267 @@
+//! Records on disk: `records/<dataset>/<matcher>+<estimator>.jsonl` in the folder of the run, one
+//! JSON object per line, only ever appended to.
+//!
+//! A line is handed to the operating system whole, in one write that ends with the line's end. A
+//! process that is killed in the middle leaves at most one line without an end, and that line is
+//! dropped by whoever reads next. Any other damage is an error: it was not us, and guessing which
+//! lines still hold true would spoil the tables quietly.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use super::RunRecord;
+
+/// Why records cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// The file system refused.
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// With which file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A whole line that is not a record.
+    #[error(
+        "{}:{line}: not a record of this version ({reason}); to do this task and all after it anew, \
+         delete the file from this line on and run again",
+        path.display()
+    )]
+    Corrupt {
+        /// Which file.
+        path: PathBuf,
+        /// Which line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        reason: String,
+    },
+}
+
+impl StoreError {
+    fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        move |source| Self::Io {
+            action,
+            path: path.into(),
+            source,
+        }
+    }
+}
+
+/// Where the records of one dataset, matcher and estimator stand in the folder of a `run`.
+pub fn path(run: &Path, dataset: &str, matcher: &str, estimator: &str) -> PathBuf {
+    run.join("records")
+        .join(dataset)
+        .join(format!("{matcher}+{estimator}.jsonl"))
+}
+
+/// The records of one file, in their order; a last line without an end is left out. Safe while
+/// another process is appending.
+///
+/// # Errors
+/// If the file cannot be read or has a line that is not a record.
+pub fn read(path: &Path) -> Result<Vec<RunRecord>, StoreError> {
+    let bytes = fs::read(path).map_err(StoreError::io("read", path))?;
+    parse(path, &bytes[..whole_lines(&bytes)])
+}
+
+/// All records in the folder of a `run`, ordered by dataset, then by matcher and estimator, then
+/// as they were written.
+///
+/// # Errors
+/// As [`read`], for every file. A folder without records is no error, it has none.
+pub fn read_run(run: &Path) -> Result<Vec<RunRecord>, StoreError> {
+    let mut records = Vec::new();
+    for dataset in sorted_entries(&run.join("records"))? {
+        if dataset.is_dir() {
+            for file in sorted_entries(&dataset)? {
+                if file
+                    .extension()
+                    .is_some_and(|extension| extension == "jsonl")
+                {
+                    records.append(&mut read(&file)?);
+                }
+            }
+        }
+    }
+    Ok(records)
+}
+
+/// As [`read`], and a last line without an end is cut off the file, so that it can be appended to.
+/// A file that does not exist has no records.
+///
+/// # Errors
+/// As [`read`]; or if the file cannot be cut.
+pub fn recover(path: &Path) -> Result<Vec<RunRecord>, StoreError> {
+    let bytes = match fs::read(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        read => read.map_err(StoreError::io("read", path))?,
+    };
+    let whole = whole_lines(&bytes);
+    let records = parse(path, &bytes[..whole])?;
+    if whole < bytes.len() {
+        (OpenOptions::new().write(true).open(path))
+            .and_then(|file| file.set_len(whole as u64))
+            .map_err(StoreError::io("cut the torn last line of", path))?;
+    }
+    Ok(records)
+}
+
+/// Appends records to one file.
+#[derive(Debug)]
+pub struct RecordWriter {
+    path: PathBuf,
+    file: File,
+}
+
+impl RecordWriter {
+    /// A writer at the end of the file, which is made if it is not there, as is its folder. Call
+    /// [`recover`] first.
+    ///
+    /// # Errors
+    /// If the file cannot be opened.
+    pub fn open(path: &Path) -> Result<Self, StoreError> {
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).map_err(StoreError::io("create the folder", folder))?;
+        }
+        let file = (OpenOptions::new().append(true).create(true).open(path))
+            .map_err(StoreError::io("open", path))?;
+        Ok(Self {
+            path: path.into(),
+            file,
+        })
+    }
+
+    /// Appends a record; when this returns, killing the process cannot lose it.
+    ///
+    /// # Errors
+    /// If it cannot be written (a full disk). The file may then end in a torn line.
+    pub fn append(&mut self, record: &RunRecord) -> Result<(), StoreError> {
+        let mut line = serde_json::to_vec(record).expect("a record has only strings and numbers");
+        line.push(b'\n');
+        self.file
+            .write_all(&line)
+            .map_err(StoreError::io("append to", &self.path))
+    }
+}
+
+/// Length of the part of a file that consists of whole lines.
+fn whole_lines(bytes: &[u8]) -> usize {
+    (bytes.iter().rposition(|&byte| byte == b'\n')).map_or(0, |end| end + 1)
+}
+
+fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<RunRecord>, StoreError> {
+    (bytes.split_inclusive(|&byte| byte == b'\n').enumerate())
+        .map(|(index, line)| {
+            serde_json::from_slice(line).map_err(|error| StoreError::Corrupt {
+                path: path.into(),
+                line: index + 1,
+                reason: error.to_string(),
+            })
+        })
+        .collect()
+}
+
+/// What is in a folder, sorted by name; nothing if there is no such folder.
+fn sorted_entries(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    let entries = match fs::read_dir(folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries.map_err(StoreError::io("list", folder))?,
+    };
+    let mut paths = (entries.map(|entry| entry.map(|entry| entry.path())))
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(StoreError::io("list", folder))?;
+    paths.sort();
+    Ok(paths)
+}
+
+#[cfg(test)]
+mod tests {
+    use matchbench_vision::robust::NoPose;
+
+    use super::super::{Counts, Outcome, StageTimes, Task};
+    use super::*;
+
+    fn record(b: u32) -> RunRecord {
+        RunRecord {
+            task: Task {
+                dataset: "office".into(),
+                matcher: "sift".into(),
+                estimator: "ransac-e".into(),
+                a: 0,
+                b,
+                repetition: 0,
+            },
+            counts: Counts::default(),
+            outcome: Outcome::NoPose {
+                reason: NoPose::TooFewMatches {
+                    found: 3,
+                    needed: 20,
+                },
+            },
+            times: StageTimes::default(),
+        }
+    }
+
+    /// A run with the records of three pairs: its folder and the file.
+    fn three_records() -> (tempfile::TempDir, PathBuf) {
+        let run = tempfile::tempdir().unwrap();
+        let file = path(run.path(), "office", "sift", "ransac-e");
+        let mut writer = RecordWriter::open(&file).unwrap();
+        (1..4).for_each(|b| writer.append(&record(b)).unwrap());
+        (run, file)
+    }
+
+    #[test]
+    fn records_come_back_in_order() {
+        let (run, file) = three_records();
+        assert_eq!(read(&file).unwrap(), [1, 2, 3].map(record));
+        assert_eq!(read_run(run.path()).unwrap(), [1, 2, 3].map(record));
+    }
+
+    #[test]
+    fn a_torn_last_line_is_left_out_wherever_it_was_torn() {
+        let (_run, file) = three_records();
+        let whole = fs::read(&file).unwrap();
+        for length in 0..=whole.len() {
+            fs::write(&file, &whole[..length]).unwrap();
+            let expected = whole[..length].split(|&byte| byte == b'\n').count() - 1;
+            assert_eq!(read(&file).unwrap().len(), expected);
+            assert_eq!(
+                fs::read(&file).unwrap().len(),
+                length,
+                "reading cuts nothing"
+            );
+            assert_eq!(recover(&file).unwrap().len(), expected);
+            assert_eq!(recover(&file).unwrap().len(), expected);
+            let mut writer = RecordWriter::open(&file).unwrap();
+            (expected as u32..3).for_each(|done| writer.append(&record(done + 1)).unwrap());
+            assert_eq!(fs::read(&file).unwrap(), whole);
+        }
+    }
+
+    #[test]
+    fn damage_in_the_middle_is_named_by_file_and_line() {
+        let (_run, file) = three_records();
+        let text = fs::read_to_string(&file).unwrap();
+        for damaged in [
+            text.replacen("\"b\":2", "\"b\":-2", 1),
+            text.replacen("\"b\":2", "\"b\":2,\"c\":2", 1),
+            text.replacen("\"b\":2", "\"b\":\n2", 1),
+        ] {
+            fs::write(&file, damaged).unwrap();
+            let message = recover(&file).unwrap_err().to_string();
+            assert!(message.contains("sift+ransac-e.jsonl:2:"), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_not_there_has_no_records() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(recover(&folder.path().join("none.jsonl")).unwrap(), []);
+        assert_eq!(read_run(folder.path()).unwrap(), []);
+    }
+}

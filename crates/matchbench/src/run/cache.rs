@@ -1,0 +1,131 @@
+//! Features on disk, found by what they were made from.
+//!
+//! The key is a hash of the bytes of the image file and of everything that the extraction depends
+//! on: id, every effective parameter, revision. It holds no name, no time, no path; a parameter
+//! that changes, or an image that is replaced, is simply another key. Only a change of the code
+//! itself must be told, by [`Extraction::revision`].
+
+use std::fmt;
+use std::fs;
+use std::io;
+use std::path::PathBuf;
+
+use matchbench_vision::features::Features;
+
+use super::feature_file;
+use crate::files::write_whole;
+use crate::matchers::Extraction;
+
+/// A folder of features. Any number of runs may share one at the same time; it can be deleted
+/// whenever none is running.
+#[derive(Clone, Debug)]
+pub struct FeatureCache {
+    folder: PathBuf,
+}
+
+impl FeatureCache {
+    /// The cache in `folder`, which is made when it is first needed.
+    pub fn new(folder: impl Into<PathBuf>) -> Self {
+        Self {
+            folder: folder.into(),
+        }
+    }
+
+    /// The features that were saved under `key`. A file that is torn, foreign or unreadable counts
+    /// as none: the features are then computed and the file is replaced.
+    pub(super) fn load(&self, key: Key) -> Option<Features> {
+        feature_file::from_bytes(&fs::read(self.path(key)).ok()?, key)
+    }
+
+    /// Saves features under `key`.
+    ///
+    /// # Errors
+    /// If the file cannot be written; the error names it.
+    pub(super) fn save(&self, key: Key, features: &Features) -> io::Result<()> {
+        write_whole(&self.path(key), &feature_file::to_bytes(features, key))
+    }
+
+    /// The first two digits are a folder, so that no folder grows beyond what file systems like.
+    fn path(&self, key: Key) -> PathBuf {
+        let name = key.to_string();
+        self.folder
+            .join(&name[..2])
+            .join(format!("{name}.features"))
+    }
+}
+
+/// What features were made from, as a hash.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Key(pub(super) [u8; 32]);
+
+impl Key {
+    /// The key of the features that `extraction` finds in the image `file` (its bytes).
+    pub(super) fn new(file: &[u8], extraction: &Extraction) -> Self {
+        let extraction = serde_json::to_vec(extraction).expect("an extraction is plain JSON");
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&(extraction.len() as u64).to_le_bytes());
+        hasher.update(&extraction);
+        hasher.update(file);
+        Self(*hasher.finalize().as_bytes())
+    }
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use matchbench_vision::features::{DescriptorKind, Descriptors};
+    use matchbench_vision::image::Size;
+    use serde_json::json;
+
+    use super::*;
+
+    fn extraction() -> Extraction {
+        Extraction {
+            extractor: "sift".into(),
+            params: json!({"octaves": 4, "contrast": 0.04}),
+            revision: 1,
+        }
+    }
+
+    #[test]
+    fn everything_that_features_depend_on_is_in_the_key() {
+        let key = |extraction: &Extraction| Key::new(b"image", extraction);
+        let original = key(&extraction());
+        assert_eq!(key(&extraction()), original);
+        let changed = |change: fn(&mut Extraction)| {
+            let mut extraction = extraction();
+            change(&mut extraction);
+            key(&extraction)
+        };
+        assert_ne!(changed(|e| e.extractor = "surf".into()), original);
+        assert_ne!(changed(|e| e.params["contrast"] = json!(0.03)), original);
+        assert_ne!(changed(|e| e.revision = 2), original);
+        assert_ne!(Key::new(b"imagf", &extraction()), original);
+    }
+
+    #[test]
+    fn what_is_torn_or_foreign_is_not_found_and_can_be_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = FeatureCache::new(folder.path());
+        let (key, other) = (Key([1; 32]), Key([2; 32]));
+        let none = Descriptors::empty(DescriptorKind::Binary { bits: 8 });
+        let features = Features::new(Size::new(3, 2), Vec::new(), none);
+        assert_eq!(cache.load(key), None);
+        cache.save(key, &features).unwrap();
+        assert_eq!(cache.load(key).as_ref(), Some(&features));
+
+        fs::create_dir_all(cache.path(other).parent().unwrap()).unwrap();
+        fs::copy(cache.path(key), cache.path(other)).unwrap();
+        assert_eq!(cache.load(other), None, "a renamed file is foreign");
+
+        fs::write(cache.path(key), b"torn").unwrap();
+        assert_eq!(cache.load(key), None);
+        cache.save(key, &features).unwrap();
+        assert_eq!(cache.load(key), Some(features));
+    }
+}

@@ -1,0 +1,247 @@
+//! Features as the bytes of a file.
+//!
+//! All numbers are little-endian.
+//!
+//! | bytes | what |
+//! | --- | --- |
+//! | 8 | `MBFEAT01`: the format and its version |
+//! | 32 | the key that the features were saved under |
+//! | 8, 8, 8 | width and height of the image, number n of features |
+//! | 1, 8 | layout of the descriptors, values or bits in each |
+//! | n x 23 | keypoints: x, y, size, response, angle (`f32`), whether there is an angle (1 byte), octave (`i16`) |
+//! | n x row | descriptors, row after row: `f32` (layout 0), bytes (1) or `u64` words (2) |
+//! | 32 | BLAKE3 of all the above |
+//!
+//! Real values that are all whole numbers from 0 to 255, as SIFT's, are stored as bytes. What comes
+//! back is the same bit for bit.
+
+use matchbench_vision::features::{BinaryRows, Descriptors, Features, FloatRows, Keypoint};
+use matchbench_vision::image::Size;
+use nalgebra::Point2;
+
+use super::cache::Key;
+
+const MAGIC: [u8; 8] = *b"MBFEAT01";
+const CHECKSUM: usize = 32;
+
+const FLOATS: u8 = 0;
+const BYTES: u8 = 1;
+const WORDS: u8 = 2;
+
+/// The file that holds `features` under `key`.
+pub(super) fn to_bytes(features: &Features, key: Key) -> Vec<u8> {
+    let mut file = Vec::new();
+    file.extend(MAGIC);
+    file.extend(key.0);
+    for number in [features.size.width, features.size.height, features.len()] {
+        file.extend((number as u64).to_le_bytes());
+    }
+    let (layout, width) = match &features.descriptors {
+        Descriptors::Float(rows) if rows.data().iter().all(|&x| is_byte(x)) => (BYTES, rows.dim()),
+        Descriptors::Float(rows) => (FLOATS, rows.dim()),
+        Descriptors::Binary(rows) => (WORDS, rows.bits()),
+    };
+    file.push(layout);
+    file.extend((width as u64).to_le_bytes());
+    for keypoint in &features.keypoints {
+        push_keypoint(&mut file, keypoint);
+    }
+    match &features.descriptors {
+        Descriptors::Float(rows) if layout == BYTES => {
+            file.extend(rows.data().iter().map(|&x| x as u8));
+        }
+        Descriptors::Float(rows) => file.extend(rows.data().iter().flat_map(|x| x.to_le_bytes())),
+        Descriptors::Binary(rows) => file.extend(rows.data().iter().flat_map(|x| x.to_le_bytes())),
+    }
+    let checksum = blake3::hash(&file);
+    file.extend(checksum.as_bytes());
+    file
+}
+
+/// The features in a file, if they were saved under `key` and the file is whole.
+pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<Features> {
+    let (content, checksum) = file.split_at_checked(file.len().checked_sub(CHECKSUM)?)?;
+    if blake3::hash(content) != *<&[u8; CHECKSUM]>::try_from(checksum).ok()? {
+        return None;
+    }
+    let mut reader = Reader(content);
+    if reader.array()? != MAGIC || reader.array()? != key.0 {
+        return None;
+    }
+    let size = Size::new(reader.number()?, reader.number()?);
+    let count = reader.number()?;
+    let [layout] = reader.array()?;
+    let width = reader.number().filter(|&width| width > 0)?;
+    let keypoints = (0..count)
+        .map(|_| reader.keypoint())
+        .collect::<Option<Vec<_>>>()?;
+    let (Reader(rows), row) = match layout {
+        FLOATS => (reader, width.checked_mul(4)?),
+        BYTES => (reader, width),
+        WORDS => (reader, width.div_ceil(64).checked_mul(8)?),
+        _ => return None,
+    };
+    if rows.len() != count.checked_mul(row)? {
+        return None;
+    }
+    let descriptors = match layout {
+        FLOATS => {
+            let data = rows.as_chunks().0.iter().map(|x| f32::from_le_bytes(*x));
+            Descriptors::Float(FloatRows::from_vec(width, data.collect()))
+        }
+        BYTES => {
+            let data = rows.iter().map(|&x| f32::from(x));
+            Descriptors::Float(FloatRows::from_vec(width, data.collect()))
+        }
+        _ => {
+            let data = rows.as_chunks().0.iter().map(|x| u64::from_le_bytes(*x));
+            Descriptors::Binary(BinaryRows::from_vec(width, data.collect()))
+        }
+    };
+    Some(Features::new(size, keypoints, descriptors))
+}
+
+/// Whether `x` survives being a byte, bit for bit: neither a fraction nor -0 does.
+fn is_byte(x: f32) -> bool {
+    f32::from(x as u8).to_bits() == x.to_bits()
+}
+
+fn push_keypoint(file: &mut Vec<u8>, keypoint: &Keypoint) {
+    let angle = keypoint.angle.unwrap_or_default();
+    let Point2 { coords: at } = keypoint.at;
+    for number in [at.x, at.y, keypoint.size, keypoint.response, angle] {
+        file.extend(number.to_le_bytes());
+    }
+    file.push(u8::from(keypoint.angle.is_some()));
+    file.extend(keypoint.octave.to_le_bytes());
+}
+
+/// What is left of a file.
+struct Reader<'a>(&'a [u8]);
+
+impl Reader<'_> {
+    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (array, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some(*array)
+    }
+
+    fn number(&mut self) -> Option<usize> {
+        usize::try_from(u64::from_le_bytes(self.array()?)).ok()
+    }
+
+    fn float(&mut self) -> Option<f32> {
+        self.array().map(f32::from_le_bytes)
+    }
+
+    fn keypoint(&mut self) -> Option<Keypoint> {
+        let at = Point2::new(self.float()?, self.float()?);
+        let (size, response, angle) = (self.float()?, self.float()?, self.float()?);
+        let [has_angle] = self.array()?;
+        Some(Keypoint {
+            at,
+            size,
+            angle: (has_angle != 0).then_some(angle),
+            response,
+            octave: self.array().map(i16::from_le_bytes)?,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KEY: Key = Key([7; 32]);
+
+    fn keypoints(count: usize) -> Vec<Keypoint> {
+        (0..count)
+            .map(|i| Keypoint {
+                at: Point2::new(i as f32 + 0.1, -0.0),
+                size: 3.5,
+                angle: (i % 2 == 0).then_some(1.25),
+                response: 1e-30,
+                octave: -1 - i as i16,
+            })
+            .collect()
+    }
+
+    fn features(descriptors: Descriptors) -> Features {
+        Features::new(Size::new(64, 48), keypoints(descriptors.len()), descriptors)
+    }
+
+    fn examples() -> [Features; 5] {
+        let floats = |data: &[f32]| Descriptors::Float(FloatRows::from_vec(2, data.to_vec()));
+        [
+            features(floats(&[0.0, 255.0, 17.0, 1.0])),
+            features(floats(&[0.5, 255.0, -1.0, 256.0])),
+            features(floats(&[1.0, -0.0])),
+            features(floats(&[])),
+            features(Descriptors::Binary(BinaryRows::from_vec(
+                486,
+                (0..24).map(|word| u64::MAX / (word + 1)).collect(),
+            ))),
+        ]
+    }
+
+    #[test]
+    fn features_come_back_bit_for_bit() {
+        for features in examples() {
+            let file = to_bytes(&features, KEY);
+            let back = from_bytes(&file, KEY).expect("the file is whole");
+            assert_eq!(back, features);
+            // Equal bytes are equal bits, also of the zeros with a sign.
+            assert_eq!(to_bytes(&back, KEY), file);
+        }
+    }
+
+    #[test]
+    fn whole_numbers_take_a_byte_each() {
+        let [bytes, floats, ..] = examples();
+        let difference = to_bytes(&floats, KEY).len() - to_bytes(&bytes, KEY).len();
+        assert_eq!(difference, 3 * 4);
+    }
+
+    #[test]
+    fn torn_and_damaged_files_are_no_features() {
+        for features in examples() {
+            let file = to_bytes(&features, KEY);
+            for length in 0..file.len() {
+                assert_eq!(from_bytes(&file[..length], KEY), None);
+            }
+            for index in 0..file.len() {
+                let mut damaged = file.clone();
+                damaged[index] ^= 0x10;
+                assert_eq!(from_bytes(&damaged, KEY), None);
+            }
+            assert_eq!(from_bytes(&file, Key([8; 32])), None);
+        }
+    }
+
+    #[test]
+    fn a_header_that_contradicts_the_rest_is_no_features() {
+        let [features, ..] = examples();
+        let file = to_bytes(&features, KEY);
+        let content = &file[..file.len() - CHECKSUM];
+        // The number of features, the layout and the width.
+        for (index, value) in [
+            (56, 1),
+            (56, 3),
+            (63, 255),
+            (64, 0),
+            (64, 9),
+            (65, 0),
+            (65, 3),
+            (72, 255),
+        ] {
+            let mut forged = content.to_vec();
+            forged[index] = value;
+            forged.extend(*blake3::hash(&forged).as_bytes());
+            assert_eq!(
+                from_bytes(&forged, KEY),
+                None,
+                "byte {index} set to {value}"
+            );
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! From an image file to features: decoded and extracted, or taken from the cache.
+
+use std::fs;
+use std::path::Path;
+
+use matchbench_vision::features::Features;
+use matchbench_vision::image::GrayImage;
+
+use super::RunError;
+use super::cache::{FeatureCache, Key};
+use super::guard::{guard, timed};
+use crate::datasets::Frame;
+use crate::matchers::BuiltMatcher;
+
+/// Turns the bytes of an image file into pixels, or says why it cannot.
+pub type Decode = fn(&[u8]) -> Result<GrayImage, String>;
+
+/// The stage that is done once per frame.
+pub(super) struct FrameStage<'a> {
+    pub(super) matcher: &'a BuiltMatcher,
+    pub(super) cache: &'a FeatureCache,
+    pub(super) decode: Decode,
+}
+
+/// What a frame came to.
+#[derive(Debug)]
+pub(super) struct Extracted {
+    /// The features, or why there are none: the pairs of this frame fail for the same reason.
+    pub(super) features: Result<Features, String>,
+    /// How long the extraction took, if it was done.
+    pub(super) seconds: Option<f64>,
+}
+
+impl FrameStage<'_> {
+    /// The features of `frame`.
+    ///
+    /// # Errors
+    /// If the cache cannot be written. An image that cannot be read is not an error.
+    pub(super) fn extract(&self, frame: &Frame) -> Result<Extracted, RunError> {
+        let mut seconds = None;
+        let features = match read(&frame.image) {
+            Err(reason) => Err(reason),
+            Ok(file) => {
+                let key = Key::new(&file, &self.matcher.extraction);
+                match self.cache.load(key) {
+                    Some(features) => Ok(features),
+                    None => self.compute(&frame.image, &file, key, &mut seconds)?,
+                }
+            }
+        };
+        Ok(Extracted { features, seconds })
+    }
+
+    fn compute(
+        &self,
+        path: &Path,
+        file: &[u8],
+        key: Key,
+        seconds: &mut Option<f64>,
+    ) -> Result<Result<Features, String>, RunError> {
+        let features = decode(self.decode, path, file).and_then(|image| {
+            let what = format_args!("extraction from {}", path.display());
+            timed(seconds, || {
+                guard(what, || self.matcher.matcher.extract(&image))
+            })
+        });
+        if let Ok(features) = &features {
+            self.cache.save(key, features)?;
+        }
+        Ok(features)
+    }
+}
+
+/// The pixels of an image file.
+pub(super) fn load(decoder: Decode, path: &Path) -> Result<GrayImage, String> {
+    read(path).and_then(|file| decode(decoder, path, &file))
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, String> {
+    fs::read(path).map_err(|error| format!("cannot read {}: {error}", path.display()))
+}
+
+fn decode(decode: Decode, path: &Path, file: &[u8]) -> Result<GrayImage, String> {
+    guard(format_args!("decoding {}", path.display()), || decode(file))
+}

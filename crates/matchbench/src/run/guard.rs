@@ -1,0 +1,56 @@
+//! Work of matchers and estimators, which may break, and its time.
+
+use std::any::Any;
+use std::fmt::Display;
+use std::panic::{self, AssertUnwindSafe};
+use std::time::Instant;
+
+/// Does `work`; an error or a panic becomes a reason in words that begin with `what` broke.
+///
+/// State that a panic leaves half changed is the matcher's own, and all that can come of it is
+/// caught here again.
+pub(super) fn guard<T, E: Display>(
+    what: impl Display,
+    work: impl FnOnce() -> Result<T, E>,
+) -> Result<T, String> {
+    match panic::catch_unwind(AssertUnwindSafe(work)) {
+        Ok(result) => result.map_err(|error| format!("{what} failed: {error}")),
+        Err(payload) => Err(format!("{what} panicked: {}", message(&*payload))),
+    }
+}
+
+/// Does `work` and notes how many `seconds` it took, by the one clock of a run.
+pub(super) fn timed<T>(seconds: &mut Option<f64>, work: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let result = work();
+    *seconds = Some(start.elapsed().as_secs_f64());
+    result
+}
+
+fn message(payload: &(dyn Any + Send)) -> &str {
+    (payload.downcast_ref::<String>().map(String::as_str))
+        .or_else(|| payload.downcast_ref::<&str>().copied())
+        .unwrap_or("no message")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_and_panics_become_reasons() {
+        assert_eq!(guard("search", || Ok::<_, String>(3)), Ok(3));
+        assert_eq!(
+            guard("search", || Err::<(), _>("no index")),
+            Err("search failed: no index".into())
+        );
+        let broken = |which: usize| guard("search", || Ok::<_, String>([1, 2][which]));
+        let reason = broken(2).unwrap_err();
+        assert!(
+            reason.starts_with("search panicked: index out of bounds"),
+            "{reason}"
+        );
+        let silent = guard("search", || -> Result<(), String> { panic::panic_any(7) });
+        assert_eq!(silent, Err("search panicked: no message".into()));
+    }
+}

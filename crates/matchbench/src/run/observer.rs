@@ -1,0 +1,97 @@
+//! Who is told how a run goes, and who may stop it.
+
+use std::iter::Sum;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::Plan;
+use crate::records::{Outcome, RunRecord};
+
+/// Is told how a run goes: a progress bar, a log. Calls come one at a time, from any thread, and
+/// the run waits for them.
+pub trait Observer: Sync {
+    /// The run begins, or goes on after `summary.before` tasks of earlier processes.
+    fn on_plan(&self, plan: &Plan, summary: RunSummary) {
+        let _ = (plan, summary);
+    }
+
+    /// A matcher begins with a dataset.
+    fn on_part(&self, dataset: &str, matcher: &str) {
+        let _ = (dataset, matcher);
+    }
+
+    /// The features of a frame of this dataset are there, or it is known why there are none. They
+    /// were `extracted`, or were in the cache.
+    fn on_frame(&self, frame: u32, extracted: bool) {
+        let _ = (frame, extracted);
+    }
+
+    /// A task is done and its record is in the file.
+    fn on_record(&self, record: &RunRecord) {
+        let _ = record;
+    }
+}
+
+/// Tells nobody.
+#[derive(Clone, Copy, Debug)]
+pub struct Silent;
+
+impl Observer for Silent {}
+
+/// Stops a run: tasks in flight are finished and recorded, no others are begun. Clones share one
+/// state; setting it is safe in a signal handler.
+#[derive(Clone, Debug, Default)]
+pub struct Cancel(Arc<AtomicBool>);
+
+impl Cancel {
+    /// Asks the run to stop.
+    pub fn set(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the run was asked to stop.
+    pub fn is_set(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// How far a run has come, in tasks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RunSummary {
+    /// Tasks of the plan.
+    pub total: usize,
+    /// Tasks that were recorded by earlier processes.
+    pub before: usize,
+    /// Tasks that were recorded by this one.
+    pub now: usize,
+    /// Recorded tasks that failed (not those that came to no pose), whoever did them.
+    pub failed: usize,
+}
+
+impl RunSummary {
+    /// Whether all tasks are recorded; if not, the run was stopped.
+    pub fn is_complete(self) -> bool {
+        self.before + self.now == self.total
+    }
+
+    /// Counts a task that was done now.
+    pub(super) fn add(&mut self, record: &RunRecord) {
+        self.now += 1;
+        self.failed += usize::from(has_failed(record));
+    }
+}
+
+impl Sum for RunSummary {
+    fn sum<I: Iterator<Item = Self>>(parts: I) -> Self {
+        parts.fold(Self::default(), |sum, part| Self {
+            total: sum.total + part.total,
+            before: sum.before + part.before,
+            now: sum.now + part.now,
+            failed: sum.failed + part.failed,
+        })
+    }
+}
+
+pub(super) fn has_failed(record: &RunRecord) -> bool {
+    matches!(record.outcome, Outcome::Failed { .. })
+}

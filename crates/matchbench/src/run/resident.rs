@@ -1,0 +1,271 @@
+//! Which features are in memory: those of the pairs that are being done, and as many others as fit.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use matchbench_vision::features::{Descriptors, Features, Keypoint};
+
+use super::frame::Extracted;
+use super::part::{Due, Unit};
+use crate::datasets::Pair;
+
+/// Most frames that are extracted before the pairs that need them are done: many enough to keep
+/// all threads busy, few enough that records keep coming.
+const NEW_FRAMES: usize = 64;
+/// What the features of a frame are taken to need before the first is known (60,000 of SIFT).
+const ASSUMED: usize = 32 << 20;
+
+/// Features by frame, within a budget of bytes.
+pub(super) struct Resident {
+    budget: usize,
+    /// The most that a frame has needed so far.
+    largest: Option<usize>,
+    windows: u64,
+    slots: BTreeMap<u32, Slot>,
+}
+
+struct Slot {
+    extracted: Extracted,
+    bytes: usize,
+    /// The last window that needed it.
+    used: u64,
+}
+
+/// A pair, ready to be done.
+pub(super) struct PairJob<'a> {
+    pub(super) pair: &'a Pair,
+    pub(super) due: &'a [Due],
+    pub(super) a: Side<'a>,
+    pub(super) b: Side<'a>,
+}
+
+/// One of the two images of a pair.
+#[derive(Clone, Copy)]
+pub(super) struct Side<'a> {
+    pub(super) features: Result<&'a Features, &'a str>,
+    /// How long the extraction took, in the first pair after it.
+    pub(super) seconds: Option<f64>,
+}
+
+impl Resident {
+    /// No features yet, and later about `budget` bytes of them.
+    pub(super) fn new(budget: usize) -> Self {
+        Self {
+            budget,
+            largest: None,
+            windows: 0,
+            slots: BTreeMap::new(),
+        }
+    }
+
+    /// How many of the next `units` can be done at once: at least one, and so many that their
+    /// features fit into the budget.
+    pub(super) fn window(&self, units: &[Unit<'_>]) -> usize {
+        let room = self.budget / self.largest.unwrap_or(ASSUMED).max(1);
+        let (mut frames, mut new) = (BTreeSet::new(), 0);
+        let fits = |unit: &&Unit<'_>| {
+            for frame in [unit.pair.a, unit.pair.b] {
+                if frames.insert(frame) && !self.slots.contains_key(&frame) {
+                    new += 1;
+                }
+            }
+            frames.len() <= room && new <= NEW_FRAMES
+        };
+        units
+            .iter()
+            .take_while(fits)
+            .count()
+            .max(1)
+            .min(units.len())
+    }
+
+    /// Drops what stands in the way of this `window`, the longest unused first, and returns the frames
+    /// that it lacks, in the order in which it needs them.
+    pub(super) fn make_room(&mut self, window: &[Unit<'_>]) -> Vec<u32> {
+        self.windows += 1;
+        let (mut missing, mut seen) = (Vec::new(), BTreeSet::new());
+        for frame in window.iter().flat_map(|unit| [unit.pair.a, unit.pair.b]) {
+            match self.slots.get_mut(&frame) {
+                Some(slot) => slot.used = self.windows,
+                None if seen.insert(frame) => missing.push(frame),
+                None => {}
+            }
+        }
+        let needed = missing.len() * self.largest.unwrap_or(ASSUMED);
+        let mut held: usize = self.slots.values().map(|slot| slot.bytes).sum();
+        let mut unused: Vec<(u64, u32)> = (self.slots.iter())
+            .filter(|(_, slot)| slot.used < self.windows)
+            .map(|(&frame, slot)| (slot.used, frame))
+            .collect();
+        unused.sort_unstable();
+        for (_, frame) in unused {
+            if held + needed <= self.budget {
+                break;
+            }
+            held -= self.slots.remove(&frame).map_or(0, |slot| slot.bytes);
+        }
+        missing
+    }
+
+    pub(super) fn insert(&mut self, frame: u32, extracted: Extracted) {
+        let bytes = extracted.features.as_ref().map_or(0, size_in_memory);
+        self.largest = self.largest.max(Some(bytes));
+        let slot = Slot {
+            extracted,
+            bytes,
+            used: self.windows,
+        };
+        self.slots.insert(frame, slot);
+    }
+
+    /// The pairs of a `window` with their features, all of which must be there. The time of an
+    /// extraction goes to the first pair that uses it, and to no other.
+    pub(super) fn jobs<'a>(&'a mut self, window: &'a [Unit<'a>]) -> Vec<PairJob<'a>> {
+        let mut take = |frame| {
+            let slot = self.slots.get_mut(&frame);
+            slot.expect("the features of this window were extracted")
+                .extracted
+                .seconds
+                .take()
+        };
+        let seconds: Vec<_> = (window.iter())
+            .map(|unit| (take(unit.pair.a), take(unit.pair.b)))
+            .collect();
+        let side = |frame, seconds| Side {
+            features: self.slots[frame]
+                .extracted
+                .features
+                .as_ref()
+                .map_err(|reason| &**reason),
+            seconds,
+        };
+        (window.iter().zip(seconds))
+            .map(|(unit, (seconds_a, seconds_b))| PairJob {
+                pair: unit.pair,
+                due: &unit.due,
+                a: side(&unit.pair.a, seconds_a),
+                b: side(&unit.pair.b, seconds_b),
+            })
+            .collect()
+    }
+}
+
+fn size_in_memory(features: &Features) -> usize {
+    let descriptors = match &features.descriptors {
+        Descriptors::Float(rows) => size_of_val(rows.data()),
+        Descriptors::Binary(rows) => size_of_val(rows.data()),
+    };
+    features.len() * size_of::<Keypoint>() + descriptors
+}
+
+#[cfg(test)]
+mod tests {
+    use matchbench_vision::features::FloatRows;
+    use matchbench_vision::image::Size;
+    use nalgebra::{Isometry3, Point2};
+
+    use super::*;
+
+    const FEATURE: usize = 4 + size_of::<Keypoint>();
+
+    /// Features of `count` times [`FEATURE`] bytes.
+    fn extracted(count: usize) -> Extracted {
+        let keypoint = Keypoint {
+            at: Point2::origin(),
+            size: 1.0,
+            angle: None,
+            response: 0.0,
+            octave: 0,
+        };
+        let rows = FloatRows::from_vec(1, vec![0.0; count]);
+        let features = Features::new(
+            Size::new(9, 9),
+            vec![keypoint; count],
+            Descriptors::Float(rows),
+        );
+        Extracted {
+            features: Ok(features),
+            seconds: Some(0.5),
+        }
+    }
+
+    fn pairs(pairs: &[(u32, u32)]) -> Vec<Pair> {
+        let b_from_a = Isometry3::identity();
+        (pairs.iter())
+            .map(|&(a, b)| Pair { a, b, b_from_a })
+            .collect()
+    }
+
+    fn units(pairs: &[Pair]) -> Vec<Unit<'_>> {
+        (pairs.iter())
+            .map(|pair| Unit {
+                pair,
+                due: Vec::new(),
+            })
+            .collect()
+    }
+
+    /// Goes through all pairs; returns the frames of each window and the most bytes that were held.
+    fn walk(pairs: &[Pair], count: usize, budget: usize) -> (Vec<Vec<u32>>, usize) {
+        let (units, mut resident) = (units(pairs), Resident::new(budget));
+        let (mut loads, mut most, mut rest) = (Vec::new(), 0, &units[..]);
+        while !rest.is_empty() {
+            let (window, later) = rest.split_at(resident.window(rest));
+            let missing = resident.make_room(window);
+            for &frame in &missing {
+                resident.insert(frame, extracted(count));
+            }
+            assert_eq!(resident.jobs(window).len(), window.len());
+            most = most.max(resident.slots.values().map(|slot| slot.bytes).sum());
+            loads.push(missing);
+            rest = later;
+        }
+        (loads, most)
+    }
+
+    #[test]
+    fn what_fits_is_loaded_once() {
+        let all: Vec<(u32, u32)> = (0..30)
+            .flat_map(|a| (a + 1..30).map(move |b| (a, b)))
+            .collect();
+        let (loads, _) = walk(&pairs(&all), 10, 64 << 20);
+        let loads: Vec<u32> = loads.concat();
+        assert_eq!(loads, (0..30).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn the_budget_holds_once_the_size_is_known() {
+        let chain: Vec<(u32, u32)> = (0..200).map(|a| (a, a + 1)).collect();
+        let budget = 5 * 10 * FEATURE;
+        let (loads, most) = walk(&pairs(&chain), 10, budget);
+        assert!(most <= budget, "{most} of {budget}");
+        assert_eq!(loads.concat().len(), 201, "each frame is loaded once");
+    }
+
+    #[test]
+    fn a_budget_too_small_for_two_frames_still_does_pair_by_pair() {
+        let (loads, most) = walk(&pairs(&[(0, 1), (0, 2), (1, 2)]), 10, 1);
+        assert_eq!(loads, [vec![0, 1], vec![2], vec![1]]);
+        assert_eq!(most, 2 * 10 * FEATURE);
+    }
+
+    #[test]
+    fn a_window_is_never_longer_than_what_is_left() {
+        let pairs = pairs(&[(0, 0), (0, 0)]);
+        let resident = Resident::new(64 << 20);
+        assert_eq!(resident.window(&units(&pairs)), 2);
+        assert_eq!(resident.window(&[]), 0);
+    }
+
+    #[test]
+    fn the_time_of_an_extraction_goes_to_the_first_pair() {
+        let pairs = pairs(&[(0, 1), (0, 2)]);
+        let (units, mut resident) = (units(&pairs), Resident::new(64 << 20));
+        for frame in resident.make_room(&units) {
+            resident.insert(frame, extracted(1));
+        }
+        let times: Vec<_> = (resident.jobs(&units).iter())
+            .map(|job| (job.a.seconds, job.b.seconds))
+            .collect();
+        assert_eq!(times, [(Some(0.5), Some(0.5)), (None, Some(0.5))]);
+    }
+}

@@ -1,0 +1,221 @@
+//! A dataset, a matcher and an estimator that are small enough to be foreseen.
+
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use matchbench_vision::features::{Descriptors, Features, FloatRows, Keypoint};
+use matchbench_vision::geometry::{Camera, RelativePose};
+use matchbench_vision::image::{GrayImage, Size};
+use matchbench_vision::matching::{Correspondence, Correspondences, Matcher, MatcherError, View};
+use matchbench_vision::robust::{NoPose, PoseEstimate, PoseEstimator, TwoViews};
+use matchbench_vision::seed::Seed;
+use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, UnitVector3, Vector3};
+use serde_json::json;
+
+use super::{Contender, Dataset};
+use crate::datasets::{Frame, Pair, Sequence};
+use crate::estimators::BuiltEstimator;
+use crate::matchers::{BuiltMatcher, Extraction};
+
+/// Pixels in a row of a test image, whose file is just its pixels.
+const WIDTH: usize = 8;
+
+/// Decodes a test image.
+pub(super) fn decode(file: &[u8]) -> Result<GrayImage, String> {
+    if !file.len().is_multiple_of(WIDTH) {
+        return Err("the last row is not complete".into());
+    }
+    let size = Size::new(WIDTH, file.len() / WIDTH);
+    Ok(GrayImage::from_vec(size, file.to_vec()))
+}
+
+/// A dataset of so many frames, the pairs (0, 1), (0, 2), (1, 2), (1, 3) ..., in a `folder`.
+pub(super) fn dataset(folder: &Path, name: &str, frames: u32) -> Dataset {
+    let images = folder.join(name);
+    fs::create_dir_all(&images).unwrap();
+    let frame = |index: u32| {
+        let image = images.join(format!("{index:04}.raw"));
+        let mut rng = Seed(index.into()).rng();
+        let pixels: Vec<u8> = (0..64).map(|_| rng.below(256) as u8).collect();
+        fs::write(&image, pixels).unwrap();
+        Frame {
+            image,
+            camera: Camera::pinhole(8.0, 8.0, 3.5, 3.5),
+            world_from_camera: None,
+        }
+    };
+    let pair = |a, b| Pair {
+        a,
+        b,
+        b_from_a: Isometry3::from_parts(
+            Translation3::new(1.0, f64::from(b), 0.2),
+            UnitQuaternion::from_euler_angles(0.0, 0.1 * f64::from(a), 0.0),
+        ),
+    };
+    Dataset {
+        path: images.clone(),
+        sequence: Sequence {
+            name: name.into(),
+            frames: (0..frames).map(frame).collect(),
+            pairs: (1..frames)
+                .flat_map(|b| [pair(b.saturating_sub(2), b), pair(b - 1, b)])
+                .skip(1)
+                .collect(),
+        },
+    }
+}
+
+/// What a test matcher or estimator does instead of its work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Trouble {
+    None,
+    PanicInExtraction,
+    ErrorInSearch,
+    PanicInSelection,
+    MatchOfNothing,
+    PanicInEstimation,
+    NotANumber,
+}
+
+/// Every pixel not darker than a threshold is a feature; the same grey matches.
+#[derive(Clone)]
+pub(super) struct Toy {
+    pub(super) threshold: u8,
+    pub(super) by_pixels: bool,
+    pub(super) trouble: Trouble,
+    pub(super) extractions: Arc<AtomicUsize>,
+}
+
+impl Default for Toy {
+    fn default() -> Self {
+        Self {
+            threshold: 64,
+            by_pixels: false,
+            trouble: Trouble::None,
+            extractions: Arc::default(),
+        }
+    }
+}
+
+impl Toy {
+    /// The matcher under the given id, with one estimator for each of the given ids.
+    pub(super) fn contender(&self, id: &str, estimators: &[&str]) -> Contender {
+        let params = json!({"threshold": self.threshold});
+        Contender {
+            matcher: BuiltMatcher {
+                id: id.into(),
+                params: params.clone(),
+                extraction: Extraction {
+                    extractor: "toy".into(),
+                    params,
+                    revision: 1,
+                },
+                matcher: Box::new(self.clone()),
+            },
+            estimators: (estimators.iter())
+                .map(|&id| BuiltEstimator {
+                    id: id.into(),
+                    params: json!({}),
+                    estimator: Box::new(self.clone()),
+                })
+                .collect(),
+        }
+    }
+}
+
+impl Matcher for Toy {
+    fn extract(&self, image: &GrayImage) -> Result<Features, MatcherError> {
+        self.extractions.fetch_add(1, Ordering::Relaxed);
+        assert_ne!(
+            self.trouble,
+            Trouble::PanicInExtraction,
+            "as the test wants"
+        );
+        let mut keypoints = Vec::new();
+        let mut rows = FloatRows::new(1);
+        for (index, &grey) in image.data().iter().enumerate() {
+            if grey >= self.threshold {
+                rows.push(&[grey.into()]);
+                keypoints.push(Keypoint {
+                    at: Point2::new((index % WIDTH) as f32, (index / WIDTH) as f32),
+                    size: 1.0,
+                    angle: None,
+                    response: grey.into(),
+                    octave: 0,
+                });
+            }
+        }
+        Ok(Features::new(
+            image.size(),
+            keypoints,
+            Descriptors::Float(rows),
+        ))
+    }
+
+    fn search(&self, a: &Features, b: &Features) -> Result<Correspondences, MatcherError> {
+        if self.trouble == Trouble::ErrorInSearch {
+            return Err(MatcherError("as the test wants".into()));
+        }
+        let pairs = a.len().min(b.len()) as u32;
+        Ok((0..pairs)
+            .map(|index| Correspondence {
+                a: index,
+                b: index,
+                distance: 0.0,
+                second: 0.0,
+            })
+            .collect())
+    }
+
+    fn select(
+        &self,
+        a: View<'_>,
+        b: View<'_>,
+        mut putative: Correspondences,
+        seed: Seed,
+    ) -> Result<Correspondences, MatcherError> {
+        assert_ne!(self.trouble, Trouble::PanicInSelection, "as the test wants");
+        assert_eq!(
+            (a.image.is_some(), b.image.is_some()),
+            (self.by_pixels, self.by_pixels)
+        );
+        if self.trouble == Trouble::MatchOfNothing {
+            putative[3].b = 1000;
+        }
+        let mut rng = seed.rng();
+        putative.retain(|_| rng.below(4) > 0);
+        Ok(putative)
+    }
+
+    fn selects_by_pixels(&self) -> bool {
+        self.by_pixels
+    }
+}
+
+impl PoseEstimator for Toy {
+    fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoPose> {
+        assert_ne!(
+            self.trouble,
+            Trouble::PanicInEstimation,
+            "as the test wants"
+        );
+        let mut rng = seed.rng();
+        let mut draw = || rng.normal();
+        let mut direction = Vector3::new(draw(), draw(), draw()).normalize();
+        if self.trouble == Trouble::NotANumber {
+            direction.x = f64::NAN;
+        }
+        Ok(PoseEstimate {
+            b_from_a: RelativePose {
+                rotation: UnitQuaternion::from_euler_angles(draw(), draw(), draw()),
+                direction: UnitVector3::new_unchecked(direction),
+            },
+            inliers: vec![0, 1, 2],
+            // A few pairs of each run have too little.
+            support: rng.below(views.a.len() as u32) as usize,
+            iterations: 10,
+        })
+    }
+}
