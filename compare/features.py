@@ -23,6 +23,8 @@ ROOT = Path(__file__).resolve().parent.parent
 # id of ours: (OpenCV's extractor, (x, y) by which OpenCV's positions are known to be shifted).
 EXTRACTORS = {
     "brisk": (lambda: cv2.BRISK_create(), (0, 0)),
+    "akaze": (lambda: cv2.AKAZE_create(), (0, 0)),
+    "kaze": (lambda: cv2.KAZE_create(), (0, 0)),
     "orb": (lambda: cv2.ORB_create(100_000), (0, 0)),
     "orb-gms": (lambda: cv2.ORB_create(10_000, fastThreshold=0), (0, 0)),
     # Positions in the doubled image are halved without taking back its half-pixel offset.

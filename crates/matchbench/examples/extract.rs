@@ -14,7 +14,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use matchbench_vision::features::{
-    Brisk, BriskParams, Descriptors, Extractor, Features, Orb, OrbParams, Sift, SiftParams,
+    Akaze, AkazeParams, Brisk, BriskParams, Descriptors, Extractor, Features, Kaze, KazeParams,
+    Orb, OrbParams, Sift, SiftParams,
 };
 use matchbench_vision::image::{GrayImage, Size};
 
@@ -43,7 +44,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// One line for each extractor that can be compared.
 fn extractor(id: &str) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
     match id {
+        "akaze" => Ok(Box::new(Akaze::new(AkazeParams::default())?)),
         "brisk" => Ok(Box::new(Brisk::new(BriskParams::default())?)),
+        "kaze" => Ok(Box::new(Kaze::new(KazeParams::default())?)),
         "orb" => Ok(Box::new(Orb::new(OrbParams::default())?)),
         "orb-gms" => Ok(Box::new(Orb::new(OrbParams {
             features: 10_000,
@@ -51,7 +54,9 @@ fn extractor(id: &str) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
             ..OrbParams::default()
         })?)),
         "sift" => Ok(Box::new(Sift::new(SiftParams::default())?)),
-        _ => Err(format!("no extractor `{id}`; known: brisk, orb, orb-gms, sift").into()),
+        _ => Err(
+            format!("no extractor `{id}`; known: akaze, brisk, kaze, orb, orb-gms, sift").into(),
+        ),
     }
 }
 
@@ -95,8 +100,13 @@ fn write(features: &Features, out: &str) -> Result<(), Box<dyn Error>> {
         ),
         Descriptors::Binary(rows) => (
             "|u1",
-            8 * rows.words(),
-            rows.data().iter().flat_map(|v| v.to_le_bytes()).collect(),
+            rows.bits().div_ceil(8),
+            (0..rows.len())
+                .flat_map(|row| {
+                    let bytes = rows.row(row).iter().flat_map(|word| word.to_le_bytes());
+                    bytes.take(rows.bits().div_ceil(8))
+                })
+                .collect(),
         ),
     };
     write_npy(

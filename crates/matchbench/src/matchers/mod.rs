@@ -3,7 +3,9 @@
 //! To add one: write a file with an [`Entry`], add it to [`MATCHERS`]. The tests below walk the
 //! list and hold every entry to the same promises.
 
+mod akaze;
 mod brisk;
+mod kaze;
 mod local_features;
 mod orb;
 mod sift;
@@ -15,7 +17,13 @@ use serde_json::Value;
 use crate::config::{self, ConfigError, UnknownName};
 
 /// All matchers, in the order of tables.
-pub const MATCHERS: &[&dyn Entry] = &[&sift::SIFT, &orb::ORB, &brisk::BRISK];
+pub const MATCHERS: &[&dyn Entry] = &[
+    &sift::SIFT,
+    &orb::ORB,
+    &brisk::BRISK,
+    &kaze::KAZE,
+    &akaze::AKAZE,
+];
 
 /// A matcher that can be asked for by name.
 pub trait Entry: Sync {

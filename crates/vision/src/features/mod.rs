@@ -5,16 +5,22 @@
 //! [`Detector`] and [`Describer`] where the two halves are separate papers. None of them can fail:
 //! an empty, a one-pixel or a black image has no features, and that is a result.
 
+pub mod akaze;
 pub mod brisk;
+#[cfg(test)]
+mod covariance;
 mod descriptors;
 pub mod fast;
+pub mod kaze;
 mod keypoint;
 pub mod orb;
 pub mod sift;
 
+pub use akaze::{Akaze, AkazeParams};
 pub use brisk::{Brisk, BriskParams};
 pub use descriptors::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
 pub use fast::{Fast, FastParams};
+pub use kaze::{Kaze, KazeParams};
 pub use keypoint::{Features, Keypoint};
 pub use orb::{Orb, OrbParams};
 pub use sift::{Sift, SiftParams};

@@ -1,8 +1,8 @@
 //! Gaussian blur, as two one-dimensional passes.
 //!
 //! Each output row is a weighted sum of input rows (vertical pass, four output rows at once),
-//! then a weighted sum along that row. The kernel reaches four standard deviations to each side;
-//! beyond the border the image is mirrored about its outermost pixel centres (`dcb|abcd|cba`).
+//! then a weighted sum along that row. Unless an algorithm says otherwise, the kernel reaches four
+//! standard deviations to each side and the image is mirrored beyond its border ([`Border`]).
 //! Size of the kernel and border are those of OpenCV's `GaussianBlur` on floats.
 
 use super::{FloatImage, RowBuffer, Size};
@@ -25,7 +25,16 @@ impl GaussianKernel {
             sigma > 0.0 && sigma.is_finite(),
             "a Gaussian of standard deviation {sigma}"
         );
-        let radius = ((8.0 * sigma + 1.0).round_ties_even() as i32 | 1) / 2;
+        Self::with_radius(
+            sigma,
+            ((8.0 * sigma + 1.0).round_ties_even() as usize | 1) / 2,
+        )
+    }
+
+    /// The kernel of standard deviation `sigma` in pixels that reaches `radius` pixels to each
+    /// side.
+    pub(crate) fn with_radius(sigma: f64, radius: usize) -> Self {
+        let radius = radius as i32;
         let weights: Vec<f64> = (-radius..=radius)
             .map(|x| libm::exp(-f64::from(x * x) / (2.0 * sigma * sigma)))
             .collect();
@@ -51,31 +60,87 @@ impl GaussianKernel {
 /// # Panics
 /// If `sigma` is not positive and finite.
 pub fn gaussian_blur(image: &FloatImage, sigma: f64) -> FloatImage {
-    let mut blur = RowBlur::new(GaussianKernel::new(sigma), image.width());
+    blur_whole(
+        image,
+        RowBlur::new(GaussianKernel::new(sigma), image.width()),
+    )
+}
+
+/// `image`, replicated beyond its border, blurred by a Gaussian that reaches `radius` pixels.
+pub(crate) fn gaussian_blur_within(image: &FloatImage, sigma: f64, radius: usize) -> FloatImage {
+    let kernel = GaussianKernel::with_radius(sigma, radius);
+    blur_whole(
+        image,
+        RowBlur::with_border(kernel, image.width(), Border::Replicate),
+    )
+}
+
+fn blur_whole(image: &FloatImage, mut blur: RowBlur) -> FloatImage {
     let mut blurred = RowBuffer::whole(image.size());
     while !blurred.is_complete() {
         blur.advance(image.size(), |y| image.row(y), &mut blurred);
     }
-    let rows = (0..image.height()).flat_map(|y| blurred.row(y));
-    FloatImage::from_vec(image.size(), rows.copied().collect())
+    let mut pixels = Vec::with_capacity(image.size().area());
+    for y in 0..image.height() {
+        pixels.extend_from_slice(blurred.row(y));
+    }
+    FloatImage::from_vec(image.size(), pixels)
+}
+
+/// What lies beyond the border of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Border {
+    /// The image mirrored about its outermost pixel centres (`dcb|abcd|cba`).
+    Mirror,
+    /// The outermost pixels again and again (`aaa|abcd|ddd`).
+    Replicate,
+}
+
+impl Border {
+    /// The pixel of `0..length` that stands at `index`.
+    pub(crate) fn index(self, index: isize, length: usize) -> usize {
+        match self {
+            Self::Mirror => mirror(index, length),
+            Self::Replicate => index.clamp(0, length as isize - 1) as usize,
+        }
+    }
+
+    /// Fills `radius` pixels at each end of a row from the pixels between.
+    pub(crate) fn fill_ends(self, padded: &mut [f32], radius: usize) {
+        let width = padded.len() - 2 * radius;
+        if width == 0 {
+            return;
+        }
+        for i in 1..=radius {
+            let (left, right) = (-(i as isize), (width - 1 + i) as isize);
+            padded[radius - i] = padded[radius + self.index(left, width)];
+            padded[radius + width - 1 + i] = padded[radius + self.index(right, width)];
+        }
+    }
 }
 
 /// A Gaussian blur that follows an image while its rows are made.
 #[derive(Clone, Debug)]
 pub(crate) struct RowBlur {
     kernel: GaussianKernel,
-    /// Results of the vertical pass with the mirrored border on both sides.
+    border: Border,
+    /// Results of the vertical pass with the border on both sides.
     padded: Vec<f32>,
     padded_width: usize,
 }
 
 impl RowBlur {
     pub(crate) fn new(kernel: GaussianKernel, width: usize) -> Self {
+        Self::with_border(kernel, width, Border::Mirror)
+    }
+
+    pub(crate) fn with_border(kernel: GaussianKernel, width: usize, border: Border) -> Self {
         let padded_width = width + 2 * kernel.radius();
         Self {
             padded: vec![0.0; ROWS_AT_ONCE * padded_width],
             padded_width,
             kernel,
+            border,
         }
     }
 
@@ -99,7 +164,8 @@ impl RowBlur {
         let (first, taps) = (output.made(), self.kernel.taps());
         let count = ROWS_AT_ONCE.min(size.height - first);
         let rows: Vec<&[f32]> = (0..taps.len() + count - 1)
-            .map(|i| input(mirror((first + i) as isize - radius as isize, size.height)))
+            .map(|i| (first + i) as isize - radius as isize)
+            .map(|y| input(self.border.index(y, size.height)))
             .collect();
         let mut middles: Vec<&mut [f32]> = self
             .padded
@@ -113,22 +179,9 @@ impl RowBlur {
             .chunks_exact_mut(self.padded_width)
             .zip(output.append(ROWS_AT_ONCE))
         {
-            mirror_ends(padded, radius);
+            self.border.fill_ends(padded, radius);
             weigh_symmetric(padded, taps, out);
         }
-    }
-}
-
-/// Fills `radius` pixels at each end with the mirror image of the middle.
-fn mirror_ends(padded: &mut [f32], radius: usize) {
-    let width = padded.len() - 2 * radius;
-    if width == 0 {
-        return;
-    }
-    for i in 1..=radius {
-        let (left, right) = (-(i as isize), (width - 1 + i) as isize);
-        padded[radius - i] = padded[radius + mirror(left, width)];
-        padded[radius + width - 1 + i] = padded[radius + mirror(right, width)];
     }
 }
 
@@ -152,6 +205,15 @@ mod tests {
         let of_four: Vec<usize> = (-4..8).map(|i| mirror(i, 4)).collect();
         assert_eq!(of_four, [2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0, 1]);
         assert_eq!((mirror(-3, 1), mirror(5, 1), mirror(-1, 2)), (0, 0, 1));
+    }
+
+    #[test]
+    fn ends_are_filled_by_the_border() {
+        let mut row = [0.0, 0.0, 1.0, 2.0, 3.0, 0.0, 0.0];
+        Border::Mirror.fill_ends(&mut row, 2);
+        assert_eq!(row, [3.0, 2.0, 1.0, 2.0, 3.0, 2.0, 1.0]);
+        Border::Replicate.fill_ends(&mut row, 2);
+        assert_eq!(row, [1.0, 1.0, 1.0, 2.0, 3.0, 3.0, 3.0]);
     }
 
     #[test]

@@ -4,20 +4,25 @@
 
 mod blur;
 mod blur8;
+pub(crate) mod diffusion;
+pub(crate) mod hessian;
 mod integral;
 mod resize;
 mod rows;
 mod scale_space;
+mod shrink;
 mod shrink8;
 
 use std::fmt;
 
+pub(crate) use blur::gaussian_blur_within;
 pub use blur::{GaussianKernel, gaussian_blur};
 pub use blur8::gaussian_blur_u8;
 pub use integral::IntegralImage;
 pub use resize::resize;
 pub use rows::RowBuffer;
 pub use scale_space::{Octave, ScaleSpace, ScaleSpaceShape};
+pub(crate) use shrink::shrink;
 pub use shrink8::shrink_u8;
 
 /// Width and height of an image, in pixels.

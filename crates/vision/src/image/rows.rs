@@ -39,6 +39,11 @@ impl RowBuffer {
         Self::new(size, size.height)
     }
 
+    /// Forgets all rows, to be filled again.
+    pub(crate) fn restart(&mut self) {
+        self.made = 0;
+    }
+
     /// Width and height of the finished image.
     pub fn size(&self) -> Size {
         self.size

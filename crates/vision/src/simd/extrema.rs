@@ -1,4 +1,4 @@
-//! Extrema among the 26 neighbours in three layers of a scale space.
+//! Extrema among the 26 neighbours in three layers of a scale space, or the 8 in one layer.
 #![allow(clippy::needless_bitwise_bool)] // a lazy `&&` is a branch, and lanes have none
 
 use std::ops::Range;
@@ -22,6 +22,23 @@ multiversioned! {
         }
         while x < columns.end {
             block::<1>(layers, x, threshold, found);
+            x += 1;
+        }
+    }
+
+    /// Columns in `columns` where `rows[1]` exceeds `threshold` and each of its 8 neighbours.
+    ///
+    /// # Panics
+    /// If `columns` does not leave a column free on each side in every row.
+    pub fn find_maxima(rows: &ThreeRows<'_>, columns: Range<usize>, threshold: f32, found: &mut Vec<u32>) {
+        const LANES: usize = 16;
+        let mut x = columns.start;
+        while x + LANES <= columns.end {
+            maxima_block::<LANES>(rows, x, threshold, found);
+            x += LANES;
+        }
+        while x < columns.end {
+            maxima_block::<1>(rows, x, threshold, found);
             x += 1;
         }
     }
@@ -65,6 +82,37 @@ fn block<const L: usize>(
     }
     for i in 0..L {
         if candidates[i] != 0 && beats_other_layers(layers, x + i, centre[i]) {
+            found.push((x + i) as u32);
+        }
+    }
+}
+
+/// Most blocks end at the threshold.
+#[inline(always)]
+fn maxima_block<const L: usize>(
+    &[above, here, below]: &ThreeRows<'_>,
+    x: usize,
+    threshold: f32,
+    found: &mut Vec<u32>,
+) {
+    let centre = lanes::<L>(here, x);
+    let mut strong = false;
+    for &value in centre {
+        strong |= value > threshold;
+    }
+    if !strong {
+        return;
+    }
+    let mut low = *lanes::<L>(here, x - 1);
+    let mut high = low;
+    widen(&mut low, &mut high, lanes(here, x + 1));
+    for row in [above, below] {
+        widen(&mut low, &mut high, lanes(row, x - 1));
+        widen(&mut low, &mut high, lanes(row, x));
+        widen(&mut low, &mut high, lanes(row, x + 1));
+    }
+    for i in 0..L {
+        if centre[i] > threshold && centre[i] > high[i] {
             found.push((x + i) as u32);
         }
     }
@@ -137,6 +185,28 @@ mod tests {
             .map(|x| x as u32)
             .collect();
         assert!(expected.len() > 10, "the test sees extrema");
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn maxima_exceed_threshold_and_neighbours() {
+        let mut rng = Seed(6).rng();
+        let width = 400;
+        let rows: Vec<Vec<f32>> = (0..3)
+            .map(|_| (0..width).map(|_| rng.below(9) as f32 - 4.0).collect())
+            .collect();
+        let layer: ThreeRows<'_> = std::array::from_fn(|y| rows[y].as_slice());
+        let mut found = Vec::new();
+        find_maxima(&layer, 1..width - 1, 1.0, &mut found);
+        let expected: Vec<u32> = (1..width - 1)
+            .filter(|&x| {
+                let value = rows[1][x];
+                let around = rows.iter().flat_map(|row| &row[x - 1..=x + 1]);
+                value > 1.0 && around.filter(|&&v| v >= value).count() == 1
+            })
+            .map(|x| x as u32)
+            .collect();
+        assert!(expected.len() > 10, "the test sees maxima");
         assert_eq!(found, expected);
     }
 }

@@ -46,6 +46,7 @@ mod bilinear;
 mod blur8;
 mod brisk;
 mod convolve;
+mod diffuse;
 mod extrema;
 mod fast;
 mod gradient;
@@ -53,7 +54,9 @@ mod histogram;
 mod normalize;
 mod orb;
 mod resample;
+mod sampling;
 mod sampson;
+mod scharr;
 mod search;
 mod triangulate;
 
@@ -62,7 +65,8 @@ pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
 pub use blur8::{weigh_along_u8, weigh_rows_u8};
 pub use brisk::{DirectionWeights, direction};
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
-pub use extrema::{ThreeRows, find_extrema};
+pub use diffuse::{Below, diffuse_row};
+pub use extrema::{ThreeRows, find_extrema, find_maxima};
 pub use fast::{segment_scores, strict_maxima, weak_maxima};
 pub use gradient::{polar_gradients, turns};
 pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
@@ -71,6 +75,14 @@ pub use orb::{
     PATCH_MARGIN, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments,
 };
 pub use resample::{double_row, halve_row, subtract};
+pub use sampling::{
+    AROUND, CellSums, Planes, longest_sum_of_slices, longest_sum_of_windows, sum_cells,
+    sum_gradients,
+};
 pub use sampson::{count_at_most, squared_sampson};
+pub use scharr::{
+    Across, Scharr, conductivities, derivatives, determinants, find_largest, gradient_norms,
+    weigh_across,
+};
 pub use search::{TwoNearest, two_nearest_bits, two_nearest_floats};
 pub use triangulate::triangulate_depths;

@@ -1,0 +1,188 @@
+//! Maxima of the determinant of the Hessian among 26 neighbours, fitted in place and scale, and
+//! the strongest of each neighbourhood.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::image::{RowBuffer, Size};
+use crate::simd::{ThreeRows, find_extrema};
+
+/// Side of the cells in which maxima are looked up, in pixels.
+const CELL: usize = 32;
+
+/// A maximum that may become a keypoint.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Maximum {
+    /// Number of the level.
+    pub(super) level: usize,
+    /// Column and row.
+    pub(super) pixel: [usize; 2],
+    /// The determinant there.
+    pub(super) response: f32,
+    /// From there to the top of the quadratic through the neighbours, along x, y and level; none
+    /// if that is more than one away.
+    pub(super) offset: Option<[f32; 3]>,
+}
+
+/// Appends to `found` the maxima above `threshold` in row `y` of the middle one of three levels;
+/// `level` is its number.
+pub(super) fn find_maxima(
+    determinants: [&RowBuffer; 3],
+    level: usize,
+    y: usize,
+    threshold: f32,
+    found: &mut Vec<Maximum>,
+) {
+    let width = determinants[1].size().width;
+    if width < 3 {
+        return;
+    }
+    let rows = determinants.map(|rows| [y - 1, y, y + 1].map(|y| rows.row(y)));
+    let mut columns = Vec::new();
+    find_extrema(&rows, 1..width - 1, threshold, &mut columns);
+    for x in columns.into_iter().map(|x| x as usize) {
+        let response = rows[1][1][x];
+        if response > 0.0 {
+            found.push(Maximum {
+                level,
+                pixel: [x, y],
+                response,
+                offset: offset(&rows, x),
+            });
+        }
+    }
+}
+
+fn offset(rows: &[ThreeRows<'_>; 3], x: usize) -> Option<[f32; 3]> {
+    let at = |dx: usize, dy: usize, dl: usize| rows[dl][dy][x + dx - 1];
+    let value = at(1, 1, 1);
+    let second = |a: f32, b: f32| a + b - 2.0 * value;
+    let mixed = |aa: f32, ab: f32, ba: f32, bb: f32| 0.25 * (bb + aa - ab - ba);
+    let gradient = Vector3::new(
+        0.5 * (at(2, 1, 1) - at(0, 1, 1)),
+        0.5 * (at(1, 2, 1) - at(1, 0, 1)),
+        0.5 * (at(1, 1, 2) - at(1, 1, 0)),
+    );
+    let xx = second(at(0, 1, 1), at(2, 1, 1));
+    let yy = second(at(1, 0, 1), at(1, 2, 1));
+    let ss = second(at(1, 1, 0), at(1, 1, 2));
+    let xy = mixed(at(0, 0, 1), at(0, 2, 1), at(2, 0, 1), at(2, 2, 1));
+    let xs = mixed(at(0, 1, 0), at(0, 1, 2), at(2, 1, 0), at(2, 1, 2));
+    let ys = mixed(at(1, 0, 0), at(1, 0, 2), at(1, 2, 0), at(1, 2, 2));
+    let hessian = Matrix3::new(xx, xy, xs, xy, yy, ys, xs, ys, ss);
+    // Where the quadratic has no single top the maximum stays where it is.
+    let offset = hessian
+        .try_inverse()
+        .map_or(Vector3::zeros(), |inverse| -(inverse * gradient));
+    let is_near = offset.iter().all(|v| v.abs() <= 1.0);
+    is_near.then_some([offset.x, offset.y, offset.z])
+}
+
+/// The strongest maxima of all levels so far.
+pub(super) struct Strongest {
+    maxima: Vec<Maximum>,
+    /// Indices of the maxima in each cell of the image.
+    cells: Vec<Vec<u32>>,
+    cells_in_row: usize,
+}
+
+impl Strongest {
+    pub(super) fn new(size: Size) -> Self {
+        let [columns, rows] = [size.width, size.height].map(|v| v / CELL + 1);
+        Self {
+            maxima: Vec::new(),
+            cells: vec![Vec::new(); columns * rows],
+            cells_in_row: columns,
+        }
+    }
+
+    /// Adds a maximum, unless there is one at least as strong less than `radius` away in its own
+    /// level or a neighbouring one. If there is a weaker one, it takes its place; only the one
+    /// that was added first counts.
+    pub(super) fn add(&mut self, maximum: Maximum, radius: usize) {
+        let Some(near) = self.first_near(&maximum, radius) else {
+            let index = self.maxima.len() as u32;
+            self.cell(&maximum).push(index);
+            self.maxima.push(maximum);
+            return;
+        };
+        let old = self.maxima[near];
+        if maximum.response > old.response {
+            self.cell(&old).retain(|&index| index as usize != near);
+            self.cell(&maximum).push(near as u32);
+            self.maxima[near] = maximum;
+        }
+    }
+
+    /// The strongest ones in `level`.
+    pub(super) fn in_level(&self, level: usize) -> impl Iterator<Item = &Maximum> {
+        self.maxima.iter().filter(move |m| m.level == level)
+    }
+
+    fn first_near(&self, maximum: &Maximum, radius: usize) -> Option<usize> {
+        let [columns, rows] = maximum
+            .pixel
+            .map(|v| v.saturating_sub(radius) / CELL..=(v + radius) / CELL);
+        let mut first: Option<usize> = None;
+        for cells in rows.filter_map(|row| self.cells.chunks_exact(self.cells_in_row).nth(row)) {
+            let cells = columns.clone().filter_map(|column| cells.get(column));
+            for &index in cells.flatten() {
+                let index = index as usize;
+                let other = &self.maxima[index];
+                let [dx, dy] = [0, 1].map(|i| other.pixel[i].abs_diff(maximum.pixel[i]));
+                if other.level.abs_diff(maximum.level) <= 1
+                    && dx * dx + dy * dy < radius * radius
+                    && first.is_none_or(|first| index < first)
+                {
+                    first = Some(index);
+                }
+            }
+        }
+        first
+    }
+
+    fn cell(&mut self, maximum: &Maximum) -> &mut Vec<u32> {
+        let [column, row] = maximum.pixel.map(|v| v / CELL);
+        &mut self.cells[row * self.cells_in_row + column]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_top_of_a_quadratic_is_found() {
+        let at = |x: f32, y: f32, s: f32| {
+            let (x, y, s) = (x - 0.25, y + 0.5, s - 0.125);
+            9.0 - x * x - 2.0 * y * y - s * s + 0.5 * x * y - 0.25 * x * s
+        };
+        let levels = [-1.0, 0.0, 1.0]
+            .map(|s| [-1.0, 0.0, 1.0].map(|y| [-1.0, 0.0, 1.0].map(|x| at(x, y, s))));
+        let rows = std::array::from_fn(|l| std::array::from_fn(|y| levels[l][y].as_slice()));
+        let [x, y, s] = offset(&rows, 1).expect("it is near");
+        assert!((x - 0.25).abs() < 1e-5 && (y + 0.5).abs() < 1e-5 && (s - 0.125).abs() < 1e-5);
+        let flat: [ThreeRows<'_>; 3] = [[&[1.0; 3]; 3]; 3];
+        assert_eq!(offset(&flat, 1), Some([0.0; 3]));
+    }
+
+    #[test]
+    fn the_first_near_one_is_replaced_by_a_stronger_one() {
+        let maximum = |level, pixel, response| Maximum {
+            level,
+            pixel,
+            response,
+            offset: None,
+        };
+        let mut strongest = Strongest::new(Size::new(100, 70));
+        strongest.add(maximum(3, [31, 31], 2.0), 5);
+        strongest.add(maximum(3, [33, 33], 1.0), 5); // weaker
+        strongest.add(maximum(3, [36, 31], 1.0), 5); // 5 away
+        strongest.add(maximum(4, [32, 32], 3.0), 5); // stronger, takes the place of the first
+        strongest.add(maximum(6, [32, 32], 1.0), 5); // two levels away
+        let pixels =
+            |level| -> Vec<[usize; 2]> { strongest.in_level(level).map(|m| m.pixel).collect() };
+        assert_eq!(pixels(3), [[36, 31]]);
+        assert_eq!(pixels(4), [[32, 32]]);
+        assert_eq!(pixels(6), [[32, 32]]);
+    }
+}
