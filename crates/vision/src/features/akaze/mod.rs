@@ -29,7 +29,7 @@
 //! and their order; derivatives by Scharr's operator widened to 1.5 scales, rounded, of the level
 //! before its diffusion, smoothed once more; octaves of less than 80 x 40 pixels are not made;
 //! times are not divided by the squared ratio of resolutions; the patch must lie within the
-//! image; the rules of suppression ([`candidates`]).
+//! image; the rules of suppression (`candidates`).
 //!
 //! *Differences from OpenCV*: last digits of sums. Corner pixels diffuse like all others. A sample
 //! that rounding puts just outside the image is taken from its border, not left out.

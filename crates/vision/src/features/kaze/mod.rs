@@ -26,7 +26,7 @@
 //! *Choices the paper leaves open* are those of OpenCV 4 with default arguments: which kernel
 //! sizes; derivatives by Scharr's operator widened to the scale, rounded, of the level before its
 //! diffusion, smoothed once more; a distance of three scales to the border; which of two maxima
-//! survives ([`extrema`]); weights within a cell centred on its sixth sample of nine.
+//! survives (`extrema`); weights within a cell centred on its sixth sample of nine.
 //!
 //! *Difference from the paper*: the diffusion. The paper takes one semi-implicit step per level
 //! (additive operator splitting, eq. 4); OpenCV, since 2014, and this take a cycle of fast
