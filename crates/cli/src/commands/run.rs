@@ -73,6 +73,7 @@ pub(crate) fn execute(
         cache: FeatureCache::new(cache),
         decode: |bytes| decode_gray(bytes).map_err(|error| error.to_string()),
         threads: number_of_threads(threads)?,
+        keep_matches: true,
         feature_memory: Run::FEATURE_MEMORY,
     };
     let cancel = cancel_on_ctrl_c()?;
