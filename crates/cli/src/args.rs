@@ -1,5 +1,6 @@
 //! What can be typed. Parsing only; each subcommand's work is in `commands/`.
 
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -122,7 +123,8 @@ pub(crate) struct RunArgs {
     /// Pose estimators, separated by commas [default: the one that belongs to each matcher]
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub estimator: Vec<String>,
-    /// Folder of the run; if it holds an unfinished run of the same plan, that is resumed
+    /// Folder of the run; one that is there already is resumed, and may grow by datasets, matchers
+    /// and estimators
     #[arg(long, value_name = "RUN")]
     pub out: PathBuf,
     /// Threads; results do not depend on it [default: all cores]
@@ -134,12 +136,19 @@ pub(crate) struct RunArgs {
     /// Root of all random choices
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
+    /// Do every pair N times, each time with other random choices; scores are means
+    #[arg(long, value_name = "N", default_value_t = NonZeroU32::MIN)]
+    pub repeat: NonZeroU32,
     /// Change a parameter, for example --set sift.ratio=0.7 (repeatable; see `matchbench list`)
     #[arg(long, value_name = "ID.NAME=VALUE")]
     pub set: Vec<String>,
     /// Folder of the feature cache [default: RUN/cache]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
+    /// Do not write the selected matches to RUN/matches (20 bytes each). Without them another
+    /// estimator starts from the features again, and the report shows no matches
+    #[arg(long)]
+    pub no_matches: bool,
     /// Write RUN/report when done
     #[arg(long)]
     pub report: bool,
