@@ -35,6 +35,8 @@ pub(crate) enum Command {
     Import(ImportArgs),
     /// Run matchers on datasets; can be stopped and resumed at any time
     Run(RunArgs),
+    /// Choose a parameter of an estimator, on scenes other than those that will be reported
+    Tune(TuneArgs),
     /// Score a run, or results in the format of the paper's authors
     Eval(EvalArgs),
     /// Write a run's poses in the format of the paper's authors
@@ -142,6 +144,10 @@ pub(crate) struct RunArgs {
     /// Change a parameter, for example --set sift.ratio=0.7 (repeatable; see `matchbench list`)
     #[arg(long, value_name = "ID.NAME=VALUE")]
     pub set: Vec<String>,
+    /// Take over what `matchbench tune` chose; refused on the scenes that it was tuned on
+    /// (repeatable)
+    #[arg(long, value_name = "FILE")]
+    pub tuned: Vec<PathBuf>,
     /// Folder of the feature cache [default: RUN/cache]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
@@ -152,6 +158,48 @@ pub(crate) struct RunArgs {
     /// Write RUN/report when done
     #[arg(long)]
     pub report: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  matchbench tune kitchen --matchers sift,orb --parameter ransac-e.threshold_px \\
+                  --values 0.5,0.75,1,1.5,2 --out tuning
+  matchbench run castle --matchers sift --tuned tuning/tuned.json --out runs/castle")]
+pub(crate) struct TuneArgs {
+    /// Dataset folders; none of them may be reported on later
+    #[arg(value_name = "DATASET", required = true)]
+    pub datasets: Vec<PathBuf>,
+    /// Matchers whose matches are used, separated by commas
+    #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
+    pub matchers: Vec<String>,
+    /// The parameter (see `matchbench list estimators`)
+    #[arg(long, value_name = "ESTIMATOR.NAME")]
+    pub parameter: String,
+    /// The values to try, separated by commas
+    #[arg(long, value_name = "VALUES", value_delimiter = ',', required = true)]
+    pub values: Vec<String>,
+    /// Folder of the run behind it; running again resumes
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Threads [default: all cores]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Only the first N pairs of each dataset
+    #[arg(long, value_name = "N")]
+    pub limit: Option<usize>,
+    /// Root of all random choices
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Do every pair N times
+    #[arg(long, value_name = "N", default_value_t = NonZeroU32::MIN)]
+    pub repeat: NonZeroU32,
+    /// Change another parameter (repeatable)
+    #[arg(long, value_name = "ID.NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Folder of the feature cache [default: DIR/cache]
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

@@ -7,8 +7,9 @@ use std::thread::available_parallelism;
 
 use anyhow::{Context, Result};
 use matchbench::datasets::{Sequence, decode_gray};
-use matchbench::run::{Contender, Dataset, FeatureCache, Run, RunSummary, Settings};
+use matchbench::run::{Contender, Dataset, FeatureCache, Plan, Run, RunSummary, Settings};
 
+use super::tune::Tuned;
 use super::{eval, report};
 use crate::Ending;
 use crate::args::RunArgs;
@@ -16,7 +17,11 @@ use crate::contenders::contenders;
 use crate::progress::{Bar, cancel_on_ctrl_c};
 
 pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
-    let contenders = contenders(&args.matchers, &args.estimator, &args.set)?;
+    let tuned = (args.tuned.iter().map(|path| Tuned::read(path))).collect::<Result<Vec<_>>>()?;
+    // What is set by hand comes last and wins.
+    let settings = tuned.iter().map(|tuned| tuned.setting.clone());
+    let settings: Vec<String> = settings.chain(args.set.iter().cloned()).collect();
+    let contenders = contenders(&args.matchers, &args.estimator, &settings)?;
     let datasets = open(&args.datasets)?;
     let job = Job {
         datasets: &datasets,
@@ -31,6 +36,8 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
         threads: args.threads,
         keep_matches: !args.no_matches,
     };
+    let plan = Plan::new(&datasets, &contenders, job.settings)?;
+    tuned.iter().try_for_each(|tuned| tuned.check(&plan))?;
     let ending = job.execute()?;
     if ending != Ending::Stopped {
         eval::print(&args.out, None)?;
