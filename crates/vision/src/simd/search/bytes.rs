@@ -119,6 +119,7 @@ fn scan(
 }
 
 /// Two vectors of eight lanes.
+#[inline]
 #[target_feature(enable = "avx2")]
 fn load(lanes: &[i32; LANES]) -> [__m256i; 2] {
     let [low, high] = [0, 8].map(|lane| lanes[lane..].as_ptr().cast());

@@ -174,6 +174,7 @@ mod x86 {
     }
 
     /// Two vectors of 32 bytes.
+    #[inline]
     #[target_feature(enable = "avx2")]
     fn load(bytes: &[u8; LANES]) -> [__m256i; 2] {
         let [low, high] = [0, 32].map(|lane| bytes[lane..].as_ptr().cast());
@@ -182,6 +183,7 @@ mod x86 {
     }
 
     /// A table in both halves of a vector.
+    #[inline]
     #[target_feature(enable = "avx2")]
     fn load_twice(table: &[u8; 16]) -> __m256i {
         // SAFETY: 16 bytes can be read.
