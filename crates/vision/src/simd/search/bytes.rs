@@ -122,9 +122,9 @@ fn scan(
 #[inline]
 #[target_feature(enable = "avx2")]
 fn load(lanes: &[i32; LANES]) -> [__m256i; 2] {
-    let [low, high] = [0, 8].map(|lane| lanes[lane..].as_ptr().cast());
+    let start = lanes.as_ptr().cast::<__m256i>();
     // SAFETY: 32 bytes can be read from lane 0 and from lane 8 of 16 lanes of 4 bytes.
-    unsafe { [_mm256_loadu_si256(low), _mm256_loadu_si256(high)] }
+    unsafe { [_mm256_loadu_si256(start), _mm256_loadu_si256(start.add(1))] }
 }
 
 #[cfg(test)]
