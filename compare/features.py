@@ -29,6 +29,7 @@ EXTRACTORS = {
     "orb-gms": (lambda: cv2.ORB_create(10_000, fastThreshold=0), (0, 0)),
     # Positions in the doubled image are halved without taking back its half-pixel offset.
     "sift": (lambda: cv2.SIFT_create(), (0.25, 0.25)),
+    "surf": (lambda: cv2.xfeatures2d.SURF_create(), (0, 0)),  # OpenCV 3.4.2 alone
 }
 
 

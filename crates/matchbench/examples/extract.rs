@@ -15,7 +15,7 @@ use std::time::Instant;
 
 use matchbench_vision::features::{
     Akaze, AkazeParams, Brisk, BriskParams, Descriptors, Extractor, Features, Kaze, KazeParams,
-    Orb, OrbParams, Sift, SiftParams,
+    Orb, OrbParams, Sift, SiftParams, Surf, SurfParams,
 };
 use matchbench_vision::image::{GrayImage, Size};
 
@@ -54,9 +54,11 @@ fn extractor(id: &str) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
             ..OrbParams::default()
         })?)),
         "sift" => Ok(Box::new(Sift::new(SiftParams::default())?)),
-        _ => Err(
-            format!("no extractor `{id}`; known: akaze, brisk, kaze, orb, orb-gms, sift").into(),
-        ),
+        "surf" => Ok(Box::new(Surf::new(SurfParams::default())?)),
+        _ => Err(format!(
+            "no extractor `{id}`; known: akaze, brisk, kaze, orb, orb-gms, sift, surf"
+        )
+        .into()),
     }
 }
 

@@ -9,6 +9,7 @@ mod kaze;
 mod local_features;
 mod orb;
 mod sift;
+mod surf;
 
 use matchbench_vision::matching::Matcher;
 use serde::{Deserialize, Serialize};
@@ -19,6 +20,7 @@ use crate::config::{self, ConfigError, UnknownName};
 /// All matchers, in the order of tables.
 pub const MATCHERS: &[&dyn Entry] = &[
     &sift::SIFT,
+    &surf::SURF,
     &orb::ORB,
     &brisk::BRISK,
     &kaze::KAZE,

@@ -14,7 +14,9 @@ pub mod fast;
 pub mod kaze;
 mod keypoint;
 pub mod orb;
+mod peak;
 pub mod sift;
+pub mod surf;
 
 pub use akaze::{Akaze, AkazeParams};
 pub use brisk::{Brisk, BriskParams};
@@ -24,6 +26,7 @@ pub use kaze::{Kaze, KazeParams};
 pub use keypoint::{Features, Keypoint};
 pub use orb::{Orb, OrbParams};
 pub use sift::{Sift, SiftParams};
+pub use surf::{Surf, SurfParams};
 
 use crate::image::GrayImage;
 

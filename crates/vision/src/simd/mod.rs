@@ -58,6 +58,7 @@ mod sampling;
 mod sampson;
 mod scharr;
 mod search;
+mod surf;
 mod triangulate;
 
 pub use area::{Cover, cover_columns, cover_rows, halve_rows_u8, integrate_row};
@@ -85,4 +86,8 @@ pub use scharr::{
     weigh_across,
 };
 pub use search::{TwoNearest, two_nearest_bits, two_nearest_floats};
+pub use surf::{
+    BoxRows, BoxWeights, PATCH_SIDE, PackedWindow, Shares, WAVELETS, WINDOW_SIDE, box_determinants,
+    longest_sum_of_degrees, pack_window, sum_patch_gradients, turned_patch,
+};
 pub use triangulate::triangulate_depths;
