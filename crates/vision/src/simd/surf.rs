@@ -122,7 +122,7 @@ multiversioned! {
         let mut bins = [0_u32; WAVELETS];
         for i in 0..WAVELETS {
             let degree = (turns(y[i], x[i]) * 360.0 + ROUND).to_bits() - ROUND.to_bits();
-            bins[i] = 2 * (degree / 5) + u32::from(degree % 5 != 0);
+            bins[i] = 2 * (degree / 5) + u32::from(!degree.is_multiple_of(5));
         }
         let mut sums = [[0.0_f32; 2]; BINS + 2 * HALF];
         for (i, &bin) in bins.iter().enumerate() {

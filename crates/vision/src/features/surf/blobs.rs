@@ -44,7 +44,7 @@ fn find_in_octave(sums: &Sums<'_>, octave: usize, params: &SurfParams, blobs: &m
                 filter.run(sums, made - 1, row);
             }
         }
-        for (middle, three) in layers.windows(3).enumerate() {
+        for three in layers.windows(3) {
             // Rows and columns that have neighbours in the layer above.
             let margin = three[2].0.margin + 1;
             let Some(y) = made.checked_sub(2) else {
@@ -81,7 +81,6 @@ fn find_in_octave(sums: &Sums<'_>, octave: usize, params: &SurfParams, blobs: &m
                     octave: octave as i16,
                 });
             }
-            let _ = middle;
         }
     }
 }
@@ -93,7 +92,7 @@ struct Sums<'a> {
     step: usize,
     /// Values of one remainder in a row.
     each: usize,
-    sums: Cow<'a, [u32]>,
+    values: Cow<'a, [u32]>,
 }
 
 impl<'a> Sums<'a> {
@@ -118,14 +117,14 @@ impl<'a> Sums<'a> {
             size,
             step,
             each,
-            sums,
+            values: sums,
         }
     }
 
     /// The values in row `y`, columns `x`, `x + step`, ...
     fn from(&self, x: usize, y: usize) -> &[u32] {
         let start = (y * self.step + x % self.step) * self.each;
-        &self.sums[start..][x / self.step..self.each]
+        &self.values[start..][x / self.step..self.each]
     }
 }
 
