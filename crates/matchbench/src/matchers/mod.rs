@@ -5,6 +5,8 @@
 
 mod akaze;
 mod brisk;
+mod freak;
+mod freak_sift;
 mod kaze;
 mod local_features;
 mod orb;
@@ -21,6 +23,8 @@ use crate::config::{self, ConfigError, UnknownName};
 pub const MATCHERS: &[&dyn Entry] = &[
     &sift::SIFT,
     &surf::SURF,
+    &freak::FREAK,
+    &freak_sift::FREAK_SIFT,
     &orb::ORB,
     &brisk::BRISK,
     &kaze::KAZE,
