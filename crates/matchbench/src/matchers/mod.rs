@@ -5,10 +5,13 @@
 
 mod akaze;
 mod brisk;
+mod freak;
+mod freak_sift;
 mod kaze;
 mod local_features;
 mod orb;
 mod sift;
+mod surf;
 
 use matchbench_vision::matching::Matcher;
 use serde::{Deserialize, Serialize};
@@ -19,6 +22,9 @@ use crate::config::{self, ConfigError, UnknownName};
 /// All matchers, in the order of tables.
 pub const MATCHERS: &[&dyn Entry] = &[
     &sift::SIFT,
+    &surf::SURF,
+    &freak::FREAK,
+    &freak_sift::FREAK_SIFT,
     &orb::ORB,
     &brisk::BRISK,
     &kaze::KAZE,

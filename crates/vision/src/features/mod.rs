@@ -11,19 +11,24 @@ pub mod brisk;
 mod covariance;
 mod descriptors;
 pub mod fast;
+pub mod freak;
 pub mod kaze;
 mod keypoint;
 pub mod orb;
+mod peak;
 pub mod sift;
+pub mod surf;
 
 pub use akaze::{Akaze, AkazeParams};
 pub use brisk::{Brisk, BriskParams};
 pub use descriptors::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
 pub use fast::{Fast, FastParams};
+pub use freak::{Freak, FreakParams};
 pub use kaze::{Kaze, KazeParams};
 pub use keypoint::{Features, Keypoint};
 pub use orb::{Orb, OrbParams};
 pub use sift::{Sift, SiftParams};
+pub use surf::{Surf, SurfParams};
 
 use crate::image::GrayImage;
 
