@@ -122,9 +122,14 @@ fn scan(
 #[inline]
 #[target_feature(enable = "avx2")]
 fn load(lanes: &[i32; LANES]) -> [__m256i; 2] {
-    let start = lanes.as_ptr().cast::<__m256i>();
+    let start = lanes.as_ptr();
     // SAFETY: 32 bytes can be read from lane 0 and from lane 8 of 16 lanes of 4 bytes.
-    unsafe { [_mm256_loadu_si256(start), _mm256_loadu_si256(start.add(1))] }
+    unsafe {
+        [
+            _mm256_loadu_si256(start.cast()),
+            _mm256_loadu_si256(start.add(8).cast()),
+        ]
+    }
 }
 
 #[cfg(test)]
