@@ -57,6 +57,9 @@ const ACROSS: [[usize; 2]; 9] = [
     [4, 0],
     [5, 1],
 ];
+/// Radii of two rings at pattern scale 1.
+const OUTERMOST: f64 = 2.0 / 3.0;
+const INNERMOST: f64 = 2.0 / 24.0;
 /// Number of scales.
 const SCALES: usize = 64;
 /// Number of angles.
@@ -238,13 +241,9 @@ impl PatternScale {
     fn new(index: usize, params: &FreakParams) -> Self {
         let exponent = (params.octaves * index) as f64 / SCALES as f64;
         let scale = libm::exp2(exponent) * f64::from(params.pattern_scale);
-        // Radii of the rings for pattern scale 1, from the outermost inwards; the distances between
-        // them shrink evenly.
-        const LARGEST: f64 = 2.0 / 3.0;
-        const SMALLEST: f64 = 2.0 / 24.0;
-        const SPACE: f64 = (LARGEST - SMALLEST) / 21.0;
+        // The distances between rings shrink evenly.
         let rings = [0, 6, 11, 15, 18, 20, 21].map(|spaces| {
-            let radius = LARGEST - f64::from(spaces) * SPACE;
+            let radius = OUTERMOST - f64::from(spaces) * (OUTERMOST - INNERMOST) / 21.0;
             radius * scale
         });
         // Fields reach half way to the middle; the one in the middle is as large as those of the

@@ -154,13 +154,16 @@ multiversioned! {
         axis: [f32; 2],
         shares: &Shares,
     ) -> [[f32; PATCH_ROW]; PATCH_SIDE] {
-        const LANES: usize = 8;
         let side = shares.cell.len();
         assert!(shares.share.len() == side && side <= WINDOW_SIDE, "shares of {side} samples");
+        // In whole vectors; what lies beyond the side is not used.
+        let blocks = side.next_multiple_of(8);
         // Sums of samples for the row of cells and the next.
         let mut sums = [[0.0_f32; WINDOW_SIDE]; 2];
         let mut patch = [[0.0; PATCH_ROW]; PATCH_SIDE];
-        let along: [f32; LANES] = std::array::from_fn(|j| j as f32);
+        let mut places = [0_u16; WINDOW_SIDE];
+        let mut fractions = [[0.0_f32; WINDOW_SIDE]; 2];
+        let mut quads = [0_u32; WINDOW_SIDE];
         let mut cell = 0;
         for (i, (&this_cell, &[here, next])) in shares.cell.iter().zip(&shares.share).enumerate() {
             if this_cell != cell {
@@ -169,37 +172,32 @@ multiversioned! {
                 sums = [sums[1], [0.0; WINDOW_SIDE]];
             }
             let (x, y) = (start[0] - i as f32 * axis[1], start[1] + i as f32 * axis[0]);
-            for first in (0..side).step_by(LANES) {
-                let mut quads = [0_u32; LANES];
-                let mut u = [0.0_f32; LANES];
-                let mut v = [0.0_f32; LANES];
-                let mut places = [0_u16; LANES];
-                for j in 0..LANES {
-                    let at = along[j] + first as f32;
-                    let (x, y) = (x + at * axis[0], y + at * axis[1]);
-                    let (column, row) = (x as i32, y as i32);
-                    u[j] = x - column as f32;
-                    v[j] = y - row as f32;
-                    places[j] = (row as u16).wrapping_mul(window.stride).wrapping_add(column as u16);
-                }
-                for j in 0..LANES {
-                    quads[j] = window.quads[usize::from(places[j])];
-                }
-                let above: &mut [f32; LANES] = sums[0][first..].first_chunk_mut().expect("whole blocks");
-                let mut values = [0.0_f32; LANES];
-                for j in 0..LANES {
-                    let a = (quads[j] & 255) as i32 as f32;
-                    let b = (quads[j] >> 8 & 255) as i32 as f32;
-                    let c = (quads[j] >> 16 & 255) as i32 as f32;
-                    let d = (quads[j] >> 24) as i32 as f32;
-                    let upper = u[j].mul_add(b - a, a);
-                    let lower = u[j].mul_add(d - c, c);
-                    values[j] = (v[j].mul_add(lower - upper, upper) + ROUND) - ROUND;
-                    above[j] = here.mul_add(values[j], above[j]);
-                }
-                let below: &mut [f32; LANES] = sums[1][first..].first_chunk_mut().expect("whole blocks");
-                for j in 0..LANES {
-                    below[j] = next.mul_add(values[j], below[j]);
+            let [u, v] = &mut fractions;
+            for j in 0..blocks {
+                let (x, y) = (x + j as i32 as f32 * axis[0], y + j as i32 as f32 * axis[1]);
+                let (column, row) = (x as i32, y as i32);
+                u[j] = x - column as f32;
+                v[j] = y - row as f32;
+                places[j] = (row as u16).wrapping_mul(window.stride).wrapping_add(column as u16);
+            }
+            for (quad, &place) in quads[..side].iter_mut().zip(&places) {
+                *quad = window.quads[usize::from(place)];
+            }
+            let [above, below] = &mut sums;
+            for j in 0..blocks {
+                let a = (quads[j] & 255) as i32 as f32;
+                let b = (quads[j] >> 8 & 255) as i32 as f32;
+                let c = (quads[j] >> 16 & 255) as i32 as f32;
+                let d = (quads[j] >> 24) as i32 as f32;
+                let upper = u[j].mul_add(b - a, a);
+                let lower = u[j].mul_add(d - c, c);
+                u[j] = (v[j].mul_add(lower - upper, upper) + ROUND) - ROUND;
+                above[j] = here.mul_add(u[j], above[j]);
+            }
+            // Most samples lie in one row of cells.
+            if next != 0.0 {
+                for j in 0..blocks {
+                    below[j] = next.mul_add(u[j], below[j]);
                 }
             }
         }
