@@ -4,6 +4,7 @@
 //! list and hold every entry to the same promises.
 
 mod akaze;
+mod asift;
 mod brisk;
 mod kaze;
 mod local_features;
@@ -23,6 +24,7 @@ pub const MATCHERS: &[&dyn Entry] = &[
     &brisk::BRISK,
     &kaze::KAZE,
     &akaze::AKAZE,
+    &asift::AsiftEntry,
 ];
 
 /// A matcher that can be asked for by name.

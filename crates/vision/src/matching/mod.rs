@@ -4,10 +4,12 @@ mod correspondence;
 mod mutual;
 mod nearest;
 mod pipeline;
+mod placewise;
 mod ratio;
 
 pub use correspondence::{Correspondence, Correspondences};
 pub use mutual::MutualCheck;
 pub use nearest::{NearestNeighbours, two_nearest};
 pub use pipeline::{Matcher, MatcherError, Pipeline, Search, Selector, View};
+pub use placewise::PlacewiseNeighbours;
 pub use ratio::RatioTest;
