@@ -6,6 +6,7 @@
 mod akaze;
 mod asift;
 mod brisk;
+mod code;
 mod kaze;
 mod local_features;
 mod orb;
@@ -25,6 +26,7 @@ pub const MATCHERS: &[&dyn Entry] = &[
     &kaze::KAZE,
     &akaze::AKAZE,
     &asift::AsiftEntry,
+    &code::CodeEntry,
 ];
 
 /// A matcher that can be asked for by name.

@@ -1,5 +1,6 @@
 //! From two sets of features to correspondences: search, selection, and the two together.
 
+pub mod code;
 mod correspondence;
 mod mutual;
 mod nearest;
@@ -7,6 +8,7 @@ mod pipeline;
 mod placewise;
 mod ratio;
 
+pub use code::{Code, CodeParams};
 pub use correspondence::{Correspondence, Correspondences};
 pub use mutual::MutualCheck;
 pub use nearest::{NearestNeighbours, two_nearest};
