@@ -4,9 +4,11 @@
 //! list and hold every entry to the same promises.
 
 mod akaze;
+mod asift;
 mod brisk;
 mod freak;
 mod freak_sift;
+mod code;
 mod kaze;
 mod local_features;
 mod orb;
@@ -29,6 +31,8 @@ pub const MATCHERS: &[&dyn Entry] = &[
     &brisk::BRISK,
     &kaze::KAZE,
     &akaze::AKAZE,
+    &asift::AsiftEntry,
+    &code::CodeEntry,
 ];
 
 /// A matcher that can be asked for by name.
