@@ -6,9 +6,9 @@
 mod akaze;
 mod asift;
 mod brisk;
+mod code;
 mod freak;
 mod freak_sift;
-mod code;
 mod kaze;
 mod local_features;
 mod orb;
