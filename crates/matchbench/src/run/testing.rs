@@ -198,9 +198,9 @@ impl PoseEstimator for Toy {
     fn estimate_until(
         &self,
         views: TwoViews<'_>,
-        seed: matchbench_vision::seed::Seed,
+        seed: Seed,
         _stop: &dyn Fn(usize) -> bool,
-    ) -> Result<PoseEstimate, matchbench_vision::robust::NoPose> {
+    ) -> Result<PoseEstimate, NoPose> {
         self.estimate(views, seed)
     }
 

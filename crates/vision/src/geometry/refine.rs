@@ -103,8 +103,9 @@ pub fn refine_pose(
         } else {
             damping *= DAMPING_FACTOR;
         }
-        // The damping bounds the number of vain trials; also true for NaN.
-        if !(step.norm() > SMALLEST_STEP) || damping > LARGEST_DAMPING {
+        // The damping bounds the number of vain trials. A step of NaN is none.
+        let moves = step.norm() > SMALLEST_STEP;
+        if !moves || damping > LARGEST_DAMPING {
             break;
         }
     }

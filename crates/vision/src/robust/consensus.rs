@@ -174,8 +174,9 @@ fn judge<P: Problem>(
             inliers: total.inliers + support.inliers,
             ..support
         });
-        // Also true for NaN.
-        if !(sum.quality + most * (n - range.end) as f64 > limit) {
+        // A quality of NaN wins nothing.
+        let can_win = sum.quality + most * (n - range.end) as f64 > limit;
+        if !can_win {
             return None;
         }
         total = Some(sum);
