@@ -6,23 +6,29 @@
 //! an empty, a one-pixel or a black image has no features, and that is a result.
 
 pub mod akaze;
+pub mod binboost;
 pub mod brisk;
 #[cfg(test)]
 mod covariance;
 mod descriptors;
+pub mod dlco;
 pub mod fast;
 pub mod kaze;
 mod keypoint;
 pub mod orb;
+mod patch;
 pub mod sift;
 
 pub use akaze::{Akaze, AkazeParams};
+pub use binboost::{BinBoost, BinBoostParams};
 pub use brisk::{Brisk, BriskParams};
 pub use descriptors::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
+pub use dlco::{Dlco, DlcoParams};
 pub use fast::{Fast, FastParams};
 pub use kaze::{Kaze, KazeParams};
 pub use keypoint::{Features, Keypoint};
 pub use orb::{Orb, OrbParams};
+pub use patch::PatchSource;
 pub use sift::{Sift, SiftParams};
 
 use crate::image::GrayImage;

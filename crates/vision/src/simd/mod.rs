@@ -53,6 +53,8 @@ mod gradient;
 mod histogram;
 mod normalize;
 mod orb;
+mod pooling;
+mod rectify;
 mod resample;
 mod sampling;
 mod sampson;
@@ -74,6 +76,11 @@ pub use normalize::normalize_to_bytes;
 pub use orb::{
     PATCH_MARGIN, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments,
 };
+pub use pooling::{
+    PATCHES_AT_ONCE, VECTORS_AT_ONCE, WeakLearner, box_responses, integrate_spread, pool, project,
+    vote,
+};
+pub use rectify::{DIRECTIONS, Source, sample_line, spread_gradients};
 pub use resample::{double_row, halve_row, subtract};
 pub use sampling::{
     AROUND, CellSums, Planes, longest_sum_of_slices, longest_sum_of_windows, sum_cells,

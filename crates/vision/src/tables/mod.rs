@@ -7,6 +7,12 @@
 /// 256 bits.
 pub(crate) const ORB_PAIRS: &[u8; 4 * 256] = include_bytes!("orb_pairs.bin");
 
+/// The learned BinBoost, as `BinBoostTable` writes it.
+pub(crate) const BINBOOST: &[u8] = include_bytes!("binboost.bin");
+
+/// The learned DLCO, as `DlcoTable` writes it.
+pub(crate) const DLCO: &[u8] = include_bytes!("dlco.bin");
+
 #[cfg(test)]
 mod tests {
     use std::fs;
