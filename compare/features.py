@@ -20,15 +20,33 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 
+class Chain:
+    """A detector and a describer, as one extractor; keypoints are moved by -`shift` in between."""
+
+    def __init__(self, detector, describer, shift=(0, 0)):
+        self.detector, self.describer, self.shift = detector, describer, shift
+
+    def detectAndCompute(self, gray, mask):
+        keypoints = self.detector.detect(gray, mask)
+        for k in keypoints:
+            k.pt = (k.pt[0] - self.shift[0], k.pt[1] - self.shift[1])
+        return self.describer.compute(gray, keypoints)
+
+
 # id of ours: (OpenCV's extractor, (x, y) by which OpenCV's positions are known to be shifted).
 EXTRACTORS = {
     "brisk": (lambda: cv2.BRISK_create(), (0, 0)),
     "akaze": (lambda: cv2.AKAZE_create(), (0, 0)),
+    "freak": (lambda: Chain(cv2.xfeatures2d.SURF_create(), cv2.xfeatures2d.FREAK_create()), (0, 0)),
+    "freak-sift": (
+        lambda: Chain(cv2.SIFT_create(), cv2.xfeatures2d.FREAK_create(), (0.25, 0.25)), (0, 0)
+    ),
     "kaze": (lambda: cv2.KAZE_create(), (0, 0)),
     "orb": (lambda: cv2.ORB_create(100_000), (0, 0)),
     "orb-gms": (lambda: cv2.ORB_create(10_000, fastThreshold=0), (0, 0)),
     # Positions in the doubled image are halved without taking back its half-pixel offset.
     "sift": (lambda: cv2.SIFT_create(), (0.25, 0.25)),
+    "surf": (lambda: cv2.xfeatures2d.SURF_create(), (0, 0)),  # OpenCV 3.4.2 alone
 }
 
 

@@ -1,5 +1,6 @@
 //! What can be typed. Parsing only; each subcommand's work is in `commands/`.
 
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -34,6 +35,8 @@ pub(crate) enum Command {
     Import(ImportArgs),
     /// Run matchers on datasets; can be stopped and resumed at any time
     Run(RunArgs),
+    /// Choose a parameter of an estimator, on scenes other than those that will be reported
+    Tune(TuneArgs),
     /// Score a run, or results in the format of the paper's authors
     Eval(EvalArgs),
     /// Write a run's poses in the format of the paper's authors
@@ -122,7 +125,8 @@ pub(crate) struct RunArgs {
     /// Pose estimators, separated by commas [default: the one that belongs to each matcher]
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub estimator: Vec<String>,
-    /// Folder of the run; if it holds an unfinished run of the same plan, that is resumed
+    /// Folder of the run; one that is there already is resumed, and may grow by datasets, matchers
+    /// and estimators
     #[arg(long, value_name = "RUN")]
     pub out: PathBuf,
     /// Threads; results do not depend on it [default: all cores]
@@ -134,15 +138,68 @@ pub(crate) struct RunArgs {
     /// Root of all random choices
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
+    /// Do every pair N times, each time with other random choices; scores are means
+    #[arg(long, value_name = "N", default_value_t = NonZeroU32::MIN)]
+    pub repeat: NonZeroU32,
     /// Change a parameter, for example --set sift.ratio=0.7 (repeatable; see `matchbench list`)
     #[arg(long, value_name = "ID.NAME=VALUE")]
     pub set: Vec<String>,
+    /// Take over what `matchbench tune` chose; refused on the scenes that it was tuned on
+    /// (repeatable)
+    #[arg(long, value_name = "FILE")]
+    pub tuned: Vec<PathBuf>,
     /// Folder of the feature cache [default: RUN/cache]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
+    /// Do not write the selected matches to RUN/matches (20 bytes each). Without them another
+    /// estimator starts from the features again, and the report shows no matches
+    #[arg(long)]
+    pub no_matches: bool,
     /// Write RUN/report when done
     #[arg(long)]
     pub report: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  matchbench tune kitchen --matchers sift,orb --parameter ransac-e.threshold_px \\
+                  --values 0.5,0.75,1,1.5,2 --out tuning
+  matchbench run castle --matchers sift --tuned tuning/tuned.json --out runs/castle")]
+pub(crate) struct TuneArgs {
+    /// Dataset folders; none of them may be reported on later
+    #[arg(value_name = "DATASET", required = true)]
+    pub datasets: Vec<PathBuf>,
+    /// Matchers whose matches are used, separated by commas
+    #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
+    pub matchers: Vec<String>,
+    /// The parameter (see `matchbench list estimators`)
+    #[arg(long, value_name = "ESTIMATOR.NAME")]
+    pub parameter: String,
+    /// The values to try, separated by commas
+    #[arg(long, value_name = "VALUES", value_delimiter = ',', required = true)]
+    pub values: Vec<String>,
+    /// Folder of the run behind it; running again resumes
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Threads [default: all cores]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Only the first N pairs of each dataset
+    #[arg(long, value_name = "N")]
+    pub limit: Option<usize>,
+    /// Root of all random choices
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Do every pair N times
+    #[arg(long, value_name = "N", default_value_t = NonZeroU32::MIN)]
+    pub repeat: NonZeroU32,
+    /// Change another parameter (repeatable)
+    #[arg(long, value_name = "ID.NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Folder of the feature cache [default: DIR/cache]
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

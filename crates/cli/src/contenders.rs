@@ -55,6 +55,44 @@ pub(crate) fn contenders(
     }
 }
 
+/// The matchers called `ids`, each with the estimator called `estimator` once for each of the
+/// `values` of its parameter `name`.
+pub(crate) fn variants(
+    ids: &[String],
+    estimator: &str,
+    name: &str,
+    values: &[Value],
+    settings: &[String],
+) -> Result<Vec<Contender>> {
+    let mut contenders = contenders(ids, &[estimator.to_owned()], settings)?;
+    let mut params = parse(settings)?.remove(estimator).unwrap_or_default();
+    if !params.is_object() {
+        params = Value::Object(Map::new());
+    }
+    for contender in &mut contenders {
+        contender.estimators = (values.iter())
+            .map(|value| {
+                params[name] = value.clone();
+                let mut variant = estimators::find(estimator)?.build(Some(&params))?;
+                variant.id = format!("{estimator}@{}", text(value));
+                Ok(variant)
+            })
+            .collect::<Result<_>>()?;
+    }
+    Ok(contenders)
+}
+
+fn text(value: &Value) -> String {
+    value
+        .as_str()
+        .map_or_else(|| value.to_string(), str::to_owned)
+}
+
+/// A value is JSON; what is not, is text: --set sift.search=exact needs no quotes.
+pub(crate) fn parse_value(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.into()))
+}
+
 /// `["sift.ratio=0.7"]` becomes `{"sift": {"ratio": 0.7}}`.
 fn parse(settings: &[String]) -> Result<Changes> {
     let mut changes = Changes::new();
@@ -76,9 +114,7 @@ fn parse(settings: &[String]) -> Result<Changes> {
                 _ => bail!("--set {setting}: `{name}` was given a value before"),
             };
         }
-        // A value is JSON; what is not, is text: --set sift.search=exact needs no quotes.
-        let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.into()));
-        object.insert(last.into(), value);
+        object.insert(last.into(), parse_value(value));
     }
     Ok(changes)
 }

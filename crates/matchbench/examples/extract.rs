@@ -14,8 +14,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use matchbench_vision::features::{
-    Akaze, AkazeParams, Brisk, BriskParams, Descriptors, Extractor, Features, Kaze, KazeParams,
-    Orb, OrbParams, Sift, SiftParams,
+    Akaze, AkazeParams, Brisk, BriskParams, Descriptors, DetectThenDescribe, Extractor, Features,
+    Freak, FreakParams, Kaze, KazeParams, Orb, OrbParams, Sift, SiftParams, Surf, SurfParams,
 };
 use matchbench_vision::image::{GrayImage, Size};
 
@@ -46,6 +46,14 @@ fn extractor(id: &str) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
     match id {
         "akaze" => Ok(Box::new(Akaze::new(AkazeParams::default())?)),
         "brisk" => Ok(Box::new(Brisk::new(BriskParams::default())?)),
+        "freak" => Ok(Box::new(DetectThenDescribe {
+            detector: Surf::new(SurfParams::default())?,
+            describer: Freak::new(FreakParams::default())?,
+        })),
+        "freak-sift" => Ok(Box::new(DetectThenDescribe {
+            detector: Sift::new(SiftParams::default())?,
+            describer: Freak::new(FreakParams::default())?,
+        })),
         "kaze" => Ok(Box::new(Kaze::new(KazeParams::default())?)),
         "orb" => Ok(Box::new(Orb::new(OrbParams::default())?)),
         "orb-gms" => Ok(Box::new(Orb::new(OrbParams {
@@ -54,9 +62,11 @@ fn extractor(id: &str) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
             ..OrbParams::default()
         })?)),
         "sift" => Ok(Box::new(Sift::new(SiftParams::default())?)),
-        _ => Err(
-            format!("no extractor `{id}`; known: akaze, brisk, kaze, orb, orb-gms, sift").into(),
-        ),
+        "surf" => Ok(Box::new(Surf::new(SurfParams::default())?)),
+        _ => Err(format!(
+            "no extractor `{id}`; known: akaze, brisk, freak, freak-sift, kaze, orb, orb-gms, sift, surf"
+        )
+        .into()),
     }
 }
 

@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use matchbench::datasets::rendered;
 use matchbench::run::Settings;
 
-use super::run::{execute, open};
+use super::run::{Job, open};
 use super::{eval, report};
 use crate::Ending;
 use crate::args::DemoArgs;
@@ -18,15 +18,16 @@ use crate::contenders::contenders;
 pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
     let datasets = open(&scenes()?)?;
     let contenders = contenders(&["all".into()], &[], &[])?;
-    let cache = args.out.join("cache");
-    let ending = execute(
-        &datasets,
-        &contenders,
-        Settings::default(),
-        &args.out,
-        &cache,
-        args.threads,
-    )?;
+    let ending = Job {
+        datasets: &datasets,
+        contenders: &contenders,
+        settings: Settings::default(),
+        folder: &args.out,
+        cache: None,
+        threads: args.threads,
+        keep_matches: true,
+    }
+    .execute()?;
     if ending == Ending::Stopped {
         return Ok(ending);
     }

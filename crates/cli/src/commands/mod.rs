@@ -7,4 +7,5 @@ pub(crate) mod import;
 pub(crate) mod list;
 pub(crate) mod report;
 pub(crate) mod run;
+pub(crate) mod tune;
 pub(crate) mod validate;

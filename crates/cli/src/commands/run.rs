@@ -7,8 +7,9 @@ use std::thread::available_parallelism;
 
 use anyhow::{Context, Result};
 use matchbench::datasets::{Sequence, decode_gray};
-use matchbench::run::{Contender, Dataset, FeatureCache, Run, RunSummary, Settings};
+use matchbench::run::{Contender, Dataset, FeatureCache, Plan, Run, RunSummary, Settings};
 
+use super::tune::Tuned;
 use super::{eval, report};
 use crate::Ending;
 use crate::args::RunArgs;
@@ -16,22 +17,28 @@ use crate::contenders::contenders;
 use crate::progress::{Bar, cancel_on_ctrl_c};
 
 pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
-    let contenders = contenders(&args.matchers, &args.estimator, &args.set)?;
+    let tuned = (args.tuned.iter().map(|path| Tuned::read(path))).collect::<Result<Vec<_>>>()?;
+    // What is set by hand comes last and wins.
+    let settings = tuned.iter().map(|tuned| tuned.setting.clone());
+    let settings: Vec<String> = settings.chain(args.set.iter().cloned()).collect();
+    let contenders = contenders(&args.matchers, &args.estimator, &settings)?;
     let datasets = open(&args.datasets)?;
-    let settings = Settings {
-        seed: args.seed,
-        limit: args.limit,
-        ..Settings::default()
+    let job = Job {
+        datasets: &datasets,
+        contenders: &contenders,
+        settings: Settings {
+            seed: args.seed,
+            repetitions: args.repeat,
+            limit: args.limit,
+        },
+        folder: &args.out,
+        cache: args.cache.as_deref(),
+        threads: args.threads,
+        keep_matches: !args.no_matches,
     };
-    let cache = args.cache.clone().unwrap_or_else(|| args.out.join("cache"));
-    let ending = execute(
-        &datasets,
-        &contenders,
-        settings,
-        &args.out,
-        &cache,
-        args.threads,
-    )?;
+    let plan = Plan::new(&datasets, &contenders, job.settings)?;
+    tuned.iter().try_for_each(|tuned| tuned.check(&plan))?;
+    let ending = job.execute()?;
     if ending != Ending::Stopped {
         eval::print(&args.out, None)?;
         if args.report {
@@ -56,30 +63,39 @@ pub(crate) fn open(folders: &[impl AsRef<Path>]) -> Result<Vec<Dataset>> {
         .collect()
 }
 
-/// Does what is left of a run, with a progress bar, until it is done or stopped.
-pub(crate) fn execute(
-    datasets: &[Dataset],
-    contenders: &[Contender],
-    settings: Settings,
-    folder: &Path,
-    cache: &Path,
-    threads: Option<usize>,
-) -> Result<Ending> {
-    let run = Run {
-        datasets,
-        contenders,
-        settings,
-        folder,
-        cache: FeatureCache::new(cache),
-        decode: |bytes| decode_gray(bytes).map_err(|error| error.to_string()),
-        threads: number_of_threads(threads)?,
-        feature_memory: Run::FEATURE_MEMORY,
-    };
-    let cancel = cancel_on_ctrl_c()?;
-    let bar = Bar::new();
-    let summary = run.execute(&bar, &cancel);
-    bar.finish();
-    Ok(tell(&summary?, folder))
+/// A run as it is asked for on the command line.
+pub(crate) struct Job<'a> {
+    pub(crate) datasets: &'a [Dataset],
+    pub(crate) contenders: &'a [Contender],
+    pub(crate) settings: Settings,
+    pub(crate) folder: &'a Path,
+    /// Folder of the feature cache, if not the usual one in the folder of the run.
+    pub(crate) cache: Option<&'a Path>,
+    pub(crate) threads: Option<usize>,
+    pub(crate) keep_matches: bool,
+}
+
+impl Job<'_> {
+    /// Does what is left, with a progress bar, until it is done or stopped.
+    pub(crate) fn execute(&self) -> Result<Ending> {
+        let cache = (self.cache).map_or_else(|| self.folder.join("cache"), Path::to_path_buf);
+        let run = Run {
+            datasets: self.datasets,
+            contenders: self.contenders,
+            settings: self.settings,
+            folder: self.folder,
+            cache: FeatureCache::new(cache),
+            decode: |bytes| decode_gray(bytes).map_err(|error| error.to_string()),
+            threads: number_of_threads(self.threads)?,
+            keep_matches: self.keep_matches,
+            feature_memory: Run::FEATURE_MEMORY,
+        };
+        let cancel = cancel_on_ctrl_c()?;
+        let bar = Bar::new();
+        let summary = run.execute(&bar, &cancel);
+        bar.finish();
+        Ok(tell(&summary?, self.folder))
+    }
 }
 
 fn number_of_threads(asked: Option<usize>) -> Result<NonZeroUsize> {

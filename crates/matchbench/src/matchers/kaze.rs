@@ -8,6 +8,6 @@ pub(super) const KAZE: LocalFeatures<KazeParams> = LocalFeatures {
     id: "kaze",
     summary: "KAZE, exact nearest neighbours, ratio test",
     reference: "P. F. Alcantarilla, A. Bartoli, A. J. Davison, \"KAZE Features\", ECCV 2012",
-    revision: 1,
+    revision: 2,
     extractor: |params| Ok(Box::new(Kaze::new(params)?)),
 };

@@ -4,11 +4,16 @@
 //! list and hold every entry to the same promises.
 
 mod akaze;
+mod binboost;
 mod brisk;
+mod dlco;
+mod freak;
+mod freak_sift;
 mod kaze;
 mod local_features;
 mod orb;
 mod sift;
+mod surf;
 
 use matchbench_vision::matching::Matcher;
 use serde::{Deserialize, Serialize};
@@ -19,10 +24,15 @@ use crate::config::{self, ConfigError, UnknownName};
 /// All matchers, in the order of tables.
 pub const MATCHERS: &[&dyn Entry] = &[
     &sift::SIFT,
+    &surf::SURF,
+    &freak::FREAK,
+    &freak_sift::FREAK_SIFT,
     &orb::ORB,
     &brisk::BRISK,
     &kaze::KAZE,
     &akaze::AKAZE,
+    &dlco::DLCO,
+    &binboost::BINBOOST,
 ];
 
 /// A matcher that can be asked for by name.

@@ -44,6 +44,9 @@ pub struct Summary {
     pub undirected: usize,
     /// The paper's AUC: mean of SP(1) ... SP(15).
     pub auc: Score,
+    /// Standard deviation of the AUC over the repetitions, where there are several: what other
+    /// random choices would change.
+    pub auc_deviation: Option<f64>,
     /// The same of the rotation error alone.
     pub rotation_auc: Score,
     /// The same of the translation error alone.
@@ -85,6 +88,7 @@ impl Summary {
             ignored: results.ignored,
             undirected: pairs.iter().filter(|pair| is_undirected(pair)).count(),
             auc: auc(pairs, Angle::Pose, bootstrap),
+            auc_deviation: auc_deviation(results),
             rotation_auc: auc(pairs, Angle::Rotation, bootstrap),
             translation_auc: auc(pairs, Angle::Translation, bootstrap),
             ap5: Score {
@@ -129,6 +133,21 @@ fn auc(pairs: &[PairResult], angle: Angle, bootstrap: &Bootstrap) -> Score {
         value: (!pairs.is_empty()).then(|| SuccessCurve::new(pairs, angle).auc()),
         interval: bootstrap.interval(pairs.iter().map(|pair| auc_term(pair, angle))),
     }
+}
+
+/// Sample standard deviation of the AUC over the repetitions.
+fn auc_deviation(results: &ResultSet) -> Option<f64> {
+    let aucs: Vec<f64> = (0..results.repetitions)
+        .map(|repetition| {
+            let pairs = results.pairs.iter();
+            let pairs = pairs.filter(|pair| pair.repetition == repetition).cloned();
+            SuccessCurve::new(&pairs.collect::<Vec<_>>(), Angle::Pose).auc()
+        })
+        .collect();
+    let mean = aucs.iter().sum::<f64>() / aucs.len() as f64;
+    let squares: f64 = aucs.iter().map(|auc| (auc - mean) * (auc - mean)).sum();
+    let variance = squares / (aucs.len() as f64 - 1.0);
+    (aucs.len() > 1 && variance.is_finite()).then(|| variance.sqrt())
 }
 
 fn auc_term(pair: &PairResult, angle: Angle) -> Term {
@@ -197,6 +216,23 @@ mod tests {
         assert_eq!(summary.sp.at(1), 0.25);
         let interval = summary.auc.interval.expect("two reference images");
         assert!(interval.low <= auc && auc <= interval.high);
+    }
+
+    #[test]
+    fn deviation_is_that_of_the_repetitions() {
+        let repeated = |repetition, error| PairResult {
+            repetition,
+            ..solved(0, error, 0.1, 50)
+        };
+        let mut set = results(vec![repeated(0, 0.5), repeated(1, 3.5), repeated(2, 6.5)]);
+        assert_eq!(
+            Summary::new(&set, &Bootstrap::default()).auc_deviation,
+            None
+        );
+        set.repetitions = 3;
+        let deviation = Summary::new(&set, &Bootstrap::default()).auc_deviation;
+        // The AUCs are 15, 12 and 9 of 15.
+        assert!((deviation.expect("three repetitions") - 0.2).abs() < 1e-12);
     }
 
     #[test]

@@ -39,10 +39,21 @@ pub enum StoreError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A file of matches that is damaged.
+    #[error(
+        "{}: damaged ({reason}); delete it: it is made again when it is needed",
+        path.display()
+    )]
+    Matches {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
 }
 
 impl StoreError {
-    fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+    pub(super) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         move |source| Self::Io {
             action,
             path: path.into(),

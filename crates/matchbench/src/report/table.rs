@@ -40,6 +40,13 @@ pub(super) fn render(summaries: &[Summary]) -> String {
         number("failed", |s| s.failed.to_string()),
         number("AUC", |s| ratio(s.auc.value)),
         number("95 % interval", |s| interval(&s.auc, ratio)),
+    ]);
+    if summaries.iter().any(|s| s.auc_deviation.is_some()) {
+        columns.push(number("sd runs", |s| {
+            s.auc_deviation.map_or_else(String::new, ratio)
+        }));
+    }
+    columns.extend([
         number("SP(5)", |s| ratio(s.sp.at(5))),
         number("AUC rot.", |s| ratio(s.rotation_auc.value)),
         number("AUC trans.", |s| ratio(s.translation_auc.value)),

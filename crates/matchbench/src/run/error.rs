@@ -13,7 +13,7 @@ pub enum RunError {
     Contradiction(String),
     /// The folder holds a run of another plan.
     #[error(
-        "{} holds a run of another plan: {difference}; to resume it give the arguments that it was \
+        "{} holds a run of another plan: {difference}; to go on with it give at least what it was \
          started with, for a new run choose another folder",
         folder.display()
     )]

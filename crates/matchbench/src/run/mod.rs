@@ -3,7 +3,7 @@
 //! [`Run::execute`] and `Run::go_on` follow the way of the data: frames are decoded and extracted
 //! (`frame`), pairs are searched, selected, estimated and judged (`pair`), records are appended
 //! ([`crate::records`]). Around them: what is run ([`Plan`]), into which folder (`folder`), what is
-//! left to do (`part`), which features are kept in memory (`resident`) and on disk (`cache`), who
+//! left to do (`part`), which matches are there already ([`crate::records::matches`]), which features are kept in memory (`resident`) and on disk (`cache`), who
 //! is told ([`Observer`]) and who may stop it ([`Cancel`]).
 //!
 //! Threads are used here and nowhere else (`ordered`): over the frames, then over the pairs of a
@@ -41,13 +41,13 @@ use matchbench_vision::seed::Seed;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::datasets::Sequence;
-use crate::records::RunRecord;
 use crate::records::store::RecordWriter;
+use crate::records::{MatchesFile, matches};
 use folder::RunFolder;
 use frame::FrameStage;
 use ordered::in_order;
-use pair::PairStages;
-use part::Part;
+use pair::{PairDone, PairStages};
+use part::{Part, Unit};
 use resident::Resident;
 
 /// A dataset and where it came from.
@@ -75,6 +75,9 @@ pub struct Run<'a> {
     pub decode: Decode,
     /// Number of threads; the records do not depend on it.
     pub threads: NonZeroUsize,
+    /// Whether the selected matches are written into the folder, so that other estimators can
+    /// start from them and reports can draw them.
+    pub keep_matches: bool,
     /// How many bytes of features are kept in memory; [`Run::FEATURE_MEMORY`] serves well.
     pub feature_memory: usize,
 }
@@ -148,8 +151,16 @@ impl Run<'_> {
         let mut writers = (part.files())
             .map(RecordWriter::open)
             .collect::<Result<Vec<_>, _>>()?;
-        let mut append = |records: Vec<(usize, RunRecord)>| {
-            for (estimator, record) in records {
+        let path = matches::path(self.folder, &part.sequence.name, &part.contender.matcher.id);
+        let stored = MatchesFile::open(&path)?;
+        let mut matches_file = MatchesFile::open(&path)?;
+        let mut append = |done: PairDone| {
+            if self.keep_matches {
+                for (key, matches) in &done.matches {
+                    matches_file.append(*key, matches)?;
+                }
+            }
+            for (estimator, record) in done.records {
                 writers[estimator].append(&record)?;
                 summary.add(&record);
                 observer.on_record(&record);
@@ -158,9 +169,16 @@ impl Run<'_> {
         };
 
         let units = part.units();
-        let mut rest = &units[..];
+        let (again, mut rest) = units.split_at(selected_before(&units, &stored));
+        in_order(
+            pool,
+            cancel,
+            again,
+            |unit| Ok(pair_stages.estimate(unit, &stored)?),
+            &mut append,
+        )?;
         let mut resident = Resident::new(self.feature_memory);
-        while !rest.is_empty() {
+        while !rest.is_empty() && !cancel.is_set() {
             let (window, later) = rest.split_at(resident.window(rest));
             let missing = resident.make_room(window);
             in_order(
@@ -192,4 +210,13 @@ impl Run<'_> {
         }
         Ok(())
     }
+}
+
+/// How many of the first `units` need an estimation alone, since their matches are `stored`.
+fn selected_before(units: &[Unit<'_>], stored: &MatchesFile) -> usize {
+    let is_stored = |unit: &&Unit<'_>| {
+        let mut repetitions = unit.due.iter().map(|due| due.repetition);
+        repetitions.all(|repetition| stored.contains((unit.pair.a, unit.pair.b, repetition)))
+    };
+    units.iter().take_while(is_stored).count()
 }

@@ -11,11 +11,15 @@ use nalgebra::Point2;
 
 use super::frame::{Decode, load};
 use super::guard::{guard, timed};
-use super::part::Part;
+use super::part::{Due, Part, Unit};
 use super::resident::PairJob;
 use crate::datasets::Pair;
 use crate::estimators::BuiltEstimator;
-use crate::records::{Counts, MIN_MATCHES, MIN_SUPPORT, Outcome, RunRecord, StageTimes};
+use crate::records::matches::MatchesKey;
+use crate::records::{
+    Counts, MIN_MATCHES, MIN_SUPPORT, MatchesFile, Outcome, RunRecord, SelectedMatches, StageTimes,
+    StoreError,
+};
 
 /// The stages that are done once per pair.
 pub(super) struct PairStages<'a> {
@@ -33,20 +37,27 @@ struct Searched<'a> {
     putative: Correspondences,
 }
 
-/// The selected matches as the estimators see them: point `a[i]` matches point `b[i]`.
-struct Selected {
+/// Selected matches in the numbers that estimators compute with.
+struct Points<'a> {
     a: Vec<Point2<f64>>,
     b: Vec<Point2<f64>>,
-    ambiguity: Vec<f32>,
+    ambiguity: &'a [f32],
+}
+
+/// What came of a pair.
+pub(super) struct PairDone {
+    /// The records of the tasks that were due, each with the index of its estimator.
+    pub(super) records: Vec<(usize, RunRecord)>,
+    /// The selected matches of each repetition that was computed.
+    pub(super) matches: Vec<(MatchesKey, SelectedMatches)>,
 }
 
 impl PairStages<'_> {
-    /// The records of all tasks that are due of a pair, each with the index of its estimator.
+    /// Does all tasks that are due of a pair.
     ///
     /// The search is done once. Each repetition selects anew, since a selector may draw random
     /// numbers; all estimators get the same selected matches.
-    pub(super) fn run(&self, job: &PairJob<'_>) -> Vec<(usize, RunRecord)> {
-        let mut records = Vec::with_capacity(job.due.len());
+    pub(super) fn run(&self, job: &PairJob<'_>) -> PairDone {
         let mut counts = Counts::default();
         let mut times = StageTimes {
             extract_a: job.a.seconds,
@@ -54,27 +65,79 @@ impl PairStages<'_> {
             ..StageTimes::default()
         };
         let searched = self.search(job, &mut counts, &mut times);
+        let mut done = PairDone {
+            records: Vec::with_capacity(job.due.len()),
+            matches: Vec::new(),
+        };
         for due in job.due.chunk_by(|x, y| x.repetition == y.repetition) {
             let repetition = due[0].repetition;
             let seed = self.seed(job.pair, repetition);
             let selected = (searched.as_ref().map_err(Clone::clone))
                 .and_then(|searched| self.select(searched, seed, &mut counts, &mut times));
-            for index in due.iter().map(|due| due.estimator) {
-                let estimator = &self.part.contender.estimators[index];
-                let outcome = (selected.as_ref().map_err(Clone::clone)).and_then(|selected| {
-                    self.estimate(job.pair, selected, estimator, seed, &mut times)
-                });
-                let record = RunRecord {
-                    task: self.part.task(job.pair, &estimator.id, repetition),
-                    counts,
-                    outcome: outcome.unwrap_or_else(|reason| Outcome::Failed { reason }),
-                    // Whoever comes next finds these results ready, and so without a time.
-                    times: mem::take(&mut times),
-                };
-                records.push((index, record));
+            self.estimate_all(job.pair, due, &selected, counts, times, &mut done.records);
+            // Whoever comes next finds these results ready, and so without a time.
+            times = StageTimes::default();
+            if let Ok(matches) = selected {
+                done.matches
+                    .push(((job.pair.a, job.pair.b, repetition), matches));
             }
         }
-        records
+        done
+    }
+
+    /// Does all tasks that are due of a pair whose selected matches are `stored`.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub(super) fn estimate(
+        &self,
+        unit: &Unit<'_>,
+        stored: &MatchesFile,
+    ) -> Result<PairDone, StoreError> {
+        let mut done = PairDone {
+            records: Vec::with_capacity(unit.due.len()),
+            matches: Vec::new(),
+        };
+        for due in unit.due.chunk_by(|x, y| x.repetition == y.repetition) {
+            let matches = stored.read((unit.pair.a, unit.pair.b, due[0].repetition))?;
+            let matches = matches.expect("the caller saw that they are there");
+            let (counts, times) = (matches.counts, StageTimes::default());
+            self.estimate_all(
+                unit.pair,
+                due,
+                &Ok(matches),
+                counts,
+                times,
+                &mut done.records,
+            );
+        }
+        Ok(done)
+    }
+
+    /// The records of one repetition; the first of them has the `times` of the stages before.
+    fn estimate_all(
+        &self,
+        pair: &Pair,
+        due: &[Due],
+        selected: &Result<SelectedMatches, String>,
+        counts: Counts,
+        mut times: StageTimes,
+        records: &mut Vec<(usize, RunRecord)>,
+    ) {
+        let seed = self.seed(pair, due[0].repetition);
+        let points = selected.as_ref().map(Points::new).map_err(Clone::clone);
+        for due in due {
+            let estimator = &self.part.contender.estimators[due.estimator];
+            let outcome = (points.as_ref().map_err(Clone::clone))
+                .and_then(|points| self.judge(pair, points, estimator, seed, &mut times));
+            let record = RunRecord {
+                task: self.part.task(pair, &estimator.id, due.repetition),
+                counts,
+                outcome: outcome.unwrap_or_else(|reason| Outcome::Failed { reason }),
+                times: mem::take(&mut times),
+            };
+            records.push((due.estimator, record));
+        }
     }
 
     /// The seed of a pair: it depends on what is done, never on when or where.
@@ -122,7 +185,7 @@ impl PairStages<'_> {
         seed: Seed,
         counts: &mut Counts,
         times: &mut StageTimes,
-    ) -> Result<Selected, String> {
+    ) -> Result<SelectedMatches, String> {
         let matcher = &*self.part.contender.matcher.matcher;
         let images = searched.images.as_ref();
         let a = View {
@@ -140,19 +203,20 @@ impl PairStages<'_> {
         })?;
         counts.selected = count(matches.len());
         guard("selection", || {
-            Selected::new(&matches, a.features, b.features)
+            points_of(&matches, a.features, b.features, *counts)
         })
     }
 
-    fn estimate(
+    /// One estimator on one pair, compared with the truth.
+    fn judge(
         &self,
         pair: &Pair,
-        selected: &Selected,
+        points: &Points<'_>,
         estimator: &BuiltEstimator,
         seed: Seed,
         times: &mut StageTimes,
     ) -> Result<Outcome, String> {
-        let found = selected.a.len();
+        let found = points.a.len();
         if found < MIN_MATCHES {
             let needed = MIN_MATCHES;
             let reason = NoPose::TooFewMatches { found, needed };
@@ -160,11 +224,11 @@ impl PairStages<'_> {
         }
         let camera = |frame: u32| &self.part.sequence.frames[frame as usize].camera;
         let views = TwoViews {
-            a: &selected.a,
-            b: &selected.b,
+            a: &points.a,
+            b: &points.b,
             camera_a: camera(pair.a),
             camera_b: camera(pair.b),
-            ambiguity: &selected.ambiguity,
+            ambiguity: points.ambiguity,
         };
         let seed = seed.child("estimate").child(&estimator.id);
         let what = format_args!("estimation by {}", estimator.id);
@@ -194,21 +258,38 @@ impl PairStages<'_> {
     }
 }
 
-impl Selected {
-    /// # Errors
-    /// If a match names a feature that is not there.
-    fn new(matches: &[Correspondence], a: &Features, b: &Features) -> Result<Self, String> {
-        let point = |features: &Features, index: u32| {
-            let keypoint: Option<&Keypoint> = features.keypoints.get(index as usize);
-            let at = keypoint.map(|keypoint| keypoint.at.cast::<f64>());
-            at.ok_or_else(|| format!("a match names feature {index} of {}", features.len()))
-        };
-        Ok(Self {
-            a: (matches.iter().map(|m| point(a, m.a))).collect::<Result<_, _>>()?,
-            b: (matches.iter().map(|m| point(b, m.b))).collect::<Result<_, _>>()?,
-            ambiguity: matches.iter().map(ambiguity).collect(),
-        })
+impl<'a> Points<'a> {
+    fn new(matches: &'a SelectedMatches) -> Self {
+        let wide = |points: &[Point2<f32>]| points.iter().map(|point| point.cast()).collect();
+        Self {
+            a: wide(&matches.a),
+            b: wide(&matches.b),
+            ambiguity: &matches.ambiguity,
+        }
     }
+}
+
+/// The positions of matched features.
+///
+/// # Errors
+/// If a match names a feature that is not there.
+fn points_of(
+    matches: &[Correspondence],
+    a: &Features,
+    b: &Features,
+    counts: Counts,
+) -> Result<SelectedMatches, String> {
+    let point = |features: &Features, index: u32| {
+        let keypoint: Option<&Keypoint> = features.keypoints.get(index as usize);
+        let at = keypoint.map(|keypoint| keypoint.at);
+        at.ok_or_else(|| format!("a match names feature {index} of {}", features.len()))
+    };
+    Ok(SelectedMatches {
+        counts,
+        a: (matches.iter().map(|m| point(a, m.a))).collect::<Result<_, _>>()?,
+        b: (matches.iter().map(|m| point(b, m.b))).collect::<Result<_, _>>()?,
+        ambiguity: matches.iter().map(ambiguity).collect(),
+    })
 }
 
 /// Nearest over second nearest distance; 1 where both are zero, since nothing tells them apart.

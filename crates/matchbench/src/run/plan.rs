@@ -225,9 +225,33 @@ fn fingerprint(sequence: &Sequence) -> String {
 }
 
 /// Where `plan` first differs from the plan that was `written` before, in words; `None` if a run of
-/// one resumes a run of the other.
+/// one goes on with a run of the other. A run may grow: by datasets, matchers and estimators of a
+/// matcher, and by a higher limit. It cannot lose any.
 pub(super) fn difference(written: &Value, plan: &Value) -> Option<String> {
-    first_difference(&without_paths(written), &without_paths(plan), "")
+    let (written, mut plan) = (without_paths(written), without_paths(plan));
+    keep_known(&written, &mut plan);
+    first_difference(&written, &plan, "")
+}
+
+/// Takes out of `plan` that by which it outgrows what was `written`.
+fn keep_known(written: &Value, plan: &mut Value) {
+    for list in ["datasets", "matchers", "estimators"] {
+        let Some(known) = written.get(list).and_then(Value::as_array) else {
+            continue;
+        };
+        if let Some(planned) = plan.get_mut(list).and_then(Value::as_array_mut) {
+            planned.retain_mut(|item| {
+                let twin = known.iter().find(|known| name(known) == name(item));
+                twin.map(|twin| keep_known(twin, item)).is_some()
+            });
+        }
+    }
+    let limit = |plan: &Value| Some(plan.get("settings")?.get("limit")?.as_u64());
+    if let (Some(Some(before)), Some(now)) = (limit(written), limit(plan))
+        && now.is_none_or(|now| now > before)
+    {
+        plan["settings"]["limit"] = before.into();
+    }
 }
 
 fn without_paths(plan: &Value) -> Value {
@@ -277,8 +301,12 @@ fn missing_or_different(written: Option<&Value>, plan: Option<&Value>, at: &str)
 
 /// A value, or for something large the name that it has.
 fn brief(value: &Value) -> String {
-    let name = ["id", "name"]
+    name(value).map_or_else(|| value.to_string(), |name| format!("`{name}`"))
+}
+
+/// By what a dataset, matcher or estimator is called.
+fn name(value: &Value) -> Option<&str> {
+    ["id", "name"]
         .iter()
-        .find_map(|name| value.get(name)?.as_str());
-    name.map_or_else(|| value.to_string(), |name| format!("`{name}`"))
+        .find_map(|name| value.get(name)?.as_str())
 }

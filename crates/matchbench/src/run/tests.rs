@@ -10,6 +10,7 @@ use tempfile::TempDir;
 
 use super::testing::{Toy, Trouble, dataset, decode};
 use super::*;
+use crate::records::RunRecord;
 use crate::records::{MIN_MATCHES, MIN_SUPPORT, Outcome, StageTimes, store};
 
 /// A folder with two datasets and room for runs.
@@ -56,6 +57,7 @@ impl Bench {
             folder: &folder,
             decode,
             threads: NonZeroUsize::new(self.threads).unwrap(),
+            keep_matches: true,
             feature_memory: 20_000,
         }
         .execute(observer, cancel)
@@ -281,6 +283,45 @@ fn another_plan_is_refused_with_the_field_that_differs() {
 }
 
 #[test]
+fn a_run_can_grow_and_another_estimator_costs_only_itself() {
+    let toy = Toy::default();
+    let extractions = || toy.extractions.swap(0, Ordering::Relaxed);
+    let dark = || {
+        let dark = Toy {
+            threshold: 140,
+            ..toy.clone()
+        };
+        dark.contender("dark", &["first"])
+    };
+    let all = || vec![dark(), toy.contender("bright", &["first", "second"])];
+    let mut bench = Bench::new(all());
+    bench.settings = repeated(2);
+    bench.run("whole").unwrap();
+    let expected = bench.records("whole");
+    extractions();
+
+    // A few pairs of one dataset with one estimator; then more of each.
+    let datasets = bench.datasets.clone();
+    bench.datasets.truncate(1);
+    bench.contenders = vec![toy.contender("bright", &["second"])];
+    bench.settings.limit = Some(3);
+    bench.run("grown").unwrap();
+    bench.settings.limit = None;
+    bench.run("grown").unwrap();
+    assert!(extractions() > 0);
+    bench.contenders = vec![toy.contender("bright", &["first", "second"])];
+    let summary = bench.run("grown").unwrap();
+    assert_eq!(
+        (summary.before, summary.now, extractions()),
+        (2 * 21, 2 * 21, 0)
+    );
+    bench.contenders = all();
+    bench.datasets = datasets;
+    bench.run("grown").unwrap();
+    assert_eq!(bench.records("grown"), expected);
+}
+
+#[test]
 fn what_cannot_be_a_run_is_refused() {
     let refused = |change: fn(&mut Bench), named: &str| {
         let mut bench = Bench::new(two_by_two());
@@ -502,7 +543,10 @@ fn each_frame_is_extracted_once_and_found_by_its_content() {
     assert_eq!(timed, 12, "what came from the cache has no time");
     let expected = bench.records("run");
 
-    let again = || fs::remove_dir_all(bench.path("run").join("records")).unwrap();
+    let again = || {
+        fs::remove_dir_all(bench.path("run").join("records")).unwrap();
+        fs::remove_dir_all(bench.path("run").join("matches")).unwrap();
+    };
     again();
     bench.run("run").unwrap();
     assert_eq!((extractions(), bench.records("run")), (0, expected.clone()));
@@ -522,10 +566,14 @@ fn each_frame_is_extracted_once_and_found_by_its_content() {
     bench.datasets[0].sequence.frames[4]
         .image
         .clone_from(&names[1]);
-    fs::remove_dir_all(bench.path("run").join("records")).unwrap();
+    let again = || {
+        fs::remove_dir_all(bench.path("run").join("records")).unwrap();
+        fs::remove_dir_all(bench.path("run").join("matches")).unwrap();
+    };
+    again();
     bench.run("run").unwrap();
     assert_eq!(extractions(), 0);
-    fs::remove_dir_all(bench.path("run").join("records")).unwrap();
+    again();
     fs::remove_file(bench.path("run").join("plan.json")).unwrap();
     bench.contenders = vec![other.contender("first", &["e"])];
     bench.run("run").unwrap();

@@ -191,9 +191,12 @@ pub(super) fn mirror(index: isize, length: usize) -> usize {
     if length == 1 {
         return 0;
     }
-    let period = 2 * (length as isize - 1);
-    let within = index.rem_euclid(period);
-    within.min(period - within) as usize
+    // One reflection after the other: divisions would be slower.
+    let mut index = index.unsigned_abs();
+    while index >= length {
+        index = index.abs_diff(2 * (length - 1));
+    }
+    index
 }
 
 #[cfg(test)]

@@ -27,6 +27,17 @@ impl IntegralImage {
         Self { stride, sums }
     }
 
+    /// All sums, row after row.
+    pub(crate) fn sums(&self) -> &[u32] {
+        &self.sums
+    }
+
+    /// Sums of the pixels above row `y` and to the left of each column, one more than columns.
+    #[inline]
+    pub fn row(&self, y: usize) -> &[u32] {
+        &self.sums[y * self.stride..][..self.stride]
+    }
+
     /// Sum of the pixels in columns `0..x` and rows `0..y`, modulo 2^32.
     #[inline]
     pub fn at(&self, x: usize, y: usize) -> u32 {

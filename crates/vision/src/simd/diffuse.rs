@@ -11,6 +11,10 @@ pub struct Below<'a> {
 
 /// Columns that pass through the level-1 cache together.
 const CHUNK: usize = 512;
+/// Room for what flows between the pixels of a piece of a row.
+pub type Flows = [f32; CHUNK + 1];
+/// [`Flows`] of any content, to be used again and again.
+pub const NO_FLOWS: Flows = [0.0; CHUNK + 1];
 
 multiversioned! {
     /// One explicit step for one row, in place: what flows in over the four sides of each pixel,
@@ -18,7 +22,8 @@ multiversioned! {
     /// the sum of their conductivities; nothing flows over the border.
     ///
     /// `upwards` holds what flows from this row into the one above (zero for the first row), and
-    /// afterwards what flows from the row below into this one.
+    /// afterwards what flows from the row below into this one. What `leftwards` holds does not
+    /// matter.
     ///
     /// # Panics
     /// If the lengths differ.
@@ -28,11 +33,12 @@ multiversioned! {
         below: Option<Below<'_>>,
         upwards: &mut [f32],
         half_time: f32,
+        leftwards: &mut Flows,
     ) {
         let n = values.len();
         assert!(conductivity.len() == n && upwards.len() == n, "rows of one width");
-        // What flows from pixel `start + x` into the one to its left.
-        let mut leftwards = [0.0_f32; CHUNK + 1];
+        // Entry x is what flows from pixel `start + x` into the one to its left.
+        leftwards[0] = 0.0;
         let mut start = 0;
         while start < n {
             let count = CHUNK.min(n - start);
@@ -76,6 +82,7 @@ mod tests {
 
     #[test]
     fn a_row_gains_what_flows_in_over_four_sides() {
+        let mut leftwards = [f32::NAN; CHUNK + 1];
         for width in [1, 2, 7, 511, 512, 513, 1100] {
             let mut rng = Seed(width as u64).rng();
             let mut row = || -> Vec<f32> { (0..width).map(|_| rng.uniform() as f32).collect() };
@@ -86,7 +93,14 @@ mod tests {
                 values: &v_below,
                 conductivity: &c_below,
             };
-            diffuse_row(&mut values, &c, Some(below), &mut upwards, 0.1);
+            diffuse_row(
+                &mut values,
+                &c,
+                Some(below),
+                &mut upwards,
+                0.1,
+                &mut leftwards,
+            );
             let flow = |x: usize, right: usize| (c[x] + c[right]) * (before[right] - before[x]);
             for x in 0..width {
                 let left = if x > 0 { flow(x - 1, x) } else { 0.0 };
@@ -97,6 +111,6 @@ mod tests {
                 assert_eq!(upwards[x], down);
             }
         }
-        diffuse_row(&mut [], &[], None, &mut [], 0.1);
+        diffuse_row(&mut [], &[], None, &mut [], 0.1, &mut leftwards);
     }
 }

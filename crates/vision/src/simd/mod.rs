@@ -49,6 +49,7 @@ mod convolve;
 mod diffuse;
 mod extrema;
 mod fast;
+mod freak;
 mod gradient;
 mod histogram;
 mod normalize;
@@ -60,6 +61,7 @@ mod sampling;
 mod sampson;
 mod scharr;
 mod search;
+mod surf;
 mod triangulate;
 
 pub use area::{Cover, cover_columns, cover_rows, halve_rows_u8, integrate_row};
@@ -67,9 +69,10 @@ pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
 pub use blur8::{weigh_along_u8, weigh_rows_u8};
 pub use brisk::{DirectionWeights, direction};
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
-pub use diffuse::{Below, diffuse_row};
+pub use diffuse::{Below, Flows, NO_FLOWS, diffuse_row};
 pub use extrema::{ThreeRows, find_extrema, find_maxima};
 pub use fast::{segment_scores, strict_maxima, weak_maxima};
+pub use freak::{Fields, compare_means, field_means};
 pub use gradient::{polar_gradients, turns};
 pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
 pub use normalize::normalize_to_bytes;
@@ -92,4 +95,8 @@ pub use scharr::{
     weigh_across,
 };
 pub use search::{TwoNearest, two_nearest_bits, two_nearest_floats};
+pub use surf::{
+    BoxRows, BoxWeights, PATCH_SIDE, PackedWindow, Shares, WAVELETS, WINDOW_SIDE, box_determinants,
+    longest_sum_of_degrees, pack_window, sum_patch_gradients, turned_patch,
+};
 pub use triangulate::triangulate_depths;

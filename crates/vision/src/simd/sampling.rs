@@ -8,6 +8,8 @@ const ROUND: f32 = (1 << 23) as f32;
 pub const AROUND: usize = 112;
 /// Places of the window of 60 degrees that slides around the circle.
 const PLACES: usize = 42;
+/// [`PLACES`] in whole vectors.
+const WINDOWS: usize = 48;
 /// How many of the slices between two places the window holds.
 const WINDOW: usize = 7;
 /// Distance of the places in turns where they do not quite fill the circle: 0.15 radians.
@@ -52,16 +54,16 @@ multiversioned! {
         let mut fives = [[[0.0_f32; LANES]; 4]; 3];
         let mut sevens = [[[0.0_f32; LANES]; 3]; 3];
         let along: [f32; LANES] = std::array::from_fn(|l| l as f32 - 10.0);
+        let mut places = [0_u32; LANES];
+        let mut row = [[0.0_f32; LANES]; 3];
         for k in 0..SIDE {
             let (x, y) = (at[0] + (k as f32 - 10.0) * axis[0], at[1] + (k as f32 - 10.0) * axis[1]);
-            let mut places = [0_u32; LANES];
             for l in 0..LANES {
                 let x = (x - along[l] * axis[1]).max(0.0).min(last[0]) + ROUND;
                 let y = (y + along[l] * axis[0]).max(0.0).min(last[1]) + ROUND;
-                let [x, y] = [x, y].map(|v| v.to_bits() - ROUND.to_bits());
+                let (x, y) = (x.to_bits() - ROUND.to_bits(), y.to_bits() - ROUND.to_bits());
                 places[l] = y * image.width as u32 + x;
             }
-            let mut row = [[0.0_f32; LANES]; 3];
             for (l, &place) in places[..SIDE].iter().enumerate() {
                 let place = place as usize;
                 row[0][l] = planes[0][place];
@@ -112,33 +114,36 @@ multiversioned! {
         super::turns(longest[1], longest[0])
     }
 
-    /// As [`longest_sum_of_slices`], but the windows begin at multiples of 0.15 radians, and what
-    /// lies on the edge of one is outside.
+    /// As [`longest_sum_of_slices`], but the windows begin at multiples of 0.15 radians, and
+    /// what lies on the edge of one is outside.
     pub fn longest_sum_of_windows(x: &[f32; AROUND], y: &[f32; AROUND]) -> f32 {
-        const LANES: usize = 16;
-        let mut directions = [0.0_f32; AROUND];
-        for i in 0..AROUND {
-            directions[i] = super::turns(y[i], x[i]);
+        // One lane for each window. Those across the seam are all but what lies between their
+        // ends: signs are turned round.
+        let mut middles = [0.0_f32; WINDOWS];
+        let mut signs = [0.0_f32; WINDOWS];
+        let mut limits = [0.0_f32; WINDOWS];
+        for place in 0..PLACES {
+            let start = place as f32 * STEP;
+            let end = start + 1.0 / 6.0;
+            let (other, sign) = if end > 1.0 { (end - 1.0, -1.0) } else { (end, 1.0) };
+            middles[place] = 0.5 * (start + other);
+            limits[place] = 0.5 * (other - start);
+            signs[place] = sign;
+        }
+        let mut sums_x = [0.0_f32; WINDOWS];
+        let mut sums_y = [0.0_f32; WINDOWS];
+        for (&x, &y) in x.iter().zip(y) {
+            let direction = super::turns(y, x);
+            for place in 0..WINDOWS {
+                let distance = (direction - middles[place]).abs() * signs[place];
+                let weight: f32 = if distance < limits[place] { 1.0 } else { 0.0 };
+                sums_x[place] = weight.mul_add(x, sums_x[place]);
+                sums_y[place] = weight.mul_add(y, sums_y[place]);
+            }
         }
         let mut longest = [0.0, 0.0];
         let mut squared_length = 0.0;
-        for place in 0..PLACES {
-            // A window across the seam is the circle without a piece between its ends.
-            let start = place as f32 * STEP;
-            let end = start + 1.0 / 6.0;
-            let wrapped = end > 1.0;
-            let end = if wrapped { end - 1.0 } else { end };
-            let mut sums = [[0.0_f32; LANES]; 2];
-            for first in (0..AROUND).step_by(LANES) {
-                for lane in 0..LANES {
-                    let direction = directions[first + lane];
-                    let (after, before) = (direction > start, direction < end);
-                    let inside = if wrapped { after | before } else { after & before };
-                    sums[0][lane] += if inside { x[first + lane] } else { 0.0 };
-                    sums[1][lane] += if inside { y[first + lane] } else { 0.0 };
-                }
-            }
-            let [x, y] = sums.map(|lanes| sum(&lanes));
+        for (&x, &y) in sums_x.iter().zip(&sums_y).take(PLACES) {
             if x * x + y * y > squared_length {
                 (longest, squared_length) = ([x, y], x * x + y * y);
             }
@@ -170,10 +175,13 @@ multiversioned! {
         let axis = direction.map(|v| v * step);
         let mut cells = [[[0.0_f32; LANES]; 4]; 4];
         let along: [f32; LANES] = std::array::from_fn(|l| l as f32 - 12.0);
+        let mut places = [0_u32; LANES];
+        let mut fractions = [[0.0_f32; LANES]; 2];
+        // Derivatives at the four pixels around each sample.
+        let mut corners = [[[0.0_f32; LANES]; 4]; 2];
+        let mut values = [[0.0_f32; LANES]; 4];
         for k in 0..LANES {
             let (x, y) = (at[0] + along[k] * axis[0], at[1] + along[k] * axis[1]);
-            let mut places = [0_u32; LANES];
-            let mut fractions = [[0.0_f32; LANES]; 2];
             for l in 0..LANES {
                 let (column, u) = split(x - along[l] * axis[1], width);
                 let (row, v) = split(y + along[l] * axis[0], height);
@@ -181,8 +189,6 @@ multiversioned! {
                 fractions[0][l] = u;
                 fractions[1][l] = v;
             }
-            // Derivatives at the four pixels around each sample.
-            let mut corners = [[[0.0_f32; LANES]; 4]; 2];
             for (l, &place) in places.iter().enumerate() {
                 let (upper, lower) = (place as usize, (place + width) as usize);
                 for (corners, plane) in corners.iter_mut().zip([dx, dy]) {
@@ -193,14 +199,10 @@ multiversioned! {
                     corners[3][l] = lower[1];
                 }
             }
-            let mut values = [[0.0_f32; LANES]; 4];
             for l in 0..LANES {
-                let (u, v) = (fractions[0][l], fractions[1][l]);
-                let [dx, dy] = [0, 1].map(|plane: usize| {
-                    let [a, b, c, d] = [0, 1, 2, 3].map(|i: usize| corners[plane][i][l]);
-                    let (upper, lower) = (u.mul_add(b - a, a), u.mul_add(d - c, c));
-                    v.mul_add(lower - upper, upper)
-                });
+                let fractions = (fractions[0][l], fractions[1][l]);
+                let dx = bilinear(&corners[0], l, fractions);
+                let dy = bilinear(&corners[1], l, fractions);
                 let across = dy * direction[0] - dx * direction[1];
                 let along = dx * direction[0] + dy * direction[1];
                 values[0][l] = across;
@@ -219,13 +221,24 @@ multiversioned! {
                 }
             }
         }
-        std::array::from_fn(|i| {
-            cells[i / 4].map(|row| {
-                let row = &row[5 * (i % 4)..][..9];
-                row.iter().zip(weights).map(|(value, weight)| value * weight).sum()
-            })
-        })
+        let mut sums = [[0.0; 4]; 16];
+        for (i, sums) in sums.iter_mut().enumerate() {
+            for (sum, row) in sums.iter_mut().zip(&cells[i / 4]) {
+                for (value, weight) in row[5 * (i % 4)..].iter().zip(weights) {
+                    *sum += value * weight;
+                }
+            }
+        }
+        sums
     }
+}
+
+/// Between the four pixels around a place: those above, from left to right, and those below.
+#[inline(always)]
+fn bilinear(corners: &[[f32; LANES]; 4], l: usize, (u, v): (f32, f32)) -> f32 {
+    let (a, b, c, d) = (corners[0][l], corners[1][l], corners[2][l], corners[3][l]);
+    let (upper, lower) = (u.mul_add(b - a, a), u.mul_add(d - c, c));
+    v.mul_add(lower - upper, upper)
 }
 
 /// The pixel before a position among `count` (of at least 2), and how far the position is from

@@ -3,6 +3,9 @@
 //! `SOURCES.toml` says of each file what it holds, which paper it belongs to and how to make it
 //! again; a test recomputes the hashes.
 
+/// FREAK's tests: the two receptive fields that are compared, for each of 512 bits.
+pub(crate) const FREAK_PAIRS: &[u8; 2 * 512] = include_bytes!("freak_pairs.bin");
+
 /// ORB's tests: x and y of the first place, x and y of the second, as signed bytes, for each of
 /// 256 bits.
 pub(crate) const ORB_PAIRS: &[u8; 4 * 256] = include_bytes!("orb_pairs.bin");

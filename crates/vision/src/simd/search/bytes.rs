@@ -119,11 +119,17 @@ fn scan(
 }
 
 /// Two vectors of eight lanes.
+#[inline]
 #[target_feature(enable = "avx2")]
 fn load(lanes: &[i32; LANES]) -> [__m256i; 2] {
-    let [low, high] = [0, 8].map(|lane| lanes[lane..].as_ptr().cast());
+    let start = lanes.as_ptr();
     // SAFETY: 32 bytes can be read from lane 0 and from lane 8 of 16 lanes of 4 bytes.
-    unsafe { [_mm256_loadu_si256(low), _mm256_loadu_si256(high)] }
+    unsafe {
+        [
+            _mm256_loadu_si256(start.cast()),
+            _mm256_loadu_si256(start.add(8).cast()),
+        ]
+    }
 }
 
 #[cfg(test)]

@@ -63,7 +63,7 @@ mod x86 {
         _mm256_setzero_si256, _mm256_shuffle_epi8, _mm256_storeu_si256,
     };
 
-    use super::super::{TILE_BYTES, TwoNearest, pack};
+    use super::super::{TILE_BYTES, TwoNearest};
 
     /// Candidates of a panel: two vectors of bytes.
     const LANES: usize = 64;
@@ -93,10 +93,7 @@ mod x86 {
         }
         let count = b.len() / words;
         let nibbles = 16 * words;
-        let panels = pack(
-            &b.iter().copied().flat_map(split).collect::<Vec<u8>>(),
-            nibbles,
-        );
+        let panels = pack_nibbles(b, words);
         let tile = (TILE_BYTES / LANES / nibbles).max(1);
 
         let mut best = vec![TwoNearest::none(u16::MAX); a.len() / words];
@@ -118,6 +115,27 @@ mod x86 {
             }
         }
         Some(best)
+    }
+
+    /// As `pack` of what [`split`] makes of the words: lane after lane within a
+    /// group of four bits, which vectors can do.
+    fn pack_nibbles(rows: &[u64], words: usize) -> Vec<[u8; LANES]> {
+        let panels = rows.chunks(LANES * words);
+        let mut packed = vec![[0; LANES]; panels.len() * 16 * words];
+        for (panel, rows) in packed.chunks_exact_mut(16 * words).zip(panels) {
+            for (word, nibbles) in panel.chunks_exact_mut(16).enumerate() {
+                let mut column = [0; LANES];
+                for (lane, row) in column.iter_mut().zip(rows.chunks_exact(words)) {
+                    *lane = row[word];
+                }
+                for (shift, lanes) in (0..).step_by(4).zip(nibbles) {
+                    for (lane, word) in lanes.iter_mut().zip(&column) {
+                        *lane = (word >> shift) as u8 & 15;
+                    }
+                }
+            }
+        }
+        packed
     }
 
     /// The sixteen groups of four bits of a word, least significant first.
@@ -174,14 +192,16 @@ mod x86 {
     }
 
     /// Two vectors of 32 bytes.
+    #[inline]
     #[target_feature(enable = "avx2")]
     fn load(bytes: &[u8; LANES]) -> [__m256i; 2] {
-        let [low, high] = [0, 32].map(|lane| bytes[lane..].as_ptr().cast());
+        let start = bytes.as_ptr().cast::<__m256i>();
         // SAFETY: 32 bytes can be read from byte 0 and from byte 32 of 64.
-        unsafe { [_mm256_loadu_si256(low), _mm256_loadu_si256(high)] }
+        unsafe { [_mm256_loadu_si256(start), _mm256_loadu_si256(start.add(1))] }
     }
 
     /// A table in both halves of a vector.
+    #[inline]
     #[target_feature(enable = "avx2")]
     fn load_twice(table: &[u8; 16]) -> __m256i {
         // SAFETY: 16 bytes can be read.

@@ -1,0 +1,96 @@
+//! Several estimators, repetitions, and a parameter chosen on one scene and used on another.
+
+mod common;
+
+use std::fs;
+use std::process::Output;
+
+use common::{dataset, matchbench};
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn succeeded(output: &Output) -> String {
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+#[test]
+fn what_is_tuned_on_one_scene_is_used_on_another_and_refused_on_the_same() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = dataset(folder.path(), "training", 4);
+    let other = dataset(folder.path(), "wall", 5);
+    let tuning = folder.path().join("tuning");
+    let tune = matchbench()
+        .args(["tune", "--matchers", "sift,orb", "--values", "0.01,1,2"])
+        .args(["--parameter", "ransac-e.threshold_px", "--repeat", "2"])
+        .arg("--out")
+        .args([&tuning, &scene])
+        .output()
+        .expect("the program starts");
+    let table = succeeded(&tune);
+    assert_eq!(table.matches("<- best").count(), 1, "{table}");
+    let tuned = tuning.join("tuned.json");
+    let chosen = fs::read_to_string(&tuned).expect("it was written");
+    assert!(chosen.contains("ransac-e.threshold_px="), "{chosen}");
+    let parsed: serde_json::Value = serde_json::from_str(&chosen).expect("JSON");
+    let tried = parsed["auc"].as_array().expect("what was tried");
+    let auc = |row: &serde_json::Value| row[1].as_f64().expect("an AUC");
+    let best = (tried.iter().max_by(|x, y| auc(x).total_cmp(&auc(y)))).expect("some value");
+    assert_eq!(
+        parsed["setting"],
+        format!("ransac-e.threshold_px={}", best[0])
+    );
+
+    let run = |dataset| {
+        matchbench()
+            .args(["run", "--matchers", "sift", "--tuned"])
+            .arg(&tuned)
+            .arg("--out")
+            .args([&folder.path().join("run"), dataset])
+            .output()
+            .expect("the program starts")
+    };
+    let refused = run(&scene);
+    assert_eq!(refused.status.code(), Some(1));
+    let message = text(&refused.stderr);
+    assert!(message.contains("was tuned on training"), "{message}");
+    succeeded(&run(&other));
+    let plan = fs::read_to_string(folder.path().join("run/plan.json")).expect("it was written");
+    let planned = format!(
+        "\"threshold_px\": {:?}",
+        best[0].as_f64().expect("a number")
+    );
+    assert!(plan.contains(&planned), "{plan}");
+}
+
+#[test]
+fn a_run_grows_by_matchers_and_repetitions_are_shown() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 4);
+    let run = |matchers: &str| {
+        let output = matchbench()
+            .args(["run", "--repeat", "3", "--matchers", matchers, "--out"])
+            .args([&folder.path().join("run"), &wall])
+            .output()
+            .expect("the program starts");
+        (text(&output.stderr), output)
+    };
+    succeeded(&run("sift").1);
+    let (progress, grown) = run("orb,sift");
+    let table = succeeded(&grown);
+    assert!(table.contains("sd runs"), "{table}");
+    assert!(
+        progress.contains("36 tasks done, 18 of them earlier"),
+        "{progress}"
+    );
+    assert!(folder.path().join("run/matches/wall/orb.bin").is_file());
+
+    let (message, shrunk) = run("orb");
+    assert_eq!(shrunk.status.code(), Some(1));
+    assert!(
+        message.contains("is `sift` there and absent here"),
+        "{message}"
+    );
+}

@@ -1,0 +1,376 @@
+//! Selected matches on disk: `matches/<dataset>/<matcher>.bin` in the folder of the run, one entry
+//! for each pair and repetition, only ever appended to.
+//!
+//! They are what estimators start from, so another estimator costs only itself, and what a report
+//! draws. An entry is appended before the records that follow from it.
+//!
+//! All numbers are little-endian. The file begins with [`MAGIC`]; an entry is
+//!
+//! | bytes | what |
+//! | --- | --- |
+//! | 4 × 3 | frames a and b, repetition |
+//! | 4 × 3 | features of a and of b, matches after the search |
+//! | 4 | number of matches, or [`AS_BEFORE`]: those of the repetition before |
+//! | 20 each | x and y in a, x and y in b (pixels), ambiguity |
+//! | 8 | the beginning of the BLAKE3 hash of all this |
+//!
+//! A process that is killed leaves at most one entry without its end, which is cut off by whoever
+//! appends next.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use nalgebra::Point2;
+
+use super::{Counts, StoreError};
+
+/// First bytes of every file.
+const MAGIC: [u8; 8] = *b"mbmatch1";
+/// Number of matches of an entry that repeats the one before.
+const AS_BEFORE: u32 = u32::MAX;
+const HEADER: usize = 4 * 7;
+const MATCH: usize = 4 * 5;
+const CHECKSUM: usize = 8;
+
+/// The matches of a pair that are left after the selection, as the estimators see them: point
+/// `a[i]` matches point `b[i]`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SelectedMatches {
+    /// Numbers of features and matches at each stage.
+    pub counts: Counts,
+    /// Positions in image a, in pixels.
+    pub a: Vec<Point2<f32>>,
+    /// Positions in image b, in pixels.
+    pub b: Vec<Point2<f32>>,
+    /// For each match nearest over second nearest distance; 0 = certain.
+    pub ambiguity: Vec<f32>,
+}
+
+/// Whose matches: frames a and b, and the repetition.
+pub type MatchesKey = (u32, u32, u32);
+
+/// The matches of one matcher on one dataset.
+#[derive(Debug)]
+pub struct MatchesFile {
+    path: PathBuf,
+    /// Where the entries begin; those that repeat others, where the others do.
+    entries: BTreeMap<MatchesKey, u64>,
+    /// Where the last whole entry ends.
+    end: u64,
+    writer: Option<File>,
+}
+
+/// Where the matches of one dataset and matcher stand in the folder of a `run`.
+pub fn path(run: &Path, dataset: &str, matcher: &str) -> PathBuf {
+    run.join("matches")
+        .join(dataset)
+        .join(format!("{matcher}.bin"))
+}
+
+impl MatchesFile {
+    /// What is in a file; one that does not exist has nothing. Safe while another process appends.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or is none of these.
+    pub fn open(path: &Path) -> Result<Self, StoreError> {
+        let mut this = Self {
+            path: path.into(),
+            entries: BTreeMap::new(),
+            end: 0,
+            writer: None,
+        };
+        let file = match File::open(path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(this),
+            file => file.map_err(StoreError::io("open", path))?,
+        };
+        let length = (file.metadata())
+            .map_err(StoreError::io("read", path))?
+            .len();
+        if length >= MAGIC.len() as u64 {
+            this.index(&mut BufReader::new(file), length)?;
+        }
+        Ok(this)
+    }
+
+    fn index(&mut self, file: &mut (impl Read + Seek), length: u64) -> Result<(), StoreError> {
+        let mut magic = [0; MAGIC.len()];
+        (file.read_exact(&mut magic)).map_err(StoreError::io("read", &self.path))?;
+        if magic != MAGIC {
+            return Err(self.damaged("it is no file of matches of this version"));
+        }
+        self.end = MAGIC.len() as u64;
+        let mut header = [0; HEADER];
+        while length - self.end >= (HEADER + CHECKSUM) as u64 {
+            (file.seek(SeekFrom::Start(self.end)))
+                .and_then(|_| file.read_exact(&mut header))
+                .map_err(StoreError::io("read", &self.path))?;
+            let [a, b, repetition, .., count] = numbers(&header);
+            let bytes = entry_length(count) as u64;
+            if length - self.end < bytes {
+                break;
+            }
+            let origin = if count == AS_BEFORE {
+                let before = (repetition.checked_sub(1))
+                    .and_then(|before| self.entries.get(&(a, b, before)).copied());
+                before.ok_or_else(|| self.damaged("an entry repeats one that is not there"))?
+            } else {
+                self.end
+            };
+            self.entries.insert((a, b, repetition), origin);
+            self.end += bytes;
+        }
+        Ok(())
+    }
+
+    /// Whether these matches are there.
+    pub fn contains(&self, key: MatchesKey) -> bool {
+        self.entries.contains_key(&key)
+    }
+
+    /// The matches of a pair, if they are there. May be called from many threads.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or the entry is damaged.
+    pub fn read(&self, key: MatchesKey) -> Result<Option<SelectedMatches>, StoreError> {
+        let Some(&start) = self.entries.get(&key) else {
+            return Ok(None);
+        };
+        let io = |error| StoreError::io("read", &self.path)(error);
+        let mut file = File::open(&self.path).map_err(io)?;
+        file.seek(SeekFrom::Start(start)).map_err(io)?;
+        let mut entry = vec![0; HEADER];
+        file.read_exact(&mut entry).map_err(io)?;
+        let [.., count] = numbers(entry.as_slice().try_into().expect("as long as a header"));
+        let length = entry_length(count);
+        (file.take((length - HEADER) as u64).read_to_end(&mut entry)).map_err(io)?;
+        let whole = entry.len() == length;
+        (whole.then(|| from_bytes(&entry)).flatten().map(Some))
+            .ok_or_else(|| self.damaged("its checksum is not that of its content"))
+    }
+
+    /// Appends the matches of a pair; when this returns, killing the process cannot lose them.
+    /// Those that are there already are not written again.
+    ///
+    /// # Errors
+    /// If they cannot be written (a full disk).
+    pub fn append(&mut self, key: MatchesKey, matches: &SelectedMatches) -> Result<(), StoreError> {
+        if self.contains(key) {
+            return Ok(());
+        }
+        let (a, b, repetition) = key;
+        let before = repetition.checked_sub(1).map(|before| (a, b, before));
+        let same = match before {
+            Some(before) if self.read(before)?.as_ref() == Some(matches) => {
+                self.entries.get(&before).copied()
+            }
+            _ => None,
+        };
+        let entry = to_bytes(key, matches, same.is_some());
+        let start = self.write(&entry)?;
+        self.entries.insert(key, same.unwrap_or(start));
+        Ok(())
+    }
+
+    /// Writes at the end, and says where that was.
+    fn write(&mut self, entry: &[u8]) -> Result<u64, StoreError> {
+        let io = |error| StoreError::io("append to", &self.path)(error);
+        let file = match &mut self.writer {
+            Some(file) => file,
+            none => {
+                if let Some(folder) = self.path.parent() {
+                    fs::create_dir_all(folder).map_err(io)?;
+                }
+                let file = (OpenOptions::new().create(true).truncate(false).write(true))
+                    .open(&self.path)
+                    .map_err(io)?;
+                // Drops what a killed process left unfinished.
+                file.set_len(self.end).map_err(io)?;
+                none.insert(file)
+            }
+        };
+        file.seek(SeekFrom::Start(self.end)).map_err(io)?;
+        if self.end == 0 {
+            file.write_all(&MAGIC).map_err(io)?;
+            self.end = MAGIC.len() as u64;
+        }
+        file.write_all(entry).map_err(io)?;
+        let start = self.end;
+        self.end += entry.len() as u64;
+        Ok(start)
+    }
+
+    fn damaged(&self, reason: &str) -> StoreError {
+        StoreError::Matches {
+            path: self.path.clone(),
+            reason: reason.into(),
+        }
+    }
+}
+
+fn entry_length(count: u32) -> usize {
+    let matches = if count == AS_BEFORE {
+        0
+    } else {
+        count as usize
+    };
+    HEADER + matches * MATCH + CHECKSUM
+}
+
+fn numbers(header: &[u8; HEADER]) -> [u32; 7] {
+    let mut numbers = [0; 7];
+    for (number, bytes) in numbers.iter_mut().zip(header.as_chunks().0) {
+        *number = u32::from_le_bytes(*bytes);
+    }
+    numbers
+}
+
+fn to_bytes((a, b, repetition): MatchesKey, matches: &SelectedMatches, same: bool) -> Vec<u8> {
+    let counts = matches.counts;
+    let count = if same { AS_BEFORE } else { counts.selected };
+    let header = [
+        a,
+        b,
+        repetition,
+        counts.features_a,
+        counts.features_b,
+        counts.putative,
+        count,
+    ];
+    let mut entry = Vec::with_capacity(entry_length(count));
+    entry.extend(header.iter().flat_map(|number| number.to_le_bytes()));
+    if !same {
+        let points = matches.a.iter().zip(&matches.b).zip(&matches.ambiguity);
+        for ((a, b), ambiguity) in points {
+            let numbers = [a.x, a.y, b.x, b.y, *ambiguity];
+            entry.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+        }
+    }
+    let hash = blake3::hash(&entry);
+    entry.extend(&hash.as_bytes()[..CHECKSUM]);
+    entry
+}
+
+fn from_bytes(entry: &[u8]) -> Option<SelectedMatches> {
+    let (content, checksum) = entry.split_at(entry.len() - CHECKSUM);
+    if blake3::hash(content).as_bytes()[..CHECKSUM] != *checksum {
+        return None;
+    }
+    let (header, rows) = content.split_first_chunk()?;
+    let [_, _, _, features_a, features_b, putative, selected] = numbers(header);
+    let mut matches = SelectedMatches {
+        counts: Counts {
+            features_a,
+            features_b,
+            putative,
+            selected,
+        },
+        ..SelectedMatches::default()
+    };
+    for row in rows.as_chunks::<MATCH>().0 {
+        let at = |index: usize| {
+            let bytes = row.as_chunks().0[index];
+            f32::from_le_bytes(bytes)
+        };
+        matches.a.push(Point2::new(at(0), at(1)));
+        matches.b.push(Point2::new(at(2), at(3)));
+        matches.ambiguity.push(at(4));
+    }
+    Some(matches)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn matches(count: u32) -> SelectedMatches {
+        let points = |by: f32| {
+            (0..count)
+                .map(|i| Point2::new(i as f32 * by, -0.5))
+                .collect()
+        };
+        SelectedMatches {
+            counts: Counts {
+                features_a: 90,
+                features_b: 80,
+                putative: 70,
+                selected: count,
+            },
+            a: points(1.5),
+            b: points(0.1),
+            ambiguity: (0..count).map(|i| 1.0 / (i + 1) as f32).collect(),
+        }
+    }
+
+    /// A file with the matches of three tasks, the second the same as the first.
+    fn three() -> (
+        tempfile::TempDir,
+        PathBuf,
+        [(MatchesKey, SelectedMatches); 3],
+    ) {
+        let folder = tempfile::tempdir().unwrap();
+        let file = path(folder.path(), "office", "sift");
+        let entries = [
+            ((0, 1, 0), matches(5)),
+            ((0, 1, 1), matches(5)),
+            ((0, 2, 0), matches(0)),
+        ];
+        let mut writer = MatchesFile::open(&file).unwrap();
+        for (key, matches) in &entries {
+            writer.append(*key, matches).unwrap();
+            writer.append(*key, matches).unwrap();
+        }
+        (folder, file, entries)
+    }
+
+    #[test]
+    fn matches_come_back_bit_for_bit() {
+        let (_folder, file, entries) = three();
+        let read = MatchesFile::open(&file).unwrap();
+        for (key, matches) in entries {
+            assert_eq!(read.read(key).unwrap(), Some(matches));
+        }
+        assert_eq!(read.read((0, 2, 1)).unwrap(), None);
+    }
+
+    #[test]
+    fn matches_of_a_repetition_that_are_the_same_take_no_room() {
+        let (_folder, file, _) = three();
+        let expected = MAGIC.len() + entry_length(5) + 2 * entry_length(0);
+        assert_eq!(fs::metadata(file).unwrap().len(), expected as u64);
+    }
+
+    #[test]
+    fn a_torn_file_is_completed_wherever_it_was_torn() {
+        let (_folder, file, entries) = three();
+        let whole = fs::read(&file).unwrap();
+        for length in 0..whole.len() {
+            fs::write(&file, &whole[..length]).unwrap();
+            let mut torn = MatchesFile::open(&file).unwrap();
+            assert!(!torn.contains((0, 2, 0)));
+            for (key, matches) in &entries {
+                torn.append(*key, matches).unwrap();
+            }
+            drop(torn);
+            assert_eq!(fs::read(&file).unwrap(), whole, "torn at byte {length}");
+        }
+    }
+
+    #[test]
+    fn damage_is_refused_with_the_file() {
+        let (_folder, file, _) = three();
+        let whole = fs::read(&file).unwrap();
+        let mut damaged = whole.clone();
+        damaged[MAGIC.len() + HEADER + 3] ^= 1;
+        fs::write(&file, &damaged).unwrap();
+        let error = MatchesFile::open(&file).unwrap().read((0, 1, 0));
+        let message = error.unwrap_err().to_string();
+        assert!(
+            message.contains("sift.bin") && message.contains("delete"),
+            "{message}"
+        );
+        fs::write(&file, b"something else").unwrap();
+        assert!(MatchesFile::open(&file).is_err());
+    }
+}

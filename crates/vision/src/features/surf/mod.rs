@@ -1,0 +1,166 @@
+//! SURF: blobs found and described by sums over boxes.
+//!
+//! H. Bay, A. Ess, T. Tuytelaars, L. Van Gool: "Speeded-Up Robust Features (SURF)", Computer Vision
+//! and Image Understanding 110(3), 2008.
+//!
+//! # How it works
+//! 1. Second derivatives of Gaussians are approximated by two to four boxes each, whose sums take
+//!    a few values of an integral image at any size (section 3.1, figure 2). The smallest filter,
+//!    9 x 9, stands for a Gaussian of standard deviation 1.2.
+//! 2. Each octave is a series of filters that grow by 6 times its step, `2^octave` pixels; the
+//!    image keeps its size (section 3.3, figure 4).
+//! 3. Keypoints: maxima of `Dxx Dyy - (0.9 Dxy)^2` (eq. 3) above a threshold among their 26
+//!    neighbours in place and scale, refined by a quadratic fit (section 3.4).
+//! 4. Orientation: Haar wavelets of side 4s in a circle of radius 6s, weighted by a Gaussian; the
+//!    longest sum within a window of 60 degrees (section 4.1, figure 10).
+//! 5. Descriptor: derivatives at 20 x 20 places of a turned square of side 20s, weighted by a
+//!    Gaussian; for each of 4 x 4 cells their sums and those of their absolute values (section
+//!    4.2, figure 12), normalised to unit length. SURF-128 sums them apart by the sign of the
+//!    other derivative (section 4.3).
+//!
+//! | symbol | field | default | source |
+//! | --- | --- | --- | --- |
+//! | - | [`SurfParams::threshold`] | 100 | OpenCV |
+//! | - | [`SurfParams::octaves`] | 4 | OpenCV; figure 8 |
+//! | - | [`SurfParams::layers`] | 3 | OpenCV: 5 filters, 3 of which have neighbours |
+//! | - | [`SurfParams::extended`] | no | OpenCV |
+//! | U-SURF | [`SurfParams::upright`] | no | section 4 |
+//! | w | - | 0.9 | eq. 4 |
+//!
+//! # Choices that the paper leaves open
+//! As OpenCV 3.4's `SURF_create`: filters of 9 pixels in the first octave already at half the
+//! paper's steps (places 1, 2, 4, 8 pixels apart, sizes 9 + 6 i times that), sizes rounded to whole
+//! pixels, windows that move by 5 degrees, Gaussians of 2.5s for the orientation and 3.3s for the
+//! descriptor, and derivatives between neighbouring means over s x s pixels of the turned square
+//! instead of wavelets of the integral image, which are not turned.
+//!
+//! # Differences from OpenCV
+//! The turned square of a keypoint larger than [`LARGEST_AT_FULL_SIZE`] is read from an image
+//! halved as often as needed, so that the cost of a descriptor does not grow with its size.
+//! Keypoints are in the order of octaves and rows instead of strength. Upright keypoints have angle
+//! 0 instead of 270 degrees.
+
+mod blobs;
+mod descriptor;
+mod orientation;
+
+use nalgebra::Point2;
+
+use super::{DescriptorKind, Descriptors, Detector, Extractor, Features, FloatRows, Keypoint};
+use crate::image::{GrayImage, IntegralImage};
+use crate::params::ParamError;
+use blobs::{Blob, find_blobs};
+use descriptor::Describer;
+use orientation::Orientation;
+
+/// Standard deviation of the Gaussian that a filter of side 1 stands for: 1.2 for side 9.
+const SCALE: f32 = 1.2 / 9.0;
+
+/// Parameters of [`Surf`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
+pub struct SurfParams {
+    /// Least determinant of the Hessian, for grey values of 0 to 255; at least 0.
+    pub threshold: f32,
+    /// Number of octaves, 1 to 6.
+    pub octaves: usize,
+    /// Layers of an octave in which keypoints are found, 1 to 8.
+    pub layers: usize,
+    /// Whether descriptors have 128 values instead of 64.
+    pub extended: bool,
+    /// Whether all keypoints keep angle 0.
+    pub upright: bool,
+}
+
+impl Default for SurfParams {
+    fn default() -> Self {
+        Self {
+            threshold: 100.0,
+            octaves: 4,
+            layers: 3,
+            extended: false,
+            upright: false,
+        }
+    }
+}
+
+/// The SURF detector and descriptor. The size of a keypoint is the side of its filter, 7.5 times
+/// its scale s.
+#[derive(Clone, Debug)]
+pub struct Surf {
+    params: SurfParams,
+}
+
+impl Surf {
+    /// An extractor with the given parameters.
+    ///
+    /// # Errors
+    /// If a parameter is out of its range.
+    pub fn new(params: SurfParams) -> Result<Self, ParamError> {
+        let SurfParams {
+            threshold,
+            octaves,
+            layers,
+            ..
+        } = params;
+        ParamError::unless(
+            threshold >= 0.0 && threshold.is_finite(),
+            "threshold",
+            threshold,
+            "at least 0",
+        )?;
+        ParamError::unless((1..=6).contains(&octaves), "octaves", octaves, "1 to 6")?;
+        ParamError::unless((1..=8).contains(&layers), "layers", layers, "1 to 8")?;
+        Ok(Self { params })
+    }
+
+    /// Keypoints, oriented as they will be described.
+    fn keypoints(&self, integral: &IntegralImage, image: &GrayImage) -> Vec<Keypoint> {
+        let blobs = find_blobs(integral, image.size(), &self.params);
+        let orientation = Orientation::new(integral, image.size());
+        let oriented = |blob: &Blob| {
+            let angle = if self.params.upright {
+                Some(0.0)
+            } else {
+                orientation.of(blob)
+            };
+            angle.map(|angle| Keypoint {
+                at: Point2::from(blob.at),
+                size: blob.size,
+                angle: Some(angle),
+                response: blob.response,
+                octave: blob.octave,
+            })
+        };
+        blobs.iter().filter_map(oriented).collect()
+    }
+}
+
+impl Detector for Surf {
+    fn detect(&self, image: &GrayImage) -> Vec<Keypoint> {
+        self.keypoints(&IntegralImage::new(image), image)
+    }
+}
+
+impl Extractor for Surf {
+    fn kind(&self) -> DescriptorKind {
+        let dim = if self.params.extended { 128 } else { 64 };
+        DescriptorKind::Float { dim }
+    }
+
+    fn extract(&self, image: &GrayImage) -> Features {
+        let keypoints = self.detect(image);
+        let mut values = Vec::new();
+        let mut describer = Describer::new(image);
+        for keypoint in &keypoints {
+            describer.describe(keypoint, self.params.extended, &mut values);
+        }
+        let dim = if self.params.extended { 128 } else { 64 };
+        let descriptors = Descriptors::Float(FloatRows::from_vec(dim, values));
+        Features::new(image.size(), keypoints, descriptors)
+    }
+}

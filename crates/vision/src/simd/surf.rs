@@ -1,0 +1,327 @@
+//! What SURF reads: filters of boxes on an integral image, and turned patches.
+
+use super::{Pixels, turns};
+
+/// Samples of Haar wavelets that give an orientation: 113, and 7 zeros.
+pub const WAVELETS: usize = 120;
+/// Samples along a side of the described patch.
+pub const PATCH_SIDE: usize = 21;
+/// Length of a row of the patch, in whole vectors.
+const PATCH_ROW: usize = 24;
+/// Most samples along a side of the window that a patch is the mean of.
+pub const WINDOW_SIDE: usize = 176;
+
+/// Adding this to a number of 0 to 2^22 leaves it, rounded, in the lowest bits of the mantissa.
+const ROUND: f32 = (1 << 23) as f32;
+
+/// Rows of an integral image, each from the first corner of a box on, for the three second
+/// derivatives; entry `k` of each belongs to filter `k` of a row of filters.
+#[derive(Clone, Copy, Debug)]
+pub struct BoxRows<'a> {
+    /// Along x: the upper and the lower ends of four columns.
+    pub xx: [[&'a [u32]; 4]; 2],
+    /// Along y: the left and the right ends of four rows.
+    pub yy: [[&'a [u32]; 4]; 2],
+    /// Mixed: four columns in each of four rows.
+    pub xy: [[&'a [u32]; 4]; 4],
+}
+
+/// What sums over boxes are multiplied by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoxWeights {
+    /// Left, middle and right.
+    pub xx: [f32; 3],
+    /// Upper, middle and lower.
+    pub yy: [f32; 3],
+    /// Left and right of the upper two, then of the lower two.
+    pub xy: [f32; 4],
+}
+
+/// A window of an image in which samples are taken, with its pixels packed: the pixel, the next
+/// one, and the two below them, from the lowest byte on.
+#[derive(Clone, Debug)]
+pub struct PackedWindow {
+    quads: Box<[u32; 1 << 16]>,
+    stride: u16,
+}
+
+/// The samples of a window that one row or column of the patch is the mean of: for each sample the
+/// cell it lies in, and the shares of the sample that count there and in the next cell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shares {
+    /// Index of the cell.
+    pub cell: Vec<u8>,
+    /// Shares in this cell and in the next.
+    pub share: Vec<[f32; 2]>,
+}
+
+multiversioned! {
+    /// The approximated determinants of the Hessian, `xx yy - (0.9 xy)^2`, of a row of filters.
+    ///
+    /// # Panics
+    /// If a row of sums is shorter than `out`.
+    pub fn box_determinants(rows: &BoxRows<'_>, weights: &BoxWeights, out: &mut [f32]) {
+        const LANES: usize = 16;
+        let n = out.len();
+        let mut x = 0;
+        while x + LANES <= n {
+            determinants::<LANES>(rows, weights, x, &mut out[x..]);
+            x += LANES;
+        }
+        while x < n {
+            determinants::<1>(rows, weights, x, &mut out[x..]);
+            x += 1;
+        }
+    }
+
+    /// Fills the window with `size` (width, height) pixels from column and row `first` on; beyond
+    /// the border the image continues with its outermost pixels.
+    ///
+    /// # Panics
+    /// If there are more than 2^16 pixels to fill, or none in the image.
+    pub fn pack_window(pixels: Pixels<'_>, first: [i32; 2], size: [usize; 2], window: &mut PackedWindow) {
+        let [width, height] = size;
+        window.stride = width as u16;
+        let last = [pixels.width, pixels.data.len() / pixels.width].map(|v| v as i32 - 1);
+        let inside = first[0] >= 0 && first[0] + (width as i32) <= last[0];
+        let mut copies = [[0_u8; 257]; 2];
+        for (y, quads) in window.quads.chunks_exact_mut(width).take(height).enumerate() {
+            let rows = [0, 1].map(|below| {
+                let y = (first[1] + y as i32 + below).clamp(0, last[1]) as usize;
+                &pixels.data[y * pixels.width..][..pixels.width]
+            });
+            let rows = if inside {
+                rows.map(|row| &row[first[0] as usize..][..=width])
+            } else {
+                for (copy, row) in copies.iter_mut().zip(rows) {
+                    for (x, copy) in copy[..=width].iter_mut().enumerate() {
+                        *copy = row[(first[0] + x as i32).clamp(0, last[0]) as usize];
+                    }
+                }
+                copies.each_ref().map(|copy| &copy[..=width])
+            };
+            let [upper, lower] = rows;
+            let (upper_next, lower_next) = (&upper[1..], &lower[1..]);
+            let (upper, lower) = (&upper[..width], &lower[..width]);
+            for x in 0..width {
+                let upper = u32::from(upper[x]) | u32::from(upper_next[x]) << 8;
+                let lower = u32::from(lower[x]) | u32::from(lower_next[x]) << 8;
+                quads[x] = upper | lower << 16;
+            }
+        }
+    }
+
+    /// The direction in turns, in `[0, 1]` from the x axis towards the y axis, of the longest sum
+    /// of the vectors (x, y) whose directions, rounded to degrees, lie less than 30 degrees from a
+    /// multiple of 5; the first of equals counts.
+    pub fn longest_sum_of_degrees(x: &[f32; WAVELETS], y: &[f32; WAVELETS]) -> f32 {
+        // Windows begin and end on multiples of 5 degrees, which they do not hold: one bin for
+        // each multiple and one for the four degrees up to the next, 30 again behind the last.
+        const BINS: usize = 144;
+        const HALF: usize = 11;
+        let mut bins = [0_u32; WAVELETS];
+        for i in 0..WAVELETS {
+            let degree = (turns(y[i], x[i]) * 360.0 + ROUND).to_bits() - ROUND.to_bits();
+            bins[i] = 2 * (degree / 5) + u32::from(!degree.is_multiple_of(5));
+        }
+        let mut sums = [[0.0_f32; 2]; BINS + 2 * HALF];
+        for (i, &bin) in bins.iter().enumerate() {
+            let bin = (bin as usize % BINS + HALF) % BINS;
+            sums[bin][0] += x[i];
+            sums[bin][1] += y[i];
+        }
+        sums.copy_within(..2 * HALF, BINS);
+        let mut longest = [0.0, 0.0];
+        let mut squared_length = 0.0;
+        for window in sums.windows(2 * HALF + 1).step_by(2) {
+            let [x, y] = window.iter().fold([0.0, 0.0], |[x, y], v| [x + v[0], y + v[1]]);
+            if x * x + y * y > squared_length {
+                (longest, squared_length) = ([x, y], x * x + y * y);
+            }
+        }
+        turns(longest[1], longest[0])
+    }
+
+    /// Means over the cells of a turned square window, as whole grey levels, in rows of 24 of which
+    /// the first 21 count. Sample (i, j) of `side` x `side` lies at `start + j axis + i (-axis.y,
+    /// axis.x)` between pixels of the window; each is rounded, as are the means.
+    ///
+    /// # Panics
+    /// If the shares are not of `side` samples.
+    pub fn turned_patch(
+        window: &PackedWindow,
+        start: [f32; 2],
+        axis: [f32; 2],
+        shares: &Shares,
+    ) -> [[f32; PATCH_ROW]; PATCH_SIDE] {
+        const LANES: usize = 8;
+        let side = shares.cell.len();
+        assert!(shares.share.len() == side && side <= WINDOW_SIDE, "shares of {side} samples");
+        // Sums of samples for the row of cells and the next.
+        let mut sums = [[0.0_f32; WINDOW_SIDE]; 2];
+        let mut patch = [[0.0; PATCH_ROW]; PATCH_SIDE];
+        let along: [f32; LANES] = std::array::from_fn(|j| j as f32);
+        let mut cell = 0;
+        for (i, (&this_cell, &[here, next])) in shares.cell.iter().zip(&shares.share).enumerate() {
+            if this_cell != cell {
+                patch[usize::from(cell)] = mean_columns(&sums[0], shares);
+                cell = this_cell;
+                sums = [sums[1], [0.0; WINDOW_SIDE]];
+            }
+            let (x, y) = (start[0] - i as f32 * axis[1], start[1] + i as f32 * axis[0]);
+            for first in (0..side).step_by(LANES) {
+                let mut quads = [0_u32; LANES];
+                let mut u = [0.0_f32; LANES];
+                let mut v = [0.0_f32; LANES];
+                let mut places = [0_u16; LANES];
+                for j in 0..LANES {
+                    let at = along[j] + first as f32;
+                    let (x, y) = (x + at * axis[0], y + at * axis[1]);
+                    let (column, row) = (x as i32, y as i32);
+                    u[j] = x - column as f32;
+                    v[j] = y - row as f32;
+                    places[j] = (row as u16).wrapping_mul(window.stride).wrapping_add(column as u16);
+                }
+                for j in 0..LANES {
+                    quads[j] = window.quads[usize::from(places[j])];
+                }
+                let above: &mut [f32; LANES] = sums[0][first..].first_chunk_mut().expect("whole blocks");
+                let mut values = [0.0_f32; LANES];
+                for j in 0..LANES {
+                    let a = (quads[j] & 255) as i32 as f32;
+                    let b = (quads[j] >> 8 & 255) as i32 as f32;
+                    let c = (quads[j] >> 16 & 255) as i32 as f32;
+                    let d = (quads[j] >> 24) as i32 as f32;
+                    let upper = u[j].mul_add(b - a, a);
+                    let lower = u[j].mul_add(d - c, c);
+                    values[j] = (v[j].mul_add(lower - upper, upper) + ROUND) - ROUND;
+                    above[j] = here.mul_add(values[j], above[j]);
+                }
+                let below: &mut [f32; LANES] = sums[1][first..].first_chunk_mut().expect("whole blocks");
+                for j in 0..LANES {
+                    below[j] = next.mul_add(values[j], below[j]);
+                }
+            }
+        }
+        patch[usize::from(cell)] = mean_columns(&sums[0], shares);
+        patch
+    }
+
+    /// Sums of weighted gradients over 4 x 4 cells of 5 x 5 places of a patch: for each cell the
+    /// sums of the derivatives along x and y and of their absolute values; `[0]` of those where the
+    /// other derivative is negative, `[1]` of the rest.
+    pub fn sum_patch_gradients(
+        patch: &[[f32; PATCH_ROW]; PATCH_SIDE],
+        weights: &[f32; PATCH_ROW],
+    ) -> [[[f32; 4]; 2]; 16] {
+        let mut sums = [[[[0.0_f32; PATCH_ROW]; 4]; 2]; 4];
+        for (i, rows) in patch.windows(2).enumerate() {
+            let (upper, lower) = (&rows[0], &rows[1]);
+            let [negative, rest] = &mut sums[i / 5];
+            for j in 0..PATCH_ROW - 1 {
+                let weight = weights[i] * weights[j];
+                let dx = (upper[j + 1] - upper[j] + lower[j + 1] - lower[j]) * weight;
+                let dy = (lower[j] - upper[j] + lower[j + 1] - upper[j + 1]) * weight;
+                let (dx_negative, dx_rest) = if dy < 0.0 { (dx, 0.0) } else { (0.0, dx) };
+                let (dy_negative, dy_rest) = if dx < 0.0 { (dy, 0.0) } else { (0.0, dy) };
+                negative[0][j] += dx_negative;
+                negative[1][j] += dy_negative;
+                negative[2][j] += dx_negative.abs();
+                negative[3][j] += dy_negative.abs();
+                rest[0][j] += dx_rest;
+                rest[1][j] += dy_rest;
+                rest[2][j] += dx_rest.abs();
+                rest[3][j] += dy_rest.abs();
+            }
+        }
+        std::array::from_fn(|cell| {
+            sums[cell / 4].map(|sums| sums.map(|row| row[5 * (cell % 4)..][..5].iter().sum()))
+        })
+    }
+}
+
+impl PackedWindow {
+    /// A window without pixels.
+    pub fn new() -> Self {
+        let quads = vec![0; 1 << 16].into_boxed_slice();
+        Self {
+            quads: quads.try_into().expect("as long as a 16-bit index reaches"),
+            stride: 0,
+        }
+    }
+}
+
+impl Default for PackedWindow {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[inline(always)]
+fn determinants<const L: usize>(
+    rows: &BoxRows<'_>,
+    weights: &BoxWeights,
+    x: usize,
+    out: &mut [f32],
+) {
+    let [xx, yy] = [
+        three_boxes::<L>(&rows.xx, &weights.xx, x),
+        three_boxes::<L>(&rows.yy, &weights.yy, x),
+    ];
+    let mut xy = [0.0; L];
+    for (rows, weights) in rows
+        .xy
+        .as_chunks::<2>()
+        .0
+        .iter()
+        .zip(weights.xy.as_chunks::<2>().0)
+    {
+        for (columns, weight) in [[0, 1], [2, 3]].into_iter().zip(weights) {
+            let [a, b] = columns.map(|c| lanes::<L>(rows[0][c], x));
+            let [c, d] = columns.map(|c| lanes::<L>(rows[1][c], x));
+            for i in 0..L {
+                let sum = (d[i].wrapping_sub(c[i])).wrapping_sub(b[i].wrapping_sub(a[i]));
+                xy[i] += sum as i32 as f32 * weight;
+            }
+        }
+    }
+    for (i, out) in out[..L].iter_mut().enumerate() {
+        *out = xx[i] * yy[i] - 0.81 * xy[i] * xy[i];
+    }
+}
+
+/// The weighted sums over three boxes side by side, from the two ends of the four lines between.
+#[inline(always)]
+fn three_boxes<const L: usize>(ends: &[[&[u32]; 4]; 2], weights: &[f32; 3], x: usize) -> [f32; L] {
+    let mut total = [0.0; L];
+    let mut before = [0; L];
+    for line in 0..4 {
+        let (first, second) = (lanes::<L>(ends[0][line], x), lanes::<L>(ends[1][line], x));
+        for i in 0..L {
+            let here = second[i].wrapping_sub(first[i]);
+            if line > 0 {
+                total[i] += here.wrapping_sub(before[i]) as i32 as f32 * weights[line - 1];
+            }
+            before[i] = here;
+        }
+    }
+    total
+}
+
+/// Means over the columns of cells, rounded.
+#[inline(always)]
+fn mean_columns(sums: &[f32; WINDOW_SIDE], shares: &Shares) -> [f32; PATCH_ROW] {
+    let mut means = [0.0; PATCH_ROW + 1];
+    for ((&cell, [here, next]), sum) in shares.cell.iter().zip(&shares.share).zip(sums) {
+        let cell = usize::from(cell).min(PATCH_SIDE);
+        means[cell] += here * sum;
+        means[cell + 1] += next * sum;
+    }
+    // Half up, as OpenCV rounds means of two by two.
+    std::array::from_fn(|i| (means[i] + 0.5) as i32 as f32)
+}
+
+#[inline(always)]
+fn lanes<const L: usize>(row: &[u32], x: usize) -> &[u32; L] {
+    row[x..].first_chunk::<L>().expect("rows of one length")
+}
