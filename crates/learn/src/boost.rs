@@ -12,8 +12,9 @@
 //!    differ exactly if the threshold lies between the two responses, so the sum is the prefix sum
 //!    of a histogram of where these intervals begin and end.
 //! 2. Their weights b: the leading eigenvector of `sum_n W_n l_n h(x_n) h(y_n)^T`, made symmetric,
-//!    then some steps of gradient ascent on the objective with tanh for the sign (section 5).
-//! 3. `a_d` and the new W as in AdaBoost.
+//!    then some steps of gradient ascent on the objective with tanh for the sign (section 5). An offset is learned with them.
+//! 3. `a_d` and the new W as in AdaBoost, with a shortened step: the descriptor's bits all count the
+//!    same, so each must be reliable by itself, and full steps soon care for mislabelled pairs only.
 //!
 //! BGM, the stage before, is the same with one weak learner per bit.
 
@@ -27,6 +28,7 @@ use matchbench_vision::features::binboost::{
     BinBoostTable, BoxResponses, INNER, SIDE, WeakLearner,
 };
 use matchbench_vision::seed::Seed;
+use nalgebra::{DMatrixView, DVector, SymmetricEigen};
 
 use crate::pairs::{PatchPair, training_pairs};
 use crate::patches::PatchSet;
@@ -45,6 +47,8 @@ pub(crate) struct BoostParams {
     pub(crate) tries: usize,
     /// Pairs of patches, half of them of one point.
     pub(crate) pairs: usize,
+    /// Share of AdaBoost's step that the weights of the pairs take after a bit; above 0.
+    pub(crate) shrinkage: f64,
     pub(crate) seed: u64,
 }
 
@@ -55,13 +59,17 @@ pub(crate) fn learn(
     checkpoint: &Path,
     bar: &ProgressBar,
 ) -> Result<BinBoostTable> {
-    ensure!(params.boxes <= 8192 && params.learners_per_bit <= 256, "too many boxes or learners");
+    ensure!(
+        params.boxes <= 8192 && params.learners_per_bit <= 256,
+        "too many boxes or learners"
+    );
     ensure!(!set.triplets.is_empty(), "the set has no triplets");
     let seed = Seed(params.seed).child("binboost");
     let mut table = BinBoostTable {
         boxes: random_boxes(params.boxes, seed),
         learners_per_bit: params.learners_per_bit,
         learners: Vec::new(),
+        offsets: Vec::new(),
     };
     if let Ok(bytes) = fs::read(checkpoint) {
         let found = BinBoostTable::from_bytes(&bytes)
@@ -72,21 +80,27 @@ pub(crate) fn learn(
             checkpoint.display()
         );
         table.learners = found.learners;
+        table.offsets = found.offsets;
     }
     bar.set_message("responses");
     bar.set_length(params.bits as u64);
     let data = Data::new(set, params, &table.boxes, seed);
     let mut weights = vec![1.0 / data.labels.len() as f32; data.labels.len()];
-    for learners in table.learners.chunks_exact(params.learners_per_bit) {
-        data.boost(&mut weights, learners);
+    for (learners, &offset) in table.bit_by_bit() {
+        data.boost(&mut weights, learners, offset);
         bar.inc(1);
     }
     while table.bits() < params.bits {
         let bit = table.bits();
-        let learners = data.learn_bit(&weights, params, seed.child("bit").number(bit as u64));
-        let edge = data.boost(&mut weights, &learners);
+        let seed = seed.child("bit").number(bit as u64);
+        let (learners, offset) = data.learn_bit(&weights, params, seed);
+        let edge = data.boost(&mut weights, &learners, offset);
         table.learners.extend(learners);
+        table.offsets.push(offset);
         bar.set_message(format!("edge {edge:.3}"));
+        if std::env::var_os("EDGES").is_some() {
+            eprintln!("{bit} {edge:.3} {offset}");
+        }
         bar.inc(1);
         if (bit + 1).is_multiple_of(CHECKPOINT) {
             write_whole(checkpoint, &table.to_bytes())?;
@@ -117,6 +131,7 @@ struct Data {
     responses: Vec<[Vec<u8>; 2]>,
     /// 1 or -1.
     labels: Vec<f32>,
+    shrinkage: f64,
 }
 
 /// The answers of a bit's weak learners to one patch after the other: 1 or -1.
@@ -127,7 +142,8 @@ impl Data {
         let pairs = training_pairs(set, params.pairs, seed);
         let features = DIRECTIONS * boxes.len();
         let column = || Vec::with_capacity(pairs.len());
-        let mut responses: Vec<[Vec<u8>; 2]> = (0..features).map(|_| [column(), column()]).collect();
+        let mut responses: Vec<[Vec<u8>; 2]> =
+            (0..features).map(|_| [column(), column()]).collect();
         let mut computer = BoxResponses::default();
         let mut row = vec![[0; DIRECTIONS]; boxes.len()];
         for PatchPair { first, second, .. } in &pairs {
@@ -143,33 +159,43 @@ impl Data {
         Self {
             responses,
             labels: labels.collect(),
+            shrinkage: params.shrinkage,
         }
     }
 
     /// Updates the weights of the pairs by a bit, and returns its edge
     /// `sum_n W_n l_n C(x_n) C(y_n)`.
-    fn boost(&self, weights: &mut [f32], learners: &[WeakLearner]) -> f64 {
-        let [first, second] = [0, 1].map(|end| self.bits(learners, end));
+    fn boost(&self, weights: &mut [f32], learners: &[WeakLearner], offset: i16) -> f64 {
+        let [first, second] = [0, 1].map(|end| self.bits(learners, offset, end));
         let products: Vec<f32> = (first.iter().zip(&second).zip(&self.labels))
             .map(|((x, y), label)| if x == y { *label } else { -label })
             .collect();
-        reweigh(weights, &products).1
+        reweigh(weights, &products, self.shrinkage)
     }
 
-    /// Whether the weighted answers sum to more than 0, for one end of each pair.
-    fn bits(&self, learners: &[WeakLearner], end: usize) -> Vec<bool> {
-        let mut sums = vec![0_i32; self.labels.len()];
+    /// Whether the weighted answers and the offset sum to more than 0, for one end of each pair.
+    fn bits(&self, learners: &[WeakLearner], offset: i16, end: usize) -> Vec<bool> {
+        let mut sums = vec![i32::from(offset); self.labels.len()];
         for learner in learners {
             let responses = &self.responses[usize::from(learner.feature)][end];
             let weight = i32::from(learner.weight);
             for (sum, &response) in sums.iter_mut().zip(responses) {
-                *sum += if response <= learner.threshold { weight } else { -weight };
+                *sum += if response <= learner.threshold {
+                    weight
+                } else {
+                    -weight
+                };
             }
         }
         sums.into_iter().map(|sum| sum > 0).collect()
     }
 
-    fn learn_bit(&self, weights: &[f32], params: &BoostParams, seed: Seed) -> Vec<WeakLearner> {
+    fn learn_bit(
+        &self,
+        weights: &[f32],
+        params: &BoostParams,
+        seed: Seed,
+    ) -> (Vec<WeakLearner>, i16) {
         let count = params.learners_per_bit;
         let mut rng = seed.rng();
         let mut inner = weights.to_vec();
@@ -187,22 +213,36 @@ impl Data {
                 .expect("at least one try");
             let [x, y] = &self.responses[feature];
             let products: Vec<f32> = (x.iter().zip(y).zip(&self.labels))
-                .map(|((x, y), l)| if (*x <= threshold) == (*y <= threshold) { *l } else { -l })
+                .map(|((x, y), l)| {
+                    if (*x <= threshold) == (*y <= threshold) {
+                        *l
+                    } else {
+                        -l
+                    }
+                })
                 .collect();
-            reweigh(&mut inner, &products);
+            reweigh(&mut inner, &products, 1.0);
             chosen.push((feature, threshold));
         }
         let answers = [0, 1].map(|end| self.answers(&chosen, end));
-        let signed: Vec<f32> = weights.iter().zip(&self.labels).map(|(w, l)| w * l).collect();
+        let signed: Vec<f32> = weights
+            .iter()
+            .zip(&self.labels)
+            .map(|(w, l)| w * l)
+            .collect();
         let combination = ascend(&answers, &signed, eigenvector(&answers, &signed, count));
-        let largest = combination.iter().fold(0.0_f32, |most, b| most.max(b.abs()));
-        (chosen.into_iter().zip(combination))
-            .map(|((feature, threshold), b)| WeakLearner {
+        let (offset, combination) = combination.split_last().expect("an offset");
+        let largest = combination
+            .iter()
+            .fold(f32::MIN_POSITIVE, |most, b| most.max(b.abs()));
+        let learners = (chosen.iter().zip(combination))
+            .map(|(&(feature, threshold), b)| WeakLearner {
                 feature: feature as u16,
                 threshold,
                 weight: (127.0 * b / largest).round() as i8,
             })
-            .collect()
+            .collect();
+        (learners, (127.0 * offset / largest).round() as i16)
     }
 
     fn answers(&self, chosen: &[(usize, u8)], end: usize) -> Answers {
@@ -239,11 +279,13 @@ fn best_threshold([x, y]: &[Vec<u8>; 2], signed: &[f32]) -> (f32, u8) {
 }
 
 /// One step of AdaBoost: `products` are 1 where the answer is right, -1 where it is wrong. Returns
-/// the weight of the answer and its edge.
-fn reweigh(weights: &mut [f32], products: &[f32]) -> (f64, f64) {
-    let edge: f64 = (weights.iter().zip(products)).map(|(w, p)| f64::from(w * p)).sum();
+/// its edge.
+fn reweigh(weights: &mut [f32], products: &[f32], shrinkage: f64) -> f64 {
+    let edge: f64 = (weights.iter().zip(products))
+        .map(|(w, p)| f64::from(w * p))
+        .sum();
     let edge = edge.clamp(-0.999, 0.999);
-    let alpha = 0.5 * libm::log((1.0 + edge) / (1.0 - edge));
+    let alpha = 0.5 * shrinkage * libm::log((1.0 + edge) / (1.0 - edge));
     let (right, wrong) = (libm::exp(-alpha) as f32, libm::exp(alpha) as f32);
     let mut total = 0.0_f64;
     for (weight, &product) in weights.iter_mut().zip(products) {
@@ -254,11 +296,12 @@ fn reweigh(weights: &mut [f32], products: &[f32]) -> (f64, f64) {
     for weight in weights {
         *weight *= scale;
     }
-    (alpha, edge)
+    edge
 }
 
-/// Projections of all patches on `b`.
+/// Projections of all patches on `b`, whose last value is an offset.
 fn project(answers: &Answers, b: &[f32]) -> Vec<f32> {
+    let (&offset, b) = b.split_last().expect("an offset");
     let dot = |row: &[f32]| {
         let mut sums = [0.0_f32; 8];
         let (rows, rest) = row.as_chunks::<8>();
@@ -270,44 +313,49 @@ fn project(answers: &Answers, b: &[f32]) -> Vec<f32> {
         }
         sums.iter().sum::<f32>() + rest.iter().zip(last).map(|(x, y)| x * y).sum::<f32>()
     };
-    answers.chunks_exact(b.len()).map(dot).collect()
+    answers
+        .chunks_exact(b.len())
+        .map(|row| dot(row) + offset)
+        .collect()
 }
 
-/// `sum_n factors[n] h_n`.
+/// Adds `sum_n factors[n] h_n`, and last the sum of the factors.
 fn combine(answers: &Answers, factors: impl Iterator<Item = f32>, sums: &mut [f32]) {
+    let (last, sums) = sums.split_last_mut().expect("an offset");
     for (row, factor) in answers.chunks_exact(sums.len()).zip(factors) {
+        *last += factor;
         for (sum, answer) in sums.iter_mut().zip(row) {
             *sum += factor * answer;
         }
     }
 }
 
-/// Leading eigenvector of `sum_n s_n (h(x_n) h(y_n)^T + h(y_n) h(x_n)^T)`, by power iteration.
+/// Leading eigenvector of `sum_n s_n (h(x_n) h(y_n)^T + h(y_n) h(x_n)^T)`, and last the offset that
+/// centres its projections: the answers are taken relative to their mean, since many learners
+/// mostly say the same, which tells nothing.
 fn eigenvector([x, y]: &[Answers; 2], signed: &[f32], count: usize) -> Vec<f32> {
-    const STEPS: usize = 15;
-    let mut b = vec![1.0 / (count as f32).sqrt(); count];
-    for step in 0..STEPS {
-        let (on_x, on_y) = (project(x, &b), project(y, &b));
-        let mut next = vec![0.0; count];
-        combine(x, on_y.iter().zip(signed).map(|(z, s)| z * s), &mut next);
-        combine(y, on_x.iter().zip(signed).map(|(z, s)| z * s), &mut next);
-        if step > 0 {
-            // A multiple of the identity, so that no negative eigenvalue leads.
-            let shift = 0.2 * length(&next);
-            for (next, b) in next.iter_mut().zip(&b) {
-                *next += shift * b;
-            }
-        }
-        let norm = length(&next).max(f32::MIN_POSITIVE);
-        b = next.iter().map(|v| v / norm).collect();
+    let pairs = signed.len();
+    let x = DMatrixView::from_slice(x, count, pairs);
+    let y = DMatrixView::from_slice(y, count, pairs);
+    let signs = DVector::from_column_slice(signed);
+    let mut weighted = y.into_owned();
+    for (mut column, &sign) in weighted.column_iter_mut().zip(signed) {
+        column *= sign;
     }
-    b
+    let mean = (x.column_mean() + y.column_mean()) * 0.5;
+    let (sum_x, sum_y) = (x * &signs, y * &signs);
+    let centred = x * weighted.transpose() - sum_x * mean.transpose() - &mean * sum_y.transpose()
+        + &mean * mean.transpose() * signs.sum();
+    let eigen = SymmetricEigen::new(&centred + centred.transpose());
+    let leading = eigen.eigenvectors.column(eigen.eigenvalues.imax());
+    let offset = -leading.dot(&mean);
+    leading.iter().copied().chain([offset]).collect()
 }
 
 /// Steps of gradient ascent on `sum_n s_n tanh(b.h(x_n)) tanh(b.h(y_n))`; the best place by the
 /// sum with signs instead is kept.
 fn ascend([x, y]: &[Answers; 2], signed: &[f32], start: Vec<f32>) -> Vec<f32> {
-    const STEPS: usize = 20;
+    const STEPS: usize = 10;
     const STEP: f32 = 0.15;
     let mut b = start;
     let mut best = (f64::NEG_INFINITY, b.clone());
@@ -328,7 +376,9 @@ fn ascend([x, y]: &[Answers; 2], signed: &[f32], start: Vec<f32>) -> Vec<f32> {
         let (soft_x, soft_y) = (soft(&on_x), soft(&on_y));
         let mut gradient = vec![0.0; b.len()];
         let slope = |own: &[f32], other: &[f32]| -> Vec<f32> {
-            (own.iter().zip(other).zip(signed)).map(|((o, p), s)| s * (1.0 - o * o) * p).collect()
+            (own.iter().zip(other).zip(signed))
+                .map(|((o, p), s)| s * (1.0 - o * o) * p)
+                .collect()
         };
         combine(x, slope(&soft_x, &soft_y).into_iter(), &mut gradient);
         combine(y, slope(&soft_y, &soft_x).into_iter(), &mut gradient);
@@ -369,7 +419,7 @@ mod tests {
     fn boosting_halves_what_was_right() {
         // After a step of AdaBoost the right and the wrong answers weigh the same.
         let mut weights = vec![0.25; 4];
-        let (_, edge) = reweigh(&mut weights, &[1.0, 1.0, 1.0, -1.0]);
+        let edge = reweigh(&mut weights, &[1.0, 1.0, 1.0, -1.0], 1.0);
         assert_eq!(edge, 0.5);
         assert!((weights[3] - 0.5).abs() < 1e-6);
     }
@@ -377,9 +427,10 @@ mod tests {
     #[test]
     fn the_combination_trusts_the_learner_that_is_right() {
         // Learner 0 gives both ends of a same pair one answer, learner 1 answers at random.
-        let (x, y) = (vec![1.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0, -1.0], vec![
-            1.0, -1.0, -1.0, -1.0, -1.0, -1.0, 1.0, -1.0,
-        ]);
+        let (x, y) = (
+            vec![1.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0, -1.0],
+            vec![1.0, -1.0, -1.0, -1.0, -1.0, -1.0, 1.0, -1.0],
+        );
         let signed = [0.25, 0.25, -0.25, -0.25];
         let answers = [x, y];
         let b = ascend(&answers, &signed, eigenvector(&answers, &signed, 2));

@@ -21,7 +21,9 @@ pub(crate) enum Described {
 impl Described {
     /// SIFT, as it was stored with the patches.
     pub(crate) fn sift(set: &PatchSet) -> Self {
-        let values = (0..set.len()).flat_map(|i| set.sift(i)).map(|&v| f32::from(v));
+        let values = (0..set.len())
+            .flat_map(|i| set.sift(i))
+            .map(|&v| f32::from(v));
         Self::Float(FloatRows::from_vec(128, values.collect()))
     }
 

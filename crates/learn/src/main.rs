@@ -104,6 +104,9 @@ struct BinboostArgs {
     /// Pairs of patches
     #[arg(long, value_name = "N", default_value_t = 50_000)]
     pairs: usize,
+    /// Share of AdaBoost's step taken after a bit
+    #[arg(long, value_name = "SHARE", default_value_t = 0.2)]
+    shrinkage: f64,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -179,11 +182,16 @@ fn make_patches(args: PatchesArgs) -> Result<()> {
 
 fn evaluate(args: &EvaluateArgs) -> Result<()> {
     let set = PatchSet::read(&args.set, &args.part)?;
-    let name = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let name = |path: &Path| {
+        path.file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned()
+    };
     let mut described = vec![("sift".to_owned(), Described::sift(&set))];
     for path in &args.binboost {
-        let table = BinBoostTable::from_bytes(&read(path)?)
-            .with_context(|| path.display().to_string())?;
+        let table =
+            BinBoostTable::from_bytes(&read(path)?).with_context(|| path.display().to_string())?;
         described.push((name(path), Described::binboost(&set, &table)?));
     }
     for path in &args.dlco {
@@ -203,6 +211,7 @@ fn learn_binboost(args: &BinboostArgs) -> Result<()> {
         boxes: args.boxes,
         tries: args.tries,
         pairs: args.pairs,
+        shrinkage: args.shrinkage,
         seed: args.seed,
     };
     let table = boost::learn(&set, &params, &part(&args.out), &bar("bits"))?;
@@ -224,7 +233,11 @@ fn learn_dlco(args: &DlcoArgs) -> Result<()> {
         seed: args.seed,
     };
     let table = metric::learn(&set, &params, &part(&args.out), &bar("steps"))?;
-    println!("{} rings, {} values pooled", table.rings.len(), table.pooled());
+    println!(
+        "{} rings, {} values pooled",
+        table.rings.len(),
+        table.pooled()
+    );
     finish(&args.out, &table.to_bytes())
 }
 

@@ -103,7 +103,11 @@ pub(crate) fn learn(
             }
         }
     };
-    let rings: Vec<Ring> = state.rings.iter().map(|&(ring, _)| candidates[ring]).collect();
+    let rings: Vec<Ring> = state
+        .rings
+        .iter()
+        .map(|&(ring, _)| candidates[ring])
+        .collect();
     bar.set_message("pooling");
     let (mut triplets, basis) = Triplets::pool(set, params, &rings, &state.rings, seed);
     triplets.normalise();
@@ -122,6 +126,9 @@ pub(crate) fn learn(
         state.steps += 1;
         metric = solve(&gradients, state.steps, params);
         bar.set_message(format!("violated {violated:.3}, rank {}", metric.ncols()));
+        if std::env::var_os("EDGES").is_some() && state.steps.is_multiple_of(10) {
+            eprintln!("{} {violated:.3} {}", state.steps, metric.ncols());
+        }
         bar.inc(1);
         if state.steps.is_multiple_of(CHECKPOINT) {
             state.gradients = gradients.as_slice().to_vec();
@@ -164,6 +171,9 @@ fn candidates() -> Vec<Ring> {
     rings
 }
 
+/// Values of the smallest ring: the penalty of a ring is in units of it.
+const SMALLEST_RING: f32 = 8.0;
+
 /// Values that a ring gives.
 fn values(ring: &Ring) -> usize {
     DIRECTIONS * ring.centres().len()
@@ -172,15 +182,19 @@ fn values(ring: &Ring) -> usize {
 /// The patches of some triplets: hard negatives and random ones by turns.
 fn patches_of(set: &PatchSet, most: usize, seed: Seed) -> impl Iterator<Item = [usize; 3]> {
     let order = shuffled(set.triplets.len(), seed);
-    order.into_iter().take(most).enumerate().map(move |(n, index)| {
-        let triplet = set.triplets[index];
-        let negative = if n.is_multiple_of(2) {
-            triplet.negative as usize
-        } else {
-            stranger(set, index, seed)
-        };
-        [triplet.anchor as usize, triplet.positive as usize, negative]
-    })
+    order
+        .into_iter()
+        .take(most)
+        .enumerate()
+        .map(move |(n, index)| {
+            let triplet = set.triplets[index];
+            let negative = if n.is_multiple_of(2) {
+                triplet.negative as usize
+            } else {
+                stranger(set, index, seed)
+            };
+            [triplet.anchor as usize, triplet.positive as usize, negative]
+        })
 }
 
 /// Indices of the selected rings and their weights.
@@ -199,30 +213,45 @@ fn select_rings(
         std::array::from_fn(|_| vec![[0.0; DIRECTIONS]; pooling.len()]);
     // psi of the negative less psi of the positive, a row for each triplet.
     let mut margins: Vec<f32> = Vec::with_capacity(count * candidates.len());
+    // Sums of psi of the negatives.
+    let mut distances = vec![0.0_f32; candidates.len()];
     for patches in patches_of(set, count, seed.child("rings")) {
         for (pooled, patch) in pooled.iter_mut().zip(patches) {
             pooling.compute(set.large(patch), pooled);
         }
         let mut first = 0;
-        for ring in candidates {
+        for (ring, distance) in candidates.iter().zip(&mut distances) {
             let range = first..first + values(ring) / DIRECTIONS;
             first = range.end;
             let row = |i: usize| pooled[i][range.clone()].as_flattened();
             let squares = |i: usize| -> f32 {
-                row(0).iter().zip(row(i)).map(|(x, y)| (x - y) * (x - y)).sum()
+                row(0)
+                    .iter()
+                    .zip(row(i))
+                    .map(|(x, y)| (x - y) * (x - y))
+                    .sum()
             };
             margins.push(squares(2) - squares(1));
+            *distance += squares(2);
         }
         bar.inc(1);
     }
+    let scales = normalise_rings(&mut margins, &distances, candidates);
     // The least penalty whose selection is small enough, by bisection of its logarithm.
     let (mut low, mut high) = (-16.0, 4.0);
     let mut best = Vec::new();
     for _ in 0..16 {
         let mu = libm::exp2(0.5 * (low + high));
         let weights = sparse_weights(&margins, candidates.len(), mu);
-        let kept: Vec<(usize, f32)> = weights.into_iter().enumerate().filter(|k| k.1 > 0.0).collect();
-        let size: usize = kept.iter().map(|&(ring, _)| values(&candidates[ring])).sum();
+        let kept: Vec<(usize, f32)> = weights
+            .into_iter()
+            .enumerate()
+            .filter(|k| k.1 > 0.0)
+            .collect();
+        let size: usize = kept
+            .iter()
+            .map(|&(ring, _)| values(&candidates[ring]))
+            .sum();
         if size > params.values {
             low = 0.5 * (low + high);
         } else {
@@ -232,7 +261,26 @@ fn select_rings(
             }
         }
     }
+    for (ring, weight) in &mut best {
+        *weight *= scales[*ring];
+    }
     best
+}
+
+/// Scales each ring so that negatives are on average 1 apart in each eight of its values, and returns
+/// the scales: otherwise the penalty would prefer small regions, which average less, and it would
+/// not count what a ring costs.
+fn normalise_rings(margins: &mut [f32], distances: &[f32], candidates: &[Ring]) -> Vec<f32> {
+    let count = (margins.len() / candidates.len().max(1)) as f32;
+    let scales: Vec<f32> = (distances.iter().zip(candidates))
+        .map(|(sum, ring)| count / sum.max(f32::MIN_POSITIVE) * SMALLEST_RING / values(ring) as f32)
+        .collect();
+    for row in margins.chunks_exact_mut(candidates.len()) {
+        for (margin, scale) in row.iter_mut().zip(&scales) {
+            *margin *= scale;
+        }
+    }
+    scales
 }
 
 /// Weights of the rings under penalty `mu`, after some passes over the triplets.
@@ -245,7 +293,11 @@ fn sparse_weights(margins: &[f32], rings: usize, mu: f64) -> Vec<f32> {
     for _ in 0..PASSES {
         for row in margins.chunks_exact(rings) {
             t += 1.0;
-            let margin: f64 = row.iter().zip(&weights).map(|(m, w)| f64::from(*m) * w).sum();
+            let margin: f64 = row
+                .iter()
+                .zip(&weights)
+                .map(|(m, w)| f64::from(*m) * w)
+                .sum();
             if margin < 1.0 {
                 for (sum, margin) in sums.iter_mut().zip(row) {
                     *sum -= f64::from(*margin);
@@ -290,7 +342,11 @@ impl Triplets {
         for (n, patches) in triplets.enumerate() {
             let mut vector = |patch: usize| -> DVector<f32> {
                 pooling.compute(set.large(patch), &mut pooled);
-                let values = pooled.as_flattened().iter().zip(&weights).map(|(v, w)| v * w);
+                let values = pooled
+                    .as_flattened()
+                    .iter()
+                    .zip(&weights)
+                    .map(|(v, w)| v * w);
                 DVector::from_iterator(all, values)
             };
             let vectors = patches.map(&mut vector);
@@ -304,7 +360,8 @@ impl Triplets {
         let size = params.principal.min(all);
         let basis = eigen.1.columns(0, size).into_owned();
         let rotate: DMatrix<f32> = basis.transpose().cast();
-        let weights: DVector<f64> = DVector::from_iterator(all, weights.iter().map(|&w| f64::from(w)));
+        let weights: DVector<f64> =
+            DVector::from_iterator(all, weights.iter().map(|&w| f64::from(w)));
         let mut back = basis;
         for mut column in back.column_iter_mut() {
             column.component_mul_assign(&weights);
@@ -329,7 +386,12 @@ impl Triplets {
 
     /// Mean gradient of a batch at `metric = L L^T`, and the share of triplets that violate the
     /// margin.
-    fn gradient(&self, metric: &DMatrix<f64>, params: &MetricParams, step: usize) -> (DMatrix<f64>, f64) {
+    fn gradient(
+        &self,
+        metric: &DMatrix<f64>,
+        params: &MetricParams,
+        step: usize,
+    ) -> (DMatrix<f64>, f64) {
         let count = self.differences[0].ncols();
         let batch = params.batch.min(count);
         let first = step * batch % (count - batch + 1);
@@ -404,9 +466,8 @@ mod tests {
     #[test]
     fn the_metric_weighs_the_direction_that_tells_apart() {
         let mut rng = Seed(2).rng();
-        let mut random = |spread: [f64; 3]| {
-            DMatrix::from_fn(3, 4000, |i, _| (spread[i] * rng.normal()) as f32)
-        };
+        let mut random =
+            |spread: [f64; 3]| DMatrix::from_fn(3, 4000, |i, _| (spread[i] * rng.normal()) as f32);
         // Same points differ in the third direction only, strangers in the first two.
         let mut triplets = Triplets {
             size: 3,
@@ -433,7 +494,10 @@ mod tests {
             metric = solve(&gradients, step + 1, &params);
         }
         assert_eq!(metric.ncols(), 2, "{metric}");
-        assert!(metric[(0, 0)].abs() > 10.0 * metric[(2, 0)].abs(), "{metric}");
+        assert!(
+            metric[(0, 0)].abs() > 10.0 * metric[(2, 0)].abs(),
+            "{metric}"
+        );
         assert!(metric.column(0).norm() > metric.column(1).norm());
     }
 }

@@ -33,7 +33,11 @@ pub(crate) fn stranger(set: &PatchSet, index: usize, seed: Seed) -> usize {
 /// random ones by turns; `most` pairs at most.
 pub(crate) fn training_pairs(set: &PatchSet, most: usize, seed: Seed) -> Vec<PatchPair> {
     let mut pairs = Vec::new();
-    for (n, &index) in shuffled(set.triplets.len(), seed).iter().take(most / 2).enumerate() {
+    for (n, &index) in shuffled(set.triplets.len(), seed)
+        .iter()
+        .take(most / 2)
+        .enumerate()
+    {
         let triplet = set.triplets[index];
         let first = triplet.anchor as usize;
         let negative = if n.is_multiple_of(2) {

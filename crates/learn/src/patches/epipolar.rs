@@ -57,11 +57,12 @@ pub(super) fn agreeing(
         let angle = |features: &Features, i: usize| features.keypoints[i].angle.unwrap_or(0.0);
         wrap(angle(b, j) - angle(a, i))
     };
-    let grown = |&(i, j): &(usize, usize)| {
-        libm::log2f(b.keypoints[j].size / a.keypoints[i].size)
-    };
+    let grown = |&(i, j): &(usize, usize)| libm::log2f(b.keypoints[j].size / a.keypoints[i].size);
     // Cameras are held nearly upright: the median needs no care for the seam at half a turn.
-    let (turn, growth) = (median(near.iter().map(turned)), median(near.iter().map(grown)));
+    let (turn, growth) = (
+        median(near.iter().map(turned)),
+        median(near.iter().map(grown)),
+    );
     near.into_iter()
         .filter(|pair| wrap(turned(pair) - turn).abs() < DIRECTION)
         .filter(|pair| (grown(pair) - growth).abs() < OCTAVES)

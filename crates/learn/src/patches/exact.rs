@@ -47,14 +47,18 @@ pub(super) fn agreeing(a: &Features, b: &Features, transfer: Transfer<'_>) -> Ve
         let Some(expected) = carried(keypoint, transfer) else {
             continue;
         };
-        let reach = (PLACE.0 * expected.size).min(PLACE.1 + 0.05 * expected.size).max(PLACE.1);
+        let reach = (PLACE.0 * expected.size)
+            .min(PLACE.1 + 0.05 * expected.size)
+            .max(PLACE.1);
         let fits = |found: &Keypoint| {
             let ratio = found.size / expected.size;
             let turn = wrap(found.angle.unwrap_or(0.0) - expected.angle.unwrap_or(0.0));
             ratio < RATIO && ratio > 1.0 / RATIO && turn.abs() < DIRECTION
         };
         // Keypoints are in the order of columns.
-        let first = b.keypoints.partition_point(|k| k.at.x < expected.at.x - reach);
+        let first = b
+            .keypoints
+            .partition_point(|k| k.at.x < expected.at.x - reach);
         let nearest = (b.keypoints.iter().enumerate().skip(first))
             .take_while(|(_, found)| found.at.x <= expected.at.x + reach)
             .filter(|(_, found)| fits(found))

@@ -48,7 +48,10 @@ pub(crate) fn make(recipe: &Recipe, folder: &Path, bar: &ProgressBar) -> Result<
     );
     let mut seen = Vec::new();
     for scene in recipe.scenes.iter().flatten() {
-        ensure!(!seen.contains(&scene), "{scene}: is named twice; parts must not share scenes");
+        ensure!(
+            !seen.contains(&scene),
+            "{scene}: is named twice; parts must not share scenes"
+        );
         seen.push(scene);
     }
     let mut parts = Vec::new();
@@ -113,7 +116,8 @@ impl Maker<'_> {
         let images = (sequence.frames.iter())
             .map(|frame| Ok(read_gray(&frame.image)?))
             .collect::<Result<Vec<_>>>()?;
-        self.bar.inc_length((sequence.pairs.len() + images.len() * self.recipe.warps) as u64);
+        self.bar
+            .inc_length((sequence.pairs.len() + images.len() * self.recipe.warps) as u64);
         let mut views: Vec<View> = images.iter().map(|image| self.view(image)).collect();
 
         let source = self.source(format!("{name}/poses"));
@@ -123,7 +127,9 @@ impl Maker<'_> {
                 continue;
             };
             let (a, b) = (pair.a as usize, pair.b as usize);
-            let [a_view, b_view] = views.get_disjoint_mut([a, b]).context("a pair of one image")?;
+            let [a_view, b_view] = views
+                .get_disjoint_mut([a, b])
+                .context("a pair of one image")?;
             let cameras = [&sequence.frames[a].camera, &sequence.frames[b].camera];
             let pairs = epipolar::agreeing([&a_view.features, &b_view.features], cameras, &pose);
             self.add([a_view, b_view], pairs, source, seed.number(number as u64));
@@ -146,9 +152,18 @@ impl Maker<'_> {
 
     /// Pairs of a rendered scene, by its depth.
     fn add_rendered(&mut self, name: &str) -> Result<()> {
-        let Some(scene) = rendered::sequences().iter().find(|scene| scene.name == name) else {
-            let names: Vec<_> = rendered::sequences().iter().map(|scene| scene.name).collect();
-            bail!("rendered:{name}: no such scene; use one of {}", names.join(", "));
+        let Some(scene) = rendered::sequences()
+            .iter()
+            .find(|scene| scene.name == name)
+        else {
+            let names: Vec<_> = rendered::sequences()
+                .iter()
+                .map(|scene| scene.name)
+                .collect();
+            bail!(
+                "rendered:{name}: no such scene; use one of {}",
+                names.join(", ")
+            );
         };
         let source = self.source(format!("rendered-{name}/depth"));
         let seed = Seed(self.recipe.seed).child(name);
@@ -164,7 +179,9 @@ impl Maker<'_> {
             self.bar.inc(1);
             let (a, b) = (pair.a as usize, pair.b as usize);
             let transfer = |p| transfer(scene, [&depths[a], &depths[b]], pair, p);
-            let [a_view, b_view] = views.get_disjoint_mut([a, b]).context("a pair of one image")?;
+            let [a_view, b_view] = views
+                .get_disjoint_mut([a, b])
+                .context("a pair of one image")?;
             let found = exact::agreeing(&a_view.features, &b_view.features, &transfer);
             self.add([a_view, b_view], found, source, seed.number(number as u64));
         }
@@ -173,7 +190,13 @@ impl Maker<'_> {
 
     /// Adds some of the pairs of keypoints, each with the keypoint of `b` that looks most similar
     /// to that of `a` but is elsewhere.
-    fn add(&mut self, [a, b]: [&mut View; 2], mut pairs: Vec<(usize, usize)>, source: u32, seed: Seed) {
+    fn add(
+        &mut self,
+        [a, b]: [&mut View; 2],
+        mut pairs: Vec<(usize, usize)>,
+        source: u32,
+        seed: Seed,
+    ) {
         let mut rng = seed.child("choice").rng();
         let wanted = self.recipe.per_pair.min(pairs.len());
         for i in 0..wanted {
@@ -204,7 +227,8 @@ impl Maker<'_> {
         for (data, side) in self.set.data.iter_mut().zip([dlco::SIDE, binboost::SIDE]) {
             let start = data.len();
             data.resize(start + side * side, 0);
-            view.source.rectify(at, SCALE_FACTOR, side, &mut data[start..]);
+            view.source
+                .rectify(at, SCALE_FACTOR, side, &mut data[start..]);
         }
         let row = sift_row(&view.features, keypoint);
         self.set.data[2].extend(row.iter().map(|&value| value as u8));
@@ -227,7 +251,10 @@ fn most_similar_elsewhere(a: &Features, i: usize, b: &Features, truth: usize) ->
     (b.keypoints.iter().enumerate())
         .filter(|(_, other)| (other.at - truth.at).norm() > far)
         .map(|(j, _)| {
-            let squares = row.iter().zip(sift_row(b, j)).map(|(x, y)| (x - y) * (x - y));
+            let squares = row
+                .iter()
+                .zip(sift_row(b, j))
+                .map(|(x, y)| (x - y) * (x - y));
             (squares.sum::<f32>(), j)
         })
         .min_by(|x, y| x.0.total_cmp(&y.0))
@@ -258,4 +285,3 @@ fn nearest(depth: &FloatImage, at: Point2<f64>) -> Option<f32> {
     let inside = x >= 0.0 && y >= 0.0 && x < depth.width() as f64 && y < depth.height() as f64;
     inside.then(|| depth.at(x as usize, y as usize))
 }
-

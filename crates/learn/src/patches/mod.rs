@@ -32,7 +32,12 @@ const LENGTHS: [usize; 3] = [
     binboost::SIDE * binboost::SIDE,
     128,
 ];
-const FILES: [&str; 4] = ["patches-64.bin", "patches-32.bin", "sift.bin", "triplets.bin"];
+const FILES: [&str; 4] = [
+    "patches-64.bin",
+    "patches-32.bin",
+    "sift.bin",
+    "triplets.bin",
+];
 
 /// The parts of a set.
 pub(crate) const PARTS: [&str; 3] = ["train", "validation", "test"];

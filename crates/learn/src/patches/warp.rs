@@ -60,7 +60,10 @@ impl Warp {
             let within = |v: f64, length: usize| v >= 0.0 && v <= length as f64 - 1.0;
             within(p.x, size.width) && within(p.y, size.height)
         };
-        (Some(at).filter(inside).and_then(|at| apply(&self.b_from_a, at))).filter(inside)
+        (Some(at)
+            .filter(inside)
+            .and_then(|at| apply(&self.b_from_a, at)))
+        .filter(inside)
     }
 }
 
@@ -97,7 +100,8 @@ mod tests {
             // Brightness changes, but what is brighter stays brighter.
             let darker = warp.transfer(Point2::new(25.0, 25.0));
             let brighter = warp.transfer(Point2::new(55.0, 35.0));
-            let shade = |at: Option<Point2<f64>>| interpolate(&warp.image, at.expect("near the centre"));
+            let shade =
+                |at: Option<Point2<f64>>| interpolate(&warp.image, at.expect("near the centre"));
             assert!(shade(brighter) > shade(darker) + 10.0);
             assert!(warp.transfer(Point2::new(-1.0, 5.0)).is_none());
         }

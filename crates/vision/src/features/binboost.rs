@@ -23,7 +23,8 @@
 //! # Choices that the paper leaves open
 //! Gradients count by their magnitude. Responses are rounded to 8 bits and weights to 7 bits, in
 //! learning as here, so that 32 patches are judged at once in bytes. Boxes come from a pool that
-//! all bits share, each of whose boxes is summed once.
+//! all bits share, each of whose boxes is summed once. A bit has an offset besides its weak
+//! learners, as if one of them always said yes.
 //!
 //! # Differences from the authors' code
 //! The table: it is learned again, on other scenes. The patch is taken from an octave of the image
@@ -78,15 +79,25 @@ pub struct BinBoostTable {
     pub learners_per_bit: usize,
     /// The weak learners, bit after bit.
     pub learners: Vec<WeakLearner>,
+    /// What is added to the sum of each bit's weak learners.
+    pub offsets: Vec<i16>,
 }
 
 impl BinBoostTable {
     /// Number of bits.
     pub fn bits(&self) -> usize {
-        self.learners.len() / self.learners_per_bit
+        self.offsets.len()
     }
 
-    /// The table as bytes: magic, three counts, boxes, learners; little-endian.
+    /// The weak learners of each bit, and what is added to their sum.
+    pub fn bit_by_bit(&self) -> impl Iterator<Item = (&[WeakLearner], &i16)> {
+        self.learners
+            .chunks_exact(self.learners_per_bit)
+            .zip(&self.offsets)
+    }
+
+    /// The table as bytes: magic, three counts, boxes, learners, offsets;
+    /// little-endian.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = MAGIC.to_vec();
         for count in [self.boxes.len(), self.bits(), self.learners_per_bit] {
@@ -96,6 +107,9 @@ impl BinBoostTable {
         for learner in &self.learners {
             bytes.extend(learner.feature.to_le_bytes());
             bytes.extend([learner.threshold, learner.weight.cast_unsigned()]);
+        }
+        for offset in &self.offsets {
+            bytes.extend(offset.to_le_bytes());
         }
         bytes
     }
@@ -112,7 +126,8 @@ impl BinBoostTable {
         let bytes = bytes.strip_prefix(MAGIC)?;
         let (counts, bytes) = bytes.split_at_checked(6)?;
         let count = |i: usize| usize::from(u16::from_le_bytes([counts[2 * i], counts[2 * i + 1]]));
-        let (boxes, learners) = bytes.split_at_checked(4 * count(0))?;
+        let (boxes, bytes) = bytes.split_at_checked(4 * count(0))?;
+        let (learners, offsets) = bytes.split_at_checked(4 * count(1) * count(2))?;
         let boxes = boxes.as_chunks::<4>().0.to_vec();
         let learners: Vec<WeakLearner> = (learners.as_chunks::<4>().0.iter())
             .map(|&[low, high, threshold, weight]| WeakLearner {
@@ -121,6 +136,9 @@ impl BinBoostTable {
                 weight: weight.cast_signed(),
             })
             .collect();
+        let offsets: Vec<i16> = (offsets.as_chunks::<2>().0.iter())
+            .map(|&offset| i16::from_le_bytes(offset))
+            .collect();
         let inside = |&[left, top, right, bottom]: &[u8; 4]| {
             left < right && top < bottom && usize::from(right.max(bottom)) <= INNER
         };
@@ -128,8 +146,8 @@ impl BinBoostTable {
         // More learners could overflow the sums of `vote`.
         let whole = (1..=256).contains(&count(2))
             && !learners.is_empty()
-            && learners.len() == count(1) * count(2)
-            && bytes.len() == 4 * (boxes.len() + learners.len());
+            && bytes.len() == 4 * learners.len() + 2 * count(1)
+            && offsets.len() == count(1);
         (whole
             && boxes.iter().all(inside)
             && learners.iter().all(|l| usize::from(l.feature) < features))
@@ -137,6 +155,7 @@ impl BinBoostTable {
             boxes,
             learners_per_bit: count(2),
             learners,
+            offsets,
         })
     }
 }
@@ -240,9 +259,8 @@ impl BinBoost {
                     column[lane] = response;
                 }
             }
-            let learners = self.table.learners.chunks_exact(self.table.learners_per_bit);
-            for (bit, learners) in learners.enumerate() {
-                let votes = vote(&columns, learners);
+            for (bit, (learners, &offset)) in self.table.bit_by_bit().enumerate() {
+                let votes = vote(&columns, learners, offset);
                 for (lane, row) in rows.chunks_exact_mut(words).enumerate() {
                     row[bit / 64] |= u64::from(votes >> lane & 1) << (bit % 64);
                 }
@@ -293,6 +311,7 @@ mod tests {
             boxes: vec![[0, 0, 30, 30]],
             learners_per_bit: 1,
             learners: vec![learner(0, -1), learner(4, -1)],
+            offsets: vec![0, 0],
         }
     }
 
@@ -301,7 +320,10 @@ mod tests {
         let bytes = table().to_bytes();
         assert_eq!(BinBoostTable::from_bytes(&bytes), Ok(table()));
         for end in 0..bytes.len() {
-            assert!(BinBoostTable::from_bytes(&bytes[..end]).is_err(), "{end} bytes");
+            assert!(
+                BinBoostTable::from_bytes(&bytes[..end]).is_err(),
+                "{end} bytes"
+            );
         }
         for (at, value) in [(0, 0), (4, 2), (12, 31), (10, 31), (14, 8)] {
             let mut damaged = bytes.clone();
@@ -327,7 +349,11 @@ mod tests {
         let ramp = |i: usize, patch: &mut [u8]| {
             for (at, pixel) in patch.iter_mut().enumerate() {
                 let x = (at % SIDE) as u8;
-                *pixel = if i.is_multiple_of(2) { 4 * x } else { 200 - 4 * x };
+                *pixel = if i.is_multiple_of(2) {
+                    4 * x
+                } else {
+                    200 - 4 * x
+                };
             }
         };
         let rows = describer.describe_patches(70, ramp);
@@ -341,7 +367,10 @@ mod tests {
     fn contrast_and_brightness_hardly_matter_and_noise_does() {
         let describer = BinBoost::new(BinBoostParams::default()).unwrap();
         let blob = |x: usize, y: usize, seed: usize| {
-            Seed(1).number((x / 5 + 7 * (y / 4) + 100 * seed) as u64).rng().below(100) as u8
+            Seed(1)
+                .number((x / 5 + 7 * (y / 4) + 100 * seed) as u64)
+                .rng()
+                .below(100) as u8
         };
         let rows = describer.describe_patches(3, |i, patch| {
             for (at, pixel) in patch.iter_mut().enumerate() {
@@ -371,7 +400,11 @@ mod tests {
             response: 1.0,
             octave: 0,
         };
-        let mut keypoints = vec![keypoint(5.0, 3.0), keypoint(f32::NAN, 3.0), keypoint(5.0, 0.0)];
+        let mut keypoints = vec![
+            keypoint(5.0, 3.0),
+            keypoint(f32::NAN, 3.0),
+            keypoint(5.0, 0.0),
+        ];
         let image = GrayImage::filled(Size::new(20, 20), 7);
         assert_eq!(describer.describe(&image, &mut keypoints).len(), 1);
         assert_eq!(keypoints.len(), 1);

@@ -114,9 +114,7 @@ mod tests {
         let source = PatchSource::new(&image);
         let mut patch = [0; 16];
         source.rectify(&keypoint(10.5, 12.5, 2.0, 0.0), 2.0, 4, &mut patch);
-        let expected: Vec<u8> = (0..16)
-            .map(|i| image.at(9 + i % 4, 11 + i / 4))
-            .collect();
+        let expected: Vec<u8> = (0..16).map(|i| image.at(9 + i % 4, 11 + i / 4)).collect();
         assert_eq!(patch[..], expected);
     }
 

@@ -76,11 +76,13 @@ multiversioned! {
         }
     }
 
-    /// One bit for each of 32 patches: whether the weak learners' answers sum to more than 0.
+    /// One bit for each of 32 patches: whether the weak learners' answers and `offset` sum to more
+    /// than 0.
     ///
     /// # Panics
     /// If a learner asks for a feature that is not there.
-    pub fn vote(responses: &[[u8; PATCHES_AT_ONCE]], learners: &[WeakLearner]) -> u32 {
+    pub fn vote(responses: &[[u8; PATCHES_AT_ONCE]], learners: &[WeakLearner], offset: i16) -> u32 {
+        let offset = i32::from(offset);
         let mut yes = [0_i16; PATCHES_AT_ONCE];
         let mut all = 0_i32;
         for learner in learners {
@@ -93,7 +95,7 @@ multiversioned! {
         }
         let mut bits = 0;
         for (i, &yes) in yes.iter().enumerate() {
-            bits |= u32::from(2 * i32::from(yes) > all) << i;
+            bits |= u32::from(2 * i32::from(yes) + offset > all) << i;
         }
         bits
     }
@@ -184,7 +186,12 @@ mod tests {
             rows.push(next);
         }
         let mut responses = [[0; DIRECTIONS]; 2];
-        box_responses(rows.as_flattened(), 3, &[[0, 0, 2, 2], [1, 1, 2, 2]], &mut responses);
+        box_responses(
+            rows.as_flattened(),
+            3,
+            &[[0, 0, 2, 2], [1, 1, 2, 2]],
+            &mut responses,
+        );
         assert_eq!(responses[0], [100, 0, 255, 0, 0, 0, 0, 0]);
         assert_eq!(responses[1], [0, 0, 255, 0, 0, 0, 0, 0]);
     }
@@ -202,7 +209,7 @@ mod tests {
                 weight: rng.below(255) as i32 as i8,
             })
             .collect();
-        let bits = vote(&responses, &learners);
+        let bits = vote(&responses, &learners, 300);
         for patch in 0..PATCHES_AT_ONCE {
             let sum: i32 = learners
                 .iter()
@@ -211,7 +218,7 @@ mod tests {
                     i32::from(l.weight) * if yes { 1 } else { -1 }
                 })
                 .sum();
-            assert_eq!(bits >> patch & 1 == 1, sum > 0);
+            assert_eq!(bits >> patch & 1 == 1, sum + 300 > 0);
         }
     }
 
@@ -234,7 +241,9 @@ mod tests {
         for (block, products) in products.iter().enumerate() {
             for (v, row) in products.iter().enumerate() {
                 for (j, &product) in row.iter().enumerate() {
-                    let expected: f32 = (0..5).map(|i| vectors[v][i] * matrix[5 * block + i][j]).sum();
+                    let expected: f32 = (0..5)
+                        .map(|i| vectors[v][i] * matrix[5 * block + i][j])
+                        .sum();
                     assert_eq!(product, expected);
                 }
             }

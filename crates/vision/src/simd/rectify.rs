@@ -167,7 +167,10 @@ mod tests {
         spread_gradients(&row(0.0)[1..12], &row(1.0), &row(2.0)[1..12], &mut spread);
         for shares in spread {
             assert!((shares.iter().sum::<f32>() - 10.0).abs() < 1e-4);
-            assert!((shares[2] - 10.0 * (53.13 - 45.0) / 45.0).abs() < 0.01, "{shares:?}");
+            assert!(
+                (shares[2] - 10.0 * (53.13 - 45.0) / 45.0).abs() < 0.01,
+                "{shares:?}"
+            );
             assert!(shares[1] > 8.0 && shares[3..].iter().all(|&share| share == 0.0));
         }
     }

@@ -144,7 +144,11 @@ impl Dlco {
         let mut data = Vec::with_capacity(count * dimensions);
         for first in (0..count).step_by(VECTORS_AT_ONCE) {
             let wanted = VECTORS_AT_ONCE.min(count - first);
-            for (v, pooled) in pooled.chunks_exact_mut(pooling.len()).take(wanted).enumerate() {
+            for (v, pooled) in pooled
+                .chunks_exact_mut(pooling.len())
+                .take(wanted)
+                .enumerate()
+            {
                 fill(first + v, &mut patch);
                 pooling.compute(&patch, pooled);
             }
@@ -212,14 +216,21 @@ mod tests {
         };
         let patches = [patch(1, 1, 0), patch(1, 2, 30), patch(2, 1, 0)];
         let rows = describe(&patches, DlcoParams::default());
-        let (same, other) = (distance(rows.row(0), rows.row(1)), distance(rows.row(0), rows.row(2)));
+        let (same, other) = (
+            distance(rows.row(0), rows.row(1)),
+            distance(rows.row(0), rows.row(2)),
+        );
         assert!(100.0 * same < other, "{same} {other}");
     }
 
     #[test]
     fn blocks_and_dimensions_do_not_change_the_values() {
         let patches: Vec<Vec<u8>> = (0..6)
-            .map(|n| (0..SIDE * SIDE).map(|i| pattern(i % SIDE, i / SIDE, n)).collect())
+            .map(|n| {
+                (0..SIDE * SIDE)
+                    .map(|i| pattern(i % SIDE, i / SIDE, n))
+                    .collect()
+            })
             .collect();
         let rows = describe(&patches, DlcoParams::default());
         let few = DlcoParams {

@@ -31,12 +31,19 @@ impl Ring {
             return vec![[0.0; 2]];
         }
         let on_axis = self.turn <= 0.0 || self.turn >= 0.125;
-        let turns = if on_axis { vec![self.turn] } else { vec![self.turn, -self.turn] };
+        let turns = if on_axis {
+            vec![self.turn]
+        } else {
+            vec![self.turn, -self.turn]
+        };
         let mut centres = Vec::new();
         for quarter in 0..4_u8 {
             for turn in &turns {
                 let angle = core::f32::consts::TAU * (turn + 0.25 * f32::from(quarter));
-                centres.push([self.radius * libm::cosf(angle), self.radius * libm::sinf(angle)]);
+                centres.push([
+                    self.radius * libm::cosf(angle),
+                    self.radius * libm::sinf(angle),
+                ]);
             }
         }
         centres
@@ -95,7 +102,9 @@ impl Pooling {
             .iter()
             .flat_map(|ring| {
                 let centres = ring.centres();
-                centres.into_iter().map(|centre| Region::new(centre, ring.sigma))
+                centres
+                    .into_iter()
+                    .map(|centre| Region::new(centre, ring.sigma))
             })
             .collect();
         Self {

@@ -47,7 +47,10 @@ impl DlcoTable {
         let (counts, bytes) = bytes.split_at_checked(4)?;
         let count = |i: usize| usize::from(u16::from_le_bytes([counts[2 * i], counts[2 * i + 1]]));
         let (values, rest) = bytes.as_chunks::<4>();
-        let values: Vec<f32> = values.iter().map(|&value| f32::from_le_bytes(value)).collect();
+        let values: Vec<f32> = values
+            .iter()
+            .map(|&value| f32::from_le_bytes(value))
+            .collect();
         let (rings, projection) = values.split_at_checked(3 * count(0))?;
         let rings: Vec<Ring> = (rings.as_chunks::<3>().0.iter())
             .map(|&[radius, turn, sigma]| Ring {
@@ -66,7 +69,10 @@ impl DlcoTable {
             && values.iter().all(|value| value.is_finite()))
         .then(|| Self {
             rings,
-            projection: projection.chunks_exact(columns).map(<[f32]>::to_vec).collect(),
+            projection: projection
+                .chunks_exact(columns)
+                .map(<[f32]>::to_vec)
+                .collect(),
         })
     }
 }
