@@ -98,9 +98,6 @@ pub(crate) fn learn(
         table.learners.extend(learners);
         table.offsets.push(offset);
         bar.set_message(format!("edge {edge:.3}"));
-        if std::env::var_os("EDGES").is_some() {
-            eprintln!("{bit} {edge:.3} {offset}");
-        }
         bar.inc(1);
         if (bit + 1).is_multiple_of(CHECKPOINT) {
             write_whole(checkpoint, &table.to_bytes())?;

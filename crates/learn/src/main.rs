@@ -93,19 +93,19 @@ struct BinboostArgs {
     #[arg(long, value_name = "N", default_value_t = 256)]
     bits: usize,
     /// Weak learners of each bit
-    #[arg(long, value_name = "N", default_value_t = 128)]
+    #[arg(long, value_name = "N", default_value_t = 32)]
     learners: usize,
     /// Boxes that weak learners choose from
     #[arg(long, value_name = "N", default_value_t = 384)]
     boxes: usize,
     /// Features tried for each weak learner
-    #[arg(long, value_name = "N", default_value_t = 48)]
+    #[arg(long, value_name = "N", default_value_t = 16)]
     tries: usize,
     /// Pairs of patches
-    #[arg(long, value_name = "N", default_value_t = 50_000)]
+    #[arg(long, value_name = "N", default_value_t = 24_000)]
     pairs: usize,
     /// Share of AdaBoost's step taken after a bit
-    #[arg(long, value_name = "SHARE", default_value_t = 0.2)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
     shrinkage: f64,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]

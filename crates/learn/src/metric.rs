@@ -126,9 +126,6 @@ pub(crate) fn learn(
         state.steps += 1;
         metric = solve(&gradients, state.steps, params);
         bar.set_message(format!("violated {violated:.3}, rank {}", metric.ncols()));
-        if std::env::var_os("EDGES").is_some() && state.steps.is_multiple_of(10) {
-            eprintln!("{} {violated:.3} {}", state.steps, metric.ncols());
-        }
         bar.inc(1);
         if state.steps.is_multiple_of(CHECKPOINT) {
             state.gradients = gradients.as_slice().to_vec();
@@ -171,9 +168,6 @@ fn candidates() -> Vec<Ring> {
     rings
 }
 
-/// Values of the smallest ring: the penalty of a ring is in units of it.
-const SMALLEST_RING: f32 = 8.0;
-
 /// Values that a ring gives.
 fn values(ring: &Ring) -> usize {
     DIRECTIONS * ring.centres().len()
@@ -213,14 +207,12 @@ fn select_rings(
         std::array::from_fn(|_| vec![[0.0; DIRECTIONS]; pooling.len()]);
     // psi of the negative less psi of the positive, a row for each triplet.
     let mut margins: Vec<f32> = Vec::with_capacity(count * candidates.len());
-    // Sums of psi of the negatives.
-    let mut distances = vec![0.0_f32; candidates.len()];
     for patches in patches_of(set, count, seed.child("rings")) {
         for (pooled, patch) in pooled.iter_mut().zip(patches) {
             pooling.compute(set.large(patch), pooled);
         }
         let mut first = 0;
-        for (ring, distance) in candidates.iter().zip(&mut distances) {
+        for ring in candidates {
             let range = first..first + values(ring) / DIRECTIONS;
             first = range.end;
             let row = |i: usize| pooled[i][range.clone()].as_flattened();
@@ -232,11 +224,9 @@ fn select_rings(
                     .sum()
             };
             margins.push(squares(2) - squares(1));
-            *distance += squares(2);
         }
         bar.inc(1);
     }
-    let scales = normalise_rings(&mut margins, &distances, candidates);
     // The least penalty whose selection is small enough, by bisection of its logarithm.
     let (mut low, mut high) = (-16.0, 4.0);
     let mut best = Vec::new();
@@ -261,26 +251,7 @@ fn select_rings(
             }
         }
     }
-    for (ring, weight) in &mut best {
-        *weight *= scales[*ring];
-    }
     best
-}
-
-/// Scales each ring so that negatives are on average 1 apart in each eight of its values, and returns
-/// the scales: otherwise the penalty would prefer small regions, which average less, and it would
-/// not count what a ring costs.
-fn normalise_rings(margins: &mut [f32], distances: &[f32], candidates: &[Ring]) -> Vec<f32> {
-    let count = (margins.len() / candidates.len().max(1)) as f32;
-    let scales: Vec<f32> = (distances.iter().zip(candidates))
-        .map(|(sum, ring)| count / sum.max(f32::MIN_POSITIVE) * SMALLEST_RING / values(ring) as f32)
-        .collect();
-    for row in margins.chunks_exact_mut(candidates.len()) {
-        for (margin, scale) in row.iter_mut().zip(&scales) {
-            *margin *= scale;
-        }
-    }
-    scales
 }
 
 /// Weights of the rings under penalty `mu`, after some passes over the triplets.

@@ -18,12 +18,13 @@
 //! | --- | --- | --- | --- |
 //! | - | [`BinBoostParams::scale_factor`] | 6.75 | MatchBench, for keypoints of SIFT |
 //! | - | [`BinBoostParams::upright`] | false | MatchBench |
-//! | D, K | the table | 256 bits of 128 weak learners | CVPR 2013, section 4 |
+//! | D | the table | 256 bits | MatchBench |
+//! | K | the table | 32 weak learners for each bit; 128 in the paper | measured |
 //!
 //! # Choices that the paper leaves open
 //! Gradients count by their magnitude. Responses are rounded to 8 bits and weights to 7 bits, in
 //! learning as here, so that 32 patches are judged at once in bytes. Boxes come from a pool that
-//! all bits share, each of whose boxes is summed once. A bit has an offset besides its weak
+//! all bits share, whose boxes are summed once. A bit has an offset besides its weak
 //! learners, as if one of them always said yes.
 //!
 //! # Differences from the authors' code
