@@ -31,6 +31,17 @@ MATCHERS = {
     "freak-sift": (cv2.SIFT_create, cv2.xfeatures2d.FREAK_create, cv2.NORM_HAMMING),
     "latch": (cv2.SIFT_create, cv2.xfeatures2d.LATCH_create, cv2.NORM_HAMMING),
     "daisy": (cv2.SIFT_create, cv2.xfeatures2d.DAISY_create, cv2.NORM_L2),
+    # VGG (100: 120 values) and BoostDesc (302: BinBoost, 256 bits) with the settings of the paper's evaluation for keypoints of SIFT.
+    "dlco": (
+        cv2.SIFT_create,
+        lambda: cv2.xfeatures2d.VGG_create(100, 1.4, True, True, 6.75, False),
+        cv2.NORM_L2,
+    ),
+    "binboost": (
+        cv2.SIFT_create,
+        lambda: cv2.xfeatures2d.BoostDesc_create(302, True, 6.75),
+        cv2.NORM_HAMMING,
+    ),
 }
 
 

@@ -7,6 +7,9 @@ mod akaze;
 mod asift;
 mod brisk;
 mod code;
+mod binboost;
+mod brisk;
+mod dlco;
 mod freak;
 mod freak_sift;
 mod kaze;
@@ -33,6 +36,8 @@ pub const MATCHERS: &[&dyn Entry] = &[
     &akaze::AKAZE,
     &asift::AsiftEntry,
     &code::CodeEntry,
+    &dlco::DLCO,
+    &binboost::BINBOOST,
 ];
 
 /// A matcher that can be asked for by name.

@@ -7,28 +7,34 @@
 
 pub mod akaze;
 pub mod asift;
+pub mod binboost;
 pub mod brisk;
 #[cfg(test)]
 mod covariance;
 mod descriptors;
+pub mod dlco;
 pub mod fast;
 pub mod freak;
 pub mod kaze;
 mod keypoint;
 pub mod orb;
+mod patch;
 mod peak;
 pub mod sift;
 pub mod surf;
 
 pub use akaze::{Akaze, AkazeParams};
 pub use asift::{Asift, AsiftParams};
+pub use binboost::{BinBoost, BinBoostParams};
 pub use brisk::{Brisk, BriskParams};
 pub use descriptors::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
+pub use dlco::{Dlco, DlcoParams};
 pub use fast::{Fast, FastParams};
 pub use freak::{Freak, FreakParams};
 pub use kaze::{Kaze, KazeParams};
 pub use keypoint::{Features, Keypoint};
 pub use orb::{Orb, OrbParams};
+pub use patch::PatchSource;
 pub use sift::{Sift, SiftParams};
 pub use surf::{Surf, SurfParams};
 

@@ -55,6 +55,8 @@ mod histogram;
 mod normalize;
 mod orb;
 mod refine;
+mod pooling;
+mod rectify;
 mod resample;
 mod sampling;
 mod sampson;
@@ -79,6 +81,11 @@ pub use orb::{
     PATCH_MARGIN, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments,
 };
 pub use refine::sampson_normal_equations;
+pub use pooling::{
+    PATCHES_AT_ONCE, VECTORS_AT_ONCE, WeakLearner, box_responses, integrate_spread, pool, project,
+    vote,
+};
+pub use rectify::{DIRECTIONS, Source, sample_line, spread_gradients};
 pub use resample::{double_row, halve_row, subtract};
 pub use sampling::{
     AROUND, CellSums, Planes, longest_sum_of_slices, longest_sum_of_windows, sum_cells,

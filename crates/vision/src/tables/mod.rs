@@ -10,6 +10,12 @@ pub(crate) const FREAK_PAIRS: &[u8; 2 * 512] = include_bytes!("freak_pairs.bin")
 /// 256 bits.
 pub(crate) const ORB_PAIRS: &[u8; 4 * 256] = include_bytes!("orb_pairs.bin");
 
+/// The learned BinBoost, as `BinBoostTable` writes it.
+pub(crate) const BINBOOST: &[u8] = include_bytes!("binboost.bin");
+
+/// The learned DLCO, as `DlcoTable` writes it.
+pub(crate) const DLCO: &[u8] = include_bytes!("dlco.bin");
+
 #[cfg(test)]
 mod tests {
     use std::fs;

@@ -1,0 +1,269 @@
+//! `matchbench-learn`: learns the tables of trained descriptors, from patches to FPR95.
+
+mod boost;
+mod evaluate;
+mod metric;
+mod pairs;
+mod patches;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use clap::{Args, Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use matchbench::files::write_whole;
+use matchbench_vision::features::binboost::BinBoostTable;
+use matchbench_vision::features::dlco::DlcoTable;
+
+use boost::BoostParams;
+use evaluate::{Described, report};
+use metric::MetricParams;
+use patches::{PatchSet, Recipe};
+
+/// Learns the tables of matchbench's trained descriptors from images with known cameras.
+#[derive(Debug, Parser)]
+#[command(name = "matchbench-learn", version, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Make a set of patches from datasets and rendered scenes
+    Patches(PatchesArgs),
+    /// FPR95 of SIFT and of tables on one part of a set
+    Evaluate(EvaluateArgs),
+    /// Learn BinBoost; with --learners 1 it is BGM
+    Binboost(BinboostArgs),
+    /// Learn DLCO: pooling regions, then the projection
+    Dlco(DlcoArgs),
+}
+
+#[derive(Debug, Args)]
+struct PatchesArgs {
+    /// Scenes to learn from: folders of datasets, or rendered:NAME
+    #[arg(long, value_name = "SCENE", num_args = 1.., required = true)]
+    train: Vec<String>,
+    /// Scenes to choose parameters on
+    #[arg(long, value_name = "SCENE", num_args = 1..)]
+    validation: Vec<String>,
+    /// Scenes to report on
+    #[arg(long, value_name = "SCENE", num_args = 1..)]
+    test: Vec<String>,
+    /// Most triplets of one pair of images
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    per_pair: usize,
+    /// Warped views of each photograph
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    warps: usize,
+    /// Seed of every random choice
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Folder of the set
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+struct EvaluateArgs {
+    /// The set
+    set: PathBuf,
+    /// Which part of it: train, validation or test
+    #[arg(long, default_value = "test")]
+    part: String,
+    /// A table of BinBoost
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    binboost: Vec<PathBuf>,
+    /// A table of DLCO
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    dlco: Vec<PathBuf>,
+    /// Values of DLCO's descriptor
+    #[arg(long, value_name = "N", default_value_t = 120)]
+    dimensions: usize,
+}
+
+#[derive(Debug, Args)]
+struct BinboostArgs {
+    /// The set
+    set: PathBuf,
+    /// Number of bits
+    #[arg(long, value_name = "N", default_value_t = 256)]
+    bits: usize,
+    /// Weak learners of each bit
+    #[arg(long, value_name = "N", default_value_t = 32)]
+    learners: usize,
+    /// Boxes that weak learners choose from
+    #[arg(long, value_name = "N", default_value_t = 384)]
+    boxes: usize,
+    /// Features tried for each weak learner
+    #[arg(long, value_name = "N", default_value_t = 16)]
+    tries: usize,
+    /// Pairs of patches
+    #[arg(long, value_name = "N", default_value_t = 24_000)]
+    pairs: usize,
+    /// Share of AdaBoost's step taken after a bit
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
+    shrinkage: f64,
+    /// Seed of every random choice
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// The table; OUT.part beside it is what a stopped run goes on with
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+struct DlcoArgs {
+    /// The set
+    set: PathBuf,
+    /// Values of the descriptor
+    #[arg(long, value_name = "N", default_value_t = 120)]
+    dimensions: usize,
+    /// Most values that are pooled
+    #[arg(long, value_name = "N", default_value_t = 640)]
+    values: usize,
+    /// Triplets for the selection of rings
+    #[arg(long, value_name = "N", default_value_t = 8_000)]
+    ring_triplets: usize,
+    /// Triplets for the projection
+    #[arg(long, value_name = "N", default_value_t = 30_000)]
+    triplets: usize,
+    /// Principal directions that the projection works in
+    #[arg(long, value_name = "N", default_value_t = 256)]
+    principal: usize,
+    /// Triplets of a step
+    #[arg(long, value_name = "N", default_value_t = 2_000)]
+    batch: usize,
+    /// Steps of the optimisation
+    #[arg(long, value_name = "N", default_value_t = 150)]
+    steps: usize,
+    /// Weight of the nuclear norm
+    #[arg(long, default_value_t = 1e-5)]
+    mu: f64,
+    /// Inverse step size
+    #[arg(long, default_value_t = 1e-3)]
+    gamma: f64,
+    /// Seed of every random choice
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// The table; OUT.part beside it is what a stopped run goes on with
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+fn main() -> Result<()> {
+    match Cli::parse().command {
+        Command::Patches(args) => make_patches(args),
+        Command::Evaluate(args) => evaluate(&args),
+        Command::Binboost(args) => learn_binboost(&args),
+        Command::Dlco(args) => learn_dlco(&args),
+    }
+}
+
+fn make_patches(args: PatchesArgs) -> Result<()> {
+    let recipe = Recipe {
+        scenes: [args.train, args.validation, args.test],
+        per_pair: args.per_pair,
+        warps: args.warps,
+        seed: args.seed,
+    };
+    let manifest = patches::make(&recipe, &args.out, &bar("pairs of images"))?;
+    for part in manifest.parts {
+        println!("{}: {} patches", part.name, part.patches);
+        for (source, count) in part.sources {
+            println!("  {source}: {count} triplets");
+        }
+    }
+    Ok(())
+}
+
+fn evaluate(args: &EvaluateArgs) -> Result<()> {
+    let set = PatchSet::read(&args.set, &args.part)?;
+    let name = |path: &Path| {
+        path.file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned()
+    };
+    let mut described = vec![("sift".to_owned(), Described::sift(&set))];
+    for path in &args.binboost {
+        let table =
+            BinBoostTable::from_bytes(&read(path)?).with_context(|| path.display().to_string())?;
+        described.push((name(path), Described::binboost(&set, &table)?));
+    }
+    for path in &args.dlco {
+        let table =
+            DlcoTable::from_bytes(&read(path)?).with_context(|| path.display().to_string())?;
+        described.push((name(path), Described::dlco(&set, &table, args.dimensions)?));
+    }
+    println!("{}", report(&set, &described));
+    Ok(())
+}
+
+fn learn_binboost(args: &BinboostArgs) -> Result<()> {
+    let set = PatchSet::read(&args.set, "train")?;
+    let params = BoostParams {
+        bits: args.bits,
+        learners_per_bit: args.learners,
+        boxes: args.boxes,
+        tries: args.tries,
+        pairs: args.pairs,
+        shrinkage: args.shrinkage,
+        seed: args.seed,
+    };
+    let table = boost::learn(&set, &params, &part(&args.out), &bar("bits"))?;
+    finish(&args.out, &table.to_bytes())
+}
+
+fn learn_dlco(args: &DlcoArgs) -> Result<()> {
+    let set = PatchSet::read(&args.set, "train")?;
+    let params = MetricParams {
+        dimensions: args.dimensions,
+        values: args.values,
+        ring_triplets: args.ring_triplets,
+        triplets: args.triplets,
+        principal: args.principal,
+        batch: args.batch,
+        steps: args.steps,
+        mu: args.mu,
+        gamma: args.gamma,
+        seed: args.seed,
+    };
+    let table = metric::learn(&set, &params, &part(&args.out), &bar("steps"))?;
+    println!(
+        "{} rings, {} values pooled",
+        table.rings.len(),
+        table.pooled()
+    );
+    finish(&args.out, &table.to_bytes())
+}
+
+/// Writes a finished table; what a stopped run would have gone on with is no longer needed.
+fn finish(out: &Path, bytes: &[u8]) -> Result<()> {
+    write_whole(out, bytes).with_context(|| out.display().to_string())?;
+    let _ = fs::remove_file(part(out)); // there is none if the run was short
+    println!("{}: {} bytes", out.display(), bytes.len());
+    Ok(())
+}
+
+fn part(out: &Path) -> PathBuf {
+    let mut name = out.as_os_str().to_owned();
+    name.push(".part");
+    name.into()
+}
+
+fn read(path: &Path) -> Result<Vec<u8>> {
+    fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))
+}
+
+/// A bar on standard error where that is a terminal, silent otherwise.
+fn bar(unit: &str) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr_with_hz(5));
+    let template = format!("{{bar:30}} {{pos}}/{{len}} {unit}  {{eta}} left  {{msg}}");
+    bar.set_style(ProgressStyle::with_template(&template).expect("the template is a constant"));
+    bar.enable_steady_tick(Duration::from_millis(500));
+    bar
+}

@@ -1,0 +1,100 @@
+//! Pairs of patches that are alike or not, and how well distances tell them apart.
+
+use matchbench_vision::seed::Seed;
+
+use crate::patches::PatchSet;
+
+/// Two patches and whether they show the same point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct PatchPair {
+    pub(crate) first: usize,
+    pub(crate) second: usize,
+    pub(crate) same: bool,
+}
+
+/// Where the other patch of a pair that does not match comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Negatives {
+    /// The most similar elsewhere in the other image.
+    Hard,
+    /// Any triplet.
+    Random,
+}
+
+/// A random patch of another triplet than number `index`.
+pub(crate) fn stranger(set: &PatchSet, index: usize, seed: Seed) -> usize {
+    let count = set.triplets.len() as u32;
+    let mut rng = seed.number(index as u64).rng();
+    let other = (index as u32 + 1 + rng.below(count.max(2) - 1)) % count;
+    set.triplets[other as usize].positive as usize
+}
+
+/// For each triplet, in an order shuffled by `seed`, its positive and one negative pair, hard and
+/// random ones by turns; `most` pairs at most.
+pub(crate) fn training_pairs(set: &PatchSet, most: usize, seed: Seed) -> Vec<PatchPair> {
+    let mut pairs = Vec::new();
+    for (n, &index) in shuffled(set.triplets.len(), seed)
+        .iter()
+        .take(most / 2)
+        .enumerate()
+    {
+        let triplet = set.triplets[index];
+        let first = triplet.anchor as usize;
+        let negative = if n.is_multiple_of(2) {
+            triplet.negative as usize
+        } else {
+            stranger(set, index, seed)
+        };
+        let pair = |second, same| PatchPair {
+            first,
+            second,
+            same,
+        };
+        pairs.push(pair(triplet.positive as usize, true));
+        pairs.push(pair(negative, false));
+    }
+    pairs
+}
+
+/// `0..count` in random order.
+pub(crate) fn shuffled(count: usize, seed: Seed) -> Vec<usize> {
+    let mut rng = seed.child("order").rng();
+    let mut order: Vec<usize> = (0..count).collect();
+    for i in 1..count {
+        order.swap(i, rng.below(i as u32 + 1) as usize);
+    }
+    order
+}
+
+/// Share of the `different` pairs that are accepted by the least threshold that accepts 95 % of
+/// the `same` pairs (FPR95), `None` if either is empty.
+pub(crate) fn fpr95(mut same: Vec<f32>, different: &[f32]) -> Option<f64> {
+    same.sort_by(f32::total_cmp);
+    let needed = (19 * same.len()).div_ceil(20);
+    let threshold = *same.get(needed.checked_sub(1)?)?;
+    let accepted = different.iter().filter(|&&d| d <= threshold).count();
+    (!different.is_empty()).then(|| accepted as f64 / different.len() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn false_positives_are_counted_where_95_of_100_are_accepted() {
+        let same: Vec<f32> = (1..=100).map(|i| i as f32).collect();
+        let different: Vec<f32> = (1..=1000).map(|i| 90.5 + i as f32).collect();
+        // Accepted up to 95: 91.5, 92.5, 93.5, 94.5.
+        assert_eq!(fpr95(same.clone(), &different), Some(0.004));
+        assert_eq!(fpr95(same, &[]), None);
+        assert_eq!(fpr95(Vec::new(), &different), None);
+    }
+
+    #[test]
+    fn an_order_holds_each_number_once() {
+        let mut order = shuffled(50, Seed(1));
+        assert_ne!(order, shuffled(50, Seed(2)));
+        order.sort_unstable();
+        assert!(order.into_iter().eq(0..50));
+    }
+}

@@ -1,0 +1,99 @@
+//! Images whose every pixel is known in the other: keypoints that geometry alone says are one.
+//!
+//! No descriptor takes part in the choice, so it favours none. The limits are those of the data
+//! set of Brown, Hua and Winder ("Discriminative Learning of Local Image Descriptors", PAMI 2011):
+//! nearly the same place, a quarter of an octave, an eighth of half a turn.
+
+use matchbench_vision::features::{Features, Keypoint};
+use nalgebra::Point2;
+
+use super::epipolar::wrap;
+
+/// Most difference in place, in sizes of the keypoint, and at most so many pixels more.
+const PLACE: (f32, f32) = (0.15, 0.5);
+/// Most ratio of sizes: a third of an octave, that of neighbouring scales.
+const RATIO: f32 = 1.26;
+/// Most difference of directions, in radians.
+const DIRECTION: f32 = core::f32::consts::PI / 8.0;
+
+/// Where a point of `a` lies in `b`; `None` where it cannot be seen.
+pub(super) type Transfer<'a> = &'a dyn Fn(Point2<f64>) -> Option<Point2<f64>>;
+
+/// The keypoint as it must look in the other image.
+pub(super) fn carried(keypoint: &Keypoint, transfer: Transfer<'_>) -> Option<Keypoint> {
+    let angle = keypoint.angle?;
+    let arm = f64::from(keypoint.size);
+    let (sin, cos) = (f64::from(libm::sinf(angle)), f64::from(libm::cosf(angle)));
+    let at = Point2::new(f64::from(keypoint.at.x), f64::from(keypoint.at.y));
+    let offset = |x: f64, y: f64| transfer(Point2::new(at.x + arm * x, at.y + arm * y));
+    let centre = transfer(at)?;
+    let along = (offset(cos, sin)? - offset(-cos, -sin)?) * 0.5;
+    let across = (offset(-sin, cos)? - offset(sin, -cos)?) * 0.5;
+    let area = along.x * across.y - along.y * across.x;
+    // A surface seen from behind, or a step in depth.
+    let stretched = along.norm().max(across.norm()) / along.norm().min(across.norm());
+    (area > 0.0 && stretched < 3.0).then(|| Keypoint {
+        at: Point2::new(centre.x as f32, centre.y as f32),
+        size: area.sqrt() as f32,
+        angle: Some(libm::atan2(along.y, along.x) as f32),
+        ..*keypoint
+    })
+}
+
+/// Keypoints of `a` and `b` that are one: for each of `a` the nearest in place of those that agree.
+pub(super) fn agreeing(a: &Features, b: &Features, transfer: Transfer<'_>) -> Vec<(usize, usize)> {
+    let mut pairs = Vec::new();
+    for (i, keypoint) in a.keypoints.iter().enumerate() {
+        let Some(expected) = carried(keypoint, transfer) else {
+            continue;
+        };
+        let reach = (PLACE.0 * expected.size)
+            .min(PLACE.1 + 0.05 * expected.size)
+            .max(PLACE.1);
+        let fits = |found: &Keypoint| {
+            let ratio = found.size / expected.size;
+            let turn = wrap(found.angle.unwrap_or(0.0) - expected.angle.unwrap_or(0.0));
+            ratio < RATIO && ratio > 1.0 / RATIO && turn.abs() < DIRECTION
+        };
+        // Keypoints are in the order of columns.
+        let first = b
+            .keypoints
+            .partition_point(|k| k.at.x < expected.at.x - reach);
+        let nearest = (b.keypoints.iter().enumerate().skip(first))
+            .take_while(|(_, found)| found.at.x <= expected.at.x + reach)
+            .filter(|(_, found)| fits(found))
+            .map(|(j, found)| ((found.at - expected.at).norm(), j))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((_, j)) = nearest.filter(|&(distance, _)| distance <= reach) {
+            pairs.push((i, j));
+        }
+    }
+    pairs
+}
+
+#[cfg(test)]
+mod tests {
+    use core::f32::consts::FRAC_PI_2;
+
+    use super::*;
+
+    #[test]
+    fn a_keypoint_is_turned_and_grows_with_the_image() {
+        let keypoint = Keypoint {
+            at: Point2::new(10.0, 20.0),
+            size: 4.0,
+            angle: Some(0.3),
+            response: 0.0,
+            octave: 0,
+        };
+        // A quarter of a turn clockwise on the screen, and twice as large.
+        let transfer = |p: Point2<f64>| Some(Point2::new(100.0 - 2.0 * p.y, 2.0 * p.x));
+        let carried = carried(&keypoint, &transfer).expect("everything is seen");
+        assert_eq!(carried.at, Point2::new(60.0, 20.0));
+        assert!((carried.size - 8.0).abs() < 1e-5);
+        assert!((carried.angle.unwrap() - 0.3 - FRAC_PI_2).abs() < 1e-5);
+        let mirrored = |p: Point2<f64>| Some(Point2::new(-p.x, p.y));
+        assert!(super::carried(&keypoint, &mirrored).is_none());
+        assert!(super::carried(&keypoint, &|_| None).is_none());
+    }
+}

@@ -1,0 +1,287 @@
+//! Making a set of patches from scenes.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail, ensure};
+use indicatif::ProgressBar;
+use matchbench::datasets::rendered::{self, RenderedScene, World};
+use matchbench::datasets::{Sequence, read_gray};
+use matchbench_vision::features::{
+    Descriptors, Extractor, Features, PatchSource, Sift, SiftParams, binboost, dlco,
+};
+use matchbench_vision::geometry::RelativePose;
+use matchbench_vision::image::{FloatImage, GrayImage};
+use matchbench_vision::seed::Seed;
+use nalgebra::{Point2, Point3};
+use serde::{Deserialize, Serialize};
+
+use super::warp::Warp;
+use super::{LENGTHS, Manifest, PARTS, PatchSet, Triplet, epipolar, exact};
+
+/// Side of a patch, in sizes of the keypoint: what the describers use for SIFT's keypoints.
+const SCALE_FACTOR: f32 = 6.75;
+/// A point seen in `b` may be this much nearer or farther than it should be before it counts as
+/// hidden.
+const DEPTH_TOLERANCE: f64 = 0.01;
+
+/// What a set is made of.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Recipe {
+    /// Scenes of each part: folders of datasets, or `rendered:<name>`.
+    pub(crate) scenes: [Vec<String>; 3],
+    /// Most triplets of one pair of images.
+    pub(crate) per_pair: usize,
+    /// Warped views of each photograph.
+    pub(crate) warps: usize,
+    pub(crate) seed: u64,
+}
+
+/// Makes the set of `recipe` in `folder`, which must not hold one.
+pub(crate) fn make(recipe: &Recipe, folder: &Path, bar: &ProgressBar) -> Result<Manifest> {
+    let path = folder.join("manifest.json");
+    ensure!(
+        !path.exists(),
+        "{}: exists; name another folder",
+        path.display()
+    );
+    let mut seen = Vec::new();
+    for scene in recipe.scenes.iter().flatten() {
+        ensure!(
+            !seen.contains(&scene),
+            "{scene}: is named twice; parts must not share scenes"
+        );
+        seen.push(scene);
+    }
+    let mut parts = Vec::new();
+    for (name, scenes) in PARTS.iter().zip(&recipe.scenes) {
+        let mut maker = Maker {
+            recipe,
+            set: PatchSet::default(),
+            sift: Sift::new(SiftParams::default()).context("the default parameters of SIFT")?,
+            bar,
+        };
+        for scene in scenes {
+            match scene.strip_prefix("rendered:") {
+                Some(name) => maker.add_rendered(name)?,
+                None => maker.add_sequence(Path::new(scene))?,
+            }
+        }
+        parts.push(maker.set.write(folder, name)?);
+    }
+    let manifest = Manifest {
+        version: 1,
+        recipe: recipe.clone(),
+        parts,
+    };
+    fs::write(&path, serde_json::to_string_pretty(&manifest)?)
+        .with_context(|| format!("{}", path.display()))?;
+    Ok(manifest)
+}
+
+struct Maker<'a> {
+    recipe: &'a Recipe,
+    set: PatchSet,
+    sift: Sift,
+    bar: &'a ProgressBar,
+}
+
+/// An image and what is needed of it; patches that were stored already are not stored again.
+struct View {
+    features: Features,
+    source: PatchSource,
+    stored: BTreeMap<usize, u32>,
+}
+
+impl Maker<'_> {
+    fn view(&self, image: &GrayImage) -> View {
+        View {
+            features: self.sift.extract(image),
+            source: PatchSource::new(image),
+            stored: BTreeMap::new(),
+        }
+    }
+
+    fn source(&mut self, name: String) -> u32 {
+        self.set.sources.push(name);
+        self.set.sources.len() as u32 - 1
+    }
+
+    /// Pairs of photographs by their poses, and each photograph with warped views of itself.
+    fn add_sequence(&mut self, folder: &Path) -> Result<()> {
+        let sequence = Sequence::open(folder)?;
+        let name = sequence.name.clone();
+        let seed = Seed(self.recipe.seed).child(&name);
+        let images = (sequence.frames.iter())
+            .map(|frame| Ok(read_gray(&frame.image)?))
+            .collect::<Result<Vec<_>>>()?;
+        self.bar
+            .inc_length((sequence.pairs.len() + images.len() * self.recipe.warps) as u64);
+        let mut views: Vec<View> = images.iter().map(|image| self.view(image)).collect();
+
+        let source = self.source(format!("{name}/poses"));
+        for (number, pair) in sequence.pairs.iter().enumerate() {
+            self.bar.inc(1);
+            let Some(pose) = RelativePose::from_isometry(&pair.b_from_a) else {
+                continue;
+            };
+            let (a, b) = (pair.a as usize, pair.b as usize);
+            let [a_view, b_view] = views
+                .get_disjoint_mut([a, b])
+                .context("a pair of one image")?;
+            let cameras = [&sequence.frames[a].camera, &sequence.frames[b].camera];
+            let pairs = epipolar::agreeing([&a_view.features, &b_view.features], cameras, &pose);
+            self.add([a_view, b_view], pairs, source, seed.number(number as u64));
+        }
+
+        let source = self.source(format!("{name}/warps"));
+        for (frame, (image, view)) in images.iter().zip(&mut views).enumerate() {
+            for n in 0..self.recipe.warps {
+                self.bar.inc(1);
+                let seed = seed.child("warp").number(frame as u64).number(n as u64);
+                let warp = Warp::new(image, seed);
+                let mut warped = self.view(&warp.image);
+                let transfer = |p: Point2<f64>| warp.transfer(p);
+                let pairs = exact::agreeing(&view.features, &warped.features, &transfer);
+                self.add([view, &mut warped], pairs, source, seed);
+            }
+        }
+        Ok(())
+    }
+
+    /// Pairs of a rendered scene, by its depth.
+    fn add_rendered(&mut self, name: &str) -> Result<()> {
+        let Some(scene) = rendered::sequences()
+            .iter()
+            .find(|scene| scene.name == name)
+        else {
+            let names: Vec<_> = rendered::sequences()
+                .iter()
+                .map(|scene| scene.name)
+                .collect();
+            bail!(
+                "rendered:{name}: no such scene; use one of {}",
+                names.join(", ")
+            );
+        };
+        let source = self.source(format!("rendered-{name}/depth"));
+        let seed = Seed(self.recipe.seed).child(name);
+        let world = World::build(scene.place);
+        let pairs = scene.sequence().pairs;
+        self.bar.inc_length(pairs.len() as u64);
+        let (mut views, mut depths) = (Vec::new(), Vec::new());
+        for frame in 0..scene.frames {
+            views.push(self.view(&world.render(scene, frame)));
+            depths.push(world.depth(scene, frame));
+        }
+        for (number, pair) in pairs.iter().enumerate() {
+            self.bar.inc(1);
+            let (a, b) = (pair.a as usize, pair.b as usize);
+            let transfer = |p| transfer(scene, [&depths[a], &depths[b]], pair, p);
+            let [a_view, b_view] = views
+                .get_disjoint_mut([a, b])
+                .context("a pair of one image")?;
+            let found = exact::agreeing(&a_view.features, &b_view.features, &transfer);
+            self.add([a_view, b_view], found, source, seed.number(number as u64));
+        }
+        Ok(())
+    }
+
+    /// Adds some of the pairs of keypoints, each with the keypoint of `b` that looks most similar
+    /// to that of `a` but is elsewhere.
+    fn add(
+        &mut self,
+        [a, b]: [&mut View; 2],
+        mut pairs: Vec<(usize, usize)>,
+        source: u32,
+        seed: Seed,
+    ) {
+        let mut rng = seed.child("choice").rng();
+        let wanted = self.recipe.per_pair.min(pairs.len());
+        for i in 0..wanted {
+            let other = i + rng.below((pairs.len() - i) as u32) as usize;
+            pairs.swap(i, other);
+        }
+        for &(i, j) in &pairs[..wanted] {
+            let Some(negative) = most_similar_elsewhere(&a.features, i, &b.features, j) else {
+                continue;
+            };
+            let triplet = Triplet {
+                anchor: self.store(a, i),
+                positive: self.store(b, j),
+                negative: self.store(b, negative),
+                source,
+            };
+            self.set.triplets.push(triplet);
+        }
+    }
+
+    /// Number of the patch of a keypoint, which is stored if it was not.
+    fn store(&mut self, view: &mut View, keypoint: usize) -> u32 {
+        if let Some(&index) = view.stored.get(&keypoint) {
+            return index;
+        }
+        let index = self.set.len() as u32;
+        let at = &view.features.keypoints[keypoint];
+        for (data, side) in self.set.data.iter_mut().zip([dlco::SIDE, binboost::SIDE]) {
+            let start = data.len();
+            data.resize(start + side * side, 0);
+            view.source
+                .rectify(at, SCALE_FACTOR, side, &mut data[start..]);
+        }
+        let row = sift_row(&view.features, keypoint);
+        self.set.data[2].extend(row.iter().map(|&value| value as u8));
+        debug_assert_eq!(self.set.data[2].len(), self.set.len() * LENGTHS[2]);
+        view.stored.insert(keypoint, index);
+        index
+    }
+}
+
+fn sift_row(features: &Features, index: usize) -> &[f32] {
+    let Descriptors::Float(rows) = &features.descriptors else {
+        unreachable!("SIFT's descriptors are real values");
+    };
+    rows.row(index)
+}
+
+fn most_similar_elsewhere(a: &Features, i: usize, b: &Features, truth: usize) -> Option<usize> {
+    let (row, truth) = (sift_row(a, i), &b.keypoints[truth]);
+    let far = truth.size.max(5.0);
+    (b.keypoints.iter().enumerate())
+        .filter(|(_, other)| (other.at - truth.at).norm() > far)
+        .map(|(j, _)| {
+            let squares = row
+                .iter()
+                .zip(sift_row(b, j))
+                .map(|(x, y)| (x - y) * (x - y));
+            (squares.sum::<f32>(), j)
+        })
+        .min_by(|x, y| x.0.total_cmp(&y.0))
+        .map(|(_, j)| j)
+}
+
+/// Where a point of the first image lies in the second, unless something stands before it there.
+fn transfer(
+    scene: &RenderedScene,
+    [depth_a, depth_b]: [&FloatImage; 2],
+    pair: &matchbench::datasets::Pair,
+    at: Point2<f64>,
+) -> Option<Point2<f64>> {
+    let camera = scene.camera();
+    let z = f64::from(nearest(depth_a, at)?);
+    let ray = camera.normalize(at);
+    let point = pair.b_from_a * Point3::new(ray.x * z, ray.y * z, z);
+    if !point.z.is_finite() || point.z <= 0.0 {
+        return None;
+    }
+    let seen = camera.project(Point2::new(point.x / point.z, point.y / point.z));
+    let there = f64::from(nearest(depth_b, seen)?);
+    ((there / point.z - 1.0).abs() < DEPTH_TOLERANCE).then_some(seen)
+}
+
+fn nearest(depth: &FloatImage, at: Point2<f64>) -> Option<f32> {
+    let (x, y) = (at.x.round(), at.y.round());
+    let inside = x >= 0.0 && y >= 0.0 && x < depth.width() as f64 && y < depth.height() as f64;
+    inside.then(|| depth.at(x as usize, y as usize))
+}

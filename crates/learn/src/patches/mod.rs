@@ -1,0 +1,176 @@
+//! Patches of keypoints and what is known about them: which show the same point, and which look
+//! as if they did.
+//!
+//! A set is a folder:
+//!
+//! | file | what it holds |
+//! | --- | --- |
+//! | `manifest.json` | how it was made, how many of everything, hashes; written last |
+//! | `<part>/patches-64.bin`, `<part>/patches-32.bin` | the patches that DLCO and BinBoost see |
+//! | `<part>/sift.bin` | SIFT's 128 values of each patch's keypoint, as bytes |
+//! | `<part>/triplets.bin` | anchor, positive, negative, source: 4 little-endian `u32` each |
+//!
+//! The parts are `train`, `validation` and `test`; no scene is in two of them.
+
+mod epipolar;
+mod exact;
+mod make;
+mod warp;
+
+pub(crate) use make::{Recipe, make};
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result, ensure};
+use matchbench_vision::features::{binboost, dlco};
+use serde::{Deserialize, Serialize};
+
+/// Bytes of a large patch, of a small one, and of SIFT's descriptor.
+const LENGTHS: [usize; 3] = [
+    dlco::SIDE * dlco::SIDE,
+    binboost::SIDE * binboost::SIDE,
+    128,
+];
+const FILES: [&str; 4] = [
+    "patches-64.bin",
+    "patches-32.bin",
+    "sift.bin",
+    "triplets.bin",
+];
+
+/// The parts of a set.
+pub(crate) const PARTS: [&str; 3] = ["train", "validation", "test"];
+
+/// Three patches: two of one point, and one that looks similar but is of another point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Triplet {
+    pub(crate) anchor: u32,
+    pub(crate) positive: u32,
+    pub(crate) negative: u32,
+    /// Index of the scene and method that it comes from.
+    pub(crate) source: u32,
+}
+
+/// What `manifest.json` holds.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct Manifest {
+    pub(crate) version: u32,
+    pub(crate) recipe: Recipe,
+    pub(crate) parts: Vec<PartManifest>,
+}
+
+/// One part of a set.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct PartManifest {
+    pub(crate) name: String,
+    pub(crate) patches: usize,
+    /// Names of the sources, and how many triplets come from each.
+    pub(crate) sources: Vec<(String, usize)>,
+    /// BLAKE3 of the four files.
+    pub(crate) hashes: Vec<String>,
+}
+
+/// The patches of one part.
+#[derive(Debug, Default)]
+pub(crate) struct PatchSet {
+    /// Large patches, small patches and SIFT's descriptors, one after the other.
+    data: [Vec<u8>; 3],
+    pub(crate) triplets: Vec<Triplet>,
+    pub(crate) sources: Vec<String>,
+}
+
+impl PatchSet {
+    /// Number of patches.
+    pub(crate) fn len(&self) -> usize {
+        self.data[2].len() / LENGTHS[2]
+    }
+
+    /// The patch of 64 x 64 pixels.
+    pub(crate) fn large(&self, index: usize) -> &[u8] {
+        &self.data[0][index * LENGTHS[0]..][..LENGTHS[0]]
+    }
+
+    /// The patch of 32 x 32 pixels.
+    pub(crate) fn small(&self, index: usize) -> &[u8] {
+        &self.data[1][index * LENGTHS[1]..][..LENGTHS[1]]
+    }
+
+    /// SIFT's descriptor of the patch's keypoint.
+    pub(crate) fn sift(&self, index: usize) -> &[u8] {
+        &self.data[2][index * LENGTHS[2]..][..LENGTHS[2]]
+    }
+
+    /// Reads one part of the set in `folder`.
+    pub(crate) fn read(folder: &Path, part: &str) -> Result<Self> {
+        let manifest = folder.join("manifest.json");
+        let text = fs::read_to_string(&manifest).with_context(|| {
+            format!(
+                "{}: cannot be read; is this a set made by `matchbench-learn patches`?",
+                manifest.display()
+            )
+        })?;
+        let manifest: Manifest = serde_json::from_str(&text)
+            .with_context(|| format!("{}: not a manifest", manifest.display()))?;
+        let about = (manifest.parts.iter().find(|about| about.name == part))
+            .with_context(|| format!("{}: has no part `{part}`", folder.display()))?;
+        let read = |file: usize| -> Result<Vec<u8>> {
+            let path = folder.join(part).join(FILES[file]);
+            let bytes = fs::read(&path).with_context(|| format!("{}", path.display()))?;
+            ensure!(
+                about.hashes.get(file) == Some(&hash(&bytes)),
+                "{}: is not the file that the manifest describes; make the set again",
+                path.display()
+            );
+            Ok(bytes)
+        };
+        let triplets = read(3)?;
+        let number = |bytes: [u8; 4]| u32::from_le_bytes(bytes);
+        let triplets = triplets.as_chunks::<4>().0.as_chunks::<4>().0.iter();
+        Ok(Self {
+            data: [read(0)?, read(1)?, read(2)?],
+            triplets: triplets
+                .map(|&[anchor, positive, negative, source]| Triplet {
+                    anchor: number(anchor),
+                    positive: number(positive),
+                    negative: number(negative),
+                    source: number(source),
+                })
+                .collect(),
+            sources: about.sources.iter().map(|(name, _)| name.clone()).collect(),
+        })
+    }
+
+    /// Writes the four files of part `name` and says what they hold.
+    fn write(&self, folder: &Path, name: &str) -> Result<PartManifest> {
+        let folder = folder.join(name);
+        fs::create_dir_all(&folder).with_context(|| format!("{}", folder.display()))?;
+        let triplets: Vec<u8> = (self.triplets.iter())
+            .flat_map(|t| [t.anchor, t.positive, t.negative, t.source])
+            .flat_map(u32::to_le_bytes)
+            .collect();
+        let contents = [&self.data[0], &self.data[1], &self.data[2], &triplets];
+        let mut hashes = Vec::new();
+        for (file, bytes) in FILES.iter().zip(contents) {
+            let path = folder.join(file);
+            fs::write(&path, bytes).with_context(|| format!("{}", path.display()))?;
+            hashes.push(hash(bytes));
+        }
+        let count = |source: usize| {
+            let from = |t: &&Triplet| t.source as usize == source;
+            self.triplets.iter().filter(from).count()
+        };
+        Ok(PartManifest {
+            name: name.into(),
+            patches: self.len(),
+            sources: (self.sources.iter().enumerate())
+                .map(|(i, source)| (source.clone(), count(i)))
+                .collect(),
+            hashes,
+        })
+    }
+}
+
+fn hash(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
+}
