@@ -1,6 +1,6 @@
 //! `matchbench report`: the report of a run, `RUN/report/index.html` and what belongs to it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -49,6 +49,15 @@ pub(crate) fn write(folder: &Path, out: Option<&Path>, pictures: usize) -> Resul
     content.geometry = (sequences.iter())
         .map(|(name, sequence)| (name.clone(), PairGeometry::of_sequence(sequence)))
         .collect();
+    // A run may be limited to some of the pairs; the others are no part of easy or hard.
+    for (name, geometry) in &mut content.geometry {
+        let sets = content.results.iter().filter(|set| set.dataset == *name);
+        let run: BTreeSet<_> = sets
+            .flat_map(|set| &set.pairs)
+            .map(|p| (p.a, p.b))
+            .collect();
+        geometry.retain(|pair, _| run.contains(pair));
+    }
     content.views = pictures::sample(folder, &content.results, &sequences, pictures)?;
     let default = folder.join("report");
     Ok(write_report(out.unwrap_or(&default), &content)?)

@@ -8,7 +8,7 @@ use super::overview::Overview;
 use super::svg::{Dot, Place, ap_bars, heat_map, scatter, sp_curves, strata_curves};
 
 /// Parts that the pairs of a dataset are cut into by difficulty.
-const STRATA: usize = 5;
+const STRATA: usize = 4;
 
 /// What the difficulty of a pair is told by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

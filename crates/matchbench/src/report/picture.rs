@@ -7,7 +7,7 @@ use super::raster::png;
 use super::svg::{Place, pair};
 
 /// Most matches drawn: more hide each other.
-const MOST_MATCHES: usize = 400;
+const MOST_MATCHES: usize = 250;
 
 /// The pair as SVG with both images in it, under a caption.
 pub fn picture_svg(view: &PairView, caption: &str) -> String {
