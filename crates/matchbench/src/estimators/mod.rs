@@ -1,10 +1,16 @@
 //! Every pose estimator that a run can name: one file each, and the list.
 
 mod best;
+mod lmeds_e;
+mod lmeds_f;
 mod lo_ransac_e;
+mod magsac_e;
+mod mlesac_e;
 mod prosac_e;
 mod ransac_e;
+mod ransac_f;
 mod rich;
+mod usac_f;
 
 use matchbench_vision::robust::{PoseEstimator, SampleConsensus, SampleConsensusParams};
 use serde_json::Value;
@@ -45,8 +51,14 @@ pub struct BuiltEstimator {
 /// All estimators, in the order of tables. A new one is a file of this folder and a line here.
 pub const ESTIMATORS: &[&dyn EstimatorEntry] = &[
     &ransac_e::RansacE,
+    &lmeds_e::LMEDS_E,
+    &ransac_f::RANSAC_F,
+    &lmeds_f::LMEDS_F,
+    &usac_f::USAC_F,
     &prosac_e::PROSAC_E,
+    &mlesac_e::MLESAC_E,
     &lo_ransac_e::LO_RANSAC_E,
+    &magsac_e::MAGSAC_E,
     &rich::RICH,
     &best::BEST,
 ];
@@ -110,10 +122,10 @@ pub fn find(id: &str) -> Result<&'static dyn EstimatorEntry, UnknownName> {
 
 #[cfg(test)]
 mod tests {
-    use matchbench_vision::geometry::Camera;
+    use matchbench_vision::geometry::{Camera, RelativePose};
     use matchbench_vision::robust::{NoPose, TwoViews};
     use matchbench_vision::seed::Seed;
-    use nalgebra::{Point2, Point3, Rotation3, Vector3};
+    use nalgebra::{Point2, Point3, Rotation3, UnitVector3, Vector3};
     use serde_json::json;
 
     use super::*;
@@ -173,6 +185,22 @@ mod tests {
             json!([1]),
         ] {
             assert!(rich::RICH.build(Some(&wrong)).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn every_estimator_finds_the_pose_among_wrong_matches() {
+        let (a, b) = matches();
+        let truth = RelativePose {
+            rotation: Rotation3::from_euler_angles(0.0, 0.1, 0.02).into(),
+            direction: UnitVector3::new_normalize(Vector3::new(1.0, 0.0, 0.1)),
+        };
+        for entry in ESTIMATORS {
+            let estimator = entry.build(None).unwrap().estimator;
+            let found = estimator.estimate(views(&a, &b), Seed(5)).unwrap();
+            let degrees = found.b_from_a.error(&truth).max().to_degrees();
+            assert!(degrees < 0.01, "{}: {degrees} degrees", entry.id());
+            assert!(found.inliers.len() >= 60, "{}", entry.id());
         }
     }
 

@@ -32,6 +32,10 @@ impl Entry for CodeEntry {
          Correspondence\", IEEE Transactions on Pattern Analysis and Machine Intelligence 40(1), 2018"
     }
 
+    fn estimator(&self) -> &'static str {
+        "rich"
+    }
+
     fn defaults(&self) -> Value {
         to_json(&Params::default())
     }

@@ -5,13 +5,14 @@
 
 mod akaze;
 mod asift;
-mod brisk;
-mod code;
 mod binboost;
 mod brisk;
+mod code;
 mod dlco;
 mod freak;
 mod freak_sift;
+mod gms;
+mod gms_s;
 mod kaze;
 mod local_features;
 mod orb;
@@ -34,6 +35,8 @@ pub const MATCHERS: &[&dyn Entry] = &[
     &brisk::BRISK,
     &kaze::KAZE,
     &akaze::AKAZE,
+    &gms::GMS,
+    &gms_s::GMS_S,
     &asift::AsiftEntry,
     &code::CodeEntry,
     &dlco::DLCO,

@@ -2,6 +2,7 @@
 
 pub mod code;
 mod correspondence;
+mod gms;
 mod mutual;
 mod nearest;
 mod pipeline;
@@ -10,6 +11,7 @@ mod ratio;
 
 pub use code::{Code, CodeParams};
 pub use correspondence::{Correspondence, Correspondences};
+pub use gms::{Gms, GmsParams};
 pub use mutual::MutualCheck;
 pub use nearest::{NearestNeighbours, two_nearest};
 pub use pipeline::{Matcher, MatcherError, Pipeline, Search, Selector, View};

@@ -7,6 +7,10 @@
 mod consensus;
 mod essential_problem;
 mod estimator;
+mod fundamental_problem;
+mod lmeds;
+mod magsac;
+mod mlesac;
 mod problem;
 mod prosac;
 mod ransac;
@@ -18,10 +22,16 @@ mod spread;
 pub use consensus::{Consensus, ConsensusParams, Extras, consensus, consensus_until};
 pub use essential_problem::EssentialProblem;
 pub use estimator::{NoPose, PoseEstimate, PoseEstimator, TwoViews};
+pub use fundamental_problem::FundamentalProblem;
+pub use lmeds::MedianOfSquares;
+pub use magsac::Magsac;
+pub use mlesac::Mlesac;
 pub use problem::Problem;
 pub use prosac::Prosac;
 pub use ransac::{Ransac, RansacParams};
-pub use sample_consensus::{SampleConsensus, SampleConsensusParams, SamplerKind, ScoreKind};
+pub use sample_consensus::{
+    GeometryKind, SampleConsensus, SampleConsensusParams, SamplerKind, ScoreKind,
+};
 pub use sampler::{Sampler, Uniform};
 pub use score::{InlierCount, Msac, Score, Support};
 pub use spread::Spread;

@@ -34,8 +34,9 @@ use nalgebra::Matrix3;
 
 use super::essential_problem::near;
 use super::{
-    Consensus, ConsensusParams, EssentialProblem, Extras, InlierCount, Msac, NoPose, PoseEstimate,
-    PoseEstimator, Problem, Prosac, Sampler, Score, Spread, TwoViews, Uniform, consensus_until,
+    Consensus, ConsensusParams, EssentialProblem, Extras, FundamentalProblem, InlierCount, Magsac,
+    MedianOfSquares, Mlesac, Msac, NoPose, PoseEstimate, PoseEstimator, Problem, Prosac, Sampler,
+    Score, Spread, TwoViews, Uniform, consensus_until,
 };
 use crate::geometry::{
     Loss, PointPairs, RelativePose, choose_pose, decompose_essential, essential_from_pose,
@@ -53,6 +54,23 @@ pub enum ScoreKind {
     InlierCount,
     /// [`Msac`].
     Msac,
+    /// [`Mlesac`].
+    Mlesac,
+    /// [`MedianOfSquares`]; the threshold is not used.
+    Median,
+    /// [`Magsac`]; the threshold is the largest residual at the highest noise level.
+    Magsac,
+}
+
+/// What two views are taken to have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
+pub enum GeometryKind {
+    /// An essential matrix, from five matches: the calibration is known.
+    Essential,
+    /// A fundamental matrix, from seven matches: the calibration is used afterwards only.
+    Fundamental,
 }
 
 /// What is tried next.
@@ -73,6 +91,8 @@ pub enum SamplerKind {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct SampleConsensusParams {
+    /// What is estimated.
+    pub geometry: GeometryKind,
     /// Which model is best.
     pub score: ScoreKind,
     /// What is tried next.
@@ -102,6 +122,7 @@ pub struct SampleConsensusParams {
 impl Default for SampleConsensusParams {
     fn default() -> Self {
         Self {
+            geometry: GeometryKind::Essential,
             score: ScoreKind::Msac,
             sampler: SamplerKind::Uniform,
             confidence: 0.999,
@@ -181,22 +202,23 @@ impl SampleConsensus {
         seed: Seed,
         stop: &dyn Fn(usize) -> bool,
     ) -> Option<Consensus<Matrix3<f64>>> {
-        let run = Run {
-            params: &self.params,
-            problem: EssentialProblem { pairs },
-            seed,
-            stop,
-        };
-        match self.params.sampler {
-            SamplerKind::Uniform => run.with(squared_threshold, Uniform::new(pairs.len())),
-            SamplerKind::Prosac => {
-                assert_eq!(ambiguity.len(), pairs.len(), "an ambiguity for each match");
-                let sampler = Prosac::new(ambiguity, self.params.prosac_horizon);
-                run.with(squared_threshold, sampler)
+        match self.params.geometry {
+            GeometryKind::Essential => Run {
+                params: &self.params,
+                problem: EssentialProblem { pairs },
+                pairs,
+                seed,
+                stop,
             }
-            SamplerKind::Spread => {
-                run.with(squared_threshold, Spread::new(pairs, self.params.cells))
+            .sampled(ambiguity, squared_threshold),
+            GeometryKind::Fundamental => Run {
+                params: &self.params,
+                problem: FundamentalProblem { pairs },
+                pairs,
+                seed,
+                stop,
             }
+            .sampled(ambiguity, squared_threshold),
         }
     }
 
@@ -237,14 +259,34 @@ impl SampleConsensus {
 const NEAR: f64 = 16.0;
 
 /// One search, but for its score and sampler.
-struct Run<'a> {
+struct Run<'a, P> {
     params: &'a SampleConsensusParams,
-    problem: EssentialProblem<'a>,
+    problem: P,
+    pairs: &'a PointPairs,
     seed: Seed,
     stop: &'a dyn Fn(usize) -> bool,
 }
 
-impl Run<'_> {
+impl<P: Problem<Model = Matrix3<f64>>> Run<'_, P> {
+    fn sampled(
+        &self,
+        ambiguity: &[f32],
+        squared_threshold: f64,
+    ) -> Option<Consensus<Matrix3<f64>>> {
+        let pairs = self.pairs;
+        match self.params.sampler {
+            SamplerKind::Uniform => self.with(squared_threshold, Uniform::new(pairs.len())),
+            SamplerKind::Prosac => {
+                assert_eq!(ambiguity.len(), pairs.len(), "an ambiguity for each match");
+                let sampler = Prosac::new(ambiguity, self.params.prosac_horizon);
+                self.with(squared_threshold, sampler)
+            }
+            SamplerKind::Spread => {
+                self.with(squared_threshold, Spread::new(pairs, self.params.cells))
+            }
+        }
+    }
+
     fn with(
         &self,
         squared_threshold: f64,
@@ -253,6 +295,16 @@ impl Run<'_> {
         match self.params.score {
             ScoreKind::InlierCount => self.go(&InlierCount { squared_threshold }, sampler),
             ScoreKind::Msac => self.go(&Msac { squared_threshold }, sampler),
+            ScoreKind::Mlesac => {
+                let span = diagonal(self.pairs).max(f64::MIN_POSITIVE);
+                let score = Mlesac {
+                    squared_threshold,
+                    span,
+                };
+                self.go(&score, sampler)
+            }
+            ScoreKind::Median => self.go(&MedianOfSquares { sample: P::SAMPLE }, sampler),
+            ScoreKind::Magsac => self.go(&Magsac::new(squared_threshold), sampler),
         }
     }
 
@@ -273,6 +325,16 @@ impl Run<'_> {
             self.stop,
         )
     }
+}
+
+/// Diagonal of the rectangle around the points in b.
+fn diagonal(pairs: &PointPairs) -> f64 {
+    let span = |values: &[f64]| {
+        let finite = || values.iter().copied().filter(|x| x.is_finite());
+        (finite().fold(f64::MIN, f64::max) - finite().fold(f64::MAX, f64::min)).max(0.0)
+    };
+    let (width, height) = (span(&pairs.b_x), span(&pairs.b_y));
+    (width * width + height * height).sqrt()
 }
 
 /// Number of matches in front of both cameras, nearer than `max_depth`.
@@ -297,7 +359,10 @@ impl PoseEstimator for SampleConsensus {
         stop: &dyn Fn(usize) -> bool,
     ) -> Result<PoseEstimate, NoPose> {
         let pairs = views.at_depth_1();
-        let needed = EssentialProblem::SAMPLE;
+        let needed = match self.params.geometry {
+            GeometryKind::Essential => EssentialProblem::SAMPLE,
+            GeometryKind::Fundamental => FundamentalProblem::SAMPLE,
+        };
         if pairs.len() < needed {
             return Err(NoPose::TooFewMatches {
                 found: pairs.len(),

@@ -54,9 +54,9 @@ mod gradient;
 mod histogram;
 mod normalize;
 mod orb;
-mod refine;
 mod pooling;
 mod rectify;
+mod refine;
 mod resample;
 mod sampling;
 mod sampson;
@@ -80,12 +80,12 @@ pub use normalize::normalize_to_bytes;
 pub use orb::{
     PATCH_MARGIN, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments,
 };
-pub use refine::sampson_normal_equations;
 pub use pooling::{
     PATCHES_AT_ONCE, VECTORS_AT_ONCE, WeakLearner, box_responses, integrate_spread, pool, project,
     vote,
 };
 pub use rectify::{DIRECTIONS, Source, sample_line, spread_gradients};
+pub use refine::sampson_normal_equations;
 pub use resample::{double_row, halve_row, subtract};
 pub use sampling::{
     AROUND, CellSums, Planes, longest_sum_of_slices, longest_sum_of_windows, sum_cells,

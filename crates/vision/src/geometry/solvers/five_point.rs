@@ -17,8 +17,7 @@
 //!
 //! | symbol | constant | value | source |
 //! | --- | --- | --- | --- |
-//! | smallest pivot of a sample, relative | `RANK_TOLERANCE` | 1e-10 | ours |
-//! | residual worth a polishing step | `POLISHED` | 1e-14 | ours |
+//! //! | residual worth a polishing step | `POLISHED` | 1e-14 | ours |
 //! | largest residual of a solution | `ACCEPTED` | 1e-9 | ours |
 //!
 //! *Choices the paper leaves open*: the null space (the paper: any; we: orthonormal), the root
@@ -32,10 +31,9 @@
 
 use nalgebra::{Matrix3, Matrix4, Point2, Vector3, Vector4};
 
+use super::null_space::{Flat, null_space};
 use super::{Solutions, real_roots};
 
-/// A sample whose equations are this close to dependent, relative to their size, is degenerate.
-const RANK_TOLERANCE: f64 = 1e-10;
 /// Residuals of unit-norm matrices below this are as good as rounding lets them be.
 const POLISHED: f64 = 1e-14;
 /// Candidates whose residual stays above this are no solutions.
@@ -49,7 +47,7 @@ const MAX_POLISHING_STEPS: usize = 5;
 /// There are none where the matches are degenerate or not finite.
 pub fn five_point(a: &[Point2<f64>; 5], b: &[Point2<f64>; 5]) -> Solutions<Matrix3<f64>, 10> {
     let mut solutions = Solutions::none();
-    let Some(basis) = null_space(a, b) else {
+    let Some(basis) = null_space::<5, 4>(a, b) else {
         return solutions;
     };
     let Some(reduced) = eliminate(constraints(&basis)) else {
@@ -64,8 +62,6 @@ pub fn five_point(a: &[Point2<f64>; 5], b: &[Point2<f64>; 5]) -> Solutions<Matri
     solutions
 }
 
-/// A 3 x 3 matrix in row-major order.
-type Flat = [f64; 9];
 /// A polynomial of degree 1 in x, y, z: coefficients of x, y, z, 1.
 type Linear = [f64; 4];
 /// A polynomial of degree 2: x^2, xy, xz, x, y^2, yz, y, z^2, z, 1.
@@ -73,52 +69,6 @@ type Quadratic = [f64; 10];
 /// A polynomial of degree 3: x^3, y^3, x^2 y, x y^2, x^2 z, x^2, y^2 z, y^2, xyz, xy | x z^2, xz,
 /// x, y z^2, yz, y, z^3, z^2, z, 1. The first ten are eliminated.
 type Cubic = [f64; 20];
-
-/// An orthonormal basis of the matrices E with `b^T E a = 0` for all five matches.
-fn null_space(a: &[Point2<f64>; 5], b: &[Point2<f64>; 5]) -> Option<[Flat; 4]> {
-    // Column k of the 9 x 5 matrix whose QR is taken is the equation of match k. Below, each
-    // column is overwritten by the vector of its Householder reflection, scaled to norm sqrt 2.
-    let mut columns: [Flat; 5] = std::array::from_fn(|k| {
-        let (a, b) = ([a[k].x, a[k].y, 1.0], [b[k].x, b[k].y, 1.0]);
-        let equation: Flat = std::array::from_fn(|i| b[i / 3] * a[i % 3]);
-        let norm = dot(&equation, &equation).sqrt();
-        equation.map(|x| x / norm)
-    });
-    for k in 0..5 {
-        let (head, tail) = columns.split_at_mut(k + 1);
-        let v = &mut head[k];
-        v[..k].fill(0.0);
-        let norm = dot(v, v).sqrt();
-        if norm <= RANK_TOLERANCE || norm.is_nan() {
-            return None;
-        }
-        v[k] += norm.copysign(v[k]);
-        let scale = (2.0 / dot(v, v)).sqrt();
-        *v = v.map(|x| x * scale);
-        for column in tail {
-            reflect(column, v);
-        }
-    }
-    Some(std::array::from_fn(|i| {
-        let mut q = [0.0; 9];
-        q[5 + i] = 1.0;
-        for v in columns.iter().rev() {
-            reflect(&mut q, v);
-        }
-        q
-    }))
-}
-
-fn dot(a: &Flat, b: &Flat) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn reflect(x: &mut Flat, v: &Flat) {
-    let along = dot(x, v);
-    for (x, v) in x.iter_mut().zip(v) {
-        *x -= along * v;
-    }
-}
 
 /// The ten cubic equations that make `x X + y Y + z Z + W` essential.
 fn constraints(basis: &[Flat; 4]) -> [Cubic; 10] {

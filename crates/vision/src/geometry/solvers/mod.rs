@@ -6,12 +6,15 @@
 //! [`Camera::normalize`]: crate::geometry::Camera::normalize
 
 mod five_point;
+mod null_space;
 mod roots;
+mod seven_point;
 
 use std::ops::{Deref, DerefMut};
 
 pub use five_point::five_point;
 pub use roots::real_roots;
+pub use seven_point::seven_point;
 
 /// At most `N` solutions, in the order in which they were found.
 #[derive(Clone, Copy, Debug)]

@@ -1,0 +1,19 @@
+//! `mlesac-e`: the likeliest essential matrix.
+
+use matchbench_vision::robust::{SampleConsensusParams, ScoreKind};
+
+use super::Preset;
+
+pub(super) const MLESAC_E: Preset = Preset {
+    id: "mlesac-e",
+    summary: "essential matrix by maximum likelihood over five-point samples",
+    reference: "Torr, Zisserman, \"MLESAC: A New Robust Estimator with Application to Estimating Image Geometry\", CVIU 78(1), 2000",
+    defaults: || SampleConsensusParams {
+        score: ScoreKind::Mlesac,
+        confidence: 0.999,
+        min_iterations: 0,
+        local_steps: 0,
+        final_steps: 0,
+        ..SampleConsensusParams::default()
+    },
+};

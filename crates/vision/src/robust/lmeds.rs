@@ -1,0 +1,65 @@
+//! Least median of squares.
+
+use super::{Score, Support};
+
+/// The median squared residual, as small as possible: needs no threshold, and breaks where half of
+/// the data or more are wrong (Rousseeuw, "Least Median of Squares Regression", Journal of the
+/// American Statistical Association 79, 1984; Rousseeuw, Leroy, "Robust Regression and Outlier
+/// Detection", 1987, sec. 5.1).
+///
+/// Inliers are what lies within 2.5 robust standard deviations, `1.4826 (1 + 5 / (n - s)) sqrt(med)`
+/// for n data and samples of s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MedianOfSquares {
+    /// s: data in a sample.
+    pub sample: usize,
+}
+
+impl Score for MedianOfSquares {
+    fn support(&self, squared_residuals: &mut [f64]) -> Support {
+        let count = squared_residuals.len();
+        if count == 0 {
+            return Support {
+                quality: f64::NEG_INFINITY,
+                inliers: 0,
+                squared_threshold: 0.0,
+            };
+        }
+        // In the total order NaN is the largest.
+        let (_, &mut median, _) =
+            squared_residuals.select_nth_unstable_by(count / 2, |x, y| x.abs().total_cmp(&y.abs()));
+        let few = 1.0 + 5.0 / count.saturating_sub(self.sample).max(1) as f64;
+        let limit = 2.5 * 1.4826 * few;
+        let squared_threshold = limit * limit * median;
+        let inliers = squared_residuals
+            .iter()
+            .filter(|&&squared| squared <= squared_threshold)
+            .count();
+        Support {
+            quality: if median.is_nan() {
+                f64::NEG_INFINITY
+            } else {
+                -median
+            },
+            inliers,
+            squared_threshold,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_decides() {
+        let score = MedianOfSquares { sample: 2 };
+        let support = |values: &[f64]| score.support(&mut values.to_vec());
+        let small = support(&[1.0, 1.0, 1.0, 90.0, f64::NAN]);
+        assert_eq!(small.quality, -1.0);
+        assert_eq!(small.inliers, 4);
+        assert!(support(&[2.0; 5]).quality < small.quality);
+        assert_eq!(support(&[f64::NAN; 3]).inliers, 0);
+        assert_eq!(support(&[]).inliers, 0);
+    }
+}

@@ -1,0 +1,87 @@
+//! MLESAC: maximum likelihood instead of a count.
+
+use super::{Score, Support};
+
+/// Steps of expectation maximisation for the share of inliers.
+const STEPS: usize = 3;
+
+/// The likelihood of all residuals under a mixture of a normal distribution (inliers) and a uniform
+/// one (outliers), whose share is estimated for each model (Torr, Zisserman, "MLESAC: A New Robust
+/// Estimator with Application to Estimating Image Geometry", Computer Vision and Image
+/// Understanding 78(1), 2000, sec. 4.2, eqs. 14-18).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mlesac {
+    /// (1.96 sigma)^2: an inlier is a datum whose squared residual is at most this, as 95 % of the
+    /// right ones are.
+    pub squared_threshold: f64,
+    /// v: the length over which wrong residuals are spread.
+    pub span: f64,
+}
+
+impl Score for Mlesac {
+    fn support(&self, squared_residuals: &mut [f64]) -> Support {
+        let squared_sigma = self.squared_threshold / (1.96 * 1.96);
+        let scale = 1.0 / (2.0 * std::f64::consts::PI * squared_sigma).sqrt();
+        let inliers = squared_residuals
+            .iter()
+            .filter(|&&squared| squared <= self.squared_threshold)
+            .count();
+        // From here on they are the densities of a right match.
+        for squared in squared_residuals.iter_mut() {
+            let exponent = -*squared / (2.0 * squared_sigma);
+            *squared = if exponent > -50.0 {
+                scale * libm::exp(exponent)
+            } else {
+                0.0
+            };
+        }
+        let outlier = 1.0 / self.span;
+        let mut share = 0.5;
+        for _ in 0..STEPS {
+            let right: f64 = (squared_residuals.iter())
+                .map(|density| share * density / (share * density + (1.0 - share) * outlier))
+                .sum();
+            share = (right / squared_residuals.len().max(1) as f64).clamp(1e-6, 1.0 - 1e-6);
+        }
+        // A product of up to 16 densities before each logarithm, which is what takes long.
+        let quality = (squared_residuals.chunks(16))
+            .map(|densities| {
+                let likelihood: f64 = (densities.iter())
+                    .map(|density| (share * density + (1.0 - share) * outlier) / outlier)
+                    .product();
+                libm::log(likelihood)
+            })
+            .sum();
+        Support {
+            quality,
+            inliers,
+            squared_threshold: self.squared_threshold,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_and_better_inliers_are_likelier() {
+        let score = Mlesac {
+            squared_threshold: 1.0,
+            span: 100.0,
+        };
+        let quality = |inliers: usize, squared: f64| {
+            let mut residuals = vec![1e4; 100];
+            residuals[..inliers].fill(squared);
+            let support = score.support(&mut residuals);
+            assert_eq!(support.inliers, inliers);
+            support.quality
+        };
+        assert!(quality(50, 0.1) > quality(40, 0.1));
+        assert!(quality(50, 0.1) > quality(50, 0.8));
+        assert!(quality(0, 0.0).is_finite());
+        let broken = score.support(&mut [f64::NAN, f64::INFINITY]);
+        assert_eq!(broken.inliers, 0);
+        assert!(score.support(&mut []).quality == 0.0);
+    }
+}
