@@ -39,6 +39,14 @@ pub(crate) enum Command {
     Tune(TuneArgs),
     /// Score a run, or results in the format of the paper's authors
     Eval(EvalArgs),
+    /// Write the report of a run: a page to look at, figures and tables
+    Report(ReportArgs),
+    /// Draw one pair: both images, the matches by their true error, epipolar lines
+    Show(ShowArgs),
+    /// Measure how long matchers take, by the paper's protocol
+    Time(TimeArgs),
+    /// Say what changed between two runs, with intervals
+    Compare(CompareArgs),
     /// Write a run's poses in the format of the paper's authors
     Export(ExportArgs),
     /// Show what is available, with every parameter
@@ -230,6 +238,76 @@ pub(crate) enum FormatArg {
     Markdown,
     /// Like the paper's Table 2
     Latex,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ReportArgs {
+    /// A run folder
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+    /// Folder of the report [default: RUN/report]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Pairs of each dataset whose pictures are embedded in the page
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pub pictures: usize,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ShowArgs {
+    /// The dataset folder
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    /// First image of the pair, counted from 0
+    #[arg(value_name = "A")]
+    pub a: u32,
+    /// Second image of the pair
+    #[arg(value_name = "B")]
+    pub b: u32,
+    /// The matcher (see `matchbench list matchers`)
+    #[arg(long, value_name = "ID")]
+    pub matcher: String,
+    /// The pose estimator [default: the one that belongs to the matcher]
+    #[arg(long, value_name = "ID")]
+    pub estimator: Option<String>,
+    /// The picture to be written, .png or .svg
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Root of all random choices
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Change a parameter (repeatable)
+    #[arg(long, value_name = "ID.NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Draw all keypoints too
+    #[arg(long)]
+    pub keypoints: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct TimeArgs {
+    /// The dataset folder
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    /// Matchers, separated by commas, or `all`
+    #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
+    pub matchers: Vec<String>,
+    /// The first N pairs
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    pub pairs: usize,
+    /// Change a parameter (repeatable)
+    #[arg(long, value_name = "ID.NAME=VALUE")]
+    pub set: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CompareArgs {
+    /// The run before
+    #[arg(value_name = "BEFORE")]
+    pub before: PathBuf,
+    /// The run after
+    #[arg(value_name = "AFTER")]
+    pub after: PathBuf,
 }
 
 #[derive(Debug, Args)]

@@ -1,24 +1,31 @@
-//! Relative poses from a file of matches, with the reference estimator.
+//! Relative poses from a file of matches, with the reference estimator or another.
 //!
 //! ```text
-//! pose MATCHES [SEEDS] [FIRST_SEED]
+//! pose MATCHES [SEEDS] [FIRST_SEED] [NAME=VALUE ...]
 //! ```
 //!
 //! `MATCHES` holds one block for each pair of images: a line `pair NAME`, a line with `fx fy cx cy` of
-//! both cameras (eight numbers), and a line `ax ay bx by` for each match, in pixels. For each pair and
+//! both cameras (eight numbers), and a line `ax ay bx by [ambiguity]` for each match, in pixels. For each pair and
 //! each of `SEEDS` seeds (default 1), counted from `FIRST_SEED` (default 0), one line is printed:
 //!
 //! ```text
 //! NAME seed inliers support iterations microseconds r11 r12 ... r33 t1 t2 t3
 //! ```
 //!
+//! The estimator is [`Ransac`] with its defaults; where settings follow, it is [`SampleConsensus`] with
+//! those: `sampler=prosac`, `threshold=1.5`, `iterations=10000`, `local=10`, `final=25`, `loss=cauchy`,
+//! `min=50`, `confidence=0.999`.
+//!
 //! with `x_b = R x_a + t`, or `NAME seed none microseconds reason` where there is no pose.
 
 use std::time::Instant;
 use std::{env, error, fs};
 
-use matchbench_vision::geometry::Camera;
-use matchbench_vision::robust::{PoseEstimator, Ransac, RansacParams, TwoViews};
+use matchbench_vision::geometry::{Camera, Loss};
+use matchbench_vision::robust::{
+    PoseEstimator, Ransac, RansacParams, SampleConsensus, SampleConsensusParams, SamplerKind,
+    TwoViews,
+};
 use matchbench_vision::seed::Seed;
 use nalgebra::Point2;
 
@@ -29,16 +36,18 @@ struct Pair {
     cameras: Option<(Camera, Camera)>,
     a: Vec<Point2<f64>>,
     b: Vec<Point2<f64>>,
+    ambiguity: Vec<f32>,
 }
 
 fn main() -> Result<(), Error> {
     let mut arguments = env::args().skip(1);
     let file = arguments
         .next()
-        .ok_or("usage: pose MATCHES [SEEDS] [FIRST_SEED]")?;
+        .ok_or("usage: pose MATCHES [SEEDS] [FIRST_SEED] [NAME=VALUE ...]")?;
     let seeds: u64 = arguments.next().map_or(Ok(1), |n| n.parse())?;
     let first: u64 = arguments.next().map_or(Ok(0), |n| n.parse())?;
-    let ransac = Ransac::new(RansacParams::default())?;
+    let settings: Vec<String> = arguments.collect();
+    let estimator = estimator(&settings)?;
     for pair in read(&fs::read_to_string(file)?)? {
         let (camera_a, camera_b) = pair.cameras.as_ref().ok_or("a pair without cameras")?;
         let views = TwoViews {
@@ -46,11 +55,11 @@ fn main() -> Result<(), Error> {
             b: &pair.b,
             camera_a,
             camera_b,
-            ambiguity: &vec![0.0; pair.a.len()],
+            ambiguity: &pair.ambiguity,
         };
         for seed in first..first + seeds {
             let start = Instant::now();
-            let outcome = ransac.estimate(views, Seed(seed));
+            let outcome = estimator.estimate(views, Seed(seed));
             let micros = start.elapsed().as_secs_f64() * 1e6;
             match outcome {
                 Ok(found) => {
@@ -74,6 +83,30 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
+fn estimator(settings: &[String]) -> Result<Box<dyn PoseEstimator>, Error> {
+    if settings.is_empty() {
+        return Ok(Box::new(Ransac::new(RansacParams::default())?));
+    }
+    let mut params = SampleConsensusParams::default();
+    for setting in settings {
+        match setting.split_once('=').ok_or("expected NAME=VALUE")? {
+            ("sampler", "uniform") => params.sampler = SamplerKind::Uniform,
+            ("sampler", "prosac") => params.sampler = SamplerKind::Prosac,
+            ("sampler", "spread") => params.sampler = SamplerKind::Spread,
+            ("loss", "truncated") => params.final_loss = Loss::Truncated,
+            ("loss", "cauchy") => params.final_loss = Loss::Cauchy,
+            ("threshold", value) => params.threshold_px = value.parse()?,
+            ("confidence", value) => params.confidence = value.parse()?,
+            ("iterations", value) => params.max_iterations = value.parse()?,
+            ("min", value) => params.min_iterations = value.parse()?,
+            ("local", value) => params.local_steps = value.parse()?,
+            ("final", value) => params.final_steps = value.parse()?,
+            _ => return Err(format!("unknown setting `{setting}`").into()),
+        }
+    }
+    Ok(Box::new(SampleConsensus::new(params)?))
+}
+
 fn read(text: &str) -> Result<Vec<Pair>, Error> {
     let mut pairs: Vec<Pair> = Vec::new();
     for (index, line) in text.lines().enumerate() {
@@ -83,6 +116,7 @@ fn read(text: &str) -> Result<Vec<Pair>, Error> {
                 cameras: None,
                 a: Vec::new(),
                 b: Vec::new(),
+                ambiguity: Vec::new(),
             });
             continue;
         }
@@ -97,11 +131,17 @@ fn read(text: &str) -> Result<Vec<Pair>, Error> {
                 );
                 pair.cameras = Some(cameras);
             }
-            (Some(pair), &[ax, ay, bx, by]) => {
+            (Some(pair), &[ax, ay, bx, by, ref ambiguity @ ..]) if ambiguity.len() < 2 => {
                 pair.a.push(Point2::new(ax, ay));
                 pair.b.push(Point2::new(bx, by));
+                pair.ambiguity
+                    .push(ambiguity.first().map_or(0.0, |&x| x as f32));
             }
-            _ => return Err(format!("line {}: expected `pair`, 8 or 4 numbers", index + 1).into()),
+            _ => {
+                return Err(
+                    format!("line {}: expected `pair`, 8, 4 or 5 numbers", index + 1).into(),
+                );
+            }
         }
     }
     Ok(pairs)

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Result;
 use matchbench::files::write_whole;
 use matchbench::metrics::{Bootstrap, Summary, load};
-use matchbench::report::{Format, render};
+use matchbench::report::{Content, Format, RunFacts, render};
 
 use crate::Ending;
 use crate::args::{EvalArgs, FormatArg};
@@ -23,12 +23,8 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
 
 /// Scores the results in a folder.
 pub(crate) fn summaries(results: &Path, datasets: Option<&Path>) -> Result<Vec<Summary>> {
-    let bootstrap = Bootstrap::default();
     let sets = load(results, datasets)?;
-    Ok(sets
-        .iter()
-        .map(|set| Summary::new(set, &bootstrap))
-        .collect())
+    Ok(Content::new(sets, &Bootstrap::default(), RunFacts::default()).summaries)
 }
 
 /// Prints the table of scores.

@@ -1,11 +1,15 @@
 //! One file per subcommand.
 
+pub(crate) mod compare;
 pub(crate) mod demo;
 pub(crate) mod eval;
 pub(crate) mod export;
 pub(crate) mod import;
 pub(crate) mod list;
+pub(crate) mod pictures;
 pub(crate) mod report;
 pub(crate) mod run;
+pub(crate) mod show;
+pub(crate) mod time;
 pub(crate) mod tune;
 pub(crate) mod validate;

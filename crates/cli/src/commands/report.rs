@@ -1,16 +1,32 @@
-//! The report of a run: `RUN/report/index.html` and what belongs to it.
+//! `matchbench report`: the report of a run, `RUN/report/index.html` and what belongs to it.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use matchbench::report::{RunFacts, write_report};
+use matchbench::datasets::Sequence;
+use matchbench::metrics::{Bootstrap, PairGeometry, load};
+use matchbench::report::{Content, RunFacts, write_report};
 use matchbench::run::Plan;
 
-use super::eval;
+use super::pictures;
+use crate::Ending;
+use crate::args::ReportArgs;
 
-/// Writes the report of the run in `folder` and returns its page.
-pub(crate) fn write(folder: &Path) -> Result<PathBuf> {
+/// Pairs of each dataset whose pictures are embedded, where nothing else is asked for.
+pub(crate) const PICTURES: usize = 4;
+
+pub(crate) fn run(args: &ReportArgs) -> Result<Ending> {
+    let page = write(&args.run, args.out.as_deref(), args.pictures)?;
+    writeln!(std::io::stdout(), "{}", page.display())?;
+    Ok(Ending::Done)
+}
+
+/// Writes the report of the run in `folder`, with pictures of so many pairs of each dataset, and
+/// returns its page.
+pub(crate) fn write(folder: &Path, out: Option<&Path>, pictures: usize) -> Result<PathBuf> {
     let file = folder.join("plan.json");
     let text =
         fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
@@ -28,6 +44,38 @@ pub(crate) fn write(folder: &Path) -> Result<PathBuf> {
         ],
         plan: Some(text),
     };
-    let summaries = eval::summaries(folder, None)?;
-    Ok(write_report(&folder.join("report"), &summaries, &facts)?)
+    let mut content = Content::new(load(folder, None)?, &Bootstrap::default(), facts);
+    let sequences = sequences(&plan);
+    content.geometry = (sequences.iter())
+        .map(|(name, sequence)| (name.clone(), PairGeometry::of_sequence(sequence)))
+        .collect();
+    // A run may be limited to some of the pairs; the others are no part of easy or hard.
+    for (name, geometry) in &mut content.geometry {
+        let sets = content.results.iter().filter(|set| set.dataset == *name);
+        let run: BTreeSet<_> = sets
+            .flat_map(|set| &set.pairs)
+            .map(|p| (p.a, p.b))
+            .collect();
+        geometry.retain(|pair, _| run.contains(pair));
+    }
+    content.views = pictures::sample(folder, &content.results, &sequences, pictures)?;
+    let default = folder.join("report");
+    Ok(write_report(out.unwrap_or(&default), &content)?)
+}
+
+/// The datasets of a run that are still where they were; the report does without the others.
+fn sequences(plan: &Plan) -> BTreeMap<String, Sequence> {
+    let mut sequences = BTreeMap::new();
+    for dataset in &plan.datasets {
+        match Sequence::open(&dataset.path) {
+            Ok(sequence) => {
+                sequences.insert(dataset.name.clone(), sequence);
+            }
+            Err(error) => eprintln!(
+                "note: no pictures and no baselines of {} in the report: {error}",
+                dataset.name
+            ),
+        }
+    }
+    sequences
 }

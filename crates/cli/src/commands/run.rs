@@ -7,7 +7,9 @@ use std::thread::available_parallelism;
 
 use anyhow::{Context, Result};
 use matchbench::datasets::{Sequence, decode_gray};
-use matchbench::run::{Contender, Dataset, FeatureCache, Plan, Run, RunSummary, Settings};
+use matchbench::run::{
+    Cancel, Contender, Dataset, FeatureCache, Observer, Plan, Run, RunSummary, Settings, Silent,
+};
 
 use super::tune::Tuned;
 use super::{eval, report};
@@ -42,7 +44,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     if ending != Ending::Stopped {
         eval::print(&args.out, None)?;
         if args.report {
-            let page = report::write(&args.out)?;
+            let page = report::write(&args.out, None, report::PICTURES)?;
             writeln!(std::io::stdout(), "\nreport: {}", page.display())?;
         }
     }
@@ -78,6 +80,20 @@ pub(crate) struct Job<'a> {
 impl Job<'_> {
     /// Does what is left, with a progress bar, until it is done or stopped.
     pub(crate) fn execute(&self) -> Result<Ending> {
+        let cancel = cancel_on_ctrl_c()?;
+        let bar = Bar::new();
+        let summary = self.go(&bar, &cancel);
+        bar.finish();
+        Ok(tell(&summary?, self.folder))
+    }
+
+    /// Does all of it without a word. Nothing is kept, so Ctrl-C just ends the process.
+    pub(crate) fn execute_quietly(&self) -> Result<()> {
+        self.go(&Silent, &Cancel::default())?;
+        Ok(())
+    }
+
+    fn go(&self, observer: &dyn Observer, cancel: &Cancel) -> Result<RunSummary> {
         let cache = (self.cache).map_or_else(|| self.folder.join("cache"), Path::to_path_buf);
         let run = Run {
             datasets: self.datasets,
@@ -90,11 +106,7 @@ impl Job<'_> {
             keep_matches: self.keep_matches,
             feature_memory: Run::FEATURE_MEMORY,
         };
-        let cancel = cancel_on_ctrl_c()?;
-        let bar = Bar::new();
-        let summary = run.execute(&bar, &cancel);
-        bar.finish();
-        Ok(tell(&summary?, self.folder))
+        Ok(run.execute(observer, cancel)?)
     }
 }
 

@@ -1,11 +1,15 @@
 //! Every pose estimator that a run can name: one file each, and the list.
 
+mod best;
+mod lo_ransac_e;
+mod prosac_e;
 mod ransac_e;
+mod rich;
 
-use matchbench_vision::robust::PoseEstimator;
+use matchbench_vision::robust::{PoseEstimator, SampleConsensus, SampleConsensusParams};
 use serde_json::Value;
 
-use crate::config::{self, ConfigError, UnknownName};
+use crate::config::{self, ConfigError, UnknownName, parse_params, to_json};
 
 /// A pose estimator by name: what it is, and how to make one.
 pub trait EstimatorEntry: Sync {
@@ -39,7 +43,62 @@ pub struct BuiltEstimator {
 }
 
 /// All estimators, in the order of tables. A new one is a file of this folder and a line here.
-pub const ESTIMATORS: &[&dyn EstimatorEntry] = &[&ransac_e::RansacE];
+pub const ESTIMATORS: &[&dyn EstimatorEntry] = &[
+    &ransac_e::RansacE,
+    &prosac_e::PROSAC_E,
+    &lo_ransac_e::LO_RANSAC_E,
+    &rich::RICH,
+    &best::BEST,
+];
+
+/// An entry that is [`SampleConsensus`] with parts of its own choice.
+struct Preset {
+    id: &'static str,
+    summary: &'static str,
+    reference: &'static str,
+    defaults: fn() -> SampleConsensusParams,
+}
+
+impl EstimatorEntry for Preset {
+    fn id(&self) -> &'static str {
+        self.id
+    }
+
+    fn summary(&self) -> &'static str {
+        self.summary
+    }
+
+    fn reference(&self) -> &'static str {
+        self.reference
+    }
+
+    fn defaults(&self) -> Value {
+        to_json(&(self.defaults)())
+    }
+
+    fn build(&self, params: Option<&Value>) -> Result<BuiltEstimator, ConfigError> {
+        let all = match params {
+            // What is left out keeps the default of this entry, not of the parts.
+            Some(Value::Object(given)) => {
+                let mut all = self.defaults();
+                if let Some(all) = all.as_object_mut() {
+                    all.extend(given.clone());
+                }
+                all
+            }
+            Some(other) => other.clone(),
+            None => self.defaults(),
+        };
+        let params: SampleConsensusParams = parse_params(self.id, Some(&all))?;
+        let estimator =
+            SampleConsensus::new(params).map_err(|error| ConfigError::new(self.id, error))?;
+        Ok(BuiltEstimator {
+            id: self.id.into(),
+            params: to_json(&params),
+            estimator: Box::new(estimator),
+        })
+    }
+}
 
 /// The estimator called `id`.
 ///
@@ -97,6 +156,23 @@ mod tests {
                 "{}",
                 entry.id()
             );
+        }
+    }
+
+    #[test]
+    fn a_preset_keeps_its_own_defaults_beside_what_is_given() {
+        let built = rich::RICH
+            .build(Some(&json!({"threshold_px": 2.5})))
+            .unwrap();
+        let mut expected = rich::RICH.defaults();
+        expected["threshold_px"] = json!(2.5);
+        assert_eq!(built.params, expected);
+        for wrong in [
+            json!({"threshold_px": -1.0}),
+            json!({"score": "msca"}),
+            json!([1]),
+        ] {
+            assert!(rich::RICH.build(Some(&wrong)).is_err(), "{wrong}");
         }
     }
 

@@ -4,6 +4,9 @@
 //! list and hold every entry to the same promises.
 
 mod akaze;
+mod asift;
+mod brisk;
+mod code;
 mod binboost;
 mod brisk;
 mod dlco;
@@ -31,6 +34,8 @@ pub const MATCHERS: &[&dyn Entry] = &[
     &brisk::BRISK,
     &kaze::KAZE,
     &akaze::AKAZE,
+    &asift::AsiftEntry,
+    &code::CodeEntry,
     &dlco::DLCO,
     &binboost::BINBOOST,
 ];

@@ -3,14 +3,18 @@
 //! [`load`] turns a folder of results into one [`ResultSet`] per dataset, matcher and estimator;
 //! [`Summary::new`] scores it. The definitions stand in one file each: [`SuccessCurve`] (SP and the
 //! paper's AUC), [`exact_auc`] and [`maa`] (what others call AUC and mAA), [`average_matches`] (AP),
-//! [`Bootstrap`] (intervals) and [`Failures`].
+//! [`Bootstrap`] (intervals) and [`Failures`]. [`compare`] sets two sets of results side by side,
+//! pair by pair; [`strata`] tells easy pairs from hard ones by their [`PairGeometry`].
 
 mod auc;
 mod average_matches;
 mod bootstrap;
+mod comparison;
 mod failures;
+mod pair_geometry;
 mod pair_result;
 mod results;
+mod strata;
 mod success;
 mod summary;
 mod times;
@@ -18,9 +22,12 @@ mod times;
 pub use auc::{exact_auc, maa};
 pub use average_matches::average_matches;
 pub use bootstrap::{Bootstrap, Interval, Term};
+pub use comparison::{Comparison, auc_difference, compare};
 pub use failures::{Failure, Failures};
+pub use pair_geometry::{DatasetGeometry, PairGeometry};
 pub use pair_result::{Angle, AngularError, PairResult};
 pub use results::{ResultSet, ResultsError, load};
+pub use strata::{Stratum, auc_by_stratum, strata};
 pub use success::{SuccessCurve, THRESHOLDS};
-pub use summary::{Score, Summary, auc_difference};
+pub use summary::{Score, Summary};
 pub use times::{Spread, StageSpreads};

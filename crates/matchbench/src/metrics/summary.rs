@@ -10,7 +10,7 @@ use super::{
 };
 
 /// The threshold at which the paper shows AP, in degrees.
-const AP_THRESHOLD: f64 = 5.0;
+pub(super) const AP_THRESHOLD: f64 = 5.0;
 
 /// A score and how far it would move with other reference images.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -104,27 +104,6 @@ impl Summary {
             maa_10: maa(pairs, 10),
             stages: StageSpreads::new(pairs),
         }
-    }
-}
-
-/// How much better `this` is than `other` on the pairs that both have, in the paper's AUC: the
-/// difference and its paired bootstrap interval. Both must come from the same dataset.
-pub fn auc_difference(this: &ResultSet, other: &ResultSet, bootstrap: &Bootstrap) -> Score {
-    let other: std::collections::BTreeMap<_, _> = (other.pairs.iter())
-        .map(|pair| ((pair.a, pair.b, pair.repetition), pair))
-        .collect();
-    let terms: Vec<Term> = (this.pairs.iter())
-        .filter_map(|pair| {
-            let twin = other.get(&(pair.a, pair.b, pair.repetition))?;
-            let mut term = auc_term(pair, Angle::Pose);
-            term.numerator -= auc_term(twin, Angle::Pose).numerator;
-            Some(term)
-        })
-        .collect();
-    let sum: f64 = terms.iter().map(|term| term.numerator).sum();
-    Score {
-        value: (!terms.is_empty()).then(|| sum / terms.len() as f64),
-        interval: bootstrap.interval(terms),
     }
 }
 
@@ -250,16 +229,5 @@ mod tests {
         let summary = Summary::new(&results(vec![]), &Bootstrap::default());
         assert_eq!((summary.auc.value, summary.ap5.value), (None, None));
         assert!(summary.maa_10.is_nan() && summary.sp.at(1).is_nan());
-    }
-
-    #[test]
-    fn difference_pairs_the_pairs() {
-        let better = results(vec![solved(0, 0.1, 0.1, 50), solved(3, 0.1, 4.0, 50)]);
-        let worse = results(vec![solved(3, 0.1, 7.0, 50), solved(0, 0.1, 3.0, 50)]);
-        // Image 0: 15 - 12 thresholds; image 3: 11 - 8. Three of fifteen each time.
-        let score = auc_difference(&better, &worse, &Bootstrap::default());
-        assert!((score.value.expect("two pairs in common") - 0.2).abs() < 1e-15);
-        let interval = score.interval.expect("two reference images");
-        assert!((interval.high - interval.low).abs() < 1e-12);
     }
 }

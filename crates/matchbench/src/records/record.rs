@@ -2,7 +2,7 @@
 
 use matchbench_vision::geometry::RelativePose;
 use matchbench_vision::robust::NoPose;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, UnitVector3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Everything that one task left behind. Apart from [`RunRecord::times`] it is the same, bit for
@@ -99,6 +99,23 @@ pub enum Outcome {
 }
 
 impl Outcome {
+    /// The estimated pose, if there is one.
+    pub fn pose(&self) -> Option<RelativePose> {
+        let Self::Pose {
+            rotation,
+            translation,
+            ..
+        } = self
+        else {
+            return None;
+        };
+        let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_row_slice(rotation));
+        Some(RelativePose {
+            rotation: UnitQuaternion::from_rotation_matrix(&rotation),
+            direction: UnitVector3::new_normalize(Vector3::from(*translation)),
+        })
+    }
+
     /// The estimated pose `b_from_a`, judged by the `truth`.
     ///
     /// # Panics
@@ -161,7 +178,7 @@ pub struct StageTimes {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Translation3, UnitQuaternion, UnitVector3, Vector3};
+    use nalgebra::Translation3;
 
     use super::*;
 
@@ -192,6 +209,16 @@ mod tests {
         let (rotation, translation) = errors(&outcome);
         assert!((rotation - 7.0).abs() < 1e-9, "{rotation}");
         assert!((translation.unwrap() - 180.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_estimated_pose_can_be_taken_out_again() {
+        let estimate = RelativePose::from_isometry(&motion(10.0, [0.3, 0.1, -2.0])).unwrap();
+        let outcome = Outcome::judged(&estimate, &Isometry3::identity(), 9, 12, 100);
+        let error = outcome.pose().unwrap().error(&estimate);
+        assert!(error.max() < 1e-7, "{error:?}");
+        let reason = String::new();
+        assert_eq!(Outcome::Failed { reason }.pose(), None);
     }
 
     #[test]

@@ -93,12 +93,12 @@ fn interval(score: &Score) -> Vec<String> {
 }
 
 /// The shortest digits that read back as the same number.
-fn number(value: impl Into<Option<f64>>) -> String {
+pub(super) fn number(value: impl Into<Option<f64>>) -> String {
     (value.into().filter(|value| value.is_finite())).map_or_else(String::new, |v| v.to_string())
 }
 
 /// Quoted where a comma, a quote or a line end would break the row.
-fn field(text: &str) -> String {
+pub(super) fn field(text: &str) -> String {
     if text.contains(['"', ',', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {

@@ -1,9 +1,166 @@
 //! The figures of a report: which curves and bars of which dataset go into which drawing.
 
-use crate::metrics::Angle;
+use crate::metrics::{Angle, PairGeometry, Stratum, Summary, auc_by_stratum, strata};
 
+use super::content::Content;
+use super::numbers::short;
 use super::overview::Overview;
-use super::svg::{Place, ap_bars, sp_curves};
+use super::svg::{Dot, Place, ap_bars, heat_map, scatter, sp_curves, strata_curves};
+
+/// Parts that the pairs of a dataset are cut into by difficulty.
+const STRATA: usize = 4;
+
+/// What the difficulty of a pair is told by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Difficulty {
+    Baseline,
+    ViewAngle,
+    Overlap,
+}
+
+impl Difficulty {
+    pub(super) const ALL: [Self; 3] = [Self::Baseline, Self::ViewAngle, Self::Overlap];
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Baseline => "baseline",
+            Self::ViewAngle => "angle",
+            Self::Overlap => "overlap",
+        }
+    }
+
+    fn axis(self) -> &'static str {
+        match self {
+            Self::Baseline => "baseline (unit of the dataset)",
+            Self::ViewAngle => "angle between the optical axes (degrees)",
+            Self::Overlap => "overlap (upper bound)",
+        }
+    }
+
+    fn of(self, geometry: &PairGeometry) -> f64 {
+        match self {
+            Self::Baseline => geometry.baseline,
+            Self::ViewAngle => geometry.view_angle,
+            Self::Overlap => geometry.overlap,
+        }
+    }
+}
+
+/// AUC over difficulty, if anything is known of it on this dataset.
+pub(super) fn difficulty_figure(
+    content: &Content,
+    overview: &Overview<'_>,
+    column: usize,
+    difficulty: Difficulty,
+    place: Place,
+) -> Option<String> {
+    let dataset = overview.datasets[column];
+    let geometry = content.geometry.get(dataset)?;
+    let value = |geometry: &PairGeometry| difficulty.of(geometry);
+    let strata = strata(geometry, value, STRATA);
+    let label = |stratum: &Stratum| match (short(stratum.low), short(stratum.high)) {
+        (low, high) if low == high => low,
+        (low, high) => format!("{low}–{high}"),
+    };
+    let ranges: Vec<String> = strata.iter().map(label).collect();
+    let lines: Vec<_> = (overview.rows.iter().enumerate())
+        .filter_map(|(i, row)| {
+            let summary = row.cells[column].as_ref()?.summary;
+            let is_its = |set: &&crate::metrics::ResultSet| {
+                (&set.dataset, &set.matcher, &set.estimator)
+                    == (&summary.dataset, &summary.matcher, &summary.estimator)
+            };
+            let set = content.results.iter().find(is_its)?;
+            Some((
+                i,
+                &*row.label,
+                auc_by_stratum(set, geometry, value, &strata),
+            ))
+        })
+        .collect();
+    let title = format!("AUC over {}: {dataset}", difficulty.name());
+    Some(strata_curves(
+        place,
+        &title,
+        (difficulty.axis(), &ranges),
+        &lines,
+    ))
+}
+
+/// Seconds for a pair, both of whose images are new: the medians of all stages that were timed, if
+/// detection and search were.
+pub(super) fn seconds_for_a_pair(summary: &Summary) -> Option<f64> {
+    let stages = &summary.stages;
+    let optional =
+        |stage: Option<crate::metrics::Spread>| stage.map_or(0.0, |spread| spread.median);
+    let (extract, search) = (stages.extract?.median, stages.search?.median);
+    Some(2.0 * extract + search + optional(stages.select) + optional(stages.estimate))
+}
+
+/// Accuracy against time on one dataset, if anything was timed.
+pub(super) fn time_figure(overview: &Overview<'_>, column: usize, place: Place) -> Option<String> {
+    let dots: Vec<Dot<'_>> = (overview.rows.iter().enumerate())
+        .filter_map(|(series, row)| {
+            let summary = row.cells[column].as_ref()?.summary;
+            Some(Dot {
+                series,
+                name: &row.label,
+                seconds: seconds_for_a_pair(summary)?,
+                auc: summary.auc,
+            })
+        })
+        .collect();
+    let title = format!("Accuracy against time: {}", overview.datasets[column]);
+    (!dots.is_empty()).then(|| scatter(place, &title, &dots))
+}
+
+/// AUC of matchers by estimators on one dataset, or the mean over all; nothing where there is only
+/// one estimator.
+pub(super) fn estimator_figure(
+    summaries: &[Summary],
+    dataset: Option<&str>,
+    place: Place,
+) -> Option<String> {
+    let mut matchers: Vec<&str> = Vec::new();
+    let mut estimators: Vec<&str> = Vec::new();
+    for summary in summaries {
+        if !matchers.contains(&&*summary.matcher) {
+            matchers.push(&summary.matcher);
+        }
+        if !estimators.contains(&&*summary.estimator) {
+            estimators.push(&summary.estimator);
+        }
+    }
+    if estimators.len() < 2 {
+        return None;
+    }
+    let mean = |matcher: &str, estimator: &str| {
+        let here = |s: &&Summary| {
+            s.matcher == matcher
+                && s.estimator == estimator
+                && dataset.is_none_or(|name| s.dataset == name)
+        };
+        let values: Vec<f64> = summaries
+            .iter()
+            .filter(here)
+            .filter_map(|s| s.auc.value)
+            .collect();
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    };
+    let cells: Vec<Vec<Option<f64>>> = (matchers.iter())
+        .map(|matcher| {
+            estimators
+                .iter()
+                .map(|estimator| mean(matcher, estimator))
+                .collect()
+        })
+        .collect();
+    let title = format!(
+        "AUC by estimator: {}",
+        dataset.unwrap_or("mean over all datasets")
+    );
+    Some(heat_map(place, &title, &matchers, &estimators, &cells))
+}
 
 /// The SP curves of one dataset.
 pub(super) fn sp_figure(

@@ -1,55 +1,36 @@
-//! The report as a folder that opens from disk and can be mailed: `index.html`, `figures/*.svg`,
-//! `tables/*.{csv,json,md,tex}`.
+//! The report as a folder that opens from disk and can be mailed: `index.html`,
+//! `figures/*.{svg,png}`, `tables/*.{csv,json,md,tex}`.
 
 use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
+
 use crate::files::write_whole;
-use crate::metrics::{Angle, Summary};
+use crate::metrics::Angle;
 
-use super::figures::{ap_figure, sp_figure};
+use super::content::Content;
+use super::figures::{
+    Difficulty, ap_figure, difficulty_figure, estimator_figure, sp_figure, time_figure,
+};
 use super::overview::Overview;
+use super::raster::png;
 use super::svg::Place;
-use super::{Format, html, render};
+use super::{Format, html, pairs_csv, render};
 
-/// What a reader should know about the run besides its scores.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct RunFacts {
-    /// Title of the page.
-    pub title: String,
-    /// Names and values in the order in which they are shown: version, seed, machine ...
-    pub facts: Vec<(String, String)>,
-    /// The plan of the run as text.
-    pub plan: Option<String>,
-}
+/// Pixels of a PNG figure for each unit of its drawing: sharp on dense screens and in print.
+const PNG_SCALE: f32 = 2.0;
 
 /// Writes the report and returns the path of its page. Files of an earlier report are replaced, each
 /// at once.
 ///
 /// # Errors
 /// A file or folder that cannot be written.
-pub fn write_report(folder: &Path, summaries: &[Summary], facts: &RunFacts) -> io::Result<PathBuf> {
+pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
+    let summaries = &content.summaries;
     let overview = Overview::new(summaries);
-    let drawings = folder.join("figures");
     let tables = folder.join("tables");
-    let mut taken = BTreeSet::new();
-    for (column, dataset) in overview.datasets.iter().enumerate() {
-        let name = file_name(dataset, &mut taken);
-        for (prefix, angle) in [
-            ("sp", Angle::Pose),
-            ("sp-rotation", Angle::Rotation),
-            ("sp-translation", Angle::Translation),
-        ] {
-            let svg = sp_figure(&overview, column, angle, Place::File);
-            write_whole(
-                &drawings.join(format!("{prefix}-{name}.svg")),
-                svg.as_bytes(),
-            )?;
-        }
-        let svg = ap_figure(&overview, column, Place::File);
-        write_whole(&drawings.join(format!("ap-{name}.svg")), svg.as_bytes())?;
-    }
     for (name, format) in [
         ("scores.csv", Format::Csv),
         ("scores.json", Format::Json),
@@ -58,9 +39,55 @@ pub fn write_report(folder: &Path, summaries: &[Summary], facts: &RunFacts) -> i
     ] {
         write_whole(&tables.join(name), render(format, summaries).as_bytes())?;
     }
+    write_whole(
+        &tables.join("pairs.csv"),
+        pairs_csv::render(content).as_bytes(),
+    )?;
+    let drawings = folder.join("figures");
+    figures(content, &overview)
+        .into_par_iter()
+        .try_for_each(|(name, svg)| {
+            write_whole(&drawings.join(format!("{name}.svg")), svg.as_bytes())?;
+            write_whole(
+                &drawings.join(format!("{name}.png")),
+                &png(&svg, PNG_SCALE)?,
+            )
+        })?;
     let page = folder.join("index.html");
-    write_whole(&page, html::render(summaries, facts).as_bytes())?;
+    write_whole(&page, html::render(content).as_bytes())?;
     Ok(page)
+}
+
+/// Every figure with its name.
+fn figures(content: &Content, overview: &Overview<'_>) -> Vec<(String, String)> {
+    let mut figures = Vec::new();
+    let mut taken = BTreeSet::new();
+    for (column, dataset) in overview.datasets.iter().enumerate() {
+        let name = file_name(dataset, &mut taken);
+        for (prefix, angle) in [
+            ("sp", Angle::Pose),
+            ("sp-rotation", Angle::Rotation),
+            ("sp-translation", Angle::Translation),
+        ] {
+            let svg = sp_figure(overview, column, angle, Place::File);
+            figures.push((format!("{prefix}-{name}"), svg));
+        }
+        let svg = ap_figure(overview, column, Place::File);
+        figures.push((format!("ap-{name}"), svg));
+        for difficulty in Difficulty::ALL {
+            if let Some(svg) = difficulty_figure(content, overview, column, difficulty, Place::File)
+            {
+                figures.push((format!("{}-{name}", difficulty.name()), svg));
+            }
+        }
+        if let Some(svg) = time_figure(overview, column, Place::File) {
+            figures.push((format!("time-{name}"), svg));
+        }
+        if let Some(svg) = estimator_figure(&content.summaries, Some(dataset), Place::File) {
+            figures.push((format!("estimators-{name}"), svg));
+        }
+    }
+    figures
 }
 
 /// A name for a file of this dataset: letters, digits, dots and dashes, different from the others
@@ -89,16 +116,15 @@ fn file_name(dataset: &str, taken: &mut BTreeSet<String>) -> String {
 mod tests {
     use std::fs;
 
-    use super::super::tests::summary;
+    use super::super::tests::content;
     use super::*;
 
     #[test]
     fn report_has_all_its_files_and_can_be_replaced() {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let summaries = [summary("a/b", "sift", 4), summary("a?b", "sift", 6)];
-        let facts = RunFacts::default();
+        let content = content(&[("a/b", "sift", 4), ("a?b", "sift", 6)]);
         for _ in 0..2 {
-            let page = write_report(folder.path(), &summaries, &facts).expect("it is ours");
+            let page = write_report(folder.path(), &content).expect("it is ours");
             assert!(page.is_file());
         }
         let names = |part: &str| -> Vec<String> {
@@ -116,9 +142,16 @@ mod tests {
         };
         assert_eq!(
             names("tables"),
-            ["auc.tex", "scores.csv", "scores.json", "scores.md"]
+            [
+                "auc.tex",
+                "pairs.csv",
+                "scores.csv",
+                "scores.json",
+                "scores.md"
+            ]
         );
-        assert_eq!(names("figures").len(), 8);
+        // Four of each dataset, twice.
+        assert_eq!(names("figures").len(), 16);
         assert!(names("figures").contains(&"sp-rotation-a-b-2.svg".to_owned()));
     }
 
@@ -127,7 +160,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let file = folder.path().join("file");
         fs::write(&file, "").expect("it is ours");
-        let error = write_report(&file, &[], &RunFacts::default()).expect_err("a file is there");
+        let error = write_report(&file, &Content::default()).expect_err("a file is there");
         assert!(error.to_string().contains("scores.csv"), "{error}");
     }
 }

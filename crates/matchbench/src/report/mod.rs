@@ -4,6 +4,7 @@
 //! exporter is a pure function, the same scores give the same bytes, and names from data are
 //! escaped for the format they are written in.
 
+mod content;
 mod csv;
 mod figures;
 mod folder;
@@ -13,14 +14,25 @@ mod latex;
 mod markdown;
 mod numbers;
 mod overview;
+mod pair_view;
+mod pairs_csv;
+mod picture;
+mod raster;
 mod svg;
 mod table;
+mod words;
 
 use std::str::FromStr;
 
 use crate::metrics::Summary;
 
-pub use folder::{RunFacts, write_report};
+pub use content::{Content, RunFacts};
+pub use folder::write_report;
+pub use pair_view::{
+    EpipolarLines, MatchView, PairPoses, PairView, Thumbnail, epipolar_lines, match_views,
+};
+pub use picture::{picture_png, picture_svg};
+pub use words::sentence;
 
 /// The form of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,8 +102,8 @@ mod tests {
     use super::*;
     use crate::metrics::{Bootstrap, Failure, PairResult, ResultSet};
 
-    /// Scores of one matcher with as many right pairs, in ten, as its AUC is to have tenths.
-    pub(super) fn summary(dataset: &str, matcher: &str, tenths: u32) -> Summary {
+    /// Results of one matcher with as many right pairs, in ten, as its AUC is to have tenths.
+    fn results(dataset: &str, matcher: &str, tenths: u32) -> ResultSet {
         let pairs = (0..10)
             .map(|a| {
                 let mut pair = PairResult::failed(a, a + 1, Failure::NoSupport);
@@ -105,15 +117,26 @@ mod tests {
                 pair
             })
             .collect();
-        let results = ResultSet {
+        ResultSet {
             dataset: dataset.to_owned(),
             matcher: matcher.to_owned(),
             estimator: "ransac-e".to_owned(),
             repetitions: 1,
             pairs,
             ignored: 0,
-        };
-        Summary::new(&results, &Bootstrap::default())
+        }
+    }
+
+    /// Scores of such results.
+    pub(super) fn summary(dataset: &str, matcher: &str, tenths: u32) -> Summary {
+        Summary::new(&results(dataset, matcher, tenths), &Bootstrap::default())
+    }
+
+    /// A report on such results.
+    pub(super) fn content(sets: &[(&str, &str, u32)]) -> Content {
+        let sets =
+            (sets.iter()).map(|&(dataset, matcher, tenths)| results(dataset, matcher, tenths));
+        Content::new(sets.collect(), &Bootstrap::default(), RunFacts::default())
     }
 
     #[test]

@@ -20,6 +20,28 @@ pub(super) fn milliseconds(seconds: impl Into<Option<f64>>) -> String {
     decimals(seconds.into().map(|s| s * 1e3), 1)
 }
 
+/// A time with the unit that suits it: `830 µs`, `12 ms`, `1.5 s`.
+pub(super) fn duration(seconds: f64) -> String {
+    let (value, unit) = match seconds {
+        s if s < 0.9995e-3 => (s * 1e6, "µs"),
+        s if s < 0.9995 => (s * 1e3, "ms"),
+        s => (s, "s"),
+    };
+    let decimals = usize::from(value < 9.95 && (value - value.round()).abs() > 0.05);
+    format!("{value:.decimals$} {unit}")
+}
+
+/// A quantity to three significant digits.
+pub(super) fn short(value: f64) -> String {
+    let decimals = match value.abs() {
+        v if v >= 100.0 => 0,
+        v if v >= 10.0 => 1,
+        v if v >= 1.0 => 2,
+        _ => 3,
+    };
+    format!("{value:.decimals$}")
+}
+
 fn decimals(value: impl Into<Option<f64>>, decimals: usize) -> String {
     match value.into().filter(|value| value.is_finite()) {
         Some(value) => format!("{value:.decimals$}"),
@@ -47,5 +69,15 @@ mod tests {
         assert_eq!(ratio(None), "–");
         assert_eq!(count(f64::NAN), "–");
         assert_eq!(milliseconds(0.0123), "12.3");
+    }
+
+    #[test]
+    fn times_have_the_unit_that_suits_them() {
+        let shown = [0.00083, 0.0123, 0.1, 1.0, 1.54].map(duration);
+        assert_eq!(shown, ["830 µs", "12 ms", "100 ms", "1 s", "1.5 s"]);
+        assert_eq!(
+            [0.1234, 12.34, 1234.5].map(short),
+            ["0.123", "12.3", "1234"]
+        );
     }
 }

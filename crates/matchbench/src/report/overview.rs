@@ -1,6 +1,6 @@
 //! The paper's Table 2 as data: matchers by datasets, the best three marked, and those above SIFT.
 
-use crate::metrics::Summary;
+use crate::metrics::{Angle, Score, Summary};
 
 /// The matcher that the paper measures the others by.
 const BASELINE: &str = "sift";
@@ -26,6 +26,8 @@ pub(super) struct Row<'a> {
 /// One AUC and what the table says about it.
 pub(super) struct Cell<'a> {
     pub(super) summary: &'a Summary,
+    /// The AUC of the angle that the table is about.
+    pub(super) auc: Score,
     /// 1, 2 or 3 for the best three of the dataset (equal scores share the rank), if there is
     /// anything to be better than.
     pub(super) rank: Option<u8>,
@@ -34,7 +36,13 @@ pub(super) struct Cell<'a> {
 }
 
 impl<'a> Overview<'a> {
+    /// The table of the pose error.
     pub(super) fn new(summaries: &'a [Summary]) -> Self {
+        Self::of(summaries, Angle::Pose)
+    }
+
+    /// The table of one angle of the error.
+    pub(super) fn of(summaries: &'a [Summary], angle: Angle) -> Self {
         let mut datasets: Vec<&str> = Vec::new();
         let mut methods: Vec<(&str, &str)> = Vec::new();
         for summary in summaries {
@@ -52,7 +60,7 @@ impl<'a> Overview<'a> {
                 label: label(method, &methods),
                 is_baseline: method.0 == BASELINE,
                 cells: (datasets.iter())
-                    .map(|dataset| cell(summaries, dataset, method))
+                    .map(|dataset| cell(summaries, dataset, method, angle))
                     .collect(),
             })
             .collect();
@@ -69,17 +77,33 @@ fn label((matcher, estimator): (&str, &str), methods: &[(&str, &str)]) -> String
     }
 }
 
-fn cell<'a>(summaries: &'a [Summary], dataset: &str, method: (&str, &str)) -> Option<Cell<'a>> {
+/// The AUC of one angle of the error.
+fn auc_of(summary: &Summary, angle: Angle) -> Score {
+    match angle {
+        Angle::Pose => summary.auc,
+        Angle::Rotation => summary.rotation_auc,
+        Angle::Translation => summary.translation_auc,
+    }
+}
+
+fn cell<'a>(
+    summaries: &'a [Summary],
+    dataset: &str,
+    method: (&str, &str),
+    angle: Angle,
+) -> Option<Cell<'a>> {
     let rivals = || summaries.iter().filter(|s| s.dataset == dataset);
+    let value = |s: &Summary| auc_of(s, angle).value;
     let summary = rivals().find(|s| (&*s.matcher, &*s.estimator) == method)?;
-    let auc = summary.auc.value;
-    let better = rivals().filter(|s| s.auc.value > auc).count();
-    let scored = rivals().filter(|s| s.auc.value.is_some()).count();
+    let auc = value(summary);
+    let better = rivals().filter(|s| value(s) > auc).count();
+    let scored = rivals().filter(|s| value(s).is_some()).count();
     let baseline = rivals()
         .find(|s| s.matcher == BASELINE && s.estimator == method.1)
-        .and_then(|s| s.auc.value);
+        .and_then(value);
     Some(Cell {
         summary,
+        auc: auc_of(summary, angle),
         rank: (auc.is_some() && scored > 1 && better < 3).then_some(better as u8 + 1),
         above_baseline: baseline.is_some() && auc > baseline,
     })

@@ -4,11 +4,13 @@
 //!
 //! | bytes | what |
 //! | --- | --- |
-//! | 8 | `MBFEAT01`: the format and its version |
+//! | 8 | `MBFEAT02`: the format and its version |
 //! | 32 | the key that the features were saved under |
 //! | 8, 8, 8 | width and height of the image, number n of features |
 //! | 1, 8 | layout of the descriptors, values or bits in each |
+//! | 1 | whether there are affine frames: 0 or 1 |
 //! | n x 23 | keypoints: x, y, size, response, angle (`f32`), whether there is an angle (1 byte), octave (`i16`) |
+//! | n x 16 | frames, if there are: four `f32`, row after row |
 //! | n x row | descriptors, row after row: `f32` (layout 0), bytes (1) or `u64` words (2) |
 //! | 32 | BLAKE3 of all the above |
 //!
@@ -21,7 +23,7 @@ use nalgebra::Point2;
 
 use super::cache::Key;
 
-const MAGIC: [u8; 8] = *b"MBFEAT01";
+const MAGIC: [u8; 8] = *b"MBFEAT02";
 const CHECKSUM: usize = 32;
 
 const FLOATS: u8 = 0;
@@ -43,8 +45,12 @@ pub(super) fn to_bytes(features: &Features, key: Key) -> Vec<u8> {
     };
     file.push(layout);
     file.extend((width as u64).to_le_bytes());
+    file.push(u8::from(features.frames.is_some()));
     for keypoint in &features.keypoints {
         push_keypoint(&mut file, keypoint);
+    }
+    for frame in features.frames.iter().flatten() {
+        file.extend(frame.iter().flat_map(|x| x.to_le_bytes()));
     }
     match &features.descriptors {
         Descriptors::Float(rows) if layout == BYTES => {
@@ -72,9 +78,19 @@ pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<Features> {
     let count = reader.number()?;
     let [layout] = reader.array()?;
     let width = reader.number().filter(|&width| width > 0)?;
+    let [has_frames] = reader.array()?;
     let keypoints = (0..count)
         .map(|_| reader.keypoint())
         .collect::<Option<Vec<_>>>()?;
+    let frames = match has_frames {
+        0 => None,
+        1 => Some(
+            (0..count)
+                .map(|_| reader.frame())
+                .collect::<Option<Vec<_>>>()?,
+        ),
+        _ => return None,
+    };
     let (Reader(rows), row) = match layout {
         FLOATS => (reader, width.checked_mul(4)?),
         BYTES => (reader, width),
@@ -98,7 +114,11 @@ pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<Features> {
             Descriptors::Binary(BinaryRows::from_vec(width, data.collect()))
         }
     };
-    Some(Features::new(size, keypoints, descriptors))
+    let features = Features::new(size, keypoints, descriptors);
+    Some(match frames {
+        Some(frames) => features.with_frames(frames),
+        None => features,
+    })
 }
 
 /// Whether `x` survives being a byte, bit for bit: neither a fraction nor -0 does.
@@ -132,6 +152,10 @@ impl Reader<'_> {
 
     fn float(&mut self) -> Option<f32> {
         self.array().map(f32::from_le_bytes)
+    }
+
+    fn frame(&mut self) -> Option<[f32; 4]> {
+        Some([self.float()?, self.float()?, self.float()?, self.float()?])
     }
 
     fn keypoint(&mut self) -> Option<Keypoint> {
@@ -170,13 +194,14 @@ mod tests {
         Features::new(Size::new(64, 48), keypoints(descriptors.len()), descriptors)
     }
 
-    fn examples() -> [Features; 5] {
+    fn examples() -> [Features; 6] {
         let floats = |data: &[f32]| Descriptors::Float(FloatRows::from_vec(2, data.to_vec()));
         [
             features(floats(&[0.0, 255.0, 17.0, 1.0])),
             features(floats(&[0.5, 255.0, -1.0, 256.0])),
             features(floats(&[1.0, -0.0])),
             features(floats(&[])),
+            features(floats(&[2.0, 1.0])).with_frames(vec![[1.5, -0.0, 1e-30, 4.0]]),
             features(Descriptors::Binary(BinaryRows::from_vec(
                 486,
                 (0..24).map(|word| u64::MAX / (word + 1)).collect(),
@@ -223,7 +248,7 @@ mod tests {
         let [features, ..] = examples();
         let file = to_bytes(&features, KEY);
         let content = &file[..file.len() - CHECKSUM];
-        // The number of features, the layout and the width.
+        // The number of features, the layout, the width and whether there are frames.
         for (index, value) in [
             (56, 1),
             (56, 3),
@@ -233,6 +258,8 @@ mod tests {
             (65, 0),
             (65, 3),
             (72, 255),
+            (73, 1),
+            (73, 2),
         ] {
             let mut forged = content.to_vec();
             forged[index] = value;

@@ -195,6 +195,15 @@ impl Matcher for Toy {
 }
 
 impl PoseEstimator for Toy {
+    fn estimate_until(
+        &self,
+        views: TwoViews<'_>,
+        seed: Seed,
+        _stop: &dyn Fn(usize) -> bool,
+    ) -> Result<PoseEstimate, NoPose> {
+        self.estimate(views, seed)
+    }
+
     fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoPose> {
         assert_ne!(
             self.trouble,

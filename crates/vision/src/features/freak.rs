@@ -27,7 +27,8 @@
 //! measured (`tables/SOURCES.toml`).
 //!
 //! # Differences from OpenCV
-//! None.
+//! None from 3.4; since then OpenCV finds angles of the smallest keypoints that differ by up to a
+//! degree.
 
 use std::f64::consts::TAU;
 
@@ -57,6 +58,9 @@ const ACROSS: [[usize; 2]; 9] = [
     [4, 0],
     [5, 1],
 ];
+/// Radii of two rings at pattern scale 1.
+const OUTERMOST: f64 = 2.0 / 3.0;
+const INNERMOST: f64 = 2.0 / 24.0;
 /// Number of scales.
 const SCALES: usize = 64;
 /// Number of angles.
@@ -238,13 +242,9 @@ impl PatternScale {
     fn new(index: usize, params: &FreakParams) -> Self {
         let exponent = (params.octaves * index) as f64 / SCALES as f64;
         let scale = libm::exp2(exponent) * f64::from(params.pattern_scale);
-        // Radii of the rings for pattern scale 1, from the outermost inwards; the distances between
-        // them shrink evenly.
-        const LARGEST: f64 = 2.0 / 3.0;
-        const SMALLEST: f64 = 2.0 / 24.0;
-        const SPACE: f64 = (LARGEST - SMALLEST) / 21.0;
+        // The distances between rings shrink evenly.
         let rings = [0, 6, 11, 15, 18, 20, 21].map(|spaces| {
-            let radius = LARGEST - f64::from(spaces) * SPACE;
+            let radius = OUTERMOST - f64::from(spaces) * (OUTERMOST - INNERMOST) / 21.0;
             radius * scale
         });
         // Fields reach half way to the middle; the one in the middle is as large as those of the
@@ -273,5 +273,191 @@ impl Describer for Freak {
             }
         }
         Descriptors::Binary(BinaryRows::from_vec(BITS, words))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+
+    fn freak() -> Freak {
+        Freak::new(FreakParams::default()).expect("the default is valid")
+    }
+
+    fn keypoint(x: f32, y: f32, size: f32) -> Keypoint {
+        Keypoint {
+            at: Point2::new(x, y),
+            size,
+            angle: None,
+            response: 1.0,
+            octave: 0,
+        }
+    }
+
+    /// Blocks of 5 x 4 pixels in many shades.
+    fn blocks() -> GrayImage {
+        GrayImage::from_fn(Size::new(120, 110), |x, y| {
+            let (x, y) = (x / 5, y / 4);
+            ((37 * x + 101 * y) ^ (13 * x * y)) as u8
+        })
+    }
+
+    #[test]
+    fn bits_are_those_of_opencv() {
+        // cv2.xfeatures2d.FREAK_create() of OpenCV 3.4.2; 4.14.0 computes the same bits. The third
+        // and fourth keypoint are too near the border.
+        let mut keypoints = vec![
+            keypoint(60.3, 50.75, 7.0),
+            keypoint(60.3, 50.75, 12.0),
+            keypoint(60.3, 50.75, 30.0),
+            keypoint(20.0, 50.0, 9.0),
+            keypoint(71.0, 48.5, 10.0),
+        ];
+        let expected = [
+            (
+                173.552_57,
+                [
+                    0xce3e_4260_3493_05c1,
+                    0x0a02_8542_c381_a900,
+                    0x0a66_8d0a_4734_09ad,
+                    0x6e22_26c1_eebb_df44,
+                    0x64e8_2c10_fb35_35d3,
+                    0x6cb5_19ff_ab39_4870,
+                    0x4b1c_5ed1_1778_aa19,
+                    0xea11_571c_b931_fbd1,
+                ],
+            ),
+            (
+                169.128_54,
+                [
+                    0xb6dc_526c_598a_d8d0,
+                    0xaa13_c442_8e7c_bb12,
+                    0x9aef_854c_8b38_ca4d,
+                    0x7ab2_07c1_eabf_47ab,
+                    0xf2ee_255e_6191_12e5,
+                    0xedb7_36d6_3ea1_5c72,
+                    0x4394_5fd4_c71e_c89b,
+                    0xec40_705c_7829_f1d7,
+                ],
+            ),
+            (
+                360.0 - 56.752_933,
+                [
+                    0x0482_8ccd_2780_0683,
+                    0x1502_6b8a_4b02_1d38,
+                    0x787b_07e8_e525_6b6c,
+                    0x0523_00d2_273c_8a42,
+                    0xac2d_0073_3148_ad17,
+                    0x55fb_40c1_8b18_54c1,
+                    0xe99c_06e4_0018_8499,
+                    0xfa30_5740_b533_f212,
+                ],
+            ),
+        ];
+        let Descriptors::Binary(rows) = freak().describe(&blocks(), &mut keypoints) else {
+            panic!("FREAK describes by bits");
+        };
+        assert_eq!((keypoints.len(), rows.len()), (3, 3));
+        for (i, (degrees, bits)) in expected.iter().enumerate() {
+            let angle = keypoints[i].angle.expect("FREAK assigns orientations");
+            assert!((angle.to_degrees() - degrees).abs() < 1e-3, "{angle}");
+            assert_eq!(rows.row(i), bits, "{i}");
+        }
+    }
+
+    #[test]
+    fn a_turned_image_has_turned_descriptors() {
+        let image = blocks();
+        let (w, h) = (image.width(), image.height());
+        let turned = GrayImage::from_fn(Size::new(h, w), |x, y| image.at(y, h - 1 - x));
+        let mut upright = Vec::new();
+        for x in (40..80).step_by(7) {
+            for y in (40..70).step_by(6) {
+                upright.push(keypoint(x as f32, y as f32, 9.0));
+            }
+        }
+        let mut other: Vec<Keypoint> = upright
+            .iter()
+            .map(|k| keypoint((h - 1) as f32 - k.at.y, k.at.x, k.size))
+            .collect();
+        let (a, b) = (
+            freak().describe(&image, &mut upright),
+            freak().describe(&turned, &mut other),
+        );
+        let (Descriptors::Binary(a), Descriptors::Binary(b)) = (a, b) else {
+            panic!("FREAK describes by bits");
+        };
+        assert_eq!(a.len(), 30);
+        let mut differing = 0;
+        for i in 0..a.len() {
+            let pairs = a.row(i).iter().zip(b.row(i));
+            differing += pairs.map(|(a, b)| (a ^ b).count_ones()).sum::<u32>();
+        }
+        let share = f64::from(differing) / (BITS * a.len()) as f64;
+        assert!(share < 0.05, "{share} of the bits differ");
+    }
+
+    #[test]
+    fn odd_keypoints_and_images_are_fine() {
+        let mut keypoints = vec![
+            keypoint(f32::NAN, 50.0, 9.0),
+            keypoint(60.0, f32::INFINITY, 9.0),
+            keypoint(60.0, 50.0, f32::INFINITY),
+            keypoint(-60.0, 50.0, 9.0),
+            keypoint(60.0, 50.0, f32::NAN),
+            keypoint(60.0, 50.0, 0.0),
+            keypoint(60.0, 50.0, -3.0),
+        ];
+        let descriptors = freak().describe(&blocks(), &mut keypoints);
+        // Sizes that are none get the smallest pattern.
+        assert_eq!((keypoints.len(), descriptors.len()), (3, 3));
+        for (width, height) in [(0, 0), (1, 1), (47, 200)] {
+            let image = GrayImage::filled(Size::new(width, height), 9);
+            let mut keypoints = vec![keypoint(23.0, 23.0, 9.0)];
+            assert_eq!(freak().describe(&image, &mut keypoints).len(), 0);
+            assert!(keypoints.is_empty());
+            assert_eq!(freak().describe(&image, &mut Vec::new()).len(), 0);
+        }
+    }
+
+    #[test]
+    fn flat_images_have_no_orientation_and_all_bits() {
+        let image = GrayImage::filled(Size::new(400, 400), 255);
+        let mut keypoints = vec![keypoint(200.0, 200.0, 40.0); 2000];
+        let Descriptors::Binary(rows) = freak().describe(&image, &mut keypoints) else {
+            panic!("FREAK describes by bits");
+        };
+        assert_eq!(rows.len(), 2000);
+        assert_eq!(rows.row(1999), [u64::MAX; 8]);
+        assert_eq!(keypoints[0].angle, Some(0.0));
+    }
+
+    #[test]
+    fn every_pair_of_fields_is_compared_once() {
+        let mut pairs = FREAK_PAIRS.as_chunks::<2>().0.to_vec();
+        for pair in &mut pairs {
+            pair.sort_unstable();
+            assert!(pair[0] < pair[1] && usize::from(pair[1]) < 43, "{pair:?}");
+        }
+        pairs.sort_unstable();
+        pairs.dedup();
+        assert_eq!(pairs.len(), BITS);
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_refused() {
+        let params = FreakParams {
+            pattern_scale: f32::NAN,
+            ..FreakParams::default()
+        };
+        assert!(Freak::new(params).is_err());
+        let params = FreakParams {
+            octaves: 0,
+            ..FreakParams::default()
+        };
+        let refused = Freak::new(params).expect_err("refused").to_string();
+        assert_eq!(refused, "`octaves` is 0, but must be 1 to 6");
     }
 }

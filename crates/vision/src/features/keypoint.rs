@@ -21,6 +21,17 @@ pub struct Keypoint {
     pub octave: i16,
 }
 
+impl Keypoint {
+    /// The circle that was described, as a linear map (row after row): it takes the unit circle to
+    /// the keypoint's circle and the x axis to its orientation, or leaves it where there is none.
+    pub fn frame(&self) -> [f32; 4] {
+        let angle = self.angle.unwrap_or(0.0);
+        let radius = 0.5 * self.size;
+        let (x, y) = (radius * libm::cosf(angle), radius * libm::sinf(angle));
+        [x, -y, y, x]
+    }
+}
+
 /// The keypoints of one image and their descriptors: row `i` describes keypoint `i`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Features {
@@ -30,6 +41,9 @@ pub struct Features {
     pub keypoints: Vec<Keypoint>,
     /// What they look like.
     pub descriptors: Descriptors,
+    /// For each keypoint the linear map (row after row) that takes the unit circle to the ellipse
+    /// that was described; `None` where all are circles, see [`Features::frame`].
+    pub frames: Option<Vec<[f32; 4]>>,
 }
 
 impl Features {
@@ -47,6 +61,32 @@ impl Features {
             size,
             keypoints,
             descriptors,
+            frames: None,
+        }
+    }
+
+    /// The same features, of which ellipses were described and not circles.
+    ///
+    /// # Panics
+    /// If there are not as many frames as keypoints.
+    #[must_use]
+    pub fn with_frames(self, frames: Vec<[f32; 4]>) -> Self {
+        assert_eq!(self.len(), frames.len(), "one frame for each keypoint");
+        Self {
+            frames: Some(frames),
+            ..self
+        }
+    }
+
+    /// The local affine frame of keypoint `index`: the linear map, row after row, from the unit
+    /// circle to what was described, in pixels of the image.
+    ///
+    /// # Panics
+    /// If there is no such keypoint.
+    pub fn frame(&self, index: usize) -> [f32; 4] {
+        match &self.frames {
+            Some(frames) => frames[index],
+            None => self.keypoints[index].frame(),
         }
     }
 

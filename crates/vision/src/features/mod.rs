@@ -6,6 +6,7 @@
 //! an empty, a one-pixel or a black image has no features, and that is a result.
 
 pub mod akaze;
+pub mod asift;
 pub mod binboost;
 pub mod brisk;
 #[cfg(test)]
@@ -23,6 +24,7 @@ pub mod sift;
 pub mod surf;
 
 pub use akaze::{Akaze, AkazeParams};
+pub use asift::{Asift, AsiftParams};
 pub use binboost::{BinBoost, BinBoostParams};
 pub use brisk::{Brisk, BriskParams};
 pub use descriptors::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
@@ -61,6 +63,16 @@ pub trait Extractor: Send + Sync {
 
     /// The features of `image`, in an order that depends on the image alone.
     fn extract(&self, image: &GrayImage) -> Features;
+}
+
+impl<E: Extractor + ?Sized> Extractor for Box<E> {
+    fn kind(&self) -> DescriptorKind {
+        (**self).kind()
+    }
+
+    fn extract(&self, image: &GrayImage) -> Features {
+        (**self).extract(image)
+    }
 }
 
 /// A [`Detector`] followed by a [`Describer`]: the usual way to combine two papers.

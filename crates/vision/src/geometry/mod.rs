@@ -7,6 +7,7 @@ mod epipolar;
 mod essential;
 mod point_pairs;
 mod pose;
+mod refine;
 pub mod solvers;
 mod triangulation;
 
@@ -16,4 +17,5 @@ pub use epipolar::squared_sampson_distances;
 pub use essential::{decompose_essential, essential_defect, essential_from_pose};
 pub use point_pairs::PointPairs;
 pub use pose::{PoseError, RelativePose};
+pub use refine::{Loss, refine_pose};
 pub use triangulation::triangulate_depths;

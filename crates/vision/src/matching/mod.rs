@@ -1,13 +1,17 @@
 //! From two sets of features to correspondences: search, selection, and the two together.
 
+pub mod code;
 mod correspondence;
 mod mutual;
 mod nearest;
 mod pipeline;
+mod placewise;
 mod ratio;
 
+pub use code::{Code, CodeParams};
 pub use correspondence::{Correspondence, Correspondences};
 pub use mutual::MutualCheck;
 pub use nearest::{NearestNeighbours, two_nearest};
 pub use pipeline::{Matcher, MatcherError, Pipeline, Search, Selector, View};
+pub use placewise::PlacewiseNeighbours;
 pub use ratio::RatioTest;

@@ -13,6 +13,14 @@
 //! | p | `confidence` | 0.999 | reference protocol |
 //! | | `max_samples` | 1000 | OpenCV 4 |
 //!
+//! With `local_steps`, each new best model is improved by [`Problem::refine`], and what comes out
+//! replaces it if it is better yet: local optimisation (Chum, Matas, Kittler, "Locally Optimized
+//! RANSAC", DAGM 2003), here as Lebeda, Matas, Chum, "Fixing the Locally Optimized RANSAC", BMVC 2012
+//! recommend it: with a truncated quadratic score, and not before the sampling has warmed up.
+//!
+//! A model is given up as soon as the data left cannot make it better than the best
+//! ([`Score::most_per_datum`]); this changes no result.
+//!
 //! *Choices*, all as in OpenCV's `RANSAC`: w is the inlier ratio of the best model so far; the
 //! number of samples is rounded to the nearest integer (half to even) and never grows; a model
 //! needs at least as many inliers as a sample has data; there is no local optimisation.
@@ -54,23 +62,73 @@ pub fn consensus<P: Problem>(
     if problem.len() < P::SAMPLE {
         return None;
     }
+    consensus_until(problem, score, sampler, params, Extras::NONE, rng, &|_| {
+        false
+    })
+}
+
+/// What may be added to the plain loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Extras {
+    /// Samples drawn at least.
+    pub min_samples: usize,
+    /// Steps of each local optimisation; 0 for none.
+    pub local_steps: usize,
+}
+
+impl Extras {
+    /// The plain loop.
+    pub const NONE: Self = Self {
+        min_samples: 0,
+        local_steps: 0,
+    };
+}
+
+/// As [`consensus`], with `extras`, and only until `stop` says so, which is asked before each sample
+/// and told how many were drawn. A `stop` that looks at a clock costs reproducibility, so whoever
+/// wants a time limit passes it from outside.
+pub fn consensus_until<P: Problem>(
+    problem: &P,
+    score: &impl Score,
+    sampler: &mut impl Sampler,
+    params: ConsensusParams,
+    extras: Extras,
+    rng: &mut Rng,
+    stop: &dyn Fn(usize) -> bool,
+) -> Option<Consensus<P::Model>> {
+    if problem.len() < P::SAMPLE {
+        return None;
+    }
     let mut residuals = vec![0.0; problem.len()];
     let mut sample = vec![0; P::SAMPLE];
     let mut best: Option<(P::Model, Support)> = None;
     let mut needed = params.max_samples;
     let mut samples = 0;
-    while samples < needed {
+    while samples < needed.max(extras.min_samples).min(params.max_samples) && !stop(samples) {
         samples += 1;
         sampler.draw(rng, &mut sample);
         for model in problem.solve(&sample).iter() {
-            problem.squared_residuals(model, 0..problem.len(), &mut residuals);
-            let support = score.support(&mut residuals);
-            let better = (best.as_ref()).is_none_or(|(_, best)| support.quality > best.quality);
-            if better && support.inliers >= P::SAMPLE {
-                best = Some((model.clone(), support));
-                let inlier_ratio = support.inliers as f64 / problem.len() as f64;
-                needed = needed.min(samples_needed(inlier_ratio, P::SAMPLE, params));
+            let limit = best
+                .as_ref()
+                .map_or(f64::NEG_INFINITY, |(_, best)| best.quality);
+            let Some(support) = judge(problem, score, model, limit, &mut residuals) else {
+                continue;
+            };
+            if support.inliers < P::SAMPLE {
+                continue;
             }
+            let (mut model, mut support) = (model.clone(), support);
+            if extras.local_steps > 0
+                && let Some(refined) =
+                    problem.refine(&model, support.squared_threshold, extras.local_steps)
+                && let Some(better) =
+                    judge(problem, score, &refined, support.quality, &mut residuals)
+            {
+                (model, support) = (refined, better);
+            }
+            let inlier_ratio = support.inliers as f64 / problem.len() as f64;
+            needed = needed.min(samples_needed(inlier_ratio, P::SAMPLE, params));
+            best = Some((model, support));
         }
     }
     let (model, support) = best?;
@@ -86,6 +144,44 @@ pub fn consensus<P: Problem>(
         inliers,
         samples,
     })
+}
+
+/// Data between two looks at whether a model can still win.
+const BLOCK: usize = 128;
+
+/// The support of a model if its quality exceeds the `limit`.
+fn judge<P: Problem>(
+    problem: &P,
+    score: &impl Score,
+    model: &P::Model,
+    limit: f64,
+    residuals: &mut [f64],
+) -> Option<Support> {
+    let n = problem.len();
+    let Some(most) = score.most_per_datum() else {
+        problem.squared_residuals(model, 0..n, residuals);
+        let support = score.support(residuals);
+        return (support.quality > limit).then_some(support);
+    };
+    let mut total: Option<Support> = None;
+    for start in (0..n).step_by(BLOCK) {
+        let range = start..n.min(start + BLOCK);
+        let block = &mut residuals[range.clone()];
+        problem.squared_residuals(model, range.clone(), block);
+        let support = score.support(block);
+        let sum = total.map_or(support, |total| Support {
+            quality: total.quality + support.quality,
+            inliers: total.inliers + support.inliers,
+            ..support
+        });
+        // A quality of NaN wins nothing.
+        let can_win = sum.quality + most * (n - range.end) as f64 > limit;
+        if !can_win {
+            return None;
+        }
+        total = Some(sum);
+    }
+    total
 }
 
 /// Samples after which one is free of outliers with the wanted confidence.

@@ -94,4 +94,16 @@ pub trait PoseEstimator: Send + Sync {
     /// # Errors
     /// [`NoPose`] where the matches determine none.
     fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoPose>;
+
+    /// As [`PoseEstimator::estimate`], but drawing samples only until `stop` says so, which is told
+    /// how many were drawn. For comparisons at equal time: the caller owns the clock.
+    ///
+    /// # Errors
+    /// [`NoPose`] where the matches determine none, or the time was too short to find one.
+    fn estimate_until(
+        &self,
+        views: TwoViews<'_>,
+        seed: Seed,
+        stop: &dyn Fn(usize) -> bool,
+    ) -> Result<PoseEstimate, NoPose>;
 }

@@ -33,4 +33,16 @@ pub trait Problem {
     /// # Panics
     /// If `range` exceeds the data or `out` has another length.
     fn squared_residuals(&self, model: &Self::Model, range: Range<usize>, out: &mut [f64]);
+
+    /// A model near this one that agrees better with the data within the threshold, for local
+    /// optimisation; `None` where there is none or the problem knows no way. At most `steps` steps
+    /// of whatever iteration is used.
+    fn refine(
+        &self,
+        _model: &Self::Model,
+        _squared_threshold: f64,
+        _steps: usize,
+    ) -> Option<Self::Model> {
+        None
+    }
 }

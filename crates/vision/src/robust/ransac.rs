@@ -25,8 +25,8 @@
 //! degenerate samples; a pose that no match supports is [`NoPose`].
 
 use super::{
-    ConsensusParams, EssentialProblem, InlierCount, NoPose, PoseEstimate, PoseEstimator, Problem,
-    TwoViews, Uniform, consensus,
+    ConsensusParams, EssentialProblem, Extras, InlierCount, NoPose, PoseEstimate, PoseEstimator,
+    Problem, TwoViews, Uniform, consensus_until,
 };
 use crate::geometry::choose_pose;
 use crate::params::ParamError;
@@ -102,6 +102,15 @@ impl Ransac {
 
 impl PoseEstimator for Ransac {
     fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoPose> {
+        self.estimate_until(views, seed, &|_| false)
+    }
+
+    fn estimate_until(
+        &self,
+        views: TwoViews<'_>,
+        seed: Seed,
+        stop: &dyn Fn(usize) -> bool,
+    ) -> Result<PoseEstimate, NoPose> {
         let pairs = views.at_depth_1();
         let needed = EssentialProblem::SAMPLE;
         if pairs.len() < needed {
@@ -112,7 +121,7 @@ impl PoseEstimator for Ransac {
         }
         let focal = f64::midpoint(views.camera_a.mean_focal(), views.camera_b.mean_focal());
         let threshold = self.params.threshold_px / focal;
-        let found = consensus(
+        let found = consensus_until(
             &EssentialProblem { pairs: &pairs },
             &InlierCount {
                 squared_threshold: threshold * threshold,
@@ -122,7 +131,9 @@ impl PoseEstimator for Ransac {
                 confidence: self.params.confidence,
                 max_samples: self.params.max_iterations,
             },
+            Extras::NONE,
             &mut seed.rng(),
+            stop,
         )
         .ok_or(NoPose::NoSupport { found: 0, needed })?;
         match choose_pose(&found.model, &pairs, self.params.max_depth) {

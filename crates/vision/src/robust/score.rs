@@ -7,6 +7,12 @@ use crate::simd;
 pub trait Score {
     /// The support of a model with these residuals. The slice may be reordered (a median needs it).
     fn support(&self, squared_residuals: &mut [f64]) -> Support;
+
+    /// Most that one datum can add to the quality, where the quality is a sum over the data: what
+    /// allows giving up a model before all data are seen. `None` where it is no such sum.
+    fn most_per_datum(&self) -> Option<f64> {
+        None
+    }
 }
 
 /// What the data say about a model.
@@ -36,5 +42,50 @@ impl Score for InlierCount {
             inliers,
             squared_threshold: self.squared_threshold,
         }
+    }
+
+    fn most_per_datum(&self) -> Option<f64> {
+        Some(1.0)
+    }
+}
+
+/// Inliers count the more the nearer they are: `sum max(0, 1 - r^2 / t^2)`, MSAC (Torr, Zisserman,
+/// "MLESAC: A New Robust Estimator with Application to Estimating Image Geometry", Computer Vision
+/// and Image Understanding 78, 2000, eq. 17, upside down).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Msac {
+    /// t^2: an inlier is a datum whose squared residual is at most this.
+    pub squared_threshold: f64,
+}
+
+impl Score for Msac {
+    fn support(&self, squared_residuals: &mut [f64]) -> Support {
+        let limit = self.squared_threshold;
+        let cost = simd::sum_truncated(squared_residuals, limit);
+        Support {
+            quality: squared_residuals.len() as f64 - cost / limit,
+            inliers: simd::count_at_most(squared_residuals, limit),
+            squared_threshold: limit,
+        }
+    }
+
+    fn most_per_datum(&self) -> Option<f64> {
+        Some(1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn msac_prefers_the_nearer_of_as_many_inliers() {
+        let msac = Msac {
+            squared_threshold: 4.0,
+        };
+        let near = msac.support(&mut [0.0, 1.0, 5.0, f64::NAN]);
+        let far = msac.support(&mut [2.0, 3.0, 4.5, f64::INFINITY]);
+        assert_eq!((near.inliers, near.quality), (2, 1.75));
+        assert_eq!((far.inliers, far.quality), (2, 0.75));
     }
 }

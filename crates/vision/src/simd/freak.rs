@@ -89,7 +89,7 @@ mod tests {
     fn means_follow_the_definition() {
         let mut rng = Seed(4).rng();
         let (width, height) = (60, 50);
-        let pixels: Vec<u32> = (0..width * height).map(|_| rng.below(256) as u32).collect();
+        let pixels: Vec<u32> = (0..width * height).map(|_| rng.below(256)).collect();
         let stride = width + 1;
         let mut sums = vec![0; stride * (height + 1)];
         for y in 0..height {

@@ -54,6 +54,7 @@ mod gradient;
 mod histogram;
 mod normalize;
 mod orb;
+mod refine;
 mod pooling;
 mod rectify;
 mod resample;
@@ -79,6 +80,7 @@ pub use normalize::normalize_to_bytes;
 pub use orb::{
     PATCH_MARGIN, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments,
 };
+pub use refine::sampson_normal_equations;
 pub use pooling::{
     PATCHES_AT_ONCE, VECTORS_AT_ONCE, WeakLearner, box_responses, integrate_spread, pool, project,
     vote,
@@ -89,7 +91,7 @@ pub use sampling::{
     AROUND, CellSums, Planes, longest_sum_of_slices, longest_sum_of_windows, sum_cells,
     sum_gradients,
 };
-pub use sampson::{count_at_most, squared_sampson};
+pub use sampson::{count_at_most, squared_sampson, sum_truncated};
 pub use scharr::{
     Across, Scharr, conductivities, derivatives, determinants, find_largest, gradient_norms,
     weigh_across,

@@ -41,6 +41,20 @@ multiversioned! {
         let whole: u64 = counts.iter().sum();
         whole as usize + rest.iter().filter(|&&value| value <= limit).count()
     }
+
+    /// The sum of `min(value, limit)`; NaN counts as the limit.
+    pub fn sum_truncated(values: &[f64], limit: f64) -> f64 {
+        let truncate = |value: f64| if value < limit { value } else { limit };
+        let (lanes, rest) = values.as_chunks::<8>();
+        let mut sums = [0.0; 8];
+        for lane in lanes {
+            for (sum, value) in sums.iter_mut().zip(lane) {
+                *sum += truncate(*value);
+            }
+        }
+        let rest: f64 = rest.iter().map(|&value| truncate(value)).sum();
+        sums.iter().sum::<f64>() + rest
+    }
 }
 
 #[cfg(test)]
@@ -66,6 +80,16 @@ mod tests {
             let mut values: Vec<f64> = (0..n).map(f64::from).collect();
             values.extend([f64::NAN, f64::INFINITY, 3.0]);
             assert_eq!(count_at_most(&values, 3.0), 1 + n.min(4) as usize);
+        }
+    }
+
+    #[test]
+    fn truncated_sums_take_what_is_not_a_number_for_the_limit() {
+        for n in 0..40 {
+            let mut values: Vec<f64> = (0..n).map(f64::from).collect();
+            values.extend([f64::NAN, f64::INFINITY]);
+            let expected: i32 = (0..n).map(|i| i.min(3)).sum::<i32>() + 6;
+            assert_eq!(sum_truncated(&values, 3.0), f64::from(expected));
         }
     }
 }

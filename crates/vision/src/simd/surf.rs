@@ -154,13 +154,16 @@ multiversioned! {
         axis: [f32; 2],
         shares: &Shares,
     ) -> [[f32; PATCH_ROW]; PATCH_SIDE] {
-        const LANES: usize = 8;
         let side = shares.cell.len();
         assert!(shares.share.len() == side && side <= WINDOW_SIDE, "shares of {side} samples");
+        // In whole vectors; what lies beyond the side is not used.
+        let blocks = side.next_multiple_of(8);
         // Sums of samples for the row of cells and the next.
         let mut sums = [[0.0_f32; WINDOW_SIDE]; 2];
         let mut patch = [[0.0; PATCH_ROW]; PATCH_SIDE];
-        let along: [f32; LANES] = std::array::from_fn(|j| j as f32);
+        let mut places = [0_u16; WINDOW_SIDE];
+        let mut fractions = [[0.0_f32; WINDOW_SIDE]; 2];
+        let mut quads = [0_u32; WINDOW_SIDE];
         let mut cell = 0;
         for (i, (&this_cell, &[here, next])) in shares.cell.iter().zip(&shares.share).enumerate() {
             if this_cell != cell {
@@ -169,37 +172,32 @@ multiversioned! {
                 sums = [sums[1], [0.0; WINDOW_SIDE]];
             }
             let (x, y) = (start[0] - i as f32 * axis[1], start[1] + i as f32 * axis[0]);
-            for first in (0..side).step_by(LANES) {
-                let mut quads = [0_u32; LANES];
-                let mut u = [0.0_f32; LANES];
-                let mut v = [0.0_f32; LANES];
-                let mut places = [0_u16; LANES];
-                for j in 0..LANES {
-                    let at = along[j] + first as f32;
-                    let (x, y) = (x + at * axis[0], y + at * axis[1]);
-                    let (column, row) = (x as i32, y as i32);
-                    u[j] = x - column as f32;
-                    v[j] = y - row as f32;
-                    places[j] = (row as u16).wrapping_mul(window.stride).wrapping_add(column as u16);
-                }
-                for j in 0..LANES {
-                    quads[j] = window.quads[usize::from(places[j])];
-                }
-                let above: &mut [f32; LANES] = sums[0][first..].first_chunk_mut().expect("whole blocks");
-                let mut values = [0.0_f32; LANES];
-                for j in 0..LANES {
-                    let a = (quads[j] & 255) as i32 as f32;
-                    let b = (quads[j] >> 8 & 255) as i32 as f32;
-                    let c = (quads[j] >> 16 & 255) as i32 as f32;
-                    let d = (quads[j] >> 24) as i32 as f32;
-                    let upper = u[j].mul_add(b - a, a);
-                    let lower = u[j].mul_add(d - c, c);
-                    values[j] = (v[j].mul_add(lower - upper, upper) + ROUND) - ROUND;
-                    above[j] = here.mul_add(values[j], above[j]);
-                }
-                let below: &mut [f32; LANES] = sums[1][first..].first_chunk_mut().expect("whole blocks");
-                for j in 0..LANES {
-                    below[j] = next.mul_add(values[j], below[j]);
+            let [u, v] = &mut fractions;
+            for j in 0..blocks {
+                let (x, y) = (x + j as i32 as f32 * axis[0], y + j as i32 as f32 * axis[1]);
+                let (column, row) = (x as i32, y as i32);
+                u[j] = x - column as f32;
+                v[j] = y - row as f32;
+                places[j] = (row as u16).wrapping_mul(window.stride).wrapping_add(column as u16);
+            }
+            for (quad, &place) in quads[..side].iter_mut().zip(&places) {
+                *quad = window.quads[usize::from(place)];
+            }
+            let [above, below] = &mut sums;
+            for j in 0..blocks {
+                let a = (quads[j] & 255) as i32 as f32;
+                let b = (quads[j] >> 8 & 255) as i32 as f32;
+                let c = (quads[j] >> 16 & 255) as i32 as f32;
+                let d = (quads[j] >> 24) as i32 as f32;
+                let upper = u[j].mul_add(b - a, a);
+                let lower = u[j].mul_add(d - c, c);
+                u[j] = (v[j].mul_add(lower - upper, upper) + ROUND) - ROUND;
+                above[j] = here.mul_add(u[j], above[j]);
+            }
+            // Most samples lie in one row of cells.
+            if next != 0.0 {
+                for j in 0..blocks {
+                    below[j] = next.mul_add(u[j], below[j]);
                 }
             }
         }
@@ -324,4 +322,115 @@ fn mean_columns(sums: &[f32; WINDOW_SIDE], shares: &Shares) -> [f32; PATCH_ROW] 
 #[inline(always)]
 fn lanes<const L: usize>(row: &[u32], x: usize) -> &[u32; L] {
     row[x..].first_chunk::<L>().expect("rows of one length")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::Seed;
+
+    #[test]
+    fn packed_pixels_continue_beyond_the_border() {
+        let data: Vec<u8> = (0..20 * 10).map(|i| i as u8).collect();
+        let pixels = Pixels {
+            data: &data,
+            width: 20,
+        };
+        let at = |x: i32, y: i32| u32::from(data[(y.clamp(0, 9) * 20 + x.clamp(0, 19)) as usize]);
+        let mut window = PackedWindow::new();
+        for first in [[2, 3], [-4, -3], [15, 7], [100, -100]] {
+            pack_window(pixels, first, [7, 5], &mut window);
+            for y in 0..5 {
+                for x in 0..7 {
+                    let (column, row) = (first[0] + x, first[1] + y);
+                    let expected = at(column, row)
+                        | at(column + 1, row) << 8
+                        | at(column, row + 1) << 16
+                        | at(column + 1, row + 1) << 24;
+                    assert_eq!(window.quads[(y * 7 + x) as usize], expected, "{first:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_patch_is_the_means_of_a_turned_window() {
+        // A plane, of which every sample and mean is known.
+        let data: Vec<u8> = (0..200 * 200)
+            .map(|i| (i % 200 / 2 + i / 200 / 2) as u8)
+            .collect();
+        let pixels = Pixels {
+            data: &data,
+            width: 200,
+        };
+        let mut window = PackedWindow::new();
+        pack_window(pixels, [0, 0], [199, 199], &mut window);
+        for side in [42, 50] {
+            let length = side as f32 / PATCH_SIDE as f32;
+            let cell: Vec<u8> = (0..side).map(|i| (i * PATCH_SIDE / side) as u8).collect();
+            let share = cell.iter().enumerate().map(|(i, &cell)| {
+                let here = ((f32::from(cell) + 1.0) * length - i as f32).min(1.0) / length;
+                [here, 1.0 / length - here]
+            });
+            let shares = Shares {
+                share: share.collect(),
+                cell,
+            };
+            let patch = turned_patch(&window, [80.0, 70.0], [0.8, 0.6], &shares);
+            for (i, row) in patch.iter().enumerate() {
+                for (j, value) in row[..PATCH_SIDE].iter().enumerate() {
+                    // The middle of the cell, in samples.
+                    let [i, j] = [i, j].map(|v| (v as f32 + 0.5) * length - 0.5);
+                    let (x, y) = (80.0 + 0.8 * j - 0.6 * i, 70.0 + 0.6 * j + 0.8 * i);
+                    let expected = (x + y) / 2.0 - 0.5;
+                    assert!((value - expected).abs() < 1.3, "{value}, not {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn gradients_are_summed_by_cell_and_sign() {
+        // Brighter by 2 to the right and darker by 1 downwards.
+        let patch =
+            std::array::from_fn(|i| std::array::from_fn(|j| 100.0 + 2.0 * j as f32 - i as f32));
+        let cells = sum_patch_gradients(&patch, &[1.0; PATCH_ROW]);
+        for [negative, rest] in cells {
+            assert_eq!(negative, [100.0, 0.0, 100.0, 0.0]);
+            assert_eq!(rest, [0.0, -50.0, 0.0, 50.0]);
+        }
+    }
+
+    #[test]
+    fn the_window_of_degrees_with_the_longest_sum_wins() {
+        let mut rng = Seed(13).rng();
+        let mut x = [0.0; WAVELETS];
+        let mut y = [0.0; WAVELETS];
+        assert_eq!(longest_sum_of_degrees(&x, &y), 0.0);
+        for _ in 0..20 {
+            for i in 0..WAVELETS {
+                x[i] = rng.uniform() as f32 - 0.3;
+                y[i] = rng.uniform() as f32 - 0.4;
+            }
+            let mut longest = [0.0, 0.0];
+            for middle in (0..360).step_by(5) {
+                let mut sum = [0.0, 0.0];
+                for i in 0..WAVELETS {
+                    let degree = (turns(y[i], x[i]) * 360.0).round_ties_even() as i32;
+                    let away = (degree - middle).abs();
+                    if !(30..=330).contains(&away) {
+                        sum[0] += x[i];
+                        sum[1] += y[i];
+                    }
+                }
+                if sum[0] * sum[0] + sum[1] * sum[1]
+                    > longest[0] * longest[0] + longest[1] * longest[1]
+                {
+                    longest = sum;
+                }
+            }
+            let expected = turns(longest[1], longest[0]);
+            assert!((longest_sum_of_degrees(&x, &y) - expected).abs() < 1e-4);
+        }
+    }
 }

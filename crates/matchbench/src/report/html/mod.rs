@@ -4,19 +4,32 @@
 //! they are. What the page shows is computed here, what it looks like stands in `page.html`,
 //! `style.css` and `script.js`.
 
+mod pair_list;
+
 use minijinja::syntax::SyntaxConfig;
 use minijinja::{AutoEscape, Environment, Value, context};
 
-use crate::metrics::{Angle, Summary};
+use crate::metrics::{Angle, Spread, Summary};
 
-use super::figures::{ap_figure, sp_figure};
-use super::folder::RunFacts;
+use super::content::Content;
+use super::figures::{
+    Difficulty, ap_figure, difficulty_figure, estimator_figure, seconds_for_a_pair, sp_figure,
+    time_figure,
+};
 use super::numbers::{NONE, count, interval, milliseconds, ratio};
 use super::overview::{Cell, Overview};
 use super::svg::{Place, legend_sample};
 
+/// The three ways to judge a pose, as the page calls them.
+const ANGLES: [(&str, Angle); 3] = [
+    ("pose", Angle::Pose),
+    ("rotation", Angle::Rotation),
+    ("translation", Angle::Translation),
+];
+
 /// The page as text.
-pub(super) fn render(summaries: &[Summary], facts: &RunFacts) -> String {
+pub(super) fn render(content: &Content) -> String {
+    let (summaries, facts) = (&content.summaries[..], &content.facts);
     let overview = Overview::new(summaries);
     let mut environment = Environment::new();
     let syntax = SyntaxConfig::builder()
@@ -42,13 +55,20 @@ pub(super) fn render(summaries: &[Summary], facts: &RunFacts) -> String {
         pairs => summaries.iter().map(|s| s.pairs).sum::<usize>(),
         results => summaries.len(),
         heads => overview.datasets.iter().map(|name| Value::from(*name)).collect::<Vec<_>>(),
-        overview => overview_rows(&overview),
+        overviews => ANGLES.map(|(name, angle)| {
+            let rows = overview_rows(&Overview::of(summaries, angle), angle);
+            context! { name, rows }
+        }).to_vec(),
         legend => legend(&overview),
         curves => curves(&overview),
         bars => bars(&overview),
+        difficulties => difficulties(content, &overview),
+        scatters => figures(&overview, |column| time_figure(&overview, column, Place::Page)),
+        estimators => estimators(summaries, &overview),
+        pair_list => Value::from_safe_string(pair_list::data(content, &overview)),
         scores => summaries.iter().map(scores).collect::<Vec<_>>(),
         failures => summaries.iter().map(failures).collect::<Vec<_>>(),
-        times => times(summaries),
+        times => times(summaries, &overview),
         has_estimators => summaries.iter().any(|s| !s.estimator.is_empty()),
         facts => (facts.facts.iter())
             .map(|(name, value)| context! { name, value })
@@ -82,29 +102,31 @@ fn headline(overview: &Overview<'_>) -> Option<Value> {
     Some(context! { names, several => winners.len() > 1, most })
 }
 
-fn overview_rows(overview: &Overview<'_>) -> Vec<Value> {
+fn overview_rows(overview: &Overview<'_>, angle: Angle) -> Vec<Value> {
     (overview.rows.iter())
         .map(|row| {
-            let cells: Vec<Value> = row.cells.iter().map(|c| auc(c.as_ref())).collect();
+            let cells: Vec<Value> = row.cells.iter().map(|c| auc(c.as_ref(), angle)).collect();
             context! { label => &row.label, baseline => row.is_baseline, cells }
         })
         .collect()
 }
 
-fn auc(cell: Option<&Cell<'_>>) -> Value {
+fn auc(cell: Option<&Cell<'_>>, angle: Angle) -> Value {
     let Some(cell) = cell else {
         return context! { text => NONE };
     };
     let s = cell.summary;
-    let tip = format!(
-        "95 %: {}\nrotation {}, translation {}\n{} of {} pairs failed",
-        interval(&s.auc, ratio),
-        ratio(s.rotation_auc.value),
-        ratio(s.translation_auc.value),
-        s.failed,
-        s.pairs
-    );
-    context! { text => ratio(s.auc.value), rank => cell.rank, above => cell.above_baseline, tip }
+    let mut tip = format!("95 %: {}", interval(&cell.auc, ratio));
+    if angle == Angle::Pose {
+        tip += &format!(
+            "\nrotation {}, translation {}\n{} of {} pairs failed",
+            ratio(s.rotation_auc.value),
+            ratio(s.translation_auc.value),
+            s.failed,
+            s.pairs
+        );
+    }
+    context! { text => ratio(cell.auc.value), rank => cell.rank, above => cell.above_baseline, tip }
 }
 
 fn legend(overview: &Overview<'_>) -> Vec<Value> {
@@ -117,14 +139,9 @@ fn legend(overview: &Overview<'_>) -> Vec<Value> {
 }
 
 fn curves(overview: &Overview<'_>) -> Vec<Value> {
-    let panels = [
-        ("pose", Angle::Pose),
-        ("rotation", Angle::Rotation),
-        ("translation", Angle::Translation),
-    ];
     (overview.datasets.iter().enumerate())
         .map(|(column, dataset)| {
-            let panels: Vec<Value> = panels
+            let panels: Vec<Value> = ANGLES
                 .map(|(name, angle)| {
                     let svg = sp_figure(overview, column, angle, Place::Page);
                     context! { name, svg => Value::from_safe_string(svg) }
@@ -136,12 +153,49 @@ fn curves(overview: &Overview<'_>) -> Vec<Value> {
 }
 
 fn bars(overview: &Overview<'_>) -> Vec<Value> {
+    figures(overview, |column| {
+        Some(ap_figure(overview, column, Place::Page))
+    })
+}
+
+/// One figure for each dataset that has one.
+fn figures(overview: &Overview<'_>, draw: impl Fn(usize) -> Option<String>) -> Vec<Value> {
     (overview.datasets.iter().enumerate())
-        .map(|(column, dataset)| {
-            let svg = Value::from_safe_string(ap_figure(overview, column, Place::Page));
-            context! { dataset => *dataset, svg }
+        .filter_map(|(column, dataset)| {
+            let svg = Value::from_safe_string(draw(column)?);
+            Some(context! { dataset => *dataset, svg })
         })
         .collect()
+}
+
+fn difficulties(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
+    (overview.datasets.iter().enumerate())
+        .filter_map(|(column, dataset)| {
+            let panel = |difficulty: Difficulty| {
+                let svg = difficulty_figure(content, overview, column, difficulty, Place::Page)?;
+                Some(context! { name => difficulty.name(), svg => Value::from_safe_string(svg) })
+            };
+            let panels: Vec<Value> = Difficulty::ALL.into_iter().filter_map(panel).collect();
+            (!panels.is_empty()).then(|| context! { dataset => *dataset, panels })
+        })
+        .collect()
+}
+
+/// Matchers by estimators: the mean over all datasets, then each.
+fn estimators(summaries: &[Summary], overview: &Overview<'_>) -> Vec<Value> {
+    let figure = |name: &str, dataset| {
+        let svg = estimator_figure(summaries, dataset, Place::Page)?;
+        Some(context! { dataset => name, svg => Value::from_safe_string(svg) })
+    };
+    let several = overview.datasets.len() > 1;
+    let mean = several
+        .then(|| figure("Mean over all datasets", None))
+        .flatten();
+    let each = overview
+        .datasets
+        .iter()
+        .filter_map(|dataset| figure(dataset, Some(dataset)));
+    mean.into_iter().chain(each).collect()
 }
 
 /// Names of a row, and its numbers as text.
@@ -187,53 +241,79 @@ fn failures(s: &Summary) -> Value {
     row(s, counts.map(|n| n.to_string()).to_vec())
 }
 
-/// Medians, for the results that were timed.
-fn times(summaries: &[Summary]) -> Vec<Value> {
-    (summaries.iter().filter(|s| s.stages.is_timed()))
-        .map(|s| {
-            let stages = s.stages;
-            let times = [
-                stages.extract,
-                stages.search,
-                stages.select,
-                stages.estimate,
-            ];
-            let mut cells = vec![count(stages.features.map(|spread| spread.median))];
-            cells.extend(times.map(|time| milliseconds(time.map(|spread| spread.median))));
-            row(s, cells)
+/// The paper's table of times, one for each dataset: a matcher a row, medians, quartiles behind
+/// them.
+fn times(summaries: &[Summary], overview: &Overview<'_>) -> Vec<Value> {
+    let timed = |dataset: &str| {
+        let here = |s: &&Summary| s.dataset == dataset && s.stages.is_timed();
+        summaries
+            .iter()
+            .filter(here)
+            .map(time_row)
+            .collect::<Vec<_>>()
+    };
+    (overview.datasets.iter())
+        .map(|dataset| context! { dataset => *dataset, rows => timed(dataset) })
+        .filter(|table| {
+            table
+                .get_attr("rows")
+                .is_ok_and(|rows| rows.len() > Some(0))
         })
         .collect()
 }
 
+fn time_row(s: &Summary) -> Value {
+    let stages = s.stages;
+    let quartiles = |spread: Option<Spread>, number: fn(Option<f64>) -> String| {
+        let tip = spread.map(|spread| {
+            format!(
+                "quartiles: {} to {}",
+                number(Some(spread.lower)),
+                number(Some(spread.upper))
+            )
+        });
+        context! { text => number(spread.map(|spread| spread.median)), tip }
+    };
+    let times = [
+        stages.extract,
+        stages.search,
+        stages.select,
+        stages.estimate,
+    ];
+    let mut cells = vec![quartiles(stages.features, |n| count(n))];
+    cells.extend(times.map(|time| quartiles(time, |seconds| milliseconds(seconds))));
+    cells.push(context! { text => milliseconds(seconds_for_a_pair(s)) });
+    context! { matcher => &s.matcher, estimator => &s.estimator, cells }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::tests::summary;
+    use super::super::RunFacts;
+    use super::super::tests::content;
     use super::*;
-    use crate::metrics::Spread;
 
-    fn facts(title: &str) -> RunFacts {
-        RunFacts {
+    fn page(sets: &[(&str, &str, u32)], title: &str) -> String {
+        let mut content = content(sets);
+        content.facts = RunFacts {
             title: title.to_owned(),
             facts: vec![("seed".to_owned(), "<7>".to_owned())],
             plan: Some("{\"threads\": 2} </script>".to_owned()),
-        }
+        };
+        render(&content)
     }
 
     #[test]
     fn names_from_data_are_text() {
         let evil = "</script><script>alert(1)</script>";
-        let page = render(
-            &[summary(evil, evil, 4), summary(evil, "sift", 2)],
-            &facts(evil),
-        );
+        let page = page(&[(evil, evil, 4), (evil, "sift", 2)], evil);
         assert!(!page.contains("alert(1)<"), "a name became markup");
-        assert_eq!(page.matches("<script>").count(), 1);
-        assert_eq!(page.matches("</script>").count(), 1);
+        assert_eq!(page.matches("<script").count(), 2);
+        assert_eq!(page.matches("</script>").count(), 2);
     }
 
     #[test]
     fn page_stands_alone() {
-        let page = render(&[summary("room", "sift", 4)], &facts("Report"));
+        let page = page(&[("room", "sift", 4)], "Report");
         for outside in ["src=", "href=\"http", "@import", "url(", "fetch(", "<link"] {
             assert!(!page.contains(outside), "{outside}");
         }
@@ -243,23 +323,43 @@ mod tests {
 
     #[test]
     fn empty_and_single_reports_can_be_written() {
-        assert!(render(&[], &facts("Nothing")).contains("No results"));
-        let one = render(&[summary("room", "sift", 4)], &facts("One"));
-        assert!(
-            !one.contains("NaN") && one == render(&[summary("room", "sift", 4)], &facts("One"))
-        );
+        assert!(page(&[], "Nothing").contains("No results"));
+        let one = page(&[("room", "sift", 4)], "One");
+        assert!(!one.contains("NaN") && one == page(&[("room", "sift", 4)], "One"));
     }
 
     #[test]
     fn times_are_shown_where_there_are_any() {
-        let mut timed = summary("room", "sift", 4);
-        assert!(!render(&[timed.clone()], &facts("")).contains("id=\"times\""));
-        timed.stages.search = Some(Spread {
+        let mut content = content(&[("room", "sift", 4)]);
+        assert!(!render(&content).contains("id=\"times\""));
+        let spread = Spread {
             lower: 0.01,
             median: 0.0213,
             upper: 0.05,
-        });
-        let page = render(&[timed], &facts(""));
+        };
+        content.summaries[0].stages.search = Some(spread);
+        let page = render(&content);
         assert!(page.contains("id=\"times\"") && page.contains("21.3"));
+        assert!(page.contains("quartiles: 10.0 to 50.0") && !page.contains("chart scatter"));
+        content.summaries[0].stages.extract = Some(spread);
+        assert!(render(&content).contains("chart scatter"));
+    }
+
+    #[test]
+    fn what_only_some_reports_have_is_there_where_they_have_it() {
+        let mut content = content(&[("room", "sift", 4), ("room", "sift", 6)]);
+        let plain = render(&content);
+        assert!(!plain.contains("chart heat") && !plain.contains("chart strata"));
+        content.summaries[1].estimator = "lmeds-e".into();
+        content.results[1].estimator = "lmeds-e".into();
+        let known = crate::metrics::PairGeometry {
+            baseline: 0.5,
+            view_angle: 10.0,
+            overlap: 0.8,
+        };
+        let pairs = (0..10).map(|a| ((a, a + 1), known));
+        content.geometry.insert("room".into(), pairs.collect());
+        let page = render(&content);
+        assert!(page.contains("chart heat") && page.contains("chart strata"));
     }
 }

@@ -25,6 +25,10 @@
     cell.addEventListener("blur", hide);
   }
 
+  // The list of pairs.
+  const source = document.getElementById("pair-data");
+  if (source) pairs(JSON.parse(source.textContent));
+
   // A matcher is switched in all figures at once.
   for (const button of document.querySelectorAll(".legend button")) {
     button.addEventListener("click", () => {
@@ -91,5 +95,170 @@
       event.preventDefault();
       show(tip.hidden ? k : k + move);
     });
+  }
+
+  function pairs(data) {
+    const PAGE = 50;
+    const byId = (id) => document.getElementById(`pair-${id}`);
+    const make = (tag, properties = {}, ...children) => {
+      const element = Object.assign(document.createElement(tag), properties);
+      element.append(...children);
+      return element;
+    };
+    const [datasets, methods, pictures, view] = ["dataset", "method", "pictures", "view"].map(byId);
+    const head = byId("table").tHead.rows[0];
+    const body = byId("table").tBodies[0];
+    const dataset = () => data.datasets[datasets.value];
+    const method = () => dataset().methods[methods.value];
+    const degrees = (hundredths) => (hundredths < 0 ? null : hundredths / 100);
+    const pose = (m, i) => (m.translation[i] < 0 ? null : Math.max(m.rotation[i], m.translation[i]) / 100);
+
+    // Head, value of pair i, decimals; a column without values is left out.
+    const COLUMNS = [
+      ["Pair", (d, m, i) => i, null],
+      ["Baseline", (d, m, i) => d.baseline[i] ?? null, 3],
+      ["Angle", (d, m, i) => d.angle[i] ?? null, 1],
+      ["Overlap", (d, m, i) => d.overlap[i] ?? null, 2],
+      ["Selected", (d, m, i) => (m.selected[i] < 0 ? null : m.selected[i]), 0],
+      ["Correspondences", (d, m, i) => m.correspondences[i], 0],
+      ["Error", (d, m, i) => pose(m, i), 2],
+      ["Rotation", (d, m, i) => degrees(m.rotation[i]), 2],
+      ["Translation", (d, m, i) => degrees(m.translation[i]), 2],
+      ["Outcome", (d, m, i) => (m.failure[i] < 0 ? "pose" : data.failures[m.failure[i]]), null],
+    ];
+    let sorted = { column: 0, up: true };
+    let order = [];
+    let start = 0;
+    let chosen = null;
+
+    const options = (select, names) => {
+      select.replaceChildren(...names.map((name, value) => make("option", { value, textContent: name })));
+    };
+    const name = (d, i) => `${d.a[i]} – ${d.b[i]}${d.repetition[i] ? ` (${d.repetition[i] + 1})` : ""}`;
+
+    // What has no value comes last, whichever way it is sorted.
+    const sort = () => {
+      const [d, m, value] = [dataset(), method(), COLUMNS[sorted.column][1]];
+      order = [...d.a.keys()].filter((i) => !pictures.checked || i in m.pictures);
+      const way = sorted.up ? 1 : -1;
+      order.sort((i, j) => {
+        const [x, y] = [value(d, m, i), value(d, m, j)];
+        if (x === y) return i - j;
+        if (x === null || y === null) return x === null ? 1 : -1;
+        return x < y ? -way : way;
+      });
+      start = 0;
+      draw();
+    };
+
+    const draw = () => {
+      const [d, m] = [dataset(), method()];
+      const used = COLUMNS.map((column, index) => ({ column, index }))
+        .filter(({ column: [title] }) => d.baseline.length || !["Baseline", "Angle", "Overlap"].includes(title));
+      const focused = head.contains(document.activeElement) ? document.activeElement.textContent : null;
+      head.replaceChildren(...used.map(({ column: [title, , decimals], index }) => {
+        const button = make("button", { type: "button", textContent: title });
+        button.addEventListener("click", () => {
+          sorted = { column: index, up: sorted.column === index ? !sorted.up : true };
+          sort();
+        });
+        const cell = make("th", { scope: "col", className: decimals === null ? "name" : "" }, button);
+        if (index === sorted.column) cell.setAttribute("aria-sort", sorted.up ? "ascending" : "descending");
+        return cell;
+      }));
+      for (const button of head.querySelectorAll("button")) if (button.textContent === focused) button.focus();
+      body.replaceChildren(...order.slice(start, start + PAGE).map((i) => {
+        const open = make("button", { type: "button", textContent: name(d, i) });
+        open.addEventListener("click", () => show(i));
+        const first = make("th", { scope: "row", className: "name" }, open, i in m.pictures ? " \u25a3" : "");
+        const row = make("tr", { className: i === chosen ? "chosen" : "" }, first);
+        row.dataset.pair = i;
+        for (const { column: [, value, decimals] } of used.slice(1)) {
+          const x = value(d, m, i);
+          const text = x === null ? "–" : decimals === null ? x : x.toFixed(decimals);
+          row.append(make("td", { className: decimals === null ? "name" : "", textContent: text }));
+        }
+        return row;
+      }));
+      const end = Math.min(start + PAGE, order.length);
+      const left = d.left_out ? `; ${d.left_out} more in tables/pairs.csv` : "";
+      byId("range").textContent = order.length ? `${start + 1} to ${end} of ${order.length}${left}` : `none${left}`;
+      byId("before").disabled = start === 0;
+      byId("after").disabled = end === order.length;
+    };
+
+    const CLASSES = [["#1f9e89", "below 1 px"], ["#56b4e9", "1 to 3 px"], ["#e69f00", "3 to 10 px"], ["#e0393e", "10 px and more from the true epipolar line"]];
+    const show = (i) => {
+      const [d, m] = [dataset(), method()];
+      chosen = i;
+      for (const row of body.rows) row.classList.toggle("chosen", Number(row.dataset.pair) === i);
+      const picture = m.pictures[i];
+      const failed = m.failure[i] >= 0;
+      const words = failed ? data.reasons[m.failure[i]]
+        : `Pose off by ${pose(m, i)?.toFixed(2) ?? "–"}°: rotation ${degrees(m.rotation[i]).toFixed(2)}°, translation ${degrees(m.translation[i])?.toFixed(2) ?? "–"}°. ${m.correspondences[i]} correspondences${m.selected[i] < 0 ? "" : ` of ${m.selected[i]} selected matches`}.`;
+      const close = make("button", { type: "button", textContent: "Close" });
+      close.addEventListener("click", () => {
+        view.hidden = true;
+        chosen = null;
+        draw();
+        body.querySelector(`tr[data-pair="${i}"] button`)?.focus();
+      });
+      view.replaceChildren(
+        make("h3", { textContent: `${d.name}: ${name(d, i)}, ${m.label}` }),
+        make("p", { textContent: words }),
+        ...(picture ? [...drawing(picture)] : []),
+        make("p", { className: "quiet" }, "From the shell: ", make("code", {
+          textContent: `matchbench show ${d.name} ${d.a[i]} ${d.b[i]} --matcher ${m.matcher}${m.estimator ? ` --estimator ${m.estimator}` : ""} --out pair.png`,
+        })),
+        close,
+      );
+      view.hidden = false;
+      view.focus();
+    };
+
+    function* drawing(picture) {
+      const frame = make("div", { className: "picture" });
+      const [a, b] = picture.sizes;
+      const images = picture.images.map((index, side) => {
+        const image = make("img", { src: data.images[index], alt: side ? "image b" : "image a" });
+        image.style.width = `${(99.2 * picture.sizes[side][0]) / (a[0] + b[0])}%`;
+        return image;
+      });
+      frame.append(...images);
+      // Our own drawing; the only text in it is ours.
+      frame.insertAdjacentHTML("beforeend", picture.drawing);
+      yield frame;
+      const switches = [["agrees", "agreeing with the estimate (solid)"], ["differs", "the others (dashed)"], ["epipolar", "epipolar lines: true white, estimated yellow"]];
+      yield make("div", { className: "choices" }, ...switches.map(([part, text]) => {
+        const box = make("input", { type: "checkbox", checked: true });
+        box.addEventListener("change", () => frame.classList.toggle(`no-${part}`, !box.checked));
+        return make("label", {}, box, text);
+      }));
+      yield make("ul", { className: "colours" }, ...CLASSES.map(([colour, text]) => {
+        const sample = make("i");
+        sample.style.background = colour;
+        return make("li", {}, sample, text);
+      }));
+    }
+
+    const restart = () => {
+      view.hidden = true;
+      chosen = null;
+      sort();
+    };
+    options(datasets, data.datasets.map((d) => d.name));
+    const fill = () => {
+      const label = methods.selectedOptions[0]?.textContent;
+      const labels = dataset().methods.map((m) => m.label);
+      options(methods, labels);
+      methods.value = Math.max(0, labels.indexOf(label));
+      restart();
+    };
+    datasets.addEventListener("change", fill);
+    methods.addEventListener("change", restart);
+    pictures.addEventListener("change", sort);
+    byId("before").addEventListener("click", () => { start = Math.max(0, start - PAGE); draw(); });
+    byId("after").addEventListener("click", () => { start += PAGE; draw(); });
+    fill();
   }
 })();

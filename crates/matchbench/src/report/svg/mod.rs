@@ -5,12 +5,22 @@
 //! apart three times, by colour, by marker and by dash, and keep theirs in every figure of a report.
 
 mod ap_bars;
+mod heat_map;
+mod pair;
+mod scatter;
+mod series;
 mod sp_curves;
+mod strata;
 
 use std::fmt::Write as _;
 
 pub(super) use ap_bars::ap_bars;
-pub(super) use sp_curves::{legend_sample, sp_curves};
+pub(super) use heat_map::heat_map;
+pub(super) use pair::{data_url, pair};
+pub(super) use scatter::{Dot, scatter};
+pub(super) use series::legend_sample;
+pub(super) use sp_curves::sp_curves;
+pub(super) use strata::strata_curves;
 
 /// Where a figure is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +41,8 @@ const COLOURS: [&str; 8] = [
 /// Dash patterns: with more than eight matchers the colours come again with the next.
 const DASHES: [&str; 3] = ["", "6 3", "2 2.5"];
 
+/// Names longer than this are cut.
+const NAME: usize = 17;
 const INK: &str = "#222222";
 const MUTED: &str = "#666666";
 const GRID: &str = "#dddddd";
@@ -53,6 +65,15 @@ pub(super) fn escape(text: &str) -> String {
         }
     }
     escaped
+}
+
+/// The beginning of a name, escaped; the whole name is in the tooltip.
+pub(super) fn shorten(name: &str) -> String {
+    if name.chars().count() <= NAME {
+        return escape(name);
+    }
+    let start: String = name.chars().take(NAME - 1).collect();
+    format!("{}…", escape(&start))
 }
 
 /// The opening tag of a figure of this size, its title for screen readers and, in a file, the
@@ -158,6 +179,14 @@ mod tests {
         assert_eq!(
             escape("<b a='\"'>&\u{1}"),
             "&lt;b a=&#39;&quot;&#39;&gt;&amp;\u{fffd}"
+        );
+    }
+
+    #[test]
+    fn long_names_are_cut_before_they_are_escaped() {
+        assert_eq!(
+            shorten("<<<<<<<<<<<<<<<<<<<<"),
+            format!("{}…", "&lt;".repeat(16))
         );
     }
 }

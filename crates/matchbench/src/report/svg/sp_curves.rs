@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 
 use crate::metrics::{SuccessCurve, THRESHOLDS};
 
-use super::{COLOURS, DASHES, Place, axis, escape, grid, open, text, tick};
+use super::series::{marker, polyline, sample};
+use super::{COLOURS, Place, axis, escape, grid, open, text, tick};
 
 /// Size of the plot itself and its place in the figure, in user units.
 const PLOT: (f64, f64) = (350.0, 210.0);
@@ -86,17 +87,6 @@ pub(in super::super) fn sp_curves(
     svg
 }
 
-/// The line and marker of a matcher, for the legend of the page.
-pub(in super::super) fn legend_sample(series: usize) -> String {
-    let mut svg = format!(
-        r#"<svg class="sample s{}" viewBox="0 0 26 12" aria-hidden="true">"#,
-        series % COLOURS.len()
-    );
-    sample(&mut svg, series, 0.0, 6.0);
-    svg.push_str("</svg>");
-    svg
-}
-
 /// Opens the group of a matcher. In the page it carries its values, which the script shows on
 /// hover; in a file the name is its tooltip.
 fn open_series(svg: &mut String, place: Place, series: usize, name: &str, curve: &SuccessCurve) {
@@ -113,57 +103,6 @@ fn open_series(svg: &mut String, place: Place, series: usize, name: &str, curve:
         Place::File => {
             let _ = writeln!(svg, r#"<g class="series s{class}"><title>{name}</title>"#);
         }
-    }
-}
-
-fn sample(svg: &mut String, series: usize, left: f64, middle: f64) {
-    polyline(svg, series, &[(left, middle), (left + 26.0, middle)]);
-    marker(svg, series, left + 13.0, middle);
-}
-
-fn polyline(svg: &mut String, series: usize, points: &[(f64, f64)]) {
-    let colour = COLOURS[series % COLOURS.len()];
-    let dash = DASHES[series / COLOURS.len() % DASHES.len()];
-    let _ = write!(
-        svg,
-        r#"<polyline class="line" fill="none" stroke="{colour}" stroke-width="1.6""#
-    );
-    if !dash.is_empty() {
-        let _ = write!(svg, r#" stroke-dasharray="{dash}""#);
-    }
-    let points: Vec<String> = (points.iter().map(|(x, y)| format!("{x:.1},{y:.1}"))).collect();
-    let _ = writeln!(svg, r#" points="{}"/>"#, points.join(" "));
-}
-
-/// One of eight shapes around a point.
-fn marker(svg: &mut String, series: usize, x: f64, y: f64) {
-    // Corners in units of the marker's radius; the first shape is a circle.
-    const SHAPES: [&[(f64, f64)]; 7] = [
-        &[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)],
-        &[(0.0, -1.2), (1.1, 0.9), (-1.1, 0.9)],
-        &[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)],
-        &[(0.0, 1.2), (1.1, -0.9), (-1.1, -0.9)],
-        &[(1.2, 0.0), (-0.9, -1.1), (-0.9, 1.1)],
-        &[(-1.2, 0.0), (0.9, -1.1), (0.9, 1.1)],
-        &[(-1.4, -0.5), (1.4, -0.5), (1.4, 0.5), (-1.4, 0.5)],
-    ];
-    const RADIUS: f64 = 2.8;
-    let colour = COLOURS[series % COLOURS.len()];
-    let shape = series % (SHAPES.len() + 1);
-    if shape == 0 {
-        let _ = writeln!(
-            svg,
-            r#"<circle class="mark" fill="{colour}" cx="{x:.1}" cy="{y:.1}" r="{RADIUS}"/>"#
-        );
-    } else {
-        let corners: Vec<String> = (SHAPES[shape - 1].iter())
-            .map(|(dx, dy)| format!("{:.1},{:.1}", x + RADIUS * dx, y + RADIUS * dy))
-            .collect();
-        let _ = writeln!(
-            svg,
-            r#"<polygon class="mark" fill="{colour}" points="{}"/>"#,
-            corners.join(" ")
-        );
     }
 }
 

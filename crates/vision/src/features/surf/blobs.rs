@@ -207,3 +207,77 @@ impl Filter {
         box_determinants(&rows, &self.weights, &mut row[self.margin..][..count]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::GrayImage;
+    use crate::seed::Seed;
+
+    #[test]
+    fn filters_are_sums_over_boxes() {
+        let mut rng = Seed(7).rng();
+        let size = Size::new(61, 47);
+        let image = GrayImage::from_fn(size, |_, _| rng.below(256) as u8);
+        let integral = IntegralImage::new(&image);
+        for (layer, step) in [(0, 1), (1, 1), (2, 2), (0, 4)] {
+            let sums = Sums::new(&integral, size, step);
+            let filter = Filter::new(layer, step);
+            let mut row = vec![0.0; size.width / step];
+            let y = filter.margin + 1;
+            filter.run(&sums, y, &mut row);
+            let filters = (size.width - filter.side) / step + 1;
+            for (i, &found) in row[filter.margin..][..filters].iter().enumerate() {
+                // Means over boxes from (x0, y0) to (x1, y1) of the smallest filter.
+                let mean = |[x0, y0, x1, y1]: [usize; 4]| {
+                    let place =
+                        |v: usize| (filter.side as f64 * v as f64 / 9.0).round_ties_even() as usize;
+                    let (columns, rows) = (place(x0)..place(x1), place(y0)..place(y1));
+                    let count = (columns.len() * rows.len()) as f64;
+                    let mut sum = 0.0;
+                    for y in rows {
+                        for x in columns.clone() {
+                            sum += f64::from(image.at(x + i * step, y + step));
+                        }
+                    }
+                    sum / count
+                };
+                let xx = mean([0, 2, 3, 7]) - 2.0 * mean([3, 2, 6, 7]) + mean([6, 2, 9, 7]);
+                let yy = mean([2, 0, 7, 3]) - 2.0 * mean([2, 3, 7, 6]) + mean([2, 6, 7, 9]);
+                let xy = mean([1, 1, 4, 4]) + mean([5, 5, 8, 8])
+                    - mean([5, 1, 8, 4])
+                    - mean([1, 5, 4, 8]);
+                let expected = xx * yy - 0.81 * xy * xy;
+                let error = (f64::from(found) - expected).abs();
+                assert!(
+                    error < 1e-3 * (1.0 + expected.abs()),
+                    "{found}, not {expected}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_blob_is_found_where_it_is_at_its_scale() {
+        for deviation in [3.0, 6.0] {
+            let image = GrayImage::from_fn(Size::new(160, 150), |x, y| {
+                let (x, y) = (x as f64 - 80.3, y as f64 - 70.8);
+                let squared = (x * x + y * y) / (deviation * deviation);
+                (20.0 + 200.0 * libm::exp(-0.5 * squared)) as u8
+            });
+            let integral = IntegralImage::new(&image);
+            let blobs = find_blobs(&integral, image.size(), &SurfParams::default());
+            let strongest = blobs
+                .iter()
+                .max_by(|a, b| a.response.total_cmp(&b.response))
+                .expect("a blob is found");
+            let [x, y] = strongest.at;
+            assert!(
+                (x - 80.3).abs() < 0.5 && (y - 70.8).abs() < 0.5,
+                "{strongest:?}"
+            );
+            let scale = f64::from(strongest.size * super::super::SCALE);
+            assert!((scale / deviation - 1.0).abs() < 0.3, "{strongest:?}");
+        }
+    }
+}

@@ -11,7 +11,8 @@ use crate::simd::{
 /// Standard deviation of the weights of derivatives, in scales.
 const DEVIATION: f32 = 3.3;
 /// Most samples along a side of the turned square; larger ones are read from a halved image.
-const MOST_SAMPLES: usize = WINDOW_SIDE;
+const MOST_SAMPLES: usize = 88;
+const _: () = assert!(MOST_SAMPLES <= WINDOW_SIDE);
 
 /// Describes the keypoints of one image.
 pub(super) struct Describer<'a> {

@@ -1,0 +1,88 @@
+//! The report in a real browser: it loads from disk, curves switch, the table sorts, a pair opens.
+//!
+//! Needs Chromium; where there is none, the test says so and is skipped.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use common::{dataset, matchbench};
+
+/// Clicks through the page and leaves what it found in an attribute.
+const PROBE: &str = r##"
+<script>
+window.addEventListener("load", () => {
+  const log = [];
+  const check = (what, ok) => log.push(`${ok ? "ok" : "FAILED"}: ${what}`);
+  const off = () => document.querySelectorAll(".series.off").length;
+  const curve = document.querySelector(".legend button");
+  curve.click();
+  check("a curve is switched off", off() > 0);
+  curve.click();
+  check("and on again", off() === 0);
+  const heads = [...document.querySelectorAll("#pair-table thead button")];
+  const column = heads.findIndex((head) => head.textContent === "Baseline");
+  heads[column].click();
+  document.querySelectorAll("#pair-table thead button")[column].click();
+  const rows = [...document.querySelectorAll("#pair-table tbody tr")];
+  const values = rows.map((row) => Number(row.cells[column].textContent));
+  check("the table is sorted", values[0] > values.at(-1) && values.every((x, i) => !i || values[i - 1] >= x));
+  document.getElementById("pair-pictures").click();
+  document.querySelector("#pair-table tbody button").click();
+  const view = document.getElementById("pair-view");
+  check("a pair opens", !view.hidden && view.querySelectorAll("img").length === 2);
+  check("its matches are drawn", view.querySelector("svg path") !== null);
+  document.body.dataset.probe = `${log.join("; ")}; done`;
+});
+</script>
+"##;
+
+#[test]
+fn page_works_in_a_browser() {
+    let browsers = ["/usr/bin/chromium", "/usr/bin/chromium-browser"];
+    let Some(browser) = browsers.into_iter().find(|path| Path::new(path).exists()) else {
+        eprintln!("skipped: no Chromium here");
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let data = dataset(folder.path(), "wall", 4);
+    let run = folder.path().join("run");
+    let status = (matchbench().arg("run").arg(&data))
+        .args(["--matchers", "sift", "--report", "--out"])
+        .arg(&run)
+        .status()
+        .expect("the program starts");
+    assert!(status.success());
+    let page = fs::read_to_string(run.join("report/index.html")).expect("it was written");
+    let probe = folder.path().join("probe.html");
+    fs::write(&probe, page + PROBE).expect("writable");
+    let output = Command::new(browser)
+        .args([
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--virtual-time-budget=5000",
+        ])
+        .args(["--enable-logging=stderr", "--dump-dom"])
+        .arg(format!(
+            "--user-data-dir={}",
+            folder.path().join("profile").display()
+        ))
+        .arg(format!("file://{}", probe.display()))
+        .output()
+        .expect("the browser starts");
+    let (dom, log) = (
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+    );
+    let found = (dom.split("data-probe=\"").nth(1))
+        .and_then(|rest| rest.split('"').next())
+        .unwrap_or("the script did not come to its end");
+    assert!(
+        found.ends_with("done") && !found.contains("FAILED"),
+        "{found}\n{log}"
+    );
+    assert!(!log.contains("CONSOLE"), "{log}");
+}

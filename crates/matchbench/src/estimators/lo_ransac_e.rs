@@ -1,0 +1,13 @@
+//! `lo-ransac-e`: locally optimised sample consensus.
+
+use matchbench_vision::robust::SampleConsensusParams;
+
+use super::Preset;
+
+/// Essential matrix by locally optimised five-point sample consensus with the MSAC score.
+pub(super) const LO_RANSAC_E: Preset = Preset {
+    id: "lo-ransac-e",
+    summary: "essential matrix by locally optimised five-point sample consensus with the MSAC score",
+    reference: "Chum, Matas, Kittler, \"Locally Optimized RANSAC\", DAGM 2003; Lebeda, Matas, Chum, \"Fixing the Locally Optimized RANSAC\", BMVC 2012",
+    defaults: SampleConsensusParams::default,
+};

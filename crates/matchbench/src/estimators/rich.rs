@@ -1,0 +1,17 @@
+//! `rich`: for tens of thousands of matches; our substitute for the unpublished estimator of RepMatch, which
+//! the paper uses with CODE, RepMatch and GMS.
+
+use matchbench_vision::robust::{SampleConsensusParams, SamplerKind};
+
+use super::Preset;
+
+/// Essential matrix from very many matches: spatially even samples, local optimisation, refinement over all inliers.
+pub(super) const RICH: Preset = Preset {
+    id: "rich",
+    summary: "essential matrix from very many matches: spatially even samples, local optimisation, refinement over all inliers",
+    reference: "our substitute for the unpublished estimator of Lin et al., \"RepMatch\", ECCV 2016; Lebeda, Matas, Chum, \"Fixing the Locally Optimized RANSAC\", BMVC 2012",
+    defaults: || SampleConsensusParams {
+        sampler: SamplerKind::Spread,
+        ..SampleConsensusParams::default()
+    },
+};

@@ -1,0 +1,113 @@
+//! `asift`: SIFT on simulated views, compared place by place.
+//!
+//! The same point is found in several views of one image, so the second nearest descriptor usually
+//! shows the same place as the nearest and the ratio test would drop nearly all matches.
+//! [`PlacewiseNeighbours`] takes the nearest descriptor of another place instead.
+
+use matchbench_vision::ParamError;
+use matchbench_vision::features::{Asift, AsiftParams, Extractor, Sift, SiftParams};
+use matchbench_vision::matching::{Pipeline, PlacewiseNeighbours, RatioTest};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{BuiltMatcher, Entry, Extraction};
+use crate::config::{ConfigError, parse_params, to_json};
+
+pub(super) struct AsiftEntry;
+
+/// Features of simulated views, as the matchers built on them share them.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct AsiftExtraction {
+    views: AsiftParams,
+    sift: SiftParams,
+}
+
+impl Default for AsiftExtraction {
+    fn default() -> Self {
+        Self {
+            views: AsiftParams::default(),
+            sift: SiftParams {
+                double_image: false,
+                ..SiftParams::default()
+            },
+        }
+    }
+}
+
+impl AsiftExtraction {
+    /// What its features depend on.
+    pub(super) fn extraction(&self) -> Extraction {
+        Extraction {
+            extractor: "asift".into(),
+            params: to_json(self),
+            revision: 1,
+        }
+    }
+
+    /// The extractor.
+    pub(super) fn build(self) -> Result<Box<dyn Extractor>, ParamError> {
+        Ok(Box::new(Asift::new(Sift::new(self.sift)?, self.views)?))
+    }
+}
+
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Params {
+    extractor: AsiftExtraction,
+    search: PlacewiseNeighbours,
+    ratio: f32,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            extractor: AsiftExtraction::default(),
+            search: PlacewiseNeighbours::default(),
+            ratio: RatioTest::default().ratio,
+        }
+    }
+}
+
+impl Entry for AsiftEntry {
+    fn id(&self) -> &'static str {
+        "asift"
+    }
+
+    fn summary(&self) -> &'static str {
+        "SIFT on simulated views, exact nearest neighbours, ratio test between places"
+    }
+
+    fn reference(&self) -> &'static str {
+        "J.-M. Morel, G. Yu, \"ASIFT: A New Framework for Fully Affine Invariant Image \
+         Comparison\", SIAM Journal on Imaging Sciences 2(2), 2009"
+    }
+
+    fn defaults(&self) -> Value {
+        to_json(&Params::default())
+    }
+
+    fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {
+        let params: Params = parse_params(self.id(), params)?;
+        if !(params.ratio > 0.0 && params.ratio <= 1.0) {
+            let reason = format!(
+                "`ratio` is {}, but must be above 0 and at most 1",
+                params.ratio
+            );
+            return Err(ConfigError::new(self.id(), reason));
+        }
+        let extractor = (params.extractor.build()).map_err(|e| ConfigError::new(self.id(), e))?;
+        Ok(BuiltMatcher {
+            id: self.id().into(),
+            params: to_json(&params),
+            extraction: params.extractor.extraction(),
+            matcher: Box::new(Pipeline {
+                extractor,
+                search: Box::new(params.search),
+                selectors: vec![Box::new(RatioTest {
+                    ratio: params.ratio,
+                })],
+            }),
+        })
+    }
+}

@@ -1,0 +1,54 @@
+//! `code`: ASIFT, all nearest neighbours, decided by coherence.
+
+use matchbench_vision::matching::{Code, CodeParams, Pipeline, PlacewiseNeighbours};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::asift::AsiftExtraction;
+use super::{BuiltMatcher, Entry};
+use crate::config::{ConfigError, parse_params, to_json};
+
+pub(super) struct CodeEntry;
+
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Params {
+    extractor: AsiftExtraction,
+    search: PlacewiseNeighbours,
+    coherence: CodeParams,
+}
+
+impl Entry for CodeEntry {
+    fn id(&self) -> &'static str {
+        "code"
+    }
+
+    fn summary(&self) -> &'static str {
+        "ASIFT, all nearest neighbours, those that move as their neighbours do"
+    }
+
+    fn reference(&self) -> &'static str {
+        "W.-Y. Lin et al., \"CODE: Coherence Based Decision Boundaries for Feature \
+         Correspondence\", IEEE Transactions on Pattern Analysis and Machine Intelligence 40(1), 2018"
+    }
+
+    fn defaults(&self) -> Value {
+        to_json(&Params::default())
+    }
+
+    fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {
+        let params: Params = parse_params(self.id(), params)?;
+        let extractor = (params.extractor.build()).map_err(|e| ConfigError::new(self.id(), e))?;
+        let code = Code::new(params.coherence).map_err(|e| ConfigError::new(self.id(), e))?;
+        Ok(BuiltMatcher {
+            id: self.id().into(),
+            params: to_json(&params),
+            extraction: params.extractor.extraction(),
+            matcher: Box::new(Pipeline {
+                extractor,
+                search: Box::new(params.search),
+                selectors: vec![Box::new(code)],
+            }),
+        })
+    }
+}

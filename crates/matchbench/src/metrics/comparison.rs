@@ -1,0 +1,148 @@
+//! Two sets of results of the same pairs, compared pair by pair.
+//!
+//! Hard pairs are hard for both, so the interval of the difference is much narrower than the two
+//! intervals apart would suggest: what matters is whether it contains 0.
+
+use std::collections::BTreeMap;
+
+use super::average_matches::is_right;
+use super::success::share_of_thresholds;
+use super::summary::AP_THRESHOLD;
+use super::{Angle, Bootstrap, PairResult, ResultSet, Score, Term};
+
+/// What changed from one set of results to another on the pairs that both have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Comparison {
+    /// How many pairs (and repetitions) both have.
+    pub pairs: usize,
+    /// The paper's AUC before, on these pairs; `None` where there are none.
+    pub before: Option<f64>,
+    /// The paper's AUC after.
+    pub after: Option<f64>,
+    /// Difference of the AUC, after minus before, with its paired interval.
+    pub auc: Score,
+    /// The same of the rotation alone.
+    pub rotation_auc: Score,
+    /// The same of the translation alone.
+    pub translation_auc: Score,
+    /// Pairs below 5 degrees now that were not before.
+    pub gained: usize,
+    /// Pairs below 5 degrees before that are not now.
+    pub lost: usize,
+    /// Pairs with another pose, or another reason for having none.
+    pub changed: usize,
+}
+
+impl Comparison {
+    /// Whether the interval of the difference of the AUC leaves no doubt about its sign.
+    pub fn is_certain(&self) -> bool {
+        (self.auc.interval).is_some_and(|interval| interval.low > 0.0 || interval.high < 0.0)
+    }
+}
+
+/// Compares two sets of results of one dataset.
+pub fn compare(before: &ResultSet, after: &ResultSet, bootstrap: &Bootstrap) -> Comparison {
+    let twins = twins(before, after);
+    let mean = |value: &dyn Fn(&(&PairResult, &PairResult)) -> f64| {
+        let sum: f64 = twins.iter().map(value).sum();
+        (!twins.is_empty()).then(|| sum / twins.len() as f64)
+    };
+    let right = |pair: &PairResult| is_right(pair, AP_THRESHOLD);
+    Comparison {
+        pairs: twins.len(),
+        before: mean(&|(before, _)| share_of_thresholds(before.error(Angle::Pose))),
+        after: mean(&|(_, after)| share_of_thresholds(after.error(Angle::Pose))),
+        auc: difference(&twins, Angle::Pose, bootstrap),
+        rotation_auc: difference(&twins, Angle::Rotation, bootstrap),
+        translation_auc: difference(&twins, Angle::Translation, bootstrap),
+        gained: (twins.iter())
+            .filter(|(before, after)| !right(before) && right(after))
+            .count(),
+        lost: (twins.iter())
+            .filter(|(before, after)| right(before) && !right(after))
+            .count(),
+        changed: (twins.iter())
+            .filter(|(before, after)| before.outcome != after.outcome)
+            .count(),
+    }
+}
+
+/// How much better `this` is than `other` on the pairs that both have, in the paper's AUC: the
+/// difference and its paired bootstrap interval. Both must come from the same dataset.
+pub fn auc_difference(this: &ResultSet, other: &ResultSet, bootstrap: &Bootstrap) -> Score {
+    difference(&twins(other, this), Angle::Pose, bootstrap)
+}
+
+/// The results of the pairs that both have, in the order of `after`.
+fn twins<'a>(before: &'a ResultSet, after: &'a ResultSet) -> Vec<(&'a PairResult, &'a PairResult)> {
+    let key = |pair: &PairResult| (pair.a, pair.b, pair.repetition);
+    let before: BTreeMap<_, _> = before.pairs.iter().map(|pair| (key(pair), pair)).collect();
+    (after.pairs.iter())
+        .filter_map(|pair| Some((*before.get(&key(pair))?, pair)))
+        .collect()
+}
+
+fn difference(twins: &[(&PairResult, &PairResult)], angle: Angle, bootstrap: &Bootstrap) -> Score {
+    let terms: Vec<Term> = (twins.iter())
+        .map(|(before, after)| Term {
+            cluster: after.a,
+            numerator: share_of_thresholds(after.error(angle))
+                - share_of_thresholds(before.error(angle)),
+            denominator: 1.0,
+        })
+        .collect();
+    let sum: f64 = terms.iter().map(|term| term.numerator).sum();
+    Score {
+        value: (!terms.is_empty()).then(|| sum / terms.len() as f64),
+        interval: bootstrap.interval(terms),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Failure;
+    use super::super::pair_result::tests::solved;
+    use super::*;
+
+    fn results(pairs: Vec<PairResult>) -> ResultSet {
+        ResultSet {
+            dataset: "street".into(),
+            matcher: "sift".into(),
+            estimator: "ransac-e".into(),
+            repetitions: 1,
+            pairs,
+            ignored: 0,
+        }
+    }
+
+    #[test]
+    fn difference_pairs_the_pairs() {
+        let better = results(vec![solved(0, 0.1, 0.1, 50), solved(3, 0.1, 4.0, 50)]);
+        let worse = results(vec![solved(3, 0.1, 7.0, 50), solved(0, 0.1, 3.0, 50)]);
+        // Image 0: 15 - 12 thresholds; image 3: 11 - 8. Three of fifteen each time.
+        let score = auc_difference(&better, &worse, &Bootstrap::default());
+        assert!((score.value.expect("two pairs in common") - 0.2).abs() < 1e-15);
+        let interval = score.interval.expect("two reference images");
+        assert!((interval.high - interval.low).abs() < 1e-12);
+        let comparison = compare(&worse, &better, &Bootstrap::default());
+        assert_eq!(comparison.auc, score);
+        assert!(comparison.is_certain());
+        assert_eq!(
+            (comparison.gained, comparison.lost, comparison.changed),
+            (1, 0, 2)
+        );
+    }
+
+    #[test]
+    fn equal_results_have_no_difference_and_others_no_pairs() {
+        let one = results(vec![
+            solved(0, 0.1, 0.1, 50),
+            PairResult::failed(1, 2, Failure::NoSupport),
+        ]);
+        let same = compare(&one, &one, &Bootstrap::default());
+        assert_eq!((same.auc.value, same.changed), (Some(0.0), 0));
+        assert!(!same.is_certain());
+        let none = compare(&results(vec![]), &one, &Bootstrap::default());
+        assert_eq!((none.pairs, none.before, none.auc.value), (0, None, None));
+    }
+}

@@ -1,0 +1,140 @@
+//! How hard a pair is, told from its true pose and cameras alone: baseline, angle, overlap.
+//!
+//! Without a depth map nobody knows how much of image `a` is seen in image `b`. What can be known
+//! is an upper bound: were all that `a` sees at one depth, so many of its rays would end in `b`.
+//! [`PairGeometry::overlap`] takes the depth at which most do, from [`DEPTHS`] (in baselines, and
+//! infinity), each time the lesser of both directions. Images that look past each other have 0,
+//! whatever the scene; 1 says only that the poses do not forbid it.
+//!
+//! The size of an image is taken as twice its principal point, which needs no file.
+
+use std::collections::BTreeMap;
+
+use matchbench_vision::geometry::Camera;
+use nalgebra::{Isometry3, Point2, Vector3};
+
+use crate::datasets::Sequence;
+
+/// Depths that are tried, in baselines; 0 stands for infinity.
+const DEPTHS: [f64; 9] = [0.0, 64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.0, 0.5];
+/// Rays of an image: so many columns and rows.
+const RAYS: (u32, u32) = (12, 9);
+
+/// What the true pose says about a pair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairGeometry {
+    /// Distance of the two cameras, in the dataset's unit of length.
+    pub baseline: f64,
+    /// Angle between the optical axes, in degrees.
+    pub view_angle: f64,
+    /// Upper bound of the share of one image that is seen in the other, in `[0, 1]`.
+    pub overlap: f64,
+}
+
+/// The geometry of every pair `(a, b)` of one dataset.
+pub type DatasetGeometry = BTreeMap<(u32, u32), PairGeometry>;
+
+impl PairGeometry {
+    /// The geometry of two cameras at the pose `b_from_a`.
+    pub fn new(a: &Camera, b: &Camera, b_from_a: &Isometry3<f64>) -> Self {
+        let axis = b_from_a.rotation * Vector3::z();
+        let back = b_from_a.inverse();
+        let overlap = (DEPTHS.iter())
+            .map(|&depth| share_seen(a, b, b_from_a, depth).min(share_seen(b, a, &back, depth)))
+            .fold(0.0, f64::max);
+        Self {
+            baseline: b_from_a.translation.vector.norm(),
+            view_angle: libm::acos(axis.z.clamp(-1.0, 1.0)).to_degrees(),
+            overlap,
+        }
+    }
+
+    /// The geometry of every pair of a sequence.
+    pub fn of_sequence(sequence: &Sequence) -> DatasetGeometry {
+        (sequence.pairs.iter())
+            .map(|pair| {
+                let camera = |frame: u32| &sequence.frames[frame as usize].camera;
+                let geometry = Self::new(camera(pair.a), camera(pair.b), &pair.b_from_a);
+                ((pair.a, pair.b), geometry)
+            })
+            .collect()
+    }
+}
+
+/// The share of rays of `a` that end inside image `b` if all it sees is `depth` baselines away.
+fn share_seen(a: &Camera, b: &Camera, b_from_a: &Isometry3<f64>, depth: f64) -> f64 {
+    let translation = if depth == 0.0 {
+        Vector3::zeros()
+    } else {
+        b_from_a
+            .translation
+            .vector
+            .try_normalize(0.0)
+            .unwrap_or_default()
+            / depth
+    };
+    let (columns, rows) = RAYS;
+    let rays = (0..columns * rows).map(|ray| {
+        let at = |index: u32, count: u32| (f64::from(index) + 0.5) / f64::from(count);
+        let (x, y) = (at(ray % columns, columns), at(ray / columns, rows));
+        a.normalize(Point2::new(2.0 * a.cx * x, 2.0 * a.cy * y))
+    });
+    let seen = rays.filter(|ray| {
+        let point = b_from_a.rotation * ray.to_homogeneous() + translation;
+        point.z > 0.0
+            && is_inside(
+                b,
+                b.project(Point2::new(point.x / point.z, point.y / point.z)),
+            )
+    });
+    seen.count() as f64 / f64::from(columns * rows)
+}
+
+fn is_inside(camera: &Camera, pixel: Point2<f64>) -> bool {
+    (0.0..=2.0 * camera.cx).contains(&pixel.x) && (0.0..=2.0 * camera.cy).contains(&pixel.y)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use nalgebra::{Translation3, UnitQuaternion};
+
+    use super::*;
+
+    const CAMERA: Camera = Camera::pinhole(320.0, 320.0, 320.0, 240.0);
+
+    fn geometry(turn: f64, translation: [f64; 3]) -> PairGeometry {
+        let pose = Isometry3::from_parts(
+            Translation3::from(Vector3::from(translation)),
+            UnitQuaternion::from_axis_angle(&Vector3::y_axis(), turn),
+        );
+        PairGeometry::new(&CAMERA, &CAMERA, &pose)
+    }
+
+    #[test]
+    fn without_motion_all_is_seen() {
+        let same = geometry(0.0, [0.0; 3]);
+        assert_eq!((same.baseline, same.overlap), (0.0, 1.0));
+        assert!(same.view_angle < 1e-6);
+    }
+
+    #[test]
+    fn cameras_that_look_away_share_nothing() {
+        let away = geometry(PI, [0.0, 0.0, 1.0]);
+        assert!((away.view_angle - 180.0).abs() < 1e-4);
+        // Back to back: the ray along the axis meets at no depth.
+        assert_eq!(geometry(PI, [0.0, 0.0, -1.0]).overlap, 0.0);
+    }
+
+    #[test]
+    fn half_a_field_of_view_is_half_the_image_and_depth_can_make_up_for_it() {
+        // The field of view is 90 degrees: turned by 45, the middle comes to the edge.
+        let turned = geometry(PI / 4.0, [0.0; 3]);
+        assert!((turned.overlap - 0.5).abs() < 0.1, "{turned:?}");
+        assert!((turned.view_angle - 45.0).abs() < 1e-9);
+        // A step to the side that keeps an object in view.
+        let around = geometry(PI / 4.0, [-1.0, 0.0, 0.4]);
+        assert!(around.overlap > turned.overlap + 0.2, "{around:?}");
+    }
+}

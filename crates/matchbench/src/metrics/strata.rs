@@ -1,0 +1,138 @@
+//! Scores of easy and hard pairs apart: AUC over baseline, view angle or overlap.
+
+use super::success::share_of_thresholds;
+use super::{Angle, DatasetGeometry, PairGeometry, ResultSet};
+
+/// A range of difficulty, with about as many pairs as the others.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stratum {
+    /// Least value of its pairs.
+    pub low: f64,
+    /// Largest value of its pairs.
+    pub high: f64,
+}
+
+/// Cuts the pairs of a dataset into at most `count` strata of about equal size by `value`; equal
+/// values stay together.
+pub fn strata(
+    geometry: &DatasetGeometry,
+    value: impl Fn(&PairGeometry) -> f64,
+    count: usize,
+) -> Vec<Stratum> {
+    let mut values: Vec<f64> = geometry.values().map(value).collect();
+    values.sort_by(f64::total_cmp);
+    let mut strata: Vec<Stratum> = Vec::new();
+    let mut start = 0;
+    for part in 1..=count {
+        let mut end = values.len() * part / count;
+        while end > start && end < values.len() && values[end] == values[end - 1] {
+            end += 1;
+        }
+        if end > start {
+            let (low, high) = (values[start], values[end - 1]);
+            strata.push(Stratum { low, high });
+            start = end;
+        }
+    }
+    strata
+}
+
+/// The paper's AUC of the pairs in each stratum; `None` where the results have none.
+pub fn auc_by_stratum(
+    results: &ResultSet,
+    geometry: &DatasetGeometry,
+    value: impl Fn(&PairGeometry) -> f64,
+    strata: &[Stratum],
+) -> Vec<Option<f64>> {
+    let mut sums = vec![(0.0, 0_usize); strata.len()];
+    for pair in &results.pairs {
+        let Some(value) = geometry.get(&(pair.a, pair.b)).map(&value) else {
+            continue;
+        };
+        let inside = |stratum: &Stratum| stratum.low <= value && value <= stratum.high;
+        if let Some(at) = strata.iter().position(inside) {
+            sums[at].0 += share_of_thresholds(pair.error(Angle::Pose));
+            sums[at].1 += 1;
+        }
+    }
+    (sums.into_iter())
+        .map(|(sum, pairs)| (pairs > 0).then(|| sum / pairs as f64))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pair_result::tests::solved;
+    use super::*;
+
+    fn geometry(baselines: &[f64]) -> DatasetGeometry {
+        let pair = |(a, &baseline): (usize, &f64)| {
+            let geometry = PairGeometry {
+                baseline,
+                view_angle: 0.0,
+                overlap: 1.0,
+            };
+            ((a as u32, a as u32 + 1), geometry)
+        };
+        baselines.iter().enumerate().map(pair).collect()
+    }
+
+    #[test]
+    fn strata_have_as_many_pairs_and_equal_values_stay_together() {
+        let cut = |values: &[f64]| strata(&geometry(values), |g| g.baseline, 2);
+        let (low, high) = (
+            Stratum {
+                low: 1.0,
+                high: 2.0,
+            },
+            Stratum {
+                low: 3.0,
+                high: 9.0,
+            },
+        );
+        assert_eq!(cut(&[3.0, 1.0, 9.0, 2.0]), [low, high]);
+        assert_eq!(
+            cut(&[1.0; 5]),
+            [Stratum {
+                low: 1.0,
+                high: 1.0
+            }]
+        );
+        assert_eq!(cut(&[]), []);
+    }
+
+    #[test]
+    fn each_pair_counts_in_its_stratum() {
+        let geometry = geometry(&[1.0, 5.0, 6.0]);
+        let results = ResultSet {
+            dataset: String::new(),
+            matcher: String::new(),
+            estimator: String::new(),
+            repetitions: 1,
+            // The last pair has no geometry: it is in no stratum.
+            pairs: vec![
+                solved(0, 0.1, 0.1, 30),
+                solved(1, 0.1, 12.0, 30),
+                solved(2, 0.1, 20.0, 30),
+                solved(7, 0.1, 0.1, 30),
+            ],
+            ignored: 0,
+        };
+        let strata = [
+            Stratum {
+                low: 1.0,
+                high: 1.0,
+            },
+            Stratum {
+                low: 5.0,
+                high: 6.0,
+            },
+            Stratum {
+                low: 7.0,
+                high: 8.0,
+            },
+        ];
+        let auc = auc_by_stratum(&results, &geometry, |g| g.baseline, &strata);
+        assert_eq!(auc, [Some(1.0), Some(0.1), None]);
+    }
+}

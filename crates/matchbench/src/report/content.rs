@@ -1,0 +1,49 @@
+//! What a report is made from: results, what is known of their pairs, pictures, facts of the run.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use crate::metrics::{Bootstrap, DatasetGeometry, ResultSet, Summary};
+
+use super::PairView;
+
+/// What a reader should know about the run besides its scores.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RunFacts {
+    /// Title of the page.
+    pub title: String,
+    /// Names and values in the order in which they are shown: version, seed, machine ...
+    pub facts: Vec<(String, String)>,
+    /// The plan of the run as text.
+    pub plan: Option<String>,
+}
+
+/// Everything that stands in a report.
+#[derive(Clone, Debug, Default)]
+pub struct Content {
+    /// Scores, one for each set of results.
+    pub summaries: Vec<Summary>,
+    /// The results pair by pair.
+    pub results: Vec<ResultSet>,
+    /// Baseline, angle and overlap of the pairs, by dataset; what is not there is not shown.
+    pub geometry: BTreeMap<String, DatasetGeometry>,
+    /// Pairs to be looked at.
+    pub views: Vec<PairView>,
+    /// The run.
+    pub facts: RunFacts,
+}
+
+impl Content {
+    /// Scores the results; threads are used, and change nothing.
+    pub fn new(results: Vec<ResultSet>, bootstrap: &Bootstrap, facts: RunFacts) -> Self {
+        Self {
+            summaries: (results.par_iter())
+                .map(|set| Summary::new(set, bootstrap))
+                .collect(),
+            results,
+            facts,
+            ..Self::default()
+        }
+    }
+}

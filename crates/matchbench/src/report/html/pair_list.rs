@@ -1,0 +1,253 @@
+//! The pairs as data for the script of the page: columns of small numbers, and pictures of a sample.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use crate::metrics::{Angle, PairResult};
+
+use super::super::content::Content;
+use super::super::overview::Overview;
+use super::super::svg::{Place, data_url, pair};
+use super::super::words::{FAILURES, name, reason};
+
+/// Most results that are listed in the page; a page of them is about 3 MB.
+const MOST_RESULTS: usize = 150_000;
+/// Most bytes of pictures in the page.
+const MOST_PICTURES: usize = 1_800_000;
+/// Most matches drawn of a pair.
+const MOST_MATCHES: usize = 80;
+
+/// What the script reads.
+#[derive(Serialize)]
+struct Data<'a> {
+    datasets: Vec<Listed<'a>>,
+    /// Short names of the failures, then sentences, by number.
+    failures: [&'static str; FAILURES.len()],
+    reasons: [String; FAILURES.len()],
+    /// Images as data URLs.
+    images: Vec<String>,
+}
+
+/// The pairs of one dataset, column by column; angles are in hundredths of a degree.
+#[derive(Default, Serialize)]
+struct Listed<'a> {
+    name: &'a str,
+    /// How many pairs are not listed.
+    left_out: usize,
+    a: Vec<u32>,
+    b: Vec<u32>,
+    repetition: Vec<u32>,
+    /// Empty where the geometry is not known.
+    baseline: Vec<f32>,
+    angle: Vec<f32>,
+    overlap: Vec<f32>,
+    methods: Vec<Method<'a>>,
+}
+
+#[derive(Serialize)]
+struct Method<'a> {
+    label: &'a str,
+    matcher: &'a str,
+    estimator: &'a str,
+    /// -1 where there is none.
+    rotation: Vec<i32>,
+    translation: Vec<i32>,
+    correspondences: Vec<u32>,
+    /// -1 where they were not counted.
+    selected: Vec<i64>,
+    /// -1 where there is a pose, else the number of the failure.
+    failure: Vec<i8>,
+    /// By number of the pair.
+    pictures: BTreeMap<usize, Picture>,
+}
+
+#[derive(Serialize)]
+struct Picture {
+    images: [usize; 2],
+    /// Columns over rows of each image.
+    sizes: [(usize, usize); 2],
+    drawing: String,
+}
+
+/// JSON that can stand in a `script` element.
+pub(super) fn data(content: &Content, overview: &Overview<'_>) -> String {
+    let total: usize = content.results.iter().map(|set| set.pairs.len()).sum();
+    let share = (MOST_RESULTS as f64 / total.max(1) as f64).min(1.0);
+    let mut images = Images::default();
+    let datasets = (overview.datasets.iter().enumerate())
+        .map(|(column, dataset)| listed(content, overview, (column, dataset), share, &mut images))
+        .collect();
+    let data = Data {
+        datasets,
+        failures: FAILURES.map(name),
+        reasons: FAILURES.map(reason),
+        images: images.urls,
+    };
+    // Inside `script` nothing but its end is markup; `<` is written so that there is none.
+    serde_json::to_string(&data)
+        .expect("names and numbers can be written")
+        .replace('<', "\\u003c")
+}
+
+/// The images that are used, each once.
+#[derive(Default)]
+struct Images {
+    seen: BTreeMap<usize, usize>,
+    urls: Vec<String>,
+    bytes: usize,
+}
+
+impl Images {
+    fn index(&mut self, image: &Arc<super::super::Thumbnail>) -> usize {
+        *self
+            .seen
+            .entry(Arc::as_ptr(image) as usize)
+            .or_insert_with(|| {
+                let url = data_url(image);
+                self.bytes += url.len();
+                self.urls.push(url);
+                self.urls.len() - 1
+            })
+    }
+}
+
+fn listed<'a>(
+    content: &'a Content,
+    overview: &'a Overview<'_>,
+    (column, dataset): (usize, &'a str),
+    share: f64,
+    images: &mut Images,
+) -> Listed<'a> {
+    let mut listed = Listed {
+        name: dataset,
+        ..Listed::default()
+    };
+    let sets = || content.results.iter().filter(|set| set.dataset == dataset);
+    let Some(first) = sets().next() else {
+        return listed;
+    };
+    let count = (first.pairs.len() as f64 * share).ceil() as usize;
+    listed.left_out = first.pairs.len() - count;
+    let keys: Vec<_> = first.pairs[..count].iter().map(key).collect();
+    let geometry = content.geometry.get(dataset);
+    for &(a, b, repetition) in &keys {
+        listed.a.push(a);
+        listed.b.push(b);
+        listed.repetition.push(repetition);
+        if let Some(known) = geometry.and_then(|geometry| geometry.get(&(a, b))) {
+            listed.baseline.push(rounded(known.baseline));
+            listed.angle.push(rounded(known.view_angle));
+            listed.overlap.push(rounded(known.overlap));
+        }
+    }
+    if listed.baseline.len() < count {
+        (listed.baseline, listed.angle, listed.overlap) = Default::default();
+    }
+    for row in &overview.rows {
+        let Some(summary) = row.cells[column].as_ref().map(|cell| cell.summary) else {
+            continue;
+        };
+        let of = |matcher: &str, estimator: &str| {
+            matcher == summary.matcher && estimator == summary.estimator
+        };
+        let Some(set) = sets().find(|set| of(&set.matcher, &set.estimator)) else {
+            continue;
+        };
+        let mut method = Method {
+            label: &row.label,
+            matcher: &set.matcher,
+            estimator: &set.estimator,
+            rotation: Vec::with_capacity(count),
+            translation: Vec::with_capacity(count),
+            correspondences: Vec::with_capacity(count),
+            selected: Vec::with_capacity(count),
+            failure: Vec::with_capacity(count),
+            pictures: BTreeMap::new(),
+        };
+        // All sets of a dataset list the same pairs; anything else would be shown as missing.
+        let results: BTreeMap<_, _> = set.pairs.iter().map(|pair| (key(pair), pair)).collect();
+        keys.iter()
+            .for_each(|key| method.push(results.get(key).copied()));
+        for view in content
+            .views
+            .iter()
+            .filter(|view| view.dataset == dataset && of(&view.matcher, &view.estimator))
+        {
+            let Some(at) = keys.iter().position(|&(a, b, _)| (a, b) == view.frames) else {
+                continue;
+            };
+            if images.bytes > MOST_PICTURES {
+                break;
+            }
+            let caption = format!("frames {} and {}", view.frames.0, view.frames.1);
+            let drawing = pair(Place::Page, view, &caption, MOST_MATCHES);
+            images.bytes += drawing.len();
+            let picture = Picture {
+                images: view.images.each_ref().map(|image| images.index(image)),
+                sizes: view.images.each_ref().map(|image| image.original),
+                drawing,
+            };
+            method.pictures.insert(at, picture);
+        }
+        listed.methods.push(method);
+    }
+    listed
+}
+
+impl Method<'_> {
+    fn push(&mut self, pair: Option<&PairResult>) {
+        let hundredths = |angle| {
+            let error = pair.and_then(|pair| pair.error(angle));
+            error.map_or(-1, |degrees| (degrees * 100.0).round() as i32)
+        };
+        self.rotation.push(hundredths(Angle::Rotation));
+        self.translation.push(hundredths(Angle::Translation));
+        self.correspondences
+            .push(pair.map_or(0, |pair| pair.correspondences));
+        let counts = pair.and_then(|pair| pair.counts);
+        self.selected
+            .push(counts.map_or(-1, |counts| counts.selected.into()));
+        let failure = pair.map_or(Some(crate::metrics::Failure::Missing), |pair| {
+            pair.outcome.err()
+        });
+        let number = failure.and_then(|failure| FAILURES.iter().position(|&f| f == failure));
+        self.failure.push(number.map_or(-1, |number| number as i8));
+    }
+}
+
+fn key(pair: &PairResult) -> (u32, u32, u32) {
+    (pair.a, pair.b, pair.repetition)
+}
+
+/// To three decimals, as far as the page shows them.
+fn rounded(value: f64) -> f32 {
+    ((value * 1e3).round() / 1e3) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::tests::content;
+    use super::*;
+
+    #[test]
+    fn names_cannot_end_the_script_and_columns_are_as_long() {
+        let content = content(&[("</script>", "sift", 6), ("</script>", "orb", 2)]);
+        let overview = Overview::new(&content.summaries);
+        let text = data(&content, &overview);
+        assert!(!text.contains('<'));
+        let value: serde_json::Value = serde_json::from_str(&text).expect("it is JSON");
+        let listed = &value["datasets"][0];
+        assert_eq!(listed["name"], "</script>");
+        for method in 0..2 {
+            for column in ["rotation", "translation", "selected", "failure"] {
+                let column = listed["methods"][method][column].as_array().map(Vec::len);
+                assert_eq!(column, Some(10));
+            }
+        }
+        assert_eq!(listed["methods"][0]["failure"][0], -1);
+        assert_eq!(listed["methods"][0]["failure"][9], 1);
+        assert_eq!(listed["methods"][0]["translation"][0], 20);
+    }
+}

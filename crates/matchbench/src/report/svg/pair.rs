@@ -1,0 +1,234 @@
+//! A pair side by side: matches coloured by their true error, those that agree with the estimated
+//! pose drawn through, the others dashed; epipolar lines true and estimated.
+
+use std::fmt::Write as _;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use nalgebra::Point2;
+
+use super::super::pair_view::{MatchView, PairView, Thumbnail};
+use super::{Place, escape, open, text};
+
+/// Width of the drawing, and of the gap between the images.
+const WIDTH: f64 = 1000.0;
+const GAP: f64 = 8.0;
+/// Classes of the distance to the true epipolar line: below so many pixels, colour, name.
+const CLASSES: [(f64, &str, &str); 4] = [
+    (1.0, "#1f9e89", "below 1 px"),
+    (3.0, "#56b4e9", "1 to 3 px"),
+    (10.0, "#e69f00", "3 to 10 px"),
+    (f64::INFINITY, "#e0393e", "10 px and more"),
+];
+/// Without a true baseline nothing is known.
+const UNKNOWN: &str = "#bbbbbb";
+const TRUE_LINE: &str = "#ffffff";
+const ESTIMATED_LINE: &str = "#f0e442";
+
+/// Where the images are in the drawing.
+struct Layout {
+    scale: f64,
+    /// Left edge of image b.
+    b: f64,
+    top: f64,
+    height: f64,
+}
+
+/// The drawing; at most `limit` matches, evenly taken from the list. In the page the images are
+/// not part of it: they stand behind it.
+pub(in super::super) fn pair(place: Place, view: &PairView, caption: &str, limit: usize) -> String {
+    let sizes = view
+        .images
+        .each_ref()
+        .map(|image| (image.original.0 as f64, image.original.1 as f64));
+    let scale = (WIDTH - GAP) / (sizes[0].0 + sizes[1].0).max(1.0);
+    let layout = Layout {
+        scale,
+        b: sizes[0].0 * scale + GAP,
+        top: if place == Place::File { 34.0 } else { 0.0 },
+        height: sizes[0].1.max(sizes[1].1) * scale,
+    };
+    let legend = if place == Place::File { 30.0 } else { 0.0 };
+    let mut svg = String::new();
+    let size = (WIDTH, layout.top + layout.height + legend);
+    open(
+        &mut svg,
+        place,
+        "pair",
+        (size.0, (size.1 * 10.0).round() / 10.0),
+        caption,
+    );
+    if place == Place::File {
+        for (image, (left, size)) in view
+            .images
+            .iter()
+            .zip([(0.0, sizes[0]), (layout.b, sizes[1])])
+        {
+            let _ = writeln!(
+                svg,
+                r#"<image x="{left:.1}" y="{:.1}" width="{:.1}" height="{:.1}" preserveAspectRatio="none" href="{}"/>"#,
+                layout.top,
+                size.0 * scale,
+                size.1 * scale,
+                data_url(image)
+            );
+        }
+    }
+    keypoints(&mut svg, &layout, view);
+    matches(&mut svg, &layout, view, limit);
+    lines(&mut svg, &layout, view, sizes[1]);
+    if place == Place::File {
+        key(&mut svg, layout.top + layout.height + 19.0);
+    }
+    svg.push_str("</svg>\n");
+    svg
+}
+
+/// The image for the `src` of a picture.
+pub(in super::super) fn data_url(image: &Thumbnail) -> String {
+    format!("data:image/jpeg;base64,{}", STANDARD.encode(&image.jpeg))
+}
+
+impl Layout {
+    fn a(&self, point: Point2<f64>) -> (f64, f64) {
+        (point.x * self.scale, self.top + point.y * self.scale)
+    }
+
+    fn b(&self, point: Point2<f64>) -> (f64, f64) {
+        (
+            self.b + point.x * self.scale,
+            self.top + point.y * self.scale,
+        )
+    }
+}
+
+fn keypoints(svg: &mut String, layout: &Layout, view: &PairView) {
+    let dots: String = (view.keypoints[0].iter().map(|&p| layout.a(p)))
+        .chain(view.keypoints[1].iter().map(|&p| layout.b(p)))
+        .map(|(x, y)| format!("M{x:.1} {y:.1}h0"))
+        .collect();
+    if !dots.is_empty() {
+        let _ = writeln!(
+            svg,
+            r##"<path fill="none" stroke="#ffffff" stroke-opacity="0.6" stroke-width="1.6" stroke-linecap="round" d="{dots}"/>"##
+        );
+    }
+}
+
+/// One path for each class and for each of agreeing and not: short, however many matches.
+fn matches(svg: &mut String, layout: &Layout, view: &PairView, limit: usize) {
+    let count = limit.min(view.matches.len());
+    let shown: Vec<&MatchView> = (0..count)
+        .map(|i| &view.matches[i * view.matches.len() / count])
+        .collect();
+    // What disagrees first, so that what agrees lies above it.
+    for agrees in [false, true] {
+        let (class, width, opacity, dash) = if agrees {
+            ("agrees", 1.2, 0.9, "")
+        } else {
+            ("differs", 0.9, 0.55, r#" stroke-dasharray="4 3""#)
+        };
+        let _ = writeln!(
+            svg,
+            r#"<g class="{class}" fill="none" stroke-width="{width}" stroke-opacity="{opacity}">"#
+        );
+        for (index, colour) in colours() {
+            let (mut strokes, mut dots) = (String::new(), String::new());
+            let of_class = |m: &&&MatchView| m.agrees == agrees && class_of(m.distance) == index;
+            for m in shown.iter().filter(of_class) {
+                let ((ax, ay), (bx, by)) = (layout.a(m.a), layout.b(m.b));
+                let _ = write!(strokes, "M{ax:.0} {ay:.0}L{bx:.0} {by:.0}");
+                let _ = write!(dots, "M{ax:.1} {ay:.1}h0M{bx:.1} {by:.1}h0");
+            }
+            if !strokes.is_empty() {
+                let _ = writeln!(
+                    svg,
+                    r#"<path stroke="{colour}"{dash} d="{strokes}"/><path stroke="{colour}" stroke-width="4" stroke-linecap="round" d="{dots}"/>"#
+                );
+            }
+        }
+        svg.push_str("</g>\n");
+    }
+}
+
+fn colours() -> impl Iterator<Item = (usize, &'static str)> {
+    let known = CLASSES.iter().map(|class| class.1);
+    known.chain([UNKNOWN]).enumerate()
+}
+
+fn class_of(distance: Option<f64>) -> usize {
+    match distance {
+        // A distance that is not a number is no good one.
+        Some(distance) => (CLASSES.iter().position(|class| distance < class.0)).unwrap_or(3),
+        None => CLASSES.len(),
+    }
+}
+
+fn lines(svg: &mut String, layout: &Layout, view: &PairView, (width, height): (f64, f64)) {
+    if view.lines.is_empty() {
+        return;
+    }
+    // A nested drawing clips the lines to image b without an id, which would have to be unique.
+    let _ = writeln!(
+        svg,
+        r#"<svg class="epipolar" x="{:.1}" y="{:.1}" width="{:.1}" height="{:.1}" overflow="hidden" fill="none" stroke-width="1.3">"#,
+        layout.b,
+        layout.top,
+        width * layout.scale,
+        height * layout.scale
+    );
+    for (colour, dash, points) in [
+        (TRUE_LINE, "", true),
+        (ESTIMATED_LINE, r#" stroke-dasharray="7 4""#, false),
+    ] {
+        let mut path = String::new();
+        for line in &view.lines {
+            let points = if points { &line.truth } else { &line.estimate };
+            for (i, p) in points.iter().enumerate() {
+                let (x, y) = (p.x * layout.scale, p.y * layout.scale);
+                let far = x.abs().max(y.abs()) > 1e6;
+                let (x, y) = if far {
+                    (x.clamp(-1e6, 1e6), y.clamp(-1e6, 1e6))
+                } else {
+                    (x, y)
+                };
+                let _ = write!(path, "{}{x:.1} {y:.1}", if i == 0 { 'M' } else { 'L' });
+            }
+        }
+        if !path.is_empty() {
+            let _ = writeln!(svg, r#"<path stroke="{colour}"{dash} d="{path}"/>"#);
+        }
+    }
+    svg.push_str(
+        "</svg>\n<g class=\"epipolar\" fill=\"none\" stroke=\"#ffffff\" stroke-width=\"1.2\">\n",
+    );
+    for line in &view.lines {
+        let m = &view.matches[line.of];
+        for (x, y) in [layout.a(m.a), layout.b(m.b)] {
+            let _ = writeln!(svg, r#"<circle cx="{x:.1}" cy="{y:.1}" r="4.5"/>"#);
+        }
+    }
+    svg.push_str("</g>\n");
+}
+
+/// What the colours mean, in one line.
+fn key(svg: &mut String, y: f64) {
+    let mut x = 12.0;
+    let dashes = ["", "", "", "", "", "4 3"];
+    let entries = (CLASSES.iter().map(|class| (class.1, class.2))).chain([
+        ("#666666", "agrees with the estimate"),
+        ("#666666", "does not"),
+    ]);
+    for ((colour, name), dash) in entries.zip(dashes) {
+        let _ = writeln!(
+            svg,
+            r#"<path stroke="{colour}" stroke-width="3" stroke-dasharray="{}" d="M{x:.1} {:.1}h22"/>"#,
+            if dash.is_empty() { "none" } else { dash },
+            y - 4.0
+        );
+        text(svg, "ink", (x + 28.0, y), "start", &escape(name));
+        x += 46.0 + 6.2 * name.chars().count() as f64;
+    }
+    let lines = "circles: epipolar lines, true white, estimated yellow";
+    text(svg, "muted", (x, y), "start", lines);
+}

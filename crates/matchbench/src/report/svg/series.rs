@@ -1,0 +1,83 @@
+//! How a matcher is drawn: its colour, dash and marker, the same in every figure of a report.
+
+use std::fmt::Write as _;
+
+use super::{COLOURS, DASHES, Place, escape};
+
+/// The line and marker of a matcher, for the legend of the page.
+pub(in super::super) fn legend_sample(series: usize) -> String {
+    let mut svg = format!(
+        r#"<svg class="sample s{}" viewBox="0 0 26 12" aria-hidden="true">"#,
+        series % COLOURS.len()
+    );
+    sample(&mut svg, series, 0.0, 6.0);
+    svg.push_str("</svg>");
+    svg
+}
+
+/// Opens the group of a matcher, which its switch in the page turns off; `tip` is its tooltip.
+pub(super) fn open_group(svg: &mut String, place: Place, series: usize, tip: &str) {
+    let class = series % COLOURS.len();
+    let switch = match place {
+        Place::Page => format!(r#" data-series="{series}""#),
+        Place::File => String::new(),
+    };
+    let tip = escape(tip);
+    let _ = writeln!(
+        svg,
+        r#"<g class="series s{class}"{switch}><title>{tip}</title>"#
+    );
+}
+
+/// The line and marker of a matcher in a legend.
+pub(super) fn sample(svg: &mut String, series: usize, left: f64, middle: f64) {
+    polyline(svg, series, &[(left, middle), (left + 26.0, middle)]);
+    marker(svg, series, left + 13.0, middle);
+}
+
+/// The line of a matcher.
+pub(super) fn polyline(svg: &mut String, series: usize, points: &[(f64, f64)]) {
+    let colour = COLOURS[series % COLOURS.len()];
+    let dash = DASHES[series / COLOURS.len() % DASHES.len()];
+    let _ = write!(
+        svg,
+        r#"<polyline class="line" fill="none" stroke="{colour}" stroke-width="1.6""#
+    );
+    if !dash.is_empty() {
+        let _ = write!(svg, r#" stroke-dasharray="{dash}""#);
+    }
+    let points: Vec<String> = (points.iter().map(|(x, y)| format!("{x:.1},{y:.1}"))).collect();
+    let _ = writeln!(svg, r#" points="{}"/>"#, points.join(" "));
+}
+
+/// One of eight shapes around a point.
+pub(super) fn marker(svg: &mut String, series: usize, x: f64, y: f64) {
+    // Corners in units of the marker's radius; the first shape is a circle.
+    const SHAPES: [&[(f64, f64)]; 7] = [
+        &[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)],
+        &[(0.0, -1.2), (1.1, 0.9), (-1.1, 0.9)],
+        &[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)],
+        &[(0.0, 1.2), (1.1, -0.9), (-1.1, -0.9)],
+        &[(1.2, 0.0), (-0.9, -1.1), (-0.9, 1.1)],
+        &[(-1.2, 0.0), (0.9, -1.1), (0.9, 1.1)],
+        &[(-1.4, -0.5), (1.4, -0.5), (1.4, 0.5), (-1.4, 0.5)],
+    ];
+    const RADIUS: f64 = 2.8;
+    let colour = COLOURS[series % COLOURS.len()];
+    let shape = series % (SHAPES.len() + 1);
+    if shape == 0 {
+        let _ = writeln!(
+            svg,
+            r#"<circle class="mark" fill="{colour}" cx="{x:.1}" cy="{y:.1}" r="{RADIUS}"/>"#
+        );
+    } else {
+        let corners: Vec<String> = (SHAPES[shape - 1].iter())
+            .map(|(dx, dy)| format!("{:.1},{:.1}", x + RADIUS * dx, y + RADIUS * dy))
+            .collect();
+        let _ = writeln!(
+            svg,
+            r#"<polygon class="mark" fill="{colour}" points="{}"/>"#,
+            corners.join(" ")
+        );
+    }
+}

@@ -1,0 +1,106 @@
+use super::*;
+use crate::features::{DescriptorKind, Descriptors, FloatRows, Keypoint};
+use crate::image::Size;
+
+/// Features at places, of one size and direction.
+fn features(places: &[(f32, f32)]) -> Features {
+    let keypoint = |&(x, y): &(f32, f32)| Keypoint {
+        at: Point2::new(x, y),
+        size: 4.0,
+        angle: Some(0.5),
+        response: 1.0,
+        octave: 0,
+    };
+    let descriptors = Descriptors::Float(FloatRows::from_vec(1, vec![0.0; places.len()]));
+    Features::new(
+        Size::new(640, 480),
+        places.iter().map(keypoint).collect(),
+        descriptors,
+    )
+}
+
+/// Every third match goes anywhere, the others with a smooth motion; one in four is distinctive.
+fn scene(count: u32) -> (Features, Features, Correspondences) {
+    let mut rng = Seed(8).rng();
+    let mut place = || (640.0 * rng.uniform() as f32, 480.0 * rng.uniform() as f32);
+    let (mut a, mut b, mut matches) = (Vec::new(), Vec::new(), Vec::new());
+    for index in 0..count {
+        let (x, y) = place();
+        let anywhere = place();
+        a.push((x, y));
+        let moved = (0.9 * x + 0.1 * y + 20.0, 1.05 * y - 0.05 * x + 1e-4 * x * y);
+        b.push(if index % 3 == 0 { anywhere } else { moved });
+        matches.push(Correspondence {
+            a: index,
+            b: index,
+            distance: if index % 4 == 0 { 1.0 } else { 9.5 },
+            second: 10.0,
+        });
+    }
+    (features(&a), features(&b), matches)
+}
+
+fn select(a: &Features, b: &Features, mut matches: Correspondences) -> Vec<u32> {
+    let [a, b] = [a, b].map(|features| View {
+        features,
+        image: None,
+    });
+    let code = Code::new(CodeParams::default()).unwrap();
+    code.select(a, b, &mut matches, Seed(1));
+    matches.iter().map(|m| m.a).collect()
+}
+
+#[test]
+fn coherent_matches_stay_also_those_that_are_not_distinctive() {
+    let (a, b, matches) = scene(1800);
+    let kept = select(&a, &b, matches);
+    let right = kept.iter().filter(|&&index| index % 3 != 0).count();
+    let wrong = kept.len() - right;
+    assert!(right > 1100, "{right} of 1200 right ones kept");
+    assert!(wrong < 60, "{wrong} of 600 wrong ones kept");
+}
+
+#[test]
+fn matches_whose_frames_turn_otherwise_are_dropped() {
+    let (a, mut b, matches) = scene(900);
+    // Right in place, not distinctive, hence none of the seeds.
+    for keypoint in b.keypoints.iter_mut().skip(7).step_by(60) {
+        keypoint.angle = Some(2.5);
+    }
+    let kept = select(&a, &b, matches);
+    assert!(kept.len() > 300, "{}", kept.len());
+    assert!(kept.iter().all(|index| index % 60 != 7));
+}
+
+#[test]
+fn few_or_broken_matches_are_no_trouble() {
+    for count in [0, 1, 2, 5] {
+        let (a, b, matches) = scene(count);
+        assert!(select(&a, &b, matches).len() <= count as usize);
+    }
+    let (mut a, b, matches) = scene(300);
+    a.keypoints[4].at.x = f32::NAN;
+    a.keypoints[5].size = 0.0;
+    let kept = select(&a, &b, matches);
+    assert!(kept.len() > 100, "{}", kept.len());
+    assert!(!kept.contains(&4) && !kept.contains(&5));
+    let same = features(&[(3.0, 3.0); 50]);
+    let (.., matches) = scene(50);
+    select(&same, &same, matches);
+    let none = Features::new(
+        Size::new(0, 0),
+        Vec::new(),
+        Descriptors::empty(DescriptorKind::Float { dim: 1 }),
+    );
+    assert!(select(&none, &none, Vec::new()).is_empty());
+}
+
+#[test]
+fn parameters_out_of_range_are_named() {
+    let params = CodeParams {
+        huber: 0.0,
+        ..CodeParams::default()
+    };
+    let message = Code::new(params).unwrap_err().to_string();
+    assert!(message.contains("huber"), "{message}");
+}

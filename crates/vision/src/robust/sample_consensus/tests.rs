@@ -1,0 +1,283 @@
+//! Two synthetic views of every difficult kind, and every combination of parts.
+
+use nalgebra::{Point2, Rotation3, UnitQuaternion, UnitVector3, Vector3};
+
+use super::*;
+use crate::geometry::Camera;
+
+const CAMERA: Camera = Camera::pinhole(600.0, 610.0, 320.0, 240.0);
+
+type Matches = (Vec<Point2<f64>>, Vec<Point2<f64>>);
+
+fn truth() -> RelativePose {
+    RelativePose {
+        rotation: UnitQuaternion::from_rotation_matrix(&Rotation3::from_euler_angles(
+            0.05, -0.15, 0.02,
+        )),
+        direction: UnitVector3::new_normalize(Vector3::new(0.9, 0.1, 0.3)),
+    }
+}
+
+/// Matches of points at the depths that `depth` gives, in baselines, with noise in pixels, and
+/// then wrong ones.
+fn matches(right: usize, wrong: usize, noise: f64, depth: impl Fn(f64, f64) -> f64) -> Matches {
+    let mut rng = Seed(7).rng();
+    (0..right + wrong)
+        .map(|i| {
+            let a = Point2::new(640.0 * rng.uniform(), 480.0 * rng.uniform());
+            let ray = CAMERA.normalize(a);
+            let x = truth().rotation * (ray.to_homogeneous() * depth(ray.x, rng.uniform()))
+                + truth().direction.into_inner();
+            let b = CAMERA.project(Point2::new(x.x / x.z, x.y / x.z));
+            let mut off = || noise * rng.normal();
+            let b = Point2::new(b.x + off(), b.y + off());
+            let anywhere = Point2::new(640.0 * rng.uniform(), 480.0 * rng.uniform());
+            (a, if i < right { b } else { anywhere })
+        })
+        .unzip()
+}
+
+fn deep(_: f64, uniform: f64) -> f64 {
+    3.0 + 6.0 * uniform
+}
+
+fn estimate(
+    params: SampleConsensusParams,
+    (a, b): &Matches,
+    seed: u64,
+) -> Result<PoseEstimate, NoPose> {
+    let views = TwoViews {
+        a,
+        b,
+        camera_a: &CAMERA,
+        camera_b: &CAMERA,
+        ambiguity: &vec![0.5; a.len()],
+    };
+    SampleConsensus::new(params)
+        .expect("allowed parameters")
+        .estimate(views, Seed(seed))
+}
+
+fn every_combination() -> impl Iterator<Item = SampleConsensusParams> {
+    let scores = [ScoreKind::InlierCount, ScoreKind::Msac];
+    let samplers = [
+        SamplerKind::Uniform,
+        SamplerKind::Prosac,
+        SamplerKind::Spread,
+    ];
+    scores.into_iter().flat_map(move |score| {
+        samplers
+            .into_iter()
+            .map(move |sampler| SampleConsensusParams {
+                score,
+                sampler,
+                ..SampleConsensusParams::default()
+            })
+    })
+}
+
+fn degrees(found: &Result<PoseEstimate, NoPose>) -> f64 {
+    let found = found.as_ref().expect("a pose");
+    found.b_from_a.error(&truth()).max().to_degrees()
+}
+
+#[test]
+fn every_combination_finds_the_pose_among_noise_and_outliers() {
+    for params in every_combination() {
+        for (wrong, limit) in [(0, 1.0), (150, 1.5), (300, 3.0)] {
+            let found = estimate(params, &matches(150, wrong, 0.3, deep), 1);
+            assert!(
+                degrees(&found) < limit,
+                "{params:?} {wrong} {}",
+                degrees(&found)
+            );
+        }
+    }
+}
+
+#[test]
+fn most_wrong_matches_are_survived_given_time() {
+    let params = SampleConsensusParams {
+        max_iterations: 20_000,
+        ..SampleConsensusParams::default()
+    };
+    let found = estimate(params, &matches(60, 180, 0.2, deep), 1);
+    assert!(degrees(&found) < 3.0, "{}", degrees(&found));
+    // Among 95 % wrong matches there may be no telling; but the search ends.
+    let few = SampleConsensusParams::default();
+    if let Ok(found) = estimate(few, &matches(10, 190, 0.2, deep), 1) {
+        assert_eq!(found.iterations, few.max_iterations);
+    }
+}
+
+#[test]
+fn a_plane_is_no_obstacle() {
+    for params in every_combination() {
+        let plane = |x: f64, _: f64| 5.0 / (1.0 + 0.4 * x);
+        let found = estimate(params, &matches(200, 50, 0.1, plane), 2).expect("a pose");
+        // A plane allows two poses, so only the agreement tells.
+        let right = found.inliers.iter().filter(|&&i| i < 200).count();
+        assert!(right >= 195, "{params:?} {right}");
+    }
+}
+
+#[test]
+fn the_rotation_is_found_where_there_is_no_translation_to_speak_of() {
+    for params in every_combination() {
+        let far = |_: f64, uniform: f64| 1e4 + 1e5 * uniform;
+        let params = SampleConsensusParams {
+            max_depth: f64::INFINITY,
+            ..params
+        };
+        let found = estimate(params, &matches(200, 20, 0.2, far), 2).expect("a pose");
+        let error = found.b_from_a.error(&truth());
+        assert!(
+            error.rotation.to_degrees() < 0.5,
+            "{params:?} {}",
+            error.rotation
+        );
+    }
+}
+
+#[test]
+fn refinement_improves_the_pose() {
+    let matches = matches(200, 100, 0.5, deep);
+    let plain = SampleConsensusParams {
+        local_steps: 0,
+        final_steps: 0,
+        ..SampleConsensusParams::default()
+    };
+    let mean = |params| {
+        let errors = (0..5).map(|seed| degrees(&estimate(params, &matches, seed)));
+        errors.sum::<f64>() / 5.0
+    };
+    let (plain, refined) = (mean(plain), mean(SampleConsensusParams::default()));
+    assert!(refined < 0.7 * plain, "{refined} {plain}");
+}
+
+#[test]
+fn degenerate_matches_do_no_harm() {
+    let point = Point2::new(100.0, 200.0);
+    let line: Vec<_> = (0..40)
+        .map(|i| Point2::new(f64::from(i), 2.0 * f64::from(i)))
+        .collect();
+    let nan = vec![Point2::new(f64::NAN, 1.0); 40];
+    for params in every_combination() {
+        for points in [
+            vec![],
+            vec![point; 4],
+            vec![point; 40],
+            line.clone(),
+            nan.clone(),
+        ] {
+            let found = estimate(params, &(points.clone(), points.clone()), 1);
+            if points.len() < 5 {
+                let found_few = points.len();
+                let too_few = NoPose::TooFewMatches {
+                    found: found_few,
+                    needed: 5,
+                };
+                assert_eq!(found, Err(too_few));
+            } else if let Ok(found) = found {
+                assert!(found.b_from_a.direction.iter().all(|x| x.is_finite()));
+            }
+        }
+        let (mut a, mut b) = matches(150, 0, 0.1, deep);
+        (a[7].x, b[9].y) = (f64::NAN, f64::INFINITY);
+        // Each match twice.
+        a.extend_from_within(..);
+        b.extend_from_within(..);
+        let found = estimate(params, &(a, b), 1);
+        assert!(degrees(&found) < 1.0, "{params:?} {}", degrees(&found));
+    }
+}
+
+#[test]
+fn stopping_at_once_finds_nothing_and_stopping_later_takes_no_more_samples() {
+    let (a, b) = matches(20, 180, 0.3, deep);
+    let views = TwoViews {
+        a: &a,
+        b: &b,
+        camera_a: &CAMERA,
+        camera_b: &CAMERA,
+        ambiguity: &[0.0; 200],
+    };
+    let estimator = SampleConsensus::new(SampleConsensusParams::default()).expect("defaults");
+    assert!(estimator.estimate_until(views, Seed(1), &|_| true).is_err());
+    let found = estimator.estimate_until(views, Seed(1), &|samples| samples >= 60);
+    assert!(found.is_ok_and(|found| found.iterations == 60));
+}
+
+#[test]
+fn parameters_out_of_range_are_named() {
+    let default = SampleConsensusParams::default();
+    let wrong = [
+        (
+            "confidence",
+            SampleConsensusParams {
+                confidence: 1.0,
+                ..default
+            },
+        ),
+        (
+            "threshold_px",
+            SampleConsensusParams {
+                threshold_px: f64::NAN,
+                ..default
+            },
+        ),
+        (
+            "max_iterations",
+            SampleConsensusParams {
+                max_iterations: 0,
+                ..default
+            },
+        ),
+        (
+            "min_iterations",
+            SampleConsensusParams {
+                min_iterations: 1001,
+                ..default
+            },
+        ),
+        (
+            "local_steps",
+            SampleConsensusParams {
+                local_steps: 1001,
+                ..default
+            },
+        ),
+        (
+            "final_steps",
+            SampleConsensusParams {
+                final_steps: 1001,
+                ..default
+            },
+        ),
+        (
+            "prosac_horizon",
+            SampleConsensusParams {
+                prosac_horizon: 0,
+                ..default
+            },
+        ),
+        (
+            "cells",
+            SampleConsensusParams {
+                cells: 0,
+                ..default
+            },
+        ),
+        (
+            "max_depth",
+            SampleConsensusParams {
+                max_depth: 0.0,
+                ..default
+            },
+        ),
+    ];
+    for (name, params) in wrong {
+        let message = SampleConsensus::new(params).unwrap_err().to_string();
+        assert!(message.contains(name), "{message}");
+    }
+}

@@ -1,0 +1,145 @@
+//! Spatially even sampling: as many samples from a sparse part of the image as from a dense one.
+//!
+//! Rich matchers put tens of thousands of matches on textured surfaces, often one plane; uniform
+//! samples then lie on that plane, close together, and determine the pose badly. Here a cell of a
+//! grid over the points of view `a` is drawn first, then a match in it, and the cells of a sample are
+//! distinct while there are enough.
+//!
+//! | symbol | argument | default | source |
+//! | --- | --- | --- | --- |
+//! | | `cells` | 20 across and down | GMS's grid |
+
+use super::Sampler;
+use crate::geometry::PointPairs;
+use crate::seed::Rng;
+
+/// Draws occupied cells first, then data in them.
+#[derive(Clone, Debug)]
+pub struct Spread {
+    /// Numbers of the data, cell after cell.
+    data: Vec<u32>,
+    /// Where each occupied cell starts in `data`, and the end.
+    starts: Vec<u32>,
+    /// Cells of the sample being drawn.
+    chosen: Vec<u32>,
+}
+
+impl Spread {
+    /// Samples from matches, `cells` x `cells` cells laid over the points of view `a`. Matches whose
+    /// coordinates are not finite share a cell.
+    ///
+    /// # Panics
+    /// If there are more than `u32` can number, or no cells.
+    pub fn new(pairs: &PointPairs, cells: u32) -> Self {
+        assert!(cells > 0, "a grid has cells");
+        let count = u32::try_from(pairs.len()).expect("data are numbered by u32");
+        let column = index_along(&pairs.a_x, cells);
+        let row = index_along(&pairs.a_y, cells);
+        let cell = |i: u32| match (row[i as usize], column[i as usize]) {
+            (Some(row), Some(column)) => u64::from(row) * u64::from(cells) + u64::from(column),
+            _ => u64::MAX,
+        };
+        let mut data: Vec<u32> = (0..count).collect();
+        data.sort_by_key(|&i| cell(i));
+        let mut starts: Vec<u32> = (0..count)
+            .filter(|&at| at == 0 || cell(data[at as usize]) != cell(data[at as usize - 1]))
+            .collect();
+        starts.push(count);
+        Self {
+            data,
+            starts,
+            chosen: Vec::new(),
+        }
+    }
+}
+
+/// The cell of each value between the smallest and the largest finite one.
+fn index_along(values: &[f64], cells: u32) -> Vec<Option<u32>> {
+    let finite = || values.iter().copied().filter(|x| x.is_finite());
+    let low = finite().fold(f64::INFINITY, f64::min);
+    let high = finite().fold(f64::NEG_INFINITY, f64::max);
+    // A span of zero makes NaN of the quotient, which becomes cell 0.
+    let index = |x: f64| (((x - low) / (high - low) * f64::from(cells)) as u32).min(cells - 1);
+    values
+        .iter()
+        .map(|&x| x.is_finite().then(|| index(x)))
+        .collect()
+}
+
+impl Sampler for Spread {
+    /// # Panics
+    /// If `sample` is longer than there are data.
+    fn draw(&mut self, rng: &mut Rng, sample: &mut [u32]) {
+        assert!(sample.len() <= self.data.len(), "enough data for a sample");
+        let cells = self.starts.len() as u32 - 1;
+        // Below twice as many cells as needed, rejecting repeated ones would bias or never end.
+        let distinct = cells as usize >= 2 * sample.len();
+        self.chosen.clear();
+        for i in 0..sample.len() {
+            sample[i] = if distinct {
+                let cell = loop {
+                    let cell = rng.below(cells);
+                    if !self.chosen.contains(&cell) {
+                        break cell;
+                    }
+                };
+                self.chosen.push(cell);
+                let [start, end] = [self.starts[cell as usize], self.starts[cell as usize + 1]];
+                self.data[(start + rng.below(end - start)) as usize]
+            } else {
+                loop {
+                    let drawn = rng.below(self.data.len() as u32);
+                    if !sample[..i].contains(&drawn) {
+                        break drawn;
+                    }
+                }
+            };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::seed::Seed;
+
+    #[test]
+    fn a_crowd_is_drawn_no_more_often_than_a_single_match_elsewhere() {
+        // 20 single matches on a diagonal, the last place crowded by 1000.
+        let pairs: PointPairs = (0..1020)
+            .map(|i| {
+                let at = f64::from(i.min(19));
+                (Point2::new(at, at), Point2::origin())
+            })
+            .collect();
+        let mut spread = Spread::new(&pairs, 20);
+        let mut rng = Seed(1).rng();
+        let mut sample = [0; 5];
+        let (mut first, mut crowd) = (0, 0);
+        for _ in 0..8000 {
+            spread.draw(&mut rng, &mut sample);
+            first += i32::from(sample.contains(&0));
+            crowd += sample.iter().filter(|&&i| i >= 19).count();
+        }
+        // 5 standard deviations of a binomial with n = 8000 and p = 5/20.
+        assert!(
+            (first - 2000).abs() < 194 && crowd.abs_diff(2000) < 194,
+            "{first} {crowd}"
+        );
+    }
+
+    #[test]
+    fn one_cell_and_points_that_are_not_finite_still_make_samples() {
+        for x in [0.0, f64::NAN, f64::INFINITY] {
+            let pairs: PointPairs = [(Point2::new(x, 1.0), Point2::origin()); 6]
+                .into_iter()
+                .collect();
+            let mut sample = [0; 5];
+            Spread::new(&pairs, 20).draw(&mut Seed(1).rng(), &mut sample);
+            sample.sort_unstable();
+            assert!(sample.windows(2).all(|w| w[0] < w[1]));
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! Normal equations of the signed Sampson distance.
+
+/// Matches at once: two registers of doubles.
+const LANES: usize = 4;
+
+multiversioned! {
+    /// For each match the signed Sampson distance `r = b^T E a / sqrt(n)` to the matrix `e` has a
+    /// derivative `J_k` in each of five `directions` (derivatives of E; all in row-major order).
+    /// The result is the lower triangle of `sum w J^T J`, row after row (15 numbers), then
+    /// `sum w J r` (5). A match of weight 0 does not count, finite or not.
+    ///
+    /// # Panics
+    /// If the slices of `points` (x, y in view a, x, y in view b) or `weights` differ in length.
+    pub fn sampson_normal_equations(
+        e: &[f64; 9],
+        directions: &[[f64; 9]; 5],
+        points: [&[f64]; 4],
+        weights: &[f64],
+    ) -> [f64; 20] {
+        let n = weights.len();
+        assert!(points.iter().all(|p| p.len() == n), "one entry for each match");
+        let mut sums = [[0.0; LANES]; 20];
+        for start in (0..n).step_by(LANES) {
+            let end = n.min(start + LANES);
+            // Empty lanes and matches without weight: any finite point, with weight 0.
+            let mut lanes = [[0.0; LANES]; 4];
+            let mut weight = [0.0; LANES];
+            for (lane, i) in (start..end).enumerate() {
+                if weights[i] > 0.0 {
+                    weight[lane] = weights[i];
+                    for (to, from) in lanes.iter_mut().zip(points) {
+                        to[lane] = from[i];
+                    }
+                }
+            }
+            if weight == [0.0; LANES] {
+                continue;
+            }
+            let mut residual = [0.0; LANES];
+            let mut jacobian = [[0.0; LANES]; 5];
+            for lane in 0..LANES {
+                let [ax, ay, bx, by] = [lanes[0][lane], lanes[1][lane], lanes[2][lane], lanes[3][lane]];
+                let line_x = e[0].mul_add(ax, e[1].mul_add(ay, e[2]));
+                let line_y = e[3].mul_add(ax, e[4].mul_add(ay, e[5]));
+                let line_z = e[6].mul_add(ax, e[7].mul_add(ay, e[8]));
+                let back_x = e[0].mul_add(bx, e[3].mul_add(by, e[6]));
+                let back_y = e[1].mul_add(bx, e[4].mul_add(by, e[7]));
+                let algebraic = line_x.mul_add(bx, line_y.mul_add(by, line_z));
+                let squares = line_x.mul_add(line_x, line_y * line_y)
+                    + back_x.mul_add(back_x, back_y * back_y);
+                let usable = squares > 0.0;
+                let inverse = if usable { 1.0 / squares.sqrt() } else { 0.0 };
+                weight[lane] = if usable { weight[lane] } else { 0.0 };
+                residual[lane] = algebraic * inverse;
+                let pull = -algebraic * inverse * inverse;
+                // Derivative of r by each entry of E.
+                let by_entry = [
+                    pull.mul_add(line_x.mul_add(ax, back_x * bx), bx * ax) * inverse,
+                    pull.mul_add(line_x.mul_add(ay, back_y * bx), bx * ay) * inverse,
+                    pull.mul_add(line_x, bx) * inverse,
+                    pull.mul_add(line_y.mul_add(ax, back_x * by), by * ax) * inverse,
+                    pull.mul_add(line_y.mul_add(ay, back_y * by), by * ay) * inverse,
+                    pull.mul_add(line_y, by) * inverse,
+                    pull.mul_add(back_x, ax) * inverse,
+                    pull.mul_add(back_y, ay) * inverse,
+                    inverse,
+                ];
+                for (j, direction) in jacobian.iter_mut().zip(directions) {
+                    let mut sum = 0.0;
+                    for (g, d) in by_entry.iter().zip(direction) {
+                        sum = g.mul_add(*d, sum);
+                    }
+                    j[lane] = sum;
+                }
+            }
+            let mut next = 0;
+            for i in 0..5 {
+                let mut weighted = [0.0; LANES];
+                for lane in 0..LANES {
+                    weighted[lane] = weight[lane] * jacobian[i][lane];
+                }
+                for other in &jacobian[..=i] {
+                    for lane in 0..LANES {
+                        sums[next][lane] = weighted[lane].mul_add(other[lane], sums[next][lane]);
+                    }
+                    next += 1;
+                }
+                for lane in 0..LANES {
+                    sums[15 + i][lane] = weighted[lane].mul_add(residual[lane], sums[15 + i][lane]);
+                }
+            }
+        }
+        sums.map(|lanes| (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]))
+    }
+}
