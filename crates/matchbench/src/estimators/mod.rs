@@ -201,7 +201,11 @@ mod tests {
             let degrees = found.b_from_a.error(&truth).max().to_degrees();
             // The scene is shallow, so that wrong matches may pass for right ones if the
             // calibration does not say otherwise.
-            let limit = if entry.id().ends_with("-f") { 15.0 } else { 0.01 };
+            let limit = if entry.id().ends_with("-f") {
+                15.0
+            } else {
+                0.01
+            };
             assert!(degrees < limit, "{}: {degrees} degrees", entry.id());
             assert!(found.inliers.len() >= 60, "{}", entry.id());
         }

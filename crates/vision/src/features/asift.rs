@@ -189,7 +189,7 @@ impl Placement {
 
     /// A keypoint of the view in the image, and its frame there. Its size becomes that of the
     /// circle of equal area, its angle that of the direction it maps to.
-    fn to_image(&self, keypoint: &Keypoint) -> (Keypoint, [f32; 4]) {
+    fn to_image(self, keypoint: &Keypoint) -> (Keypoint, [f32; 4]) {
         let m = self.image_from_view;
         let [xx, xy, yx, yy] = keypoint.frame();
         let frame = m * Matrix2::new(xx, xy, yx, yy);
