@@ -152,6 +152,10 @@ pub(crate) struct RunArgs {
     /// Change a parameter, for example --set sift.ratio=0.7 (repeatable; see `matchbench list`)
     #[arg(long, value_name = "ID.NAME=VALUE")]
     pub set: Vec<String>,
+    /// Let an estimator draw samples for at most so many milliseconds a pair, to compare estimators
+    /// at equal time (raise max_iterations with --set). Results then differ from run to run
+    #[arg(long, value_name = "MS")]
+    pub time_budget: Option<NonZeroU32>,
     /// Take over what `matchbench tune` chose; refused on the scenes that it was tuned on
     /// (repeatable)
     #[arg(long, value_name = "FILE")]
