@@ -207,7 +207,8 @@ mod tests {
                 0.01
             };
             assert!(degrees < limit, "{}: {degrees} degrees", entry.id());
-            assert!(found.inliers.len() >= 60, "{}", entry.id());
+            // The least median of exact matches is so small that it is sure of half of them only.
+            assert!(found.inliers.len() >= 40, "{}", entry.id());
         }
     }
 
