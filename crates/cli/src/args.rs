@@ -29,7 +29,7 @@ Exit codes: 0 done; 1 bad input; 2 finished, but some tasks failed; 130 stopped 
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Run everything on built-in scenes and write a report: the quickest way to see what this is
+    /// Run five matchers on built-in scenes and write a report: the quickest way to see what this is
     Demo(DemoArgs),
     /// Turn TUM, KITTI, Strecha, 7-Scenes or your own data into a dataset
     Import(ImportArgs),
@@ -57,6 +57,14 @@ pub(crate) enum Command {
 
 #[derive(Debug, Args)]
 pub(crate) struct DemoArgs {
+    /// Matchers, separated by commas, or `all`, which takes several minutes
+    #[arg(
+        long,
+        value_name = "IDS",
+        value_delimiter = ',',
+        default_value = "sift,orb,brisk,kaze,akaze"
+    )]
+    pub matchers: Vec<String>,
     /// Folder for the run and its report; running again resumes
     #[arg(long, value_name = "DIR", default_value = "matchbench-demo")]
     pub out: PathBuf,
