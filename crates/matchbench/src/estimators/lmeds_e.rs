@@ -16,6 +16,8 @@ pub(super) const LMEDS_E: Preset = Preset {
         max_iterations: 218,
         local_steps: 0,
         final_steps: 0,
+        cheirality: false,
+        sprt: false,
         ..SampleConsensusParams::default()
     },
 };

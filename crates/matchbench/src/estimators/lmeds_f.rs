@@ -17,6 +17,8 @@ pub(super) const LMEDS_F: Preset = Preset {
         max_iterations: 881,
         local_steps: 0,
         final_steps: 0,
+        cheirality: false,
+        sprt: false,
         ..SampleConsensusParams::default()
     },
 };

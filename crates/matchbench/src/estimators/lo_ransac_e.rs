@@ -9,5 +9,9 @@ pub(super) const LO_RANSAC_E: Preset = Preset {
     id: "lo-ransac-e",
     summary: "essential matrix by locally optimised five-point sample consensus with the MSAC score",
     reference: "Chum, Matas, Kittler, \"Locally Optimized RANSAC\", DAGM 2003; Lebeda, Matas, Chum, \"Fixing the Locally Optimized RANSAC\", BMVC 2012",
-    defaults: SampleConsensusParams::default,
+    defaults: || SampleConsensusParams {
+        cheirality: false,
+        sprt: false,
+        ..SampleConsensusParams::default()
+    },
 };

@@ -11,6 +11,8 @@ pub(super) const MAGSAC_E: Preset = Preset {
     defaults: || SampleConsensusParams {
         score: ScoreKind::Magsac,
         threshold_px: 3.0,
+        cheirality: false,
+        sprt: false,
         ..SampleConsensusParams::default()
     },
 };

@@ -14,6 +14,8 @@ pub(super) const MLESAC_E: Preset = Preset {
         min_iterations: 0,
         local_steps: 0,
         final_steps: 0,
+        cheirality: false,
+        sprt: false,
         ..SampleConsensusParams::default()
     },
 };

@@ -15,6 +15,8 @@ pub(super) const PROSAC_E: Preset = Preset {
         min_iterations: 0,
         local_steps: 0,
         final_steps: 0,
+        cheirality: false,
+        sprt: false,
         ..SampleConsensusParams::default()
     },
 };

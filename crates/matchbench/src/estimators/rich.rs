@@ -12,6 +12,9 @@ pub(super) const RICH: Preset = Preset {
     reference: "our substitute for the unpublished estimator of Lin et al., \"RepMatch\", ECCV 2016; Lebeda, Matas, Chum, \"Fixing the Locally Optimized RANSAC\", BMVC 2012",
     defaults: || SampleConsensusParams {
         sampler: SamplerKind::Spread,
+        // As `best`, tuned on the kitchen of 7-Scenes (with GMS and CODE).
+        threshold_px: 1.5,
+        max_iterations: 5000,
         ..SampleConsensusParams::default()
     },
 };

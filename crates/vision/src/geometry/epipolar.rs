@@ -13,7 +13,7 @@
 
 use std::ops::Range;
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Point2};
 
 use super::PointPairs;
 use crate::simd;
@@ -37,6 +37,39 @@ pub fn squared_sampson_distances(
         &pairs.b_y[range],
         out,
     );
+}
+
+/// Whether all matches lie on the same side of their epipoles: what is left of "in front of both
+/// cameras" where a matrix is all that is known (Chum, Werner, Matas, "Epipolar Geometry Estimation
+/// via RANSAC Benefits from the Oriented Epipolar Constraint", ICPR 2004, eq. 2).
+///
+/// `e_b x b` and `E a` are the same epipolar line, so they agree up to a factor, with `e_b` the
+/// epipole in b. The factors of all scene points in front of both cameras have one sign.
+pub fn agree_in_orientation(
+    e: &Matrix3<f64>,
+    matches: impl IntoIterator<Item = (Point2<f64>, Point2<f64>)>,
+) -> bool {
+    // The left null vector: perpendicular to the columns, by the two that determine it best.
+    let columns = [0, 1, 2].map(|i| e.column(i).into_owned());
+    let epipole = [(0, 1), (1, 2), (2, 0)]
+        .map(|(i, j)| columns[i].cross(&columns[j]))
+        .into_iter()
+        .reduce(|best, next| {
+            if next.norm_squared() > best.norm_squared() {
+                next
+            } else {
+                best
+            }
+        })
+        .unwrap_or_default();
+    let mut signs = matches.into_iter().map(|(a, b)| {
+        let factor = epipole
+            .cross(&b.to_homogeneous())
+            .dot(&(e * a.to_homogeneous()));
+        factor > 0.0
+    });
+    let first = signs.next();
+    signs.all(|sign| Some(sign) == first)
 }
 
 /// The entries of a matrix, row after row, as kernels take them.
@@ -80,5 +113,33 @@ mod tests {
         let mut second = [0.0];
         squared_sampson_distances(&e, &pairs, 1..2, &mut second);
         assert_eq!(second[0], squared[1]);
+    }
+
+    #[test]
+    fn matches_agree_in_orientation_unless_one_is_behind() {
+        let pose = RelativePose {
+            rotation: UnitQuaternion::from_euler_angles(0.1, -0.3, 0.2),
+            direction: UnitVector3::new_normalize(Vector3::new(0.8, 0.1, 0.3)),
+        };
+        let e = essential_from_pose(&pose);
+        let seen = |x: f64, y: f64, depth: f64| {
+            let scene = Vector3::new(x * depth, y * depth, depth);
+            let b = pose.rotation * scene + pose.direction.into_inner();
+            (Point2::new(x, y), Point2::new(b.x / b.z, b.y / b.z))
+        };
+        let front = [
+            seen(0.1, 0.2, 3.0),
+            seen(-0.3, 0.4, 5.0),
+            seen(0.5, -0.1, 2.0),
+            seen(-0.2, -0.4, 9.0),
+        ];
+        // Behind b, in front of a.
+        let behind = seen(-0.4, 0.1, -0.2);
+        for sign in [1.0, -1e-3] {
+            assert!(agree_in_orientation(&(e * sign), front));
+            let mixed = front.into_iter().chain([behind]);
+            assert!(!agree_in_orientation(&(e * sign), mixed));
+        }
+        assert!(agree_in_orientation(&e, []));
     }
 }

@@ -25,6 +25,7 @@
 //! number of samples is rounded to the nearest integer (half to even) and never grows; a model
 //! needs at least as many inliers as a sample has data; there is no local optimisation.
 
+use super::sprt::Sprt;
 use super::{Problem, Sampler, Score, Support};
 use crate::seed::Rng;
 
@@ -74,6 +75,9 @@ pub struct Extras {
     pub min_samples: usize,
     /// Steps of each local optimisation; 0 for none.
     pub local_steps: usize,
+    /// Whether models are given up early by a sequential probability ratio test. The data must be
+    /// in random order.
+    pub sprt: bool,
 }
 
 impl Extras {
@@ -81,6 +85,7 @@ impl Extras {
     pub const NONE: Self = Self {
         min_samples: 0,
         local_steps: 0,
+        sprt: false,
     };
 }
 
@@ -102,6 +107,7 @@ pub fn consensus_until<P: Problem>(
     let mut residuals = vec![0.0; problem.len()];
     let mut sample = vec![0; P::SAMPLE];
     let mut best: Option<(P::Model, Support)> = None;
+    let mut sprt = extras.sprt.then(Sprt::new);
     let mut needed = params.max_samples;
     let mut samples = 0;
     while samples < needed.max(extras.min_samples).min(params.max_samples) && !stop(samples) {
@@ -111,7 +117,8 @@ pub fn consensus_until<P: Problem>(
             let limit = best
                 .as_ref()
                 .map_or(f64::NEG_INFINITY, |(_, best)| best.quality);
-            let Some(support) = judge(problem, score, model, limit, &mut residuals) else {
+            let judged = judge(problem, score, model, limit, sprt.as_mut(), &mut residuals);
+            let Some(support) = judged else {
                 continue;
             };
             if support.inliers < P::SAMPLE {
@@ -121,13 +128,24 @@ pub fn consensus_until<P: Problem>(
             if extras.local_steps > 0
                 && let Some(refined) =
                     problem.refine(&model, support.squared_threshold, extras.local_steps)
-                && let Some(better) =
-                    judge(problem, score, &refined, support.quality, &mut residuals)
+                && let Some(better) = judge(
+                    problem,
+                    score,
+                    &refined,
+                    support.quality,
+                    None,
+                    &mut residuals,
+                )
             {
                 (model, support) = (refined, better);
             }
             let inlier_ratio = support.inliers as f64 / problem.len() as f64;
-            needed = needed.min(samples_needed(inlier_ratio, P::SAMPLE, params));
+            let mut power = 1.0;
+            if let Some(sprt) = &mut sprt {
+                sprt.best_is(inlier_ratio);
+                power = sprt.power();
+            }
+            needed = needed.min(samples_needed(inlier_ratio, power, P::SAMPLE, params));
             best = Some((model, support));
         }
     }
@@ -147,46 +165,53 @@ pub fn consensus_until<P: Problem>(
 }
 
 /// Data between two looks at whether a model can still win.
-const BLOCK: usize = 128;
+const BLOCK: usize = 64;
 
-/// The support of a model if its quality exceeds the `limit`.
+/// The support of a model if its quality exceeds the `limit` and `sprt` does not give it up.
 fn judge<P: Problem>(
     problem: &P,
     score: &impl Score,
     model: &P::Model,
     limit: f64,
+    mut sprt: Option<&mut Sprt>,
     residuals: &mut [f64],
 ) -> Option<Support> {
     let n = problem.len();
-    let Some(most) = score.most_per_datum() else {
-        problem.squared_residuals(model, 0..n, residuals);
-        let support = score.support(residuals);
-        return (support.quality > limit).then_some(support);
-    };
     let mut total: Option<Support> = None;
-    for start in (0..n).step_by(BLOCK) {
-        let range = start..n.min(start + BLOCK);
-        let block = &mut residuals[range.clone()];
-        problem.squared_residuals(model, range.clone(), block);
-        let support = score.support(block);
-        let sum = total.map_or(support, |total| Support {
-            quality: total.quality + support.quality,
-            inliers: total.inliers + support.inliers,
-            ..support
-        });
-        // A quality of NaN wins nothing.
-        let can_win = sum.quality + most * (n - range.end) as f64 > limit;
-        if !can_win {
-            return None;
+    if let Some(most) = score.most_per_datum() {
+        for start in (0..n).step_by(BLOCK) {
+            let range = start..n.min(start + BLOCK);
+            let block = &mut residuals[range.clone()];
+            problem.squared_residuals(model, range.clone(), block);
+            let support = score.support(block);
+            let sum = total.map_or(support, |total| Support {
+                quality: total.quality + support.quality,
+                inliers: total.inliers + support.inliers,
+                ..support
+            });
+            // A quality of NaN wins nothing.
+            let can_win = sum.quality + most * (n - range.end) as f64 > limit;
+            let mut given_up =
+                || (sprt.as_mut()).is_some_and(|t| t.gives_up(sum.inliers, range.end));
+            if !can_win || given_up() {
+                return None;
+            }
+            total = Some(sum);
         }
-        total = Some(sum);
+    } else {
+        problem.squared_residuals(model, 0..n, residuals);
+        total = Some(score.support(residuals));
     }
-    total
+    let support = total.filter(|support| support.quality > limit)?;
+    if !problem.refute(model, support.squared_threshold, residuals) {
+        return Some(support);
+    }
+    Some(score.support(residuals)).filter(|support| support.quality > limit)
 }
 
-/// Samples after which one is free of outliers with the wanted confidence.
-fn samples_needed(inlier_ratio: f64, sample: usize, params: ConsensusParams) -> usize {
-    let clean = (0..sample).fold(1.0, |clean, _| clean * inlier_ratio);
+/// Samples after which one is free of outliers, and its model not given up, with the wanted confidence.
+fn samples_needed(inlier_ratio: f64, power: f64, sample: usize, params: ConsensusParams) -> usize {
+    let clean = (0..sample).fold(power, |clean, _| clean * inlier_ratio);
     let log_failure = libm::log((1.0 - params.confidence).max(f64::MIN_POSITIVE));
     let log_spoilt = libm::log(1.0 - clean);
     // Infinite where every datum is an inlier: then what was drawn is enough.
@@ -287,14 +312,14 @@ mod tests {
         for (sample, outliers, printed) in
             [(2, 0.5, 17), (5, 0.3, 26), (5, 0.5, 146), (8, 0.4, 272)]
         {
-            let needed = samples_needed(1.0 - outliers, sample, params);
+            let needed = samples_needed(1.0 - outliers, 1.0, sample, params);
             assert!(
                 needed == printed || needed + 1 == printed,
                 "{needed} {printed}"
             );
         }
-        assert_eq!(samples_needed(1.0, 5, PARAMS), 0);
-        assert_eq!(samples_needed(0.0, 5, PARAMS), 1000);
-        assert_eq!(samples_needed(0.01, 5, PARAMS), 1000);
+        assert_eq!(samples_needed(1.0, 1.0, 5, PARAMS), 0);
+        assert_eq!(samples_needed(0.0, 1.0, 5, PARAMS), 1000);
+        assert_eq!(samples_needed(0.01, 1.0, 5, PARAMS), 1000);
     }
 }

@@ -7,8 +7,8 @@ use nalgebra::Matrix3;
 use super::Problem;
 use crate::geometry::solvers::{Solutions, five_point};
 use crate::geometry::{
-    Loss, PointPairs, decompose_essential, essential_from_pose, refine_pose,
-    squared_sampson_distances,
+    Loss, PointPairs, agree_in_orientation, decompose_essential, essential_from_pose, refine_pose,
+    squared_sampson_distances, triangulate_depths,
 };
 
 /// Finds the essential matrix; residuals are squared Sampson distances.
@@ -16,6 +16,9 @@ use crate::geometry::{
 pub struct EssentialProblem<'a> {
     /// The matches, at depth 1.
     pub pairs: &'a PointPairs,
+    /// Whether matches must be in front of both cameras: models whose sample cannot be are not
+    /// judged, and what lies behind supports nothing.
+    pub cheirality: bool,
 }
 
 impl Problem for EssentialProblem<'_> {
@@ -29,14 +32,26 @@ impl Problem for EssentialProblem<'_> {
 
     fn solve(&self, sample: &[u32]) -> Self::Models {
         let point = |i: usize| self.pairs.get(sample[i] as usize);
-        five_point(
-            &std::array::from_fn(|i| point(i).0),
-            &std::array::from_fn(|i| point(i).1),
-        )
+        let a = std::array::from_fn(|i| point(i).0);
+        let b = std::array::from_fn(|i| point(i).1);
+        let mut models = five_point(&a, &b);
+        if self.cheirality {
+            models.retain(|e| agree_in_orientation(e, a.into_iter().zip(b)));
+        }
+        models
     }
 
     fn squared_residuals(&self, model: &Matrix3<f64>, range: Range<usize>, out: &mut [f64]) {
         squared_sampson_distances(model, self.pairs, range, out);
+    }
+
+    fn refute(
+        &self,
+        model: &Matrix3<f64>,
+        squared_threshold: f64,
+        squared_residuals: &mut [f64],
+    ) -> bool {
+        self.cheirality && refute_behind(model, self.pairs, squared_threshold, squared_residuals)
     }
 
     /// Minimises the truncated squared distance over poses, from the matches near the model.
@@ -54,6 +69,49 @@ impl Problem for EssentialProblem<'_> {
     }
 }
 
+/// Makes infinite the residuals of inliers that lie behind a camera, in the pose that most inliers
+/// are in front of. A point farther than [`FAR`] may be on either side for all that noise allows.
+fn refute_behind(
+    model: &Matrix3<f64>,
+    pairs: &PointPairs,
+    squared_threshold: f64,
+    squared_residuals: &mut [f64],
+) -> bool {
+    let Some(poses) = decompose_essential(model) else {
+        return false;
+    };
+    let inliers: Vec<usize> = (squared_residuals.iter().enumerate())
+        .filter(|&(_, &squared)| squared <= squared_threshold)
+        .map(|(index, _)| index)
+        .collect();
+    let matches: PointPairs = inliers.iter().map(|&index| pairs.get(index)).collect();
+    // Poses 2 and 3 are 0 and 1 with the direction, hence all depths, reversed.
+    let depths = [0, 1].map(|rotation| {
+        let mut depths = (vec![0.0; matches.len()], vec![0.0; matches.len()]);
+        triangulate_depths(&poses[rotation], &matches, &mut depths.0, &mut depths.1);
+        depths
+    });
+    let behind = |pose: usize, index: usize| {
+        let sign = if pose < 2 { 1.0 } else { -1.0 };
+        let (a, b) = &depths[pose % 2];
+        let behind = |depth: f64| (-FAR..0.0).contains(&(sign * depth));
+        behind(a[index]) || behind(b[index])
+    };
+    let count = |pose: usize| (0..matches.len()).filter(|&i| behind(pose, i)).count();
+    let pose = (0..4).min_by_key(|&pose| count(pose)).unwrap_or(0);
+    let mut any = false;
+    for (at, &index) in inliers.iter().enumerate() {
+        if behind(pose, at) {
+            squared_residuals[index] = f64::INFINITY;
+            any = true;
+        }
+    }
+    any
+}
+
+/// Depth, in baselines, beyond which its sign says nothing.
+const FAR: f64 = 50.0;
+
 /// Matches beyond this multiple of the squared threshold are taken to stay outliers.
 const NEAR: f64 = 9.0;
 
@@ -65,4 +123,47 @@ pub(super) fn near(pairs: &PointPairs, model: &Matrix3<f64>, squared: f64) -> Po
         .filter(|&(_, &residual)| residual <= squared)
         .map(|(index, _)| pairs.get(index))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point2, UnitQuaternion, UnitVector3, Vector3};
+
+    use super::*;
+    use crate::geometry::RelativePose;
+
+    #[test]
+    fn what_lies_behind_a_camera_supports_nothing() {
+        let pose = RelativePose {
+            rotation: UnitQuaternion::from_euler_angles(0.1, -0.3, 0.2),
+            direction: UnitVector3::new_normalize(Vector3::new(0.8, 0.1, 0.3)),
+        };
+        // Scene points at these depths in a; those below zero are mirrored through the camera, and
+        // the last is too far to say.
+        let depths = [2.0, 3.0, -3.0, 4.0, -0.5, 5.0, -1e4];
+        let pairs: PointPairs = (depths.iter().enumerate())
+            .map(|(i, &depth)| {
+                let a = Point2::new(0.1 * i as f64 - 0.3, 0.02 * (i * i) as f64);
+                let x = pose.rotation * (a.to_homogeneous() * depth) + pose.direction.into_inner();
+                (a, Point2::new(x.x / x.z, x.y / x.z))
+            })
+            .collect();
+        let e = essential_from_pose(&pose);
+        let mut residuals = vec![0.0; depths.len()];
+        let refuted = |cheirality, residuals: &mut [f64]| {
+            let problem = EssentialProblem {
+                pairs: &pairs,
+                cheirality,
+            };
+            problem.squared_residuals(&e, 0..depths.len(), residuals);
+            problem.refute(&e, 1e-12, residuals)
+        };
+        assert!(!refuted(false, &mut residuals));
+        assert!(residuals.iter().all(|&r| r < 1e-12));
+        assert!(refuted(true, &mut residuals));
+        let infinite: Vec<usize> = (0..depths.len())
+            .filter(|&i| residuals[i].is_infinite())
+            .collect();
+        assert_eq!(infinite, [2, 4]);
+    }
 }

@@ -18,6 +18,7 @@ mod sample_consensus;
 mod sampler;
 mod score;
 mod spread;
+mod sprt;
 
 pub use consensus::{Consensus, ConsensusParams, Extras, consensus, consensus_until};
 pub use essential_problem::EssentialProblem;

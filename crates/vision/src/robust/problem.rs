@@ -45,4 +45,16 @@ pub trait Problem {
     ) -> Option<Self::Model> {
         None
     }
+
+    /// Makes infinite the residuals of data that seem to agree with the model but cannot, as seen
+    /// with more work than is worth while for every model, and says whether there are any. Asked
+    /// of models that would be the best. The residuals may be in any order if there are none such.
+    fn refute(
+        &self,
+        _model: &Self::Model,
+        _squared_threshold: f64,
+        _squared_residuals: &mut [f64],
+    ) -> bool {
+        false
+    }
 }

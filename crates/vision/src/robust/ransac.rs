@@ -122,7 +122,10 @@ impl PoseEstimator for Ransac {
         let focal = f64::midpoint(views.camera_a.mean_focal(), views.camera_b.mean_focal());
         let threshold = self.params.threshold_px / focal;
         let found = consensus_until(
-            &EssentialProblem { pairs: &pairs },
+            &EssentialProblem {
+                pairs: &pairs,
+                cheirality: false,
+            },
             &InlierCount {
                 squared_threshold: threshold * threshold,
             },

@@ -17,6 +17,8 @@
 //! | | `sampler` | uniform | |
 //! | p | `confidence` | 0.999 | the benchmark's protocol |
 //! | t | `threshold_px` | 1.0 | the benchmark's protocol |
+//! | | `cheirality` | yes | Chum, Werner, Matas, ICPR 2004; Hartley, Zisserman, sec. 9.6.3 |
+//! | | `sprt` | yes | Matas, Chum, ICCV 2005 |
 //! | | `min_iterations` | 50 | Lebeda et al.: the first models are not worth optimising |
 //! | | `max_iterations` | 1000 | the benchmark's protocol |
 //! | | `local_steps` | 10 | ours |
@@ -101,6 +103,11 @@ pub struct SampleConsensusParams {
     pub confidence: f64,
     /// Largest Sampson distance of an inlier, in pixels.
     pub threshold_px: f64,
+    /// Whether matches must be in front of both cameras (essential matrices only): models whose
+    /// sample cannot be are not judged, and what lies behind supports nothing.
+    pub cheirality: bool,
+    /// Whether models are given up early by a sequential probability ratio test.
+    pub sprt: bool,
     /// Samples drawn at least.
     pub min_iterations: usize,
     /// Samples drawn at most.
@@ -127,6 +134,8 @@ impl Default for SampleConsensusParams {
             sampler: SamplerKind::Uniform,
             confidence: 0.999,
             threshold_px: 1.0,
+            cheirality: true,
+            sprt: true,
             min_iterations: 50,
             max_iterations: 1000,
             local_steps: 10,
@@ -205,7 +214,10 @@ impl SampleConsensus {
         match self.params.geometry {
             GeometryKind::Essential => Run {
                 params: &self.params,
-                problem: EssentialProblem { pairs },
+                problem: EssentialProblem {
+                    pairs,
+                    cheirality: self.params.cheirality,
+                },
                 pairs,
                 seed,
                 stop,
@@ -253,6 +265,18 @@ impl SampleConsensus {
             .collect();
         (model, inliers)
     }
+}
+
+/// The numbers below `count` in random order: the sequential test wants data so, and what comes from
+/// a detector is sorted by place or by scale.
+fn shuffled(count: usize, seed: Seed) -> Vec<u32> {
+    let count = u32::try_from(count).expect("matches are numbered by u32");
+    let mut rng = seed.rng();
+    let mut order: Vec<u32> = (0..count).collect();
+    for i in (1..count).rev() {
+        order.swap(i as usize, rng.below(i + 1) as usize);
+    }
+    order
 }
 
 /// The final refinement takes the matches within this multiple of the squared threshold.
@@ -320,6 +344,7 @@ impl<P: Problem<Model = Matrix3<f64>>> Run<'_, P> {
             Extras {
                 min_samples: self.params.min_iterations,
                 local_steps: self.params.local_steps,
+                sprt: self.params.sprt,
             },
             &mut self.seed.rng(),
             self.stop,
@@ -358,7 +383,9 @@ impl PoseEstimator for SampleConsensus {
         seed: Seed,
         stop: &dyn Fn(usize) -> bool,
     ) -> Result<PoseEstimate, NoPose> {
-        let pairs = views.at_depth_1();
+        let order = shuffled(views.a.len(), seed.child("order"));
+        let given = views.at_depth_1();
+        let pairs: PointPairs = order.iter().map(|&i| given.get(i as usize)).collect();
         let needed = match self.params.geometry {
             GeometryKind::Essential => EssentialProblem::SAMPLE,
             GeometryKind::Fundamental => FundamentalProblem::SAMPLE,
@@ -369,10 +396,13 @@ impl PoseEstimator for SampleConsensus {
                 needed,
             });
         }
+        let ambiguity: Vec<f32> = (order.iter())
+            .filter_map(|&i| views.ambiguity.get(i as usize).copied())
+            .collect();
         let focal = f64::midpoint(views.camera_a.mean_focal(), views.camera_b.mean_focal());
         let threshold = self.params.threshold_px / focal;
         let found = self
-            .search(&pairs, views.ambiguity, threshold * threshold, seed, stop)
+            .search(&pairs, &ambiguity, threshold * threshold, seed, stop)
             .ok_or(NoPose::NoSupport { found: 0, needed })?;
         let iterations = found.samples;
         let (model, inliers) = self.finish(found, &pairs);
@@ -391,6 +421,8 @@ impl PoseEstimator for SampleConsensus {
             },
         };
         let support = support(&b_from_a, &pairs, self.params.max_depth);
+        let mut inliers: Vec<u32> = inliers.iter().map(|&i| order[i as usize]).collect();
+        inliers.sort_unstable();
         Ok(PoseEstimate {
             b_from_a,
             inliers,

@@ -32,6 +32,18 @@ impl<T: Copy + Default, const N: usize> Solutions<T, N> {
         }
     }
 
+    /// Keeps only those for which `keep` is true, in their order.
+    pub fn retain(&mut self, mut keep: impl FnMut(&T) -> bool) {
+        let mut kept = 0;
+        for i in 0..self.len {
+            if keep(&self.items[i]) {
+                self.items[kept] = self.items[i];
+                kept += 1;
+            }
+        }
+        self.len = kept;
+    }
+
     /// Adds a solution.
     ///
     /// # Panics

@@ -156,6 +156,33 @@ fn refinement_improves_the_pose() {
 }
 
 #[test]
+fn giving_up_early_and_the_order_of_matches_change_no_inliers_of_an_easy_problem() {
+    let (mut a, mut b) = matches(150, 150, 0.2, deep);
+    let inliers = |sprt, matches: &Matches| {
+        let params = SampleConsensusParams {
+            sprt,
+            ..SampleConsensusParams::default()
+        };
+        estimate(params, matches, 3).expect("a pose").inliers
+    };
+    let with = inliers(true, &(a.clone(), b.clone()));
+    assert!(with.is_sorted());
+    let right = with.iter().filter(|&&i| i < 150).count();
+    assert!(right > 140 && with.len() < right + 15, "{with:?}");
+    let without = inliers(false, &(a.clone(), b.clone()));
+    let common = with.iter().filter(|i| without.contains(i)).count();
+    assert!(common + 5 > with.len(), "{common} of {}", with.len());
+    a.reverse();
+    b.reverse();
+    let reversed = inliers(true, &(a, b));
+    let common = with
+        .iter()
+        .filter(|&&i| reversed.contains(&(299 - i)))
+        .count();
+    assert!(common + 5 > with.len(), "{common} of {}", with.len());
+}
+
+#[test]
 fn degenerate_matches_do_no_harm() {
     let point = Point2::new(100.0, 200.0);
     let line: Vec<_> = (0..40)
