@@ -23,8 +23,8 @@ use std::{env, error, fs};
 
 use matchbench_vision::geometry::{Camera, Loss};
 use matchbench_vision::robust::{
-    PoseEstimator, Ransac, RansacParams, SampleConsensus, SampleConsensusParams, SamplerKind,
-    TwoViews,
+    GeometryKind, PoseEstimator, Ransac, RansacParams, SampleConsensus, SampleConsensusParams,
+    SamplerKind, TwoViews,
 };
 use matchbench_vision::seed::Seed;
 use nalgebra::Point2;
@@ -96,6 +96,8 @@ fn estimator(settings: &[String]) -> Result<Box<dyn PoseEstimator>, Error> {
             ("loss", "truncated") => params.final_loss = Loss::Truncated,
             ("loss", "cauchy") => params.final_loss = Loss::Cauchy,
             ("cheirality", value) => params.cheirality = value.parse()?,
+            ("geometry", "fundamental") => params.geometry = GeometryKind::Fundamental,
+            ("degensac", value) => params.degensac = value.parse()?,
             ("sprt", value) => params.sprt = value.parse()?,
             ("horizon", value) => params.prosac_horizon = value.parse()?,
             ("threshold", value) => params.threshold_px = value.parse()?,

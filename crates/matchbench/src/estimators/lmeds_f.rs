@@ -18,6 +18,7 @@ pub(super) const LMEDS_F: Preset = Preset {
         local_steps: 0,
         final_steps: 0,
         cheirality: false,
+        degensac: false,
         sprt: false,
         ..SampleConsensusParams::default()
     },

@@ -16,6 +16,7 @@ pub(super) const RANSAC_F: Preset = Preset {
         local_steps: 0,
         final_steps: 0,
         cheirality: false,
+        degensac: false,
         sprt: false,
         ..SampleConsensusParams::default()
     },

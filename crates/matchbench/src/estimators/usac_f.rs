@@ -1,5 +1,5 @@
 //! `usac-f`: PROSAC, seven points and local optimisation: the configuration of USAC that the paper's authors used,
-//! with its sequential probability ratio test, 1.5 pixels and confidence 0.99.
+//! with its sequential probability ratio test, its degeneracy check, 1.5 pixels and confidence 0.99.
 
 use matchbench_vision::robust::{GeometryKind, SampleConsensusParams, SamplerKind, ScoreKind};
 

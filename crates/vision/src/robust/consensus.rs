@@ -18,7 +18,11 @@
 //! RANSAC", DAGM 2003), here as Lebeda, Matas, Chum, "Fixing the Locally Optimized RANSAC", BMVC 2012
 //! recommend it: with a truncated quadratic score, and not before the sampling has warmed up.
 //!
-//! A model is given up as soon as the data left cannot make it better than the best
+//! A new best model may be mended where its sample is degenerate ([`Problem::mend`]), and is checked
+//! more strictly than others ([`Problem::refute`]). With `sprt`, models that look bad are given up
+//! early (Matas, Chum, "Randomized RANSAC with Sequential Probability Ratio Test", ICCV 2005).
+//!
+//! Without it, a model is given up as soon as the data left cannot make it better than the best
 //! ([`Score::most_per_datum`]); this changes no result.
 //!
 //! *Choices*, all as in OpenCV's `RANSAC`: w is the inlier ratio of the best model so far; the
@@ -125,6 +129,18 @@ pub fn consensus_until<P: Problem>(
                 continue;
             }
             let (mut model, mut support) = (model.clone(), support);
+            if let Some(mended) = problem.mend(&model, &sample, support.squared_threshold, rng)
+                && let Some(better) = judge(
+                    problem,
+                    score,
+                    &mended,
+                    support.quality,
+                    None,
+                    &mut residuals,
+                )
+            {
+                (model, support) = (mended, better);
+            }
             if extras.local_steps > 0
                 && let Some(refined) =
                     problem.refine(&model, support.squared_threshold, extras.local_steps)

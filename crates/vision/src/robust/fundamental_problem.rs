@@ -13,8 +13,10 @@ use std::ops::Range;
 use nalgebra::{Matrix3, SMatrix, SVector};
 
 use super::Problem;
+use super::degensac::off_the_plane;
 use crate::geometry::solvers::{Solutions, seven_point};
 use crate::geometry::{PointPairs, squared_sampson_distances};
+use crate::seed::Rng;
 
 /// Matches that a local optimisation looks at, at most.
 const REFINE_MATCHES: usize = 2000;
@@ -24,6 +26,8 @@ const REFINE_MATCHES: usize = 2000;
 pub struct FundamentalProblem<'a> {
     /// The matches, at depth 1.
     pub pairs: &'a PointPairs,
+    /// Whether matrices from a plane are mended by what is off it.
+    pub degensac: bool,
 }
 
 impl Problem for FundamentalProblem<'_> {
@@ -45,6 +49,19 @@ impl Problem for FundamentalProblem<'_> {
 
     fn squared_residuals(&self, model: &Matrix3<f64>, range: Range<usize>, out: &mut [f64]) {
         squared_sampson_distances(model, self.pairs, range, out);
+    }
+
+    fn mend(
+        &self,
+        model: &Matrix3<f64>,
+        sample: &[u32],
+        squared_threshold: f64,
+        rng: &mut Rng,
+    ) -> Option<Matrix3<f64>> {
+        if !self.degensac {
+            return None;
+        }
+        off_the_plane(model, sample, self.pairs, squared_threshold, rng)
     }
 
     fn refine(
@@ -79,7 +96,7 @@ impl FundamentalProblem<'_> {
 }
 
 /// At most `most` of the numbers, evenly spread.
-fn thinned(numbers: &[u32], most: usize) -> Vec<u32> {
+pub(super) fn thinned(numbers: &[u32], most: usize) -> Vec<u32> {
     let step = numbers.len().div_ceil(most).max(1);
     numbers.iter().copied().step_by(step).collect()
 }
@@ -113,7 +130,7 @@ fn eight_point(pairs: &PointPairs, matches: &[u32]) -> Option<Matrix3<f64>> {
 }
 
 /// Moves the centroid of the points to the origin and their mean distance from it to sqrt 2.
-fn normalisation(x: &[f64], y: &[f64], matches: &[u32]) -> Matrix3<f64> {
+pub(super) fn normalisation(x: &[f64], y: &[f64], matches: &[u32]) -> Matrix3<f64> {
     let count = matches.len() as f64;
     let mean = |values: &[f64]| matches.iter().map(|&i| values[i as usize]).sum::<f64>() / count;
     let (mean_x, mean_y) = (mean(x), mean(y));
@@ -160,7 +177,10 @@ mod tests {
             })
             .collect();
         let e = essential_from_pose(&truth).normalize();
-        let problem = FundamentalProblem { pairs: &pairs };
+        let problem = FundamentalProblem {
+            pairs: &pairs,
+            degensac: false,
+        };
         let start = (e + Matrix3::from_fn(|i, j| 2e-3 * ((3 * i + j) as f64 - 4.0))).normalize();
         let refined = problem.refine(&start, 1e-4, 2).expect("most are inliers");
         let distance = |f: &Matrix3<f64>| (f - e).norm().min((f + e).norm());

@@ -5,9 +5,11 @@
 //! each and is the [`PoseEstimator`] that the benchmark calls.
 
 mod consensus;
+mod degensac;
 mod essential_problem;
 mod estimator;
 mod fundamental_problem;
+mod homography_problem;
 mod lmeds;
 mod magsac;
 mod mlesac;
@@ -24,6 +26,7 @@ pub use consensus::{Consensus, ConsensusParams, Extras, consensus, consensus_unt
 pub use essential_problem::EssentialProblem;
 pub use estimator::{NoPose, PoseEstimate, PoseEstimator, TwoViews};
 pub use fundamental_problem::FundamentalProblem;
+pub use homography_problem::HomographyProblem;
 pub use lmeds::MedianOfSquares;
 pub use magsac::Magsac;
 pub use mlesac::Mlesac;

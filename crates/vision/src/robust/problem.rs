@@ -2,6 +2,8 @@
 
 use std::ops::{Deref, Range};
 
+use crate::seed::Rng;
+
 /// A model, the data it is estimated from, and how the two are compared. One of the three axes of
 /// [`consensus`](super::consensus).
 ///
@@ -56,5 +58,17 @@ pub trait Problem {
         _squared_residuals: &mut [f64],
     ) -> bool {
         false
+    }
+
+    /// Another model, where the `sample` that this one comes from does not determine it; asked of
+    /// models that are the best so far. `None` where there is nothing to mend.
+    fn mend(
+        &self,
+        _model: &Self::Model,
+        _sample: &[u32],
+        _squared_threshold: f64,
+        _rng: &mut Rng,
+    ) -> Option<Self::Model> {
+        None
     }
 }

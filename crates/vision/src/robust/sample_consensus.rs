@@ -18,6 +18,7 @@
 //! | p | `confidence` | 0.999 | the benchmark's protocol |
 //! | t | `threshold_px` | 1.0 | the benchmark's protocol |
 //! | | `cheirality` | yes | Chum, Werner, Matas, ICPR 2004; Hartley, Zisserman, sec. 9.6.3 |
+//! | | `degensac` | yes | Chum, Werner, Matas, CVPR 2005 |
 //! | | `sprt` | yes | Matas, Chum, ICCV 2005 |
 //! | | `min_iterations` | 50 | Lebeda et al.: the first models are not worth optimising |
 //! | | `max_iterations` | 1000 | the benchmark's protocol |
@@ -106,6 +107,8 @@ pub struct SampleConsensusParams {
     /// Whether matches must be in front of both cameras (essential matrices only): models whose
     /// sample cannot be are not judged, and what lies behind supports nothing.
     pub cheirality: bool,
+    /// Whether matrices from a plane are mended by what is off it (fundamental matrices only).
+    pub degensac: bool,
     /// Whether models are given up early by a sequential probability ratio test.
     pub sprt: bool,
     /// Samples drawn at least.
@@ -135,6 +138,7 @@ impl Default for SampleConsensusParams {
             confidence: 0.999,
             threshold_px: 1.0,
             cheirality: true,
+            degensac: true,
             sprt: true,
             min_iterations: 50,
             max_iterations: 1000,
@@ -225,7 +229,10 @@ impl SampleConsensus {
             .sampled(ambiguity, squared_threshold),
             GeometryKind::Fundamental => Run {
                 params: &self.params,
-                problem: FundamentalProblem { pairs },
+                problem: FundamentalProblem {
+                    pairs,
+                    degensac: self.params.degensac,
+                },
                 pairs,
                 seed,
                 stop,

@@ -6,6 +6,7 @@
 //! [`Camera::normalize`]: crate::geometry::Camera::normalize
 
 mod five_point;
+mod homography;
 mod null_space;
 mod roots;
 mod seven_point;
@@ -13,6 +14,7 @@ mod seven_point;
 use std::ops::{Deref, DerefMut};
 
 pub use five_point::five_point;
+pub use homography::homography;
 pub use roots::real_roots;
 pub use seven_point::seven_point;
 

@@ -1,0 +1,216 @@
+//! What to do where a fundamental matrix comes from a plane.
+//!
+//! Chum, Werner, Matas, "Two-View Geometry Estimation Unaffected by a Dominant Plane", CVPR 2005.
+//!
+//! Where five or more of seven matches lie on one plane, any epipole at all gives a fundamental
+//! matrix that all matches on the plane agree with, and it wins against a right one that has seen
+//! little else. So, whenever a matrix becomes the best:
+//!
+//! 1. Each of five triplets of its sample, of which any five matches on a plane contain one, gives a
+//!    homography together with F: `H = A - e (M^-1 b)^T`, with e the epipole in b, `A = [e]_x F`, and M
+//!    and b from the triplet (Hartley, Zisserman, 2nd edition, result 13.6).
+//! 2. If five of the seven agree with one of the homographies, the sample is degenerate.
+//! 3. Then two matches off the plane determine F: `F = [e]_x H`, where the lines through b and H a of both
+//!    meet in e (plane and parallax). The pair of matches whose F most matches agree with is searched
+//!    for by sampling.
+//!
+//! | symbol | constant | value | source |
+//! | --- | --- | --- | --- |
+//! | | `DRAWS` | 200 | ours: 99.9 % sure where a fifth of what is off the plane is right |
+//! | | `WIDER` | 4 | ours: a sample's homography is rough, so it may be off by twice the threshold |
+
+use nalgebra::{Matrix3, Point2, Vector3};
+
+use super::fundamental_problem::FundamentalProblem;
+use super::{HomographyProblem, Problem};
+use crate::geometry::{PointPairs, squared_transfer_distances};
+use crate::seed::Rng;
+use crate::simd;
+
+const DRAWS: usize = 200;
+const WIDER: f64 = 4.0;
+
+/// Any five of seven contain one of these.
+const TRIPLETS: [[usize; 3]; 5] = [[0, 1, 2], [3, 4, 5], [0, 1, 6], [3, 4, 6], [2, 5, 6]];
+
+/// The best matrix by plane and parallax, where the `sample` that `f` comes from has five matches on a
+/// plane; `None` where it has not, or nothing is off the plane.
+pub(super) fn off_the_plane(
+    f: &Matrix3<f64>,
+    sample: &[u32],
+    pairs: &PointPairs,
+    squared_threshold: f64,
+    rng: &mut Rng,
+) -> Option<Matrix3<f64>> {
+    let rough = plane_of(f, sample, pairs, WIDER * squared_threshold)?;
+    let plane = HomographyProblem { pairs };
+    let h = plane
+        .refine(&rough, WIDER * squared_threshold, 2)
+        .unwrap_or(rough);
+    let mut residuals = vec![0.0; pairs.len()];
+    squared_transfer_distances(&h, pairs, 0..pairs.len(), &mut residuals);
+    let off: Vec<usize> = (residuals.iter().enumerate())
+        .filter(|&(_, &squared)| squared > WIDER * squared_threshold && squared.is_finite())
+        .map(|(index, _)| index)
+        .collect();
+    let count = u32::try_from(off.len()).ok().filter(|&count| count >= 2)?;
+    let problem = FundamentalProblem {
+        pairs,
+        degensac: false,
+    };
+    // The line through b and H a.
+    let line = |index: usize| {
+        let (a, b) = pairs.get(index);
+        b.to_homogeneous().cross(&(h * a.to_homogeneous()))
+    };
+    let mut best: Option<(usize, Matrix3<f64>)> = None;
+    for _ in 0..DRAWS {
+        let [i, j] = [(); 2].map(|()| off[rng.below(count) as usize]);
+        let epipole = line(i).cross(&line(j));
+        let candidate = epipole.cross_matrix() * h;
+        let norm = candidate.norm();
+        if i == j || !(norm.is_finite() && norm > 0.0) {
+            continue;
+        }
+        let candidate = candidate / norm;
+        problem.squared_residuals(&candidate, 0..pairs.len(), &mut residuals);
+        let inliers = simd::count_at_most(&residuals, squared_threshold);
+        if best.is_none_or(|(most, _)| inliers > most) {
+            best = Some((inliers, candidate));
+        }
+    }
+    best.map(|(_, candidate)| candidate)
+}
+
+/// The homography that five of the sample agree with.
+fn plane_of(
+    f: &Matrix3<f64>,
+    sample: &[u32],
+    pairs: &PointPairs,
+    squared_limit: f64,
+) -> Option<Matrix3<f64>> {
+    let sampled: PointPairs = sample.iter().map(|&i| pairs.get(i as usize)).collect();
+    let mut residuals = vec![0.0; sampled.len()];
+    TRIPLETS.iter().find_map(|triplet| {
+        let h = homography_of(f, triplet.map(|i| sampled.get(i)))?;
+        squared_transfer_distances(&h, &sampled, 0..sampled.len(), &mut residuals);
+        (simd::count_at_most(&residuals, squared_limit) >= 5).then_some(h)
+    })
+}
+
+/// The homography that agrees with F and takes three points of a to those of b.
+fn homography_of(
+    f: &Matrix3<f64>,
+    triplet: [(Point2<f64>, Point2<f64>); 3],
+) -> Option<Matrix3<f64>> {
+    let columns = [0, 1, 2].map(|i| f.column(i).into_owned());
+    let epipole = [(0, 1), (1, 2), (2, 0)]
+        .map(|(i, j)| columns[i].cross(&columns[j]))
+        .into_iter()
+        .max_by(|p, q| p.norm_squared().total_cmp(&q.norm_squared()))?
+        .try_normalize(0.0)?;
+    let compatible = epipole.cross_matrix() * f;
+    let offset = |(a, b): (Point2<f64>, Point2<f64>)| {
+        let (a, b) = (a.to_homogeneous(), b.to_homogeneous());
+        let to_epipole = b.cross(&epipole);
+        b.cross(&(compatible * a)).dot(&to_epipole) / to_epipole.norm_squared()
+    };
+    let rows = triplet.map(|(a, _)| a.to_homogeneous().transpose());
+    let plane = Matrix3::from_rows(&rows).try_inverse()? * Vector3::from(triplet.map(offset));
+    let h = compatible - epipole * plane.transpose();
+    h.iter().all(|x| x.is_finite()).then_some(h)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{UnitQuaternion, UnitVector3};
+
+    use super::*;
+    use crate::geometry::{RelativePose, essential_from_pose};
+    use crate::robust::{
+        Consensus, ConsensusParams, Extras, InlierCount, Uniform, consensus_until,
+    };
+    use crate::seed::Seed;
+
+    fn truth() -> RelativePose {
+        RelativePose {
+            rotation: UnitQuaternion::from_euler_angles(0.05, -0.15, 0.02),
+            direction: UnitVector3::new_normalize(Vector3::new(0.9, 0.1, 0.3)),
+        }
+    }
+
+    /// Matches on a plane, then some before it, then wrong ones.
+    fn matches(plane: usize, before: usize, wrong: usize) -> PointPairs {
+        let mut rng = Seed(8).rng();
+        (0..plane + before + wrong)
+            .map(|i| {
+                let a = Point2::new(rng.uniform() - 0.5, rng.uniform() - 0.5);
+                let wall = 8.0 / (1.0 + 0.4 * a.x);
+                let near = wall * (0.3 + 0.4 * rng.uniform());
+                let depth = if i < plane { wall } else { near };
+                let x = truth().rotation * (a.to_homogeneous() * depth)
+                    + truth().direction.into_inner();
+                let b = Point2::new(
+                    x.x / x.z + 2e-4 * rng.normal(),
+                    x.y / x.z + 2e-4 * rng.normal(),
+                );
+                let anywhere = Point2::new(rng.uniform() - 0.5, rng.uniform() - 0.5);
+                (a, if i < plane + before { b } else { anywhere })
+            })
+            .collect()
+    }
+
+    fn find(pairs: &PointPairs, degensac: bool, seed: u64) -> Consensus<Matrix3<f64>> {
+        consensus_until(
+            &FundamentalProblem { pairs, degensac },
+            &InlierCount {
+                squared_threshold: 1e-6,
+            },
+            &mut Uniform::new(pairs.len()),
+            ConsensusParams {
+                confidence: 0.99,
+                max_samples: 2000,
+            },
+            Extras::NONE,
+            &mut Seed(seed).rng(),
+            &|_| false,
+        )
+        .expect("a matrix")
+    }
+
+    #[test]
+    fn what_is_off_the_plane_is_found() {
+        let pairs = matches(160, 24, 16);
+        // How many of the matches before the plane agree, over ten seeds.
+        let before = |degensac| -> usize {
+            (0..10)
+                .map(|seed| find(&pairs, degensac, seed).inliers)
+                .map(|inliers| inliers.iter().filter(|i| (160..184).contains(*i)).count())
+                .sum()
+        };
+        let (with, without) = (before(true), before(false));
+        assert!(with >= 220 && without + 40 <= with, "{with} {without}");
+    }
+
+    #[test]
+    fn the_homography_of_three_matches_and_f_is_that_of_their_plane() {
+        let pairs = matches(20, 0, 0);
+        let e = essential_from_pose(&truth());
+        let h = homography_of(&e, [0, 1, 2].map(|i| pairs.get(i))).expect("a plane");
+        let mut residuals = vec![0.0; 20];
+        squared_transfer_distances(&h, &pairs, 0..20, &mut residuals);
+        assert!(residuals.iter().all(|&r| r < 1e-4), "{residuals:?}");
+    }
+
+    #[test]
+    fn a_sample_off_the_plane_is_left_alone() {
+        let pairs = matches(0, 30, 0);
+        let e = essential_from_pose(&truth());
+        let sample = [0, 1, 2, 3, 4, 5, 6];
+        let found = off_the_plane(&e, &sample, &pairs, 1e-6, &mut Seed(1).rng());
+        assert_eq!(found, None);
+        let nan = Matrix3::from_element(f64::NAN);
+        let found = off_the_plane(&nan, &sample, &pairs, 1e-6, &mut Seed(1).rng());
+        assert_eq!(found, None);
+    }
+}
