@@ -1,0 +1,139 @@
+"""Our estimators beside PoseLib's and OpenCV's, on the matches that a run of matchbench has stored.
+
+    python compare/estimators.py RUN DATASET MATCHER --truth DATASET_FOLDER [--every 3] [--seeds 1]
+
+RUN is the folder of a `matchbench run`; DATASET_FOLDER holds `camera.txt` and `pairs.txt`. Pairs are taken
+in chunks, and within a chunk all estimators one after the other, so that all see the machine in the
+same moods. A pose counts if at least 10 matches support it, as in matchbench. Needs
+`cargo build --release -p matchbench-vision --example pose`, and poselib (2.0.5) from PyPI.
+"""
+
+import argparse
+import pathlib
+import struct
+import subprocess
+import tempfile
+import time
+
+import cv2
+import numpy as np
+import poselib
+
+from pose import MIN_SUPPORT, POSE, auc, pose_error
+
+BEST = "sampler=prosac threshold=2 loss=cauchy min=1000 iterations=20000"
+OURS = {
+    "ransac-e": "",
+    "best": BEST,
+    "best, 1000 iterations": BEST.replace("iterations=20000", "iterations=1000"),
+}
+POSELIB = {"PoseLib": {}, "PoseLib, 1000 iterations": {"max_iterations": 1000}}
+OPENCV = {
+    "OpenCV RANSAC": cv2.RANSAC,
+    "OpenCV USAC_DEFAULT": cv2.USAC_DEFAULT,
+    "OpenCV USAC_MAGSAC": cv2.USAC_MAGSAC,
+}
+CHUNK = 8
+
+
+def stored(path):
+    """(a, b) and an n x 5 array for each pair of a file of matches (see records/matches.rs)."""
+    data = path.read_bytes()
+    at = 8
+    while at + 28 <= len(data):
+        a, b, repetition, _, _, _, count = struct.unpack_from("<7I", data, at)
+        at += 28
+        if count != 0xFFFFFFFF:
+            matches = np.frombuffer(data, "<f4", 5 * count, at).reshape(-1, 5).astype(float)
+            at += 20 * count
+            if repetition == 0:
+                yield (a, b), matches
+        at += 8
+
+
+def ours(chunk, k, settings, seed):
+    camera = " ".join(repr(float(x)) for x in (k[0, 0], k[1, 1], k[0, 2], k[1, 2]))
+    with tempfile.NamedTemporaryFile("w", suffix=".matches") as file:
+        for (a, b), matches in chunk:
+            file.write(f"pair {a}-{b}\n{camera} {camera}\n")
+            file.writelines(" ".join(map(repr, map(float, m))) + "\n" for m in matches)
+        file.flush()
+        command = [POSE, file.name, "1", str(seed), *settings.split()]
+        lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    for line in lines:
+        words = line.split()
+        if words[2] == "none":
+            yield None, float(words[3]) / 1e6
+        else:
+            numbers = np.array(words[6:], float)
+            pose = (numbers[:9].reshape(3, 3), numbers[9:]) if int(words[3]) >= MIN_SUPPORT else None
+            yield pose, float(words[5]) / 1e6
+
+
+def peer_poselib(matches, k, options, seed):
+    camera = {"model": "PINHOLE", "width": 1, "height": 1, "params": [k[0, 0], k[1, 1], k[0, 2], k[1, 2]]}
+    options = {"max_epipolar_error": 1.0, "seed": seed, **options}
+    start = time.perf_counter()
+    if len(matches) < 5:
+        return None, time.perf_counter() - start
+    pose, info = poselib.estimate_relative_pose(matches[:, :2], matches[:, 2:4], camera, camera, options, {})
+    seconds = time.perf_counter() - start
+    return ((pose.R, pose.t) if info["num_inliers"] >= MIN_SUPPORT else None), seconds
+
+
+def peer_opencv(matches, k, method):
+    start = time.perf_counter()
+    if len(matches) < 5:
+        return None, time.perf_counter() - start
+    a, b = np.ascontiguousarray(matches[:, :2]), np.ascontiguousarray(matches[:, 2:4])
+    e, _ = cv2.findEssentialMat(a, b, k, method, 0.999, 1.0)
+    if e is None or e.shape != (3, 3):
+        return None, time.perf_counter() - start
+    support, r, t, _ = cv2.recoverPose(e, a, b, k)
+    return ((r, t.ravel()) if support >= MIN_SUPPORT else None), time.perf_counter() - start
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("run", type=pathlib.Path)
+    parser.add_argument("dataset")
+    parser.add_argument("matcher")
+    parser.add_argument("--truth", type=pathlib.Path, required=True)
+    parser.add_argument("--every", type=int, default=1, help="take every n-th pair")
+    parser.add_argument("--seeds", type=int, default=1)
+    args = parser.parse_args()
+    cv2.setNumThreads(1)
+    k = np.loadtxt(args.truth / "camera.txt").reshape(-1)[:9].reshape(3, 3)
+    truth = {(int(r[0]), int(r[1])): r[2:14].reshape(3, 4) for r in np.loadtxt(args.truth / "pairs.txt")}
+    pairs = sorted(stored(args.run / "matches" / args.dataset / f"{args.matcher}.bin"), key=lambda p: p[0])
+    pairs = pairs[:: args.every]
+    results = {}
+
+    def note(name, key, outcome):
+        pose, seconds = outcome
+        r, t = truth[key][:, :3], truth[key][:, 3]
+        error = 180.0 if pose is None else pose_error(*pose, r, t)
+        results.setdefault(name, []).append((error, seconds))
+
+    for seed in range(args.seeds):
+        for start in range(0, len(pairs), CHUNK):
+            chunk = pairs[start : start + CHUNK]
+            for name, settings in OURS.items():
+                for (key, _), outcome in zip(chunk, ours(chunk, k, settings, seed)):
+                    note(name, key, outcome)
+            for key, matches in chunk:
+                for name, options in POSELIB.items():
+                    note(name, key, peer_poselib(matches, k, options, seed))
+                for name, method in OPENCV.items():
+                    note(name, key, peer_opencv(matches, k, method))
+    print(f"{args.dataset}, {args.matcher}: {len(pairs)} pairs, {args.seeds} seeds, OpenCV {cv2.__version__}, "
+          f"PoseLib {poselib.__version__}")
+    print(f"{'':28} {'AUC':>6} {'median ms':>10} {'90 % ms':>10}")
+    for name, rows in results.items():
+        errors, seconds = np.array(rows).T
+        low, high = np.percentile(seconds * 1e3, [50, 90])
+        print(f"{name:28} {auc(list(errors)):6.3f} {low:10.2f} {high:10.2f}")
+
+
+if __name__ == "__main__":
+    main()
