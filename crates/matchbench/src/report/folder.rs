@@ -1,5 +1,5 @@
 //! The report as a folder that opens from disk and can be mailed: `index.html`,
-//! `figures/*.{svg,png}`, `tables/*.{csv,json,md,tex}`.
+//! `figures/*.{svg,png}`, `tables/*.{csv,parquet,json,md,tex}`.
 
 use std::collections::BTreeSet;
 use std::io;
@@ -15,9 +15,10 @@ use super::figures::{
     Difficulty, ap_figure, difficulty_figure, estimator_figure, sp_figure, time_figure,
 };
 use super::overview::Overview;
+use super::pair_table::columns;
 use super::raster::png;
 use super::svg::Place;
-use super::{Format, html, pairs_csv, render};
+use super::{Format, html, pairs_csv, parquet, render};
 
 /// Pixels of a PNG figure for each unit of its drawing: sharp on dense screens and in print.
 const PNG_SCALE: f32 = 2.0;
@@ -39,10 +40,12 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
     ] {
         write_whole(&tables.join(name), render(format, summaries).as_bytes())?;
     }
+    let pairs = columns(content);
     write_whole(
         &tables.join("pairs.csv"),
-        pairs_csv::render(content).as_bytes(),
+        pairs_csv::render(&pairs).as_bytes(),
     )?;
+    write_whole(&tables.join("pairs.parquet"), &parquet::render(&pairs))?;
     let drawings = folder.join("figures");
     figures(content, &overview)
         .into_par_iter()
@@ -145,6 +148,7 @@ mod tests {
             [
                 "auc.tex",
                 "pairs.csv",
+                "pairs.parquet",
                 "scores.csv",
                 "scores.json",
                 "scores.md"

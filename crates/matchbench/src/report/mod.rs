@@ -14,8 +14,10 @@ mod latex;
 mod markdown;
 mod numbers;
 mod overview;
+mod pair_table;
 mod pair_view;
 mod pairs_csv;
+mod parquet;
 mod picture;
 mod raster;
 mod svg;
@@ -32,7 +34,7 @@ pub use pair_view::{
     EpipolarLines, MatchView, PairPoses, PairView, Thumbnail, epipolar_lines, match_views,
 };
 pub use picture::{picture_png, picture_svg};
-pub use words::sentence;
+pub use words::{advantage, leads_in_words, sentence};
 
 /// The form of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
