@@ -12,6 +12,7 @@ use matchbench::report::{Content, RunFacts, write_report};
 use matchbench::run::Plan;
 
 use super::pictures;
+use super::tune::Tuned;
 use crate::Ending;
 use crate::args::ReportArgs;
 
@@ -32,7 +33,7 @@ pub(crate) fn write(folder: &Path, out: Option<&Path>, pictures: usize) -> Resul
         fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
     let plan: Plan = serde_json::from_str(&text)
         .with_context(|| format!("{} is not the plan of a run", file.display()))?;
-    let facts = RunFacts {
+    let mut facts = RunFacts {
         title: "matchbench report".into(),
         facts: vec![
             ("version".into(), format!("matchbench {}", plan.version)),
@@ -44,6 +45,10 @@ pub(crate) fn write(folder: &Path, out: Option<&Path>, pictures: usize) -> Resul
         ],
         plan: Some(text),
     };
+    let tuned = Tuned::noted(folder)?;
+    facts
+        .facts
+        .extend((tuned.iter()).map(|tuned| ("tuned parameter".to_owned(), tuned.in_words())));
     let mut content = Content::new(load(folder, None)?, &Bootstrap::default(), facts);
     let sequences = sequences(&plan);
     content.geometry = (sequences.iter())

@@ -90,7 +90,7 @@ fn open(svg: &mut String, place: Place, class: &str, (width, height): (f64, f64)
         Place::File => {
             let _ = writeln!(
                 svg,
-                r#"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" font-family="system-ui, Helvetica, Arial, sans-serif">"#
+                r#"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" font-family="DejaVu Sans, Verdana, sans-serif">"#
             );
             let _ = writeln!(svg, "<title>{title}</title>");
             let _ = writeln!(
