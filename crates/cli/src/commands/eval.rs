@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use matchbench::files::write_whole;
-use matchbench::metrics::{Bootstrap, ResultSet, Summary, leads, load};
+use matchbench::metrics::{Bootstrap, ResultSet, Summary, load};
 use matchbench::report::{Content, Format, RunFacts, leads_in_words, render};
 
 use crate::Ending;
@@ -15,7 +15,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
     let sets = load(&args.results, args.datasets.as_deref())?;
     let text = match args.format {
         FormatArg::Table => table(sets),
-        other => render(other.into(), &score(sets)),
+        other => render(other.into(), &content(sets).summaries),
     };
     match &args.out {
         Some(path) => write_whole(path, text.as_bytes())?,
@@ -26,17 +26,19 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
 
 /// Scores the results in a folder.
 pub(crate) fn summaries(results: &Path, datasets: Option<&Path>) -> Result<Vec<Summary>> {
-    Ok(score(load(results, datasets)?))
+    Ok(content(load(results, datasets)?).summaries)
 }
 
-fn score(sets: Vec<ResultSet>) -> Vec<Summary> {
-    Content::new(sets, &Bootstrap::default(), RunFacts::default()).summaries
+fn content(sets: Vec<ResultSet>) -> Content {
+    Content::new(sets, &Bootstrap::default(), RunFacts::default())
 }
 
 /// The table of scores, and below it the best of each dataset against the others.
 fn table(sets: Vec<ResultSet>) -> String {
-    let leads = leads(&sets, &Bootstrap::default());
-    let mut text = render(Format::Table, &score(sets));
+    let Content {
+        summaries, leads, ..
+    } = content(sets);
+    let mut text = render(Format::Table, &summaries);
     if !leads.is_empty() {
         text.push_str("\nAUC of the best on each dataset against the others, on the same pairs [95 % interval]:\n");
         text.push_str(&leads_in_words(&leads));

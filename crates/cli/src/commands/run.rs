@@ -48,7 +48,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     if ending != Ending::Stopped {
         eval::print(&args.out, None)?;
         if args.report {
-            let page = report::write(&args.out, None, report::PICTURES)?;
+            let page = report::write(&args.out, None, args.cache.as_deref(), report::PICTURES)?;
             writeln!(std::io::stdout(), "\nreport: {}", page.display())?;
         }
     }

@@ -15,6 +15,11 @@ pub(super) fn count(value: impl Into<Option<f64>>) -> String {
     decimals(value, 1)
 }
 
+/// A median count, without decimals.
+pub(super) fn whole(value: impl Into<Option<f64>>) -> String {
+    decimals(value, 0)
+}
+
 /// Seconds in milliseconds, to one decimal.
 pub(super) fn milliseconds(seconds: impl Into<Option<f64>>) -> String {
     decimals(seconds.into().map(|s| s * 1e3), 1)
