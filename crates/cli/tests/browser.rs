@@ -34,6 +34,13 @@ window.addEventListener("load", () => {
   const view = document.getElementById("pair-view");
   check("a pair opens", !view.hidden && view.querySelectorAll("img").length === 2);
   check("its matches are drawn", view.querySelector("svg path") !== null);
+  const shown = () => getComputedStyle(view.querySelector("path.keypoints")).display !== "none";
+  const keypoints = [...view.querySelectorAll("label")].find((label) => label.textContent === "keypoints");
+  check("keypoints wait", !shown());
+  keypoints.click();
+  check("and come on demand", shown());
+  const beside = document.querySelector("#pair-table tbody a");
+  check("it has a page beside", /^pairs\/wall\/\d+-\d+\.html$/.test(beside.getAttribute("href")));
   document.body.dataset.probe = `${log.join("; ")}; done`;
 });
 </script>
@@ -85,4 +92,8 @@ fn page_works_in_a_browser() {
         "{found}\n{log}"
     );
     assert!(!log.contains("CONSOLE"), "{log}");
+    let beside = fs::read_to_string(run.join("report/pairs/wall/0-1.html")).expect("all are few");
+    assert!(
+        beside.contains("images/0.jpg") && run.join("report/pairs/wall/images/0.jpg").is_file()
+    );
 }

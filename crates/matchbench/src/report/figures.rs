@@ -152,7 +152,7 @@ pub(super) fn lead_figure(
         })
     };
     let best = row(&leads().next()?.best)?;
-    let rivals: Vec<Rival<'_>> = leads()
+    let mut rivals: Vec<Rival<'_>> = leads()
         .filter_map(|lead| {
             let row = row(&lead.other)?;
             Some(Rival {
@@ -163,6 +163,8 @@ pub(super) fn lead_figure(
             })
         })
         .collect();
+    let behind = |rival: &Rival<'_>| rival.behind.value.unwrap_or(f64::INFINITY);
+    rivals.sort_by(|one, other| behind(one).total_cmp(&behind(other)));
     let title = format!("{} ahead of the others: {dataset}", best.label);
     Some(forest(place, &title, &best.label, &rivals))
 }

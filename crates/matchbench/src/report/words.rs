@@ -103,18 +103,21 @@ pub fn advantage(one: &str, other: &str, on: &str, difference: &Score) -> String
     }
 }
 
-/// The best of each dataset against the others, a sentence a line, the certain ones first.
+/// The best of each dataset against the others, the nearest first, a sentence a line.
 pub fn leads_in_words(leads: &[Lead]) -> String {
+    let mut leads: Vec<(usize, &Lead)> = (leads.iter())
+        .map(|lead| {
+            let first = leads.iter().position(|other| other.dataset == lead.dataset);
+            (first.unwrap_or(0), lead)
+        })
+        .collect();
+    let behind = |lead: &Lead| lead.difference.value.unwrap_or(f64::INFINITY);
+    leads.sort_by(|(i, one), (j, other)| i.cmp(j).then(behind(one).total_cmp(&behind(other))));
     let mut text = String::new();
-    for certain in [true, false] {
-        for lead in leads
-            .iter()
-            .filter(|lead| lead.difference.excludes_zero() == certain)
-        {
-            let [best, other] = [&lead.best, &lead.other].map(|(m, e)| method(m, e));
-            text.push_str(&advantage(&best, &other, &lead.dataset, &lead.difference));
-            text.push('\n');
-        }
+    for (_, lead) in leads {
+        let [best, other] = [&lead.best, &lead.other].map(|(m, e)| method(m, e));
+        text.push_str(&advantage(&best, &other, &lead.dataset, &lead.difference));
+        text.push('\n');
     }
     text.replace(|c: char| c.is_control() && c != '\n', "\u{fffd}")
 }

@@ -118,7 +118,7 @@ fn keypoints(svg: &mut String, layout: &Layout, view: &PairView) {
     if !dots.is_empty() {
         let _ = writeln!(
             svg,
-            r##"<path class="keypoints" fill="none" stroke="#ff5ce1" stroke-opacity="0.8" stroke-width="2" stroke-linecap="round" d="{dots}"/>"##
+            r##"<path class="keypoints" fill="none" stroke="#ff5ce1" stroke-width="4.4" stroke-linecap="round" d="{dots}"/>"##
         );
     }
 }
