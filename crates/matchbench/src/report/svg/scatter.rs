@@ -10,7 +10,7 @@ use super::{NAME, Place, axis, grid, open, shorten, text, tick};
 
 const PLOT: (f64, f64) = (350.0, 210.0);
 const LEFT: f64 = 44.0;
-const RIGHT: f64 = 12.0;
+const RIGHT: f64 = 20.0;
 const BOTTOM: f64 = 40.0;
 
 /// One matcher in the figure.
