@@ -325,8 +325,8 @@ fn time_row(summaries: &[Summary], first: &Summary, poses: &[Option<&Summary>]) 
     cells.extend(
         [stages.extract, stages.search, stages.select].map(|time| quartiles(time, milliseconds)),
     );
-    let pose = |own: &Option<&Summary>| own.and_then(|s| s.stages.estimate);
-    cells.extend(poses.iter().map(|own| quartiles(pose(own), milliseconds)));
+    let poses_in = poses.iter().map(|own| own.and_then(|s| s.stages.estimate));
+    cells.extend(poses_in.map(|pose| quartiles(pose, milliseconds)));
     if let [Some(only)] = poses {
         cells.push(context! { text => milliseconds(seconds_for_a_pair(summaries, only)) });
     }

@@ -33,10 +33,9 @@
   for (const button of document.querySelectorAll(".legend button")) {
     button.addEventListener("click", () => {
       const off = button.getAttribute("aria-pressed") === "true";
-      button.setAttribute("aria-pressed", String(!off));
-      for (const series of document.querySelectorAll(`.series[data-series="${button.dataset.series}"]`)) {
-        series.classList.toggle("off", off);
-      }
+      const its = `[data-series="${button.dataset.series}"]`;
+      for (const twin of document.querySelectorAll(`.legend button${its}`)) twin.setAttribute("aria-pressed", String(!off));
+      for (const series of document.querySelectorAll(`.series${its}`)) series.classList.toggle("off", off);
     });
   }
 

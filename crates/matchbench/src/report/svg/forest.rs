@@ -72,7 +72,7 @@ pub(in super::super) fn forest(
         r#"<line class="zero" x1="{0:.1}" y1="{top:.1}" x2="{0:.1}" y2="{bottom:.1}" stroke="{MUTED}"/>"#,
         x(0.0)
     );
-    let below = format!("AUC of {} above the other's", shorten(best));
+    let below = format!("AUC by which {} leads", shorten(best));
     text(
         &mut svg,
         "muted",

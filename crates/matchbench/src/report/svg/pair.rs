@@ -55,7 +55,7 @@ pub(in super::super) fn pair(place: Place, view: &PairView, caption: &str, limit
         top: if place == Place::File { 34.0 } else { 0.0 },
         height: sizes[0].1.max(sizes[1].1) * scale,
     };
-    let legend = if place == Place::File { 30.0 } else { 0.0 };
+    let legend = if place == Place::File { 48.0 } else { 0.0 };
     let mut svg = String::new();
     let size = (WIDTH, layout.top + layout.height + legend);
     open(
@@ -81,7 +81,7 @@ pub(in super::super) fn pair(place: Place, view: &PairView, caption: &str, limit
             );
         }
     }
-    keypoints(&mut svg, &layout, view);
+    keypoints(&mut svg, place, &layout, view);
     matches(&mut svg, &layout, view, limit);
     lines(&mut svg, &layout, view, sizes[1]);
     if place == Place::File {
@@ -109,7 +109,9 @@ impl Layout {
     }
 }
 
-fn keypoints(svg: &mut String, layout: &Layout, view: &PairView) {
+fn keypoints(svg: &mut String, place: Place, layout: &Layout, view: &PairView) {
+    // A picture of its own shows all of them, and is looked at larger.
+    let width = if place == Place::File { 2.4 } else { 4.4 };
     let mut dots = String::new();
     let [a, b] = &view.keypoints;
     for (x, y) in (a.iter().map(|&p| layout.a(p))).chain(b.iter().map(|&p| layout.b(p))) {
@@ -118,7 +120,7 @@ fn keypoints(svg: &mut String, layout: &Layout, view: &PairView) {
     if !dots.is_empty() {
         let _ = writeln!(
             svg,
-            r##"<path class="keypoints" fill="none" stroke="#ff5ce1" stroke-width="4.4" stroke-linecap="round" d="{dots}"/>"##
+            r##"<path class="keypoints" fill="none" stroke="#ff5ce1" stroke-width="{width}" stroke-linecap="round" d="{dots}"/>"##
         );
     }
 }
@@ -232,8 +234,9 @@ fn key(svg: &mut String, y: f64) {
             y - 4.0
         );
         text(svg, "ink", (x + 28.0, y), "start", &escape(name));
-        x += 46.0 + 6.2 * name.chars().count() as f64;
+        x += 46.0 + 6.8 * name.chars().count() as f64;
     }
-    let lines = "circles: epipolar lines, true white, estimated yellow";
-    text(svg, "muted", (x, y), "start", lines);
+    let lines = "colours: distance of a match to its true epipolar line; circles: matches whose \
+                 epipolar lines are drawn, true white, estimated yellow; magenta: keypoints";
+    text(svg, "muted", (12.0, y + 18.0), "start", lines);
 }
