@@ -260,9 +260,13 @@ pub(crate) struct ReportArgs {
     /// Folder of the report [default: RUN/report]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Pairs of each dataset whose pictures are embedded in the page
-    #[arg(long, value_name = "N", default_value_t = 4)]
+    /// Pairs of each dataset that have pictures, in the page as far as it has room and in the folder
+    /// pairs beside it; `all` for every pair
+    #[arg(long, value_name = "N|all", default_value = "16", value_parser = number_or_all)]
     pub pictures: usize,
+    /// Folder of the feature cache, from which keypoints are drawn [default: RUN/cache]
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -354,6 +358,14 @@ pub(crate) struct ValidateArgs {
     /// The dataset folder
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
+}
+
+/// `all` is as many as there are.
+fn number_or_all(text: &str) -> Result<usize, String> {
+    match text {
+        "all" => Ok(usize::MAX),
+        number => (number.parse()).map_err(|_| "give a number, or `all`".to_owned()),
+    }
 }
 
 #[cfg(test)]

@@ -49,9 +49,9 @@ impl Observer for Bar {
     }
 }
 
-/// A token that Ctrl-C (or a polite kill) sets; a second one ends the process at once, which
-/// loses only the pairs in flight.
-pub(crate) fn cancel_on_ctrl_c() -> Result<Cancel> {
+/// A token that Ctrl-C (or a polite kill) sets, saying so; a second one ends the process at once,
+/// which loses only the pairs in flight.
+pub(crate) fn cancel_on_ctrl_c(said: &'static str) -> Result<Cancel> {
     let cancel = Cancel::default();
     let token = cancel.clone();
     ctrlc::set_handler(move || {
@@ -59,7 +59,7 @@ pub(crate) fn cancel_on_ctrl_c() -> Result<Cancel> {
             std::process::exit(130);
         }
         token.set();
-        eprintln!("\nstopping after the pairs in flight; again to stop at once");
+        eprintln!("\n{said}");
     })
     .context("cannot listen for Ctrl-C")?;
     Ok(cancel)

@@ -34,10 +34,28 @@ window.addEventListener("load", () => {
   const view = document.getElementById("pair-view");
   check("a pair opens", !view.hidden && view.querySelectorAll("img").length === 2);
   check("its matches are drawn", view.querySelector("svg path") !== null);
+  const shown = () => getComputedStyle(view.querySelector("path.keypoints")).display !== "none";
+  const keypoints = [...view.querySelectorAll("label")].find((label) => label.textContent === "keypoints");
+  check("keypoints wait", !shown());
+  keypoints.click();
+  check("and come on demand", shown());
+  const beside = document.querySelector("#pair-table tbody a");
+  check("it has a page beside", /^pairs\/wall\/\d+-\d+\.html$/.test(beside.getAttribute("href")));
   document.body.dataset.probe = `${log.join("; ")}; done`;
 });
 </script>
 "##;
+
+/// The report on a telephone: nothing but tables in their boxes may be wider than it.
+const NARROW: &str = r#"
+<iframe id="page" width="390" height="800" style="border: 0" src="run/report/index.html"></iframe>
+<script>
+window.addEventListener("load", () => {
+  const width = document.getElementById("page").contentDocument.documentElement.scrollWidth;
+  document.body.dataset.probe = width <= 390 ? "fits" : `${width} pixels wide`;
+});
+</script>
+"#;
 
 #[test]
 fn page_works_in_a_browser() {
@@ -58,6 +76,25 @@ fn page_works_in_a_browser() {
     let page = fs::read_to_string(run.join("report/index.html")).expect("it was written");
     let probe = folder.path().join("probe.html");
     fs::write(&probe, page + PROBE).expect("writable");
+    let (dom, log) = look(browser, folder.path(), &probe);
+    let found = found_in(&dom);
+    assert!(
+        found.ends_with("done") && !found.contains("FAILED"),
+        "{found}\n{log}"
+    );
+    assert!(!log.contains("CONSOLE"), "{log}");
+    let narrow = folder.path().join("narrow.html");
+    fs::write(&narrow, NARROW).expect("writable");
+    let (dom, log) = look(browser, folder.path(), &narrow);
+    assert_eq!(found_in(&dom), "fits", "{log}");
+    let beside = fs::read_to_string(run.join("report/pairs/wall/0-1.html")).expect("all are few");
+    assert!(
+        beside.contains("images/0.jpg") && run.join("report/pairs/wall/images/0.jpg").is_file()
+    );
+}
+
+/// Opens a page and gives what has become of it, and what the browser had to say.
+fn look(browser: &str, folder: &Path, page: &Path) -> (String, String) {
     let output = Command::new(browser)
         .args([
             "--headless",
@@ -65,24 +102,25 @@ fn page_works_in_a_browser() {
             "--disable-gpu",
             "--virtual-time-budget=5000",
         ])
-        .args(["--enable-logging=stderr", "--dump-dom"])
+        .args([
+            "--allow-file-access-from-files",
+            "--enable-logging=stderr",
+            "--dump-dom",
+        ])
         .arg(format!(
             "--user-data-dir={}",
-            folder.path().join("profile").display()
+            folder.join("profile").display()
         ))
-        .arg(format!("file://{}", probe.display()))
+        .arg(format!("file://{}", page.display()))
         .output()
         .expect("the browser starts");
-    let (dom, log) = (
-        String::from_utf8_lossy(&output.stdout),
-        String::from_utf8_lossy(&output.stderr),
-    );
-    let found = (dom.split("data-probe=\"").nth(1))
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (text(&output.stdout), text(&output.stderr))
+}
+
+/// What the script of a page found.
+fn found_in(dom: &str) -> &str {
+    (dom.split("data-probe=\"").nth(1))
         .and_then(|rest| rest.split('"').next())
-        .unwrap_or("the script did not come to its end");
-    assert!(
-        found.ends_with("done") && !found.contains("FAILED"),
-        "{found}\n{log}"
-    );
-    assert!(!log.contains("CONSOLE"), "{log}");
+        .unwrap_or("the script did not come to its end")
 }

@@ -225,3 +225,126 @@ fn validate_names_file_and_line_and_remedy() {
         assert!(out.contains(expected), "{expected} is not in\n{out}");
     }
 }
+
+#[test]
+fn show_draws_a_pair_that_the_dataset_lists() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 3).display().to_string();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let show = |pair: [&str; 2], out: &str| {
+        let [a, b] = pair;
+        run(&[
+            "show",
+            &wall,
+            a,
+            b,
+            "--matcher",
+            "sift",
+            "--keypoints",
+            "--out",
+            &path(out),
+        ])
+    };
+    let shown = show(["0", "2"], "pair.svg");
+    let said = text(&shown.stdout);
+    assert!(shown.status.success(), "{}", text(&shown.stderr));
+    assert!(
+        said.contains("wall 0 – 2, sift + ransac-e: pose off by"),
+        "{said}"
+    );
+    assert!(said.contains("selected matches"), "{said}");
+    let svg = fs::read_to_string(path("pair.svg")).expect("it was written");
+    assert!(svg.matches("<image").count() == 2 && svg.contains("class=\"keypoints\""));
+    assert!(show(["0", "1"], "pair.png").status.success());
+    let png = fs::read(path("pair.png")).expect("it was written");
+    assert!(png.starts_with(b"\x89PNG"));
+    for (pair, out, expected) in [
+        (["0", "7"], "no.png", "no pair 0 7"),
+        (["0", "1"], "no.jpg", ".png or .svg"),
+    ] {
+        let refused = show(pair, out);
+        assert_eq!(refused.status.code(), Some(1));
+        assert!(
+            text(&refused.stderr).contains(expected),
+            "{}",
+            text(&refused.stderr)
+        );
+        assert!(!folder.path().join(out).exists());
+    }
+}
+
+#[test]
+fn time_has_a_line_for_every_matcher() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 3).display().to_string();
+    let output = run(&["time", &wall, "--matchers", "sift,orb", "--pairs", "2"]);
+    let out = text(&output.stdout);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(
+        out.contains("1 thread, no cache; first 2 pairs of wall"),
+        "{out}"
+    );
+    for matcher in ["sift", "orb"] {
+        let line = out
+            .lines()
+            .find(|line| line.starts_with(matcher))
+            .expect(matcher);
+        // Name and features, four stages of `median (lower–upper)`, memory and its unit.
+        let words: Vec<&str> = line.split_whitespace().collect();
+        assert_eq!(
+            words.len(),
+            if cfg!(target_os = "linux") { 12 } else { 11 },
+            "{line}"
+        );
+        assert!(words[1].parse::<u32>().expect("a count") > 0, "{line}");
+        assert!(
+            words[2].parse::<f64>().expect("milliseconds") > 0.0,
+            "{line}"
+        );
+    }
+}
+
+#[test]
+fn compare_says_what_changed_in_numbers_and_in_words() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 5).display().to_string();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let go = |name: &str, setting: &str| {
+        let arguments = ["--matchers", "sift", "--set", setting, "--out", &path(name)];
+        let done = run(&[&["run", &wall][..], &arguments].concat());
+        assert!(done.status.success(), "{}", text(&done.stderr));
+    };
+    go("good", "sift.ratio=0.8");
+    // So few matches are left that no pose has enough support.
+    go("bad", "sift.ratio=0.01");
+    let compare = |before: &str, after: &str| {
+        let output = run(&["compare", &path(before), &path(after)]);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stdout)
+    };
+    let out = compare("bad", "good");
+    let sentence = format!(
+        "{} beats {} on wall with sift + ransac-e by ",
+        path("good"),
+        path("bad")
+    );
+    assert!(out.contains(&sentence) && out.contains("better"), "{out}");
+    assert!(compare("good", "bad").contains(&sentence));
+    assert!(compare("good", "good").contains("score the same on wall"));
+}
+
+#[test]
+fn eval_says_who_is_best_and_how_certainly() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 5).display().to_string();
+    let out = folder.path().join("run").display().to_string();
+    let done = run(&["run", &wall, "--matchers", "sift,orb", "--out", &out]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let told = text(&run(&["eval", &out]).stdout);
+    let last = told.lines().last().expect("a table");
+    assert!(
+        last.contains("sift + ransac-e") && last.contains("orb + ransac-e"),
+        "{told}"
+    );
+    assert!(last.contains(" on wall"), "{told}");
+}

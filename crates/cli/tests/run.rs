@@ -170,3 +170,35 @@ fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {
         FRAMES * (2 * FRAMES - 1)
     );
 }
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_leaves_no_temporary_folder() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 2 * FRAMES);
+    let temporary = folder.path().join("temporary");
+    fs::create_dir(&temporary).expect("writable");
+    let child = matchbench()
+        .args(["time", "--matchers", "sift"])
+        .arg(&wall)
+        .env("TMPDIR", &temporary)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    let entries = || fs::read_dir(&temporary).expect("it is ours").count();
+    let patience = Instant::now() + Duration::from_secs(60);
+    while entries() == 0 {
+        assert!(
+            Instant::now() < patience,
+            "nothing was begun within a minute"
+        );
+        sleep(Duration::from_millis(1));
+    }
+    let interrupted = std::process::Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(interrupted.expect("kill is everywhere").success());
+    let output = child.wait_with_output().expect("it ended");
+    assert_eq!((output.status.code(), entries()), (Some(130), 0));
+}

@@ -63,6 +63,15 @@ fn what_is_tuned_on_one_scene_is_used_on_another_and_refused_on_the_same() {
         best[0].as_f64().expect("a number")
     );
     assert!(plan.contains(&planned), "{plan}");
+    let reported = matchbench()
+        .arg("report")
+        .arg(folder.path().join("run"))
+        .output()
+        .expect("the program starts");
+    succeeded(&reported);
+    let page = folder.path().join("run/report/index.html");
+    let page = fs::read_to_string(page).expect("it was written");
+    assert!(page.contains("was chosen on training"), "the report tells");
 }
 
 #[test]

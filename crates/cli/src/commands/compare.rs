@@ -5,6 +5,7 @@ use std::io::Write as _;
 
 use anyhow::{Result, ensure};
 use matchbench::metrics::{Bootstrap, Comparison, ResultSet, Score, compare, load};
+use matchbench::report::advantage;
 
 use crate::Ending;
 use crate::args::CompareArgs;
@@ -39,6 +40,12 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
         args.after.display()
     );
     let mut text = table(&rows);
+    text.push('\n');
+    let [before, after] = [&args.before, &args.after].map(|run| run.display().to_string());
+    for (set, comparison) in &rows {
+        let on = format!("{} with {} + {}", set.dataset, set.matcher, set.estimator);
+        let _ = writeln!(text, "{}", advantage(&after, &before, &on, &comparison.auc));
+    }
     for (set, run) in alone {
         let _ = writeln!(
             text,

@@ -32,7 +32,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
         return Ok(ending);
     }
     eval::print(&args.out, None)?;
-    let page = report::write(&args.out, None, report::PICTURES)?;
+    let page = report::write(&args.out, None, None, report::PICTURES)?;
     let page = std::path::absolute(page)?;
     let mut out = std::io::stdout();
     writeln!(

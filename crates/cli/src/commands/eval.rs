@@ -5,15 +5,18 @@ use std::path::Path;
 
 use anyhow::Result;
 use matchbench::files::write_whole;
-use matchbench::metrics::{Bootstrap, Summary, load};
-use matchbench::report::{Content, Format, RunFacts, render};
+use matchbench::metrics::{Bootstrap, ResultSet, Summary, load};
+use matchbench::report::{Content, Format, RunFacts, leads_in_words, render};
 
 use crate::Ending;
 use crate::args::{EvalArgs, FormatArg};
 
 pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
-    let summaries = summaries(&args.results, args.datasets.as_deref())?;
-    let text = render(args.format.into(), &summaries);
+    let sets = load(&args.results, args.datasets.as_deref())?;
+    let text = match args.format {
+        FormatArg::Table => table(sets),
+        other => render(other.into(), &content(sets).summaries),
+    };
     match &args.out {
         Some(path) => write_whole(path, text.as_bytes())?,
         None => std::io::stdout().write_all(text.as_bytes())?,
@@ -23,13 +26,29 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
 
 /// Scores the results in a folder.
 pub(crate) fn summaries(results: &Path, datasets: Option<&Path>) -> Result<Vec<Summary>> {
-    let sets = load(results, datasets)?;
-    Ok(Content::new(sets, &Bootstrap::default(), RunFacts::default()).summaries)
+    Ok(content(load(results, datasets)?).summaries)
+}
+
+fn content(sets: Vec<ResultSet>) -> Content {
+    Content::new(sets, &Bootstrap::default(), RunFacts::default())
+}
+
+/// The table of scores, and below it the best of each dataset against the others.
+fn table(sets: Vec<ResultSet>) -> String {
+    let Content {
+        summaries, leads, ..
+    } = content(sets);
+    let mut text = render(Format::Table, &summaries);
+    if !leads.is_empty() {
+        text.push_str("\nAUC of the best on each dataset against the others, on the same pairs [95 % interval]:\n");
+        text.push_str(&leads_in_words(&leads));
+    }
+    text
 }
 
 /// Prints the table of scores.
 pub(crate) fn print(results: &Path, datasets: Option<&Path>) -> Result<()> {
-    let text = render(Format::Table, &summaries(results, datasets)?);
+    let text = table(load(results, datasets)?);
     std::io::stdout().write_all(text.as_bytes())?;
     Ok(())
 }

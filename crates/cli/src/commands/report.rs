@@ -9,30 +9,41 @@ use anyhow::{Context, Result};
 use matchbench::datasets::Sequence;
 use matchbench::metrics::{Bootstrap, PairGeometry, load};
 use matchbench::report::{Content, RunFacts, write_report};
-use matchbench::run::Plan;
+use matchbench::run::{FeatureCache, Plan};
 
-use super::pictures;
+use super::pictures::{self, Keypoints};
+use super::tune::Tuned;
 use crate::Ending;
 use crate::args::ReportArgs;
 
-/// Pairs of each dataset whose pictures are embedded, where nothing else is asked for.
-pub(crate) const PICTURES: usize = 4;
+/// Pairs of each dataset that have pictures, where nothing else is asked for.
+pub(crate) const PICTURES: usize = 16;
 
 pub(crate) fn run(args: &ReportArgs) -> Result<Ending> {
-    let page = write(&args.run, args.out.as_deref(), args.pictures)?;
+    let page = write(
+        &args.run,
+        args.out.as_deref(),
+        args.cache.as_deref(),
+        args.pictures,
+    )?;
     writeln!(std::io::stdout(), "{}", page.display())?;
     Ok(Ending::Done)
 }
 
 /// Writes the report of the run in `folder`, with pictures of so many pairs of each dataset, and
-/// returns its page.
-pub(crate) fn write(folder: &Path, out: Option<&Path>, pictures: usize) -> Result<PathBuf> {
+/// returns its page; keypoints come from the feature `cache`, if not from the usual one.
+pub(crate) fn write(
+    folder: &Path,
+    out: Option<&Path>,
+    cache: Option<&Path>,
+    pictures: usize,
+) -> Result<PathBuf> {
     let file = folder.join("plan.json");
     let text =
         fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
     let plan: Plan = serde_json::from_str(&text)
         .with_context(|| format!("{} is not the plan of a run", file.display()))?;
-    let facts = RunFacts {
+    let mut facts = RunFacts {
         title: "matchbench report".into(),
         facts: vec![
             ("version".into(), format!("matchbench {}", plan.version)),
@@ -44,6 +55,10 @@ pub(crate) fn write(folder: &Path, out: Option<&Path>, pictures: usize) -> Resul
         ],
         plan: Some(text),
     };
+    let tuned = Tuned::noted(folder)?;
+    facts
+        .facts
+        .extend((tuned.iter()).map(|tuned| ("tuned parameter".to_owned(), tuned.in_words())));
     let mut content = Content::new(load(folder, None)?, &Bootstrap::default(), facts);
     let sequences = sequences(&plan);
     content.geometry = (sequences.iter())
@@ -58,7 +73,9 @@ pub(crate) fn write(folder: &Path, out: Option<&Path>, pictures: usize) -> Resul
             .collect();
         geometry.retain(|pair, _| run.contains(pair));
     }
-    content.views = pictures::sample(folder, &content.results, &sequences, pictures)?;
+    let cache = cache.map_or_else(|| folder.join("cache"), Path::to_path_buf);
+    let keypoints = Keypoints::new(&plan, FeatureCache::new(cache));
+    content.views = pictures::sample(folder, &content.results, &sequences, keypoints, pictures)?;
     let default = folder.join("report");
     Ok(write_report(out.unwrap_or(&default), &content)?)
 }

@@ -42,10 +42,13 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     let plan = Plan::new(&datasets, &contenders, job.settings)?;
     tuned.iter().try_for_each(|tuned| tuned.check(&plan))?;
     let ending = job.execute()?;
+    if !tuned.is_empty() {
+        Tuned::note(&tuned, &args.out)?;
+    }
     if ending != Ending::Stopped {
         eval::print(&args.out, None)?;
         if args.report {
-            let page = report::write(&args.out, None, report::PICTURES)?;
+            let page = report::write(&args.out, None, args.cache.as_deref(), report::PICTURES)?;
             writeln!(std::io::stdout(), "\nreport: {}", page.display())?;
         }
     }
@@ -66,6 +69,9 @@ pub(crate) fn open(folders: &[impl AsRef<Path>]) -> Result<Vec<Dataset>> {
         .collect()
 }
 
+/// Said when Ctrl-C stops a run.
+const AFTER_PAIRS: &str = "stopping after the pairs in flight; again to stop at once";
+
 /// A run as it is asked for on the command line.
 pub(crate) struct Job<'a> {
     pub(crate) datasets: &'a [Dataset],
@@ -81,17 +87,16 @@ pub(crate) struct Job<'a> {
 impl Job<'_> {
     /// Does what is left, with a progress bar, until it is done or stopped.
     pub(crate) fn execute(&self) -> Result<Ending> {
-        let cancel = cancel_on_ctrl_c()?;
+        let cancel = cancel_on_ctrl_c(AFTER_PAIRS)?;
         let bar = Bar::new();
         let summary = self.go(&bar, &cancel);
         bar.finish();
         Ok(tell(&summary?, self.folder))
     }
 
-    /// Does all of it without a word. Nothing is kept, so Ctrl-C just ends the process.
-    pub(crate) fn execute_quietly(&self) -> Result<()> {
-        self.go(&Silent, &Cancel::default())?;
-        Ok(())
+    /// Does all of it without a word; false if it was stopped before the end.
+    pub(crate) fn execute_quietly(&self, cancel: &Cancel) -> Result<bool> {
+        Ok(self.go(&Silent, cancel)?.is_complete())
     }
 
     fn go(&self, observer: &dyn Observer, cancel: &Cancel) -> Result<RunSummary> {

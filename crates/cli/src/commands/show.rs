@@ -16,6 +16,7 @@ use super::run::{Job, open};
 use crate::Ending;
 use crate::args::ShowArgs;
 use crate::contenders::contenders;
+use crate::progress::cancel_on_ctrl_c;
 
 /// Longest side of an image in the picture, and its JPEG quality.
 const DRAWN: (u32, u8) = (1600, 88);
@@ -64,7 +65,10 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         threads: Some(1),
         keep_matches: true,
     };
-    job.execute_quietly()?;
+    let cancel = cancel_on_ctrl_c("stopping; nothing is written")?;
+    if !job.execute_quietly(&cancel)? {
+        return Ok(Ending::Stopped);
+    }
 
     let (sequence, id) = (&datasets[0].sequence, &contender.matcher.id);
     let estimator = &contender.estimators[0].id;

@@ -21,6 +21,9 @@ use crate::Ending;
 use crate::args::TuneArgs;
 use crate::contenders::{parse_value, variants};
 
+/// File in the folder of a run that says which settings were taken over from tuning.
+const NOTE: &str = "tuning.json";
+
 /// What was chosen, and on which scenes: `tuned.json`, for `run --tuned`.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -54,6 +57,42 @@ impl Tuned {
         })?;
         serde_json::from_str(&text)
             .with_context(|| format!("{} is not what `matchbench tune` writes", path.display()))
+    }
+
+    /// Notes in the folder of a run what it took over, for its report.
+    pub(crate) fn note(tuned: &[Self], run: &Path) -> Result<()> {
+        let text = serde_json::to_string_pretty(tuned)?;
+        write_whole(&run.join(NOTE), format!("{text}\n").as_bytes())?;
+        Ok(())
+    }
+
+    /// What the run in this folder took over; nothing where it tuned nothing.
+    pub(crate) fn noted(run: &Path) -> Result<Vec<Self>> {
+        let path = run.join(NOTE);
+        if !path.exists() {
+            return Ok(Vec::new());
+        }
+        let text =
+            fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        serde_json::from_str(&text)
+            .with_context(|| format!("{} is not what `matchbench run` writes", path.display()))
+    }
+
+    /// In words: the setting, where it was chosen, among what.
+    pub(crate) fn in_words(&self) -> String {
+        let names: Vec<&str> = self.datasets.iter().map(|on| &*on.name).collect();
+        let values: Vec<String> = self
+            .auc
+            .iter()
+            .map(|(value, _)| value.to_string())
+            .collect();
+        format!(
+            "{} was chosen on {} with the matches of {}, among {}; none of these datasets is reported here",
+            self.setting,
+            names.join(", "),
+            self.matchers.join(", "),
+            values.join(", ")
+        )
     }
 
     /// Refuses a plan that reports on scenes that this was tuned on.

@@ -27,6 +27,9 @@ pub(super) const FILE: &str = "dataset.toml";
 /// The version of the format written here.
 pub(super) const VERSION: u32 = 1;
 
+/// How many problems of one manifest are told.
+const MOST_PROBLEMS: usize = 20;
+
 /// The contents of `dataset.toml`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -109,6 +112,29 @@ impl Manifest {
         Ok(manifest)
     }
 
+    /// Reads as much of a manifest as can be read, and notes what is wrong: a line that is wrong by
+    /// itself is taken out for the rest to be looked at, as often as [`MOST_PROBLEMS`].
+    pub(super) fn parse_all(file: &TextFile) -> (Option<Self>, Vec<DatasetError>) {
+        let mut lines: Vec<&str> = file.text().lines().collect();
+        let mut problems = Vec::new();
+        loop {
+            let error = match Self::parse(&TextFile::new(&file.path, &lines.join("\n"))) {
+                Ok(manifest) => return (Some(manifest), problems),
+                Err(error) => error,
+            };
+            // What is missing may be missing because its line was taken out.
+            if !problems.is_empty() && error.what.contains("missing field") {
+                return (None, problems);
+            }
+            let line = (error.line).and_then(|line| lines.get_mut(line.checked_sub(1)?));
+            problems.push(error);
+            match line {
+                Some(line) if is_setting(line) && problems.len() < MOST_PROBLEMS => *line = "",
+                _ => return (None, problems),
+            }
+        }
+    }
+
     /// Where the image of frame `index` is, if the manifest says so.
     pub(super) fn image(&self, dataset: &Path, index: usize) -> Option<PathBuf> {
         let image = self.frames.get(index)?.image.as_ref()?;
@@ -128,6 +154,12 @@ fn is_plain_name(name: &str) -> bool {
         && name
             .chars()
             .all(|c| c.is_alphanumeric() || "._- +@".contains(c))
+}
+
+/// Whether a line is `key = value` and whole by itself.
+fn is_setting(line: &str) -> bool {
+    !line.trim_start().starts_with('[')
+        && toml::from_str::<toml::Table>(line).is_ok_and(|table| !table.is_empty())
 }
 
 fn line_of(text: &str, byte: usize) -> usize {
@@ -151,6 +183,27 @@ mod tests {
         assert!(error.what.contains("colour"), "{error}");
         let error = parse("version = 1\n[[frames]]\nimage = \"a\"\nfocal = 1\n").unwrap_err();
         assert_eq!(error.line, Some(4));
+    }
+
+    #[test]
+    fn every_line_that_is_wrong_by_itself_is_told() {
+        let parse_all = |text: &str| {
+            let (manifest, problems) = Manifest::parse_all(&TextFile::new(Path::new("x"), text));
+            let lines: Vec<_> = problems.iter().map(|problem| problem.line).collect();
+            (manifest, lines)
+        };
+        let text = "version = 1\ncolour = 3\nname = 'desk'\n[[frames]]\nimage = 7\nimage2 = ''\n";
+        let (manifest, lines) = parse_all(text);
+        assert_eq!(lines, [Some(2), Some(5), Some(6)]);
+        assert_eq!(
+            manifest.and_then(|manifest| manifest.name).as_deref(),
+            Some("desk")
+        );
+        // What cannot be taken apart ends the search, and so does a version that was taken out.
+        assert_eq!(parse_all("version = 1\nnotes = [\n'a'\n").1.len(), 1);
+        assert_eq!(parse_all("version = 'x'\ncolour = 3\n").1.len(), 2);
+        let many: Vec<String> = (0..99).map(|i| format!("a{i} = 1")).collect();
+        assert_eq!(parse_all(&many.join("\n")).1.len(), MOST_PROBLEMS);
     }
 
     #[test]

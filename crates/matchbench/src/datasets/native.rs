@@ -100,10 +100,14 @@ impl Contents {
         }
         let mut note = |error: DatasetError| problems.push(error.into());
         let manifest = optional(&dir.join(manifest::FILE))
-            .and_then(|file| file.as_ref().map(Manifest::parse).transpose())
             .unwrap_or_else(|error| {
                 note(error);
                 None
+            })
+            .and_then(|file| {
+                let (manifest, errors) = Manifest::parse_all(&file);
+                errors.into_iter().for_each(&mut note);
+                manifest
             })
             .unwrap_or_default();
         let name = manifest.name.clone().unwrap_or_else(|| folder_name(dir));

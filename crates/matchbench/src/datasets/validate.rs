@@ -85,8 +85,7 @@ impl Problem {
 /// All problems of the dataset in the folder `dir`; none if it is sound.
 ///
 /// What the text files alone show comes first, then images, cameras, and what contradicts each
-/// other; within a file the order is that of its lines. Of `dataset.toml` only the first problem
-/// is known.
+/// other; within a file the order is that of its lines.
 pub fn validate(dir: &Path) -> Vec<Problem> {
     let mut problems = Vec::new();
     let contents = Contents::read(dir, &mut problems);
@@ -414,7 +413,11 @@ mod tests {
     #[test]
     fn all_problems_are_found_at_once() {
         let (_folder, dir) = testing::dataset();
-        fs::write(dir.join("dataset.toml"), "version = 1\ncolour = 3\n").unwrap();
+        fs::write(
+            dir.join("dataset.toml"),
+            "version = 1\ncolour = 3\nnotes = 7\n",
+        )
+        .unwrap();
         fs::write(dir.join("camera.txt"), "20 0 100 0 20 8 0 0 1").unwrap();
         fs::write(dir.join("Images/0001.png"), "x").unwrap();
         let pairs = "0 1 nan 0 0 1 0 1 0 0 0 0 1 0\n2 2\n";
@@ -433,6 +436,7 @@ mod tests {
             files,
             [
                 ("dataset.toml", Some(2)),
+                ("dataset.toml", Some(3)),
                 ("pairs.txt", Some(1)),
                 ("pairs.txt", Some(2)),
                 ("0001.png", None),

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use super::average_matches::is_right;
 use super::success::share_of_thresholds;
 use super::summary::AP_THRESHOLD;
-use super::{Angle, Bootstrap, PairResult, ResultSet, Score, Term};
+use super::{Angle, Bootstrap, PairResult, ResultSet, Score, SuccessCurve, Term};
 
 /// What changed from one set of results to another on the pairs that both have.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +36,7 @@ pub struct Comparison {
 impl Comparison {
     /// Whether the interval of the difference of the AUC leaves no doubt about its sign.
     pub fn is_certain(&self) -> bool {
-        (self.auc.interval).is_some_and(|interval| interval.low > 0.0 || interval.high < 0.0)
+        self.auc.excludes_zero()
     }
 }
 
@@ -71,6 +71,42 @@ pub fn compare(before: &ResultSet, after: &ResultSet, bootstrap: &Bootstrap) -> 
 /// difference and its paired bootstrap interval. Both must come from the same dataset.
 pub fn auc_difference(this: &ResultSet, other: &ResultSet, bootstrap: &Bootstrap) -> Score {
     difference(&twins(other, this), Angle::Pose, bootstrap)
+}
+
+/// The best method of a dataset against one of the others.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lead {
+    /// Name of the dataset.
+    pub dataset: String,
+    /// Matcher and estimator with the highest AUC; of equal ones the first.
+    pub best: (String, String),
+    /// Matcher and estimator that they are compared with.
+    pub other: (String, String),
+    /// How much better the best are, with the paired interval.
+    pub difference: Score,
+}
+
+/// The best of each dataset against each of the others, in the order of `sets`.
+pub fn leads(sets: &[ResultSet], bootstrap: &Bootstrap) -> Vec<Lead> {
+    let auc = |set: &ResultSet| SuccessCurve::new(&set.pairs, Angle::Pose).auc();
+    let mut best = BTreeMap::<&str, (&ResultSet, f64)>::new();
+    for set in sets.iter().filter(|set| !set.pairs.is_empty()) {
+        let leader = best.entry(&set.dataset).or_insert((set, auc(set)));
+        if auc(set) > leader.1 {
+            *leader = (set, auc(set));
+        }
+    }
+    let method = |set: &ResultSet| (set.matcher.clone(), set.estimator.clone());
+    (sets.iter())
+        .filter_map(|set| Some((best.get(&*set.dataset)?.0, set)))
+        .filter(|&(best, set)| method(best) != method(set))
+        .map(|(best, set)| Lead {
+            dataset: set.dataset.clone(),
+            best: method(best),
+            other: method(set),
+            difference: auc_difference(best, set, bootstrap),
+        })
+        .collect()
 }
 
 /// The results of the pairs that both have, in the order of `after`.
@@ -144,5 +180,36 @@ mod tests {
         assert!(!same.is_certain());
         let none = compare(&results(vec![]), &one, &Bootstrap::default());
         assert_eq!((none.pairs, none.before, none.auc.value), (0, None, None));
+    }
+
+    #[test]
+    fn the_best_of_each_dataset_leads_the_others() {
+        let named = |matcher: &str, error| ResultSet {
+            matcher: matcher.into(),
+            ..results(vec![solved(0, 0.1, error, 50), solved(1, 0.1, error, 50)])
+        };
+        let elsewhere = ResultSet {
+            dataset: "room".into(),
+            ..named("orb", 0.1)
+        };
+        let sets = [
+            named("sift", 4.5),
+            named("orb", 0.1),
+            named("surf", 0.1),
+            elsewhere,
+        ];
+        let leads = leads(&sets, &Bootstrap::default());
+        let found: Vec<_> = (leads.iter())
+            .map(|lead| {
+                (
+                    &*lead.best.0,
+                    &*lead.other.0,
+                    lead.difference.excludes_zero(),
+                )
+            })
+            .collect();
+        assert_eq!(found, [("orb", "sift", true), ("orb", "surf", false)]);
+        let by = leads[0].difference.value.expect("the same pairs");
+        assert!((by - 4.0 / 15.0).abs() < 1e-15);
     }
 }

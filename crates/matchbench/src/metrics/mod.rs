@@ -22,7 +22,7 @@ mod times;
 pub use auc::{exact_auc, maa};
 pub use average_matches::average_matches;
 pub use bootstrap::{Bootstrap, Interval, Term};
-pub use comparison::{Comparison, auc_difference, compare};
+pub use comparison::{Comparison, Lead, auc_difference, compare, leads};
 pub use failures::{Failure, Failures};
 pub use pair_geometry::{DatasetGeometry, PairGeometry};
 pub use pair_result::{Angle, AngularError, PairResult};

@@ -21,6 +21,13 @@ pub struct Score {
     pub interval: Option<Interval>,
 }
 
+impl Score {
+    /// Of a difference: whether its interval leaves no doubt about its sign.
+    pub fn excludes_zero(&self) -> bool {
+        (self.interval).is_some_and(|interval| interval.low > 0.0 || interval.high < 0.0)
+    }
+}
+
 /// All scores of one dataset, matcher and estimator. Ratios are in `[0, 1]` and NaN without pairs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {

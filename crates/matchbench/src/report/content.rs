@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use crate::metrics::{Bootstrap, DatasetGeometry, ResultSet, Summary};
+use crate::metrics::{Bootstrap, DatasetGeometry, Lead, ResultSet, Summary, leads};
 
 use super::PairView;
 
@@ -24,6 +24,8 @@ pub struct RunFacts {
 pub struct Content {
     /// Scores, one for each set of results.
     pub summaries: Vec<Summary>,
+    /// The best of each dataset against the others.
+    pub leads: Vec<Lead>,
     /// The results pair by pair.
     pub results: Vec<ResultSet>,
     /// Baseline, angle and overlap of the pairs, by dataset; what is not there is not shown.
@@ -41,6 +43,7 @@ impl Content {
             summaries: (results.par_iter())
                 .map(|set| Summary::new(set, bootstrap))
                 .collect(),
+            leads: leads(&results, bootstrap),
             results,
             facts,
             ..Self::default()

@@ -92,14 +92,16 @@ fn interval(score: &Score) -> Vec<String> {
     ends.map(number).to_vec()
 }
 
-/// The shortest digits that read back as the same number.
+/// The shortest digits that read back as the same number, always with a point or an exponent: from
+/// a `1` in the first rows readers conclude that a column holds whole numbers.
 pub(super) fn number(value: impl Into<Option<f64>>) -> String {
-    (value.into().filter(|value| value.is_finite())).map_or_else(String::new, |v| v.to_string())
+    (value.into().filter(|value| value.is_finite())).map_or_else(String::new, |v| format!("{v:?}"))
 }
 
-/// Quoted where a comma, a quote or a line end would break the row.
+/// Quoted where a comma, a quote or a line end would break the row, and where a name looks like a
+/// number (`06`), which it is not.
 pub(super) fn field(text: &str) -> String {
-    if text.contains(['"', ',', '\n', '\r']) {
+    if text.contains(['"', ',', '\n', '\r']) || text.parse::<f64>().is_ok() {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
         text.to_owned()

@@ -1,11 +1,14 @@
 //! The figures of a report: which curves and bars of which dataset go into which drawing.
 
-use crate::metrics::{Angle, PairGeometry, Stratum, Summary, auc_by_stratum, strata};
+use crate::metrics::{
+    Angle, PairGeometry, Spread, StageSpreads, Stratum, Summary, auc_by_stratum, strata,
+};
 
 use super::content::Content;
 use super::numbers::short;
 use super::overview::Overview;
-use super::svg::{Dot, Place, ap_bars, heat_map, scatter, sp_curves, strata_curves};
+use super::svg::{Dot, Place, Rival, ap_bars, forest, heat_map, scatter, sp_curves, strata_curves};
+use super::words::advantage;
 
 /// Parts that the pairs of a dataset are cut into by difficulty.
 const STRATA: usize = 4;
@@ -63,8 +66,8 @@ pub(super) fn difficulty_figure(
         (low, high) => format!("{low}–{high}"),
     };
     let ranges: Vec<String> = strata.iter().map(label).collect();
-    let lines: Vec<_> = (overview.rows.iter().enumerate())
-        .filter_map(|(i, row)| {
+    let lines: Vec<_> = (overview.rows.iter())
+        .filter_map(|row| {
             let summary = row.cells[column].as_ref()?.summary;
             let is_its = |set: &&crate::metrics::ResultSet| {
                 (&set.dataset, &set.matcher, &set.estimator)
@@ -72,7 +75,7 @@ pub(super) fn difficulty_figure(
             };
             let set = content.results.iter().find(is_its)?;
             Some((
-                i,
+                row.series,
                 &*row.label,
                 auc_by_stratum(set, geometry, value, &strata),
             ))
@@ -87,31 +90,83 @@ pub(super) fn difficulty_figure(
     ))
 }
 
+/// The stages of a matcher on a dataset: each is timed with the first estimator alone, since the
+/// others are given the same matches. The pose is that of `summary`.
+pub(super) fn stages_of(summaries: &[Summary], summary: &Summary) -> StageSpreads {
+    let same = |s: &&Summary| s.dataset == summary.dataset && s.matcher == summary.matcher;
+    let stage = |get: fn(&StageSpreads) -> Option<Spread>| {
+        get(&summary.stages).or_else(|| summaries.iter().filter(same).find_map(|s| get(&s.stages)))
+    };
+    StageSpreads {
+        extract: stage(|stages| stages.extract),
+        search: stage(|stages| stages.search),
+        select: stage(|stages| stages.select),
+        ..summary.stages
+    }
+}
+
 /// Seconds for a pair, both of whose images are new: the medians of all stages that were timed, if
 /// detection and search were.
-pub(super) fn seconds_for_a_pair(summary: &Summary) -> Option<f64> {
-    let stages = &summary.stages;
-    let optional =
-        |stage: Option<crate::metrics::Spread>| stage.map_or(0.0, |spread| spread.median);
+pub(super) fn seconds_for_a_pair(summaries: &[Summary], summary: &Summary) -> Option<f64> {
+    let stages = stages_of(summaries, summary);
+    let optional = |stage: Option<Spread>| stage.map_or(0.0, |spread| spread.median);
     let (extract, search) = (stages.extract?.median, stages.search?.median);
     Some(2.0 * extract + search + optional(stages.select) + optional(stages.estimate))
 }
 
 /// Accuracy against time on one dataset, if anything was timed.
-pub(super) fn time_figure(overview: &Overview<'_>, column: usize, place: Place) -> Option<String> {
-    let dots: Vec<Dot<'_>> = (overview.rows.iter().enumerate())
-        .filter_map(|(series, row)| {
+pub(super) fn time_figure(
+    summaries: &[Summary],
+    overview: &Overview<'_>,
+    column: usize,
+    place: Place,
+) -> Option<String> {
+    let dots: Vec<Dot<'_>> = (overview.rows.iter())
+        .filter_map(|row| {
             let summary = row.cells[column].as_ref()?.summary;
             Some(Dot {
-                series,
+                series: row.series,
                 name: &row.label,
-                seconds: seconds_for_a_pair(summary)?,
+                seconds: seconds_for_a_pair(summaries, summary)?,
                 auc: summary.auc,
             })
         })
         .collect();
     let title = format!("Accuracy against time: {}", overview.datasets[column]);
     (!dots.is_empty()).then(|| scatter(place, &title, &dots))
+}
+
+/// The best of a dataset against the others, if there are others.
+pub(super) fn lead_figure(
+    content: &Content,
+    overview: &Overview<'_>,
+    column: usize,
+    place: Place,
+) -> Option<String> {
+    let dataset = overview.datasets[column];
+    let leads = || content.leads.iter().filter(|lead| lead.dataset == dataset);
+    let row = |(matcher, estimator): &(String, String)| {
+        overview.rows.iter().find(|row| {
+            let summary = row.cells[column].as_ref().map(|cell| cell.summary);
+            summary.is_some_and(|s| s.matcher == *matcher && s.estimator == *estimator)
+        })
+    };
+    let best = row(&leads().next()?.best)?;
+    let mut rivals: Vec<Rival<'_>> = leads()
+        .filter_map(|lead| {
+            let row = row(&lead.other)?;
+            Some(Rival {
+                series: row.series,
+                name: &row.label,
+                words: advantage(&best.label, &row.label, dataset, &lead.difference),
+                behind: lead.difference,
+            })
+        })
+        .collect();
+    let behind = |rival: &Rival<'_>| rival.behind.value.unwrap_or(f64::INFINITY);
+    rivals.sort_by(|one, other| behind(one).total_cmp(&behind(other)));
+    let title = format!("{} ahead of the others: {dataset}", best.label);
+    Some(forest(place, &title, &best.label, &rivals))
 }
 
 /// AUC of matchers by estimators on one dataset, or the mean over all; nothing where there is only
@@ -169,15 +224,15 @@ pub(super) fn sp_figure(
     angle: Angle,
     place: Place,
 ) -> String {
-    let curves: Vec<_> = (overview.rows.iter().enumerate())
-        .filter_map(|(i, row)| {
+    let curves: Vec<_> = (overview.rows.iter())
+        .filter_map(|row| {
             let summary = row.cells[column].as_ref()?.summary;
             let curve = match angle {
                 Angle::Pose => &summary.sp,
                 Angle::Rotation => &summary.rotation_sp,
                 Angle::Translation => &summary.translation_sp,
             };
-            Some((i, &*row.label, curve))
+            Some((row.series, &*row.label, curve))
         })
         .collect();
     let what = match angle {
@@ -191,10 +246,10 @@ pub(super) fn sp_figure(
 
 /// The AP bars of one dataset.
 pub(super) fn ap_figure(overview: &Overview<'_>, column: usize, place: Place) -> String {
-    let bars: Vec<_> = (overview.rows.iter().enumerate())
-        .filter_map(|(i, row)| {
+    let bars: Vec<_> = (overview.rows.iter())
+        .filter_map(|row| {
             let summary = row.cells[column].as_ref()?.summary;
-            Some((i, &*row.label, summary.ap5))
+            Some((row.series, &*row.label, summary.ap5))
         })
         .collect();
     let title = format!(

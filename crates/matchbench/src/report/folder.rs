@@ -1,7 +1,6 @@
 //! The report as a folder that opens from disk and can be mailed: `index.html`,
-//! `figures/*.{svg,png}`, `tables/*.{csv,json,md,tex}`.
+//! `figures/*.{svg,png}`, `pairs/*/*.html`, `tables/*.{csv,parquet,json,md,tex}`.
 
-use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -12,12 +11,14 @@ use crate::metrics::Angle;
 
 use super::content::Content;
 use super::figures::{
-    Difficulty, ap_figure, difficulty_figure, estimator_figure, sp_figure, time_figure,
+    Difficulty, ap_figure, difficulty_figure, estimator_figure, lead_figure, sp_figure, time_figure,
 };
+use super::file_names::file_names;
 use super::overview::Overview;
+use super::pair_table::columns;
 use super::raster::png;
 use super::svg::Place;
-use super::{Format, html, pairs_csv, render};
+use super::{Format, html, pairs_csv, parquet, render};
 
 /// Pixels of a PNG figure for each unit of its drawing: sharp on dense screens and in print.
 const PNG_SCALE: f32 = 2.0;
@@ -39,10 +40,12 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
     ] {
         write_whole(&tables.join(name), render(format, summaries).as_bytes())?;
     }
+    let pairs = columns(content);
     write_whole(
         &tables.join("pairs.csv"),
-        pairs_csv::render(content).as_bytes(),
+        pairs_csv::render(&pairs).as_bytes(),
     )?;
+    write_whole(&tables.join("pairs.parquet"), &parquet::render(&pairs))?;
     let drawings = folder.join("figures");
     figures(content, &overview)
         .into_par_iter()
@@ -53,6 +56,9 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
                 &png(&svg, PNG_SCALE)?,
             )
         })?;
+    html::pair_pages(content, &overview)
+        .into_par_iter()
+        .try_for_each(|(name, bytes)| write_whole(&folder.join(name), &bytes))?;
     let page = folder.join("index.html");
     write_whole(&page, html::render(content).as_bytes())?;
     Ok(page)
@@ -61,9 +67,8 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
 /// Every figure with its name.
 fn figures(content: &Content, overview: &Overview<'_>) -> Vec<(String, String)> {
     let mut figures = Vec::new();
-    let mut taken = BTreeSet::new();
-    for (column, dataset) in overview.datasets.iter().enumerate() {
-        let name = file_name(dataset, &mut taken);
+    let names = file_names(&overview.datasets);
+    for (column, (dataset, name)) in overview.datasets.iter().zip(&names).enumerate() {
         for (prefix, angle) in [
             ("sp", Angle::Pose),
             ("sp-rotation", Angle::Rotation),
@@ -74,13 +79,16 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<(String, String)> 
         }
         let svg = ap_figure(overview, column, Place::File);
         figures.push((format!("ap-{name}"), svg));
+        if let Some(svg) = lead_figure(content, overview, column, Place::File) {
+            figures.push((format!("lead-{name}"), svg));
+        }
         for difficulty in Difficulty::ALL {
             if let Some(svg) = difficulty_figure(content, overview, column, difficulty, Place::File)
             {
                 figures.push((format!("{}-{name}", difficulty.name()), svg));
             }
         }
-        if let Some(svg) = time_figure(overview, column, Place::File) {
+        if let Some(svg) = time_figure(&content.summaries, overview, column, Place::File) {
             figures.push((format!("time-{name}"), svg));
         }
         if let Some(svg) = estimator_figure(&content.summaries, Some(dataset), Place::File) {
@@ -88,28 +96,6 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<(String, String)> 
         }
     }
     figures
-}
-
-/// A name for a file of this dataset: letters, digits, dots and dashes, different from the others
-/// (also where case does not count).
-fn file_name(dataset: &str, taken: &mut BTreeSet<String>) -> String {
-    let plain: String = (dataset.chars())
-        .map(|c| {
-            if c.is_ascii_alphanumeric() || ".-_".contains(c) {
-                c
-            } else {
-                '-'
-            }
-        })
-        .take(80)
-        .collect();
-    let mut name = plain.clone();
-    let mut number = 2;
-    while !taken.insert(name.to_ascii_lowercase()) {
-        name = format!("{plain}-{number}");
-        number += 1;
-    }
-    name
 }
 
 #[cfg(test)]
@@ -145,6 +131,7 @@ mod tests {
             [
                 "auc.tex",
                 "pairs.csv",
+                "pairs.parquet",
                 "scores.csv",
                 "scores.json",
                 "scores.md"

@@ -11,7 +11,8 @@ pub(super) fn render(summaries: &[Summary]) -> String {
     let overview = Overview::new(summaries);
     let mut text = String::from(
         "% AUC: mean of SP(1) ... SP(15). Best three of each dataset in red, green and blue;\n\
-         % above the baseline (SIFT) in bold. Needs \\usepackage{xcolor} in the preamble.\n",
+         % above the baseline (SIFT) in bold. Colours need \\usepackage{xcolor} in the preamble.\n\
+         \\providecommand{\\textcolor}[2]{#2}\n",
     );
     text.push_str("\\begin{tabular}{|c|");
     text.push_str(&"c|".repeat(overview.datasets.len()));

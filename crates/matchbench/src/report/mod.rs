@@ -7,6 +7,7 @@
 mod content;
 mod csv;
 mod figures;
+mod file_names;
 mod folder;
 mod html;
 mod json;
@@ -14,8 +15,10 @@ mod latex;
 mod markdown;
 mod numbers;
 mod overview;
+mod pair_table;
 mod pair_view;
 mod pairs_csv;
+mod parquet;
 mod picture;
 mod raster;
 mod svg;
@@ -29,10 +32,11 @@ use crate::metrics::Summary;
 pub use content::{Content, RunFacts};
 pub use folder::write_report;
 pub use pair_view::{
-    EpipolarLines, MatchView, PairPoses, PairView, Thumbnail, epipolar_lines, match_views,
+    EpipolarLines, MatchView, PairPoses, PairView, Points, Thumbnail, epipolar_lines, evenly,
+    match_views,
 };
 pub use picture::{picture_png, picture_svg};
-pub use words::sentence;
+pub use words::{advantage, leads_in_words, sentence};
 
 /// The form of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

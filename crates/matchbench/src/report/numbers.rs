@@ -15,9 +15,17 @@ pub(super) fn count(value: impl Into<Option<f64>>) -> String {
     decimals(value, 1)
 }
 
+/// A median count, without decimals.
+pub(super) fn whole(value: impl Into<Option<f64>>) -> String {
+    decimals(value, 0)
+}
+
 /// Seconds in milliseconds, to one decimal.
 pub(super) fn milliseconds(seconds: impl Into<Option<f64>>) -> String {
-    decimals(seconds.into().map(|s| s * 1e3), 1)
+    match seconds.into().map(|s| s * 1e3) {
+        Some(value) if 0.0 < value && value < 0.05 => "<0.1".to_owned(),
+        value => decimals(value, 1),
+    }
 }
 
 /// A time with the unit that suits it: `830 µs`, `12 ms`, `1.5 s`.
@@ -69,6 +77,7 @@ mod tests {
         assert_eq!(ratio(None), "–");
         assert_eq!(count(f64::NAN), "–");
         assert_eq!(milliseconds(0.0123), "12.3");
+        assert_eq!(milliseconds(0.000_012), "<0.1");
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use crate::metrics::{Angle, Score, Summary};
 
+use super::svg::{COLOURS, DASHES};
+
 /// The matcher that the paper measures the others by.
 const BASELINE: &str = "sift";
 
@@ -18,6 +20,8 @@ pub(super) struct Overview<'a> {
 pub(super) struct Row<'a> {
     /// How it is called in tables and legends.
     pub(super) label: String,
+    /// Number of its colour, marker and dash; no two rows have the same.
+    pub(super) series: usize,
     pub(super) is_baseline: bool,
     /// One cell per dataset, `None` where the matcher was not run.
     pub(super) cells: Vec<Option<Cell<'a>>>,
@@ -55,8 +59,9 @@ impl<'a> Overview<'a> {
             }
         }
         methods.sort_by_key(|method| method.0 != BASELINE);
-        let rows = (methods.iter())
-            .map(|&method| Row {
+        let rows = (methods.iter().zip(series(&methods)))
+            .map(|(&method, series)| Row {
+                series,
                 label: label(method, &methods),
                 is_baseline: method.0 == BASELINE,
                 cells: (datasets.iter())
@@ -66,6 +71,34 @@ impl<'a> Overview<'a> {
             .collect();
         Self { datasets, rows }
     }
+}
+
+/// Rows are numbered as they come. But where there are enough dashes for the estimators, a matcher
+/// keeps its colour and marker with all of them, and the dash tells the estimator.
+fn series(methods: &[(&str, &str)]) -> Vec<usize> {
+    let matchers = distinct(methods.iter().map(|method| method.0));
+    let estimators = distinct(methods.iter().map(|method| method.1));
+    let fits = matchers.len() > 1 && matchers.len() <= COLOURS && estimators.len() <= DASHES;
+    let place = |names: &[&str], name| names.iter().position(|other| *other == name);
+    (methods.iter().enumerate())
+        .map(|(i, &(matcher, estimator))| {
+            match (place(&matchers, matcher), place(&estimators, estimator)) {
+                (Some(m), Some(e)) if fits => m + COLOURS * e,
+                _ => i,
+            }
+        })
+        .collect()
+}
+
+/// Each name once, in the order in which they come.
+fn distinct<'a>(names: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
+    let mut seen = Vec::new();
+    for name in names {
+        if !seen.contains(&name) {
+            seen.push(name);
+        }
+    }
+    seen
 }
 
 /// The estimator is named only where there are several.
@@ -171,5 +204,18 @@ mod tests {
         assert_eq!(labels[0].0, "sift + ransac-e");
         // The baseline is SIFT with the same estimator, here itself.
         assert_eq!(labels[1], ("sift + lmeds-e".to_owned(), Some(1), false));
+    }
+
+    #[test]
+    fn a_matcher_keeps_its_colour_with_every_estimator() {
+        let methods = [("sift", "a"), ("sift", "b"), ("orb", "a"), ("orb", "b")];
+        assert_eq!(series(&methods), [0, COLOURS, 1, COLOURS + 1]);
+        // One matcher alone: the estimators are what is compared.
+        assert_eq!(series(&methods[..2]), [0, 1]);
+        let many: Vec<(&str, &str)> = ["a", "b", "c", "d"].map(|e| ("sift", e)).to_vec();
+        assert_eq!(
+            series(&[&many[..], &[("orb", "a")]].concat()),
+            [0, 1, 2, 3, 4]
+        );
     }
 }

@@ -110,6 +110,17 @@ pub struct EpipolarLines {
     pub estimate: Vec<Point2<f64>>,
 }
 
+/// Points of an image, in pixels.
+pub type Points = Vec<Point2<f64>>;
+
+/// At most so many of the items, evenly taken from the list.
+pub fn evenly<T: Clone>(items: &[T], most: usize) -> Vec<T> {
+    let count = most.min(items.len());
+    (0..count)
+        .map(|i| items[i * items.len() / count].clone())
+        .collect()
+}
+
 /// A pair, with the matches of one matcher.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PairView {
@@ -128,7 +139,7 @@ pub struct PairView {
     /// Epipolar lines of a few of them.
     pub lines: Vec<EpipolarLines>,
     /// All keypoints of both images, where they are wanted.
-    pub keypoints: [Vec<Point2<f64>>; 2],
+    pub keypoints: [Points; 2],
 }
 
 /// The matches `a[i]`, `b[i]` by how far they are from the poses.

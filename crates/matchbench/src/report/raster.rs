@@ -1,7 +1,7 @@
 //! Figures as PNG, for slides and documents that take no SVG.
 //!
-//! Text is set in the first common sans-serif typeface that the machine has; where there is none,
-//! the picture has no text, and the SVG beside it has.
+//! Text is set in DejaVu Sans, which is part of the program: pictures look the same on every machine,
+//! also on one without typefaces. Only letters that it lacks are taken from the machine's.
 
 use std::io;
 use std::sync::{Arc, OnceLock};
@@ -9,16 +9,8 @@ use std::sync::{Arc, OnceLock};
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{Options, Tree, fontdb};
 
-/// Typefaces in the order in which they are preferred.
-const TYPEFACES: [&str; 7] = [
-    "Inter",
-    "Helvetica",
-    "Arial",
-    "Liberation Sans",
-    "Noto Sans",
-    "DejaVu Sans",
-    "Segoe UI",
-];
+/// Name of the typeface that is part of the program.
+const TYPEFACE: &str = "DejaVu Sans";
 
 /// The drawing as a PNG file, `scale` pixels for one unit.
 ///
@@ -39,20 +31,15 @@ pub(super) fn png(svg: &str, scale: f32) -> io::Result<Vec<u8>> {
     pixels.encode_png().map_err(io::Error::other)
 }
 
-/// The typefaces of this machine, which take a moment to find.
+/// Our typeface, then those of this machine, which take a moment to find.
 fn fonts() -> Arc<fontdb::Database> {
     static FONTS: OnceLock<Arc<fontdb::Database>> = OnceLock::new();
     let load = || {
         let mut fonts = fontdb::Database::new();
+        fonts.load_font_data(dejavu::sans::regular().to_vec());
+        fonts.set_sans_serif_family(TYPEFACE);
+        fonts.set_serif_family(TYPEFACE);
         fonts.load_system_fonts();
-        let known = |name: &&str| {
-            let mut families = fonts.faces().flat_map(|face| &face.families);
-            families.any(|(family, _)| family == *name)
-        };
-        if let Some(name) = TYPEFACES.into_iter().find(|name| known(name)) {
-            fonts.set_sans_serif_family(name);
-            fonts.set_serif_family(name);
-        }
         Arc::new(fonts)
     };
     Arc::clone(FONTS.get_or_init(load))
@@ -72,5 +59,21 @@ mod tests {
         assert_eq!(image.dimensions(), (8, 4));
         assert_eq!(image.get_pixel(5, 2).0, [255, 0, 0, 255]);
         assert!(png("no drawing", 1.0).is_err());
+    }
+
+    #[test]
+    fn text_needs_no_typeface_of_the_machine() {
+        let mut options = Options::default();
+        let fonts = options.fontdb_mut();
+        fonts.load_font_data(dejavu::sans::regular().to_vec());
+        fonts.set_sans_serif_family(TYPEFACE);
+        let svg = r#"<svg xmlns="http://www.w3.org/2000/svg" width="40" height="20"><text x="2" y="15" font-family="sans-serif" font-size="14">AUC</text></svg>"#;
+        let tree = Tree::from_str(svg, &options).expect("it is well-formed");
+        let mut pixels = Pixmap::new(40, 20).expect("small");
+        resvg::render(&tree, Transform::identity(), &mut pixels.as_mut());
+        assert!(
+            pixels.data().iter().any(|&value| value > 0),
+            "nothing was drawn"
+        );
     }
 }

@@ -1,6 +1,6 @@
 //! What came of a pair, in words.
 
-use crate::metrics::{Angle, Failure, PairResult};
+use crate::metrics::{Angle, Failure, Lead, PairResult, Score};
 use crate::records::{MIN_MATCHES, MIN_SUPPORT};
 
 /// In a word or two, for tables.
@@ -62,8 +62,70 @@ pub fn sentence(pair: &PairResult) -> String {
     }
 }
 
+/// A matcher with its estimator, where that is known.
+pub(super) fn method(matcher: &str, estimator: &str) -> String {
+    if estimator.is_empty() {
+        matcher.to_owned()
+    } else {
+        format!("{matcher} + {estimator}")
+    }
+}
+
+/// Which of two is better `on` what, by how much, and whether that is certain: the difference is
+/// the score of `one` minus that of `other`, with its paired interval.
+pub fn advantage(one: &str, other: &str, on: &str, difference: &Score) -> String {
+    let Some(value) = difference.value else {
+        return format!("{one} and {other} have no pairs in common on {on}");
+    };
+    let (ahead, behind) = if value < 0.0 {
+        (other, one)
+    } else {
+        (one, other)
+    };
+    let Some(interval) = difference.interval else {
+        return format!(
+            "{ahead} is ahead of {behind} on {on} by {:.3}; too few reference images for an interval",
+            value.abs()
+        );
+    };
+    let (low, high) = if value < 0.0 {
+        (-interval.high, -interval.low)
+    } else {
+        (interval.low, interval.high)
+    };
+    let range = format!("{:.3} [{low:.3}, {high:.3}]", value.abs());
+    if low == high && value == 0.0 {
+        format!("{one} and {other} score the same on {on}")
+    } else if difference.excludes_zero() {
+        format!("{ahead} beats {behind} on {on} by {range}")
+    } else {
+        format!("{ahead} is not certainly better than {behind} on {on}: {range}")
+    }
+}
+
+/// The best of each dataset against the others, the nearest first, a sentence a line.
+pub fn leads_in_words(leads: &[Lead]) -> String {
+    let mut leads: Vec<(usize, &Lead)> = (leads.iter())
+        .map(|lead| {
+            let first = leads.iter().position(|other| other.dataset == lead.dataset);
+            (first.unwrap_or(0), lead)
+        })
+        .collect();
+    let behind = |lead: &Lead| lead.difference.value.unwrap_or(f64::INFINITY);
+    leads.sort_by(|(i, one), (j, other)| i.cmp(j).then(behind(one).total_cmp(&behind(other))));
+    let mut text = String::new();
+    for (_, lead) in leads {
+        let [best, other] = [&lead.best, &lead.other].map(|(m, e)| method(m, e));
+        text.push_str(&advantage(&best, &other, &lead.dataset, &lead.difference));
+        text.push('\n');
+    }
+    text.replace(|c: char| c.is_control() && c != '\n', "\u{fffd}")
+}
+
 #[cfg(test)]
 mod tests {
+    use crate::metrics::Interval;
+
     use super::*;
 
     #[test]
@@ -73,5 +135,32 @@ mod tests {
             assert_eq!(outcome(&pair), name(failure));
             assert_eq!(sentence(&pair), reason(failure));
         }
+    }
+
+    #[test]
+    fn the_better_one_is_named_first_and_doubt_is_told() {
+        let score = |value, low, high| Score {
+            value: Some(value),
+            interval: Some(Interval { low, high }),
+        };
+        let words = |difference| advantage("a", "b", "06", &difference);
+        assert_eq!(
+            words(score(0.03, 0.01, 0.05)),
+            "a beats b on 06 by 0.030 [0.010, 0.050]"
+        );
+        assert_eq!(
+            words(score(-0.03, -0.05, -0.01)),
+            "b beats a on 06 by 0.030 [0.010, 0.050]"
+        );
+        assert_eq!(
+            words(score(-0.01, -0.05, 0.02)),
+            "b is not certainly better than a on 06: 0.010 [-0.020, 0.050]"
+        );
+        assert_eq!(words(score(0.0, 0.0, 0.0)), "a and b score the same on 06");
+        let alone = Score {
+            value: Some(0.2),
+            interval: None,
+        };
+        assert!(words(alone).starts_with("a is ahead of b on 06 by 0.200; too few"));
     }
 }

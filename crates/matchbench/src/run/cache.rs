@@ -8,7 +8,7 @@
 use std::fmt;
 use std::fs;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use matchbench_vision::features::Features;
 
@@ -29,6 +29,11 @@ impl FeatureCache {
         Self {
             folder: folder.into(),
         }
+    }
+
+    /// The features of an image file, if they are in the cache: for pictures, which do without.
+    pub fn find(&self, image: &Path, extraction: &Extraction) -> Option<Features> {
+        self.load(Key::new(&fs::read(image).ok()?, extraction))
     }
 
     /// The features that were saved under `key`. A file that is torn, foreign or unreadable counts

@@ -6,7 +6,7 @@
 //! left to do (`part`), which matches are there already ([`crate::records::matches`]), which features are kept in memory (`resident`) and on disk (`cache`), who
 //! is told ([`Observer`]) and who may stop it ([`Cancel`]).
 //!
-//! Threads are used here and nowhere else (`ordered`): over the frames, then over the pairs of a
+//! Threads are used in one place of a run (`ordered`): over the frames, then over the pairs of a
 //! window. Whatever their number, records are the same and stand in the same order.
 
 mod cache;

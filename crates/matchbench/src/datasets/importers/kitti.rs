@@ -4,7 +4,8 @@
 //! `sequences/NN/image_0` holds the left gray camera's rectified images, the first projection
 //! matrix of `sequences/NN/calib.txt` its K, `poses/NN.txt` its poses (camera-to-world). Image
 //! `000017.png` belongs to line 17 (from 0) of the poses; an excerpt with fewer images than poses
-//! is fine. `times.txt` is not needed: frames are counted, not timed.
+//! is fine. Frames are counted, not timed: of `sequences/NN/times.txt` only the number of lines is
+//! looked at, which tells poses of another sequence.
 
 use std::path::{Path, PathBuf};
 
@@ -48,6 +49,16 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             frames.len(),
             poses.len()
         ));
+    }
+    let times = folder.join("times.txt");
+    if times.is_file() {
+        let timed = TextFile::read(&times)?.rows().count();
+        if timed != poses.len() {
+            notes.push(format!(
+                "times.txt has {timed} lines and the poses have {}: do they belong to one sequence?",
+                poses.len()
+            ));
+        }
     }
     Ok(Imported {
         about: About {

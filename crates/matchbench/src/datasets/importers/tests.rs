@@ -103,6 +103,10 @@ fn kitti_takes_the_pose_with_the_number_of_the_image() {
         ("sequences/06/image_0/000002.png", ""),
         ("sequences/06/image_0/000003.png", ""),
         ("sequences/06/calib.txt", calib),
+        (
+            "sequences/06/times.txt",
+            "0\n0.1\n0.2\n0.3\n0.4\n0.5\n0.6\n",
+        ),
         ("poses/06.txt", KITTI_POSES),
         ("poses/07.txt", KITTI_POSES),
         ("sequences/08/image_0/000000.png", ""),
@@ -113,6 +117,11 @@ fn kitti_takes_the_pose_with_the_number_of_the_image() {
     assert_eq!(
         found.about.notes[0],
         "1 images without a pose were left out: 000003.png"
+    );
+    assert!(
+        found.about.notes[2].starts_with("times.txt has 7 lines"),
+        "{:?}",
+        found.about.notes
     );
     assert_eq!(found.about.origin, "KITTI odometry, sequence 06");
 

@@ -5,19 +5,22 @@
 //! `style.css` and `script.js`.
 
 mod pair_list;
+mod pair_pages;
+
+pub(super) use pair_pages::pair_pages;
 
 use minijinja::syntax::SyntaxConfig;
-use minijinja::{AutoEscape, Environment, Value, context};
+use minijinja::{AutoEscape, Environment, Template, Value, context};
 use std::fmt::Write as _;
 
 use crate::metrics::{Angle, Spread, Summary};
 
 use super::content::Content;
 use super::figures::{
-    Difficulty, ap_figure, difficulty_figure, estimator_figure, seconds_for_a_pair, sp_figure,
-    time_figure,
+    Difficulty, ap_figure, difficulty_figure, estimator_figure, lead_figure, seconds_for_a_pair,
+    sp_figure, stages_of, time_figure,
 };
-use super::numbers::{NONE, count, interval, milliseconds, ratio};
+use super::numbers::{NONE, count, interval, milliseconds, ratio, whole};
 use super::overview::{Cell, Overview};
 use super::svg::{Place, legend_sample};
 
@@ -32,21 +35,8 @@ const ANGLES: [(&str, Angle); 3] = [
 pub(super) fn render(content: &Content) -> String {
     let (summaries, facts) = (&content.summaries[..], &content.facts);
     let overview = Overview::new(summaries);
-    let mut environment = Environment::new();
-    let syntax = SyntaxConfig::builder()
-        .trim_blocks(true)
-        .lstrip_blocks(true)
-        .keep_trailing_newline(true)
-        .build()
-        .expect("the delimiters are the usual ones");
-    environment.set_syntax(syntax);
-    environment.set_auto_escape_callback(|_| AutoEscape::Html);
-    environment
-        .add_template("page.html", include_str!("page.html"))
-        .expect("the template is ours");
-    let template = environment
-        .get_template("page.html")
-        .expect("it was just added");
+    let environment = environment();
+    let template = template(&environment, "page.html");
     let context = context! {
         title => &facts.title,
         style => include_str!("style.css"),
@@ -63,8 +53,13 @@ pub(super) fn render(content: &Content) -> String {
         legend => legend(&overview),
         curves => curves(&overview),
         bars => bars(&overview),
+        leads => figures(&overview, |column| {
+            lead_figure(content, &overview, column, Place::Page)
+        }),
         difficulties => difficulties(content, &overview),
-        scatters => figures(&overview, |column| time_figure(&overview, column, Place::Page)),
+        scatters => figures(&overview, |column| {
+            time_figure(summaries, &overview, column, Place::Page)
+        }),
         estimators => estimators(summaries, &overview),
         pair_list => Value::from_safe_string(pair_list::data(content, &overview)),
         scores => summaries.iter().map(scores).collect::<Vec<_>>(),
@@ -79,6 +74,32 @@ pub(super) fn render(content: &Content) -> String {
     template
         .render(context)
         .expect("the template only uses what it is given")
+}
+
+/// The templates, which escape every value by themselves.
+fn environment() -> Environment<'static> {
+    let mut environment = Environment::new();
+    let syntax = SyntaxConfig::builder()
+        .trim_blocks(true)
+        .lstrip_blocks(true)
+        .keep_trailing_newline(true)
+        .build()
+        .expect("the delimiters are the usual ones");
+    environment.set_syntax(syntax);
+    environment.set_auto_escape_callback(|_| AutoEscape::Html);
+    for (name, text) in [
+        ("page.html", include_str!("page.html")),
+        ("pair.html", include_str!("pair.html")),
+    ] {
+        environment
+            .add_template(name, text)
+            .expect("the templates are ours");
+    }
+    environment
+}
+
+fn template<'a>(environment: &'a Environment<'_>, name: &str) -> Template<'a, 'a> {
+    environment.get_template(name).expect("it was added")
 }
 
 /// Who is best, in a sentence: the matcher that leads on most datasets.
@@ -132,10 +153,10 @@ fn auc(cell: Option<&Cell<'_>>, angle: Angle) -> Value {
 }
 
 fn legend(overview: &Overview<'_>) -> Vec<Value> {
-    (overview.rows.iter().enumerate())
-        .map(|(i, row)| {
-            let sample = Value::from_safe_string(legend_sample(i));
-            context! { label => &row.label, sample }
+    (overview.rows.iter())
+        .map(|row| {
+            let sample = Value::from_safe_string(legend_sample(row.series));
+            context! { label => &row.label, series => row.series, sample }
         })
         .collect()
 }
@@ -244,28 +265,51 @@ fn failures(s: &Summary) -> Value {
 }
 
 /// The paper's table of times, one for each dataset: a matcher a row, medians, quartiles behind
-/// them.
+/// them. Estimators share all stages but their own.
 fn times(summaries: &[Summary], overview: &Overview<'_>) -> Vec<Value> {
-    let timed = |dataset: &str| {
-        let here = |s: &&Summary| s.dataset == dataset && s.stages.is_timed();
-        summaries
-            .iter()
-            .filter(here)
-            .map(time_row)
-            .collect::<Vec<_>>()
+    let table = |dataset: &str| {
+        let here: Vec<&Summary> = (summaries.iter())
+            .filter(|s| s.dataset == dataset && stages_of(summaries, s).is_timed())
+            .collect();
+        let mut estimators: Vec<&str> = Vec::new();
+        let mut matchers: Vec<&Summary> = Vec::new();
+        for &s in &here {
+            if !estimators.contains(&&*s.estimator) {
+                estimators.push(&s.estimator);
+            }
+            if !matchers.iter().any(|other| other.matcher == s.matcher) {
+                matchers.push(s);
+            }
+        }
+        let rows: Vec<Value> = (matchers.iter())
+            .map(|first| {
+                let own = |estimator: &&str| {
+                    let its =
+                        |s: &&&Summary| s.matcher == first.matcher && s.estimator == *estimator;
+                    here.iter().find(its).copied()
+                };
+                let poses: Vec<_> = estimators.iter().map(own).collect();
+                time_row(summaries, first, &poses)
+            })
+            .collect();
+        let heads: Vec<String> = match &estimators[..] {
+            [_] => vec!["Pose".to_owned()],
+            several => several.iter().map(|name| format!("Pose: {name}")).collect(),
+        };
+        context! { dataset, heads, rows }
     };
-    (overview.datasets.iter())
-        .map(|dataset| context! { dataset => *dataset, rows => timed(dataset) })
-        .filter(|table| {
-            table
-                .get_attr("rows")
-                .is_ok_and(|rows| rows.len() > Some(0))
-        })
+    let timed = |table: &Value| {
+        table
+            .get_attr("rows")
+            .is_ok_and(|rows| rows.len() > Some(0))
+    };
+    (overview.datasets.iter().map(|dataset| table(dataset)))
+        .filter(timed)
         .collect()
 }
 
-fn time_row(s: &Summary) -> Value {
-    let stages = s.stages;
+/// A matcher, and its poses by each of the estimators.
+fn time_row(summaries: &[Summary], first: &Summary, poses: &[Option<&Summary>]) -> Value {
     let quartiles = |spread: Option<Spread>, number: fn(Option<f64>) -> String| {
         let tip = spread.map(|spread| {
             format!(
@@ -276,16 +320,17 @@ fn time_row(s: &Summary) -> Value {
         });
         context! { text => number(spread.map(|spread| spread.median)), tip }
     };
-    let times = [
-        stages.extract,
-        stages.search,
-        stages.select,
-        stages.estimate,
-    ];
-    let mut cells = vec![quartiles(stages.features, count)];
-    cells.extend(times.map(|time| quartiles(time, milliseconds)));
-    cells.push(context! { text => milliseconds(seconds_for_a_pair(s)) });
-    context! { matcher => &s.matcher, estimator => &s.estimator, cells }
+    let stages = stages_of(summaries, first);
+    let mut cells = vec![quartiles(stages.features, whole)];
+    cells.extend(
+        [stages.extract, stages.search, stages.select].map(|time| quartiles(time, milliseconds)),
+    );
+    let poses_in = poses.iter().map(|own| own.and_then(|s| s.stages.estimate));
+    cells.extend(poses_in.map(|pose| quartiles(pose, milliseconds)));
+    if let [Some(only)] = poses {
+        cells.push(context! { text => milliseconds(seconds_for_a_pair(summaries, only)) });
+    }
+    context! { matcher => &first.matcher, cells }
 }
 
 #[cfg(test)]

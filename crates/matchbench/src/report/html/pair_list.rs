@@ -8,14 +8,16 @@ use serde::Serialize;
 use crate::metrics::{Angle, PairResult};
 
 use super::super::content::Content;
+use super::super::file_names::file_names;
 use super::super::overview::Overview;
 use super::super::svg::{Place, data_url, pair};
 use super::super::words::{FAILURES, name, reason};
 
 /// Most results that are listed in the page; a page of them is about 3 MB.
 const MOST_RESULTS: usize = 150_000;
-/// Most bytes of pictures in the page.
-const MOST_PICTURES: usize = 1_800_000;
+/// Most bytes of pictures in the page, and most pairs of a dataset.
+const MOST_PICTURES: usize = 2_000_000;
+const MOST_PICTURED: usize = 4;
 /// Most matches drawn of a pair.
 const MOST_MATCHES: usize = 80;
 
@@ -44,6 +46,9 @@ struct Listed<'a> {
     angle: Vec<f32>,
     overlap: Vec<f32>,
     methods: Vec<Method<'a>>,
+    /// Folder of the pictures beside the page, and the numbers of the pairs that have one there.
+    folder: String,
+    pages: Vec<usize>,
 }
 
 #[derive(Serialize)]
@@ -76,9 +81,19 @@ pub(super) fn data(content: &Content, overview: &Overview<'_>) -> String {
     let total: usize = content.results.iter().map(|set| set.pairs.len()).sum();
     let share = (MOST_RESULTS as f64 / total.max(1) as f64).min(1.0);
     let mut images = Images::default();
-    let datasets = (overview.datasets.iter().enumerate())
-        .map(|(column, dataset)| listed(content, overview, (column, dataset), share, &mut images))
-        .collect();
+    let budget = MOST_PICTURES / overview.datasets.len().max(1);
+    let datasets = (overview
+        .datasets
+        .iter()
+        .zip(file_names(&overview.datasets))
+        .enumerate())
+    .map(|(column, (dataset, folder))| {
+        let mut listed = listed(content, overview, (column, dataset), share);
+        listed.folder = format!("pairs/{folder}");
+        listed.add_pictures(content, budget, &mut images);
+        listed
+    })
+    .collect();
     let data = Data {
         datasets,
         failures: FAILURES.map(name),
@@ -118,7 +133,6 @@ fn listed<'a>(
     overview: &'a Overview<'_>,
     (column, dataset): (usize, &'a str),
     share: f64,
-    images: &mut Images,
 ) -> Listed<'a> {
     let mut listed = Listed {
         name: dataset,
@@ -171,17 +185,41 @@ fn listed<'a>(
         for key in &keys {
             method.push(results.get(key).copied());
         }
-        for view in content
-            .views
-            .iter()
-            .filter(|view| view.dataset == dataset && of(&view.matcher, &view.estimator))
-        {
-            let Some(at) = keys.iter().position(|&(a, b, _)| (a, b) == view.frames) else {
+        listed.methods.push(method);
+    }
+    listed
+}
+
+impl Listed<'_> {
+    /// Pictures of the first pairs that have any, as many as the `budget` of bytes allows, with
+    /// all matchers.
+    fn add_pictures(&mut self, content: &Content, budget: usize, images: &mut Images) {
+        let views = || {
+            content
+                .views
+                .iter()
+                .filter(|view| view.dataset == self.name)
+        };
+        let end = images.bytes + budget;
+        let mut pictures = Vec::new();
+        let mut pages = Vec::new();
+        let place: BTreeMap<_, _> = (self.a.iter().zip(&self.b).enumerate())
+            .rev()
+            .map(|(at, (&a, &b))| ((a, b), at))
+            .collect();
+        for view in views() {
+            let Some(&at) = place.get(&view.frames) else {
                 continue;
             };
-            if images.bytes > MOST_PICTURES {
-                break;
+            if !pages.contains(&at) {
+                pages.push(at);
             }
+            let embedded = pages.len() <= MOST_PICTURED && images.bytes <= end;
+            let method = (self.methods.iter())
+                .position(|m| m.matcher == view.matcher && m.estimator == view.estimator);
+            let (true, Some(method)) = (embedded, method) else {
+                continue;
+            };
             let caption = format!("frames {} and {}", view.frames.0, view.frames.1);
             let drawing = pair(Place::Page, view, &caption, MOST_MATCHES);
             images.bytes += drawing.len();
@@ -190,11 +228,13 @@ fn listed<'a>(
                 sizes: view.images.each_ref().map(|image| image.original),
                 drawing,
             };
-            method.pictures.insert(at, picture);
+            pictures.push((method, at, picture));
         }
-        listed.methods.push(method);
+        for (method, at, picture) in pictures {
+            self.methods[method].pictures.insert(at, picture);
+        }
+        self.pages = pages;
     }
-    listed
 }
 
 impl Method<'_> {

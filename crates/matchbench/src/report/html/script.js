@@ -33,10 +33,9 @@
   for (const button of document.querySelectorAll(".legend button")) {
     button.addEventListener("click", () => {
       const off = button.getAttribute("aria-pressed") === "true";
-      button.setAttribute("aria-pressed", String(!off));
-      for (const series of document.querySelectorAll(`.series[data-series="${button.dataset.series}"]`)) {
-        series.classList.toggle("off", off);
-      }
+      const its = `[data-series="${button.dataset.series}"]`;
+      for (const twin of document.querySelectorAll(`.legend button${its}`)) twin.setAttribute("aria-pressed", String(!off));
+      for (const series of document.querySelectorAll(`.series${its}`)) series.classList.toggle("off", off);
     });
   }
 
@@ -110,6 +109,9 @@
     const body = byId("table").tBodies[0];
     const dataset = () => data.datasets[datasets.value];
     const method = () => dataset().methods[methods.value];
+    const beside = new Map(data.datasets.map((d) => [d, new Set(d.pages)]));
+    const paged = () => beside.get(dataset());
+    const address = (i) => `${dataset().folder}/${dataset().a[i]}-${dataset().b[i]}.html`;
     const degrees = (hundredths) => (hundredths < 0 ? null : hundredths / 100);
     const pose = (m, i) => (m.translation[i] < 0 ? null : Math.max(m.rotation[i], m.translation[i]) / 100);
 
@@ -139,7 +141,7 @@
     // What has no value comes last, whichever way it is sorted.
     const sort = () => {
       const [d, m, value] = [dataset(), method(), COLUMNS[sorted.column][1]];
-      order = [...d.a.keys()].filter((i) => !pictures.checked || i in m.pictures);
+      order = [...d.a.keys()].filter((i) => !pictures.checked || i in m.pictures || paged().has(i));
       const way = sorted.up ? 1 : -1;
       order.sort((i, j) => {
         const [x, y] = [value(d, m, i), value(d, m, j)];
@@ -171,6 +173,9 @@
         const open = make("button", { type: "button", textContent: name(d, i) });
         open.addEventListener("click", () => show(i));
         const first = make("th", { scope: "row", className: "name" }, open, i in m.pictures ? " \u25a3" : "");
+        if (paged().has(i)) {
+          first.append(" ", make("a", { href: address(i), textContent: "\u2197", title: "all matchers on this pair" }));
+        }
         const row = make("tr", { className: i === chosen ? "chosen" : "" }, first);
         row.dataset.pair = i;
         for (const { column: [, value, decimals] } of used.slice(1)) {
@@ -207,6 +212,7 @@
         make("h3", { textContent: `${d.name}: ${name(d, i)}, ${m.label}` }),
         make("p", { textContent: words }),
         ...(picture ? [...drawing(picture)] : []),
+        ...(paged().has(i) ? [make("p", {}, make("a", { href: address(i), textContent: "All matchers on this pair" }))] : []),
         make("p", { className: "quiet" }, "From the shell: ", make("code", {
           textContent: `matchbench show ${d.name} ${d.a[i]} ${d.b[i]} --matcher ${m.matcher}${m.estimator ? ` --estimator ${m.estimator}` : ""} --out pair.png`,
         })),
@@ -229,11 +235,17 @@
       frame.insertAdjacentHTML("beforeend", picture.drawing);
       yield frame;
       const switches = [["agrees", "agreeing with the estimate (solid)"], ["differs", "the others (dashed)"], ["epipolar", "epipolar lines: true white, estimated yellow"]];
-      yield make("div", { className: "choices" }, ...switches.map(([part, text]) => {
+      const boxes = switches.map(([part, text]) => {
         const box = make("input", { type: "checkbox", checked: true });
         box.addEventListener("change", () => frame.classList.toggle(`no-${part}`, !box.checked));
         return make("label", {}, box, text);
-      }));
+      });
+      if (frame.querySelector(".keypoints")) {
+        const box = make("input", { type: "checkbox" });
+        box.addEventListener("change", () => frame.classList.toggle("keypoints", box.checked));
+        boxes.push(make("label", {}, box, "keypoints"));
+      }
+      yield make("div", { className: "choices" }, ...boxes);
       yield make("ul", { className: "colours" }, ...CLASSES.map(([colour, text]) => {
         const sample = make("i");
         sample.style.background = colour;

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::metrics::Score;
 
 use super::super::numbers::{count, interval};
-use super::{COLOURS, INK, Place, axis, escape, open, shorten, text};
+use super::{COLOURS, INK, PALETTE, Place, axis, escape, open, shorten, text};
 
 const LEFT: f64 = 116.0;
 const BAR: f64 = 210.0;
@@ -35,7 +35,7 @@ pub(in super::super) fn ap_bars(
     open(&mut svg, place, "chart ap", (width, height), title);
     for (row, (series, name, ap)) in bars.iter().enumerate() {
         let middle = top + (row as f64 + 0.5) * LINE;
-        let (class, colour) = (series % COLOURS.len(), COLOURS[series % COLOURS.len()]);
+        let (class, colour) = (series % COLOURS, PALETTE[series % COLOURS]);
         let _ = writeln!(
             svg,
             r#"<g class="bar s{class}"><title>{}: {}{}</title>"#,

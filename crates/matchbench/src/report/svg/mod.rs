@@ -5,6 +5,7 @@
 //! apart three times, by colour, by marker and by dash, and keep theirs in every figure of a report.
 
 mod ap_bars;
+mod forest;
 mod heat_map;
 mod pair;
 mod scatter;
@@ -15,8 +16,9 @@ mod strata;
 use std::fmt::Write as _;
 
 pub(super) use ap_bars::ap_bars;
+pub(super) use forest::{Rival, forest};
 pub(super) use heat_map::heat_map;
-pub(super) use pair::{data_url, pair};
+pub(super) use pair::{DISTANCES, data_url, pair};
 pub(super) use scatter::{Dot, scatter};
 pub(super) use series::legend_sample;
 pub(super) use sp_curves::sp_curves;
@@ -34,12 +36,16 @@ pub(super) enum Place {
 /// Eight colours that stay apart with any colour vision (after Okabe and Ito, "Color Universal
 /// Design", 2008; the pale ones darkened to 3:1 on white). The page's style sheet holds the same,
 /// lighter, for dark screens.
-const COLOURS: [&str; 8] = [
+const PALETTE: [&str; 8] = [
     "#0072b2", "#d55e00", "#008a64", "#b5508f", "#a87400", "#3488bd", "#4d4d4d", "#8a3ffc",
 ];
 
 /// Dash patterns: with more than eight matchers the colours come again with the next.
-const DASHES: [&str; 3] = ["", "6 3", "2 2.5"];
+const PATTERNS: [&str; 3] = ["", "6 3", "2 2.5"];
+
+/// How many series have colours, and dashes, of their own.
+pub(super) const COLOURS: usize = PALETTE.len();
+pub(super) const DASHES: usize = PATTERNS.len();
 
 /// Names longer than this are cut.
 const NAME: usize = 17;
@@ -90,7 +96,7 @@ fn open(svg: &mut String, place: Place, class: &str, (width, height): (f64, f64)
         Place::File => {
             let _ = writeln!(
                 svg,
-                r#"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" font-family="system-ui, Helvetica, Arial, sans-serif">"#
+                r#"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" font-family="DejaVu Sans, Verdana, sans-serif">"#
             );
             let _ = writeln!(svg, "<title>{title}</title>");
             let _ = writeln!(

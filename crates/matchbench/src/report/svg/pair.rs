@@ -7,7 +7,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use nalgebra::Point2;
 
-use super::super::pair_view::{MatchView, PairView, Thumbnail};
+use super::super::pair_view::{MatchView, PairView, Thumbnail, evenly};
 use super::{Place, escape, open, text};
 
 /// Width of the drawing, and of the gap between the images.
@@ -19,6 +19,13 @@ const CLASSES: [(f64, &str, &str); 4] = [
     (3.0, "#56b4e9", "1 to 3 px"),
     (10.0, "#e69f00", "3 to 10 px"),
     (f64::INFINITY, "#e0393e", "10 px and more"),
+];
+/// The classes for a legend: colour and name.
+pub(in super::super) const DISTANCES: [(&str, &str); 4] = [
+    (CLASSES[0].1, CLASSES[0].2),
+    (CLASSES[1].1, CLASSES[1].2),
+    (CLASSES[2].1, CLASSES[2].2),
+    (CLASSES[3].1, "10 px and more from the true epipolar line"),
 ];
 /// Without a true baseline nothing is known.
 const UNKNOWN: &str = "#bbbbbb";
@@ -48,7 +55,7 @@ pub(in super::super) fn pair(place: Place, view: &PairView, caption: &str, limit
         top: if place == Place::File { 34.0 } else { 0.0 },
         height: sizes[0].1.max(sizes[1].1) * scale,
     };
-    let legend = if place == Place::File { 30.0 } else { 0.0 };
+    let legend = if place == Place::File { 48.0 } else { 0.0 };
     let mut svg = String::new();
     let size = (WIDTH, layout.top + layout.height + legend);
     open(
@@ -74,7 +81,7 @@ pub(in super::super) fn pair(place: Place, view: &PairView, caption: &str, limit
             );
         }
     }
-    keypoints(&mut svg, &layout, view);
+    keypoints(&mut svg, place, &layout, view);
     matches(&mut svg, &layout, view, limit);
     lines(&mut svg, &layout, view, sizes[1]);
     if place == Place::File {
@@ -102,26 +109,25 @@ impl Layout {
     }
 }
 
-fn keypoints(svg: &mut String, layout: &Layout, view: &PairView) {
+fn keypoints(svg: &mut String, place: Place, layout: &Layout, view: &PairView) {
+    // A picture of its own shows all of them, and is looked at larger.
+    let width = if place == Place::File { 2.4 } else { 4.4 };
     let mut dots = String::new();
     let [a, b] = &view.keypoints;
     for (x, y) in (a.iter().map(|&p| layout.a(p))).chain(b.iter().map(|&p| layout.b(p))) {
-        let _ = write!(dots, "M{x:.1} {y:.1}h0");
+        let _ = write!(dots, "M{x:.0} {y:.0}h0");
     }
     if !dots.is_empty() {
         let _ = writeln!(
             svg,
-            r##"<path fill="none" stroke="#ffffff" stroke-opacity="0.6" stroke-width="1.6" stroke-linecap="round" d="{dots}"/>"##
+            r##"<path class="keypoints" fill="none" stroke="#ff5ce1" stroke-width="{width}" stroke-linecap="round" d="{dots}"/>"##
         );
     }
 }
 
 /// One path for each class and for each of agreeing and not: short, however many matches.
 fn matches(svg: &mut String, layout: &Layout, view: &PairView, limit: usize) {
-    let count = limit.min(view.matches.len());
-    let shown: Vec<&MatchView> = (0..count)
-        .map(|i| &view.matches[i * view.matches.len() / count])
-        .collect();
+    let shown = evenly(&view.matches, limit);
     // What disagrees first, so that what agrees lies above it.
     for agrees in [false, true] {
         let (class, width, opacity, dash) = if agrees {
@@ -135,7 +141,7 @@ fn matches(svg: &mut String, layout: &Layout, view: &PairView, limit: usize) {
         );
         for (index, colour) in colours() {
             let (mut strokes, mut dots) = (String::new(), String::new());
-            let of_class = |m: &&&MatchView| m.agrees == agrees && class_of(m.distance) == index;
+            let of_class = |m: &&MatchView| m.agrees == agrees && class_of(m.distance) == index;
             for m in shown.iter().filter(of_class) {
                 let ((ax, ay), (bx, by)) = (layout.a(m.a), layout.b(m.b));
                 let _ = write!(strokes, "M{ax:.0} {ay:.0}L{bx:.0} {by:.0}");
@@ -228,8 +234,9 @@ fn key(svg: &mut String, y: f64) {
             y - 4.0
         );
         text(svg, "ink", (x + 28.0, y), "start", &escape(name));
-        x += 46.0 + 6.2 * name.chars().count() as f64;
+        x += 46.0 + 6.8 * name.chars().count() as f64;
     }
-    let lines = "circles: epipolar lines, true white, estimated yellow";
-    text(svg, "muted", (x, y), "start", lines);
+    let lines = "colours: distance of a match to its true epipolar line; circles: matches whose \
+                 epipolar lines are drawn, true white, estimated yellow; magenta: keypoints";
+    text(svg, "muted", (12.0, y + 18.0), "start", lines);
 }

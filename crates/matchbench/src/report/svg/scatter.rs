@@ -6,11 +6,11 @@ use crate::metrics::Score;
 
 use super::super::numbers::{duration, interval, ratio};
 use super::series::{marker, open_group};
-use super::{Place, axis, grid, open, shorten, text, tick};
+use super::{NAME, Place, axis, grid, open, shorten, text, tick};
 
 const PLOT: (f64, f64) = (350.0, 210.0);
 const LEFT: f64 = 44.0;
-const RIGHT: f64 = 12.0;
+const RIGHT: f64 = 20.0;
 const BOTTOM: f64 = 40.0;
 
 /// One matcher in the figure.
@@ -36,18 +36,39 @@ pub(in super::super) fn scatter(place: Place, title: &str, dots: &[Dot<'_>]) -> 
     let logarithms = || dots.iter().map(|(dot, _)| libm::log10(dot.seconds));
     let first = logarithms().fold(f64::INFINITY, f64::min).min(3.0).floor();
     let last = logarithms().fold(first + 1.0, f64::max).ceil();
-    let high = |dot: &Dot<'_>| dot.auc.interval.map_or(0.0, |interval| interval.high);
-    let (step, end) = axis(
-        dots.iter()
-            .fold(0.0_f64, |max, (dot, auc)| max.max(*auc).max(high(dot))),
-    );
+    let ends = |dot: &Dot<'_>, auc: f64| {
+        dot.auc
+            .interval
+            .map_or((auc, auc), |interval| (interval.low, interval.high))
+    };
+    let high = dots
+        .iter()
+        .fold(0.0_f64, |high, (dot, auc)| high.max(ends(dot, *auc).1));
+    let low = dots
+        .iter()
+        .fold(high, |low, (dot, auc)| low.min(ends(dot, *auc).0));
+    // The lower end is 0 unless all values lie close together.
+    let (step, end) = if low > high / 2.0 {
+        axis(high - low)
+    } else {
+        axis(high)
+    };
+    let (bottom, end) = if low > high / 2.0 {
+        (
+            (low / step + 1e-9).floor() * step,
+            (high / step - 1e-9).ceil() * step,
+        )
+    } else {
+        (0.0, end)
+    };
+    let end = end.max(bottom + step);
     let x = |seconds: f64| LEFT + PLOT.0 * (libm::log10(seconds) - first) / (last - first);
-    let y = |value: f64| top + PLOT.1 * (1.0 - value / end);
+    let y = |value: f64| top + PLOT.1 * (1.0 - (value - bottom) / (end - bottom));
 
     let mut svg = String::new();
     let size = (LEFT + PLOT.0 + RIGHT, top + PLOT.1 + BOTTOM);
     open(&mut svg, place, "chart scatter", size, title);
-    for value in (0..=(end / step).round() as usize).map(|i| i as f64 * step) {
+    for value in (0..=((end - bottom) / step).round() as usize).map(|i| bottom + i as f64 * step) {
         grid(&mut svg, (LEFT, y(value)), (LEFT + PLOT.0, y(value)));
         let at = (LEFT - 7.0, y(value) + 3.5);
         text(&mut svg, "muted", at, "end", &tick(value, step));
@@ -60,6 +81,7 @@ pub(in super::super) fn scatter(place: Place, title: &str, dots: &[Dot<'_>]) -> 
     }
     let at = (LEFT + PLOT.0 / 2.0, top + PLOT.1 + 32.0);
     text(&mut svg, "muted", at, "middle", "time for a pair");
+    let mut labels = Labels::new(dots.iter().map(|(dot, auc)| (x(dot.seconds), y(*auc))));
     for (dot, auc) in dots {
         let (px, py) = (x(dot.seconds), y(auc));
         let tip = format!(
@@ -82,22 +104,56 @@ pub(in super::super) fn scatter(place: Place, title: &str, dots: &[Dot<'_>]) -> 
             );
         }
         marker(&mut svg, dot.series, px, py);
-        let (anchor, shift) = if px > LEFT + PLOT.0 * 0.8 {
-            ("end", -7.0)
-        } else {
-            ("start", 7.0)
-        };
-        text(
-            &mut svg,
-            "ink",
-            (px + shift, py - 4.0),
-            anchor,
-            &shorten(dot.name),
-        );
+        if let Some((at, anchor)) = labels.place((px, py), dot.name) {
+            text(&mut svg, "ink", at, anchor, &shorten(dot.name));
+        }
         svg.push_str("</g>\n");
     }
     svg.push_str("</svg>\n");
     svg
+}
+
+/// Where names are already: a name that finds no room is left to the legend and the tooltip.
+struct Labels {
+    /// Left, top, right and bottom.
+    taken: Vec<[f64; 4]>,
+}
+
+impl Labels {
+    fn new(dots: impl Iterator<Item = (f64, f64)>) -> Self {
+        let taken = dots.map(|(x, y)| [x - 4.0, y - 4.0, x + 4.0, y + 4.0]);
+        Self {
+            taken: taken.collect(),
+        }
+    }
+
+    /// Baseline and anchor for the name of a dot: right or left of it, a line up or down.
+    fn place(&mut self, (x, y): (f64, f64), name: &str) -> Option<((f64, f64), &'static str)> {
+        let width = 6.2 * name.chars().count().min(NAME) as f64;
+        for (dx, dy) in [
+            (7.0, -4.0),
+            (7.0, 11.0),
+            (-7.0, -4.0),
+            (-7.0, 11.0),
+            (7.0, -15.0),
+            (-7.0, -15.0),
+        ] {
+            let baseline = y + dy;
+            let left = if dx > 0.0 { x + dx } else { x + dx - width };
+            let label = [left, baseline - 9.0, left + width, baseline + 2.0];
+            let free = |other: &[f64; 4]| {
+                label[2] < other[0]
+                    || other[2] < label[0]
+                    || label[3] < other[1]
+                    || other[3] < label[1]
+            };
+            if left > LEFT && label[2] < LEFT + PLOT.0 + RIGHT && self.taken.iter().all(free) {
+                self.taken.push(label);
+                return Some(((x + dx, baseline), if dx > 0.0 { "start" } else { "end" }));
+            }
+        }
+        None
+    }
 }
 
 #[cfg(test)]
@@ -130,6 +186,14 @@ mod tests {
             "{svg}"
         );
         assert!(svg.contains("fast: AUC 0.500, 100 ms"));
+    }
+
+    #[test]
+    fn names_do_not_cover_each_other() {
+        let dots: Vec<Dot<'_>> = (0..12).map(|_| dot("matcher", 0.1, Some(0.5))).collect();
+        let svg = scatter(Place::Page, "room", &dots);
+        assert_eq!(svg.matches("<circle").count(), 12);
+        assert!((1..=6).contains(&svg.matches(">matcher<").count()), "{svg}");
     }
 
     #[test]

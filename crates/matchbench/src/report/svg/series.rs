@@ -2,13 +2,13 @@
 
 use std::fmt::Write as _;
 
-use super::{COLOURS, DASHES, Place, escape};
+use super::{COLOURS, DASHES, PALETTE, PATTERNS, Place, escape};
 
 /// The line and marker of a matcher, for the legend of the page.
 pub(in super::super) fn legend_sample(series: usize) -> String {
     let mut svg = format!(
         r#"<svg class="sample s{}" viewBox="0 0 26 12" aria-hidden="true">"#,
-        series % COLOURS.len()
+        series % COLOURS
     );
     sample(&mut svg, series, 0.0, 6.0);
     svg.push_str("</svg>");
@@ -17,7 +17,7 @@ pub(in super::super) fn legend_sample(series: usize) -> String {
 
 /// Opens the group of a matcher, which its switch in the page turns off; `tip` is its tooltip.
 pub(super) fn open_group(svg: &mut String, place: Place, series: usize, tip: &str) {
-    let class = series % COLOURS.len();
+    let class = series % COLOURS;
     let switch = match place {
         Place::Page => format!(r#" data-series="{series}""#),
         Place::File => String::new(),
@@ -37,8 +37,8 @@ pub(super) fn sample(svg: &mut String, series: usize, left: f64, middle: f64) {
 
 /// The line of a matcher.
 pub(super) fn polyline(svg: &mut String, series: usize, points: &[(f64, f64)]) {
-    let colour = COLOURS[series % COLOURS.len()];
-    let dash = DASHES[series / COLOURS.len() % DASHES.len()];
+    let colour = PALETTE[series % COLOURS];
+    let dash = PATTERNS[series / COLOURS % DASHES];
     let _ = write!(
         svg,
         r#"<polyline class="line" fill="none" stroke="{colour}" stroke-width="1.6""#
@@ -50,7 +50,7 @@ pub(super) fn polyline(svg: &mut String, series: usize, points: &[(f64, f64)]) {
     let _ = writeln!(svg, r#" points="{}"/>"#, points.join(" "));
 }
 
-/// One of eight shapes around a point.
+/// One of eight shapes around a point, hollow where the colour comes for the second time.
 pub(super) fn marker(svg: &mut String, series: usize, x: f64, y: f64) {
     // Corners in units of the marker's radius; the first shape is a circle.
     const SHAPES: [&[(f64, f64)]; 7] = [
@@ -63,21 +63,24 @@ pub(super) fn marker(svg: &mut String, series: usize, x: f64, y: f64) {
         &[(-1.4, -0.5), (1.4, -0.5), (1.4, 0.5), (-1.4, 0.5)],
     ];
     const RADIUS: f64 = 2.8;
-    let colour = COLOURS[series % COLOURS.len()];
-    let shape = series % (SHAPES.len() + 1);
+    let colour = PALETTE[series % COLOURS];
+    // After all colours with all dashes another shape comes to each.
+    let shape = (series + series / (COLOURS * DASHES)) % (SHAPES.len() + 1);
+    let hollow = series / COLOURS % 2 == 1;
+    let look = if hollow {
+        format!(r##"class="mark hollow" fill="#ffffff" stroke="{colour}" stroke-width="1.2""##)
+    } else {
+        format!(r#"class="mark" fill="{colour}""#)
+    };
     if shape == 0 {
         let _ = writeln!(
             svg,
-            r#"<circle class="mark" fill="{colour}" cx="{x:.1}" cy="{y:.1}" r="{RADIUS}"/>"#
+            r#"<circle {look} cx="{x:.1}" cy="{y:.1}" r="{RADIUS}"/>"#
         );
     } else {
         let corners: Vec<String> = (SHAPES[shape - 1].iter())
             .map(|(dx, dy)| format!("{:.1},{:.1}", x + RADIUS * dx, y + RADIUS * dy))
             .collect();
-        let _ = writeln!(
-            svg,
-            r#"<polygon class="mark" fill="{colour}" points="{}"/>"#,
-            corners.join(" ")
-        );
+        let _ = writeln!(svg, r#"<polygon {look} points="{}"/>"#, corners.join(" "));
     }
 }

@@ -90,7 +90,7 @@ pub(in super::super) fn sp_curves(
 /// Opens the group of a matcher. In the page it carries its values, which the script shows on
 /// hover; in a file the name is its tooltip.
 fn open_series(svg: &mut String, place: Place, series: usize, name: &str, curve: &SuccessCurve) {
-    let class = series % COLOURS.len();
+    let class = series % COLOURS;
     let name = escape(name);
     match place {
         Place::Page => {

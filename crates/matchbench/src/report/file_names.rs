@@ -1,0 +1,43 @@
+//! Names of datasets as names of files.
+
+use std::collections::BTreeSet;
+
+/// A name for each dataset: letters, digits, dots and dashes, different from the others (also where
+/// case does not count).
+pub(super) fn file_names(datasets: &[&str]) -> Vec<String> {
+    let mut taken = BTreeSet::new();
+    (datasets.iter())
+        .map(|dataset| file_name(dataset, &mut taken))
+        .collect()
+}
+
+fn file_name(dataset: &str, taken: &mut BTreeSet<String>) -> String {
+    let plain: String = (dataset.trim_start_matches('.').chars())
+        .map(|c| {
+            if c.is_ascii_alphanumeric() || ".-_".contains(c) {
+                c
+            } else {
+                '-'
+            }
+        })
+        .take(80)
+        .collect();
+    let mut name = plain.clone();
+    let mut number = 2;
+    while !taken.insert(name.to_ascii_lowercase()) {
+        name = format!("{plain}-{number}");
+        number += 1;
+    }
+    name
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_differ_and_are_plain() {
+        let names = file_names(&["a/b", "A?b", "../x"]);
+        assert_eq!(names, ["a-b", "A-b-2", "-x"]);
+    }
+}

@@ -1,0 +1,94 @@
+//! Pictures of pairs beside the page, for what it has no room for: a page for each pair with all
+//! matchers, `pairs/<dataset>/<a>-<b>.html`, and its images as files that the pages share.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use minijinja::{Value, context};
+
+use crate::metrics::ResultSet;
+
+use super::super::PairView;
+use super::super::content::Content;
+use super::super::file_names::file_names;
+use super::super::numbers::short;
+use super::super::overview::Overview;
+use super::super::svg::{Place, pair};
+use super::super::words::{method, sentence};
+use super::{environment, template};
+
+/// Most matches drawn of a pair.
+const MOST_MATCHES: usize = 120;
+
+/// Every file with its path in the folder of the report.
+pub(in super::super) fn pair_pages(
+    content: &Content,
+    overview: &Overview<'_>,
+) -> Vec<(String, Vec<u8>)> {
+    let environment = environment();
+    let template = template(&environment, "pair.html");
+    let mut files = Vec::new();
+    for (dataset, folder) in overview.datasets.iter().zip(file_names(&overview.datasets)) {
+        let mut pairs = BTreeMap::<(u32, u32), Vec<&PairView>>::new();
+        for view in content.views.iter().filter(|view| view.dataset == *dataset) {
+            pairs.entry(view.frames).or_default().push(view);
+        }
+        let mut frames = BTreeSet::new();
+        for (&(a, b), views) in &pairs {
+            for (frame, image) in [a, b].iter().zip(&views[0].images) {
+                if frames.insert(*frame) {
+                    let path = format!("pairs/{folder}/images/{frame}.jpg");
+                    files.push((path, image.jpeg.clone()));
+                }
+            }
+            let facts = (content.geometry.get(*dataset))
+                .and_then(|geometry| geometry.get(&(a, b)))
+                .map(|known| {
+                    format!(
+                        "Baseline {}, angle between the optical axes {:.1}°, overlap at most {:.2}.",
+                        short(known.baseline),
+                        known.view_angle,
+                        known.overlap
+                    )
+                });
+            let panels: Vec<Value> = views.iter().map(|view| panel(content, view)).collect();
+            let page = template.render(context! {
+                title => format!("{dataset}: {a} – {b}"),
+                style => include_str!("style.css"),
+                facts,
+                panels,
+                colours => super::super::svg::DISTANCES
+                    .map(|(colour, text)| context! { colour, text })
+                    .to_vec(),
+            });
+            let page = page.expect("the template only uses what it is given");
+            files.push((format!("pairs/{folder}/{a}-{b}.html"), page.into_bytes()));
+        }
+    }
+    files
+}
+
+/// One matcher on the pair.
+fn panel(content: &Content, view: &PairView) -> Value {
+    let is_its = |set: &&ResultSet| {
+        (&set.dataset, &set.matcher, &set.estimator)
+            == (&view.dataset, &view.matcher, &view.estimator)
+    };
+    let result = (content.results.iter().find(is_its)).and_then(|set| {
+        let mut pairs = set.pairs.iter();
+        pairs.find(|pair| (pair.a, pair.b) == view.frames && pair.repetition == 0)
+    });
+    let total: usize = view.images.iter().map(|image| image.original.0).sum();
+    let images: Vec<Value> = ([view.frames.0, view.frames.1].iter().zip(&view.images))
+        .map(|(frame, image)| {
+            let width = 99.2 * image.original.0 as f64 / total.max(1) as f64;
+            context! { frame, width => format!("{width:.3}") }
+        })
+        .collect();
+    let drawing = pair(Place::Page, view, "matches", MOST_MATCHES);
+    context! {
+        label => method(&view.matcher, &view.estimator),
+        words => result.map(sentence),
+        images,
+        drawing => Value::from_safe_string(drawing),
+    }
+}

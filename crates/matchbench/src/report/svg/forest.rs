@@ -1,0 +1,163 @@
+//! The best against the others: how far each is behind, and whether that is certain.
+
+use std::fmt::Write as _;
+
+use crate::metrics::Score;
+
+use super::{COLOURS, INK, MUTED, PALETTE, Place, axis, escape, grid, open, shorten, text, tick};
+
+const LEFT: f64 = 116.0;
+const PLOT: f64 = 210.0;
+const RIGHT: f64 = 68.0;
+const LINE: f64 = 19.0;
+
+/// One of the others.
+pub(in super::super) struct Rival<'a> {
+    /// Number of the matcher in the report.
+    pub(in super::super) series: usize,
+    pub(in super::super) name: &'a str,
+    /// What is to be said, in a sentence.
+    pub(in super::super) words: String,
+    /// How much less its score is, with the paired interval.
+    pub(in super::super) behind: Score,
+}
+
+/// One line per rival: a dot and its interval over the difference to the best. Where the interval
+/// holds 0 the dot is hollow and the line pale.
+pub(in super::super) fn forest(
+    place: Place,
+    title: &str,
+    best: &str,
+    rivals: &[Rival<'_>],
+) -> String {
+    let top = match place {
+        Place::File => 30.0,
+        Place::Page => 2.0,
+    };
+    let ends = |rival: &Rival<'_>| {
+        let value = rival.behind.value.unwrap_or(0.0);
+        rival
+            .behind
+            .interval
+            .map_or((value, value), |i| (i.low, i.high))
+    };
+    let low = rivals
+        .iter()
+        .fold(0.0_f64, |low, rival| low.min(ends(rival).0));
+    let high = rivals
+        .iter()
+        .fold(0.0_f64, |high, rival| high.max(ends(rival).1));
+    let (step, _) = axis(high - low);
+    let first = (low / step + 1e-9).floor() * step;
+    let ticks = ((high - first) / step - 1e-9).ceil().max(1.0) as usize;
+    let width = step * ticks as f64;
+    let x = |value: f64| LEFT + PLOT * (value - first) / width;
+
+    let bottom = top + rivals.len() as f64 * LINE + 4.0;
+    let mut svg = String::new();
+    open(
+        &mut svg,
+        place,
+        "chart lead",
+        (LEFT + PLOT + RIGHT, bottom + 36.0),
+        title,
+    );
+    for value in (0..=ticks).map(|i| first + i as f64 * step) {
+        grid(&mut svg, (x(value), top), (x(value), bottom));
+        let at = (x(value), bottom + 14.0);
+        text(&mut svg, "muted", at, "middle", &tick(value + 0.0, step));
+    }
+    let _ = writeln!(
+        svg,
+        r#"<line class="zero" x1="{0:.1}" y1="{top:.1}" x2="{0:.1}" y2="{bottom:.1}" stroke="{MUTED}"/>"#,
+        x(0.0)
+    );
+    let below = format!("AUC by which {} leads", shorten(best));
+    text(
+        &mut svg,
+        "muted",
+        (LEFT + PLOT / 2.0, bottom + 30.0),
+        "middle",
+        &below,
+    );
+    for (row, rival) in rivals.iter().enumerate() {
+        let middle = top + (row as f64 + 0.5) * LINE;
+        let (class, colour) = (rival.series % COLOURS, PALETTE[rival.series % COLOURS]);
+        let certain = rival.behind.excludes_zero();
+        let _ = writeln!(
+            svg,
+            r#"<g class="rival s{class}"><title>{}</title>"#,
+            escape(&rival.words)
+        );
+        text(
+            &mut svg,
+            "ink",
+            (LEFT - 7.0, middle + 4.0),
+            "end",
+            &shorten(rival.name),
+        );
+        let (from, to) = ends(rival);
+        let opacity = if certain { 1.0 } else { 0.45 };
+        let _ = writeln!(
+            svg,
+            r#"<path class="whisker" fill="none" stroke="{INK}" stroke-opacity="{opacity}" d="M{:.1} {middle:.1}H{:.1}"/>"#,
+            x(from),
+            x(to)
+        );
+        if let Some(value) = rival.behind.value {
+            let look = if certain {
+                format!(r#"class="mark" fill="{colour}""#)
+            } else {
+                format!(
+                    r##"class="mark hollow" fill="#ffffff" stroke="{colour}" stroke-width="1.4""##
+                )
+            };
+            let _ = writeln!(
+                svg,
+                r#"<circle {look} cx="{:.1}" cy="{middle:.1}" r="4"/>"#,
+                x(value)
+            );
+            let at = (LEFT + PLOT + 10.0, middle + 4.0);
+            let class = if certain { "ink" } else { "muted" };
+            text(&mut svg, class, at, "start", &format!("{value:.3}"));
+        }
+        svg.push_str("</g>\n");
+    }
+    svg.push_str("</svg>\n");
+    svg
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::Interval;
+
+    #[test]
+    fn doubt_is_hollow() {
+        let rival = |name, value, low, high| Rival {
+            series: 1,
+            name,
+            words: format!("against <{name}>"),
+            behind: Score {
+                value: Some(value),
+                interval: Some(Interval { low, high }),
+            },
+        };
+        let rivals = [rival("far", 0.2, 0.1, 0.3), rival("near", 0.02, -0.1, 0.1)];
+        let svg = forest(Place::Page, "room", "best", &rivals);
+        assert_eq!(svg.matches("<circle").count(), 2);
+        assert_eq!(svg.matches("hollow").count(), 1);
+        assert!(
+            svg.contains("&lt;near&gt;") && !svg.contains("NaN"),
+            "{svg}"
+        );
+        let unknown = Rival {
+            behind: Score {
+                value: None,
+                interval: None,
+            },
+            ..rival("x", 0.0, 0.0, 0.0)
+        };
+        assert!(!forest(Place::File, "room", "best", &[unknown]).contains("NaN"));
+    }
+}
