@@ -43,15 +43,18 @@ macro_rules! multiversioned {
 
 mod area;
 mod bilinear;
+mod blur3;
 mod blur8;
 mod brisk;
 mod convolve;
+mod daisy;
 mod diffuse;
 mod extrema;
 mod fast;
 mod freak;
 mod gradient;
 mod histogram;
+mod latch;
 mod normalize;
 mod orb;
 mod pooling;
@@ -67,15 +70,18 @@ mod triangulate;
 
 pub use area::{Cover, cover_columns, cover_rows, halve_rows_u8, integrate_row};
 pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
+pub use blur3::blur3_row;
 pub use blur8::{weigh_along_u8, weigh_rows_u8};
 pub use brisk::{DirectionWeights, direction};
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
+pub use daisy::rectified_gradients;
 pub use diffuse::{Below, Flows, NO_FLOWS, diffuse_row};
 pub use extrema::{ThreeRows, find_extrema, find_maxima};
 pub use fast::{segment_scores, strict_maxima, weak_maxima};
 pub use freak::{Fields, compare_means, field_means};
 pub use gradient::{polar_gradients, turns};
 pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
+pub use latch::{WIDEST, WINDOW, compare_patches, turn_places};
 pub use normalize::normalize_to_bytes;
 pub use orb::{
     PATCH_MARGIN, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments,
