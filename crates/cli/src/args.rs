@@ -29,7 +29,7 @@ Exit codes: 0 done; 1 bad input; 2 finished, but some tasks failed; 130 stopped 
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Run everything on built-in scenes and write a report: the quickest way to see what this is
+    /// Run five matchers on built-in scenes and write a report: the quickest way to see what this is
     Demo(DemoArgs),
     /// Turn TUM, KITTI, Strecha, 7-Scenes or your own data into a dataset
     Import(ImportArgs),
@@ -57,6 +57,14 @@ pub(crate) enum Command {
 
 #[derive(Debug, Args)]
 pub(crate) struct DemoArgs {
+    /// Matchers, separated by commas, or `all`, which takes several minutes
+    #[arg(
+        long,
+        value_name = "IDS",
+        value_delimiter = ',',
+        default_value = "sift,orb,brisk,kaze,akaze"
+    )]
+    pub matchers: Vec<String>,
     /// Folder for the run and its report; running again resumes
     #[arg(long, value_name = "DIR", default_value = "matchbench-demo")]
     pub out: PathBuf,
@@ -152,6 +160,10 @@ pub(crate) struct RunArgs {
     /// Change a parameter, for example --set sift.ratio=0.7 (repeatable; see `matchbench list`)
     #[arg(long, value_name = "ID.NAME=VALUE")]
     pub set: Vec<String>,
+    /// Let an estimator draw samples for at most so many milliseconds a pair, to compare estimators
+    /// at equal time (raise max_iterations with --set). Results then differ from run to run
+    #[arg(long, value_name = "MS")]
+    pub time_budget: Option<NonZeroU32>,
     /// Take over what `matchbench tune` chose; refused on the scenes that it was tuned on
     /// (repeatable)
     #[arg(long, value_name = "FILE")]

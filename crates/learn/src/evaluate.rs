@@ -1,6 +1,7 @@
 //! FPR95 of descriptors on the patches of a set.
 
 use std::collections::BTreeSet;
+use std::fmt::Write as _;
 
 use matchbench_vision::features::binboost::{BinBoost, BinBoostParams, BinBoostTable};
 use matchbench_vision::features::dlco::{Dlco, DlcoParams, DlcoTable};
@@ -88,18 +89,18 @@ impl Described {
 pub(crate) fn report(set: &PatchSet, described: &[(String, Described)]) -> String {
     let mut text = format!("{:<28} {:>8}", "FPR95, % (random / hard)", "triplets");
     for (name, _) in described {
-        text += &format!(" {name:>15}");
+        let _ = write!(text, " {name:>15}");
     }
     let used: BTreeSet<u32> = set.triplets.iter().map(|triplet| triplet.source).collect();
     for source in used.into_iter().map(Some).chain([None]) {
         let wanted = |s: u32| source.is_none_or(|source| source == s);
         let name = source.map_or("all", |source| &set.sources[source as usize]);
         let count = set.triplets.iter().filter(|t| wanted(t.source)).count();
-        text += &format!("\n{name:<28} {count:>8}");
+        let _ = write!(text, "\n{name:<28} {count:>8}");
         for (_, described) in described {
             let [random, hard] = [Negatives::Random, Negatives::Hard]
                 .map(|negatives| described.fpr95(set, negatives, wanted).unwrap_or(f64::NAN));
-            text += &format!(" {:>7.2} /{:>6.2}", 100.0 * random, 100.0 * hard);
+            let _ = write!(text, " {:>7.2} /{:>6.2}", 100.0 * random, 100.0 * hard);
         }
     }
     text

@@ -82,25 +82,22 @@ pub(crate) fn learn(
     ensure!(!set.triplets.is_empty(), "the set has no triplets");
     let seed = Seed(params.seed).child("dlco");
     let candidates = candidates();
-    let mut state = match fs::read(checkpoint) {
-        Ok(bytes) => {
-            let state: Checkpoint = serde_json::from_slice(&bytes)
-                .with_context(|| format!("{}: delete it to begin anew", checkpoint.display()))?;
-            ensure!(
-                &state.params == params,
-                "{}: was begun with other parameters; delete it to begin anew",
-                checkpoint.display()
-            );
-            state
-        }
-        Err(_) => {
-            let rings = select_rings(set, params, &candidates, seed, bar);
-            Checkpoint {
-                params: params.clone(),
-                rings,
-                steps: 0,
-                gradients: Vec::new(),
-            }
+    let mut state = if let Ok(bytes) = fs::read(checkpoint) {
+        let state: Checkpoint = serde_json::from_slice(&bytes)
+            .with_context(|| format!("{}: delete it to begin anew", checkpoint.display()))?;
+        ensure!(
+            &state.params == params,
+            "{}: was begun with other parameters; delete it to begin anew",
+            checkpoint.display()
+        );
+        state
+    } else {
+        let rings = select_rings(set, params, &candidates, seed, bar);
+        Checkpoint {
+            params: params.clone(),
+            rings,
+            steps: 0,
+            gradients: Vec::new(),
         }
     };
     let rings: Vec<Ring> = state

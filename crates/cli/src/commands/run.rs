@@ -32,6 +32,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
             seed: args.seed,
             repetitions: args.repeat,
             limit: args.limit,
+            time_budget_ms: args.time_budget,
         },
         folder: &args.out,
         cache: args.cache.as_deref(),

@@ -34,7 +34,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         ),
     };
     let estimators: Vec<String> = args.estimator.iter().cloned().collect();
-    let contenders = contenders(&[args.matcher.clone()], &estimators, &args.set)?;
+    let contenders = contenders(std::slice::from_ref(&args.matcher), &estimators, &args.set)?;
     let [contender] = &contenders[..] else {
         bail!("--matcher takes one matcher");
     };

@@ -92,6 +92,7 @@ pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
             seed: args.seed,
             repetitions: args.repeat,
             limit: args.limit,
+            time_budget_ms: None,
         },
         folder: &args.out,
         cache: args.cache.as_deref(),

@@ -4,13 +4,13 @@
 //! They are what estimators start from, so another estimator costs only itself, and what a report
 //! draws. An entry is appended before the records that follow from it.
 //!
-//! All numbers are little-endian. The file begins with [`MAGIC`]; an entry is
+//! All numbers are little-endian. The file begins with `mbmatch1`; an entry is
 //!
 //! | bytes | what |
 //! | --- | --- |
 //! | 4 × 3 | frames a and b, repetition |
 //! | 4 × 3 | features of a and of b, matches after the search |
-//! | 4 | number of matches, or [`AS_BEFORE`]: those of the repetition before |
+//! | 4 | number of matches, or 2^32 - 1: those of the repetition before |
 //! | 20 each | x and y in a, x and y in b (pixels), ambiguity |
 //! | 8 | the beginning of the BLAKE3 hash of all this |
 //!

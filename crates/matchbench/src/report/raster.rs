@@ -49,7 +49,7 @@ fn fonts() -> Arc<fontdb::Database> {
             let mut families = fonts.faces().flat_map(|face| &face.families);
             families.any(|(family, _)| family == *name)
         };
-        if let Some(name) = TYPEFACES.into_iter().find(|name| known(&name)) {
+        if let Some(name) = TYPEFACES.into_iter().find(|name| known(name)) {
             fonts.set_sans_serif_family(name);
             fonts.set_serif_family(name);
         }

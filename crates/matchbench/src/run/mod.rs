@@ -36,6 +36,7 @@ pub use plan::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, Settings};
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use matchbench_vision::seed::Seed;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -147,6 +148,8 @@ impl Run<'_> {
             part,
             decode: self.decode,
             root: Seed(self.settings.seed),
+            time_budget: (self.settings.time_budget_ms)
+                .map(|milliseconds| Duration::from_millis(milliseconds.get().into())),
         };
         let mut writers = (part.files())
             .map(RecordWriter::open)

@@ -1,6 +1,7 @@
 //! From two sets of features to records: searched, selected, estimated, judged.
 
 use std::mem;
+use std::time::{Duration, Instant};
 
 use matchbench_vision::features::{Features, Keypoint};
 use matchbench_vision::image::GrayImage;
@@ -26,6 +27,8 @@ pub(super) struct PairStages<'a> {
     pub(super) part: &'a Part<'a>,
     pub(super) decode: Decode,
     pub(super) root: Seed,
+    /// How long an estimator may draw samples, if not as long as it likes.
+    pub(super) time_budget: Option<Duration>,
 }
 
 /// What is known of a pair after the search.
@@ -234,7 +237,14 @@ impl PairStages<'_> {
         let what = format_args!("estimation by {}", estimator.id);
         let estimated = timed(&mut times.estimate, || {
             guard(what, || {
-                Ok::<_, MatcherError>(estimator.estimator.estimate(views, seed))
+                Ok::<_, MatcherError>(match self.time_budget {
+                    None => estimator.estimator.estimate(views, seed),
+                    Some(budget) => {
+                        let start = Instant::now();
+                        let stop = |_| start.elapsed() >= budget;
+                        estimator.estimator.estimate_until(views, seed, &stop)
+                    }
+                })
             })
         })?;
         let estimate = match estimated {

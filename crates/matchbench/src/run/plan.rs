@@ -39,6 +39,11 @@ pub struct Settings {
     pub repetitions: NonZeroU32,
     /// Only so many pairs of each dataset, from the first. Default: all.
     pub limit: Option<usize>,
+    /// How long an estimator may draw samples for a pair, in milliseconds. Default: as long as its
+    /// own rules say. What is found within a time differs from machine to machine, and from run to
+    /// run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_budget_ms: Option<NonZeroU32>,
 }
 
 impl Default for Settings {
@@ -47,6 +52,7 @@ impl Default for Settings {
             seed: 0,
             repetitions: NonZeroU32::MIN,
             limit: None,
+            time_budget_ms: None,
         }
     }
 }

@@ -189,7 +189,7 @@ impl Placement {
 
     /// A keypoint of the view in the image, and its frame there. Its size becomes that of the
     /// circle of equal area, its angle that of the direction it maps to.
-    fn to_image(&self, keypoint: &Keypoint) -> (Keypoint, [f32; 4]) {
+    fn to_image(self, keypoint: &Keypoint) -> (Keypoint, [f32; 4]) {
         let m = self.image_from_view;
         let [xx, xy, yx, yy] = keypoint.frame();
         let frame = m * Matrix2::new(xx, xy, yx, yy);
@@ -381,8 +381,8 @@ fn push_row(to: &mut Descriptors, from: &Descriptors, row: usize) {
 mod tests {
     use super::*;
     use crate::features::{Orb, OrbParams, Sift, SiftParams};
-    use crate::matching::two_nearest;
     use crate::seed::Seed;
+    use crate::simd::two_nearest_floats;
 
     fn asift(params: AsiftParams) -> Asift<Sift> {
         let sift = Sift::new(SiftParams {
@@ -459,13 +459,15 @@ mod tests {
         let (view, placement) = simulate(&image, 4.0, 0.3);
         let right = |extractor: &dyn Extractor| {
             let (a, b) = (extractor.extract(&view), extractor.extract(&image));
-            let matches = two_nearest(&a.descriptors, &b.descriptors);
+            let (Descriptors::Float(rows_a), Descriptors::Float(rows_b)) =
+                (&a.descriptors, &b.descriptors)
+            else {
+                unreachable!("SIFT has real values")
+            };
+            let nearest = two_nearest_floats(rows_a.data(), rows_b.data(), rows_a.dim());
             let error = |a: Point2<f32>, b: Point2<f32>| (placement.point(a) - b).norm();
-            (matches.iter())
-                .filter(|m| {
-                    let (a, b) = (a.keypoints[m.a as usize], b.keypoints[m.b as usize]);
-                    error(a.at, b.at) < 4.0
-                })
+            (a.keypoints.iter().zip(nearest))
+                .filter(|(a, found)| error(a.at, b.keypoints[found.index as usize].at) < 4.0)
                 .count()
         };
         let asift = asift(AsiftParams::default());

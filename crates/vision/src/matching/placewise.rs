@@ -45,7 +45,9 @@ impl Search for PlacewiseNeighbours {
             .step_by(BLOCK)
             .map(|first| {
                 let mut found = two_nearest(&a.descriptors, &rows(&b.descriptors, first));
-                found.iter_mut().for_each(|m| m.b += first as u32);
+                for m in &mut found {
+                    m.b += first as u32;
+                }
                 found
             })
             .collect();

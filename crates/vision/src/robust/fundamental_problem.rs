@@ -64,7 +64,7 @@ impl Problem for FundamentalProblem<'_> {
 
 impl FundamentalProblem<'_> {
     /// The eight-point solution of the inliers of a model.
-    fn refit(&self, model: &Matrix3<f64>, squared_threshold: f64) -> Option<Matrix3<f64>> {
+    fn refit(self, model: &Matrix3<f64>, squared_threshold: f64) -> Option<Matrix3<f64>> {
         let mut residuals = vec![0.0; self.len()];
         self.squared_residuals(model, 0..self.len(), &mut residuals);
         let inliers: Vec<u32> = (0_u32..)

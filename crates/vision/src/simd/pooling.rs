@@ -210,6 +210,7 @@ mod tests {
             })
             .collect();
         let bits = vote(&responses, &learners, 300);
+        #[expect(clippy::needless_range_loop, reason = "a column of the responses")]
         for patch in 0..PATCHES_AT_ONCE {
             let sum: i32 = learners
                 .iter()

@@ -382,7 +382,7 @@ mod tests {
                     // The middle of the cell, in samples.
                     let [i, j] = [i, j].map(|v| (v as f32 + 0.5) * length - 0.5);
                     let (x, y) = (80.0 + 0.8 * j - 0.6 * i, 70.0 + 0.6 * j + 0.8 * i);
-                    let expected = (x + y) / 2.0 - 0.5;
+                    let expected = f32::midpoint(x, y) - 0.5;
                     assert!((value - expected).abs() < 1.3, "{value}, not {expected}");
                 }
             }

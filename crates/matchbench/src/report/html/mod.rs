@@ -8,6 +8,7 @@ mod pair_list;
 
 use minijinja::syntax::SyntaxConfig;
 use minijinja::{AutoEscape, Environment, Value, context};
+use std::fmt::Write as _;
 
 use crate::metrics::{Angle, Spread, Summary};
 
@@ -118,7 +119,8 @@ fn auc(cell: Option<&Cell<'_>>, angle: Angle) -> Value {
     let s = cell.summary;
     let mut tip = format!("95 %: {}", interval(&cell.auc, ratio));
     if angle == Angle::Pose {
-        tip += &format!(
+        let _ = write!(
+            tip,
             "\nrotation {}, translation {}\n{} of {} pairs failed",
             ratio(s.rotation_auc.value),
             ratio(s.translation_auc.value),
@@ -280,8 +282,8 @@ fn time_row(s: &Summary) -> Value {
         stages.select,
         stages.estimate,
     ];
-    let mut cells = vec![quartiles(stages.features, |n| count(n))];
-    cells.extend(times.map(|time| quartiles(time, |seconds| milliseconds(seconds))));
+    let mut cells = vec![quartiles(stages.features, count)];
+    cells.extend(times.map(|time| quartiles(time, milliseconds)));
     cells.push(context! { text => milliseconds(seconds_for_a_pair(s)) });
     context! { matcher => &s.matcher, estimator => &s.estimator, cells }
 }

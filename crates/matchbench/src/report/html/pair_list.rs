@@ -168,8 +168,9 @@ fn listed<'a>(
         };
         // All sets of a dataset list the same pairs; anything else would be shown as missing.
         let results: BTreeMap<_, _> = set.pairs.iter().map(|pair| (key(pair), pair)).collect();
-        keys.iter()
-            .for_each(|key| method.push(results.get(key).copied()));
+        for key in &keys {
+            method.push(results.get(key).copied());
+        }
         for view in content
             .views
             .iter()

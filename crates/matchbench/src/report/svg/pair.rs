@@ -103,10 +103,11 @@ impl Layout {
 }
 
 fn keypoints(svg: &mut String, layout: &Layout, view: &PairView) {
-    let dots: String = (view.keypoints[0].iter().map(|&p| layout.a(p)))
-        .chain(view.keypoints[1].iter().map(|&p| layout.b(p)))
-        .map(|(x, y)| format!("M{x:.1} {y:.1}h0"))
-        .collect();
+    let mut dots = String::new();
+    let [a, b] = &view.keypoints;
+    for (x, y) in (a.iter().map(|&p| layout.a(p))).chain(b.iter().map(|&p| layout.b(p))) {
+        let _ = write!(dots, "M{x:.1} {y:.1}h0");
+    }
     if !dots.is_empty() {
         let _ = writeln!(
             svg,

@@ -195,9 +195,14 @@ mod x86 {
     #[inline]
     #[target_feature(enable = "avx2")]
     fn load(bytes: &[u8; LANES]) -> [__m256i; 2] {
-        let start = bytes.as_ptr().cast::<__m256i>();
+        let start = bytes.as_ptr();
         // SAFETY: 32 bytes can be read from byte 0 and from byte 32 of 64.
-        unsafe { [_mm256_loadu_si256(start), _mm256_loadu_si256(start.add(1))] }
+        unsafe {
+            [
+                _mm256_loadu_si256(start.cast()),
+                _mm256_loadu_si256(start.add(32).cast()),
+            ]
+        }
     }
 
     /// A table in both halves of a vector.
