@@ -24,22 +24,24 @@
 //! | - | [`LatchParams::upright`] | false | OpenCV |
 //!
 //! # Choices that the paper leaves open
-//! All as OpenCV's `LATCH`: the blur has 3 x 3 weights; turned centres are cut off, not rounded, to
+//! All as OpenCV's `LATCH`: the blur reaches one pixel; turned centres are cut off, not rounded, to
 //! whole pixels, and kept within the window of 49 x 49 pixels. The paper does not print the
 //! triplets; they were measured (`tables/SOURCES.toml`).
 //!
 //! # Differences from OpenCV
-//! Keypoints that lie exactly half a pixel within the border are dropped where OpenCV reads beyond
+//! OpenCV rounds the weights of the blur to 256ths, which turns 1 bit of 2000. Keypoints that lie exactly half a pixel within the border are dropped where OpenCV reads beyond
 //! the image.
 
 use super::{BinaryRows, Describer, DescriptorKind, Descriptors, Keypoint};
-use crate::image::{GrayImage, Size, gaussian_blur_3x3};
+use crate::image::{GrayImage, Size, gaussian_blur_u8};
 use crate::params::ParamError;
 use crate::simd::{WINDOW, compare_patches, turn_places};
 use crate::tables::LATCH_TRIPLETS;
 
 /// Number of bits of a descriptor.
 const BITS: usize = 256;
+/// Pixels that the blur reaches to each side.
+const BLUR_RADIUS: usize = 1;
 /// Patches have their centres no further than this from the keypoint, in x and in y.
 const REACH: usize = 24;
 
@@ -134,15 +136,20 @@ impl Latch {
         let margin = REACH + self.params.half_patch;
         let side = 2 * margin + 1;
         for (row, y) in window.chunks_exact_mut(WINDOW).zip(y - margin..=y + margin) {
-            row[..side].copy_from_slice(&image.row(y)[x - margin..][..side]);
+            let pixels = &image.row(y)[x - margin..][..side];
+            for (wide, &pixel) in row.iter_mut().zip(pixels) {
+                *wide = i16::from(pixel);
+            }
         }
         let direction = match angle {
-            Some(angle) if !self.params.upright => [libm::cosf(angle), libm::sinf(angle)],
+            Some(angle) if !self.params.upright && angle.is_finite() => {
+                [libm::cosf(angle), libm::sinf(angle)]
+            }
             _ => [1.0, 0.0],
         };
         // A patch at the centre has its first pixel at (24, 24) of the window.
-        let origin = (REACH * WINDOW + REACH) as i32;
-        turn_places(&self.x, &self.y, direction, REACH as i32, origin, indices);
+        let origin = (REACH * WINDOW + REACH) as u16;
+        turn_places(&self.x, &self.y, direction, REACH as u8, origin, indices);
         let mut words = [0; BITS / 64];
         let triplets = indices.as_chunks::<3>().0;
         compare_patches(window, triplets, 2 * self.params.half_patch + 1, &mut words);
@@ -153,7 +160,7 @@ impl Latch {
 /// What the description of a keypoint needs besides it, kept for the next one.
 struct Scratch {
     /// The pixels about the keypoint, in the upper left corner.
-    window: [u8; WINDOW * WINDOW],
+    window: [i16; WINDOW * WINDOW],
     /// Where in it each patch begins.
     indices: [u32; 3 * BITS],
 }
@@ -167,8 +174,8 @@ impl Describer for Latch {
         keypoints.retain(|keypoint| self.centre(keypoint, image.size()).is_some());
         let mut words = Vec::with_capacity(keypoints.len() * BITS / 64);
         if !keypoints.is_empty() {
-            let blurred =
-                (self.params.sigma > 0.0).then(|| gaussian_blur_3x3(image, self.params.sigma));
+            let blurred = (self.params.sigma > 0.0)
+                .then(|| gaussian_blur_u8(image, BLUR_RADIUS, self.params.sigma));
             let image = blurred.as_ref().unwrap_or(image);
             let mut scratch = Scratch {
                 window: [0; WINDOW * WINDOW],

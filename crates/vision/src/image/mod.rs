@@ -3,7 +3,6 @@
 //! Coordinates everywhere: x to the right, y down, the centre of the first pixel at (0, 0).
 
 mod blur;
-mod blur3;
 mod blur8;
 pub(crate) mod diffusion;
 pub(crate) mod hessian;
@@ -18,7 +17,6 @@ use std::fmt;
 
 pub(crate) use blur::gaussian_blur_within;
 pub use blur::{GaussianKernel, gaussian_blur};
-pub use blur3::gaussian_blur_3x3;
 pub use blur8::gaussian_blur_u8;
 pub use integral::IntegralImage;
 pub use resize::resize;

@@ -43,7 +43,6 @@ macro_rules! multiversioned {
 
 mod area;
 mod bilinear;
-mod blur3;
 mod blur8;
 mod brisk;
 mod convolve;
@@ -70,7 +69,6 @@ mod triangulate;
 
 pub use area::{Cover, cover_columns, cover_rows, halve_rows_u8, integrate_row};
 pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
-pub use blur3::blur3_row;
 pub use blur8::{weigh_along_u8, weigh_rows_u8};
 pub use brisk::{DirectionWeights, direction};
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
