@@ -191,3 +191,242 @@ impl Describer for Latch {
         Descriptors::Binary(BinaryRows::from_vec(BITS, words))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::seed::Seed;
+
+    fn latch(params: LatchParams) -> Latch {
+        Latch::new(params).expect("the parameters are valid")
+    }
+
+    fn keypoint(x: f32, y: f32, degrees: f32) -> Keypoint {
+        Keypoint {
+            at: Point2::new(x, y),
+            size: 9.0,
+            angle: Some(degrees.to_radians()),
+            response: 1.0,
+            octave: 0,
+        }
+    }
+
+    /// Blocks of 5 x 4 pixels in many shades.
+    fn blocks() -> GrayImage {
+        GrayImage::from_fn(Size::new(120, 110), |x, y| {
+            let (x, y) = (x / 5, y / 4);
+            ((37 * x + 101 * y) ^ (13 * x * y)) as u8
+        })
+    }
+
+    fn bits(params: LatchParams, image: &GrayImage, keypoints: &mut Vec<Keypoint>) -> BinaryRows {
+        match latch(params).describe(image, keypoints) {
+            Descriptors::Binary(rows) => rows,
+            Descriptors::Float(_) => panic!("LATCH describes by bits"),
+        }
+    }
+
+    /// Of `cv2.xfeatures2d.LATCH_create(32, turned, 3, sigma)` in OpenCV 4.14.0 for three places;
+    /// the fourth is too near the border.
+    const UPRIGHT_SHARP: [[u64; 4]; 3] = [
+        [
+            0xa327_0128_9185_6e76,
+            0x4e17_ba6d_30d2_8d31,
+            0x701c_b7af_26ec_9c8a,
+            0x1cb5_05fb_2c75_161d,
+        ],
+        [
+            0xa327_0128_9185_6e76,
+            0x4e17_ba6d_30d2_8d31,
+            0x701c_b7af_26ec_9c8a,
+            0x1cb5_05fb_2c75_161d,
+        ],
+        [
+            0x6cf9_1bed_0c3e_2abb,
+            0xaac3_c173_18a2_0957,
+            0x74c5_3ed4_01d4_6e3f,
+            0xee67_655d_4be9_c759,
+        ],
+    ];
+    const TURNED_SHARP: [[u64; 4]; 3] = [
+        UPRIGHT_SHARP[0],
+        [
+            0x692e_58db_a886_ce3e,
+            0xa7e3_ebe8_db83_6579,
+            0x836c_4643_475d_c608,
+            0xa8b7_34c7_0109_50f9,
+        ],
+        [
+            0x1ca1_7abd_d57c_d12d,
+            0xb8aa_9208_1168_eb50,
+            0x7cb9_1b5f_e6a5_64c0,
+            0x0a95_1308_e601_0b51,
+        ],
+    ];
+    const TURNED_BLURRED: [[u64; 4]; 3] = [
+        [
+            0xa327_1128_9185_6e7a,
+            0x4e1d_ba6d_70d3_8d31,
+            0x501c_77bb_27cc_9c8a,
+            0x1cb5_05fb_2c15_161f,
+        ],
+        [
+            0x69af_70db_8886_ce3e,
+            0xa7e3_ebfc_dbc3_6578,
+            0x836f_4647_475d_c60a,
+            0xa8b7_34c7_0189_50da,
+        ],
+        [
+            0x1ca1_b2b5_d55c_d8ed,
+            0xb8a5_9a08_1168_ea50,
+            0x3cf8_1b57_c6a5_6640,
+            0x0a95_2b88_e600_9b51,
+        ],
+    ];
+
+    #[test]
+    fn bits_are_those_of_opencv() {
+        let sharp = LatchParams {
+            sigma: 0.0,
+            ..LatchParams::default()
+        };
+        let upright = LatchParams {
+            upright: true,
+            ..sharp
+        };
+        // Blurred grey levels are sometimes one apart: OpenCV rounds the weights.
+        for (params, expected, most) in [
+            (sharp, TURNED_SHARP, 0),
+            (upright, UPRIGHT_SHARP, 0),
+            (LatchParams::default(), TURNED_BLURRED, 2),
+        ] {
+            let mut keypoints = vec![
+                keypoint(60.3, 50.75, 0.0),
+                keypoint(60.3, 50.75, 173.5),
+                keypoint(27.0, 81.7, 301.0),
+                keypoint(26.4, 50.0, 0.0),
+            ];
+            let rows = bits(params, &blocks(), &mut keypoints);
+            assert_eq!((keypoints.len(), rows.len()), (3, 3));
+            for (i, expected) in expected.iter().enumerate() {
+                let pairs = rows.row(i).iter().zip(expected);
+                let differing: u32 = pairs.map(|(a, b)| (a ^ b).count_ones()).sum();
+                assert!(differing <= most, "{differing} bits of row {i}, {params:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_turned_image_has_turned_descriptors() {
+        // Smooth, since the patches are not turned with their places.
+        let at = |x: f64, y: f64| {
+            let wave = libm::sin(x / 6.0 + 0.5 * libm::sin(y / 9.0)) * libm::cos(y / 7.0);
+            (127.0 + 100.0 * wave) as u8
+        };
+        let size = Size::new(140, 140);
+        let image = GrayImage::from_fn(size, |x, y| at(x as f64, y as f64));
+        let turned = GrayImage::from_fn(size, |x, y| image.at(y, 139 - x));
+        let mut upright = Vec::new();
+        for x in (40..100).step_by(7) {
+            for y in (40..100).step_by(6) {
+                upright.push(keypoint(x as f32, y as f32, 20.0));
+            }
+        }
+        let turn = |k: &Keypoint| keypoint(139.0 - k.at.y, k.at.x, 110.0);
+        let mut other: Vec<Keypoint> = upright.iter().map(turn).collect();
+        let a = bits(LatchParams::default(), &image, &mut upright);
+        let b = bits(LatchParams::default(), &turned, &mut other);
+        assert_eq!((a.len(), b.len()), (90, 90));
+        let mut differing = 0;
+        for i in 0..a.len() {
+            let pairs = a.row(i).iter().zip(b.row(i));
+            differing += pairs.map(|(a, b)| (a ^ b).count_ones()).sum::<u32>();
+        }
+        let share = f64::from(differing) / (BITS * a.len()) as f64;
+        assert!(share < 0.1, "{share} of the bits differ");
+    }
+
+    #[test]
+    fn what_cannot_be_described_is_dropped() {
+        for (width, height) in [(0, 0), (1, 1), (54, 200), (200, 54), (3, 500)] {
+            let image = GrayImage::filled(Size::new(width, height), 7);
+            let (x, y) = (width as f32 / 2.0, height as f32 / 2.0);
+            let mut keypoints = vec![keypoint(x, y, 0.0)];
+            assert_eq!(
+                bits(LatchParams::default(), &image, &mut keypoints).len(),
+                0
+            );
+            assert!(keypoints.is_empty(), "{width} x {height}");
+        }
+        let mut keypoints = vec![
+            keypoint(f32::NAN, 50.0, 0.0),
+            keypoint(50.0, f32::INFINITY, 0.0),
+            keypoint(-1e30, 50.0, 0.0),
+            keypoint(60.0, 1e30, 0.0),
+        ];
+        assert_eq!(
+            bits(LatchParams::default(), &blocks(), &mut keypoints).len(),
+            0
+        );
+        assert!(keypoints.is_empty());
+        let mut none = Vec::new();
+        assert_eq!(bits(LatchParams::default(), &blocks(), &mut none).len(), 0);
+    }
+
+    #[test]
+    fn without_an_orientation_it_is_upright() {
+        let mut keypoints = vec![keypoint(60.0, 50.0, 0.0); 4];
+        keypoints[1].angle = None;
+        keypoints[2].angle = Some(f32::NAN);
+        keypoints[3].angle = Some(f32::INFINITY);
+        let rows = bits(LatchParams::default(), &blocks(), &mut keypoints);
+        for i in 1..4 {
+            assert_eq!(rows.row(i), rows.row(0), "{i}");
+        }
+    }
+
+    #[test]
+    fn many_keypoints_fit_in_the_smallest_image() {
+        let mut rng = Seed(3).rng();
+        let image = GrayImage::from_fn(Size::new(55, 55), |_, _| rng.below(256) as u8);
+        let mut keypoints: Vec<Keypoint> = (0..20_000)
+            .map(|i| keypoint(27.0, 27.0, (i % 720) as f32 - 360.0))
+            .collect();
+        let rows = bits(LatchParams::default(), &image, &mut keypoints);
+        assert_eq!(rows.len(), 20_000);
+        assert_eq!(rows.row(0), rows.row(720));
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_refused() {
+        let default = LatchParams::default();
+        for (params, name) in [
+            (
+                LatchParams {
+                    half_patch: 4,
+                    ..default
+                },
+                "half_patch",
+            ),
+            (
+                LatchParams {
+                    sigma: -1.0,
+                    ..default
+                },
+                "sigma",
+            ),
+            (
+                LatchParams {
+                    sigma: f64::NAN,
+                    ..default
+                },
+                "sigma",
+            ),
+        ] {
+            let error = Latch::new(params).expect_err("out of range");
+            assert!(error.to_string().contains(name), "{error}");
+        }
+    }
+}

@@ -35,37 +35,38 @@ multiversioned! {
             indices[i] = (row * WINDOW as f32 + column + origin).to_bits() & 0x7f_ffff;
         }
     }
-}
 
-/// One bit for each triplet of patches in `window`, given by their first pixels: whether the sum of
-/// squared differences of the first two is less than that of the first and third. The patches are
-/// `width` pixels wide and high. Bits are added from the lowest of each word on.
-///
-/// # Panics
-/// If there are not 64 triplets for each word, `width` is above [`WIDEST`], or a patch lies outside
-/// the window.
-pub fn compare_patches(
-    window: &[i16; WINDOW * WINDOW],
-    triplets: &[[u32; 3]],
-    width: usize,
-    words: &mut [u64],
-) {
-    assert!(
-        triplets.len() == 64 * words.len() && width <= WIDEST,
-        "patches for each bit"
-    );
-    for (word, triplets) in words.iter_mut().zip(triplets.as_chunks::<64>().0) {
-        *word = 0;
-        for (i, triplet) in triplets.iter().enumerate() {
-            let patches = triplet.map(|start| {
-                let patch = window[start as usize..].first_chunk::<SPAN>();
-                patch.expect("a patch in the window")
-            });
-            #[cfg(target_arch = "x86_64")]
-            let difference = sse2::difference(patches, width);
-            #[cfg(not(target_arch = "x86_64"))]
-            let difference = difference_scalar(patches, width);
-            *word |= u64::from(difference < 0) << i;
+    /// One bit for each triplet of patches in `window`, given by their first pixels: whether the sum of
+    /// squared differences of the first two is less than that of the first and third. The patches are
+    /// `width` pixels wide and high. Bits are added from the lowest of each word on.
+    ///
+    /// # Panics
+    /// If there are not 64 triplets for each word, `width` is above [`WIDEST`], or a patch lies outside
+    /// the window.
+    pub fn compare_patches(
+        window: &[i16; WINDOW * WINDOW],
+        triplets: &[[u32; 3]],
+        width: usize,
+        words: &mut [u64],
+    ) {
+        assert!(
+            triplets.len() == 64 * words.len() && width <= WIDEST,
+            "patches for each bit"
+        );
+        for (word, triplets) in words.iter_mut().zip(triplets.as_chunks::<64>().0) {
+            *word = 0;
+            for (i, triplet) in triplets.iter().enumerate() {
+                let patches = triplet.map(|start| {
+                    let patch = window[start as usize..].first_chunk::<SPAN>();
+                    patch.expect("a patch in the window")
+                });
+                // SAFETY: every x86-64 processor has SSE2.
+                #[cfg(target_arch = "x86_64")]
+                let difference = unsafe { sse2::difference(patches, width) };
+                #[cfg(not(target_arch = "x86_64"))]
+                let difference = difference_scalar(patches, width);
+                *word |= u64::from(difference < 0) << i;
+            }
         }
     }
 }
@@ -84,7 +85,7 @@ fn difference_scalar(patches: [&[i16; SPAN]; 3], width: usize) -> i32 {
 }
 
 /// *Benefit*: one instruction multiplies and adds the pixels of a row; 4 times the speed of the
-/// portable text, in which the compiler does not see it. Every x86-64 processor has SSE2.
+/// portable text, in which the compiler does not see it.
 #[cfg(target_arch = "x86_64")]
 mod sse2 {
     use std::arch::x86_64::{
@@ -95,7 +96,8 @@ mod sse2 {
 
     use super::{LANES, SPAN, WINDOW};
 
-    #[inline(always)]
+    #[inline]
+    #[target_feature(enable = "sse2")]
     pub(super) fn difference(patches: [&[i16; SPAN]; 3], width: usize) -> i32 {
         let vector = |lanes: [i16; LANES]| {
             // SAFETY: sixteen bytes either way, and every pattern of bits is valid.
