@@ -19,9 +19,10 @@ pub(super) type Histogram = [f32; DIRECTIONS];
 /// One row of a block.
 type BlockRow = [Histogram; BLOCK];
 
+const EMPTY: BlockRow = [[0.0; DIRECTIONS]; BLOCK];
+
 /// Some rows of the maps of each ring.
 pub(super) struct Band {
-    size: Size,
     /// The first row.
     top: usize,
     /// Rows that histograms may begin in; they need one more.
@@ -40,12 +41,11 @@ impl Band {
         let blocks = size.width.div_ceil(BLOCK);
         let rows = rows.min(size.height);
         Self {
-            size,
             top: 0,
             rows,
             blocks,
             needed: vec![0..0; blocks],
-            rings: vec![vec![[[0.0; DIRECTIONS]; BLOCK]; blocks * (rows + 1)]; rings],
+            rings: vec![vec![EMPTY; blocks * (rows + 1)]; rings],
         }
     }
 
@@ -83,7 +83,9 @@ impl Band {
 
 /// Makes maps of directions and smooths them downwards.
 pub(super) struct Columns<'a> {
-    image: &'a FloatImage,
+    size: Size,
+    /// The image with its outermost pixels again around it.
+    framed: FloatImage,
     kernels: &'a [GaussianKernel],
     directions: [[f32; DIRECTIONS]; 2],
     /// Rows of a block before and after smoothing.
@@ -94,13 +96,14 @@ pub(super) struct Columns<'a> {
 impl<'a> Columns<'a> {
     /// Maps of `image` with grey levels up to 255, to be smoothed by the first kernel and then by
     /// the kernel of each ring.
-    pub(super) fn new(image: &'a FloatImage, kernels: &'a [GaussianKernel]) -> Self {
+    pub(super) fn new(image: &FloatImage, kernels: &'a [GaussianKernel]) -> Self {
         let direction = |i: usize| {
             let angle = std::f64::consts::TAU * i as f64 / DIRECTIONS as f64;
             [libm::cos(angle), libm::sin(angle)].map(|v| (v / 255.0) as f32)
         };
         Self {
-            image,
+            size: image.size(),
+            framed: frame(image),
             kernels,
             directions: [0, 1].map(|axis| std::array::from_fn(|i| direction(i)[axis])),
             before: Vec::new(),
@@ -119,7 +122,7 @@ impl<'a> Columns<'a> {
     }
 
     fn fill_block(&mut self, band: &mut Band, block: usize, needed: Range<usize>) {
-        let height = self.image.height();
+        let height = self.size.height;
         let wanted = band.top + needed.start..(band.top + needed.end).min(height);
         // Each smoothing needs more rows than it makes, so the first makes most.
         let grown = |rows: &Range<usize>, reach: usize| {
@@ -150,55 +153,29 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// Fills `before` with the maps of some rows. Differences at the border are one-sided.
+    /// Fills `before` with the maps of some rows.
     fn gradients(&mut self, left: usize, rows: Range<usize>) {
-        let Size { width, height } = self.image.size();
-        let count = BLOCK.min(width - left);
-        self.before.clear();
-        self.before.resize(rows.len(), [[0.0; DIRECTIONS]; BLOCK]);
-        // Beyond the border the image goes on straight.
-        let beyond = |here: f32, inner: f32| 2.0 * here - inner;
+        let count = BLOCK.min(self.size.width - left);
+        self.before.resize(rows.len(), EMPTY);
         for (y, maps) in rows.zip(&mut self.before) {
-            let row = self.image.row(y);
-            let mut here = [0.0; BLOCK + 2];
-            here[1..=count].copy_from_slice(&row[left..left + count]);
-            here[0] = match left.checked_sub(1) {
-                Some(x) => row[x],
-                None => beyond(row[0], row[1.min(width - 1)]),
-            };
-            here[count + 1] = match row.get(left + count) {
-                Some(&value) => value,
-                None => beyond(row[width - 1], row[width.saturating_sub(2)]),
-            };
-            let neighbour = |inner: usize, outer: Option<usize>| {
-                let mut pixels = [0.0; BLOCK];
-                match outer {
-                    Some(y) => {
-                        pixels[..count].copy_from_slice(&self.image.row(y)[left..left + count]);
-                    }
-                    None => {
-                        let inner = &self.image.row(inner)[left..left + count];
-                        for ((pixel, &inner), &here) in pixels.iter_mut().zip(inner).zip(&here[1..])
-                        {
-                            *pixel = beyond(here, inner);
-                        }
-                    }
-                }
-                pixels
-            };
-            let next = (y + 1 < height).then_some(y + 1);
-            let above = neighbour(1.min(height - 1), y.checked_sub(1));
-            let below = neighbour(height.saturating_sub(2), next);
-            let (above, below) = (&above[..count], &below[..count]);
-            rectified_gradients(
-                above,
-                &here[..count + 2],
-                below,
-                &self.directions,
-                &mut maps[..count],
-            );
+            // Row y of the image is row y + 1 of the framed one.
+            let around = [y, y + 1, y + 2].map(|y| &self.framed.row(y)[left..left + count + 2]);
+            rectified_gradients(around, &self.directions, &mut maps[..count]);
         }
     }
+}
+
+/// An image with its outermost pixels again around it.
+fn frame(image: &FloatImage) -> FloatImage {
+    let Size { width, height } = image.size();
+    let mut pixels = Vec::with_capacity((width + 2) * (height + 2));
+    for y in 0..height + 2 {
+        let row = image.row(y.saturating_sub(1).min(height - 1));
+        pixels.push(row[0]);
+        pixels.extend_from_slice(row);
+        pixels.push(row[width - 1]);
+    }
+    FloatImage::from_vec(Size::new(width + 2, height + 2), pixels)
 }
 
 /// Smooths some rows of an image of `height` rows, which is continued by its outermost ones.
@@ -215,7 +192,7 @@ fn smooth(
     let inputs: Vec<&[f32]> = (made.start..made.end + 2 * kernel.radius())
         .map(row)
         .collect();
-    after.resize(made.len(), [[0.0; DIRECTIONS]; BLOCK]);
+    after.resize(made.len(), EMPTY);
     let mut outputs: Vec<&mut [f32]> = (after.iter_mut())
         .map(|row| row.as_flattened_mut())
         .collect();

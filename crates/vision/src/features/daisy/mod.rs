@@ -84,16 +84,16 @@ impl Default for DaisyParams {
 pub struct Daisy {
     /// What maps are smoothed with: the first blur, then that of each ring.
     kernels: Vec<GaussianKernel>,
-    /// All smoothing up to each ring, sideways.
-    weights: Vec<RowWeights>,
     /// Ring and offset from the keypoint of each histogram. The middle one is of the first ring.
     flower: Vec<(usize, [f64; 2])>,
+    /// No histogram is further from its keypoint, in pixels.
+    radius: f32,
 }
 
 /// Where a histogram is read: pixels around it, and how far beyond the upper left one it lies.
 #[derive(Clone, Copy, Debug)]
 struct Place {
-    /// Position of the histogram in the descriptor.
+    /// Position of the histogram among those of all keypoints.
     index: usize,
     ring: usize,
     column: usize,
@@ -137,25 +137,28 @@ impl Daisy {
                 flower.push((ring, offset));
             }
         }
-        let weights = (0..rings)
-            .map(|ring| RowWeights::new(&kernels[..ring + 2]))
-            .collect();
         Ok(Self {
             kernels,
-            weights,
             flower,
+            radius: radius as f32 + 1.0,
         })
     }
 
     /// The histograms of a keypoint that lie in the image, and not at its right or lower border.
-    fn places(&self, keypoint: &Keypoint, size: Size) -> impl Iterator<Item = Place> {
+    fn places(
+        &self,
+        number: usize,
+        keypoint: &Keypoint,
+        size: Size,
+    ) -> impl Iterator<Item = Place> {
         let at = [f64::from(keypoint.at.x), f64::from(keypoint.at.y)];
         let lengths = [size.width, size.height].map(|length| length as f64 - 2.0);
-        let place = move |(index, &(ring, offset)): (usize, &(usize, [f64; 2]))| {
+        let first = number * self.flower.len();
+        let place = move |(i, &(ring, offset)): (usize, &(usize, [f64; 2]))| {
             let [x, y] = [at[0] + offset[0], at[1] + offset[1]];
             let inside = x >= 0.0 && y >= 0.0 && x < lengths[0] && y < lengths[1];
             inside.then(|| Place {
-                index,
+                index: first + i,
                 ring,
                 column: x as usize,
                 row: y as usize,
@@ -164,17 +167,6 @@ impl Daisy {
             })
         };
         self.flower.iter().enumerate().filter_map(place)
-    }
-
-    /// Those of them that begin in the rows of `band`.
-    fn places_in(
-        &self,
-        keypoint: &Keypoint,
-        size: Size,
-        band: usize,
-    ) -> impl Iterator<Item = Place> {
-        let places = self.places(keypoint, size);
-        places.filter(move |place| place.row / BAND == band)
     }
 }
 
@@ -214,33 +206,285 @@ impl Daisy {
         let blurred = gaussian_blur_within(&pixels, sigma, reach);
         drop(pixels);
         let mut columns = Columns::new(&blurred, &self.kernels);
-        let mut band = Band::new(size, self.weights.len(), BAND);
-        let mut weights = Vec::new();
-        for index in 0..size.height.div_ceil(BAND) {
-            band.restart(index * BAND);
-            for keypoint in keypoints {
-                for place in self.places_in(keypoint, size, index) {
-                    let reach = self.weights[place.ring].columns(place.column, size.width);
-                    band.need(reach, place.row);
-                }
+        drop(blurred);
+        let rings: Vec<RowWeights> = (2..=self.kernels.len())
+            .map(|count| RowWeights::new(&self.kernels[..count], size.width))
+            .collect();
+
+        let mut order: Vec<usize> = (0..keypoints.len()).collect();
+        let y = |i: usize| keypoints[i].at.y;
+        order.sort_by(|&i, &j| y(i).total_cmp(&y(j)));
+        let mut band = Band::new(size, rings.len(), BAND);
+        let (mut places, mut weights) = (Vec::new(), Vec::new());
+        for top in (0..size.height).step_by(BAND) {
+            let rows = top..top + BAND;
+            let from = order.partition_point(|&i| y(i) < top as f32 - self.radius);
+            let to = order.partition_point(|&i| y(i) < rows.end as f32 + self.radius);
+            places.clear();
+            for &i in &order[from..to] {
+                let all = self.places(i, &keypoints[i], size);
+                places.extend(all.filter(|place| rows.contains(&place.row)));
+            }
+            band.restart(top);
+            for place in &places {
+                band.need(rings[place.ring].columns_between(place.column), place.row);
             }
             columns.fill(&mut band);
-            for (keypoint, flower) in keypoints
-                .iter()
-                .zip(histograms.chunks_exact_mut(self.flower.len()))
-            {
-                for place in self.places_in(keypoint, size, index) {
-                    let first = self.weights[place.ring].at(
-                        place.column,
-                        place.along,
-                        size.width,
-                        &mut weights,
+            for place in &places {
+                let ring = &rings[place.ring];
+                ring.between(place.column, place.along, &mut weights);
+                let first = *ring.columns_between(place.column).start();
+                let (map, start) = band.map(place.ring, place.row, first);
+                let rows = [1.0 - place.down, place.down];
+                histograms[place.index] = pool(map, band.stride(), start, &weights, &rows);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::seed::Seed;
+
+    fn keypoint(x: f32, y: f32) -> Keypoint {
+        Keypoint {
+            at: Point2::new(x, y),
+            size: 7.0,
+            angle: Some(0.5),
+            response: 1.0,
+            octave: 0,
+        }
+    }
+
+    fn describe(
+        params: DaisyParams,
+        image: &GrayImage,
+        keypoints: &mut Vec<Keypoint>,
+    ) -> Vec<Vec<f32>> {
+        let daisy = Daisy::new(params).expect("the parameters are valid");
+        let Descriptors::Float(rows) = daisy.describe(image, keypoints) else {
+            panic!("DAISY describes by values");
+        };
+        (0..rows.len()).map(|i| rows.row(i).to_vec()).collect()
+    }
+
+    fn norm(values: &[f32]) -> f32 {
+        values.iter().map(|v| v * v).sum::<f32>().sqrt()
+    }
+
+    #[test]
+    fn values_are_those_of_opencv() {
+        // cv2.xfeatures2d.DAISY_create() of OpenCV 4.14.0: three norms, and four histograms.
+        let image = GrayImage::from_fn(Size::new(120, 110), |x, y| {
+            let (x, y) = (x / 5, y / 4);
+            ((37 * x + 101 * y) ^ (13 * x * y)) as u8
+        });
+        let mut keypoints = vec![
+            keypoint(60.3, 50.75),
+            keypoint(4.5, 103.25),
+            keypoint(119.4, 0.2),
+        ];
+        let rows = describe(DaisyParams::default(), &image, &mut keypoints);
+        for (row, expected) in rows.iter().zip([0.556_342_54, 0.393_720_54, 0.219_922_9]) {
+            assert!(
+                (norm(row) - expected).abs() < 1e-6,
+                "{} {expected}",
+                norm(row)
+            );
+        }
+        let expected = [
+            (
+                0,
+                0,
+                [
+                    0.02784369, 0.02965184, 0.02374281, 0.07073222, 0.08603623, 0.07015437,
+                    0.02282951, 0.02893809,
+                ],
+            ),
+            (
+                0,
+                14,
+                [
+                    0.04066606, 0.04134971, 0.0239257, 0.03611483, 0.03767598, 0.03630158,
+                    0.01977665, 0.03529532,
+                ],
+            ),
+            (
+                1,
+                0,
+                [
+                    0.007409296,
+                    0.02290838,
+                    0.03183669,
+                    0.04057374,
+                    0.03837025,
+                    0.06303009,
+                    0.0576164,
+                    0.03691004,
+                ],
+            ),
+            (
+                1,
+                24,
+                [
+                    0.02040812, 0.04134307, 0.04777498, 0.04230601, 0.02225213, 0.04302473,
+                    0.04830919, 0.04137984,
+                ],
+            ),
+        ];
+        for (keypoint, histogram, expected) in expected {
+            let found = &rows[keypoint][8 * histogram..][..8];
+            for (found, expected) in found.iter().zip(expected) {
+                assert!(
+                    (found - expected).abs() < 1e-7,
+                    "{found} {expected}, {histogram}"
+                );
+            }
+        }
+        // Above the image.
+        assert_eq!(rows[2][8 * 23..8 * 24], [0.0; 8]);
+    }
+
+    /// The definition: every map smoothed everywhere, and read at each place.
+    fn by_definition(daisy: &Daisy, image: &GrayImage, keypoint: &Keypoint) -> Vec<f32> {
+        let Size { width, height } = image.size();
+        let pixels = FloatImage::from_fn(image.size(), |x, y| f32::from(image.at(x, y)) / 255.0);
+        let pixels = gaussian_blur_within(&pixels, FIRST_BLUR.0, FIRST_BLUR.1);
+        let at = |x: usize, y: usize| pixels.at(x.clamp(1, width) - 1, y.clamp(1, height) - 1);
+        let mut maps: Vec<FloatImage> = (0..DIRECTIONS)
+            .map(|i| {
+                let (sin, cos) = (i as f32 * std::f32::consts::TAU / 8.0).sin_cos();
+                FloatImage::from_fn(image.size(), |x, y| {
+                    let dx = at(x + 2, y + 1) - at(x, y + 1);
+                    let dy = at(x + 1, y + 2) - at(x + 1, y);
+                    (0.5 * (cos * dx + sin * dy)).max(0.0)
+                })
+            })
+            .collect();
+        let mut rings: Vec<Vec<FloatImage>> = Vec::new();
+        for kernel in &daisy.kernels {
+            let sigma = (2.0 * (kernel.taps()[kernel.radius()] / kernel.taps()[0]).ln()).sqrt();
+            let sigma = kernel.radius() as f64 / f64::from(sigma);
+            maps = (maps.iter())
+                .map(|map| gaussian_blur_within(map, sigma, kernel.radius()))
+                .collect();
+            rings.push(maps.clone());
+        }
+        let mut values = Vec::new();
+        for &(ring, [dx, dy]) in &daisy.flower {
+            let (x, y) = (f64::from(keypoint.at.x) + dx, f64::from(keypoint.at.y) + dy);
+            let inside = x >= 0.0 && y >= 0.0 && x < width as f64 - 2.0 && y < height as f64 - 2.0;
+            for map in &rings[ring + 1] {
+                values.push(if inside {
+                    let (column, row) = (x as usize, y as usize);
+                    let (along, down) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
+                    let between = |a: f32, b: f32, share: f32| a + share * (b - a);
+                    let on = |row| between(map.at(column, row), map.at(column + 1, row), along);
+                    between(on(row), on(row + 1), down)
+                } else {
+                    0.0
+                });
+            }
+        }
+        values
+    }
+
+    #[test]
+    fn smoothing_only_what_is_read_changes_nothing() {
+        let mut rng = Seed(5).rng();
+        let small = DaisyParams {
+            radius: 6.5,
+            rings: 2,
+            angles: 5,
+        };
+        // From less than a block to several bands.
+        for (size, params) in [
+            (Size::new(40, 300), DaisyParams::default()),
+            (Size::new(85, 30), DaisyParams::default()),
+            (Size::new(11, 9), DaisyParams::default()),
+            (Size::new(60, 140), small),
+        ] {
+            let image = GrayImage::from_fn(size, |_, _| rng.below(256) as u8);
+            let daisy = Daisy::new(params).expect("valid");
+            let mut keypoints: Vec<Keypoint> = (0..12)
+                .map(|_| {
+                    let mut within = |length: usize| rng.below(8 * length as u32) as f32 / 8.0;
+                    keypoint(within(size.width), within(size.height))
+                })
+                .collect();
+            let rows = describe(params, &image, &mut keypoints);
+            for (keypoint, row) in keypoints.iter().zip(rows) {
+                let expected = by_definition(&daisy, &image, keypoint);
+                assert_eq!(row.len(), expected.len());
+                for (found, expected) in row.iter().zip(expected) {
+                    assert!(
+                        (found - expected).abs() < 2e-6,
+                        "{found} {expected}, {size}"
                     );
-                    let (map, start) = band.map(place.ring, place.row, first);
-                    let rows = [1.0 - place.down, place.down];
-                    flower[place.index] = pool(map, band.stride(), start, &weights, &rows);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_described_is_dropped() {
+        let image = GrayImage::filled(Size::new(40, 30), 9);
+        let mut keypoints = vec![
+            keypoint(f32::NAN, 5.0),
+            keypoint(5.0, f32::INFINITY),
+            keypoint(-0.5, 5.0),
+            keypoint(40.0, 5.0),
+            keypoint(39.9, 29.9),
+        ];
+        let rows = describe(DaisyParams::default(), &image, &mut keypoints);
+        assert_eq!((rows.len(), keypoints.len()), (1, 1));
+        assert_eq!(rows[0], [0.0; 200]);
+        let mut keypoints = vec![keypoint(0.0, 0.0)];
+        let empty = GrayImage::filled(Size::new(0, 0), 0);
+        assert!(describe(DaisyParams::default(), &empty, &mut keypoints).is_empty());
+        assert!(describe(DaisyParams::default(), &image, &mut Vec::new()).is_empty());
+        for (width, height) in [(1, 1), (2, 1), (1, 50), (3, 3)] {
+            let image = GrayImage::filled(Size::new(width, height), 200);
+            let mut keypoints = vec![keypoint(0.0, 0.0)];
+            let rows = describe(DaisyParams::default(), &image, &mut keypoints);
+            assert_eq!(rows, [vec![0.0; 200]], "{width} x {height}");
+        }
+    }
+
+    #[test]
+    fn many_keypoints_at_one_place_are_alike() {
+        let image = GrayImage::from_fn(Size::new(50, 50), |x, y| (x * x + 3 * y) as u8);
+        let mut keypoints = vec![keypoint(25.3, 24.0); 20_000];
+        let rows = describe(DaisyParams::default(), &image, &mut keypoints);
+        assert_eq!(rows.len(), 20_000);
+        assert!(rows.iter().all(|row| *row == rows[0]));
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_refused() {
+        let default = DaisyParams::default();
+        let no_radius = DaisyParams {
+            radius: f64::NAN,
+            ..default
+        };
+        let no_rings = DaisyParams {
+            rings: 0,
+            ..default
+        };
+        let many_angles = DaisyParams {
+            angles: 33,
+            ..default
+        };
+        for (params, name) in [
+            (no_radius, "radius"),
+            (no_rings, "rings"),
+            (many_angles, "angles"),
+        ] {
+            let error = Daisy::new(params).expect_err("out of range");
+            assert!(error.to_string().contains(name), "{error}");
         }
     }
 }

@@ -8,83 +8,92 @@ use crate::image::GaussianKernel;
 /// smoothed by several kernels and continued beyond its ends by its outermost values each time.
 #[derive(Clone, Debug)]
 pub(super) struct RowWeights {
-    kernels: Vec<GaussianKernel>,
-    /// The kernels in one, for places far from the ends.
-    composite: Vec<f32>,
+    width: usize,
+    /// Columns that the kernels reach to each side, one after the other.
+    reach: usize,
+    /// The weights for columns further than that from both ends.
+    middle: Vec<f32>,
+    /// The weights for the other columns, from left to right.
+    ends: Vec<Vec<f32>>,
 }
 
 impl RowWeights {
-    pub(super) fn new(kernels: &[GaussianKernel]) -> Self {
-        let mut composite = vec![1.0_f64];
-        for kernel in kernels {
-            let taps = kernel.taps();
-            let mut longer = vec![0.0; composite.len() + taps.len() - 1];
-            for (i, weight) in composite.iter().enumerate() {
-                for (j, &tap) in taps.iter().enumerate() {
-                    longer[i + j] += weight * f64::from(tap);
-                }
-            }
-            composite = longer;
-        }
+    /// For rows of `width` pixels.
+    pub(super) fn new(kernels: &[GaussianKernel], width: usize) -> Self {
+        let reach = kernels.iter().map(GaussianKernel::radius).sum();
+        let is_end = |&column: &usize| column < reach || column + reach >= width;
         Self {
-            kernels: kernels.to_vec(),
-            composite: composite.into_iter().map(|weight| weight as f32).collect(),
+            width,
+            reach,
+            middle: spread(kernels, reach, reach, 2 * reach + 1),
+            ends: (0..width)
+                .filter(is_end)
+                .map(|column| spread(kernels, column, reach, width))
+                .collect(),
         }
     }
 
-    fn radius(&self) -> usize {
-        self.composite.len() / 2
+    /// The columns with a weight for the value at `column`.
+    fn columns(&self, column: usize) -> RangeInclusive<usize> {
+        columns_within(column, self.reach, self.width)
+    }
+
+    /// The weights for the value at `column`.
+    fn at(&self, column: usize) -> &[f32] {
+        let from_right = self.width - 1 - column;
+        if column < self.reach {
+            &self.ends[column]
+        } else if from_right < self.reach {
+            &self.ends[self.ends.len() - 1 - from_right]
+        } else {
+            &self.middle
+        }
     }
 
     /// The columns with a weight for places between `column` and the next.
-    pub(super) fn columns(&self, column: usize, width: usize) -> RangeInclusive<usize> {
-        column.saturating_sub(self.radius())..=(column + 1 + self.radius()).min(width - 1)
+    pub(super) fn columns_between(&self, column: usize) -> RangeInclusive<usize> {
+        *self.columns(column).start()..=*self.columns(column + 1).end()
     }
 
-    /// Sets `weights` to those for the place `along` of the way from `column` to the next, and
-    /// says for which column the first of them is.
-    pub(super) fn at(
-        &self,
-        column: usize,
-        along: f32,
-        width: usize,
-        weights: &mut Vec<f32>,
-    ) -> usize {
-        let columns = self.columns(column, width);
-        let first = *columns.start();
+    /// Sets `weights` to those of [`Self::columns_between`] for the place `along` of the way from
+    /// `column` to the next.
+    pub(super) fn between(&self, column: usize, along: f32, weights: &mut Vec<f32>) {
+        let (here, next) = (self.at(column), self.at(column + 1));
         weights.clear();
-        if columns.count() == self.composite.len() + 1 {
-            weights.push((1.0 - along) * self.composite[0]);
-            let pairs = self.composite.windows(2);
-            weights.extend(pairs.map(|pair| along.mul_add(pair[0], (1.0 - along) * pair[1])));
-            weights.push(along * self.composite[self.composite.len() - 1]);
-        } else {
-            self.at_end(column, along, width, weights);
+        weights.extend(here.iter().map(|weight| (1.0 - along) * weight));
+        let shift = self.columns(column + 1).start() - self.columns(column).start();
+        weights.resize(shift + next.len(), 0.0);
+        for (sum, weight) in weights[shift..].iter_mut().zip(next) {
+            *sum += along * weight;
         }
-        first
     }
+}
 
-    /// Near an end: weights are handed on to the pixels that each value was made of, from the last
-    /// kernel to the first.
-    fn at_end(&self, column: usize, along: f32, width: usize, weights: &mut Vec<f32>) {
-        let columns = self.columns(column, width);
-        let (first, last) = (*columns.start(), *columns.end());
-        weights.resize(last - first + 1, 0.0);
-        weights[column - first] = 1.0 - along;
-        weights[column + 1 - first] = along;
-        for kernel in self.kernels.iter().rev() {
-            let of_results = std::mem::replace(weights, vec![0.0; weights.len()]);
-            for (x, &weight) in (first..)
-                .zip(&of_results)
-                .filter(|(_, weight)| **weight != 0.0)
-            {
-                for (i, tap) in kernel.taps().iter().enumerate() {
-                    let from = (x + i).saturating_sub(kernel.radius()).clamp(first, last);
-                    weights[from - first] = tap.mul_add(weight, weights[from - first]);
+/// The columns up to `reach` from `column`.
+fn columns_within(column: usize, reach: usize, width: usize) -> RangeInclusive<usize> {
+    column.saturating_sub(reach)..=(column + reach).min(width - 1)
+}
+
+/// The weights for the value at `column`, of the columns up to `reach` from it: handed on to the
+/// pixels that each value was made of, from the last kernel to the first.
+fn spread(kernels: &[GaussianKernel], column: usize, reach: usize, width: usize) -> Vec<f32> {
+    let columns = columns_within(column, reach, width);
+    let first = *columns.start();
+    let mut weights = vec![0.0_f64; columns.count()];
+    weights[column - first] = 1.0;
+    for kernel in kernels.iter().rev() {
+        let of_results = weights.clone();
+        weights.fill(0.0);
+        for (x, weight) in (first..).zip(of_results) {
+            if weight != 0.0 {
+                for (i, &tap) in kernel.taps().iter().enumerate() {
+                    let from = (x + i).saturating_sub(kernel.radius()).min(width - 1);
+                    weights[from - first] += weight * f64::from(tap);
                 }
             }
         }
     }
+    weights.into_iter().map(|weight| weight as f32).collect()
 }
 
 #[cfg(test)]
@@ -111,14 +120,16 @@ mod tests {
     fn one_sum_is_smoothing_and_interpolation_at_the_ends_and_between() {
         let kernels = [(1.5, 3), (2.5, 6), (4.3, 10)]
             .map(|(sigma, radius)| GaussianKernel::with_radius(sigma, radius));
-        let weights = RowWeights::new(&kernels);
         let row: Vec<f32> = (0..64).map(|x| ((x * x * 37) % 101) as f32).collect();
-        for width in [2, 9, 30, 64] {
+        for width in [2, 9, 19, 20, 38, 39, 40, 64] {
             let row = &row[..width];
-            for column in (0..width - 1).step_by(3) {
+            let weights = RowWeights::new(&kernels, width);
+            for column in 0..width - 1 {
                 let mut found = Vec::new();
-                let first = weights.at(column, 0.3, width, &mut found);
-                let sum: f32 = found.iter().zip(&row[first..]).map(|(w, v)| w * v).sum();
+                weights.between(column, 0.3, &mut found);
+                let columns = weights.columns_between(column);
+                assert_eq!(found.len(), columns.clone().count());
+                let sum: f32 = found.iter().zip(&row[columns]).map(|(w, v)| w * v).sum();
                 let expected = smoothed(&kernels, row, column, 0.3);
                 assert!(
                     (sum - expected).abs() < 1e-4,
