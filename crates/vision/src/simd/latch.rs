@@ -8,6 +8,8 @@ pub const WIDEST: usize = 7;
 const LANES: usize = 8;
 /// Pixels from the first of a patch to the last that is read for it.
 const SPAN: usize = (WIDEST - 1) * WINDOW + LANES;
+/// Adding this leaves the integer in the mantissa, quicker than a cast, which looks for NaN.
+const INTEGER: f32 = (1 << 23) as f32;
 
 multiversioned! {
     /// Turns places to a direction (cosine and sine), cuts their coordinates off to whole pixels, no
@@ -25,8 +27,6 @@ multiversioned! {
         indices: &mut [u32],
     ) {
         assert!(x.len() == indices.len() && y.len() == indices.len(), "an index for each place");
-        /// Adding this leaves the integer in the mantissa, quicker than a cast, which looks for NaN.
-        const INTEGER: f32 = (1 << 23) as f32;
         let [cos, sin] = direction;
         let (reach, origin) = (f32::from(reach), f32::from(origin) + INTEGER);
         for i in 0..indices.len() {
