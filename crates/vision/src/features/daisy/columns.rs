@@ -1,101 +1,34 @@
-//! Maps of directions, smoothed downwards where they are needed.
+//! Maps of directions of a few columns of the image, smoothed downwards.
 //!
-//! An image is worked off in bands of rows, and a band in blocks of columns: smoothing downwards
-//! does not look beyond a column, so that a block of a few columns goes through all smoothing while
-//! it is in the cache.
+//! Smoothing downwards does not look beyond a column, so that a block of a few columns and some
+//! rows goes through all smoothing while it is in the cache.
 
-use std::ops::{Range, RangeInclusive};
+use std::ops::Range;
 
-use super::DIRECTIONS;
+use super::{BLOCK, DIRECTIONS};
 use crate::image::{FloatImage, GaussianKernel, Size};
-use crate::simd::{ROWS_AT_ONCE, rectified_gradients, weigh_rows};
+use crate::simd::{DaisyRow, ROWS_AT_ONCE, rectified_gradients, weigh_rows};
 
-/// Columns of a block.
-const BLOCK: usize = 16;
-
-/// The values of all maps at one pixel.
-pub(super) type Histogram = [f32; DIRECTIONS];
-
-/// One row of a block.
-type BlockRow = [Histogram; BLOCK];
-
-const EMPTY: BlockRow = [[0.0; DIRECTIONS]; BLOCK];
-
-/// Some rows of the maps of each ring.
-pub(super) struct Band {
-    /// The first row.
-    top: usize,
-    /// Rows that histograms may begin in; they need one more.
-    rows: usize,
-    /// Blocks in a row.
-    blocks: usize,
-    /// The rows that are needed of each block, relative to `top`.
-    needed: Vec<Range<usize>>,
-    /// For each ring the rows of all blocks.
-    rings: Vec<Vec<BlockRow>>,
-}
-
-impl Band {
-    /// A band of `rows` rows for histograms to begin in.
-    pub(super) fn new(size: Size, rings: usize, rows: usize) -> Self {
-        let blocks = size.width.div_ceil(BLOCK);
-        let rows = rows.min(size.height);
-        Self {
-            top: 0,
-            rows,
-            blocks,
-            needed: vec![0..0; blocks],
-            rings: vec![vec![EMPTY; blocks * (rows + 1)]; rings],
-        }
-    }
-
-    /// Moves to the rows from `top` on, of which none is needed yet.
-    pub(super) fn restart(&mut self, top: usize) {
-        self.top = top;
-        self.needed.fill(0..0);
-    }
-
-    /// Asks for some columns of `row` and the next.
-    pub(super) fn need(&mut self, columns: RangeInclusive<usize>, row: usize) {
-        let row = row - self.top;
-        debug_assert!(row < self.rows, "row {row} of {}", self.rows);
-        for needed in &mut self.needed[columns.start() / BLOCK..=columns.end() / BLOCK] {
-            let first = if needed.end == 0 {
-                row
-            } else {
-                needed.start.min(row)
-            };
-            *needed = first..needed.end.max(row + 2);
-        }
-    }
-
-    /// Histograms in a row.
-    pub(super) fn stride(&self) -> usize {
-        self.blocks * BLOCK
-    }
-
-    /// All histograms of a ring, and the index among them of the one in this row and column.
-    pub(super) fn map(&self, ring: usize, row: usize, column: usize) -> (&[Histogram], usize) {
-        let map = self.rings[ring].as_flattened();
-        (map, (row - self.top) * self.stride() + column)
-    }
-}
-
-/// Makes maps of directions and smooths them downwards.
+/// Makes maps of directions and smooths them downwards, block by block.
 pub(super) struct Columns<'a> {
     size: Size,
     /// The image with its outermost pixels again around it.
     framed: FloatImage,
     kernels: &'a [GaussianKernel],
     directions: [[f32; DIRECTIONS]; 2],
-    /// Rows of a block before and after smoothing.
-    before: Vec<BlockRow>,
-    after: Vec<BlockRow>,
+    /// The maps as they are, and after each kernel.
+    levels: Vec<Level>,
+}
+
+/// Some rows of a block after the same smoothing. Columns beyond the image hold anything finite.
+#[derive(Clone, Default)]
+struct Level {
+    rows: Range<usize>,
+    maps: Vec<DaisyRow>,
 }
 
 impl<'a> Columns<'a> {
-    /// Maps of `image` with grey levels up to 255, to be smoothed by the first kernel and then by
-    /// the kernel of each ring.
+    /// Maps of `image` with grey levels up to 255, to be smoothed by one kernel after the other.
     pub(super) fn new(image: &FloatImage, kernels: &'a [GaussianKernel]) -> Self {
         let direction = |i: usize| {
             let angle = std::f64::consts::TAU * i as f64 / DIRECTIONS as f64;
@@ -106,58 +39,40 @@ impl<'a> Columns<'a> {
             framed: frame(image),
             kernels,
             directions: [0, 1].map(|axis| std::array::from_fn(|i| direction(i)[axis])),
-            before: Vec::new(),
-            after: Vec::new(),
+            levels: vec![Level::default(); kernels.len() + 1],
         }
     }
 
-    /// Fills all blocks that `band` needs.
-    pub(super) fn fill(&mut self, band: &mut Band) {
-        for block in 0..band.blocks {
-            let needed = band.needed[block].clone();
-            if !needed.is_empty() {
-                self.fill_block(band, block, needed);
-            }
-        }
-    }
-
-    fn fill_block(&mut self, band: &mut Band, block: usize, needed: Range<usize>) {
-        let height = self.size.height;
-        let wanted = band.top + needed.start..(band.top + needed.end).min(height);
+    /// Makes the columns from `left` on in these rows, of all levels.
+    pub(super) fn make(&mut self, left: usize, rows: Range<usize>) {
         // Each smoothing needs more rows than it makes, so the first makes most.
-        let grown = |rows: &Range<usize>, reach: usize| {
-            rows.start.saturating_sub(reach)..(rows.end + reach).min(height)
-        };
-        let mut made = vec![wanted.clone()];
-        for kernel in self.kernels.iter().rev() {
-            made.push(grown(&made[made.len() - 1], kernel.radius()));
+        let mut reach = 0;
+        for (level, kernel) in self.levels[1..].iter_mut().zip(self.kernels).rev() {
+            level.rows = grown(&rows, reach, self.size.height);
+            reach += kernel.radius();
         }
-        let mut made = made.into_iter().rev();
-        let mut rows = made.next().expect("a range for each kernel and one more");
-        self.gradients(block * BLOCK, rows.clone());
-        for (level, (kernel, next)) in self.kernels.iter().zip(made).enumerate() {
-            smooth(
-                kernel,
-                height,
-                (&self.before, rows),
-                (&mut self.after, next.clone()),
-            );
-            if let Some(ring) = level.checked_sub(1) {
-                for y in wanted.clone() {
-                    let at = (y - band.top) * band.blocks + block;
-                    band.rings[ring][at] = self.after[y - next.start];
-                }
+        self.levels[0].rows = grown(&rows, reach, self.size.height);
+        self.gradients(left);
+        for (i, kernel) in self.kernels.iter().enumerate() {
+            if let [before, after] = &mut self.levels[i..i + 2] {
+                smooth(kernel, self.size.height, before, after);
             }
-            std::mem::swap(&mut self.before, &mut self.after);
-            rows = next;
         }
     }
 
-    /// Fills `before` with the maps of some rows.
-    fn gradients(&mut self, left: usize, rows: Range<usize>) {
+    /// A row and the next of those made last, smoothed by the first `count` kernels.
+    pub(super) fn rows(&self, count: usize, row: usize) -> &[DaisyRow; 2] {
+        let Level { rows, maps } = &self.levels[count];
+        let pair = maps[row - rows.start..].first_chunk();
+        pair.expect("rows were made with the next one")
+    }
+
+    /// Makes the first level.
+    fn gradients(&mut self, left: usize) {
         let count = BLOCK.min(self.size.width - left);
-        self.before.resize(rows.len(), EMPTY);
-        for (y, maps) in rows.zip(&mut self.before) {
+        let Level { rows, maps } = &mut self.levels[0];
+        maps.resize(rows.len(), [[0.0; DIRECTIONS]; BLOCK]);
+        for (y, maps) in rows.clone().zip(maps) {
             // Row y of the image is row y + 1 of the framed one.
             let around = [y, y + 1, y + 2].map(|y| &self.framed.row(y)[left..left + count + 2]);
             rectified_gradients(around, &self.directions, &mut maps[..count]);
@@ -178,22 +93,24 @@ fn frame(image: &FloatImage) -> FloatImage {
     FloatImage::from_vec(Size::new(width + 2, height + 2), pixels)
 }
 
-/// Smooths some rows of an image of `height` rows, which is continued by its outermost ones.
-fn smooth(
-    kernel: &GaussianKernel,
-    height: usize,
-    (before, there): (&[BlockRow], Range<usize>),
-    (after, made): (&mut Vec<BlockRow>, Range<usize>),
-) {
+/// Up to `reach` more rows at each end, as far as the image goes.
+fn grown(rows: &Range<usize>, reach: usize, height: usize) -> Range<usize> {
+    rows.start.saturating_sub(reach)..(rows.end + reach).min(height)
+}
+
+/// Makes the rows of `after` from those of `before`; the image of `height` rows is continued by its
+/// outermost ones.
+fn smooth(kernel: &GaussianKernel, height: usize, before: &Level, after: &mut Level) {
     let row = |y: usize| {
         let y = y.saturating_sub(kernel.radius()).min(height - 1);
-        before[y - there.start].as_flattened()
+        before.maps[y - before.rows.start].as_flattened()
     };
-    let inputs: Vec<&[f32]> = (made.start..made.end + 2 * kernel.radius())
+    let Level { rows, maps } = after;
+    let inputs: Vec<&[f32]> = (rows.start..rows.end + 2 * kernel.radius())
         .map(row)
         .collect();
-    after.resize(made.len(), EMPTY);
-    let mut outputs: Vec<&mut [f32]> = (after.iter_mut())
+    maps.resize(rows.len(), [[0.0; DIRECTIONS]; BLOCK]);
+    let mut outputs: Vec<&mut [f32]> = (maps.iter_mut())
         .map(|row| row.as_flattened_mut())
         .collect();
     for (i, outputs) in outputs.chunks_mut(ROWS_AT_ONCE).enumerate() {

@@ -23,7 +23,8 @@
 //! smoothing sideways can be exchanged, so here maps are smoothed downwards where any keypoint
 //! needs them ([`columns`]), and a histogram is one weighted sum along two neighbouring rows, whose
 //! weights hold all smoothing sideways and the interpolation between pixels ([`row_weights`]).
-//! Besides rounding that is the same.
+//! Each block of the image adds to the histograms that reach into it and is forgotten. Besides
+//! rounding that is the same.
 //!
 //! # Choices that the paper leaves open
 //! All as OpenCV's `DAISY`: histograms are not normalised, and interpolated between pixels;
@@ -40,17 +41,19 @@ mod row_weights;
 use super::{Describer, DescriptorKind, Descriptors, FloatRows, Keypoint};
 use crate::image::{FloatImage, GaussianKernel, GrayImage, Size, gaussian_blur_within};
 use crate::params::ParamError;
-use crate::simd::pool;
-use columns::{Band, Columns, Histogram};
+use crate::simd::{DAISY_COLUMNS as BLOCK, add_between};
+use columns::Columns;
 use row_weights::RowWeights;
 
 /// Directions of a histogram.
 const DIRECTIONS: usize = 8;
+/// The values of all maps at one place.
+type Histogram = [f32; DIRECTIONS];
 /// Blur of the image before its gradients are taken, and how far it reaches, in pixels.
 const FIRST_BLUR: (f64, usize) = (0.5, 2);
 /// The blur that maps begin with, in pixels, that of the image included.
 const BASE: f64 = 1.6;
-/// Rows that are described at once.
+/// Rows of the image that are worked on at once.
 const BAND: usize = 128;
 
 /// Parameters of [`Daisy`].
@@ -214,29 +217,34 @@ impl Daisy {
         let mut order: Vec<usize> = (0..keypoints.len()).collect();
         let y = |i: usize| keypoints[i].at.y;
         order.sort_by(|&i, &j| y(i).total_cmp(&y(j)));
-        let mut band = Band::new(size, rings.len(), BAND);
-        let (mut places, mut weights) = (Vec::new(), Vec::new());
+        // The places in a band of rows that reach into each block of it.
+        let mut blocks: Vec<Vec<Place>> = vec![Vec::new(); size.width.div_ceil(BLOCK)];
         for top in (0..size.height).step_by(BAND) {
-            let rows = top..top + BAND;
-            let from = order.partition_point(|&i| y(i) < top as f32 - self.radius);
-            let to = order.partition_point(|&i| y(i) < rows.end as f32 + self.radius);
-            places.clear();
+            let band = top..top + BAND;
+            let from = order.partition_point(|&i| y(i) < band.start as f32 - self.radius);
+            let to = order.partition_point(|&i| y(i) < band.end as f32 + self.radius);
+            blocks.iter_mut().for_each(Vec::clear);
             for &i in &order[from..to] {
-                let all = self.places(i, &keypoints[i], size);
-                places.extend(all.filter(|place| rows.contains(&place.row)));
+                let places = self.places(i, &keypoints[i], size);
+                for place in places.filter(|place| band.contains(&place.row)) {
+                    let reach = rings[place.ring].columns_between(place.column);
+                    for block in &mut blocks[reach.start() / BLOCK..=reach.end() / BLOCK] {
+                        block.push(place);
+                    }
+                }
             }
-            band.restart(top);
-            for place in &places {
-                band.need(rings[place.ring].columns_between(place.column), place.row);
-            }
-            columns.fill(&mut band);
-            for place in &places {
-                let ring = &rings[place.ring];
-                ring.between(place.column, place.along, &mut weights);
-                let first = *ring.columns_between(place.column).start();
-                let (map, start) = band.map(place.ring, place.row, first);
-                let rows = [1.0 - place.down, place.down];
-                histograms[place.index] = pool(map, band.stride(), start, &weights, &rows);
+            for (block, left) in blocks.iter().zip((0..).step_by(BLOCK)) {
+                let rows = block.iter().map(|place| place.row);
+                let (Some(first), Some(last)) = (rows.clone().min(), rows.max()) else {
+                    continue;
+                };
+                columns.make(left, first..last + 2);
+                for place in block {
+                    let rows = columns.rows(place.ring + 2, place.row);
+                    let weights = rings[place.ring].block(place.column, left);
+                    let histogram = &mut histograms[place.index];
+                    add_between(rows, place.down, weights, place.along, histogram);
+                }
             }
         }
     }

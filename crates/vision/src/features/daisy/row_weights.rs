@@ -2,6 +2,7 @@
 
 use std::ops::RangeInclusive;
 
+use super::BLOCK;
 use crate::image::GaussianKernel;
 
 /// The weights with which the pixels of a row enter the value at one place, after the row was
@@ -11,7 +12,8 @@ pub(super) struct RowWeights {
     width: usize,
     /// Columns that the kernels reach to each side, one after the other.
     reach: usize,
-    /// The weights for columns further than that from both ends.
+    /// The weights for columns further than that from both ends. Here and below a block of zeros
+    /// stands before and after them.
     middle: Vec<f32>,
     /// The weights for the other columns, from left to right.
     ends: Vec<Vec<f32>>,
@@ -55,17 +57,14 @@ impl RowWeights {
         *self.columns(column).start()..=*self.columns(column + 1).end()
     }
 
-    /// Sets `weights` to those of [`Self::columns_between`] for the place `along` of the way from
-    /// `column` to the next.
-    pub(super) fn between(&self, column: usize, along: f32, weights: &mut Vec<f32>) {
-        let (here, next) = (self.at(column), self.at(column + 1));
-        weights.clear();
-        weights.extend(here.iter().map(|weight| (1.0 - along) * weight));
-        let shift = self.columns(column + 1).start() - self.columns(column).start();
-        weights.resize(shift + next.len(), 0.0);
-        for (sum, weight) in weights[shift..].iter_mut().zip(next) {
-            *sum += along * weight;
-        }
+    /// The weights of the columns from `left` on for `column` and for the next one. One of them
+    /// must be among [`Self::columns_between`].
+    pub(super) fn block(&self, column: usize, left: usize) -> [&[f32; BLOCK]; 2] {
+        [column, column + 1].map(|column| {
+            let before = left + BLOCK - self.columns(column).start();
+            let weights = self.at(column)[before..].first_chunk();
+            weights.expect("a block with a weight, or next to one")
+        })
     }
 }
 
@@ -74,8 +73,9 @@ fn columns_within(column: usize, reach: usize, width: usize) -> RangeInclusive<u
     column.saturating_sub(reach)..=(column + reach).min(width - 1)
 }
 
-/// The weights for the value at `column`, of the columns up to `reach` from it: handed on to the
-/// pixels that each value was made of, from the last kernel to the first.
+/// The weights for the value at `column`, of the columns up to `reach` from it, between two blocks
+/// of zeros: handed on to the pixels that each value was made of, from the last kernel to the
+/// first.
 fn spread(kernels: &[GaussianKernel], column: usize, reach: usize, width: usize) -> Vec<f32> {
     let columns = columns_within(column, reach, width);
     let first = *columns.start();
@@ -93,7 +93,9 @@ fn spread(kernels: &[GaussianKernel], column: usize, reach: usize, width: usize)
             }
         }
     }
-    weights.into_iter().map(|weight| weight as f32).collect()
+    let zeros = [0.0; BLOCK];
+    let weights = weights.into_iter().map(|weight| weight as f32);
+    zeros.into_iter().chain(weights).chain(zeros).collect()
 }
 
 #[cfg(test)]
@@ -125,11 +127,15 @@ mod tests {
             let row = &row[..width];
             let weights = RowWeights::new(&kernels, width);
             for column in 0..width - 1 {
-                let mut found = Vec::new();
-                weights.between(column, 0.3, &mut found);
                 let columns = weights.columns_between(column);
-                assert_eq!(found.len(), columns.clone().count());
-                let sum: f32 = found.iter().zip(&row[columns]).map(|(w, v)| w * v).sum();
+                let first = columns.start() / BLOCK * BLOCK;
+                let mut sum = 0.0;
+                for left in (first..=*columns.end()).step_by(BLOCK) {
+                    let [here, next] = weights.block(column, left);
+                    for (x, value) in row.iter().enumerate().skip(left).take(BLOCK) {
+                        sum += (0.7 * here[x - left] + 0.3 * next[x - left]) * value;
+                    }
+                }
                 let expected = smoothed(&kernels, row, column, 0.3);
                 assert!(
                     (sum - expected).abs() < 1e-4,
