@@ -72,7 +72,7 @@ pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
 pub use blur8::{weigh_along_u8, weigh_rows_u8};
 pub use brisk::{DirectionWeights, direction};
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
-pub use daisy::{DAISY_COLUMNS, DaisyRow, add_between, rectified_gradients};
+pub use daisy::{DAISY_COLUMNS, DAISY_MAPS, DaisyRow, add_between, rectified_gradients};
 pub use diffuse::{Below, Flows, NO_FLOWS, diffuse_row};
 pub use extrema::{ThreeRows, find_extrema, find_maxima};
 pub use fast::{segment_scores, strict_maxima, weak_maxima};

@@ -5,22 +5,25 @@
 
 use std::ops::Range;
 
-use super::{BLOCK, DIRECTIONS};
-use crate::image::{FloatImage, GaussianKernel, Size};
+use super::{BLOCK, FIRST_BLUR, MAPS};
+use crate::image::{FloatImage, GaussianKernel, GrayImage, Size, gaussian_blur_within};
 use crate::simd::{DaisyRow, ROWS_AT_ONCE, rectified_gradients, weigh_rows};
+
+/// What the difference of two pixels two apart counts, for grey levels from 0 to 1.
+const SCALE: f32 = 0.5 / 255.0;
 
 /// Makes maps of directions and smooths them downwards, block by block.
 pub(super) struct Columns<'a> {
     size: Size,
-    /// The image with its outermost pixels again around it.
+    /// The image with its outermost pixels again around it, in whole blocks.
     framed: FloatImage,
     kernels: &'a [GaussianKernel],
-    directions: [[f32; DIRECTIONS]; 2],
+    directions: &'a [[f32; 2]; 4],
     /// The maps as they are, and after each kernel.
     levels: Vec<Level>,
 }
 
-/// Some rows of a block after the same smoothing. Columns beyond the image hold anything finite.
+/// Some rows of a block after the same smoothing.
 #[derive(Clone, Default)]
 struct Level {
     rows: Range<usize>,
@@ -28,17 +31,17 @@ struct Level {
 }
 
 impl<'a> Columns<'a> {
-    /// Maps of `image` with grey levels up to 255, to be smoothed by one kernel after the other.
-    pub(super) fn new(image: &FloatImage, kernels: &'a [GaussianKernel]) -> Self {
-        let direction = |i: usize| {
-            let angle = std::f64::consts::TAU * i as f64 / DIRECTIONS as f64;
-            [libm::cos(angle), libm::sin(angle)].map(|v| (v / 255.0) as f32)
-        };
+    /// Maps of `image` with some directions, to be smoothed by one kernel after the other.
+    pub(super) fn new(
+        image: &GrayImage,
+        directions: &'a [[f32; 2]; 4],
+        kernels: &'a [GaussianKernel],
+    ) -> Self {
         Self {
             size: image.size(),
             framed: frame(image),
             kernels,
-            directions: [0, 1].map(|axis| std::array::from_fn(|i| direction(i)[axis])),
+            directions,
             levels: vec![Level::default(); kernels.len() + 1],
         }
     }
@@ -69,28 +72,35 @@ impl<'a> Columns<'a> {
 
     /// Makes the first level.
     fn gradients(&mut self, left: usize) {
-        let count = BLOCK.min(self.size.width - left);
         let Level { rows, maps } = &mut self.levels[0];
-        maps.resize(rows.len(), [[0.0; DIRECTIONS]; BLOCK]);
+        maps.resize(rows.len(), [[0.0; BLOCK]; MAPS]);
         for (y, maps) in rows.clone().zip(maps) {
             // Row y of the image is row y + 1 of the framed one.
-            let around = [y, y + 1, y + 2].map(|y| &self.framed.row(y)[left..left + count + 2]);
-            rectified_gradients(around, &self.directions, &mut maps[..count]);
+            let around = [y, y + 1, y + 2].map(|y| {
+                let pixels = self.framed.row(y)[left..].first_chunk();
+                pixels.expect("the frame holds whole blocks")
+            });
+            rectified_gradients(around, SCALE, self.directions, maps);
         }
     }
 }
 
-/// An image with its outermost pixels again around it.
-fn frame(image: &FloatImage) -> FloatImage {
-    let Size { width, height } = image.size();
-    let mut pixels = Vec::with_capacity((width + 2) * (height + 2));
-    for y in 0..height + 2 {
-        let row = image.row(y.saturating_sub(1).min(height - 1));
+/// The blurred image with its outermost pixels again around it, once to the left and so often to
+/// the right that it holds whole blocks and one more pixel.
+fn frame(image: &GrayImage) -> FloatImage {
+    let size = image.size();
+    let (sigma, reach) = FIRST_BLUR;
+    let pixels = image.data().iter().copied().map(f32::from).collect();
+    let blurred = gaussian_blur_within(&FloatImage::from_vec(size, pixels), sigma, reach);
+    let framed = Size::new(size.width.next_multiple_of(BLOCK) + 2, size.height + 2);
+    let mut pixels = Vec::with_capacity(framed.area());
+    for y in 0..framed.height {
+        let row = blurred.row(y.saturating_sub(1).min(size.height - 1));
         pixels.push(row[0]);
         pixels.extend_from_slice(row);
-        pixels.push(row[width - 1]);
+        pixels.resize(framed.width * (y + 1), row[size.width - 1]);
     }
-    FloatImage::from_vec(Size::new(width + 2, height + 2), pixels)
+    FloatImage::from_vec(framed, pixels)
 }
 
 /// Up to `reach` more rows at each end, as far as the image goes.
@@ -109,7 +119,7 @@ fn smooth(kernel: &GaussianKernel, height: usize, before: &Level, after: &mut Le
     let inputs: Vec<&[f32]> = (rows.start..rows.end + 2 * kernel.radius())
         .map(row)
         .collect();
-    maps.resize(rows.len(), [[0.0; DIRECTIONS]; BLOCK]);
+    maps.resize(rows.len(), [[0.0; BLOCK]; MAPS]);
     let mut outputs: Vec<&mut [f32]> = (maps.iter_mut())
         .map(|row| row.as_flattened_mut())
         .collect();

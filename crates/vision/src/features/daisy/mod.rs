@@ -23,8 +23,9 @@
 //! smoothing sideways can be exchanged, so here maps are smoothed downwards where any keypoint
 //! needs them ([`columns`]), and a histogram is one weighted sum along two neighbouring rows, whose
 //! weights hold all smoothing sideways and the interpolation between pixels ([`row_weights`]).
-//! Each block of the image adds to the histograms that reach into it and is forgotten. Besides
-//! rounding that is the same.
+//! Each block of the image adds to the histograms that reach into it and is forgotten. The positive
+//! parts in opposite directions differ by the gradient itself, so that four of the eight maps and
+//! the two of the gradient tell all. Besides rounding that is the same.
 //!
 //! # Choices that the paper leaves open
 //! All as OpenCV's `DAISY`: histograms are not normalised, and interpolated between pixels;
@@ -39,9 +40,9 @@ mod columns;
 mod row_weights;
 
 use super::{Describer, DescriptorKind, Descriptors, FloatRows, Keypoint};
-use crate::image::{FloatImage, GaussianKernel, GrayImage, Size, gaussian_blur_within};
+use crate::image::{GaussianKernel, GrayImage, Size};
 use crate::params::ParamError;
-use crate::simd::{DAISY_COLUMNS as BLOCK, add_between};
+use crate::simd::{DAISY_COLUMNS as BLOCK, DAISY_MAPS as MAPS, add_between};
 use columns::Columns;
 use row_weights::RowWeights;
 
@@ -54,7 +55,7 @@ const FIRST_BLUR: (f64, usize) = (0.5, 2);
 /// The blur that maps begin with, in pixels, that of the image included.
 const BASE: f64 = 1.6;
 /// Rows of the image that are worked on at once.
-const BAND: usize = 128;
+const BAND: usize = 192;
 
 /// Parameters of [`Daisy`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,6 +88,9 @@ impl Default for DaisyParams {
 pub struct Daisy {
     /// What maps are smoothed with: the first blur, then that of each ring.
     kernels: Vec<GaussianKernel>,
+    /// What a step to the right and a step downwards count in the first four directions; the others
+    /// are opposite to them.
+    directions: [[f32; 2]; 4],
     /// Ring and offset from the keypoint of each histogram. The middle one is of the first ring.
     flower: Vec<(usize, [f64; 2])>,
     /// No histogram is further from its keypoint, in pixels.
@@ -142,6 +146,10 @@ impl Daisy {
         }
         Ok(Self {
             kernels,
+            directions: std::array::from_fn(|i| {
+                let angle = std::f64::consts::TAU * i as f64 / DIRECTIONS as f64;
+                [libm::cos(angle) as f32, libm::sin(angle) as f32]
+            }),
             flower,
             radius: radius as f32 + 1.0,
         })
@@ -160,13 +168,14 @@ impl Daisy {
         let place = move |(i, &(ring, offset)): (usize, &(usize, [f64; 2]))| {
             let [x, y] = [at[0] + offset[0], at[1] + offset[1]];
             let inside = x >= 0.0 && y >= 0.0 && x < lengths[0] && y < lengths[1];
+            let (column, row) = (x as usize, y as usize);
             inside.then(|| Place {
                 index: first + i,
                 ring,
-                column: x as usize,
-                row: y as usize,
-                along: (x - x.floor()) as f32,
-                down: (y - y.floor()) as f32,
+                column,
+                row,
+                along: (x - column as f64) as f32,
+                down: (y - row as f64) as f32,
             })
         };
         self.flower.iter().enumerate().filter_map(place)
@@ -203,13 +212,7 @@ impl Daisy {
     /// Writes the histograms of all keypoints, one after the other, band by band.
     fn fill(&self, image: &GrayImage, keypoints: &[Keypoint], histograms: &mut [Histogram]) {
         let size = image.size();
-        let (sigma, reach) = FIRST_BLUR;
-        let pixels =
-            FloatImage::from_vec(size, image.data().iter().copied().map(f32::from).collect());
-        let blurred = gaussian_blur_within(&pixels, sigma, reach);
-        drop(pixels);
-        let mut columns = Columns::new(&blurred, &self.kernels);
-        drop(blurred);
+        let mut columns = Columns::new(image, &self.directions, &self.kernels);
         let rings: Vec<RowWeights> = (2..=self.kernels.len())
             .map(|count| RowWeights::new(&self.kernels[..count], size.width))
             .collect();
@@ -217,35 +220,52 @@ impl Daisy {
         let mut order: Vec<usize> = (0..keypoints.len()).collect();
         let y = |i: usize| keypoints[i].at.y;
         order.sort_by(|&i, &j| y(i).total_cmp(&y(j)));
-        // The places in a band of rows that reach into each block of it.
-        let mut blocks: Vec<Vec<Place>> = vec![Vec::new(); size.width.div_ceil(BLOCK)];
+        // The places in a band of rows, and which of them reach into each block of it.
+        let mut places = Vec::new();
+        let mut blocks: Vec<Vec<usize>> = vec![Vec::new(); size.width.div_ceil(BLOCK)];
         for top in (0..size.height).step_by(BAND) {
             let band = top..top + BAND;
             let from = order.partition_point(|&i| y(i) < band.start as f32 - self.radius);
             let to = order.partition_point(|&i| y(i) < band.end as f32 + self.radius);
-            blocks.iter_mut().for_each(Vec::clear);
+            places.clear();
             for &i in &order[from..to] {
-                let places = self.places(i, &keypoints[i], size);
-                for place in places.filter(|place| band.contains(&place.row)) {
-                    let reach = rings[place.ring].columns_between(place.column);
-                    for block in &mut blocks[reach.start() / BLOCK..=reach.end() / BLOCK] {
-                        block.push(place);
-                    }
+                let all = self.places(i, &keypoints[i], size);
+                places.extend(all.filter(|place| band.contains(&place.row)));
+            }
+            blocks.iter_mut().for_each(Vec::clear);
+            for (i, place) in places.iter().enumerate() {
+                let reach = rings[place.ring].columns_between(place.column);
+                for block in &mut blocks[reach.start() / BLOCK..=reach.end() / BLOCK] {
+                    block.push(i);
                 }
             }
             for (block, left) in blocks.iter().zip((0..).step_by(BLOCK)) {
-                let rows = block.iter().map(|place| place.row);
+                let rows = block.iter().map(|&i| places[i].row);
                 let (Some(first), Some(last)) = (rows.clone().min(), rows.max()) else {
                     continue;
                 };
                 columns.make(left, first..last + 2);
-                for place in block {
+                for &i in block {
+                    let place = &places[i];
                     let rows = columns.rows(place.ring + 2, place.row);
                     let weights = rings[place.ring].block(place.column, left);
-                    let histogram = &mut histograms[place.index];
-                    add_between(rows, place.down, weights, place.along, histogram);
+                    let (sums, _) = histograms[place.index]
+                        .split_first_chunk_mut()
+                        .expect("6 of 8");
+                    add_between(rows, place.down, weights, place.along, sums);
                 }
             }
+        }
+        for histogram in histograms {
+            self.complete(histogram);
+        }
+    }
+
+    /// Makes a histogram of the sums over all maps.
+    fn complete(&self, histogram: &mut Histogram) {
+        let [_, _, _, _, dx, dy, ..] = *histogram;
+        for (i, [right, down]) in self.directions.iter().enumerate() {
+            histogram[i + 4] = (histogram[i] - (right * dx + down * dy)).max(0.0);
         }
     }
 }
@@ -255,6 +275,7 @@ mod tests {
     use nalgebra::Point2;
 
     use super::*;
+    use crate::image::{FloatImage, gaussian_blur_within};
     use crate::seed::Seed;
 
     fn keypoint(x: f32, y: f32) -> Keypoint {
