@@ -1,9 +1,10 @@
 """Our features beside OpenCV's: the same pixels, the same keypoints?, the same descriptors?, how fast?
 
-    python features.py EXTRACTOR IMAGE... [--repeats N] [--example PATH] [--max-distance PX]
+    python features.py EXTRACTOR IMAGE... [--repeats N] [--example PATH] [--max-distance PX] [--given]
 
 Both sides get the gray pixels of `cv2.imread(path, 0)` and one thread. A keypoint has a twin in the
-other set if one lies within 0.5 px, 5 % in size and 5 degrees. Prints one row per image and a summary.
+other set if one lies within 0.5 px, 5 % in size and 5 degrees. With --given, both describe the keypoints
+of OpenCV's detector, which is not timed. Prints one row per image and a summary.
 See README.md for what the columns mean.
 """
 
@@ -26,11 +27,32 @@ class Chain:
     def __init__(self, detector, describer, shift=(0, 0)):
         self.detector, self.describer, self.shift = detector, describer, shift
 
-    def detectAndCompute(self, gray, mask):
+    def detect(self, gray, mask):
         keypoints = self.detector.detect(gray, mask)
         for k in keypoints:
             k.pt = (k.pt[0] - self.shift[0], k.pt[1] - self.shift[1])
-        return self.describer.compute(gray, keypoints)
+        return keypoints
+
+    def detectAndCompute(self, gray, mask):
+        return self.describer.compute(gray, self.detect(gray, mask))
+
+
+class Given:
+    """A describer of keypoints that are known already."""
+
+    def __init__(self, keypoints, describer):
+        self.keypoints, self.describer = keypoints, describer
+
+    def detectAndCompute(self, gray, mask):
+        return self.describer.compute(gray, self.keypoints)
+
+
+def on_sift(describer):
+    return Chain(cv2.SIFT_create(), describer, SIFT_SHIFT)
+
+
+# Positions in the doubled image are halved without taking back its half-pixel offset.
+SIFT_SHIFT = (0.25, 0.25)
 
 
 # id of ours: (OpenCV's extractor, (x, y) by which OpenCV's positions are known to be shifted).
@@ -38,14 +60,13 @@ EXTRACTORS = {
     "brisk": (lambda: cv2.BRISK_create(), (0, 0)),
     "akaze": (lambda: cv2.AKAZE_create(), (0, 0)),
     "freak": (lambda: Chain(cv2.xfeatures2d.SURF_create(), cv2.xfeatures2d.FREAK_create()), (0, 0)),
-    "freak-sift": (
-        lambda: Chain(cv2.SIFT_create(), cv2.xfeatures2d.FREAK_create(), (0.25, 0.25)), (0, 0)
-    ),
+    "freak-sift": (lambda: on_sift(cv2.xfeatures2d.FREAK_create()), (0, 0)),
+    "daisy": (lambda: on_sift(cv2.xfeatures2d.DAISY_create()), (0, 0)),
+    "latch": (lambda: on_sift(cv2.xfeatures2d.LATCH_create()), (0, 0)),
     "kaze": (lambda: cv2.KAZE_create(), (0, 0)),
     "orb": (lambda: cv2.ORB_create(100_000), (0, 0)),
     "orb-gms": (lambda: cv2.ORB_create(10_000, fastThreshold=0), (0, 0)),
-    # Positions in the doubled image are halved without taking back its half-pixel offset.
-    "sift": (lambda: cv2.SIFT_create(), (0.25, 0.25)),
+    "sift": (lambda: cv2.SIFT_create(), SIFT_SHIFT),
     "surf": (lambda: cv2.xfeatures2d.SURF_create(), (0, 0)),  # OpenCV 3.4.2 alone
 }
 
@@ -59,10 +80,10 @@ def opencv(extractor, gray):
     return rows, descriptors, seconds
 
 
-def ours(example, extractor, pgm, repeats):
+def ours(example, extractor, pgm, repeats, given=()):
     """Keypoints as rows x y size angle, descriptors, median seconds."""
     out = str(pgm.with_suffix(""))
-    command = [example, extractor, str(pgm), str(repeats), out]
+    command = [example, extractor, str(pgm), str(repeats), out, *given]
     printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     keypoints = np.load(out + ".keypoints.npy")
     return keypoints[:, :4], np.load(out + ".descriptors.npy"), float(printed) / 1e3
@@ -97,7 +118,7 @@ def descriptor_distances(a, b):
     return np.linalg.norm(a - b, axis=1) / np.maximum(np.linalg.norm(a, axis=1), 1e-9)
 
 
-def compare(name, path, example, repeats, max_distance, scratch):
+def compare(name, path, example, repeats, max_distance, scratch, are_given):
     make, shift = EXTRACTORS[name]
     gray = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if gray is None:
@@ -105,11 +126,18 @@ def compare(name, path, example, repeats, max_distance, scratch):
     pgm = scratch / f"{Path(path).stem}.pgm"
     cv2.imwrite(str(pgm), gray)
     extractor = make()
+    given = []
+    if are_given:
+        keypoints = extractor.detect(gray, None)
+        extractor = Given(keypoints, extractor.describer)
+        given = [str(scratch / "given.npy")]
+        rows = [(*k.pt, k.size, k.angle, k.response, 0) for k in keypoints]
+        np.save(given[0], np.array(rows, np.float32))
     opencv(extractor, gray)  # not timed: first use
     times = []
     for _ in range(repeats):  # interleaved, so that both see the same machine
         reference, reference_rows, theirs = opencv(extractor, gray)
-        found, rows, mine = ours(example, name, pgm, 1)
+        found, rows, mine = ours(example, name, pgm, 1, given)
         times.append((mine, theirs))
     there = twins(reference, found, max_distance)
     back = twins(found, reference, max_distance)
@@ -128,6 +156,7 @@ def compare(name, path, example, repeats, max_distance, scratch):
         "shift": f"{offset[0]:+.2f},{offset[1]:+.2f}",
         "<0.05px %": 100 * (close >= 0).mean(),
         "desc med": float(np.median(distance)),
+        "desc max": float(np.max(distance)),
         "desc equal %": 100 * float((distance == 0).mean()),
         "ours ms": 1e3 * statistics.median(t[0] for t in times),
         "theirs ms": 1e3 * statistics.median(t[1] for t in times),
@@ -143,6 +172,7 @@ def main():
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--max-distance", type=float, default=0.5, help="pixels")
     parser.add_argument("--example", default=str(ROOT / "target/release/examples/extract"))
+    parser.add_argument("--given", action="store_true", help="describe OpenCV's keypoints")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
     print(f"OpenCV {cv2.__version__}, one thread, {arguments.repeats} interleaved repetitions")
@@ -151,7 +181,7 @@ def main():
         for path in arguments.images:
             row = compare(
                 arguments.extractor, path, arguments.example, arguments.repeats,
-                arguments.max_distance, Path(scratch),
+                arguments.max_distance, Path(scratch), arguments.given,
             )
             if not rows:
                 print(" | ".join(row))

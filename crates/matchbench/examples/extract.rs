@@ -1,10 +1,11 @@
 //! Extracts features from one image, several times, and says how long it took.
 //!
 //! ```text
-//! extract EXTRACTOR IMAGE REPEATS OUT
+//! extract EXTRACTOR IMAGE REPEATS OUT [KEYPOINTS]
 //! ```
 //!
-//! IMAGE is an 8-bit grey PGM or PNG. Prints the median time in milliseconds. Writes
+//! IMAGE is an 8-bit grey PGM or PNG. With KEYPOINTS, a file as written to `OUT.keypoints.npy`,
+//! EXTRACTOR is a describer and describes those. Prints the median time in milliseconds. Writes
 //! `OUT.keypoints.npy`, one row `x y size angle_in_degrees response octave` each (an angle of -1
 //! stands for none), and `OUT.descriptors.npy`, one row of values (or of bytes, for binary
 //! descriptors) each. `compare/features.py` reads them.
@@ -14,17 +15,20 @@ use std::path::Path;
 use std::time::Instant;
 
 use matchbench_vision::features::{
-    Akaze, AkazeParams, Brisk, BriskParams, Descriptors, DetectThenDescribe, Extractor, Features,
-    Freak, FreakParams, Kaze, KazeParams, Orb, OrbParams, Sift, SiftParams, Surf, SurfParams,
+    Akaze, AkazeParams, Brisk, BriskParams, Daisy, DaisyParams, Describer, Descriptors,
+    DetectThenDescribe, Detector, Extractor, Features, Freak, FreakParams, Kaze, KazeParams,
+    Keypoint, Latch, LatchParams, Orb, OrbParams, Sift, SiftParams, Surf, SurfParams,
 };
 use matchbench_vision::image::{GrayImage, Size};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [id, image, repeats, out] = arguments.as_slice() else {
-        return Err("usage: extract EXTRACTOR IMAGE REPEATS OUT".into());
+    let (arguments, given) = arguments.split_at(arguments.len().min(4));
+    let ([id, image, repeats, out], [] | [_]) = (arguments, given) else {
+        return Err("usage: extract EXTRACTOR IMAGE REPEATS OUT [KEYPOINTS]".into());
     };
-    let extractor = extractor(id)?;
+    let given = given.first().map(|path| read_keypoints(Path::new(path)));
+    let extractor = extractor(id, given.transpose()?)?;
     let image = read_gray(Path::new(image))?;
     let mut times = Vec::new();
     let mut features = extractor.extract(&image);
@@ -41,20 +45,45 @@ fn main() -> Result<(), Box<dyn Error>> {
     write(&features, out)
 }
 
+/// A detector that finds what it was given.
+struct Given(Vec<Keypoint>);
+
+impl Detector for Given {
+    fn detect(&self, _: &GrayImage) -> Vec<Keypoint> {
+        self.0.clone()
+    }
+}
+
 /// One line for each extractor that can be compared.
-fn extractor(id: &str) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
+fn extractor(id: &str, given: Option<Given>) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
+    if let Some(given) = given {
+        return match id {
+            "daisy" => Ok(on(given, Daisy::new(DaisyParams::default())?)),
+            "freak" | "freak-sift" => Ok(on(given, Freak::new(FreakParams::default())?)),
+            "latch" => Ok(on(given, Latch::new(LatchParams::default())?)),
+            _ => Err(format!("no describer `{id}`; known: daisy, freak, latch").into()),
+        };
+    }
     match id {
         "akaze" => Ok(Box::new(Akaze::new(AkazeParams::default())?)),
         "brisk" => Ok(Box::new(Brisk::new(BriskParams::default())?)),
-        "freak" => Ok(Box::new(DetectThenDescribe {
-            detector: Surf::new(SurfParams::default())?,
-            describer: Freak::new(FreakParams::default())?,
-        })),
-        "freak-sift" => Ok(Box::new(DetectThenDescribe {
-            detector: Sift::new(SiftParams::default())?,
-            describer: Freak::new(FreakParams::default())?,
-        })),
+        "daisy" => Ok(on(
+            Sift::new(SiftParams::default())?,
+            Daisy::new(DaisyParams::default())?,
+        )),
+        "freak" => Ok(on(
+            Surf::new(SurfParams::default())?,
+            Freak::new(FreakParams::default())?,
+        )),
+        "freak-sift" => Ok(on(
+            Sift::new(SiftParams::default())?,
+            Freak::new(FreakParams::default())?,
+        )),
         "kaze" => Ok(Box::new(Kaze::new(KazeParams::default())?)),
+        "latch" => Ok(on(
+            Sift::new(SiftParams::default())?,
+            Latch::new(LatchParams::default())?,
+        )),
         "orb" => Ok(Box::new(Orb::new(OrbParams::default())?)),
         "orb-gms" => Ok(Box::new(Orb::new(OrbParams {
             features: 10_000,
@@ -64,10 +93,39 @@ fn extractor(id: &str) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
         "sift" => Ok(Box::new(Sift::new(SiftParams::default())?)),
         "surf" => Ok(Box::new(Surf::new(SurfParams::default())?)),
         _ => Err(format!(
-            "no extractor `{id}`; known: akaze, brisk, freak, freak-sift, kaze, orb, orb-gms, sift, surf"
+            "no extractor `{id}`; known: akaze, brisk, daisy, freak, freak-sift, kaze, latch, orb, orb-gms, sift, surf"
         )
         .into()),
     }
+}
+
+fn on<K: Detector + 'static, D: Describer + 'static>(
+    detector: K,
+    describer: D,
+) -> Box<dyn Extractor> {
+    Box::new(DetectThenDescribe {
+        detector,
+        describer,
+    })
+}
+
+/// Rows `x y size angle_in_degrees response octave` of single precision, as `write_npy` writes
+/// them.
+fn read_keypoints(path: &Path) -> Result<Given, Box<dyn Error>> {
+    let bytes = std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let length = bytes.get(8..10).ok_or("no header")?;
+    let data = &bytes[10 + usize::from(u16::from_le_bytes([length[0], length[1]]))..];
+    let values: Vec<f32> = (data.as_chunks().0.iter())
+        .map(|&value| f32::from_le_bytes(value))
+        .collect();
+    let keypoint = |&[x, y, size, angle, response, octave]: &[f32; 6]| Keypoint {
+        at: [x, y].into(),
+        size,
+        angle: (angle >= 0.0).then(|| angle.to_radians()),
+        response,
+        octave: octave as i16,
+    };
+    Ok(Given(values.as_chunks().0.iter().map(keypoint).collect()))
 }
 
 fn read_gray(path: &Path) -> Result<GrayImage, Box<dyn Error>> {

@@ -8,12 +8,14 @@ mod asift;
 mod binboost;
 mod brisk;
 mod code;
+mod daisy;
 mod dlco;
 mod freak;
 mod freak_sift;
 mod gms;
 mod gms_s;
 mod kaze;
+mod latch;
 mod local_features;
 mod orb;
 mod sift;
@@ -31,6 +33,8 @@ pub const MATCHERS: &[&dyn Entry] = &[
     &surf::SURF,
     &freak::FREAK,
     &freak_sift::FREAK_SIFT,
+    &latch::LATCH,
+    &daisy::DAISY,
     &orb::ORB,
     &brisk::BRISK,
     &kaze::KAZE,

@@ -6,6 +6,10 @@
 /// FREAK's tests: the two receptive fields that are compared, for each of 512 bits.
 pub(crate) const FREAK_PAIRS: &[u8; 2 * 512] = include_bytes!("freak_pairs.bin");
 
+/// LATCH's triplets: x and y of the anchor, of the first and of the second companion, as signed
+/// bytes, for each of 256 bits.
+pub(crate) const LATCH_TRIPLETS: &[u8; 6 * 256] = include_bytes!("latch_triplets.bin");
+
 /// ORB's tests: x and y of the first place, x and y of the second, as signed bytes, for each of
 /// 256 bits.
 pub(crate) const ORB_PAIRS: &[u8; 4 * 256] = include_bytes!("orb_pairs.bin");
