@@ -14,6 +14,7 @@ mod freak_sift;
 mod gms;
 mod gms_s;
 mod kaze;
+mod kvld;
 mod local_features;
 mod orb;
 mod sift;
@@ -37,6 +38,7 @@ pub const MATCHERS: &[&dyn Entry] = &[
     &akaze::AKAZE,
     &gms::GMS,
     &gms_s::GMS_S,
+    &kvld::KvldEntry,
     &asift::AsiftEntry,
     &code::CodeEntry,
     &dlco::DLCO,

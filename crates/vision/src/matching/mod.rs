@@ -3,6 +3,7 @@
 pub mod code;
 mod correspondence;
 mod gms;
+mod kvld;
 mod mutual;
 mod nearest;
 mod pipeline;
@@ -12,6 +13,7 @@ mod ratio;
 pub use code::{Code, CodeParams};
 pub use correspondence::{Correspondence, Correspondences};
 pub use gms::{Gms, GmsParams};
+pub use kvld::{Kvld, KvldParams};
 pub use mutual::MutualCheck;
 pub use nearest::{NearestNeighbours, two_nearest};
 pub use pipeline::{Matcher, MatcherError, Pipeline, Search, Selector, View};
