@@ -23,7 +23,7 @@ impl Default for Params {
     fn default() -> Self {
         Self {
             extractor: SiftParams::default(),
-            ratio: 0.8,
+            ratio: 0.98,
             lines: KvldParams::default(),
         }
     }

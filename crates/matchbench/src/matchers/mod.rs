@@ -17,6 +17,7 @@ mod kaze;
 mod kvld;
 mod local_features;
 mod orb;
+mod repmatch;
 mod sift;
 mod surf;
 
@@ -41,6 +42,7 @@ pub const MATCHERS: &[&dyn Entry] = &[
     &kvld::KvldEntry,
     &asift::AsiftEntry,
     &code::CodeEntry,
+    &repmatch::RepMatchEntry,
     &dlco::DLCO,
     &binboost::BINBOOST,
 ];

@@ -9,6 +9,7 @@ mod nearest;
 mod pipeline;
 mod placewise;
 mod ratio;
+mod repmatch;
 
 pub use code::{Code, CodeParams};
 pub use correspondence::{Correspondence, Correspondences};
@@ -19,3 +20,4 @@ pub use nearest::{NearestNeighbours, two_nearest};
 pub use pipeline::{Matcher, MatcherError, Pipeline, Search, Selector, View};
 pub use placewise::PlacewiseNeighbours;
 pub use ratio::RatioTest;
+pub use repmatch::{RepMatch, RepMatchParams};
