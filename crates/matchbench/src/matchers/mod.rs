@@ -16,8 +16,10 @@ mod gms;
 mod gms_s;
 mod kaze;
 mod latch;
+mod kvld;
 mod local_features;
 mod orb;
+mod repmatch;
 mod sift;
 mod surf;
 
@@ -41,8 +43,10 @@ pub const MATCHERS: &[&dyn Entry] = &[
     &akaze::AKAZE,
     &gms::GMS,
     &gms_s::GMS_S,
+    &kvld::KvldEntry,
     &asift::AsiftEntry,
     &code::CodeEntry,
+    &repmatch::RepMatchEntry,
     &dlco::DLCO,
     &binboost::BINBOOST,
 ];

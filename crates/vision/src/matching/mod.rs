@@ -3,17 +3,21 @@
 pub mod code;
 mod correspondence;
 mod gms;
+mod kvld;
 mod mutual;
 mod nearest;
 mod pipeline;
 mod placewise;
 mod ratio;
+mod repmatch;
 
 pub use code::{Code, CodeParams};
 pub use correspondence::{Correspondence, Correspondences};
 pub use gms::{Gms, GmsParams};
+pub use kvld::{Kvld, KvldParams};
 pub use mutual::MutualCheck;
 pub use nearest::{NearestNeighbours, two_nearest};
 pub use pipeline::{Matcher, MatcherError, Pipeline, Search, Selector, View};
 pub use placewise::PlacewiseNeighbours;
 pub use ratio::RatioTest;
+pub use repmatch::{RepMatch, RepMatchParams};

@@ -20,7 +20,7 @@
 //! | --- | --- | --- |
 //! | `seed_ratio` | 2/3 | the authors' program: squared ratio 2.25 |
 //! | `seeds` | 1000 | the authors' program |
-//! | `centres` | 300 | the motion's seeds in the authors' program |
+//! | `centres` | 300 | - |
 //! | `ridge` | 1 | the authors' program |
 //! | `huber` | 0.1 | the authors' program |
 //! | `likelihoods` | 0.6, 0.7 | the authors' program, one for each pass |
@@ -33,15 +33,14 @@
 //! weigh `displacement_scale` times as much as places; a match must satisfy both functions, there
 //! one of them is enough.
 
+mod coherence;
 mod regression;
 
-use nalgebra::{DMatrix, Matrix2, Point2};
+pub(super) use coherence::{Coherence, Motions};
 
 use super::{Correspondence, Correspondences, Selector, View};
-use crate::features::Features;
 use crate::params::ParamError;
-use crate::seed::{Rng, Seed};
-use regression::{Point, SparseRow, evaluate, fit, kernels};
+use crate::seed::Seed;
 
 /// Parameters of [`Code`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,172 +119,38 @@ impl Code {
     }
 
     /// For each match whether it moves as its neighbours do.
-    fn decide(
+    pub(super) fn decide(
         &self,
-        a: &Features,
-        b: &Features,
+        motions: &Motions,
         matches: &[Correspondence],
         seed: Seed,
     ) -> Vec<bool> {
-        let (places_a, places_b) = (
-            normalised(a, matches, |m| m.a),
-            normalised(b, matches, |m| m.b),
-        );
-        let points: Vec<Option<Point>> = (matches.iter().enumerate())
-            .map(|(i, m)| {
-                self.point(
-                    a.frame(m.a as usize),
-                    b.frame(m.b as usize),
-                    places_a[i],
-                    places_b[i],
-                )
-            })
-            .collect();
+        let params = &self.params;
         let mut candidates: Vec<usize> = (0..matches.len())
-            .filter(|&i| matches[i].distance < self.params.seed_ratio * matches[i].second)
+            .filter(|&i| matches[i].distance < params.seed_ratio * matches[i].second)
             .collect();
         let mut kept = vec![false; matches.len()];
-        for (pass, &least) in self.params.likelihoods.iter().enumerate() {
-            candidates.retain(|&i| points[i].is_some());
-            shuffle_first(
-                &mut candidates,
-                self.params.seeds,
-                &mut seed.number(pass as u64).rng(),
-            );
-            let seeds: Vec<Point> = candidates.iter().filter_map(|&i| points[i]).collect();
-            let centres = &seeds[..seeds.len().min(self.params.centres)];
-            let Some(likelihood) = self.likelihood(&seeds, centres) else {
+        for (pass, &least) in params.likelihoods.iter().enumerate() {
+            let rng = &mut seed.number(pass as u64).rng();
+            let Some(coherence) = Coherence::learn(motions, candidates, params, rng) else {
                 return vec![false; matches.len()];
             };
-            let verified: Vec<usize> = (candidates.iter().copied().zip(&seeds))
-                .filter(|(_, point)| evaluate(&kernels(point, centres), &likelihood)[0] > 0.5)
-                .map(|(i, _)| i)
-                .collect();
-            let motion_centres: Vec<Point> = (verified.iter().filter_map(|&i| points[i]))
-                .take(MOTION_CENTRES)
-                .collect();
-            let Some(motion) = self.motion(&verified, &points, &motion_centres, &places_b) else {
-                return vec![false; matches.len()];
-            };
-            for (i, point) in points.iter().enumerate() {
-                kept[i] = point.is_some_and(|point| {
-                    let [likelihood] = evaluate(&kernels(&point, centres), &likelihood);
-                    if likelihood <= least {
-                        return false;
-                    }
-                    let [u, v] = evaluate(&affine_row(&point, &motion_centres), &motion);
-                    let (du, dv) = (u - places_b[i].x, v - places_b[i].y);
-                    du * du + dv * dv < self.params.squared_transfer
-                });
+            for (i, kept) in kept.iter_mut().enumerate() {
+                *kept = coherence.accepts(motions, i, least, params.squared_transfer);
             }
             candidates = (0..matches.len()).filter(|&i| kept[i]).collect();
         }
         kept
     }
-
-    /// A match as a point; `None` where its frames are too unlike or broken.
-    fn point(&self, a: [f32; 4], b: [f32; 4], from: Point2<f64>, to: Point2<f64>) -> Option<Point> {
-        let matrix = |m: [f32; 4]| Matrix2::from_row_slice(&m.map(f64::from));
-        let relative = matrix(b) * matrix(a).try_inverse()?;
-        let scale = relative.determinant().abs().sqrt();
-        let m = relative / scale;
-        // With determinant 1 the squared norm is r + 1 / r for the ratio r of the axes.
-        let aspect = self.params.max_aspect;
-        let regular = m.norm_squared() <= aspect + 1.0 / aspect;
-        let moved = (to - from) * self.params.displacement_scale;
-        (regular && moved.x.is_finite() && moved.y.is_finite())
-            .then_some([from.x, from.y, moved.x, moved.y, m.m11, m.m12, m.m21, m.m22])
-    }
-
-    /// Coefficients of the likelihood.
-    fn likelihood(&self, seeds: &[Point], centres: &[Point]) -> Option<Vec<[f64; 1]>> {
-        let rows: Vec<SparseRow> = seeds.iter().map(|seed| kernels(seed, centres)).collect();
-        // On the coefficients and not on the function's norm: truncated kernels are not positive
-        // definite. A seed on its own still gets 1 / (1 + ridge).
-        let penalty = DMatrix::identity(centres.len(), centres.len()) * self.params.ridge;
-        fit(
-            &rows,
-            &vec![[1.0]; seeds.len()],
-            &penalty,
-            self.params.huber,
-        )
-    }
-
-    /// Coefficients of the motion, from the matches `verified`.
-    fn motion(
-        &self,
-        verified: &[usize],
-        points: &[Option<Point>],
-        centres: &[Point],
-        places_b: &[Point2<f64>],
-    ) -> Option<Vec<[f64; 2]>> {
-        let (rows, targets): (Vec<_>, Vec<_>) = (verified.iter())
-            .filter_map(|&i| {
-                Some((
-                    affine_row(&points[i]?, centres),
-                    [places_b[i].x, places_b[i].y],
-                ))
-            })
-            .unzip();
-        let count = 3 * (centres.len() + 1);
-        // The affine motion common to all is free.
-        let penalty = DMatrix::from_fn(count, count, |i, j| match (i == j, i < 3) {
-            (false, _) => 0.0,
-            (true, true) => 1e-9,
-            (true, false) => self.params.ridge,
-        });
-        fit(&rows, &targets, &penalty, self.params.huber)
-    }
 }
 
 impl Selector for Code {
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, seed: Seed) {
-        let kept = self.decide(a.features, b.features, matches, seed);
+        let motions = Motions::new(a.features, b.features, matches, &self.params);
+        let kept = self.decide(&motions, matches, seed);
         let mut kept = kept.into_iter();
         matches.retain(|_| kept.next().unwrap_or(false));
     }
-}
-
-/// Kernels of the motion: each stands for three coefficients.
-const MOTION_CENTRES: usize = 60;
-
-/// What the coefficients of an affine motion that varies with the match are multiplied by.
-fn affine_row(point: &Point, centres: &[Point]) -> SparseRow {
-    let monomials = [point[0], point[1], 1.0];
-    let mut row: SparseRow = monomials.into_iter().enumerate().collect();
-    for (index, k) in kernels(point, centres) {
-        let first = 3 * (index + 1);
-        row.extend((0..3).map(|i| (first + i, k * monomials[i])));
-    }
-    row
-}
-
-/// Places of matched keypoints with zero mean and a mean distance of sqrt(2) from it.
-fn normalised(
-    features: &Features,
-    matches: &[Correspondence],
-    index: fn(&Correspondence) -> u32,
-) -> Vec<Point2<f64>> {
-    let places: Vec<Point2<f64>> = (matches.iter())
-        .map(|m| features.keypoints[index(m) as usize].at.cast())
-        .collect();
-    let finite = || places.iter().filter(|p| p.x.is_finite() && p.y.is_finite());
-    let count = finite().count().max(1) as f64;
-    let mean = finite().fold(nalgebra::Vector2::zeros(), |sum, p| sum + p.coords) / count;
-    let distance = finite().map(|p| (p.coords - mean).norm()).sum::<f64>() / count;
-    let scale = std::f64::consts::SQRT_2 / distance.max(f64::MIN_POSITIVE);
-    (places.iter())
-        .map(|p| Point2::from((p.coords - mean) * scale))
-        .collect()
-}
-
-/// Keeps `count` at most, drawn at random and in random order.
-fn shuffle_first(values: &mut Vec<usize>, count: usize, rng: &mut Rng) {
-    for i in 0..count.min(values.len()) {
-        let other = i + rng.below((values.len() - i) as u32) as usize;
-        values.swap(i, other);
-    }
-    values.truncate(count);
 }
 
 #[cfg(test)]

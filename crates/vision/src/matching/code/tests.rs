@@ -1,5 +1,7 @@
+use nalgebra::Point2;
+
 use super::*;
-use crate::features::{DescriptorKind, Descriptors, FloatRows, Keypoint};
+use crate::features::{DescriptorKind, Descriptors, Features, FloatRows, Keypoint};
 use crate::image::Size;
 
 /// Features at places, of one size and direction.

@@ -1,0 +1,82 @@
+//! `kvld`: SIFT, nearest neighbours, those joined by virtual lines that look the same.
+
+use matchbench_vision::features::{Sift, SiftParams};
+use matchbench_vision::matching::{Kvld, KvldParams, NearestNeighbours, Pipeline, RatioTest};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::sift::SIFT;
+use super::{BuiltMatcher, Entry, Extraction};
+use crate::config::{ConfigError, parse_params, to_json};
+
+pub(super) struct KvldEntry;
+
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Params {
+    extractor: SiftParams,
+    ratio: f32,
+    lines: KvldParams,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            extractor: SiftParams::default(),
+            ratio: 0.98,
+            lines: KvldParams::default(),
+        }
+    }
+}
+
+impl Entry for KvldEntry {
+    fn id(&self) -> &'static str {
+        "kvld"
+    }
+
+    fn summary(&self) -> &'static str {
+        "SIFT, exact nearest neighbours, those joined by lines that look the same"
+    }
+
+    fn reference(&self) -> &'static str {
+        "Z. Liu, R. Marlet, \"Virtual Line Descriptor and Semi-Local Matching Method for Reliable \
+         Feature Correspondence\", BMVC 2012"
+    }
+
+    fn defaults(&self) -> Value {
+        to_json(&Params::default())
+    }
+
+    fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {
+        let params: Params = parse_params(self.id(), params)?;
+        if !(params.ratio > 0.0 && params.ratio <= 1.0) {
+            let reason = format!(
+                "`ratio` is {}, but must be above 0 and at most 1",
+                params.ratio
+            );
+            return Err(ConfigError::new(self.id(), reason));
+        }
+        let sift = Sift::new(params.extractor).map_err(|e| ConfigError::new(self.id(), e))?;
+        let kvld = Kvld::new(params.lines).map_err(|e| ConfigError::new(self.id(), e))?;
+        Ok(BuiltMatcher {
+            id: self.id().into(),
+            params: to_json(&params),
+            // Those of `sift`, and so found in the cache.
+            extraction: Extraction {
+                extractor: SIFT.id.into(),
+                params: to_json(&params.extractor),
+                revision: SIFT.revision,
+            },
+            matcher: Box::new(Pipeline {
+                extractor: Box::new(sift),
+                search: Box::new(NearestNeighbours),
+                selectors: vec![
+                    Box::new(RatioTest {
+                        ratio: params.ratio,
+                    }),
+                    Box::new(kvld),
+                ],
+            }),
+        })
+    }
+}

@@ -1,0 +1,59 @@
+//! `repmatch`: ASIFT, all nearest neighbours, decided by coherence and epipolar geometry.
+
+use matchbench_vision::matching::{Pipeline, PlacewiseNeighbours, RepMatch, RepMatchParams};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::asift::AsiftExtraction;
+use super::{BuiltMatcher, Entry};
+use crate::config::{ConfigError, parse_params, to_json};
+
+pub(super) struct RepMatchEntry;
+
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Params {
+    extractor: AsiftExtraction,
+    search: PlacewiseNeighbours,
+    selection: RepMatchParams,
+}
+
+impl Entry for RepMatchEntry {
+    fn id(&self) -> &'static str {
+        "repmatch"
+    }
+
+    fn summary(&self) -> &'static str {
+        "CODE, learned again on the matches that one epipolar geometry explains"
+    }
+
+    fn reference(&self) -> &'static str {
+        "W.-Y. Lin, S. Liu, N. Jiang, M. N. Do, P. Tan, J. Lu, \"RepMatch: Robust Feature Matching \
+         and Pose for Reconstructing Modern Cities\", ECCV 2016"
+    }
+
+    fn estimator(&self) -> &'static str {
+        "rich"
+    }
+
+    fn defaults(&self) -> Value {
+        to_json(&Params::default())
+    }
+
+    fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {
+        let params: Params = parse_params(self.id(), params)?;
+        let extractor = (params.extractor.build()).map_err(|e| ConfigError::new(self.id(), e))?;
+        let repmatch =
+            RepMatch::new(params.selection).map_err(|e| ConfigError::new(self.id(), e))?;
+        Ok(BuiltMatcher {
+            id: self.id().into(),
+            params: to_json(&params),
+            extraction: params.extractor.extraction(),
+            matcher: Box::new(Pipeline {
+                extractor,
+                search: Box::new(params.search),
+                selectors: vec![Box::new(repmatch)],
+            }),
+        })
+    }
+}

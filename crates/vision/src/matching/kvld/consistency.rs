@@ -1,0 +1,293 @@
+//! Which matches are consistent with which, and who is left if the others are dropped.
+
+use std::cmp::Ordering;
+use std::f32::consts::PI;
+
+use nalgebra::{Matrix2, Point2};
+
+use super::KvldParams;
+use super::gradients::GradientPyramid;
+use super::virtual_line::{VirtualLine, Window, levels_for};
+use crate::features::{Features, Keypoint};
+use crate::image::GrayImage;
+use crate::matching::Correspondence;
+
+/// Right matches that a neighbourhood is expected to hold.
+const EXPECTED: f64 = 5.0;
+/// Neighbours of one match that are looked at in each of the nine cells around it: bounds the time
+/// where all keypoints lie in one place.
+const MAX_IN_CELL: usize = 400;
+
+/// A match where it lies in the two images.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placed {
+    a: Point2<f32>,
+    b: Point2<f32>,
+    /// The similarity between the two keypoints, without the shift.
+    b_from_a: Matrix2<f32>,
+    a_from_b: Matrix2<f32>,
+}
+
+impl Placed {
+    pub(super) fn new(a: &Features, b: &Features, m: &Correspondence) -> Self {
+        let a = &a.keypoints[m.a as usize];
+        let b = &b.keypoints[m.b as usize];
+        let (b_from_a, a_from_b) = (similarity(a, b), similarity(b, a));
+        Self {
+            a: a.at,
+            b: b.at,
+            b_from_a,
+            a_from_b,
+        }
+    }
+
+    /// Mean error of predicting one match by the other, relative to their distance.
+    fn inconsistency(&self, other: &Self) -> f32 {
+        let (a, b) = (other.a - self.a, other.b - self.b);
+        let forward = (self.b_from_a * a - b).norm() + (other.b_from_a * a - b).norm();
+        let backward = (self.a_from_b * b - a).norm() + (other.a_from_b * b - a).norm();
+        0.25 * (forward / b.norm() + backward / a.norm())
+    }
+}
+
+/// The turn and change of size from one keypoint to another.
+fn similarity(from: &Keypoint, to: &Keypoint) -> Matrix2<f32> {
+    let angle = to.angle.unwrap_or(0.0) - from.angle.unwrap_or(0.0);
+    let scale = to.size / from.size;
+    let (x, y) = (scale * libm::cosf(angle), scale * libm::sinf(angle));
+    Matrix2::new(x, -y, y, x)
+}
+
+/// The two images, ready for the description of lines.
+pub(super) struct Lines {
+    a: GradientPyramid,
+    b: GradientPyramid,
+    window: Window,
+    area: f64,
+}
+
+impl Lines {
+    pub(super) fn new(a: &GrayImage, b: &GrayImage) -> Self {
+        let pyramid = |image: &GrayImage| {
+            let (width, height) = (image.width() as f32, image.height() as f32);
+            let longest = (width * width + height * height).sqrt();
+            GradientPyramid::new(image, levels_for(longest))
+        };
+        Self {
+            a: pyramid(a),
+            b: pyramid(b),
+            window: Window::new(),
+            area: a.size().area() as f64,
+        }
+    }
+
+    /// Distance of the lines between two matches, if both can be described.
+    fn distance(&self, i: &Placed, j: &Placed) -> Option<f32> {
+        let a = VirtualLine::new(&self.a, &self.window, i.a, j.a)?;
+        let b = VirtualLine::new(&self.b, &self.window, i.b, j.b)?;
+        Some(a.distance(&b))
+    }
+
+    /// The radius of a neighbourhood among `count` matches.
+    fn radius(&self, count: usize, inlier_rate: f64) -> f32 {
+        let right = inlier_rate * count.max(1) as f64;
+        (EXPECTED * self.area / (f64::from(PI) * right)).sqrt() as f32
+    }
+}
+
+/// A neighbour of a match.
+struct Link {
+    other: u32,
+    /// Distance of the lines; `None` if the two matches are not consistent.
+    distance: Option<f32>,
+}
+
+/// For each match its neighbours.
+pub(super) struct Graph(Vec<Vec<Link>>);
+
+impl Graph {
+    /// Compares all neighbours among `placed`.
+    pub(super) fn new(placed: &[Placed], lines: &Lines, params: &KvldParams) -> Self {
+        let radius = lines.radius(placed.len(), params.inlier_rate);
+        let grid = Grid::new(placed, radius);
+        let mut links: Vec<Vec<Link>> = placed.iter().map(|_| Vec::new()).collect();
+        let mut consistent = vec![0; placed.len()];
+        let min = params.min_length_px * params.min_length_px;
+        for (i, match_i) in placed.iter().enumerate() {
+            for j in grid.around(match_i.a) {
+                if consistent[i] >= params.max_neighbours {
+                    break;
+                }
+                let match_j = &placed[j as usize];
+                let squared = (match_j.a - match_i.a).norm_squared();
+                let far_enough = squared >= min && (match_j.b - match_i.b).norm_squared() >= min;
+                // Each pair once.
+                if j as usize <= i
+                    || consistent[j as usize] >= params.max_neighbours
+                    || !far_enough
+                    || squared > radius * radius
+                {
+                    continue;
+                }
+                let alike = match_i.inconsistency(match_j) < params.max_geometry;
+                let distance = (alike.then(|| lines.distance(match_i, match_j)).flatten())
+                    .filter(|&distance| distance < params.max_distance);
+                for (from, to) in [(i, j), (j as usize, i as u32)] {
+                    consistent[from] += u32::from(distance.is_some());
+                    links[from].push(Link {
+                        other: to,
+                        distance,
+                    });
+                }
+            }
+        }
+        Self(links)
+    }
+
+    /// Which matches are left when nothing changes any more.
+    pub(super) fn prune(&self, placed: &[Placed], params: &KvldParams) -> Vec<bool> {
+        let mut kept = vec![true; placed.len()];
+        loop {
+            let before = kept.iter().filter(|&&kept| kept).count();
+            self.keep(&mut kept, |support| {
+                support.consistent >= params.least_neighbours
+            });
+            self.keep_one_to_one(placed, &mut kept);
+            self.keep(&mut kept, |support| {
+                support.consistent as f32 >= params.least_share * support.neighbours as f32
+            });
+            if kept.iter().filter(|&&kept| kept).count() == before {
+                return kept;
+            }
+        }
+    }
+
+    /// Drops those whose support, as it is before any of them is dropped, is too small.
+    fn keep(&self, kept: &mut [bool], enough: impl Fn(&Support) -> bool) {
+        let left: Vec<bool> = (0..kept.len())
+            .map(|i| kept[i] && enough(&self.support(i, kept)))
+            .collect();
+        kept.copy_from_slice(&left);
+    }
+
+    /// Of the matches that share a place in a or in b, keeps the best supported.
+    fn keep_one_to_one(&self, placed: &[Placed], kept: &mut [bool]) {
+        let places: [fn(&Placed) -> Point2<f32>; 2] = [|m| m.a, |m| m.b];
+        for place in places {
+            let key = |i: usize| [place(&placed[i]).x, place(&placed[i]).y].map(f32::to_bits);
+            let mut left: Vec<usize> = (0..kept.len()).filter(|&i| kept[i]).collect();
+            left.sort_by_key(|&i| key(i));
+            let before = kept.to_vec();
+            for rivals in left.chunk_by(|&i, &j| key(i) == key(j)) {
+                let [first, others @ ..] = rivals else {
+                    continue;
+                };
+                let mut best = (*first, self.support(*first, &before));
+                for &rival in others {
+                    let support = self.support(rival, &before);
+                    let loser = if support.compare(&best.1) == Ordering::Greater {
+                        std::mem::replace(&mut best, (rival, support)).0
+                    } else {
+                        rival
+                    };
+                    kept[loser] = false;
+                }
+            }
+        }
+    }
+
+    /// What is left of the neighbours of a match.
+    fn support(&self, index: usize, kept: &[bool]) -> Support {
+        let mut support = Support {
+            neighbours: 0,
+            consistent: 0,
+            distance: 0.0,
+        };
+        for link in &self.0[index] {
+            if kept[link.other as usize] {
+                support.neighbours += 1;
+                if let Some(distance) = link.distance {
+                    support.consistent += 1;
+                    support.distance += distance;
+                }
+            }
+        }
+        support
+    }
+}
+
+/// The neighbours of a match that are left.
+struct Support {
+    neighbours: u32,
+    consistent: u32,
+    /// Sum over the consistent ones.
+    distance: f32,
+}
+
+impl Support {
+    /// Greater is better: more consistent neighbours, or as many with more similar lines.
+    fn compare(&self, other: &Self) -> Ordering {
+        let more = self.consistent.cmp(&other.consistent);
+        more.then(other.distance.total_cmp(&self.distance))
+    }
+}
+
+/// Matches by their place in a.
+struct Grid {
+    cell: f32,
+    columns: usize,
+    rows: usize,
+    origin: Point2<f32>,
+    cells: Vec<Vec<u32>>,
+}
+
+impl Grid {
+    /// At most this many cells along each side, so that few matches in a large image need no more
+    /// memory than many.
+    const MAX_CELLS: f32 = 200.0;
+
+    fn new(placed: &[Placed], radius: f32) -> Self {
+        let finite = || {
+            placed
+                .iter()
+                .map(|m| m.a)
+                .filter(|p| p.coords.sum().is_finite())
+        };
+        let low = finite().fold(Point2::new(f32::MAX, f32::MAX), |low, p| low.inf(&p));
+        let high = finite().fold(Point2::new(f32::MIN, f32::MIN), |high, p| high.sup(&p));
+        let extent = (high - low).sup(&nalgebra::Vector2::zeros());
+        let cell = radius.max(extent.max() / Self::MAX_CELLS).max(1.0);
+        let count = |length: f32| (length / cell) as usize + 1;
+        let (columns, rows) = (count(extent.x), count(extent.y));
+        let mut grid = Self {
+            cell,
+            columns,
+            rows,
+            origin: low,
+            cells: vec![Vec::new(); columns * rows],
+        };
+        for (index, m) in (0_u32..).zip(placed) {
+            let (column, row) = grid.place(m.a);
+            grid.cells[row * columns + column].push(index);
+        }
+        grid
+    }
+
+    fn place(&self, at: Point2<f32>) -> (usize, usize) {
+        let along = |x: f32, count: usize| ((x / self.cell) as usize).min(count - 1);
+        let from = at - self.origin;
+        (along(from.x, self.columns), along(from.y, self.rows))
+    }
+
+    /// Matches of the cells around a place, best first in each.
+    fn around(&self, at: Point2<f32>) -> impl Iterator<Item = u32> + '_ {
+        let (column, row) = self.place(at);
+        let rows = row.saturating_sub(1)..=(row + 1).min(self.rows - 1);
+        let columns = column.saturating_sub(1)..=(column + 1).min(self.columns - 1);
+        rows.flat_map(move |row| columns.clone().map(move |column| (row, column)))
+            .flat_map(|(row, column)| {
+                let cell = &self.cells[row * self.columns + column];
+                cell.iter().take(MAX_IN_CELL).copied()
+            })
+    }
+}

@@ -1,0 +1,165 @@
+//! KVLD: a match stays if virtual lines to enough of its neighbours look the same in both images.
+//!
+//! Z. Liu, R. Marlet: "Virtual Line Descriptor and Semi-Local Matching Method for Reliable Feature
+//! Correspondence", British Machine Vision Conference (BMVC) 2012.
+//!
+//! 1. Two matches are compared by geometry: each predicts, by the similarity between its own two
+//!    keypoints, where the other lies; the error relative to the length of the line between them
+//!    must be below `max_geometry`.
+//! 2. And by photometry: the line between the two keypoints is described in both images (see
+//!    `virtual_line`); the distance of the descriptors must be below `max_distance`.
+//! 3. Neighbours of a match lie within a radius in which `EXPECTED` right matches are expected if
+//!    a share `inlier_rate` of all is right, and not nearer than `min_length_px`. Comparing ends
+//!    when a match has `max_neighbours` consistent ones.
+//! 4. Until nothing changes: matches with fewer than `least_neighbours` consistent neighbours are
+//!    dropped; of several at one place, the one with most of them stays, among equals that of
+//!    most similar lines; matches are dropped if less than `least_share` of their neighbours are
+//!    consistent.
+//! 5. If a smaller share than `inlier_rate` is kept, all is done again with half the rate, so with
+//!    sqrt(2) times the radius, and `least_neighbours` 2, at most five times.
+//!
+//! | symbol | field | default | source |
+//! | --- | --- | --- | --- |
+//! | chi | `max_geometry` | 0.5 | the authors' program |
+//! | tau | `max_distance` | 0.35 | the authors' program |
+//! | gamma | `inlier_rate` | 0.04 | the authors' program |
+//! | | `min_length_px` | 10 | the authors' program |
+//! | | `max_neighbours` | 20 | the authors' program |
+//! | K | `least_neighbours` | 3 | the paper's title |
+//! | | `least_share` | 0.3 | the authors' program |
+//!
+//! *Choices the paper leaves open*: matches are compared in the order of their ratio of nearest to
+//! second nearest distance, the clearest first. The geometric error of a pair is the mean over the
+//! four predictions (either match, in either direction).
+
+mod consistency;
+mod gradients;
+mod virtual_line;
+
+use super::{Correspondences, Selector, View};
+use crate::params::ParamError;
+use crate::seed::Seed;
+use consistency::{Graph, Lines, Placed};
+
+/// Parameters of [`Kvld`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct KvldParams {
+    /// Largest error of predicting one match by another, relative to their distance.
+    pub max_geometry: f32,
+    /// Largest distance of the descriptors of a line in the two images.
+    pub max_distance: f32,
+    /// Share of matches that is taken to be right at first, in `(0, 1]`.
+    pub inlier_rate: f64,
+    /// Neighbours are at least this far away, in pixels, in both images.
+    pub min_length_px: f32,
+    /// Consistent neighbours that are looked for.
+    pub max_neighbours: u32,
+    /// Consistent neighbours that a match must have, at least 1.
+    pub least_neighbours: u32,
+    /// Share of its neighbours that a match must be consistent with, in `[0, 1]`.
+    pub least_share: f32,
+}
+
+impl Default for KvldParams {
+    fn default() -> Self {
+        Self {
+            max_geometry: 0.5,
+            max_distance: 0.35,
+            inlier_rate: 0.04,
+            min_length_px: 10.0,
+            max_neighbours: 20,
+            least_neighbours: 3,
+            least_share: 0.3,
+        }
+    }
+}
+
+/// Rates of inliers that are tried.
+const ATTEMPTS: usize = 5;
+
+/// Selection by virtual lines.
+#[derive(Clone, Copy, Debug)]
+pub struct Kvld {
+    params: KvldParams,
+}
+
+impl Kvld {
+    /// A selector with these parameters.
+    ///
+    /// # Errors
+    /// If one of them is out of its range.
+    pub fn new(params: KvldParams) -> Result<Self, ParamError> {
+        for (name, value) in [
+            ("max_geometry", params.max_geometry),
+            ("max_distance", params.max_distance),
+            ("min_length_px", params.min_length_px),
+        ] {
+            let fine = value > 0.0 && value.is_finite();
+            ParamError::unless(fine, name, value, "positive and finite")?;
+        }
+        let (rate, share) = (params.inlier_rate, params.least_share);
+        ParamError::unless(
+            rate > 0.0 && rate <= 1.0,
+            "inlier_rate",
+            rate,
+            "above 0 and at most 1",
+        )?;
+        ParamError::unless((0.0..=1.0).contains(&share), "least_share", share, "0 to 1")?;
+        for (name, count) in [
+            ("max_neighbours", params.max_neighbours),
+            ("least_neighbours", params.least_neighbours),
+        ] {
+            ParamError::unless(count > 0, name, count, "at least 1")?;
+        }
+        Ok(Self { params })
+    }
+
+    /// For each match whether it stays.
+    fn decide(&self, placed: &[Placed], lines: &Lines) -> Vec<bool> {
+        let mut kept = vec![false; placed.len()];
+        let mut params = self.params;
+        for _ in 0..ATTEMPTS {
+            let graph = Graph::new(placed, lines, &params);
+            kept = graph.prune(placed, &params);
+            let count = kept.iter().filter(|&&kept| kept).count();
+            if count as f64 >= params.inlier_rate * placed.len() as f64 {
+                break;
+            }
+            params.inlier_rate *= 0.5;
+            params.least_neighbours = params.least_neighbours.min(2);
+        }
+        kept
+    }
+}
+
+impl Selector for Kvld {
+    /// # Panics
+    /// If a view has no image.
+    fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, _seed: Seed) {
+        // The clearest first; the order of equals is that of the matches.
+        let mut order: Vec<usize> = (0..matches.len()).collect();
+        let ratio = |i: usize| matches[i].distance / matches[i].second;
+        order.sort_by(|&i, &j| ratio(i).total_cmp(&ratio(j)));
+        let placed: Vec<Placed> = (order.iter())
+            .map(|&i| Placed::new(a.features, b.features, &matches[i]))
+            .collect();
+        let asked = "`by_pixels` says that images are needed";
+        let lines = Lines::new(a.image.expect(asked), b.image.expect(asked));
+        let decided = self.decide(&placed, &lines);
+        let mut kept = vec![false; matches.len()];
+        for (&i, decided) in order.iter().zip(decided) {
+            kept[i] = decided;
+        }
+        let mut kept = kept.into_iter();
+        matches.retain(|_| kept.next().expect("one for each match"));
+    }
+
+    fn by_pixels(&self) -> bool {
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests;

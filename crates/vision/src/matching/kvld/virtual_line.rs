@@ -1,0 +1,185 @@
+//! The virtual line descriptor: what an image looks like along the segment between two keypoints.
+//!
+//! Ten discs lie on the segment, evenly between its ends (section 2 of the paper). Each is
+//! described by a histogram of eight gradient directions relative to the line, and by its dominant
+//! direction among 24 with the weight of it. All histograms of a line are normalised together, and
+//! so are all weights: a disc counts by its contrast.
+
+use nalgebra::Point2;
+
+use super::gradients::{GradientPyramid, wrapped};
+use crate::simd::turns;
+
+/// Discs on a line.
+const DISCS: usize = 10;
+/// Bins of a disc's histogram.
+const BINS: usize = 8;
+/// Directions among which the dominant one is found.
+const DIRECTIONS: usize = 24;
+/// Smallest radius of a disc in pixels of the image.
+const MIN_RADIUS: f32 = 2.0;
+/// A disc is described at the level where its radius is between this and sqrt(2) times this.
+const LEVEL_RADIUS: f32 = 3.0;
+/// Weight of the histograms against the dominant directions in a distance.
+const HISTOGRAM_SHARE: f32 = 0.36;
+/// Lines of less gradient than this on average, in grey levels per pixel of their level, are not
+/// described: what they show is noise.
+const MIN_CONTRAST: f32 = 1.0;
+
+/// Descriptor of a line.
+#[derive(Clone, Debug)]
+pub(super) struct VirtualLine {
+    histograms: [[f32; BINS]; DISCS],
+    /// Number and weight of the dominant direction of each disc.
+    dominant: [(u8, f32); DISCS],
+}
+
+impl VirtualLine {
+    /// The line from `p` to `q`, in pixels of the image; `None` where there is too little contrast
+    /// to tell one line from another.
+    pub(super) fn new(
+        pyramid: &GradientPyramid,
+        window: &Window,
+        p: Point2<f32>,
+        q: Point2<f32>,
+    ) -> Option<Self> {
+        let length = (q - p).norm();
+        let spacing = 1.0 / (DISCS + 1) as f32;
+        let radius = (length * spacing).max(MIN_RADIUS);
+        let level = level_of(radius).min(pyramid.depth().checked_sub(1)?);
+        let (from, to) = (pyramid.place(p, level), pyramid.place(q, level));
+        let step = (to - from) * spacing;
+        let radius = radius * (step.norm() / (length * spacing));
+        let line = wrapped(turns(-step.y, step.x));
+        let mut described = Self {
+            histograms: [[0.0; BINS]; DISCS],
+            dominant: [(0, 0.0); DISCS],
+        };
+        let mut area = 0.0;
+        for disc in 0..DISCS {
+            let centre = from + step * (disc + 1) as f32;
+            let mut directions = [0.0; DIRECTIONS];
+            area += window.gather(
+                pyramid.level(level),
+                centre,
+                radius,
+                line,
+                &mut described.histograms[disc],
+                &mut directions,
+            );
+            let dominant = (0..DIRECTIONS)
+                .reduce(|best, i| {
+                    if directions[i] > directions[best] {
+                        i
+                    } else {
+                        best
+                    }
+                })
+                .unwrap_or(0);
+            described.dominant[disc] = (dominant as u8, directions[dominant]);
+        }
+        described.normalise(area)
+    }
+
+    /// Makes all histograms sum to 1, and all weights; `area` is the weight of all pixels seen.
+    fn normalise(mut self, area: f32) -> Option<Self> {
+        let sum: f32 = self.histograms.iter().flatten().sum();
+        // Magnitudes are 128ths of twice the gradient.
+        if sum.is_nan() || sum <= MIN_CONTRAST * 256.0 * area {
+            return None;
+        }
+        let weights: f32 = self.dominant.iter().map(|(_, weight)| weight).sum();
+        self.histograms.iter_mut().flatten().for_each(|v| *v /= sum);
+        self.dominant
+            .iter_mut()
+            .for_each(|(_, weight)| *weight /= weights);
+        Some(self)
+    }
+
+    /// How unlike two lines are: 0 for equal ones, at most about 1.
+    pub(super) fn distance(&self, other: &Self) -> f32 {
+        let histograms: f32 = (self.histograms.iter().flatten())
+            .zip(other.histograms.iter().flatten())
+            .map(|(x, y)| (x - y).abs())
+            .sum();
+        let directions: f32 = (self.dominant.iter().zip(&other.dominant))
+            .map(|(&(i, weight), &(j, other_weight))| {
+                let apart = usize::from(i.abs_diff(j));
+                let apart = apart.min(DIRECTIONS - apart);
+                0.5 * (weight + other_weight) * apart as f32
+            })
+            .sum();
+        let direction_share = (1.0 - HISTOGRAM_SHARE) / DIRECTIONS as f32;
+        HISTOGRAM_SHARE * histograms + direction_share * directions
+    }
+}
+
+/// The level at which a disc of this radius in pixels of the image is described.
+fn level_of(radius: f32) -> usize {
+    let squared = (radius / LEVEL_RADIUS) * (radius / LEVEL_RADIUS);
+    // Each level halves the squared radius.
+    let mut level = 0;
+    let mut limit = 2.0;
+    while squared >= limit && level < 40 {
+        level += 1;
+        limit *= 2.0;
+    }
+    level
+}
+
+/// Levels that lines of at most this length need.
+pub(super) fn levels_for(length: f32) -> usize {
+    level_of(length / (DISCS + 1) as f32) + 1
+}
+
+/// The Gaussian of a disc, tabulated over the squared distance from its centre.
+pub(super) struct Window([f32; Window::STEPS + 1]);
+
+impl Window {
+    const STEPS: usize = 64;
+
+    /// A Gaussian whose standard deviation is half the radius.
+    pub(super) fn new() -> Self {
+        let weight = |step: usize| libm::expf(-2.0 * step as f32 / Self::STEPS as f32);
+        Self(std::array::from_fn(weight))
+    }
+
+    /// Adds the gradients of a disc to the two histograms, directions counted from `line`; returns
+    /// the weight of the pixels.
+    fn gather(
+        &self,
+        level: &crate::image::Image<super::gradients::Gradient>,
+        centre: Point2<f32>,
+        radius: f32,
+        line: u16,
+        histogram: &mut [f32; BINS],
+        directions: &mut [f32; DIRECTIONS],
+    ) -> f32 {
+        let (width, height) = (level.width() as i32, level.height() as i32);
+        let first = |at: f32| ((at - radius).ceil() as i32).max(0);
+        let last = |at: f32, length: i32| ((at + radius).floor() as i32).min(length - 1);
+        let steps = Self::STEPS as f32 / (radius * radius);
+        let mut area = 0.0;
+        for y in first(centre.y)..=last(centre.y, height) {
+            let dy = y as f32 - centre.y;
+            let row = level.row(y as usize);
+            for x in first(centre.x)..=last(centre.x, width) {
+                let dx = x as f32 - centre.x;
+                let step = ((dx * dx + dy * dy) * steps) as usize;
+                let Some(weight) = self.0.get(step) else {
+                    continue;
+                };
+                let gradient = row[x as usize];
+                let value = weight * f32::from(gradient.magnitude);
+                let direction = gradient.direction.wrapping_sub(line);
+                let bin = usize::from(direction >> 13);
+                let share = f32::from(direction & 0x1fff) * (1.0 / 8192.0);
+                histogram[bin] += value * (1.0 - share);
+                histogram[(bin + 1) % BINS] += value * share;
+                directions[(u32::from(direction) * DIRECTIONS as u32 >> 16) as usize] += value;
+                area += weight;
+            }
+        }
+        area
+    }
+}
