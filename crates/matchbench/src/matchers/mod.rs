@@ -11,6 +11,7 @@ mod code;
 mod dlco;
 mod freak;
 mod freak_sift;
+mod gaim;
 mod gms;
 mod gms_s;
 mod kaze;
@@ -37,6 +38,7 @@ pub const MATCHERS: &[&dyn Entry] = &[
     &akaze::AKAZE,
     &gms::GMS,
     &gms_s::GMS_S,
+    &gaim::GaimEntry,
     &asift::AsiftEntry,
     &code::CodeEntry,
     &dlco::DLCO,

@@ -20,7 +20,9 @@ mod keypoint;
 pub mod orb;
 mod patch;
 mod peak;
+pub mod sheared;
 pub mod sift;
+mod simulation;
 pub mod surf;
 
 pub use akaze::{Akaze, AkazeParams};
@@ -35,6 +37,7 @@ pub use kaze::{Kaze, KazeParams};
 pub use keypoint::{Features, Keypoint};
 pub use orb::{Orb, OrbParams};
 pub use patch::PatchSource;
+pub use sheared::{Sheared, ShearedParams};
 pub use sift::{Sift, SiftParams};
 pub use surf::{Surf, SurfParams};
 

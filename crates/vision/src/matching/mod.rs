@@ -2,6 +2,7 @@
 
 pub mod code;
 mod correspondence;
+pub mod gaim;
 mod gms;
 mod mutual;
 mod nearest;
@@ -11,6 +12,7 @@ mod ratio;
 
 pub use code::{Code, CodeParams};
 pub use correspondence::{Correspondence, Correspondences};
+pub use gaim::{CandidateLabels, Gaim, GaimParams};
 pub use gms::{Gms, GmsParams};
 pub use mutual::MutualCheck;
 pub use nearest::{NearestNeighbours, two_nearest};
