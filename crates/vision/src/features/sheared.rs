@@ -180,3 +180,116 @@ fn as_turn_and_tilt(shear: f64, scale: f64) -> SimulatedView {
         longitude: -along,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point2, Vector2};
+
+    use super::*;
+    use crate::features::{Surf, SurfParams};
+
+    fn sheared(params: ShearedParams) -> Sheared<Surf> {
+        let surf = Surf::new(SurfParams::default()).unwrap();
+        Sheared::new(surf, params).unwrap()
+    }
+
+    /// A blob with a smaller one at its side, which gives it an orientation.
+    fn blob(size: Size, centre: Point2<f32>, sigma: f32) -> GrayImage {
+        GrayImage::from_fn(size, |x, y| {
+            let offset = (Vector2::new(x as f32, y as f32) - centre.coords) / sigma;
+            let blob = |offset: Vector2<f32>| libm::expf(-0.5 * offset.norm_squared());
+            let side = blob((offset - Vector2::new(2.0, 1.0)) * 2.0);
+            (30.0 + 150.0 * blob(offset) + 70.0 * side) as u8
+        })
+    }
+
+    #[test]
+    fn views_are_the_linear_maps_up_to_similarity() {
+        for (shear, scale) in [(0.0, 1.5), (2.0, 1.0), (-1.2, 0.6), (0.4, 2.25)] {
+            let SimulatedView { tilt, longitude } = as_turn_and_tilt(shear, scale);
+            let (sin, cos) = (libm::sin(longitude), libm::cos(longitude));
+            let view = Matrix2::new(1.0, 0.0, 0.0, 1.0 / tilt) * Matrix2::new(cos, -sin, sin, cos);
+            let map = Matrix2::new(1.0, shear, 0.0, scale);
+            // What is left between the two is a similarity.
+            let rest = map * view.try_inverse().unwrap();
+            let gram = rest.transpose() * rest;
+            assert!((gram.m11 - gram.m22).abs() < 1e-9 * gram.m11, "{rest}");
+            assert!(gram.m12.abs() < 1e-9 * gram.m11, "{rest}");
+            assert!(tilt > 1.0);
+        }
+    }
+
+    #[test]
+    fn views_are_those_of_the_grid_that_can_be_seen() {
+        let views = sheared(ShearedParams::default()).views();
+        assert_eq!(views[0], SimulatedView::IMAGE);
+        assert!(
+            views[1..]
+                .iter()
+                .all(|view| view.tilt > 1.2 && view.tilt <= 6.0)
+        );
+        // 5 shears and 3 scales, less two that are too oblique.
+        assert_eq!(views.len(), 13);
+        let none = sheared(ShearedParams {
+            shears: 0,
+            scale_steps: 0,
+            ..ShearedParams::default()
+        });
+        assert_eq!(none.views(), [SimulatedView::IMAGE]);
+    }
+
+    #[test]
+    fn places_are_those_of_the_image_at_any_size() {
+        for (width, height) in [(300, 240), (1500, 1100)] {
+            let unit = width as f32 / 300.0;
+            let centre = Point2::new(140.0 * unit, 121.0 * unit);
+            let image = blob(Size::new(width, height), centre, 3.0 * unit);
+            let features = sheared(ShearedParams::default()).extract(&image);
+            assert_eq!(features.size, image.size());
+            assert!(features.len() >= 10, "{} found", features.len());
+            let near = (features.keypoints.iter()).filter(|k| (k.at - centre).norm() < 2.0 * unit);
+            assert!(near.count() >= 5, "{} are near", features.len());
+        }
+    }
+
+    #[test]
+    fn any_image_will_do() {
+        for (width, height) in [(0, 0), (0, 5), (1, 1), (1, 400), (300, 2), (40, 40)] {
+            let image = GrayImage::filled(Size::new(width, height), 90);
+            let features = sheared(ShearedParams::default()).extract(&image);
+            assert!(features.is_empty(), "{width} x {height}");
+        }
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_named() {
+        let default = ShearedParams::default();
+        for (name, params) in [
+            (
+                "shears",
+                ShearedParams {
+                    shears: 21,
+                    ..default
+                },
+            ),
+            (
+                "max_tilt",
+                ShearedParams {
+                    max_tilt: 0.5,
+                    ..default
+                },
+            ),
+            (
+                "scale_step",
+                ShearedParams {
+                    scale_step: f64::NAN,
+                    ..default
+                },
+            ),
+        ] {
+            let surf = Surf::new(SurfParams::default()).unwrap();
+            let message = Sheared::new(surf, params).unwrap_err().to_string();
+            assert!(message.contains(name), "{message}");
+        }
+    }
+}

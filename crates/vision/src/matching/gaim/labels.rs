@@ -1,6 +1,6 @@
 //! Candidates: for a feature of one image the features of another that may show the same point.
 //!
-//! The nearest descriptors of 50 different places. Features are compared in blocks of a few dozen,
+//! The nearest descriptors of 50 different places. Features are compared in blocks of at most 16,
 //! each of which gives its nearest one, and the nearest of these are taken unless one of their
 //! places is already among them. Only what shares a block with something nearer is missed.
 
@@ -10,8 +10,9 @@ use super::super::{Correspondence, Correspondences, Search, two_nearest};
 use crate::features::Features;
 use crate::params::ParamError;
 
-/// Features of the second image compared at once.
-const BLOCK: usize = 64;
+/// Features in a block at most, and blocks for each label at least, if there are so many features.
+const BLOCK: usize = 16;
+const BLOCKS_PER_LABEL: usize = 16;
 
 /// Search for several candidates of the features that were seen without simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,9 +58,10 @@ impl CandidateLabels {
     pub(super) fn of(&self, nodes: &[usize], a: &Features, b: &Features) -> Correspondences {
         let queries = a.descriptors.select(nodes.iter().copied());
         let mut nearest = vec![Vec::new(); nodes.len()];
-        for first in (0..b.len()).step_by(BLOCK) {
-            let block = first..(first + BLOCK).min(b.len());
-            for found in two_nearest(&queries, &b.descriptors.select(block)) {
+        let block = (b.len() / (BLOCKS_PER_LABEL * self.labels)).clamp(1, BLOCK);
+        for first in (0..b.len()).step_by(block) {
+            let rows = b.descriptors.select(first..(first + block).min(b.len()));
+            for found in two_nearest(&queries, &rows) {
                 nearest[found.a as usize].push((found.distance, first as u32 + found.b));
             }
         }
