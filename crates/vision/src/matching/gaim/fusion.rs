@@ -136,8 +136,11 @@ mod tests {
     use super::*;
     use crate::seed::Seed;
 
-    /// A random function of few variables, and its value.
-    fn random(trial: u64, submodular: bool) -> (Vec<i64>, Vec<(usize, usize, [i64; 4])>) {
+    /// Two variables and their costs together.
+    type Pair = (usize, usize, [i64; 4]);
+
+    /// A random function of few variables.
+    fn random(trial: u64, submodular: bool) -> (Vec<i64>, Vec<Pair>) {
         let mut rng = Seed(11).number(trial).rng();
         let variables = 2 + rng.below(6) as usize;
         let unary = (0..variables).map(|_| i64::from(rng.below(21)) - 10);
@@ -155,13 +158,13 @@ mod tests {
         (unary, pairs)
     }
 
-    fn value(unary: &[i64], pairs: &[(usize, usize, [i64; 4])], x: &[bool]) -> i64 {
+    fn value(unary: &[i64], pairs: &[Pair], x: &[bool]) -> i64 {
         let ones = unary.iter().zip(x).filter(|(_, x)| **x).map(|(u, _)| u);
         let pairs = (pairs.iter()).map(|&(p, q, c)| c[2 * usize::from(x[p]) + usize::from(x[q])]);
         ones.sum::<i64>() + pairs.sum::<i64>()
     }
 
-    fn minimise(unary: &[i64], pairs: &[(usize, usize, [i64; 4])]) -> Vec<Option<bool>> {
+    fn minimise(unary: &[i64], pairs: &[Pair]) -> Vec<Option<bool>> {
         let mut quadratic = Quadratic::new(unary.len());
         for (p, &cost) in unary.iter().enumerate() {
             quadratic.add_unary(p, cost);

@@ -89,7 +89,9 @@ impl CandidateLabels {
             }
             let own = &mut candidates[own..];
             if let [first, second, ..] = *own {
-                own.iter_mut().for_each(|m| m.second = first.distance);
+                for m in own.iter_mut() {
+                    m.second = first.distance;
+                }
                 own[0].second = second.distance;
             }
         }

@@ -176,9 +176,12 @@ mod tests {
                 network.add_arc(from, to, capacity);
             }
             let value = |side: &dyn Fn(usize) -> bool| -> i64 {
-                let terminal = |node: usize| match side(node) {
-                    true => (-terminals[node]).max(0),
-                    false => terminals[node].max(0),
+                let terminal = |node: usize| {
+                    if side(node) {
+                        (-terminals[node]).max(0)
+                    } else {
+                        terminals[node].max(0)
+                    }
                 };
                 let cut = arcs.iter().filter(|arc| side(arc.0) && !side(arc.1));
                 (0..nodes).map(terminal).sum::<i64>() + cut.map(|arc| arc.2).sum::<i64>()

@@ -54,7 +54,9 @@ pub(super) fn smooth(
         kept = next;
     }
     let mut is_kept = vec![false; a.len()];
-    kept.iter().for_each(|&i| is_kept[i] = true);
+    for i in kept {
+        is_kept[i] = true;
+    }
     is_kept
 }
 

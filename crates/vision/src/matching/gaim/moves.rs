@@ -100,7 +100,9 @@ fn around(problem: &Problem, p: usize) -> Vec<usize> {
     let direct = around.len();
     let mut seen = vec![false; problem.nodes.len()];
     seen[p] = true;
-    around.iter().for_each(|&q| seen[q] = true);
+    for &q in &around {
+        seen[q] = true;
+    }
     for index in 0..direct {
         for &q in &problem.neighbours[around[index]] {
             if around.len() >= REACHED {

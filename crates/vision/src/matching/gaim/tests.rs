@@ -37,7 +37,7 @@ fn features(list: &[Feature]) -> Features {
 fn random_feature(rng: &mut Rng) -> Feature {
     let at = Vector2::new(800.0 * rng.uniform() as f32, 600.0 * rng.uniform() as f32);
     let (angle, size) = (
-        6.28 * rng.uniform() as f32,
+        std::f32::consts::TAU * rng.uniform() as f32,
         3.0 + 5.0 * rng.uniform() as f32,
     );
     let (sin, cos) = (size * libm::sinf(angle), size * libm::cosf(angle));
@@ -91,7 +91,7 @@ fn an_affine_motion_is_found_among_look_alikes_and_outliers() {
     let (a, b) = scene(300);
     let nearest = crate::matching::two_nearest(&a.descriptors, &b.descriptors);
     let right = |matches: &[Correspondence]| {
-        let right = |m: &&Correspondence| m.a == m.b && m.a % 3 != 0;
+        let right = |m: &&Correspondence| m.a == m.b && !m.a.is_multiple_of(3);
         matches.iter().filter(right).count()
     };
     let matches = run(&a, &b);
@@ -144,7 +144,7 @@ fn only_what_was_seen_without_simulation_is_a_node() {
 /// A small problem with nodes, candidates and frames at random.
 fn random_problem(trial: u64, nodes: usize, labels: usize) -> Problem {
     let mut rng = Seed(31).number(trial).rng();
-    let mut place = |rng: &mut Rng| Vector2::new(10.0 * rng.uniform(), 10.0 * rng.uniform());
+    let place = |rng: &mut Rng| Vector2::new(10.0 * rng.uniform(), 10.0 * rng.uniform());
     let at: Vec<Vector2<f64>> = (0..nodes).map(|_| place(&mut rng)).collect();
     let mut label = |p: usize| {
         // Often near to where the node itself is, so that candidates can agree.
