@@ -12,11 +12,12 @@ mod daisy;
 mod dlco;
 mod freak;
 mod freak_sift;
+mod gaim;
 mod gms;
 mod gms_s;
 mod kaze;
-mod latch;
 mod kvld;
+mod latch;
 mod local_features;
 mod orb;
 mod repmatch;
@@ -44,6 +45,7 @@ pub const MATCHERS: &[&dyn Entry] = &[
     &gms::GMS,
     &gms_s::GMS_S,
     &kvld::KvldEntry,
+    &gaim::GaimEntry,
     &asift::AsiftEntry,
     &code::CodeEntry,
     &repmatch::RepMatchEntry,

@@ -21,21 +21,17 @@
 //! | - | `limit` | 20,000 | - |
 //!
 //! *Choices the paper leaves open*: an image above `max_pixels` is shrunk by averaging first;
-//! the image continues with its outermost pixels; a keypoint of a simulated view is dropped if the
-//! image's border is nearer than 3 sqrt(2) times its size (6 sqrt(2) times its scale, as in the
-//! authors' program). `limit` keeps the strongest responses over all views, since the search
-//! for neighbours grows with its square.
+//! `limit` keeps the strongest responses over all views, since the search for neighbours grows with
+//! its square. Others are those of the simulation (`simulation.rs`).
 //!
 //! Keypoints come view after view, in the order of their extractor. Views are worked on by the
 //! threads of the surrounding rayon pool and the result does not depend on their number.
 
 use std::f64::consts::{PI, SQRT_2};
 
-use nalgebra::{Matrix2, Point2, Vector2};
-use rayon::prelude::*;
-
-use super::{BinaryRows, DescriptorKind, Descriptors, Extractor, Features, FloatRows, Keypoint};
-use crate::image::{FloatImage, GrayImage, Size, shrink_u8};
+use super::simulation::{SimulatedView, extract_views, shrink_to};
+use super::{DescriptorKind, Extractor, Features};
+use crate::image::GrayImage;
 use crate::params::ParamError;
 
 /// Parameters of [`Asift`].
@@ -104,42 +100,21 @@ impl<E: Extractor> Asift<E> {
         &self.params
     }
 
-    /// Every pair of a tilt and a longitude in radians, the image itself first.
-    fn views(&self) -> Vec<(f64, f64)> {
+    /// Every pair of a tilt and a longitude, the image itself first.
+    fn views(&self) -> Vec<SimulatedView> {
         let step = self.params.longitude_step_deg.to_radians();
-        let mut views = vec![(1.0, 0.0)];
+        let mut views = vec![SimulatedView::IMAGE];
         let mut tilt = 1.0;
         for _ in 1..self.params.tilts {
             tilt *= SQRT_2;
             // The last longitude is below 180 degrees, also where rounding would reach it.
             let count = (PI * tilt / step - 1e-9).ceil() as usize;
-            views.extend((0..count).map(|k| (tilt, k as f64 * step / tilt)));
+            views.extend((0..count).map(|k| SimulatedView {
+                tilt,
+                longitude: k as f64 * step / tilt,
+            }));
         }
         views
-    }
-
-    /// The features of one view, in pixels of `image`.
-    fn extract_view(&self, image: &GrayImage, tilt: f64, longitude: f64) -> Features {
-        if tilt == 1.0 {
-            let features = self.extractor.extract(image);
-            let frames = features.keypoints.iter().map(Keypoint::frame).collect();
-            return features.with_frames(frames);
-        }
-        let (view, placement) = simulate(image, tilt, longitude);
-        let features = self.extractor.extract(&view);
-        let mut kept = Vec::new();
-        let (mut keypoints, mut frames) = (Vec::new(), Vec::new());
-        for (index, keypoint) in features.keypoints.iter().enumerate() {
-            if placement.distance_to_border(keypoint.at) < MARGIN * keypoint.size {
-                continue;
-            }
-            let (keypoint, frame) = placement.to_image(keypoint);
-            keypoints.push(keypoint);
-            frames.push(frame);
-            kept.push(index);
-        }
-        let descriptors = select_rows(&features.descriptors, &kept);
-        Features::new(image.size(), keypoints, descriptors).with_frames(frames)
     }
 }
 
@@ -150,237 +125,24 @@ impl<E: Extractor> Extractor for Asift<E> {
 
     fn extract(&self, image: &GrayImage) -> Features {
         let small = shrink_to(image, self.params.max_pixels);
-        let views: Vec<Features> = (self.views().into_par_iter())
-            .map(|(tilt, longitude)| self.extract_view(&small, tilt, longitude))
-            .collect();
-        let features = keep_strongest(&views, self.params.limit, self.kind(), image.size());
-        enlarge(features, small.size())
-    }
-}
-
-/// Least distance of a simulated keypoint from the border of the image, in its sizes.
-const MARGIN: f32 = 3.0 * std::f32::consts::SQRT_2;
-
-/// Where the pixels of a view are in the image.
-#[derive(Clone, Copy, Debug)]
-struct Placement {
-    image: Size,
-    /// The image's centre, and the view's.
-    centres: [Vector2<f32>; 2],
-    /// Directions of the view in the image.
-    image_from_view: Matrix2<f32>,
-}
-
-impl Placement {
-    fn point(&self, at: Point2<f32>) -> Point2<f32> {
-        let [image, view] = self.centres;
-        (self.image_from_view * (at.coords - view) + image).into()
-    }
-
-    /// Distance from the nearest side of the image, measured in the view; negative outside.
-    fn distance_to_border(&self, at: Point2<f32>) -> f32 {
-        let at = self.point(at);
-        let [across, down] = [0, 1].map(|axis| self.image_from_view.row(axis).norm());
-        let (width, height) = (self.image.width as f32, self.image.height as f32);
-        let x = (at.x + 0.5).min(width - 0.5 - at.x) / across;
-        let y = (at.y + 0.5).min(height - 0.5 - at.y) / down;
-        x.min(y)
-    }
-
-    /// A keypoint of the view in the image, and its frame there. Its size becomes that of the
-    /// circle of equal area, its angle that of the direction it maps to.
-    fn to_image(self, keypoint: &Keypoint) -> (Keypoint, [f32; 4]) {
-        let m = self.image_from_view;
-        let [xx, xy, yx, yy] = keypoint.frame();
-        let frame = m * Matrix2::new(xx, xy, yx, yy);
-        let turn = |direction: Vector2<f32>| {
-            let angle = libm::atan2f(direction.y, direction.x);
-            let full = 2.0 * std::f32::consts::PI;
-            if angle < 0.0 {
-                (angle + full).min(full.next_down())
-            } else {
-                angle
-            }
-        };
-        let keypoint = Keypoint {
-            at: self.point(keypoint.at),
-            size: keypoint.size * m.determinant().abs().sqrt(),
-            angle: keypoint.angle.map(|_| turn(frame.column(0).into_owned())),
-            ..*keypoint
-        };
-        (keypoint, [frame.m11, frame.m12, frame.m21, frame.m22])
-    }
-}
-
-/// The image as seen under a tilt above 1 from a longitude, and where its pixels come from.
-fn simulate(image: &GrayImage, tilt: f64, longitude: f64) -> (GrayImage, Placement) {
-    let (sin, cos) = (libm::sin(longitude), libm::cos(longitude));
-    let (width, height) = (image.width() as f64, image.height() as f64);
-    let across = width * cos.abs() + height * sin.abs();
-    let down = width * sin.abs() + height * cos.abs();
-    let turned = Size::new(across.ceil() as usize, down.ceil() as usize);
-    let size = Size::new(turned.width, (down / tilt).ceil() as usize);
-    let turned = turn(image, turned, sin as f32, cos as f32);
-    let view = compress(&turned, size, tilt);
-    let placement = Placement {
-        image: image.size(),
-        centres: [centre(image.size()), centre(size)],
-        image_from_view: Matrix2::new(cos, tilt * sin, -sin, tilt * cos).cast(),
-    };
-    (view, placement)
-}
-
-fn centre(size: Size) -> Vector2<f32> {
-    Vector2::new(size.width as f32 - 1.0, size.height as f32 - 1.0) / 2.0
-}
-
-/// The image turned about its centre, bilinear between its pixels.
-fn turn(image: &GrayImage, size: Size, sin: f32, cos: f32) -> FloatImage {
-    let mut turned = FloatImage::filled(size, 0.0);
-    if image.size().area() == 0 {
-        return turned;
-    }
-    let (from, to) = (centre(image.size()), centre(size));
-    let (last_x, last_y) = (image.width() - 1, image.height() - 1);
-    for y in 0..size.height {
-        let dy = y as f32 - to.y;
-        for (x, pixel) in turned.row_mut(y).iter_mut().enumerate() {
-            let dx = x as f32 - to.x;
-            let at_x = (cos * dx + sin * dy + from.x).clamp(0.0, last_x as f32);
-            let at_y = (cos * dy - sin * dx + from.y).clamp(0.0, last_y as f32);
-            let (x0, y0) = (at_x as usize, at_y as usize);
-            let (wx, wy) = (at_x - x0 as f32, at_y - y0 as f32);
-            let x1 = (x0 + 1).min(last_x);
-            let along = |row: &[u8]| {
-                let (first, second) = (f32::from(row[x0]), f32::from(row[x1]));
-                first + wx * (second - first)
-            };
-            let (above, below) = (along(image.row(y0)), along(image.row((y0 + 1).min(last_y))));
-            *pixel = above + wy * (below - above);
-        }
-    }
-    turned
-}
-
-/// The image with its height compressed by `tilt`: each row is a Gaussian mean about its place.
-fn compress(image: &FloatImage, size: Size, tilt: f64) -> GrayImage {
-    let mut compressed = GrayImage::filled(size, 0);
-    if image.size().area() == 0 {
-        return compressed;
-    }
-    let sigma = 0.8 * (tilt * tilt - 1.0).sqrt();
-    let offset = (image.height() as f64 - 1.0) / 2.0 - tilt * (size.height as f64 - 1.0) / 2.0;
-    let mut sums = vec![0.0_f32; size.width];
-    for y in 0..size.height {
-        let at = tilt * y as f64 + offset;
-        let first = (at - 4.0 * sigma).ceil() as isize;
-        let last = (at + 4.0 * sigma).floor() as isize;
-        let weight = |row: isize| {
-            let distance = (row as f64 - at) / sigma;
-            libm::exp(-0.5 * distance * distance)
-        };
-        let total: f64 = (first..=last).map(weight).sum();
-        sums.fill(0.5);
-        for row in first..=last {
-            let share = (weight(row) / total) as f32;
-            let row = row.clamp(0, image.height() as isize - 1) as usize;
-            for (sum, &value) in sums.iter_mut().zip(image.row(row)) {
-                *sum += share * value;
-            }
-        }
-        for (pixel, &sum) in compressed.row_mut(y).iter_mut().zip(&sums) {
-            *pixel = sum as u8;
-        }
-    }
-    compressed
-}
-
-/// The image itself, or a smaller one of about `max_pixels`.
-fn shrink_to(image: &GrayImage, max_pixels: Option<usize>) -> GrayImage {
-    let mut small = image.clone();
-    let Some(max_pixels) = max_pixels else {
-        return small;
-    };
-    while small.size().area() > max_pixels {
-        let share = (max_pixels as f64 / small.size().area() as f64).sqrt();
-        // No more than to the half at a time; very thin images keep one pixel.
-        let length =
-            |length: usize| ((length as f64 * share.max(0.5)) as usize).max(length.div_ceil(3));
-        let size = Size::new(length(small.width()), length(small.height()));
-        if size == small.size() {
-            break;
-        }
-        small = shrink_u8(&small, size);
-    }
-    small
-}
-
-/// Features of a shrunken image in pixels of the original one.
-fn enlarge(mut features: Features, small: Size) -> Features {
-    if features.size == small {
-        return features;
-    }
-    let x = features.size.width as f32 / small.width as f32;
-    let y = features.size.height as f32 / small.height as f32;
-    for keypoint in &mut features.keypoints {
-        let at = keypoint.at;
-        keypoint.at = Point2::new((at.x + 0.5) * x - 0.5, (at.y + 0.5) * y - 0.5);
-        keypoint.size *= (x * y).sqrt();
-    }
-    for [xx, xy, yx, yy] in features.frames.iter_mut().flatten() {
-        (*xx, *xy, *yx, *yy) = (*xx * x, *xy * x, *yx * y, *yy * y);
-    }
-    features
-}
-
-/// All features, or the `limit` strongest, view after view; earlier ones first among equals.
-fn keep_strongest(
-    views: &[Features],
-    limit: Option<usize>,
-    kind: DescriptorKind,
-    size: Size,
-) -> Features {
-    let mut order: Vec<(usize, usize)> = (views.iter().enumerate())
-        .flat_map(|(view, features)| (0..features.len()).map(move |index| (view, index)))
-        .collect();
-    if let Some(limit) = limit.filter(|&limit| limit < order.len()) {
-        let response = |&(view, index): &(usize, usize)| views[view].keypoints[index].response;
-        order.sort_by(|i, j| response(j).total_cmp(&response(i)));
-        order.truncate(limit);
-        order.sort_unstable();
-    }
-    let mut descriptors = Descriptors::empty(kind);
-    for &(view, index) in &order {
-        push_row(&mut descriptors, &views[view].descriptors, index);
-    }
-    let keypoints = (order.iter()).map(|&(view, index)| views[view].keypoints[index]);
-    let frames = (order.iter()).map(|&(view, index)| views[view].frame(index));
-    let frames = frames.collect();
-    Features::new(size, keypoints.collect(), descriptors).with_frames(frames)
-}
-
-fn select_rows(descriptors: &Descriptors, rows: &[usize]) -> Descriptors {
-    let mut selected = Descriptors::empty(descriptors.kind());
-    for &row in rows {
-        push_row(&mut selected, descriptors, row);
-    }
-    selected
-}
-
-fn push_row(to: &mut Descriptors, from: &Descriptors, row: usize) {
-    match (to, from) {
-        (Descriptors::Float(to), Descriptors::Float(from)) => to.push(FloatRows::row(from, row)),
-        (Descriptors::Binary(to), Descriptors::Binary(from)) => {
-            to.push(BinaryRows::row(from, row));
-        }
-        _ => unreachable!("one extractor makes descriptors of one kind"),
+        extract_views(
+            &self.extractor,
+            &self.views(),
+            self.params.limit,
+            &small,
+            image.size(),
+        )
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Point2;
+
     use super::*;
-    use crate::features::{Orb, OrbParams, Sift, SiftParams};
+    use crate::features::simulation::{extract_view, simulate};
+    use crate::features::{Descriptors, Orb, OrbParams, Sift, SiftParams};
+    use crate::image::Size;
     use crate::seed::Seed;
     use crate::simd::two_nearest_floats;
 
@@ -407,13 +169,13 @@ mod tests {
             let tilt = libm::sqrt(libm::exp2(f64::from(k)));
             views
                 .iter()
-                .filter(|view| (view.0 - tilt).abs() < 1e-9)
+                .filter(|view| (view.tilt - tilt).abs() < 1e-9)
                 .count()
         };
         // 180 t / 72 longitudes, rounded up.
         assert_eq!([0, 1, 2, 3, 4, 5].map(count), [1, 4, 5, 8, 10, 15]);
         assert_eq!(views.len(), 43);
-        assert!(views.iter().all(|view| (0.0..PI).contains(&view.1)));
+        assert!(views.iter().all(|view| (0.0..PI).contains(&view.longitude)));
     }
 
     #[test]
@@ -428,8 +190,8 @@ mod tests {
             ..AsiftParams::default()
         });
         let mut seen = 0;
-        for (tilt, longitude) in asift.views() {
-            let features = asift.extract_view(&image, tilt, longitude);
+        for view in asift.views() {
+            let features = extract_view(&asift.extractor, &image, view);
             let strongest = (0..features.len()).max_by(|&i, &j| {
                 let response = |k: usize| features.keypoints[k].response;
                 response(i).total_cmp(&response(j))
@@ -437,10 +199,7 @@ mod tests {
             let Some(strongest) = strongest else { continue };
             let keypoint = features.keypoints[strongest];
             let error = (keypoint.at - centre).norm();
-            assert!(
-                error < 0.6,
-                "tilt {tilt}, longitude {longitude}: {error} pixels off"
-            );
+            assert!(error < 0.6, "{view:?}: {error} pixels off");
             // The frame holds the size, and the first of its axes points along the angle.
             let [xx, xy, yx, yy] = features.frame(strongest);
             let area = (xx * yy - xy * yx) / (keypoint.size * keypoint.size / 4.0);
@@ -456,7 +215,13 @@ mod tests {
     #[test]
     fn a_compressed_image_is_recognised_where_the_extractor_alone_fails() {
         let image = textured(Size::new(200, 160));
-        let (view, placement) = simulate(&image, 4.0, 0.3);
+        let (view, placement) = simulate(
+            &image,
+            SimulatedView {
+                tilt: 4.0,
+                longitude: 0.3,
+            },
+        );
         let right = |extractor: &dyn Extractor| {
             let (a, b) = (extractor.extract(&view), extractor.extract(&image));
             let (Descriptors::Float(rows_a), Descriptors::Float(rows_b)) =

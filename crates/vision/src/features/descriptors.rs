@@ -55,6 +55,31 @@ impl Descriptors {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+
+    /// Those at `indices`, in that order.
+    ///
+    /// # Panics
+    /// If there is no descriptor at one of them.
+    #[must_use]
+    pub fn select(&self, indices: impl IntoIterator<Item = usize>) -> Self {
+        let mut selected = Self::empty(self.kind());
+        for index in indices {
+            selected.push_from(self, index);
+        }
+        selected
+    }
+
+    /// Appends the descriptor of `other` at `index`.
+    ///
+    /// # Panics
+    /// If `other` is of another kind, or has none there.
+    pub fn push_from(&mut self, other: &Self, index: usize) {
+        match (self, other) {
+            (Self::Float(rows), Self::Float(other)) => rows.push(other.row(index)),
+            (Self::Binary(rows), Self::Binary(other)) => rows.push(other.row(index)),
+            _ => panic!("descriptors of one kind"),
+        }
+    }
 }
 
 /// Real-valued descriptors of `dim` values each, row after row.

@@ -22,7 +22,9 @@ pub mod latch;
 pub mod orb;
 mod patch;
 mod peak;
+pub mod sheared;
 pub mod sift;
+mod simulation;
 pub mod surf;
 
 pub use akaze::{Akaze, AkazeParams};
@@ -39,6 +41,7 @@ pub use keypoint::{Features, Keypoint};
 pub use latch::{Latch, LatchParams};
 pub use orb::{Orb, OrbParams};
 pub use patch::PatchSource;
+pub use sheared::{Sheared, ShearedParams};
 pub use sift::{Sift, SiftParams};
 pub use surf::{Surf, SurfParams};
 

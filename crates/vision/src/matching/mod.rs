@@ -2,6 +2,7 @@
 
 pub mod code;
 mod correspondence;
+pub mod gaim;
 mod gms;
 mod kvld;
 mod mutual;
@@ -13,6 +14,7 @@ mod repmatch;
 
 pub use code::{Code, CodeParams};
 pub use correspondence::{Correspondence, Correspondences};
+pub use gaim::{CandidateLabels, Gaim, GaimParams};
 pub use gms::{Gms, GmsParams};
 pub use kvld::{Kvld, KvldParams};
 pub use mutual::MutualCheck;

@@ -6,7 +6,6 @@
 //! with the lowest index counts.
 
 use super::{Correspondences, Selector, View, two_nearest};
-use crate::features::Descriptors;
 use crate::seed::Seed;
 
 /// Keeps a match if its feature of `a` is the nearest to its feature of `b`.
@@ -19,7 +18,7 @@ impl Selector for MutualCheck {
         matched.sort_unstable();
         matched.dedup();
 
-        let queries = rows(&b.features.descriptors, &matched);
+        let queries = (b.features.descriptors).select(matched.iter().map(|&b| b as usize));
         let mut nearest_in_a = vec![None; b.features.len()];
         for reverse in two_nearest(&queries, &a.features.descriptors) {
             nearest_in_a[matched[reverse.a as usize] as usize] = Some(reverse.b);
@@ -28,25 +27,12 @@ impl Selector for MutualCheck {
     }
 }
 
-/// The descriptors at `indices`.
-fn rows(descriptors: &Descriptors, indices: &[u32]) -> Descriptors {
-    let mut chosen = Descriptors::empty(descriptors.kind());
-    for index in indices.iter().map(|&index| index as usize) {
-        match (&mut chosen, descriptors) {
-            (Descriptors::Float(chosen), Descriptors::Float(all)) => chosen.push(all.row(index)),
-            (Descriptors::Binary(chosen), Descriptors::Binary(all)) => chosen.push(all.row(index)),
-            _ => unreachable!("made of one kind"),
-        }
-    }
-    chosen
-}
-
 #[cfg(test)]
 mod tests {
     use nalgebra::Point2;
 
     use super::*;
-    use crate::features::{BinaryRows, Features, FloatRows, Keypoint};
+    use crate::features::{BinaryRows, Descriptors, Features, FloatRows, Keypoint};
     use crate::image::Size;
     use crate::matching::{NearestNeighbours, Search};
 

@@ -64,7 +64,7 @@ impl std::error::Error for MatcherError {}
 
 /// Finds putative correspondences by comparing descriptors.
 pub trait Search: Send + Sync {
-    /// For each feature of `a` the nearest of `b`, in the order of `a`.
+    /// For each feature of `a` the nearest of `b`, or several candidates, in the order of `a`.
     ///
     /// # Panics
     /// If the two images were described by descriptors of different kinds.

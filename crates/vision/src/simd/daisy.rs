@@ -53,10 +53,10 @@ multiversioned! {
         for i in 0..DAISY_MAPS {
             let mut sums = [0.0_f32; LANES];
             for first in [0, LANES] {
-                for k in 0..LANES {
+                for (k, sum) in sums.iter_mut().enumerate() {
                     let x = first + k;
-                    let inner = weights[0][x].mul_add(above[i][x], sums[k]);
-                    sums[k] = weights[1][x].mul_add(below[i][x], inner);
+                    let inner = weights[0][x].mul_add(above[i][x], *sum);
+                    *sum = weights[1][x].mul_add(below[i][x], inner);
                 }
             }
             let quarter = |k: usize| sums[k] + sums[k + 4];

@@ -66,7 +66,7 @@ fn keypoints(right: usize, wrong: usize) -> Vec<(Keypoint, Keypoint)> {
     }
     for _ in 0..wrong {
         let [a, b] = [random_place(&mut rng), random_place(&mut rng)];
-        let angle = 6.28 * rng.uniform() as f32;
+        let angle = std::f32::consts::TAU * rng.uniform() as f32;
         pairs.push((keypoint(a, 4.0, 0.0), keypoint(b, 4.0, angle)));
     }
     pairs
@@ -78,7 +78,9 @@ fn kept(pairs: &[(Keypoint, Keypoint)]) -> Vec<usize> {
     let features = |keypoints: Vec<Keypoint>| {
         let mut descriptors = Descriptors::empty(DescriptorKind::Float { dim: 1 });
         if let Descriptors::Float(rows) = &mut descriptors {
-            keypoints.iter().for_each(|_| rows.push(&[0.0]));
+            for _ in &keypoints {
+                rows.push(&[0.0]);
+            }
         }
         Features::new(SIZE, keypoints, descriptors)
     };

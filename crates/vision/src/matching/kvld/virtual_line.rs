@@ -176,7 +176,7 @@ impl Window {
                 let share = f32::from(direction & 0x1fff) * (1.0 / 8192.0);
                 histogram[bin] += value * (1.0 - share);
                 histogram[(bin + 1) % BINS] += value * share;
-                directions[(u32::from(direction) * DIRECTIONS as u32 >> 16) as usize] += value;
+                directions[((u32::from(direction) * DIRECTIONS as u32) >> 16) as usize] += value;
                 area += weight;
             }
         }

@@ -139,7 +139,10 @@ impl RepMatch {
             squared_threshold: self.params.max_epipolar * self.params.max_epipolar,
         };
         let found = consensus_until(
-            &FundamentalProblem { pairs: &pairs },
+            &FundamentalProblem {
+                pairs: &pairs,
+                degensac: false,
+            },
             &score,
             &mut Spread::new(&pairs, CELLS),
             ConsensusParams {
@@ -149,6 +152,7 @@ impl RepMatch {
             Extras {
                 min_samples: 50,
                 local_steps: 4,
+                sprt: false,
             },
             &mut seed.rng(),
             &|_| false,

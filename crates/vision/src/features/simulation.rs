@@ -1,0 +1,285 @@
+//! Features found again under simulated changes of viewpoint, for any list of views.
+//!
+//! Up to a similarity, which extractors cope with, every linear map of the plane is a turn by a
+//! longitude followed by the compression of one axis by a tilt: its singular value decomposition.
+//! So this one simulation serves ASIFT, which samples tilts and longitudes, and GAIM, which samples
+//! shears and anisotropic scales.
+//!
+//! J.-M. Morel, G. Yu: "ASIFT: A New Framework for Fully Affine Invariant Image Comparison", SIAM
+//! Journal on Imaging Sciences 2(2), 438-469, 2009, sections 2 and 4.1: before an axis is
+//! compressed by `t` it is blurred by a Gaussian of `0.8 sqrt(t^2 - 1)` pixels, for a camera would
+//! have seen it so.
+//!
+//! *Choices*: the image continues with its outermost pixels; a keypoint of a simulated view is
+//! dropped if the image's border is nearer than 3 sqrt(2) times its size (6 sqrt(2) times its
+//! scale, as in the authors' program).
+
+use nalgebra::{Matrix2, Point2, Vector2};
+use rayon::prelude::*;
+
+use super::{Descriptors, Extractor, Features, Keypoint};
+use crate::image::{FloatImage, GrayImage, Size, shrink_u8};
+
+/// A simulated view: the image turned, then compressed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct SimulatedView {
+    /// Compression of the vertical axis after the turn, at least 1; the image itself at 1.
+    pub(super) tilt: f64,
+    /// The turn in radians.
+    pub(super) longitude: f64,
+}
+
+impl SimulatedView {
+    /// The image itself.
+    pub(super) const IMAGE: Self = Self {
+        tilt: 1.0,
+        longitude: 0.0,
+    };
+}
+
+/// The features of all `views` of `image` in pixels of an image of `size` that `image` is a
+/// resampled version of: view after view in the order of `extractor`, or the `limit` of strongest
+/// response. Every feature has its local affine frame.
+///
+/// Views are worked on by the threads of the surrounding rayon pool and the result does not depend
+/// on their number.
+pub(super) fn extract_views<E: Extractor>(
+    extractor: &E,
+    views: &[SimulatedView],
+    limit: Option<usize>,
+    image: &GrayImage,
+    size: Size,
+) -> Features {
+    let views: Vec<Features> = (views.par_iter())
+        .map(|&view| extract_view(extractor, image, view))
+        .collect();
+    in_pixels_of(keep_strongest(&views, limit, extractor), image.size(), size)
+}
+
+/// The features of one view, in pixels of `image`.
+pub(super) fn extract_view<E: Extractor>(
+    extractor: &E,
+    image: &GrayImage,
+    view: SimulatedView,
+) -> Features {
+    if view.tilt == 1.0 {
+        let features = extractor.extract(image);
+        let frames = features.keypoints.iter().map(Keypoint::frame).collect();
+        return features.with_frames(frames);
+    }
+    let (view, placement) = simulate(image, view);
+    let features = extractor.extract(&view);
+    let mut kept = Vec::new();
+    let (mut keypoints, mut frames) = (Vec::new(), Vec::new());
+    for (index, keypoint) in features.keypoints.iter().enumerate() {
+        if placement.distance_to_border(keypoint.at) < MARGIN * keypoint.size {
+            continue;
+        }
+        let (keypoint, frame) = placement.to_image(keypoint);
+        keypoints.push(keypoint);
+        frames.push(frame);
+        kept.push(index);
+    }
+    let descriptors = features.descriptors.select(kept);
+    Features::new(image.size(), keypoints, descriptors).with_frames(frames)
+}
+
+/// Least distance of a simulated keypoint from the border of the image, in its sizes.
+const MARGIN: f32 = 3.0 * std::f32::consts::SQRT_2;
+
+/// Where the pixels of a view are in the image.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placement {
+    image: Size,
+    /// The image's centre, and the view's.
+    centres: [Vector2<f32>; 2],
+    /// Directions of the view in the image.
+    image_from_view: Matrix2<f32>,
+}
+
+impl Placement {
+    pub(super) fn point(&self, at: Point2<f32>) -> Point2<f32> {
+        let [image, view] = self.centres;
+        (self.image_from_view * (at.coords - view) + image).into()
+    }
+
+    /// Distance from the nearest side of the image, measured in the view; negative outside.
+    fn distance_to_border(&self, at: Point2<f32>) -> f32 {
+        let at = self.point(at);
+        let [across, down] = [0, 1].map(|axis| self.image_from_view.row(axis).norm());
+        let (width, height) = (self.image.width as f32, self.image.height as f32);
+        let x = (at.x + 0.5).min(width - 0.5 - at.x) / across;
+        let y = (at.y + 0.5).min(height - 0.5 - at.y) / down;
+        x.min(y)
+    }
+
+    /// A keypoint of the view in the image, and its frame there. Its size becomes that of the
+    /// circle of equal area, its angle that of the direction it maps to.
+    fn to_image(self, keypoint: &Keypoint) -> (Keypoint, [f32; 4]) {
+        let m = self.image_from_view;
+        let [xx, xy, yx, yy] = keypoint.frame();
+        let frame = m * Matrix2::new(xx, xy, yx, yy);
+        let turn = |direction: Vector2<f32>| {
+            let angle = libm::atan2f(direction.y, direction.x);
+            let full = 2.0 * std::f32::consts::PI;
+            if angle < 0.0 {
+                (angle + full).min(full.next_down())
+            } else {
+                angle
+            }
+        };
+        let keypoint = Keypoint {
+            at: self.point(keypoint.at),
+            size: keypoint.size * m.determinant().abs().sqrt(),
+            angle: keypoint.angle.map(|_| turn(frame.column(0).into_owned())),
+            ..*keypoint
+        };
+        (keypoint, [frame.m11, frame.m12, frame.m21, frame.m22])
+    }
+}
+
+/// The image as seen under a tilt above 1 from a longitude, and where its pixels come from.
+pub(super) fn simulate(image: &GrayImage, view: SimulatedView) -> (GrayImage, Placement) {
+    let SimulatedView { tilt, longitude } = view;
+    let (sin, cos) = (libm::sin(longitude), libm::cos(longitude));
+    let (width, height) = (image.width() as f64, image.height() as f64);
+    let across = width * cos.abs() + height * sin.abs();
+    let down = width * sin.abs() + height * cos.abs();
+    let turned = Size::new(across.ceil() as usize, down.ceil() as usize);
+    let size = Size::new(turned.width, (down / tilt).ceil() as usize);
+    let turned = turn(image, turned, sin as f32, cos as f32);
+    let view = compress(&turned, size, tilt);
+    let placement = Placement {
+        image: image.size(),
+        centres: [centre(image.size()), centre(size)],
+        image_from_view: Matrix2::new(cos, tilt * sin, -sin, tilt * cos).cast(),
+    };
+    (view, placement)
+}
+
+fn centre(size: Size) -> Vector2<f32> {
+    Vector2::new(size.width as f32 - 1.0, size.height as f32 - 1.0) / 2.0
+}
+
+/// The image turned about its centre, bilinear between its pixels.
+fn turn(image: &GrayImage, size: Size, sin: f32, cos: f32) -> FloatImage {
+    let mut turned = FloatImage::filled(size, 0.0);
+    if image.size().area() == 0 {
+        return turned;
+    }
+    let (from, to) = (centre(image.size()), centre(size));
+    let (last_x, last_y) = (image.width() - 1, image.height() - 1);
+    for y in 0..size.height {
+        let dy = y as f32 - to.y;
+        for (x, pixel) in turned.row_mut(y).iter_mut().enumerate() {
+            let dx = x as f32 - to.x;
+            let at_x = (cos * dx + sin * dy + from.x).clamp(0.0, last_x as f32);
+            let at_y = (cos * dy - sin * dx + from.y).clamp(0.0, last_y as f32);
+            let (x0, y0) = (at_x as usize, at_y as usize);
+            let (wx, wy) = (at_x - x0 as f32, at_y - y0 as f32);
+            let x1 = (x0 + 1).min(last_x);
+            let along = |row: &[u8]| {
+                let (first, second) = (f32::from(row[x0]), f32::from(row[x1]));
+                first + wx * (second - first)
+            };
+            let (above, below) = (along(image.row(y0)), along(image.row((y0 + 1).min(last_y))));
+            *pixel = above + wy * (below - above);
+        }
+    }
+    turned
+}
+
+/// The image with its height compressed by `tilt`: each row is a Gaussian mean about its place.
+fn compress(image: &FloatImage, size: Size, tilt: f64) -> GrayImage {
+    let mut compressed = GrayImage::filled(size, 0);
+    if image.size().area() == 0 {
+        return compressed;
+    }
+    let sigma = 0.8 * (tilt * tilt - 1.0).sqrt();
+    let offset = (image.height() as f64 - 1.0) / 2.0 - tilt * (size.height as f64 - 1.0) / 2.0;
+    let mut sums = vec![0.0_f32; size.width];
+    for y in 0..size.height {
+        let at = tilt * y as f64 + offset;
+        let first = (at - 4.0 * sigma).ceil() as isize;
+        let last = (at + 4.0 * sigma).floor() as isize;
+        let weight = |row: isize| {
+            let distance = (row as f64 - at) / sigma;
+            libm::exp(-0.5 * distance * distance)
+        };
+        let total: f64 = (first..=last).map(weight).sum();
+        sums.fill(0.5);
+        for row in first..=last {
+            let share = (weight(row) / total) as f32;
+            let row = row.clamp(0, image.height() as isize - 1) as usize;
+            for (sum, &value) in sums.iter_mut().zip(image.row(row)) {
+                *sum += share * value;
+            }
+        }
+        for (pixel, &sum) in compressed.row_mut(y).iter_mut().zip(&sums) {
+            *pixel = sum as u8;
+        }
+    }
+    compressed
+}
+/// The image itself, or a smaller one of about `max_pixels`.
+pub(super) fn shrink_to(image: &GrayImage, max_pixels: Option<usize>) -> GrayImage {
+    let mut small = image.clone();
+    let Some(max_pixels) = max_pixels else {
+        return small;
+    };
+    while small.size().area() > max_pixels {
+        let share = (max_pixels as f64 / small.size().area() as f64).sqrt();
+        // No more than to the half at a time; very thin images keep one pixel.
+        let length =
+            |length: usize| ((length as f64 * share.max(0.5)) as usize).max(length.div_ceil(3));
+        let size = Size::new(length(small.width()), length(small.height()));
+        if size == small.size() {
+            break;
+        }
+        small = shrink_u8(&small, size);
+    }
+    small
+}
+/// Features of a resampled image, `from` its size, in pixels of the original one.
+fn in_pixels_of(mut features: Features, from: Size, size: Size) -> Features {
+    features.size = size;
+    if size == from {
+        return features;
+    }
+    let x = size.width as f32 / from.width as f32;
+    let y = size.height as f32 / from.height as f32;
+    for keypoint in &mut features.keypoints {
+        let at = keypoint.at;
+        keypoint.at = Point2::new((at.x + 0.5) * x - 0.5, (at.y + 0.5) * y - 0.5);
+        keypoint.size *= (x * y).sqrt();
+    }
+    for [xx, xy, yx, yy] in features.frames.iter_mut().flatten() {
+        (*xx, *xy, *yx, *yy) = (*xx * x, *xy * x, *yx * y, *yy * y);
+    }
+    features
+}
+
+/// All features, or the `limit` strongest, view after view; earlier ones first among equals.
+fn keep_strongest<E: Extractor>(
+    views: &[Features],
+    limit: Option<usize>,
+    extractor: &E,
+) -> Features {
+    let mut order: Vec<(usize, usize)> = (views.iter().enumerate())
+        .flat_map(|(view, features)| (0..features.len()).map(move |index| (view, index)))
+        .collect();
+    if let Some(limit) = limit.filter(|&limit| limit < order.len()) {
+        let response = |&(view, index): &(usize, usize)| views[view].keypoints[index].response;
+        order.sort_by(|i, j| response(j).total_cmp(&response(i)));
+        order.truncate(limit);
+        order.sort_unstable();
+    }
+    let mut descriptors = Descriptors::empty(extractor.kind());
+    for &(view, index) in &order {
+        descriptors.push_from(&views[view].descriptors, index);
+    }
+    let keypoints = (order.iter()).map(|&(view, index)| views[view].keypoints[index]);
+    let frames = (order.iter()).map(|&(view, index)| views[view].frame(index));
+    let frames = frames.collect();
+    Features::new(Size::new(0, 0), keypoints.collect(), descriptors).with_frames(frames)
+}

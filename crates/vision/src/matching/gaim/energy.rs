@@ -1,0 +1,125 @@
+//! What a choice of candidates costs: by their descriptors, and by how well neighbours agree.
+//!
+//! Costs are integers, [`UNIT`] for 1, so that sums do not depend on their order and a move that
+//! does not pay is known for certain.
+
+use nalgebra::{Matrix2, Vector2};
+
+use super::GaimParams;
+use super::graph::neighbours;
+use crate::features::Features;
+use crate::matching::Correspondence;
+
+/// What 1 is as a cost.
+pub(super) const UNIT: f64 = 10_000.0;
+
+/// A candidate of a node.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Label {
+    /// Its place in the other image.
+    pub(super) at: Vector2<f64>,
+    /// How it maps directions about the node to directions about its place.
+    pub(super) b_from_a: Matrix2<f64>,
+    /// Cost by descriptors.
+    pub(super) unary: i64,
+    /// Which correspondence it is.
+    pub(super) index: usize,
+}
+
+/// Nodes, their candidates, and which nodes are neighbours.
+#[derive(Clone, Debug)]
+pub(super) struct Problem {
+    /// Places of the nodes.
+    pub(super) nodes: Vec<Vector2<f64>>,
+    /// Candidates of each node, at least one.
+    pub(super) labels: Vec<Vec<Label>>,
+    /// Neighbours of each node; each is the other's.
+    pub(super) neighbours: Vec<Vec<u32>>,
+    /// Largest cost of a pair that does not collide.
+    pub(super) truncation: f64,
+    /// Two nodes must not come nearer to each other than this.
+    pub(super) collision: f64,
+}
+
+/// Cost of a collision.
+const COLLISION: i64 = 1000 * UNIT as i64;
+
+impl Problem {
+    /// The problem to choose one of each node's `candidates`, which are ordered by node. Those with
+    /// a broken place or frame are left out.
+    pub(super) fn new(
+        a: &Features,
+        b: &Features,
+        candidates: &[Correspondence],
+        params: &GaimParams,
+        pixel: f64,
+    ) -> Self {
+        let (mut nodes, mut labels) = (Vec::new(), Vec::new());
+        let mut first = 0;
+        for of_node in candidates.chunk_by(|i, j| i.a == j.a) {
+            let node: Vector2<f64> = a.keypoints[of_node[0].a as usize].at.cast().coords;
+            let inverse = matrix(a.frame(of_node[0].a as usize)).try_inverse();
+            let own: Vec<Label> = (of_node.iter().zip(first..))
+                .filter_map(|(m, index)| {
+                    let label = Label {
+                        at: b.keypoints[m.b as usize].at.cast().coords,
+                        b_from_a: matrix(b.frame(m.b as usize)) * inverse?,
+                        unary: (params.unary_weight * f64::from(m.distance) * UNIT) as i64,
+                        index,
+                    };
+                    let sum = node.sum() + label.at.sum() + label.b_from_a.sum();
+                    sum.is_finite().then_some(label)
+                })
+                .collect();
+            if !own.is_empty() {
+                nodes.push(node);
+                labels.push(own);
+            }
+            first += of_node.len();
+        }
+        Self {
+            neighbours: neighbours(&nodes, params.neighbours),
+            nodes,
+            labels,
+            truncation: params.truncation,
+            collision: params.collision_px * pixel,
+        }
+    }
+
+    /// Cost of neighbours `p` and `q` having their candidates `i` and `j`: how far the frame of
+    /// one takes the other from its place, in distances of the nodes.
+    pub(super) fn pair(&self, (p, i): (usize, usize), (q, j): (usize, usize)) -> i64 {
+        let (from, to) = (&self.labels[p][i], &self.labels[q][j]);
+        let moved = to.at - from.at;
+        let apart = self.nodes[q] - self.nodes[p];
+        let squared = apart.norm_squared();
+        if squared == 0.0 {
+            return 0;
+        }
+        if moved.norm_squared() < self.collision * self.collision {
+            return COLLISION;
+        }
+        let error = |label: &Label| (moved - label.b_from_a * apart).norm_squared();
+        let error = (error(from).min(error(to)) / squared).sqrt();
+        (error.min(self.truncation) * UNIT) as i64
+    }
+
+    /// Cost of a choice of one candidate for each node.
+    #[cfg(test)]
+    pub(super) fn cost(&self, choice: &[usize]) -> i64 {
+        let mut cost = 0;
+        for (p, &i) in choice.iter().enumerate() {
+            cost += self.labels[p][i].unary;
+            for q in self.neighbours[p].iter().map(|&q| q as usize) {
+                if p < q {
+                    cost += self.pair((p, i), (q, choice[q]));
+                }
+            }
+        }
+        cost
+    }
+}
+
+fn matrix(frame: [f32; 4]) -> Matrix2<f64> {
+    Matrix2::from_row_slice(&frame.map(f64::from))
+}

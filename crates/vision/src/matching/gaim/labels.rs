@@ -1,0 +1,125 @@
+//! Candidates: for a feature of one image the features of another that may show the same point.
+//!
+//! The nearest descriptors of 50 different places. Features are compared in blocks of at most 16,
+//! each of which gives its nearest one, and the nearest of these are taken unless one of their
+//! places is already among them. Only what shares a block with something nearer is missed.
+
+use nalgebra::Matrix2;
+
+use super::super::{Correspondence, Correspondences, Search, two_nearest};
+use crate::features::Features;
+use crate::params::ParamError;
+
+/// Features in a block at most, and blocks for each label at least, if there are so many features.
+const BLOCK: usize = 16;
+const BLOCKS_PER_LABEL: usize = 16;
+
+/// Search for several candidates of the features that were seen without simulation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct CandidateLabels {
+    /// Features of the first image at most, those of strongest response; at least 1.
+    pub nodes: usize,
+    /// Candidates of each at most; at least 1.
+    pub labels: usize,
+    /// Candidates of one feature are at least this far apart, in thousandths of the diagonal of
+    /// their image; at least 0.
+    pub apart_px: f64,
+}
+
+impl Default for CandidateLabels {
+    fn default() -> Self {
+        Self {
+            nodes: 1500,
+            labels: 50,
+            apart_px: 5.0,
+        }
+    }
+}
+
+/// A thousandth of the diagonal of the image of `features`: a pixel of the paper.
+pub(super) fn pixel(features: &Features) -> f64 {
+    let (width, height) = (features.size.width as f64, features.size.height as f64);
+    (width * width + height * height).sqrt() / 1000.0
+}
+
+impl CandidateLabels {
+    /// Refuses parameters out of range.
+    pub(super) fn check(&self) -> Result<(), ParamError> {
+        ParamError::unless(self.nodes >= 1, "nodes", self.nodes, "at least 1")?;
+        ParamError::unless(self.labels >= 1, "labels", self.labels, "at least 1")?;
+        let fine = self.apart_px >= 0.0 && self.apart_px.is_finite();
+        ParamError::unless(fine, "apart_px", self.apart_px, "at least 0")
+    }
+
+    /// Candidates in `b` of the features `nodes` of `a`, in the order of `nodes`, nearest first.
+    /// [`Correspondence::second`] is the distance of the nearest other place.
+    pub(super) fn of(&self, nodes: &[usize], a: &Features, b: &Features) -> Correspondences {
+        let queries = a.descriptors.select(nodes.iter().copied());
+        let mut nearest = vec![Vec::new(); nodes.len()];
+        let block = (b.len() / (BLOCKS_PER_LABEL * self.labels)).clamp(1, BLOCK);
+        for first in (0..b.len()).step_by(block) {
+            let rows = b.descriptors.select(first..(first + block).min(b.len()));
+            for found in two_nearest(&queries, &rows) {
+                nearest[found.a as usize].push((found.distance, first as u32 + found.b));
+            }
+        }
+        let apart = (self.apart_px * pixel(b)) as f32;
+        let mut candidates = Correspondences::new();
+        for (&node, nearest) in nodes.iter().zip(&mut nearest) {
+            nearest.sort_by(|i, j| i.0.total_cmp(&j.0).then(i.1.cmp(&j.1)));
+            let own = candidates.len();
+            for &(distance, index) in nearest.iter() {
+                if candidates.len() - own == self.labels {
+                    break;
+                }
+                let at = b.keypoints[index as usize].at;
+                let is_near = |m: &Correspondence| {
+                    (b.keypoints[m.b as usize].at - at).norm_squared() < apart * apart
+                };
+                if !candidates[own..].iter().any(is_near) {
+                    candidates.push(Correspondence {
+                        a: node as u32,
+                        b: index,
+                        distance,
+                        second: f32::INFINITY,
+                    });
+                }
+            }
+            let own = &mut candidates[own..];
+            if let [first, second, ..] = *own {
+                for m in own.iter_mut() {
+                    m.second = first.distance;
+                }
+                own[0].second = second.distance;
+            }
+        }
+        candidates
+    }
+
+    /// The strongest features whose frames are circles, in their order.
+    fn unsimulated(&self, features: &Features) -> Vec<usize> {
+        let mut nodes: Vec<usize> = (0..features.len())
+            .filter(|&index| is_circle(features.frame(index)))
+            .collect();
+        let response = |&index: &usize| features.keypoints[index].response;
+        nodes.sort_by(|i, j| response(j).total_cmp(&response(i)));
+        nodes.truncate(self.nodes);
+        nodes.sort_unstable();
+        nodes
+    }
+}
+
+impl Search for CandidateLabels {
+    fn search(&self, a: &Features, b: &Features) -> Correspondences {
+        self.of(&self.unsimulated(a), a, b)
+    }
+}
+
+/// Whether a frame is a turn and a scale, as those of features that were seen without simulation.
+fn is_circle([xx, xy, yx, yy]: [f32; 4]) -> bool {
+    let frame = Matrix2::new(xx, xy, yx, yy);
+    // r + 1 / r for the ratio r of the axes; this one is 1.05, and rounding sizes makes 1.002.
+    frame.norm_squared() < 2.0024 * frame.determinant().abs()
+}
