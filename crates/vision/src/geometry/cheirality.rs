@@ -48,7 +48,7 @@ mod tests {
     use nalgebra::{Point2, UnitQuaternion, UnitVector3, Vector3};
 
     use super::*;
-    use crate::geometry::essential_from_pose;
+    use crate::geometry::{essential_from_pose, ray_depths};
     use crate::seed::Seed;
 
     fn pose() -> RelativePose {
@@ -75,18 +75,16 @@ mod tests {
     fn depths_are_those_of_the_scene() {
         let truth = [1.0, 2.5, 10.0, 49.0, 200.0, -3.0, 5.0, 6.0, 7.0, 8.0, 9.0];
         let pairs = seen(&truth);
-        let (mut a, mut b) = (vec![0.0; 11], vec![0.0; 11]);
-        triangulate_depths(&pose(), &pairs, &mut a, &mut b);
-        for i in 0..11 {
-            assert!(
-                (a[i] / truth[i] - 1.0).abs() < 1e-6,
-                "{} {}",
-                a[i],
-                truth[i]
-            );
-            let x = pose().rotation * (pairs.get(i).0.to_homogeneous() * truth[i]);
-            let depth_b = x.z + pose().direction.z;
-            assert!((b[i] / depth_b - 1.0).abs() < 1e-6, "{} {depth_b}", b[i]);
+        for depths in [triangulate_depths, ray_depths] {
+            let (mut a, mut b) = (vec![0.0; 11], vec![0.0; 11]);
+            depths(&pose(), &pairs, &mut a, &mut b);
+            for i in 0..11 {
+                let expected = truth[i];
+                assert!((a[i] / expected - 1.0).abs() < 1e-6, "{} {expected}", a[i]);
+                let x = pose().rotation * (pairs.get(i).0.to_homogeneous() * truth[i]);
+                let expected = x.z + pose().direction.z;
+                assert!((b[i] / expected - 1.0).abs() < 1e-6, "{} {expected}", b[i]);
+            }
         }
     }
 

@@ -20,4 +20,4 @@ pub use homography::squared_transfer_distances;
 pub use point_pairs::PointPairs;
 pub use pose::{PoseError, RelativePose};
 pub use refine::{Loss, refine_pose};
-pub use triangulation::triangulate_depths;
+pub use triangulation::{ray_depths, triangulate_depths};

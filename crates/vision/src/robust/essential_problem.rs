@@ -7,8 +7,8 @@ use nalgebra::Matrix3;
 use super::Problem;
 use crate::geometry::solvers::{Solutions, five_point};
 use crate::geometry::{
-    Loss, PointPairs, agree_in_orientation, decompose_essential, essential_from_pose, refine_pose,
-    squared_sampson_distances, triangulate_depths,
+    Loss, PointPairs, agree_in_orientation, decompose_essential, essential_from_pose, ray_depths,
+    refine_pose, squared_sampson_distances,
 };
 
 /// Finds the essential matrix; residuals are squared Sampson distances.
@@ -88,7 +88,7 @@ fn refute_behind(
     // Poses 2 and 3 are 0 and 1 with the direction, hence all depths, reversed.
     let depths = [0, 1].map(|rotation| {
         let mut depths = (vec![0.0; matches.len()], vec![0.0; matches.len()]);
-        triangulate_depths(&poses[rotation], &matches, &mut depths.0, &mut depths.1);
+        ray_depths(&poses[rotation], &matches, &mut depths.0, &mut depths.1);
         depths
     });
     let behind = |pose: usize, index: usize| {

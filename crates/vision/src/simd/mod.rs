@@ -105,4 +105,4 @@ pub use surf::{
     BoxRows, BoxWeights, PATCH_SIDE, PackedWindow, Shares, WAVELETS, WINDOW_SIDE, box_determinants,
     longest_sum_of_degrees, pack_window, sum_patch_gradients, turned_patch,
 };
-pub use triangulate::triangulate_depths;
+pub use triangulate::{ray_depths, triangulate_depths};

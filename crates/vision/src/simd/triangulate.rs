@@ -1,4 +1,4 @@
-//! Depths of many matches by linear triangulation.
+//! Depths of many matches: by linear triangulation, and where lines of sight pass each other.
 
 /// Matches that go through the arithmetic side by side.
 const LANES: usize = 8;
@@ -44,6 +44,43 @@ multiversioned! {
                 depth_a[i] = z / w;
                 depth_b[i] = r[6].mul_add(x, r[7].mul_add(y, r[8] * z)) / w + t[2];
             }
+        }
+    }
+}
+
+multiversioned! {
+    /// Depth in both views at which the lines of sight of each match come nearest to meeting, for
+    /// `x_b = R x_a + t` with R in row-major order; see [`crate::geometry::ray_depths`].
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn ray_depths(
+        r: &[f64; 9],
+        t: &[f64; 3],
+        a_x: &[f64],
+        a_y: &[f64],
+        b_x: &[f64],
+        b_y: &[f64],
+        depth_a: &mut [f64],
+        depth_b: &mut [f64],
+    ) {
+        let n = depth_a.len();
+        let (a_x, a_y, b_x, b_y) = (&a_x[..n], &a_y[..n], &b_x[..n], &b_y[..n]);
+        let depth_b = &mut depth_b[..n];
+        for i in 0..n {
+            // p = R a; u = p x b, v = t x b, w = t x p.
+            let p = [0, 3, 6].map(|k: usize| r[k].mul_add(a_x[i], r[k + 1].mul_add(a_y[i], r[k + 2])));
+            let (x, y) = (b_x[i], b_y[i]);
+            let u = [p[1] - p[2] * y, p[2].mul_add(x, -p[0]), p[0].mul_add(y, -p[1] * x)];
+            let v = [t[1] - t[2] * y, t[2].mul_add(x, -t[0]), t[0].mul_add(y, -t[1] * x)];
+            let w = [
+                t[1].mul_add(p[2], -t[2] * p[1]),
+                t[2].mul_add(p[0], -t[0] * p[2]),
+                t[0].mul_add(p[1], -t[1] * p[0]),
+            ];
+            let square = u[0].mul_add(u[0], u[1].mul_add(u[1], u[2] * u[2]));
+            depth_a[i] = -(v[0].mul_add(u[0], v[1].mul_add(u[1], v[2] * u[2]))) / square;
+            depth_b[i] = -(w[0].mul_add(u[0], w[1].mul_add(u[1], w[2] * u[2]))) / square;
         }
     }
 }

@@ -17,7 +17,7 @@
 //!
 //! | symbol | constant | value | source |
 //! | --- | --- | --- | --- |
-//! //! | residual worth a polishing step | `POLISHED` | 1e-14 | ours |
+//! | residual worth a polishing step | `POLISHED` | 1e-14 | ours |
 //! | largest residual of a solution | `ACCEPTED` | 1e-9 | ours |
 //!
 //! *Choices the paper leaves open*: the null space (the paper: any; we: orthonormal), the root
