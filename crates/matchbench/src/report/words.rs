@@ -1,5 +1,7 @@
 //! What came of a pair, in words.
 
+use std::collections::HashSet;
+
 use crate::metrics::{Angle, Failure, Lead, PairResult, Score};
 use crate::records::{MIN_MATCHES, MIN_SUPPORT};
 
@@ -103,24 +105,39 @@ pub fn advantage(one: &str, other: &str, on: &str, difference: &Score) -> String
     }
 }
 
-/// The best of each dataset against the others, the nearest first, a sentence a line.
+/// The best of each dataset against the others, the nearest first, a sentence a line; beyond
+/// [`SENTENCES`] a dataset, the rest in one.
 pub fn leads_in_words(leads: &[Lead]) -> String {
-    let mut leads: Vec<(usize, &Lead)> = (leads.iter())
-        .map(|lead| {
-            let first = leads.iter().position(|other| other.dataset == lead.dataset);
-            (first.unwrap_or(0), lead)
-        })
-        .collect();
-    let behind = |lead: &Lead| lead.difference.value.unwrap_or(f64::INFINITY);
-    leads.sort_by(|(i, one), (j, other)| i.cmp(j).then(behind(one).total_cmp(&behind(other))));
     let mut text = String::new();
-    for (_, lead) in leads {
-        let [best, other] = [&lead.best, &lead.other].map(|(m, e)| method(m, e));
-        text.push_str(&advantage(&best, &other, &lead.dataset, &lead.difference));
-        text.push('\n');
+    let mut datasets: Vec<&str> = leads.iter().map(|lead| lead.dataset.as_str()).collect();
+    let mut seen = HashSet::new();
+    datasets.retain(|dataset| seen.insert(*dataset));
+    for dataset in datasets {
+        let mut leads: Vec<&Lead> = (leads.iter())
+            .filter(|lead| lead.dataset == dataset)
+            .collect();
+        let behind = |lead: &Lead| lead.difference.value.unwrap_or(f64::INFINITY);
+        leads.sort_by(|one, other| behind(one).total_cmp(&behind(other)));
+        for lead in leads.iter().take(SENTENCES) {
+            let [best, other] = [&lead.best, &lead.other].map(|(m, e)| method(m, e));
+            text.push_str(&advantage(&best, &other, dataset, &lead.difference));
+            text.push('\n');
+        }
+        if let Some(next) = leads.get(SENTENCES) {
+            let (matcher, estimator) = &next.best;
+            text.push_str(&format!(
+                "{} is ahead of the other {} on {dataset} by {:.3} and more\n",
+                method(matcher, estimator),
+                leads.len() - SENTENCES,
+                behind(next)
+            ));
+        }
     }
     text.replace(|c: char| c.is_control() && c != '\n', "\u{fffd}")
 }
+
+/// Sentences about one dataset: a run of all matchers with all estimators would fill pages.
+const SENTENCES: usize = 12;
 
 #[cfg(test)]
 mod tests {
@@ -162,5 +179,28 @@ mod tests {
             interval: None,
         };
         assert!(words(alone).starts_with("a is ahead of b on 06 by 0.200; too few"));
+    }
+    #[test]
+    fn of_very_many_only_the_nearest_have_a_sentence_of_their_own() {
+        let lead = |i: usize| Lead {
+            dataset: "06".into(),
+            best: ("a".into(), "best".into()),
+            other: (format!("m{i}"), "best".into()),
+            difference: Score {
+                // The farthest come first.
+                value: Some(0.01 * (20 - i) as f64),
+                interval: None,
+            },
+        };
+        let all: Vec<Lead> = (0..SENTENCES + 3).map(lead).collect();
+        let text = leads_in_words(&all);
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), SENTENCES + 1);
+        assert!(lines[0].starts_with("a + best is ahead of m14 + best on 06 by 0.060;"));
+        assert_eq!(
+            lines[SENTENCES],
+            "a + best is ahead of the other 3 on 06 by 0.180 and more"
+        );
+        assert_eq!(leads_in_words(&all[..2]).lines().count(), 2);
     }
 }
