@@ -1,12 +1,14 @@
 //! The figures of a report: which curves and bars of which dataset go into which drawing.
 
+use std::collections::BTreeSet;
+
 use crate::metrics::{
     Angle, PairGeometry, Spread, StageSpreads, Stratum, Summary, auc_by_stratum, strata,
 };
 
 use super::content::Content;
 use super::numbers::short;
-use super::overview::Overview;
+use super::overview::{Overview, REFERENCE};
 use super::svg::{Dot, Place, Rival, ap_bars, forest, heat_map, scatter, sp_curves, strata_curves};
 use super::words::advantage;
 
@@ -85,7 +87,11 @@ pub(super) fn difficulty_figure(
             ))
         })
         .collect();
-    let title = format!("AUC over {}: {}", difficulty.name(), named(overview, column));
+    let title = format!(
+        "AUC over {}: {}",
+        difficulty.name(),
+        named(overview, column)
+    );
     Some(strata_curves(
         place,
         &title,
@@ -148,17 +154,16 @@ pub(super) fn time_figure(
     (!dots.is_empty()).then(|| scatter(place, &title, &dots))
 }
 
-/// Whose time for a pair is not known, though that of others is.
+/// Matchers whose time for a pair is not known.
 pub(super) fn untimed<'a>(
     content: &Content,
-    overview: &'a Overview<'_>,
+    overview: &Overview<'a>,
     column: usize,
-) -> Vec<&'a str> {
+) -> BTreeSet<&'a str> {
     (overview.rows.iter())
-        .filter_map(|row| {
-            let summary = row.cells[column].as_ref()?.summary;
-            (seconds_for_a_pair(content, summary).is_none()).then_some(&*row.label)
-        })
+        .filter_map(|row| Some(row.cells[column].as_ref()?.summary))
+        .filter(|summary| seconds_for_a_pair(content, summary).is_none())
+        .map(|summary| &*summary.matcher)
         .collect()
 }
 
@@ -212,6 +217,7 @@ pub(super) fn estimator_figure(
             estimators.push(&summary.estimator);
         }
     }
+    estimators.sort_by_key(|id| *id != REFERENCE);
     if estimators.len() < 2 {
         return None;
     }

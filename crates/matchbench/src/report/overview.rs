@@ -9,9 +9,11 @@ use super::words;
 
 /// The matcher that the paper measures the others by.
 const BASELINE: &str = "sift";
+/// The estimator of the paper.
+pub(super) const REFERENCE: &str = "ransac-e";
 
 /// AUC of every matcher on every dataset, both in the order in which the scores name them, but
-/// the baseline first.
+/// the baseline first, and of its estimators the reference.
 pub(super) struct Overview<'a> {
     /// Names of the datasets, the columns.
     pub(super) datasets: Vec<&'a str>,
@@ -86,7 +88,11 @@ impl<'a> Overview<'a> {
                 methods.push(method);
             }
         }
-        methods.sort_by_key(|method| method.0 != BASELINE);
+        let matchers = distinct(methods.iter().map(|method| method.0));
+        let place = |name| matchers.iter().position(|matcher| *matcher == name);
+        methods.sort_by_key(|&(matcher, estimator)| {
+            (matcher != BASELINE, place(matcher), estimator != REFERENCE)
+        });
         let subject = subject(&methods);
         let rows = (methods.iter().zip(series(&methods)))
             .map(|(&method, series)| Row {
@@ -123,11 +129,17 @@ impl<'a> Overview<'a> {
     /// What the numbers of a dataset rest on: `171 pairs, sift, ransac-e`, with the names that stand
     /// in no label.
     pub(super) fn basis(&self, column: usize) -> String {
-        let mut summaries = self.rows.iter().filter_map(|row| row.cells[column].as_ref());
+        let mut summaries = self
+            .rows
+            .iter()
+            .filter_map(|row| row.cells[column].as_ref());
         let Some(Cell { summary, .. }) = summaries.next() else {
             return String::new();
         };
-        let mut basis = format!("{} pairs", summary.pairs / summary.repetitions.max(1) as usize);
+        let mut basis = format!(
+            "{} pairs",
+            summary.pairs / summary.repetitions.max(1) as usize
+        );
         if summary.repetitions > 1 {
             let _ = write!(basis, ", each {} times", summary.repetitions);
         }

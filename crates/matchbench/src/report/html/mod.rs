@@ -24,7 +24,7 @@ use super::figures::{
     time_figure, untimed,
 };
 use super::numbers::{NONE, count, interval, ratio};
-use super::overview::{Cell, Overview, Row, Subject};
+use super::overview::{Cell, Overview, REFERENCE, Row, Subject};
 use super::svg::{Place, legend_sample};
 
 /// The three ways to judge a pose, as the page calls them.
@@ -38,8 +38,6 @@ const ANGLES: [(&str, Angle); 3] = [
 const MOST_WINNERS: usize = 4;
 /// With more curves than this the page opens with those of one estimator.
 const MOST_CURVES: usize = 12;
-/// The estimator of the paper, which the page opens with.
-const REFERENCE: &str = "ransac-e";
 
 /// The page as text.
 pub(super) fn render(content: &Content) -> String {
@@ -179,7 +177,11 @@ fn compared(summaries: &[Summary]) -> String {
         count(|s| &s.matcher, "matcher"),
         count(|s| &s.estimator, "estimator"),
     ];
-    counts.into_iter().flatten().collect::<Vec<_>>().join(" with ")
+    counts
+        .into_iter()
+        .flatten()
+        .collect::<Vec<_>>()
+        .join(" with ")
 }
 
 /// The switches, the highest mean AUC first.
@@ -209,8 +211,12 @@ fn presets(overview: &Overview<'_>) -> Option<Value> {
     let estimators: BTreeSet<&str> = overview.rows.iter().map(|row| row.estimator).collect();
     let reference = estimators.iter().find(|id| **id == REFERENCE);
     let first = reference.or(estimators.first());
-    let opening = first.filter(|_| overview.rows.len() > MOST_CURVES).map(|id| (*id).to_owned());
-    Some(context! { estimators => estimators.iter().map(|id| Value::from(*id)).collect::<Vec<_>>(), opening })
+    let opening = first
+        .filter(|_| overview.rows.len() > MOST_CURVES)
+        .map(|id| (*id).to_owned());
+    Some(
+        context! { estimators => estimators.iter().map(|id| Value::from(*id)).collect::<Vec<_>>(), opening },
+    )
 }
 
 fn curves(overview: &Overview<'_>) -> Vec<Value> {
@@ -248,12 +254,12 @@ fn scatters(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
     (overview.datasets.iter().enumerate())
         .filter_map(|(column, dataset)| {
             let svg = time_figure(content, overview, column, Place::Page)?;
-            let untimed = untimed(content, overview, column).join(", ");
+            let untimed: Vec<&str> = untimed(content, overview, column).into_iter().collect();
             Some(context! {
                 dataset => *dataset,
                 basis => overview.basis(column),
                 svg => Value::from_safe_string(svg),
-                untimed,
+                untimed => untimed.join(", "),
             })
         })
         .collect()

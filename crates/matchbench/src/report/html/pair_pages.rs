@@ -7,13 +7,13 @@ use minijinja::{Value, context};
 
 use crate::metrics::ResultSet;
 
-use super::super::{PairView, Tally};
 use super::super::content::Content;
 use super::super::file_names::file_names;
 use super::super::numbers::short;
 use super::super::overview::Overview;
 use super::super::svg::{DISTANCES, Place, pair};
 use super::super::words::{method, sentence};
+use super::super::{PairView, Tally};
 use super::{environment, template};
 
 /// Most matches drawn of a pair.

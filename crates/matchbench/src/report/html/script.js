@@ -66,6 +66,7 @@
     const its = `[data-series="${series}"]`;
     for (const twin of document.querySelectorAll(`.legend button${its}`)) twin.setAttribute("aria-pressed", String(on));
     for (const curve of document.querySelectorAll(`.series${its}`)) curve.classList.toggle("off", !on);
+    document.body.classList.toggle("partial", document.querySelector(".series.off") !== null);
   };
   for (const button of switches) {
     const { series } = button.dataset;

@@ -7,7 +7,7 @@ use crate::metrics::{Spread, Summary};
 use super::super::content::Content;
 use super::super::figures::{seconds_for_a_pair, stages_of};
 use super::super::numbers::{milliseconds, whole};
-use super::super::overview::Overview;
+use super::super::overview::{Overview, REFERENCE};
 
 /// One table for each dataset: a matcher a row, medians, quartiles behind
 /// them. Estimators share all stages but their own.
@@ -26,6 +26,7 @@ pub(super) fn times(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
                 matchers.push(s);
             }
         }
+        estimators.sort_by_key(|id| *id != REFERENCE);
         let rows: Vec<Value> = (matchers.iter())
             .map(|first| {
                 let own = |estimator: &&str| {

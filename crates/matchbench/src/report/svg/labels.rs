@@ -66,7 +66,12 @@ impl Labels {
             let (x, y) = (dot.0 + distance * dx, dot.1 + distance * dy);
             let left = if dx > 0.0 { x } else { x - width };
             let middle = (ASCENT - DESCENT) / 2.0;
-            [left, y + middle - ASCENT, left + width, y + middle + DESCENT]
+            [
+                left,
+                y + middle - ASCENT,
+                left + width,
+                y + middle + DESCENT,
+            ]
         };
         let free = |place: &(f64, (f64, f64)), areas: &[Area]| {
             let label = area(*place);
@@ -113,7 +118,10 @@ fn crosses(area: Area, from: (f64, f64), to: (f64, f64)) -> bool {
     const POINTS: usize = 24;
     (0..=POINTS).any(|i| {
         let t = i as f64 / POINTS as f64;
-        contains(area, (from.0 + t * (to.0 - from.0), from.1 + t * (to.1 - from.1)))
+        contains(
+            area,
+            (from.0 + t * (to.0 - from.0), from.1 + t * (to.1 - from.1)),
+        )
     })
 }
 
@@ -127,7 +135,13 @@ mod tests {
     fn names_of_a_crowd_do_not_cover_each_other() {
         // Nineteen matchers within a few pixels of another, as on an easy dataset.
         let dots: Vec<_> = (0..19_u32)
-            .map(|i| (220.0 + f64::from(i * 7 % 40), 8.0 + f64::from(i * 5 % 30), None))
+            .map(|i| {
+                (
+                    220.0 + f64::from(i * 7 % 40),
+                    8.0 + f64::from(i * 5 % 30),
+                    None,
+                )
+            })
             .collect();
         let mut labels = Labels::new(PLOT, dots.iter().copied());
         let placed = (dots.iter())

@@ -219,7 +219,8 @@ fn key(svg: &mut String, top: f64, view: &PairView, limit: usize) {
         text(svg, "ink", (x + 28.0, y), "start", &escape(name));
     };
     for (class, (colour, name)) in DISTANCES.into_iter().enumerate() {
-        let count = (tally.by_distance).map_or(String::new(), |counts| format!(": {}", counts[class]));
+        let count =
+            (tally.by_distance).map_or(String::new(), |counts| format!(": {}", counts[class]));
         let x = 12.0 + 160.0 * class as f64;
         sample(svg, (x, top), colour, "none", &format!("{name}{count}"));
     }

@@ -109,11 +109,19 @@ pub(in super::super) fn scatter(place: Place, title: &str, dots: &[Dot<'_>]) -> 
 fn round_times(seconds: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     let low = seconds.clone().fold(f64::INFINITY, f64::min);
     let high = seconds.fold(0.0, f64::max);
-    let (low, high) = if low <= high { (low, high) } else { (0.01, 1.0) };
+    let (low, high) = if low <= high {
+        (low, high)
+    } else {
+        (0.01, 1.0)
+    };
     let all = |factors: &[f64]| -> Vec<f64> {
         let decades = -9..=6;
         let all: Vec<f64> = decades
-            .flat_map(|decade| factors.iter().map(move |f| f * libm::exp10(f64::from(decade))))
+            .flat_map(|decade| {
+                factors
+                    .iter()
+                    .map(move |f| f * libm::exp10(f64::from(decade)))
+            })
             .collect();
         let from = all.iter().rposition(|&time| time <= low).unwrap_or(0);
         let to = all.iter().position(|&time| time >= high && time > low);
@@ -147,10 +155,17 @@ fn range(dots: &[(&Dot<'_>, f64)]) -> (f64, f64, f64) {
 fn front<'d, 'a>(dots: &[(&'d Dot<'a>, f64)]) -> impl Iterator<Item = (&'d Dot<'a>, f64)> {
     let mut sorted = dots.to_vec();
     sorted.sort_by(|(one, better), (other, worse)| {
-        one.seconds.total_cmp(&other.seconds).then(worse.total_cmp(better))
+        one.seconds
+            .total_cmp(&other.seconds)
+            .then(worse.total_cmp(better))
     });
     let mut best = f64::NEG_INFINITY;
-    sorted.retain(|&(_, auc)| auc > best && { best = auc; true });
+    sorted.retain(|&(_, auc)| {
+        auc > best && {
+            best = auc;
+            true
+        }
+    });
     sorted.into_iter()
 }
 
@@ -219,7 +234,10 @@ mod tests {
         };
         assert_eq!(round(&[0.013, 0.09]), ["10 ms", "20 ms", "50 ms", "100 ms"]);
         assert_eq!(round(&[1.0]), ["1 s", "2 s"]);
-        assert_eq!(round(&[0.0012, 2.0]), ["1 ms", "10 ms", "100 ms", "1 s", "10 s"]);
+        assert_eq!(
+            round(&[0.0012, 2.0]),
+            ["1 ms", "10 ms", "100 ms", "1 s", "10 s"]
+        );
         assert!(round(&[]).len() > 1);
     }
 

@@ -140,6 +140,9 @@ mod tests {
         let many: Vec<_> = (0..30).map(|i| (i, "matcher", &flat)).collect();
         let svg = sp_curves(Place::File, "room", &many);
         assert!(svg.contains(r#"height="570""#), "{}", &svg[..120]);
-        assert!(svg.contains(">0.100</text>"), "the AUC stands beside the name");
+        assert!(
+            svg.contains(">0.100</text>"),
+            "the AUC stands beside the name"
+        );
     }
 }

@@ -25,10 +25,7 @@ pub(in super::super) fn strata_curves(
     };
     let top = if place == Place::File { 34.0 } else { 8.0 };
     let plot = (PLOT.0, PLOT.1.max(legend.height));
-    let size = (
-        LEFT + plot.0 + RIGHT + legend.width,
-        top + plot.1 + BOTTOM,
-    );
+    let size = (LEFT + plot.0 + RIGHT + legend.width, top + plot.1 + BOTTOM);
     let values = || {
         lines
             .iter()
