@@ -126,23 +126,32 @@ impl<'a> Overview<'a> {
         (ranked.into_iter().map(|(row, cell)| (row, cell.summary))).collect()
     }
 
-    /// What the numbers of a dataset rest on: `171 pairs, sift, ransac-e`, with the names that stand
-    /// in no label.
-    pub(super) fn basis(&self, column: usize) -> String {
-        let mut summaries = self
+    /// How many pairs the numbers of a dataset rest on: `171 pairs`.
+    pub(super) fn pairs(&self, column: usize) -> String {
+        let Some(summary) = self.first(column) else {
+            return String::new();
+        };
+        let pairs = summary.pairs / summary.repetitions.max(1) as usize;
+        match summary.repetitions {
+            0 | 1 => format!("{pairs} pairs"),
+            many => format!("{pairs} pairs, each {many} times"),
+        }
+    }
+
+    fn first(&self, column: usize) -> Option<&'a Summary> {
+        let mut cells = self
             .rows
             .iter()
             .filter_map(|row| row.cells[column].as_ref());
-        let Some(Cell { summary, .. }) = summaries.next() else {
-            return String::new();
+        cells.next().map(|cell| cell.summary)
+    }
+
+    /// Pairs, and the names that stand in no label: `171 pairs, ransac-e`.
+    pub(super) fn basis(&self, column: usize) -> String {
+        let mut basis = self.pairs(column);
+        let Some(summary) = self.first(column) else {
+            return basis;
         };
-        let mut basis = format!(
-            "{} pairs",
-            summary.pairs / summary.repetitions.max(1) as usize
-        );
-        if summary.repetitions > 1 {
-            let _ = write!(basis, ", each {} times", summary.repetitions);
-        }
         let silent = match self.subject {
             Subject::Matchers => &summary.estimator,
             Subject::Estimators => &summary.matcher,

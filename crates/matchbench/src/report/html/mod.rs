@@ -56,7 +56,7 @@ pub(super) fn render(content: &Content) -> String {
         pairs => summaries.iter().map(|s| s.pairs).sum::<usize>(),
         results => summaries.len(),
         heads => (overview.datasets.iter().enumerate())
-            .map(|(column, name)| context! { name => *name, basis => overview.basis(column) })
+            .map(|(column, name)| context! { name => *name, pairs => overview.pairs(column) })
             .collect::<Vec<_>>(),
         overviews => ANGLES.map(|(name, angle)| {
             let rows = overview_rows(&Overview::of(summaries, angle), angle);
@@ -166,16 +166,18 @@ fn auc(cell: Option<&Cell<'_>>, angle: Angle) -> Value {
     context! { text => ratio(cell.auc.value), rank => cell.rank, above => cell.above_baseline, tip }
 }
 
-/// What is compared, counted: `8 matchers with 3 estimators`.
+/// What is compared, counted or named: `8 matchers with 3 estimators`, `8 matchers with ransac-e`.
 fn compared(summaries: &[Summary]) -> String {
     let count = |get: fn(&Summary) -> &str, what: &str| {
         let names: BTreeSet<&str> = summaries.iter().map(get).collect();
-        let plural = if names.len() == 1 { "" } else { "s" };
-        (!names.contains("")).then(|| format!("{} {what}{plural}", names.len()))
+        match names.first() {
+            Some(&only) if names.len() == 1 => (!only.is_empty()).then(|| only.to_owned()),
+            _ => Some(format!("{} {what}", names.len())),
+        }
     };
     let counts = [
-        count(|s| &s.matcher, "matcher"),
-        count(|s| &s.estimator, "estimator"),
+        count(|s| &s.matcher, "matchers"),
+        count(|s| &s.estimator, "estimators"),
     ];
     counts
         .into_iter()
@@ -343,6 +345,7 @@ mod tests {
     use super::super::RunFacts;
     use super::super::tests::content;
     use super::*;
+    use crate::metrics::Spread;
 
     fn page(sets: &[(&str, &str, u32)], title: &str) -> String {
         let mut content = content(sets);
@@ -378,6 +381,42 @@ mod tests {
         assert!(page(&[], "Nothing").contains("No results"));
         let one = page(&[("room", "sift", 4)], "One");
         assert!(!one.contains("NaN") && one == page(&[("room", "sift", 4)], "One"));
+    }
+
+    #[test]
+    fn what_is_compared_is_counted_and_named() {
+        let one = content(&[("room", "sift", 4), ("room", "orb", 2)]);
+        assert_eq!(compared(&one.summaries), "2 matchers with ransac-e");
+        assert!(presets(&Overview::new(&one.summaries)).is_none());
+        let mut both = content(&[("room", "sift", 4), ("room", "orb", 2)]).summaries;
+        both[1].estimator = "best".into();
+        assert_eq!(compared(&both), "2 matchers with 2 estimators");
+        let page = render(&Content {
+            summaries: both,
+            ..Content::default()
+        });
+        // Few enough to be told apart: none is hidden at first.
+        assert!(page.contains("data-only=\"0\"") && !page.contains("data-opening>"));
+    }
+
+    #[test]
+    fn matchers_with_the_same_features_share_their_detection() {
+        let mut content = content(&[("room", "gms", 4), ("room", "gms-s", 2)]);
+        let spread = Spread {
+            lower: 0.01,
+            median: 0.02,
+            upper: 0.03,
+        };
+        content.summaries[0].stages.extract = Some(spread);
+        content.summaries[0].stages.search = Some(spread);
+        content.summaries[1].stages.search = Some(spread);
+        let untimed = "Without a time, since features came from the cache: gms-s.";
+        assert!(render(&content).contains(untimed));
+        for matcher in ["gms", "gms-s"] {
+            let features = "orb-budget".to_owned();
+            content.extractions.insert(matcher.to_owned(), features);
+        }
+        assert!(!render(&content).contains("Without a time"));
     }
 
     #[test]

@@ -8,7 +8,7 @@ type Area = [f64; 4];
 /// Height of a line of text above and below its baseline.
 const ASCENT: f64 = 9.0;
 const DESCENT: f64 = 2.0;
-/// How far from its dot a name may be; from the second on a line leads to it.
+/// How far from its dot a name may be; from the third on a line leads to it.
 const DISTANCES: [f64; 8] = [7.0, 14.0, 24.0, 36.0, 50.0, 66.0, 84.0, 104.0];
 /// Ways to go, right and left before up and down.
 const WAYS: [(f64, f64); 10] = [
@@ -41,21 +41,25 @@ pub(super) struct Label {
 }
 
 impl Labels {
-    /// For dots at `(x, y, upper and lower end of their interval)`.
-    pub(super) fn new(
-        within: Area,
-        dots: impl Iterator<Item = (f64, f64, Option<(f64, f64)>)>,
-    ) -> Self {
-        let (mut taken, mut thin) = (Vec::new(), Vec::new());
-        for (x, y, interval) in dots {
-            taken.push([x - 4.0, y - 4.0, x + 4.0, y + 4.0]);
-            thin.extend(interval.map(|(top, bottom)| [x - 1.0, top, x + 1.0, bottom]));
-        }
+    /// For dots at these places.
+    pub(super) fn new(within: Area, dots: impl Iterator<Item = (f64, f64)>) -> Self {
         Self {
             within,
-            taken,
-            thin,
+            taken: dots
+                .map(|(x, y)| [x - 4.0, y - 4.0, x + 4.0, y + 4.0])
+                .collect(),
+            thin: Vec::new(),
         }
+    }
+
+    /// A line along an axis, which names leave free if they can.
+    pub(super) fn line(&mut self, from: (f64, f64), to: (f64, f64)) {
+        self.thin.push([
+            from.0.min(to.0) - 1.0,
+            from.1.min(to.1) - 1.0,
+            from.0.max(to.0) + 1.0,
+            from.1.max(to.1) + 1.0,
+        ]);
     }
 
     /// The nearest free place for the name of a dot; `None` where there is no room.
@@ -95,7 +99,7 @@ impl Labels {
         self.taken.push(label);
         Some(Label {
             at: (label[0], label[3] - DESCENT),
-            leader: (found.0 > DISTANCES[0]).then(|| nearest(label, dot)),
+            leader: (found.0 > DISTANCES[1]).then(|| nearest(label, dot)),
         })
     }
 }
@@ -135,17 +139,11 @@ mod tests {
     fn names_of_a_crowd_do_not_cover_each_other() {
         // Nineteen matchers within a few pixels of another, as on an easy dataset.
         let dots: Vec<_> = (0..19_u32)
-            .map(|i| {
-                (
-                    220.0 + f64::from(i * 7 % 40),
-                    8.0 + f64::from(i * 5 % 30),
-                    None,
-                )
-            })
+            .map(|i| (220.0 + f64::from(i * 7 % 40), 8.0 + f64::from(i * 5 % 30)))
             .collect();
         let mut labels = Labels::new(PLOT, dots.iter().copied());
         let placed = (dots.iter())
-            .filter(|dot| labels.place((dot.0, dot.1), "freak-sift").is_some())
+            .filter(|dot| labels.place(**dot, "freak-sift").is_some())
             .count();
         assert!(placed >= 15, "{placed} of 19 found room");
         let names = &labels.taken[dots.len()..];
@@ -157,16 +155,20 @@ mod tests {
 
     #[test]
     fn a_lonely_name_stands_beside_its_dot() {
-        let mut labels = Labels::new(PLOT, [(100.0, 100.0, None)].into_iter());
+        let mut labels = Labels::new(PLOT, [(100.0, 100.0)].into_iter());
         let label = labels.place((100.0, 100.0), "sift").expect("there is room");
         assert_eq!((label.at.0, label.leader), (107.0, None));
     }
 
     #[test]
-    fn intervals_are_left_free_where_there_is_another_place() {
-        let dots = [(100.0, 100.0, None), (110.0, 150.0, Some((50.0, 250.0)))];
-        let mut labels = Labels::new(PLOT, dots.into_iter());
+    fn lines_are_left_free_where_there_is_another_place() {
+        let mut labels = Labels::new(PLOT, [(100.0, 100.0)].into_iter());
+        labels.line((110.0, 250.0), (110.0, 50.0));
         let label = labels.place((100.0, 100.0), "sift").expect("there is room");
         assert!(label.at.0 < 100.0, "{:?}", label.at);
+        // Nowhere is free of it: over a line is better than nowhere.
+        let mut labels = Labels::new(PLOT, [(100.0, 100.0)].into_iter());
+        labels.line((0.0, 0.0), (470.0, 270.0));
+        assert!(labels.place((100.0, 100.0), "sift").is_some());
     }
 }

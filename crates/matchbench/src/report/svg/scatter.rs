@@ -59,16 +59,26 @@ pub(in super::super) fn scatter(place: Place, title: &str, dots: &[Dot<'_>]) -> 
     let at = (LEFT + PLOT.0 / 2.0, top + PLOT.1 + 32.0);
     text(&mut svg, "muted", at, "middle", "time for a pair");
     axis_label(&mut svg, top + PLOT.1 / 2.0, "AUC");
+    let corners = corners(front(&dots).map(|(dot, auc)| (x(dot.seconds), y(auc))));
+    let path: Vec<String> = (corners.iter().map(|(x, y)| format!("{x:.1},{y:.1}"))).collect();
     let _ = writeln!(
         svg,
-        r#"<path class="front" fill="none" stroke="{MUTED}" stroke-dasharray="5 4" d="{}"/>"#,
-        steps(front(&dots).map(|(dot, auc)| (x(dot.seconds), y(auc))))
+        r#"<polyline class="front" fill="none" stroke="{MUTED}" stroke-dasharray="5 4" points="{}"/>"#,
+        path.join(" ")
     );
-    let whisker = |dot: &Dot<'_>| dot.auc.interval.map(|range| (y(range.high), y(range.low)));
+    let whisker = |dot: &Dot<'_>| (dot.auc.interval).map(|range| (y(range.high), y(range.low)));
     let mut labels = Labels::new(
         [LEFT, top - 2.0, LEFT + PLOT.0 + RIGHT, top + PLOT.1],
-        (dots.iter()).map(|(dot, auc)| (x(dot.seconds), y(*auc), whisker(dot))),
+        dots.iter().map(|(dot, auc)| (x(dot.seconds), y(*auc))),
     );
+    for line in corners.windows(2) {
+        labels.line(line[0], line[1]);
+    }
+    for (dot, _) in &dots {
+        if let Some((high, low)) = whisker(dot) {
+            labels.line((x(dot.seconds), high), (x(dot.seconds), low));
+        }
+    }
     for (dot, auc) in dots {
         let (px, py) = (x(dot.seconds), y(auc));
         let tip = format!(
@@ -169,16 +179,16 @@ fn front<'d, 'a>(dots: &[(&'d Dot<'a>, f64)]) -> impl Iterator<Item = (&'d Dot<'
     sorted.into_iter()
 }
 
-/// A path that goes right, then up.
-fn steps(points: impl Iterator<Item = (f64, f64)>) -> String {
-    let mut path = String::new();
+/// From point to point, each time right and then up.
+fn corners(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    let mut corners: Vec<(f64, f64)> = Vec::new();
     for (x, y) in points {
-        let _ = match path.is_empty() {
-            true => write!(path, "M{x:.1} {y:.1}"),
-            false => write!(path, "H{x:.1}V{y:.1}"),
-        };
+        if let Some(&(_, before)) = corners.last() {
+            corners.push((x, before));
+        }
+        corners.push((x, y));
     }
-    path
+    corners
 }
 
 #[cfg(test)]
