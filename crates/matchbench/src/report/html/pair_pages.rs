@@ -72,9 +72,9 @@ fn counts(tally: &Tally, drawn: usize) -> String {
     let mut text = format!("{drawn} of {} matches are drawn", tally.matches);
     if let Some(counts) = tally.by_distance {
         let classes: Vec<String> = (DISTANCES.iter().zip(counts))
-            .map(|((_, name), count)| format!("{count} {name}"))
+            .map(|((_, name), count)| format!("{name}: {count}"))
             .collect();
-        text = format!("{text}; to the true epipolar line: {}", classes.join(", "));
+        text = format!("{text}; from the true epipolar line {}", classes.join(", "));
     }
     format!("{text}; {} agree with the estimate.", tally.agree)
 }

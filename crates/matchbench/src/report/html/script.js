@@ -318,9 +318,9 @@
         make("div", { className: "pages" }, beside(-1, "Previous pair"), beside(1, "Next pair"), close),
         make("h3", { textContent: `${d.name}: ${name(d, i)}, ${m.label}` }),
         make("p", { textContent: words }),
-        ...(picture ? [...drawing(picture)] : [make("p", { className: "quiet", textContent: "Of this pair there is no picture in this page." })]),
+        ...(picture ? drawing(picture) : paged().has(i) ? [] : [make("p", { className: "quiet", textContent: "This page has no picture of it; the command below draws one." })]),
         ...(d.methods.length > 1 ? [rivals(d, i)] : []),
-        ...(paged().has(i) ? [make("p", {}, make("a", { href: address(i), textContent: "The pictures of all on this pair" }))] : []),
+        ...(paged().has(i) ? [make("p", {}, make("a", { href: address(i), textContent: "Pictures of all on this pair" }))] : []),
         make("p", { className: "quiet" }, "From the shell: ", make("code", {
           textContent: `matchbench show ${d.name} ${d.a[i]} ${d.b[i]} --matcher ${m.matcher}${m.estimator ? ` --estimator ${m.estimator}` : ""} --out pair.png`,
         }), " ", make("a", { href: link(d, m, i), textContent: "Link to this pair" })),
