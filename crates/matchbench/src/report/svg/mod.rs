@@ -206,8 +206,8 @@ mod tests {
     #[test]
     fn long_names_are_cut_before_they_are_escaped() {
         assert_eq!(
-            shorten("<<<<<<<<<<<<<<<<<<<<"),
-            format!("{}…", "&lt;".repeat(16))
+            shorten(&"<".repeat(NAME + 1)),
+            format!("{}…", "&lt;".repeat(NAME - 1))
         );
     }
 }

@@ -139,7 +139,7 @@ mod tests {
         let flat = curve(1, 10);
         let many: Vec<_> = (0..30).map(|i| (i, "matcher", &flat)).collect();
         let svg = sp_curves(Place::File, "room", &many);
-        assert!(svg.contains(r#"height="570""#), "{}", &svg[..120]);
+        assert!(svg.contains(r#"height="554""#), "{}", &svg[..120]);
         assert!(
             svg.contains(">0.100</text>"),
             "the AUC stands beside the name"
