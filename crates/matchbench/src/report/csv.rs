@@ -16,8 +16,9 @@ pub(super) fn render(summaries: &[Summary]) -> String {
     let mut rows: Vec<Vec<String>> = summaries.iter().map(row).collect();
     for column in NAMES..header().len() {
         if rows.iter().all(|row| row[column].is_empty()) {
-            rows.iter_mut()
-                .for_each(|row| row[column] = UNKNOWN.to_owned());
+            for row in &mut rows {
+                UNKNOWN.clone_into(&mut row[column]);
+            }
         }
     }
     for row in rows {
