@@ -253,6 +253,19 @@ pub(crate) enum FormatArg {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = "\
+The folder opens from disk without a network and can be mailed:
+  index.html  AUC, SP curves, AP bars, times, AUC over baseline, angle and overlap, every pair in a
+              list that sorts, and some of them as pictures
+  pairs/      a page for each pair with pictures, all matchers on it
+  figures/    every figure as SVG and PNG
+  tables/     scores.csv .json .md, auc.tex (the paper's Table 2), pairs.csv .parquet
+
+Pictures need the dataset where it was, and the matches of the run (not run with --no-matches).
+
+Examples:
+  matchbench report runs/first
+  matchbench report runs/first --pictures all --out first-report")]
 pub(crate) struct ReportArgs {
     /// A run folder
     #[arg(value_name = "RUN")]
@@ -270,6 +283,15 @@ pub(crate) struct ReportArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Lines join the selected matches. Their colour is the distance to the true epipolar line: green below
+1 pixel, blue below 3, orange below 10, red beyond. Solid lines agree with the estimated pose,
+dashed ones do not: red and solid is what misled the estimator. A few epipolar lines are drawn,
+the true ones white, the estimated ones yellow.
+
+Examples:
+  matchbench show office 0 7 --matcher sift --out pair.png
+  matchbench show office 0 7 --matcher orb --estimator best --keypoints --out pair.svg")]
 pub(crate) struct ShowArgs {
     /// The dataset folder
     #[arg(value_name = "DATASET")]
@@ -301,6 +323,16 @@ pub(crate) struct ShowArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Detection and description are timed for an image; search, selection and pose for a pair; with one
+thread and without a cache, after a few pairs to warm up. Medians, with quartiles in brackets.
+The first pairs are measured again at the end: where they then take another time, or single times
+lie far from all others, a warning says that the machine was not quiet.
+
+Examples:
+  matchbench time office --matchers sift,orb
+  matchbench time office --matchers all --pairs 20
+  matchbench time office --matchers sift --set sift.ratio=0.7")]
 pub(crate) struct TimeArgs {
     /// The dataset folder
     #[arg(value_name = "DATASET")]
@@ -308,7 +340,7 @@ pub(crate) struct TimeArgs {
     /// Matchers, separated by commas, or `all`
     #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
     pub matchers: Vec<String>,
-    /// The first N pairs
+    /// The first N pairs, or all where there are fewer
     #[arg(long, value_name = "N", default_value_t = 200)]
     pub pairs: usize,
     /// Change a parameter (repeatable)
@@ -317,6 +349,15 @@ pub(crate) struct TimeArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = "\
+For each matcher with each estimator on each dataset that both runs have, on the pairs that both have:
+the AUC before and after, the change with its paired 95 % interval (both runs see the same resampled
+images, so the interval is that of the change), the pairs gained and lost at 5 degrees, and a
+verdict in words: better, worse, not certain, or the same.
+
+Example:
+  matchbench run office --matchers sift --set sift.ratio=0.7 --out runs/strict
+  matchbench compare runs/first runs/strict")]
 pub(crate) struct CompareArgs {
     /// The run before
     #[arg(value_name = "BEFORE")]

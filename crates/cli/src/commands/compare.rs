@@ -121,8 +121,13 @@ fn table(rows: &[(&ResultSet, Comparison)]) -> String {
 }
 
 fn verdict(comparison: &Comparison) -> &'static str {
-    match comparison.auc.value {
+    let score = &comparison.auc;
+    let never_moves = score
+        .interval
+        .is_some_and(|i| i.low == 0.0 && i.high == 0.0);
+    match score.value {
         _ if comparison.changed == 0 => "same",
+        Some(0.0) if never_moves => "same AUC",
         Some(change) if comparison.is_certain() && change > 0.0 => "better",
         Some(_) if comparison.is_certain() => "worse",
         _ => "not certain",

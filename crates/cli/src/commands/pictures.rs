@@ -9,7 +9,7 @@ use matchbench::datasets::{Pair, Sequence, read_gray};
 use matchbench::metrics::{Angle, ResultSet};
 use matchbench::records::{MatchesFile, Outcome, SelectedMatches, matches, store};
 use matchbench::report::{
-    PairPoses, PairView, Points, Thumbnail, epipolar_lines, evenly, match_views,
+    PairPoses, PairView, Points, Tally, Thumbnail, epipolar_lines, evenly, match_views,
 };
 use matchbench::run::{FeatureCache, Plan};
 
@@ -53,7 +53,8 @@ pub(crate) fn sample(
                     continue;
                 };
                 let images = [Arc::clone(a), Arc::clone(b)];
-                let mut view = view(sequence, pair, &thinned(selected), outcome, images);
+                let mut view = view(sequence, pair, &selected, outcome, images);
+                view.matches = evenly(&view.matches, MOST_MATCHES);
                 view.matcher.clone_from(&set.matcher);
                 view.estimator.clone_from(&set.estimator);
                 view.keypoints =
@@ -77,15 +78,6 @@ fn thumbnails(sequence: &Sequence, pairs: &[&Pair]) -> BTreeMap<u32, Arc<Thumbna
             Some((frame, Arc::new(thumbnail)))
         })
         .collect()
-}
-
-/// No more matches than are drawn.
-fn thinned(matches: SelectedMatches) -> SelectedMatches {
-    SelectedMatches {
-        a: evenly(&matches.a, MOST_MATCHES),
-        b: evenly(&matches.b, MOST_MATCHES),
-        ..matches
-    }
 }
 
 /// Keypoints from the feature cache, as far as it has them.
@@ -145,6 +137,7 @@ pub(crate) fn view(
         estimator: String::new(),
         frames: (pair.a, pair.b),
         images,
+        tally: Tally::of(&matches),
         matches,
         lines,
         keypoints: [Vec::new(), Vec::new()],

@@ -73,6 +73,14 @@ pub(crate) fn write(
             .collect();
         geometry.retain(|pair, _| run.contains(pair));
     }
+    content.extractions = (plan.matchers.iter())
+        .map(|matcher| {
+            Ok((
+                matcher.id.clone(),
+                serde_json::to_string(&matcher.extraction)?,
+            ))
+        })
+        .collect::<Result<_>>()?;
     let cache = cache.map_or_else(|| folder.join("cache"), Path::to_path_buf);
     let keypoints = Keypoints::new(&plan, FeatureCache::new(cache));
     content.views = pictures::sample(folder, &content.results, &sequences, keypoints, pictures)?;

@@ -115,7 +115,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         counts.features_b,
         counts.putative,
         counts.selected,
-        view.matches.iter().filter(|m| m.agrees).count(),
+        view.tally.agree,
         args.out.display()
     )?;
     Ok(Ending::Done)

@@ -34,11 +34,12 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
     let mut out = std::io::stdout().lock();
     writeln!(
         out,
-        "matchbench {}, {} {}, {}, {} cores; 1 thread, no cache; first {} pairs of {}",
+        "matchbench {}, {} {}, {}{}, {} cores; 1 thread, no cache; first {} pairs of {}",
         env!("CARGO_PKG_VERSION"),
         std::env::consts::OS,
         std::env::consts::ARCH,
         processor(),
+        instructions(),
         available_parallelism().map_or(1, usize::from),
         args.pairs.min(datasets[0].sequence.pairs.len()),
         datasets[0].sequence.name
@@ -218,6 +219,15 @@ fn drift(before: &[PairResult], after: &[PairResult]) -> Option<f64> {
 fn processor() -> String {
     let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     field(&text, "model name").unwrap_or_else(|| "unknown processor".into())
+}
+
+/// What the kernels make use of, where there is a choice.
+fn instructions() -> &'static str {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+        return " with AVX2 and FMA";
+    }
+    ""
 }
 
 /// From here on [`peak_memory`] counts anew, where the system can do that (Linux).

@@ -30,6 +30,9 @@ pub struct Content {
     pub results: Vec<ResultSet>,
     /// Baseline, angle and overlap of the pairs, by dataset; what is not there is not shown.
     pub geometry: BTreeMap<String, DatasetGeometry>,
+    /// How each matcher gets its features, by its id. Those with the same text have the same features,
+    /// and the run extracts and times them once.
+    pub extractions: BTreeMap<String, String>,
     /// Pairs to be looked at.
     pub views: Vec<PairView>,
     /// The run.

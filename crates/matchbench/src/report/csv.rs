@@ -1,14 +1,28 @@
 //! Comma-separated values (RFC 4180): one row per dataset, matcher and estimator, full precision.
-//! A score that is undefined is an empty field. Times are medians, in seconds.
+//! A score that is undefined is an empty field, and `NaN` where the whole column is: readers would
+//! take a column of nothing for one of text. Times are medians, in seconds.
 
 use crate::metrics::{Score, Spread, SuccessCurve, Summary, THRESHOLDS};
+
+/// Columns that hold names.
+const NAMES: usize = 3;
+/// What a column of numbers holds if none of them is known.
+pub(super) const UNKNOWN: &str = "NaN";
 
 /// A header line and one line per summary.
 pub(super) fn render(summaries: &[Summary]) -> String {
     let mut text = header().join(",");
     text.push('\n');
-    for summary in summaries {
-        text.push_str(&row(summary).join(","));
+    let mut rows: Vec<Vec<String>> = summaries.iter().map(row).collect();
+    for column in NAMES..header().len() {
+        if rows.iter().all(|row| row[column].is_empty()) {
+            for row in &mut rows {
+                UNKNOWN.clone_into(&mut row[column]);
+            }
+        }
+    }
+    for row in rows {
+        text.push_str(&row.join(","));
         text.push('\n');
     }
     text
@@ -123,6 +137,20 @@ mod tests {
         let start = "dataset,matcher,estimator,pairs,failed,auc,sp1,sp2,";
         assert!(render(&[]).starts_with(start));
         assert!(render(&[]).contains(",sp15,ap5,"));
+    }
+
+    #[test]
+    fn a_column_of_nothing_is_one_of_numbers() {
+        let text = render(&[summary("room", "sift", 6), summary("hall", "sift", 0)]);
+        let at = header().iter().position(|head| head == "auc_deviation");
+        let cell = |line: usize, at: Option<usize>| {
+            let line = text.lines().nth(line).expect("a head and two rows");
+            line.split(',').nth(at.expect("there is such a column"))
+        };
+        assert_eq!(cell(1, at), Some("NaN"));
+        // Known on one of two: nothing is nothing.
+        let at = header().iter().position(|head| head == "ap5");
+        assert_eq!((cell(1, at), cell(2, at)), (Some("102.5"), Some("")));
     }
 
     #[test]

@@ -1,12 +1,14 @@
 //! The figures of a report: which curves and bars of which dataset go into which drawing.
 
+use std::collections::BTreeSet;
+
 use crate::metrics::{
     Angle, PairGeometry, Spread, StageSpreads, Stratum, Summary, auc_by_stratum, strata,
 };
 
 use super::content::Content;
 use super::numbers::short;
-use super::overview::Overview;
+use super::overview::{Overview, REFERENCE};
 use super::svg::{Dot, Place, Rival, ap_bars, forest, heat_map, scatter, sp_curves, strata_curves};
 use super::words::advantage;
 
@@ -49,6 +51,11 @@ impl Difficulty {
     }
 }
 
+/// A dataset as the title of a figure names it.
+fn named(overview: &Overview<'_>, column: usize) -> String {
+    format!("{} ({})", overview.datasets[column], overview.basis(column))
+}
+
 /// AUC over difficulty, if anything is known of it on this dataset.
 pub(super) fn difficulty_figure(
     content: &Content,
@@ -66,9 +73,8 @@ pub(super) fn difficulty_figure(
         (low, high) => format!("{low}–{high}"),
     };
     let ranges: Vec<String> = strata.iter().map(label).collect();
-    let lines: Vec<_> = (overview.rows.iter())
-        .filter_map(|row| {
-            let summary = row.cells[column].as_ref()?.summary;
+    let lines: Vec<_> = (overview.ranked(column).into_iter())
+        .filter_map(|(row, summary)| {
             let is_its = |set: &&crate::metrics::ResultSet| {
                 (&set.dataset, &set.matcher, &set.estimator)
                     == (&summary.dataset, &summary.matcher, &summary.estimator)
@@ -81,7 +87,11 @@ pub(super) fn difficulty_figure(
             ))
         })
         .collect();
-    let title = format!("AUC over {}: {dataset}", difficulty.name());
+    let title = format!(
+        "AUC over {}: {}",
+        difficulty.name(),
+        named(overview, column)
+    );
     Some(strata_curves(
         place,
         &title,
@@ -91,14 +101,22 @@ pub(super) fn difficulty_figure(
 }
 
 /// The stages of a matcher on a dataset: each is timed with the first estimator alone, since the
-/// others are given the same matches. The pose is that of `summary`.
-pub(super) fn stages_of(summaries: &[Summary], summary: &Summary) -> StageSpreads {
-    let same = |s: &&Summary| s.dataset == summary.dataset && s.matcher == summary.matcher;
+/// others are given the same matches, and detection with the first matcher that has these features.
+/// The pose is that of `summary`.
+pub(super) fn stages_of(content: &Content, summary: &Summary) -> StageSpreads {
+    let features = |matcher: &str| content.extractions.get(matcher);
+    let here = || (content.summaries.iter()).filter(|s| s.dataset == summary.dataset);
     let stage = |get: fn(&StageSpreads) -> Option<Spread>| {
-        get(&summary.stages).or_else(|| summaries.iter().filter(same).find_map(|s| get(&s.stages)))
+        let mut same = here().filter(|s| s.matcher == summary.matcher);
+        get(&summary.stages).or_else(|| same.find_map(|s| get(&s.stages)))
+    };
+    let extract = || {
+        let own = features(&summary.matcher)?;
+        let mut same = here().filter(|s| features(&s.matcher) == Some(own));
+        same.find_map(|s| s.stages.extract)
     };
     StageSpreads {
-        extract: stage(|stages| stages.extract),
+        extract: stage(|stages| stages.extract).or_else(extract),
         search: stage(|stages| stages.search),
         select: stage(|stages| stages.select),
         ..summary.stages
@@ -107,8 +125,8 @@ pub(super) fn stages_of(summaries: &[Summary], summary: &Summary) -> StageSpread
 
 /// Seconds for a pair, both of whose images are new: the medians of all stages that were timed, if
 /// detection and search were.
-pub(super) fn seconds_for_a_pair(summaries: &[Summary], summary: &Summary) -> Option<f64> {
-    let stages = stages_of(summaries, summary);
+pub(super) fn seconds_for_a_pair(content: &Content, summary: &Summary) -> Option<f64> {
+    let stages = stages_of(content, summary);
     let optional = |stage: Option<Spread>| stage.map_or(0.0, |spread| spread.median);
     let (extract, search) = (stages.extract?.median, stages.search?.median);
     Some(2.0 * extract + search + optional(stages.select) + optional(stages.estimate))
@@ -116,7 +134,7 @@ pub(super) fn seconds_for_a_pair(summaries: &[Summary], summary: &Summary) -> Op
 
 /// Accuracy against time on one dataset, if anything was timed.
 pub(super) fn time_figure(
-    summaries: &[Summary],
+    content: &Content,
     overview: &Overview<'_>,
     column: usize,
     place: Place,
@@ -127,13 +145,26 @@ pub(super) fn time_figure(
             Some(Dot {
                 series: row.series,
                 name: &row.label,
-                seconds: seconds_for_a_pair(summaries, summary)?,
+                seconds: seconds_for_a_pair(content, summary)?,
                 auc: summary.auc,
             })
         })
         .collect();
-    let title = format!("Accuracy against time: {}", overview.datasets[column]);
+    let title = format!("AUC over time: {}", named(overview, column));
     (!dots.is_empty()).then(|| scatter(place, &title, &dots))
+}
+
+/// Matchers whose time for a pair is not known.
+pub(super) fn untimed<'a>(
+    content: &Content,
+    overview: &Overview<'a>,
+    column: usize,
+) -> BTreeSet<&'a str> {
+    (overview.rows.iter())
+        .filter_map(|row| Some(row.cells[column].as_ref()?.summary))
+        .filter(|summary| seconds_for_a_pair(content, summary).is_none())
+        .map(|summary| &*summary.matcher)
+        .collect()
 }
 
 /// The best of a dataset against the others, if there are others.
@@ -165,7 +196,7 @@ pub(super) fn lead_figure(
         .collect();
     let behind = |rival: &Rival<'_>| rival.behind.value.unwrap_or(f64::INFINITY);
     rivals.sort_by(|one, other| behind(one).total_cmp(&behind(other)));
-    let title = format!("{} ahead of the others: {dataset}", best.label);
+    let title = format!("Lead of {}: {}", best.label, named(overview, column));
     Some(forest(place, &title, &best.label, &rivals))
 }
 
@@ -186,6 +217,7 @@ pub(super) fn estimator_figure(
             estimators.push(&summary.estimator);
         }
     }
+    estimators.sort_by_key(|id| *id != REFERENCE);
     if estimators.len() < 2 {
         return None;
     }
@@ -224,23 +256,23 @@ pub(super) fn sp_figure(
     angle: Angle,
     place: Place,
 ) -> String {
-    let curves: Vec<_> = (overview.rows.iter())
-        .filter_map(|row| {
-            let summary = row.cells[column].as_ref()?.summary;
+    let mut curves: Vec<_> = (overview.ranked(column).into_iter())
+        .map(|(row, summary)| {
             let curve = match angle {
                 Angle::Pose => &summary.sp,
                 Angle::Rotation => &summary.rotation_sp,
                 Angle::Translation => &summary.translation_sp,
             };
-            Some((row.series, &*row.label, curve))
+            (row.series, &*row.label, curve)
         })
         .collect();
+    curves.sort_by(|(_, _, one), (_, _, other)| other.auc().total_cmp(&one.auc()));
     let what = match angle {
-        Angle::Pose => "Success ratio",
-        Angle::Rotation => "Success ratio, rotation alone",
-        Angle::Translation => "Success ratio, translation alone",
+        Angle::Pose => "SP curves",
+        Angle::Rotation => "SP curves of the rotation",
+        Angle::Translation => "SP curves of the translation",
     };
-    let title = format!("{what}: {}", overview.datasets[column]);
+    let title = format!("{what}: {}", named(overview, column));
     sp_curves(place, &title, &curves)
 }
 
@@ -252,9 +284,6 @@ pub(super) fn ap_figure(overview: &Overview<'_>, column: usize, place: Place) ->
             Some((row.series, &*row.label, summary.ap5))
         })
         .collect();
-    let title = format!(
-        "Correspondences of right pairs, AP(5): {}",
-        overview.datasets[column]
-    );
+    let title = format!("AP bars at 5 degrees: {}", named(overview, column));
     ap_bars(place, &title, &bars)
 }

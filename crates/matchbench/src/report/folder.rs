@@ -88,7 +88,7 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<(String, String)> 
                 figures.push((format!("{}-{name}", difficulty.name()), svg));
             }
         }
-        if let Some(svg) = time_figure(&content.summaries, overview, column, Place::File) {
+        if let Some(svg) = time_figure(content, overview, column, Place::File) {
             figures.push((format!("time-{name}"), svg));
         }
         if let Some(svg) = estimator_figure(&content.summaries, Some(dataset), Place::File) {

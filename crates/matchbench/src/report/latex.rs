@@ -1,29 +1,42 @@
 //! A complete `tabular` like the paper's Table 2: AUC of matchers by datasets, the best three of a
 //! dataset in red, green and blue, those above SIFT in bold, `/` where a matcher was not run.
 
+use std::fmt::Write as _;
+
 use crate::metrics::Summary;
 
 use super::numbers::ratio;
-use super::overview::{Cell, Overview};
+use super::overview::{Cell, Overview, Subject};
 
 /// The table, after a comment that names the package it needs.
 pub(super) fn render(summaries: &[Summary]) -> String {
     let overview = Overview::new(summaries);
     let mut text = String::from(
         "% AUC: mean of SP(1) ... SP(15). Best three of each dataset in red, green and blue;\n\
-         % above the baseline (SIFT) in bold. Colours need \\usepackage{xcolor} in the preamble.\n\
-         \\providecommand{\\textcolor}[2]{#2}\n",
+         % above the baseline (SIFT) in bold. Colours need \\usepackage{xcolor} in the preamble.\n",
     );
+    for (column, dataset) in overview.datasets.iter().enumerate() {
+        let basis = overview.basis(column);
+        let _ = writeln!(text, "% {}: {}", comment(dataset), comment(&basis));
+    }
+    text.push_str("\\providecommand{\\textcolor}[2]{#2}\n");
     text.push_str("\\begin{tabular}{|c|");
     text.push_str(&"c|".repeat(overview.datasets.len()));
-    text.push_str("}\n\\hline\nMatchers");
+    text.push_str("}\n\\hline\n");
+    text.push_str(overview.subject.head());
+    if overview.subject == Subject::Matchers {
+        text.push('s');
+    }
     for dataset in &overview.datasets {
         text.push_str(" & ");
         text.push_str(&escape(dataset));
     }
     text.push_str(" \\\\\n\\hline\n");
     for row in &overview.rows {
-        let label = escape(&row.label);
+        let label = match overview.subject {
+            Subject::Matchers => escape(published_name(&row.label)),
+            _ => escape(&row.label),
+        };
         text.push_str(&bold_if(row.is_baseline, &label));
         for cell in &row.cells {
             text.push_str(" & ");
@@ -56,6 +69,36 @@ fn bold_if(bold: bool, text: &str) -> String {
     } else {
         text.to_owned()
     }
+}
+
+/// How the paper spells a matcher; others are called by their id.
+fn published_name(id: &str) -> &str {
+    const NAMES: [(&str, &str); 17] = [
+        ("sift", "SIFT"),
+        ("surf", "SURF"),
+        ("orb", "ORB"),
+        ("brisk", "BRISK"),
+        ("kaze", "KAZE"),
+        ("akaze", "AKAZE"),
+        ("dlco", "DLCO"),
+        ("freak", "FREAK"),
+        ("binboost", "BinBoost"),
+        ("latch", "LATCH"),
+        ("daisy", "DAISY"),
+        ("kvld", "KVLD"),
+        ("gaim", "GAIM"),
+        ("code", "CODE"),
+        ("repmatch", "RepMatch"),
+        ("gms", "GMS"),
+        ("asift", "ASIFT"),
+    ];
+    let published = NAMES.iter().find(|name| name.0 == id);
+    published.map_or(id, |name| name.1)
+}
+
+/// A name in a comment: it cannot end the line.
+fn comment(text: &str) -> String {
+    text.replace(char::is_control, " ")
 }
 
 /// A name as plain text.
@@ -98,18 +141,21 @@ mod tests {
             \\hline\n\
             Matchers & 01 & 02 \\\\\n\
             \\hline\n\
-            \\textbf{sift} & \\textcolor{blue}{0.600} & / \\\\\n\
+            \\textbf{SIFT} & \\textcolor{blue}{0.600} & / \\\\\n\
             \\hline\n\
-            orb & 0.300 & / \\\\\n\
+            ORB & 0.300 & / \\\\\n\
             \\hline\n\
-            gms & \\textbf{\\textcolor{red}{0.900}} & 0.500 \\\\\n\
+            GMS & \\textbf{\\textcolor{red}{0.900}} & 0.500 \\\\\n\
             \\hline\n\
-            kaze & \\textbf{\\textcolor{green}{0.700}} & / \\\\\n\
+            KAZE & \\textbf{\\textcolor{green}{0.700}} & / \\\\\n\
             \\hline\n\
             \\end{tabular}\n";
         let text = render(&summaries);
         assert!(text.ends_with(expected), "{text}");
-        assert!(text.lines().take(2).all(|line| line.starts_with('%')));
+        assert!(text.lines().take(4).all(|line| line.starts_with('%')));
+        assert!(text.contains("% 01: 10 pairs, ransac-e\n"), "{text}");
+        let evil = render(&[summary("a\n\\evil", "sift", 6)]);
+        assert!(evil.contains("% a \\evil: 10 pairs"), "{evil}");
     }
 
     #[test]

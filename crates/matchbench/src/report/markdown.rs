@@ -1,5 +1,7 @@
 //! Pipe tables as forges render them: AUC of matchers by datasets, then every score.
 
+use std::fmt::Write as _;
+
 use crate::metrics::Summary;
 
 use super::numbers::{NONE, count, interval, ratio};
@@ -15,13 +17,16 @@ pub(super) fn render(summaries: &[Summary]) -> String {
     let datasets = overview.datasets.iter().map(|name| escape(name));
     line(
         &mut text,
-        std::iter::once("matcher".to_owned()).chain(datasets),
+        std::iter::once(overview.subject.head().to_lowercase()).chain(datasets),
     );
     rule(&mut text, 1, overview.datasets.len());
     for row in &overview.rows {
         let cells = row.cells.iter().map(|cell| auc(cell.as_ref()));
         line(&mut text, std::iter::once(escape(&row.label)).chain(cells));
     }
+    let bases = (overview.datasets.iter().enumerate())
+        .map(|(column, name)| format!("{}: {}", escape(name), overview.basis(column)));
+    let _ = write!(text, "\n{}.\n", bases.collect::<Vec<_>>().join("; "));
     text.push_str(
         "\nMean of SP(1) ... SP(15). ①②③: the best three of a dataset; **bold**: above SIFT.\n\n\
          ### All scores\n\n",

@@ -1,27 +1,57 @@
 //! The paper's Table 2 as data: matchers by datasets, the best three marked, and those above SIFT.
 
+use std::fmt::Write as _;
+
 use crate::metrics::{Angle, Score, Summary};
 
 use super::svg::{COLOURS, DASHES};
+use super::words;
 
 /// The matcher that the paper measures the others by.
 const BASELINE: &str = "sift";
+/// The estimator of the paper.
+pub(super) const REFERENCE: &str = "ransac-e";
 
 /// AUC of every matcher on every dataset, both in the order in which the scores name them, but
-/// the baseline first.
+/// the baseline first, and of its estimators the reference.
 pub(super) struct Overview<'a> {
     /// Names of the datasets, the columns.
     pub(super) datasets: Vec<&'a str>,
+    /// What a row is.
+    pub(super) subject: Subject,
     /// One row per matcher, or per matcher and estimator where there are several estimators.
     pub(super) rows: Vec<Row<'a>>,
+}
+
+/// What the rows compare: whatever there is only one of stands in no label.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Subject {
+    Matchers,
+    /// Estimators, with one matcher.
+    Estimators,
+    Both,
+}
+
+impl Subject {
+    /// The head of the column of labels.
+    pub(super) fn head(self) -> &'static str {
+        match self {
+            Self::Matchers => "Matcher",
+            Self::Estimators => "Estimator",
+            Self::Both => "Matcher + estimator",
+        }
+    }
 }
 
 /// One matcher (with one estimator) on all datasets.
 pub(super) struct Row<'a> {
     /// How it is called in tables and legends.
     pub(super) label: String,
+    /// Id of the estimator.
+    pub(super) estimator: &'a str,
     /// Number of its colour, marker and dash; no two rows have the same.
     pub(super) series: usize,
+    /// Whether it is what the others are measured by.
     pub(super) is_baseline: bool,
     /// One cell per dataset, `None` where the matcher was not run.
     pub(super) cells: Vec<Option<Cell<'a>>>,
@@ -58,18 +88,100 @@ impl<'a> Overview<'a> {
                 methods.push(method);
             }
         }
-        methods.sort_by_key(|method| method.0 != BASELINE);
+        let matchers = distinct(methods.iter().map(|method| method.0));
+        let place = |name| matchers.iter().position(|matcher| *matcher == name);
+        methods.sort_by_key(|&(matcher, estimator)| {
+            (matcher != BASELINE, place(matcher), estimator != REFERENCE)
+        });
+        let subject = subject(&methods);
         let rows = (methods.iter().zip(series(&methods)))
             .map(|(&method, series)| Row {
                 series,
-                label: label(method, &methods),
-                is_baseline: method.0 == BASELINE,
+                label: match subject {
+                    Subject::Matchers => method.0.to_owned(),
+                    Subject::Estimators => method.1.to_owned(),
+                    Subject::Both => words::method(method.0, method.1),
+                },
+                estimator: method.1,
+                is_baseline: method.0 == BASELINE && subject != Subject::Estimators,
                 cells: (datasets.iter())
                     .map(|dataset| cell(summaries, dataset, method, angle))
                     .collect(),
             })
             .collect();
-        Self { datasets, rows }
+        Self {
+            datasets,
+            subject,
+            rows,
+        }
+    }
+
+    /// The rows that were run on a dataset, the highest AUC first.
+    pub(super) fn ranked(&self, column: usize) -> Vec<(&Row<'a>, &'a Summary)> {
+        let mut ranked: Vec<_> = (self.rows.iter())
+            .filter_map(|row| Some((row, row.cells[column].as_ref()?)))
+            .collect();
+        let auc = |cell: &Cell<'_>| cell.auc.value.unwrap_or(f64::NEG_INFINITY);
+        ranked.sort_by(|(_, one), (_, other)| auc(other).total_cmp(&auc(one)));
+        (ranked.into_iter().map(|(row, cell)| (row, cell.summary))).collect()
+    }
+
+    /// How many pairs the numbers of a dataset rest on: `171 pairs`.
+    pub(super) fn pairs(&self, column: usize) -> String {
+        let Some(summary) = self.first(column) else {
+            return String::new();
+        };
+        let pairs = summary.pairs / summary.repetitions.max(1) as usize;
+        match summary.repetitions {
+            0 | 1 => format!("{pairs} pairs"),
+            many => format!("{pairs} pairs, each {many} times"),
+        }
+    }
+
+    fn first(&self, column: usize) -> Option<&'a Summary> {
+        let mut cells = self
+            .rows
+            .iter()
+            .filter_map(|row| row.cells[column].as_ref());
+        cells.next().map(|cell| cell.summary)
+    }
+
+    /// Pairs, and the names that stand in no label: `171 pairs, ransac-e`.
+    pub(super) fn basis(&self, column: usize) -> String {
+        let mut basis = self.pairs(column);
+        let Some(summary) = self.first(column) else {
+            return basis;
+        };
+        let silent = match self.subject {
+            Subject::Matchers => &summary.estimator,
+            Subject::Estimators => &summary.matcher,
+            Subject::Both => "",
+        };
+        if !silent.is_empty() {
+            let _ = write!(basis, ", {silent}");
+        }
+        basis
+    }
+}
+
+impl Row<'_> {
+    /// The mean over all datasets; `None` if it was not run on all of them.
+    pub(super) fn mean(&self) -> Option<f64> {
+        let values: Option<Vec<f64>> = (self.cells.iter())
+            .map(|cell| cell.as_ref()?.auc.value)
+            .collect();
+        values.map(|values| values.iter().sum::<f64>() / values.len().max(1) as f64)
+    }
+}
+
+fn subject(methods: &[(&str, &str)]) -> Subject {
+    let one = |names: Vec<&str>| names.len() < 2;
+    if one(distinct(methods.iter().map(|method| method.1))) {
+        Subject::Matchers
+    } else if one(distinct(methods.iter().map(|method| method.0))) {
+        Subject::Estimators
+    } else {
+        Subject::Both
     }
 }
 
@@ -99,15 +211,6 @@ fn distinct<'a>(names: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
         }
     }
     seen
-}
-
-/// The estimator is named only where there are several.
-fn label((matcher, estimator): (&str, &str), methods: &[(&str, &str)]) -> String {
-    if estimator.is_empty() || methods.iter().all(|other| other.1 == estimator) {
-        matcher.to_owned()
-    } else {
-        format!("{matcher} + {estimator}")
-    }
 }
 
 /// The AUC of one angle of the error.
@@ -200,10 +303,37 @@ mod tests {
         let mut other = summary("room", "sift", 8);
         other.estimator = "lmeds-e".to_owned();
         let summaries = [summary("room", "sift", 6), other];
-        let labels: Vec<_> = marks(&Overview::new(&summaries));
-        assert_eq!(labels[0].0, "sift + ransac-e");
+        let overview = Overview::new(&summaries);
+        let labels: Vec<_> = marks(&overview);
         // The baseline is SIFT with the same estimator, here itself.
-        assert_eq!(labels[1], ("sift + lmeds-e".to_owned(), Some(1), false));
+        assert_eq!(labels[1], ("lmeds-e".to_owned(), Some(1), false));
+        assert_eq!(overview.subject, Subject::Estimators);
+        assert_eq!(overview.basis(0), "10 pairs, sift");
+
+        let both = [&summaries[..], &[summary("room", "orb", 7)]].concat();
+        let overview = Overview::new(&both);
+        assert_eq!(marks(&overview)[0].0, "sift + ransac-e");
+        assert_eq!(overview.basis(0), "10 pairs");
+        let best_first: Vec<_> = (overview.ranked(0).iter())
+            .map(|(row, _)| &*row.label)
+            .collect();
+        assert_eq!(
+            best_first,
+            ["sift + lmeds-e", "orb + ransac-e", "sift + ransac-e"]
+        );
+    }
+
+    #[test]
+    fn the_mean_is_of_all_datasets_or_none() {
+        let summaries = [
+            summary("room", "sift", 6),
+            summary("room", "orb", 5),
+            summary("street", "sift", 8),
+        ];
+        let overview = Overview::new(&summaries);
+        let mean = overview.rows[0].mean().expect("it was run on both");
+        assert!((mean - 0.7).abs() < 1e-12, "{mean}");
+        assert_eq!(overview.rows[1].mean(), None);
     }
 
     #[test]

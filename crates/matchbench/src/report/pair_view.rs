@@ -19,6 +19,9 @@ use crate::records::Outcome;
 /// A match agrees with an estimated pose if it is nearer than this to its epipolar geometry, in
 /// pixels: the threshold of the reference estimator.
 const AGREES_BELOW: f64 = 1.0;
+/// Bounds of the classes of matches by distance to the true epipolar line, in pixels; what is at or
+/// above the last is in one more.
+pub(super) const BOUNDS_PX: [f64; 3] = [1.0, 3.0, 10.0];
 /// Matches whose epipolar lines are drawn.
 const LINES: usize = 6;
 /// Points of an epipolar line that a lens bends.
@@ -102,8 +105,10 @@ pub struct MatchView {
 /// The epipolar lines of a match in image b, each as points in pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EpipolarLines {
-    /// Its number in [`PairView::matches`].
-    pub of: usize,
+    /// The match: its point in image a.
+    pub a: Point2<f64>,
+    /// And in image b.
+    pub b: Point2<f64>,
     /// After the true pose.
     pub truth: Vec<Point2<f64>>,
     /// After the estimated pose; empty where there is none.
@@ -121,6 +126,44 @@ pub fn evenly<T: Clone>(items: &[T], most: usize) -> Vec<T> {
         .collect()
 }
 
+/// How many of all selected matches are near to the true epipolar geometry, and how many agree with
+/// the estimated one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// All of them.
+    pub matches: usize,
+    /// By distance to the true epipolar line: below 1, 3 and 10 pixels, and farther; `None` where
+    /// there is no such line.
+    pub by_distance: Option<[usize; 4]>,
+    /// Those that agree with the estimate.
+    pub agree: usize,
+}
+
+impl Tally {
+    /// Counts the matches.
+    pub fn of(matches: &[MatchView]) -> Self {
+        let distances: Option<Vec<f64>> = matches.iter().map(|m| m.distance).collect();
+        Self {
+            matches: matches.len(),
+            by_distance: distances.map(|distances| {
+                let mut counts = [0; 4];
+                for distance in distances {
+                    counts[class_of(distance)] += 1;
+                }
+                counts
+            }),
+            agree: matches.iter().filter(|m| m.agrees).count(),
+        }
+    }
+}
+
+/// Number of the class of a distance; one that is not a number is no good one.
+pub(super) fn class_of(distance: f64) -> usize {
+    (BOUNDS_PX.iter())
+        .position(|bound| distance < *bound)
+        .unwrap_or(BOUNDS_PX.len())
+}
+
 /// A pair, with the matches of one matcher.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PairView {
@@ -134,8 +177,10 @@ pub struct PairView {
     pub frames: (u32, u32),
     /// Both images; pairs share them.
     pub images: [Arc<Thumbnail>; 2],
-    /// The selected matches.
+    /// The selected matches, or some of them, evenly taken.
     pub matches: Vec<MatchView>,
+    /// All of them, counted.
+    pub tally: Tally,
     /// Epipolar lines of a few of them.
     pub lines: Vec<EpipolarLines>,
     /// All keypoints of both images, where they are wanted.
@@ -202,12 +247,12 @@ pub fn epipolar_lines(
         |pose: &RelativePose, at| epipolar_line(&essential_from_pose(pose), poses, at, size_b);
     (0..count)
         .map(|i| {
-            let of = candidates[i * candidates.len() / count];
+            let MatchView { a, b, .. } = matches[candidates[i * candidates.len() / count]];
             EpipolarLines {
-                of,
-                truth: line(&truth, matches[of].a),
-                estimate: (poses.estimate.as_ref())
-                    .map_or_else(Vec::new, |pose| line(pose, matches[of].a)),
+                a,
+                b,
+                truth: line(&truth, a),
+                estimate: (poses.estimate.as_ref()).map_or_else(Vec::new, |pose| line(pose, a)),
             }
         })
         .collect()
@@ -273,6 +318,9 @@ mod tests {
         let b = [Point2::new(30.0_f32, 40.0), Point2::new(30.0, 44.0)];
         let matches = match_views(&side_by_side(), &a, &b);
         assert!(matches[0].agrees && !matches[1].agrees);
+        let tally = Tally::of(&matches);
+        assert_eq!((tally.matches, tally.agree), (2, 1));
+        assert_eq!(tally.by_distance, Some([1, 1, 0, 0]));
         // Both points share the correction: 4 px over the square root of two.
         let distance = matches[1].distance.expect("there is a baseline");
         assert!((distance - 4.0 / 2.0_f64.sqrt()).abs() < 1e-9, "{distance}");
@@ -283,6 +331,7 @@ mod tests {
         };
         let matches = match_views(&blind, &a, &b);
         assert!(matches[0].distance.is_none() && !matches[0].agrees);
+        assert_eq!(Tally::of(&matches).by_distance, None);
         assert!(epipolar_lines(&blind, &matches, (100, 80)).is_empty());
     }
 

@@ -1,6 +1,6 @@
 //! Every result of every pair as comma-separated values, full precision; angles in degrees.
 
-use super::csv::{field, number};
+use super::csv::{UNKNOWN, field, number};
 use super::pair_table::{Column, Values};
 
 /// A header line and one line per row.
@@ -8,17 +8,34 @@ pub(super) fn render(columns: &[Column<'_>]) -> String {
     let names: Vec<&str> = columns.iter().map(|column| column.name).collect();
     let mut text = names.join(",");
     text.push('\n');
+    let nothing: Vec<bool> = columns
+        .iter()
+        .map(|column| is_nothing(&column.values))
+        .collect();
     let rows = columns.first().map_or(0, |column| column.values.len());
     for row in 0..rows {
         for (i, column) in columns.iter().enumerate() {
             if i > 0 {
                 text.push(',');
             }
-            text.push_str(&cell(&column.values, row));
+            text.push_str(&if nothing[i] {
+                UNKNOWN.to_owned()
+            } else {
+                cell(&column.values, row)
+            });
         }
         text.push('\n');
     }
     text
+}
+
+/// Whether no number of a column is known.
+fn is_nothing(values: &Values<'_>) -> bool {
+    match values {
+        Values::Text(_) | Values::Index(_) => false,
+        Values::Count(values) => values.iter().all(Option::is_none),
+        Values::Number(values) => values.iter().all(Option::is_none),
+    }
 }
 
 fn cell(values: &Values<'_>, row: usize) -> String {
@@ -43,6 +60,11 @@ mod tests {
         let heads = text.lines().next().map(|line| line.split(',').count());
         assert_eq!(heads, Some(16));
         assert_eq!(text.lines().count(), 11);
+        // Nothing is known of the geometry; of the errors something is.
+        assert!(
+            text.contains(",NaN,NaN,NaN,") && text.contains(",,,,"),
+            "{text}"
+        );
         let row = text.lines().nth(1).expect("ten pairs");
         assert_eq!(
             row.replace("\"ro,om\"", "room").split(',').count(),

@@ -6,22 +6,25 @@
 
 mod pair_list;
 mod pair_pages;
+mod times;
 
 pub(super) use pair_pages::pair_pages;
 
-use minijinja::syntax::SyntaxConfig;
-use minijinja::{AutoEscape, Environment, Template, Value, context};
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use crate::metrics::{Angle, Spread, Summary};
+use minijinja::syntax::SyntaxConfig;
+use minijinja::{AutoEscape, Environment, Template, Value, context};
+
+use crate::metrics::{Angle, Summary};
 
 use super::content::Content;
 use super::figures::{
-    Difficulty, ap_figure, difficulty_figure, estimator_figure, lead_figure, seconds_for_a_pair,
-    sp_figure, stages_of, time_figure,
+    Difficulty, ap_figure, difficulty_figure, estimator_figure, lead_figure, sp_figure,
+    time_figure, untimed,
 };
-use super::numbers::{NONE, count, interval, milliseconds, ratio, whole};
-use super::overview::{Cell, Overview};
+use super::numbers::{NONE, count, interval, ratio};
+use super::overview::{Cell, Overview, REFERENCE, Row, Subject};
 use super::svg::{Place, legend_sample};
 
 /// The three ways to judge a pose, as the page calls them.
@@ -30,6 +33,11 @@ const ANGLES: [(&str, Angle); 3] = [
     ("rotation", Angle::Rotation),
     ("translation", Angle::Translation),
 ];
+
+/// Names of winners that a sentence can take.
+const MOST_WINNERS: usize = 4;
+/// With more curves than this the page opens with those of one estimator.
+const MOST_CURVES: usize = 12;
 
 /// The page as text.
 pub(super) fn render(content: &Content) -> String {
@@ -43,28 +51,31 @@ pub(super) fn render(content: &Content) -> String {
         script => include_str!("script.js"),
         headline => headline(&overview),
         datasets => overview.datasets.len(),
+        compared => compared(summaries),
+        subject => overview.subject.head(),
         pairs => summaries.iter().map(|s| s.pairs).sum::<usize>(),
         results => summaries.len(),
-        heads => overview.datasets.iter().map(|name| Value::from(*name)).collect::<Vec<_>>(),
+        heads => (overview.datasets.iter().enumerate())
+            .map(|(column, name)| context! { name => *name, pairs => overview.pairs(column) })
+            .collect::<Vec<_>>(),
         overviews => ANGLES.map(|(name, angle)| {
             let rows = overview_rows(&Overview::of(summaries, angle), angle);
             context! { name, rows }
         }).to_vec(),
         legend => legend(&overview),
+        presets => presets(&overview),
         curves => curves(&overview),
         bars => bars(&overview),
         leads => figures(&overview, |column| {
             lead_figure(content, &overview, column, Place::Page)
         }),
         difficulties => difficulties(content, &overview),
-        scatters => figures(&overview, |column| {
-            time_figure(summaries, &overview, column, Place::Page)
-        }),
+        scatters => scatters(content, &overview),
         estimators => estimators(summaries, &overview),
         pair_list => Value::from_safe_string(pair_list::data(content, &overview)),
         scores => summaries.iter().map(scores).collect::<Vec<_>>(),
         failures => summaries.iter().map(failures).collect::<Vec<_>>(),
-        times => times(summaries, &overview),
+        times => times::times(content, &overview),
         has_estimators => summaries.iter().any(|s| !s.estimator.is_empty()),
         facts => (facts.facts.iter())
             .map(|(name, value)| context! { name, value })
@@ -116,7 +127,9 @@ fn headline(overview: &Overview<'_>) -> Option<Value> {
         .filter(|&i| wins(i) == most)
         .map(|i| &*overview.rows[i].label)
         .collect();
+    let many = format!("{} of {}", winners.len(), overview.rows.len());
     let names = match winners.split_last() {
+        _ if winners.len() > MOST_WINNERS => many,
         Some((last, [])) => (*last).to_owned(),
         Some((last, others)) => format!("{} and {last}", others.join(", ")),
         None => return None,
@@ -128,7 +141,8 @@ fn overview_rows(overview: &Overview<'_>, angle: Angle) -> Vec<Value> {
     (overview.rows.iter())
         .map(|row| {
             let cells: Vec<Value> = row.cells.iter().map(|c| auc(c.as_ref(), angle)).collect();
-            context! { label => &row.label, baseline => row.is_baseline, cells }
+            let mean = (row.cells.len() > 1).then(|| ratio(row.mean()));
+            context! { label => &row.label, baseline => row.is_baseline, cells, mean }
         })
         .collect()
 }
@@ -152,13 +166,59 @@ fn auc(cell: Option<&Cell<'_>>, angle: Angle) -> Value {
     context! { text => ratio(cell.auc.value), rank => cell.rank, above => cell.above_baseline, tip }
 }
 
+/// What is compared, counted or named: `8 matchers with 3 estimators`, `8 matchers with ransac-e`.
+fn compared(summaries: &[Summary]) -> String {
+    let count = |get: fn(&Summary) -> &str, what: &str| {
+        let names: BTreeSet<&str> = summaries.iter().map(get).collect();
+        match names.first() {
+            Some(&only) if names.len() == 1 => (!only.is_empty()).then(|| only.to_owned()),
+            _ => Some(format!("{} {what}", names.len())),
+        }
+    };
+    let counts = [
+        count(|s| &s.matcher, "matchers"),
+        count(|s| &s.estimator, "estimators"),
+    ];
+    counts
+        .into_iter()
+        .flatten()
+        .collect::<Vec<_>>()
+        .join(" with ")
+}
+
+/// The switches, the highest mean AUC first.
 fn legend(overview: &Overview<'_>) -> Vec<Value> {
-    (overview.rows.iter())
+    let mut rows: Vec<&Row<'_>> = overview.rows.iter().collect();
+    let mean = |row: &Row<'_>| {
+        let values: Vec<f64> = (row.cells.iter().flatten())
+            .filter_map(|cell| cell.auc.value)
+            .collect();
+        values.iter().sum::<f64>() / values.len().max(1) as f64
+    };
+    rows.sort_by(|one, other| mean(other).total_cmp(&mean(one)));
+    (rows.into_iter())
         .map(|row| {
             let sample = Value::from_safe_string(legend_sample(row.series));
-            context! { label => &row.label, series => row.series, sample }
+            context! { label => &row.label, series => row.series, estimator => row.estimator, sample }
         })
         .collect()
+}
+
+/// Estimators whose curves can be shown alone, and which the page opens with, if there are more
+/// curves than can be told apart.
+fn presets(overview: &Overview<'_>) -> Option<Value> {
+    if overview.subject != Subject::Both {
+        return None;
+    }
+    let estimators: BTreeSet<&str> = overview.rows.iter().map(|row| row.estimator).collect();
+    let reference = estimators.iter().find(|id| **id == REFERENCE);
+    let first = reference.or(estimators.first());
+    let opening = first
+        .filter(|_| overview.rows.len() > MOST_CURVES)
+        .map(|id| (*id).to_owned());
+    Some(
+        context! { estimators => estimators.iter().map(|id| Value::from(*id)).collect::<Vec<_>>(), opening },
+    )
 }
 
 fn curves(overview: &Overview<'_>) -> Vec<Value> {
@@ -170,7 +230,7 @@ fn curves(overview: &Overview<'_>) -> Vec<Value> {
                     context! { name, svg => Value::from_safe_string(svg) }
                 })
                 .to_vec();
-            context! { dataset => *dataset, panels }
+            context! { dataset => *dataset, basis => overview.basis(column), panels }
         })
         .collect()
 }
@@ -186,7 +246,23 @@ fn figures(overview: &Overview<'_>, draw: impl Fn(usize) -> Option<String>) -> V
     (overview.datasets.iter().enumerate())
         .filter_map(|(column, dataset)| {
             let svg = Value::from_safe_string(draw(column)?);
-            Some(context! { dataset => *dataset, svg })
+            Some(context! { dataset => *dataset, basis => overview.basis(column), svg })
+        })
+        .collect()
+}
+
+/// Accuracy against time, and of whom no time is known.
+fn scatters(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
+    (overview.datasets.iter().enumerate())
+        .filter_map(|(column, dataset)| {
+            let svg = time_figure(content, overview, column, Place::Page)?;
+            let untimed: Vec<&str> = untimed(content, overview, column).into_iter().collect();
+            Some(context! {
+                dataset => *dataset,
+                basis => overview.basis(column),
+                svg => Value::from_safe_string(svg),
+                untimed => untimed.join(", "),
+            })
         })
         .collect()
 }
@@ -199,25 +275,25 @@ fn difficulties(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
                 Some(context! { name => difficulty.name(), svg => Value::from_safe_string(svg) })
             };
             let panels: Vec<Value> = Difficulty::ALL.into_iter().filter_map(panel).collect();
-            (!panels.is_empty()).then(|| context! { dataset => *dataset, panels })
+            (!panels.is_empty()).then(|| {
+                context! { dataset => *dataset, basis => overview.basis(column), panels }
+            })
         })
         .collect()
 }
 
 /// Matchers by estimators: the mean over all datasets, then each.
 fn estimators(summaries: &[Summary], overview: &Overview<'_>) -> Vec<Value> {
-    let figure = |name: &str, dataset| {
+    let figure = |name: &str, basis: String, dataset| {
         let svg = estimator_figure(summaries, dataset, Place::Page)?;
-        Some(context! { dataset => name, svg => Value::from_safe_string(svg) })
+        Some(context! { dataset => name, basis, svg => Value::from_safe_string(svg) })
     };
     let several = overview.datasets.len() > 1;
     let mean = several
-        .then(|| figure("Mean over all datasets", None))
+        .then(|| figure("Mean over all datasets", String::new(), None))
         .flatten();
-    let each = overview
-        .datasets
-        .iter()
-        .filter_map(|dataset| figure(dataset, Some(dataset)));
+    let each = (overview.datasets.iter().enumerate())
+        .filter_map(|(column, dataset)| figure(dataset, overview.basis(column), Some(dataset)));
     mean.into_iter().chain(each).collect()
 }
 
@@ -264,80 +340,12 @@ fn failures(s: &Summary) -> Value {
     row(s, counts.map(|n| n.to_string()).to_vec())
 }
 
-/// The paper's table of times, one for each dataset: a matcher a row, medians, quartiles behind
-/// them. Estimators share all stages but their own.
-fn times(summaries: &[Summary], overview: &Overview<'_>) -> Vec<Value> {
-    let table = |dataset: &str| {
-        let here: Vec<&Summary> = (summaries.iter())
-            .filter(|s| s.dataset == dataset && stages_of(summaries, s).is_timed())
-            .collect();
-        let mut estimators: Vec<&str> = Vec::new();
-        let mut matchers: Vec<&Summary> = Vec::new();
-        for &s in &here {
-            if !estimators.contains(&&*s.estimator) {
-                estimators.push(&s.estimator);
-            }
-            if !matchers.iter().any(|other| other.matcher == s.matcher) {
-                matchers.push(s);
-            }
-        }
-        let rows: Vec<Value> = (matchers.iter())
-            .map(|first| {
-                let own = |estimator: &&str| {
-                    let its =
-                        |s: &&&Summary| s.matcher == first.matcher && s.estimator == *estimator;
-                    here.iter().find(its).copied()
-                };
-                let poses: Vec<_> = estimators.iter().map(own).collect();
-                time_row(summaries, first, &poses)
-            })
-            .collect();
-        let heads: Vec<String> = match &estimators[..] {
-            [_] => vec!["Pose".to_owned()],
-            several => several.iter().map(|name| format!("Pose: {name}")).collect(),
-        };
-        context! { dataset, heads, rows }
-    };
-    let timed = |table: &Value| {
-        table
-            .get_attr("rows")
-            .is_ok_and(|rows| rows.len() > Some(0))
-    };
-    (overview.datasets.iter().map(|dataset| table(dataset)))
-        .filter(timed)
-        .collect()
-}
-
-/// A matcher, and its poses by each of the estimators.
-fn time_row(summaries: &[Summary], first: &Summary, poses: &[Option<&Summary>]) -> Value {
-    let quartiles = |spread: Option<Spread>, number: fn(Option<f64>) -> String| {
-        let tip = spread.map(|spread| {
-            format!(
-                "quartiles: {} to {}",
-                number(Some(spread.lower)),
-                number(Some(spread.upper))
-            )
-        });
-        context! { text => number(spread.map(|spread| spread.median)), tip }
-    };
-    let stages = stages_of(summaries, first);
-    let mut cells = vec![quartiles(stages.features, whole)];
-    cells.extend(
-        [stages.extract, stages.search, stages.select].map(|time| quartiles(time, milliseconds)),
-    );
-    let poses_in = poses.iter().map(|own| own.and_then(|s| s.stages.estimate));
-    cells.extend(poses_in.map(|pose| quartiles(pose, milliseconds)));
-    if let [Some(only)] = poses {
-        cells.push(context! { text => milliseconds(seconds_for_a_pair(summaries, only)) });
-    }
-    context! { matcher => &first.matcher, cells }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::RunFacts;
     use super::super::tests::content;
     use super::*;
+    use crate::metrics::Spread;
 
     fn page(sets: &[(&str, &str, u32)], title: &str) -> String {
         let mut content = content(sets);
@@ -373,6 +381,42 @@ mod tests {
         assert!(page(&[], "Nothing").contains("No results"));
         let one = page(&[("room", "sift", 4)], "One");
         assert!(!one.contains("NaN") && one == page(&[("room", "sift", 4)], "One"));
+    }
+
+    #[test]
+    fn what_is_compared_is_counted_and_named() {
+        let one = content(&[("room", "sift", 4), ("room", "orb", 2)]);
+        assert_eq!(compared(&one.summaries), "2 matchers with ransac-e");
+        assert!(presets(&Overview::new(&one.summaries)).is_none());
+        let mut both = content(&[("room", "sift", 4), ("room", "orb", 2)]).summaries;
+        both[1].estimator = "best".into();
+        assert_eq!(compared(&both), "2 matchers with 2 estimators");
+        let page = render(&Content {
+            summaries: both,
+            ..Content::default()
+        });
+        // Few enough to be told apart: none is hidden at first.
+        assert!(page.contains("data-only=\"0\"") && !page.contains("data-opening>"));
+    }
+
+    #[test]
+    fn matchers_with_the_same_features_share_their_detection() {
+        let mut content = content(&[("room", "gms", 4), ("room", "gms-s", 2)]);
+        let spread = Spread {
+            lower: 0.01,
+            median: 0.02,
+            upper: 0.03,
+        };
+        content.summaries[0].stages.extract = Some(spread);
+        content.summaries[0].stages.search = Some(spread);
+        content.summaries[1].stages.search = Some(spread);
+        let untimed = "Without a time, since features came from the cache: gms-s.";
+        assert!(render(&content).contains(untimed));
+        for matcher in ["gms", "gms-s"] {
+            let features = "orb-budget".to_owned();
+            content.extractions.insert(matcher.to_owned(), features);
+        }
+        assert!(!render(&content).contains("Without a time"));
     }
 
     #[test]

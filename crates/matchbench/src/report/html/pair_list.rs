@@ -10,7 +10,7 @@ use crate::metrics::{Angle, PairResult};
 use super::super::content::Content;
 use super::super::file_names::file_names;
 use super::super::overview::Overview;
-use super::super::svg::{Place, data_url, pair};
+use super::super::svg::{DISTANCES, Place, data_url, pair};
 use super::super::words::{FAILURES, name, reason};
 
 /// Most results that are listed in the page; a page of them is about 3 MB.
@@ -28,6 +28,8 @@ struct Data<'a> {
     /// Short names of the failures, then sentences, by number.
     failures: [&'static str; FAILURES.len()],
     reasons: [String; FAILURES.len()],
+    /// Colours and names of the distances to the true epipolar line.
+    distances: [(&'static str, &'static str); 4],
     /// Images as data URLs.
     images: Vec<String>,
 }
@@ -73,6 +75,11 @@ struct Picture {
     images: [usize; 2],
     /// Columns over rows of each image.
     sizes: [(usize, usize); 2],
+    /// How many matches are drawn, of all of them; how many agree, and how many are how near.
+    drawn: usize,
+    matches: usize,
+    agree: usize,
+    by_distance: Option<[usize; 4]>,
     drawing: String,
 }
 
@@ -98,6 +105,7 @@ pub(super) fn data(content: &Content, overview: &Overview<'_>) -> String {
         datasets,
         failures: FAILURES.map(name),
         reasons: FAILURES.map(reason),
+        distances: DISTANCES,
         images: images.urls,
     };
     // Inside `script` nothing but its end is markup; `<` is written so that there is none.
@@ -226,6 +234,10 @@ impl Listed<'_> {
             let picture = Picture {
                 images: view.images.each_ref().map(|image| images.index(image)),
                 sizes: view.images.each_ref().map(|image| image.original),
+                drawn: view.matches.len().min(MOST_MATCHES),
+                matches: view.tally.matches,
+                agree: view.tally.agree,
+                by_distance: view.tally.by_distance,
                 drawing,
             };
             pictures.push((method, at, picture));

@@ -7,13 +7,13 @@ use minijinja::{Value, context};
 
 use crate::metrics::ResultSet;
 
-use super::super::PairView;
 use super::super::content::Content;
 use super::super::file_names::file_names;
 use super::super::numbers::short;
 use super::super::overview::Overview;
-use super::super::svg::{Place, pair};
+use super::super::svg::{DISTANCES, Place, pair};
 use super::super::words::{method, sentence};
+use super::super::{PairView, Tally};
 use super::{environment, template};
 
 /// Most matches drawn of a pair.
@@ -56,7 +56,7 @@ pub(in super::super) fn pair_pages(
                 style => include_str!("style.css"),
                 facts,
                 panels,
-                colours => super::super::svg::DISTANCES
+                colours => DISTANCES
                     .map(|(colour, text)| context! { colour, text })
                     .to_vec(),
             });
@@ -65,6 +65,18 @@ pub(in super::super) fn pair_pages(
         }
     }
     files
+}
+
+/// The matches in numbers.
+fn counts(tally: &Tally, drawn: usize) -> String {
+    let mut text = format!("{drawn} of {} matches are drawn", tally.matches);
+    if let Some(counts) = tally.by_distance {
+        let classes: Vec<String> = (DISTANCES.iter().zip(counts))
+            .map(|((_, name), count)| format!("{name}: {count}"))
+            .collect();
+        text = format!("{text}; from the true epipolar line {}", classes.join(", "));
+    }
+    format!("{text}; {} agree with the estimate.", tally.agree)
 }
 
 /// One matcher on the pair.
@@ -90,5 +102,6 @@ fn panel(content: &Content, view: &PairView) -> Value {
         words => result.map(sentence),
         images,
         drawing => Value::from_safe_string(drawing),
+        counts => counts(&view.tally, view.matches.len().min(MOST_MATCHES)),
     }
 }

@@ -29,14 +29,61 @@
   const source = document.getElementById("pair-data");
   if (source) pairs(JSON.parse(source.textContent));
 
-  // A matcher is switched in all figures at once.
-  for (const button of document.querySelectorAll(".legend button")) {
-    button.addEventListener("click", () => {
-      const off = button.getAttribute("aria-pressed") === "true";
-      const its = `[data-series="${button.dataset.series}"]`;
-      for (const twin of document.querySelectorAll(`.legend button${its}`)) twin.setAttribute("aria-pressed", String(!off));
-      for (const series of document.querySelectorAll(`.series${its}`)) series.classList.toggle("off", off);
-    });
+  // Tables sort by the column whose head is chosen; what has no number comes last.
+  for (const table of document.querySelectorAll("table.sortable")) {
+    const body = table.tBodies[0];
+    for (const head of table.tHead.rows[0].cells) {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.append(...head.childNodes);
+      head.append(button);
+      const isName = head.classList.contains("name");
+      const column = head.cellIndex;
+      const value = (row) => {
+        const text = (row.cells[column].lastChild?.textContent ?? "").trim();
+        return isName ? text : text === "<0.1" ? 0 : text === "–" ? null : parseFloat(text);
+      };
+      button.addEventListener("click", () => {
+        // Names from A, numbers from the highest.
+        const up = head.ariaSort ? head.ariaSort === "descending" : isName;
+        for (const other of table.tHead.rows[0].cells) other.removeAttribute("aria-sort");
+        head.setAttribute("aria-sort", up ? "ascending" : "descending");
+        const rows = [...body.rows].map((row) => ({ row, key: value(row) }));
+        rows.sort(({ key: x }, { key: y }) => {
+          if (x === y) return 0;
+          if (x === null || y === null) return x === null ? 1 : -1;
+          return x < y === up ? -1 : 1;
+        });
+        for (const { row } of rows) row.classList.remove("group");
+        body.append(...rows.map(({ row }) => row));
+      });
+    }
+  }
+
+  // A matcher is switched in all figures at once, and stands out while its switch is pointed at.
+  const switches = [...document.querySelectorAll(".legend button")];
+  const turn = (series, on) => {
+    const its = `[data-series="${series}"]`;
+    for (const twin of document.querySelectorAll(`.legend button${its}`)) twin.setAttribute("aria-pressed", String(on));
+    for (const curve of document.querySelectorAll(`.series${its}`)) curve.classList.toggle("off", !on);
+    document.body.classList.toggle("partial", document.querySelector(".series.off") !== null);
+  };
+  for (const button of switches) {
+    const { series } = button.dataset;
+    const light = (on) => {
+      document.body.classList.toggle("dim", on);
+      for (const curve of document.querySelectorAll(`.series[data-series="${series}"]`)) curve.classList.toggle("lit", on);
+    };
+    button.addEventListener("click", () => turn(series, button.getAttribute("aria-pressed") !== "true"));
+    button.addEventListener("pointerenter", () => light(true));
+    button.addEventListener("pointerleave", () => light(false));
+  }
+  for (const preset of document.querySelectorAll(".presets button")) {
+    const { only, estimator } = preset.dataset;
+    const wanted = (button) => (only === "all" ? true : only === "none" ? false : button.dataset.estimator === estimator);
+    const choose = () => { for (const button of switches) turn(button.dataset.series, wanted(button)); };
+    preset.addEventListener("click", choose);
+    if ("opening" in preset.dataset) choose();
   }
 
   // Values under the pointer, best first.
@@ -192,7 +239,49 @@
       byId("after").disabled = end === order.length;
     };
 
-    const CLASSES = [["#1f9e89", "below 1 px"], ["#56b4e9", "1 to 3 px"], ["#e69f00", "3 to 10 px"], ["#e0393e", "10 px and more from the true epipolar line"]];
+    // The address of a pair, to be sent to somebody.
+    const link = (d, m, i) => `#pair=${[d.name, `${d.a[i]}-${d.b[i]}-${d.repetition[i]}`, m.matcher, m.estimator].map(encodeURIComponent).join("/")}`;
+    const follow = () => {
+      if (!location.hash.startsWith("#pair=")) return;
+      const [name, frames, matcher, estimator] = location.hash.slice(6).split("/").map(decodeURIComponent);
+      const d = data.datasets.findIndex((d) => d.name === name);
+      const m = d < 0 ? -1 : data.datasets[d].methods.findIndex((m) => m.matcher === matcher && m.estimator === estimator);
+      const i = d < 0 ? -1 : data.datasets[d].a.findIndex((a, i) => `${a}-${data.datasets[d].b[i]}-${data.datasets[d].repetition[i]}` === frames);
+      if (m < 0 || i < 0) {
+        byId("range").textContent = `this page does not list the pair ${location.hash.slice(6)}`;
+        return;
+      }
+      datasets.value = d;
+      fill();
+      methods.value = m;
+      sort();
+      show(i);
+      view.scrollIntoView();
+    };
+
+    // Every matcher on pair i, the smallest error first.
+    const rivals = (d, i) => {
+      const order = [...d.methods.keys()].sort((x, y) => (pose(d.methods[x], i) ?? Infinity) - (pose(d.methods[y], i) ?? Infinity) || x - y);
+      const rows = order.map((index) => {
+        const m = d.methods[index];
+        const choose = make("button", { type: "button", textContent: m.label });
+        choose.addEventListener("click", () => {
+          methods.value = index;
+          sort();
+          show(i);
+        });
+        const cells = [m.selected[i] < 0 ? "–" : m.selected[i], m.failure[i] < 0 ? m.correspondences[i] : "–", m.failure[i] < 0 ? pose(m, i)?.toFixed(2) ?? "–" : data.failures[m.failure[i]]];
+        const first = make("th", { scope: "row", className: "name" }, choose, i in m.pictures ? " \u25a3" : "");
+        const row = make("tr", { className: m === method() ? "chosen" : "" }, first);
+        row.append(...cells.map((textContent) => make("td", { textContent })));
+        return row;
+      });
+      const heads = [byId("subject").textContent, "Selected", "Correspondences", "Error"];
+      const head = make("tr", {}, ...heads.map((textContent, at) => make("th", { scope: "col", className: at ? "" : "name", textContent })));
+      const table = make("table", {}, make("thead", {}, head), make("tbody", {}, ...rows));
+      return make("div", { className: "scroll rivals", tabIndex: 0, role: "region", ariaLabel: "All on this pair" }, table);
+    };
+
     const show = (i) => {
       const [d, m] = [dataset(), method()];
       chosen = i;
@@ -201,25 +290,45 @@
       const failed = m.failure[i] >= 0;
       const words = failed ? data.reasons[m.failure[i]]
         : `Pose off by ${pose(m, i)?.toFixed(2) ?? "–"}°: rotation ${degrees(m.rotation[i]).toFixed(2)}°, translation ${degrees(m.translation[i])?.toFixed(2) ?? "–"}°. ${m.correspondences[i]} correspondences${m.selected[i] < 0 ? "" : ` of ${m.selected[i]} selected matches`}.`;
-      const close = make("button", { type: "button", textContent: "Close" });
-      close.addEventListener("click", () => {
+      const button = (textContent, action) => {
+        const button = make("button", { type: "button", textContent });
+        button.addEventListener("click", action);
+        return button;
+      };
+      const beside = (step, name) => {
+        const at = order.indexOf(i) + step;
+        const to = button(name, () => {
+          start = Math.floor(at / PAGE) * PAGE;
+          draw();
+          show(order[at]);
+          view.querySelector(`[data-step="${step}"]:enabled`)?.focus();
+        });
+        to.dataset.step = step;
+        to.disabled = !(at in order) || !order.includes(i);
+        return to;
+      };
+      const close = button("Close", () => {
         view.hidden = true;
         chosen = null;
+        history.replaceState(null, "", "#pairs");
         draw();
         body.querySelector(`tr[data-pair="${i}"] button`)?.focus();
       });
       view.replaceChildren(
+        make("div", { className: "pages" }, beside(-1, "Previous pair"), beside(1, "Next pair"), close),
         make("h3", { textContent: `${d.name}: ${name(d, i)}, ${m.label}` }),
         make("p", { textContent: words }),
-        ...(picture ? [...drawing(picture)] : []),
-        ...(paged().has(i) ? [make("p", {}, make("a", { href: address(i), textContent: "All matchers on this pair" }))] : []),
+        ...(picture ? drawing(picture) : paged().has(i) ? [] : [make("p", { className: "quiet", textContent: "This page has no picture of it; the command below draws one." })]),
+        ...(d.methods.length > 1 ? [rivals(d, i)] : []),
+        ...(paged().has(i) ? [make("p", {}, make("a", { href: address(i), textContent: "Pictures of all on this pair" }))] : []),
         make("p", { className: "quiet" }, "From the shell: ", make("code", {
           textContent: `matchbench show ${d.name} ${d.a[i]} ${d.b[i]} --matcher ${m.matcher}${m.estimator ? ` --estimator ${m.estimator}` : ""} --out pair.png`,
-        })),
-        close,
+        }), " ", make("a", { href: link(d, m, i), textContent: "Link to this pair" })),
       );
       view.hidden = false;
-      view.focus();
+      history.replaceState(null, "", link(d, m, i));
+      view.focus({ preventScroll: true });
+      view.scrollIntoView({ block: "nearest" });
     };
 
     function* drawing(picture) {
@@ -234,7 +343,11 @@
       // Our own drawing; the only text in it is ours.
       frame.insertAdjacentHTML("beforeend", picture.drawing);
       yield frame;
-      const switches = [["agrees", "agreeing with the estimate (solid)"], ["differs", "the others (dashed)"], ["epipolar", "epipolar lines: true white, estimated yellow"]];
+      const switches = [
+        ["agrees", `${picture.agree} agree with the estimate (solid)`],
+        ["differs", `${picture.matches - picture.agree} do not (dashed)`],
+        ["epipolar", "epipolar lines: true white, estimated yellow"],
+      ];
       const boxes = switches.map(([part, text]) => {
         const box = make("input", { type: "checkbox", checked: true });
         box.addEventListener("change", () => frame.classList.toggle(`no-${part}`, !box.checked));
@@ -244,13 +357,17 @@
         const box = make("input", { type: "checkbox" });
         box.addEventListener("change", () => frame.classList.toggle("keypoints", box.checked));
         boxes.push(make("label", {}, box, "keypoints"));
+      } else {
+        boxes.push(make("span", { className: "quiet", textContent: "no keypoints: they were not in the feature cache (report --cache)" }));
       }
       yield make("div", { className: "choices" }, ...boxes);
-      yield make("ul", { className: "colours" }, ...CLASSES.map(([colour, text]) => {
+      const classes = data.distances.map(([colour, text], at) => {
         const sample = make("i");
         sample.style.background = colour;
-        return make("li", {}, sample, text);
-      }));
+        return make("li", {}, sample, picture.by_distance ? `${text}: ${picture.by_distance[at]}` : text);
+      });
+      yield make("ul", { className: "colours" }, ...classes, make("li", { textContent: "from the true epipolar line" }),
+        make("li", { textContent: picture.drawn < picture.matches ? `${picture.drawn} of ${picture.matches} matches are drawn` : "all matches are drawn" }));
     }
 
     const restart = () => {
@@ -272,5 +389,7 @@
     byId("before").addEventListener("click", () => { start = Math.max(0, start - PAGE); draw(); });
     byId("after").addEventListener("click", () => { start += PAGE; draw(); });
     fill();
+    addEventListener("hashchange", follow);
+    follow();
   }
 })();

@@ -5,9 +5,10 @@ use std::fmt::Write as _;
 use crate::metrics::Score;
 
 use super::super::numbers::{count, interval};
-use super::{COLOURS, INK, PALETTE, Place, axis, escape, open, shorten, text};
+use super::{COLOURS, INK, PALETTE, Place, axis, escape, open, shorten, text, width_of};
 
-const LEFT: f64 = 116.0;
+/// Room beside the names.
+const MARGIN: f64 = 14.0;
 const BAR: f64 = 210.0;
 const RIGHT: f64 = 68.0;
 const LINE: f64 = 19.0;
@@ -22,13 +23,14 @@ pub(in super::super) fn ap_bars(
         Place::File => 30.0,
         Place::Page => 2.0,
     };
-    let width = LEFT + BAR + RIGHT;
+    let left = MARGIN + width_of(bars.iter().map(|(_, name, _)| *name));
+    let width = left + BAR + RIGHT;
     let max = bars.iter().fold(0.0_f64, |max, (_, _, ap)| {
         let high = ap.interval.map_or(0.0, |interval| interval.high);
         max.max(ap.value.unwrap_or(0.0)).max(high)
     });
     let (_, end) = axis(max);
-    let x = |value: f64| LEFT + BAR * value / end;
+    let x = |value: f64| left + BAR * value / end;
 
     let mut svg = String::new();
     let height = top + bars.len() as f64 * LINE + 6.0;
@@ -49,7 +51,7 @@ pub(in super::super) fn ap_bars(
         text(
             &mut svg,
             "ink",
-            (LEFT - 7.0, middle + 4.0),
+            (left - 7.0, middle + 4.0),
             "end",
             &shorten(name),
         );

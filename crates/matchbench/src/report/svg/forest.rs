@@ -4,9 +4,12 @@ use std::fmt::Write as _;
 
 use crate::metrics::Score;
 
-use super::{COLOURS, INK, MUTED, PALETTE, Place, axis, escape, grid, open, shorten, text, tick};
+use super::{
+    COLOURS, INK, MUTED, PALETTE, Place, axis, escape, grid, open, shorten, text, tick, width_of,
+};
 
-const LEFT: f64 = 116.0;
+/// Room beside the names.
+const MARGIN: f64 = 14.0;
 const PLOT: f64 = 210.0;
 const RIGHT: f64 = 68.0;
 const LINE: f64 = 19.0;
@@ -34,6 +37,7 @@ pub(in super::super) fn forest(
         Place::File => 30.0,
         Place::Page => 2.0,
     };
+    let left = MARGIN + width_of(rivals.iter().map(|rival| rival.name));
     let ends = |rival: &Rival<'_>| {
         let value = rival.behind.value.unwrap_or(0.0);
         rival
@@ -51,7 +55,7 @@ pub(in super::super) fn forest(
     let first = (low / step + 1e-9).floor() * step;
     let ticks = ((high - first) / step - 1e-9).ceil().max(1.0) as usize;
     let width = step * ticks as f64;
-    let x = |value: f64| LEFT + PLOT * (value - first) / width;
+    let x = |value: f64| left + PLOT * (value - first) / width;
 
     let bottom = top + rivals.len() as f64 * LINE + 4.0;
     let mut svg = String::new();
@@ -59,7 +63,7 @@ pub(in super::super) fn forest(
         &mut svg,
         place,
         "chart lead",
-        (LEFT + PLOT + RIGHT, bottom + 36.0),
+        (left + PLOT + RIGHT, bottom + 36.0),
         title,
     );
     for value in (0..=ticks).map(|i| first + i as f64 * step) {
@@ -76,7 +80,7 @@ pub(in super::super) fn forest(
     text(
         &mut svg,
         "muted",
-        (LEFT + PLOT / 2.0, bottom + 30.0),
+        (left + PLOT / 2.0, bottom + 30.0),
         "middle",
         &below,
     );
@@ -92,7 +96,7 @@ pub(in super::super) fn forest(
         text(
             &mut svg,
             "ink",
-            (LEFT - 7.0, middle + 4.0),
+            (left - 7.0, middle + 4.0),
             "end",
             &shorten(rival.name),
         );
@@ -117,7 +121,7 @@ pub(in super::super) fn forest(
                 r#"<circle {look} cx="{:.1}" cy="{middle:.1}" r="4"/>"#,
                 x(value)
             );
-            let at = (LEFT + PLOT + 10.0, middle + 4.0);
+            let at = (left + PLOT + 10.0, middle + 4.0);
             let class = if certain { "ink" } else { "muted" };
             text(&mut svg, class, at, "start", &format!("{value:.3}"));
         }

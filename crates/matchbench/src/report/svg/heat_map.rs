@@ -3,9 +3,10 @@
 use std::fmt::Write as _;
 
 use super::super::numbers::ratio;
-use super::{Place, escape, open, shorten, text};
+use super::{Place, escape, open, shorten, text, width_of};
 
-const LEFT: f64 = 120.0;
+/// Room beside the names.
+const MARGIN: f64 = 16.0;
 const CELL: (f64, f64) = (92.0, 26.0);
 const HEAD: f64 = 24.0;
 /// The ends of the colour scale and its middle: light to dark in one hue, so that it also reads in
@@ -32,23 +33,24 @@ pub(in super::super) fn heat_map(
     let values = || cells.iter().flatten().flatten().copied();
     let low = values().fold(f64::INFINITY, f64::min);
     let high = values().fold(f64::NEG_INFINITY, f64::max);
+    let left = MARGIN + width_of(matchers.iter().copied());
     let size = (
-        LEFT + CELL.0 * estimators.len() as f64 + 8.0,
+        left + CELL.0 * estimators.len() as f64 + 8.0,
         top + HEAD + CELL.1 * matchers.len() as f64 + 8.0,
     );
     let mut svg = String::new();
     open(&mut svg, place, "chart heat", size, title);
     for (column, estimator) in estimators.iter().enumerate() {
-        let at = (LEFT + CELL.0 * (column as f64 + 0.5), top + 16.0);
+        let at = (left + CELL.0 * (column as f64 + 0.5), top + 16.0);
         text(&mut svg, "muted", at, "middle", &shorten(estimator));
     }
     for (row, (matcher, cells)) in matchers.iter().zip(cells).enumerate() {
         let y = top + HEAD + CELL.1 * row as f64;
-        let at = (LEFT - 8.0, y + CELL.1 / 2.0 + 4.0);
+        let at = (left - 8.0, y + CELL.1 / 2.0 + 4.0);
         text(&mut svg, "ink", at, "end", &shorten(matcher));
         for (column, (estimator, value)) in estimators.iter().zip(cells).enumerate() {
             let Some(value) = *value else { continue };
-            let x = LEFT + CELL.0 * column as f64;
+            let x = left + CELL.0 * column as f64;
             let share = if high > low {
                 (value - low) / (high - low)
             } else {

@@ -7,6 +7,7 @@
 mod ap_bars;
 mod forest;
 mod heat_map;
+mod labels;
 mod pair;
 mod scatter;
 mod series;
@@ -48,7 +49,7 @@ pub(super) const COLOURS: usize = PALETTE.len();
 pub(super) const DASHES: usize = PATTERNS.len();
 
 /// Names longer than this are cut.
-const NAME: usize = 17;
+const NAME: usize = 26;
 const INK: &str = "#222222";
 const MUTED: &str = "#666666";
 const GRID: &str = "#dddddd";
@@ -106,6 +107,20 @@ fn open(svg: &mut String, place: Place, class: &str, (width, height): (f64, f64)
             text(svg, "ink", (12.0, 20.0), "start", &title);
         }
     }
+}
+
+/// Room for the longest of the names, in user units.
+fn width_of<'a>(names: impl Iterator<Item = &'a str>) -> f64 {
+    let longest = names.map(|name| name.chars().count().min(NAME)).max();
+    6.3 * longest.unwrap_or(0) as f64
+}
+
+/// What a vertical axis shows, along it.
+fn axis_label(svg: &mut String, middle: f64, content: &str) {
+    let _ = writeln!(
+        svg,
+        r#"<text class="muted" transform="translate(11 {middle:.1}) rotate(-90)" text-anchor="middle" font-size="11" fill="{MUTED}">{content}</text>"#
+    );
 }
 
 /// A line of text; `content` is already escaped.
@@ -191,8 +206,8 @@ mod tests {
     #[test]
     fn long_names_are_cut_before_they_are_escaped() {
         assert_eq!(
-            shorten("<<<<<<<<<<<<<<<<<<<<"),
-            format!("{}…", "&lt;".repeat(16))
+            shorten(&"<".repeat(NAME + 1)),
+            format!("{}…", "&lt;".repeat(NAME - 1))
         );
     }
 }

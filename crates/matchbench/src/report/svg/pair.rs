@@ -7,25 +7,18 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use nalgebra::Point2;
 
-use super::super::pair_view::{MatchView, PairView, Thumbnail, evenly};
-use super::{Place, escape, open, text};
+use super::super::pair_view::{MatchView, PairView, Thumbnail, class_of, evenly};
+use super::{MUTED, Place, escape, open, text};
 
 /// Width of the drawing, and of the gap between the images.
 const WIDTH: f64 = 1000.0;
 const GAP: f64 = 8.0;
-/// Classes of the distance to the true epipolar line: below so many pixels, colour, name.
-const CLASSES: [(f64, &str, &str); 4] = [
-    (1.0, "#1f9e89", "below 1 px"),
-    (3.0, "#56b4e9", "1 to 3 px"),
-    (10.0, "#e69f00", "3 to 10 px"),
-    (f64::INFINITY, "#e0393e", "10 px and more"),
-];
-/// The classes for a legend: colour and name.
+/// Classes of the distance to the true epipolar line: colour and name.
 pub(in super::super) const DISTANCES: [(&str, &str); 4] = [
-    (CLASSES[0].1, CLASSES[0].2),
-    (CLASSES[1].1, CLASSES[1].2),
-    (CLASSES[2].1, CLASSES[2].2),
-    (CLASSES[3].1, "10 px and more from the true epipolar line"),
+    ("#1f9e89", "below 1 px"),
+    ("#56b4e9", "1 to 3 px"),
+    ("#e69f00", "3 to 10 px"),
+    ("#e0393e", "10 px and more"),
 ];
 /// Without a true baseline nothing is known.
 const UNKNOWN: &str = "#bbbbbb";
@@ -55,7 +48,7 @@ pub(in super::super) fn pair(place: Place, view: &PairView, caption: &str, limit
         top: if place == Place::File { 34.0 } else { 0.0 },
         height: sizes[0].1.max(sizes[1].1) * scale,
     };
-    let legend = if place == Place::File { 48.0 } else { 0.0 };
+    let legend = if place == Place::File { 66.0 } else { 0.0 };
     let mut svg = String::new();
     let size = (WIDTH, layout.top + layout.height + legend);
     open(
@@ -85,7 +78,7 @@ pub(in super::super) fn pair(place: Place, view: &PairView, caption: &str, limit
     matches(&mut svg, &layout, view, limit);
     lines(&mut svg, &layout, view, sizes[1]);
     if place == Place::File {
-        key(&mut svg, layout.top + layout.height + 19.0);
+        key(&mut svg, layout.top + layout.height + 19.0, view, limit);
     }
     svg.push_str("</svg>\n");
     svg
@@ -141,7 +134,8 @@ fn matches(svg: &mut String, layout: &Layout, view: &PairView, limit: usize) {
         );
         for (index, colour) in colours() {
             let (mut strokes, mut dots) = (String::new(), String::new());
-            let of_class = |m: &&MatchView| m.agrees == agrees && class_of(m.distance) == index;
+            let class = |m: &MatchView| m.distance.map_or(DISTANCES.len(), class_of);
+            let of_class = |m: &&MatchView| m.agrees == agrees && class(m) == index;
             for m in shown.iter().filter(of_class) {
                 let ((ax, ay), (bx, by)) = (layout.a(m.a), layout.b(m.b));
                 let _ = write!(strokes, "M{ax:.0} {ay:.0}L{bx:.0} {by:.0}");
@@ -159,16 +153,8 @@ fn matches(svg: &mut String, layout: &Layout, view: &PairView, limit: usize) {
 }
 
 fn colours() -> impl Iterator<Item = (usize, &'static str)> {
-    let known = CLASSES.iter().map(|class| class.1);
+    let known = DISTANCES.iter().map(|class| class.0);
     known.chain([UNKNOWN]).enumerate()
-}
-
-fn class_of(distance: Option<f64>) -> usize {
-    match distance {
-        // A distance that is not a number is no good one.
-        Some(distance) => (CLASSES.iter().position(|class| distance < class.0)).unwrap_or(3),
-        None => CLASSES.len(),
-    }
 }
 
 fn lines(svg: &mut String, layout: &Layout, view: &PairView, (width, height): (f64, f64)) {
@@ -203,40 +189,51 @@ fn lines(svg: &mut String, layout: &Layout, view: &PairView, (width, height): (f
             }
         }
         if !path.is_empty() {
-            let _ = writeln!(svg, r#"<path stroke="{colour}"{dash} d="{path}"/>"#);
+            // Dark below, so that they are seen on bright images too.
+            let _ = writeln!(
+                svg,
+                r##"<path stroke="#000000" stroke-width="3" stroke-opacity="0.4" d="{path}"/><path stroke="{colour}"{dash} d="{path}"/>"##
+            );
         }
     }
     svg.push_str(
         "</svg>\n<g class=\"epipolar\" fill=\"none\" stroke=\"#ffffff\" stroke-width=\"1.2\">\n",
     );
     for line in &view.lines {
-        let m = &view.matches[line.of];
-        for (x, y) in [layout.a(m.a), layout.b(m.b)] {
+        for (x, y) in [layout.a(line.a), layout.b(line.b)] {
             let _ = writeln!(svg, r#"<circle cx="{x:.1}" cy="{y:.1}" r="4.5"/>"#);
         }
     }
     svg.push_str("</g>\n");
 }
 
-/// What the colours mean, in one line.
-fn key(svg: &mut String, y: f64) {
-    let mut x = 12.0;
-    let dashes = ["", "", "", "", "", "4 3"];
-    let entries = (CLASSES.iter().map(|class| (class.1, class.2))).chain([
-        ("#666666", "agrees with the estimate"),
-        ("#666666", "does not"),
-    ]);
-    for ((colour, name), dash) in entries.zip(dashes) {
+/// What the colours and lines mean, with the numbers of all matches.
+fn key(svg: &mut String, top: f64, view: &PairView, limit: usize) {
+    let tally = &view.tally;
+    let sample = |svg: &mut String, (x, y): (f64, f64), colour: &str, dash: &str, name: &str| {
         let _ = writeln!(
             svg,
-            r#"<path stroke="{colour}" stroke-width="3" stroke-dasharray="{}" d="M{x:.1} {:.1}h22"/>"#,
-            if dash.is_empty() { "none" } else { dash },
+            r#"<path stroke="{colour}" stroke-width="3" stroke-dasharray="{dash}" d="M{x:.1} {:.1}h22"/>"#,
             y - 4.0
         );
         text(svg, "ink", (x + 28.0, y), "start", &escape(name));
-        x += 46.0 + 6.8 * name.chars().count() as f64;
+    };
+    for (class, (colour, name)) in DISTANCES.into_iter().enumerate() {
+        let count =
+            (tally.by_distance).map_or(String::new(), |counts| format!(": {}", counts[class]));
+        let x = 12.0 + 160.0 * class as f64;
+        sample(svg, (x, top), colour, "none", &format!("{name}{count}"));
     }
-    let lines = "colours: distance of a match to its true epipolar line; circles: matches whose \
-                 epipolar lines are drawn, true white, estimated yellow; magenta: keypoints";
-    text(svg, "muted", (12.0, y + 18.0), "start", lines);
+    let at = (12.0 + 160.0 * DISTANCES.len() as f64, top);
+    text(svg, "muted", at, "start", "from the true epipolar line");
+    let agree = format!("agree with the estimate: {}", tally.agree);
+    sample(svg, (12.0, top + 18.0), MUTED, "none", &agree);
+    let others = format!("the others: {}", tally.matches - tally.agree);
+    sample(svg, (252.0, top + 18.0), MUTED, "4 3", &others);
+    let shown = view.matches.len().min(limit);
+    let shown = format!("{shown} of {} matches are drawn", tally.matches);
+    text(svg, "muted", (412.0, top + 18.0), "start", &shown);
+    let lines = "circles: matches whose epipolar lines are drawn, true white, estimated yellow; \
+                 magenta: keypoints";
+    text(svg, "muted", (12.0, top + 36.0), "start", lines);
 }

@@ -5,11 +5,12 @@ use std::fmt::Write as _;
 use crate::metrics::Score;
 
 use super::super::numbers::{duration, interval, ratio};
+use super::labels::Labels;
 use super::series::{marker, open_group};
-use super::{NAME, Place, axis, grid, open, shorten, text, tick};
+use super::{MUTED, Place, axis, axis_label, grid, open, shorten, text, tick};
 
-const PLOT: (f64, f64) = (350.0, 210.0);
-const LEFT: f64 = 44.0;
+const PLOT: (f64, f64) = (470.0, 270.0);
+const LEFT: f64 = 54.0;
 const RIGHT: f64 = 20.0;
 const BOTTOM: f64 = 40.0;
 
@@ -23,7 +24,8 @@ pub(in super::super) struct Dot<'a> {
     pub(in super::super) auc: Score,
 }
 
-/// AUC over the time for a pair, which is drawn on a logarithmic axis.
+/// AUC over the time for a pair, which is drawn on a logarithmic axis; the dashed line joins those
+/// that none is both faster and better than.
 pub(in super::super) fn scatter(place: Place, title: &str, dots: &[Dot<'_>]) -> String {
     let top = match place {
         Place::File => 34.0,
@@ -33,36 +35,12 @@ pub(in super::super) fn scatter(place: Place, title: &str, dots: &[Dot<'_>]) -> 
         .filter(|dot| dot.seconds > 0.0)
         .filter_map(|dot| Some((dot, dot.auc.value?)))
         .collect();
-    let logarithms = || dots.iter().map(|(dot, _)| libm::log10(dot.seconds));
-    let first = logarithms().fold(f64::INFINITY, f64::min).min(3.0).floor();
-    let last = logarithms().fold(first + 1.0, f64::max).ceil();
-    let ends = |dot: &Dot<'_>, auc: f64| {
-        dot.auc
-            .interval
-            .map_or((auc, auc), |interval| (interval.low, interval.high))
+    let times = round_times(dots.iter().map(|(dot, _)| dot.seconds));
+    let [first, last] = [times.first(), times.last()].map(|t| libm::log10(*t.unwrap_or(&1.0)));
+    let (bottom, end, step) = range(&dots);
+    let x = |seconds: f64| {
+        LEFT + PLOT.0 * (libm::log10(seconds) - first) / (last - first).max(f64::MIN_POSITIVE)
     };
-    let high = dots
-        .iter()
-        .fold(0.0_f64, |high, (dot, auc)| high.max(ends(dot, *auc).1));
-    let low = dots
-        .iter()
-        .fold(high, |low, (dot, auc)| low.min(ends(dot, *auc).0));
-    // The lower end is 0 unless all values lie close together.
-    let (step, end) = if low > high / 2.0 {
-        axis(high - low)
-    } else {
-        axis(high)
-    };
-    let (bottom, end) = if low > high / 2.0 {
-        (
-            (low / step + 1e-9).floor() * step,
-            (high / step - 1e-9).ceil() * step,
-        )
-    } else {
-        (0.0, end)
-    };
-    let end = end.max(bottom + step);
-    let x = |seconds: f64| LEFT + PLOT.0 * (libm::log10(seconds) - first) / (last - first);
     let y = |value: f64| top + PLOT.1 * (1.0 - (value - bottom) / (end - bottom));
 
     let mut svg = String::new();
@@ -73,15 +51,34 @@ pub(in super::super) fn scatter(place: Place, title: &str, dots: &[Dot<'_>]) -> 
         let at = (LEFT - 7.0, y(value) + 3.5);
         text(&mut svg, "muted", at, "end", &tick(value, step));
     }
-    for decade in first as i32..=last as i32 {
-        let seconds = libm::exp10(f64::from(decade));
+    for &seconds in &times {
         grid(&mut svg, (x(seconds), top), (x(seconds), top + PLOT.1));
         let at = (x(seconds), top + PLOT.1 + 16.0);
         text(&mut svg, "muted", at, "middle", &duration(seconds));
     }
     let at = (LEFT + PLOT.0 / 2.0, top + PLOT.1 + 32.0);
     text(&mut svg, "muted", at, "middle", "time for a pair");
-    let mut labels = Labels::new(dots.iter().map(|(dot, auc)| (x(dot.seconds), y(*auc))));
+    axis_label(&mut svg, top + PLOT.1 / 2.0, "AUC");
+    let corners = corners(front(&dots).map(|(dot, auc)| (x(dot.seconds), y(auc))));
+    let path: Vec<String> = (corners.iter().map(|(x, y)| format!("{x:.1},{y:.1}"))).collect();
+    let _ = writeln!(
+        svg,
+        r#"<polyline class="front" fill="none" stroke="{MUTED}" stroke-dasharray="5 4" points="{}"/>"#,
+        path.join(" ")
+    );
+    let whisker = |dot: &Dot<'_>| (dot.auc.interval).map(|range| (y(range.high), y(range.low)));
+    let mut labels = Labels::new(
+        [LEFT, top - 2.0, LEFT + PLOT.0 + RIGHT, top + PLOT.1],
+        dots.iter().map(|(dot, auc)| (x(dot.seconds), y(*auc))),
+    );
+    for line in corners.windows(2) {
+        labels.line(line[0], line[1]);
+    }
+    for (dot, _) in &dots {
+        if let Some((high, low)) = whisker(dot) {
+            labels.line((x(dot.seconds), high), (x(dot.seconds), low));
+        }
+    }
     for (dot, auc) in dots {
         let (px, py) = (x(dot.seconds), y(auc));
         let tip = format!(
@@ -95,17 +92,21 @@ pub(in super::super) fn scatter(place: Place, title: &str, dots: &[Dot<'_>]) -> 
             None => String::new(),
         };
         open_group(&mut svg, place, dot.series, &(tip + &range));
-        if let Some(range) = dot.auc.interval {
+        if let Some((high, low)) = whisker(dot) {
             let _ = writeln!(
                 svg,
-                r##"<path class="line" stroke="#888888" stroke-opacity="0.5" d="M{px:.1} {:.1}V{:.1}"/>"##,
-                y(range.low),
-                y(range.high)
+                r##"<path class="line" stroke="#888888" stroke-opacity="0.35" d="M{px:.1} {low:.1}V{high:.1}"/>"##
             );
         }
         marker(&mut svg, dot.series, px, py);
-        if let Some((at, anchor)) = labels.place((px, py), dot.name) {
-            text(&mut svg, "ink", at, anchor, &shorten(dot.name));
+        if let Some(label) = labels.place((px, py), dot.name) {
+            if let Some((lx, ly)) = label.leader {
+                let _ = writeln!(
+                    svg,
+                    r#"<path class="leader" fill="none" stroke="{MUTED}" stroke-width="0.6" d="M{px:.1} {py:.1}L{lx:.1} {ly:.1}"/>"#
+                );
+            }
+            text(&mut svg, "ink", label.at, "start", &shorten(dot.name));
         }
         svg.push_str("</g>\n");
     }
@@ -113,47 +114,81 @@ pub(in super::super) fn scatter(place: Place, title: &str, dots: &[Dot<'_>]) -> 
     svg
 }
 
-/// Where names are already: a name that finds no room is left to the legend and the tooltip.
-struct Labels {
-    /// Left, top, right and bottom.
-    taken: Vec<[f64; 4]>,
+/// Round times from below the fastest to above the slowest: 1, 2, 5, 10 ... of a unit, or decades
+/// alone where that would be many.
+fn round_times(seconds: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
+    let low = seconds.clone().fold(f64::INFINITY, f64::min);
+    let high = seconds.fold(0.0, f64::max);
+    let (low, high) = if low <= high {
+        (low, high)
+    } else {
+        (0.01, 1.0)
+    };
+    let all = |factors: &[f64]| -> Vec<f64> {
+        let decades = -9..=6;
+        let all: Vec<f64> = decades
+            .flat_map(|decade| {
+                factors
+                    .iter()
+                    .map(move |f| f * libm::exp10(f64::from(decade)))
+            })
+            .collect();
+        let from = all.iter().rposition(|&time| time <= low).unwrap_or(0);
+        let to = all.iter().position(|&time| time >= high && time > low);
+        all[from..=to.unwrap_or(all.len() - 1).max(from)].to_vec()
+    };
+    let fine = all(&[1.0, 2.0, 5.0]);
+    if fine.len() <= 8 { fine } else { all(&[1.0]) }
 }
 
-impl Labels {
-    fn new(dots: impl Iterator<Item = (f64, f64)>) -> Self {
-        let taken = dots.map(|(x, y)| [x - 4.0, y - 4.0, x + 4.0, y + 4.0]);
-        Self {
-            taken: taken.collect(),
-        }
+/// Lower end, upper end and step of the axis of the AUC: from 0, unless all values lie close
+/// together.
+fn range(dots: &[(&Dot<'_>, f64)]) -> (f64, f64, f64) {
+    let ends = |(dot, auc): &(&Dot<'_>, f64)| match dot.auc.interval {
+        Some(interval) => (interval.low, interval.high),
+        None => (*auc, *auc),
+    };
+    let high = (dots.iter().map(|dot| ends(dot).1)).fold(0.0, f64::max);
+    let low = (dots.iter().map(|dot| ends(dot).0)).fold(high, f64::min);
+    if low > high / 2.0 {
+        let (step, _) = axis(high - low);
+        let bottom = (low / step + 1e-9).floor() * step;
+        let end = (high / step - 1e-9).ceil() * step;
+        (bottom, end.max(bottom + step), step)
+    } else {
+        let (step, end) = axis(high);
+        (0.0, end, step)
     }
+}
 
-    /// Baseline and anchor for the name of a dot: right or left of it, a line up or down.
-    fn place(&mut self, (x, y): (f64, f64), name: &str) -> Option<((f64, f64), &'static str)> {
-        let width = 6.2 * name.chars().count().min(NAME) as f64;
-        for (dx, dy) in [
-            (7.0, -4.0),
-            (7.0, 11.0),
-            (-7.0, -4.0),
-            (-7.0, 11.0),
-            (7.0, -15.0),
-            (-7.0, -15.0),
-        ] {
-            let baseline = y + dy;
-            let left = if dx > 0.0 { x + dx } else { x + dx - width };
-            let label = [left, baseline - 9.0, left + width, baseline + 2.0];
-            let free = |other: &[f64; 4]| {
-                label[2] < other[0]
-                    || other[2] < label[0]
-                    || label[3] < other[1]
-                    || other[3] < label[1]
-            };
-            if left > LEFT && label[2] < LEFT + PLOT.0 + RIGHT && self.taken.iter().all(free) {
-                self.taken.push(label);
-                return Some(((x + dx, baseline), if dx > 0.0 { "start" } else { "end" }));
-            }
+/// The dots that no other is both faster and better than, the fastest first.
+fn front<'d, 'a>(dots: &[(&'d Dot<'a>, f64)]) -> impl Iterator<Item = (&'d Dot<'a>, f64)> {
+    let mut sorted = dots.to_vec();
+    sorted.sort_by(|(one, better), (other, worse)| {
+        one.seconds
+            .total_cmp(&other.seconds)
+            .then(worse.total_cmp(better))
+    });
+    let mut best = f64::NEG_INFINITY;
+    sorted.retain(|&(_, auc)| {
+        auc > best && {
+            best = auc;
+            true
         }
-        None
+    });
+    sorted.into_iter()
+}
+
+/// From point to point, each time right and then up.
+fn corners(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    let mut corners: Vec<(f64, f64)> = Vec::new();
+    for (x, y) in points {
+        if let Some(&(_, before)) = corners.last() {
+            corners.push((x, before));
+        }
+        corners.push((x, y));
     }
+    corners
 }
 
 #[cfg(test)]
@@ -182,18 +217,38 @@ mod tests {
         let svg = scatter(Place::File, "room", &dots);
         assert_eq!(svg.matches("<circle").count(), 2);
         assert!(
-            svg.contains(r#"cx="44.0""#) && svg.contains(r#"cx="394.0""#),
+            svg.contains(r#"cx="54.0""#) && svg.contains(r#"cx="524.0""#),
             "{svg}"
         );
         assert!(svg.contains("fast: AUC 0.500, 100 ms"));
     }
 
     #[test]
-    fn names_do_not_cover_each_other() {
-        let dots: Vec<Dot<'_>> = (0..12).map(|_| dot("matcher", 0.1, Some(0.5))).collect();
-        let svg = scatter(Place::Page, "room", &dots);
-        assert_eq!(svg.matches("<circle").count(), 12);
-        assert!((1..=6).contains(&svg.matches(">matcher<").count()), "{svg}");
+    fn the_front_is_what_none_is_faster_and_better_than() {
+        let dots = [
+            dot("slow", 1.0, Some(0.6)),
+            dot("worse", 0.5, Some(0.3)),
+            dot("fast", 0.1, Some(0.4)),
+            dot("as good, slower", 2.0, Some(0.6)),
+        ];
+        let dots: Vec<_> = (dots.iter().map(|dot| (dot, dot.auc.value.unwrap_or(0.0)))).collect();
+        let names: Vec<_> = front(&dots).map(|(dot, _)| dot.name).collect();
+        assert_eq!(names, ["fast", "slow"]);
+    }
+
+    #[test]
+    fn times_end_at_round_ones() {
+        let round = |times: &[f64]| -> Vec<String> {
+            let times = round_times(times.iter().copied());
+            times.into_iter().map(duration).collect()
+        };
+        assert_eq!(round(&[0.013, 0.09]), ["10 ms", "20 ms", "50 ms", "100 ms"]);
+        assert_eq!(round(&[1.0]), ["1 s", "2 s"]);
+        assert_eq!(
+            round(&[0.0012, 2.0]),
+            ["1 ms", "10 ms", "100 ms", "1 s", "10 s"]
+        );
+        assert!(round(&[]).len() > 1);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{COLOURS, DASHES, PALETTE, PATTERNS, Place, escape};
+use super::{COLOURS, DASHES, PALETTE, PATTERNS, Place, escape, shorten, text, width_of};
 
 /// The line and marker of a matcher, for the legend of the page.
 pub(in super::super) fn legend_sample(series: usize) -> String {
@@ -33,6 +33,51 @@ pub(super) fn open_group(svg: &mut String, place: Place, series: usize, tip: &st
 pub(super) fn sample(svg: &mut String, series: usize, left: f64, middle: f64) {
     polyline(svg, series, &[(left, middle), (left + 26.0, middle)]);
     marker(svg, series, left + 13.0, middle);
+}
+
+/// The legend of a file, to the right of the plot; the page has its own.
+pub(super) struct Legend {
+    left: f64,
+    /// How much wider it makes the figure, and how high it is at least.
+    pub(super) width: f64,
+    pub(super) height: f64,
+}
+
+impl Legend {
+    pub(super) const NONE: Self = Self {
+        left: 0.0,
+        width: 0.0,
+        height: 0.0,
+    };
+    const LINE: f64 = 16.0;
+    /// Room for the sample before a name, and for a number behind it.
+    const SAMPLE: f64 = 32.0;
+    const NUMBER: f64 = 44.0;
+
+    /// With so many names, beside a plot that ends at `right`.
+    pub(super) fn beside<'a>(right: f64, names: impl Iterator<Item = &'a str> + Clone) -> Self {
+        Self {
+            left: right + 24.0,
+            width: 24.0 + Self::SAMPLE + width_of(names.clone()) + Self::NUMBER,
+            height: names.count() as f64 * Self::LINE,
+        }
+    }
+
+    /// The name on a row, counted from the `top` of the plot, and a number.
+    pub(super) fn entry(
+        &self,
+        svg: &mut String,
+        (row, top): (usize, f64),
+        series: usize,
+        (name, number): (&str, &str),
+    ) {
+        let middle = top + 8.0 + row as f64 * Self::LINE;
+        sample(svg, series, self.left, middle);
+        let at = (self.left + Self::SAMPLE, middle + 4.0);
+        text(svg, "ink", at, "start", &shorten(name));
+        let end = self.left - 24.0 + self.width;
+        text(svg, "muted", (end, middle + 4.0), "end", number);
+    }
 }
 
 /// The line of a matcher.

@@ -4,20 +4,18 @@ use std::fmt::Write as _;
 
 use crate::metrics::{SuccessCurve, THRESHOLDS};
 
-use super::series::{marker, polyline, sample};
-use super::{COLOURS, Place, axis, escape, grid, open, text, tick};
+use super::super::numbers::ratio;
+use super::series::{Legend, marker, polyline};
+use super::{COLOURS, Place, axis, axis_label, escape, grid, open, text, tick};
 
 /// Size of the plot itself and its place in the figure, in user units.
 const PLOT: (f64, f64) = (350.0, 210.0);
-const LEFT: f64 = 44.0;
+const LEFT: f64 = 54.0;
 const RIGHT: f64 = 12.0;
 const BOTTOM: f64 = 40.0;
-/// Width of the legend of a file, and height of one of its lines.
-const LEGEND: f64 = 150.0;
-const LINE: f64 = 16.0;
 
-/// One figure with one curve per `(number of the matcher in the report, name, curve)`. Curves
-/// without values (no pairs) are left out.
+/// One figure with one curve per `(number of the matcher in the report, name, curve)`, in the order
+/// of the legend. Curves without values (no pairs) are left out.
 pub(in super::super) fn sp_curves(
     place: Place,
     title: &str,
@@ -26,17 +24,19 @@ pub(in super::super) fn sp_curves(
     let curves: Vec<_> = (curves.iter())
         .filter(|(_, _, curve)| curve.pairs > 0)
         .collect();
-    let (top, legend) = match place {
-        Place::File => (34.0, LEGEND),
-        Place::Page => (8.0, 0.0),
+    let legend = match place {
+        Place::File => Legend::beside(LEFT + PLOT.0, curves.iter().map(|(_, name, _)| *name)),
+        Place::Page => Legend::NONE,
     };
-    let width = LEFT + PLOT.0 + RIGHT + legend;
-    let rows = curves.len() as f64 * LINE;
-    let height = top + PLOT.1.max(if legend > 0.0 { rows } else { 0.0 }) + BOTTOM;
+    let top = if place == Place::File { 34.0 } else { 8.0 };
+    let width = LEFT + PLOT.0 + RIGHT + legend.width;
+    // A long legend makes the figure higher.
+    let plot = (PLOT.0, PLOT.1.max(legend.height));
+    let height = top + plot.1 + BOTTOM;
     let max = (curves.iter()).fold(0.0_f64, |max, (_, _, curve)| max.max(curve.at(15)));
     let (step, end) = axis(max);
-    let x = |k: usize| LEFT + PLOT.0 * (k - 1) as f64 / 14.0;
-    let y = |share: f64| top + PLOT.1 * (1.0 - share / end);
+    let x = |k: usize| LEFT + plot.0 * (k - 1) as f64 / 14.0;
+    let y = |share: f64| top + plot.1 * (1.0 - share / end);
 
     let mut svg = String::new();
     open(&mut svg, place, "chart sp", (width, height), title);
@@ -47,22 +47,24 @@ pub(in super::super) fn sp_curves(
         text(&mut svg, "muted", at, "end", &tick(value, step));
     }
     for k in [1, 3, 5, 7, 9, 11, 13, 15] {
-        let at = (x(k), top + PLOT.1 + 16.0);
+        let at = (x(k), top + plot.1 + 16.0);
         text(&mut svg, "muted", at, "middle", &k.to_string());
     }
-    let at = (LEFT + PLOT.0 / 2.0, top + PLOT.1 + 32.0);
+    let at = (LEFT + plot.0 / 2.0, top + plot.1 + 32.0);
     text(&mut svg, "muted", at, "middle", "error threshold (degrees)");
+    axis_label(&mut svg, top + plot.1 / 2.0, "success ratio");
     if place == Place::Page {
         let _ = writeln!(
             svg,
             r#"<line class="cursor" x1="0" x2="0" y1="{:.1}" y2="{:.1}" data-x1="{:.1}" data-x15="{:.1}" visibility="hidden"/>"#,
             top,
-            top + PLOT.1,
+            top + plot.1,
             x(1),
             x(15)
         );
     }
-    for (row, (series, name, curve)) in curves.into_iter().enumerate() {
+    // The first lies above the others.
+    for (row, (series, name, curve)) in curves.into_iter().enumerate().rev() {
         let points: Vec<(f64, f64)> = THRESHOLDS.map(|k| (x(k), y(curve.at(k)))).collect();
         open_series(&mut svg, place, *series, name, curve);
         polyline(&mut svg, *series, &points);
@@ -71,15 +73,7 @@ pub(in super::super) fn sp_curves(
             marker(&mut svg, *series, px, py);
         }
         if place == Place::File {
-            let (left, middle) = (LEFT + PLOT.0 + 24.0, top + 8.0 + row as f64 * LINE);
-            sample(&mut svg, *series, left, middle);
-            text(
-                &mut svg,
-                "ink",
-                (left + 32.0, middle + 4.0),
-                "start",
-                &escape(name),
-            );
+            legend.entry(&mut svg, (row, top), *series, (name, &ratio(curve.auc())));
         }
         svg.push_str("</g>\n");
     }
@@ -146,5 +140,9 @@ mod tests {
         let many: Vec<_> = (0..30).map(|i| (i, "matcher", &flat)).collect();
         let svg = sp_curves(Place::File, "room", &many);
         assert!(svg.contains(r#"height="554""#), "{}", &svg[..120]);
+        assert!(
+            svg.contains(">0.100</text>"),
+            "the AUC stands beside the name"
+        );
     }
 }
