@@ -38,6 +38,8 @@ pub(super) struct LocalFeatures<P> {
     /// Raised whenever the same image and parameters come to give other features, so that those
     /// in caches are not used again.
     pub(super) revision: u32,
+    /// What its keypoints depend on, if they are shared.
+    pub(super) detection: fn(&P) -> Option<Extraction>,
     /// The extractor with these parameters.
     pub(super) extractor: fn(P) -> Result<Box<dyn Extractor>, ParamError>,
 }
@@ -135,6 +137,7 @@ impl<P: Serialize + DeserializeOwned + Default> Entry for LocalFeatures<P> {
             params: to_json(&params.extractor),
             revision: self.revision,
         };
+        let detection = (self.detection)(&params.extractor);
         let refused = |error| ConfigError::new(self.id, error);
         let extractor = (self.extractor)(params.extractor).map_err(refused)?;
         let search = params.search.build(params.kdforest, extractor.kind());
@@ -142,6 +145,7 @@ impl<P: Serialize + DeserializeOwned + Default> Entry for LocalFeatures<P> {
             id: self.id.into(),
             params: json,
             extraction,
+            detection,
             matcher: Box::new(Pipeline {
                 extractor,
                 search: search.map_err(refused)?,
