@@ -129,6 +129,12 @@ struct Node {
     sides: [u32; 2],
 }
 
+/// Rows that are still to be cut: a range of their order, and the side of a node that leads to them.
+struct Part {
+    range: Range<usize>,
+    parent: Option<(usize, usize)>,
+}
+
 /// All trees.
 struct Forest {
     nodes: Vec<Node>,
@@ -166,9 +172,12 @@ impl Forest {
         }
         self.roots.push(self.next_link(order));
         let mut spread = Spread::new(rows.dim());
-        // Parts that are still to be cut: the tree may be deeper than the stack of a thread.
-        let mut parts: Vec<(Range<usize>, Option<(usize, usize)>)> = vec![(0..order.len(), None)];
-        while let Some((range, parent)) = parts.pop() {
+        // On the heap, since the tree may be deeper than the stack of a thread.
+        let mut parts = vec![Part {
+            range: 0..order.len(),
+            parent: None,
+        }];
+        while let Some(Part { range, parent }) = parts.pop() {
             let part = &mut order[range.clone()];
             if let Some((node, side)) = parent {
                 self.nodes[node].sides[side] = self.next_link(part);
@@ -190,8 +199,10 @@ impl Forest {
                 sides: [LEAF; 2],
             });
             let middle = range.start + count;
-            parts.push((middle..range.end, Some((node, 1))));
-            parts.push((range.start..middle, Some((node, 0))));
+            for (range, side) in [(middle..range.end, 1), (range.start..middle, 0)] {
+                let parent = Some((node, side));
+                parts.push(Part { range, parent });
+            }
         }
     }
 
