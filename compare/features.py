@@ -1,14 +1,18 @@
 """Our features beside OpenCV's: the same pixels, the same keypoints?, the same descriptors?, how fast?
 
     python features.py EXTRACTOR IMAGE... [--repeats N] [--example PATH] [--max-distance PX] [--given]
+                       [--threads N]
 
-Both sides get the gray pixels of `cv2.imread(path, 0)` and one thread. A keypoint has a twin in the
-other set if one lies within 0.5 px, 5 % in size and 5 degrees. With --given, both describe the keypoints
-of OpenCV's detector, which is not timed. Prints one row per image and a summary.
+Both sides get the gray pixels of `cv2.imread(path, 0)` and one thread, or as many as told. A keypoint has
+a twin in the other set if one lies within 0.5 px, 5 % in size and 5 degrees. With --given, both describe
+the keypoints of OpenCV's detector, which is not timed. Prints one row per image and a summary.
 See README.md for what the columns mean.
 """
 
 import argparse
+import multiprocessing
+import os
+import resource
 import statistics
 import subprocess
 import sys
@@ -80,13 +84,26 @@ def opencv(extractor, gray):
     return rows, descriptors, seconds
 
 
-def ours(example, extractor, pgm, repeats, given=()):
-    """Keypoints as rows x y size angle, descriptors, median seconds."""
+def opencv_memory(name, path):
+    """MiB by which the peak of a process grows that extracts from an image."""
+    cv2.setNumThreads(1)
+    gray = cv2.imread(path, cv2.IMREAD_GRAYSCALE)
+    extractor = EXTRACTORS[name][0]()
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    extractor.detectAndCompute(gray, None)
+    return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+
+
+def ours(example, extractor, pgm, threads, given=()):
+    """Keypoints as rows x y size angle, descriptors, seconds for an image, peak MiB of the process."""
     out = str(pgm.with_suffix(""))
-    command = [example, extractor, str(pgm), str(repeats), out, *given]
-    printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    # Started by `time`, since the child of a large process counts as large.
+    command = ["/usr/bin/time", "-f", "%M", example, extractor, str(pgm), "1", out, *given]
+    environment = {**os.environ, "RAYON_NUM_THREADS": str(threads)}
+    run = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
     keypoints = np.load(out + ".keypoints.npy")
-    return keypoints[:, :4], np.load(out + ".descriptors.npy"), float(printed) / 1e3
+    descriptors = np.load(out + ".descriptors.npy")
+    return keypoints[:, :4], descriptors, float(run.stdout) / 1e3, int(run.stderr) / 1024
 
 
 def twins(a, b, max_distance):
@@ -118,7 +135,7 @@ def descriptor_distances(a, b):
     return np.linalg.norm(a - b, axis=1) / np.maximum(np.linalg.norm(a, axis=1), 1e-9)
 
 
-def compare(name, path, example, repeats, max_distance, scratch, are_given):
+def compare(name, path, example, repeats, max_distance, scratch, are_given, threads):
     make, shift = EXTRACTORS[name]
     gray = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if gray is None:
@@ -137,8 +154,10 @@ def compare(name, path, example, repeats, max_distance, scratch, are_given):
     times = []
     for _ in range(repeats):  # interleaved, so that both see the same machine
         reference, reference_rows, theirs = opencv(extractor, gray)
-        found, rows, mine = ours(example, name, pgm, 1, given)
+        found, rows, mine, peak = ours(example, name, pgm, threads, given)
         times.append((mine, theirs))
+    with multiprocessing.get_context("spawn").Pool(1) as fresh:
+        their_peak = fresh.apply(opencv_memory, (name, str(pgm)))
     there = twins(reference, found, max_distance)
     back = twins(found, reference, max_distance)
     matched = there >= 0
@@ -161,6 +180,9 @@ def compare(name, path, example, repeats, max_distance, scratch, are_given):
         "ours ms": 1e3 * statistics.median(t[0] for t in times),
         "theirs ms": 1e3 * statistics.median(t[1] for t in times),
         "speed-up": statistics.median(t[1] / t[0] for t in times),
+        "best/best": min(t[1] for t in times) / min(t[0] for t in times),
+        "ours MiB": peak,
+        "theirs MiB": their_peak,
     }
     return row
 
@@ -173,15 +195,17 @@ def main():
     parser.add_argument("--max-distance", type=float, default=0.5, help="pixels")
     parser.add_argument("--example", default=str(ROOT / "target/release/examples/extract"))
     parser.add_argument("--given", action="store_true", help="describe OpenCV's keypoints")
+    parser.add_argument("--threads", type=int, default=1)
     arguments = parser.parse_args()
-    cv2.setNumThreads(1)
-    print(f"OpenCV {cv2.__version__}, one thread, {arguments.repeats} interleaved repetitions")
+    cv2.setNumThreads(arguments.threads)
+    threads = f"{arguments.threads} thread{'s' if arguments.threads > 1 else ''}"
+    print(f"OpenCV {cv2.__version__}, {threads}, {arguments.repeats} interleaved repetitions")
     rows = []
     with tempfile.TemporaryDirectory() as scratch:
         for path in arguments.images:
             row = compare(
                 arguments.extractor, path, arguments.example, arguments.repeats,
-                arguments.max_distance, Path(scratch), arguments.given,
+                arguments.max_distance, Path(scratch), arguments.given, arguments.threads,
             )
             if not rows:
                 print(" | ".join(row))

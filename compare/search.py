@@ -1,4 +1,4 @@
-"""Exact search side by side with OpenCV's brute-force matcher (and FLANN), one thread each.
+"""Exact search side by side with OpenCV's brute-force matcher (and kd-trees with FLANN), one thread each.
 
 Takes SIFT and ORB (100,000 features) descriptors of two images with OpenCV, gives the same
 descriptors to both programs in turn, checks that neighbours and distances agree, and prints the
@@ -17,7 +17,6 @@ import cv2
 import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-PROGRAM = ROOT / "target/release/examples/search"
 SIZES = [2_000, 10_000, None]
 FOUND = np.dtype([("a", "<u4"), ("b", "<u4"), ("distance", "<f4"), ("second", "<f4")])
 
@@ -64,22 +63,27 @@ def disagreements(ours, theirs, a, b, binary):
     return int(distances.sum()), len(other), int(wrong)
 
 
-def compare(name, a, b, binary, rounds, folder):
+def compare(name, a, b, binary, rounds, folder, example):
     """Runs both programs in turn on the same descriptors and prints one line."""
     paths = [folder / "a.bin", folder / "b.bin", folder / "found.bin"]
     write(paths[0], a)
     write(paths[1], b)
     brute_force = cv2.BFMatcher(cv2.NORM_HAMMING if binary else cv2.NORM_L2)
-    columns = {"ours": [], "bf": [], "flann": []}
+    columns = {"ours": [], "bf": [], "flann": [], "kdforest": []}
+
+    def run(paths, search):
+        command = [example, *paths, "3", search]
+        return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+
     for _ in range(rounds):
-        run = subprocess.run([PROGRAM, *paths, "3"], capture_output=True, text=True, check=True)
-        columns["ours"].append(float(run.stdout))
+        columns["ours"].append(run(paths, "exact"))
         matches, elapsed = timed(lambda: brute_force.knnMatch(a, b, k=2))
         columns["bf"].append(elapsed)
         if not binary:
             flann = cv2.FlannBasedMatcher({"algorithm": 1, "trees": 4}, {"checks": 32})
             approximate, elapsed = timed(lambda: flann.knnMatch(a, b, k=2))
             columns["flann"].append(elapsed)
+            columns["kdforest"].append(run([*paths[:2], folder / "kdforest.bin"], "kdforest"))
     ours = np.fromfile(paths[2], FOUND)
     distances, other, wrong = disagreements(ours, knn_table(matches), a, b, binary)
     median = {key: statistics.median(value) for key, value in columns.items() if value}
@@ -89,9 +93,11 @@ def compare(name, a, b, binary, rounds, folder):
     )
     if not binary:
         recall = np.mean(knn_table(approximate)[0] == ours["b"])
+        trees = np.mean(np.fromfile(folder / "kdforest.bin", FOUND)["b"] == ours["b"])
         line += (
             f", FLANN {median['flann']:7.1f} ms ({median['flann'] / median['ours']:5.2f} x, "
-            f"finds {100 * recall:.1f} % of the nearest)"
+            f"finds {100 * recall:.1f} % of the nearest), kd-trees {median['kdforest']:7.1f} ms "
+            f"({median['flann'] / median['kdforest']:5.2f} x FLANN's speed, {100 * trees:.1f} %)"
         )
     print(f"{line}; {distances} distances differ, {other} ties resolved otherwise, {wrong} wrong")
     sys.stdout.flush()
@@ -103,6 +109,7 @@ def main():
     parser.add_argument("a", help="first image")
     parser.add_argument("b", help="second image")
     parser.add_argument("--rounds", type=int, default=5, help="times that each program runs")
+    parser.add_argument("--example", default=str(ROOT / "target/release/examples/search"))
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
     images = [cv2.imread(path, cv2.IMREAD_GRAYSCALE) for path in (arguments.a, arguments.b)]
@@ -121,7 +128,9 @@ def main():
             for size in SIZES:
                 if size is None or size < max(len(a), len(b)):
                     folder = pathlib.Path(folder)
-                    failures += compare(name, a[:size], b[:size], name == "ORB", arguments.rounds, folder)
+                    failures += compare(
+                        name, a[:size], b[:size], name == "ORB", arguments.rounds, folder, arguments.example
+                    )
     sys.exit(failures > 0)
 
 

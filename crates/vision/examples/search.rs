@@ -1,7 +1,7 @@
-//! Exact nearest neighbours between two files of descriptors, timed.
+//! Nearest neighbours between two files of descriptors, timed.
 //!
 //! ```text
-//! search A B OUT [REPETITIONS]
+//! search A B OUT [REPETITIONS [exact | kdforest]]
 //! ```
 //!
 //! prints the median time of a search in milliseconds (reading and writing excluded) and writes
@@ -17,14 +17,20 @@ use std::fs;
 use std::time::{Duration, Instant};
 
 use matchbench_vision::features::{BinaryRows, Descriptors, FloatRows};
-use matchbench_vision::matching::two_nearest;
+use matchbench_vision::matching::{KdForest, KdForestParams, two_nearest};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let (a, b, out, repetitions) = match arguments.as_slice() {
-        [a, b, out] => (a, b, out, 5),
-        [a, b, out, repetitions] => (a, b, out, repetitions.parse()?),
-        _ => return Err("usage: search A B OUT [REPETITIONS]".into()),
+    let [a, b, out, options @ ..] = arguments.as_slice() else {
+        return Err("usage: search A B OUT [REPETITIONS [exact | kdforest]]".into());
+    };
+    let repetitions = options
+        .first()
+        .map_or(Ok(5), |text| text.parse::<usize>())?;
+    let kdforest = match options.get(1).map(String::as_str) {
+        None | Some("exact") => None,
+        Some("kdforest") => Some(KdForest::new(KdForestParams::default())?),
+        Some(other) => return Err(format!("no search `{other}`").into()),
     };
     let (a, b) = (read(a)?, read(b)?);
     if a.kind() != b.kind() {
@@ -35,7 +41,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut matches = Vec::new();
     for _ in 0..repetitions.max(1) {
         let start = Instant::now();
-        matches = two_nearest(&a, &b);
+        matches = match (&kdforest, &a, &b) {
+            (None, ..) => two_nearest(&a, &b),
+            (Some(forest), Descriptors::Float(a), Descriptors::Float(b)) => {
+                forest.two_nearest(a, b)
+            }
+            _ => return Err("kd-trees need real-valued descriptors".into()),
+        };
         times.push(start.elapsed());
     }
     times.sort_unstable();

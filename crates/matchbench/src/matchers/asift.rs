@@ -101,6 +101,7 @@ impl Entry for AsiftEntry {
             id: self.id().into(),
             params: to_json(&params),
             extraction: params.extractor.extraction(),
+            detection: None,
             matcher: Box::new(Pipeline {
                 extractor,
                 search: Box::new(params.search),

@@ -4,6 +4,7 @@ use matchbench_vision::features::{BinBoost, BinBoostParams, DetectThenDescribe, 
 use serde::{Deserialize, Serialize};
 
 use super::local_features::LocalFeatures;
+use super::sift;
 
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -18,6 +19,7 @@ pub(super) const BINBOOST: LocalFeatures<Params> = LocalFeatures {
     reference: "T. Trzcinski, M. Christoudias, P. Fua, V. Lepetit, \"Boosting Binary Keypoint \
                 Descriptors\", CVPR 2013",
     revision: 1,
+    detection: |params| Some(sift::detection(&params.sift)),
     extractor: |params| {
         Ok(Box::new(DetectThenDescribe {
             detector: Sift::new(params.sift)?,

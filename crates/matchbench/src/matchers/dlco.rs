@@ -4,6 +4,7 @@ use matchbench_vision::features::{DetectThenDescribe, Dlco, DlcoParams, Sift, Si
 use serde::{Deserialize, Serialize};
 
 use super::local_features::LocalFeatures;
+use super::sift;
 
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -19,6 +20,7 @@ pub(super) const DLCO: LocalFeatures<Params> = LocalFeatures {
                 Convex Optimisation\", IEEE Transactions on Pattern Analysis and Machine \
                 Intelligence 36(8), 2014",
     revision: 1,
+    detection: |params| Some(sift::detection(&params.sift)),
     extractor: |params| {
         Ok(Box::new(DetectThenDescribe {
             detector: Sift::new(params.sift)?,

@@ -6,6 +6,7 @@ use matchbench_vision::features::sift::{Sift, SiftParams};
 use serde::{Deserialize, Serialize};
 
 use super::local_features::LocalFeatures;
+use super::sift;
 
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -19,6 +20,7 @@ pub(super) const FREAK_SIFT: LocalFeatures<Params> = LocalFeatures {
     summary: "FREAK on SIFT keypoints, exact nearest neighbours, ratio test",
     reference: "A. Alahi, R. Ortiz, P. Vandergheynst, \"FREAK: Fast Retina Keypoint\", CVPR 2012",
     revision: 1,
+    detection: |params| Some(sift::detection(&params.sift)),
     extractor: |params| {
         Ok(Box::new(DetectThenDescribe {
             detector: Sift::new(params.sift)?,

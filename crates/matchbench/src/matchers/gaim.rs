@@ -68,6 +68,7 @@ impl Entry for GaimEntry {
                 params: to_json(&params.extractor),
                 revision: 1,
             },
+            detection: None,
             matcher: Box::new(Pipeline {
                 extractor: Box::new(extractor),
                 search: Box::new(params.selection.labels),

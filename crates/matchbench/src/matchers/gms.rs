@@ -144,6 +144,7 @@ impl Entry for GmsEntry {
                 params: to_json(&params.budget),
                 revision: 1,
             },
+            detection: None,
             matcher: Box::new(Pipeline {
                 extractor: Box::new(BudgetOrb::new(params.budget)),
                 search: Box::new(NearestNeighbours),

@@ -9,5 +9,6 @@ pub(super) const KAZE: LocalFeatures<KazeParams> = LocalFeatures {
     summary: "KAZE, exact nearest neighbours, ratio test",
     reference: "P. F. Alcantarilla, A. Bartoli, A. J. Davison, \"KAZE Features\", ECCV 2012",
     revision: 2,
+    detection: |_| None,
     extractor: |params| Ok(Box::new(Kaze::new(params)?)),
 };

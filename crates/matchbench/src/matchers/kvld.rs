@@ -5,7 +5,7 @@ use matchbench_vision::matching::{Kvld, KvldParams, NearestNeighbours, Pipeline,
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::sift::SIFT;
+use super::sift::{self, SIFT};
 use super::{BuiltMatcher, Entry, Extraction};
 use crate::config::{ConfigError, parse_params, to_json};
 
@@ -67,6 +67,7 @@ impl Entry for KvldEntry {
                 params: to_json(&params.extractor),
                 revision: SIFT.revision,
             },
+            detection: Some(sift::detection(&params.extractor)),
             matcher: Box::new(Pipeline {
                 extractor: Box::new(sift),
                 search: Box::new(NearestNeighbours),

@@ -4,6 +4,7 @@ use matchbench_vision::features::{DetectThenDescribe, Latch, LatchParams, Sift, 
 use serde::{Deserialize, Serialize};
 
 use super::local_features::LocalFeatures;
+use super::sift;
 
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -17,6 +18,7 @@ pub(super) const LATCH: LocalFeatures<Params> = LocalFeatures {
     summary: "LATCH on SIFT keypoints, exact nearest neighbours, ratio test",
     reference: "G. Levi, T. Hassner, \"LATCH: Learned Arrangements of Three Patch Codes\", WACV 2016",
     revision: 1,
+    detection: |params| Some(sift::detection(&params.sift)),
     extractor: |params| {
         Ok(Box::new(DetectThenDescribe {
             detector: Sift::new(params.sift)?,

@@ -9,13 +9,17 @@
 //! | --- | --- | --- |
 //! | `extractor` | the extractor's | OpenCV's, as in the paper's evaluation |
 //! | `ratio` | 0.8 | Lowe, section 7.1; the paper's evaluation |
+//! | `search` | `exact` | `kdforest` is the paper's evaluation (FLANN), for real-valued descriptors |
+//! | `kdforest` | 4 trees, 32 checks | FLANN; refused where the search is exact |
 //!
 //! *Differs from the paper's evaluation* in the search for real-valued descriptors, which is exact
-//! here and approximate (FLANN) there.
+//! here unless `kdforest` is asked for, and approximate there.
 
 use matchbench_vision::ParamError;
-use matchbench_vision::features::Extractor;
-use matchbench_vision::matching::{NearestNeighbours, Pipeline, RatioTest};
+use matchbench_vision::features::{DescriptorKind, Extractor};
+use matchbench_vision::matching::{
+    KdForest, KdForestParams, NearestNeighbours, Pipeline, RatioTest, Search,
+};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -34,6 +38,8 @@ pub(super) struct LocalFeatures<P> {
     /// Raised whenever the same image and parameters come to give other features, so that those
     /// in caches are not used again.
     pub(super) revision: u32,
+    /// What its keypoints depend on, if they are shared.
+    pub(super) detection: fn(&P) -> Option<Extraction>,
     /// The extractor with these parameters.
     pub(super) extractor: fn(P) -> Result<Box<dyn Extractor>, ParamError>,
 }
@@ -47,6 +53,19 @@ pub(super) struct LocalFeatures<P> {
 struct Params<P> {
     extractor: P,
     ratio: f32,
+    search: SearchName,
+    kdforest: KdForestParams,
+}
+
+/// How the nearest neighbours are searched.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum SearchName {
+    /// Every descriptor of one image is compared with every one of the other.
+    #[default]
+    Exact,
+    /// Randomised kd-trees, as in the paper's evaluation.
+    KdForest,
 }
 
 impl<P: Default> Default for Params<P> {
@@ -54,6 +73,34 @@ impl<P: Default> Default for Params<P> {
         Self {
             extractor: P::default(),
             ratio: RatioTest::default().ratio,
+            search: SearchName::default(),
+            kdforest: KdForestParams::default(),
+        }
+    }
+}
+
+impl SearchName {
+    /// The search for descriptors of this `kind`, or why there is none.
+    fn build(
+        self,
+        kdforest: KdForestParams,
+        kind: DescriptorKind,
+    ) -> Result<Box<dyn Search>, ParamError> {
+        match (self, kind) {
+            (Self::Exact, _) if kdforest != KdForestParams::default() => {
+                let message =
+                    "`kdforest` is set, but `search` is \"exact\"; set it to \"kdforest\"";
+                Err(ParamError(message.into()))
+            }
+            (Self::Exact, _) => Ok(Box::new(NearestNeighbours)),
+            (Self::KdForest, DescriptorKind::Float { .. }) => {
+                Ok(Box::new(KdForest::new(kdforest)?))
+            }
+            (Self::KdForest, DescriptorKind::Binary { .. }) => {
+                let message = "`search` is \"kdforest\", but bits are searched exactly alone; \
+                               leave it \"exact\"";
+                Err(ParamError(message.into()))
+            }
         }
     }
 }
@@ -90,15 +137,18 @@ impl<P: Serialize + DeserializeOwned + Default> Entry for LocalFeatures<P> {
             params: to_json(&params.extractor),
             revision: self.revision,
         };
-        let extractor =
-            (self.extractor)(params.extractor).map_err(|error| ConfigError::new(self.id, error))?;
+        let detection = (self.detection)(&params.extractor);
+        let refused = |error| ConfigError::new(self.id, error);
+        let extractor = (self.extractor)(params.extractor).map_err(refused)?;
+        let search = params.search.build(params.kdforest, extractor.kind());
         Ok(BuiltMatcher {
             id: self.id.into(),
             params: json,
             extraction,
+            detection,
             matcher: Box::new(Pipeline {
                 extractor,
-                search: Box::new(NearestNeighbours),
+                search: search.map_err(refused)?,
                 selectors: vec![Box::new(RatioTest {
                     ratio: params.ratio,
                 })],
@@ -109,8 +159,11 @@ impl<P: Serialize + DeserializeOwned + Default> Entry for LocalFeatures<P> {
 
 #[cfg(test)]
 mod tests {
+    use matchbench_vision::image::{GrayImage, Size};
+    use matchbench_vision::seed::Seed;
     use serde_json::json;
 
+    use super::super::orb::ORB;
     use super::super::sift::SIFT;
     use super::*;
 
@@ -138,6 +191,12 @@ mod tests {
             (json!({"ratio": 1.01}), "ratio"),
             (json!({"ratio": "0.8"}), "0.8"),
             (json!({"extractor": {"octave_layers": 0}}), "octave_layers"),
+            (json!({"search": "flann"}), "flann"),
+            (
+                json!({"search": "kdforest", "kdforest": {"checks": 1}}),
+                "checks",
+            ),
+            (json!({"kdforest": {"trees": 8}}), "kdforest"),
         ] {
             let message = SIFT
                 .build(Some(&params))
@@ -149,5 +208,34 @@ mod tests {
                 "{message}"
             );
         }
+    }
+
+    /// Any number of threads: see the tests of the list of matchers for the default search.
+    #[test]
+    fn kd_trees_find_what_the_exact_search_finds_with_enough_checks() {
+        let image = GrayImage::from_fn(Size::new(160, 120), |x, y| {
+            let patch = Seed(6).number((x / 9) as u64).number((y / 7) as u64);
+            patch.rng().below(256) as u8
+        });
+        let matches = |params: Value| {
+            let matcher = SIFT.build(Some(&params)).unwrap().matcher;
+            let features = matcher.extract(&image).unwrap();
+            matcher.search(&features, &features).unwrap()
+        };
+        let exact = matches(json!({}));
+        assert!(exact.len() > 50);
+        let kdforest = |params: Value| matches(json!({"search": "kdforest", "kdforest": params}));
+        assert_eq!(kdforest(json!({"checks": exact.len()})), exact);
+        assert_ne!(kdforest(json!({"checks": 2, "trees": 1})), exact);
+    }
+
+    #[test]
+    fn bits_are_not_searched_by_kd_trees() {
+        let refused = ORB.build(Some(&json!({"search": "kdforest"}))).err();
+        let message = refused.expect("refused").to_string();
+        assert!(
+            message.contains("orb") && message.contains("kdforest") && message.contains("bits"),
+            "{message}"
+        );
     }
 }

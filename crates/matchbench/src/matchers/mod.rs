@@ -87,6 +87,8 @@ pub struct BuiltMatcher {
     pub params: Value,
     /// What its features depend on.
     pub extraction: Extraction,
+    /// What its keypoints depend on, where other matchers describe the same ones.
+    pub detection: Option<Extraction>,
     /// The matcher.
     pub matcher: Box<dyn Matcher>,
 }
@@ -96,7 +98,7 @@ pub struct BuiltMatcher {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Extraction {
-    /// Id of the extractor.
+    /// Id of the extractor, or `sift-keypoints` and the like for keypoints alone.
     pub extractor: String,
     /// Every parameter of the extractor.
     pub params: Value,
@@ -118,7 +120,7 @@ mod tests {
     use std::fs;
     use std::path::Path;
 
-    use matchbench_vision::features::Features;
+    use matchbench_vision::features::{Detections, Features, Keypoint};
     use matchbench_vision::image::{GrayImage, Size};
     use matchbench_vision::matching::{Correspondences, View};
     use matchbench_vision::seed::Seed;
@@ -240,6 +242,46 @@ mod tests {
             let again = with_threads(2, || run(&*built.matcher, &a, &b));
             assert!(first == again, "{} is not deterministic", entry.id());
         }
+    }
+
+    /// Remembers the keypoints of one image, and how often they were found.
+    #[derive(Default)]
+    struct Memory(Option<Vec<Keypoint>>, usize);
+
+    impl Detections for Memory {
+        fn recall(&mut self) -> Option<Vec<Keypoint>> {
+            self.0.clone()
+        }
+
+        fn remember(&mut self, keypoints: &[Keypoint]) {
+            self.1 += 1;
+            let before = self.0.replace(keypoints.to_vec());
+            assert!(before.is_none_or(|before| before == keypoints));
+        }
+    }
+
+    #[test]
+    fn matchers_of_one_detector_share_its_keypoints_and_have_the_same_features() {
+        let image = textured(0);
+        let mut memories: Vec<(Extraction, Memory)> = Vec::new();
+        for entry in MATCHERS {
+            let built = entry.build(None).unwrap();
+            let Some(detection) = built.detection else {
+                continue;
+            };
+            let known = memories.iter().position(|(known, _)| *known == detection);
+            let index = known.unwrap_or_else(|| {
+                memories.push((detection, Memory::default()));
+                memories.len() - 1
+            });
+            let shared = (built.matcher).extract_sharing(&image, &mut memories[index].1);
+            assert_eq!(shared, built.matcher.extract(&image), "{}", entry.id());
+        }
+        let found: Vec<_> = (memories.iter())
+            .map(|(detection, memory)| (detection.extractor.as_str(), memory.1))
+            .collect();
+        // `sift` and `kvld` need the scale space anyway.
+        assert_eq!(found, [("sift-keypoints", 2), ("surf-keypoints", 1)]);
     }
 
     #[test]

@@ -10,5 +10,6 @@ pub(super) const ORB: LocalFeatures<OrbParams> = LocalFeatures {
     reference: "E. Rublee, V. Rabaud, K. Konolige, G. Bradski, \"ORB: an efficient alternative to \
                 SIFT or SURF\", ICCV 2011",
     revision: 1,
+    detection: |_| None,
     extractor: |params| Ok(Box::new(Orb::new(params)?)),
 };

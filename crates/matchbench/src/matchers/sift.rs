@@ -2,7 +2,9 @@
 
 use matchbench_vision::features::sift::{Sift, SiftParams};
 
+use super::Extraction;
 use super::local_features::LocalFeatures;
+use crate::config::to_json;
 
 pub(super) const SIFT: LocalFeatures<SiftParams> = LocalFeatures {
     id: "sift",
@@ -10,5 +12,15 @@ pub(super) const SIFT: LocalFeatures<SiftParams> = LocalFeatures {
     reference: "D. G. Lowe, \"Distinctive Image Features from Scale-Invariant Keypoints\", \
                 International Journal of Computer Vision 60(2), 2004",
     revision: 1,
+    detection: |params| Some(detection(params)),
     extractor: |params| Ok(Box::new(Sift::new(params)?)),
 };
+
+/// What the keypoints of SIFT depend on, for all that describe them.
+pub(super) fn detection(params: &SiftParams) -> Extraction {
+    Extraction {
+        extractor: "sift-keypoints".into(),
+        params: to_json(params),
+        revision: SIFT.revision,
+    }
+}

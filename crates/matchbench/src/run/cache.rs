@@ -10,9 +10,9 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use matchbench_vision::features::Features;
+use matchbench_vision::features::{Features, Keypoint};
 
-use super::feature_file;
+use super::{feature_file, keypoint_file};
 use crate::files::write_whole;
 use crate::matchers::Extraction;
 
@@ -48,6 +48,26 @@ impl FeatureCache {
     /// If the file cannot be written; the error names it.
     pub(super) fn save(&self, key: Key, features: &Features) -> io::Result<()> {
         write_whole(&self.path(key), &feature_file::to_bytes(features, key))
+    }
+
+    /// The keypoints that were saved under `key`, and the seconds that finding them took.
+    pub(super) fn load_keypoints(&self, key: Key) -> Option<(Vec<Keypoint>, f64)> {
+        let path = self.path(key).with_extension("keypoints");
+        keypoint_file::from_bytes(&fs::read(path).ok()?, key)
+    }
+
+    /// Saves keypoints that were found in so many `seconds`.
+    ///
+    /// # Errors
+    /// If the file cannot be written; the error names it.
+    pub(super) fn save_keypoints(
+        &self,
+        key: Key,
+        keypoints: &[Keypoint],
+        seconds: f64,
+    ) -> io::Result<()> {
+        let path = self.path(key).with_extension("keypoints");
+        write_whole(&path, &keypoint_file::to_bytes(keypoints, seconds, key))
     }
 
     /// The first two digits are a folder, so that no folder grows beyond what file systems like.

@@ -24,7 +24,7 @@ use nalgebra::Point2;
 use super::cache::Key;
 
 const MAGIC: [u8; 8] = *b"MBFEAT02";
-const CHECKSUM: usize = 32;
+pub(super) const CHECKSUM: usize = 32;
 
 const FLOATS: u8 = 0;
 const BYTES: u8 = 1;
@@ -126,7 +126,7 @@ fn is_byte(x: f32) -> bool {
     f32::from(x as u8).to_bits() == x.to_bits()
 }
 
-fn push_keypoint(file: &mut Vec<u8>, keypoint: &Keypoint) {
+pub(super) fn push_keypoint(file: &mut Vec<u8>, keypoint: &Keypoint) {
     let angle = keypoint.angle.unwrap_or_default();
     let Point2 { coords: at } = keypoint.at;
     for number in [at.x, at.y, keypoint.size, keypoint.response, angle] {
@@ -137,16 +137,16 @@ fn push_keypoint(file: &mut Vec<u8>, keypoint: &Keypoint) {
 }
 
 /// What is left of a file.
-struct Reader<'a>(&'a [u8]);
+pub(super) struct Reader<'a>(pub(super) &'a [u8]);
 
 impl Reader<'_> {
-    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+    pub(super) fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
         let (array, rest) = self.0.split_first_chunk()?;
         self.0 = rest;
         Some(*array)
     }
 
-    fn number(&mut self) -> Option<usize> {
+    pub(super) fn number(&mut self) -> Option<usize> {
         usize::try_from(u64::from_le_bytes(self.array()?)).ok()
     }
 
@@ -158,7 +158,7 @@ impl Reader<'_> {
         Some([self.float()?, self.float()?, self.float()?, self.float()?])
     }
 
-    fn keypoint(&mut self) -> Option<Keypoint> {
+    pub(super) fn keypoint(&mut self) -> Option<Keypoint> {
         let at = Point2::new(self.float()?, self.float()?);
         let (size, response, angle) = (self.float()?, self.float()?, self.float()?);
         let [has_angle] = self.array()?;

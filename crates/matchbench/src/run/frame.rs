@@ -8,6 +8,7 @@ use matchbench_vision::image::GrayImage;
 
 use super::RunError;
 use super::cache::{FeatureCache, Key};
+use super::detections::KeptDetections;
 use super::guard::{guard, timed};
 use crate::datasets::Frame;
 use crate::matchers::BuiltMatcher;
@@ -27,7 +28,8 @@ pub(super) struct FrameStage<'a> {
 pub(super) struct Extracted {
     /// The features, or why there are none: the pairs of this frame fail for the same reason.
     pub(super) features: Result<Features, String>,
-    /// How long the extraction took, if it was done.
+    /// How long the extraction took, if it was done: also the part of it, the detection, that an
+    /// earlier matcher did.
     pub(super) seconds: Option<f64>,
 }
 
@@ -58,12 +60,20 @@ impl FrameStage<'_> {
         key: Key,
         seconds: &mut Option<f64>,
     ) -> Result<Result<Features, String>, RunError> {
-        let features = decode(self.decode, path, file).and_then(|image| {
-            let what = format_args!("extraction from {}", path.display());
-            timed(seconds, || {
-                guard(what, || self.matcher.matcher.extract(&image))
-            })
+        let image = match decode(self.decode, path, file) {
+            Ok(image) => image,
+            Err(reason) => return Ok(Err(reason)),
+        };
+        let what = format_args!("extraction from {}", path.display());
+        let shared = self.matcher.detection.as_ref();
+        let shared = shared.map(|detection| Key::new(file, detection));
+        let mut detections = KeptDetections::new(self.cache, shared);
+        let features = timed(seconds, || {
+            let matcher = &self.matcher.matcher;
+            guard(what, || matcher.extract_sharing(&image, &mut detections))
         });
+        let elsewhere = detections.finish()?;
+        *seconds = seconds.map(|seconds| seconds + elsewhere);
         if let Ok(features) = &features {
             self.cache.save(key, features)?;
         }

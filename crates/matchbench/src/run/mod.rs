@@ -3,7 +3,8 @@
 //! [`Run::execute`] and `Run::go_on` follow the way of the data: frames are decoded and extracted
 //! (`frame`), pairs are searched, selected, estimated and judged (`pair`), records are appended
 //! ([`crate::records`]). Around them: what is run ([`Plan`]), into which folder (`folder`), what is
-//! left to do (`part`), which matches are there already ([`crate::records::matches`]), which features are kept in memory (`resident`) and on disk (`cache`), who
+//! left to do (`part`), which matches are there already ([`crate::records::matches`]), which features are kept in memory (`resident`) and on disk (`cache`), which
+//! keypoints are shared by matchers (`detections`), who
 //! is told ([`Observer`]) and who may stop it ([`Cancel`]).
 //!
 //! Threads are used in one place of a run (`ordered`): over the frames, then over the pairs of a
@@ -11,11 +12,13 @@
 
 mod cache;
 mod contender;
+mod detections;
 mod error;
 mod feature_file;
 mod folder;
 mod frame;
 mod guard;
+mod keypoint_file;
 mod observer;
 mod ordered;
 mod pair;

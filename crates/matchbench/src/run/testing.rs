@@ -112,6 +112,7 @@ impl Toy {
                     params,
                     revision: 1,
                 },
+                detection: None,
                 matcher: Box::new(self.clone()),
             },
             estimators: (estimators.iter())

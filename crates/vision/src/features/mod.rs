@@ -70,6 +70,40 @@ pub trait Extractor: Send + Sync {
 
     /// The features of `image`, in an order that depends on the image alone.
     fn extract(&self, image: &GrayImage) -> Features;
+
+    /// The same features, where extractors of one detector share its keypoints.
+    fn extract_sharing(&self, image: &GrayImage, _detections: &mut dyn Detections) -> Features {
+        self.extract(image)
+    }
+}
+
+/// The keypoints of one image and one detector, remembered by whoever runs several extractors.
+pub trait Detections {
+    /// Those of an earlier extraction, if there was one.
+    fn recall(&mut self) -> Option<Vec<Keypoint>>;
+
+    /// Remembers them; called once they are known and before the first is described.
+    fn remember(&mut self, keypoints: &[Keypoint]);
+
+    /// The keypoints of an earlier extraction, or else those that `detector` finds.
+    fn recall_or_detect(&mut self, detector: &dyn Detector, image: &GrayImage) -> Vec<Keypoint> {
+        self.recall().unwrap_or_else(|| {
+            let keypoints = detector.detect(image);
+            self.remember(&keypoints);
+            keypoints
+        })
+    }
+}
+
+/// Nobody remembers.
+struct Unshared;
+
+impl Detections for Unshared {
+    fn recall(&mut self) -> Option<Vec<Keypoint>> {
+        None
+    }
+
+    fn remember(&mut self, _: &[Keypoint]) {}
 }
 
 impl<E: Extractor + ?Sized> Extractor for Box<E> {
@@ -79,6 +113,10 @@ impl<E: Extractor + ?Sized> Extractor for Box<E> {
 
     fn extract(&self, image: &GrayImage) -> Features {
         (**self).extract(image)
+    }
+
+    fn extract_sharing(&self, image: &GrayImage, detections: &mut dyn Detections) -> Features {
+        (**self).extract_sharing(image, detections)
     }
 }
 
@@ -97,7 +135,11 @@ impl<K: Detector, D: Describer> Extractor for DetectThenDescribe<K, D> {
     }
 
     fn extract(&self, image: &GrayImage) -> Features {
-        let mut keypoints = self.detector.detect(image);
+        self.extract_sharing(image, &mut Unshared)
+    }
+
+    fn extract_sharing(&self, image: &GrayImage, detections: &mut dyn Detections) -> Features {
+        let mut keypoints = detections.recall_or_detect(&self.detector, image);
         let descriptors = self.describer.describe(image, &mut keypoints);
         Features::new(image.size(), keypoints, descriptors)
     }

@@ -1,7 +1,7 @@
 //! What a matcher is: three stages, each timed by whoever runs them.
 
 use super::Correspondences;
-use crate::features::{Extractor, Features};
+use crate::features::{Detections, Extractor, Features};
 use crate::image::GrayImage;
 use crate::seed::Seed;
 
@@ -24,6 +24,18 @@ pub trait Matcher: Send + Sync {
     /// # Errors
     /// Whatever went wrong, in words for the report.
     fn extract(&self, image: &GrayImage) -> Result<Features, MatcherError>;
+
+    /// The same, where matchers of one detector share its keypoints.
+    ///
+    /// # Errors
+    /// Whatever went wrong, in words for the report.
+    fn extract_sharing(
+        &self,
+        image: &GrayImage,
+        _detections: &mut dyn Detections,
+    ) -> Result<Features, MatcherError> {
+        self.extract(image)
+    }
 
     /// Putative correspondences; once per pair.
     ///
@@ -96,6 +108,14 @@ pub struct Pipeline {
 impl Matcher for Pipeline {
     fn extract(&self, image: &GrayImage) -> Result<Features, MatcherError> {
         Ok(self.extractor.extract(image))
+    }
+
+    fn extract_sharing(
+        &self,
+        image: &GrayImage,
+        detections: &mut dyn Detections,
+    ) -> Result<Features, MatcherError> {
+        Ok(self.extractor.extract_sharing(image, detections))
     }
 
     fn search(&self, a: &Features, b: &Features) -> Result<Correspondences, MatcherError> {

@@ -43,7 +43,8 @@ mod patch;
 use nalgebra::Point2;
 
 use super::{
-    Describer, DescriptorKind, Descriptors, Detector, Extractor, Features, FloatRows, Keypoint,
+    Describer, DescriptorKind, Descriptors, Detections, Detector, Extractor, Features, FloatRows,
+    Keypoint, Unshared,
 };
 use crate::image::{GrayImage, ScaleSpace, ScaleSpaceShape};
 use crate::params::ParamError;
@@ -264,7 +265,13 @@ impl Extractor for Sift {
     }
 
     fn extract(&self, image: &GrayImage) -> Features {
+        self.extract_sharing(image, &mut Unshared)
+    }
+
+    /// Nothing is recalled: the scale space is needed anyway, and gives the keypoints on the way.
+    fn extract_sharing(&self, image: &GrayImage, detections: &mut dyn Detections) -> Features {
         let (mut keypoints, space) = self.detect_in_scale_space(image);
+        detections.remember(&keypoints);
         let descriptors = self.describe_in_scale_space(&space, image, &mut keypoints);
         Features::new(image.size(), keypoints, Descriptors::Float(descriptors))
     }

@@ -47,7 +47,10 @@ mod orientation;
 
 use nalgebra::Point2;
 
-use super::{DescriptorKind, Descriptors, Detector, Extractor, Features, FloatRows, Keypoint};
+use super::{
+    DescriptorKind, Descriptors, Detections, Detector, Extractor, Features, FloatRows, Keypoint,
+    Unshared,
+};
 use crate::image::{GrayImage, IntegralImage};
 use crate::params::ParamError;
 use blobs::{Blob, find_blobs};
@@ -154,7 +157,11 @@ impl Extractor for Surf {
     }
 
     fn extract(&self, image: &GrayImage) -> Features {
-        let keypoints = self.detect(image);
+        self.extract_sharing(image, &mut Unshared)
+    }
+
+    fn extract_sharing(&self, image: &GrayImage, detections: &mut dyn Detections) -> Features {
+        let keypoints = detections.recall_or_detect(self, image);
         let mut values = Vec::new();
         let mut describer = Describer::new(image);
         for keypoint in &keypoints {

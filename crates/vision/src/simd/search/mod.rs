@@ -8,11 +8,13 @@
 //! which becomes rare quickly. Tiles of queries or of panels are sized for the second-level cache,
 //! and no matrix of distances is ever stored.
 
+mod among;
 #[cfg(target_arch = "x86_64")]
 mod bytes;
 mod float;
 mod nibbles;
 
+pub use among::two_nearest_among;
 pub use float::two_nearest_floats;
 pub use nibbles::two_nearest_bits;
 

@@ -1,0 +1,189 @@
+//! Keypoints that several matchers describe are found once per image, and kept on disk.
+//!
+//! Each matcher is charged as if it were alone: the seconds of the detection are kept with the
+//! keypoints and added to the time of whoever finds them here; the time spent with files is taken off.
+
+use std::io;
+use std::time::Instant;
+
+use matchbench_vision::features::{Detections, Keypoint};
+
+use super::cache::{FeatureCache, Key};
+
+/// The keypoints of one image, kept in the cache under a `key`; without one they are not shared.
+pub(super) struct KeptDetections<'a> {
+    cache: &'a FeatureCache,
+    key: Option<Key>,
+    begin: Instant,
+    /// Seconds to be added to what the clock of the extraction says.
+    elsewhere: f64,
+    saved: io::Result<()>,
+}
+
+impl<'a> KeptDetections<'a> {
+    /// To be made when the extraction begins.
+    pub(super) fn new(cache: &'a FeatureCache, key: Option<Key>) -> Self {
+        Self {
+            cache,
+            key,
+            begin: Instant::now(),
+            elsewhere: 0.0,
+            saved: Ok(()),
+        }
+    }
+
+    /// The seconds to be added to what the clock of the extraction says: those of the detection, if
+    /// it was done before, without those spent with files.
+    ///
+    /// # Errors
+    /// If the cache could not be written.
+    pub(super) fn finish(self) -> io::Result<f64> {
+        self.saved.map(|()| self.elsewhere)
+    }
+}
+
+impl Detections for KeptDetections<'_> {
+    fn recall(&mut self) -> Option<Vec<Keypoint>> {
+        let begin = Instant::now();
+        let found = self.key.and_then(|key| self.cache.load_keypoints(key));
+        self.elsewhere -= begin.elapsed().as_secs_f64();
+        let (keypoints, seconds) = found?;
+        self.elsewhere += seconds;
+        Some(keypoints)
+    }
+
+    fn remember(&mut self, keypoints: &[Keypoint]) {
+        let Some(key) = self.key else { return };
+        let seconds = self.begin.elapsed().as_secs_f64() + self.elsewhere;
+        let begin = Instant::now();
+        self.saved = self.cache.save_keypoints(key, keypoints, seconds);
+        self.elsewhere -= begin.elapsed().as_secs_f64();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::time::Duration;
+
+    use matchbench_vision::features::{
+        Describer, DescriptorKind, Descriptors, DetectThenDescribe, Detector, FloatRows,
+    };
+    use matchbench_vision::image::GrayImage;
+    use matchbench_vision::matching::{NearestNeighbours, Pipeline};
+    use serde_json::json;
+
+    use super::super::frame::FrameStage;
+    use super::super::testing::{dataset, decode};
+    use super::*;
+    use crate::matchers::{BuiltMatcher, Extraction};
+
+    const DETECTION: Duration = Duration::from_millis(50);
+
+    /// Finds a keypoint for each row, slowly, and counts how often.
+    struct Slow(Arc<AtomicUsize>);
+
+    impl Detector for Slow {
+        fn detect(&self, image: &GrayImage) -> Vec<Keypoint> {
+            self.0.fetch_add(1, Ordering::Relaxed);
+            std::thread::sleep(DETECTION);
+            let keypoint = |y: usize| Keypoint {
+                at: [0.0, y as f32].into(),
+                size: 1.0,
+                angle: None,
+                response: 1.0,
+                octave: 0,
+            };
+            (0..image.height()).map(keypoint).collect()
+        }
+    }
+
+    /// Describes by a constant.
+    struct Constant(f32);
+
+    impl Describer for Constant {
+        fn kind(&self) -> DescriptorKind {
+            DescriptorKind::Float { dim: 1 }
+        }
+
+        fn describe(&self, _: &GrayImage, keypoints: &mut Vec<Keypoint>) -> Descriptors {
+            Descriptors::Float(FloatRows::from_vec(1, vec![self.0; keypoints.len()]))
+        }
+    }
+
+    /// A matcher that describes by `value` what a detector with the parameter `threshold` finds.
+    fn matcher(value: f32, threshold: Option<i32>, count: &Arc<AtomicUsize>) -> BuiltMatcher {
+        let extraction = |extractor: &str, params| Extraction {
+            extractor: extractor.into(),
+            params,
+            revision: 1,
+        };
+        BuiltMatcher {
+            id: "constant".into(),
+            params: json!({}),
+            extraction: extraction("constant", json!({"value": value, "threshold": threshold})),
+            detection: threshold.map(|t| extraction("rows", json!({"threshold": t}))),
+            matcher: Box::new(Pipeline {
+                extractor: Box::new(DetectThenDescribe {
+                    detector: Slow(Arc::clone(count)),
+                    describer: Constant(value),
+                }),
+                search: Box::new(NearestNeighbours),
+                selectors: vec![],
+            }),
+        }
+    }
+
+    #[test]
+    fn a_detector_runs_once_per_image_and_all_its_matchers_are_charged() {
+        let folder = tempfile::tempdir().unwrap();
+        let frames = dataset(folder.path(), "street", 2).sequence.frames;
+        let cache = FeatureCache::new(folder.path().join("cache"));
+        let count = Arc::default();
+        let mut keypoints = Vec::new();
+        for (value, threshold, detections) in [
+            (1.0, Some(20), 2),
+            (2.0, Some(20), 2),
+            (2.0, Some(30), 4),
+            (2.0, None, 6),
+            (3.0, None, 8),
+            (3.0, Some(20), 8),
+        ] {
+            let matcher = matcher(value, threshold, &count);
+            let stage = FrameStage {
+                matcher: &matcher,
+                cache: &cache,
+                decode,
+            };
+            for frame in &frames {
+                let extracted = stage.extract(frame).unwrap();
+                let seconds = extracted.seconds.expect("described now");
+                assert!(seconds >= DETECTION.as_secs_f64(), "{seconds} s");
+                let features = extracted.features.unwrap();
+                assert_eq!(features.descriptors.len(), 8);
+                keypoints.push(features.keypoints);
+            }
+            let counted = count.load(Ordering::Relaxed);
+            assert_eq!(counted, detections, "{value} {threshold:?}");
+        }
+        assert!(keypoints.iter().all(|found| *found == keypoints[0]));
+    }
+
+    #[test]
+    fn damaged_keypoints_are_found_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = FeatureCache::new(folder.path());
+        let key = Key([3; 32]);
+        let mut detections = KeptDetections::new(&cache, Some(key));
+        assert_eq!(detections.recall(), None);
+        detections.remember(&[]);
+        assert_eq!(detections.recall(), Some(vec![]));
+        detections.finish().unwrap();
+        let file = fs::read_dir(folder.path().join("03")).unwrap().next();
+        fs::write(file.unwrap().unwrap().path(), b"torn").unwrap();
+        let mut detections = KeptDetections::new(&cache, Some(key));
+        assert_eq!(detections.recall(), None);
+    }
+}

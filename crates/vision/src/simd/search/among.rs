@@ -1,0 +1,64 @@
+//! The two nearest among a few chosen rows.
+
+use super::TwoNearest;
+
+/// Rows that are summed side by side: each sum waits for its own last addition, so eight of them
+/// keep the processor busy.
+const ROWS: usize = 8;
+
+multiversioned! {
+    /// The two rows of `rows` nearest to the row `query` among those whose indices are `chosen`, in
+    /// ascending order: the distances and the rule for ties are those of
+    /// [`two_nearest_floats`](super::two_nearest_floats).
+    pub fn two_nearest_among(query: &[f32], rows: &[f32], chosen: &[u32]) -> TwoNearest {
+        let dim = query.len();
+        let mut best = TwoNearest::none(f32::INFINITY);
+        for chosen in chosen.chunks(ROWS) {
+            // The last block repeats its last row; the zip below drops what is too much.
+            let rows: [&[f32]; ROWS] = std::array::from_fn(|row| {
+                let index = chosen[row.min(chosen.len() - 1)] as usize;
+                &rows[index * dim..][..dim]
+            });
+            let mut sums = [0.0_f32; ROWS];
+            for k in 0..dim {
+                for (sum, row) in sums.iter_mut().zip(rows) {
+                    let difference = query[k] - row[k];
+                    *sum = difference.mul_add(difference, *sum);
+                }
+            }
+            for (&index, sum) in chosen.iter().zip(sums) {
+                best.offer(sum, index);
+            }
+        }
+        best
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::two_nearest_floats;
+    use super::*;
+    use crate::seed::Seed;
+
+    #[test]
+    fn among_all_it_is_the_exact_search() {
+        let mut rng = Seed(8).rng();
+        for (dim, count) in [(1, 1), (1, 40), (3, 7), (64, 8), (128, 33)] {
+            let mut draw = |rows: usize| -> Vec<f32> {
+                (0..rows * dim).map(|_| rng.uniform() as f32).collect()
+            };
+            let (query, rows) = (draw(1), draw(count));
+            let all: Vec<u32> = (0..count as u32).collect();
+            let exact = two_nearest_floats(&query, &rows, dim);
+            assert_eq!(two_nearest_among(&query, &rows, &all), exact[0]);
+        }
+    }
+
+    #[test]
+    fn others_are_not_seen() {
+        let rows = [0.0, 5.0, 3.0, 4.0, 3.0];
+        let found = two_nearest_among(&[0.5], &rows, &[1, 2, 4]);
+        assert_eq!((found.index, found.nearest, found.second), (2, 6.25, 6.25));
+        assert_eq!(two_nearest_among(&[0.5], &rows, &[]).nearest, f32::INFINITY);
+    }
+}
