@@ -106,7 +106,7 @@ pub fn advantage(one: &str, other: &str, on: &str, difference: &Score) -> String
 }
 
 /// The best of each dataset against the others, the nearest first, a sentence a line; beyond
-/// [`SENTENCES`] a dataset, the rest in one.
+/// a dozen a dataset, the rest in one.
 pub fn leads_in_words(leads: &[Lead]) -> String {
     let mut text = String::new();
     let mut datasets: Vec<&str> = leads.iter().map(|lead| lead.dataset.as_str()).collect();
@@ -125,12 +125,12 @@ pub fn leads_in_words(leads: &[Lead]) -> String {
         }
         if let Some(next) = leads.get(SENTENCES) {
             let (matcher, estimator) = &next.best;
-            text.push_str(&format!(
-                "{} is ahead of the other {} on {dataset} by {:.3} and more\n",
-                method(matcher, estimator),
-                leads.len() - SENTENCES,
-                behind(next)
-            ));
+            let (best, others) = (method(matcher, estimator), leads.len() - SENTENCES);
+            let lead = behind(next);
+            let rest = format!(
+                "{best} is ahead of the other {others} on {dataset} by {lead:.3} and more\n"
+            );
+            text.push_str(&rest);
         }
     }
     text.replace(|c: char| c.is_control() && c != '\n', "\u{fffd}")
