@@ -1,7 +1,7 @@
 """Our features beside OpenCV's: the same pixels, the same keypoints?, the same descriptors?, how fast?
 
     python features.py EXTRACTOR IMAGE... [--repeats N] [--example PATH] [--max-distance PX] [--given]
-                       [--threads N]
+                       [--threads N | --cpu]
 
 Both sides get the gray pixels of `cv2.imread(path, 0)` and one thread, or as many as told. A keypoint has
 a twin in the other set if one lies within 0.5 px, 5 % in size and 5 degrees. With --given, both describe
@@ -12,7 +12,6 @@ See README.md for what the columns mean.
 import argparse
 import multiprocessing
 import os
-import resource
 import statistics
 import subprocess
 import sys
@@ -24,6 +23,10 @@ import cv2
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
+
+# Extractions whose time on processors is taken together: it is known to 10 ms.
+CPU_REPEATS = 20
+
 
 class Chain:
     """A detector and a describer, as one extractor; keypoints are moved by -`shift` in between."""
@@ -75,35 +78,42 @@ EXTRACTORS = {
 }
 
 
-def opencv(extractor, gray):
+def opencv(extractor, gray, clock):
     """Keypoints as rows x y size angle, descriptors, seconds."""
-    start = time.perf_counter()
+    start = clock()
     keypoints, descriptors = extractor.detectAndCompute(gray, None)
-    seconds = time.perf_counter() - start
+    seconds = clock() - start
     rows = np.array([(*k.pt, k.size, k.angle) for k in keypoints], np.float32).reshape(-1, 4)
     return rows, descriptors, seconds
 
 
 def opencv_memory(name, path):
     """MiB by which the peak of a process grows that extracts from an image."""
+
+    def peak():  # that of `getrusage` would begin with the size of the parent
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return int(next(line for line in lines if line.startswith("VmHWM")).split()[1])
+
     cv2.setNumThreads(1)
     gray = cv2.imread(path, cv2.IMREAD_GRAYSCALE)
     extractor = EXTRACTORS[name][0]()
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    before = peak()
     extractor.detectAndCompute(gray, None)
-    return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+    return (peak() - before) / 1024
 
 
-def ours(example, extractor, pgm, threads, given=()):
-    """Keypoints as rows x y size angle, descriptors, seconds for an image, peak MiB of the process."""
+def ours(example, extractor, pgm, threads, given, repeats):
+    """Keypoints as rows x y size angle, descriptors, seconds for an image, peak MiB of the process and
+    its seconds on processors."""
     out = str(pgm.with_suffix(""))
     # Started by `time`, since the child of a large process counts as large.
-    command = ["/usr/bin/time", "-f", "%M", example, extractor, str(pgm), "1", out, *given]
+    command = ["/usr/bin/time", "-f", "%M %U %S", example, extractor, str(pgm), str(repeats), out, *given]
     environment = {**os.environ, "RAYON_NUM_THREADS": str(threads)}
     run = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
     keypoints = np.load(out + ".keypoints.npy")
     descriptors = np.load(out + ".descriptors.npy")
-    return keypoints[:, :4], descriptors, float(run.stdout) / 1e3, int(run.stderr) / 1024
+    peak, *cpu = map(float, run.stderr.split())
+    return keypoints[:, :4], descriptors, float(run.stdout) / 1e3, peak / 1024, sum(cpu)
 
 
 def twins(a, b, max_distance):
@@ -135,7 +145,7 @@ def descriptor_distances(a, b):
     return np.linalg.norm(a - b, axis=1) / np.maximum(np.linalg.norm(a, axis=1), 1e-9)
 
 
-def compare(name, path, example, repeats, max_distance, scratch, are_given, threads):
+def compare(name, path, example, repeats, max_distance, scratch, are_given, threads, cpu):
     make, shift = EXTRACTORS[name]
     gray = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if gray is None:
@@ -150,11 +160,15 @@ def compare(name, path, example, repeats, max_distance, scratch, are_given, thre
         given = [str(scratch / "given.npy")]
         rows = [(*k.pt, k.size, k.angle, k.response, 0) for k in keypoints]
         np.save(given[0], np.array(rows, np.float32))
-    opencv(extractor, gray)  # not timed: first use
+    clock = time.process_time if cpu else time.perf_counter
+    opencv(extractor, gray, clock)  # not timed: first use
     times = []
     for _ in range(repeats):  # interleaved, so that both see the same machine
-        reference, reference_rows, theirs = opencv(extractor, gray)
-        found, rows, mine, peak = ours(example, name, pgm, threads, given)
+        reference, reference_rows, theirs = opencv(extractor, gray, clock)
+        found, rows, mine, peak, _ = ours(example, name, pgm, threads, given, 1)
+        if cpu:
+            none, many = (ours(example, name, pgm, 1, given, n)[-1] for n in (0, CPU_REPEATS))
+            mine = max(many - none, 1e-6) / CPU_REPEATS
         times.append((mine, theirs))
     with multiprocessing.get_context("spawn").Pool(1) as fresh:
         their_peak = fresh.apply(opencv_memory, (name, str(pgm)))
@@ -196,8 +210,11 @@ def main():
     parser.add_argument("--example", default=str(ROOT / "target/release/examples/extract"))
     parser.add_argument("--given", action="store_true", help="describe OpenCV's keypoints")
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--cpu", action="store_true", help="time on processors, not on the wall; one thread")
     arguments = parser.parse_args()
     cv2.setNumThreads(arguments.threads)
+    if arguments.cpu and arguments.threads > 1:
+        parser.error("--cpu is for one thread")
     threads = f"{arguments.threads} thread{'s' if arguments.threads > 1 else ''}"
     print(f"OpenCV {cv2.__version__}, {threads}, {arguments.repeats} interleaved repetitions")
     rows = []
@@ -206,6 +223,7 @@ def main():
             row = compare(
                 arguments.extractor, path, arguments.example, arguments.repeats,
                 arguments.max_distance, Path(scratch), arguments.given, arguments.threads,
+                arguments.cpu,
             )
             if not rows:
                 print(" | ".join(row))

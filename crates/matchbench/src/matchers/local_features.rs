@@ -210,7 +210,6 @@ mod tests {
         }
     }
 
-    /// Any number of threads: see the tests of the list of matchers for the default search.
     #[test]
     fn kd_trees_find_what_the_exact_search_finds_with_enough_checks() {
         let image = GrayImage::from_fn(Size::new(160, 120), |x, y| {
