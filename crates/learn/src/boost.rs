@@ -18,28 +18,28 @@
 //!
 //! BGM, the stage before, is the same with one weak learner per bit.
 
-use std::fs;
-use std::path::Path;
-
 use anyhow::{Context, Result, ensure};
 use indicatif::ProgressBar;
-use matchbench::files::write_whole;
 use matchbench_vision::features::binboost::{
     BinBoostTable, BoxResponses, INNER, SIDE, WeakLearner,
 };
 use matchbench_vision::seed::Seed;
 use nalgebra::{DMatrixView, DVector, SymmetricEigen};
+use serde::Serialize;
 
 use crate::pairs::{PatchPair, training_pairs};
 use crate::patches::PatchSet;
+use crate::resume::Checkpoint;
 
 const DIRECTIONS: usize = 8;
 /// Bits after which what was learned is written.
 const CHECKPOINT: usize = 8;
 
 /// How BinBoost is learned.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub(crate) struct BoostParams {
+    /// What was learned does not depend on how many bits will follow: more may be added.
+    #[serde(skip)]
     pub(crate) bits: usize,
     pub(crate) learners_per_bit: usize,
     pub(crate) boxes: usize,
@@ -52,11 +52,11 @@ pub(crate) struct BoostParams {
     pub(crate) seed: u64,
 }
 
-/// Learns a table. A table of the same parameters that `checkpoint` holds is continued.
+/// Learns a table, going on with what `checkpoint` holds.
 pub(crate) fn learn(
     set: &PatchSet,
     params: &BoostParams,
-    checkpoint: &Path,
+    checkpoint: &Checkpoint,
     bar: &ProgressBar,
 ) -> Result<BinBoostTable> {
     ensure!(
@@ -71,21 +71,14 @@ pub(crate) fn learn(
         learners: Vec::new(),
         offsets: Vec::new(),
     };
-    if let Ok(bytes) = fs::read(checkpoint) {
-        let found = BinBoostTable::from_bytes(&bytes)
-            .with_context(|| format!("{}: delete it to begin anew", checkpoint.display()))?;
-        ensure!(
-            (&found.boxes, found.learners_per_bit) == (&table.boxes, table.learners_per_bit),
-            "{}: was learned with other parameters; delete it to begin anew",
-            checkpoint.display()
-        );
-        table.learners = found.learners;
-        table.offsets = found.offsets;
+    if let Some(state) = checkpoint.load()? {
+        table = BinBoostTable::from_bytes(&state).with_context(|| checkpoint.damaged())?;
     }
     bar.set_message("responses");
     bar.set_length(params.bits as u64);
     let data = Data::new(set, params, &table.boxes, seed);
     let mut weights = vec![1.0 / data.labels.len() as f32; data.labels.len()];
+    // The weights that the bits left are found again by weighing with each.
     for (learners, &offset) in table.bit_by_bit() {
         data.boost(&mut weights, learners, offset);
         bar.inc(1);
@@ -100,7 +93,7 @@ pub(crate) fn learn(
         bar.set_message(format!("edge {edge:.3}"));
         bar.inc(1);
         if (bit + 1).is_multiple_of(CHECKPOINT) {
-            write_whole(checkpoint, &table.to_bytes())?;
+            checkpoint.save(&table.to_bytes())?;
         }
     }
     Ok(table)

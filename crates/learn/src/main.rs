@@ -5,6 +5,7 @@ mod evaluate;
 mod metric;
 mod pairs;
 mod patches;
+mod resume;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,6 +22,7 @@ use boost::BoostParams;
 use evaluate::{Described, report};
 use metric::MetricParams;
 use patches::{PatchSet, Recipe};
+use resume::Checkpoint;
 
 /// Learns the tables of matchbench's trained descriptors from images with known cameras.
 #[derive(Debug, Parser)]
@@ -214,8 +216,9 @@ fn learn_binboost(args: &BinboostArgs) -> Result<()> {
         shrinkage: args.shrinkage,
         seed: args.seed,
     };
-    let table = boost::learn(&set, &params, &part(&args.out), &bar("bits"))?;
-    finish(&args.out, &table.to_bytes())
+    let checkpoint = Checkpoint::new(&args.out, &set, &("binboost", &params))?;
+    let table = boost::learn(&set, &params, &checkpoint, &bar("bits"))?;
+    finish(&args.out, &table.to_bytes(), &checkpoint)
 }
 
 fn learn_dlco(args: &DlcoArgs) -> Result<()> {
@@ -232,27 +235,22 @@ fn learn_dlco(args: &DlcoArgs) -> Result<()> {
         gamma: args.gamma,
         seed: args.seed,
     };
-    let table = metric::learn(&set, &params, &part(&args.out), &bar("steps"))?;
+    let checkpoint = Checkpoint::new(&args.out, &set, &("dlco", &params))?;
+    let table = metric::learn(&set, &params, &checkpoint, &bar("steps"))?;
     println!(
         "{} rings, {} values pooled",
         table.rings.len(),
         table.pooled()
     );
-    finish(&args.out, &table.to_bytes())
+    finish(&args.out, &table.to_bytes(), &checkpoint)
 }
 
 /// Writes a finished table; what a stopped run would have gone on with is no longer needed.
-fn finish(out: &Path, bytes: &[u8]) -> Result<()> {
+fn finish(out: &Path, bytes: &[u8], checkpoint: &Checkpoint) -> Result<()> {
     write_whole(out, bytes).with_context(|| out.display().to_string())?;
-    let _ = fs::remove_file(part(out)); // there is none if the run was short
+    checkpoint.remove();
     println!("{}: {} bytes", out.display(), bytes.len());
     Ok(())
-}
-
-fn part(out: &Path) -> PathBuf {
-    let mut name = out.as_os_str().to_owned();
-    name.push(".part");
-    name.into()
 }
 
 fn read(path: &Path) -> Result<Vec<u8>> {

@@ -1,8 +1,13 @@
 //! A photograph as it would look if it were a plane seen from elsewhere, by another camera.
 
-use matchbench_vision::image::GrayImage;
+use matchbench_vision::image::{FloatImage, GrayImage, gaussian_blur};
 use matchbench_vision::seed::Seed;
 use nalgebra::{Matrix3, Point2, Vector3};
+
+/// Longest way of a shaken camera during the exposure, in pixels.
+const SHAKE: f64 = 8.0;
+/// Moments of a shaken exposure.
+const TIMES: usize = 8;
 
 /// A homography and the image that it makes.
 pub(super) struct Warp {
@@ -12,7 +17,8 @@ pub(super) struct Warp {
 
 impl Warp {
     /// A view of `image`, turned by up to 30 degrees, 0.6 to 1.6 times as large, slanted, with other
-    /// brightness and contrast and some noise.
+    /// brightness and contrast and some noise; half of the views are out of focus, half shaken, each
+    /// by random amounts.
     pub(super) fn new(image: &GrayImage, seed: Seed) -> Self {
         let mut rng = seed.rng();
         let mut within = |low: f64, high: f64| low + (high - low) * rng.uniform();
@@ -41,12 +47,32 @@ impl Warp {
         let gain = within(0.6, 1.3);
         let gamma = libm::exp2(within(-0.5, 0.5));
         let noise = within(0.0, 4.0);
-        let view = GrayImage::from_fn(image.size(), |x, y| {
-            let at = apply(&a_from_b, Point2::new(x as f64, y as f64));
-            let shade = at.map_or(0.0, |at| interpolate(image, at)) / 255.0;
-            let seen = 255.0 * gain * libm::pow(shade, gamma) + noise * rng.normal();
-            seen.round().clamp(0.0, 255.0) as u8
+        // Below 0 stands for none.
+        let focus = within(-1.5, 1.5);
+        let (shake, direction) = (within(-SHAKE, SHAKE), within(0.0, core::f64::consts::PI));
+        let path = if shake > 0.5 { TIMES } else { 1 };
+        let step = [libm::cos(direction), libm::sin(direction)].map(|d| d * shake / TIMES as f64);
+        let seen = FloatImage::from_fn(image.size(), |x, y| {
+            let shades = (0..path).map(|time| {
+                let time = time as f64;
+                let at = Point2::new(x as f64 + time * step[0], y as f64 + time * step[1]);
+                apply(&a_from_b, at).map_or(0.0, |at| interpolate(image, at))
+            });
+            (shades.sum::<f64>() / path as f64) as f32
         });
+        let seen = if focus > 0.3 {
+            gaussian_blur(&seen, focus)
+        } else {
+            seen
+        };
+        let view = GrayImage::from_fn(image.size(), |x, y| {
+            let shade = f64::from(seen.at(x, y)).max(0.0) / 255.0;
+            let shade = 255.0 * gain * libm::pow(shade, gamma) + noise * rng.normal();
+            shade.round().clamp(0.0, 255.0) as u8
+        });
+        // Shaken about the middle of the path.
+        let middle = 0.5 * (path - 1) as f64;
+        let b_from_a = shift(Vector3::new(-middle * step[0], -middle * step[1], 0.0)) * b_from_a;
         Self {
             image: view,
             b_from_a,
