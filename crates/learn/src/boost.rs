@@ -16,7 +16,7 @@
 //! 3. `a_d` and the new W as in AdaBoost, with a shortened step: the descriptor's bits all count the
 //!    same, so each must be reliable by itself, and full steps soon care for mislabelled pairs only.
 //!
-//! BGM, the stage before, is the same with one weak learner per bit.
+//! BGM, where it began, is the same with one weak learner per bit, no projection and full steps.
 
 use anyhow::{Context, Result, ensure};
 use indicatif::ProgressBar;
@@ -213,6 +213,14 @@ impl Data {
                 .collect();
             reweigh(&mut inner, &products, 1.0);
             chosen.push((feature, threshold));
+        }
+        if let [(feature, threshold)] = chosen[..] {
+            let alone = WeakLearner {
+                feature: feature as u16,
+                threshold,
+                weight: 127,
+            };
+            return (vec![alone], 0);
         }
         let answers = [0, 1].map(|end| self.answers(&chosen, end));
         let signed: Vec<f32> = weights

@@ -435,7 +435,7 @@ fn solve(gradients: &DMatrix<f64>, steps: usize, params: &MetricParams) -> DMatr
 }
 
 /// Eigenvalues in decreasing order and their eigenvectors as columns.
-fn sorted_eigen(matrix: DMatrix<f64>) -> (Vec<f64>, DMatrix<f64>) {
+pub(crate) fn sorted_eigen(matrix: DMatrix<f64>) -> (Vec<f64>, DMatrix<f64>) {
     let eigen = SymmetricEigen::new(matrix);
     let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
     order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));

@@ -35,6 +35,9 @@ pub(crate) struct Recipe {
     pub(crate) per_pair: usize,
     /// Warped views of each photograph.
     pub(crate) warps: usize,
+    /// Whether warped views are blurred, and rendered images warped as well.
+    #[serde(default)]
+    pub(crate) blurred: bool,
     pub(crate) seed: u64,
 }
 
@@ -176,7 +179,7 @@ impl Maker<'_> {
             for n in 0..self.recipe.warps {
                 self.bar.inc(1);
                 let seed = seed.child("warp").number(frame as u64).number(n as u64);
-                let warp = Warp::new(image, seed);
+                let warp = Warp::new(image, self.recipe.blurred, seed);
                 let mut warped = self.view(&warp.image);
                 let transfer = |p: Point2<f64>| warp.transfer(p);
                 let pairs = exact::agreeing(&view.features, &warped.features, &transfer);
@@ -200,16 +203,19 @@ impl Maker<'_> {
                 names.join(", ")
             );
         };
-        let name = format!("rendered-{name}");
-        let source = self.source(format!("{name}/depth"));
-        let seed = Seed(self.recipe.seed).child(&name);
+        let source = self.source(format!("rendered-{name}/depth"));
+        let seed = Seed(self.recipe.seed).child(name);
         let world = World::build(scene.place);
         let pairs = scene.sequence().pairs;
-        let warps = scene.frames as usize * self.recipe.warps;
-        self.bar.inc_length((pairs.len() + warps) as u64);
         let images: Vec<GrayImage> = (0..scene.frames)
             .map(|frame| world.render(scene, frame))
             .collect();
+        let warps = if self.recipe.blurred {
+            images.len() * self.recipe.warps
+        } else {
+            0
+        };
+        self.bar.inc_length((pairs.len() + warps) as u64);
         let depths: Vec<FloatImage> = (0..scene.frames)
             .map(|frame| world.depth(scene, frame))
             .collect();
@@ -224,7 +230,9 @@ impl Maker<'_> {
             let found = exact::agreeing(&a_view.features, &b_view.features, &transfer);
             self.add([a_view, b_view], found, source, seed.number(number as u64));
         }
-        self.add_warps(&images, &mut views, &name, seed);
+        if self.recipe.blurred {
+            self.add_warps(&images, &mut views, &format!("rendered-{name}"), seed);
+        }
         Ok(())
     }
 

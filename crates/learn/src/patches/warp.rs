@@ -1,13 +1,13 @@
 //! A photograph as it would look if it were a plane seen from elsewhere, by another camera.
 
-use matchbench_vision::image::{FloatImage, GrayImage, gaussian_blur};
+use matchbench_vision::image::{FloatImage, GrayImage, Size, gaussian_blur};
 use matchbench_vision::seed::Seed;
 use nalgebra::{Matrix3, Point2, Vector3};
 
 /// Longest way of a shaken camera during the exposure, in pixels.
 const SHAKE: f64 = 8.0;
 /// Moments of a shaken exposure.
-const TIMES: usize = 8;
+const MOMENTS: usize = 8;
 
 /// A homography and the image that it makes.
 pub(super) struct Warp {
@@ -17,9 +17,9 @@ pub(super) struct Warp {
 
 impl Warp {
     /// A view of `image`, turned by up to 30 degrees, 0.6 to 1.6 times as large, slanted, with other
-    /// brightness and contrast and some noise; half of the views are out of focus, half shaken, each
-    /// by random amounts.
-    pub(super) fn new(image: &GrayImage, seed: Seed) -> Self {
+    /// brightness and contrast and some noise; if `blurred`, nearly half of the views are out of
+    /// focus and nearly half shaken, by random amounts.
+    pub(super) fn new(image: &GrayImage, blurred: bool, seed: Seed) -> Self {
         let mut rng = seed.rng();
         let mut within = |low: f64, high: f64| low + (high - low) * rng.uniform();
         let (width, height) = (image.width() as f64, image.height() as f64);
@@ -47,32 +47,20 @@ impl Warp {
         let gain = within(0.6, 1.3);
         let gamma = libm::exp2(within(-0.5, 0.5));
         let noise = within(0.0, 4.0);
-        // Below 0 stands for none.
-        let focus = within(-1.5, 1.5);
-        let (shake, direction) = (within(-SHAKE, SHAKE), within(0.0, core::f64::consts::PI));
-        let path = if shake > 0.5 { TIMES } else { 1 };
-        let step = [libm::cos(direction), libm::sin(direction)].map(|d| d * shake / TIMES as f64);
-        let seen = FloatImage::from_fn(image.size(), |x, y| {
-            let shades = (0..path).map(|time| {
-                let time = time as f64;
-                let at = Point2::new(x as f64 + time * step[0], y as f64 + time * step[1]);
-                apply(&a_from_b, at).map_or(0.0, |at| interpolate(image, at))
-            });
-            (shades.sum::<f64>() / path as f64) as f32
-        });
-        let seen = if focus > 0.3 {
-            gaussian_blur(&seen, focus)
-        } else {
-            seen
+        let blurred = blurred.then(|| Blur::new(seed.child("blur")));
+        let shade = |x: f64, y: f64| {
+            let at = apply(&a_from_b, Point2::new(x, y));
+            at.map_or(0.0, |at| interpolate(image, at))
         };
+        let blurred = blurred.map(|blur| blur.apply(image.size(), shade));
         let view = GrayImage::from_fn(image.size(), |x, y| {
-            let shade = f64::from(seen.at(x, y)).max(0.0) / 255.0;
-            let shade = 255.0 * gain * libm::pow(shade, gamma) + noise * rng.normal();
-            shade.round().clamp(0.0, 255.0) as u8
+            let shade = match &blurred {
+                Some(image) => f64::from(image.at(x, y)).max(0.0),
+                None => shade(x as f64, y as f64),
+            };
+            let seen = 255.0 * gain * libm::pow(shade / 255.0, gamma) + noise * rng.normal();
+            seen.round().clamp(0.0, 255.0) as u8
         });
-        // Shaken about the middle of the path.
-        let middle = 0.5 * (path - 1) as f64;
-        let b_from_a = shift(Vector3::new(-middle * step[0], -middle * step[1], 0.0)) * b_from_a;
         Self {
             image: view,
             b_from_a,
@@ -90,6 +78,46 @@ impl Warp {
             .filter(inside)
             .and_then(|at| apply(&self.b_from_a, at)))
         .filter(inside)
+    }
+}
+
+/// How a view is blurred.
+struct Blur {
+    /// Standard deviation in pixels; small or negative for a sharp view.
+    focus: f64,
+    /// Way of the camera during the exposure, in pixels; short for a steady one.
+    shake: [f64; 2],
+}
+
+impl Blur {
+    fn new(seed: Seed) -> Self {
+        let mut rng = seed.rng();
+        let mut within = |low: f64, high: f64| low + (high - low) * rng.uniform();
+        let focus = within(-1.5, 1.5);
+        let length = within(-SHAKE, SHAKE).max(0.0);
+        let direction = within(0.0, core::f64::consts::PI);
+        Self {
+            focus,
+            shake: [libm::cos(direction), libm::sin(direction)].map(|d| d * length),
+        }
+    }
+
+    /// The blurred image of `shade`.
+    fn apply(&self, size: Size, shade: impl Fn(f64, f64) -> f64) -> FloatImage {
+        let [dx, dy] = self.shake;
+        let moments = if dx * dx + dy * dy > 0.25 { MOMENTS } else { 1 };
+        let image = FloatImage::from_fn(size, |x, y| {
+            let shades = (0..moments).map(|moment| {
+                let part = (moment as f64 + 0.5) / moments as f64 - 0.5;
+                shade(x as f64 + part * dx, y as f64 + part * dy)
+            });
+            (shades.sum::<f64>() / moments as f64) as f32
+        });
+        if self.focus > 0.3 {
+            gaussian_blur(&image, self.focus)
+        } else {
+            image
+        }
     }
 }
 
@@ -114,15 +142,13 @@ fn interpolate(image: &GrayImage, at: Point2<f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use matchbench_vision::image::Size;
-
     use super::*;
 
     #[test]
     fn the_view_shows_each_point_where_it_is_carried() {
         let image = GrayImage::from_fn(Size::new(80, 60), |x, y| (40 + 2 * x + y) as u8);
-        for n in 0..5 {
-            let warp = Warp::new(&image, Seed(n));
+        for n in 0..8 {
+            let warp = Warp::new(&image, n % 2 == 1, Seed(n));
             // Brightness changes, but what is brighter stays brighter.
             let darker = warp.transfer(Point2::new(25.0, 25.0));
             let brighter = warp.transfer(Point2::new(55.0, 35.0));
