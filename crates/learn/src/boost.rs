@@ -16,7 +16,7 @@
 //! 3. `a_d` and the new W as in AdaBoost, with a shortened step: the descriptor's bits all count the
 //!    same, so each must be reliable by itself, and full steps soon care for mislabelled pairs only.
 //!
-//! BGM, where it began, is the same with one weak learner per bit, no projection and full steps.
+//! BGM, where it began, is the same with one weak learner per bit and no combination.
 
 use anyhow::{Context, Result, ensure};
 use indicatif::ProgressBar;
@@ -77,20 +77,20 @@ pub(crate) fn learn(
     bar.set_message("responses");
     bar.set_length(params.bits as u64);
     let data = Data::new(set, params, &table.boxes, seed);
-    let mut weights = vec![1.0 / data.labels.len() as f32; data.labels.len()];
-    // The weights that the bits left are found again by weighing with each.
+    let mut similarities = vec![0.0; data.labels.len()];
     for (learners, &offset) in table.bit_by_bit() {
-        data.boost(&mut weights, learners, offset);
+        data.compare(&mut similarities, learners, offset);
         bar.inc(1);
     }
     while table.bits() < params.bits {
         let bit = table.bits();
         let seed = seed.child("bit").number(bit as u64);
+        let (weights, wrong) = data.weights(&similarities);
         let (learners, offset) = data.learn_bit(&weights, params, seed);
-        let edge = data.boost(&mut weights, &learners, offset);
+        data.compare(&mut similarities, &learners, offset);
         table.learners.extend(learners);
         table.offsets.push(offset);
-        bar.set_message(format!("edge {edge:.3}"));
+        bar.set_message(format!("mean weight {wrong:.3}"));
         bar.inc(1);
         if (bit + 1).is_multiple_of(CHECKPOINT) {
             checkpoint.save(&table.to_bytes())?;
@@ -153,14 +153,41 @@ impl Data {
         }
     }
 
-    /// Updates the weights of the pairs by a bit, and returns its edge
-    /// `sum_n W_n l_n C(x_n) C(y_n)`.
-    fn boost(&self, weights: &mut [f32], learners: &[WeakLearner], offset: i16) -> f64 {
+    /// Adds a bit to the similarities of the pairs: 1 where both ends have it alike, or else -1.
+    fn compare(&self, similarities: &mut [f32], learners: &[WeakLearner], offset: i16) {
         let [first, second] = [0, 1].map(|end| self.bits(learners, offset, end));
-        let products: Vec<f32> = (first.iter().zip(&second).zip(&self.labels))
-            .map(|((x, y), label)| if x == y { *label } else { -label })
-            .collect();
-        reweigh(weights, &products, self.shrinkage)
+        for ((similarity, x), y) in similarities.iter_mut().zip(&first).zip(&second) {
+            *similarity += if x == y { 1.0 } else { -1.0 };
+        }
+    }
+
+    /// What the pairs weigh: more the less the similarities tell what they are, and pairs of one
+    /// point as much as the others together. Returns also the loss.
+    fn weights(&self, similarities: &[f32]) -> (Vec<f32>, f64) {
+        let step = self.shrinkage as f32;
+        let weight = |n: usize, offset: f32| {
+            let margin = self.labels[n] * (step * similarities[n] - offset);
+            1.0 / (1.0 + libm::expf(margin))
+        };
+        let count = self.labels.len();
+        // The offset at which both kinds weigh the same.
+        let (mut low, mut high) = (-20.0_f32, 20.0_f32);
+        for _ in 0..16 {
+            let middle = 0.5 * (low + high);
+            let excess: f32 = (0..count).map(|n| self.labels[n] * weight(n, middle)).sum();
+            // A larger offset makes pairs of one point weigh more.
+            if excess > 0.0 {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        let mut weights: Vec<f32> = (0..count).map(|n| weight(n, 0.5 * (low + high))).collect();
+        let total: f64 = weights.iter().map(|&w| f64::from(w)).sum();
+        for weight in &mut weights {
+            *weight *= (1.0 / total) as f32;
+        }
+        (weights, total / count as f64)
     }
 
     /// Whether the weighted answers and the offset sum to more than 0, for one end of each pair.

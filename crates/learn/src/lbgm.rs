@@ -10,7 +10,8 @@
 //! `B^T h(x)` with the leading eigenvectors of A times the square roots of their eigenvalues as
 //! columns of B.
 //!
-//! *Differs from the paper*: the gradient is that of all pairs instead of one after the other.
+//! *Differs from the paper*: the gradient is that of all pairs instead of one after the other, and h is
+//! taken relative to its mean, which no distance between descriptors depends on.
 
 use anyhow::{Context, Result, ensure};
 use indicatif::ProgressBar;
@@ -50,8 +51,9 @@ impl LbgmTable {
         bar.set_position(0);
         let pairs = training_pairs(set, pairs, seed);
         let answers = answers(set, &bgm)?;
+        let mean = answers.column_mean();
         let end = |patch: &dyn Fn(usize) -> usize| {
-            let columns = (0..pairs.len()).map(|n| answers.column(patch(n)));
+            let columns = (0..pairs.len()).map(|n| answers.column(patch(n)) - &mean);
             DMatrix::from_columns(&columns.collect::<Vec<_>>())
         };
         let [x, y] = [end(&|n| pairs[n].first), end(&|n| pairs[n].second)];
@@ -159,7 +161,7 @@ fn answers(set: &PatchSet, bgm: &BinBoostTable) -> Result<DMatrix<f32>> {
     }))
 }
 
-/// The answers to both patches of each pair, and whether they are the same: 1 or -1.
+/// The answers to both patches of each pair relative to their mean, and whether they are the same: 1 or -1.
 struct Pairs {
     x: DMatrix<f32>,
     y: DMatrix<f32>,

@@ -115,6 +115,9 @@ struct LearnersArgs {
     /// Pairs of patches
     #[arg(long, value_name = "N", default_value_t = 24_000)]
     pairs: usize,
+    /// Share of AdaBoost's step taken after a bit
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
+    shrinkage: f64,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -157,9 +160,6 @@ struct BinboostArgs {
     /// Features tried for each weak learner
     #[arg(long, value_name = "N", default_value_t = 16)]
     tries: usize,
-    /// Share of AdaBoost's step taken after a bit
-    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
-    shrinkage: f64,
 }
 
 #[derive(Debug, Args)]
@@ -295,6 +295,7 @@ fn learn_bgm(args: &BgmArgs) -> Result<(PatchSet, BinBoostTable, Checkpoint)> {
         set,
         boxes,
         pairs,
+        shrinkage,
         seed,
         out,
     } = &args.common;
@@ -305,7 +306,7 @@ fn learn_bgm(args: &BgmArgs) -> Result<(PatchSet, BinBoostTable, Checkpoint)> {
         boxes: *boxes,
         tries: args.tries,
         pairs: *pairs,
-        shrinkage: 1.0,
+        shrinkage: *shrinkage,
         seed: *seed,
     };
     let checkpoint = Checkpoint::new(out, &set, &("bgm", &params))?;
@@ -330,6 +331,7 @@ fn learn_binboost(args: &BinboostArgs) -> Result<()> {
         set,
         boxes,
         pairs,
+        shrinkage,
         seed,
         out,
     } = &args.common;
@@ -340,7 +342,7 @@ fn learn_binboost(args: &BinboostArgs) -> Result<()> {
         boxes: *boxes,
         tries: args.tries,
         pairs: *pairs,
-        shrinkage: args.shrinkage,
+        shrinkage: *shrinkage,
         seed: *seed,
     };
     let checkpoint = Checkpoint::new(out, &set, &("binboost", &params))?;
