@@ -3,8 +3,8 @@
 //! T. Trzcinski, M. Christoudias, V. Lepetit: "Learning Image Descriptors with Boosting", IEEE
 //! Transactions on Pattern Analysis and Machine Intelligence 37(3), 2015, sections 3 to 5.
 //!
-//! The loss is `sum_n exp(-l_n sum_d a_d C_d(x_n) C_d(y_n))` over pairs of patches with labels
-//! l = 1 (same) or -1. For each bit d, given the weights W that the bits before it leave:
+//! Over pairs of patches with labels l = 1 (same) or -1, each bit d is learned to agree with them
+//! where the bits before it do not: given the weights W that these leave,
 //!
 //! 1. Weak learners by boosting: of some random features, that and the threshold which maximise
 //!    `sum_n W_n l_n h(x_n) h(y_n)`; the weights are updated as in AdaBoost, for this bit only
@@ -12,9 +12,16 @@
 //!    differ exactly if the threshold lies between the two responses, so the sum is the prefix sum
 //!    of a histogram of where these intervals begin and end.
 //! 2. Their weights b: the leading eigenvector of `sum_n W_n l_n h(x_n) h(y_n)^T`, made symmetric,
-//!    then some steps of gradient ascent on the objective with tanh for the sign (section 5). An offset is learned with them.
-//! 3. `a_d` and the new W as in AdaBoost, with a shortened step: the descriptor's bits all count the
-//!    same, so each must be reliable by itself, and full steps soon care for mislabelled pairs only.
+//!    then some steps of gradient ascent on the objective with tanh for the sign (section 5). An
+//!    offset is learned with them.
+//! 3. The new W: the slope of the logistic loss at the margin `l_n (a s_n - b)`, with s_n the sum of
+//!    `C_d(x_n) C_d(y_n)` so far, one step `a` for all bits, and b such that both kinds of pairs
+//!    weigh the same.
+//!
+//! *Differs from the paper*, where a_d and W are AdaBoost's: the descriptor's bits all count the same,
+//! so they do in the margin; what tells pairs apart is a threshold of their distance, which is b; and
+//! mislabelled pairs cannot outweigh all others. On the validation scenes this more than halves the
+//! false positives.
 //!
 //! BGM, where it began, is the same with one weak learner per bit and no combination.
 
@@ -47,8 +54,8 @@ pub(crate) struct BoostParams {
     pub(crate) tries: usize,
     /// Pairs of patches, half of them of one point.
     pub(crate) pairs: usize,
-    /// Share of AdaBoost's step that the weights of the pairs take after a bit; above 0.
-    pub(crate) shrinkage: f64,
+    /// What a bit counts in the margin of a pair; above 0.
+    pub(crate) step: f64,
     pub(crate) seed: u64,
 }
 
@@ -121,7 +128,7 @@ struct Data {
     responses: Vec<[Vec<u8>; 2]>,
     /// 1 or -1.
     labels: Vec<f32>,
-    shrinkage: f64,
+    step: f32,
 }
 
 /// The answers of a bit's weak learners to one patch after the other: 1 or -1.
@@ -149,7 +156,7 @@ impl Data {
         Self {
             responses,
             labels: labels.collect(),
-            shrinkage: params.shrinkage,
+            step: params.step as f32,
         }
     }
 
@@ -164,9 +171,8 @@ impl Data {
     /// What the pairs weigh: more the less the similarities tell what they are, and pairs of one
     /// point as much as the others together. Returns also the loss.
     fn weights(&self, similarities: &[f32]) -> (Vec<f32>, f64) {
-        let step = self.shrinkage as f32;
         let weight = |n: usize, offset: f32| {
-            let margin = self.labels[n] * (step * similarities[n] - offset);
+            let margin = self.labels[n] * (self.step * similarities[n] - offset);
             1.0 / (1.0 + libm::expf(margin))
         };
         let count = self.labels.len();
@@ -238,7 +244,7 @@ impl Data {
                     }
                 })
                 .collect();
-            reweigh(&mut inner, &products, 1.0);
+            reweigh(&mut inner, &products);
             chosen.push((feature, threshold));
         }
         if let [(feature, threshold)] = chosen[..] {
@@ -303,14 +309,13 @@ fn best_threshold([x, y]: &[Vec<u8>; 2], signed: &[f32]) -> (f32, u8) {
     best
 }
 
-/// One step of AdaBoost: `products` are 1 where the answer is right, -1 where it is wrong. Returns
-/// its edge.
-fn reweigh(weights: &mut [f32], products: &[f32], shrinkage: f64) -> f64 {
+/// One step of AdaBoost: `products` are 1 where the answer is right, -1 where it is wrong.
+fn reweigh(weights: &mut [f32], products: &[f32]) {
     let edge: f64 = (weights.iter().zip(products))
         .map(|(w, p)| f64::from(w * p))
         .sum();
     let edge = edge.clamp(-0.999, 0.999);
-    let alpha = 0.5 * shrinkage * libm::log((1.0 + edge) / (1.0 - edge));
+    let alpha = 0.5 * libm::log((1.0 + edge) / (1.0 - edge));
     let (right, wrong) = (libm::exp(-alpha) as f32, libm::exp(alpha) as f32);
     let mut total = 0.0_f64;
     for (weight, &product) in weights.iter_mut().zip(products) {
@@ -321,7 +326,6 @@ fn reweigh(weights: &mut [f32], products: &[f32], shrinkage: f64) -> f64 {
     for weight in weights {
         *weight *= scale;
     }
-    edge
 }
 
 /// Projections of all patches on `b`, whose last value is an offset.
@@ -444,9 +448,24 @@ mod tests {
     fn boosting_halves_what_was_right() {
         // After a step of AdaBoost the right and the wrong answers weigh the same.
         let mut weights = vec![0.25; 4];
-        let edge = reweigh(&mut weights, &[1.0, 1.0, 1.0, -1.0], 1.0);
-        assert_eq!(edge, 0.5);
+        reweigh(&mut weights, &[1.0, 1.0, 1.0, -1.0]);
         assert!((weights[3] - 0.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn both_kinds_of_pairs_weigh_the_same_and_the_doubtful_more() {
+        let data = Data {
+            responses: Vec::new(),
+            labels: vec![1.0, 1.0, -1.0, -1.0, -1.0],
+            step: 0.5,
+        };
+        let (weights, _) = data.weights(&[9.0, 3.0, 5.0, -4.0, -6.0]);
+        let [same, different] = [&weights[..2], &weights[2..]].map(|w| w.iter().sum::<f32>());
+        assert!(
+            (same - 0.5).abs() < 1e-3 && (different - 0.5).abs() < 1e-3,
+            "{weights:?}"
+        );
+        assert!(weights[0] < weights[1] && weights[2] > weights[3] && weights[3] > weights[4]);
     }
 
     #[test]

@@ -115,9 +115,9 @@ struct LearnersArgs {
     /// Pairs of patches
     #[arg(long, value_name = "N", default_value_t = 24_000)]
     pairs: usize,
-    /// Share of AdaBoost's step taken after a bit
-    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
-    shrinkage: f64,
+    /// What a bit counts in the margin of a pair
+    #[arg(long, default_value_t = 0.1)]
+    step: f64,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -295,7 +295,7 @@ fn learn_bgm(args: &BgmArgs) -> Result<(PatchSet, BinBoostTable, Checkpoint)> {
         set,
         boxes,
         pairs,
-        shrinkage,
+        step,
         seed,
         out,
     } = &args.common;
@@ -306,7 +306,7 @@ fn learn_bgm(args: &BgmArgs) -> Result<(PatchSet, BinBoostTable, Checkpoint)> {
         boxes: *boxes,
         tries: args.tries,
         pairs: *pairs,
-        shrinkage: *shrinkage,
+        step: *step,
         seed: *seed,
     };
     let checkpoint = Checkpoint::new(out, &set, &("bgm", &params))?;
@@ -331,7 +331,7 @@ fn learn_binboost(args: &BinboostArgs) -> Result<()> {
         set,
         boxes,
         pairs,
-        shrinkage,
+        step,
         seed,
         out,
     } = &args.common;
@@ -342,7 +342,7 @@ fn learn_binboost(args: &BinboostArgs) -> Result<()> {
         boxes: *boxes,
         tries: args.tries,
         pairs: *pairs,
-        shrinkage: *shrinkage,
+        step: *step,
         seed: *seed,
     };
     let checkpoint = Checkpoint::new(out, &set, &("binboost", &params))?;

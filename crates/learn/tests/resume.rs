@@ -85,7 +85,7 @@ fn a_killed_run_goes_on_and_ends_with_the_same_bytes() {
 
     unbroken_and_stopped(
         folder,
-        "patches --train wall floor --test door --blurred --warps 3",
+        "patches --train wall floor --test door --blurred --warps 1",
         "stopped/unfinished/train-0/manifest.json",
         "stopped/manifest.json",
     );
@@ -104,10 +104,10 @@ fn a_killed_run_goes_on_and_ends_with_the_same_bytes() {
     fs::rename(folder.join("unbroken"), folder.join("set")).expect("both are there");
     fs::remove_dir_all(folder.join("stopped")).expect("it is there");
     for command in [
-        "binboost set --bits 600 --learners 4 --boxes 32 --tries 4",
-        "bgm set --bits 4000 --boxes 32 --tries 16",
-        "dlco set --values 128 --ring-triplets 50 --triplets 300 --principal 64 --dimensions 4 \
-         --batch 50 --steps 200",
+        "binboost set --bits 240 --learners 4 --boxes 32 --tries 4",
+        "bgm set --bits 1600 --boxes 32 --tries 16",
+        "dlco set --values 128 --ring-triplets 50 --triplets 200 --principal 64 --dimensions 4 \
+         --batch 50 --steps 100",
     ] {
         unbroken_and_stopped(folder, command, "stopped.part", "stopped");
         same("");
