@@ -116,7 +116,7 @@ struct LearnersArgs {
     #[arg(long, value_name = "N", default_value_t = 24_000)]
     pairs: usize,
     /// What a bit counts in the margin of a pair
-    #[arg(long, default_value_t = 0.1)]
+    #[arg(long, default_value_t = 0.05)]
     step: f64,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]
