@@ -116,7 +116,7 @@ struct LearnersArgs {
     #[arg(long, value_name = "N", default_value_t = 24_000)]
     pairs: usize,
     /// What a bit counts in the margin of a pair
-    #[arg(long, default_value_t = 0.05)]
+    #[arg(long, default_value_t = 0.1)]
     step: f64,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]
@@ -155,10 +155,10 @@ struct BinboostArgs {
     #[arg(long, value_name = "N", default_value_t = 256)]
     bits: usize,
     /// Weak learners of each bit
-    #[arg(long, value_name = "N", default_value_t = 32)]
+    #[arg(long, value_name = "N", default_value_t = 4)]
     learners: usize,
     /// Features tried for each weak learner
-    #[arg(long, value_name = "N", default_value_t = 16)]
+    #[arg(long, value_name = "N", default_value_t = 256)]
     tries: usize,
 }
 
