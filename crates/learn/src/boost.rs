@@ -34,7 +34,7 @@ use matchbench_vision::seed::Seed;
 use nalgebra::{DMatrixView, DVector, SymmetricEigen};
 use serde::Serialize;
 
-use crate::pairs::{PatchPair, training_pairs};
+use crate::pairs::{PatchPair, logistic_weights, training_pairs};
 use crate::patches::PatchSet;
 use crate::resume::Checkpoint;
 
@@ -171,29 +171,13 @@ impl Data {
     /// What the pairs weigh: more the less the similarities tell what they are, and pairs of one
     /// point as much as the others together. Returns also the loss.
     fn weights(&self, similarities: &[f32]) -> (Vec<f32>, f64) {
-        let weight = |n: usize, offset: f32| {
-            let margin = self.labels[n] * (self.step * similarities[n] - offset);
-            1.0 / (1.0 + libm::expf(margin))
-        };
-        let count = self.labels.len();
-        // The offset at which both kinds weigh the same.
-        let (mut low, mut high) = (-20.0_f32, 20.0_f32);
-        for _ in 0..16 {
-            let middle = 0.5 * (low + high);
-            let excess: f32 = (0..count).map(|n| self.labels[n] * weight(n, middle)).sum();
-            // A larger offset makes pairs of one point weigh more.
-            if excess > 0.0 {
-                high = middle;
-            } else {
-                low = middle;
-            }
-        }
-        let mut weights: Vec<f32> = (0..count).map(|n| weight(n, 0.5 * (low + high))).collect();
+        let scores: Vec<f32> = similarities.iter().map(|s| self.step * s).collect();
+        let (mut weights, _) = logistic_weights(&self.labels, &scores);
         let total: f64 = weights.iter().map(|&w| f64::from(w)).sum();
         for weight in &mut weights {
             *weight *= (1.0 / total) as f32;
         }
-        (weights, total / count as f64)
+        (weights, total / self.labels.len() as f64)
     }
 
     /// Whether the weighted answers and the offset sum to more than 0, for one end of each pair.

@@ -4,13 +4,14 @@
 //! Trick", Advances in Neural Information Processing Systems (NIPS) 2012, section 3.
 //!
 //! Given the weak learners h that BGM chose, the similarity `f(x, y) = h(x)^T A h(y)`, A positive
-//! semidefinite, is to minimise `sum_n exp(-l_n f(x_n, y_n))` over pairs of patches with labels l = 1
+//! semidefinite, is to minimise a loss of the margins `l_n (f(x_n, y_n) - b)` over pairs of patches with labels l = 1
 //! (same) or -1. A is found by gradient descent, projected to positive semidefinite matrices after
 //! each step; the step doubles after a success and is halved until there is one. The descriptor is
 //! `B^T h(x)` with the leading eigenvectors of A times the square roots of their eigenvalues as
 //! columns of B.
 //!
-//! *Differs from the paper*: the gradient is that of all pairs instead of one after the other, and h is
+//! *Differs from the paper*: the loss is logistic, not exponential, with the best offset b (as in
+//! BinBoost's learning here); the gradient is that of all pairs instead of one after the other, and h is
 //! taken relative to its mean, which no distance between descriptors depends on.
 
 use anyhow::{Context, Result, ensure};
@@ -21,7 +22,7 @@ use matchbench_vision::seed::Seed;
 use nalgebra::DMatrix;
 
 use crate::metric::sorted_eigen;
-use crate::pairs::training_pairs;
+use crate::pairs::{logistic_weights, training_pairs};
 use crate::patches::PatchSet;
 
 /// First bytes of a table.
@@ -165,7 +166,7 @@ fn answers(set: &PatchSet, bgm: &BinBoostTable) -> Result<DMatrix<f32>> {
 struct Pairs {
     x: DMatrix<f32>,
     y: DMatrix<f32>,
-    labels: Vec<f64>,
+    labels: Vec<f32>,
 }
 
 impl Pairs {
@@ -174,14 +175,13 @@ impl Pairs {
         let projected = metric.clone().cast::<f32>() * &self.y;
         let count = self.labels.len() as f64;
         let similarities = self.x.column_iter().zip(projected.column_iter());
-        let losses: Vec<f64> = (similarities.zip(&self.labels))
-            .map(|((x, p), label)| libm::exp(-label * f64::from(x.dot(&p))) / count)
-            .collect();
-        let factors = losses
-            .iter()
-            .zip(&self.labels)
-            .map(|(loss, label)| -label * loss);
-        (losses.iter().sum(), factors.collect())
+        let scores: Vec<f32> = similarities.map(|(x, p)| x.dot(&p)).collect();
+        let (weights, offset) = logistic_weights(&self.labels, &scores);
+        let losses = (scores.iter().zip(&self.labels))
+            .map(|(score, label)| libm::log1p(libm::exp(f64::from(label * (offset - score)))));
+        let factors = (weights.iter().zip(&self.labels))
+            .map(|(weight, label)| f64::from(-label * weight) / count);
+        (losses.sum::<f64>() / count, factors.collect())
     }
 
     fn gradient(&self, factors: &[f64]) -> DMatrix<f64> {
