@@ -162,7 +162,8 @@ fn answers(set: &PatchSet, bgm: &BinBoostTable) -> Result<DMatrix<f32>> {
     }))
 }
 
-/// The answers to both patches of each pair relative to their mean, and whether they are the same: 1 or -1.
+/// The answers to both patches of each pair relative to their mean, and whether they are the same:
+/// 1 or -1.
 struct Pairs {
     x: DMatrix<f32>,
     y: DMatrix<f32>,
