@@ -214,7 +214,7 @@ struct TestsArgs {
     /// Triplets to choose by
     #[arg(long, value_name = "N", default_value_t = 2_000)]
     triplets: usize,
-    /// Random tests to choose from; FREAK chooses from all, LATCH takes a minute for 5,000
+    /// Random tests to choose from; FREAK chooses from all
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     candidates: usize,
     /// Seed of every random choice
