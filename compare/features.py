@@ -69,6 +69,9 @@ EXTRACTORS = {
     "freak": (lambda: Chain(cv2.xfeatures2d.SURF_create(), cv2.xfeatures2d.FREAK_create()), (0, 0)),
     "freak-sift": (lambda: on_sift(cv2.xfeatures2d.FREAK_create()), (0, 0)),
     "daisy": (lambda: on_sift(cv2.xfeatures2d.DAISY_create()), (0, 0)),
+    # Learned again, on other scenes: the times compare, the descriptors do not.
+    "dlco": (lambda: on_sift(cv2.xfeatures2d.VGG_create(100, 1.4, True, True, 6.75, False)), (0, 0)),
+    "binboost": (lambda: on_sift(cv2.xfeatures2d.BoostDesc_create(302, True, 6.75)), (0, 0)),
     "latch": (lambda: on_sift(cv2.xfeatures2d.LATCH_create()), (0, 0)),
     "kaze": (lambda: cv2.KAZE_create(), (0, 0)),
     "orb": (lambda: cv2.ORB_create(100_000), (0, 0)),

@@ -10,6 +10,7 @@ use matchbench_vision::seed::Seed;
 
 use anyhow::Result;
 
+use crate::lbgm::LbgmTable;
 use crate::pairs::{Negatives, fpr95, stranger};
 use crate::patches::PatchSet;
 
@@ -48,6 +49,11 @@ impl Described {
             patch.copy_from_slice(set.small(i));
         });
         Ok(Self::Binary(rows))
+    }
+
+    /// LBGM with a table.
+    pub(crate) fn lbgm(set: &PatchSet, table: &LbgmTable) -> Result<Self> {
+        Ok(Self::Float(table.describe(set)?))
     }
 
     fn distance(&self, i: usize, j: usize) -> f32 {

@@ -1,10 +1,13 @@
 //! `matchbench-learn`: learns the tables of trained descriptors, from patches to FPR95.
 
+mod binary_tests;
 mod boost;
 mod evaluate;
+mod lbgm;
 mod metric;
 mod pairs;
 mod patches;
+mod resume;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,11 +19,15 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use matchbench::files::write_whole;
 use matchbench_vision::features::binboost::BinBoostTable;
 use matchbench_vision::features::dlco::DlcoTable;
+use matchbench_vision::seed::Seed;
 
+use binary_tests::Kind;
 use boost::BoostParams;
 use evaluate::{Described, report};
+use lbgm::LbgmTable;
 use metric::MetricParams;
 use patches::{PatchSet, Recipe};
+use resume::Checkpoint;
 
 /// Learns the tables of matchbench's trained descriptors from images with known cameras.
 #[derive(Debug, Parser)]
@@ -36,10 +43,16 @@ enum Command {
     Patches(PatchesArgs),
     /// FPR95 of SIFT and of tables on one part of a set
     Evaluate(EvaluateArgs),
-    /// Learn BinBoost; with --learners 1 it is BGM
+    /// Learn BGM: bits that are one weak learner each; a table as BinBoost's
+    Bgm(BgmArgs),
+    /// Learn LBGM: a projection of BGM's answers to real values
+    Lbgm(LbgmArgs),
+    /// Learn BinBoost: bits that are boosted combinations of weak learners
     Binboost(BinboostArgs),
     /// Learn DLCO: pooling regions, then the projection
     Dlco(DlcoArgs),
+    /// Choose the tests of ORB, FREAK or LATCH again, and compare them with the library's
+    Tests(TestsArgs),
 }
 
 #[derive(Debug, Args)]
@@ -59,6 +72,9 @@ struct PatchesArgs {
     /// Warped views of each photograph
     #[arg(long, value_name = "N", default_value_t = 2)]
     warps: usize,
+    /// Blur many of the warped views, and warp rendered images as well
+    #[arg(long)]
+    blurred: bool,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -74,45 +90,76 @@ struct EvaluateArgs {
     /// Which part of it: train, validation or test
     #[arg(long, default_value = "test")]
     part: String,
-    /// A table of BinBoost
+    /// A table of BinBoost or BGM
     #[arg(long, value_name = "FILE", num_args = 1..)]
     binboost: Vec<PathBuf>,
     /// A table of DLCO
     #[arg(long, value_name = "FILE", num_args = 1..)]
     dlco: Vec<PathBuf>,
+    /// A table of LBGM
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    lbgm: Vec<PathBuf>,
     /// Values of DLCO's descriptor
-    #[arg(long, value_name = "N", default_value_t = 120)]
-    dimensions: usize,
+    #[arg(long, value_name = "N", num_args = 1.., default_values_t = [120])]
+    dimensions: Vec<usize>,
 }
 
+/// What BGM, LBGM and BinBoost have in common.
 #[derive(Debug, Args)]
-struct BinboostArgs {
+struct LearnersArgs {
     /// The set
     set: PathBuf,
-    /// Number of bits
-    #[arg(long, value_name = "N", default_value_t = 256)]
-    bits: usize,
-    /// Weak learners of each bit
-    #[arg(long, value_name = "N", default_value_t = 32)]
-    learners: usize,
     /// Boxes that weak learners choose from
     #[arg(long, value_name = "N", default_value_t = 384)]
     boxes: usize,
-    /// Features tried for each weak learner
-    #[arg(long, value_name = "N", default_value_t = 16)]
-    tries: usize,
     /// Pairs of patches
     #[arg(long, value_name = "N", default_value_t = 24_000)]
     pairs: usize,
-    /// Share of AdaBoost's step taken after a bit
-    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
-    shrinkage: f64,
+    /// What a bit counts in the margin of a pair
+    #[arg(long, default_value_t = 0.1)]
+    step: f64,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// The table; OUT.part beside it is what a stopped run goes on with
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+struct BgmArgs {
+    #[command(flatten)]
+    common: LearnersArgs,
+    /// Number of bits
+    #[arg(long, value_name = "N", default_value_t = 256)]
+    bits: usize,
+    /// Features tried for each weak learner
+    #[arg(long, value_name = "N", default_value_t = 256)]
+    tries: usize,
+}
+
+#[derive(Debug, Args)]
+struct LbgmArgs {
+    #[command(flatten)]
+    bgm: BgmArgs,
+    /// Values of the descriptor
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    dimensions: usize,
+}
+
+#[derive(Debug, Args)]
+struct BinboostArgs {
+    #[command(flatten)]
+    common: LearnersArgs,
+    /// Number of bits
+    #[arg(long, value_name = "N", default_value_t = 256)]
+    bits: usize,
+    /// Weak learners of each bit
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    learners: usize,
+    /// Features tried for each weak learner
+    #[arg(long, value_name = "N", default_value_t = 256)]
+    tries: usize,
 }
 
 #[derive(Debug, Args)]
@@ -154,12 +201,42 @@ struct DlcoArgs {
     out: PathBuf,
 }
 
+#[derive(Debug, Args)]
+struct TestsArgs {
+    /// The set
+    set: PathBuf,
+    /// Whose tests
+    #[arg(long)]
+    of: Kind,
+    /// Part of the set to compare on
+    #[arg(long, default_value = "test")]
+    part: String,
+    /// Triplets to choose by
+    #[arg(long, value_name = "N", default_value_t = 2_000)]
+    triplets: usize,
+    /// Random tests to choose from; FREAK chooses from all
+    #[arg(long, value_name = "N", default_value_t = 10_000)]
+    candidates: usize,
+    /// Seed of every random choice
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// The table, as the library holds it
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
 fn main() -> Result<()> {
     match Cli::parse().command {
         Command::Patches(args) => make_patches(args),
         Command::Evaluate(args) => evaluate(&args),
+        Command::Bgm(args) => {
+            let (_, table, checkpoint) = learn_bgm(&args)?;
+            finish(&args.common.out, &table.to_bytes(), &checkpoint)
+        }
+        Command::Lbgm(args) => learn_lbgm(&args),
         Command::Binboost(args) => learn_binboost(&args),
         Command::Dlco(args) => learn_dlco(&args),
+        Command::Tests(args) => choose_tests(&args),
     }
 }
 
@@ -168,6 +245,7 @@ fn make_patches(args: PatchesArgs) -> Result<()> {
         scenes: [args.train, args.validation, args.test],
         per_pair: args.per_pair,
         warps: args.warps,
+        blurred: args.blurred,
         seed: args.seed,
     };
     let manifest = patches::make(&recipe, &args.out, &bar("pairs of images"))?;
@@ -197,25 +275,108 @@ fn evaluate(args: &EvaluateArgs) -> Result<()> {
     for path in &args.dlco {
         let table =
             DlcoTable::from_bytes(&read(path)?).with_context(|| path.display().to_string())?;
-        described.push((name(path), Described::dlco(&set, &table, args.dimensions)?));
+        for &dimensions in &args.dimensions {
+            let name = format!("{} {dimensions}", name(path));
+            described.push((name, Described::dlco(&set, &table, dimensions)?));
+        }
+    }
+    for path in &args.lbgm {
+        let table =
+            LbgmTable::from_bytes(&read(path)?).with_context(|| path.display().to_string())?;
+        described.push((name(path), Described::lbgm(&set, &table)?));
     }
     println!("{}", report(&set, &described));
     Ok(())
 }
 
+/// The set, the table, and the checkpoint that is no longer needed once it is written.
+fn learn_bgm(args: &BgmArgs) -> Result<(PatchSet, BinBoostTable, Checkpoint)> {
+    let LearnersArgs {
+        set,
+        boxes,
+        pairs,
+        step,
+        seed,
+        out,
+    } = &args.common;
+    let set = PatchSet::read(set, "train")?;
+    let params = BoostParams {
+        bits: args.bits,
+        learners_per_bit: 1,
+        boxes: *boxes,
+        tries: args.tries,
+        pairs: *pairs,
+        step: *step,
+        seed: *seed,
+    };
+    let checkpoint = Checkpoint::new(out, &set, &("bgm", &params))?;
+    let table = boost::learn(&set, &params, &checkpoint, &bar("bits"))?;
+    Ok((set, table, checkpoint))
+}
+
+fn learn_lbgm(args: &LbgmArgs) -> Result<()> {
+    let (set, bgm, checkpoint) = learn_bgm(&args.bgm)?;
+    let LearnersArgs {
+        pairs, seed, out, ..
+    } = &args.bgm.common;
+    // The second stage takes seconds, and is simply done again after a stop.
+    checkpoint.save(&bgm.to_bytes())?;
+    let seed = Seed(*seed).child("lbgm");
+    let table = LbgmTable::learn(&set, bgm, args.dimensions, *pairs, seed, &bar("steps"))?;
+    finish(out, &table.to_bytes(), &checkpoint)
+}
+
 fn learn_binboost(args: &BinboostArgs) -> Result<()> {
-    let set = PatchSet::read(&args.set, "train")?;
+    let LearnersArgs {
+        set,
+        boxes,
+        pairs,
+        step,
+        seed,
+        out,
+    } = &args.common;
+    let set = PatchSet::read(set, "train")?;
     let params = BoostParams {
         bits: args.bits,
         learners_per_bit: args.learners,
-        boxes: args.boxes,
+        boxes: *boxes,
         tries: args.tries,
-        pairs: args.pairs,
-        shrinkage: args.shrinkage,
-        seed: args.seed,
+        pairs: *pairs,
+        step: *step,
+        seed: *seed,
     };
-    let table = boost::learn(&set, &params, &part(&args.out), &bar("bits"))?;
-    finish(&args.out, &table.to_bytes())
+    let checkpoint = Checkpoint::new(out, &set, &("binboost", &params))?;
+    let table = boost::learn(&set, &params, &checkpoint, &bar("bits"))?;
+    finish(out, &table.to_bytes(), &checkpoint)
+}
+
+/// Chooses tests, and compares them with those of the library on patches that took no part.
+fn choose_tests(args: &TestsArgs) -> Result<()> {
+    let set = PatchSet::read(&args.set, "train")?;
+    let (kind, seed) = (args.of, Seed(args.seed).child("tests"));
+    let bar = bar("tests");
+    let chosen = binary_tests::choose(kind, &set, args.triplets, args.candidates, seed, &bar)?;
+    bar.finish_and_clear();
+    let held_out = PatchSet::read(&args.set, &args.part)?;
+    let in_tree = kind.in_tree();
+    println!(
+        "{} of {} tests are in the library's table too; chosen with correlations below {:.2}",
+        binary_tests::shared(kind, &chosen.tests, &in_tree),
+        in_tree.len(),
+        chosen.limit
+    );
+    let mut described = vec![("sift".to_owned(), Described::sift(&held_out))];
+    for (name, tests) in [("library", &in_tree), ("chosen", &chosen.tests)] {
+        let rows = binary_tests::describe(kind, tests, &held_out);
+        let (share, correlation) = binary_tests::spread(&rows, tests.len());
+        println!(
+            "{name}: |share of yes - 1/2| {share:.3}, |correlation| {correlation:.3} in the mean"
+        );
+        described.push((name.to_owned(), Described::Binary(rows)));
+    }
+    println!("{}", report(&held_out, &described));
+    write_whole(&args.out, &chosen.tests.concat())?;
+    Ok(())
 }
 
 fn learn_dlco(args: &DlcoArgs) -> Result<()> {
@@ -232,27 +393,22 @@ fn learn_dlco(args: &DlcoArgs) -> Result<()> {
         gamma: args.gamma,
         seed: args.seed,
     };
-    let table = metric::learn(&set, &params, &part(&args.out), &bar("steps"))?;
+    let checkpoint = Checkpoint::new(&args.out, &set, &("dlco", &params))?;
+    let table = metric::learn(&set, &params, &checkpoint, &bar("steps"))?;
     println!(
         "{} rings, {} values pooled",
         table.rings.len(),
         table.pooled()
     );
-    finish(&args.out, &table.to_bytes())
+    finish(&args.out, &table.to_bytes(), &checkpoint)
 }
 
 /// Writes a finished table; what a stopped run would have gone on with is no longer needed.
-fn finish(out: &Path, bytes: &[u8]) -> Result<()> {
+fn finish(out: &Path, bytes: &[u8], checkpoint: &Checkpoint) -> Result<()> {
     write_whole(out, bytes).with_context(|| out.display().to_string())?;
-    let _ = fs::remove_file(part(out)); // there is none if the run was short
+    checkpoint.remove();
     println!("{}: {} bytes", out.display(), bytes.len());
     Ok(())
-}
-
-fn part(out: &Path) -> PathBuf {
-    let mut name = out.as_os_str().to_owned();
-    name.push(".part");
-    name.into()
 }
 
 fn read(path: &Path) -> Result<Vec<u8>> {

@@ -21,27 +21,26 @@
 //! the most similar keypoint elsewhere in the other image, half are random; the second stage works
 //! in the leading principal directions, which hold nearly all of the variance.
 
-use std::fs;
-use std::path::Path;
-
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use indicatif::ProgressBar;
-use matchbench::files::write_whole;
 use matchbench_vision::features::dlco::{DlcoTable, Pooling, Ring};
 use matchbench_vision::seed::Seed;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::pairs::{shuffled, stranger};
 use crate::patches::PatchSet;
+use crate::resume::Checkpoint;
 
 const DIRECTIONS: usize = 8;
 /// Steps after which what was learned is written.
 const CHECKPOINT: usize = 10;
 
 /// How DLCO is learned.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize)]
 pub(crate) struct MetricParams {
+    /// Values of the descriptor; nothing but the last line of the learning depends on it.
+    #[serde(skip)]
     pub(crate) dimensions: usize,
     /// Most values that the selected rings may give.
     pub(crate) values: usize,
@@ -53,6 +52,8 @@ pub(crate) struct MetricParams {
     pub(crate) principal: usize,
     /// Triplets of a step.
     pub(crate) batch: usize,
+    /// What was learned does not depend on how many steps will follow: more may be added.
+    #[serde(skip)]
     pub(crate) steps: usize,
     /// Weight of the nuclear norm.
     pub(crate) mu: f64,
@@ -61,44 +62,71 @@ pub(crate) struct MetricParams {
     pub(crate) seed: u64,
 }
 
-/// What a stopped run goes on with.
-#[derive(Serialize, Deserialize)]
-struct Checkpoint {
-    params: MetricParams,
+/// How far the learning has come.
+#[derive(Debug, PartialEq)]
+struct State {
     /// Index and weight of each ring.
     rings: Vec<(usize, f32)>,
     steps: usize,
-    /// Sum of the gradients so far.
+    /// Sum of the gradients so far, column after column; empty before the first step.
     gradients: Vec<f64>,
 }
 
-/// Learns a table; what `checkpoint` holds is continued if it was begun with these parameters.
+impl State {
+    /// Number of rings, index and weight of each, number of steps, gradients; little-endian.
+    fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = (self.rings.len() as u32).to_le_bytes().to_vec();
+        for &(ring, weight) in &self.rings {
+            bytes.extend((ring as u32).to_le_bytes());
+            bytes.extend(weight.to_le_bytes());
+        }
+        bytes.extend((self.steps as u32).to_le_bytes());
+        bytes.extend(self.gradients.iter().flat_map(|value| value.to_le_bytes()));
+        bytes
+    }
+
+    fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (count, bytes) = bytes.split_first_chunk()?;
+        let (rings, bytes) = bytes.split_at_checked(8 * u32::from_le_bytes(*count) as usize)?;
+        let (steps, gradients) = bytes.split_first_chunk()?;
+        let rings = rings.as_chunks::<4>().0.as_chunks::<2>().0.iter();
+        Some(Self {
+            rings: rings
+                .map(|&[ring, weight]| {
+                    (
+                        u32::from_le_bytes(ring) as usize,
+                        f32::from_le_bytes(weight),
+                    )
+                })
+                .collect(),
+            steps: u32::from_le_bytes(*steps) as usize,
+            gradients: (gradients.as_chunks().0.iter())
+                .map(|&value| f64::from_le_bytes(value))
+                .collect(),
+        })
+    }
+}
+
+/// Learns a table, going on with what `checkpoint` holds.
 pub(crate) fn learn(
     set: &PatchSet,
     params: &MetricParams,
-    checkpoint: &Path,
+    checkpoint: &Checkpoint,
     bar: &ProgressBar,
 ) -> Result<DlcoTable> {
     ensure!(!set.triplets.is_empty(), "the set has no triplets");
     let seed = Seed(params.seed).child("dlco");
     let candidates = candidates();
-    let mut state = if let Ok(bytes) = fs::read(checkpoint) {
-        let state: Checkpoint = serde_json::from_slice(&bytes)
-            .with_context(|| format!("{}: delete it to begin anew", checkpoint.display()))?;
-        ensure!(
-            &state.params == params,
-            "{}: was begun with other parameters; delete it to begin anew",
-            checkpoint.display()
-        );
-        state
+    let mut state = if let Some(bytes) = checkpoint.load()? {
+        State::from_bytes(&bytes).with_context(|| checkpoint.damaged())?
     } else {
-        let rings = select_rings(set, params, &candidates, seed, bar);
-        Checkpoint {
-            params: params.clone(),
-            rings,
+        let state = State {
+            rings: select_rings(set, params, &candidates, seed, bar),
             steps: 0,
             gradients: Vec::new(),
-        }
+        };
+        checkpoint.save(&state.to_bytes())?;
+        state
     };
     let rings: Vec<Ring> = state
         .rings
@@ -112,7 +140,7 @@ pub(crate) fn learn(
     let mut gradients = match state.gradients.len() {
         0 => DMatrix::zeros(size, size),
         n if n == size * size => DMatrix::from_column_slice(size, size, &state.gradients),
-        _ => anyhow::bail!("{}: damaged; delete it to begin anew", checkpoint.display()),
+        _ => bail!("{}", checkpoint.damaged()),
     };
     bar.set_length(params.steps as u64);
     bar.set_position(state.steps as u64);
@@ -126,7 +154,7 @@ pub(crate) fn learn(
         bar.inc(1);
         if state.steps.is_multiple_of(CHECKPOINT) {
             state.gradients = gradients.as_slice().to_vec();
-            write_whole(checkpoint, &serde_json::to_vec(&state)?)?;
+            checkpoint.save(&state.to_bytes())?;
         }
     }
     let rank = metric.ncols();
@@ -407,7 +435,7 @@ fn solve(gradients: &DMatrix<f64>, steps: usize, params: &MetricParams) -> DMatr
 }
 
 /// Eigenvalues in decreasing order and their eigenvectors as columns.
-fn sorted_eigen(matrix: DMatrix<f64>) -> (Vec<f64>, DMatrix<f64>) {
+pub(crate) fn sorted_eigen(matrix: DMatrix<f64>) -> (Vec<f64>, DMatrix<f64>) {
     let eigen = SymmetricEigen::new(matrix);
     let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
     order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));

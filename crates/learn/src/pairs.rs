@@ -66,6 +66,31 @@ pub(crate) fn shuffled(count: usize, seed: Seed) -> Vec<usize> {
     order
 }
 
+/// The slope of the logistic loss of each pair at the margin `label (score - offset)`, and the offset
+/// of least loss, at which both kinds of pairs weigh the same.
+pub(crate) fn logistic_weights(labels: &[f32], scores: &[f32]) -> (Vec<f32>, f32) {
+    let weights = |offset: f32| {
+        let margins = labels.iter().zip(scores);
+        margins.map(move |(label, score)| 1.0 / (1.0 + libm::expf(label * (score - offset))))
+    };
+    let (mut low, mut high) = (-20.0_f32, 20.0_f32);
+    for _ in 0..16 {
+        let middle = 0.5 * (low + high);
+        let excess: f32 = weights(middle)
+            .zip(labels)
+            .map(|(w, label)| label * w)
+            .sum();
+        // A larger offset makes pairs of one point weigh more.
+        if excess > 0.0 {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    let offset = 0.5 * (low + high);
+    (weights(offset).collect(), offset)
+}
+
 /// Share of the `different` pairs that are accepted by the least threshold that accepts 95 % of
 /// the `same` pairs (FPR95), `None` if either is empty.
 pub(crate) fn fpr95(mut same: Vec<f32>, different: &[f32]) -> Option<f64> {

@@ -17,9 +17,10 @@ use std::path::Path;
 use std::time::Instant;
 
 use matchbench_vision::features::{
-    Akaze, AkazeParams, Brisk, BriskParams, Daisy, DaisyParams, Describer, Descriptors,
-    DetectThenDescribe, Detector, Extractor, Features, Freak, FreakParams, Kaze, KazeParams,
-    Keypoint, Latch, LatchParams, Orb, OrbParams, Sift, SiftParams, Surf, SurfParams,
+    Akaze, AkazeParams, BinBoost, BinBoostParams, Brisk, BriskParams, Daisy, DaisyParams,
+    Describer, Descriptors, DetectThenDescribe, Detector, Dlco, DlcoParams, Extractor, Features,
+    Freak, FreakParams, Kaze, KazeParams, Keypoint, Latch, LatchParams, Orb, OrbParams, Sift,
+    SiftParams, Surf, SurfParams,
 };
 use matchbench_vision::image::{GrayImage, Size};
 use rayon::prelude::*;
@@ -66,10 +67,14 @@ impl Detector for Given {
 fn extractor(id: &str, given: Option<Given>) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
     if let Some(given) = given {
         return match id {
+            "binboost" => Ok(on(given, BinBoost::new(BinBoostParams::default())?)),
             "daisy" => Ok(on(given, Daisy::new(DaisyParams::default())?)),
+            "dlco" => Ok(on(given, Dlco::new(DlcoParams::default())?)),
             "freak" | "freak-sift" => Ok(on(given, Freak::new(FreakParams::default())?)),
             "latch" => Ok(on(given, Latch::new(LatchParams::default())?)),
-            _ => Err(format!("no describer `{id}`; known: daisy, freak, latch").into()),
+            _ => Err(
+                format!("no describer `{id}`; known: binboost, daisy, dlco, freak, latch").into(),
+            ),
         };
     }
     match id {

@@ -27,7 +27,7 @@ const SCALE_FACTOR: f32 = 6.75;
 const DEPTH_TOLERANCE: f64 = 0.01;
 
 /// What a set is made of.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Recipe {
     /// Scenes of each part: folders of datasets, or `rendered:<name>`.
     pub(crate) scenes: [Vec<String>; 3],
@@ -35,10 +35,14 @@ pub(crate) struct Recipe {
     pub(crate) per_pair: usize,
     /// Warped views of each photograph.
     pub(crate) warps: usize,
+    /// Whether warped views are blurred, and rendered images warped as well.
+    #[serde(default)]
+    pub(crate) blurred: bool,
     pub(crate) seed: u64,
 }
 
-/// Makes the set of `recipe` in `folder`, which must not hold one.
+/// Makes the set of `recipe` in `folder`, which must not hold one; scenes that were finished before
+/// a stop are not made again.
 pub(crate) fn make(recipe: &Recipe, folder: &Path, bar: &ProgressBar) -> Result<Manifest> {
     let path = folder.join("manifest.json");
     ensure!(
@@ -54,30 +58,59 @@ pub(crate) fn make(recipe: &Recipe, folder: &Path, bar: &ProgressBar) -> Result<
         );
         seen.push(scene);
     }
+    let unfinished = folder.join("unfinished");
     let mut parts = Vec::new();
     for (name, scenes) in PARTS.iter().zip(&recipe.scenes) {
-        let mut maker = Maker {
-            recipe,
-            set: PatchSet::default(),
-            sift: Sift::new(SiftParams::default()).context("the default parameters of SIFT")?,
-            bar,
-        };
-        for scene in scenes {
-            match scene.strip_prefix("rendered:") {
-                Some(name) => maker.add_rendered(name)?,
-                None => maker.add_sequence(Path::new(scene))?,
-            }
+        let mut whole = PatchSet::default();
+        for (number, scene) in scenes.iter().enumerate() {
+            bar.set_message(scene.clone());
+            let folder = unfinished.join(format!("{name}-{number}"));
+            whole.append(make_scene(scene, recipe, &folder, bar)?);
         }
-        parts.push(maker.set.write(folder, name)?);
+        parts.push(whole.write(folder, name)?);
     }
     let manifest = Manifest {
         version: 1,
         recipe: recipe.clone(),
         parts,
     };
-    fs::write(&path, serde_json::to_string_pretty(&manifest)?)
-        .with_context(|| format!("{}", path.display()))?;
+    manifest.write(folder)?;
+    fs::remove_dir_all(&unfinished).with_context(|| format!("{}", unfinished.display()))?;
     Ok(manifest)
+}
+
+/// The patches of one scene, from `folder` if it was finished there, or else made and put there.
+fn make_scene(scene: &str, recipe: &Recipe, folder: &Path, bar: &ProgressBar) -> Result<PatchSet> {
+    let alone = Recipe {
+        scenes: [vec![scene.to_owned()], Vec::new(), Vec::new()],
+        ..recipe.clone()
+    };
+    if folder.join("manifest.json").exists() {
+        ensure!(
+            Manifest::read(folder)?.recipe == alone,
+            "{}: was made by another command; delete it to begin anew",
+            folder.display()
+        );
+        return PatchSet::read(folder, PARTS[0]);
+    }
+    let mut maker = Maker {
+        recipe,
+        set: PatchSet::default(),
+        sift: Sift::new(SiftParams::default()).context("the default parameters of SIFT")?,
+        bar,
+    };
+    match scene.strip_prefix("rendered:") {
+        Some(name) => maker.add_rendered(name)?,
+        None => maker.add_sequence(Path::new(scene))?,
+    }
+    let part = maker.set.write(folder, PARTS[0])?;
+    let manifest = Manifest {
+        version: 1,
+        recipe: alone,
+        parts: vec![part],
+    };
+    manifest.write(folder)?;
+    Ok(maker.set)
 }
 
 struct Maker<'a> {
@@ -135,22 +168,27 @@ impl Maker<'_> {
             self.add([a_view, b_view], pairs, source, seed.number(number as u64));
         }
 
+        self.add_warps(&images, &mut views, &name, seed);
+        Ok(())
+    }
+
+    /// Pairs of each image with warped views of it.
+    fn add_warps(&mut self, images: &[GrayImage], views: &mut [View], name: &str, seed: Seed) {
         let source = self.source(format!("{name}/warps"));
-        for (frame, (image, view)) in images.iter().zip(&mut views).enumerate() {
+        for (frame, (image, view)) in images.iter().zip(views).enumerate() {
             for n in 0..self.recipe.warps {
                 self.bar.inc(1);
                 let seed = seed.child("warp").number(frame as u64).number(n as u64);
-                let warp = Warp::new(image, seed);
+                let warp = Warp::new(image, self.recipe.blurred, seed);
                 let mut warped = self.view(&warp.image);
                 let transfer = |p: Point2<f64>| warp.transfer(p);
                 let pairs = exact::agreeing(&view.features, &warped.features, &transfer);
                 self.add([view, &mut warped], pairs, source, seed);
             }
         }
-        Ok(())
     }
 
-    /// Pairs of a rendered scene, by its depth.
+    /// Pairs of a rendered scene, by its depth, and warped views of its images.
     fn add_rendered(&mut self, name: &str) -> Result<()> {
         let Some(scene) = rendered::sequences()
             .iter()
@@ -169,12 +207,19 @@ impl Maker<'_> {
         let seed = Seed(self.recipe.seed).child(name);
         let world = World::build(scene.place);
         let pairs = scene.sequence().pairs;
-        self.bar.inc_length(pairs.len() as u64);
-        let (mut views, mut depths) = (Vec::new(), Vec::new());
-        for frame in 0..scene.frames {
-            views.push(self.view(&world.render(scene, frame)));
-            depths.push(world.depth(scene, frame));
-        }
+        let images: Vec<GrayImage> = (0..scene.frames)
+            .map(|frame| world.render(scene, frame))
+            .collect();
+        let warps = if self.recipe.blurred {
+            images.len() * self.recipe.warps
+        } else {
+            0
+        };
+        self.bar.inc_length((pairs.len() + warps) as u64);
+        let depths: Vec<FloatImage> = (0..scene.frames)
+            .map(|frame| world.depth(scene, frame))
+            .collect();
+        let mut views: Vec<View> = images.iter().map(|image| self.view(image)).collect();
         for (number, pair) in pairs.iter().enumerate() {
             self.bar.inc(1);
             let (a, b) = (pair.a as usize, pair.b as usize);
@@ -184,6 +229,9 @@ impl Maker<'_> {
                 .context("a pair of one image")?;
             let found = exact::agreeing(&a_view.features, &b_view.features, &transfer);
             self.add([a_view, b_view], found, source, seed.number(number as u64));
+        }
+        if self.recipe.blurred {
+            self.add_warps(&images, &mut views, &format!("rendered-{name}"), seed);
         }
         Ok(())
     }

@@ -10,7 +10,8 @@
 //! | `<part>/sift.bin` | SIFT's 128 values of each patch's keypoint, as bytes |
 //! | `<part>/triplets.bin` | anchor, positive, negative, source: 4 little-endian `u32` each |
 //!
-//! The parts are `train`, `validation` and `test`; no scene is in two of them.
+//! The parts are `train`, `validation` and `test`; no scene is in two of them. While the set is being
+//! made, each finished scene is a small set of its own in `unfinished/`.
 
 mod epipolar;
 mod exact;
@@ -23,6 +24,7 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
+use matchbench::files::write_whole;
 use matchbench_vision::features::{binboost, dlco};
 use serde::{Deserialize, Serialize};
 
@@ -60,6 +62,24 @@ pub(crate) struct Manifest {
     pub(crate) parts: Vec<PartManifest>,
 }
 
+impl Manifest {
+    fn read(folder: &Path) -> Result<Self> {
+        let path = folder.join("manifest.json");
+        let text = fs::read_to_string(&path).with_context(|| {
+            format!(
+                "{}: cannot be read; is this a set made by `matchbench-learn patches`?",
+                path.display()
+            )
+        })?;
+        serde_json::from_str(&text).with_context(|| format!("{}: not a manifest", path.display()))
+    }
+
+    fn write(&self, folder: &Path) -> Result<()> {
+        let text = serde_json::to_string_pretty(self)?;
+        Ok(write_whole(&folder.join("manifest.json"), text.as_bytes())?)
+    }
+}
+
 /// One part of a set.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct PartManifest {
@@ -78,6 +98,8 @@ pub(crate) struct PatchSet {
     data: [Vec<u8>; 3],
     pub(crate) triplets: Vec<Triplet>,
     pub(crate) sources: Vec<String>,
+    /// BLAKE3 of the files it was read from.
+    pub(crate) hashes: Vec<String>,
 }
 
 impl PatchSet {
@@ -103,15 +125,7 @@ impl PatchSet {
 
     /// Reads one part of the set in `folder`.
     pub(crate) fn read(folder: &Path, part: &str) -> Result<Self> {
-        let manifest = folder.join("manifest.json");
-        let text = fs::read_to_string(&manifest).with_context(|| {
-            format!(
-                "{}: cannot be read; is this a set made by `matchbench-learn patches`?",
-                manifest.display()
-            )
-        })?;
-        let manifest: Manifest = serde_json::from_str(&text)
-            .with_context(|| format!("{}: not a manifest", manifest.display()))?;
+        let manifest = Manifest::read(folder)?;
         let about = (manifest.parts.iter().find(|about| about.name == part))
             .with_context(|| format!("{}: has no part `{part}`", folder.display()))?;
         let read = |file: usize| -> Result<Vec<u8>> {
@@ -138,7 +152,23 @@ impl PatchSet {
                 })
                 .collect(),
             sources: about.sources.iter().map(|(name, _)| name.clone()).collect(),
+            hashes: about.hashes.clone(),
         })
+    }
+
+    /// Adds the patches, triplets and sources of another set.
+    fn append(&mut self, other: Self) {
+        let (patches, sources) = (self.len() as u32, self.sources.len() as u32);
+        for (data, more) in self.data.iter_mut().zip(other.data) {
+            data.extend(more);
+        }
+        self.triplets.extend(other.triplets.iter().map(|t| Triplet {
+            anchor: t.anchor + patches,
+            positive: t.positive + patches,
+            negative: t.negative + patches,
+            source: t.source + sources,
+        }));
+        self.sources.extend(other.sources);
     }
 
     /// Writes the four files of part `name` and says what they hold.

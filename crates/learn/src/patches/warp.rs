@@ -1,8 +1,13 @@
 //! A photograph as it would look if it were a plane seen from elsewhere, by another camera.
 
-use matchbench_vision::image::GrayImage;
+use matchbench_vision::image::{FloatImage, GrayImage, Size, gaussian_blur};
 use matchbench_vision::seed::Seed;
 use nalgebra::{Matrix3, Point2, Vector3};
+
+/// Longest way of a shaken camera during the exposure, in pixels.
+const SHAKE: f64 = 8.0;
+/// Moments of a shaken exposure.
+const MOMENTS: usize = 8;
 
 /// A homography and the image that it makes.
 pub(super) struct Warp {
@@ -12,8 +17,9 @@ pub(super) struct Warp {
 
 impl Warp {
     /// A view of `image`, turned by up to 30 degrees, 0.6 to 1.6 times as large, slanted, with other
-    /// brightness and contrast and some noise.
-    pub(super) fn new(image: &GrayImage, seed: Seed) -> Self {
+    /// brightness and contrast and some noise; if `blurred`, nearly half of the views are out of
+    /// focus and nearly half shaken, by random amounts.
+    pub(super) fn new(image: &GrayImage, blurred: bool, seed: Seed) -> Self {
         let mut rng = seed.rng();
         let mut within = |low: f64, high: f64| low + (high - low) * rng.uniform();
         let (width, height) = (image.width() as f64, image.height() as f64);
@@ -41,10 +47,18 @@ impl Warp {
         let gain = within(0.6, 1.3);
         let gamma = libm::exp2(within(-0.5, 0.5));
         let noise = within(0.0, 4.0);
+        let blurred = blurred.then(|| Blur::new(seed.child("blur")));
+        let shade = |x: f64, y: f64| {
+            let at = apply(&a_from_b, Point2::new(x, y));
+            at.map_or(0.0, |at| interpolate(image, at))
+        };
+        let blurred = blurred.map(|blur| blur.apply(image.size(), shade));
         let view = GrayImage::from_fn(image.size(), |x, y| {
-            let at = apply(&a_from_b, Point2::new(x as f64, y as f64));
-            let shade = at.map_or(0.0, |at| interpolate(image, at)) / 255.0;
-            let seen = 255.0 * gain * libm::pow(shade, gamma) + noise * rng.normal();
+            let shade = match &blurred {
+                Some(image) => f64::from(image.at(x, y)).max(0.0),
+                None => shade(x as f64, y as f64),
+            };
+            let seen = 255.0 * gain * libm::pow(shade / 255.0, gamma) + noise * rng.normal();
             seen.round().clamp(0.0, 255.0) as u8
         });
         Self {
@@ -64,6 +78,46 @@ impl Warp {
             .filter(inside)
             .and_then(|at| apply(&self.b_from_a, at)))
         .filter(inside)
+    }
+}
+
+/// How a view is blurred.
+struct Blur {
+    /// Standard deviation in pixels; small or negative for a sharp view.
+    focus: f64,
+    /// Way of the camera during the exposure, in pixels; short for a steady one.
+    shake: [f64; 2],
+}
+
+impl Blur {
+    fn new(seed: Seed) -> Self {
+        let mut rng = seed.rng();
+        let mut within = |low: f64, high: f64| low + (high - low) * rng.uniform();
+        let focus = within(-1.5, 1.5);
+        let length = within(-SHAKE, SHAKE).max(0.0);
+        let direction = within(0.0, core::f64::consts::PI);
+        Self {
+            focus,
+            shake: [libm::cos(direction), libm::sin(direction)].map(|d| d * length),
+        }
+    }
+
+    /// The blurred image of `shade`.
+    fn apply(&self, size: Size, shade: impl Fn(f64, f64) -> f64) -> FloatImage {
+        let [dx, dy] = self.shake;
+        let moments = if dx * dx + dy * dy > 0.25 { MOMENTS } else { 1 };
+        let image = FloatImage::from_fn(size, |x, y| {
+            let shades = (0..moments).map(|moment| {
+                let part = (moment as f64 + 0.5) / moments as f64 - 0.5;
+                shade(x as f64 + part * dx, y as f64 + part * dy)
+            });
+            (shades.sum::<f64>() / moments as f64) as f32
+        });
+        if self.focus > 0.3 {
+            gaussian_blur(&image, self.focus)
+        } else {
+            image
+        }
     }
 }
 
@@ -88,15 +142,13 @@ fn interpolate(image: &GrayImage, at: Point2<f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use matchbench_vision::image::Size;
-
     use super::*;
 
     #[test]
     fn the_view_shows_each_point_where_it_is_carried() {
         let image = GrayImage::from_fn(Size::new(80, 60), |x, y| (40 + 2 * x + y) as u8);
-        for n in 0..5 {
-            let warp = Warp::new(&image, Seed(n));
+        for n in 0..8 {
+            let warp = Warp::new(&image, n % 2 == 1, Seed(n));
             // Brightness changes, but what is brighter stays brighter.
             let darker = warp.transfer(Point2::new(25.0, 25.0));
             let brighter = warp.transfer(Point2::new(55.0, 35.0));

@@ -18,7 +18,7 @@ pub(super) const BINBOOST: LocalFeatures<Params> = LocalFeatures {
     summary: "BinBoost on SIFT keypoints, exact nearest neighbours, ratio test",
     reference: "T. Trzcinski, M. Christoudias, P. Fua, V. Lepetit, \"Boosting Binary Keypoint \
                 Descriptors\", CVPR 2013",
-    revision: 1,
+    revision: 2,
     detection: |params| Some(sift::detection(&params.sift)),
     extractor: |params| {
         Ok(Box::new(DetectThenDescribe {
