@@ -12,8 +12,8 @@
 //!    cannot pull the function to 1, so its value says how coherent a match is.
 //! 3. *Motion*: on the seeds that are likely, an affine motion that varies smoothly with the point
 //!    of a match is regressed to the places in `b`, again with Huber's loss.
-//! 4. *All* matches are decided by both functions: those of high likelihood whose transfer error
-//!    is small stay, whether or not they passed the ratio test.
+//! 4. *All* matches are decided by both functions: those of high likelihood and those whose
+//!    transfer error is small stay, whether or not they passed the ratio test.
 //! 5. A second pass takes its seeds from what the first one kept.
 //!
 //! | field | default | source |
@@ -30,9 +30,8 @@
 //!
 //! *Differs from the authors' program*: kernels are centred at some of the seeds only, the
 //! likelihood's at `centres` of them, the motion's at 60 of the likely ones (see `regression`),
-//! which makes the cost of a decision that of a few hundred kernels; displacements
-//! weigh `displacement_scale` times as much as places; a match must satisfy both functions, there
-//! one of them is enough.
+//! which makes the cost of a decision that of a few hundred kernels; displacements weigh
+//! `displacement_scale` times as much as places.
 
 mod coherence;
 mod regression;
