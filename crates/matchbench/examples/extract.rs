@@ -17,10 +17,10 @@ use std::path::Path;
 use std::time::Instant;
 
 use matchbench_vision::features::{
-    Akaze, AkazeParams, BinBoost, BinBoostParams, Brisk, BriskParams, Daisy, DaisyParams,
-    Describer, Descriptors, DetectThenDescribe, Detector, Dlco, DlcoParams, Extractor, Features,
-    Freak, FreakParams, Kaze, KazeParams, Keypoint, Latch, LatchParams, Orb, OrbParams, Sift,
-    SiftParams, Surf, SurfParams,
+    Akaze, AkazeParams, Asift, AsiftParams, BinBoost, BinBoostParams, Brisk, BriskParams, Daisy,
+    DaisyParams, Describer, Descriptors, DetectThenDescribe, Detector, Dlco, DlcoParams, Extractor,
+    Features, Freak, FreakParams, Kaze, KazeParams, Keypoint, Latch, LatchParams, Orb, OrbParams,
+    Sift, SiftParams, Surf, SurfParams,
 };
 use matchbench_vision::image::{GrayImage, Size};
 use rayon::prelude::*;
@@ -79,6 +79,14 @@ fn extractor(id: &str, given: Option<Given>) -> Result<Box<dyn Extractor>, Box<d
     }
     match id {
         "akaze" => Ok(Box::new(Akaze::new(AkazeParams::default())?)),
+        // With the parameters of the matcher `asift`.
+        "asift" => {
+            let sift = Sift::new(SiftParams {
+                double_image: false,
+                ..SiftParams::default()
+            })?;
+            Ok(Box::new(Asift::new(sift, AsiftParams::default())?))
+        }
         "brisk" => Ok(Box::new(Brisk::new(BriskParams::default())?)),
         "daisy" => Ok(on(
             Sift::new(SiftParams::default())?,
@@ -106,7 +114,7 @@ fn extractor(id: &str, given: Option<Given>) -> Result<Box<dyn Extractor>, Box<d
         "sift" => Ok(Box::new(Sift::new(SiftParams::default())?)),
         "surf" => Ok(Box::new(Surf::new(SurfParams::default())?)),
         _ => Err(format!(
-            "no extractor `{id}`; known: akaze, brisk, daisy, freak, freak-sift, kaze, latch, orb, orb-gms, sift, surf"
+            "no extractor `{id}`; known: akaze, asift, brisk, daisy, freak, freak-sift, kaze, latch, orb, orb-gms, sift, surf"
         )
         .into()),
     }

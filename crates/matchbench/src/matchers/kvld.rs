@@ -1,4 +1,9 @@
-//! `kvld`: SIFT, nearest neighbours, those joined by virtual lines that look the same.
+//! `kvld`: SIFT, ratio test, those joined by virtual lines that look the same.
+//!
+//! The paper does not say what the lines are to choose from. On castle (49 pairs, every ninth) AUC is
+//! 0.456 with the matches of ratio 0.8 and 0.416 with those of 0.98 (`ransac-e`; with `best` 0.503 and
+//! 0.448), so 0.8 is the default. In small images of few features it is the other way round: 0.309
+//! and 0.389 in 171 pairs of TUM's office.
 
 use matchbench_vision::features::{Sift, SiftParams};
 use matchbench_vision::matching::{Kvld, KvldParams, NearestNeighbours, Pipeline, RatioTest};
@@ -23,7 +28,7 @@ impl Default for Params {
     fn default() -> Self {
         Self {
             extractor: SiftParams::default(),
-            ratio: 0.98,
+            ratio: 0.8,
             lines: KvldParams::default(),
         }
     }
@@ -35,7 +40,7 @@ impl Entry for KvldEntry {
     }
 
     fn summary(&self) -> &'static str {
-        "SIFT, exact nearest neighbours, those joined by lines that look the same"
+        "SIFT, exact nearest neighbours, ratio 0.8, those joined by lines that look the same"
     }
 
     fn reference(&self) -> &'static str {

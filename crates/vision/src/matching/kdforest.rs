@@ -412,6 +412,19 @@ mod tests {
     }
 
     #[test]
+    fn equal_descriptors_have_equal_matches_in_any_thread() {
+        let [a, b] = clustered(400, 16);
+        let in_pool = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.unwrap().install(|| search(4, 8, &a, &b))
+        };
+        let here = search(4, 8, &a, &b);
+        assert_eq!(in_pool(1), here);
+        assert_eq!(in_pool(3), here);
+        assert_ne!(here, exact(&a, &b));
+    }
+
+    #[test]
     fn ties_go_to_the_lowest_index() {
         let b = FloatRows::from_vec(2, [1.0, 2.0].repeat(300));
         let a = FloatRows::from_vec(2, vec![1.0, 2.5]);

@@ -78,7 +78,7 @@ impl Coherence {
         })
     }
 
-    /// Whether match `index` is more likely than `least` and goes where the motion takes it.
+    /// Whether match `index` is more likely than `least` or goes where the motion takes it.
     pub(in crate::matching) fn accepts(
         &self,
         motions: &Motions,
@@ -88,8 +88,8 @@ impl Coherence {
     ) -> bool {
         motions.points[index].is_some_and(|point| {
             let [likelihood] = evaluate(&kernels(&point, &self.centres), &self.likelihood);
-            if likelihood <= least {
-                return false;
+            if likelihood > least {
+                return true;
             }
             let [u, v] = evaluate(&affine_row(&point, &self.motion_centres), &self.motion);
             let to = motions.places_b[index];

@@ -12,15 +12,15 @@
 //!    cannot pull the function to 1, so its value says how coherent a match is.
 //! 3. *Motion*: on the seeds that are likely, an affine motion that varies smoothly with the point
 //!    of a match is regressed to the places in `b`, again with Huber's loss.
-//! 4. *All* matches are decided by both functions: those of high likelihood whose transfer error
-//!    is small stay, whether or not they passed the ratio test.
+//! 4. *All* matches are decided by both functions: those of high likelihood and those whose
+//!    transfer error is small stay, whether or not they passed the ratio test.
 //! 5. A second pass takes its seeds from what the first one kept.
 //!
 //! | field | default | source |
 //! | --- | --- | --- |
 //! | `seed_ratio` | 2/3 | the authors' program: squared ratio 2.25 |
 //! | `seeds` | 1000 | the authors' program |
-//! | `centres` | 300 | - |
+//! | `centres` | 300 | - (the authors' program: all seeds) |
 //! | `ridge` | 1 | the authors' program |
 //! | `huber` | 0.1 | the authors' program |
 //! | `likelihoods` | 0.6, 0.7 | the authors' program, one for each pass |
@@ -28,10 +28,10 @@
 //! | `max_aspect` | 5 | the authors' program |
 //! | `displacement_scale` | 3 | - |
 //!
-//! *Differs from the authors' program*: kernels are centred at some of the seeds only (see
-//! `regression`), which makes the cost of a decision that of a few hundred kernels; displacements
-//! weigh `displacement_scale` times as much as places; a match must satisfy both functions, there
-//! one of them is enough.
+//! *Differs from the authors' program*: kernels are centred at some of the seeds only, the
+//! likelihood's at `centres` of them, the motion's at 60 of the likely ones (see `regression`),
+//! which makes the cost of a decision that of a few hundred kernels; displacements weigh
+//! `displacement_scale` times as much as places.
 
 mod coherence;
 mod regression;
@@ -51,7 +51,7 @@ pub struct CodeParams {
     pub seed_ratio: f32,
     /// Seeds at most, drawn at random from those that pass; at least 10.
     pub seeds: usize,
-    /// Kernels at most; at least 10.
+    /// Kernels of the likelihood at most; at least 10.
     pub centres: usize,
     /// Weight of the squared coefficients against the data, positive.
     pub ridge: f64,

@@ -9,7 +9,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 /// What a match is compared by: position, displacement, relative affine frame.
 pub(super) type Point = [f64; 8];
 
-/// Entries that are not zero: index and value.
+/// Entries that are not zero: index and value, in order of the indices.
 pub(super) type SparseRow = Vec<(usize, f64)>;
 
 /// Kernels below this count as zero.
@@ -49,9 +49,10 @@ pub(super) fn fit<const R: usize>(
         let mut normal = penalty.clone();
         let mut right: [DVector<f64>; R] = std::array::from_fn(|_| DVector::zeros(count));
         for ((row, target), &weight) in rows.iter().zip(targets).zip(&weights) {
-            for &(i, x) in row {
+            for (first, &(i, x)) in row.iter().enumerate() {
                 let x = weight * x;
-                for &(j, y) in row {
+                // Cholesky reads the lower triangle alone, and rows are in order of their indices.
+                for &(j, y) in &row[first..] {
                     normal[(j, i)] += x * y;
                 }
                 for (right, target) in right.iter_mut().zip(target) {

@@ -63,15 +63,30 @@ fn coherent_matches_stay_also_those_that_are_not_distinctive() {
 }
 
 #[test]
-fn matches_whose_frames_turn_otherwise_are_dropped() {
+fn likelihood_sees_frames_and_motion_sees_places() {
     let (a, mut b, matches) = scene(900);
-    // Right in place, not distinctive, hence none of the seeds.
-    for keypoint in b.keypoints.iter_mut().skip(7).step_by(60) {
-        keypoint.angle = Some(2.5);
+    // Right ones, not distinctive: with another frame, and at another place.
+    let (turned, shifted) = (|&i: &usize| i % 60 == 7, |&i: &usize| i % 60 == 11);
+    for (index, keypoint) in b.keypoints.iter_mut().enumerate() {
+        if turned(&index) {
+            keypoint.angle = Some(2.5);
+        }
+        if shifted(&index) {
+            keypoint.at.x += 60.0;
+        }
     }
-    let kept = select(&a, &b, matches);
-    assert!(kept.len() > 300, "{}", kept.len());
-    assert!(kept.iter().all(|index| index % 60 != 7));
+    let params = CodeParams::default();
+    let motions = Motions::new(&a, &b, &matches, &params);
+    let seeds = (0..matches.len()).filter(|i| i % 4 == 0).collect();
+    let learned = Coherence::learn(&motions, seeds, &params, &mut Seed(3).rng()).unwrap();
+    let likely = |i: &usize| learned.accepts(&motions, *i, params.likelihoods[0], 0.0);
+    let moved = |i: &usize| learned.accepts(&motions, *i, f64::INFINITY, params.squared_transfer);
+    let all = || 0..matches.len();
+    assert_eq!(all().filter(turned).filter(likely).count(), 0);
+    assert_eq!(all().filter(shifted).filter(moved).count(), 0);
+    let others = |i: &usize| !i.is_multiple_of(3) && !turned(i) && !shifted(i);
+    let right = all().filter(others).filter(moved).count();
+    assert!(right > 500, "{right} of 570");
 }
 
 #[test]

@@ -13,7 +13,7 @@
 //!    samples.
 //! 3. *All* matches near their epipolar lines, whether or not they passed a ratio test, are the
 //!    training set, from which both functions of CODE are learned anew.
-//! 4. All matches are decided by these functions and by the epipolar line.
+//! 4. All matches are decided by these functions (one of which is enough) and by the epipolar line.
 //! 5. Steps 2 to 4 are repeated with what was kept.
 //!
 //! | field | default | source |

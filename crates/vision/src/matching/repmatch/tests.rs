@@ -23,8 +23,8 @@ fn features(places: Vec<Point2<f32>>) -> Features {
 }
 
 /// A street seen by a camera that moves sideways: displacements along rows, by depth. On the left
-/// half one match in three is distinctive, on the right half, where facades repeat, none is. Every
-/// third match goes anywhere.
+/// half one match in three is distinctive, on the right half, which is nearer and where facades
+/// repeat, none is. Every third match goes anywhere.
 fn street(count: u32) -> (Features, Features, Correspondences) {
     let mut rng = Seed(5).rng();
     let mut place = || Point2::new(WIDTH * rng.uniform() as f32, HEIGHT * rng.uniform() as f32);
@@ -33,7 +33,8 @@ fn street(count: u32) -> (Features, Features, Correspondences) {
         let (from, anywhere) = (place(), place());
         a.push(from);
         let depth = 1.0 + 0.5 * from.y / HEIGHT + 0.3 * libm::sinf(from.x / 90.0);
-        let to = Point2::new(from.x - 40.0 / depth, from.y);
+        let nearer = if from.x > 0.5 * WIDTH { 80.0 } else { 0.0 };
+        let to = Point2::new(from.x - 40.0 / depth - nearer, from.y);
         b.push(if index % 3 == 0 { anywhere } else { to });
         let distinctive = index % 3 == 1 && from.x < 0.5 * WIDTH;
         matches.push(Correspondence {
