@@ -30,20 +30,9 @@ pub fn triangulate_depths(
     depth_a: &mut [f64],
     depth_b: &mut [f64],
 ) {
-    simd::triangulate_depths(
-        &row_major(b_from_a.rotation.to_rotation_matrix().matrix()),
-        &[
-            b_from_a.direction.x,
-            b_from_a.direction.y,
-            b_from_a.direction.z,
-        ],
-        &pairs.a_x,
-        &pairs.a_y,
-        &pairs.b_x,
-        &pairs.b_y,
-        depth_a,
-        depth_b,
-    );
+    let PointPairs { a_x, a_y, b_x, b_y } = pairs;
+    let (r, t) = matrices(b_from_a);
+    simd::triangulate_depths(&r, &t, a_x, a_y, b_x, b_y, depth_a, depth_b);
 }
 
 /// Depths of each match in view `a` and in view `b`, in baselines, where its two lines of sight
@@ -58,18 +47,14 @@ pub fn ray_depths(
     depth_a: &mut [f64],
     depth_b: &mut [f64],
 ) {
-    simd::ray_depths(
-        &row_major(b_from_a.rotation.to_rotation_matrix().matrix()),
-        &[
-            b_from_a.direction.x,
-            b_from_a.direction.y,
-            b_from_a.direction.z,
-        ],
-        &pairs.a_x,
-        &pairs.a_y,
-        &pairs.b_x,
-        &pairs.b_y,
-        depth_a,
-        depth_b,
-    );
+    let PointPairs { a_x, a_y, b_x, b_y } = pairs;
+    let (r, t) = matrices(b_from_a);
+    simd::ray_depths(&r, &t, a_x, a_y, b_x, b_y, depth_a, depth_b);
+}
+
+/// R in row-major order, and t.
+fn matrices(b_from_a: &RelativePose) -> ([f64; 9], [f64; 3]) {
+    let rotation = b_from_a.rotation.to_rotation_matrix();
+    let t = &b_from_a.direction;
+    (row_major(rotation.matrix()), [t.x, t.y, t.z])
 }
