@@ -290,28 +290,30 @@ fn evaluate(args: &EvaluateArgs) -> Result<()> {
 }
 
 /// The set, the table, and the checkpoint that is no longer needed once it is written.
-fn learn_bgm(args: &BgmArgs) -> Result<(PatchSet, BinBoostTable, Checkpoint)> {
-    let LearnersArgs {
-        set,
-        boxes,
-        pairs,
-        step,
-        seed,
-        out,
-    } = &args.common;
-    let set = PatchSet::read(set, "train")?;
+fn learn_bits(
+    stage: &str,
+    common: &LearnersArgs,
+    bits: usize,
+    learners_per_bit: usize,
+    tries: usize,
+) -> Result<(PatchSet, BinBoostTable, Checkpoint)> {
+    let set = PatchSet::read(&common.set, "train")?;
     let params = BoostParams {
-        bits: args.bits,
-        learners_per_bit: 1,
-        boxes: *boxes,
-        tries: args.tries,
-        pairs: *pairs,
-        step: *step,
-        seed: *seed,
+        bits,
+        learners_per_bit,
+        boxes: common.boxes,
+        tries,
+        pairs: common.pairs,
+        step: common.step,
+        seed: common.seed,
     };
-    let checkpoint = Checkpoint::new(out, &set, &("bgm", &params))?;
+    let checkpoint = Checkpoint::new(&common.out, &set, &(stage, &params))?;
     let table = boost::learn(&set, &params, &checkpoint, &bar("bits"))?;
     Ok((set, table, checkpoint))
+}
+
+fn learn_bgm(args: &BgmArgs) -> Result<(PatchSet, BinBoostTable, Checkpoint)> {
+    learn_bits("bgm", &args.common, args.bits, 1, args.tries)
 }
 
 fn learn_lbgm(args: &LbgmArgs) -> Result<()> {
@@ -327,27 +329,14 @@ fn learn_lbgm(args: &LbgmArgs) -> Result<()> {
 }
 
 fn learn_binboost(args: &BinboostArgs) -> Result<()> {
-    let LearnersArgs {
-        set,
-        boxes,
-        pairs,
-        step,
-        seed,
-        out,
-    } = &args.common;
-    let set = PatchSet::read(set, "train")?;
-    let params = BoostParams {
-        bits: args.bits,
-        learners_per_bit: args.learners,
-        boxes: *boxes,
-        tries: args.tries,
-        pairs: *pairs,
-        step: *step,
-        seed: *seed,
-    };
-    let checkpoint = Checkpoint::new(out, &set, &("binboost", &params))?;
-    let table = boost::learn(&set, &params, &checkpoint, &bar("bits"))?;
-    finish(out, &table.to_bytes(), &checkpoint)
+    let (_, table, checkpoint) = learn_bits(
+        "binboost",
+        &args.common,
+        args.bits,
+        args.learners,
+        args.tries,
+    )?;
+    finish(&args.common.out, &table.to_bytes(), &checkpoint)
 }
 
 /// Chooses tests, and compares them with those of the library on patches that took no part.

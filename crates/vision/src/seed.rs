@@ -105,6 +105,17 @@ impl Rng {
         let radius = (-2.0 * libm::log(1.0 - self.uniform())).sqrt();
         radius * libm::cos(core::f64::consts::TAU * self.uniform())
     }
+
+    /// Puts `items` in random order (Fisher and Yates, from the last to the first).
+    ///
+    /// # Panics
+    /// If there are more than fit `u32`.
+    pub fn shuffle<T>(&mut self, items: &mut [T]) {
+        for last in (1..items.len()).rev() {
+            let bound = u32::try_from(last + 1).expect("items are numbered by u32");
+            items.swap(last, self.below(bound) as usize);
+        }
+    }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 
 use matchbench_vision::ParamError;
 use matchbench_vision::features::{Asift, AsiftParams, Extractor, Sift, SiftParams};
-use matchbench_vision::matching::{Pipeline, PlacewiseNeighbours, RatioTest};
+use matchbench_vision::matching::{Pipeline, PlacewiseNeighbours, RatioTest, Selector};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -37,7 +37,7 @@ impl Default for AsiftExtraction {
 
 impl AsiftExtraction {
     /// What its features depend on.
-    pub(super) fn extraction(&self) -> Extraction {
+    fn extraction(&self) -> Extraction {
         Extraction {
             extractor: "asift".into(),
             params: to_json(self),
@@ -46,8 +46,29 @@ impl AsiftExtraction {
     }
 
     /// The extractor.
-    pub(super) fn build(self) -> Result<Box<dyn Extractor>, ParamError> {
+    fn build(self) -> Result<Box<dyn Extractor>, ParamError> {
         Ok(Box::new(Asift::new(Sift::new(self.sift)?, self.views)?))
+    }
+
+    /// The matcher `id` on these features, with what tells its matches apart.
+    pub(super) fn matcher(
+        self,
+        id: &'static str,
+        params: Value,
+        search: PlacewiseNeighbours,
+        selector: Box<dyn Selector>,
+    ) -> Result<BuiltMatcher, ConfigError> {
+        Ok(BuiltMatcher {
+            id: id.into(),
+            params,
+            extraction: self.extraction(),
+            detection: None,
+            matcher: Box::new(Pipeline {
+                extractor: self.build().map_err(|e| ConfigError::new(id, e))?,
+                search: Box::new(search),
+                selectors: vec![selector],
+            }),
+        })
     }
 }
 
@@ -89,26 +110,9 @@ impl Entry for AsiftEntry {
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {
         let params: Params = parse_params(self.id(), params)?;
-        if !(params.ratio > 0.0 && params.ratio <= 1.0) {
-            let reason = format!(
-                "`ratio` is {}, but must be above 0 and at most 1",
-                params.ratio
-            );
-            return Err(ConfigError::new(self.id(), reason));
-        }
-        let extractor = (params.extractor.build()).map_err(|e| ConfigError::new(self.id(), e))?;
-        Ok(BuiltMatcher {
-            id: self.id().into(),
-            params: to_json(&params),
-            extraction: params.extractor.extraction(),
-            detection: None,
-            matcher: Box::new(Pipeline {
-                extractor,
-                search: Box::new(params.search),
-                selectors: vec![Box::new(RatioTest {
-                    ratio: params.ratio,
-                })],
-            }),
-        })
+        let ratio = RatioTest::new(params.ratio).map_err(|e| ConfigError::new(self.id(), e))?;
+        params
+            .extractor
+            .matcher(self.id(), to_json(&params), params.search, Box::new(ratio))
     }
 }

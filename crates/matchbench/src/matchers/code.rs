@@ -1,6 +1,6 @@
 //! `code`: ASIFT, all nearest neighbours, decided by coherence.
 
-use matchbench_vision::matching::{Code, CodeParams, Pipeline, PlacewiseNeighbours};
+use matchbench_vision::matching::{Code, CodeParams, PlacewiseNeighbours};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -42,18 +42,9 @@ impl Entry for CodeEntry {
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {
         let params: Params = parse_params(self.id(), params)?;
-        let extractor = (params.extractor.build()).map_err(|e| ConfigError::new(self.id(), e))?;
         let code = Code::new(params.coherence).map_err(|e| ConfigError::new(self.id(), e))?;
-        Ok(BuiltMatcher {
-            id: self.id().into(),
-            params: to_json(&params),
-            extraction: params.extractor.extraction(),
-            detection: None,
-            matcher: Box::new(Pipeline {
-                extractor,
-                search: Box::new(params.search),
-                selectors: vec![Box::new(code)],
-            }),
-        })
+        params
+            .extractor
+            .matcher(self.id(), to_json(&params), params.search, Box::new(code))
     }
 }

@@ -54,13 +54,7 @@ impl Entry for KvldEntry {
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {
         let params: Params = parse_params(self.id(), params)?;
-        if !(params.ratio > 0.0 && params.ratio <= 1.0) {
-            let reason = format!(
-                "`ratio` is {}, but must be above 0 and at most 1",
-                params.ratio
-            );
-            return Err(ConfigError::new(self.id(), reason));
-        }
+        let ratio = RatioTest::new(params.ratio).map_err(|e| ConfigError::new(self.id(), e))?;
         let sift = Sift::new(params.extractor).map_err(|e| ConfigError::new(self.id(), e))?;
         let kvld = Kvld::new(params.lines).map_err(|e| ConfigError::new(self.id(), e))?;
         Ok(BuiltMatcher {
@@ -76,12 +70,7 @@ impl Entry for KvldEntry {
             matcher: Box::new(Pipeline {
                 extractor: Box::new(sift),
                 search: Box::new(NearestNeighbours),
-                selectors: vec![
-                    Box::new(RatioTest {
-                        ratio: params.ratio,
-                    }),
-                    Box::new(kvld),
-                ],
+                selectors: vec![Box::new(ratio), Box::new(kvld)],
             }),
         })
     }

@@ -124,13 +124,8 @@ impl<P: Serialize + DeserializeOwned + Default> Entry for LocalFeatures<P> {
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {
         let params: Params<P> = parse_params(self.id, params)?;
-        if !(params.ratio > 0.0 && params.ratio <= 1.0) {
-            let reason = format!(
-                "`ratio` is {}, but must be above 0 and at most 1",
-                params.ratio
-            );
-            return Err(ConfigError::new(self.id, reason));
-        }
+        let refused = |error| ConfigError::new(self.id, error);
+        let ratio = RatioTest::new(params.ratio).map_err(refused)?;
         let json = to_json(&params);
         let extraction = Extraction {
             extractor: self.id.into(),
@@ -138,7 +133,6 @@ impl<P: Serialize + DeserializeOwned + Default> Entry for LocalFeatures<P> {
             revision: self.revision,
         };
         let detection = (self.detection)(&params.extractor);
-        let refused = |error| ConfigError::new(self.id, error);
         let extractor = (self.extractor)(params.extractor).map_err(refused)?;
         let search = params.search.build(params.kdforest, extractor.kind());
         Ok(BuiltMatcher {
@@ -149,9 +143,7 @@ impl<P: Serialize + DeserializeOwned + Default> Entry for LocalFeatures<P> {
             matcher: Box::new(Pipeline {
                 extractor,
                 search: search.map_err(refused)?,
-                selectors: vec![Box::new(RatioTest {
-                    ratio: params.ratio,
-                })],
+                selectors: vec![Box::new(ratio)],
             }),
         })
     }

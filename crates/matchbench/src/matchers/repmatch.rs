@@ -1,6 +1,6 @@
 //! `repmatch`: ASIFT, all nearest neighbours, decided by coherence and epipolar geometry.
 
-use matchbench_vision::matching::{Pipeline, PlacewiseNeighbours, RepMatch, RepMatchParams};
+use matchbench_vision::matching::{PlacewiseNeighbours, RepMatch, RepMatchParams};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -42,19 +42,13 @@ impl Entry for RepMatchEntry {
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {
         let params: Params = parse_params(self.id(), params)?;
-        let extractor = (params.extractor.build()).map_err(|e| ConfigError::new(self.id(), e))?;
         let repmatch =
             RepMatch::new(params.selection).map_err(|e| ConfigError::new(self.id(), e))?;
-        Ok(BuiltMatcher {
-            id: self.id().into(),
-            params: to_json(&params),
-            extraction: params.extractor.extraction(),
-            detection: None,
-            matcher: Box::new(Pipeline {
-                extractor,
-                search: Box::new(params.search),
-                selectors: vec![Box::new(repmatch)],
-            }),
-        })
+        params.extractor.matcher(
+            self.id(),
+            to_json(&params),
+            params.search,
+            Box::new(repmatch),
+        )
     }
 }

@@ -13,7 +13,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{Matrix3, Point2};
+use nalgebra::{Matrix3, Point2, Vector3};
 
 use super::PointPairs;
 use crate::simd;
@@ -49,19 +49,7 @@ pub fn agree_in_orientation(
     e: &Matrix3<f64>,
     matches: impl IntoIterator<Item = (Point2<f64>, Point2<f64>)>,
 ) -> bool {
-    // The left null vector: perpendicular to the columns, by the two that determine it best.
-    let columns = [0, 1, 2].map(|i| e.column(i).into_owned());
-    let epipole = [(0, 1), (1, 2), (2, 0)]
-        .map(|(i, j)| columns[i].cross(&columns[j]))
-        .into_iter()
-        .reduce(|best, next| {
-            if next.norm_squared() > best.norm_squared() {
-                next
-            } else {
-                best
-            }
-        })
-        .unwrap_or_default();
+    let epipole = epipole_in_b(e);
     let mut signs = matches.into_iter().map(|(a, b)| {
         let factor = epipole
             .cross(&b.to_homogeneous())
@@ -70,6 +58,23 @@ pub fn agree_in_orientation(
     });
     let first = signs.next();
     signs.all(|sign| Some(sign) == first)
+}
+
+/// The epipole in b of a matrix, homogeneously: its left null vector, of any length and sign.
+pub fn epipole_in_b(e: &Matrix3<f64>) -> Vector3<f64> {
+    null_vector([0, 1, 2].map(|i| e.column(i).into_owned()))
+}
+
+/// What is perpendicular to three vectors of one plane: the cross product of the two that are least
+/// parallel, which determine it best.
+pub(super) fn null_vector([k, l, m]: [Vector3<f64>; 3]) -> Vector3<f64> {
+    let mut null = k.cross(&l);
+    for other in [l.cross(&m), m.cross(&k)] {
+        if other.norm_squared() > null.norm_squared() {
+            null = other;
+        }
+    }
+    null
 }
 
 /// The entries of a matrix, row after row, as kernels take them.

@@ -14,7 +14,7 @@ mod triangulation;
 
 pub use camera::{Camera, CameraError, Distortion};
 pub use cheirality::choose_pose;
-pub use epipolar::{agree_in_orientation, squared_sampson_distances};
+pub use epipolar::{agree_in_orientation, epipole_in_b, squared_sampson_distances};
 pub use essential::{decompose_essential, essential_defect, essential_from_pose};
 pub use homography::squared_transfer_distances;
 pub use point_pairs::PointPairs;

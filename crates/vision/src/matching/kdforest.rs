@@ -157,9 +157,7 @@ impl Forest {
         for tree in 0..trees {
             let mut rng = Seed(0).child("kdforest").number(tree as u64).rng();
             // The first of a part are its sample.
-            for last in (1..order.len()).rev() {
-                order.swap(last, rng.below(last as u32 + 1) as usize);
-            }
+            rng.shuffle(&mut order);
             forest.grow_tree(rows, &mut order, &mut rng);
         }
         forest

@@ -12,6 +12,7 @@
 //! the test can decide nothing and the match is dropped too.
 
 use super::{Correspondences, Selector, View};
+use crate::params::ParamError;
 use crate::seed::Seed;
 
 /// Keeps a match if its distance is below [`RatioTest::ratio`] times that of the second nearest.
@@ -26,6 +27,18 @@ pub struct RatioTest {
 impl Default for RatioTest {
     fn default() -> Self {
         Self { ratio: 0.8 }
+    }
+}
+
+impl RatioTest {
+    /// A test with this ratio.
+    ///
+    /// # Errors
+    /// Unless it is in `(0, 1]`.
+    pub fn new(ratio: f32) -> Result<Self, ParamError> {
+        let allowed = ratio > 0.0 && ratio <= 1.0;
+        ParamError::unless(allowed, "ratio", ratio, "above 0 and at most 1")?;
+        Ok(Self { ratio })
     }
 }
 

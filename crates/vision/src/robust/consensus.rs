@@ -167,17 +167,22 @@ pub fn consensus_until<P: Problem>(
     }
     let (model, support) = best?;
     problem.squared_residuals(&model, 0..problem.len(), &mut residuals);
-    let inliers = (0_u32..)
-        .zip(&residuals)
-        .filter(|&(_, &squared)| squared <= support.squared_threshold)
-        .map(|(index, _)| index)
-        .collect();
+    let inliers = inliers_within(&residuals, support.squared_threshold);
     Some(Consensus {
         model,
         support,
         inliers,
         samples,
     })
+}
+
+/// Indices of the data whose squared residual is at most the threshold, ascending.
+pub(super) fn inliers_within(squared_residuals: &[f64], squared_threshold: f64) -> Vec<u32> {
+    (0_u32..)
+        .zip(squared_residuals)
+        .filter(|&(_, &squared)| squared <= squared_threshold)
+        .map(|(index, _)| index)
+        .collect()
 }
 
 /// Data between two looks at whether a model can still win.

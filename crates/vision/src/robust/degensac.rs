@@ -23,7 +23,7 @@ use nalgebra::{Matrix3, Point2, Vector3};
 
 use super::fundamental_problem::FundamentalProblem;
 use super::{HomographyProblem, Problem};
-use crate::geometry::{PointPairs, squared_transfer_distances};
+use crate::geometry::{PointPairs, epipole_in_b, squared_transfer_distances};
 use crate::seed::Rng;
 use crate::simd;
 
@@ -103,12 +103,7 @@ fn homography_of(
     f: &Matrix3<f64>,
     triplet: [(Point2<f64>, Point2<f64>); 3],
 ) -> Option<Matrix3<f64>> {
-    let columns = [0, 1, 2].map(|i| f.column(i).into_owned());
-    let epipole = [(0, 1), (1, 2), (2, 0)]
-        .map(|(i, j)| columns[i].cross(&columns[j]))
-        .into_iter()
-        .max_by(|p, q| p.norm_squared().total_cmp(&q.norm_squared()))?
-        .try_normalize(0.0)?;
+    let epipole = epipole_in_b(f).try_normalize(0.0)?;
     let compatible = epipole.cross_matrix() * f;
     let offset = |(a, b): (Point2<f64>, Point2<f64>)| {
         let (a, b) = (a.to_homogeneous(), b.to_homogeneous());

@@ -5,6 +5,7 @@ use std::ops::Range;
 use nalgebra::Matrix3;
 
 use super::Problem;
+use super::consensus::inliers_within;
 use crate::geometry::solvers::{Solutions, five_point};
 use crate::geometry::{
     Loss, PointPairs, agree_in_orientation, decompose_essential, essential_from_pose, ray_depths,
@@ -80,11 +81,10 @@ fn refute_behind(
     let Some(poses) = decompose_essential(model) else {
         return false;
     };
-    let inliers: Vec<usize> = (squared_residuals.iter().enumerate())
-        .filter(|&(_, &squared)| squared <= squared_threshold)
-        .map(|(index, _)| index)
+    let inliers = inliers_within(squared_residuals, squared_threshold);
+    let matches: PointPairs = (inliers.iter())
+        .map(|&index| pairs.get(index as usize))
         .collect();
-    let matches: PointPairs = inliers.iter().map(|&index| pairs.get(index)).collect();
     // Poses 2 and 3 are 0 and 1 with the direction, hence all depths, reversed.
     let depths = [0, 1].map(|rotation| {
         let mut depths = (vec![0.0; matches.len()], vec![0.0; matches.len()]);
@@ -102,7 +102,7 @@ fn refute_behind(
     let mut any = false;
     for (at, &index) in inliers.iter().enumerate() {
         if behind(pose, at) {
-            squared_residuals[index] = f64::INFINITY;
+            squared_residuals[index as usize] = f64::INFINITY;
             any = true;
         }
     }

@@ -10,16 +10,14 @@
 
 use std::ops::Range;
 
-use nalgebra::{Matrix3, SMatrix, SVector};
+use nalgebra::{Matrix3, SVector};
 
 use super::Problem;
 use super::degensac::off_the_plane;
+use super::linear::{Normalised, least_violating, refit};
 use crate::geometry::solvers::{Solutions, seven_point};
 use crate::geometry::{PointPairs, squared_sampson_distances};
 use crate::seed::Rng;
-
-/// Matches that a local optimisation looks at, at most.
-const REFINE_MATCHES: usize = 2000;
 
 /// Finds the fundamental matrix; residuals are squared Sampson distances.
 #[derive(Clone, Copy, Debug)]
@@ -70,86 +68,27 @@ impl Problem for FundamentalProblem<'_> {
         squared_threshold: f64,
         steps: usize,
     ) -> Option<Matrix3<f64>> {
-        let mut refined = None;
-        for _ in 0..steps {
-            let from = refined.as_ref().unwrap_or(model);
-            refined = Some(self.refit(from, squared_threshold)?);
-        }
-        refined
+        refit(self, model, squared_threshold, steps, 8, |inliers| {
+            eight_point(self.pairs, inliers)
+        })
     }
-}
-
-impl FundamentalProblem<'_> {
-    /// The eight-point solution of the inliers of a model.
-    fn refit(self, model: &Matrix3<f64>, squared_threshold: f64) -> Option<Matrix3<f64>> {
-        let mut residuals = vec![0.0; self.len()];
-        self.squared_residuals(model, 0..self.len(), &mut residuals);
-        let inliers: Vec<u32> = (0_u32..)
-            .zip(&residuals)
-            .filter(|&(_, &squared)| squared <= squared_threshold)
-            .map(|(index, _)| index)
-            .collect();
-        (inliers.len() >= 8)
-            .then(|| eight_point(self.pairs, &thinned(&inliers, REFINE_MATCHES)))
-            .flatten()
-    }
-}
-
-/// At most `most` of the numbers, evenly spread.
-pub(super) fn thinned(numbers: &[u32], most: usize) -> Vec<u32> {
-    let step = numbers.len().div_ceil(most).max(1);
-    numbers.iter().copied().step_by(step).collect()
 }
 
 /// The singular matrix that fits the `matches` best in the algebraic sense.
 fn eight_point(pairs: &PointPairs, matches: &[u32]) -> Option<Matrix3<f64>> {
-    let (from_a, from_b) = (
-        normalisation(&pairs.a_x, &pairs.a_y, matches),
-        normalisation(&pairs.b_x, &pairs.b_y, matches),
-    );
-    let mut moments = SMatrix::<f64, 9, 9>::zeros();
-    for &index in matches {
-        let (a, b) = pairs.get(index as usize);
-        let (a, b) = (from_a * a.to_homogeneous(), from_b * b.to_homogeneous());
-        let equation = SVector::<f64, 9>::from_fn(|i, _| b[i / 3] * a[i % 3]);
-        moments.ger(1.0, &equation, &equation, 1.0);
-    }
-    if !moments.iter().all(|x| x.is_finite()) {
-        return None;
-    }
-    let eigen = moments.symmetric_eigen();
-    let smallest = eigen.eigenvalues.imin();
-    let flat = eigen.eigenvectors.column(smallest);
-    let f = Matrix3::from_row_iterator(flat.iter().copied());
-    let mut svd = f.svd(true, true);
+    let Normalised {
+        matrix,
+        from_a,
+        from_b,
+    } = least_violating(pairs, matches, |a, b| {
+        [SVector::from_fn(|i, _| b[i / 3] * a[i % 3])]
+    })?;
+    let mut svd = matrix.svd(true, true);
     let least = svd.singular_values.imin();
     svd.singular_values[least] = 0.0;
     let singular = svd.recompose().ok()?;
     let f = from_b.transpose() * singular * from_a;
     (f.norm() > 0.0).then(|| f.normalize())
-}
-
-/// Moves the centroid of the points to the origin and their mean distance from it to sqrt 2.
-pub(super) fn normalisation(x: &[f64], y: &[f64], matches: &[u32]) -> Matrix3<f64> {
-    let count = matches.len() as f64;
-    let mean = |values: &[f64]| matches.iter().map(|&i| values[i as usize]).sum::<f64>() / count;
-    let (mean_x, mean_y) = (mean(x), mean(y));
-    let distances = matches.iter().map(|&i| {
-        let (dx, dy) = (x[i as usize] - mean_x, y[i as usize] - mean_y);
-        (dx * dx + dy * dy).sqrt()
-    });
-    let scale = std::f64::consts::SQRT_2 * count / distances.sum::<f64>().max(f64::MIN_POSITIVE);
-    Matrix3::new(
-        scale,
-        0.0,
-        -scale * mean_x,
-        0.0,
-        scale,
-        -scale * mean_y,
-        0.0,
-        0.0,
-        1.0,
-    )
 }
 
 #[cfg(test)]

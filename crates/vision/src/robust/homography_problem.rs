@@ -7,15 +7,12 @@
 
 use std::ops::Range;
 
-use nalgebra::{Matrix3, SMatrix, SVector};
+use nalgebra::{Matrix3, SVector};
 
 use super::Problem;
-use super::fundamental_problem::{normalisation, thinned};
+use super::linear::{Normalised, least_violating, refit};
 use crate::geometry::solvers::{Solutions, homography};
 use crate::geometry::{PointPairs, squared_transfer_distances};
-
-/// Matches that a local optimisation looks at, at most.
-const REFINE_MATCHES: usize = 2000;
 
 /// Finds the homography; residuals are squared symmetric transfer distances.
 #[derive(Clone, Copy, Debug)]
@@ -54,51 +51,35 @@ impl Problem for HomographyProblem<'_> {
         squared_threshold: f64,
         steps: usize,
     ) -> Option<Matrix3<f64>> {
-        let mut residuals = vec![0.0; self.len()];
-        let mut refined = None;
-        for _ in 0..steps {
-            let from = refined.as_ref().unwrap_or(model);
-            self.squared_residuals(from, 0..self.len(), &mut residuals);
-            let inliers: Vec<u32> = (0_u32..)
-                .zip(&residuals)
-                .filter(|&(_, &squared)| squared <= squared_threshold)
-                .map(|(index, _)| index)
-                .collect();
-            if inliers.len() < Self::SAMPLE {
-                return None;
-            }
-            refined = Some(linear(self.pairs, &thinned(&inliers, REFINE_MATCHES))?);
-        }
-        refined
+        refit(
+            self,
+            model,
+            squared_threshold,
+            steps,
+            Self::SAMPLE,
+            |inliers| linear(self.pairs, inliers),
+        )
     }
 }
 
 /// The homography that fits the `matches` best in the algebraic sense.
 fn linear(pairs: &PointPairs, matches: &[u32]) -> Option<Matrix3<f64>> {
-    let (from_a, from_b) = (
-        normalisation(&pairs.a_x, &pairs.a_y, matches),
-        normalisation(&pairs.b_x, &pairs.b_y, matches),
-    );
-    let mut moments = SMatrix::<f64, 9, 9>::zeros();
-    for &index in matches {
-        let (a, b) = pairs.get(index as usize);
-        let (a, b) = (from_a * a.to_homogeneous(), from_b * b.to_homogeneous());
-        // Two of the equations b x H a = 0, in the rows of H.
-        for (row, weight) in [(0, b.x), (1, b.y)] {
-            let mut equation = SVector::<f64, 9>::zeros();
+    // Two of the equations b x H a = 0, in the rows of H.
+    let Normalised {
+        matrix,
+        from_a,
+        from_b,
+    } = least_violating(pairs, matches, |a, b| {
+        [(0, b.x), (1, b.y)].map(|(row, weight)| {
+            let mut equation = SVector::zeros();
             for i in 0..3 {
                 equation[3 * row + i] = a[i];
                 equation[6 + i] = -weight * a[i];
             }
-            moments.ger(1.0, &equation, &equation, 1.0);
-        }
-    }
-    if !moments.iter().all(|x| x.is_finite()) {
-        return None;
-    }
-    let eigen = moments.symmetric_eigen();
-    let flat = eigen.eigenvectors.column(eigen.eigenvalues.imin());
-    let h = from_b.try_inverse()? * Matrix3::from_row_iterator(flat.iter().copied()) * from_a;
+            equation
+        })
+    })?;
+    let h = from_b.try_inverse()? * matrix * from_a;
     (h.norm() > 0.0 && h.norm().is_finite()).then(|| h.normalize())
 }
 

@@ -10,6 +10,7 @@ mod essential_problem;
 mod estimator;
 mod fundamental_problem;
 mod homography_problem;
+mod linear;
 mod lmeds;
 mod magsac;
 mod mlesac;

@@ -35,6 +35,7 @@
 
 use nalgebra::Matrix3;
 
+use super::consensus::inliers_within;
 use super::essential_problem::near;
 use super::{
     Consensus, ConsensusParams, EssentialProblem, Extras, FundamentalProblem, InlierCount, Magsac,
@@ -270,12 +271,7 @@ impl SampleConsensus {
         let model = essential_from_pose(&pose);
         let mut residuals = vec![0.0; pairs.len()];
         squared_sampson_distances(&model, pairs, 0..pairs.len(), &mut residuals);
-        let inliers = (0_u32..)
-            .zip(&residuals)
-            .filter(|&(_, &residual)| residual <= limit)
-            .map(|(index, _)| index)
-            .collect();
-        (model, inliers)
+        (model, inliers_within(&residuals, limit))
     }
 }
 
@@ -283,11 +279,8 @@ impl SampleConsensus {
 /// a detector is sorted by place or by scale.
 fn shuffled(count: usize, seed: Seed) -> Vec<u32> {
     let count = u32::try_from(count).expect("matches are numbered by u32");
-    let mut rng = seed.rng();
     let mut order: Vec<u32> = (0..count).collect();
-    for i in (1..count).rev() {
-        order.swap(i as usize, rng.below(i + 1) as usize);
-    }
+    seed.rng().shuffle(&mut order);
     order
 }
 

@@ -33,6 +33,7 @@ use nalgebra::{Matrix3, Matrix4, Point2, Vector3, Vector4};
 
 use super::null_space::{Flat, null_space};
 use super::{Solutions, real_roots};
+use crate::geometry::epipolar::null_vector;
 
 /// Residuals of unit-norm matrices below this are as good as rounding lets them be.
 const POLISHED: f64 = 1e-14;
@@ -229,16 +230,11 @@ fn determinant([k, l, m]: &[Row; 3]) -> [f64; 11] {
 /// (x, y, z, 1) up to scale for a root z: the null vector of B(z).
 fn back_substitute(rows: &[Row; 3], z: f64) -> Vector4<f64> {
     let at = |p: &[f64]| p.iter().rev().fold(0.0, |value, c| value * z + c);
-    let [k, l, m] = rows
-        .each_ref()
-        .map(|row| Vector3::new(at(&row.x), at(&row.y), at(&row.one)));
-    // Any two rows will do; the two that are least parallel do best.
-    let mut null = k.cross(&l);
-    for other in [l.cross(&m), m.cross(&k)] {
-        if other.norm_squared() > null.norm_squared() {
-            null = other;
-        }
-    }
+    // Any two rows will do.
+    let null = null_vector(
+        rows.each_ref()
+            .map(|row| Vector3::new(at(&row.x), at(&row.y), at(&row.one))),
+    );
     Vector4::new(null.x, null.y, z * null.z, null.z)
 }
 

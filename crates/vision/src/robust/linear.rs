@@ -1,0 +1,105 @@
+//! Models that fit many matches best in the algebraic sense: what the linear algorithms for
+//! fundamental matrices and homographies have in common.
+//!
+//! Hartley, "In Defense of the Eight-Point Algorithm", PAMI 19(6), 1997; Hartley, Zisserman,
+//! "Multiple View Geometry in Computer Vision", 2nd edition, 2004, sec. 4.4.
+//!
+//! The points of each image are moved and scaled so that equations are well conditioned. Each match
+//! gives linear equations in the nine entries of the matrix; the unit vector that violates all of
+//! them least is the eigenvector of the smallest eigenvalue of their moments.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use super::Problem;
+use super::consensus::inliers_within;
+use crate::geometry::PointPairs;
+
+/// Matches that a local optimisation looks at, at most.
+const REFIT_MATCHES: usize = 2000;
+
+/// What `fit` makes of the inliers of the `model`, then of the inliers of that, and so on, `steps`
+/// times; `None` where there are fewer than `least`, or `fit` finds nothing.
+pub(super) fn refit<P: Problem>(
+    problem: &P,
+    model: &P::Model,
+    squared_threshold: f64,
+    steps: usize,
+    least: usize,
+    fit: impl Fn(&[u32]) -> Option<P::Model>,
+) -> Option<P::Model> {
+    let mut residuals = vec![0.0; problem.len()];
+    let mut refined = None;
+    for _ in 0..steps {
+        let from = refined.as_ref().unwrap_or(model);
+        problem.squared_residuals(from, 0..problem.len(), &mut residuals);
+        let inliers = inliers_within(&residuals, squared_threshold);
+        if inliers.len() < least {
+            return None;
+        }
+        refined = Some(fit(&thinned(&inliers, REFIT_MATCHES))?);
+    }
+    refined
+}
+
+/// At most `most` of the numbers, evenly spread.
+fn thinned(numbers: &[u32], most: usize) -> Vec<u32> {
+    let step = numbers.len().div_ceil(most).max(1);
+    numbers.iter().copied().step_by(step).collect()
+}
+
+/// A matrix between normalised coordinates, and what takes the points of both images to these.
+pub(super) struct Normalised {
+    pub(super) matrix: Matrix3<f64>,
+    pub(super) from_a: Matrix3<f64>,
+    pub(super) from_b: Matrix3<f64>,
+}
+
+/// The matrix that violates least the `equations` of the `matches`, in its entries row after row.
+pub(super) fn least_violating<const N: usize>(
+    pairs: &PointPairs,
+    matches: &[u32],
+    equations: impl Fn(Vector3<f64>, Vector3<f64>) -> [SVector<f64, 9>; N],
+) -> Option<Normalised> {
+    let from_a = normalisation(&pairs.a_x, &pairs.a_y, matches);
+    let from_b = normalisation(&pairs.b_x, &pairs.b_y, matches);
+    let mut moments = SMatrix::<f64, 9, 9>::zeros();
+    for &index in matches {
+        let (a, b) = pairs.get(index as usize);
+        for equation in equations(from_a * a.to_homogeneous(), from_b * b.to_homogeneous()) {
+            moments.ger(1.0, &equation, &equation, 1.0);
+        }
+    }
+    if !moments.iter().all(|x| x.is_finite()) {
+        return None;
+    }
+    let eigen = moments.symmetric_eigen();
+    let flat = eigen.eigenvectors.column(eigen.eigenvalues.imin());
+    Some(Normalised {
+        matrix: Matrix3::from_row_iterator(flat.iter().copied()),
+        from_a,
+        from_b,
+    })
+}
+
+/// Moves the centroid of the points to the origin and their mean distance from it to sqrt 2.
+fn normalisation(x: &[f64], y: &[f64], matches: &[u32]) -> Matrix3<f64> {
+    let count = matches.len() as f64;
+    let mean = |values: &[f64]| matches.iter().map(|&i| values[i as usize]).sum::<f64>() / count;
+    let (mean_x, mean_y) = (mean(x), mean(y));
+    let distances = matches.iter().map(|&i| {
+        let (dx, dy) = (x[i as usize] - mean_x, y[i as usize] - mean_y);
+        (dx * dx + dy * dy).sqrt()
+    });
+    let scale = std::f64::consts::SQRT_2 * count / distances.sum::<f64>().max(f64::MIN_POSITIVE);
+    Matrix3::new(
+        scale,
+        0.0,
+        -scale * mean_x,
+        0.0,
+        scale,
+        -scale * mean_y,
+        0.0,
+        0.0,
+        1.0,
+    )
+}
