@@ -1,4 +1,4 @@
-//! `prosac-e`: the reference protocol with progressive sampling and nothing else.
+//! `prosac-e`: the reference protocol with progressive sampling, at its own threshold.
 
 use matchbench_vision::robust::{SampleConsensusParams, SamplerKind, ScoreKind};
 
@@ -11,6 +11,8 @@ pub(super) const PROSAC_E: Preset = Preset {
     reference: "Chum, Matas, \"Matching with PROSAC - Progressive Sample Consensus\", CVPR 2005",
     defaults: || SampleConsensusParams {
         sampler: SamplerKind::Prosac,
+        // Tuned on the kitchen of 7-Scenes, 0.5 to 3.
+        threshold_px: 1.5,
         score: ScoreKind::InlierCount,
         min_iterations: 0,
         local_steps: 0,

@@ -151,6 +151,7 @@ mod tests {
         let view = |features, image| View {
             features,
             image: matcher.selects_by_pixels().then_some(image),
+            camera: None,
         };
         let selected = matcher
             .select(

@@ -4,6 +4,7 @@ use std::mem;
 use std::time::{Duration, Instant};
 
 use matchbench_vision::features::{Features, Keypoint};
+use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::GrayImage;
 use matchbench_vision::matching::{Correspondence, Correspondences, MatcherError, View};
 use matchbench_vision::robust::{NoPose, TwoViews};
@@ -75,8 +76,9 @@ impl PairStages<'_> {
         for due in job.due.chunk_by(|x, y| x.repetition == y.repetition) {
             let repetition = due[0].repetition;
             let seed = self.seed(job.pair, repetition);
-            let selected = (searched.as_ref().map_err(Clone::clone))
-                .and_then(|searched| self.select(searched, seed, &mut counts, &mut times));
+            let selected = (searched.as_ref().map_err(Clone::clone)).and_then(|searched| {
+                self.select(job.pair, searched, seed, &mut counts, &mut times)
+            });
             self.estimate_all(job.pair, due, &selected, counts, times, &mut done.records);
             // Whoever comes next finds these results ready, and so without a time.
             times = StageTimes::default();
@@ -153,6 +155,10 @@ impl PairStages<'_> {
             .number(repetition.into())
     }
 
+    fn camera(&self, frame: u32) -> &Camera {
+        &self.part.sequence.frames[frame as usize].camera
+    }
+
     fn search<'j>(
         &self,
         job: &PairJob<'j>,
@@ -184,6 +190,7 @@ impl PairStages<'_> {
 
     fn select(
         &self,
+        pair: &Pair,
         searched: &Searched<'_>,
         seed: Seed,
         counts: &mut Counts,
@@ -194,10 +201,12 @@ impl PairStages<'_> {
         let a = View {
             features: searched.a,
             image: images.map(|(a, _)| a),
+            camera: Some(self.camera(pair.a)),
         };
         let b = View {
             features: searched.b,
             image: images.map(|(_, b)| b),
+            camera: Some(self.camera(pair.b)),
         };
         let putative = searched.putative.clone();
         let seed = seed.child("select");
@@ -225,12 +234,11 @@ impl PairStages<'_> {
             let reason = NoPose::TooFewMatches { found, needed };
             return Ok(Outcome::NoPose { reason });
         }
-        let camera = |frame: u32| &self.part.sequence.frames[frame as usize].camera;
         let views = TwoViews {
             a: &points.a,
             b: &points.b,
-            camera_a: camera(pair.a),
-            camera_b: camera(pair.b),
+            camera_a: self.camera(pair.a),
+            camera_b: self.camera(pair.b),
             ambiguity: points.ambiguity,
         };
         let seed = seed.child("estimate").child(&estimator.id);
@@ -298,14 +306,8 @@ fn points_of(
         counts,
         a: (matches.iter().map(|m| point(a, m.a))).collect::<Result<_, _>>()?,
         b: (matches.iter().map(|m| point(b, m.b))).collect::<Result<_, _>>()?,
-        ambiguity: matches.iter().map(ambiguity).collect(),
+        ambiguity: matches.iter().map(Correspondence::ambiguity).collect(),
     })
-}
-
-/// Nearest over second nearest distance; 1 where both are zero, since nothing tells them apart.
-fn ambiguity(m: &Correspondence) -> f32 {
-    let ratio = m.distance / m.second;
-    if ratio.is_nan() { 1.0 } else { ratio }
 }
 
 /// Numbers of features, matches and samples fit into 32 bits by far.

@@ -14,5 +14,14 @@ pub struct Correspondence {
     pub second: f32,
 }
 
+impl Correspondence {
+    /// Nearest over second nearest distance: 0 is certain, 1 is where nothing tells them apart,
+    /// also where both distances are zero.
+    pub fn ambiguity(&self) -> f32 {
+        let ratio = self.distance / self.second;
+        if ratio.is_nan() { 1.0 } else { ratio }
+    }
+}
+
 /// Correspondences between two images, ordered by `a` unless a selector says otherwise.
 pub type Correspondences = Vec<Correspondence>;

@@ -58,6 +58,7 @@ mod tests {
         let [a, b] = [&a, &b].map(|features| View {
             features,
             image: None,
+            camera: None,
         });
         MutualCheck.select(a, b, &mut matches, Seed(0));
         matches.iter().map(|m| (m.a, m.b)).collect()

@@ -2,6 +2,7 @@
 
 use super::Correspondences;
 use crate::features::{Detections, Extractor, Features};
+use crate::geometry::Camera;
 use crate::image::GrayImage;
 use crate::seed::Seed;
 
@@ -12,6 +13,8 @@ pub struct View<'a> {
     pub features: &'a Features,
     /// Its pixels, for matchers whose [`Matcher::selects_by_pixels`] says so, else `None`.
     pub image: Option<&'a GrayImage>,
+    /// The camera that took it, where it is known.
+    pub camera: Option<&'a Camera>,
 }
 
 /// A feature matcher in the paper's sense: two images in, correspondences out.

@@ -83,6 +83,7 @@ mod tests {
         let view = View {
             features: &features,
             image: None,
+            camera: None,
         };
         RatioTest::default().select(view, view, &mut matches, Seed(0));
         let kept: Vec<u32> = matches.iter().map(|m| m.a).collect();

@@ -46,6 +46,7 @@ fn select(a: &Features, b: &Features, mut matches: Correspondences) -> Vec<u32> 
     let [a, b] = [a, b].map(|features| View {
         features,
         image: None,
+        camera: None,
     });
     let code = Code::new(CodeParams::default()).unwrap();
     code.select(a, b, &mut matches, Seed(1));

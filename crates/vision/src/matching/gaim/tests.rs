@@ -79,6 +79,7 @@ fn run(a: &Features, b: &Features) -> Correspondences {
     let [a, b] = [a, b].map(|features| View {
         features,
         image: None,
+        camera: None,
     });
     Gaim::new(params)
         .unwrap()

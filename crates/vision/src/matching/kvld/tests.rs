@@ -89,6 +89,7 @@ fn kept(pairs: &[(Keypoint, Keypoint)]) -> Vec<usize> {
     let [a, b] = std::array::from_fn(|i| View {
         features: &features[i],
         image: Some(&images[i]),
+        camera: None,
     });
     let mut matches: Correspondences = (0..pairs.len() as u32)
         .map(|i| Correspondence {

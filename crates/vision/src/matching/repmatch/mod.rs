@@ -9,8 +9,7 @@
 //! matches apart without looking at them:
 //!
 //! 1. [`Code`] selects matches.
-//! 2. Sample consensus finds the fundamental matrix of the selected ones, with spatially even
-//!    samples.
+//! 2. Sample consensus finds the relative pose that the selected ones agree on.
 //! 3. *All* matches near their epipolar lines, whether or not they passed a ratio test, are the
 //!    training set, from which both functions of CODE are learned anew.
 //! 4. All matches are decided by these functions (one of which is enough) and by the epipolar line.
@@ -19,24 +18,23 @@
 //! | field | default | source |
 //! | --- | --- | --- |
 //! | `coherence` | those of CODE | the paper builds on it |
+//! | `pose` | five points, progressive samples, local optimisation | - |
 //! | `rounds` | 2 | - |
 //! | `likelihood` | 0.7 | CODE's second pass |
 //! | `max_epipolar` | 1/400 | 2 pixels of 640x480 |
 //!
 //! *Choices the paper leaves open*: no program was published, so what it does not say is ours: the
-//! number of rounds, the thresholds, the fundamental matrix (seven points, truncated quadratic
-//! score, local optimisation), which asks for no calibration. Where no epipolar geometry is found
-//! the matches of CODE stay.
+//! number of rounds, the thresholds, the consensus. Where the cameras are unknown or no pose is
+//! found, the matches of CODE stay.
 
-use nalgebra::{Matrix3, Point2};
+use nalgebra::Point2;
 
 use super::code::{Code, CodeParams, Coherence, Motions};
 use super::{Correspondence, Correspondences, Selector, View};
-use crate::features::Features;
-use crate::geometry::{PointPairs, squared_sampson_distances};
+use crate::geometry::{Camera, essential_from_pose, squared_sampson_distances};
 use crate::image::Size;
 use crate::params::ParamError;
-use crate::robust::{ConsensusParams, Extras, FundamentalProblem, Msac, Spread, consensus_until};
+use crate::robust::{PoseEstimator, SampleConsensus, SampleConsensusParams, SamplerKind, TwoViews};
 use crate::seed::Seed;
 
 /// Parameters of [`RepMatch`].
@@ -51,6 +49,8 @@ pub struct RepMatchParams {
     pub rounds: usize,
     /// Least likelihood of a match.
     pub likelihood: f64,
+    /// Of the pose that the kept matches agree on.
+    pub pose: SampleConsensusParams,
     /// Largest Sampson distance from the epipolar lines, relative to the diagonals of the images;
     /// positive.
     pub max_epipolar: f64,
@@ -62,6 +62,13 @@ impl Default for RepMatchParams {
             coherence: CodeParams::default(),
             rounds: 2,
             likelihood: 0.7,
+            pose: SampleConsensusParams {
+                sampler: SamplerKind::Prosac,
+                threshold_px: 2.0,
+                min_iterations: 1000,
+                max_iterations: 20_000,
+                ..SampleConsensusParams::default()
+            },
             max_epipolar: 1.0 / 400.0,
         }
     }
@@ -72,6 +79,7 @@ impl Default for RepMatchParams {
 pub struct RepMatch {
     params: RepMatchParams,
     code: Code,
+    pose: SampleConsensus,
 }
 
 impl RepMatch {
@@ -95,27 +103,30 @@ impl RepMatch {
             "finite",
         )?;
         let code = Code::new(params.coherence)?;
-        Ok(Self { params, code })
+        let pose = SampleConsensus::new(params.pose)?;
+        Ok(Self { params, code, pose })
     }
 
     /// For each match whether it stays.
     fn decide(
         &self,
-        a: &Features,
-        b: &Features,
+        a: View<'_>,
+        b: View<'_>,
         matches: &[Correspondence],
         seed: Seed,
     ) -> Vec<bool> {
         let coherence = &self.params.coherence;
-        let motions = Motions::new(a, b, matches, coherence);
+        let motions = Motions::new(a.features, b.features, matches, coherence);
         let mut kept = self.code.decide(&motions, matches, seed.child("code"));
-        let pairs = point_pairs(a, b, matches);
+        let (Some(camera_a), Some(camera_b)) = (a.camera, b.camera) else {
+            return kept;
+        };
+        let places = Places::new((a, camera_a), (b, camera_b), matches);
         for round in 0..self.params.rounds {
             let seed = seed.number(round as u64);
-            let Some(fundamental) = self.fundamental(&pairs, &kept, seed.child("geometry")) else {
+            let Some(near) = self.near_epipolar_lines(&places, &kept, seed.child("pose")) else {
                 break;
             };
-            let near = self.near(&pairs, &fundamental);
             let candidates = (0..matches.len()).filter(|&i| near[i]).collect();
             let rng = &mut seed.child("coherence").rng();
             let Some(learned) = Coherence::learn(&motions, candidates, coherence, rng) else {
@@ -129,70 +140,85 @@ impl RepMatch {
         kept
     }
 
-    /// The epipolar geometry of the matches that are kept.
-    fn fundamental(&self, pairs: &PointPairs, kept: &[bool], seed: Seed) -> Option<Matrix3<f64>> {
-        let pairs: PointPairs = (0..pairs.len())
-            .filter(|&i| kept[i])
-            .map(|i| pairs.get(i))
-            .collect();
-        let score = Msac {
-            squared_threshold: self.params.max_epipolar * self.params.max_epipolar,
-        };
-        let found = consensus_until(
-            &FundamentalProblem {
-                pairs: &pairs,
-                degensac: false,
-            },
-            &score,
-            &mut Spread::new(&pairs, CELLS),
-            ConsensusParams {
-                confidence: 0.999,
-                max_samples: 1000,
-            },
-            Extras {
-                min_samples: 50,
-                local_steps: 4,
-                sprt: false,
-            },
-            &mut seed.rng(),
-            &|_| false,
-        )?;
-        Some(found.model)
-    }
-
-    /// For each match whether it lies near its epipolar lines.
-    fn near(&self, pairs: &PointPairs, fundamental: &Matrix3<f64>) -> Vec<bool> {
+    /// For each match whether it lies near its epipolar lines under the pose that the kept ones
+    /// agree on; `None` where they agree on none.
+    fn near_epipolar_lines(
+        &self,
+        places: &Places<'_>,
+        kept: &[bool],
+        seed: Seed,
+    ) -> Option<Vec<bool>> {
+        let selected = places.selected(kept);
+        let found = self.pose.estimate(selected.views(), seed).ok()?;
+        let essential = essential_from_pose(&found.b_from_a);
+        let pairs = places.views().at_depth_1();
         let mut squared = vec![0.0; pairs.len()];
-        squared_sampson_distances(fundamental, pairs, 0..pairs.len(), &mut squared);
-        let limit = self.params.max_epipolar * self.params.max_epipolar;
-        squared.iter().map(|&squared| squared <= limit).collect()
+        squared_sampson_distances(&essential, &pairs, 0..pairs.len(), &mut squared);
+        let limit = self.params.max_epipolar * places.diagonal;
+        Some(squared.iter().map(|&d| d <= limit * limit).collect())
     }
 }
 
 impl Selector for RepMatch {
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, seed: Seed) {
-        let kept = self.decide(a.features, b.features, matches, seed);
-        let mut kept = kept.into_iter();
+        let mut kept = self.decide(a, b, matches, seed).into_iter();
         matches.retain(|_| kept.next().unwrap_or(false));
     }
 }
 
-/// Cells across and down from which samples are drawn evenly.
-const CELLS: u32 = 20;
-
-/// Matched places from the centres of their images, in diagonals.
-fn point_pairs(a: &Features, b: &Features, matches: &[Correspondence]) -> PointPairs {
-    (matches.iter())
-        .map(|m| (place(a, m.a), place(b, m.b)))
-        .collect()
+/// Where the features of matches are, as estimators take them.
+struct Places<'a> {
+    a: Vec<Point2<f64>>,
+    b: Vec<Point2<f64>>,
+    ambiguity: Vec<f32>,
+    cameras: [&'a Camera; 2],
+    /// Mean diagonal of the images at depth 1.
+    diagonal: f64,
 }
 
-fn place(features: &Features, index: u32) -> Point2<f64> {
-    let Size { width, height } = features.size;
-    let (width, height) = (width as f64, height as f64);
-    let diagonal = (width * width + height * height).sqrt().max(1.0);
-    let at = features.keypoints[index as usize].at.cast::<f64>();
-    Point2::new(at.x - 0.5 * width, at.y - 0.5 * height) / diagonal
+impl<'a> Places<'a> {
+    fn new(
+        (a, camera_a): (View<'_>, &'a Camera),
+        (b, camera_b): (View<'_>, &'a Camera),
+        matches: &[Correspondence],
+    ) -> Self {
+        let place = |view: View<'_>, index: u32| view.features.keypoints[index as usize].at.cast();
+        let diagonal = |view: View<'_>, camera: &Camera| {
+            let Size { width, height } = view.features.size;
+            ((width * width + height * height) as f64).sqrt() / camera.mean_focal()
+        };
+        Self {
+            a: matches.iter().map(|m| place(a, m.a)).collect(),
+            b: matches.iter().map(|m| place(b, m.b)).collect(),
+            ambiguity: matches.iter().map(Correspondence::ambiguity).collect(),
+            cameras: [camera_a, camera_b],
+            diagonal: 0.5 * (diagonal(a, camera_a) + diagonal(b, camera_b)),
+        }
+    }
+
+    /// Those that are kept.
+    fn selected(&self, kept: &[bool]) -> Self {
+        fn keep<T: Copy>(values: &[T], kept: &[bool]) -> Vec<T> {
+            let kept = values.iter().zip(kept).filter(|&(_, &kept)| kept);
+            kept.map(|(&value, _)| value).collect()
+        }
+        Self {
+            a: keep(&self.a, kept),
+            b: keep(&self.b, kept),
+            ambiguity: keep(&self.ambiguity, kept),
+            ..*self
+        }
+    }
+
+    fn views(&self) -> TwoViews<'_> {
+        TwoViews {
+            a: &self.a,
+            b: &self.b,
+            camera_a: self.cameras[0],
+            camera_b: self.cameras[1],
+            ambiguity: &self.ambiguity,
+        }
+    }
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
 use super::*;
-use crate::features::{DescriptorKind, Descriptors, FloatRows, Keypoint};
+use crate::features::{DescriptorKind, Descriptors, Features, FloatRows, Keypoint};
 use crate::matching::Correspondence;
 
 const WIDTH: f32 = 640.0;
@@ -49,9 +49,11 @@ fn street(count: u32) -> (Features, Features, Correspondences) {
 
 fn selected(params: RepMatchParams, scene: &(Features, Features, Correspondences)) -> Vec<u32> {
     let (a, b, matches) = scene;
+    let camera = Camera::pinhole(600.0, 600.0, 320.0, 240.0);
     let [a, b] = [a, b].map(|features| View {
         features,
         image: None,
+        camera: Some(&camera),
     });
     let mut matches = matches.clone();
     let repmatch = RepMatch::new(params).unwrap();
