@@ -1,11 +1,11 @@
-"""Our estimators beside PoseLib's and OpenCV's, on the matches that a run of matchbench has stored.
+"""Our estimators beside those of PoseLib, COLMAP and OpenCV, on the matches that a run of matchbench has stored.
 
     python compare/estimators.py RUN DATASET MATCHER --truth DATASET_FOLDER [--every 3] [--seeds 1]
 
 RUN is the folder of a `matchbench run`; DATASET_FOLDER holds `camera.txt` and `pairs.txt`. Pairs are taken
 in chunks, and within a chunk all estimators one after the other, so that all see the machine in the
 same moods. A pose counts if at least 10 matches support it, as in matchbench. Needs
-`cargo build --release -p matchbench-vision --example pose`, and poselib (2.0.5) from PyPI.
+`cargo build --release -p matchbench-vision --example pose`, and poselib and pycolmap from PyPI (`requirements.txt`).
 """
 
 import argparse
@@ -18,6 +18,7 @@ import time
 import cv2
 import numpy as np
 import poselib
+import pycolmap
 
 from pose import MIN_SUPPORT, POSE, auc, pose_error
 
@@ -28,6 +29,7 @@ OURS = {
     "best, 1000 iterations": BEST.replace("iterations=20000", "iterations=1000"),
 }
 POSELIB = {"PoseLib": {}, "PoseLib, 1000 iterations": {"max_iterations": 1000}}
+COLMAP = {"COLMAP": {}, "COLMAP, 1 px": {"max_error": 1.0}}
 OPENCV = {
     "OpenCV RANSAC": cv2.RANSAC,
     "OpenCV USAC_DEFAULT": cv2.USAC_DEFAULT,
@@ -81,6 +83,21 @@ def peer_poselib(matches, k, options, seed):
     return ((pose.R, pose.t) if info["num_inliers"] >= MIN_SUPPORT else None), seconds
 
 
+def peer_colmap(matches, k, options, seed):
+    params = [k[0, 0], k[1, 1], k[0, 2], k[1, 2]]
+    camera = pycolmap.Camera(model="PINHOLE", width=1, height=1, params=params)
+    options = pycolmap.RANSACOptions({"random_seed": seed, **options})
+    start = time.perf_counter()
+    if len(matches) < 5:
+        return None, time.perf_counter() - start
+    found = pycolmap.estimate_essential_matrix(matches[:, :2], matches[:, 2:4], camera, camera, options)
+    seconds = time.perf_counter() - start
+    if found is None or found["num_inliers"] < MIN_SUPPORT:
+        return None, seconds
+    pose = found["cam2_from_cam1"].matrix()
+    return (pose[:, :3], pose[:, 3]), seconds
+
+
 def peer_opencv(matches, k, method):
     start = time.perf_counter()
     if len(matches) < 5:
@@ -124,10 +141,12 @@ def main():
             for key, matches in chunk:
                 for name, options in POSELIB.items():
                     note(name, key, peer_poselib(matches, k, options, seed))
+                for name, options in COLMAP.items():
+                    note(name, key, peer_colmap(matches, k, options, seed))
                 for name, method in OPENCV.items():
                     note(name, key, peer_opencv(matches, k, method))
     print(f"{args.dataset}, {args.matcher}: {len(pairs)} pairs, {args.seeds} seeds, OpenCV {cv2.__version__}, "
-          f"PoseLib {poselib.__version__}")
+          f"PoseLib {poselib.__version__}, COLMAP {pycolmap.__version__}")
     print(f"{'':28} {'AUC':>6} {'median ms':>10} {'90 % ms':>10}")
     for name, rows in results.items():
         errors, seconds = np.array(rows).T
