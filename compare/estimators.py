@@ -1,6 +1,6 @@
 """Our estimators beside those of PoseLib, COLMAP and OpenCV, on the matches that a run of matchbench has stored.
 
-    python compare/estimators.py RUN DATASET MATCHER --truth DATASET_FOLDER [--every 3] [--seeds 1]
+    python compare/estimators.py RUN DATASET MATCHER --truth DATASET_FOLDER [--every 3] [--seeds 1] [--only "best;COLMAP"]
 
 RUN is the folder of a `matchbench run`; DATASET_FOLDER holds `camera.txt` and `pairs.txt`. Pairs are taken
 in chunks, and within a chunk all estimators one after the other, so that all see the machine in the
@@ -118,7 +118,12 @@ def main():
     parser.add_argument("--truth", type=pathlib.Path, required=True)
     parser.add_argument("--every", type=int, default=1, help="take every n-th pair")
     parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--only", help="names as printed, separated by semicolons; all of them otherwise")
     args = parser.parse_args()
+    chosen = [
+        {name: how for name, how in group.items() if not args.only or name in args.only.split(";")}
+        for group in (OURS, POSELIB, COLMAP, OPENCV)
+    ]
     cv2.setNumThreads(1)
     k = np.loadtxt(args.truth / "camera.txt").reshape(-1)[:9].reshape(3, 3)
     truth = {(int(r[0]), int(r[1])): r[2:14].reshape(3, 4) for r in np.loadtxt(args.truth / "pairs.txt")}
@@ -135,15 +140,15 @@ def main():
     for seed in range(args.seeds):
         for start in range(0, len(pairs), CHUNK):
             chunk = pairs[start : start + CHUNK]
-            for name, settings in OURS.items():
+            for name, settings in chosen[0].items():
                 for (key, _), outcome in zip(chunk, ours(chunk, k, settings, seed)):
                     note(name, key, outcome)
             for key, matches in chunk:
-                for name, options in POSELIB.items():
+                for name, options in chosen[1].items():
                     note(name, key, peer_poselib(matches, k, options, seed))
-                for name, options in COLMAP.items():
+                for name, options in chosen[2].items():
                     note(name, key, peer_colmap(matches, k, options, seed))
-                for name, method in OPENCV.items():
+                for name, method in chosen[3].items():
                     note(name, key, peer_opencv(matches, k, method))
     print(f"{args.dataset}, {args.matcher}: {len(pairs)} pairs, {args.seeds} seeds, OpenCV {cv2.__version__}, "
           f"PoseLib {poselib.__version__}, COLMAP {pycolmap.__version__}")
