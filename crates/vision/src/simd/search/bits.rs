@@ -257,7 +257,9 @@ mod tests {
             let [a, b] = [90, 300].map(|rows| {
                 let mut rows = draw(&mut rng, rows * words);
                 // Few bits make many ties, among them both neighbours at distance 0.
-                rows.iter_mut().for_each(|word| *word &= 1 << 63 | 1 << 4);
+                for word in &mut rows {
+                    *word &= 1 << 63 | 1 << 4;
+                }
                 rows
             });
             assert_exact(&a, &b, words);
