@@ -18,7 +18,7 @@
 //! 4. A query with fewer than two candidates nearer than that, unlike everything, is compared once
 //!    more one by one.
 
-use super::TwoNearest;
+use super::{TILE_BYTES, TwoNearest};
 
 /// Candidates of a panel.
 const LANES: usize = 64;
@@ -38,9 +38,8 @@ const JOINED: usize = 3;
 /// All bits of a group.
 const PATTERN: u8 = (1 << GROUP_BITS) - 1;
 
-/// Queries of a tile: their sums (64 KiB) and entries (26 KiB for a word) stay in the second-level
-/// cache, and tables are filled in a small part of the time in which so many use them.
-const QUERIES: usize = 1024;
+/// Queries of a tile. A table costs as much time as some fifty queries that use it.
+const QUERIES: usize = TILE_BYTES / size_of::<Sums>();
 
 /// Entry after entry, the counts of a panel for each pattern of a group: candidate `i` in the lower
 /// four bits of byte `i`, candidate 32 + `i` in its upper four.
@@ -53,8 +52,10 @@ struct Tables([Table; GROUPS]);
 /// Of each group of a word, where the entry of a query's pattern starts in the table.
 type Entries = [u16; GROUPS];
 
-/// Distances to a panel of candidates, those above 255 as 255.
-type Sums = [u8; LANES];
+/// Distances of a query to a panel of candidates, those above 255 as 255.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Sums([u8; LANES]);
 
 /// For each row of `a`, the numbers of bits in which its two nearest rows of `b` differ from it;
 /// both are rows of `words` words.
@@ -67,15 +68,14 @@ pub fn two_nearest_bits(a: &[u64], b: &[u64], words: usize) -> Vec<TwoNearest> {
     let panels = pack(b, words);
     let mut best = vec![TwoNearest::none(u8::MAX); a.len() / words];
     let mut tables = Tables([[0; _]; GROUPS]);
-    let mut sums = vec![[0; LANES]; best.len().min(QUERIES)];
+    let mut sums = vec![Sums([0; LANES]); best.len().min(QUERIES)];
     for (a, best) in a.chunks(QUERIES * words).zip(best.chunks_mut(QUERIES)) {
         let sums = &mut sums[..best.len()];
         let entries: Vec<Vec<Entries>> = (0..words).map(|word| entries(a, words, word)).collect();
         for (panel, first) in panels.chunks_exact(words).zip((0..).step_by(LANES)) {
-            sums.fill([0; LANES]);
-            for (groups, entries) in panel.iter().zip(&entries) {
+            for ((groups, entries), word) in panel.iter().zip(&entries).zip(0..) {
                 fill(&mut tables, groups);
-                add_counts(&tables, entries, sums);
+                add_counts(&tables, entries, sums, word == 0);
             }
             offer(sums, first, count, best);
         }
@@ -161,9 +161,12 @@ multiversioned! {
         }
     }
 
-    /// Adds the counts of a word to the distances of each query.
-    fn add_counts(tables: &Tables, entries: &[Entries], sums: &mut [Sums]) -> () {
+    /// Adds the counts of a word to the sums of each query, which `afresh` starts from zero.
+    fn add_counts(tables: &Tables, entries: &[Entries], sums: &mut [Sums], afresh: bool) -> () {
         for (sums, entries) in sums.iter_mut().zip(entries) {
+            if afresh {
+                *sums = Sums([0; LANES]);
+            }
             // Lower counts plus 16 times the upper ones, modulo 256; and the upper ones alone.
             let mut both = [0_u8; BYTES];
             let mut upper = [0_u8; BYTES];
@@ -181,7 +184,7 @@ multiversioned! {
                     *upper += joined >> 4;
                 }
             }
-            let (lower_sums, upper_sums) = sums.split_at_mut(BYTES);
+            let (lower_sums, upper_sums) = sums.0.split_at_mut(BYTES);
             for (((lower_sum, upper_sum), both), upper) in
                 lower_sums.iter_mut().zip(upper_sums).zip(both).zip(upper)
             {
@@ -194,7 +197,7 @@ multiversioned! {
     /// Offers the candidates of a panel, `first` and those that follow it, to each query.
     fn offer(sums: &[Sums], first: usize, count: usize, best: &mut [TwoNearest<u8>]) -> () {
         for (sums, best) in sums.iter().zip(best) {
-            best.offer_lanes(sums, first, count);
+            best.offer_lanes(&sums.0, first, count);
         }
     }
 }
