@@ -175,21 +175,21 @@ multiversioned! {
                 for (table, &entry) in tables.iter().zip(entries) {
                     // The mask changes nothing; it spares a test for the end of the table.
                     let start = usize::from(entry) & (usize::from(PATTERN) * BYTES);
-                    for (joined, count) in joined.iter_mut().zip(&table[start..start + BYTES]) {
-                        *joined += count;
+                    let counts = &table[start..start + BYTES];
+                    for i in 0..BYTES {
+                        joined[i] += counts[i];
                     }
                 }
-                for ((both, upper), joined) in both.iter_mut().zip(&mut upper).zip(joined) {
-                    *both = both.wrapping_add(joined);
-                    *upper += joined >> 4;
+                for i in 0..BYTES {
+                    both[i] = both[i].wrapping_add(joined[i]);
+                    upper[i] += joined[i] >> 4;
                 }
             }
             let (lower_sums, upper_sums) = sums.0.split_at_mut(BYTES);
-            for (((lower_sum, upper_sum), both), upper) in
-                lower_sums.iter_mut().zip(upper_sums).zip(both).zip(upper)
-            {
-                *lower_sum = lower_sum.saturating_add(both.wrapping_sub(upper << 4));
-                *upper_sum = upper_sum.saturating_add(upper);
+            for i in 0..BYTES {
+                let lower = both[i].wrapping_sub(upper[i] << 4);
+                lower_sums[i] = lower_sums[i].saturating_add(lower);
+                upper_sums[i] = upper_sums[i].saturating_add(upper[i]);
             }
         }
     }
