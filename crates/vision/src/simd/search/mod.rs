@@ -6,7 +6,8 @@
 //! the order of the values, and no vector is ever summed across. Finished distances stay in
 //! registers; they are looked at one by one only when one of them beats the second best so far,
 //! which becomes rare quickly. Tiles of queries or of panels are sized for the second-level cache,
-//! and no matrix of distances is ever stored.
+//! and no matrix of distances is ever stored. Bits are counted differently: with tables, in
+//! [`two_nearest_bits`].
 
 mod among;
 mod bits;
