@@ -1,8 +1,8 @@
 """Exact search side by side with OpenCV's brute-force matcher (and kd-trees with FLANN), one thread each.
 
-Takes SIFT and ORB (100,000 features) descriptors of two images with OpenCV, gives the same
-descriptors to both programs in turn, checks that neighbours and distances agree, and prints the
-median times. Build first: cargo build --release -p matchbench-vision --example search
+Takes SIFT, ORB (256 bits, 100,000 features) and BRISK (512 bits) descriptors of two images with
+OpenCV, gives the same descriptors to both programs in turn, checks that neighbours and distances
+agree, and prints the median times. Build first: cargo build --release -p matchbench-vision --example search
 """
 
 import argparse
@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-SIZES = [2_000, 10_000, None]
+SIZES = [500, 2_000, 10_000, None]
 FOUND = np.dtype([("a", "<u4"), ("b", "<u4"), ("distance", "<f4"), ("second", "<f4")])
 
 
@@ -118,7 +118,11 @@ def main():
 
     print(f"OpenCV {cv2.__version__}, medians of {arguments.rounds} interleaved rounds")
     failures = 0
-    for name, extractor in [("SIFT", cv2.SIFT_create()), ("ORB", cv2.ORB_create(100_000))]:
+    for name, extractor in [
+        ("SIFT", cv2.SIFT_create()),
+        ("ORB", cv2.ORB_create(100_000)),
+        ("BRISK", cv2.BRISK_create()),
+    ]:
         # A fixed shuffle: a prefix is then a fair sample of the image.
         a, b = (
             np.random.default_rng(0).permutation(extractor.detectAndCompute(image, None)[1])
@@ -129,7 +133,7 @@ def main():
                 if size is None or size < max(len(a), len(b)):
                     folder = pathlib.Path(folder)
                     failures += compare(
-                        name, a[:size], b[:size], name == "ORB", arguments.rounds, folder, arguments.example
+                        name, a[:size], b[:size], a.dtype == np.uint8, arguments.rounds, folder, arguments.example
                     )
     sys.exit(failures > 0)
 

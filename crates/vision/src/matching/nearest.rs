@@ -26,7 +26,7 @@ impl Search for NearestNeighbours {
 /// order of `a`. There are none if `b` is empty.
 ///
 /// # Panics
-/// If the descriptors are of different kinds, or binary with more than 65,472 bits.
+/// If the descriptors are of different kinds.
 pub fn two_nearest(a: &Descriptors, b: &Descriptors) -> Correspondences {
     assert_eq!(a.kind(), b.kind(), "descriptors of one kind");
     let (best, squared) = match (a, b) {

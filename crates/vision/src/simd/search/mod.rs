@@ -6,17 +6,18 @@
 //! the order of the values, and no vector is ever summed across. Finished distances stay in
 //! registers; they are looked at one by one only when one of them beats the second best so far,
 //! which becomes rare quickly. Tiles of queries or of panels are sized for the second-level cache,
-//! and no matrix of distances is ever stored.
+//! and no matrix of distances is ever stored. Bits are counted differently: with tables, in
+//! [`two_nearest_bits`].
 
 mod among;
+mod bits;
 #[cfg(target_arch = "x86_64")]
 mod bytes;
 mod float;
-mod nibbles;
 
 pub use among::two_nearest_among;
+pub use bits::two_nearest_bits;
 pub use float::two_nearest_floats;
-pub use nibbles::two_nearest_bits;
 
 /// Bytes of the operand that is walked again and again: a part of any second-level cache.
 const TILE_BYTES: usize = 128 << 10;
@@ -43,16 +44,18 @@ impl<D: Copy + PartialOrd> TwoNearest<D> {
     }
 
     /// Takes the next candidate. Every comparison is strict, so the first of equals stays and NaN
-    /// never wins.
+    /// never wins. Written without branches, whose outcome nobody could predict.
     #[inline(always)]
     fn offer(&mut self, distance: D, index: u32) {
-        if distance < self.nearest {
-            self.second = self.nearest;
-            self.nearest = distance;
-            self.index = index;
-        } else if distance < self.second {
-            self.second = distance;
-        }
+        let wins = distance < self.nearest;
+        let loser = if wins { self.nearest } else { distance };
+        self.second = if loser < self.second {
+            loser
+        } else {
+            self.second
+        };
+        self.nearest = if wins { distance } else { self.nearest };
+        self.index = if wins { index } else { self.index };
     }
 
     /// Takes the next candidates, `first` and those that follow it; lanes from `count` on are
