@@ -13,7 +13,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clap::{Args, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use matchbench::files::write_whole;
@@ -259,7 +259,7 @@ fn make_patches(args: PatchesArgs) -> Result<()> {
 }
 
 fn evaluate(args: &EvaluateArgs) -> Result<()> {
-    let set = PatchSet::read(&args.set, &args.part)?;
+    let set = read_part(&args.set, &args.part)?;
     let name = |path: &Path| {
         path.file_stem()
             .unwrap_or_default()
@@ -297,7 +297,7 @@ fn learn_bits(
     learners_per_bit: usize,
     tries: usize,
 ) -> Result<(PatchSet, BinBoostTable, Checkpoint)> {
-    let set = PatchSet::read(&common.set, "train")?;
+    let set = read_part(&common.set, "train")?;
     let params = BoostParams {
         bits,
         learners_per_bit,
@@ -341,12 +341,12 @@ fn learn_binboost(args: &BinboostArgs) -> Result<()> {
 
 /// Chooses tests, and compares them with those of the library on patches that took no part.
 fn choose_tests(args: &TestsArgs) -> Result<()> {
-    let set = PatchSet::read(&args.set, "train")?;
+    let set = read_part(&args.set, "train")?;
     let (kind, seed) = (args.of, Seed(args.seed).child("tests"));
     let bar = bar("tests");
     let chosen = binary_tests::choose(kind, &set, args.triplets, args.candidates, seed, &bar)?;
     bar.finish_and_clear();
-    let held_out = PatchSet::read(&args.set, &args.part)?;
+    let held_out = read_part(&args.set, &args.part)?;
     let in_tree = kind.in_tree();
     println!(
         "{} of {} tests are in the library's table too; chosen with correlations below {:.2}",
@@ -369,7 +369,7 @@ fn choose_tests(args: &TestsArgs) -> Result<()> {
 }
 
 fn learn_dlco(args: &DlcoArgs) -> Result<()> {
-    let set = PatchSet::read(&args.set, "train")?;
+    let set = read_part(&args.set, "train")?;
     let params = MetricParams {
         dimensions: args.dimensions,
         values: args.values,
@@ -398,6 +398,17 @@ fn finish(out: &Path, bytes: &[u8], checkpoint: &Checkpoint) -> Result<()> {
     checkpoint.remove();
     println!("{}: {} bytes", out.display(), bytes.len());
     Ok(())
+}
+
+/// One part of a set, which must not be empty.
+fn read_part(folder: &Path, part: &str) -> Result<PatchSet> {
+    let set = PatchSet::read(folder, part)?;
+    ensure!(
+        !set.triplets.is_empty(),
+        "{}: its part `{part}` is empty; name scenes for it when the patches are made, or another --part",
+        folder.display()
+    );
+    Ok(set)
 }
 
 fn read(path: &Path) -> Result<Vec<u8>> {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use indicatif::ProgressBar;
 use matchbench::datasets::rendered::{self, RenderedScene, World};
 use matchbench::datasets::{Sequence, read_gray};
@@ -56,6 +56,7 @@ pub(crate) fn make(recipe: &Recipe, folder: &Path, bar: &ProgressBar) -> Result<
             !seen.contains(&scene),
             "{scene}: is named twice; parts must not share scenes"
         );
+        check(scene)?;
         seen.push(scene);
     }
     let unfinished = folder.join("unfinished");
@@ -77,6 +78,26 @@ pub(crate) fn make(recipe: &Recipe, folder: &Path, bar: &ProgressBar) -> Result<
     manifest.write(folder)?;
     fs::remove_dir_all(&unfinished).with_context(|| format!("{}", unfinished.display()))?;
     Ok(manifest)
+}
+
+/// Whether there is such a scene, before minutes are spent on others.
+fn check(scene: &str) -> Result<()> {
+    match scene.strip_prefix("rendered:") {
+        Some(name) => rendered_scene(name).map(drop),
+        None => Ok(Sequence::open(Path::new(scene)).map(drop)?),
+    }
+}
+
+fn rendered_scene(name: &str) -> Result<&'static RenderedScene> {
+    let scenes = rendered::sequences();
+    let found = scenes.iter().find(|scene| scene.name == name);
+    found.with_context(|| {
+        let names: Vec<_> = scenes.iter().map(|scene| scene.name).collect();
+        format!(
+            "rendered:{name}: no such scene; use one of {}",
+            names.join(", ")
+        )
+    })
 }
 
 /// The patches of one scene, from `folder` if it was finished there, or else made and put there.
@@ -190,19 +211,7 @@ impl Maker<'_> {
 
     /// Pairs of a rendered scene, by its depth, and warped views of its images.
     fn add_rendered(&mut self, name: &str) -> Result<()> {
-        let Some(scene) = rendered::sequences()
-            .iter()
-            .find(|scene| scene.name == name)
-        else {
-            let names: Vec<_> = rendered::sequences()
-                .iter()
-                .map(|scene| scene.name)
-                .collect();
-            bail!(
-                "rendered:{name}: no such scene; use one of {}",
-                names.join(", ")
-            );
-        };
+        let scene = rendered_scene(name)?;
         let source = self.source(format!("rendered-{name}/depth"));
         let seed = Seed(self.recipe.seed).child(name);
         let world = World::build(scene.place);

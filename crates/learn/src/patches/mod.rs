@@ -126,8 +126,14 @@ impl PatchSet {
     /// Reads one part of the set in `folder`.
     pub(crate) fn read(folder: &Path, part: &str) -> Result<Self> {
         let manifest = Manifest::read(folder)?;
-        let about = (manifest.parts.iter().find(|about| about.name == part))
-            .with_context(|| format!("{}: has no part `{part}`", folder.display()))?;
+        let about =
+            (manifest.parts.iter().find(|about| about.name == part)).with_context(|| {
+                format!(
+                    "{}: has no part `{part}`; use {}",
+                    folder.display(),
+                    PARTS.join(", ")
+                )
+            })?;
         let read = |file: usize| -> Result<Vec<u8>> {
             let path = folder.join(part).join(FILES[file]);
             let bytes = fs::read(&path).with_context(|| format!("{}", path.display()))?;

@@ -19,7 +19,7 @@ pub(super) const DLCO: LocalFeatures<Params> = LocalFeatures {
     reference: "K. Simonyan, A. Vedaldi, A. Zisserman, \"Learning Local Feature Descriptors Using \
                 Convex Optimisation\", IEEE Transactions on Pattern Analysis and Machine \
                 Intelligence 36(8), 2014",
-    revision: 1,
+    revision: 2,
     detection: |params| Some(sift::detection(&params.sift)),
     extractor: |params| {
         Ok(Box::new(DetectThenDescribe {

@@ -9,8 +9,10 @@ use super::{INNER, SIDE};
 const BLUR: f64 = 1.4;
 /// Regions reach this many standard deviations to each side.
 const REACH: f32 = 2.5;
-/// Pooled gradients are cut off at this share of the patch's root mean square gradient.
-const CLIP: f32 = 0.6;
+/// Pooled gradients are cut off at this share of the patch's root mean square gradient: about what
+/// each direction gets where gradients are as strong as everywhere and point anywhere. What is
+/// left tells which directions occur, hardly how strongly.
+const CLIP: f32 = 0.1;
 
 /// Equal Gaussian regions about the centre of the patch, placed so that turning the patch by a
 /// quarter or mirroring it maps the ring on itself: 1, 4 or 8 of them.
