@@ -419,4 +419,46 @@ mod tests {
     fn arguments_are_consistent() {
         Cli::command().debug_assert();
     }
+
+    /// Every line of `text` that begins with the program's name must be understood.
+    fn assert_understood(text: &str, place: &str) -> usize {
+        let commands = text
+            .lines()
+            .map(str::trim)
+            .filter(|line| line.starts_with("matchbench "));
+        commands
+            .map(|line| {
+                let words = line
+                    .split_whitespace()
+                    .take_while(|word| !word.starts_with('#'));
+                if let Err(error) = Cli::try_parse_from(words) {
+                    assert!(!error.use_stderr(), "{place}: {line}\n{error}");
+                }
+            })
+            .count()
+    }
+
+    #[test]
+    fn commands_in_the_readme_are_understood() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../README.md");
+        let readme = std::fs::read_to_string(path).expect("it is part of the repository");
+        let blocks = readme.split("```").skip(1).step_by(2);
+        let shell = blocks.filter_map(|block| block.strip_prefix("sh\n"));
+        let count: usize = shell
+            .map(|block| assert_understood(block, "README.md"))
+            .sum();
+        assert!(count >= 8, "{count} commands");
+    }
+
+    #[test]
+    fn examples_in_the_help_are_understood() {
+        for command in Cli::command().get_subcommands() {
+            let mut command = command.clone().term_width(0);
+            let help = command.render_long_help().to_string();
+            let examples = help
+                .split_once("Examples:")
+                .map_or("", |(_, examples)| examples);
+            assert_understood(examples, command.get_name());
+        }
+    }
 }

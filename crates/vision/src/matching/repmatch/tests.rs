@@ -48,12 +48,19 @@ fn street(count: u32) -> (Features, Features, Correspondences) {
 }
 
 fn selected(params: RepMatchParams, scene: &(Features, Features, Correspondences)) -> Vec<u32> {
-    let (a, b, matches) = scene;
     let camera = Camera::pinhole(600.0, 600.0, 320.0, 240.0);
+    selected_with(Some(&camera), params, scene)
+}
+
+fn selected_with(
+    camera: Option<&Camera>,
+    params: RepMatchParams,
+    (a, b, matches): &(Features, Features, Correspondences),
+) -> Vec<u32> {
     let [a, b] = [a, b].map(|features| View {
         features,
         image: None,
-        camera: Some(&camera),
+        camera,
     });
     let mut matches = matches.clone();
     let repmatch = RepMatch::new(params).unwrap();
@@ -83,6 +90,21 @@ fn repeated_structure_is_recovered_along_the_epipolar_lines() {
     let (before, after) = (on_the_right(&code), on_the_right(&kept));
     assert!(after > 560 && after > 2 * before, "{before}, then {after}");
     assert!(wrong < 12, "{wrong} wrong ones kept");
+}
+
+#[test]
+fn without_cameras_the_matches_of_code_stay() {
+    let scene = street(1500);
+    let code = RepMatchParams {
+        rounds: 0,
+        ..RepMatchParams::default()
+    };
+    let (code, unknown) = (
+        selected(code, &scene),
+        selected_with(None, RepMatchParams::default(), &scene),
+    );
+    assert_eq!(code, unknown);
+    assert_ne!(code, selected(RepMatchParams::default(), &scene));
 }
 
 #[test]
