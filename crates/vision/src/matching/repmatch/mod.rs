@@ -31,7 +31,7 @@ use nalgebra::Point2;
 
 use super::code::{Code, CodeParams, Coherence, Motions};
 use super::{Correspondence, Correspondences, Selector, View};
-use crate::geometry::{Camera, essential_from_pose, squared_sampson_distances};
+use crate::geometry::{Camera, PointPairs, essential_from_pose, squared_sampson_distances};
 use crate::image::Size;
 use crate::params::ParamError;
 use crate::robust::{PoseEstimator, SampleConsensus, SampleConsensusParams, SamplerKind, TwoViews};
@@ -122,9 +122,11 @@ impl RepMatch {
             return kept;
         };
         let places = Places::new((a, camera_a), (b, camera_b), matches);
+        let pairs = places.views().at_depth_1();
         for round in 0..self.params.rounds {
             let seed = seed.number(round as u64);
-            let Some(near) = self.near_epipolar_lines(&places, &kept, seed.child("pose")) else {
+            let Some(near) = self.near_epipolar_lines(&places, &pairs, &kept, seed.child("pose"))
+            else {
                 break;
             };
             let candidates = (0..matches.len()).filter(|&i| near[i]).collect();
@@ -140,20 +142,20 @@ impl RepMatch {
         kept
     }
 
-    /// For each match whether it lies near its epipolar lines under the pose that the kept ones
-    /// agree on; `None` where they agree on none.
+    /// For each match, whose points at depth 1 are `pairs`, whether it lies near its epipolar lines under
+    /// the pose that the kept ones agree on; `None` where they agree on none.
     fn near_epipolar_lines(
         &self,
         places: &Places<'_>,
+        pairs: &PointPairs,
         kept: &[bool],
         seed: Seed,
     ) -> Option<Vec<bool>> {
         let selected = places.selected(kept);
         let found = self.pose.estimate(selected.views(), seed).ok()?;
         let essential = essential_from_pose(&found.b_from_a);
-        let pairs = places.views().at_depth_1();
         let mut squared = vec![0.0; pairs.len()];
-        squared_sampson_distances(&essential, &pairs, 0..pairs.len(), &mut squared);
+        squared_sampson_distances(&essential, pairs, 0..pairs.len(), &mut squared);
         let limit = self.params.max_epipolar * places.diagonal;
         Some(squared.iter().map(|&d| d <= limit * limit).collect())
     }
