@@ -13,7 +13,7 @@
 //! ```
 //!
 //! The estimator is [`Ransac`] with its defaults; where settings follow, it is [`SampleConsensus`] with
-//! those: `sampler=prosac`, `threshold=1.5`, `iterations=10000`, `local=10`, `final=25`, `loss=cauchy`,
+//! those: `sampler=prosac`, `score=even-msac`, `threshold=1.5`, `iterations=10000`, `local=10`, `final=25`, `loss=cauchy`,
 //! `min=50`, `confidence=0.999`.
 //!
 //! with `x_b = R x_a + t`, or `NAME seed none microseconds reason` where there is no pose.
@@ -24,7 +24,7 @@ use std::{env, error, fs};
 use matchbench_vision::geometry::{Camera, Loss};
 use matchbench_vision::robust::{
     GeometryKind, PoseEstimator, Ransac, RansacParams, SampleConsensus, SampleConsensusParams,
-    SamplerKind, TwoViews,
+    SamplerKind, ScoreKind, TwoViews,
 };
 use matchbench_vision::seed::Seed;
 use nalgebra::Point2;
@@ -93,6 +93,9 @@ fn estimator(settings: &[String]) -> Result<Box<dyn PoseEstimator>, Error> {
             ("sampler", "uniform") => params.sampler = SamplerKind::Uniform,
             ("sampler", "prosac") => params.sampler = SamplerKind::Prosac,
             ("sampler", "spread") => params.sampler = SamplerKind::Spread,
+            ("score", "msac") => params.score = ScoreKind::Msac,
+            ("score", "even-msac") => params.score = ScoreKind::EvenMsac,
+            ("score_cells", value) => params.score_cells = value.parse()?,
             ("loss", "truncated") => params.final_loss = Loss::Truncated,
             ("loss", "cauchy") => params.final_loss = Loss::Cauchy,
             ("cheirality", value) => params.cheirality = value.parse()?,

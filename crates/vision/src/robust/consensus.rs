@@ -23,7 +23,7 @@
 //! early (Matas, Chum, "Randomized RANSAC with Sequential Probability Ratio Test", ICCV 2005).
 //!
 //! Without it, a model is given up as soon as the data left cannot make it better than the best
-//! ([`Score::most_per_datum`]); this changes no result.
+//! ([`Score::most`]); this changes no result.
 //!
 //! *Choices*, all as in OpenCV's `RANSAC`: w is the inlier ratio of the best model so far; the
 //! number of samples is rounded to the nearest integer (half to even) and never grows; a model
@@ -199,19 +199,20 @@ fn judge<P: Problem>(
 ) -> Option<Support> {
     let n = problem.len();
     let mut total: Option<Support> = None;
-    if let Some(most) = score.most_per_datum() {
+    if score.most(0..n).is_some() {
         for start in (0..n).step_by(BLOCK) {
             let range = start..n.min(start + BLOCK);
             let block = &mut residuals[range.clone()];
             problem.squared_residuals(model, range.clone(), block);
-            let support = score.support(block);
+            let support = score.support(range.clone(), block);
             let sum = total.map_or(support, |total| Support {
                 quality: total.quality + support.quality,
                 inliers: total.inliers + support.inliers,
                 ..support
             });
             // A quality of NaN wins nothing.
-            let can_win = sum.quality + most * (n - range.end) as f64 > limit;
+            let most = score.most(range.end..n).unwrap_or(f64::INFINITY);
+            let can_win = sum.quality + most > limit;
             let mut given_up =
                 || (sprt.as_mut()).is_some_and(|t| t.gives_up(sum.inliers, range.end));
             if !can_win || given_up() {
@@ -221,13 +222,13 @@ fn judge<P: Problem>(
         }
     } else {
         problem.squared_residuals(model, 0..n, residuals);
-        total = Some(score.support(residuals));
+        total = Some(score.support(0..n, residuals));
     }
     let support = total.filter(|support| support.quality > limit)?;
     if !problem.refute(model, support.squared_threshold, residuals) {
         return Some(support);
     }
-    Some(score.support(residuals)).filter(|support| support.quality > limit)
+    Some(score.support(0..n, residuals)).filter(|support| support.quality > limit)
 }
 
 /// Samples after which one is free of outliers, and its model not given up, with the wanted confidence.

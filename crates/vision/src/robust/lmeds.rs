@@ -1,5 +1,7 @@
 //! Least median of squares.
 
+use std::ops::Range;
+
 use super::{Score, Support};
 
 /// The median squared residual, as small as possible: needs no threshold, and breaks where half of
@@ -16,7 +18,7 @@ pub struct MedianOfSquares {
 }
 
 impl Score for MedianOfSquares {
-    fn support(&self, squared_residuals: &mut [f64]) -> Support {
+    fn support(&self, _range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
         let count = squared_residuals.len();
         if count == 0 {
             return Support {
@@ -54,7 +56,7 @@ mod tests {
     #[test]
     fn the_median_decides() {
         let score = MedianOfSquares { sample: 2 };
-        let support = |values: &[f64]| score.support(&mut values.to_vec());
+        let support = |values: &[f64]| score.support(0..values.len(), &mut values.to_vec());
         let small = support(&[1.0, 1.0, 1.0, 90.0, f64::NAN]);
         assert_eq!(small.quality, -1.0);
         assert_eq!(small.inliers, 4);

@@ -1,5 +1,7 @@
 //! MAGSAC++: a threshold that need not be exact.
 
+use std::ops::Range;
+
 use super::{Score, Support};
 
 /// k: within k sigma lie 99 % of the residuals of right matches (4 degrees of freedom).
@@ -52,7 +54,7 @@ fn lower_three_halves(s: f64) -> f64 {
 }
 
 impl Score for Magsac {
-    fn support(&self, squared_residuals: &mut [f64]) -> Support {
+    fn support(&self, _range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
         let scale = ENTRIES as f64 / self.squared_threshold;
         let (mut quality, mut inliers) = (0.0, 0);
         for &squared in &*squared_residuals {
@@ -68,8 +70,8 @@ impl Score for Magsac {
         }
     }
 
-    fn most_per_datum(&self) -> Option<f64> {
-        Some(1.0)
+    fn most(&self, range: Range<usize>) -> Option<f64> {
+        Some(range.len() as f64)
     }
 }
 
@@ -90,7 +92,7 @@ mod tests {
         assert!((score.table[0] - 1.0).abs() < 1e-12);
         assert!(score.table[ENTRIES].abs() < 1e-12);
         assert!(score.table.windows(2).all(|pair| pair[1] < pair[0]));
-        let support = score.support(&mut [0.0, 4.0, 4.1, f64::NAN, f64::INFINITY]);
+        let support = score.support(0..5, &mut [0.0, 4.0, 4.1, f64::NAN, f64::INFINITY]);
         assert_eq!(support.inliers, 2);
         assert!((support.quality - 1.0).abs() < 1e-12);
     }

@@ -1,5 +1,7 @@
 //! MLESAC: maximum likelihood instead of a count.
 
+use std::ops::Range;
+
 use super::{Score, Support};
 
 /// Steps of expectation maximisation for the share of inliers.
@@ -19,7 +21,7 @@ pub struct Mlesac {
 }
 
 impl Score for Mlesac {
-    fn support(&self, squared_residuals: &mut [f64]) -> Support {
+    fn support(&self, _range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
         let squared_sigma = self.squared_threshold / (1.96 * 1.96);
         let scale = 1.0 / (2.0 * std::f64::consts::PI * squared_sigma).sqrt();
         let inliers = squared_residuals
@@ -73,15 +75,15 @@ mod tests {
         let quality = |inliers: usize, squared: f64| {
             let mut residuals = vec![1e4; 100];
             residuals[..inliers].fill(squared);
-            let support = score.support(&mut residuals);
+            let support = score.support(0..100, &mut residuals);
             assert_eq!(support.inliers, inliers);
             support.quality
         };
         assert!(quality(50, 0.1) > quality(40, 0.1));
         assert!(quality(50, 0.1) > quality(50, 0.8));
         assert!(quality(0, 0.0).is_finite());
-        let broken = score.support(&mut [f64::NAN, f64::INFINITY]);
+        let broken = score.support(0..2, &mut [f64::NAN, f64::INFINITY]);
         assert_eq!(broken.inliers, 0);
-        assert!(score.support(&mut []).quality == 0.0);
+        assert!(score.support(0..0, &mut []).quality == 0.0);
     }
 }

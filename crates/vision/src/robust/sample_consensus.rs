@@ -27,6 +27,7 @@
 //! | | `final_steps` | 25 | ours |
 //! | | `prosac_horizon` | 200,000 | Chum, Matas, CVPR 2005 |
 //! | | `cells` | 20 | GMS's grid |
+//! | | `score_cells` | 10 | tuned on the kitchen of 7-Scenes |
 //! | | `max_depth` | 50 | OpenCV 4's `recoverPose` |
 //!
 //! *Choices the papers leave open*: local optimisation is non-linear from the start instead of
@@ -38,9 +39,9 @@ use nalgebra::Matrix3;
 use super::consensus::inliers_within;
 use super::essential_problem::near;
 use super::{
-    Consensus, ConsensusParams, EssentialProblem, Extras, FundamentalProblem, InlierCount, Magsac,
-    MedianOfSquares, Mlesac, Msac, NoPose, PoseEstimate, PoseEstimator, Problem, Prosac, Sampler,
-    Score, Spread, TwoViews, Uniform, consensus_until,
+    Consensus, ConsensusParams, EssentialProblem, EvenMsac, Extras, FundamentalProblem,
+    InlierCount, Magsac, MedianOfSquares, Mlesac, Msac, NoPose, PoseEstimate, PoseEstimator,
+    Problem, Prosac, Sampler, Score, Spread, TwoViews, Uniform, consensus_until,
 };
 use crate::geometry::{
     Loss, PointPairs, RelativePose, choose_pose, decompose_essential, essential_from_pose,
@@ -58,6 +59,8 @@ pub enum ScoreKind {
     InlierCount,
     /// [`Msac`].
     Msac,
+    /// [`EvenMsac`].
+    EvenMsac,
     /// [`Mlesac`].
     Mlesac,
     /// [`MedianOfSquares`]; the threshold is not used.
@@ -127,6 +130,8 @@ pub struct SampleConsensusParams {
     pub prosac_horizon: usize,
     /// Cells across and down of the spatially even sampler.
     pub cells: u32,
+    /// Cells across and down of the spatially even score.
+    pub score_cells: u32,
     /// Scene points farther than this, in baselines, do not support a pose.
     pub max_depth: f64,
 }
@@ -149,6 +154,7 @@ impl Default for SampleConsensusParams {
             final_steps: 25,
             prosac_horizon: 200_000,
             cells: 20,
+            score_cells: 10,
             max_depth: 50.0,
         }
     }
@@ -203,7 +209,9 @@ impl SampleConsensus {
             p.prosac_horizon,
             "at least 1",
         )?;
-        ParamError::unless((1..=1000).contains(&p.cells), "cells", p.cells, "1 to 1000")?;
+        for (name, cells) in [("cells", p.cells), ("score_cells", p.score_cells)] {
+            ParamError::unless((1..=1000).contains(&cells), name, cells, "1 to 1000")?;
+        }
         // Infinity is allowed: no limit.
         ParamError::unless(p.max_depth > 0.0, "max_depth", p.max_depth, "positive")?;
         Ok(Self { params })
@@ -344,6 +352,11 @@ impl<P: Problem<Model = Matrix3<f64>>> Run<'_, P> {
         match self.params.score {
             ScoreKind::InlierCount => self.go(&InlierCount { squared_threshold }, sampler),
             ScoreKind::Msac => self.go(&Msac { squared_threshold }, sampler),
+            ScoreKind::EvenMsac => {
+                let cells = self.params.score_cells;
+                let score = EvenMsac::new(self.pairs, cells, squared_threshold);
+                self.go(&score, sampler)
+            }
             ScoreKind::Mlesac => {
                 let span = diagonal(self.pairs).max(f64::MIN_POSITIVE);
                 let score = Mlesac {

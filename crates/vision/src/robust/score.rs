@@ -1,16 +1,19 @@
 //! How good a model is, given its residuals.
 
+use std::ops::Range;
+
 use crate::simd;
 
 /// Judges models by their squared residuals. One of the three axes of
 /// [`consensus`](super::consensus).
 pub trait Score {
-    /// The support of a model with these residuals. The slice may be reordered (a median needs it).
-    fn support(&self, squared_residuals: &mut [f64]) -> Support;
+    /// What the data in `range` say about a model, given their residuals. The slice may be reordered (a
+    /// median needs it).
+    fn support(&self, range: Range<usize>, squared_residuals: &mut [f64]) -> Support;
 
-    /// Most that one datum can add to the quality, where the quality is a sum over the data: what
-    /// allows giving up a model before all data are seen. `None` where it is no such sum.
-    fn most_per_datum(&self) -> Option<f64> {
+    /// Most that the data in `range` can add to the quality, where the quality is a sum over the data:
+    /// what allows giving up a model before all data are seen. `None` where it is no such sum.
+    fn most(&self, _range: Range<usize>) -> Option<f64> {
         None
     }
 }
@@ -35,7 +38,7 @@ pub struct InlierCount {
 }
 
 impl Score for InlierCount {
-    fn support(&self, squared_residuals: &mut [f64]) -> Support {
+    fn support(&self, _range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
         let inliers = simd::count_at_most(squared_residuals, self.squared_threshold);
         Support {
             quality: inliers as f64,
@@ -44,8 +47,8 @@ impl Score for InlierCount {
         }
     }
 
-    fn most_per_datum(&self) -> Option<f64> {
-        Some(1.0)
+    fn most(&self, range: Range<usize>) -> Option<f64> {
+        Some(range.len() as f64)
     }
 }
 
@@ -59,7 +62,7 @@ pub struct Msac {
 }
 
 impl Score for Msac {
-    fn support(&self, squared_residuals: &mut [f64]) -> Support {
+    fn support(&self, _range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
         let limit = self.squared_threshold;
         let cost = simd::sum_truncated(squared_residuals, limit);
         Support {
@@ -69,8 +72,8 @@ impl Score for Msac {
         }
     }
 
-    fn most_per_datum(&self) -> Option<f64> {
-        Some(1.0)
+    fn most(&self, range: Range<usize>) -> Option<f64> {
+        Some(range.len() as f64)
     }
 }
 
@@ -83,8 +86,8 @@ mod tests {
         let msac = Msac {
             squared_threshold: 4.0,
         };
-        let near = msac.support(&mut [0.0, 1.0, 5.0, f64::NAN]);
-        let far = msac.support(&mut [2.0, 3.0, 4.5, f64::INFINITY]);
+        let near = msac.support(0..4, &mut [0.0, 1.0, 5.0, f64::NAN]);
+        let far = msac.support(0..4, &mut [2.0, 3.0, 4.5, f64::INFINITY]);
         assert_eq!((near.inliers, near.quality), (2, 1.75));
         assert_eq!((far.inliers, far.quality), (2, 0.75));
     }

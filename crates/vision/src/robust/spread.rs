@@ -33,12 +33,8 @@ impl Spread {
     pub fn new(pairs: &PointPairs, cells: u32) -> Self {
         assert!(cells > 0, "a grid has cells");
         let count = u32::try_from(pairs.len()).expect("data are numbered by u32");
-        let column = index_along(&pairs.a_x, cells);
-        let row = index_along(&pairs.a_y, cells);
-        let cell = |i: u32| match (row[i as usize], column[i as usize]) {
-            (Some(row), Some(column)) => u64::from(row) * u64::from(cells) + u64::from(column),
-            _ => u64::MAX,
-        };
+        let cells = cells_of(&pairs.a_x, &pairs.a_y, cells);
+        let cell = |i: u32| cells[i as usize];
         let mut data: Vec<u32> = (0..count).collect();
         data.sort_by_key(|&i| cell(i));
         let mut starts: Vec<u32> = (0..count)
@@ -51,6 +47,19 @@ impl Spread {
             chosen: Vec::new(),
         }
     }
+}
+
+/// The cell of each point in a grid of `cells` x `cells` over all of them, by rows; those whose
+/// coordinates are not finite share one more, the last.
+pub(super) fn cells_of(x: &[f64], y: &[f64], cells: u32) -> Vec<u64> {
+    let rows = index_along(y, cells);
+    let columns = index_along(x, cells);
+    (rows.into_iter().zip(columns))
+        .map(|cell| match cell {
+            (Some(row), Some(column)) => u64::from(row) * u64::from(cells) + u64::from(column),
+            _ => u64::from(cells) * u64::from(cells),
+        })
+        .collect()
 }
 
 /// The cell of each value between the smallest and the largest finite one.

@@ -55,6 +55,24 @@ multiversioned! {
         let rest: f64 = rest.iter().map(|&value| truncate(value)).sum();
         sums.iter().sum::<f64>() + rest
     }
+
+    /// How far the values are below the limit: the sum of `weight max(limit - value, 0)`; NaN counts as
+    /// the limit.
+    pub fn sum_below(values: &[f64], weights: &[f64], limit: f64) -> f64 {
+        assert_eq!(values.len(), weights.len(), "a weight for each value");
+        let below = |value: f64| if value < limit { limit - value } else { 0.0 };
+        let (value_lanes, values) = values.as_chunks::<8>();
+        let (weight_lanes, weights) = weights.as_chunks::<8>();
+        let mut sums = [0.0; 8];
+        for (value_lane, weight_lane) in value_lanes.iter().zip(weight_lanes) {
+            for (sum, (value, weight)) in sums.iter_mut().zip(value_lane.iter().zip(weight_lane)) {
+                *sum += weight * below(*value);
+            }
+        }
+        let rest = values.iter().zip(weights);
+        let rest: f64 = rest.map(|(&value, weight)| weight * below(value)).sum();
+        sums.iter().sum::<f64>() + rest
+    }
 }
 
 #[cfg(test)]

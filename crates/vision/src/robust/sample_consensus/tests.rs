@@ -59,7 +59,7 @@ fn estimate(
 }
 
 fn every_combination() -> impl Iterator<Item = SampleConsensusParams> {
-    let scores = [ScoreKind::InlierCount, ScoreKind::Msac];
+    let scores = [ScoreKind::InlierCount, ScoreKind::Msac, ScoreKind::EvenMsac];
     let samplers = [
         SamplerKind::Uniform,
         SamplerKind::Prosac,
