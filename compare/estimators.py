@@ -22,7 +22,7 @@ import pycolmap
 
 from pose import MIN_SUPPORT, POSE, auc, pose_error
 
-BEST = "sampler=prosac threshold=2 loss=cauchy min=1000 iterations=20000"
+BEST = "sampler=prosac score=even-msac threshold=2 loss=cauchy min=1000 iterations=20000"
 OURS = {
     "ransac-e": "",
     "best": BEST,
