@@ -18,13 +18,14 @@
 //! | field | default | source |
 //! | --- | --- | --- |
 //! | `coherence` | those of CODE | the paper builds on it |
-//! | `pose` | five points, progressive samples, local optimisation | - |
+//! | `pose` | five points, progressive samples, even MSAC, local optimisation | - |
 //! | `rounds` | 2 | - |
 //! | `likelihood` | 0.7 | CODE's second pass |
 //! | `max_epipolar` | 1/400 | 2 pixels of 640x480 |
 //!
 //! *Choices the paper leaves open*: no program was published, so what it does not say is ours: the
-//! number of rounds, the thresholds, the consensus. Where the cameras are unknown or no pose is
+//! number of rounds, the thresholds, the consensus, whose score keeps one repeated facade from
+//! outvoting the rest of the scene. Where the cameras are unknown or no pose is
 //! found, the matches of CODE stay.
 
 use nalgebra::Point2;
@@ -34,7 +35,9 @@ use super::{Correspondence, Correspondences, Selector, View};
 use crate::geometry::{Camera, PointPairs, essential_from_pose, squared_sampson_distances};
 use crate::image::Size;
 use crate::params::ParamError;
-use crate::robust::{PoseEstimator, SampleConsensus, SampleConsensusParams, SamplerKind, TwoViews};
+use crate::robust::{
+    PoseEstimator, SampleConsensus, SampleConsensusParams, SamplerKind, ScoreKind, TwoViews,
+};
 use crate::seed::Seed;
 
 /// Parameters of [`RepMatch`].
@@ -63,6 +66,7 @@ impl Default for RepMatchParams {
             rounds: 2,
             likelihood: 0.7,
             pose: SampleConsensusParams {
+                score: ScoreKind::EvenMsac,
                 sampler: SamplerKind::Prosac,
                 threshold_px: 2.0,
                 min_iterations: 1000,
