@@ -13,8 +13,8 @@
 //! ```
 //!
 //! The estimator is [`Ransac`] with its defaults; where settings follow, it is [`SampleConsensus`] with
-//! those: `sampler=prosac`, `score=even-msac`, `threshold=1.5`, `iterations=10000`, `local=10`, `final=25`, `loss=cauchy`,
-//! `min=50`, `confidence=0.999`.
+//! those: `sampler=prosac`, `score=even-msac`, `threshold=1.5`, `iterations=10000`, `local=10`,
+//! `final=25`, `loss=cauchy`, `min=50`, `confidence=0.999`.
 //!
 //! with `x_b = R x_a + t`, or `NAME seed none microseconds reason` where there is no pose.
 

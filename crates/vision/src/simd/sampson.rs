@@ -110,4 +110,15 @@ mod tests {
             assert_eq!(sum_truncated(&values, 3.0), f64::from(expected));
         }
     }
+
+    #[test]
+    fn weighted_sums_below_the_limit_leave_out_what_is_not_a_number() {
+        for n in 0..40 {
+            let mut values: Vec<f64> = (0..n).map(f64::from).collect();
+            values.extend([f64::NAN, f64::INFINITY]);
+            let weights: Vec<f64> = (1..=n + 2).map(f64::from).collect();
+            let expected: i32 = (0..n.min(3)).map(|i| (i + 1) * (3 - i)).sum();
+            assert_eq!(sum_below(&values, &weights, 3.0), f64::from(expected));
+        }
+    }
 }

@@ -25,8 +25,8 @@
 //!
 //! *Choices the paper leaves open*: no program was published, so what it does not say is ours: the
 //! number of rounds, the thresholds, the consensus, whose score keeps one repeated facade from
-//! outvoting the rest of the scene. Where the cameras are unknown or no pose is
-//! found, the matches of CODE stay.
+//! outvoting the rest of the scene. Where the cameras are unknown or no pose is found, the matches of
+//! CODE stay.
 
 use nalgebra::Point2;
 
