@@ -7,21 +7,24 @@
 //!
 //! *How it works.*
 //! 1. The bits are cut into groups of five. For each group and each of the 32 patterns that a query
-//!    may have there, a table holds in how many bits 64 candidates differ from it; each bit doubles
-//!    the table. A query then only adds one entry per group, at an address that it knows.
+//!    may have there, a table holds in how many bits 128 candidates differ from it; each bit doubles
+//!    the table. A query then only adds one entry per group.
 //! 2. A count of at most five takes four bits, so a byte holds those of two candidates, and three
 //!    counts still fit (3 * 5 = 15): only each third addition is followed by separating the two. 15
 //!    bits of 64 candidates cost six instructions on vectors of 32 bytes; looking up four bits at
-//!    a time with byte shuffles takes fifteen.
-//! 3. The tables of one word (13 KiB) stay in the first-level cache while the queries of a tile pass
+//!    a time with byte shuffles takes fifteen. Two such vectors lie side by side, so that finding
+//!    the entry is paid once for both.
+//! 3. The tables of one word (26 KiB) stay in the first-level cache while the queries of a tile pass
 //!    by; each adds its counts to sums that stop at 255.
-//! 4. A query with fewer than two candidates nearer than that, unlike everything, is compared once
+//! 4. When one of a panel is near enough to matter, the two nearest of the panel are found by minima
+//!    over all lanes: looking at lanes one by one would take as long as counting.
+//! 5. A query with fewer than two candidates nearer than 255, unlike everything, is compared once
 //!    more one by one.
 
 use super::{TILE_BYTES, TwoNearest};
 
 /// Candidates of a panel.
-const LANES: usize = 64;
+const LANES: usize = 128;
 
 /// Bytes that hold the counts of a panel, and candidates in either half of the bytes' bits.
 const BYTES: usize = LANES / 2;
@@ -42,15 +45,12 @@ const PATTERN: u8 = (1 << GROUP_BITS) - 1;
 const QUERIES: usize = TILE_BYTES / size_of::<Sums>();
 
 /// Entry after entry, the counts of a panel for each pattern of a group: candidate `i` in the lower
-/// four bits of byte `i`, candidate 32 + `i` in its upper four.
+/// four bits of byte `i`, candidate 64 + `i` in its upper four.
 type Table = [u8; BYTES << GROUP_BITS];
 
 /// The tables of a word. Aligned, so that no entry lies across two cache lines.
 #[repr(align(64))]
 struct Tables([Table; GROUPS]);
-
-/// Of each group of a word, where the entry of a query's pattern starts in the table.
-type Entries = [u16; GROUPS];
 
 /// Distances of a query to a panel of candidates, those above 255 as 255.
 #[derive(Clone, Copy)]
@@ -71,11 +71,11 @@ pub fn two_nearest_bits(a: &[u64], b: &[u64], words: usize) -> Vec<TwoNearest> {
     let mut sums = vec![Sums([0; LANES]); best.len().min(QUERIES)];
     for (a, best) in a.chunks(QUERIES * words).zip(best.chunks_mut(QUERIES)) {
         let sums = &mut sums[..best.len()];
-        let entries: Vec<Vec<Entries>> = (0..words).map(|word| entries(a, words, word)).collect();
+        let columns: Vec<Vec<u64>> = (0..words).map(|word| column(a, words, word)).collect();
         for (panel, first) in panels.chunks_exact(words).zip((0..).step_by(LANES)) {
-            for ((groups, entries), word) in panel.iter().zip(&entries).zip(0..) {
+            for ((groups, column), word) in panel.iter().zip(&columns).zip(0..) {
                 fill(&mut tables, groups);
-                add_counts(&tables, entries, sums, word == 0);
+                add_counts(&tables, column, sums, word == 0);
             }
             offer(sums, first, count, best);
         }
@@ -105,6 +105,22 @@ fn compare_one_by_one(a: &[u64], b: &[u64]) -> TwoNearest {
     best
 }
 
+/// The words at place `word` of all rows.
+fn column(rows: &[u64], words: usize, word: usize) -> Vec<u64> {
+    rows.iter().skip(word).step_by(words).copied().collect()
+}
+
+/// The bits of a group.
+#[inline(always)]
+fn pattern(word: u64, group: usize) -> u8 {
+    (word >> (GROUP_BITS * group)) as u8 & PATTERN
+}
+
+#[inline(always)]
+fn least(lanes: &[u8; LANES]) -> u8 {
+    lanes.iter().fold(u8::MAX, |least, &lane| least.min(lane))
+}
+
 multiversioned! {
     /// The groups of the candidates, panel by panel and word by word: candidate after candidate
     /// within a group. Lanes without a candidate are zero.
@@ -117,25 +133,14 @@ multiversioned! {
                 for (lane, row) in column.iter_mut().zip(rows.chunks_exact(words)) {
                     *lane = row[word];
                 }
-                for (lanes, shift) in groups.iter_mut().zip((0..).step_by(GROUP_BITS)) {
-                    for (lane, word) in lanes.iter_mut().zip(&column) {
-                        *lane = (word >> shift) as u8 & PATTERN;
+                for (lanes, group) in groups.iter_mut().zip(0..) {
+                    for (lane, &word) in lanes.iter_mut().zip(&column) {
+                        *lane = pattern(word, group);
                     }
                 }
             }
         }
         packed
-    }
-
-    /// The entries of one word of the queries.
-    fn entries(rows: &[u64], words: usize, word: usize) -> Vec<Entries> {
-        let entry = |word: u64, group: usize| {
-            let pattern = (word >> (GROUP_BITS * group)) as u8 & PATTERN;
-            u16::from(pattern) * BYTES as u16
-        };
-        rows.chunks_exact(words)
-            .map(|row| std::array::from_fn(|group| entry(row[word], group)))
-            .collect()
     }
 
     /// Fills the tables of a word for a panel.
@@ -144,17 +149,22 @@ multiversioned! {
             let (lower, upper) = lanes.split_at(BYTES);
             let (entries, _) = table.as_chunks_mut::<BYTES>();
             entries[0] = [0; BYTES];
-            for bit in 0..GROUP_BITS {
-                let mut ones = [0; BYTES];
-                for ((ones, lower), upper) in ones.iter_mut().zip(lower).zip(upper) {
-                    *ones = (lower >> bit & 1) | (upper >> bit & 1) << 4;
+            // What the counts change by when a bit of the pattern turns from zero to one: 1 where the
+            // candidate has a zero, -1 where it has a one. Borrows between the two of a byte cancel
+            // out in the sum.
+            let mut steps = [[0; BYTES]; GROUP_BITS];
+            for (step, bit) in steps.iter_mut().zip(0..) {
+                for i in 0..BYTES {
+                    let ones = (lower[i] >> bit & 1) | (upper[i] >> bit & 1) << 4;
+                    entries[0][i] += ones;
+                    step[i] = 0x11_u8.wrapping_sub(2 * ones);
                 }
-                // Patterns without this bit differ where it is one, those with it where it is zero.
+            }
+            for (step, bit) in steps.iter().zip(0..) {
                 let (without, with) = entries.split_at_mut(1 << bit);
-                for (without, with) in without.iter_mut().zip(with) {
-                    for ((without, with), ones) in without.iter_mut().zip(with).zip(&ones) {
-                        *with = *without + (0x11 - ones);
-                        *without += ones;
+                for (without, with) in without.iter().zip(with) {
+                    for i in 0..BYTES {
+                        with[i] = without[i].wrapping_add(step[i]);
                     }
                 }
             }
@@ -162,20 +172,19 @@ multiversioned! {
     }
 
     /// Adds the counts of a word to the sums of each query, which `afresh` starts from zero.
-    fn add_counts(tables: &Tables, entries: &[Entries], sums: &mut [Sums], afresh: bool) -> () {
-        for (sums, entries) in sums.iter_mut().zip(entries) {
+    fn add_counts(tables: &Tables, column: &[u64], sums: &mut [Sums], afresh: bool) -> () {
+        for (sums, &query) in sums.iter_mut().zip(column) {
             if afresh {
                 *sums = Sums([0; LANES]);
             }
             // Lower counts plus 16 times the upper ones, modulo 256; and the upper ones alone.
             let mut both = [0_u8; BYTES];
             let mut upper = [0_u8; BYTES];
-            for (tables, entries) in tables.0.chunks(JOINED).zip(entries.chunks(JOINED)) {
+            for (tables, first) in tables.0.chunks(JOINED).zip((0..).step_by(JOINED)) {
                 let mut joined = [0_u8; BYTES];
-                for (table, &entry) in tables.iter().zip(entries) {
-                    // The mask changes nothing; it spares a test for the end of the table.
-                    let start = usize::from(entry) & (usize::from(PATTERN) * BYTES);
-                    let counts = &table[start..start + BYTES];
+                for (table, group) in tables.iter().zip(first..) {
+                    let entry = usize::from(pattern(query, group)) * BYTES;
+                    let counts = &table[entry..entry + BYTES];
                     for i in 0..BYTES {
                         joined[i] += counts[i];
                     }
@@ -196,8 +205,32 @@ multiversioned! {
 
     /// Offers the candidates of a panel, `first` and those that follow it, to each query.
     fn offer(sums: &[Sums], first: usize, count: usize, best: &mut [TwoNearest<u8>]) -> () {
-        for (sums, best) in sums.iter().zip(best) {
-            best.offer_lanes(&sums.0, first, count);
+        let mut padding = [0; LANES];
+        padding[LANES.min(count - first)..].fill(u8::MAX);
+        let mut numbers = [0; LANES];
+        for (number, lane) in numbers.iter_mut().zip(0..) {
+            *number = lane;
+        }
+        for (Sums(sums), best) in sums.iter().zip(best) {
+            if !best.loses_to_one(sums) {
+                continue;
+            }
+            let mut sums = *sums;
+            for (sum, padding) in sums.iter_mut().zip(&padding) {
+                *sum |= padding;
+            }
+            let nearest = least(&sums);
+            let mut places = numbers;
+            for (place, &sum) in places.iter_mut().zip(&sums) {
+                *place = if sum == nearest { *place } else { u8::MAX };
+            }
+            let place = least(&places);
+            for (sum, &number) in sums.iter_mut().zip(&numbers) {
+                *sum = if number == place { u8::MAX } else { *sum };
+            }
+            // The nearest goes first, so that the second cannot win and its place is not needed.
+            best.offer(nearest, (first + usize::from(place)) as u32);
+            best.second = best.second.min(least(&sums));
         }
     }
 }
@@ -244,7 +277,10 @@ mod tests {
                 (7, 63),
                 (33, 64),
                 (8, 65),
-                (13, 200),
+                (9, 127),
+                (7, 128),
+                (8, 129),
+                (13, 300),
             ] {
                 let a = draw(&mut rng, rows_a * words);
                 let b = draw(&mut rng, rows_b * words);
