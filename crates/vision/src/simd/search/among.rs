@@ -11,26 +11,43 @@ multiversioned! {
     /// ascending order: the distances and the rule for ties are those of
     /// [`two_nearest_floats`](super::two_nearest_floats).
     pub fn two_nearest_among(query: &[f32], rows: &[f32], chosen: &[u32]) -> TwoNearest {
-        let dim = query.len();
         let mut best = TwoNearest::none(f32::INFINITY);
         for chosen in chosen.chunks(ROWS) {
-            // The last block repeats its last row; the zip below drops what is too much.
-            let rows: [&[f32]; ROWS] = std::array::from_fn(|row| {
-                let index = chosen[row.min(chosen.len() - 1)] as usize;
-                &rows[index * dim..][..dim]
-            });
-            let mut sums = [0.0_f32; ROWS];
-            for k in 0..dim {
-                for (sum, row) in sums.iter_mut().zip(rows) {
-                    let difference = query[k] - row[k];
-                    *sum = difference.mul_add(difference, *sum);
-                }
-            }
-            for (&index, sum) in chosen.iter().zip(sums) {
-                best.offer(sum, index);
+            // Often there are only two.
+            if chosen.len() <= ROWS / 4 {
+                offer_chosen::<{ ROWS / 4 }>(query, rows, chosen, &mut best);
+            } else {
+                offer_chosen::<ROWS>(query, rows, chosen, &mut best);
             }
         }
         best
+    }
+}
+
+/// Offers one to `N` chosen rows.
+#[inline(always)]
+fn offer_chosen<const N: usize>(
+    query: &[f32],
+    rows: &[f32],
+    chosen: &[u32],
+    best: &mut TwoNearest,
+) {
+    let dim = query.len();
+    // What is too much repeats the last row; the zip below drops it.
+    let mut places = [0; N];
+    for (place, row) in places.iter_mut().zip(0..) {
+        *place = chosen[chosen.len().min(row + 1) - 1] as usize;
+    }
+    let rows = places.map(|row| &rows[row * dim..][..dim]);
+    let mut sums = [0.0_f32; N];
+    for k in 0..dim {
+        for (sum, row) in sums.iter_mut().zip(rows) {
+            let difference = query[k] - row[k];
+            *sum = difference.mul_add(difference, *sum);
+        }
+    }
+    for (&index, sum) in chosen.iter().zip(sums) {
+        best.offer(sum, index);
     }
 }
 

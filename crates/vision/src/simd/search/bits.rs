@@ -45,12 +45,14 @@ const PATTERN: u8 = (1 << GROUP_BITS) - 1;
 const QUERIES: usize = TILE_BYTES / size_of::<Sums>();
 
 /// Entry after entry, the counts of a panel for each pattern of a group: candidate `i` in the lower
-/// four bits of byte `i`, candidate 64 + `i` in its upper four.
-type Table = [u8; BYTES << GROUP_BITS];
-
-/// The tables of a word. Aligned, so that no entry lies across two cache lines.
+/// four bits of byte `i`, candidate 64 + `i` in its upper four. Aligned, so that no entry lies across
+/// two cache lines.
+#[derive(Clone, Copy)]
 #[repr(align(64))]
-struct Tables([Table; GROUPS]);
+struct Table([u8; BYTES << GROUP_BITS]);
+
+/// The tables of a word.
+type Tables = [Table; GROUPS];
 
 /// Distances of a query to a panel of candidates, those above 255 as 255.
 #[derive(Clone, Copy)]
@@ -67,15 +69,16 @@ pub fn two_nearest_bits(a: &[u64], b: &[u64], words: usize) -> Vec<TwoNearest> {
     let count = b.len() / words;
     let panels = pack(b, words);
     let mut best = vec![TwoNearest::none(u8::MAX); a.len() / words];
-    let mut tables = Tables([[0; _]; GROUPS]);
+    let mut tables = vec![Table([0; _]); GROUPS];
+    let tables: &mut Tables = tables.first_chunk_mut().expect("one for each group");
     let mut sums = vec![Sums([0; LANES]); best.len().min(QUERIES)];
     for (a, best) in a.chunks(QUERIES * words).zip(best.chunks_mut(QUERIES)) {
         let sums = &mut sums[..best.len()];
         let columns: Vec<Vec<u64>> = (0..words).map(|word| column(a, words, word)).collect();
         for (panel, first) in panels.chunks_exact(words).zip((0..).step_by(LANES)) {
             for ((groups, column), word) in panel.iter().zip(&columns).zip(0..) {
-                fill(&mut tables, groups);
-                add_counts(&tables, column, sums, word == 0);
+                fill(tables, groups);
+                add_counts(tables, column, sums, word == 0);
             }
             offer(sums, first, count, best);
         }
@@ -145,9 +148,9 @@ multiversioned! {
 
     /// Fills the tables of a word for a panel.
     fn fill(tables: &mut Tables, groups: &[[u8; LANES]; GROUPS]) -> () {
-        for (table, lanes) in tables.0.iter_mut().zip(groups) {
+        for (table, lanes) in tables.iter_mut().zip(groups) {
             let (lower, upper) = lanes.split_at(BYTES);
-            let (entries, _) = table.as_chunks_mut::<BYTES>();
+            let (entries, _) = table.0.as_chunks_mut::<BYTES>();
             entries[0] = [0; BYTES];
             // What the counts change by when a bit of the pattern turns from zero to one: 1 where the
             // candidate has a zero, -1 where it has a one. Borrows between the two of a byte cancel
@@ -180,11 +183,11 @@ multiversioned! {
             // Lower counts plus 16 times the upper ones, modulo 256; and the upper ones alone.
             let mut both = [0_u8; BYTES];
             let mut upper = [0_u8; BYTES];
-            for (tables, first) in tables.0.chunks(JOINED).zip((0..).step_by(JOINED)) {
+            for (tables, first) in tables.chunks(JOINED).zip((0..).step_by(JOINED)) {
                 let mut joined = [0_u8; BYTES];
                 for (table, group) in tables.iter().zip(first..) {
                     let entry = usize::from(pattern(query, group)) * BYTES;
-                    let counts = &table[entry..entry + BYTES];
+                    let counts = &table.0[entry..entry + BYTES];
                     for i in 0..BYTES {
                         joined[i] += counts[i];
                     }

@@ -12,20 +12,21 @@ const ROWS: usize = 6;
 /// rows of `dim` values.
 ///
 /// The distance of two rows is defined as `(a[k] - b[k])^2` summed for `k = 0, 1, ...` with one
-/// fused multiply-add each. Where all values are integers in `0..=255` (SIFT) and the processor
-/// can, the sums are made of integers; they are exact, so nobody can tell.
+/// fused multiply-add each. Where the processor can, most candidates are ruled out with less, so
+/// that nobody can tell.
 ///
 /// # Panics
 /// If `dim` is 0.
 pub fn two_nearest_floats(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {
     #[cfg(target_arch = "x86_64")]
-    if let Some(best) = super::bytes::two_nearest(a, b, dim) {
-        return best;
-    }
-    two_nearest(a, b, dim)
+    let mut best = super::coarse::two_nearest(a, b, dim);
+    #[cfg(not(target_arch = "x86_64"))]
+    let mut best = Vec::new();
+    best.extend(two_nearest(&a[best.len() * dim..], b, dim));
+    best
 }
 
-/// [`two_nearest_floats`] without the path for integers.
+/// [`two_nearest_floats`] by definition.
 fn two_nearest(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {
     let count = b.len() / dim;
     let panels = pack(b, dim);

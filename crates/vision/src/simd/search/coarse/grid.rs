@@ -1,0 +1,293 @@
+//! Real values as bytes.
+
+use std::arch::x86_64::{
+    _mm_add_ps, _mm_add_ss, _mm_cvtss_f32, _mm_movehdup_ps, _mm_movehl_ps, _mm256_add_ps,
+    _mm256_castps256_ps128, _mm256_extractf128_ps, _mm256_fmadd_ps, _mm256_loadu_ps,
+    _mm256_setzero_ps, _mm256_sub_ps,
+};
+
+/// Longest row: with more values the rounding would take a noticeable part of [`PRODUCT`].
+pub(super) const MAX_DIM: usize = 1024;
+
+/// Largest product of the lengths of two rows of bytes: their sum of products, and each part of it,
+/// fits 16 bits with a sign (the inequality of Cauchy and Schwarz).
+const PRODUCT: f32 = 32_700.0;
+
+/// How values become bytes. Less the least of their column, times `scale`, rounded: these are the
+/// bytes of a query. Candidates' bytes have a sign; they are the same less the `centre` of their
+/// column, which makes rows shorter and so allows a finer grid.
+pub(super) struct Grid {
+    least: Vec<f32>,
+    centre: Vec<i32>,
+    /// Units of a byte in one unit of the values.
+    pub(super) scale: f32,
+}
+
+/// Rows of bytes.
+pub(super) struct Bytes {
+    /// Four bytes in each; the last of a row ends with zeros.
+    pub(super) quads: Vec<i32>,
+    /// What the squared distance of a query and a candidate consists of, besides minus two times the
+    /// sum of the products of their bytes: one part of it for each row.
+    pub(super) norms: Vec<i32>,
+    /// Length of what rounding took from each row, in units of the bytes.
+    pub(super) errors: Vec<f32>,
+}
+
+impl Grid {
+    /// The finest grid for the queries `a` and the candidates `b`; `None` where a value is not finite
+    /// or the values are all the same or so large or small that squared distances lose digits.
+    #[target_feature(enable = "avx2,fma")]
+    pub(super) fn of(a: &[f32], b: &[f32], dim: usize) -> Option<Self> {
+        let mut least = vec![f32::INFINITY; dim];
+        let mut most = vec![f32::NEG_INFINITY; dim];
+        widen(&mut least, &mut most, a);
+        widen(&mut least, &mut most, b);
+        let mean = mean(b, dim);
+
+        let mut range = 0.0_f32;
+        let mut half = 0.0_f32;
+        for ((least, most), mean) in least.iter().zip(&most).zip(&mean) {
+            range = range.max(most - least);
+            half = half.max((most - mean).max(mean - least));
+        }
+        if a.is_empty() || b.is_empty() || !(1e-10..1e10).contains(&range) {
+            return None;
+        }
+        let scale = scale_of_rows(longest(a, &least)?, longest(b, &mean)?, dim);
+        let scale = scale.min(254.0 / range).min(126.0 / half);
+        let centre = mean.iter().zip(&least);
+        let centre = centre.map(|(mean, least)| ((mean - least) * scale + 0.5) as i32);
+        Some(Self {
+            centre: centre.collect(),
+            least,
+            scale,
+        })
+    }
+
+    /// The bytes of queries, 0 to 255.
+    #[target_feature(enable = "avx2,fma")]
+    pub(super) fn queries(&self, rows: &[f32]) -> Bytes {
+        self.round(rows, |value, centre| {
+            (value, (value - centre) * (value - centre))
+        })
+    }
+
+    /// The bytes of candidates, -128 to 127.
+    #[target_feature(enable = "avx2,fma")]
+    pub(super) fn candidates(&self, rows: &[f32]) -> Bytes {
+        self.round(rows, |value, centre| {
+            (value - centre, value * value - centre * centre)
+        })
+    }
+
+    /// Rounds rows; `byte` gives the byte of a rounded value and its part of the norm.
+    #[inline]
+    #[target_feature(enable = "avx2,fma")]
+    fn round(&self, rows: &[f32], byte: impl Fn(i32, i32) -> (i32, i32)) -> Bytes {
+        let dim = self.least.len();
+        let (mut scaled, mut rounded) = (vec![0.0; dim], vec![0.0; dim]);
+        let mut bytes = vec![0_u8; dim.next_multiple_of(4)];
+        let mut all = Bytes {
+            quads: Vec::with_capacity(rows.len() / dim * dim.div_ceil(4)),
+            norms: Vec::with_capacity(rows.len() / dim),
+            errors: Vec::with_capacity(rows.len() / dim),
+        };
+        for row in rows.chunks_exact(dim) {
+            for ((scaled, value), least) in scaled.iter_mut().zip(row).zip(&self.least) {
+                *scaled = (value - least) * self.scale;
+            }
+            for (rounded, scaled) in rounded.iter_mut().zip(&scaled) {
+                *rounded = (scaled + 0.5_f32).floor();
+            }
+            let mut norm = 0;
+            for ((output, &value), &centre) in bytes.iter_mut().zip(&rounded).zip(&self.centre) {
+                let (byte, part) = byte(value as i32, centre);
+                *output = byte as u8;
+                norm += part;
+            }
+            let quads = bytes.as_chunks().0.iter();
+            all.quads
+                .extend(quads.map(|&quad| i32::from_le_bytes(quad)));
+            all.norms.push(norm);
+            all.errors.push(squared_distance(&scaled, &rounded).sqrt());
+        }
+        all
+    }
+}
+
+/// The largest scale with which the lengths of two rows of bytes multiply to [`PRODUCT`] at most,
+/// where the values have at most lengths `a` and `b`. Rounding each value may add half a unit to a
+/// byte of a query, and to one of a candidate, whose centre is rounded too, a whole one.
+fn scale_of_rows(a: f32, b: f32, dim: usize) -> f32 {
+    let rounding = (dim as f32).sqrt() / 2.0;
+    // The positive root of (a scale + rounding) (b scale + 2 rounding) = PRODUCT.
+    let linear = 2.0 * rounding * a + rounding * b;
+    let constant = PRODUCT - 2.0 * rounding * rounding;
+    2.0 * constant / (linear + (linear * linear + 4.0 * a * b * constant).sqrt())
+}
+
+/// Widens the range of each column, `least` to `most`, to the values of `rows`.
+#[target_feature(enable = "avx2,fma")]
+fn widen(least: &mut [f32], most: &mut [f32], rows: &[f32]) {
+    for row in rows.chunks_exact(least.len()) {
+        for ((least, most), &value) in least.iter_mut().zip(&mut *most).zip(row) {
+            *least = if value < *least { value } else { *least };
+            *most = if value > *most { value } else { *most };
+        }
+    }
+}
+
+/// The mean of each column, about.
+#[target_feature(enable = "avx2,fma")]
+fn mean(rows: &[f32], dim: usize) -> Vec<f32> {
+    let mut mean = vec![0.0; dim];
+    for row in rows.chunks_exact(dim) {
+        for (sum, value) in mean.iter_mut().zip(row) {
+            *sum += value;
+        }
+    }
+    for sum in &mut mean {
+        *sum *= dim as f32 / rows.len() as f32;
+    }
+    mean
+}
+
+/// The length of the longest row less `origin`; `None` where a value is not finite.
+#[target_feature(enable = "avx2,fma")]
+fn longest(rows: &[f32], origin: &[f32]) -> Option<f32> {
+    let mut longest = 0.0_f32;
+    for row in rows.chunks_exact(origin.len()) {
+        let length = squared_distance(row, origin);
+        if !length.is_finite() {
+            return None;
+        }
+        longest = longest.max(length);
+    }
+    Some(longest.sqrt())
+}
+
+/// The squared distance of two rows, summed in an order that suits vectors.
+#[inline]
+#[target_feature(enable = "avx2,fma")]
+pub(super) fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
+    let ((a, last_a), (b, last_b)) = (a.as_chunks::<32>(), b.as_chunks::<32>());
+    let mut sums = [_mm256_setzero_ps(); 4];
+    for (a, b) in a.iter().zip(b) {
+        for (quarter, sum) in sums.iter_mut().enumerate() {
+            // SAFETY: 8 of 32 values can be read from value 0, 8, 16, and 24.
+            let (a, b) = unsafe {
+                let (a, b) = (a.as_ptr().add(8 * quarter), b.as_ptr().add(8 * quarter));
+                (_mm256_loadu_ps(a), _mm256_loadu_ps(b))
+            };
+            let difference = _mm256_sub_ps(a, b);
+            *sum = _mm256_fmadd_ps(difference, difference, *sum);
+        }
+    }
+    let sum = _mm256_add_ps(
+        _mm256_add_ps(sums[0], sums[1]),
+        _mm256_add_ps(sums[2], sums[3]),
+    );
+    let sum = _mm_add_ps(_mm256_castps256_ps128(sum), _mm256_extractf128_ps::<1>(sum));
+    let sum = _mm_add_ps(sum, _mm_movehl_ps(sum, sum));
+    let sum = _mm_cvtss_f32(_mm_add_ss(sum, _mm_movehdup_ps(sum)));
+    let last = last_a.iter().zip(last_b);
+    sum + last.map(|(a, b)| (a - b) * (a - b)).sum::<f32>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::Seed;
+
+    fn has_avx2() -> bool {
+        std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
+    }
+
+    /// Rows of one kind or the other: each byte as `signed` says.
+    fn rows(bytes: &Bytes, dim: usize, signed: bool) -> Vec<Vec<i32>> {
+        let value = |byte: u8| {
+            if signed {
+                i32::from(byte as i8)
+            } else {
+                i32::from(byte)
+            }
+        };
+        let row = |quads: &[i32]| -> Vec<i32> {
+            let bytes = quads.iter().flat_map(|quad| quad.to_le_bytes());
+            bytes.take(dim).map(value).collect()
+        };
+        bytes.quads.chunks_exact(dim.div_ceil(4)).map(row).collect()
+    }
+
+    /// Checks the bytes of two sets of rows; returns the largest product of the lengths of two rows.
+    fn check(a: &[f32], b: &[f32], dim: usize) -> f64 {
+        // SAFETY: AVX2 and FMA were detected on this processor.
+        let (grid, queries, candidates) = unsafe {
+            let grid = Grid::of(a, b, dim).unwrap();
+            let (queries, candidates) = (grid.queries(a), grid.candidates(b));
+            (grid, queries, candidates)
+        };
+        let (rows_a, rows_b) = (rows(&queries, dim, false), rows(&candidates, dim, true));
+        let length = |row: &[i32]| row.iter().map(|v| f64::from(v * v)).sum::<f64>().sqrt();
+        let mut longest = 0.0_f64;
+        for (i, (bytes_a, row_a)) in rows_a.iter().zip(a.chunks_exact(dim)).enumerate() {
+            for (j, (bytes_b, row_b)) in rows_b.iter().zip(b.chunks_exact(dim)).enumerate() {
+                let products: i32 = bytes_a.iter().zip(bytes_b).map(|(a, b)| a * b).sum();
+                let squared = queries.norms[i] + candidates.norms[j] - 2 * products;
+                let squares = row_a
+                    .iter()
+                    .zip(row_b)
+                    .map(|(a, b)| f64::from(a - b).powi(2));
+                let distance = f64::from(grid.scale) * squares.sum::<f64>().sqrt();
+                let rounding = f64::from(queries.errors[i] + candidates.errors[j]);
+                let difference = (f64::from(squared).sqrt() - distance).abs();
+                assert!(
+                    difference <= rounding + 0.01,
+                    "{difference} of {distance}, not {rounding}"
+                );
+                longest = longest.max(length(bytes_a) * length(bytes_b));
+            }
+        }
+        assert!(longest < 32_768.0, "{longest} at scale {}", grid.scale);
+        longest
+    }
+
+    #[test]
+    fn distances_are_those_of_the_values_but_for_rounding() {
+        if !has_avx2() {
+            return;
+        }
+        let mut rng = Seed(11).rng();
+        for dim in [1, 7, 64, 128, 200, MAX_DIM] {
+            let [a, b] = [20, 30].map(|rows| -> Vec<f32> {
+                let value = |k: usize| rng.normal() as f32 + (k % dim) as f32;
+                (0..rows * dim).map(value).collect()
+            });
+            let longest = check(&a, &b, dim);
+            assert!(longest > 8_000.0 || dim < 64, "{longest} wastes digits");
+            // Neither set alone, nor rows that are all the same.
+            check(&a[..dim], &b, dim);
+            check(&a, &b[..dim], dim);
+            check(&a, &a, dim);
+        }
+    }
+
+    #[test]
+    fn sums_of_products_fit_where_rows_are_all_in_few_values() {
+        if !has_avx2() {
+            return;
+        }
+        for dim in [4, 16, 128, 512] {
+            for ones in [1, 2, 3, dim / 2] {
+                let row = |first: usize| {
+                    (0..dim).map(move |k| f32::from(u8::from((k + first) % dim < ones)))
+                };
+                let rows: Vec<f32> = (0..dim.min(60)).flat_map(row).collect();
+                check(&rows, &rows, dim);
+                check(&rows, &rows[..dim], dim);
+                check(&rows[..dim], &rows, dim);
+            }
+        }
+    }
+}
