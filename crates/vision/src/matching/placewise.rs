@@ -2,13 +2,17 @@
 //!
 //! J.-M. Morel, G. Yu: "ASIFT: A New Framework for Fully Affine Invariant Image Comparison", SIAM
 //! Journal on Imaging Sciences 2(2), 438-469, 2009, section 4.3 compares simulated views pair by
-//! pair. Here all features are compared at once, in one pass over blocks of `b`:
+//! pair. Here all features are compared at once, in blocks of `b`:
 //!
 //! 1. Each block gives its nearest feature and the distance to its second.
 //! 2. The nearest of all blocks is the match.
 //! 3. [`Correspondence::second`] is the distance to the nearest feature of *another place*: the
 //!    nearest of a block that lies farther than `same_place_px` from the match, or the second of a
 //!    block whose nearest does not.
+//!
+//! Of two features of `b` that lie farther than twice `same_place_px` from each other at least one is
+//! of another place than the match, wherever that is, and its block gives it or a nearer one. So
+//! what is farther than both of them changes nothing, and is ruled out fast.
 //!
 //! | field | default | source |
 //! | --- | --- | --- |
@@ -19,7 +23,8 @@
 //! small and the ratio test too strict.
 
 use super::{Correspondence, Correspondences, Search, two_nearest};
-use crate::features::{BinaryRows, Descriptors, Features, FloatRows};
+use crate::features::{BinaryRows, Descriptors, Features, FloatRows, Keypoint};
+use crate::simd::{near_rows, squared_distances_among};
 
 /// Features in a block.
 const BLOCK: usize = 256;
@@ -41,37 +46,122 @@ impl Default for PlacewiseNeighbours {
 
 impl Search for PlacewiseNeighbours {
     fn search(&self, a: &Features, b: &Features) -> Correspondences {
-        let blocks: Vec<Correspondences> = (0..b.len())
-            .step_by(BLOCK)
-            .map(|first| {
-                let mut found = two_nearest(&a.descriptors, &rows(&b.descriptors, first));
-                for m in &mut found {
-                    m.b += first as u32;
-                }
-                found
-            })
-            .collect();
-        let mut best: Vec<Option<Correspondence>> = vec![None; a.len()];
-        for m in blocks.iter().flatten() {
-            let best = &mut best[m.a as usize];
-            if best.is_none_or(|best| m.distance < best.distance) {
-                *best = Some(Correspondence {
-                    second: f32::INFINITY,
-                    ..*m
-                });
+        let mut of_blocks = self.of_blocks_that_matter(a, b);
+        if of_blocks.len() < a.len() {
+            let rest = a.descriptors.select(of_blocks.len()..a.len());
+            of_blocks.extend(of_all_blocks(&rest, &b.descriptors));
+        }
+        (0..)
+            .zip(&of_blocks)
+            .filter_map(|(a, of_blocks)| self.judge(a, of_blocks, &b.keypoints))
+            .collect()
+    }
+}
+
+/// The nearest feature of a block, and the distance to its second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct OfBlock {
+    b: u32,
+    distance: f32,
+    second: f32,
+}
+
+impl PlacewiseNeighbours {
+    /// What blocks give for the first features of `a`, as many as can be found fast; blocks without
+    /// influence are left out.
+    fn of_blocks_that_matter(self, a: &Features, b: &Features) -> Vec<Vec<OfBlock>> {
+        let (Descriptors::Float(rows_a), Descriptors::Float(rows_b)) =
+            (&a.descriptors, &b.descriptors)
+        else {
+            return Vec::new();
+        };
+        assert_eq!(rows_a.dim(), rows_b.dim(), "descriptors of one kind");
+        let apart = |i: u32, j: u32| {
+            let [i, j] = [i, j].map(|index| b.keypoints[index as usize].at);
+            (i - j).norm() > 2.0 * self.same_place_px
+        };
+        let near = near_rows(rows_a.data(), rows_b.data(), rows_a.dim(), apart);
+        let of_blocks = |(a, near): (usize, &Vec<u32>)| {
+            let distances = squared_distances_among(rows_a.row(a), rows_b.data(), near);
+            let near: Vec<(u32, f32)> = near.iter().copied().zip(distances).collect();
+            near.chunk_by(|(i, _), (j, _)| i / BLOCK as u32 == j / BLOCK as u32)
+                .map(of_block)
+                .collect()
+        };
+        near.iter().enumerate().map(of_blocks).collect()
+    }
+
+    /// The match of feature `a`, for which the blocks give `of_blocks`.
+    fn judge(
+        self,
+        a: u32,
+        of_blocks: &[OfBlock],
+        keypoints: &[Keypoint],
+    ) -> Option<Correspondence> {
+        let (first, others) = of_blocks.split_first()?;
+        let mut best = first;
+        for other in others {
+            if other.distance < best.distance {
+                best = other;
             }
         }
-        for m in blocks.iter().flatten() {
-            let Some(best) = &mut best[m.a as usize] else {
-                continue;
-            };
-            let [place, other] = [best.b, m.b].map(|index| b.keypoints[index as usize].at);
-            let elsewhere = (place - other).norm() > self.same_place_px;
-            let second = if elsewhere { m.distance } else { m.second };
-            best.second = best.second.min(second);
-        }
-        best.into_iter().flatten().collect()
+        let place = keypoints[best.b as usize].at;
+        let of_another_place = |found: &OfBlock| {
+            let elsewhere = (place - keypoints[found.b as usize].at).norm() > self.same_place_px;
+            if elsewhere {
+                found.distance
+            } else {
+                found.second
+            }
+        };
+        Some(Correspondence {
+            a,
+            b: best.b,
+            distance: best.distance,
+            second: of_blocks
+                .iter()
+                .map(of_another_place)
+                .fold(f32::INFINITY, f32::min),
+        })
     }
+}
+
+/// What each block of `b` gives for each row of `a`.
+fn of_all_blocks(a: &Descriptors, b: &Descriptors) -> Vec<Vec<OfBlock>> {
+    let mut of_blocks = vec![Vec::new(); a.len()];
+    for first in (0..b.len()).step_by(BLOCK) {
+        for m in two_nearest(a, &rows(b, first)) {
+            of_blocks[m.a as usize].push(OfBlock {
+                b: first as u32 + m.b,
+                distance: m.distance,
+                second: m.second,
+            });
+        }
+    }
+    of_blocks
+}
+
+/// What a block gives that has the features `near`, in ascending order, at squared distances.
+fn of_block(near: &[(u32, f32)]) -> OfBlock {
+    let mut found = OfBlock {
+        b: 0,
+        distance: f32::INFINITY,
+        second: f32::INFINITY,
+    };
+    for &(b, distance) in near {
+        if distance < found.distance {
+            found = OfBlock {
+                b,
+                distance,
+                second: found.distance,
+            };
+        } else {
+            found.second = found.second.min(distance);
+        }
+    }
+    found.distance = found.distance.sqrt();
+    found.second = found.second.sqrt();
+    found
 }
 
 /// The rows of one block.
@@ -132,6 +222,52 @@ mod tests {
             second: 4.0,
         };
         assert_eq!(found, [expected]);
+    }
+
+    #[test]
+    fn blocks_without_influence_are_no_loss() {
+        // Versions of few places, scattered over all blocks, whose descriptors and positions differ
+        // by more or less; so that places overlap in both.
+        let mut rng = Seed(4).rng();
+        let dim = 20;
+        let places: Vec<(f32, Vec<f32>)> = (0..60)
+            .map(|_| {
+                let values = (0..dim).map(|_| rng.normal() as f32).collect();
+                (300.0 * rng.uniform() as f32, values)
+            })
+            .collect();
+        let mut draw = |count: usize| {
+            let (mut points, mut values) = (Vec::new(), Vec::new());
+            for _ in 0..count {
+                let (x, place) = &places[rng.below(60) as usize];
+                points.push((x + 4.0 * rng.normal() as f32, 0.0));
+                let width = rng.uniform() as f32;
+                values.extend(
+                    place
+                        .iter()
+                        .map(|value| value + width * rng.normal() as f32),
+                );
+            }
+            let mut features = features(&points);
+            features.descriptors = Descriptors::Float(FloatRows::from_vec(dim, values));
+            features
+        };
+        let (a, b) = (draw(700), draw(3000));
+        let search = PlacewiseNeighbours::default();
+        let all = of_all_blocks(&a.descriptors, &b.descriptors);
+        let expected: Correspondences = (0..)
+            .zip(&all)
+            .filter_map(|(a, of_blocks)| search.judge(a, of_blocks, &b.keypoints))
+            .collect();
+        assert_eq!(search.search(&a, &b), expected);
+
+        let matter = search.of_blocks_that_matter(&a, &b);
+        let [blocks, all] =
+            [&matter[..], &all[..matter.len()]].map(|of| of.iter().flatten().count());
+        assert!(
+            matter.is_empty() || blocks < all,
+            "all {blocks} blocks matter"
+        );
     }
 
     #[test]

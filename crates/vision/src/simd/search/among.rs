@@ -1,10 +1,13 @@
-//! The two nearest among a few chosen rows.
+//! A few chosen rows, compared by the definition of the distance.
 
 use super::TwoNearest;
 
 /// Rows that are summed side by side: each sum waits for its own last addition, so eight of them
 /// keep the processor busy.
 const ROWS: usize = 8;
+
+/// Rows where there are no more than these: often there are only two.
+const FEW: usize = 2;
 
 multiversioned! {
     /// The two rows of `rows` nearest to the row `query` among those whose indices are `chosen`, in
@@ -13,27 +16,40 @@ multiversioned! {
     pub fn two_nearest_among(query: &[f32], rows: &[f32], chosen: &[u32]) -> TwoNearest {
         let mut best = TwoNearest::none(f32::INFINITY);
         for chosen in chosen.chunks(ROWS) {
-            // Often there are only two.
-            if chosen.len() <= ROWS / 4 {
-                offer_chosen::<{ ROWS / 4 }>(query, rows, chosen, &mut best);
-            } else {
-                offer_chosen::<ROWS>(query, rows, chosen, &mut best);
+            for (&index, sum) in chosen.iter().zip(sums_of_few(query, rows, chosen)) {
+                best.offer(sum, index);
             }
         }
         best
     }
+
+    /// The squared distances of the row `query` to the rows of `rows` whose indices are `chosen`, as
+    /// [`two_nearest_floats`](super::two_nearest_floats) defines them.
+    pub fn squared_distances_among(query: &[f32], rows: &[f32], chosen: &[u32]) -> Vec<f32> {
+        let mut distances = Vec::with_capacity(chosen.len());
+        for chosen in chosen.chunks(ROWS) {
+            distances.extend_from_slice(&sums_of_few(query, rows, chosen)[..chosen.len()]);
+        }
+        distances
+    }
 }
 
-/// Offers one to `N` chosen rows.
+/// Squared distances to one to [`ROWS`] chosen rows.
 #[inline(always)]
-fn offer_chosen<const N: usize>(
-    query: &[f32],
-    rows: &[f32],
-    chosen: &[u32],
-    best: &mut TwoNearest,
-) {
+fn sums_of_few(query: &[f32], rows: &[f32], chosen: &[u32]) -> [f32; ROWS] {
+    if chosen.len() <= FEW {
+        let mut all = [0.0; ROWS];
+        all[..FEW].copy_from_slice(&sums::<FEW>(query, rows, chosen));
+        all
+    } else {
+        sums(query, rows, chosen)
+    }
+}
+
+/// Squared distances to one to `N` chosen rows; what is too much repeats the last.
+#[inline(always)]
+fn sums<const N: usize>(query: &[f32], rows: &[f32], chosen: &[u32]) -> [f32; N] {
     let dim = query.len();
-    // What is too much repeats the last row; the zip below drops it.
     let mut places = [0; N];
     for (place, row) in places.iter_mut().zip(0..) {
         *place = chosen[chosen.len().min(row + 1) - 1] as usize;
@@ -46,9 +62,7 @@ fn offer_chosen<const N: usize>(
             *sum = difference.mul_add(difference, *sum);
         }
     }
-    for (&index, sum) in chosen.iter().zip(sums) {
-        best.offer(sum, index);
-    }
+    sums
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The two nearest by Euclidean distance.
 
-use super::{TILE_BYTES, TwoNearest, pack};
+use super::{TILE_BYTES, TwoNearest, pack, two_nearest_among};
 
 /// Candidates of a panel: two vectors of eight.
 const LANES: usize = 16;
@@ -18,12 +18,28 @@ const ROWS: usize = 6;
 /// # Panics
 /// If `dim` is 0.
 pub fn two_nearest_floats(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {
-    #[cfg(target_arch = "x86_64")]
-    let mut best = super::coarse::two_nearest(a, b, dim);
-    #[cfg(not(target_arch = "x86_64"))]
-    let mut best = Vec::new();
+    let near = near_rows(a, b, dim, |_, _| true);
+    let found = a.chunks_exact(dim).zip(&near);
+    let mut best: Vec<TwoNearest> = found
+        .map(|(row, near)| two_nearest_among(row, b, near))
+        .collect();
     best.extend(two_nearest(&a[best.len() * dim..], b, dim));
     best
+}
+
+/// For the first rows of `a`, as many as can be found fast, rows of `b` in ascending order. Among them
+/// are all that are at most as far as the farther of any two that are `apart`: no farther than the
+/// second nearest if `apart` says so of any two rows.
+pub fn near_rows(
+    a: &[f32],
+    b: &[f32],
+    dim: usize,
+    apart: impl Fn(u32, u32) -> bool,
+) -> Vec<Vec<u32>> {
+    #[cfg(target_arch = "x86_64")]
+    return super::coarse::near_rows(a, b, dim, apart);
+    #[cfg(not(target_arch = "x86_64"))]
+    Vec::new()
 }
 
 /// [`two_nearest_floats`] by definition.

@@ -15,9 +15,9 @@ mod bits;
 mod coarse;
 mod float;
 
-pub use among::two_nearest_among;
+pub use among::{squared_distances_among, two_nearest_among};
 pub use bits::two_nearest_bits;
-pub use float::two_nearest_floats;
+pub use float::{near_rows, two_nearest_floats};
 
 /// Bytes of the operand that is walked again and again: a part of any second-level cache.
 const TILE_BYTES: usize = 128 << 10;

@@ -1,4 +1,4 @@
-//! The two nearest by Euclidean distance, with products of bytes.
+//! The nearest by Euclidean distance, with products of bytes.
 //!
 //! *How it works.*
 //! 1. Values become bytes (see [`Grid`]). By the triangle inequality the distance of two rows of
@@ -8,8 +8,8 @@
 //!    bytes. The grid is such that no sum of products leaves 16 bits.
 //! 3. A candidate that is farther than the second nearest so far by more than the rounding is out.
 //!    The few others are measured with all digits, which brings the second nearest down.
-//! 4. What is left, mostly the two nearest themselves, is compared by the definition of the
-//!    distance, so that nobody can tell this search from the one by definition.
+//! 4. What is left, mostly the two nearest themselves, is for the caller to compare by the
+//!    definition of the distance. So nobody can tell this search from the one by definition.
 
 mod grid;
 
@@ -20,7 +20,7 @@ use std::arch::x86_64::{
 };
 
 use self::grid::{Grid, MAX_DIM, squared_distance};
-use super::{TwoNearest, pack, two_nearest_among};
+use super::pack;
 
 /// Candidates of a panel: two vectors of eight.
 const LANES: usize = 16;
@@ -42,24 +42,38 @@ const MEASURED_SHARE: usize = 16;
 /// By how much two sums of the same squares in another order may differ, generously.
 const ROUNDING: f32 = 1e-3;
 
-/// What [`super::two_nearest_floats`] returns for the first rows of `a`, as many as bytes help to
-/// find. There are none where some value is not finite or of extreme size, where rows are very long,
-/// or where the processor lacks AVX2; and no more of them after rows whose candidates are too much
+/// Values of `b` from which on bytes are worth the work of making them: with fewer, too many of the
+/// candidates are measured.
+const WORTH: usize = 40_000;
+
+/// For the first rows of `a`, as many as bytes help to find, the rows of `b` that may be nearest, in
+/// ascending order. Among them are all that are, by the definition, at most as far as the farther of
+/// any two that are `apart`: all that are no farther than the second nearest if `apart` says so of
+/// any two rows.
+///
+/// There are no rows where `b` is small, some value is not finite or of extreme size, rows are very
+/// long, or the processor lacks AVX2; and no more of them after rows whose candidates are too much
 /// alike.
-pub(super) fn two_nearest(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {
-    let possible = dim <= MAX_DIM
+pub(super) fn near_rows(
+    a: &[f32],
+    b: &[f32],
+    dim: usize,
+    apart: impl Fn(u32, u32) -> bool,
+) -> Vec<Vec<u32>> {
+    let possible = (1..=MAX_DIM).contains(&dim)
+        && b.len() >= WORTH
         && std::arch::is_x86_feature_detected!("avx2")
         && std::arch::is_x86_feature_detected!("fma");
     if !possible {
         return Vec::new();
     }
     // SAFETY: AVX2 and FMA were detected on this processor.
-    unsafe { search(a, b, dim) }
+    unsafe { search(a, b, dim, apart) }
 }
 
-/// [`two_nearest`] without its test of the processor.
+/// [`near_rows`] without its tests.
 #[target_feature(enable = "avx2,fma")]
-fn search(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {
+fn search(a: &[f32], b: &[f32], dim: usize, apart: impl Fn(u32, u32) -> bool) -> Vec<Vec<u32>> {
     let Some(grid) = Grid::of(a, b, dim) else {
         return Vec::new();
     };
@@ -73,8 +87,9 @@ fn search(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {
         norms: pack(&coarse.norms, 1),
         error: coarse.errors.iter().copied().fold(0.0, f32::max),
         scale: grid.scale,
+        apart,
     };
-    let mut best = Vec::with_capacity(a.len() / dim);
+    let mut near = Vec::with_capacity(a.len() / dim);
     for (a, first) in a.chunks(QUERIES * dim).zip((0..).step_by(QUERIES)) {
         let mut tile = Tile {
             rows: a,
@@ -88,10 +103,9 @@ fn search(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {
         if candidates.measure(&mut tile).is_none() {
             break;
         }
-        let queries = a.chunks_exact(dim).zip(&tile.queries);
-        best.extend(queries.map(|(row, query)| two_nearest_among(row, b, &query.near_enough())));
+        near.extend(tile.queries.iter().map(Query::near_enough));
     }
-    best
+    near
 }
 
 /// Some rows of `a`.
@@ -111,10 +125,13 @@ struct Query {
     norm: i32,
     /// Length of what rounding took from it.
     error: f32,
-    /// Squared distances to the two nearest measured so far.
-    nearest: [f32; 2],
-    /// Measured candidates that were among the two nearest when they were, and their squared
-    /// distances; in ascending order of the candidates.
+    /// Index of the nearest measured so far, and its squared distance.
+    nearest: (u32, f32),
+    /// Of two measured candidates that are apart the squared distance to the farther; the least of
+    /// all such two.
+    bound: f32,
+    /// Measured candidates that were within the bound when they were, and their squared distances; in
+    /// ascending order of the candidates.
     near: Vec<(u32, f32)>,
 }
 
@@ -123,17 +140,18 @@ impl Query {
         Self {
             norm,
             error,
-            nearest: [f32::INFINITY; 2],
+            nearest: (0, f32::INFINITY),
+            bound: f32::INFINITY,
             near: Vec::with_capacity(16),
         }
     }
 
-    /// Whether a measured candidate may be among the two nearest by the definition.
+    /// Whether a measured candidate may be within the bound by the definition.
     fn admits(&self, distance: f32) -> bool {
-        distance <= self.nearest[1] * (1.0 + ROUNDING) + f32::MIN_POSITIVE
+        distance <= self.bound * (1.0 + ROUNDING) + f32::MIN_POSITIVE
     }
 
-    /// The candidates that may be among the two nearest.
+    /// The candidates that may be within the bound.
     fn near_enough(&self) -> Vec<u32> {
         let near = self.near.iter();
         near.filter(|(_, distance)| self.admits(*distance))
@@ -143,7 +161,7 @@ impl Query {
 }
 
 /// The rows of `b`.
-struct Candidates<'a> {
+struct Candidates<'a, Apart> {
     rows: &'a [f32],
     dim: usize,
     panels: Vec<[i32; LANES]>,
@@ -151,11 +169,11 @@ struct Candidates<'a> {
     /// The largest of their errors.
     error: f32,
     scale: f32,
+    apart: Apart,
 }
 
-impl Candidates<'_> {
-    /// Measures all that may be among the two nearest of a tile of queries; `None` if these are too
-    /// many.
+impl<Apart: Fn(u32, u32) -> bool> Candidates<'_, Apart> {
+    /// Measures all that may be within the bounds of a tile of queries; `None` if these are too many.
     #[target_feature(enable = "avx2,fma")]
     fn measure(&self, tile: &mut Tile) -> Option<()> {
         let mut measured = 0;
@@ -169,8 +187,8 @@ impl Candidates<'_> {
         Some(())
     }
 
-    /// Measures those candidates of a panel, `first` and those that follow it, that may be among the
-    /// two nearest, and returns how many.
+    /// Measures those candidates of a panel, `first` and those that follow it, that may be within the
+    /// bounds, and returns how many.
     #[target_feature(enable = "avx2,fma")]
     fn scan(
         &self,
@@ -198,8 +216,7 @@ impl Candidates<'_> {
                     let candidate = &self.rows[index * self.dim..][..self.dim];
                     let distance = squared_distance(row, candidate);
                     if query.admits(distance) {
-                        query.near.push((index as u32, distance));
-                        *limit = self.offer(query, distance);
+                        *limit = self.offer(query, index as u32, distance);
                     }
                     measured += 1;
                 }
@@ -208,12 +225,19 @@ impl Candidates<'_> {
         measured
     }
 
-    /// Tells a query the squared distance of a candidate; returns its limit.
-    fn offer(&self, query: &mut Query, distance: f32) -> i32 {
-        let [nearest, second] = query.nearest;
-        query.nearest = [nearest.min(distance), second.min(nearest.max(distance))];
-        let second = query.nearest[1].sqrt() * self.scale;
-        let reach = (second + query.error + self.error) * (1.0 + ROUNDING) + 0.01;
+    /// Tells a query of a candidate and its squared distance; returns the query's limit.
+    fn offer(&self, query: &mut Query, index: u32, distance: f32) -> i32 {
+        query.near.push((index, distance));
+        let (nearest, nearest_distance) = query.nearest;
+        if distance < nearest_distance {
+            query.nearest = (index, distance);
+        }
+        let farther = distance.max(nearest_distance);
+        if farther < query.bound && (self.apart)(nearest, index) {
+            query.bound = farther;
+        }
+        let bound = query.bound.sqrt() * self.scale;
+        let reach = (bound + query.error + self.error) * (1.0 + ROUNDING) + 0.01;
         ((reach * reach) as i32).saturating_sub(query.norm)
     }
 }
@@ -277,7 +301,7 @@ fn load(lanes: &[i32; LANES]) -> [__m256i; 2] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::two_nearest_floats;
+    use super::super::{TwoNearest, two_nearest_among, two_nearest_floats};
     use super::*;
     use crate::seed::{Rng, Seed};
 
@@ -310,7 +334,7 @@ mod tests {
     fn check(rows: usize, dim: usize, change: impl Fn(f32, usize) -> f32) -> usize {
         let mut rng = Seed(3).rng();
         let centres: Vec<f32> = (0..60 * dim).map(|_| rng.normal() as f32).collect();
-        let [a, b] = [rows, 900].map(|rows| -> Vec<f32> {
+        let [a, b] = [rows, WORTH.div_ceil(dim).max(900)].map(|rows| -> Vec<f32> {
             let values = clustered(&mut rng, rows, dim, &centres);
             values
                 .iter()
@@ -318,8 +342,12 @@ mod tests {
                 .map(|(&v, k)| change(v, k))
                 .collect()
         });
-        let found = two_nearest(&a, &b, dim);
         let expected = defined(&a, &b, dim);
+        let near = near_rows(&a, &b, dim, |_, _| true);
+        let found = near.iter().zip(a.chunks_exact(dim));
+        let found: Vec<TwoNearest> = found
+            .map(|(near, row)| two_nearest_among(row, &b, near))
+            .collect();
         assert_eq!(found, expected[..found.len()], "{dim} values");
         assert_eq!(two_nearest_floats(&a, &b, dim), expected, "{dim} values");
         found.len()
