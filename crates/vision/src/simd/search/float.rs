@@ -39,7 +39,11 @@ pub fn near_rows(
     #[cfg(target_arch = "x86_64")]
     return super::coarse::near_rows(a, b, dim, apart);
     #[cfg(not(target_arch = "x86_64"))]
-    Vec::new()
+    {
+        // There are no products of bytes for other processors yet.
+        let _ = (a, b, dim, apart);
+        Vec::new()
+    }
 }
 
 /// [`two_nearest_floats`] by definition.
