@@ -23,7 +23,10 @@ pub fn two_nearest_floats(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {
     let mut best: Vec<TwoNearest> = found
         .map(|(row, near)| two_nearest_among(row, b, near))
         .collect();
-    best.extend(two_nearest(&a[best.len() * dim..], b, dim));
+    let rest = &a[best.len() * dim..];
+    if !rest.is_empty() {
+        best.extend(two_nearest(rest, b, dim));
+    }
     best
 }
 
