@@ -34,7 +34,7 @@ def write(path, rows):
         file.write(rows.tobytes() if binary else rows.astype("<f4").tobytes())
 
 
-def timed(function, repetitions=1):
+def timed(function, repetitions):
     """The result of `function` and the median of its times in milliseconds."""
     elapsed = []
     for _ in range(repetitions):
@@ -76,7 +76,7 @@ def compare(name, a, b, binary, rounds, folder, example):
     write(paths[0], a)
     write(paths[1], b)
     brute_force = cv2.BFMatcher(cv2.NORM_HAMMING if binary else cv2.NORM_L2)
-    repetitions = max(3, DISTANCES_OF_A_ROUND // (len(a) * len(b))) if binary else 3
+    repetitions = max(3, DISTANCES_OF_A_ROUND // (len(a) * len(b)))
     columns = {"ours": [], "bf": [], "flann": [], "kdforest": []}
 
     def run(paths, search):
@@ -85,13 +85,14 @@ def compare(name, a, b, binary, rounds, folder, example):
 
     for _ in range(rounds):
         columns["ours"].append(run(paths, "exact"))
-        matches, elapsed = timed(
-            lambda: brute_force.knnMatch(a, b, k=2), repetitions if repetitions > 3 else 1
-        )
+        matches, elapsed = timed(lambda: brute_force.knnMatch(a, b, k=2), repetitions)
         columns["bf"].append(elapsed)
         if not binary:
-            flann = cv2.FlannBasedMatcher({"algorithm": 1, "trees": 4}, {"checks": 32})
-            approximate, elapsed = timed(lambda: flann.knnMatch(a, b, k=2))
+            def flann():
+                matcher = cv2.FlannBasedMatcher({"algorithm": 1, "trees": 4}, {"checks": 32})
+                return matcher.knnMatch(a, b, k=2)
+
+            approximate, elapsed = timed(flann, repetitions)
             columns["flann"].append(elapsed)
             columns["kdforest"].append(run([*paths[:2], folder / "kdforest.bin"], "kdforest"))
     ours = np.fromfile(paths[2], FOUND)

@@ -24,7 +24,7 @@
 
 use super::{Correspondence, Correspondences, Search, two_nearest};
 use crate::features::{BinaryRows, Descriptors, Features, FloatRows, Keypoint};
-use crate::simd::{near_rows, squared_distances_among};
+use crate::simd::{near_rows, two_nearest_among};
 
 /// Features in a block.
 const BLOCK: usize = 256;
@@ -58,18 +58,10 @@ impl Search for PlacewiseNeighbours {
     }
 }
 
-/// The nearest feature of a block, and the distance to its second.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct OfBlock {
-    b: u32,
-    distance: f32,
-    second: f32,
-}
-
 impl PlacewiseNeighbours {
     /// What blocks give for the first features of `a`, as many as can be found fast; blocks without
     /// influence are left out.
-    fn of_blocks_that_matter(self, a: &Features, b: &Features) -> Vec<Vec<OfBlock>> {
+    fn of_blocks_that_matter(self, a: &Features, b: &Features) -> Vec<Correspondences> {
         let (Descriptors::Float(rows_a), Descriptors::Float(rows_b)) =
             (&a.descriptors, &b.descriptors)
         else {
@@ -81,11 +73,18 @@ impl PlacewiseNeighbours {
             (i - j).norm() > 2.0 * self.same_place_px
         };
         let near = near_rows(rows_a.data(), rows_b.data(), rows_a.dim(), apart);
+        let of_block = |a: usize, block: &[u32]| {
+            let found = two_nearest_among(rows_a.row(a), rows_b.data(), block);
+            Correspondence {
+                a: a as u32,
+                b: found.index,
+                distance: found.nearest.sqrt(),
+                second: found.second.sqrt(),
+            }
+        };
         let of_blocks = |(a, near): (usize, &Vec<u32>)| {
-            let distances = squared_distances_among(rows_a.row(a), rows_b.data(), near);
-            let near: Vec<(u32, f32)> = near.iter().copied().zip(distances).collect();
-            near.chunk_by(|(i, _), (j, _)| i / BLOCK as u32 == j / BLOCK as u32)
-                .map(of_block)
+            near.chunk_by(|i, j| i / BLOCK as u32 == j / BLOCK as u32)
+                .map(|block| of_block(a, block))
                 .collect()
         };
         near.iter().enumerate().map(of_blocks).collect()
@@ -95,7 +94,7 @@ impl PlacewiseNeighbours {
     fn judge(
         self,
         a: u32,
-        of_blocks: &[OfBlock],
+        of_blocks: &[Correspondence],
         keypoints: &[Keypoint],
     ) -> Option<Correspondence> {
         let (first, others) = of_blocks.split_first()?;
@@ -106,7 +105,7 @@ impl PlacewiseNeighbours {
             }
         }
         let place = keypoints[best.b as usize].at;
-        let of_another_place = |found: &OfBlock| {
+        let of_another_place = |found: &Correspondence| {
             let elsewhere = (place - keypoints[found.b as usize].at).norm() > self.same_place_px;
             if elsewhere {
                 found.distance
@@ -114,54 +113,25 @@ impl PlacewiseNeighbours {
                 found.second
             }
         };
+        let second = of_blocks.iter().map(of_another_place);
         Some(Correspondence {
             a,
-            b: best.b,
-            distance: best.distance,
-            second: of_blocks
-                .iter()
-                .map(of_another_place)
-                .fold(f32::INFINITY, f32::min),
+            second: second.fold(f32::INFINITY, f32::min),
+            ..*best
         })
     }
 }
 
 /// What each block of `b` gives for each row of `a`.
-fn of_all_blocks(a: &Descriptors, b: &Descriptors) -> Vec<Vec<OfBlock>> {
-    let mut of_blocks = vec![Vec::new(); a.len()];
+fn of_all_blocks(a: &Descriptors, b: &Descriptors) -> Vec<Correspondences> {
+    let mut of_blocks = vec![Correspondences::new(); a.len()];
     for first in (0..b.len()).step_by(BLOCK) {
-        for m in two_nearest(a, &rows(b, first)) {
-            of_blocks[m.a as usize].push(OfBlock {
-                b: first as u32 + m.b,
-                distance: m.distance,
-                second: m.second,
-            });
+        for mut m in two_nearest(a, &rows(b, first)) {
+            m.b += first as u32;
+            of_blocks[m.a as usize].push(m);
         }
     }
     of_blocks
-}
-
-/// What a block gives that has the features `near`, in ascending order, at squared distances.
-fn of_block(near: &[(u32, f32)]) -> OfBlock {
-    let mut found = OfBlock {
-        b: 0,
-        distance: f32::INFINITY,
-        second: f32::INFINITY,
-    };
-    for &(b, distance) in near {
-        if distance < found.distance {
-            found = OfBlock {
-                b,
-                distance,
-                second: found.distance,
-            };
-        } else {
-            found.second = found.second.min(distance);
-        }
-    }
-    found.distance = found.distance.sqrt();
-    found.second = found.second.sqrt();
-    found
 }
 
 /// The rows of one block.

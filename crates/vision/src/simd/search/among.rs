@@ -22,16 +22,6 @@ multiversioned! {
         }
         best
     }
-
-    /// The squared distances of the row `query` to the rows of `rows` whose indices are `chosen`, as
-    /// [`two_nearest_floats`](super::two_nearest_floats) defines them.
-    pub fn squared_distances_among(query: &[f32], rows: &[f32], chosen: &[u32]) -> Vec<f32> {
-        let mut distances = Vec::with_capacity(chosen.len());
-        for chosen in chosen.chunks(ROWS) {
-            distances.extend_from_slice(&sums_of_few(query, rows, chosen)[..chosen.len()]);
-        }
-        distances
-    }
 }
 
 /// Squared distances to one to [`ROWS`] chosen rows.

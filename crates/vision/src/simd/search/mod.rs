@@ -15,7 +15,7 @@ mod bits;
 mod coarse;
 mod float;
 
-pub use among::{squared_distances_among, two_nearest_among};
+pub use among::two_nearest_among;
 pub use bits::two_nearest_bits;
 pub use float::{near_rows, two_nearest_floats};
 

@@ -197,12 +197,9 @@ pub(super) fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::has_avx2_and_fma;
     use super::*;
     use crate::seed::Seed;
-
-    fn has_avx2() -> bool {
-        std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
-    }
 
     /// Rows of one kind or the other: each byte as `signed` says.
     fn rows(bytes: &Bytes, dim: usize, signed: bool) -> Vec<Vec<i32>> {
@@ -255,7 +252,7 @@ mod tests {
 
     #[test]
     fn distances_are_those_of_the_values_but_for_rounding() {
-        if !has_avx2() {
+        if !has_avx2_and_fma() {
             return;
         }
         let mut rng = Seed(11).rng();
@@ -275,7 +272,7 @@ mod tests {
 
     #[test]
     fn sums_of_products_fit_where_rows_are_all_in_few_values() {
-        if !has_avx2() {
+        if !has_avx2_and_fma() {
             return;
         }
         for dim in [4, 16, 128, 512] {

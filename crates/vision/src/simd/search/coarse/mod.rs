@@ -60,15 +60,15 @@ pub(super) fn near_rows(
     dim: usize,
     apart: impl Fn(u32, u32) -> bool,
 ) -> Vec<Vec<u32>> {
-    let possible = (1..=MAX_DIM).contains(&dim)
-        && b.len() >= WORTH
-        && std::arch::is_x86_feature_detected!("avx2")
-        && std::arch::is_x86_feature_detected!("fma");
-    if !possible {
+    if !((1..=MAX_DIM).contains(&dim) && b.len() >= WORTH && has_avx2_and_fma()) {
         return Vec::new();
     }
     // SAFETY: AVX2 and FMA were detected on this processor.
     unsafe { search(a, b, dim, apart) }
+}
+
+fn has_avx2_and_fma() -> bool {
+    std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
 }
 
 /// [`near_rows`] without its tests.
@@ -78,7 +78,9 @@ fn search(a: &[f32], b: &[f32], dim: usize, apart: impl Fn(u32, u32) -> bool) ->
         return Vec::new();
     };
     let quads = dim.div_ceil(4);
-    let queries = grid.queries(a);
+    let mut queries = grid.queries(a);
+    let blocks = (a.len() / dim).div_ceil(ROWS);
+    queries.quads.resize(blocks * ROWS * quads, 0);
     let coarse = grid.candidates(b);
     let candidates = Candidates {
         rows: b,
@@ -90,16 +92,16 @@ fn search(a: &[f32], b: &[f32], dim: usize, apart: impl Fn(u32, u32) -> bool) ->
         apart,
     };
     let mut near = Vec::with_capacity(a.len() / dim);
-    for (a, first) in a.chunks(QUERIES * dim).zip((0..).step_by(QUERIES)) {
+    let parts = queries.norms.iter().zip(&queries.errors);
+    let mut parts = parts.map(|(&norm, &error)| Query::new(norm, error));
+    let tiles = a.chunks(QUERIES * dim);
+    for (rows, quads) in tiles.zip(queries.quads.chunks(QUERIES * quads)) {
         let mut tile = Tile {
-            rows: a,
-            quads: queries.quads[quads * first..][..quads * (a.len() / dim)].to_vec(),
-            queries: (first..first + a.len() / dim)
-                .map(|row| Query::new(queries.norms[row], queries.errors[row]))
-                .collect(),
-            limits: vec![[i32::MAX; ROWS]; (a.len() / dim).div_ceil(ROWS)],
+            rows,
+            quads,
+            queries: parts.by_ref().take(rows.len() / dim).collect(),
+            limits: vec![[i32::MAX; ROWS]; (rows.len() / dim).div_ceil(ROWS)],
         };
-        tile.quads.resize(tile.limits.len() * ROWS * quads, 0);
         if candidates.measure(&mut tile).is_none() {
             break;
         }
@@ -112,7 +114,7 @@ fn search(a: &[f32], b: &[f32], dim: usize, apart: impl Fn(u32, u32) -> bool) ->
 struct Tile<'a> {
     rows: &'a [f32],
     /// Their bytes, and zeros after the last row up to a whole block.
-    quads: Vec<i32>,
+    quads: &'a [i32],
     queries: Vec<Query>,
     /// Of each row, block by block: candidates with a larger squared distance in bytes, less the
     /// query's part of it, are out.
@@ -353,17 +355,13 @@ mod tests {
         found.len()
     }
 
-    fn has_avx2() -> bool {
-        std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
-    }
-
     #[test]
     fn bytes_are_enough_for_rows_like_descriptors() {
         let rows = QUERIES + 40;
         for dim in [63, 64, 128, 200] {
             let found = check(rows, dim, |value, _| value);
             assert!(
-                found == rows || !has_avx2(),
+                found == rows || !has_avx2_and_fma(),
                 "{found} of {rows} rows of {dim}"
             );
         }
