@@ -21,10 +21,10 @@
 use std::time::Instant;
 use std::{env, error, fs};
 
-use matchbench_vision::geometry::{Camera, Loss};
+use matchbench_vision::geometry::{Camera, Loss, MatchedPoints};
 use matchbench_vision::robust::{
-    GeometryKind, PoseEstimator, Ransac, RansacParams, SampleConsensus, SampleConsensusParams,
-    SamplerKind, ScoreKind, TwoViews,
+    GeometryName, PoseEstimator, Ransac, RansacParams, SampleConsensus, SampleConsensusParams,
+    SamplerName, ScoreName, Settings, TwoViews,
 };
 use matchbench_vision::seed::Seed;
 use nalgebra::Point2;
@@ -34,9 +34,7 @@ type Error = Box<dyn error::Error>;
 struct Pair {
     name: String,
     cameras: Option<(Camera, Camera)>,
-    a: Vec<Point2<f64>>,
-    b: Vec<Point2<f64>>,
-    ambiguity: Vec<f32>,
+    points: MatchedPoints,
 }
 
 fn main() -> Result<(), Error> {
@@ -51,11 +49,9 @@ fn main() -> Result<(), Error> {
     for pair in read(&fs::read_to_string(file)?)? {
         let (camera_a, camera_b) = pair.cameras.as_ref().ok_or("a pair without cameras")?;
         let views = TwoViews {
-            a: &pair.a,
-            b: &pair.b,
+            points: &pair.points,
             camera_a,
             camera_b,
-            ambiguity: &pair.ambiguity,
         };
         for seed in first..first + seeds {
             let start = Instant::now();
@@ -87,31 +83,32 @@ fn estimator(settings: &[String]) -> Result<Box<dyn PoseEstimator>, Error> {
     if settings.is_empty() {
         return Ok(Box::new(Ransac::new(RansacParams::default())?));
     }
-    let mut params = SampleConsensusParams::default();
+    let mut changes = Settings::default();
     for setting in settings {
         match setting.split_once('=').ok_or("expected NAME=VALUE")? {
-            ("sampler", "uniform") => params.sampler = SamplerKind::Uniform,
-            ("sampler", "prosac") => params.sampler = SamplerKind::Prosac,
-            ("sampler", "spread") => params.sampler = SamplerKind::Spread,
-            ("score", "msac") => params.score = ScoreKind::Msac,
-            ("score", "even-msac") => params.score = ScoreKind::EvenMsac,
-            ("score_cells", value) => params.score_cells = value.parse()?,
-            ("loss", "truncated") => params.final_loss = Loss::Truncated,
-            ("loss", "cauchy") => params.final_loss = Loss::Cauchy,
-            ("cheirality", value) => params.cheirality = value.parse()?,
-            ("geometry", "fundamental") => params.geometry = GeometryKind::Fundamental,
-            ("degensac", value) => params.degensac = value.parse()?,
-            ("sprt", value) => params.sprt = value.parse()?,
-            ("horizon", value) => params.prosac_horizon = value.parse()?,
-            ("threshold", value) => params.threshold_px = value.parse()?,
-            ("confidence", value) => params.confidence = value.parse()?,
-            ("iterations", value) => params.max_iterations = value.parse()?,
-            ("min", value) => params.min_iterations = value.parse()?,
-            ("local", value) => params.local_steps = value.parse()?,
-            ("final", value) => params.final_steps = value.parse()?,
+            ("sampler", "uniform") => changes.sampler = Some(SamplerName::Uniform),
+            ("sampler", "prosac") => changes.sampler = Some(SamplerName::Prosac),
+            ("sampler", "spread") => changes.sampler = Some(SamplerName::Spread),
+            ("score", "msac") => changes.score = Some(ScoreName::Msac),
+            ("score", "even-msac") => changes.score = Some(ScoreName::EvenMsac),
+            ("score_cells", value) => changes.score_cells = Some(value.parse()?),
+            ("loss", "truncated") => changes.final_loss = Some(Loss::Truncated),
+            ("loss", "cauchy") => changes.final_loss = Some(Loss::Cauchy),
+            ("cheirality", value) => changes.cheirality = Some(value.parse()?),
+            ("geometry", "fundamental") => changes.geometry = Some(GeometryName::Fundamental),
+            ("degensac", value) => changes.degensac = Some(value.parse()?),
+            ("sprt", value) => changes.sprt = Some(value.parse()?),
+            ("horizon", value) => changes.prosac_horizon = Some(value.parse()?),
+            ("threshold", value) => changes.threshold_px = Some(value.parse()?),
+            ("confidence", value) => changes.confidence = Some(value.parse()?),
+            ("iterations", value) => changes.max_iterations = Some(value.parse()?),
+            ("min", value) => changes.min_iterations = Some(value.parse()?),
+            ("local", value) => changes.local_steps = Some(value.parse()?),
+            ("final", value) => changes.final_steps = Some(value.parse()?),
             _ => return Err(format!("unknown setting `{setting}`").into()),
         }
     }
+    let params = SampleConsensusParams::default().with(changes)?;
     Ok(Box::new(SampleConsensus::new(params)?))
 }
 
@@ -122,9 +119,7 @@ fn read(text: &str) -> Result<Vec<Pair>, Error> {
             pairs.push(Pair {
                 name: name.trim().into(),
                 cameras: None,
-                a: Vec::new(),
-                b: Vec::new(),
-                ambiguity: Vec::new(),
+                points: MatchedPoints::default(),
             });
             continue;
         }
@@ -140,10 +135,9 @@ fn read(text: &str) -> Result<Vec<Pair>, Error> {
                 pair.cameras = Some(cameras);
             }
             (Some(pair), &[ax, ay, bx, by, ref ambiguity @ ..]) if ambiguity.len() < 2 => {
-                pair.a.push(Point2::new(ax, ay));
-                pair.b.push(Point2::new(bx, by));
-                pair.ambiguity
-                    .push(ambiguity.first().map_or(0.0, |&x| x as f32));
+                let ambiguity = ambiguity.first().map_or(0.0, |&x| x as f32);
+                pair.points
+                    .push(Point2::new(ax, ay), Point2::new(bx, by), ambiguity);
             }
             _ => {
                 return Err(

@@ -1,11 +1,44 @@
-//! From pixels to relative pose: local features, matching, robust two-view geometry.
+//! From two images to the relative pose of their cameras, in pure Rust.
 //!
-//! Pure functions only: nothing here reads a file, a clock, an environment variable or a global,
-//! and the same input gives the same bits on every machine and for any number of threads.
+//! Local features (SIFT, SURF, ORB, BRISK, KAZE, AKAZE, FREAK, LATCH, DAISY, DLCO, BinBoost, ASIFT), search for
+//! nearest neighbours, selection of matches (ratio test, GMS, KVLD, CODE, RepMatch, GAIM) and robust two-view
+//! geometry (RANSAC and its descendants), each after its paper. Nothing here reads a file, a clock, an
+//! environment variable or a global: the same input gives the same bits on every machine and for any number of
+//! threads.
 //!
-//! The rooms, bottom to top: [`simd`] (the only unsafe code), [`image`], [`features`],
-//! [`matching`] on one side; [`geometry`], [`robust`] on the other. `matching` sees both.
-//! `ARCHITECTURE.md` in the repository draws them, `tests/architecture.rs` keeps them apart.
+//! ```
+//! use matchbench_vision::features::{Sift, SiftParams};
+//! use matchbench_vision::geometry::Camera;
+//! use matchbench_vision::matching::{Matcher, Pipeline};
+//! use matchbench_vision::robust::{PoseEstimator, SampleConsensus, TwoViews, presets};
+//! use matchbench_vision::seed::Seed;
+//! # use matchbench_vision::image::{GrayImage, Size};
+//! # // A wall 10 baselines away and a box before it, seen by a camera that moves one baseline to the right.
+//! # let scene = |shift: [usize; 2]| GrayImage::from_fn(Size::new(240, 180), |x, y| {
+//! #     let in_front = (60..120).contains(&y);
+//! #     let column = x + shift[usize::from(in_front)];
+//! #     Seed(u64::from(in_front)).number(column as u64 / 6).number(y as u64 / 6).rng().below(256) as u8
+//! # });
+//! # let (image_a, image_b) = (scene([0, 0]), scene([20, 40]));
+//!
+//! let sift = Pipeline::of_features(Sift::new(SiftParams::default())?);
+//! let points = sift.match_images(&image_a, &image_b, None, Seed(0))?;
+//!
+//! let camera = Camera::pinhole(200.0, 200.0, 120.0, 90.0);
+//! let views = TwoViews { points: &points, camera_a: &camera, camera_b: &camera };
+//! let found = SampleConsensus::new(presets::best())?.estimate(views, Seed(0))?;
+//!
+//! println!("{} inliers, translation along {}", found.inliers.len(), found.b_from_a.direction);
+//! # assert!(found.inliers.len() > 50 && found.b_from_a.direction.x < -0.99, "{found:?}");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Images are 8-bit grey values ([`image::GrayImage`]) that the caller decodes; `examples/two_view_pose.rs` does
+//! it with the `image` crate.
+//!
+//! The modules, in the order of the data: [`image`], [`features`], [`matching`], [`geometry`], [`robust`]. Random
+//! choices come from a [`seed::Seed`] that the caller passes. With the feature `serde`, parameters and results
+//! can be read and written.
 
 pub mod features;
 pub mod geometry;
@@ -14,7 +47,9 @@ pub mod matching;
 mod params;
 pub mod robust;
 pub mod seed;
-pub mod simd;
+mod simd;
 mod tables;
 
+/// The linear algebra in which points, rotations and matrices are given and returned.
+pub use nalgebra;
 pub use params::ParamError;

@@ -129,7 +129,7 @@ pub(crate) fn view(
 ) -> PairView {
     let camera = |frame: u32| &sequence.frames[frame as usize].camera;
     let poses = PairPoses::new(camera(pair.a), camera(pair.b), &pair.b_from_a, outcome);
-    let matches = match_views(&poses, &selected.a, &selected.b);
+    let matches = match_views(&poses, &selected.points.a, &selected.points.b);
     let lines = epipolar_lines(&poses, &matches, images[1].original);
     PairView {
         dataset: sequence.name.clone(),

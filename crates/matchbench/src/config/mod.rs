@@ -8,9 +8,9 @@ mod names;
 
 use std::fmt;
 
-use serde::Serialize;
-use serde::de::DeserializeOwned;
-use serde_json::Value;
+use serde::de::{DeserializeOwned, Error as _};
+use serde::{Deserializer, Serialize};
+use serde_json::{Map, Value};
 
 pub use names::{UnknownName, find};
 
@@ -58,6 +58,49 @@ pub fn parse_params<P: DeserializeOwned + Default>(
     }
 }
 
+/// As [`parse_params`], where the defaults of this matcher are not those of its type.
+///
+/// # Errors
+/// As [`parse_params`].
+pub fn parse_params_over<P: Serialize + DeserializeOwned>(
+    id: &str,
+    defaults: P,
+    config: Option<&Value>,
+) -> Result<P, ConfigError> {
+    match config {
+        None => Ok(defaults),
+        Some(config) => over(&defaults, config).map_err(|error| ConfigError::new(id, error)),
+    }
+}
+
+/// What is given, and `defaults` for all that it leaves out, at any depth. For
+/// `#[serde(deserialize_with)]` of a part whose defaults in this matcher are not those of its type:
+/// without it, giving one parameter of the part would reset the others.
+///
+/// # Errors
+/// If it is not an object, names a parameter that `P` lacks or gives one the wrong type.
+pub fn over<'de, P, D>(defaults: &P, given: D) -> Result<P, D::Error>
+where
+    P: Serialize + DeserializeOwned,
+    D: Deserializer<'de>,
+{
+    let given = <Map<String, Value> as serde::Deserialize>::deserialize(given)?;
+    let mut all = to_json(defaults);
+    merge(&mut all, Value::Object(given));
+    P::deserialize(all).map_err(D::Error::custom)
+}
+
+fn merge(all: &mut Value, given: Value) {
+    match (all, given) {
+        (Value::Object(all), Value::Object(given)) => {
+            for (name, value) in given {
+                merge(all.entry(name).or_insert(Value::Null), value);
+            }
+        }
+        (all, given) => *all = given,
+    }
+}
+
 /// Parameters as JSON. By way of text, which keeps the `f32` 0.8 what a person would write; as a
 /// value it would become 0.800000011920929.
 pub fn to_json<P: Serialize>(params: &P) -> Value {
@@ -90,6 +133,24 @@ mod tests {
             }
         );
         assert_eq!(parse_params::<Params>("x", None), Ok(Params::default()));
+    }
+
+    #[test]
+    fn what_is_left_out_keeps_the_default_that_is_passed() {
+        let defaults = || Params {
+            ratio: 0.5,
+            count: 7,
+        };
+        let parse = |config| parse_params_over("x", defaults(), config);
+        assert_eq!(parse(None), Ok(defaults()));
+        let expected = Params {
+            count: 7,
+            ratio: 0.8,
+        };
+        assert_eq!(parse(Some(&json!({"ratio": 0.8}))), Ok(expected));
+        for wrong in [json!({"ratoi": 0.8}), json!({"count": {}}), json!([1])] {
+            assert!(parse(Some(&wrong)).is_err(), "{wrong}");
+        }
     }
 
     #[test]

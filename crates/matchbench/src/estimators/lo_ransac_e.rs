@@ -1,6 +1,6 @@
 //! `lo-ransac-e`: locally optimised sample consensus.
 
-use matchbench_vision::robust::SampleConsensusParams;
+use matchbench_vision::robust::presets;
 
 use super::Preset;
 
@@ -9,11 +9,5 @@ pub(super) const LO_RANSAC_E: Preset = Preset {
     id: "lo-ransac-e",
     summary: "essential matrix by locally optimised five-point sample consensus with the MSAC score",
     reference: "Chum, Matas, Kittler, \"Locally Optimized RANSAC\", DAGM 2003; Lebeda, Matas, Chum, \"Fixing the Locally Optimized RANSAC\", BMVC 2012",
-    defaults: || SampleConsensusParams {
-        // Tuned on the kitchen of 7-Scenes, 0.5 to 3.
-        threshold_px: 2.0,
-        cheirality: false,
-        sprt: false,
-        ..SampleConsensusParams::default()
-    },
+    defaults: presets::lo_ransac_e,
 };

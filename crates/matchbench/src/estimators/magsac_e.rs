@@ -1,6 +1,6 @@
 //! `magsac-e`: all noise levels up to a largest one.
 
-use matchbench_vision::robust::{SampleConsensusParams, ScoreKind};
+use matchbench_vision::robust::presets;
 
 use super::Preset;
 
@@ -8,11 +8,5 @@ pub(super) const MAGSAC_E: Preset = Preset {
     id: "magsac-e",
     summary: "essential matrix by MAGSAC++: no exact threshold, local optimisation",
     reference: "Barath, Noskova, Ivashechkin, Matas, \"MAGSAC++, a Fast, Reliable and Accurate Robust Estimator\", CVPR 2020",
-    defaults: || SampleConsensusParams {
-        score: ScoreKind::Magsac,
-        threshold_px: 3.0,
-        cheirality: false,
-        sprt: false,
-        ..SampleConsensusParams::default()
-    },
+    defaults: presets::magsac_e,
 };

@@ -1,6 +1,6 @@
 //! `mlesac-e`: the likeliest essential matrix.
 
-use matchbench_vision::robust::{SampleConsensusParams, ScoreKind};
+use matchbench_vision::robust::presets;
 
 use super::Preset;
 
@@ -8,14 +8,5 @@ pub(super) const MLESAC_E: Preset = Preset {
     id: "mlesac-e",
     summary: "essential matrix by maximum likelihood over five-point samples",
     reference: "Torr, Zisserman, \"MLESAC: A New Robust Estimator with Application to Estimating Image Geometry\", CVIU 78(1), 2000",
-    defaults: || SampleConsensusParams {
-        score: ScoreKind::Mlesac,
-        confidence: 0.999,
-        min_iterations: 0,
-        local_steps: 0,
-        final_steps: 0,
-        cheirality: false,
-        sprt: false,
-        ..SampleConsensusParams::default()
-    },
+    defaults: presets::mlesac_e,
 };

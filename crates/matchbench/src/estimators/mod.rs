@@ -12,7 +12,7 @@ mod ransac_f;
 mod rich;
 mod usac_f;
 
-use matchbench_vision::robust::{PoseEstimator, SampleConsensus, SampleConsensusParams};
+use matchbench_vision::robust::{PoseEstimator, SampleConsensus, SampleConsensusParams, Settings};
 use serde_json::Value;
 
 use crate::config::{self, ConfigError, UnknownName, parse_params, to_json};
@@ -34,8 +34,14 @@ pub trait EstimatorEntry: Sync {
     /// The estimator with the given parameters, a JSON object; the others keep their defaults.
     ///
     /// # Errors
-    /// If a parameter is unknown, of another type, or out of range.
+    /// If a parameter is unknown, would do nothing, or is of another type or out of range.
     fn build(&self, params: Option<&Value>) -> Result<BuiltEstimator, ConfigError>;
+
+    /// The parameters `written` in the plan of an earlier version, as [`BuiltEstimator::params`] has them
+    /// now: without those that did nothing.
+    fn modernized(&self, written: &Value) -> Value {
+        written.clone()
+    }
 }
 
 /// An estimator ready to be run, and everything that its results depend on.
@@ -63,7 +69,7 @@ pub const ESTIMATORS: &[&dyn EstimatorEntry] = &[
     &best::BEST,
 ];
 
-/// An entry that is [`SampleConsensus`] with parts of its own choice.
+/// An entry that is [`SampleConsensus`] with defaults of its own.
 struct Preset {
     id: &'static str,
     summary: &'static str,
@@ -89,26 +95,24 @@ impl EstimatorEntry for Preset {
     }
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltEstimator, ConfigError> {
-        let all = match params {
-            // What is left out keeps the default of this entry, not of the parts.
-            Some(Value::Object(given)) => {
-                let mut all = self.defaults();
-                if let Some(all) = all.as_object_mut() {
-                    all.extend(given.clone());
-                }
-                all
-            }
-            Some(other) => other.clone(),
-            None => self.defaults(),
-        };
-        let params: SampleConsensusParams = parse_params(self.id, Some(&all))?;
-        let estimator =
-            SampleConsensus::new(params).map_err(|error| ConfigError::new(self.id, error))?;
+        let refused = |error| ConfigError::new(self.id, error);
+        let changes: Settings = parse_params(self.id, params)?;
+        let params = (self.defaults)().with(changes).map_err(refused)?;
+        let estimator = SampleConsensus::new(params).map_err(refused)?;
         Ok(BuiltEstimator {
             id: self.id.into(),
             params: to_json(&params),
             estimator: Box::new(estimator),
         })
+    }
+
+    fn modernized(&self, written: &Value) -> Value {
+        let Ok(settings) = parse_params::<Settings>(self.id, Some(written)) else {
+            return written.clone();
+        };
+        let base = (self.defaults)();
+        let params = base.with(settings.of_earlier_version(&base));
+        params.map_or_else(|_| written.clone(), |params| to_json(&params))
     }
 }
 
@@ -122,7 +126,7 @@ pub fn find(id: &str) -> Result<&'static dyn EstimatorEntry, UnknownName> {
 
 #[cfg(test)]
 mod tests {
-    use matchbench_vision::geometry::{Camera, RelativePose};
+    use matchbench_vision::geometry::{Camera, MatchedPoints, RelativePose};
     use matchbench_vision::robust::{NoPose, TwoViews};
     use matchbench_vision::seed::Seed;
     use nalgebra::{Point2, Point3, Rotation3, UnitVector3, Vector3};
@@ -156,15 +160,15 @@ mod tests {
 
     #[test]
     fn defaults_are_what_is_built_without_parameters() {
-        let (a, b) = matches();
+        let points = matches();
         for entry in ESTIMATORS {
             let explicit = entry.build(Some(&entry.defaults())).unwrap();
             let implicit = entry.build(None).unwrap();
             assert_eq!(implicit.params, explicit.params, "{}", entry.id());
             assert_eq!(implicit.params, entry.defaults(), "{}", entry.id());
             assert_eq!(
-                implicit.estimator.estimate(views(&a, &b), Seed(1)),
-                explicit.estimator.estimate(views(&a, &b), Seed(1)),
+                implicit.estimator.estimate(views(&points), Seed(1)),
+                explicit.estimator.estimate(views(&points), Seed(1)),
                 "{}",
                 entry.id()
             );
@@ -190,14 +194,14 @@ mod tests {
 
     #[test]
     fn every_estimator_finds_the_pose_among_wrong_matches() {
-        let (a, b) = matches();
+        let points = matches();
         let truth = RelativePose {
             rotation: Rotation3::from_euler_angles(0.0, 0.1, 0.02).into(),
             direction: UnitVector3::new_normalize(Vector3::new(1.0, 0.0, 0.1)),
         };
         for entry in ESTIMATORS {
             let estimator = entry.build(None).unwrap().estimator;
-            let found = estimator.estimate(views(&a, &b), Seed(5)).unwrap();
+            let found = estimator.estimate(views(&points), Seed(5)).unwrap();
             let degrees = found.b_from_a.error(&truth).max().to_degrees();
             // The scene is shallow, so that wrong matches may pass for right ones if the
             // calibration does not say otherwise.
@@ -226,10 +230,10 @@ mod tests {
 
     #[test]
     fn the_same_seed_gives_the_same_bits_on_every_thread() {
-        let (a, b) = matches();
+        let points = matches();
         for entry in ESTIMATORS {
             let estimator = entry.build(None).unwrap().estimator;
-            let estimate = || estimator.estimate(views(&a, &b), Seed(5));
+            let estimate = || estimator.estimate(views(&points), Seed(5));
             let here = estimate();
             let there = std::thread::scope(|scope| scope.spawn(estimate).join());
             assert!(here.is_ok(), "{}", entry.id());
@@ -244,7 +248,7 @@ mod tests {
                 .build(None)
                 .unwrap()
                 .estimator
-                .estimate(views(&[], &[]), Seed(1));
+                .estimate(views(&MatchedPoints::default()), Seed(1));
             assert!(matches!(
                 nothing,
                 Err(NoPose::TooFewMatches { found: 0, .. })
@@ -254,22 +258,20 @@ mod tests {
 
     const CAMERA: Camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
 
-    fn views<'a>(a: &'a [Point2<f64>], b: &'a [Point2<f64>]) -> TwoViews<'a> {
+    fn views(points: &MatchedPoints) -> TwoViews<'_> {
         TwoViews {
-            a,
-            b,
+            points,
             camera_a: &CAMERA,
             camera_b: &CAMERA,
-            ambiguity: &[0.5; 80][..a.len()],
         }
     }
 
     /// Sixty points of a scene seen twice, and twenty wrong matches.
-    fn matches() -> (Vec<Point2<f64>>, Vec<Point2<f64>>) {
+    fn matches() -> MatchedPoints {
         let mut rng = Seed(1).rng();
         let rotation = Rotation3::from_euler_angles(0.0, 0.1, 0.02);
         let see = |p: Point3<f64>| CAMERA.project(Point2::new(p.x / p.z, p.y / p.z));
-        (0..80)
+        let (a, b) = (0..80)
             .map(|i| {
                 let mut at = || rng.uniform() - 0.5;
                 let scene = Point3::new(4.0 * at(), 4.0 * at(), 5.0 + at());
@@ -277,6 +279,7 @@ mod tests {
                 let seen = see(rotation * scene + Vector3::new(1.0, 0.0, 0.1));
                 (see(scene), if i < 60 { seen } else { wrong })
             })
-            .unzip()
+            .unzip();
+        MatchedPoints::new(a, b, vec![0.5; 80])
     }
 }

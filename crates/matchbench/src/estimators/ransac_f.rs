@@ -1,6 +1,6 @@
 //! `ransac-f`: seven-point RANSAC; the calibration is used afterwards.
 
-use matchbench_vision::robust::{GeometryKind, SampleConsensusParams, ScoreKind};
+use matchbench_vision::robust::presets;
 
 use super::Preset;
 
@@ -8,16 +8,5 @@ pub(super) const RANSAC_F: Preset = Preset {
     id: "ransac-f",
     summary: "fundamental matrix by seven-point RANSAC, made essential afterwards",
     reference: "Fischler, Bolles, \"Random Sample Consensus\", CACM 24(6), 1981; Hartley, Zisserman, \"Multiple View Geometry\", 2004, sec. 11.1.2",
-    defaults: || SampleConsensusParams {
-        geometry: GeometryKind::Fundamental,
-        score: ScoreKind::InlierCount,
-        confidence: 0.999,
-        min_iterations: 0,
-        local_steps: 0,
-        final_steps: 0,
-        cheirality: false,
-        degensac: false,
-        sprt: false,
-        ..SampleConsensusParams::default()
-    },
+    defaults: presets::ransac_f,
 };

@@ -1,7 +1,7 @@
 //! `usac-f`: PROSAC, seven points and local optimisation: the configuration of USAC that the paper's authors used,
 //! with its sequential probability ratio test, its degeneracy check, 1.5 pixels and confidence 0.99.
 
-use matchbench_vision::robust::{GeometryKind, SampleConsensusParams, SamplerKind, ScoreKind};
+use matchbench_vision::robust::presets;
 
 use super::Preset;
 
@@ -9,17 +9,5 @@ pub(super) const USAC_F: Preset = Preset {
     id: "usac-f",
     summary: "fundamental matrix by PROSAC with local optimisation, 1.5 pixels",
     reference: "Raguram, Chum, Pollefeys, Matas, Frahm, \"USAC: A Universal Framework for Random Sample Consensus\", PAMI 35(8), 2013",
-    defaults: || SampleConsensusParams {
-        geometry: GeometryKind::Fundamental,
-        sampler: SamplerKind::Prosac,
-        score: ScoreKind::InlierCount,
-        confidence: 0.99,
-        threshold_px: 1.5,
-        min_iterations: 0,
-        max_iterations: 5000,
-        local_steps: 4,
-        final_steps: 0,
-        cheirality: false,
-        ..SampleConsensusParams::default()
-    },
+    defaults: presets::usac_f,
 };

@@ -10,6 +10,7 @@ pub(super) const AKAZE: LocalFeatures<AkazeParams> = LocalFeatures {
     reference: "P. F. Alcantarilla, J. Nuevo, A. Bartoli, \"Fast Explicit Diffusion for \
                 Accelerated Features in Nonlinear Scale Spaces\", BMVC 2013",
     revision: 1,
+    removed: &[],
     detection: |_| None,
     extractor: |params| Ok(Box::new(Akaze::new(params)?)),
 };

@@ -7,11 +7,11 @@
 use matchbench_vision::ParamError;
 use matchbench_vision::features::{Asift, AsiftParams, Extractor, Sift, SiftParams};
 use matchbench_vision::matching::{Pipeline, PlacewiseNeighbours, RatioTest, Selector};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
-use super::{BuiltMatcher, Entry, Extraction};
-use crate::config::{ConfigError, parse_params, to_json};
+use super::{BuiltMatcher, Extraction, MatcherEntry};
+use crate::config::{ConfigError, over, parse_params, to_json};
 
 pub(super) struct AsiftEntry;
 
@@ -20,6 +20,7 @@ pub(super) struct AsiftEntry;
 #[serde(default, deny_unknown_fields)]
 pub(super) struct AsiftExtraction {
     views: AsiftParams,
+    #[serde(deserialize_with = "sift_over_default")]
     sift: SiftParams,
 }
 
@@ -27,12 +28,21 @@ impl Default for AsiftExtraction {
     fn default() -> Self {
         Self {
             views: AsiftParams::default(),
-            sift: SiftParams {
-                double_image: false,
-                ..SiftParams::default()
-            },
+            sift: default_sift(),
         }
     }
+}
+
+/// Simulated views are blurred, so a larger image shows nothing more.
+fn default_sift() -> SiftParams {
+    SiftParams {
+        double_image: false,
+        ..SiftParams::default()
+    }
+}
+
+fn sift_over_default<'de, D: Deserializer<'de>>(given: D) -> Result<SiftParams, D::Error> {
+    over(&default_sift(), given)
 }
 
 impl AsiftExtraction {
@@ -90,7 +100,7 @@ impl Default for Params {
     }
 }
 
-impl Entry for AsiftEntry {
+impl MatcherEntry for AsiftEntry {
     fn id(&self) -> &'static str {
         "asift"
     }

@@ -19,6 +19,7 @@ pub(super) const BINBOOST: LocalFeatures<Params> = LocalFeatures {
     reference: "T. Trzcinski, M. Christoudias, P. Fua, V. Lepetit, \"Boosting Binary Keypoint \
                 Descriptors\", CVPR 2013",
     revision: 2,
+    removed: &[],
     detection: |params| Some(sift::detection(&params.sift)),
     extractor: |params| {
         Ok(Box::new(DetectThenDescribe {

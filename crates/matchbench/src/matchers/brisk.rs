@@ -10,6 +10,7 @@ pub(super) const BRISK: LocalFeatures<BriskParams> = LocalFeatures {
     reference: "S. Leutenegger, M. Chli, R. Y. Siegwart, \"BRISK: Binary Robust Invariant Scalable \
                 Keypoints\", ICCV 2011",
     revision: 1,
+    removed: &[],
     detection: |_| None,
     extractor: |params| Ok(Box::new(Brisk::new(params)?)),
 };

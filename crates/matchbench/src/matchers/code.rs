@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::asift::AsiftExtraction;
-use super::{BuiltMatcher, Entry};
+use super::{BuiltMatcher, MatcherEntry};
 use crate::config::{ConfigError, parse_params, to_json};
 
 pub(super) struct CodeEntry;
@@ -18,7 +18,7 @@ struct Params {
     coherence: CodeParams,
 }
 
-impl Entry for CodeEntry {
+impl MatcherEntry for CodeEntry {
     fn id(&self) -> &'static str {
         "code"
     }

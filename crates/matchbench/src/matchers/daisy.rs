@@ -20,6 +20,7 @@ pub(super) const DAISY: LocalFeatures<Params> = LocalFeatures {
                 Wide-Baseline Stereo\", IEEE Transactions on Pattern Analysis and Machine \
                 Intelligence 32(5), 2010",
     revision: 1,
+    removed: &[],
     detection: |params| Some(sift::detection(&params.sift)),
     extractor: |params| {
         Ok(Box::new(DetectThenDescribe {

@@ -20,6 +20,7 @@ pub(super) const DLCO: LocalFeatures<Params> = LocalFeatures {
                 Convex Optimisation\", IEEE Transactions on Pattern Analysis and Machine \
                 Intelligence 36(8), 2014",
     revision: 2,
+    removed: &[],
     detection: |params| Some(sift::detection(&params.sift)),
     extractor: |params| {
         Ok(Box::new(DetectThenDescribe {

@@ -11,8 +11,54 @@ use super::surf;
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Params {
-    surf: SurfParams,
+    surf: SurfKeypoints,
     freak: FreakParams,
+}
+
+/// The parameters of SURF that its keypoints depend on; see [`SurfParams`].
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct SurfKeypoints {
+    threshold: f32,
+    octaves: usize,
+    layers: usize,
+    upright: bool,
+}
+
+impl Default for SurfKeypoints {
+    fn default() -> Self {
+        let SurfParams {
+            threshold,
+            octaves,
+            layers,
+            extended: _,
+            upright,
+        } = SurfParams::default();
+        Self {
+            threshold,
+            octaves,
+            layers,
+            upright,
+        }
+    }
+}
+
+impl SurfKeypoints {
+    fn params(self) -> SurfParams {
+        let Self {
+            threshold,
+            octaves,
+            layers,
+            upright,
+        } = self;
+        SurfParams {
+            threshold,
+            octaves,
+            layers,
+            upright,
+            ..SurfParams::default()
+        }
+    }
 }
 
 pub(super) const FREAK: LocalFeatures<Params> = LocalFeatures {
@@ -20,10 +66,11 @@ pub(super) const FREAK: LocalFeatures<Params> = LocalFeatures {
     summary: "FREAK on SURF keypoints, exact nearest neighbours, ratio test",
     reference: "A. Alahi, R. Ortiz, P. Vandergheynst, \"FREAK: Fast Retina Keypoint\", CVPR 2012",
     revision: 1,
-    detection: |params| Some(surf::detection(&params.surf)),
+    removed: &[("/extractor/surf", "extended")],
+    detection: |params| Some(surf::detection(&params.surf.params())),
     extractor: |params| {
         Ok(Box::new(DetectThenDescribe {
-            detector: Surf::new(params.surf)?,
+            detector: Surf::new(params.surf.params())?,
             describer: Freak::new(params.freak)?,
         }))
     },

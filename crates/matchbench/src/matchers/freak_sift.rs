@@ -20,6 +20,7 @@ pub(super) const FREAK_SIFT: LocalFeatures<Params> = LocalFeatures {
     summary: "FREAK on SIFT keypoints, exact nearest neighbours, ratio test",
     reference: "A. Alahi, R. Ortiz, P. Vandergheynst, \"FREAK: Fast Retina Keypoint\", CVPR 2012",
     revision: 1,
+    removed: &[],
     detection: |params| Some(sift::detection(&params.sift)),
     extractor: |params| {
         Ok(Box::new(DetectThenDescribe {

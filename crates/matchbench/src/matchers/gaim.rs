@@ -2,11 +2,11 @@
 
 use matchbench_vision::features::{Sheared, ShearedParams, Surf, SurfParams};
 use matchbench_vision::matching::{Gaim, GaimParams, Pipeline};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
-use super::{BuiltMatcher, Entry, Extraction};
-use crate::config::{ConfigError, parse_params, to_json};
+use super::{BuiltMatcher, Extraction, MatcherEntry};
+use crate::config::{ConfigError, over, parse_params, to_json};
 
 pub(super) struct GaimEntry;
 
@@ -14,6 +14,7 @@ pub(super) struct GaimEntry;
 #[serde(default, deny_unknown_fields)]
 struct SimulatedSurf {
     views: ShearedParams,
+    #[serde(deserialize_with = "surf_over_default")]
     surf: SurfParams,
 }
 
@@ -21,12 +22,20 @@ impl Default for SimulatedSurf {
     fn default() -> Self {
         Self {
             views: ShearedParams::default(),
-            surf: SurfParams {
-                threshold: 400.0,
-                ..SurfParams::default()
-            },
+            surf: default_surf(),
         }
     }
+}
+
+fn default_surf() -> SurfParams {
+    SurfParams {
+        threshold: 400.0,
+        ..SurfParams::default()
+    }
+}
+
+fn surf_over_default<'de, D: Deserializer<'de>>(given: D) -> Result<SurfParams, D::Error> {
+    over(&default_surf(), given)
 }
 
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
@@ -36,7 +45,7 @@ struct Params {
     selection: GaimParams,
 }
 
-impl Entry for GaimEntry {
+impl MatcherEntry for GaimEntry {
     fn id(&self) -> &'static str {
         "gaim"
     }

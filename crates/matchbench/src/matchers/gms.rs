@@ -1,4 +1,5 @@
-//! `gms`: ORB, all nearest neighbours, grid-based motion statistics; and `gms-s`, which tries five scales.
+//! `gms`: ORB, all nearest neighbours, grid-based motion statistics; and `gms-s`, which is the same with
+//! `selection.scales` on by default.
 //!
 //! The budget of features is that of the published results: 10,000 with FAST threshold 0 up to
 //! 640x480 pixels, 100,000 with FAST threshold 5 above.
@@ -9,8 +10,8 @@ use matchbench_vision::matching::{Gms, GmsParams, NearestNeighbours, Pipeline};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{BuiltMatcher, Entry, Extraction};
-use crate::config::{ConfigError, parse_params, to_json};
+use super::{BuiltMatcher, Extraction, MatcherEntry};
+use crate::config::{ConfigError, parse_params_over, to_json};
 
 /// Pixels up to which an image has the small budget.
 const SMALL: usize = 640 * 480;
@@ -109,7 +110,7 @@ impl GmsEntry {
     }
 }
 
-impl Entry for GmsEntry {
+impl MatcherEntry for GmsEntry {
     fn id(&self) -> &'static str {
         self.id
     }
@@ -132,9 +133,7 @@ impl Entry for GmsEntry {
     }
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {
-        let mut params: Params = parse_params(self.id, params)?;
-        // The two differ in this alone, so it is no choice of theirs.
-        params.selection.scales = self.scales;
+        let params = parse_params_over(self.id, self.params(), params)?;
         let gms = Gms::new(params.selection).map_err(|error| ConfigError::new(self.id, error))?;
         Ok(BuiltMatcher {
             id: self.id.into(),

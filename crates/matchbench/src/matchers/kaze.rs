@@ -9,6 +9,7 @@ pub(super) const KAZE: LocalFeatures<KazeParams> = LocalFeatures {
     summary: "KAZE, exact nearest neighbours, ratio test",
     reference: "P. F. Alcantarilla, A. Bartoli, A. J. Davison, \"KAZE Features\", ECCV 2012",
     revision: 2,
+    removed: &[],
     detection: |_| None,
     extractor: |params| Ok(Box::new(Kaze::new(params)?)),
 };

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::sift::{self, SIFT};
-use super::{BuiltMatcher, Entry, Extraction};
+use super::{BuiltMatcher, Extraction, MatcherEntry};
 use crate::config::{ConfigError, parse_params, to_json};
 
 pub(super) struct KvldEntry;
@@ -34,7 +34,7 @@ impl Default for Params {
     }
 }
 
-impl Entry for KvldEntry {
+impl MatcherEntry for KvldEntry {
     fn id(&self) -> &'static str {
         "kvld"
     }

@@ -18,6 +18,7 @@ pub(super) const LATCH: LocalFeatures<Params> = LocalFeatures {
     summary: "LATCH on SIFT keypoints, exact nearest neighbours, ratio test",
     reference: "G. Levi, T. Hassner, \"LATCH: Learned Arrangements of Three Patch Codes\", WACV 2016",
     revision: 1,
+    removed: &[],
     detection: |params| Some(sift::detection(&params.sift)),
     extractor: |params| {
         Ok(Box::new(DetectThenDescribe {

@@ -24,7 +24,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{BuiltMatcher, Entry, Extraction};
+use super::{BuiltMatcher, Extraction, MatcherEntry};
 use crate::config::{ConfigError, parse_params, to_json};
 
 /// An extractor with parameters `P`, as a matcher.
@@ -38,6 +38,9 @@ pub(super) struct LocalFeatures<P> {
     /// Raised whenever the same image and parameters come to give other features, so that those
     /// in caches are not used again.
     pub(super) revision: u32,
+    /// Parameters of earlier versions that did nothing: where they stood (a JSON pointer), and their
+    /// name.
+    pub(super) removed: &'static [(&'static str, &'static str)],
     /// What its keypoints depend on, if they are shared.
     pub(super) detection: fn(&P) -> Option<Extraction>,
     /// The extractor with these parameters.
@@ -105,7 +108,7 @@ impl SearchName {
     }
 }
 
-impl<P: Serialize + DeserializeOwned + Default> Entry for LocalFeatures<P> {
+impl<P: Serialize + DeserializeOwned + Default> MatcherEntry for LocalFeatures<P> {
     fn id(&self) -> &'static str {
         self.id
     }
@@ -120,6 +123,16 @@ impl<P: Serialize + DeserializeOwned + Default> Entry for LocalFeatures<P> {
 
     fn defaults(&self) -> Value {
         to_json(&Params::<P>::default())
+    }
+
+    fn modernized(&self, written: &Value) -> Value {
+        let mut params = written.clone();
+        for (part, name) in self.removed {
+            if let Some(part) = params.pointer_mut(part).and_then(Value::as_object_mut) {
+                part.remove(*name);
+            }
+        }
+        params
     }
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {

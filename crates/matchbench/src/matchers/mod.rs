@@ -1,6 +1,6 @@
 //! The matchers that can be asked for by name: one file each, and the list of them all.
 //!
-//! To add one: write a file with an [`Entry`], add it to [`MATCHERS`]. The tests below walk the
+//! To add one: write a file with an [`MatcherEntry`], add it to [`MATCHERS`]. The tests below walk the
 //! list and hold every entry to the same promises.
 
 mod akaze;
@@ -31,7 +31,7 @@ use serde_json::Value;
 use crate::config::{self, ConfigError, UnknownName};
 
 /// All matchers, in the order of tables.
-pub const MATCHERS: &[&dyn Entry] = &[
+pub const MATCHERS: &[&dyn MatcherEntry] = &[
     &sift::SIFT,
     &surf::SURF,
     &freak::FREAK,
@@ -54,7 +54,7 @@ pub const MATCHERS: &[&dyn Entry] = &[
 ];
 
 /// A matcher that can be asked for by name.
-pub trait Entry: Sync {
+pub trait MatcherEntry: Sync {
     /// Its name on the command line, in records and in tables, in kebab-case.
     fn id(&self) -> &'static str;
 
@@ -75,8 +75,14 @@ pub trait Entry: Sync {
     /// The matcher with the given parameters, a JSON object; the others keep their defaults.
     ///
     /// # Errors
-    /// If a parameter is unknown, of another type, or out of range.
+    /// If a parameter is unknown, would do nothing, or is of another type or out of range.
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError>;
+
+    /// The parameters `written` in the plan of an earlier version, as [`BuiltMatcher::params`] has them
+    /// now: without those that did nothing.
+    fn modernized(&self, written: &Value) -> Value {
+        written.clone()
+    }
 }
 
 /// A matcher ready to be run, and everything that its results depend on.
@@ -110,8 +116,8 @@ pub struct Extraction {
 ///
 /// # Errors
 /// If there is none; the error names the nearest, and all.
-pub fn find(id: &str) -> Result<&'static dyn Entry, UnknownName> {
-    config::find("matcher", MATCHERS, Entry::id, id)
+pub fn find(id: &str) -> Result<&'static dyn MatcherEntry, UnknownName> {
+    config::find("matcher", MATCHERS, MatcherEntry::id, id)
 }
 
 #[cfg(test)]
@@ -305,7 +311,10 @@ mod tests {
     #[test]
     fn every_matcher_is_found_by_its_name() {
         for entry in MATCHERS {
-            assert_eq!(find(entry.id()).ok().map(Entry::id), Some(entry.id()));
+            assert_eq!(
+                find(entry.id()).ok().map(MatcherEntry::id),
+                Some(entry.id())
+            );
         }
         assert!(find("no-such-matcher").is_err());
     }

@@ -10,6 +10,7 @@ pub(super) const ORB: LocalFeatures<OrbParams> = LocalFeatures {
     reference: "E. Rublee, V. Rabaud, K. Konolige, G. Bradski, \"ORB: an efficient alternative to \
                 SIFT or SURF\", ICCV 2011",
     revision: 1,
+    removed: &[],
     detection: |_| None,
     extractor: |params| Ok(Box::new(Orb::new(params)?)),
 };

@@ -1,11 +1,12 @@
 //! `repmatch`: ASIFT, all nearest neighbours, decided by coherence and epipolar geometry.
 
 use matchbench_vision::matching::{PlacewiseNeighbours, RepMatch, RepMatchParams};
+use matchbench_vision::robust::Settings;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::asift::AsiftExtraction;
-use super::{BuiltMatcher, Entry};
+use super::{BuiltMatcher, MatcherEntry};
 use crate::config::{ConfigError, parse_params, to_json};
 
 pub(super) struct RepMatchEntry;
@@ -18,7 +19,7 @@ struct Params {
     selection: RepMatchParams,
 }
 
-impl Entry for RepMatchEntry {
+impl MatcherEntry for RepMatchEntry {
     fn id(&self) -> &'static str {
         "repmatch"
     }
@@ -38,6 +39,17 @@ impl Entry for RepMatchEntry {
 
     fn defaults(&self) -> Value {
         to_json(&Params::default())
+    }
+
+    fn modernized(&self, written: &Value) -> Value {
+        let mut params = written.clone();
+        if let Some(pose) = params.pointer_mut("/selection/pose")
+            && let Ok(settings) = parse_params::<Settings>(self.id(), Some(pose))
+        {
+            let acting = settings.of_earlier_version(&RepMatchParams::default().pose);
+            *pose = to_json(&acting);
+        }
+        params
     }
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {

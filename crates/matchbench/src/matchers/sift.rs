@@ -12,6 +12,7 @@ pub(super) const SIFT: LocalFeatures<SiftParams> = LocalFeatures {
     reference: "D. G. Lowe, \"Distinctive Image Features from Scale-Invariant Keypoints\", \
                 International Journal of Computer Vision 60(2), 2004",
     revision: 1,
+    removed: &[],
     detection: |params| Some(detection(params)),
     extractor: |params| Ok(Box::new(Sift::new(params)?)),
 };

@@ -12,6 +12,7 @@ pub(super) const SURF: LocalFeatures<SurfParams> = LocalFeatures {
     reference: "H. Bay, A. Ess, T. Tuytelaars, L. Van Gool, \"Speeded-Up Robust Features (SURF)\", \
                 Computer Vision and Image Understanding 110(3), 2008",
     revision: 1,
+    removed: &[],
     detection: |params| Some(detection(params)),
     extractor: |params| Ok(Box::new(Surf::new(params)?)),
 };

@@ -22,6 +22,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use matchbench_vision::geometry::MatchedPoints;
 use nalgebra::Point2;
 
 use super::{Counts, StoreError};
@@ -34,18 +35,33 @@ const HEADER: usize = 4 * 7;
 const MATCH: usize = 4 * 5;
 const CHECKSUM: usize = 8;
 
-/// The matches of a pair that are left after the selection, as the estimators see them: point
-/// `a[i]` matches point `b[i]`.
+/// The matches of a pair that are left after the selection, as the estimators see them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SelectedMatches {
     /// Numbers of features and matches at each stage.
     pub counts: Counts,
-    /// Positions in image a, in pixels.
-    pub a: Vec<Point2<f32>>,
-    /// Positions in image b, in pixels.
-    pub b: Vec<Point2<f32>>,
-    /// For each match nearest over second nearest distance; 0 = certain.
-    pub ambiguity: Vec<f32>,
+    /// The matches, their positions rounded to the single precision of the file.
+    pub points: MatchedPoints,
+}
+
+impl SelectedMatches {
+    /// These matches, with positions as the file keeps them: a run that is resumed from the file must
+    /// start from the same numbers.
+    pub fn new(counts: Counts, points: &MatchedPoints) -> Self {
+        let round = |points: &[Point2<f64>]| {
+            (points.iter())
+                .map(|point| point.cast::<f32>().cast())
+                .collect()
+        };
+        Self {
+            counts,
+            points: MatchedPoints::new(
+                round(&points.a),
+                round(&points.b),
+                points.ambiguity.clone(),
+            ),
+        }
+    }
 }
 
 /// Whose matches: frames a and b, and the repetition.
@@ -241,9 +257,10 @@ fn to_bytes((a, b, repetition): MatchesKey, matches: &SelectedMatches, same: boo
     let mut entry = Vec::with_capacity(entry_length(count));
     entry.extend(header.iter().flat_map(|number| number.to_le_bytes()));
     if !same {
-        let points = matches.a.iter().zip(&matches.b).zip(&matches.ambiguity);
-        for ((a, b), ambiguity) in points {
-            let numbers = [a.x, a.y, b.x, b.y, *ambiguity];
+        let MatchedPoints { a, b, ambiguity } = &matches.points;
+        for ((a, b), &ambiguity) in a.iter().zip(b).zip(ambiguity) {
+            let (a, b) = (a.cast::<f32>(), b.cast::<f32>());
+            let numbers = [a.x, a.y, b.x, b.y, ambiguity];
             entry.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
         }
     }
@@ -266,16 +283,15 @@ fn from_bytes(entry: &[u8]) -> Option<SelectedMatches> {
             putative,
             selected,
         },
-        ..SelectedMatches::default()
+        points: MatchedPoints::default(),
     };
     for row in rows.as_chunks::<MATCH>().0 {
         let at = |index: usize| {
             let bytes = row.as_chunks().0[index];
             f32::from_le_bytes(bytes)
         };
-        matches.a.push(Point2::new(at(0), at(1)));
-        matches.b.push(Point2::new(at(2), at(3)));
-        matches.ambiguity.push(at(4));
+        let point = |x: f32, y: f32| Point2::new(x, y).cast();
+        (matches.points).push(point(at(0), at(1)), point(at(2), at(3)), at(4));
     }
     Some(matches)
 }
@@ -285,22 +301,20 @@ mod tests {
     use super::*;
 
     fn matches(count: u32) -> SelectedMatches {
-        let points = |by: f32| {
+        let points = |by: f64| {
             (0..count)
-                .map(|i| Point2::new(i as f32 * by, -0.5))
+                .map(|i| Point2::new(f64::from(i) * by, -0.5))
                 .collect()
         };
-        SelectedMatches {
-            counts: Counts {
-                features_a: 90,
-                features_b: 80,
-                putative: 70,
-                selected: count,
-            },
-            a: points(1.5),
-            b: points(0.1),
-            ambiguity: (0..count).map(|i| 1.0 / (i + 1) as f32).collect(),
-        }
+        let counts = Counts {
+            features_a: 90,
+            features_b: 80,
+            putative: 70,
+            selected: count,
+        };
+        let ambiguity = (0..count).map(|i| 1.0 / (i + 1) as f32).collect();
+        let points = MatchedPoints::new(points(1.5), points(0.1), ambiguity);
+        SelectedMatches::new(counts, &points)
     }
 
     /// A file with the matches of three tasks, the second the same as the first.

@@ -188,13 +188,13 @@ pub struct PairView {
 }
 
 /// The matches `a[i]`, `b[i]` by how far they are from the poses.
-pub fn match_views(poses: &PairPoses<'_>, a: &[Point2<f32>], b: &[Point2<f32>]) -> Vec<MatchView> {
+pub fn match_views(poses: &PairPoses<'_>, a: &[Point2<f64>], b: &[Point2<f64>]) -> Vec<MatchView> {
     let truth = poses.truth.map(|pose| distances(poses, &pose, a, b));
     let estimate = poses.estimate.map(|pose| distances(poses, &pose, a, b));
     (a.iter().zip(b).enumerate())
         .map(|(i, (a, b))| MatchView {
-            a: a.cast(),
-            b: b.cast(),
+            a: *a,
+            b: *b,
             distance: truth.as_ref().map(|distances| distances[i]),
             agrees: estimate
                 .as_ref()
@@ -207,12 +207,12 @@ pub fn match_views(poses: &PairPoses<'_>, a: &[Point2<f32>], b: &[Point2<f32>]) 
 fn distances(
     poses: &PairPoses<'_>,
     pose: &RelativePose,
-    a: &[Point2<f32>],
-    b: &[Point2<f32>],
+    a: &[Point2<f64>],
+    b: &[Point2<f64>],
 ) -> Vec<f64> {
     let pairs: PointPairs = (a.iter().zip(b))
         .map(|(a, b)| {
-            let normal = |camera: &Camera, at: &Point2<f32>| camera.normalize(at.cast());
+            let normal = |camera: &Camera, at: &Point2<f64>| camera.normalize(*at);
             (normal(poses.camera_a, a), normal(poses.camera_b, b))
         })
         .collect();

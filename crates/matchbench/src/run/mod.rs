@@ -13,6 +13,7 @@
 mod cache;
 mod contender;
 mod detections;
+mod earlier_plans;
 mod error;
 mod feature_file;
 mod folder;

@@ -3,13 +3,12 @@
 use std::mem;
 use std::time::{Duration, Instant};
 
-use matchbench_vision::features::{Features, Keypoint};
-use matchbench_vision::geometry::Camera;
+use matchbench_vision::features::Features;
+use matchbench_vision::geometry::{Camera, MatchedPoints};
 use matchbench_vision::image::GrayImage;
-use matchbench_vision::matching::{Correspondence, Correspondences, MatcherError, View};
+use matchbench_vision::matching::{Correspondences, MatcherError, View};
 use matchbench_vision::robust::{NoPose, TwoViews};
 use matchbench_vision::seed::Seed;
-use nalgebra::Point2;
 
 use super::frame::{Decode, load};
 use super::guard::{guard, timed};
@@ -39,13 +38,6 @@ struct Searched<'a> {
     /// The pixels, for matchers that select by them.
     images: Option<(GrayImage, GrayImage)>,
     putative: Correspondences,
-}
-
-/// Selected matches in the numbers that estimators compute with.
-struct Points<'a> {
-    a: Vec<Point2<f64>>,
-    b: Vec<Point2<f64>>,
-    ambiguity: &'a [f32],
 }
 
 /// What came of a pair.
@@ -130,11 +122,11 @@ impl PairStages<'_> {
         records: &mut Vec<(usize, RunRecord)>,
     ) {
         let seed = self.seed(pair, due[0].repetition);
-        let points = selected.as_ref().map(Points::new).map_err(Clone::clone);
         for due in due {
             let estimator = &self.part.contender.estimators[due.estimator];
-            let outcome = (points.as_ref().map_err(Clone::clone))
-                .and_then(|points| self.judge(pair, points, estimator, seed, &mut times));
+            let outcome = (selected.as_ref().map_err(Clone::clone)).and_then(|selected| {
+                self.judge(pair, &selected.points, estimator, seed, &mut times)
+            });
             let record = RunRecord {
                 task: self.part.task(pair, &estimator.id, due.repetition),
                 counts,
@@ -214,32 +206,31 @@ impl PairStages<'_> {
             guard("selection", || matcher.select(a, b, putative, seed))
         })?;
         counts.selected = count(matches.len());
-        guard("selection", || {
-            points_of(&matches, a.features, b.features, *counts)
-        })
+        let points = guard("selection", || {
+            MatchedPoints::of_matches(&matches, a.features, b.features)
+        })?;
+        Ok(SelectedMatches::new(*counts, &points))
     }
 
     /// One estimator on one pair, compared with the truth.
     fn judge(
         &self,
         pair: &Pair,
-        points: &Points<'_>,
+        points: &MatchedPoints,
         estimator: &BuiltEstimator,
         seed: Seed,
         times: &mut StageTimes,
     ) -> Result<Outcome, String> {
-        let found = points.a.len();
+        let found = points.len();
         if found < MIN_MATCHES {
             let needed = MIN_MATCHES;
             let reason = NoPose::TooFewMatches { found, needed };
             return Ok(Outcome::NoPose { reason });
         }
         let views = TwoViews {
-            a: &points.a,
-            b: &points.b,
+            points,
             camera_a: self.camera(pair.a),
             camera_b: self.camera(pair.b),
-            ambiguity: points.ambiguity,
         };
         let seed = seed.child("estimate").child(&estimator.id);
         let what = format_args!("estimation by {}", estimator.id);
@@ -274,40 +265,6 @@ impl PairStages<'_> {
             ))
         })
     }
-}
-
-impl<'a> Points<'a> {
-    fn new(matches: &'a SelectedMatches) -> Self {
-        let wide = |points: &[Point2<f32>]| points.iter().map(|point| point.cast()).collect();
-        Self {
-            a: wide(&matches.a),
-            b: wide(&matches.b),
-            ambiguity: &matches.ambiguity,
-        }
-    }
-}
-
-/// The positions of matched features.
-///
-/// # Errors
-/// If a match names a feature that is not there.
-fn points_of(
-    matches: &[Correspondence],
-    a: &Features,
-    b: &Features,
-    counts: Counts,
-) -> Result<SelectedMatches, String> {
-    let point = |features: &Features, index: u32| {
-        let keypoint: Option<&Keypoint> = features.keypoints.get(index as usize);
-        let at = keypoint.map(|keypoint| keypoint.at);
-        at.ok_or_else(|| format!("a match names feature {index} of {}", features.len()))
-    };
-    Ok(SelectedMatches {
-        counts,
-        a: (matches.iter().map(|m| point(a, m.a))).collect::<Result<_, _>>()?,
-        b: (matches.iter().map(|m| point(b, m.b))).collect::<Result<_, _>>()?,
-        ambiguity: matches.iter().map(Correspondence::ambiguity).collect(),
-    })
 }
 
 /// Numbers of features, matches and samples fit into 32 bits by far.

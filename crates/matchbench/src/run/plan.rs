@@ -11,6 +11,7 @@ use matchbench_vision::geometry::Camera;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::earlier_plans::modernized;
 use super::{Contender, Dataset, RunError};
 use crate::datasets::Sequence;
 use crate::matchers::Extraction;
@@ -234,7 +235,7 @@ fn fingerprint(sequence: &Sequence) -> String {
 /// one goes on with a run of the other. A run may grow: by datasets, matchers and estimators of a
 /// matcher, and by a higher limit. It cannot lose any.
 pub(super) fn difference(written: &Value, plan: &Value) -> Option<String> {
-    let (written, mut plan) = (without_paths(written), without_paths(plan));
+    let (written, mut plan) = (modernized(without_paths(written)), without_paths(plan));
     keep_known(&written, &mut plan);
     first_difference(&written, &plan, "")
 }

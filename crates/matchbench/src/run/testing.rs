@@ -224,7 +224,7 @@ impl PoseEstimator for Toy {
             },
             inliers: vec![0, 1, 2],
             // A few pairs of each run have too little.
-            support: rng.below(views.a.len() as u32) as usize,
+            support: rng.below(views.points.len() as u32) as usize,
             iterations: 10,
         })
     }

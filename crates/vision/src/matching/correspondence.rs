@@ -1,5 +1,9 @@
 //! A feature of image `a` together with a feature of image `b`.
 
+use super::MatcherError;
+use crate::features::{Features, Keypoint};
+use crate::geometry::MatchedPoints;
+
 /// Feature `a` of the first image is taken to show the same point as feature `b` of the second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Correspondence {
@@ -25,3 +29,38 @@ impl Correspondence {
 
 /// Correspondences between two images, ordered by `a` unless a selector says otherwise.
 pub type Correspondences = Vec<Correspondence>;
+
+impl MatchedPoints {
+    /// Where the features of `matches` are, and how ambiguous each match is.
+    ///
+    /// # Errors
+    /// If a match names a feature that is not there, which only a matcher from outside can do.
+    pub fn of_matches(
+        matches: &[Correspondence],
+        a: &Features,
+        b: &Features,
+    ) -> Result<Self, MatcherError> {
+        let missing = |index: u32, features: &Features| index as usize >= features.len();
+        for found in matches {
+            for (index, features) in [(found.a, a), (found.b, b)] {
+                if missing(index, features) {
+                    let count = features.len();
+                    let message = format!("a match names feature {index} of {count}");
+                    return Err(MatcherError(message));
+                }
+            }
+        }
+        Ok(Self::of_keypoints(matches, &a.keypoints, &b.keypoints))
+    }
+
+    /// The same, where every match is known to name a keypoint.
+    pub(super) fn of_keypoints(matches: &[Correspondence], a: &[Keypoint], b: &[Keypoint]) -> Self {
+        let mut points = Self::default();
+        for found in matches {
+            let [a, b] =
+                [&a[found.a as usize], &b[found.b as usize]].map(|keypoint| keypoint.at.cast());
+            points.push(a, b, found.ambiguity());
+        }
+        points
+    }
+}

@@ -1,8 +1,8 @@
 //! What a matcher is: three stages, each timed by whoever runs them.
 
-use super::Correspondences;
+use super::{Correspondences, NearestNeighbours, RatioTest};
 use crate::features::{Detections, Extractor, Features};
-use crate::geometry::Camera;
+use crate::geometry::{Camera, MatchedPoints};
 use crate::image::GrayImage;
 use crate::seed::Seed;
 
@@ -63,6 +63,34 @@ pub trait Matcher: Send + Sync {
     fn selects_by_pixels(&self) -> bool {
         false
     }
+
+    /// All stages on two images: for callers with one pair, who need not keep features. The `cameras` of
+    /// `a` and `b` are used by matchers that select with a pose (RepMatch).
+    ///
+    /// # Errors
+    /// Whatever went wrong in a stage.
+    fn match_images(
+        &self,
+        a: &GrayImage,
+        b: &GrayImage,
+        cameras: Option<(&Camera, &Camera)>,
+        seed: Seed,
+    ) -> Result<MatchedPoints, MatcherError> {
+        let (features_a, features_b) = (self.extract(a)?, self.extract(b)?);
+        let putative = self.search(&features_a, &features_b)?;
+        let view_a = View {
+            features: &features_a,
+            image: Some(a),
+            camera: cameras.map(|(camera, _)| camera),
+        };
+        let view_b = View {
+            features: &features_b,
+            image: Some(b),
+            camera: cameras.map(|(_, camera)| camera),
+        };
+        let selected = self.select(view_a, view_b, putative, seed)?;
+        MatchedPoints::of_matches(&selected, &features_a, &features_b)
+    }
 }
 
 /// Why a stage of a matcher failed.
@@ -99,6 +127,18 @@ pub trait Selector: Send + Sync {
 
 /// Extraction, search and any number of selectors one after the other: nearly every matcher is
 /// one of these.
+///
+/// ```
+/// use matchbench_vision::features::{Orb, OrbParams};
+/// use matchbench_vision::matching::{NearestNeighbours, Pipeline, RatioTest};
+///
+/// let matcher = Pipeline {
+///     extractor: Box::new(Orb::new(OrbParams { features: 2000, ..OrbParams::default() })?),
+///     search: Box::new(NearestNeighbours),
+///     selectors: vec![Box::new(RatioTest::new(0.7)?)],
+/// };
+/// # Ok::<(), matchbench_vision::ParamError>(())
+/// ```
 pub struct Pipeline {
     /// Finds and describes features.
     pub extractor: Box<dyn Extractor>,
@@ -106,6 +146,17 @@ pub struct Pipeline {
     pub search: Box<dyn Search>,
     /// Prunes the matches, in this order.
     pub selectors: Vec<Box<dyn Selector>>,
+}
+
+impl Pipeline {
+    /// Local features as usual: `extractor`, exact nearest neighbours, the ratio test at 0.8.
+    pub fn of_features(extractor: impl Extractor + 'static) -> Self {
+        Self {
+            extractor: Box::new(extractor),
+            search: Box::new(NearestNeighbours),
+            selectors: vec![Box::new(RatioTest::default())],
+        }
+    }
 }
 
 impl Matcher for Pipeline {

@@ -3,8 +3,8 @@
 //! Fischler, Bolles, "Random Sample Consensus: A Paradigm for Model Fitting with Applications to
 //! Image Analysis and Automated Cartography", Communications of the ACM 24(6), 1981.
 //!
-//! 1. A [`Sampler`] draws a minimal sample; the [`Problem`] turns it into models.
-//! 2. A [`Score`] judges each by the residuals of all data. A strictly better one replaces the best.
+//! 1. A [`Sampling`] draws a minimal sample; the [`Problem`] turns it into models.
+//! 2. A [`Scoring`] rates each by the residuals of all data. A strictly better one replaces the best.
 //! 3. With an inlier ratio w, k samples of s data all contain an outlier with probability
 //!    `(1 - w^s)^k`. When that falls below 1 - confidence, no more samples are drawn.
 //!
@@ -18,19 +18,20 @@
 //! RANSAC", DAGM 2003), here as Lebeda, Matas, Chum, "Fixing the Locally Optimized RANSAC", BMVC 2012
 //! recommend it: with a truncated quadratic score, and not before the sampling has warmed up.
 //!
-//! A new best model may be mended where its sample is degenerate ([`Problem::mend`]), and is checked
-//! more strictly than others ([`Problem::refute`]). With `sprt`, models that look bad are given up
-//! early (Matas, Chum, "Randomized RANSAC with Sequential Probability Ratio Test", ICCV 2005).
+//! A new best model whose sample is degenerate may be replaced ([`Problem::resolve_degeneracy`]), and data
+//! that cannot belong to it are excluded by a costlier check ([`Problem::exclude_impossible`]). With `sprt`,
+//! models that look bad are abandoned early (Matas, Chum, "Randomized RANSAC with Sequential Probability
+//! Ratio Test", ICCV 2005), which may lose a good one.
 //!
-//! Without it, a model is given up as soon as the data left cannot make it better than the best
-//! ([`Score::most`]); this changes no result.
+//! In any case a model is abandoned as soon as an upper bound of its quality
+//! ([`Scoring::upper_bound`]) is below the quality of the best one; this changes no result.
 //!
 //! *Choices*, all as in OpenCV's `RANSAC`: w is the inlier ratio of the best model so far; the
 //! number of samples is rounded to the nearest integer (half to even) and never grows; a model
 //! needs at least as many inliers as a sample has data; there is no local optimisation.
 
 use super::sprt::Sprt;
-use super::{Problem, Sampler, Score, Support};
+use super::{Problem, Sampling, Scoring, Support};
 use crate::seed::Rng;
 
 /// When to stop.
@@ -42,12 +43,12 @@ pub struct ConsensusParams {
     pub max_samples: usize,
 }
 
-/// The best model and who agrees with it.
+/// The best model and the data that agree with it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Consensus<M> {
     /// The model.
     pub model: M,
-    /// What the data say about it.
+    /// Its quality and number of inliers.
     pub support: Support,
     /// Numbers of the data that agree with it, ascending.
     pub inliers: Vec<u32>,
@@ -55,12 +56,12 @@ pub struct Consensus<M> {
     pub samples: usize,
 }
 
-/// The model that the `score` likes best among those that samples of the `problem` allow; `None`
+/// The model of the highest `score` among those that samples of the `problem` allow; `None`
 /// where no model has as many inliers as a sample has data.
 pub fn consensus<P: Problem>(
     problem: &P,
-    score: &impl Score,
-    sampler: &mut impl Sampler,
+    score: &impl Scoring,
+    sampler: &mut impl Sampling,
     params: ConsensusParams,
     rng: &mut Rng,
 ) -> Option<Consensus<P::Model>> {
@@ -79,8 +80,8 @@ pub struct Extras {
     pub min_samples: usize,
     /// Steps of each local optimisation; 0 for none.
     pub local_steps: usize,
-    /// Whether models are given up early by a sequential probability ratio test. The data must be
-    /// in random order.
+    /// Whether bad models are abandoned early by a sequential probability ratio test; without effect where
+    /// the score is no sum over the data. The data must be in random order.
     pub sprt: bool,
 }
 
@@ -98,8 +99,8 @@ impl Extras {
 /// wants a time limit passes it from outside.
 pub fn consensus_until<P: Problem>(
     problem: &P,
-    score: &impl Score,
-    sampler: &mut impl Sampler,
+    score: &impl Scoring,
+    sampler: &mut impl Sampling,
     params: ConsensusParams,
     extras: Extras,
     rng: &mut Rng,
@@ -121,34 +122,35 @@ pub fn consensus_until<P: Problem>(
             let limit = best
                 .as_ref()
                 .map_or(f64::NEG_INFINITY, |(_, best)| best.quality);
-            let judged = judge(problem, score, model, limit, sprt.as_mut(), &mut residuals);
-            let Some(support) = judged else {
+            let better = support_above(limit, problem, score, model, sprt.as_mut(), &mut residuals);
+            let Some(support) = better else {
                 continue;
             };
             if support.inliers < P::SAMPLE {
                 continue;
             }
             let (mut model, mut support) = (model.clone(), support);
-            if let Some(mended) = problem.mend(&model, &sample, support.squared_threshold, rng)
-                && let Some(better) = judge(
+            if let Some(other) =
+                problem.resolve_degeneracy(&model, &sample, support.squared_threshold, rng)
+                && let Some(better) = support_above(
+                    support.quality,
                     problem,
                     score,
-                    &mended,
-                    support.quality,
+                    &other,
                     None,
                     &mut residuals,
                 )
             {
-                (model, support) = (mended, better);
+                (model, support) = (other, better);
             }
             if extras.local_steps > 0
                 && let Some(refined) =
                     problem.refine(&model, support.squared_threshold, extras.local_steps)
-                && let Some(better) = judge(
+                && let Some(better) = support_above(
+                    support.quality,
                     problem,
                     score,
                     &refined,
-                    support.quality,
                     None,
                     &mut residuals,
                 )
@@ -185,21 +187,21 @@ pub(super) fn inliers_within(squared_residuals: &[f64], squared_threshold: f64) 
         .collect()
 }
 
-/// Data between two looks at whether a model can still win.
+/// Data whose residuals are computed before it is checked again whether the model can still win.
 const BLOCK: usize = 64;
 
-/// The support of a model if its quality exceeds the `limit` and `sprt` does not give it up.
-fn judge<P: Problem>(
-    problem: &P,
-    score: &impl Score,
-    model: &P::Model,
+/// The support of a model if its quality is above the `limit` and `sprt` does not abandon it.
+fn support_above<P: Problem>(
     limit: f64,
+    problem: &P,
+    score: &impl Scoring,
+    model: &P::Model,
     mut sprt: Option<&mut Sprt>,
     residuals: &mut [f64],
 ) -> Option<Support> {
     let n = problem.len();
     let mut total: Option<Support> = None;
-    if score.most(0..n).is_some() {
+    if score.upper_bound(0..n).is_some() {
         for start in (0..n).step_by(BLOCK) {
             let range = start..n.min(start + BLOCK);
             let block = &mut residuals[range.clone()];
@@ -211,11 +213,10 @@ fn judge<P: Problem>(
                 ..support
             });
             // A quality of NaN wins nothing.
-            let most = score.most(range.end..n).unwrap_or(f64::INFINITY);
-            let can_win = sum.quality + most > limit;
-            let mut given_up =
-                || (sprt.as_mut()).is_some_and(|t| t.gives_up(sum.inliers, range.end));
-            if !can_win || given_up() {
+            let rest = score.upper_bound(range.end..n).unwrap_or(f64::INFINITY);
+            let can_win = sum.quality + rest > limit;
+            let mut is_bad = || (sprt.as_mut()).is_some_and(|t| t.gives_up(sum.inliers, range.end));
+            if !can_win || is_bad() {
                 return None;
             }
             total = Some(sum);
@@ -225,13 +226,14 @@ fn judge<P: Problem>(
         total = Some(score.support(0..n, residuals));
     }
     let support = total.filter(|support| support.quality > limit)?;
-    if !problem.refute(model, support.squared_threshold, residuals) {
+    if !problem.exclude_impossible(model, support.squared_threshold, residuals) {
         return Some(support);
     }
     Some(score.support(0..n, residuals)).filter(|support| support.quality > limit)
 }
 
-/// Samples after which one is free of outliers, and its model not given up, with the wanted confidence.
+/// Samples after which one is free of outliers, and its model was not abandoned, with the wanted
+/// confidence; `power` is the probability that a right model is not abandoned.
 fn samples_needed(inlier_ratio: f64, power: f64, sample: usize, params: ConsensusParams) -> usize {
     let clean = (0..sample).fold(power, |clean, _| clean * inlier_ratio);
     let log_failure = libm::log((1.0 - params.confidence).max(f64::MIN_POSITIVE));

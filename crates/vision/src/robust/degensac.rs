@@ -21,9 +21,10 @@
 
 use nalgebra::{Matrix3, Point2, Vector3};
 
-use super::fundamental_problem::FundamentalProblem;
 use super::{HomographyProblem, Problem};
-use crate::geometry::{PointPairs, epipole_in_b, squared_transfer_distances};
+use crate::geometry::{
+    PointPairs, epipole_in_b, squared_sampson_distances, squared_transfer_distances,
+};
 use crate::seed::Rng;
 use crate::simd;
 
@@ -54,10 +55,6 @@ pub(super) fn off_the_plane(
         .map(|(index, _)| index)
         .collect();
     let count = u32::try_from(off.len()).ok().filter(|&count| count >= 2)?;
-    let problem = FundamentalProblem {
-        pairs,
-        degensac: false,
-    };
     // The line through b and H a.
     let line = |index: usize| {
         let (a, b) = pairs.get(index);
@@ -73,7 +70,7 @@ pub(super) fn off_the_plane(
             continue;
         }
         let candidate = candidate / norm;
-        problem.squared_residuals(&candidate, 0..pairs.len(), &mut residuals);
+        squared_sampson_distances(&candidate, pairs, 0..pairs.len(), &mut residuals);
         let inliers = simd::count_at_most(&residuals, squared_threshold);
         if best.is_none_or(|(most, _)| inliers > most) {
             best = Some((inliers, candidate));
@@ -117,14 +114,11 @@ fn homography_of(
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use nalgebra::{UnitQuaternion, UnitVector3};
 
     use super::*;
     use crate::geometry::{RelativePose, essential_from_pose};
-    use crate::robust::{
-        Consensus, ConsensusParams, Extras, InlierCount, Uniform, consensus_until,
-    };
     use crate::seed::Seed;
 
     fn truth() -> RelativePose {
@@ -135,7 +129,11 @@ mod tests {
     }
 
     /// Matches on a plane, then some before it, then wrong ones.
-    fn matches(plane: usize, before: usize, wrong: usize) -> PointPairs {
+    pub(in crate::robust) fn matches_of_a_plane(
+        plane: usize,
+        before: usize,
+        wrong: usize,
+    ) -> PointPairs {
         let mut rng = Seed(8).rng();
         (0..plane + before + wrong)
             .map(|i| {
@@ -155,41 +153,9 @@ mod tests {
             .collect()
     }
 
-    fn find(pairs: &PointPairs, degensac: bool, seed: u64) -> Consensus<Matrix3<f64>> {
-        consensus_until(
-            &FundamentalProblem { pairs, degensac },
-            &InlierCount {
-                squared_threshold: 1e-6,
-            },
-            &mut Uniform::new(pairs.len()),
-            ConsensusParams {
-                confidence: 0.99,
-                max_samples: 2000,
-            },
-            Extras::NONE,
-            &mut Seed(seed).rng(),
-            &|_| false,
-        )
-        .expect("a matrix")
-    }
-
-    #[test]
-    fn what_is_off_the_plane_is_found() {
-        let pairs = matches(160, 24, 16);
-        // How many of the matches before the plane agree, over ten seeds.
-        let before = |degensac| -> usize {
-            (0..10)
-                .map(|seed| find(&pairs, degensac, seed).inliers)
-                .map(|inliers| inliers.iter().filter(|i| (160..184).contains(*i)).count())
-                .sum()
-        };
-        let (with, without) = (before(true), before(false));
-        assert!(with >= 220 && without + 40 <= with, "{with} {without}");
-    }
-
     #[test]
     fn the_homography_of_three_matches_and_f_is_that_of_their_plane() {
-        let pairs = matches(20, 0, 0);
+        let pairs = matches_of_a_plane(20, 0, 0);
         let e = essential_from_pose(&truth());
         let h = homography_of(&e, [0, 1, 2].map(|i| pairs.get(i))).expect("a plane");
         let mut residuals = vec![0.0; 20];
@@ -199,7 +165,7 @@ mod tests {
 
     #[test]
     fn a_sample_off_the_plane_is_left_alone() {
-        let pairs = matches(0, 30, 0);
+        let pairs = matches_of_a_plane(0, 30, 0);
         let e = essential_from_pose(&truth());
         let sample = [0, 1, 2, 3, 4, 5, 6];
         let found = off_the_plane(&e, &sample, &pairs, 1e-6, &mut Seed(1).rng());

@@ -17,8 +17,8 @@ use crate::geometry::{
 pub struct EssentialProblem<'a> {
     /// The matches, at depth 1.
     pub pairs: &'a PointPairs,
-    /// Whether matches must be in front of both cameras: models whose sample cannot be are not
-    /// judged, and what lies behind supports nothing.
+    /// Whether scene points must lie in front of both cameras: models that put a match of their own
+    /// sample behind one are dropped, and matches that lie behind one do not count as inliers.
     pub cheirality: bool,
 }
 
@@ -46,13 +46,13 @@ impl Problem for EssentialProblem<'_> {
         squared_sampson_distances(model, self.pairs, range, out);
     }
 
-    fn refute(
+    fn exclude_impossible(
         &self,
         model: &Matrix3<f64>,
         squared_threshold: f64,
         squared_residuals: &mut [f64],
     ) -> bool {
-        self.cheirality && refute_behind(model, self.pairs, squared_threshold, squared_residuals)
+        self.cheirality && exclude_behind(model, self.pairs, squared_threshold, squared_residuals)
     }
 
     /// Minimises the truncated squared distance over poses, from the matches near the model.
@@ -72,7 +72,7 @@ impl Problem for EssentialProblem<'_> {
 
 /// Makes infinite the residuals of inliers that lie behind a camera, in the pose that most inliers
 /// are in front of. A point farther than [`FAR`] may be on either side for all that noise allows.
-fn refute_behind(
+fn exclude_behind(
     model: &Matrix3<f64>,
     pairs: &PointPairs,
     squared_threshold: f64,
@@ -109,7 +109,7 @@ fn refute_behind(
     any
 }
 
-/// Depth, in baselines, beyond which its sign says nothing.
+/// Depth, in baselines, beyond which noise can flip its sign.
 const FAR: f64 = 50.0;
 
 /// Matches beyond this multiple of the squared threshold are taken to stay outliers.
@@ -150,17 +150,17 @@ mod tests {
             .collect();
         let e = essential_from_pose(&pose);
         let mut residuals = vec![0.0; depths.len()];
-        let refuted = |cheirality, residuals: &mut [f64]| {
+        let excluded = |cheirality, residuals: &mut [f64]| {
             let problem = EssentialProblem {
                 pairs: &pairs,
                 cheirality,
             };
             problem.squared_residuals(&e, 0..depths.len(), residuals);
-            problem.refute(&e, 1e-12, residuals)
+            problem.exclude_impossible(&e, 1e-12, residuals)
         };
-        assert!(!refuted(false, &mut residuals));
+        assert!(!excluded(false, &mut residuals));
         assert!(residuals.iter().all(|&r| r < 1e-12));
-        assert!(refuted(true, &mut residuals));
+        assert!(excluded(true, &mut residuals));
         let infinite: Vec<usize> = (0..depths.len())
             .filter(|&i| residuals[i].is_infinite())
             .collect();

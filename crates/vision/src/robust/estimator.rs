@@ -1,38 +1,33 @@
-//! The front door: from matched points and two cameras to a relative pose, or to none.
+//! What an estimator is: from matched points and two cameras to a relative pose, or to none.
 
 use std::fmt;
 
-use nalgebra::Point2;
-
-use crate::geometry::{Camera, PointPairs, RelativePose};
+use crate::geometry::{Camera, MatchedPoints, PointPairs, RelativePose};
 use crate::seed::Seed;
 
-/// Matched points of two images: `a[i]` and `b[i]` are taken to show the same point.
+/// Matches of two images, and the cameras that took these.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoViews<'a> {
-    /// Positions in image `a`, in pixels.
-    pub a: &'a [Point2<f64>],
-    /// Positions in image `b`, in pixels.
-    pub b: &'a [Point2<f64>],
+    /// The matches, in pixels.
+    pub points: &'a MatchedPoints,
     /// The camera that took `a`.
     pub camera_a: &'a Camera,
     /// The camera that took `b`.
     pub camera_b: &'a Camera,
-    /// For each match, how ambiguous it is (nearest over second nearest distance, 0 = certain);
-    /// samplers that prefer good matches sort by it.
-    pub ambiguity: &'a [f32],
 }
 
 impl TwoViews<'_> {
     /// The matches as points at depth 1: calibration and lens distortion of each camera undone.
     ///
     /// # Panics
-    /// If there are not as many points in `b` as in `a`.
+    /// If the lists of the matches have different lengths.
     pub fn at_depth_1(&self) -> PointPairs {
-        assert_eq!(self.a.len(), self.b.len(), "each match has two points");
-        (self.a.iter().zip(self.b))
-            .map(|(&a, &b)| (self.camera_a.normalize(a), self.camera_b.normalize(b)))
-            .collect()
+        self.points.at_depth_1(self.camera_a, self.camera_b)
+    }
+
+    /// Pixels per unit at depth 1: the mean over both cameras and both axes.
+    pub(super) fn mean_focal(&self) -> f64 {
+        f64::midpoint(self.camera_a.mean_focal(), self.camera_b.mean_focal())
     }
 }
 
@@ -43,14 +38,16 @@ pub struct PoseEstimate {
     pub b_from_a: RelativePose,
     /// Indices of the matches that agree with the model in the consensus stage, ascending.
     pub inliers: Vec<u32>,
-    /// Number of matches, out of all that were given, that lie in front of both cameras; this is
-    /// the count of correspondences that the paper reports (its AP bars).
+    /// Number of matches, out of all that were given, whose triangulated point lies in front of both
+    /// cameras and nearer than the estimator's largest depth; the count of correspondences that the
+    /// MatchBench paper reports.
     pub support: usize,
     /// Number of samples that were drawn.
     pub iterations: usize,
 }
 
-/// Why there is no pose: an outcome, not an error.
+/// Why there is no pose. The benchmark counts it as an outcome of the pair; a caller that needs the pose
+/// may treat it as the error that it implements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(tag = "kind", rename_all = "kebab-case"))]
@@ -86,6 +83,8 @@ impl fmt::Display for NoPose {
         }
     }
 }
+
+impl std::error::Error for NoPose {}
 
 /// Estimates the relative pose of two cameras.
 pub trait PoseEstimator: Send + Sync {

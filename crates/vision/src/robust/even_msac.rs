@@ -21,8 +21,8 @@
 
 use std::ops::Range;
 
-use super::spread::cells_of;
-use super::{Score, Support};
+use super::even_sampler::cells_of;
+use super::{Scoring, Support};
 use crate::geometry::PointPairs;
 use crate::simd;
 
@@ -75,7 +75,7 @@ fn crowds(x: &[f64], y: &[f64], cells: u32) -> Vec<u32> {
     cells.iter().map(|&cell| crowds[cell as usize]).collect()
 }
 
-impl Score for EvenMsac {
+impl Scoring for EvenMsac {
     fn support(&self, range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
         let limit = self.squared_threshold;
         let gain = simd::sum_below(squared_residuals, &self.weights[range], limit);
@@ -86,7 +86,7 @@ impl Score for EvenMsac {
         }
     }
 
-    fn most(&self, range: Range<usize>) -> Option<f64> {
+    fn upper_bound(&self, range: Range<usize>) -> Option<f64> {
         Some(self.most_from[range.start] - self.most_from[range.end])
     }
 }
@@ -135,11 +135,11 @@ mod tests {
         for start in (0..100).step_by(30) {
             let range = start..100.min(start + 30);
             let part = score.support(range.clone(), &mut residuals[range.clone()]);
-            assert!(part.quality <= score.most(range).unwrap() + 1e-12);
+            assert!(part.quality <= score.upper_bound(range).unwrap() + 1e-12);
             sum += part.quality;
         }
         assert!((sum - whole).abs() < 1e-9);
-        assert!((score.most(0..100).unwrap() - 100.0).abs() < 1e-9);
+        assert!((score.upper_bound(0..100).unwrap() - 100.0).abs() < 1e-9);
     }
 
     #[test]

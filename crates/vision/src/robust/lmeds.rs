@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Score, Support};
+use super::{Scoring, Support};
 
 /// The median squared residual, as small as possible: needs no threshold, and breaks where half of
 /// the data or more are wrong (Rousseeuw, "Least Median of Squares Regression", Journal of the
@@ -17,7 +17,7 @@ pub struct MedianOfSquares {
     pub sample: usize,
 }
 
-impl Score for MedianOfSquares {
+impl Scoring for MedianOfSquares {
     fn support(&self, _range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
         let count = squared_residuals.len();
         if count == 0 {

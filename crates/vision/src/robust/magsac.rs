@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Score, Support};
+use super::{Scoring, Support};
 
 /// k: within k sigma lie 99 % of the residuals of right matches (4 degrees of freedom).
 const QUANTILE: f64 = 3.64;
@@ -53,7 +53,7 @@ fn lower_three_halves(s: f64) -> f64 {
     0.5 * std::f64::consts::PI.sqrt() * libm::erf(root) - root * libm::exp(-s)
 }
 
-impl Score for Magsac {
+impl Scoring for Magsac {
     fn support(&self, _range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
         let scale = ENTRIES as f64 / self.squared_threshold;
         let (mut quality, mut inliers) = (0.0, 0);
@@ -70,7 +70,7 @@ impl Score for Magsac {
         }
     }
 
-    fn most(&self, range: Range<usize>) -> Option<f64> {
+    fn upper_bound(&self, range: Range<usize>) -> Option<f64> {
         Some(range.len() as f64)
     }
 }

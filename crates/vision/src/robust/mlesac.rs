@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Score, Support};
+use super::{Scoring, Support};
 
 /// Steps of expectation maximisation for the share of inliers.
 const STEPS: usize = 3;
@@ -20,7 +20,7 @@ pub struct Mlesac {
     pub span: f64,
 }
 
-impl Score for Mlesac {
+impl Scoring for Mlesac {
     fn support(&self, _range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
         let squared_sigma = self.squared_threshold / (1.96 * 1.96);
         let scale = 1.0 / (2.0 * std::f64::consts::PI * squared_sigma).sqrt();

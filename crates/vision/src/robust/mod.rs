@@ -1,33 +1,51 @@
-//! Relative pose from correspondences of which many are wrong.
+//! Relative pose from matches of which many are wrong.
 //!
-//! One sample-consensus loop, [`consensus`], with three axes: [`Problem`] (what is estimated),
-//! [`Score`] (which model is best) and [`Sampler`] (what is tried next). An estimator chooses one of
-//! each and is the [`PoseEstimator`] that the benchmark calls.
+//! A [`PoseEstimator`] takes [`TwoViews`] (matched points and two cameras) and returns a [`PoseEstimate`], or
+//! says why there is [`NoPose`]. Two are here: [`Ransac`], the reference of the benchmark, and
+//! [`SampleConsensus`], put together from parts; [`presets`] has the combinations that have a name.
+//!
+//! Both run the one sample-consensus loop, [`consensus()`], which has three axes: [`Problem`] (what is
+//! estimated), [`Scoring`] (which model is best) and [`Sampling`] (which data are tried next).
+//!
+//! ```
+//! use matchbench_vision::geometry::{Camera, MatchedPoints};
+//! use matchbench_vision::robust::{NoPose, PoseEstimator, SampleConsensus, TwoViews, presets};
+//! use matchbench_vision::seed::Seed;
+//!
+//! let camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
+//! let views = TwoViews { points: &MatchedPoints::default(), camera_a: &camera, camera_b: &camera };
+//! let estimator = SampleConsensus::new(presets::best())?;
+//! let nothing = NoPose::TooFewMatches { found: 0, needed: 5 };
+//! assert_eq!(estimator.estimate(views, Seed(0)), Err(nothing));
+//! # Ok::<(), matchbench_vision::ParamError>(())
+//! ```
 
 mod consensus;
 mod degensac;
 mod essential_problem;
 mod estimator;
 mod even_msac;
+mod even_sampler;
 mod fundamental_problem;
 mod homography_problem;
 mod linear;
 mod lmeds;
 mod magsac;
 mod mlesac;
+pub mod presets;
 mod problem;
 mod prosac;
 mod ransac;
 mod sample_consensus;
-mod sampler;
-mod score;
-mod spread;
+mod sampling;
+mod scoring;
 mod sprt;
 
 pub use consensus::{Consensus, ConsensusParams, Extras, consensus, consensus_until};
 pub use essential_problem::EssentialProblem;
 pub use estimator::{NoPose, PoseEstimate, PoseEstimator, TwoViews};
 pub use even_msac::EvenMsac;
+pub use even_sampler::EvenSampler;
 pub use fundamental_problem::FundamentalProblem;
 pub use homography_problem::HomographyProblem;
 pub use lmeds::MedianOfSquares;
@@ -37,8 +55,9 @@ pub use problem::Problem;
 pub use prosac::Prosac;
 pub use ransac::{Ransac, RansacParams};
 pub use sample_consensus::{
-    GeometryKind, SampleConsensus, SampleConsensusParams, SamplerKind, ScoreKind,
+    EarlyStop, FinalRefinement, Geometry, SampleConsensus, SampleConsensusParams, Sampler, Score,
 };
-pub use sampler::{Sampler, Uniform};
-pub use score::{InlierCount, Msac, Score, Support};
-pub use spread::Spread;
+#[cfg(feature = "serde")]
+pub use sample_consensus::{GeometryName, SamplerName, ScoreName, Settings};
+pub use sampling::{Sampling, Uniform};
+pub use scoring::{InlierCount, Msac, Scoring, Support};

@@ -1,4 +1,4 @@
-//! What is to be estimated from data of which many are wrong.
+//! What is estimated from data of which many are wrong.
 
 use std::ops::{Deref, Range};
 
@@ -30,7 +30,8 @@ pub trait Problem {
     fn solve(&self, sample: &[u32]) -> Self::Models;
 
     /// Squared residuals of the data in `range`, written to `out`: 0 or larger, infinite or NaN for
-    /// data that agree with no model. A range, so that a model can be given up early.
+    /// data that agree with no model. A range, so that bad models can be abandoned before all data are
+    /// seen.
     ///
     /// # Panics
     /// If `range` exceeds the data or `out` has another length.
@@ -48,10 +49,11 @@ pub trait Problem {
         None
     }
 
-    /// Makes infinite the residuals of data that seem to agree with the model but cannot, as seen
-    /// with more work than is worth while for every model, and says whether there are any. Asked
-    /// of models that would be the best. The residuals may be in any order if there are none such.
-    fn refute(
+    /// Looks for data that are within the threshold of the model and still cannot belong to it (a scene
+    /// point behind a camera), sets their residuals to infinity, and returns whether there are any. Too
+    /// costly for every model, so it is asked of those that would be the best only. The order of the
+    /// residuals is undefined if there are none.
+    fn exclude_impossible(
         &self,
         _model: &Self::Model,
         _squared_threshold: f64,
@@ -60,9 +62,10 @@ pub trait Problem {
         false
     }
 
-    /// Another model, where the `sample` that this one comes from does not determine it; asked of
-    /// models that are the best so far. `None` where there is nothing to mend.
-    fn mend(
+    /// Another model in place of this one, where the `sample` it comes from does not determine it (most
+    /// of its data lie on one plane). Asked of models that would be the best; `None` where the sample is
+    /// not degenerate.
+    fn resolve_degeneracy(
         &self,
         _model: &Self::Model,
         _sample: &[u32],

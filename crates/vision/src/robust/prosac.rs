@@ -15,7 +15,7 @@
 //! *Choice*: the termination is that of uniform sampling (see [`consensus`](super::consensus)), which
 //! draws at least as many samples as the paper's maximality criterion.
 
-use super::Sampler;
+use super::Sampling;
 use crate::seed::Rng;
 
 /// Draws from a set of the most certain data that grows.
@@ -64,7 +64,7 @@ impl Prosac {
     }
 }
 
-impl Sampler for Prosac {
+impl Sampling for Prosac {
     /// # Panics
     /// If `sample` is longer than there are data.
     fn draw(&mut self, rng: &mut Rng, sample: &mut [u32]) {

@@ -119,8 +119,7 @@ impl PoseEstimator for Ransac {
                 needed,
             });
         }
-        let focal = f64::midpoint(views.camera_a.mean_focal(), views.camera_b.mean_focal());
-        let threshold = self.params.threshold_px / focal;
+        let threshold = self.params.threshold_px / views.mean_focal();
         let found = consensus_until(
             &EssentialProblem {
                 pairs: &pairs,
@@ -159,7 +158,7 @@ mod tests {
     use nalgebra::{Point2, UnitQuaternion, UnitVector3, Vector3};
 
     use super::*;
-    use crate::geometry::{Camera, Distortion, RelativePose};
+    use crate::geometry::{Camera, Distortion, MatchedPoints, RelativePose};
 
     const CAMERA_A: Camera = Camera::pinhole(700.0, 710.0, 320.0, 240.0);
     const CAMERA_B: Camera = Camera {
@@ -182,6 +181,11 @@ mod tests {
 
     type Matches = (Vec<Point2<f64>>, Vec<Point2<f64>>);
 
+    /// The matches, none more certain than another.
+    fn points((a, b): &Matches) -> MatchedPoints {
+        MatchedPoints::new(a.clone(), b.clone(), vec![0.5; a.len()])
+    }
+
     /// Matches of which the first `right` see the scene with `noise` pixels and the others nothing.
     fn matches(right: usize, wrong: usize, noise: f64, seed: u64) -> Matches {
         let mut rng = Seed(seed).rng();
@@ -199,13 +203,11 @@ mod tests {
             .unzip()
     }
 
-    fn estimate((a, b): &Matches, seed: u64) -> Result<PoseEstimate, NoPose> {
+    fn estimate(matches: &Matches, seed: u64) -> Result<PoseEstimate, NoPose> {
         let views = TwoViews {
-            a,
-            b,
+            points: &points(matches),
             camera_a: &CAMERA_A,
             camera_b: &CAMERA_B,
-            ambiguity: &vec![0.5; a.len()],
         };
         Ransac::new(RansacParams::default())
             .unwrap()
@@ -288,11 +290,9 @@ mod tests {
         }
         // Pinhole cameras: through a distorting lens a line is not straight.
         let views = TwoViews {
-            a: &line,
-            b: &shifted,
+            points: &points(&(line, shifted)),
             camera_a: &CAMERA_A,
             camera_b: &CAMERA_A,
-            ambiguity: &[0.0; 50],
         };
         let ransac = Ransac::new(RansacParams::default()).unwrap();
         assert_eq!(ransac.estimate(views, Seed(1)), none);

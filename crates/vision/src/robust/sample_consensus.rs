@@ -13,35 +13,43 @@
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
-//! | | `score` | MSAC | Lebeda et al. |
-//! | | `sampler` | uniform | |
-//! | p | `confidence` | 0.999 | the benchmark's protocol |
-//! | t | `threshold_px` | 1.0 | the benchmark's protocol |
-//! | | `cheirality` | yes | Chum, Werner, Matas, ICPR 2004; Hartley, Zisserman, sec. 9.6.3 |
-//! | | `degensac` | yes | Chum, Werner, Matas, CVPR 2005 |
-//! | | `sprt` | yes | Matas, Chum, ICCV 2005 |
-//! | | `min_iterations` | 50 | Lebeda et al.: the first models are not worth optimising |
+//! | | `score` | [`Score::Msac`] | Lebeda et al. |
+//! | | `sampler` | [`Sampler::Uniform`] | |
+//! | p | `early_stop.confidence` | 0.999 | the benchmark's protocol |
+//! | t | `score.threshold_px` | 1.0 | the benchmark's protocol |
+//! | | `geometry.cheirality` | yes | Chum, Werner, Matas, ICPR 2004; Hartley, Zisserman, sec. 9.6.3 |
+//! | | `geometry.degensac` | yes | Chum, Werner, Matas, CVPR 2005 |
+//! | | `score.sprt` | yes | Matas, Chum, ICCV 2005 |
+//! | | `early_stop.min_iterations` | 50 | Lebeda et al.: the first models are not worth optimising |
 //! | | `max_iterations` | 1000 | the benchmark's protocol |
 //! | | `local_steps` | 10 | ours |
-//! | | `final_loss` | truncated | |
-//! | | `final_steps` | 25 | ours |
-//! | | `prosac_horizon` | 200,000 | Chum, Matas, CVPR 2005 |
-//! | | `cells` | 20 | GMS's grid |
-//! | | `score_cells` | 10 | tuned on the kitchen of 7-Scenes |
+//! | | `final_refinement.loss` | truncated | |
+//! | | `final_refinement.steps` | 25 | ours |
+//! | | `sampler.horizon` (PROSAC) | 200,000 | Chum, Matas, CVPR 2005 |
+//! | | `sampler.cells` (spread) | 20 | GMS's grid |
+//! | | `score.cells` (even MSAC) | 10 | tuned on the kitchen of 7-Scenes |
 //! | | `max_depth` | 50 | OpenCV 4's `recoverPose` |
 //!
 //! *Choices the papers leave open*: local optimisation is non-linear from the start instead of
 //! inner samples of a larger size, since five degrees of freedom and the truncated loss leave the
 //! non-minimal linear solvers no advantage.
 
+mod params;
+#[cfg(feature = "serde")]
+mod settings;
+
 use nalgebra::Matrix3;
+
+pub use params::{EarlyStop, FinalRefinement, Geometry, SampleConsensusParams, Sampler, Score};
+#[cfg(feature = "serde")]
+pub use settings::{GeometryName, SamplerName, ScoreName, Settings};
 
 use super::consensus::inliers_within;
 use super::essential_problem::near;
 use super::{
-    Consensus, ConsensusParams, EssentialProblem, EvenMsac, Extras, FundamentalProblem,
-    InlierCount, Magsac, MedianOfSquares, Mlesac, Msac, NoPose, PoseEstimate, PoseEstimator,
-    Problem, Prosac, Sampler, Score, Spread, TwoViews, Uniform, consensus_until,
+    Consensus, ConsensusParams, EssentialProblem, EvenMsac, EvenSampler, Extras,
+    FundamentalProblem, InlierCount, Magsac, MedianOfSquares, Mlesac, Msac, NoPose, PoseEstimate,
+    PoseEstimator, Problem, Prosac, Sampling, Scoring, TwoViews, Uniform, consensus_until,
 };
 use crate::geometry::{
     Loss, PointPairs, RelativePose, choose_pose, decompose_essential, essential_from_pose,
@@ -50,117 +58,7 @@ use crate::geometry::{
 use crate::params::ParamError;
 use crate::seed::Seed;
 
-/// Which model is best.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
-pub enum ScoreKind {
-    /// [`InlierCount`].
-    InlierCount,
-    /// [`Msac`].
-    Msac,
-    /// [`EvenMsac`].
-    EvenMsac,
-    /// [`Mlesac`].
-    Mlesac,
-    /// [`MedianOfSquares`]; the threshold is not used.
-    Median,
-    /// [`Magsac`]; the threshold is the largest residual at the highest noise level.
-    Magsac,
-}
-
-/// What two views are taken to have in common.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
-pub enum GeometryKind {
-    /// An essential matrix, from five matches: the calibration is known.
-    Essential,
-    /// A fundamental matrix, from seven matches: the calibration is used afterwards only.
-    Fundamental,
-}
-
-/// What is tried next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
-pub enum SamplerKind {
-    /// [`Uniform`].
-    Uniform,
-    /// [`Prosac`].
-    Prosac,
-    /// [`Spread`].
-    Spread,
-}
-
-/// Parameters of [`SampleConsensus`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
-pub struct SampleConsensusParams {
-    /// What is estimated.
-    pub geometry: GeometryKind,
-    /// Which model is best.
-    pub score: ScoreKind,
-    /// What is tried next.
-    pub sampler: SamplerKind,
-    /// Wanted probability that at least one sample was free of wrong matches, in `[0, 1)`.
-    pub confidence: f64,
-    /// Largest Sampson distance of an inlier, in pixels.
-    pub threshold_px: f64,
-    /// Whether matches must be in front of both cameras (essential matrices only): models whose
-    /// sample cannot be are not judged, and what lies behind supports nothing.
-    pub cheirality: bool,
-    /// Whether matrices from a plane are mended by what is off it (fundamental matrices only).
-    pub degensac: bool,
-    /// Whether models are given up early by a sequential probability ratio test.
-    pub sprt: bool,
-    /// Samples drawn at least.
-    pub min_iterations: usize,
-    /// Samples drawn at most.
-    pub max_iterations: usize,
-    /// Steps of each local optimisation; 0 for none.
-    pub local_steps: usize,
-    /// Loss of the final refinement. Truncated at the threshold; the scale of Cauchy's loss comes from
-    /// the inliers.
-    pub final_loss: Loss,
-    /// Steps of the final refinement; 0 for none.
-    pub final_steps: usize,
-    /// Samples after which the progressive sampler is uniform.
-    pub prosac_horizon: usize,
-    /// Cells across and down of the spatially even sampler.
-    pub cells: u32,
-    /// Cells across and down of the spatially even score.
-    pub score_cells: u32,
-    /// Scene points farther than this, in baselines, do not support a pose.
-    pub max_depth: f64,
-}
-
-impl Default for SampleConsensusParams {
-    fn default() -> Self {
-        Self {
-            geometry: GeometryKind::Essential,
-            score: ScoreKind::Msac,
-            sampler: SamplerKind::Uniform,
-            confidence: 0.999,
-            threshold_px: 1.0,
-            cheirality: true,
-            degensac: true,
-            sprt: true,
-            min_iterations: 50,
-            max_iterations: 1000,
-            local_steps: 10,
-            final_loss: Loss::Truncated,
-            final_steps: 25,
-            prosac_horizon: 200_000,
-            cells: 20,
-            score_cells: 10,
-            max_depth: 50.0,
-        }
-    }
-}
-
-/// Sample consensus of chosen parts.
+/// Sample consensus of chosen parts: [`presets`](crate::robust::presets) has combinations with names.
 #[derive(Clone, Copy, Debug)]
 pub struct SampleConsensus {
     params: SampleConsensusParams,
@@ -172,82 +70,34 @@ impl SampleConsensus {
     /// # Errors
     /// If one of them is out of its range.
     pub fn new(params: SampleConsensusParams) -> Result<Self, ParamError> {
-        let p = &params;
-        ParamError::unless(
-            (0.0..1.0).contains(&p.confidence),
-            "confidence",
-            p.confidence,
-            "at least 0 and below 1",
-        )?;
-        ParamError::unless(
-            p.threshold_px > 0.0 && p.threshold_px.is_finite(),
-            "threshold_px",
-            p.threshold_px,
-            "positive and finite",
-        )?;
-        ParamError::unless(
-            p.max_iterations > 0,
-            "max_iterations",
-            p.max_iterations,
-            "at least 1",
-        )?;
-        ParamError::unless(
-            p.min_iterations <= p.max_iterations,
-            "min_iterations",
-            p.min_iterations,
-            "at most `max_iterations`",
-        )?;
-        for (name, steps) in [
-            ("local_steps", p.local_steps),
-            ("final_steps", p.final_steps),
-        ] {
-            ParamError::unless(steps <= 1000, name, steps, "0 to 1000")?;
-        }
-        ParamError::unless(
-            p.prosac_horizon > 0,
-            "prosac_horizon",
-            p.prosac_horizon,
-            "at least 1",
-        )?;
-        for (name, cells) in [("cells", p.cells), ("score_cells", p.score_cells)] {
-            ParamError::unless((1..=1000).contains(&cells), name, cells, "1 to 1000")?;
-        }
-        // Infinity is allowed: no limit.
-        ParamError::unless(p.max_depth > 0.0, "max_depth", p.max_depth, "positive")?;
+        params.check()?;
         Ok(Self { params })
     }
 
+    /// The best model by samples, before the final refinement; `focal` takes units of depth 1 to pixels.
     fn search(
         &self,
         pairs: &PointPairs,
         ambiguity: &[f32],
-        squared_threshold: f64,
+        focal: f64,
         seed: Seed,
         stop: &dyn Fn(usize) -> bool,
     ) -> Option<Consensus<Matrix3<f64>>> {
+        let task = Task {
+            params: &self.params,
+            pairs,
+            ambiguity,
+            focal,
+            seed,
+            stop,
+        };
         match self.params.geometry {
-            GeometryKind::Essential => Run {
-                params: &self.params,
-                problem: EssentialProblem {
-                    pairs,
-                    cheirality: self.params.cheirality,
-                },
-                pairs,
-                seed,
-                stop,
+            Geometry::Essential { cheirality } => {
+                task.solve(&EssentialProblem { pairs, cheirality })
             }
-            .sampled(ambiguity, squared_threshold),
-            GeometryKind::Fundamental => Run {
-                params: &self.params,
-                problem: FundamentalProblem {
-                    pairs,
-                    degensac: self.params.degensac,
-                },
-                pairs,
-                seed,
-                stop,
+            Geometry::Fundamental { degensac } => {
+                task.solve(&FundamentalProblem { pairs, degensac })
             }
-            .sampled(ambiguity, squared_threshold),
         }
     }
 
@@ -258,23 +108,23 @@ impl SampleConsensus {
         pairs: &PointPairs,
     ) -> (Matrix3<f64>, Vec<u32>) {
         let limit = found.support.squared_threshold;
-        let Some([start, ..]) = decompose_essential(&found.model) else {
+        let (Some(refinement), Some([start, ..])) = (
+            self.params.final_refinement,
+            decompose_essential(&found.model),
+        ) else {
             return (found.model, found.inliers);
         };
-        if self.params.final_steps == 0 {
-            return (found.model, found.inliers);
-        }
         let near = near(pairs, &found.model, NEAR * limit);
-        let squared_scale = match self.params.final_loss {
+        let squared_scale = match refinement.loss {
             Loss::Truncated => limit,
             Loss::Cauchy => squared_cauchy_scale(&found, pairs).min(limit),
         };
         let pose = refine_pose(
             &start,
             &near,
-            self.params.final_loss,
+            refinement.loss,
             squared_scale,
-            self.params.final_steps,
+            refinement.steps,
         );
         let model = essential_from_pose(&pose);
         let mut residuals = vec![0.0; pairs.len()];
@@ -315,74 +165,110 @@ fn squared_cauchy_scale(found: &Consensus<Matrix3<f64>>, pairs: &PointPairs) -> 
     (factor * factor * *median).max(f64::MIN_POSITIVE)
 }
 
-/// One search, but for its score and sampler.
-struct Run<'a, P> {
+/// One search: everything but the problem, the score and the sampler, which are types.
+struct Task<'a> {
     params: &'a SampleConsensusParams,
-    problem: P,
     pairs: &'a PointPairs,
+    ambiguity: &'a [f32],
+    focal: f64,
     seed: Seed,
     stop: &'a dyn Fn(usize) -> bool,
 }
 
-impl<P: Problem<Model = Matrix3<f64>>> Run<'_, P> {
-    fn sampled(
-        &self,
-        ambiguity: &[f32],
-        squared_threshold: f64,
-    ) -> Option<Consensus<Matrix3<f64>>> {
-        let pairs = self.pairs;
-        match self.params.sampler {
-            SamplerKind::Uniform => self.with(squared_threshold, Uniform::new(pairs.len())),
-            SamplerKind::Prosac => {
-                assert_eq!(ambiguity.len(), pairs.len(), "an ambiguity for each match");
-                let sampler = Prosac::new(ambiguity, self.params.prosac_horizon);
-                self.with(squared_threshold, sampler)
-            }
-            SamplerKind::Spread => {
-                self.with(squared_threshold, Spread::new(pairs, self.params.cells))
-            }
-        }
-    }
-
-    fn with(
-        &self,
-        squared_threshold: f64,
-        sampler: impl Sampler,
-    ) -> Option<Consensus<Matrix3<f64>>> {
+impl Task<'_> {
+    fn solve<P>(&self, problem: &P) -> Option<Consensus<Matrix3<f64>>>
+    where
+        P: Problem<Model = Matrix3<f64>>,
+    {
+        let squared = |threshold_px: f64| {
+            let threshold = threshold_px / self.focal;
+            threshold * threshold
+        };
         match self.params.score {
-            ScoreKind::InlierCount => self.go(&InlierCount { squared_threshold }, sampler),
-            ScoreKind::Msac => self.go(&Msac { squared_threshold }, sampler),
-            ScoreKind::EvenMsac => {
-                let cells = self.params.score_cells;
-                let score = EvenMsac::new(self.pairs, cells, squared_threshold);
-                self.go(&score, sampler)
+            Score::InlierCount { threshold_px, sprt } => {
+                let squared_threshold = squared(threshold_px);
+                self.sampled(problem, &InlierCount { squared_threshold }, sprt)
             }
-            ScoreKind::Mlesac => {
-                let span = diagonal(self.pairs).max(f64::MIN_POSITIVE);
+            Score::Msac { threshold_px, sprt } => {
+                let squared_threshold = squared(threshold_px);
+                self.sampled(problem, &Msac { squared_threshold }, sprt)
+            }
+            Score::EvenMsac {
+                threshold_px,
+                cells,
+                sprt,
+            } => {
+                let score = EvenMsac::new(self.pairs, cells, squared(threshold_px));
+                self.sampled(problem, &score, sprt)
+            }
+            Score::Magsac { threshold_px, sprt } => {
+                self.sampled(problem, &Magsac::new(squared(threshold_px)), sprt)
+            }
+            Score::Mlesac { threshold_px } => {
                 let score = Mlesac {
-                    squared_threshold,
-                    span,
+                    squared_threshold: squared(threshold_px),
+                    span: diagonal(self.pairs).max(f64::MIN_POSITIVE),
                 };
-                self.go(&score, sampler)
+                self.sampled(problem, &score, false)
             }
-            ScoreKind::Median => self.go(&MedianOfSquares { sample: P::SAMPLE }, sampler),
-            ScoreKind::Magsac => self.go(&Magsac::new(squared_threshold), sampler),
+            Score::Lmeds => self.sampled(problem, &MedianOfSquares { sample: P::SAMPLE }, false),
         }
     }
 
-    fn go(&self, score: &impl Score, mut sampler: impl Sampler) -> Option<Consensus<Matrix3<f64>>> {
+    fn sampled<P>(
+        &self,
+        problem: &P,
+        score: &impl Scoring,
+        sprt: bool,
+    ) -> Option<Consensus<Matrix3<f64>>>
+    where
+        P: Problem<Model = Matrix3<f64>>,
+    {
+        match self.params.sampler {
+            Sampler::Uniform => self.run(problem, score, sprt, &mut Uniform::new(self.pairs.len())),
+            Sampler::Prosac { horizon } => self.run(
+                problem,
+                score,
+                sprt,
+                &mut Prosac::new(self.ambiguity, horizon),
+            ),
+            Sampler::Spread { cells } => self.run(
+                problem,
+                score,
+                sprt,
+                &mut EvenSampler::new(self.pairs, cells),
+            ),
+        }
+    }
+
+    fn run<P>(
+        &self,
+        problem: &P,
+        score: &impl Scoring,
+        sprt: bool,
+        sampler: &mut impl Sampling,
+    ) -> Option<Consensus<Matrix3<f64>>>
+    where
+        P: Problem<Model = Matrix3<f64>>,
+    {
+        let max_samples = self.params.max_iterations;
+        // Whatever the confidence, a least number of samples that is the largest one leaves none out.
+        let stop_early = self.params.early_stop.unwrap_or(EarlyStop {
+            confidence: 0.0,
+            min_iterations: max_samples,
+        });
         consensus_until(
-            &self.problem,
+            problem,
             score,
-            &mut sampler,
+            sampler,
             ConsensusParams {
-                confidence: self.params.confidence,
-                max_samples: self.params.max_iterations,
+                confidence: stop_early.confidence,
+                max_samples,
             },
             Extras {
-                min_samples: self.params.min_iterations,
+                min_samples: stop_early.min_iterations,
                 local_steps: self.params.local_steps,
-                sprt: self.params.sprt,
+                sprt,
             },
             &mut self.seed.rng(),
             self.stop,
@@ -421,12 +307,12 @@ impl PoseEstimator for SampleConsensus {
         seed: Seed,
         stop: &dyn Fn(usize) -> bool,
     ) -> Result<PoseEstimate, NoPose> {
-        let order = shuffled(views.a.len(), seed.child("order"));
+        let order = shuffled(views.points.len(), seed.child("order"));
         let given = views.at_depth_1();
         let pairs: PointPairs = order.iter().map(|&i| given.get(i as usize)).collect();
         let needed = match self.params.geometry {
-            GeometryKind::Essential => EssentialProblem::SAMPLE,
-            GeometryKind::Fundamental => FundamentalProblem::SAMPLE,
+            Geometry::Essential { .. } => EssentialProblem::SAMPLE,
+            Geometry::Fundamental { .. } => FundamentalProblem::SAMPLE,
         };
         if pairs.len() < needed {
             return Err(NoPose::TooFewMatches {
@@ -435,12 +321,10 @@ impl PoseEstimator for SampleConsensus {
             });
         }
         let ambiguity: Vec<f32> = (order.iter())
-            .filter_map(|&i| views.ambiguity.get(i as usize).copied())
+            .map(|&i| views.points.ambiguity[i as usize])
             .collect();
-        let focal = f64::midpoint(views.camera_a.mean_focal(), views.camera_b.mean_focal());
-        let threshold = self.params.threshold_px / focal;
         let found = self
-            .search(&pairs, &ambiguity, threshold * threshold, seed, stop)
+            .search(&pairs, &ambiguity, views.mean_focal(), seed, stop)
             .ok_or(NoPose::NoSupport { found: 0, needed })?;
         let iterations = found.samples;
         let (model, inliers) = self.finish(found, &pairs);

@@ -8,6 +8,8 @@
 //! vectorise but never reorders floating-point arithmetic. Where that is not fast enough a kernel
 //! is written by hand in intrinsics, and a test compares its bits with the scalar text.
 #![allow(unsafe_code)]
+// The room is private; inside, kernels are marked as they would be in a crate of their own.
+#![allow(unreachable_pub)]
 
 /// Compiles a function for the baseline and again for AVX2 with fused multiply-add, and chooses
 /// the best version at run time.
@@ -73,17 +75,15 @@ pub use blur8::{weigh_along_u8, weigh_rows_u8};
 pub use brisk::{DirectionWeights, direction};
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
 pub use daisy::{DAISY_COLUMNS, DAISY_MAPS, DaisyRow, add_between, rectified_gradients};
-pub use diffuse::{Below, Flows, NO_FLOWS, diffuse_row};
+pub use diffuse::{Below, NO_FLOWS, diffuse_row};
 pub use extrema::{ThreeRows, find_extrema, find_maxima};
 pub use fast::{segment_scores, strict_maxima, weak_maxima};
 pub use freak::{Fields, compare_means, field_means};
 pub use gradient::{polar_gradients, turns};
 pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
-pub use latch::{WIDEST, WINDOW, compare_patches, turn_places};
+pub use latch::{WINDOW, compare_patches, turn_places};
 pub use normalize::normalize_to_bytes;
-pub use orb::{
-    PATCH_MARGIN, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments,
-};
+pub use orb::{PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments};
 pub use pooling::{
     PATCHES_AT_ONCE, VECTORS_AT_ONCE, WeakLearner, box_responses, integrate_spread, pool, project,
     vote,

@@ -25,10 +25,6 @@ impl Pixels<'_> {
 
 /// Radius of the patch whose centre of intensity gives the orientation.
 const MOMENT_RADIUS: usize = 15;
-/// Distance that centres must keep from the border; nearer, the kernels here read pixels from the
-/// other end of the row, or panic.
-pub const PATCH_MARGIN: usize = 20;
-
 /// Half the length of the rows of a circular patch, from the middle row outwards: the circle of
 /// radius 15, made symmetric about the diagonals.
 const HALF_ROWS: [usize; MOMENT_RADIUS + 1] =
@@ -51,7 +47,8 @@ const COPY_ROW: usize = 64;
 multiversioned! {
     /// Harris corner strength `(det - 0.04 trace^2)` of the second-moment matrix of the Sobel
     /// gradients, summed over 7 x 7 pixels and scaled to intensities in `[0, 1]`, at each centre.
-    /// Centres keep [`PATCH_MARGIN`] from the border.
+    /// Centres must be at least 20 pixels from the border; nearer to it, pixels from the other end of the row
+    /// are read, or it panics.
     pub fn harris_strengths(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<f32> {
         let mut strengths = Vec::with_capacity(centres.len());
         for &centre in centres {
@@ -62,7 +59,8 @@ multiversioned! {
 
     /// First moments (of x, then of y) of the intensities in the circle of radius 15 about each
     /// centre.
-    /// Centres keep [`PATCH_MARGIN`] from the border.
+    /// Centres must be at least 20 pixels from the border; nearer to it, pixels from the other end of the row
+    /// are read, or it panics.
     pub fn intensity_moments(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<[i32; 2]> {
         let mut moments = Vec::with_capacity(centres.len());
         for &centre in centres {
@@ -73,7 +71,8 @@ multiversioned! {
 
     /// 256 bits for each centre: whether the first place of each pair is darker than the second,
     /// all places turned by the angle whose cosine and sine are given, to the nearest pixel.
-    /// Centres keep [`PATCH_MARGIN`] from the border.
+    /// Centres must be at least 20 pixels from the border; nearer to it, pixels from the other end of the row
+    /// are read, or it panics.
     ///
     /// # Panics
     /// If there are not as many turns as centres.

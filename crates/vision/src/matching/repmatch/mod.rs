@@ -18,7 +18,7 @@
 //! | field | default | source |
 //! | --- | --- | --- |
 //! | `coherence` | those of CODE | the paper builds on it |
-//! | `pose` | five points, progressive samples, even MSAC, local optimisation | - |
+//! | `pose` | [`presets::best`] with a truncated loss | - |
 //! | `rounds` | 2 | - |
 //! | `likelihood` | 0.7 | CODE's second pass |
 //! | `max_epipolar` | 1/400 | 2 pixels of 640x480 |
@@ -28,15 +28,15 @@
 //! outvoting the rest of the scene. Where the cameras are unknown or no pose is found, the matches of
 //! CODE stay.
 
-use nalgebra::Point2;
-
 use super::code::{Code, CodeParams, Coherence, Motions};
 use super::{Correspondence, Correspondences, Selector, View};
-use crate::geometry::{Camera, PointPairs, essential_from_pose, squared_sampson_distances};
+use crate::geometry::{
+    Camera, Loss, MatchedPoints, PointPairs, essential_from_pose, squared_sampson_distances,
+};
 use crate::image::Size;
 use crate::params::ParamError;
 use crate::robust::{
-    PoseEstimator, SampleConsensus, SampleConsensusParams, SamplerKind, ScoreKind, TwoViews,
+    FinalRefinement, PoseEstimator, SampleConsensus, SampleConsensusParams, TwoViews, presets,
 };
 use crate::seed::Seed;
 
@@ -53,6 +53,7 @@ pub struct RepMatchParams {
     /// Least likelihood of a match.
     pub likelihood: f64,
     /// Of the pose that the kept matches agree on.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "pose_over_default"))]
     pub pose: SampleConsensusParams,
     /// Largest Sampson distance from the epipolar lines, relative to the diagonals of the images;
     /// positive.
@@ -65,17 +66,34 @@ impl Default for RepMatchParams {
             coherence: CodeParams::default(),
             rounds: 2,
             likelihood: 0.7,
-            pose: SampleConsensusParams {
-                score: ScoreKind::EvenMsac,
-                sampler: SamplerKind::Prosac,
-                threshold_px: 2.0,
-                min_iterations: 1000,
-                max_iterations: 20_000,
-                ..SampleConsensusParams::default()
-            },
+            pose: default_pose(),
             max_epipolar: 1.0 / 400.0,
         }
     }
+}
+
+/// [`presets::best`], but the loss of its refinement is truncated: whether a match is near its epipolar line is
+/// decided by a threshold too.
+fn default_pose() -> SampleConsensusParams {
+    SampleConsensusParams {
+        final_refinement: Some(FinalRefinement {
+            loss: Loss::Truncated,
+            steps: 25,
+        }),
+        ..presets::best()
+    }
+}
+
+/// What is left out keeps the default of this selector, not of the parts.
+#[cfg(feature = "serde")]
+fn pose_over_default<'de, D>(deserializer: D) -> Result<SampleConsensusParams, D::Error>
+where
+    D: serde::Deserializer<'de>,
+{
+    let changes = <crate::robust::Settings as serde::Deserialize>::deserialize(deserializer)?;
+    default_pose()
+        .with(changes)
+        .map_err(serde::de::Error::custom)
 }
 
 /// Selection by coherent motion along one epipolar geometry.
@@ -125,12 +143,17 @@ impl RepMatch {
         let (Some(camera_a), Some(camera_b)) = (a.camera, b.camera) else {
             return kept;
         };
-        let places = Places::new((a, camera_a), (b, camera_b), matches);
-        let pairs = places.views().at_depth_1();
+        let points =
+            MatchedPoints::of_keypoints(matches, &a.features.keypoints, &b.features.keypoints);
+        let scene = Scene {
+            pairs: points.at_depth_1(camera_a, camera_b),
+            points,
+            cameras: [camera_a, camera_b],
+            diagonal: 0.5 * (diagonal(a, camera_a) + diagonal(b, camera_b)),
+        };
         for round in 0..self.params.rounds {
             let seed = seed.number(round as u64);
-            let Some(near) = self.near_epipolar_lines(&places, &pairs, &kept, seed.child("pose"))
-            else {
+            let Some(near) = self.near_epipolar_lines(&scene, &kept, seed.child("pose")) else {
                 break;
             };
             let candidates = (0..matches.len()).filter(|&i| near[i]).collect();
@@ -146,21 +169,25 @@ impl RepMatch {
         kept
     }
 
-    /// For each match, whose points at depth 1 are `pairs`, whether it lies near its epipolar lines under
-    /// the pose that the kept ones agree on; `None` where they agree on none.
+    /// For each match whether it lies near its epipolar lines under the pose that the kept ones agree on;
+    /// `None` where they agree on none.
     fn near_epipolar_lines(
         &self,
-        places: &Places<'_>,
-        pairs: &PointPairs,
+        scene: &Scene<'_>,
         kept: &[bool],
         seed: Seed,
     ) -> Option<Vec<bool>> {
-        let selected = places.selected(kept);
-        let found = self.pose.estimate(selected.views(), seed).ok()?;
+        let views = TwoViews {
+            points: &scene.points.masked(kept),
+            camera_a: scene.cameras[0],
+            camera_b: scene.cameras[1],
+        };
+        let found = self.pose.estimate(views, seed).ok()?;
         let essential = essential_from_pose(&found.b_from_a);
+        let pairs = &scene.pairs;
         let mut squared = vec![0.0; pairs.len()];
         squared_sampson_distances(&essential, pairs, 0..pairs.len(), &mut squared);
-        let limit = self.params.max_epipolar * places.diagonal;
+        let limit = self.params.max_epipolar * scene.diagonal;
         Some(squared.iter().map(|&d| d <= limit * limit).collect())
     }
 }
@@ -172,59 +199,20 @@ impl Selector for RepMatch {
     }
 }
 
-/// Where the features of matches are, as estimators take them.
-struct Places<'a> {
-    a: Vec<Point2<f64>>,
-    b: Vec<Point2<f64>>,
-    ambiguity: Vec<f32>,
+/// All matches with the cameras that saw them.
+struct Scene<'a> {
+    points: MatchedPoints,
+    /// The same at depth 1.
+    pairs: PointPairs,
     cameras: [&'a Camera; 2],
     /// Mean diagonal of the images at depth 1.
     diagonal: f64,
 }
 
-impl<'a> Places<'a> {
-    fn new(
-        (a, camera_a): (View<'_>, &'a Camera),
-        (b, camera_b): (View<'_>, &'a Camera),
-        matches: &[Correspondence],
-    ) -> Self {
-        let place = |view: View<'_>, index: u32| view.features.keypoints[index as usize].at.cast();
-        let diagonal = |view: View<'_>, camera: &Camera| {
-            let Size { width, height } = view.features.size;
-            ((width * width + height * height) as f64).sqrt() / camera.mean_focal()
-        };
-        Self {
-            a: matches.iter().map(|m| place(a, m.a)).collect(),
-            b: matches.iter().map(|m| place(b, m.b)).collect(),
-            ambiguity: matches.iter().map(Correspondence::ambiguity).collect(),
-            cameras: [camera_a, camera_b],
-            diagonal: 0.5 * (diagonal(a, camera_a) + diagonal(b, camera_b)),
-        }
-    }
-
-    /// Those that are kept.
-    fn selected(&self, kept: &[bool]) -> Self {
-        fn keep<T: Copy>(values: &[T], kept: &[bool]) -> Vec<T> {
-            let kept = values.iter().zip(kept).filter(|&(_, &kept)| kept);
-            kept.map(|(&value, _)| value).collect()
-        }
-        Self {
-            a: keep(&self.a, kept),
-            b: keep(&self.b, kept),
-            ambiguity: keep(&self.ambiguity, kept),
-            ..*self
-        }
-    }
-
-    fn views(&self) -> TwoViews<'_> {
-        TwoViews {
-            a: &self.a,
-            b: &self.b,
-            camera_a: self.cameras[0],
-            camera_b: self.cameras[1],
-            ambiguity: &self.ambiguity,
-        }
-    }
+/// Diagonal of an image at depth 1.
+fn diagonal(view: View<'_>, camera: &Camera) -> f64 {
+    let Size { width, height } = view.features.size;
+    ((width * width + height * height) as f64).sqrt() / camera.mean_focal()
 }
 
 #[cfg(test)]

@@ -1,3 +1,5 @@
+use nalgebra::Point2;
+
 use super::*;
 use crate::features::{DescriptorKind, Descriptors, Features, FloatRows, Keypoint};
 use crate::matching::Correspondence;

@@ -3,7 +3,7 @@
 use nalgebra::{Point2, Rotation3, UnitQuaternion, UnitVector3, Vector3};
 
 use super::*;
-use crate::geometry::Camera;
+use crate::geometry::{Camera, MatchedPoints};
 
 const CAMERA: Camera = Camera::pinhole(600.0, 610.0, 320.0, 240.0);
 
@@ -47,11 +47,9 @@ fn estimate(
     seed: u64,
 ) -> Result<PoseEstimate, NoPose> {
     let views = TwoViews {
-        a,
-        b,
+        points: &MatchedPoints::new(a.clone(), b.clone(), vec![0.5; a.len()]),
         camera_a: &CAMERA,
         camera_b: &CAMERA,
-        ambiguity: &vec![0.5; a.len()],
     };
     SampleConsensus::new(params)
         .expect("allowed parameters")
@@ -59,11 +57,20 @@ fn estimate(
 }
 
 fn every_combination() -> impl Iterator<Item = SampleConsensusParams> {
-    let scores = [ScoreKind::InlierCount, ScoreKind::Msac, ScoreKind::EvenMsac];
+    let (threshold_px, sprt) = (1.0, true);
+    let scores = [
+        Score::InlierCount { threshold_px, sprt },
+        Score::Msac { threshold_px, sprt },
+        Score::EvenMsac {
+            threshold_px,
+            cells: 10,
+            sprt,
+        },
+    ];
     let samplers = [
-        SamplerKind::Uniform,
-        SamplerKind::Prosac,
-        SamplerKind::Spread,
+        Sampler::Uniform,
+        Sampler::Prosac { horizon: 200_000 },
+        Sampler::Spread { cells: 20 },
     ];
     scores.into_iter().flat_map(move |score| {
         samplers
@@ -144,7 +151,7 @@ fn refinement_improves_the_pose() {
     let matches = matches(200, 100, 0.5, deep);
     let plain = SampleConsensusParams {
         local_steps: 0,
-        final_steps: 0,
+        final_refinement: None,
         ..SampleConsensusParams::default()
     };
     let mean = |params| {
@@ -160,7 +167,10 @@ fn giving_up_early_and_the_order_of_matches_change_no_inliers_of_an_easy_problem
     let (mut a, mut b) = matches(150, 150, 0.2, deep);
     let inliers = |sprt, matches: &Matches| {
         let params = SampleConsensusParams {
-            sprt,
+            score: Score::Msac {
+                threshold_px: 1.0,
+                sprt,
+            },
             ..SampleConsensusParams::default()
         };
         estimate(params, matches, 3).expect("a pose").inliers
@@ -223,11 +233,9 @@ fn degenerate_matches_do_no_harm() {
 fn stopping_at_once_finds_nothing_and_stopping_later_takes_no_more_samples() {
     let (a, b) = matches(20, 180, 0.3, deep);
     let views = TwoViews {
-        a: &a,
-        b: &b,
+        points: &MatchedPoints::new(a, b, vec![0.0; 200]),
         camera_a: &CAMERA,
         camera_b: &CAMERA,
-        ambiguity: &[0.0; 200],
     };
     let estimator = SampleConsensus::new(SampleConsensusParams::default()).expect("defaults");
     assert!(estimator.estimate_until(views, Seed(1), &|_| true).is_err());
@@ -238,18 +246,47 @@ fn stopping_at_once_finds_nothing_and_stopping_later_takes_no_more_samples() {
 #[test]
 fn parameters_out_of_range_are_named() {
     let default = SampleConsensusParams::default();
+    let early_stop = |confidence, min_iterations| {
+        Some(EarlyStop {
+            confidence,
+            min_iterations,
+        })
+    };
+    let score = |threshold_px, cells| Score::EvenMsac {
+        threshold_px,
+        cells,
+        sprt: false,
+    };
+    let final_refinement = |steps| {
+        let loss = Loss::Truncated;
+        Some(FinalRefinement { loss, steps })
+    };
     let wrong = [
         (
             "confidence",
             SampleConsensusParams {
-                confidence: 1.0,
+                early_stop: early_stop(1.0, 0),
+                ..default
+            },
+        ),
+        (
+            "min_iterations",
+            SampleConsensusParams {
+                early_stop: early_stop(0.9, 1001),
                 ..default
             },
         ),
         (
             "threshold_px",
             SampleConsensusParams {
-                threshold_px: f64::NAN,
+                score: score(f64::NAN, 10),
+                ..default
+            },
+        ),
+        (
+            "score_cells",
+            SampleConsensusParams {
+                score: score(1.0, 0),
                 ..default
             },
         ),
@@ -257,13 +294,6 @@ fn parameters_out_of_range_are_named() {
             "max_iterations",
             SampleConsensusParams {
                 max_iterations: 0,
-                ..default
-            },
-        ),
-        (
-            "min_iterations",
-            SampleConsensusParams {
-                min_iterations: 1001,
                 ..default
             },
         ),
@@ -277,21 +307,21 @@ fn parameters_out_of_range_are_named() {
         (
             "final_steps",
             SampleConsensusParams {
-                final_steps: 1001,
+                final_refinement: final_refinement(1001),
                 ..default
             },
         ),
         (
             "prosac_horizon",
             SampleConsensusParams {
-                prosac_horizon: 0,
+                sampler: Sampler::Prosac { horizon: 0 },
                 ..default
             },
         ),
         (
             "cells",
             SampleConsensusParams {
-                cells: 0,
+                sampler: Sampler::Spread { cells: 0 },
                 ..default
             },
         ),

@@ -9,13 +9,13 @@
 //! | --- | --- | --- | --- |
 //! | | `cells` | 20 across and down | GMS's grid |
 
-use super::Sampler;
+use super::Sampling;
 use crate::geometry::PointPairs;
 use crate::seed::Rng;
 
 /// Draws occupied cells first, then data in them.
 #[derive(Clone, Debug)]
-pub struct Spread {
+pub struct EvenSampler {
     /// Numbers of the data, cell after cell.
     data: Vec<u32>,
     /// Where each occupied cell starts in `data`, and the end.
@@ -24,7 +24,7 @@ pub struct Spread {
     chosen: Vec<u32>,
 }
 
-impl Spread {
+impl EvenSampler {
     /// Samples from matches, `cells` x `cells` cells laid over the points of view `a`. Matches whose
     /// coordinates are not finite share a cell.
     ///
@@ -75,7 +75,7 @@ fn index_along(values: &[f64], cells: u32) -> Vec<Option<u32>> {
         .collect()
 }
 
-impl Sampler for Spread {
+impl Sampling for EvenSampler {
     /// # Panics
     /// If `sample` is longer than there are data.
     fn draw(&mut self, rng: &mut Rng, sample: &mut [u32]) {
@@ -123,7 +123,7 @@ mod tests {
                 (Point2::new(at, at), Point2::origin())
             })
             .collect();
-        let mut spread = Spread::new(&pairs, 20);
+        let mut spread = EvenSampler::new(&pairs, 20);
         let mut rng = Seed(1).rng();
         let mut sample = [0; 5];
         let (mut first, mut crowd) = (0, 0);
@@ -146,7 +146,7 @@ mod tests {
                 .into_iter()
                 .collect();
             let mut sample = [0; 5];
-            Spread::new(&pairs, 20).draw(&mut Seed(1).rng(), &mut sample);
+            EvenSampler::new(&pairs, 20).draw(&mut Seed(1).rng(), &mut sample);
             sample.sort_unstable();
             assert!(sample.windows(2).all(|w| w[0] < w[1]));
         }

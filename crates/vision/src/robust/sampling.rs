@@ -3,7 +3,7 @@
 use crate::seed::Rng;
 
 /// Draws minimal samples. One of the three axes of [`consensus`](super::consensus).
-pub trait Sampler {
+pub trait Sampling {
     /// Fills `sample` with distinct numbers of data. A sampler may remember how often it was asked
     /// (PROSAC widens its choice with time).
     fn draw(&mut self, rng: &mut Rng, sample: &mut [u32]);
@@ -27,7 +27,7 @@ impl Uniform {
     }
 }
 
-impl Sampler for Uniform {
+impl Sampling for Uniform {
     /// # Panics
     /// If `sample` is longer than there are data.
     fn draw(&mut self, rng: &mut Rng, sample: &mut [u32]) {

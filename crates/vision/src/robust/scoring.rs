@@ -4,21 +4,22 @@ use std::ops::Range;
 
 use crate::simd;
 
-/// Judges models by their squared residuals. One of the three axes of
+/// Rates models by their squared residuals. One of the three axes of
 /// [`consensus`](super::consensus).
-pub trait Score {
-    /// What the data in `range` say about a model, given their residuals. The slice may be reordered (a
-    /// median needs it).
+pub trait Scoring {
+    /// Quality and inliers of a model over the data in `range`, given their squared residuals. The slice
+    /// may be reordered (a median needs it).
     fn support(&self, range: Range<usize>, squared_residuals: &mut [f64]) -> Support;
 
-    /// Most that the data in `range` can add to the quality, where the quality is a sum over the data:
-    /// what allows giving up a model before all data are seen. `None` where it is no such sum.
-    fn most(&self, _range: Range<usize>) -> Option<f64> {
+    /// The most that the data in `range` can add to the quality of any model, where the quality is a sum
+    /// over the data; it allows abandoning a model before all data are seen. `None` where the quality is no
+    /// such sum.
+    fn upper_bound(&self, _range: Range<usize>) -> Option<f64> {
         None
     }
 }
 
-/// What the data say about a model.
+/// How well data agree with a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Support {
     /// The larger, the better; comparable within one score.
@@ -37,7 +38,7 @@ pub struct InlierCount {
     pub squared_threshold: f64,
 }
 
-impl Score for InlierCount {
+impl Scoring for InlierCount {
     fn support(&self, _range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
         let inliers = simd::count_at_most(squared_residuals, self.squared_threshold);
         Support {
@@ -47,7 +48,7 @@ impl Score for InlierCount {
         }
     }
 
-    fn most(&self, range: Range<usize>) -> Option<f64> {
+    fn upper_bound(&self, range: Range<usize>) -> Option<f64> {
         Some(range.len() as f64)
     }
 }
@@ -61,7 +62,7 @@ pub struct Msac {
     pub squared_threshold: f64,
 }
 
-impl Score for Msac {
+impl Scoring for Msac {
     fn support(&self, _range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
         let limit = self.squared_threshold;
         let cost = simd::sum_truncated(squared_residuals, limit);
@@ -72,7 +73,7 @@ impl Score for Msac {
         }
     }
 
-    fn most(&self, range: Range<usize>) -> Option<f64> {
+    fn upper_bound(&self, range: Range<usize>) -> Option<f64> {
         Some(range.len() as f64)
     }
 }

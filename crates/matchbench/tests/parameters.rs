@@ -1,0 +1,416 @@
+//! No parameter is accepted and ignored.
+//!
+//! Each parameter that a matcher or estimator lists is given other values, one parameter at a time, until
+//! the result on a small scene is another. A parameter for which no value does that fails, unless what it
+//! belongs to is not chosen and the refusal says so. Giving one parameter must also leave all others as they
+//! were.
+
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+
+use matchbench::config::ConfigError;
+use matchbench::estimators::ESTIMATORS;
+use matchbench::matchers::{BuiltMatcher, Extraction, MATCHERS};
+use matchbench_vision::features::Features;
+use matchbench_vision::geometry::{Camera, MatchedPoints};
+use matchbench_vision::image::{GrayImage, Size};
+use matchbench_vision::matching::{Correspondences, View};
+use matchbench_vision::robust::{NoPose, PoseEstimate, TwoViews};
+use matchbench_vision::seed::Seed;
+use nalgebra::{Point2, Rotation3, Vector3};
+use serde_json::{Value, json};
+
+/// Where a parameter stands in the tree of all: a JSON pointer.
+type Pointer = String;
+
+/// Every parameter below `value`; the elements of lists are parameters too.
+fn parameters(value: &Value, at: &str, found: &mut Vec<Pointer>) {
+    match value {
+        Value::Object(parts) => {
+            for (name, part) in parts {
+                parameters(part, &format!("{at}/{name}"), found);
+            }
+        }
+        Value::Array(parts) => {
+            for (index, part) in parts.iter().enumerate() {
+                parameters(part, &format!("{at}/{index}"), found);
+            }
+        }
+        _ => found.push(at.to_owned()),
+    }
+}
+
+/// `{"extractor": {"sigma": 1}}` for `/extractor/sigma`; a list is given whole.
+fn given(all: &Value, pointer: &str, value: &Value) -> Value {
+    let (parent, name) = pointer
+        .rsplit_once('/')
+        .expect("a pointer begins with a slash");
+    if let Some(Value::Array(list)) = all.pointer(parent) {
+        let mut list = list.clone();
+        list[name.parse::<usize>().expect("a place in a list")] = value.clone();
+        return given(all, parent, &Value::Array(list));
+    }
+    let inner = json!({ name: value });
+    match parent {
+        "" => inner,
+        parent => given(all, parent, &inner),
+    }
+}
+
+/// Both, at any depth; they do not contradict each other.
+fn together(mut all: Value, more: &Value) -> Value {
+    if let (Some(all), Some(more)) = (all.as_object_mut(), more.as_object()) {
+        for (name, value) in more {
+            let before = all.remove(name).unwrap_or(Value::Null);
+            let both = if value.is_object() && before.is_object() {
+                together(before, value)
+            } else {
+                value.clone()
+            };
+            all.insert(name.clone(), both);
+        }
+    }
+    all
+}
+
+/// Values that are worth trying in place of this one.
+fn other_values(value: &Value, refused: &dyn Fn(&Value) -> Option<String>) -> Vec<Value> {
+    match value {
+        Value::Bool(value) => vec![json!(!value)],
+        Value::Null => vec![json!(20), json!(2000), json!(0.5)],
+        Value::Number(number) if number.is_f64() => {
+            let x = number.as_f64().expect("it is one");
+            [
+                0.5 * x,
+                2.0 * x,
+                0.1 * x,
+                10.0 * x,
+                0.9 * x,
+                1.1 * x,
+                0.01 * x,
+                1.0 - 0.5 * (1.0 - x),
+                x - 0.5,
+                x + 0.5,
+            ]
+            .map(Value::from)
+            .to_vec()
+        }
+        Value::Number(number) => {
+            let x = number.as_u64().expect("counts are not negative");
+            [
+                x / 2,
+                2 * x,
+                x / 10,
+                x + 1,
+                x.saturating_sub(1),
+                x + 500,
+                x / 100,
+                x / 1000,
+                1,
+                10,
+            ]
+            .into_iter()
+            .filter(|&other| other != x)
+            .map(Value::from)
+            .collect()
+        }
+        Value::String(chosen) => {
+            // The refusal of a choice that is not there lists those that are.
+            let message = refused(&json!("no-such-choice")).expect("there is no such choice");
+            let (_, expected) = message
+                .split_once("expected")
+                .expect("it says what there is");
+            let choices: Vec<Value> = expected
+                .split('`')
+                .skip(1)
+                .step_by(2)
+                .filter(|&choice| choice != chosen)
+                .map(Value::from)
+                .collect();
+            assert!(!choices.is_empty(), "{message}");
+            choices
+        }
+        _ => unreachable!("parameters are leaves"),
+    }
+}
+
+/// What the walk needs of a matcher or an estimator.
+struct Subject<'a, R> {
+    id: &'a str,
+    /// Parameters given in every case, so that the scene is small or something happens at all.
+    always: Value,
+    /// Every parameter as it is built from what is given.
+    built: &'a dyn Fn(&Value) -> Result<Value, ConfigError>,
+    result: &'a dyn Fn(&Value) -> R,
+}
+
+impl<R: PartialEq> Subject<'_, R> {
+    /// The parameters of which no other value changes anything.
+    fn dead(&self) -> Vec<String> {
+        let all = (self.built)(&self.always).expect("what is always given is allowed");
+        let before = (self.result)(&self.always);
+        assert!(
+            before == (self.result)(&self.always),
+            "{} is not deterministic",
+            self.id
+        );
+        let mut pointers = Vec::new();
+        parameters(&all, "", &mut pointers);
+        // The pose of RepMatch is an estimator, whose parameters are walked as those of `best`; what it finds
+        // matters here as far as matches change sides. One of them stands for all.
+        pointers.retain(|pointer| {
+            !pointer.starts_with("/selection/pose/") || pointer.ends_with("/threshold_px")
+        });
+        (pointers.into_iter())
+            .filter(|pointer| !self.acts(&all, pointer, &before))
+            .collect()
+    }
+
+    fn acts(&self, all: &Value, pointer: &str, before: &R) -> bool {
+        let changed = |value: &Value| together(self.always.clone(), &given(all, pointer, value));
+        let refusal = |value: &Value| {
+            (self.built)(&changed(value))
+                .err()
+                .map(|error| error.to_string())
+        };
+        let mut refusals = Vec::new();
+        let mut others = other_values(all.pointer(pointer).expect("it is listed"), &refusal);
+        others.extend(more_values(self.id, pointer));
+        for value in others {
+            let params = changed(&value);
+            match (self.built)(&params) {
+                Err(error) => refusals.push(error.to_string()),
+                Ok(built) => {
+                    self.others_stay(all, &built, pointer);
+                    if (self.result)(&params) != *before {
+                        return true;
+                    }
+                }
+            }
+        }
+        // What belongs to a part that is not chosen is refused whatever its value.
+        let names_the_choice =
+            |message: &String| message.contains("is set, but") || message.contains("exactly alone");
+        let accepted = refusals.is_empty() || !refusals.iter().all(names_the_choice);
+        !accepted
+    }
+
+    /// A choice may bring parameters and take some away; those that stay keep their values.
+    fn others_stay(&self, all: &Value, built: &Value, changed: &str) {
+        let mut pointers = Vec::new();
+        parameters(all, "", &mut pointers);
+        for pointer in pointers.iter().filter(|&pointer| pointer != changed) {
+            if let Some(now) = built.pointer(pointer) {
+                let before = all.pointer(pointer).expect("it is listed");
+                assert_eq!(
+                    now, before,
+                    "{}: giving {changed} changes {pointer}",
+                    self.id
+                );
+            }
+        }
+    }
+}
+
+/// Values for parameters that the usual ones are too near to, or too far from.
+fn more_values(id: &str, pointer: &str) -> Vec<Value> {
+    match (id, pointer) {
+        (_, "/confidence") => vec![json!(0.999_999), json!(0.01)],
+        (_, "/extractor/views/max_pixels") => vec![json!(5000)],
+        _ => Vec::new(),
+    }
+}
+
+const CAMERA: Camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
+
+/// Matches of scene points at the depth that `depth` gives for a ray and a random number, and wrong ones. The
+/// right ones are the less ambiguous.
+fn matches(
+    right: u32,
+    wrong: u32,
+    seed: u64,
+    depth: impl Fn(Point2<f64>, f64) -> f64,
+) -> MatchedPoints {
+    let mut rng = Seed(seed).rng();
+    let rotation = Rotation3::from_euler_angles(0.02, 0.1, 0.05);
+    let mut points = MatchedPoints::default();
+    for i in 0..right + wrong {
+        let mut anywhere = || Point2::new(640.0 * rng.uniform(), 480.0 * rng.uniform());
+        let (a, elsewhere) = (anywhere(), anywhere());
+        let ray = CAMERA.normalize(a);
+        let scene = rotation * (ray.to_homogeneous() * depth(ray, rng.uniform()));
+        let seen = scene + Vector3::new(0.95, 0.1, 0.3);
+        let b = CAMERA.project(Point2::new(seen.x / seen.z, seen.y / seen.z));
+        let noise = Vector3::from_fn(|_, _| 0.5 * rng.normal()).xy();
+        let doubt = if i < right { 0.0 } else { 0.3 };
+        points.push(
+            a,
+            if i < right { b + noise } else { elsewhere },
+            (doubt + 0.7 * rng.uniform()) as f32,
+        );
+    }
+    points
+}
+
+#[test]
+fn every_parameter_of_every_estimator_acts() {
+    let deep = |_: Point2<f64>, uniform: f64| 3.0 + 6.0 * uniform;
+    let wall = |ray: Point2<f64>, uniform: f64| {
+        let wall = 8.0 / (1.0 + 0.4 * ray.x);
+        if uniform < 0.2 { 0.6 * wall } else { wall }
+    };
+    let scenes = [
+        matches(60, 20, 1, deep),
+        matches(36, 84, 2, deep),
+        matches(80, 30, 3, wall),
+    ];
+    let mut dead = Vec::new();
+    for entry in ESTIMATORS {
+        let result = |params: &Value| -> Vec<Result<PoseEstimate, NoPose>> {
+            let estimator = entry
+                .build(Some(params))
+                .expect("it was built before")
+                .estimator;
+            let views = |points| TwoViews {
+                points,
+                camera_a: &CAMERA,
+                camera_b: &CAMERA,
+            };
+            scenes
+                .iter()
+                .map(|points| estimator.estimate(views(points), Seed(4)))
+                .collect()
+        };
+        let subject = Subject {
+            id: entry.id(),
+            always: json!({}),
+            built: &|params| entry.build(Some(params)).map(|built| built.params),
+            result: &result,
+        };
+        dead.extend(
+            subject
+                .dead()
+                .into_iter()
+                .map(|pointer| format!("{}{pointer}", entry.id())),
+        );
+    }
+    assert!(dead.is_empty(), "these parameters do nothing: {dead:#?}");
+}
+
+/// A wall that moves by `shift` pixels, before it two boards that move farther, on the right something that
+/// has nothing to do with the other image.
+fn image(seed: u64, size: Size, shift: usize) -> GrayImage {
+    let mut noise = Seed(5).number(seed).rng();
+    GrayImage::from_fn(size, |x, y| {
+        let (shift, layer) = match y * 4 / size.height {
+            1 => (2 * shift, 1),
+            2 => (3 * shift / 2, 2),
+            _ => (shift, 0),
+        };
+        let layer = if x > size.width * 4 / 5 {
+            10 + seed
+        } else {
+            layer
+        };
+        let (column, row) = ((x + shift) as u64 / 7, y as u64 / 6);
+        let patch = Seed(6).number(layer).number(column).number(row);
+        (40 + patch.rng().below(170) + noise.below(6)) as u8
+    })
+}
+
+/// Features that were extracted before: the same extraction of the same image gives the same.
+type Known = Mutex<BTreeMap<(String, usize), Features>>;
+
+fn features(known: &Known, built: &BuiltMatcher, images: &[GrayImage], index: usize) -> Features {
+    let Extraction {
+        extractor, params, ..
+    } = &built.extraction;
+    let key = (format!("{extractor} {params}"), index);
+    let found = known
+        .lock()
+        .expect("no other thread panicked")
+        .get(&key)
+        .cloned();
+    found.unwrap_or_else(|| {
+        let features = built
+            .matcher
+            .extract(&images[index])
+            .expect("no matcher of ours fails");
+        known
+            .lock()
+            .expect("no other thread panicked")
+            .insert(key, features.clone());
+        features
+    })
+}
+
+/// Enough of the results of a matcher to tell two apart.
+#[derive(PartialEq)]
+struct Matched {
+    features: Vec<Features>,
+    putative: Correspondences,
+    selected: Correspondences,
+}
+
+#[test]
+fn every_parameter_of_every_matcher_acts() {
+    let size = Size::new(160, 120);
+    // The third is large enough for the larger budget of GMS.
+    let images = [
+        image(0, size, 0),
+        image(1, size, 4),
+        image(2, Size::new(660, 480), 0),
+    ];
+    let known = Known::default();
+    let mut dead = Vec::new();
+    for entry in MATCHERS {
+        let result = |params: &Value| -> Matched {
+            let built = entry.build(Some(params)).expect("it was built before");
+            let count = if entry.id().starts_with("gms") { 3 } else { 2 };
+            let features: Vec<Features> = (0..count)
+                .map(|i| features(&known, &built, &images, i))
+                .collect();
+            let putative = built
+                .matcher
+                .search(&features[0], &features[1])
+                .expect("ours");
+            let view = |index: usize| View {
+                features: &features[index],
+                image: Some(&images[index]),
+                camera: Some(&CAMERA),
+            };
+            let selected = built
+                .matcher
+                .select(view(0), view(1), putative.clone(), Seed(3))
+                .expect("ours");
+            Matched {
+                features,
+                putative,
+                selected,
+            }
+        };
+        let subject = Subject {
+            id: entry.id(),
+            always: always(entry.id()),
+            built: &|params| entry.build(Some(params)).map(|built| built.params),
+            result: &result,
+        };
+        let start = std::time::Instant::now();
+        dead.extend(
+            subject
+                .dead()
+                .into_iter()
+                .map(|pointer| format!("{}{pointer}", entry.id())),
+        );
+        println!("{} {:.1} s", entry.id(), start.elapsed().as_secs_f64());
+    }
+    assert!(dead.is_empty(), "these parameters do nothing: {dead:#?}");
+}
+
+/// What keeps the scenes of the slow ones small.
+fn always(id: &str) -> Value {
+    match id {
+        "asift" | "code" | "repmatch" => json!({"extractor": {"views": {"limit": 500}}}),
+        _ => json!({}),
+    }
+}

@@ -1,0 +1,123 @@
+//! Matched points of two images, in pixels: what selection hands to estimation.
+
+use nalgebra::Point2;
+
+use super::{Camera, PointPairs};
+
+/// Matched points of two images: `a[i]` and `b[i]` are taken to show the same scene point.
+///
+/// The three lists have the same length. Whoever fills them by hand and lets the lengths differ gets
+/// a panic from [`MatchedPoints::at_depth_1`], which every estimator calls first.
+///
+/// ```
+/// use matchbench_vision::geometry::MatchedPoints;
+/// use matchbench_vision::nalgebra::Point2;
+///
+/// let mut matches = MatchedPoints::default();
+/// matches.push(Point2::new(10.0, 20.0), Point2::new(14.5, 20.0), 0.6);
+/// assert_eq!(matches.len(), 1);
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MatchedPoints {
+    /// Positions in image `a`, in pixels.
+    pub a: Vec<Point2<f64>>,
+    /// Positions in image `b`, in pixels.
+    pub b: Vec<Point2<f64>>,
+    /// How doubtful each match is, from 0 (certain) to 1 (a second candidate is as good): the nearest
+    /// over the second nearest distance of descriptors, or one minus a learned confidence. Only the
+    /// order matters, and only to samplers that try certain matches first.
+    pub ambiguity: Vec<f32>,
+}
+
+impl MatchedPoints {
+    /// Matches from their positions in both images and their ambiguities.
+    ///
+    /// # Panics
+    /// If the three lists have different lengths.
+    pub fn new(a: Vec<Point2<f64>>, b: Vec<Point2<f64>>, ambiguity: Vec<f32>) -> Self {
+        let points = Self { a, b, ambiguity };
+        points.check();
+        points
+    }
+
+    /// Number of matches.
+    pub fn len(&self) -> usize {
+        self.a.len()
+    }
+
+    /// Whether there are no matches.
+    pub fn is_empty(&self) -> bool {
+        self.a.is_empty()
+    }
+
+    /// Appends a match.
+    pub fn push(&mut self, a: Point2<f64>, b: Point2<f64>, ambiguity: f32) {
+        self.a.push(a);
+        self.b.push(b);
+        self.ambiguity.push(ambiguity);
+    }
+
+    /// The matches whose entry in `mask` is `true`, in their order.
+    #[must_use]
+    pub fn masked(&self, mask: &[bool]) -> Self {
+        fn keep<T: Copy>(values: &[T], mask: &[bool]) -> Vec<T> {
+            let kept = values.iter().zip(mask).filter(|&(_, &kept)| kept);
+            kept.map(|(&value, _)| value).collect()
+        }
+        Self {
+            a: keep(&self.a, mask),
+            b: keep(&self.b, mask),
+            ambiguity: keep(&self.ambiguity, mask),
+        }
+    }
+
+    /// The matches as points at depth 1: calibration and lens distortion of each camera undone.
+    ///
+    /// # Panics
+    /// If the three lists have different lengths.
+    pub fn at_depth_1(&self, camera_a: &Camera, camera_b: &Camera) -> PointPairs {
+        self.check();
+        (self.a.iter().zip(&self.b))
+            .map(|(&a, &b)| (camera_a.normalize(a), camera_b.normalize(b)))
+            .collect()
+    }
+
+    fn check(&self) {
+        assert_eq!(self.a.len(), self.b.len(), "each match has two points");
+        assert_eq!(
+            self.a.len(),
+            self.ambiguity.len(),
+            "each match has an ambiguity"
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn three() -> MatchedPoints {
+        let at = |x: f64| Point2::new(x, 2.0 * x);
+        let mut points = MatchedPoints::default();
+        for i in 0..3 {
+            points.push(at(f64::from(i)), at(f64::from(i + 5)), i as f32 / 4.0);
+        }
+        points
+    }
+
+    #[test]
+    fn a_mask_keeps_the_three_lists_together() {
+        let kept = three().masked(&[true, false, true]);
+        assert_eq!(kept.len(), 2);
+        assert_eq!((kept.a[1], kept.b[1]), (three().a[2], three().b[2]));
+        assert_eq!(kept.ambiguity, [0.0, 0.5]);
+        assert!(three().masked(&[false; 3]).is_empty());
+    }
+
+    #[test]
+    #[should_panic(expected = "an ambiguity")]
+    fn lists_of_different_lengths_are_refused() {
+        let MatchedPoints { a, b, .. } = three();
+        let _ = MatchedPoints::new(a, b, vec![0.0; 2]);
+    }
+}
