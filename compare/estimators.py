@@ -5,7 +5,7 @@
 RUN is the folder of a `matchbench run`; DATASET_FOLDER holds `camera.txt` and `pairs.txt`. Pairs are taken
 in chunks, and within a chunk all estimators one after the other, so that all see the machine in the
 same moods. A pose counts if at least 10 matches support it, as in matchbench. Needs
-`cargo build --release -p matchbench-vision --example pose`, and poselib and pycolmap from PyPI (`requirements.txt`).
+`cargo build --release -p matchbench-compare`, and poselib and pycolmap from PyPI (`requirements.txt`).
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Our features beside OpenCV's: the same pixels, the same keypoints?, the same descriptors?, how fast?
 
-    python features.py EXTRACTOR IMAGE... [--repeats N] [--example PATH] [--max-distance PX] [--given]
+    python features.py EXTRACTOR IMAGE... [--repeats N] [--program PATH] [--max-distance PX] [--given]
                        [--threads N | --cpu]
 
 Both sides get the gray pixels of `cv2.imread(path, 0)` and one thread, or as many as told. A keypoint has
@@ -105,12 +105,12 @@ def opencv_memory(name, path):
     return (peak() - before) / 1024
 
 
-def ours(example, extractor, pgm, threads, given, repeats):
+def ours(program, extractor, pgm, threads, given, repeats):
     """Keypoints as rows x y size angle, descriptors, seconds for an image, peak MiB of the process and
     its seconds on processors."""
     out = str(pgm.with_suffix(""))
     # Started by `time`, since the child of a large process counts as large.
-    command = ["/usr/bin/time", "-f", "%M %U %S", example, extractor, str(pgm), str(repeats), out, *given]
+    command = ["/usr/bin/time", "-f", "%M %U %S", program, extractor, str(pgm), str(repeats), out, *given]
     environment = {**os.environ, "RAYON_NUM_THREADS": str(threads)}
     run = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
     keypoints = np.load(out + ".keypoints.npy")
@@ -148,7 +148,7 @@ def descriptor_distances(a, b):
     return np.linalg.norm(a - b, axis=1) / np.maximum(np.linalg.norm(a, axis=1), 1e-9)
 
 
-def compare(name, path, example, repeats, max_distance, scratch, are_given, threads, cpu):
+def compare(name, path, program, repeats, max_distance, scratch, are_given, threads, cpu):
     make, shift = EXTRACTORS[name]
     gray = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if gray is None:
@@ -168,9 +168,9 @@ def compare(name, path, example, repeats, max_distance, scratch, are_given, thre
     times = []
     for _ in range(repeats):  # interleaved, so that both see the same machine
         reference, reference_rows, theirs = opencv(extractor, gray, clock)
-        found, rows, mine, peak, _ = ours(example, name, pgm, threads, given, 1)
+        found, rows, mine, peak, _ = ours(program, name, pgm, threads, given, 1)
         if cpu:
-            none, many = (ours(example, name, pgm, 1, given, n)[-1] for n in (0, CPU_REPEATS))
+            none, many = (ours(program, name, pgm, 1, given, n)[-1] for n in (0, CPU_REPEATS))
             mine = max(many - none, 1e-6) / CPU_REPEATS
         times.append((mine, theirs))
     with multiprocessing.get_context("spawn").Pool(1) as fresh:
@@ -210,7 +210,7 @@ def main():
     parser.add_argument("images", nargs="+")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--max-distance", type=float, default=0.5, help="pixels")
-    parser.add_argument("--example", default=str(ROOT / "target/release/examples/extract"))
+    parser.add_argument("--program", default=str(ROOT / "target/release/extract"))
     parser.add_argument("--given", action="store_true", help="describe OpenCV's keypoints")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--cpu", action="store_true", help="time on processors, not on the wall; one thread")
@@ -224,7 +224,7 @@ def main():
     with tempfile.TemporaryDirectory() as scratch:
         for path in arguments.images:
             row = compare(
-                arguments.extractor, path, arguments.example, arguments.repeats,
+                arguments.extractor, path, arguments.program, arguments.repeats,
                 arguments.max_distance, Path(scratch), arguments.given, arguments.threads,
                 arguments.cpu,
             )

@@ -4,7 +4,7 @@
 
 Extracts ORB and its nearest neighbours with OpenCV, gives both programs the same matches, and prints
 for each variant how many matches both keep, how many only one, and the median times of the selection.
-Build first: cargo build --release -p matchbench-vision --example gms
+Build first: cargo build --release -p matchbench-compare
 """
 
 import argparse
@@ -17,7 +17,7 @@ import time
 import cv2
 import numpy as np
 
-PROGRAM = pathlib.Path(__file__).resolve().parent.parent / "target/release/examples/gms"
+PROGRAM = pathlib.Path(__file__).resolve().parent.parent / "target/release/gms"
 
 
 def main():

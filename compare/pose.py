@@ -5,7 +5,7 @@
 IMAGES is a folder of images in the order of the dataset's frames; DATASET holds `camera.txt` and
 `pairs.txt` in the authors' format. Matches are OpenCV's SIFT with the ratio test (0.8). OpenCV starts
 its generator anew for each call, so its "seeds" are permutations of the matches; ours get both the
-same permutation and a seed. Needs `cargo build --release -p matchbench-vision --example pose`.
+same permutation and a seed. Needs `cargo build --release -p matchbench-compare`.
 """
 
 import argparse
@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-POSE = ROOT / "target" / "release" / "examples" / "pose"
+POSE = ROOT / "target" / "release" / "pose"
 MIN_SELECTED, MIN_SUPPORT = 20, 10
 CHUNK = 24
 
@@ -63,7 +63,7 @@ def opencv(points_a, points_b, k):
 
 
 def ours(pairs, k, seed):
-    """The same for many (name, points_a, points_b), and the iterations, by the example program."""
+    """The same for many (name, points_a, points_b), and the iterations, by our program."""
     camera = " ".join(repr(float(x)) for x in (k[0, 0], k[1, 1], k[0, 2], k[1, 2]))
     with tempfile.NamedTemporaryFile("w", suffix=".txt") as file:
         for name, a, b in pairs:

@@ -2,7 +2,7 @@
 
 Takes SIFT, ORB (256 bits, 100,000 features) and BRISK (512 bits) descriptors of two images with
 OpenCV, gives the same descriptors to both programs in turn, checks that neighbours and distances
-agree, and prints the median times. Build first: cargo build --release -p matchbench-vision --example search
+agree, and prints the median times. Build first: cargo build --release -p matchbench-compare
 """
 
 import argparse
@@ -26,7 +26,7 @@ FOUND = np.dtype([("a", "<u4"), ("b", "<u4"), ("distance", "<f4"), ("second", "<
 
 
 def write(path, rows):
-    """Writes descriptors in the format that examples/search.rs documents."""
+    """Writes descriptors in the format that src/bin/search.rs documents."""
     binary = rows.dtype == np.uint8
     length = rows.shape[1] * 8 if binary else rows.shape[1]
     with open(path, "wb") as file:
@@ -70,7 +70,7 @@ def disagreements(ours, theirs, a, b, binary):
     return int(distances.sum()), len(other), int(wrong)
 
 
-def compare(name, a, b, binary, rounds, folder, example):
+def compare(name, a, b, binary, rounds, folder, program):
     """Runs both programs in turn on the same descriptors and prints one line."""
     paths = [folder / "a.bin", folder / "b.bin", folder / "found.bin"]
     write(paths[0], a)
@@ -80,7 +80,7 @@ def compare(name, a, b, binary, rounds, folder, example):
     columns = {"ours": [], "bf": [], "flann": [], "kdforest": []}
 
     def run(paths, search):
-        command = [example, *paths, str(repetitions), search]
+        command = [program, *paths, str(repetitions), search]
         return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
     for _ in range(rounds):
@@ -120,7 +120,7 @@ def main():
     parser.add_argument("a", help="first image")
     parser.add_argument("b", help="second image")
     parser.add_argument("--rounds", type=int, default=5, help="times that each program runs")
-    parser.add_argument("--example", default=str(ROOT / "target/release/examples/search"))
+    parser.add_argument("--program", default=str(ROOT / "target/release/search"))
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
     if hasattr(os, "sched_setaffinity"):
@@ -147,7 +147,7 @@ def main():
                 if size is None or size < max(len(a), len(b)):
                     folder = pathlib.Path(folder)
                     failures += compare(
-                        name, a[:size], b[:size], a.dtype == np.uint8, arguments.rounds, folder, arguments.example
+                        name, a[:size], b[:size], a.dtype == np.uint8, arguments.rounds, folder, arguments.program
                     )
     sys.exit(failures > 0)
 

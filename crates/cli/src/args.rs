@@ -53,6 +53,10 @@ pub(crate) enum Command {
     List(ListArgs),
     /// Check a dataset; name every problem by file and line, and say how to mend it
     Validate(ValidateArgs),
+    /// Print what a shell needs to complete commands and options
+    Completions(CompletionsArgs),
+    /// Print the manual page, or write those of all commands
+    Man(ManArgs),
 }
 
 #[derive(Debug, Args)]
@@ -401,6 +405,28 @@ pub(crate) struct ValidateArgs {
     pub dataset: PathBuf,
 }
 
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  matchbench completions bash > ~/.local/share/bash-completion/completions/matchbench
+  matchbench completions zsh > ~/.zfunc/_matchbench")]
+pub(crate) struct CompletionsArgs {
+    /// The shell
+    #[arg(value_enum, value_name = "SHELL")]
+    pub shell: clap_complete::Shell,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  matchbench man | man -l -
+  matchbench man --out ~/.local/share/man/man1")]
+pub(crate) struct ManArgs {
+    /// Folder for matchbench.1 and a page for each command [default: matchbench.1 to standard output]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
 /// `all` is as many as there are.
 fn number_or_all(text: &str) -> Result<usize, String> {
     match text {
@@ -430,7 +456,7 @@ mod tests {
             .map(|line| {
                 let words = line
                     .split_whitespace()
-                    .take_while(|word| !word.starts_with('#'));
+                    .take_while(|word| !word.starts_with(['#', '>', '|']));
                 if let Err(error) = Cli::try_parse_from(words) {
                     assert!(!error.use_stderr(), "{place}: {line}\n{error}");
                 }
@@ -439,15 +465,21 @@ mod tests {
     }
 
     #[test]
-    fn commands_in_the_readme_are_understood() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../README.md");
-        let readme = std::fs::read_to_string(path).expect("it is part of the repository");
-        let blocks = readme.split("```").skip(1).step_by(2);
-        let shell = blocks.filter_map(|block| block.strip_prefix("sh\n"));
-        let count: usize = shell
-            .map(|block| assert_understood(block, "README.md"))
-            .sum();
-        assert!(count >= 8, "{count} commands");
+    fn commands_in_the_readme_and_in_the_book_are_understood() {
+        let repository = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+        for (page, least) in [
+            ("README.md", 2),
+            ("crates/cli/README.md", 2),
+            ("docs/tutorial.md", 8),
+            ("docs/estimators.md", 2),
+        ] {
+            let text = std::fs::read_to_string(format!("{repository}/{page}"));
+            let text = text.expect("it is part of the repository");
+            let blocks = text.split("```").skip(1).step_by(2);
+            let shell = blocks.filter_map(|block| block.strip_prefix("sh\n"));
+            let count: usize = shell.map(|block| assert_understood(block, page)).sum();
+            assert!(count >= least, "{page}: {count} commands");
+        }
     }
 
     #[test]

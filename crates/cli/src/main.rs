@@ -44,6 +44,8 @@ fn main() -> ExitCode {
         Command::Export(args) => commands::export::run(args),
         Command::List(args) => commands::list::run(args),
         Command::Validate(args) => commands::validate::run(args),
+        Command::Completions(args) => commands::completions::run(args),
+        Command::Man(args) => commands::man::run(args),
     };
     match ending {
         Ok(Ending::Done) => ExitCode::SUCCESS,

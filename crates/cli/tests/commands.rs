@@ -40,6 +40,31 @@ fn list_names_every_parameter() {
 }
 
 #[test]
+fn shells_complete_every_command_and_the_manual_names_it() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("man1");
+    assert!(
+        run(&["man", "--out", &out.to_string_lossy()])
+            .status
+            .success()
+    );
+    let manual = text(&run(&["man"]).stdout);
+    for command in ["demo", "import", "validate", "run", "completions", "man"] {
+        for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+            let script = text(&run(&["completions", shell]).stdout);
+            assert!(script.contains(command), "{shell}: {command}");
+        }
+        assert!(
+            manual.contains(&format!("matchbench\\-{command}(1)")),
+            "{command}\n{manual}"
+        );
+        let page = fs::read_to_string(out.join(format!("matchbench-{command}.1")));
+        assert!(page.is_ok_and(|page| page.starts_with(".ie")), "{command}");
+    }
+    assert_eq!(run(&["completions", "tcsh"]).status.code(), Some(1));
+}
+
+#[test]
 fn every_matcher_stands_in_the_table_of_the_readme() {
     let readme = concat!(env!("CARGO_MANIFEST_DIR"), "/../../README.md");
     let readme = fs::read_to_string(readme).expect("it is part of the repository");

@@ -17,7 +17,7 @@ use std::collections::BTreeSet;
 
 use anyhow::{Result, ensure};
 use indicatif::ProgressBar;
-use matchbench_vision::features::{BinaryRows, binboost, dlco};
+use matchbench_vision::features::{BinaryRows, Freak, Latch, Orb, binboost, dlco};
 use matchbench_vision::image::{GrayImage, Size, gaussian_blur_u8};
 use matchbench_vision::seed::Seed;
 
@@ -38,23 +38,17 @@ pub(crate) enum Kind {
 /// A test as the tables hold it: places as signed bytes x, y, or for FREAK numbers of fields.
 type Test = Vec<u8>;
 
+fn bytes(places: &[i8]) -> Test {
+    places.iter().map(|place| place.cast_unsigned()).collect()
+}
+
 impl Kind {
     /// The table of the library.
     pub(crate) fn in_tree(self) -> Vec<Test> {
-        let bytes: &[u8] = match self {
-            Self::Orb => include_bytes!("../../vision/src/tables/orb_pairs.bin"),
-            Self::Freak => include_bytes!("../../vision/src/tables/freak_pairs.bin"),
-            Self::Latch => include_bytes!("../../vision/src/tables/latch_triplets.bin"),
-        };
-        bytes.chunks_exact(self.row()).map(<[u8]>::to_vec).collect()
-    }
-
-    /// Bytes of a test.
-    fn row(self) -> usize {
         match self {
-            Self::Orb => 4,
-            Self::Freak => 2,
-            Self::Latch => 6,
+            Self::Orb => Orb::tests().map(|test| bytes(&test)).collect(),
+            Self::Freak => Freak::tests().map(Test::from).collect(),
+            Self::Latch => Latch::tests().map(|test| bytes(&test)).collect(),
         }
     }
 

@@ -1,6 +1,9 @@
 //! Importing the original datasets gives the authors' published ground truth, to its last digit.
 //!
-//! Needs material that is not part of the repository; without it the tests say so and pass.
+//! Needs data of others, which are no part of the repository: `MATCHBENCH_SCENES` names a folder with
+//! the originals (`tum/rgbd_dataset_freiburg3_long_office_household` with the complete list of its
+//! images as `rgb_full.txt`, `kitti`, `strecha-castle-P30`, `7scenes/redkitchen`),
+//! `MATCHBENCH_REFERENCE` one with the authors' `Dataset`. Run with `cargo test -- --ignored`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,15 +12,23 @@ use matchbench::datasets::{
     ImportOptions, Pair, Sequence, import, read_pairs, read_source, validate,
 };
 
-/// A file or folder of the shared material.
-fn shared(path: &str) -> Option<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
-    let found = root.join(path);
-    if found.exists() {
-        return Some(found);
-    }
-    eprintln!("skipped: {} is absent", found.display());
-    None
+/// A file or folder of the originals.
+fn scenes(path: &str) -> PathBuf {
+    below("MATCHBENCH_SCENES", path)
+}
+
+/// A file or folder of what the authors published.
+fn reference(path: &str) -> PathBuf {
+    below("MATCHBENCH_REFERENCE", path)
+}
+
+fn below(variable: &str, path: &str) -> PathBuf {
+    let root = std::env::var_os(variable).map(PathBuf::from);
+    let found = root
+        .unwrap_or_else(|| panic!("{variable} names no folder"))
+        .join(path);
+    assert!(found.exists(), "{variable}: {} is absent", found.display());
+    found
 }
 
 fn with_pairs(rule: &str) -> ImportOptions<'static> {
@@ -46,9 +57,7 @@ fn differences(found: &[Pair], published: &[Pair]) -> (f64, f64) {
 
 /// Imports `src` and compares its pairs with the published ones of `sequence`.
 fn compare(kind: &str, src: &Path, rule: &str, sequence: &str, tolerance: (f64, f64)) {
-    let Some(file) = shared(&format!("reference/Dataset/{sequence}/pairs.txt")) else {
-        return;
-    };
+    let file = reference(&format!("Dataset/{sequence}/pairs.txt"));
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join(sequence);
     let report = import(kind, src, &out, &with_pairs(rule)).expect("the import");
@@ -65,9 +74,9 @@ fn compare(kind: &str, src: &Path, rule: &str, sequence: &str, tolerance: (f64, 
 }
 
 /// The complete lists of TUM's office with an empty file for every image.
-fn tum_office() -> Option<(tempfile::TempDir, PathBuf)> {
+fn tum_office() -> (tempfile::TempDir, PathBuf) {
     let name = "rgbd_dataset_freiburg3_long_office_household";
-    let original = shared(&format!("scenes/tum/{name}"))?;
+    let original = scenes(&format!("tum/{name}"));
     let folder = tempfile::tempdir().expect("a temporary folder");
     let src = folder.path().join(name);
     fs::create_dir_all(src.join("rgb")).expect("a folder");
@@ -82,14 +91,13 @@ fn tum_office() -> Option<(tempfile::TempDir, PathBuf)> {
         src.join("groundtruth.txt"),
     )
     .expect("a copy");
-    Some((folder, src))
+    (folder, src)
 }
 
 #[test]
+#[ignore = "needs MATCHBENCH_SCENES and MATCHBENCH_REFERENCE"]
 fn tum_office_gives_sequences_01_and_06() {
-    let Some((_folder, src)) = tum_office() else {
-        return;
-    };
+    let (_folder, src) = tum_office();
     compare("tum", &src, "fragments:15", "01-office", (2e-6, 2e-6));
     compare(
         "tum",
@@ -104,10 +112,9 @@ fn tum_office_gives_sequences_01_and_06() {
 }
 
 #[test]
+#[ignore = "needs MATCHBENCH_SCENES and MATCHBENCH_REFERENCE"]
 fn kitti_00_gives_sequence_04() {
-    let Some(poses) = shared("scenes/kitti/poses/00.txt") else {
-        return;
-    };
+    let poses = scenes("kitti/poses/00.txt");
     let folder = tempfile::tempdir().expect("a temporary folder");
     let src = folder.path();
     let images = src.join("sequences/00/image_0");
@@ -123,13 +130,14 @@ fn kitti_00_gives_sequence_04() {
 }
 
 #[test]
+#[ignore = "needs MATCHBENCH_SCENES and MATCHBENCH_REFERENCE"]
 fn castle_gives_sequence_05() {
-    if let Some(src) = shared("scenes/strecha-castle-P30") {
-        compare("strecha", &src, "all", "05-castle", (4e-6, 2e-4));
-    }
+    let src = scenes("strecha-castle-P30");
+    compare("strecha", &src, "all", "05-castle", (4e-6, 2e-4));
 }
 
 #[test]
+#[ignore = "needs MATCHBENCH_SCENES"]
 fn all_scenes_are_imported_and_sound() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (kind, src, rule, frames, pairs) in [
@@ -151,21 +159,17 @@ fn all_scenes_are_imported_and_sound() {
             45,
         ),
     ] {
-        let Some(src) = shared(&format!("scenes/{src}")) else {
-            return;
-        };
         let out = folder.path().join(format!("{kind}-{frames}"));
-        let report = import(kind, &src, &out, &with_pairs(rule)).expect("the import");
+        let report = import(kind, &scenes(src), &out, &with_pairs(rule)).expect("the import");
         assert_eq!((report.frames, report.pairs), (frames, pairs), "{kind}");
         assert_eq!(validate(&out), [], "{kind}");
     }
 }
 
 #[test]
+#[ignore = "needs MATCHBENCH_REFERENCE"]
 fn the_published_ground_truth_is_read() {
-    let Some(root) = shared("reference/Dataset") else {
-        return;
-    };
+    let root = reference("Dataset");
     for (name, pairs) in [
         ("01-office", 2410),
         ("02-teddy", 2244),

@@ -50,9 +50,9 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
     }
     if wanted(Listed::Datasets) {
         writeln!(out, "Built-in scenes (matchbench demo)\n")?;
-        for scene in rendered::sequences() {
+        for scene in rendered::scenes() {
             let images = format!("{} images of {}", scene.frames, scene.size);
-            let pairs = scene.sequence().pairs.len();
+            let pairs = rendered::sequence(scene).pairs.len();
             writeln!(
                 out,
                 "  {:<14} {}\n      {images}, {pairs} pairs",

@@ -1,11 +1,13 @@
 //! One file per subcommand.
 
 pub(crate) mod compare;
+pub(crate) mod completions;
 pub(crate) mod demo;
 pub(crate) mod eval;
 pub(crate) mod export;
 pub(crate) mod import;
 pub(crate) mod list;
+pub(crate) mod man;
 pub(crate) mod pictures;
 pub(crate) mod report;
 pub(crate) mod run;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use indicatif::ProgressBar;
-use matchbench::datasets::rendered::{self, RenderedScene, World};
+use matchbench::datasets::rendered::{self, Scene, World};
 use matchbench::datasets::{Sequence, read_gray};
 use matchbench_vision::features::{
     Descriptors, Extractor, Features, PatchSource, Sift, SiftParams, binboost, dlco,
@@ -88,8 +88,8 @@ fn check(scene: &str) -> Result<()> {
     }
 }
 
-fn rendered_scene(name: &str) -> Result<&'static RenderedScene> {
-    let scenes = rendered::sequences();
+fn rendered_scene(name: &str) -> Result<&'static Scene> {
+    let scenes = rendered::scenes();
     let found = scenes.iter().find(|scene| scene.name == name);
     found.with_context(|| {
         let names: Vec<_> = scenes.iter().map(|scene| scene.name).collect();
@@ -215,7 +215,7 @@ impl Maker<'_> {
         let source = self.source(format!("rendered-{name}/depth"));
         let seed = Seed(self.recipe.seed).child(name);
         let world = World::build(scene.place);
-        let pairs = scene.sequence().pairs;
+        let pairs = rendered::sequence(scene).pairs;
         let images: Vec<GrayImage> = (0..scene.frames)
             .map(|frame| world.render(scene, frame))
             .collect();
@@ -320,7 +320,7 @@ fn most_similar_elsewhere(a: &Features, i: usize, b: &Features, truth: usize) ->
 
 /// Where a point of the first image lies in the second, unless something stands before it there.
 fn transfer(
-    scene: &RenderedScene,
+    scene: &Scene,
     [depth_a, depth_b]: [&FloatImage; 2],
     pair: &matchbench::datasets::Pair,
     at: Point2<f64>,

@@ -267,6 +267,10 @@ mod tests {
         let found = Sequence::open(&dir).unwrap();
         let expected = testing::sequence(4);
         assert_eq!(found.name, "small");
+        assert_eq!(
+            (found.frames.len(), found.pairs.len()),
+            (4, expected.pairs.len())
+        );
         for (index, (f, e)) in found.frames.iter().zip(&expected.frames).enumerate() {
             let (found, expected) = (f.world_from_camera.unwrap(), e.world_from_camera.unwrap());
             assert!((found.to_homogeneous() - expected.to_homogeneous()).amax() < 1e-15);
@@ -279,7 +283,6 @@ mod tests {
             let turn = f.b_from_a.to_homogeneous() - e.b_from_a.to_homogeneous();
             assert!(turn.amax() < 1e-15);
         }
-        assert_eq!(found.pairs.len(), expected.pairs.len());
     }
 
     #[test]
@@ -294,17 +297,10 @@ mod tests {
             f64::MIN_POSITIVE,
         ];
         let text = row(&numbers);
-        let back: Vec<f64> = text
-            .split_whitespace()
-            .map(|w| w.parse().unwrap())
-            .collect();
-        assert!(
-            numbers
-                .iter()
-                .zip(&back)
-                .all(|(a, b)| a.to_bits() == b.to_bits()),
-            "{text}"
-        );
+        let words: Vec<&str> = text.split_whitespace().collect();
+        let back: [&str; 7] = words.try_into().unwrap();
+        let back = back.map(|word| word.parse().unwrap());
+        assert_eq!(back.map(f64::to_bits), numbers.map(f64::to_bits), "{text}");
     }
 
     #[test]

@@ -163,7 +163,9 @@ fn all_estimators_get_the_same_matches() {
         let path = store::path(&bench.path("run"), "street", "bright", estimator);
         store::read(&path).unwrap()
     };
-    for (first, second) in read("first").iter().zip(read("second")) {
+    let (first, second) = (read("first"), read("second"));
+    assert!(!first.is_empty() && first.len() == second.len());
+    for (first, second) in first.iter().zip(second) {
         assert_eq!(first.counts, second.counts);
         assert!(first.times.search.is_some() && first.times.select.is_some());
         assert_eq!((second.times.search, second.times.select), (None, None));

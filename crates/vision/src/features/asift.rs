@@ -256,6 +256,7 @@ mod tests {
         });
         let (from_small, from_large) = (asift.extract(&small), asift.extract(&large));
         assert_eq!(from_large.size, large.size());
+        assert!(!from_small.is_empty() && from_large.len() == from_small.len());
         assert_eq!(from_small.descriptors, from_large.descriptors);
         for (small, large) in from_small.keypoints.iter().zip(&from_large.keypoints) {
             let expected = small.at.map(|v| 4.0 * v + 1.5);

@@ -173,6 +173,12 @@ impl Freak {
         Ok(freak)
     }
 
+    /// What the descriptor compares, for each of its 512 bits: two of the 43 receptive fields,
+    /// numbered from the outermost ring inwards.
+    pub fn tests() -> impl ExactSizeIterator<Item = [u8; 2]> {
+        FREAK_PAIRS.as_chunks::<2>().0.iter().copied()
+    }
+
     /// Number of the scale for keypoints of this size.
     fn scale(&self, size: f32) -> usize {
         let per_log = SCALES as f64 / (std::f64::consts::LN_2 * self.params.octaves as f64);

@@ -111,6 +111,13 @@ impl Latch {
         })
     }
 
+    /// What the descriptor compares, for each of its 256 bits: x and y of the anchor and of its two
+    /// companions, in pixels from the keypoint, upright.
+    pub fn tests() -> impl ExactSizeIterator<Item = [i8; 6]> {
+        let rows = LATCH_TRIPLETS.as_chunks::<6>().0;
+        rows.iter().map(|row| row.map(u8::cast_signed))
+    }
+
     /// The pixel that a keypoint lies on, if its patches lie within an image of `size`.
     fn centre(&self, keypoint: &Keypoint, size: Size) -> Option<[usize; 2]> {
         let margin = REACH + self.params.half_patch;

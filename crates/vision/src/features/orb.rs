@@ -116,6 +116,13 @@ impl Orb {
         Ok(Self { params, pairs })
     }
 
+    /// What the descriptor compares, for each of its 256 bits: x and y of the first place and of the
+    /// second, in pixels from the keypoint, upright.
+    pub fn tests() -> impl ExactSizeIterator<Item = [i8; 4]> {
+        let rows = ORB_PAIRS.as_chunks::<4>().0;
+        rows.iter().map(|row| row.map(u8::cast_signed))
+    }
+
     /// Ratio of lengths between the image and a level.
     fn scale(&self, level: usize) -> f32 {
         libm::pow(f64::from(self.params.scale_factor), level as f64) as f32

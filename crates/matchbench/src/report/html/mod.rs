@@ -453,4 +453,35 @@ mod tests {
         let page = render(&content);
         assert!(page.contains("chart heat") && page.contains("chart strata"));
     }
+
+    /// Heads and cells of each row of each table, top to bottom.
+    fn tables(page: &str) -> Vec<Vec<usize>> {
+        let cells = |row: &str| {
+            let row = row.split("</tr>").next().expect("split gives at least one");
+            row.matches("<th ").count() + row.matches("<td").count()
+        };
+        (page.split("<table").skip(1))
+            .filter_map(|rest| rest.split("</table>").next())
+            .map(|table| table.split("<tr").skip(1).map(cells).collect())
+            .collect()
+    }
+
+    #[test]
+    fn every_row_has_a_cell_under_every_head() {
+        let names = ["sift", "orb"].map(|matcher| ["room", "hall"].map(|room| (room, matcher, 4)));
+        let mut content = content(names.as_flattened());
+        content.summaries[1].estimator = "best".into();
+        content.summaries[0].stages.search = Some(Spread {
+            lower: 0.01,
+            median: 0.02,
+            upper: 0.03,
+        });
+        let mut tables = tables(&render(&content));
+        // The script fills the list of pairs.
+        tables.retain(|rows| rows.len() > 1);
+        assert!(tables.len() >= 6, "{tables:?}");
+        for rows in tables {
+            assert!(rows.iter().all(|&cells| cells == rows[0]), "{rows:?}");
+        }
+    }
 }

@@ -1,4 +1,4 @@
-//! The built-in dataset as files, rendered on first use.
+//! The built-in dataset: the scenes of `matchbench-scenes` as sequences, rendered into files on first use.
 //!
 //! A sequence appears under its name when it is complete ([`write_native`]), so a process that is
 //! killed leaves nothing half-written. Each [`REVISION`] of the renderer has a folder of its own.
@@ -6,8 +6,37 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use super::super::{About, DatasetError, ImageStorage, write_native};
-use super::{Place, REVISION, RenderedScene, World, sequences};
+pub use matchbench_scenes::{Pairing, Place, REVISION, Scene, World, scenes};
+
+use super::{About, DatasetError, Frame, ImageStorage, PairRule, Sequence, write_native};
+
+/// The frames and pairs of a scene with their true poses; the images are made by [`World::render`].
+pub fn sequence(scene: &Scene) -> Sequence {
+    let frames = (0..scene.frames)
+        .map(|frame| Frame {
+            image: PathBuf::new(),
+            camera: scene.camera(),
+            world_from_camera: Some(scene.world_from_camera(frame)),
+        })
+        .collect();
+    let (frames, pairs) = (PairRule::from(scene.pairing).apply(frames))
+        .expect("all frames have poses, and no rule reads a file");
+    Sequence {
+        name: scene.name.into(),
+        frames,
+        pairs,
+    }
+}
+
+impl From<Pairing> for PairRule {
+    fn from(pairing: Pairing) -> Self {
+        match pairing {
+            Pairing::Fragments { length } => Self::Fragments { length },
+            Pairing::All => Self::All,
+            Pairing::Window { size } => Self::Window { size, stride: 1 },
+        }
+    }
+}
 
 /// How far [`ensure`] has come; counts frames of the sequences that have to be rendered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,7 +48,7 @@ pub struct Progress {
 }
 
 /// Makes sure that all sequences lie in `cache`, and returns their folders in the order of
-/// [`sequences`]. Those that are there are left alone; the others are rendered with all threads of
+/// [`scenes`]. Those that are there are left alone; the others are rendered with all threads of
 /// the current rayon pool. `observer` is called after each frame, from any thread.
 ///
 /// # Errors
@@ -28,17 +57,16 @@ pub fn ensure(
     cache: &Path,
     observer: &(dyn Fn(Progress) + Sync),
 ) -> Result<Vec<PathBuf>, DatasetError> {
-    ensure_scenes(cache, sequences(), observer)
+    ensure_scenes(cache, scenes(), observer)
 }
 
 fn ensure_scenes(
     cache: &Path,
-    scenes: &[RenderedScene],
+    scenes: &[Scene],
     observer: &(dyn Fn(Progress) + Sync),
 ) -> Result<Vec<PathBuf>, DatasetError> {
-    let folder =
-        |scene: &RenderedScene| cache.join(format!("revision-{REVISION}")).join(scene.name);
-    let missing: Vec<&RenderedScene> = scenes
+    let folder = |scene: &Scene| cache.join(format!("revision-{REVISION}")).join(scene.name);
+    let missing: Vec<&Scene> = scenes
         .iter()
         .filter(|scene| !folder(scene).exists())
         .collect();
@@ -63,7 +91,7 @@ fn ensure_scenes(
             };
             let out = folder(scene);
             let storage = ImageStorage::Pixels(&pixels);
-            write_native(&out, &scene.sequence(), &about, storage)
+            write_native(&out, &sequence(scene), &about, storage)
                 // Another process may have been faster; both render the same bits.
                 .or_else(|error| if out.exists() { Ok(()) } else { Err(error) })?;
         }
@@ -77,23 +105,20 @@ mod tests {
 
     use matchbench_vision::image::Size;
 
-    use super::super::super::{Sequence, Severity, validate};
+    use super::super::{Severity, validate};
     use super::*;
 
-    fn tiny_scenes() -> Vec<RenderedScene> {
-        let in_cabinet = sequences()
-            .iter()
-            .filter(|scene| scene.place == Place::Cabinet);
-        in_cabinet
-            .map(|scene| RenderedScene {
-                size: Size::new(16, 12),
-                frames: 3,
-                ..scene.clone()
-            })
-            .collect()
+    fn tiny_scenes() -> Vec<Scene> {
+        let mut tiny = scenes().to_vec();
+        tiny.retain(|scene| scene.place == Place::Cabinet);
+        for scene in &mut tiny {
+            scene.size = Size::new(16, 12);
+            scene.frames = 3;
+        }
+        tiny
     }
 
-    fn rendered(cache: &Path, scenes: &[RenderedScene]) -> u32 {
+    fn rendered(cache: &Path, scenes: &[Scene]) -> u32 {
         let frames = AtomicU32::new(0);
         ensure_scenes(cache, scenes, &|_| {
             frames.fetch_add(1, Ordering::Relaxed);
@@ -124,7 +149,7 @@ mod tests {
         let scenes = &tiny_scenes()[..1];
         let folders = ensure_scenes(cache.path(), scenes, &|_| ()).expect("writable");
         let opened = Sequence::open(&folders[0]).expect("written just now");
-        let expected = scenes[0].sequence();
+        let expected = sequence(&scenes[0]);
         assert_eq!(
             (opened.name, opened.pairs.len()),
             (expected.name, expected.pairs.len())
@@ -145,5 +170,20 @@ mod tests {
         let error = ensure_scenes(file.path(), &tiny_scenes(), &|_| ()).expect_err("a file");
         let name = file.path().display().to_string();
         assert!(error.to_string().contains(&name), "{error}");
+    }
+
+    #[test]
+    fn pairs_follow_their_rules() {
+        let ends = |name: &str| -> Vec<(u32, u32)> {
+            let found = scenes().iter().find(|scene| scene.name == name);
+            let pairs = sequence(found.expect("a scene of that name")).pairs;
+            pairs.iter().map(|pair| (pair.a, pair.b)).collect()
+        };
+        assert_eq!(ends("office").len(), 3 * 9);
+        assert_eq!(ends("office")[8..10], [(0, 9), (10, 11)]);
+        assert_eq!(ends("street").len(), 5 * 4);
+        assert_eq!(ends("facade").len(), 12 * 11 / 2);
+        assert_eq!(ends("office-wide").len(), 14 * 4 - 10);
+        assert_eq!(ends("office-wide").last(), Some(&(12, 13)));
     }
 }

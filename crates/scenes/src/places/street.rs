@@ -4,12 +4,12 @@ use std::f64::consts::FRAC_PI_2;
 
 use matchbench_vision::seed::{Rng, Seed};
 
-use super::super::light::Lighting;
-use super::super::mesh::{Mesh, Surface};
-use super::super::paint;
-use super::super::path::{Path, Station};
-use super::super::world::Model;
 use super::{bush, hang, lay, lumps, stand, turned};
+use crate::light::Lighting;
+use crate::mesh::{Mesh, Surface};
+use crate::paint;
+use crate::path::{Path, Station};
+use crate::world::Model;
 
 /// 9 metres per second, with a gentle bend.
 pub(super) const PATH: Path = Path {

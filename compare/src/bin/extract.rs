@@ -4,8 +4,9 @@
 //! extract EXTRACTOR IMAGE REPEATS OUT [KEYPOINTS]
 //! ```
 //!
-//! IMAGE is an 8-bit grey PGM or PNG. With KEYPOINTS, a file as written to `OUT.keypoints.npy`,
-//! EXTRACTOR is a describer and describes those. Each thread (`RAYON_NUM_THREADS` of them, all cores
+//! EXTRACTOR is the id of a matcher, whose features these are, or `orb-gms`: those of `gms` in an
+//! image of at most 640x480, whatever its size. IMAGE is a grey PGM or PNG of 8 bits. With
+//! KEYPOINTS, a file as written to `OUT.keypoints.npy`, EXTRACTOR is a describer and describes those. Each thread (`RAYON_NUM_THREADS` of them, all cores
 //! unless told) works on an image of its own, as in a run; prints the median time of that in
 //! milliseconds, divided by their number. Writes
 //! `OUT.keypoints.npy`, one row `x y size angle_in_degrees response octave` each (an angle of -1
@@ -16,14 +17,19 @@ use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
 
+use matchbench::datasets::read_gray;
+use matchbench::matchers;
 use matchbench_vision::features::{
-    Akaze, AkazeParams, Asift, AsiftParams, BinBoost, BinBoostParams, Brisk, BriskParams, Daisy,
-    DaisyParams, Describer, Descriptors, DetectThenDescribe, Detector, Dlco, DlcoParams, Extractor,
-    Features, Freak, FreakParams, Kaze, KazeParams, Keypoint, Latch, LatchParams, Orb, OrbParams,
-    Sift, SiftParams, Surf, SurfParams,
+    BinBoost, BinBoostParams, Daisy, DaisyParams, Describer, Descriptors, DetectThenDescribe,
+    Detector, Dlco, DlcoParams, Extractor, Features, Freak, FreakParams, Keypoint, Latch,
+    LatchParams,
 };
-use matchbench_vision::image::{GrayImage, Size};
+use matchbench_vision::image::GrayImage;
 use rayon::prelude::*;
+use serde_json::json;
+
+/// What finds the features of an image.
+type Extract = Box<dyn Fn(&GrayImage) -> Features + Sync>;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -32,16 +38,16 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err("usage: extract EXTRACTOR IMAGE REPEATS OUT [KEYPOINTS]".into());
     };
     let given = given.first().map(|path| read_keypoints(Path::new(path)));
-    let extractor = extractor(id, given.transpose()?)?;
+    let extract = extract(id, given.transpose()?)?;
     let image = read_gray(Path::new(image))?;
     let mut times = Vec::new();
-    let mut features = extractor.extract(&image);
+    let mut features = extract(&image);
     let threads = rayon::current_num_threads();
     for _ in 0..repeats.parse::<usize>()? {
         let start = Instant::now();
         let all: Vec<Features> = (0..threads)
             .into_par_iter()
-            .map(|_| extractor.extract(&image))
+            .map(|_| extract(&image))
             .collect();
         times.push(start.elapsed().as_secs_f64() * 1e3 / threads as f64);
         features = all.into_iter().next().expect("at least one thread");
@@ -63,8 +69,8 @@ impl Detector for Given {
     }
 }
 
-/// One line for each extractor that can be compared.
-fn extractor(id: &str, given: Option<Given>) -> Result<Box<dyn Extractor>, Box<dyn Error>> {
+/// The features of the matcher `id`, or a describer of the keypoints that are given.
+fn extract(id: &str, given: Option<Given>) -> Result<Extract, Box<dyn Error>> {
     if let Some(given) = given {
         return match id {
             "binboost" => Ok(on(given, BinBoost::new(BinBoostParams::default())?)),
@@ -77,57 +83,21 @@ fn extractor(id: &str, given: Option<Given>) -> Result<Box<dyn Extractor>, Box<d
             ),
         };
     }
-    match id {
-        "akaze" => Ok(Box::new(Akaze::new(AkazeParams::default())?)),
-        // With the parameters of the matcher `asift`.
-        "asift" => {
-            let sift = Sift::new(SiftParams {
-                double_image: false,
-                ..SiftParams::default()
-            })?;
-            Ok(Box::new(Asift::new(sift, AsiftParams::default())?))
-        }
-        "brisk" => Ok(Box::new(Brisk::new(BriskParams::default())?)),
-        "daisy" => Ok(on(
-            Sift::new(SiftParams::default())?,
-            Daisy::new(DaisyParams::default())?,
-        )),
-        "freak" => Ok(on(
-            Surf::new(SurfParams::default())?,
-            Freak::new(FreakParams::default())?,
-        )),
-        "freak-sift" => Ok(on(
-            Sift::new(SiftParams::default())?,
-            Freak::new(FreakParams::default())?,
-        )),
-        "kaze" => Ok(Box::new(Kaze::new(KazeParams::default())?)),
-        "latch" => Ok(on(
-            Sift::new(SiftParams::default())?,
-            Latch::new(LatchParams::default())?,
-        )),
-        "orb" => Ok(Box::new(Orb::new(OrbParams::default())?)),
-        "orb-gms" => Ok(Box::new(Orb::new(OrbParams {
-            features: 10_000,
-            fast_threshold: 0,
-            ..OrbParams::default()
-        })?)),
-        "sift" => Ok(Box::new(Sift::new(SiftParams::default())?)),
-        "surf" => Ok(Box::new(Surf::new(SurfParams::default())?)),
-        _ => Err(format!(
-            "no extractor `{id}`; known: akaze, asift, brisk, daisy, freak, freak-sift, kaze, latch, orb, orb-gms, sift, surf"
-        )
-        .into()),
-    }
+    let built = match id {
+        "orb-gms" => matchers::find("gms")?.build(Some(&json!({"budget": "small"})))?,
+        _ => matchers::find(id)?.build(None)?,
+    };
+    Ok(Box::new(move |image| {
+        (built.matcher.extract(image)).expect("the matchers of this project cannot fail")
+    }))
 }
 
-fn on<K: Detector + 'static, D: Describer + 'static>(
-    detector: K,
-    describer: D,
-) -> Box<dyn Extractor> {
-    Box::new(DetectThenDescribe {
+fn on<D: Describer + 'static>(detector: Given, describer: D) -> Extract {
+    let extractor = DetectThenDescribe {
         detector,
         describer,
-    })
+    };
+    Box::new(move |image| extractor.extract(image))
 }
 
 /// Rows `x y size angle_in_degrees response octave` of single precision, as `write_npy` writes
@@ -147,14 +117,6 @@ fn read_keypoints(path: &Path) -> Result<Given, Box<dyn Error>> {
         octave: octave as i16,
     };
     Ok(Given(values.as_chunks().0.iter().map(keypoint).collect()))
-}
-
-fn read_gray(path: &Path) -> Result<GrayImage, Box<dyn Error>> {
-    let image::DynamicImage::ImageLuma8(pixels) = image::open(path)? else {
-        return Err(format!("{}: not an 8-bit grey image", path.display()).into());
-    };
-    let size = Size::new(pixels.width() as usize, pixels.height() as usize);
-    Ok(GrayImage::from_vec(size, pixels.into_raw()))
 }
 
 fn write(features: &Features, out: &str) -> Result<(), Box<dyn Error>> {

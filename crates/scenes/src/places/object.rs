@@ -5,12 +5,12 @@ use std::f64::consts::TAU;
 use matchbench_vision::seed::Seed;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
-use super::super::light::{Lamp, Lighting};
-use super::super::mesh::{Mesh, Surface};
-use super::super::paint;
-use super::super::path::{Path, Station};
-use super::super::world::Model;
 use super::{hang, lay, lumps, stand, turned};
+use crate::light::{Lamp, Lighting};
+use crate::mesh::{Mesh, Surface};
+use crate::paint;
+use crate::path::{Path, Station};
+use crate::world::Model;
 
 /// Half a turn around the bear.
 pub(super) const PATH: Path = Path {

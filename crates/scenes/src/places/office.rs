@@ -5,12 +5,12 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use matchbench_vision::seed::{Rng, Seed};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 
-use super::super::light::{Lamp, Lighting};
-use super::super::mesh::{Mesh, Surface};
-use super::super::paint;
-use super::super::path::{Path, Station};
-use super::super::world::Model;
 use super::{bush, hang, lay, stand, turned};
+use crate::light::{Lamp, Lighting};
+use crate::mesh::{Mesh, Surface};
+use crate::paint;
+use crate::path::{Path, Station};
+use crate::world::Model;
 
 pub(super) const PATH: Path = Path {
     stations: &[

@@ -152,8 +152,8 @@ fn hemisphere() -> [Vector3<f32>; DIRECTIONS] {
 mod tests {
     use nalgebra::Point3;
 
-    use super::super::mesh::Surface;
     use super::*;
+    use crate::mesh::Surface;
 
     #[test]
     fn a_roof_takes_the_light_away() {

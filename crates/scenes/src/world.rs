@@ -9,9 +9,10 @@ use super::light::Lighting;
 use super::mesh::{Mesh, Surface};
 use super::noise::{octaves, smoothstep};
 use super::paint::Painter;
+use super::places::Place;
+use super::scene::Scene;
 use super::texture::Texture;
 use super::trace::{LANES, Lanes, NOTHING, Rays, Tree};
-use super::{Place, RenderedScene};
 
 /// What a scene file describes: shapes, textures still to be painted, lights.
 pub(super) struct Model {
@@ -88,7 +89,7 @@ impl World {
     ///
     /// # Panics
     /// If the scene belongs to another place.
-    pub fn render(&self, scene: &RenderedScene, frame: u32) -> GrayImage {
+    pub fn render(&self, scene: &Scene, frame: u32) -> GrayImage {
         assert_eq!(scene.place, self.place, "a scene is rendered in its place");
         let time = scene.time(frame);
         let seed = Seed(0).child(scene.name).number(u64::from(frame));
@@ -101,7 +102,7 @@ impl World {
     ///
     /// # Panics
     /// If the scene belongs to another place.
-    pub fn depth(&self, scene: &RenderedScene, frame: u32) -> FloatImage {
+    pub fn depth(&self, scene: &Scene, frame: u32) -> FloatImage {
         assert_eq!(scene.place, self.place, "a scene is rendered in its place");
         let view = View::new(&scene.world_from_camera(frame));
         let size = scene.size;
@@ -126,7 +127,7 @@ impl World {
 
     /// Light that falls on each pixel while the shutter is open. Each sample of a pixel has its
     /// own place in the pixel and its own instant, so that edges and motion are smooth.
-    fn radiance(&self, scene: &RenderedScene, time: f64) -> FloatImage {
+    fn radiance(&self, scene: &Scene, time: f64) -> FloatImage {
         // Instants about a pixel apart; the lens blurs what is left between them.
         let bundles = (0.25 * scene.blur_in_pixels(time)).ceil().clamp(1.0, 4.0);
         let samples = bundles as usize * LANES;
@@ -167,7 +168,7 @@ impl World {
     /// Radiance that comes along each ray.
     fn shade(
         &self,
-        scene: &RenderedScene,
+        scene: &Scene,
         samples: usize,
         origins: [Vector3<f32>; LANES],
         directions: [Vector3<f32>; LANES],
@@ -257,7 +258,7 @@ impl View {
     }
 
     /// Unit vector along which the pixel (x, y) looks, in the world.
-    fn direction(&self, scene: &RenderedScene, x: f64, y: f64) -> Vector3<f32> {
+    fn direction(&self, scene: &Scene, x: f64, y: f64) -> Vector3<f32> {
         let ideal = scene.camera().normalize(Point2::new(x, y));
         let [right, down, forward] = self.axes;
         (right * ideal.x as f32 + down * ideal.y as f32 + forward).normalize()

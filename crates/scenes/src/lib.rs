@@ -1,152 +1,62 @@
-//! The built-in dataset: scenes rendered by a small ray caster, with exact poses and depth.
+//! Rendered scenes with exact poses and depth: a small ray caster and eight sequences taken with it.
 //!
-//! Eight sequences in the spirit of the paper's: an office, an object that is not planar, a
-//! cabinet with little texture and a drive through a street for short baselines; a castle-like
-//! facade and the first three places again, sub-sampled, for wide ones. They are a self-test and a
-//! demonstration that needs no download; they do not replace photographs.
+//! An office, an object that is not planar, a cabinet with little texture and a drive through a
+//! street for short baselines; a castle-like facade and the first three places again, sub-sampled,
+//! for wide ones. They are a self-test and a demonstration that needs no download; they do not
+//! replace photographs.
+//!
+//! ```
+//! use matchbench_scenes::{World, scenes};
+//!
+//! let scene = &scenes()[2];
+//! assert_eq!(scene.name, "cabinet");
+//! let (a, b) = (0, 9);
+//! let b_from_a = scene.world_from_camera(b).inverse() * scene.world_from_camera(a);
+//! assert!(b_from_a.translation.vector.norm() > 0.01, "metres");
+//!
+//! let world = World::build(scene.place);
+//! let (image, depth) = (world.render(scene, a), world.depth(scene, a));
+//! assert_eq!((image.size(), depth.size()), (scene.size, scene.size));
+//! ```
 //!
 //! How a frame comes about:
 //!
 //! ```text
-//! scenes/*     shapes, textures, lights of a place; the camera's path
+//! places/*     shapes, textures, lights of a place; the camera's path; the table of scenes
 //!   mesh         everything becomes triangles, relief included
 //!   paint        albedo as a function of place, detail on every scale (noise, texture)
 //!   light        soft light per vertex
 //! world        four or more rays per pixel, each at its own instant of the exposure (trace)
 //! sensor       lens blur, exposure, photon and read noise, gamma, 8 bits
-//! cache        all sequences as files, rendered on first use
 //! ```
 //!
 //! The same bits come out on every machine and for any number of threads: no function whose last
 //! bit differs between platforms is used, and the noise of a pixel depends on its frame and place
 //! alone. A change that moves a bit must raise [`REVISION`]; a test with golden hashes reminds.
 
-mod cache;
 mod light;
 mod mesh;
 mod noise;
 mod paint;
 mod path;
-mod scenes;
+mod places;
+mod scene;
 mod sensor;
 mod texture;
 mod trace;
 mod world;
 
-pub use cache::{Progress, ensure};
-pub use scenes::Place;
+pub use places::Place;
+pub use scene::{Pairing, Scene};
 pub use world::World;
 
-use std::path::PathBuf;
-
-use matchbench_vision::geometry::Camera;
-use matchbench_vision::image::Size;
-use nalgebra::Isometry3;
-
-use path::Path;
-use sensor::Sensor;
-
-use super::{Frame, PairRule, Sequence};
-
-/// Raised with every change that moves a bit of any picture or pose: older caches are rendered
-/// again.
+/// Raised with every change that moves a bit of any picture or pose: pictures that were kept are
+/// rendered again.
 pub const REVISION: u32 = 1;
 
-/// One sequence of the built-in dataset.
-#[derive(Clone, Debug)]
-pub struct RenderedScene {
-    /// Its name in tables and its folder's name.
-    pub name: &'static str,
-    /// What it shows and what is hard about it.
-    pub description: &'static str,
-    /// Where the pictures are taken.
-    pub place: Place,
-    /// Size of the images.
-    pub size: Size,
-    /// Number of frames.
-    pub frames: u32,
-    /// Which frames are matched with which.
-    pub pair_rule: PairRule,
-    /// Focal length, in pixels.
-    focal: f64,
-    timing: Timing,
-    sensor: Sensor,
-}
-
-/// When the frames are taken, in seconds.
-#[derive(Clone, Copy, Debug)]
-enum Timing {
-    /// Fragments of `length` frames at `rate` per second; a fragment starts every `every` seconds.
-    Fragments { length: u32, rate: f64, every: f64 },
-    /// One frame every so many seconds.
-    Every(f64),
-}
-
-/// The sequences of the built-in dataset, in the order of the paper's eight.
-pub fn sequences() -> &'static [RenderedScene] {
-    &scenes::SEQUENCES
-}
-
-impl RenderedScene {
-    /// The camera of all frames: a pinhole whose axis is not quite in the middle.
-    pub fn camera(&self) -> Camera {
-        Camera::pinhole(
-            self.focal,
-            self.focal,
-            0.5 * (self.size.width - 1) as f64 + 2.75,
-            0.5 * (self.size.height - 1) as f64 - 1.5,
-        )
-    }
-
-    /// Pose of the camera (camera-to-world, metres) in the middle of the frame's exposure.
-    pub fn world_from_camera(&self, frame: u32) -> Isometry3<f64> {
-        self.path().world_from_camera(self.time(frame))
-    }
-
-    /// Its frames and pairs with their true poses; the images are made by [`World::render`].
-    pub fn sequence(&self) -> Sequence {
-        let frames = (0..self.frames)
-            .map(|frame| Frame {
-                image: PathBuf::new(),
-                camera: self.camera(),
-                world_from_camera: Some(self.world_from_camera(frame)),
-            })
-            .collect();
-        let (frames, pairs) = (self.pair_rule.apply(frames))
-            .expect("all frames have poses, and no rule reads a file");
-        Sequence {
-            name: self.name.into(),
-            frames,
-            pairs,
-        }
-    }
-
-    fn path(&self) -> &'static Path {
-        self.place.path()
-    }
-
-    /// Middle of the frame's exposure.
-    fn time(&self, frame: u32) -> f64 {
-        match self.timing {
-            Timing::Fragments {
-                length,
-                rate,
-                every,
-            } => f64::from(frame / length) * every + f64::from(frame % length) / rate,
-            Timing::Every(seconds) => f64::from(frame) * seconds,
-        }
-    }
-
-    /// About how far the image moves while the shutter is open, for things as far away as the
-    /// place is typically wide.
-    fn blur_in_pixels(&self, time: f64) -> f64 {
-        let half = 0.5 * self.sensor.shutter;
-        let opens = self.path().world_from_camera(time - half);
-        let closes = self.path().world_from_camera(time + half);
-        let turned = opens.rotation.angle_to(&closes.rotation);
-        let moved = (opens.translation.vector - closes.translation.vector).norm();
-        (turned + moved / self.place.distance()) * self.focal
-    }
+/// The scenes, in the order of the paper's eight sequences.
+pub fn scenes() -> &'static [Scene] {
+    &places::SCENES
 }
 
 #[cfg(test)]
@@ -160,15 +70,15 @@ mod tests {
 
     static CABINET: LazyLock<World> = LazyLock::new(|| World::build(Place::Cabinet));
 
-    fn scene(name: &str) -> RenderedScene {
-        let found = sequences().iter().find(|scene| scene.name == name);
-        found.expect("a sequence of that name").clone()
+    fn named(name: &str) -> Scene {
+        let found = scenes().iter().find(|scene| scene.name == name);
+        found.expect("a scene of that name").clone()
     }
 
-    /// The same sequence in images of a quarter of the width.
-    fn small(name: &str) -> RenderedScene {
-        let scene = scene(name);
-        RenderedScene {
+    /// The same scene in images of a quarter of the width.
+    fn small(name: &str) -> Scene {
+        let scene = named(name);
+        Scene {
             size: Size::new(scene.size.width / 4, scene.size.height / 4),
             focal: scene.focal / 4.0,
             ..scene
@@ -209,7 +119,7 @@ mod tests {
 
     #[test]
     fn points_seen_in_one_frame_lie_on_what_the_other_sees() {
-        let scene = scene("cabinet-wide");
+        let scene = named("cabinet-wide");
         let camera = scene.camera();
         let (a, b) = (2, 3);
         let b_from_a = scene.world_from_camera(b).inverse() * scene.world_from_camera(a);
@@ -259,33 +169,19 @@ mod tests {
 
     #[test]
     fn poses_are_rigid_and_the_camera_moves() {
-        for scene in sequences() {
+        for scene in scenes() {
             for frame in 0..scene.frames {
                 let pose = scene.world_from_camera(frame);
                 let r = pose.rotation.to_rotation_matrix();
                 let off = (r.matrix() * r.matrix().transpose() - Matrix3::identity()).abs();
                 assert!(off.max() < 1e-12 && (r.matrix().determinant() - 1.0).abs() < 1e-12);
             }
-            for pair in scene.sequence().pairs {
-                let baseline = pair.b_from_a.translation.vector.norm();
-                assert!(baseline > 0.002, "{} {} {}", scene.name, pair.a, pair.b);
+            for frame in 1..scene.frames {
+                let [a, b] = [frame - 1, frame].map(|frame| scene.world_from_camera(frame));
+                let baseline = (b.translation.vector - a.translation.vector).norm();
+                assert!(baseline > 0.002, "{} {frame}", scene.name);
             }
         }
-    }
-
-    #[test]
-    fn pairs_follow_their_rules() {
-        let ends = |name: &str| -> Vec<(u32, u32)> {
-            (scene(name).sequence().pairs.iter())
-                .map(|pair| (pair.a, pair.b))
-                .collect()
-        };
-        assert_eq!(ends("office").len(), 3 * 9);
-        assert_eq!(ends("office")[8..10], [(0, 9), (10, 11)]);
-        assert_eq!(ends("street").len(), 5 * 4);
-        assert_eq!(ends("facade").len(), 12 * 11 / 2);
-        assert_eq!(ends("office-wide").len(), 14 * 4 - 10);
-        assert_eq!(ends("office-wide").last(), Some(&(12, 13)));
     }
 
     #[test]

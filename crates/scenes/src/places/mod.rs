@@ -1,4 +1,4 @@
-//! The places and the table of sequences taken in them.
+//! The places and the table of scenes taken in them.
 
 mod cabinet;
 mod facade;
@@ -9,15 +9,14 @@ mod street;
 use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use super::super::PairRule;
-use super::mesh::{Mesh, Surface};
-use super::noise::gradient;
-use super::path::Path;
-use super::sensor::Sensor;
-use super::world::Model;
-use super::{RenderedScene, Timing};
+use crate::mesh::{Mesh, Surface};
+use crate::noise::gradient;
+use crate::path::Path;
+use crate::scene::{Pairing, Scene, Timing};
+use crate::sensor::Sensor;
+use crate::world::Model;
 
-/// A place in which sequences are taken.
+/// A place in which pictures are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Place {
     /// A room with a desk, shelves and clutter.
@@ -42,7 +41,7 @@ impl Place {
         Self::Facade,
     ];
 
-    pub(super) fn model(self) -> Model {
+    pub(crate) fn model(self) -> Model {
         match self {
             Self::Office => office::model(),
             Self::Object => object::model(),
@@ -53,7 +52,7 @@ impl Place {
     }
 
     /// How far away, in metres, the things are that show motion blur first.
-    pub(super) fn distance(self) -> f64 {
+    pub(crate) fn distance(self) -> f64 {
         match self {
             Self::Office | Self::Object | Self::Cabinet => 1.5,
             Self::Street => 6.0,
@@ -61,7 +60,7 @@ impl Place {
         }
     }
 
-    pub(super) fn path(self) -> &'static Path {
+    pub(crate) fn path(self) -> &'static Path {
         match self {
             Self::Office => &office::PATH,
             Self::Object => &object::PATH,
@@ -104,48 +103,48 @@ const SHORT: Timing = Timing::Fragments {
     every: 3.3,
 };
 
-/// See [`super::sequences`].
-pub(super) static SEQUENCES: [RenderedScene; 8] = [
-    RenderedScene {
+/// See [`crate::scenes`].
+pub(crate) static SCENES: [Scene; 8] = [
+    Scene {
         name: "office",
         description: "a cluttered desk, hand-held; text and repeated shapes",
         place: Place::Office,
         size: Size::new(320, 240),
         frames: 30,
-        pair_rule: PairRule::Fragments { length: 10 },
+        pairing: Pairing::Fragments { length: 10 },
         focal: 265.0,
         timing: SHORT,
         sensor: INDOORS,
     },
-    RenderedScene {
+    Scene {
         name: "object",
         description: "a plush toy, hand-held; round, self-similar fur",
         place: Place::Object,
         size: Size::new(320, 240),
         frames: 30,
-        pair_rule: PairRule::Fragments { length: 10 },
+        pairing: Pairing::Fragments { length: 10 },
         focal: 265.0,
         timing: SHORT,
         sensor: INDOORS,
     },
-    RenderedScene {
+    Scene {
         name: "cabinet",
         description: "a steel cabinet, hand-held; little texture, much noise",
         place: Place::Cabinet,
         size: Size::new(320, 240),
         frames: 30,
-        pair_rule: PairRule::Fragments { length: 10 },
+        pairing: Pairing::Fragments { length: 10 },
         focal: 265.0,
         timing: SHORT,
         sensor: DIM,
     },
-    RenderedScene {
+    Scene {
         name: "street",
         description: "a drive through a street; forward motion, repeated windows",
         place: Place::Street,
         size: Size::new(620, 188),
         frames: 25,
-        pair_rule: PairRule::Fragments { length: 5 },
+        pairing: Pairing::Fragments { length: 5 },
         focal: 359.0,
         timing: Timing::Fragments {
             length: 5,
@@ -154,46 +153,46 @@ pub(super) static SEQUENCES: [RenderedScene; 8] = [
         },
         sensor: OUTDOORS,
     },
-    RenderedScene {
+    Scene {
         name: "facade",
         description: "a stone court from all sides; strong perspective, repeated arches",
         place: Place::Facade,
         size: Size::new(480, 320),
         frames: 12,
-        pair_rule: PairRule::All,
+        pairing: Pairing::All,
         focal: 430.0,
         timing: Timing::Every(1.0),
         sensor: OUTDOORS,
     },
-    RenderedScene {
+    Scene {
         name: "office-wide",
         description: "the office, four frames in three seconds",
         place: Place::Office,
         size: Size::new(320, 240),
         frames: 14,
-        pair_rule: PairRule::Window { size: 4, stride: 1 },
+        pairing: Pairing::Window { size: 4 },
         focal: 265.0,
         timing: Timing::Every(0.75),
         sensor: INDOORS,
     },
-    RenderedScene {
+    Scene {
         name: "object-wide",
         description: "the plush toy, two frames per second",
         place: Place::Object,
         size: Size::new(320, 240),
         frames: 14,
-        pair_rule: PairRule::Window { size: 4, stride: 1 },
+        pairing: Pairing::Window { size: 4 },
         focal: 265.0,
         timing: Timing::Every(0.5),
         sensor: INDOORS,
     },
-    RenderedScene {
+    Scene {
         name: "cabinet-wide",
         description: "the cabinet, four frames in three seconds",
         place: Place::Cabinet,
         size: Size::new(320, 240),
         frames: 14,
-        pair_rule: PairRule::Window { size: 4, stride: 1 },
+        pairing: Pairing::Window { size: 4 },
         focal: 265.0,
         timing: Timing::Every(0.75),
         sensor: DIM,

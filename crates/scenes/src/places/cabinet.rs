@@ -2,12 +2,12 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::super::light::{Lamp, Lighting};
-use super::super::mesh::{Mesh, Surface};
-use super::super::paint;
-use super::super::path::{Path, Station};
-use super::super::world::Model;
 use super::{hang, lay, stand};
+use crate::light::{Lamp, Lighting};
+use crate::mesh::{Mesh, Surface};
+use crate::paint;
+use crate::path::{Path, Station};
+use crate::world::Model;
 
 pub(super) const PATH: Path = Path {
     stations: &[

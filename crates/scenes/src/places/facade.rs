@@ -5,13 +5,13 @@ use std::f64::consts::FRAC_PI_2;
 use matchbench_vision::seed::{Rng, Seed};
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::super::light::Lighting;
-use super::super::mesh::{Mesh, Surface};
-use super::super::noise::octaves;
-use super::super::paint;
-use super::super::path::{Path, Station};
-use super::super::world::Model;
 use super::{bush, lay, stand, turned};
+use crate::light::Lighting;
+use crate::mesh::{Mesh, Surface};
+use crate::noise::octaves;
+use crate::paint;
+use crate::path::{Path, Station};
+use crate::world::Model;
 
 /// Through the court, always towards the building.
 pub(super) const PATH: Path = Path {

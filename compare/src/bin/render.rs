@@ -1,4 +1,4 @@
-//! Renders the built-in dataset into a folder: `cargo run --release --example render -- FOLDER`.
+//! Renders the built-in dataset into a folder: `cargo run --release -p matchbench-compare --bin render -- FOLDER`.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
