@@ -141,15 +141,15 @@ mod tests {
             ratio: 0.5,
             count: 7,
         };
-        let parse = |config| parse_params_over("x", defaults(), config);
+        let parse = |config: Option<Value>| parse_params_over("x", defaults(), config.as_ref());
         assert_eq!(parse(None), Ok(defaults()));
         let expected = Params {
             count: 7,
             ratio: 0.8,
         };
-        assert_eq!(parse(Some(&json!({"ratio": 0.8}))), Ok(expected));
+        assert_eq!(parse(Some(json!({"ratio": 0.8}))), Ok(expected));
         for wrong in [json!({"ratoi": 0.8}), json!({"count": {}}), json!([1])] {
-            assert!(parse(Some(&wrong)).is_err(), "{wrong}");
+            assert!(parse(Some(wrong.clone())).is_err(), "{wrong}");
         }
     }
 

@@ -314,8 +314,8 @@ mod tests {
 
     #[test]
     fn distance_is_in_pixels_and_decides_about_agreement() {
-        let a = [Point2::new(50.0_f32, 40.0), Point2::new(50.0, 40.0)];
-        let b = [Point2::new(30.0_f32, 40.0), Point2::new(30.0, 44.0)];
+        let a = [Point2::new(50.0, 40.0), Point2::new(50.0, 40.0)];
+        let b = [Point2::new(30.0, 40.0), Point2::new(30.0, 44.0)];
         let matches = match_views(&side_by_side(), &a, &b);
         assert!(matches[0].agrees && !matches[1].agrees);
         let tally = Tally::of(&matches);
@@ -337,7 +337,7 @@ mod tests {
 
     #[test]
     fn lines_cross_the_image_through_the_match() {
-        let a = [Point2::new(70.0_f32, 25.0)];
+        let a = [Point2::new(70.0, 25.0)];
         let matches = match_views(&side_by_side(), &a, &[Point2::new(10.0, 25.0)]);
         let lines = epipolar_lines(&side_by_side(), &matches, (100, 80));
         let [from, to] = lines[0].truth[..] else {

@@ -23,7 +23,7 @@
 //!
 //! # Choices that the paper leaves open
 //! Gradients count by their magnitude. Responses are rounded to 8 bits and weights to 7 bits, in
-//! learning as here, so that 32 patches are judged at once in bytes. Boxes come from a pool that
+//! learning as here, so that 32 patches are evaluated at once in bytes. Boxes come from a pool that
 //! all bits share, whose boxes are summed once. A bit has an offset besides its weak
 //! learners, as if one of them always said yes.
 //!

@@ -37,9 +37,9 @@ impl Keypoint {
 pub struct Features {
     /// Size of the image they come from.
     pub size: Size,
-    /// Where the features are.
+    /// Positions, sizes and orientations.
     pub keypoints: Vec<Keypoint>,
-    /// What they look like.
+    /// Their descriptors, in the same order.
     pub descriptors: Descriptors,
     /// For each keypoint the linear map (row after row) that takes the unit circle to the ellipse
     /// that was described; `None` where all are circles, see [`Features::frame`].

@@ -1,4 +1,4 @@
-//! Local features: where something recognisable is ([`Keypoint`]) and what it looks like
+//! Local features: keypoints ([`Keypoint`]: position, size, orientation) and their descriptors
 //! ([`Descriptors`]).
 //!
 //! Each algorithm is a file or folder of this module and implements [`Extractor`], or
@@ -71,18 +71,19 @@ pub trait Extractor: Send + Sync {
     /// The features of `image`, in an order that depends on the image alone.
     fn extract(&self, image: &GrayImage) -> Features;
 
-    /// The same features, where extractors of one detector share its keypoints.
+    /// The same features; keypoints that another extractor with the same detector found before come from
+    /// `detections`.
     fn extract_sharing(&self, image: &GrayImage, _detections: &mut dyn Detections) -> Features {
         self.extract(image)
     }
 }
 
-/// The keypoints of one image and one detector, remembered by whoever runs several extractors.
+/// The keypoints of one image and one detector, kept by a caller that runs several extractors on it.
 pub trait Detections {
     /// Those of an earlier extraction, if there was one.
     fn recall(&mut self) -> Option<Vec<Keypoint>>;
 
-    /// Remembers them; called once they are known and before the first is described.
+    /// Keeps the keypoints; called when they are known and before the first is described.
     fn remember(&mut self, keypoints: &[Keypoint]);
 
     /// The keypoints of an earlier extraction, or else those that `detector` finds.
@@ -95,7 +96,7 @@ pub trait Detections {
     }
 }
 
-/// Nobody remembers.
+/// Keeps no keypoints.
 struct Unshared;
 
 impl Detections for Unshared {

@@ -1,6 +1,6 @@
 //! How well a match agrees with an essential or fundamental matrix.
 //!
-//! For `b^T E a`, the *algebraic* residual, a geometric meaning is hard to give. The *Sampson
+//! The *algebraic* residual `b^T E a` is no distance. The *Sampson
 //! distance* is the first-order approximation of the distance by which the two points must move,
 //! together, to satisfy the equation (Sampson, "Fitting Conic Sections to 'Very Scattered' Data",
 //! Computer Graphics and Image Processing 18, 1982; Hartley, Zisserman, "Multiple View Geometry in

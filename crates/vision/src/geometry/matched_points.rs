@@ -6,8 +6,8 @@ use super::{Camera, PointPairs};
 
 /// Matched points of two images: `a[i]` and `b[i]` are taken to show the same scene point.
 ///
-/// The three lists have the same length. Whoever fills them by hand and lets the lengths differ gets
-/// a panic from [`MatchedPoints::at_depth_1`], which every estimator calls first.
+/// The three lists have the same length; [`MatchedPoints::at_depth_1`], which every estimator calls first,
+/// panics where they have not.
 ///
 /// ```
 /// use matchbench_vision::geometry::MatchedPoints;

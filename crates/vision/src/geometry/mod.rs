@@ -1,5 +1,5 @@
-//! Cameras and what two of them know about each other: relative pose, its error, epipolar
-//! geometry, triangulation, minimal solvers.
+//! Two-view geometry: cameras, relative pose and its error, epipolar geometry, triangulation, minimal
+//! solvers.
 
 mod camera;
 mod cheirality;

@@ -13,14 +13,14 @@ pub struct Correspondence {
     pub b: u32,
     /// Distance of the two descriptors: Euclidean, or the number of differing bits.
     pub distance: f32,
-    /// Distance from `a` to the second nearest feature of `b`; infinite where there is none. It
-    /// travels with the match so that the ratio test needs nothing else.
+    /// Distance from `a` to the second nearest feature of `b`; infinite where there is none. It is
+    /// what the ratio test compares with.
     pub second: f32,
 }
 
 impl Correspondence {
-    /// Nearest over second nearest distance: 0 is certain, 1 is where nothing tells them apart,
-    /// also where both distances are zero.
+    /// Nearest over second nearest distance: 0 is certain, 1 as ambiguous as can be. Where both distances
+    /// are zero it is 1, where there is no second it is 0.
     pub fn ambiguity(&self) -> f32 {
         let ratio = self.distance / self.second;
         if ratio.is_nan() { 1.0 } else { ratio }

@@ -1,12 +1,13 @@
 //! Exact nearest neighbours: every descriptor of `a` is compared with every descriptor of `b`.
 //!
-//! Both best neighbours are found in one pass (see [`crate::simd`] for how); real-valued
-//! descriptors by Euclidean distance, binary ones by the number of differing bits.
+//! Both best neighbours are found in one pass: for real-valued descriptors by Euclidean distance, for
+//! binary ones by the number of differing bits. A cheap lower bound rejects most candidates without changing
+//! a result (`simd::search`).
 //!
 //! Choices: of equally near features of `b` the one with the lowest index is the nearest, and the
 //! next of them gives [`Correspondence::second`]. Euclidean distances are compared squared. A
-//! distance that is not a finite number (a descriptor holds NaN) never wins; a feature of `a` all
-//! of whose distances are such has no correspondence.
+//! distance that is not a finite number (a descriptor holds NaN) is never the nearest; a
+//! feature of `a` with no finite distance has no correspondence.
 
 use super::{Correspondence, Correspondences, Search};
 use crate::features::{Descriptors, Features};

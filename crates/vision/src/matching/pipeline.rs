@@ -1,4 +1,4 @@
-//! What a matcher is: three stages, each timed by whoever runs them.
+//! What a matcher is: three stages (extract, search, select), each of which the caller can time.
 
 use super::{Correspondences, NearestNeighbours, RatioTest};
 use crate::features::{Detections, Extractor, Features};
@@ -19,19 +19,20 @@ pub struct View<'a> {
 
 /// A feature matcher in the paper's sense: two images in, correspondences out.
 ///
-/// Outsiders implement it too, so every stage may fail; a failure is counted against the pair and
-/// does not stop the run.
+/// Users of the library implement it too, so every stage may fail. The benchmark counts a failure against
+/// the pair and goes on.
 pub trait Matcher: Send + Sync {
     /// Features of one image; once per image.
     ///
     /// # Errors
-    /// Whatever went wrong, in words for the report.
+    /// If the stage fails, with the reason in words.
     fn extract(&self, image: &GrayImage) -> Result<Features, MatcherError>;
 
-    /// The same, where matchers of one detector share its keypoints.
+    /// The same features; keypoints that another matcher with the same detector found before come from
+    /// `detections`.
     ///
     /// # Errors
-    /// Whatever went wrong, in words for the report.
+    /// If the stage fails, with the reason in words.
     fn extract_sharing(
         &self,
         image: &GrayImage,
@@ -43,13 +44,13 @@ pub trait Matcher: Send + Sync {
     /// Putative correspondences; once per pair.
     ///
     /// # Errors
-    /// Whatever went wrong, in words for the report.
+    /// If the stage fails, with the reason in words.
     fn search(&self, a: &Features, b: &Features) -> Result<Correspondences, MatcherError>;
 
     /// The correspondences worth keeping; once per pair.
     ///
     /// # Errors
-    /// Whatever went wrong, in words for the report.
+    /// If the stage fails, with the reason in words.
     fn select(
         &self,
         a: View<'_>,
@@ -68,7 +69,7 @@ pub trait Matcher: Send + Sync {
     /// `a` and `b` are used by matchers that select with a pose (RepMatch).
     ///
     /// # Errors
-    /// Whatever went wrong in a stage.
+    /// If a stage fails.
     fn match_images(
         &self,
         a: &GrayImage,

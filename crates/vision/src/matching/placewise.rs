@@ -12,7 +12,7 @@
 //!
 //! Of two features of `b` that lie farther than twice `same_place_px` from each other at least one is
 //! of another place than the match, wherever that is, and its block gives it or a nearer one. So
-//! what is farther than both of them changes nothing, and is ruled out fast.
+//! candidates farther than both of them change nothing, and are rejected by a cheap lower bound.
 //!
 //! | field | default | source |
 //! | --- | --- | --- |
@@ -53,14 +53,14 @@ impl Search for PlacewiseNeighbours {
         }
         (0..)
             .zip(&of_blocks)
-            .filter_map(|(a, of_blocks)| self.judge(a, of_blocks, &b.keypoints))
+            .filter_map(|(a, of_blocks)| self.match_of(a, of_blocks, &b.keypoints))
             .collect()
     }
 }
 
 impl PlacewiseNeighbours {
-    /// What blocks give for the first features of `a`, as many as can be found fast; blocks without
-    /// influence are left out.
+    /// The nearest feature of each block for the first features of `a`, as many as the fast kernel takes
+    /// (none where the processor lacks it); blocks that cannot change a result are left out.
     fn of_blocks_that_matter(self, a: &Features, b: &Features) -> Vec<Correspondences> {
         let (Descriptors::Float(rows_a), Descriptors::Float(rows_b)) =
             (&a.descriptors, &b.descriptors)
@@ -90,8 +90,8 @@ impl PlacewiseNeighbours {
         near.iter().enumerate().map(of_blocks).collect()
     }
 
-    /// The match of feature `a`, for which the blocks give `of_blocks`.
-    fn judge(
+    /// The match of feature `a`, given the nearest feature of each block.
+    fn match_of(
         self,
         a: u32,
         of_blocks: &[Correspondence],
@@ -122,7 +122,7 @@ impl PlacewiseNeighbours {
     }
 }
 
-/// What each block of `b` gives for each row of `a`.
+/// The nearest feature of each block of `b`, for each row of `a`.
 fn of_all_blocks(a: &Descriptors, b: &Descriptors) -> Vec<Correspondences> {
     let mut of_blocks = vec![Correspondences::new(); a.len()];
     for first in (0..b.len()).step_by(BLOCK) {
@@ -227,7 +227,7 @@ mod tests {
         let all = of_all_blocks(&a.descriptors, &b.descriptors);
         let expected: Correspondences = (0..)
             .zip(&all)
-            .filter_map(|(a, of_blocks)| search.judge(a, of_blocks, &b.keypoints))
+            .filter_map(|(a, of_blocks)| search.match_of(a, of_blocks, &b.keypoints))
             .collect();
         assert_eq!(search.search(&a, &b), expected);
 

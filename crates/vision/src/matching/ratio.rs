@@ -8,8 +8,8 @@
 //! | - | [`RatioTest::ratio`] | 0.8 | section 7.1; the evaluation setting of the MatchBench paper |
 //!
 //! *Left open by the paper*: the comparison is strict and made in `f32`, so two equally near
-//! features, and two perfect twins at distance 0, are dropped. Where there is no second neighbour
-//! the test can decide nothing and the match is dropped too.
+//! features are dropped, also if both are at distance 0. Where there is no second neighbour the test is
+//! undefined, and the match is dropped too.
 
 use super::{Correspondences, Selector, View};
 use crate::params::ParamError;

@@ -95,8 +95,8 @@ impl Extras {
 }
 
 /// As [`consensus`], with `extras`, and only until `stop` says so, which is asked before each sample
-/// and told how many were drawn. A `stop` that looks at a clock costs reproducibility, so whoever
-/// wants a time limit passes it from outside.
+/// and told how many were drawn. A `stop` that looks at a clock makes results irreproducible, so
+/// time limits are up to the caller.
 pub fn consensus_until<P: Problem>(
     problem: &P,
     score: &impl Scoring,

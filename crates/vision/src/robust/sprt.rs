@@ -1,4 +1,4 @@
-//! When to give up a model: Wald's sequential probability ratio test.
+//! When to abandon a model: Wald's sequential probability ratio test.
 //!
 //! Matas, Chum, "Randomized RANSAC with Sequential Probability Ratio Test", ICCV 2005; Chum, Matas,
 //! "Optimal Randomized RANSAC", PAMI 30(8), 2008.

@@ -29,7 +29,7 @@
 //!
 //! # Choices that the paper leaves open
 //! All as OpenCV's `DAISY`: histograms are not normalised, and interpolated between pixels;
-//! keypoints lend their place alone, neither size nor orientation; Gaussians reach 2.5 standard
+//! only the position of a keypoint is used, neither its size nor its orientation; Gaussians reach 2.5 standard
 //! deviations; a histogram within two pixels of the right or lower border, or outside the image, is
 //! 0.
 //!

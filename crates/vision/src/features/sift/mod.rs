@@ -32,7 +32,7 @@
 //! *Differences from OpenCV*: positions. Doubling the image moves pixel (x, y) to
 //! (2 x + 1/2, 2 y + 1/2); OpenCV halves positions without taking that back, so its keypoints lie
 //! 0.25 pixels too far right and down. Here a position is where the pixel centres say.
-//! A fit that wanders more than 8 pixels from its extremum is given up. The last digits of sums
+//! A fit that wanders more than 8 pixels from its extremum is dropped. The last digits of sums
 //! differ.
 
 mod descriptor;

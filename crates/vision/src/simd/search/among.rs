@@ -36,7 +36,7 @@ fn sums_of_few(query: &[f32], rows: &[f32], chosen: &[u32]) -> [f32; ROWS] {
     }
 }
 
-/// Squared distances to one to `N` chosen rows; what is too much repeats the last.
+/// Squared distances to the chosen rows, of which there are 1 to `N`; unused entries repeat the last one.
 #[inline(always)]
 fn sums<const N: usize>(query: &[f32], rows: &[f32], chosen: &[u32]) -> [f32; N] {
     let dim = query.len();

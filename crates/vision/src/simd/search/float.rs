@@ -12,8 +12,8 @@ const ROWS: usize = 6;
 /// rows of `dim` values.
 ///
 /// The distance of two rows is defined as `(a[k] - b[k])^2` summed for `k = 0, 1, ...` with one
-/// fused multiply-add each. Where the processor can, most candidates are ruled out with less, so
-/// that nobody can tell.
+/// fused multiply-add each. Where the processor can, most candidates are rejected by a cheap lower bound
+/// first; the results are identical.
 ///
 /// # Panics
 /// If `dim` is 0.
@@ -74,7 +74,7 @@ multiversioned! {
     ) {
         let dim = panel.len();
         for (rows, best) in a.chunks(ROWS * dim).zip(best.chunks_mut(ROWS)) {
-            // The last block repeats its last row; the zip below drops what is too much.
+            // The last block is filled up with its last row, whose surplus results the zip below drops.
             let rows: [&[f32]; ROWS] =
                 std::array::from_fn(|row| &rows[row.min(best.len() - 1) * dim..][..dim]);
             let mut sums = [[0.0_f32; LANES]; ROWS];

@@ -6,10 +6,10 @@
 //!    took from either.
 //! 2. With `|a - b|^2 = |a|^2 + |b|^2 - 2 a.b` each instruction multiplies and adds 32 pairs of
 //!    bytes. The grid is such that no sum of products leaves 16 bits.
-//! 3. A candidate that is farther than the second nearest so far by more than the rounding is out.
-//!    The few others are measured with all digits, which brings the second nearest down.
-//! 4. What is left, mostly the two nearest themselves, is for the caller to compare by the
-//!    definition of the distance. So nobody can tell this search from the one by definition.
+//! 3. A candidate is rejected if even the lower bound of its distance exceeds the second smallest distance so
+//!    far. For the few others the distance is computed in full, which may lower that second smallest.
+//! 4. The caller compares what is left, mostly the two nearest themselves, by the definition of the
+//!    distance; so the results are those of the search by definition.
 
 mod grid;
 
