@@ -11,6 +11,14 @@
 //!   Written here because published results must not move with the version of a library.
 
 /// The seed of one task; children are derived from it by label or by number.
+///
+/// ```
+/// use matchbench_vision::seed::Seed;
+///
+/// let pair = Seed(0).child("office").number(3).number(7);
+/// assert_eq!(pair.rng().next_u32(), pair.rng().next_u32());
+/// assert_ne!(pair, Seed(0).child("office").number(7).number(3));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Seed(pub u64);

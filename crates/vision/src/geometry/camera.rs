@@ -6,6 +6,15 @@ use nalgebra::{Matrix3, Point2};
 
 /// Pinhole camera: `u = fx x + cx`, `v = fy y + cy` for the point (x, y) at depth 1, after lens
 /// distortion. Lengths are in pixels; pixel centres are at integers.
+///
+/// ```
+/// use matchbench_vision::geometry::Camera;
+/// use matchbench_vision::nalgebra::Point2;
+///
+/// let camera = Camera::pinhole(525.0, 525.0, 319.5, 239.5);
+/// assert_eq!(camera.normalize(Point2::new(319.5, 239.5)), Point2::origin());
+/// assert_eq!(camera.project(Point2::new(1.0, 0.0)), Point2::new(844.5, 239.5));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]

@@ -33,6 +33,18 @@ impl RelativePose {
     }
 
     /// The angles between this pose and the `true_pose`.
+    ///
+    /// ```
+    /// use matchbench_vision::geometry::RelativePose;
+    /// use matchbench_vision::nalgebra::{UnitQuaternion, UnitVector3, Vector3};
+    ///
+    /// let towards = |x, z| RelativePose {
+    ///     rotation: UnitQuaternion::identity(),
+    ///     direction: UnitVector3::new_normalize(Vector3::new(x, 0.0, z)),
+    /// };
+    /// let error = towards(1.0, 1.0).error(&towards(1.0, 0.0));
+    /// assert!((error.max().to_degrees() - 45.0).abs() < 1e-9);
+    /// ```
     pub fn error(&self, true_pose: &Self) -> PoseError {
         PoseError {
             rotation: self.rotation.angle_to(&true_pose.rotation),
