@@ -1,6 +1,6 @@
 //! What can be typed. Parsing only; each subcommand's work is in `commands/`.
 
-use std::num::NonZeroU32;
+use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -59,6 +59,41 @@ pub(crate) enum Command {
     Man(ManArgs),
 }
 
+/// More threads than any machine of today makes use of.
+const MOST_THREADS: usize = 1024;
+
+/// How many threads a command has for all that it does.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub(crate) struct Threads {
+    /// Threads; results do not depend on it [default: all cores]
+    #[arg(long = "threads", value_name = "N", value_parser = threads)]
+    pub number: Option<NonZeroUsize>,
+}
+
+impl Command {
+    /// What `--threads` says, where the command has that option.
+    pub(crate) fn threads(&self) -> Option<NonZeroUsize> {
+        let threads = match self {
+            Self::Demo(args) => args.threads,
+            Self::Run(args) => args.threads,
+            Self::Tune(args) => args.threads,
+            Self::Eval(args) => args.threads,
+            Self::Report(args) => args.threads,
+            Self::Compare(args) => args.threads,
+            Self::Validate(args) => args.threads,
+            // One pair, one thread, or nothing to share out.
+            Self::Import(_)
+            | Self::Show(_)
+            | Self::Time(_)
+            | Self::Export(_)
+            | Self::List(_)
+            | Self::Completions(_)
+            | Self::Man(_) => Threads::default(),
+        };
+        threads.number
+    }
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct DemoArgs {
     /// Matchers, separated by commas, or `all`, which takes several minutes
@@ -72,9 +107,8 @@ pub(crate) struct DemoArgs {
     /// Folder for the run and its report; running again resumes
     #[arg(long, value_name = "DIR", default_value = "matchbench-demo")]
     pub out: PathBuf,
-    /// Threads [default: all cores]
-    #[arg(long, value_name = "N")]
-    pub threads: Option<usize>,
+    #[command(flatten)]
+    pub threads: Threads,
 }
 
 #[derive(Debug, Args)]
@@ -149,9 +183,8 @@ pub(crate) struct RunArgs {
     /// and estimators
     #[arg(long, value_name = "RUN")]
     pub out: PathBuf,
-    /// Threads; results do not depend on it [default: all cores]
-    #[arg(long, value_name = "N")]
-    pub threads: Option<usize>,
+    #[command(flatten)]
+    pub threads: Threads,
     /// Only the first N pairs of each dataset
     #[arg(long, value_name = "N")]
     pub limit: Option<usize>,
@@ -206,9 +239,8 @@ pub(crate) struct TuneArgs {
     /// Folder of the run behind it; running again resumes
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Threads [default: all cores]
-    #[arg(long, value_name = "N")]
-    pub threads: Option<usize>,
+    #[command(flatten)]
+    pub threads: Threads,
     /// Only the first N pairs of each dataset
     #[arg(long, value_name = "N")]
     pub limit: Option<usize>,
@@ -240,6 +272,8 @@ pub(crate) struct EvalArgs {
     /// Write to a file instead of standard output
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub threads: Threads,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -284,6 +318,8 @@ pub(crate) struct ReportArgs {
     /// Folder of the feature cache, from which keypoints are drawn [default: RUN/cache]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
+    #[command(flatten)]
+    pub threads: Threads,
 }
 
 #[derive(Debug, Args)]
@@ -369,6 +405,8 @@ pub(crate) struct CompareArgs {
     /// The run after
     #[arg(value_name = "AFTER")]
     pub after: PathBuf,
+    #[command(flatten)]
+    pub threads: Threads,
 }
 
 #[derive(Debug, Args)]
@@ -403,6 +441,13 @@ pub(crate) struct ValidateArgs {
     /// The dataset folder
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    let number = (text.parse().ok()).filter(|number: &NonZeroUsize| number.get() <= MOST_THREADS);
+    number.ok_or_else(|| format!("give a number from 1 to {MOST_THREADS}"))
 }
 
 #[derive(Debug, Args)]

@@ -2,14 +2,19 @@
 
 mod args;
 mod commands;
-mod contenders;
 mod progress;
 
+use std::num::NonZeroUsize;
 use std::process::ExitCode;
 
+use anyhow::Context;
 use clap::Parser;
+use rayon::ThreadPoolBuilder;
 
 use args::{Cli, Command};
+
+/// Bytes of the stack of a thread: as much as the system gives the first one.
+const STACK: usize = 8 << 20;
 
 /// What a command that did not break has to say to the shell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +36,33 @@ fn main() -> ExitCode {
             return ExitCode::from(u8::from(error.use_stderr()));
         }
     };
-    let ending = match &cli.command {
+    let ending = in_pool(&cli.command);
+    match ending {
+        Ok(Ending::Done) => ExitCode::SUCCESS,
+        Ok(Ending::SomeFailed) => ExitCode::from(2),
+        Ok(Ending::Stopped) => ExitCode::from(130),
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Does the command in the one pool of threads that all of it shares: decoding, extraction, scoring,
+/// figures.
+fn in_pool(command: &Command) -> anyhow::Result<Ending> {
+    let threads = command.threads().map_or(0, NonZeroUsize::get);
+    let pool = ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .stack_size(STACK)
+        .build()
+        .context("cannot start the threads; try fewer with --threads")?;
+    pool.install(|| dispatch(command))
+}
+
+fn dispatch(command: &Command) -> anyhow::Result<Ending> {
+    match command {
         Command::Demo(args) => commands::demo::run(args),
         Command::Import(args) => commands::import::run(args),
         Command::Run(args) => commands::run::run(args),
@@ -46,16 +77,6 @@ fn main() -> ExitCode {
         Command::Validate(args) => commands::validate::run(args),
         Command::Completions(args) => commands::completions::run(args),
         Command::Man(args) => commands::man::run(args),
-    };
-    match ending {
-        Ok(Ending::Done) => ExitCode::SUCCESS,
-        Ok(Ending::SomeFailed) => ExitCode::from(2),
-        Ok(Ending::Stopped) => ExitCode::from(130),
-        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            ExitCode::FAILURE
-        }
     }
 }
 

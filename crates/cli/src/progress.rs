@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use matchbench::records::RunRecord;
-use matchbench::run::{Cancel, Observer, Plan, RunSummary};
+use matchbench::records::{Plan, RunRecord};
+use matchbench::run::{Cancel, Observer, RunSummary};
 
 /// A bar with pairs per second and the time left, drawn on standard error where that is a
 /// terminal, silent otherwise.

@@ -4,6 +4,7 @@
 //! [`estimators`] into [`records`]; [`metrics`] are pure functions of records, and [`report`]
 //! writes them down. `ARCHITECTURE.md` in the repository draws it.
 
+pub mod cache;
 pub mod config;
 pub mod datasets;
 pub mod estimators;
@@ -13,3 +14,5 @@ pub mod metrics;
 pub mod records;
 pub mod report;
 pub mod run;
+pub mod time;
+pub mod tune;

@@ -7,32 +7,33 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use matchbench::datasets::rendered;
-use matchbench::run::Settings;
+use matchbench::records::Settings;
+use matchbench::report::ReportOptions;
+use matchbench::run::Contender;
 
-use super::run::{Job, open};
+use super::job::{Job, changes, open};
 use super::{eval, report};
 use crate::Ending;
 use crate::args::DemoArgs;
-use crate::contenders::contenders;
 
 pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
     let datasets = open(&scenes()?)?;
-    let contenders = contenders(&args.matchers, &[], &[])?;
+    let contenders = Contender::from_ids(&args.matchers, &[], &changes(&[])?)?;
     let ending = Job {
         datasets: &datasets,
         contenders: &contenders,
         settings: Settings::default(),
+        tuned: &[],
         folder: &args.out,
         cache: None,
-        threads: args.threads,
         keep_matches: true,
     }
     .execute()?;
     if ending == Ending::Stopped {
         return Ok(ending);
     }
-    eval::print(&args.out, None)?;
-    let page = report::write(&args.out, None, None, report::PICTURES)?;
+    eval::print(&args.out)?;
+    let page = report::write(&args.out, &ReportOptions::default())?;
     let page = std::path::absolute(page)?;
     let mut out = std::io::stdout();
     writeln!(

@@ -5,8 +5,9 @@ use std::path::Path;
 
 use anyhow::Result;
 use matchbench::files::write_whole;
-use matchbench::metrics::{Bootstrap, ResultSet, Summary, load};
-use matchbench::report::{Content, Format, RunFacts, leads_in_words, render};
+use matchbench::metrics::{Bootstrap, ResultSet, load};
+use matchbench::records::RunFolder;
+use matchbench::report::{Content, Format, RunFacts, render, verdicts};
 
 use crate::Ending;
 use crate::args::{EvalArgs, FormatArg};
@@ -14,7 +15,14 @@ use crate::args::{EvalArgs, FormatArg};
 pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
     let sets = load(&args.results, args.datasets.as_deref())?;
     let text = match args.format {
-        FormatArg::Table => table(sets),
+        FormatArg::Table => {
+            let mut text = table(sets);
+            if RunFolder::is_at(&args.results) {
+                let next = format!("\nNext: matchbench report {}\n", args.results.display());
+                text.push_str(&next);
+            }
+            text
+        }
         other => render(other.into(), &content(sets).summaries),
     };
     match &args.out {
@@ -24,33 +32,30 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
     Ok(Ending::Done)
 }
 
-/// Scores the results in a folder.
-pub(crate) fn summaries(results: &Path, datasets: Option<&Path>) -> Result<Vec<Summary>> {
-    Ok(content(load(results, datasets)?).summaries)
+/// Prints the table of scores of a run, and who is best on each dataset.
+pub(crate) fn print(run: &Path) -> Result<()> {
+    let text = table(load(run, None)?);
+    std::io::stdout().write_all(text.as_bytes())?;
+    Ok(())
 }
 
-fn content(sets: Vec<ResultSet>) -> Content {
-    Content::new(sets, &Bootstrap::default(), RunFacts::default())
-}
-
-/// The table of scores, and below it the best of each dataset against the others.
+/// The table of scores, and below it a sentence for each dataset: who is best, how certainly.
 fn table(sets: Vec<ResultSet>) -> String {
     let Content {
         summaries, leads, ..
     } = content(sets);
     let mut text = render(Format::Table, &summaries);
-    if !leads.is_empty() {
-        text.push_str("\nAUC of the best on each dataset against the others, on the same pairs [95 % interval]:\n");
-        text.push_str(&leads_in_words(&leads));
+    let verdicts = verdicts(&leads);
+    if !verdicts.is_empty() {
+        text.push('\n');
+        text.push_str(&verdicts.join("\n"));
+        text.push('\n');
     }
     text
 }
 
-/// Prints the table of scores.
-pub(crate) fn print(results: &Path, datasets: Option<&Path>) -> Result<()> {
-    let text = table(load(results, datasets)?);
-    std::io::stdout().write_all(text.as_bytes())?;
-    Ok(())
+fn content(sets: Vec<ResultSet>) -> Content {
+    Content::new(sets, &Bootstrap::default(), RunFacts::default())
 }
 
 impl From<FormatArg> for Format {

@@ -3,13 +3,13 @@
 use std::io::Write;
 
 use anyhow::{Result, ensure};
-use matchbench::records::{authors, store};
+use matchbench::records::{RunFolder, authors};
 
 use crate::Ending;
 use crate::args::ExportArgs;
 
 pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
-    let records = store::read_run(&args.run)?;
+    let records = RunFolder::open(&args.run)?.records()?;
     ensure!(
         !records.is_empty(),
         "{} holds no records yet",

@@ -1,4 +1,4 @@
-//! One file per subcommand.
+//! One file per subcommand, and `job`: a run as several of them ask for it.
 
 pub(crate) mod compare;
 pub(crate) mod completions;
@@ -6,9 +6,9 @@ pub(crate) mod demo;
 pub(crate) mod eval;
 pub(crate) mod export;
 pub(crate) mod import;
+pub(crate) mod job;
 pub(crate) mod list;
 pub(crate) mod man;
-pub(crate) mod pictures;
 pub(crate) mod report;
 pub(crate) mod run;
 pub(crate) mod show;

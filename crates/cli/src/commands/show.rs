@@ -1,4 +1,4 @@
-//! `matchbench show`: one pair as a picture. It is run as any other, in a folder of its own.
+//! `matchbench show`: one pair as a picture, as a run would match it.
 
 use std::io::Write;
 use std::sync::Arc;
@@ -6,17 +6,15 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use matchbench::datasets::read_gray;
 use matchbench::files::write_whole;
+use matchbench::matchers::ImageFiles;
 use matchbench::metrics::PairResult;
-use matchbench::records::{MatchesFile, matches, store};
-use matchbench::report::{Thumbnail, picture_png, picture_svg, sentence};
-use matchbench::run::Settings;
+use matchbench::records::Outcome;
+use matchbench::report::{Thumbnail, picture_png, picture_svg, sentence, view};
+use matchbench::run::{Contender, Dataset, ImagePair, evaluate, pair_seed};
 
-use super::pictures::view;
-use super::run::{Job, open};
+use super::job::changes;
 use crate::Ending;
 use crate::args::ShowArgs;
-use crate::contenders::contenders;
-use crate::progress::cancel_on_ctrl_c;
 
 /// Longest side of an image in the picture, and its JPEG quality.
 const DRAWN: (u32, u8) = (1600, 88);
@@ -35,16 +33,14 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         ),
     };
     let estimators: Vec<String> = args.estimator.iter().cloned().collect();
-    let contenders = contenders(std::slice::from_ref(&args.matcher), &estimators, &args.set)?;
+    let matcher = std::slice::from_ref(&args.matcher);
+    let contenders = Contender::from_ids(matcher, &estimators, &changes(&args.set)?)?;
     let [contender] = &contenders[..] else {
         bail!("--matcher takes one matcher");
     };
-    let mut datasets = open(&[&args.dataset])?;
-    let sequence = &mut datasets[0].sequence;
-    sequence
-        .pairs
-        .retain(|pair| (pair.a, pair.b) == (args.a, args.b));
-    let pair = *sequence.pairs.first().with_context(|| {
+    let Dataset { sequence, .. } = Dataset::open(&args.dataset)?;
+    let mut pairs = sequence.pairs.iter();
+    let pair = (pairs.find(|pair| (pair.a, pair.b) == (args.a, args.b))).with_context(|| {
         format!(
             "{} has no pair {} {}; its pairs.txt lists those that it has",
             args.dataset.display(),
@@ -52,55 +48,53 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
             args.b
         )
     })?;
-    let folder = tempfile::tempdir()?;
-    let job = Job {
-        datasets: &datasets,
-        contenders: &contenders,
-        settings: Settings {
-            seed: args.seed,
-            ..Settings::default()
+    let [frame_a, frame_b] = [pair.a, pair.b].map(|frame| &sequence.frames[frame as usize]);
+    let gray = [read_gray(&frame_a.image)?, read_gray(&frame_b.image)?];
+    let seed = pair_seed(
+        args.seed,
+        &sequence.name,
+        contender.source.id(),
+        (pair.a, pair.b),
+        0,
+    );
+    let evaluation = evaluate(
+        contender,
+        &ImagePair {
+            images: gray.each_ref(),
+            cameras: [&frame_a.camera, &frame_b.camera],
+            b_from_a: &pair.b_from_a,
+            files: Some(ImageFiles {
+                dataset: &sequence.name,
+                frames: [pair.a, pair.b],
+                images: [&frame_a.image, &frame_b.image],
+            }),
         },
-        folder: folder.path(),
-        cache: None,
-        threads: Some(1),
-        keep_matches: true,
-    };
-    let cancel = cancel_on_ctrl_c("stopping; nothing is written")?;
-    if !job.execute_quietly(&cancel)? {
-        return Ok(Ending::Stopped);
+        seed,
+    )?;
+    let (outcome, matches) = (&evaluation.outcomes[0], &evaluation.matches);
+    if let Outcome::Failed { reason } = outcome {
+        bail!("{reason}");
     }
-
-    let (sequence, id) = (&datasets[0].sequence, &contender.matcher.id);
-    let estimator = &contender.estimators[0].id;
-    let records = store::read(&store::path(folder.path(), &sequence.name, id, estimator))?;
-    let record = records.first().context("the run left no record")?;
-    let result = PairResult::from(record);
-    let file = MatchesFile::open(&matches::path(folder.path(), &sequence.name, id))?;
-    let selected = file.read((args.a, args.b, 0))?.unwrap_or_default();
-    let gray = [args.a, args.b].map(|frame| read_gray(&sequence.frames[frame as usize].image));
-    let [a, b] = gray;
-    let gray = [a?, b?];
-    let images = gray
-        .each_ref()
-        .map(|image| Arc::new(Thumbnail::new(image, DRAWN.0, DRAWN.1)));
-    let mut view = view(sequence, &pair, &selected, &record.outcome, images);
+    let images = (gray.each_ref()).map(|image| Arc::new(Thumbnail::new(image, DRAWN.0, DRAWN.1)));
+    let mut view = view(&sequence, pair, matches, outcome, images);
     if args.keypoints {
-        for (points, image) in view.keypoints.iter_mut().zip(&gray) {
-            let features = contender.matcher.matcher.extract(image)?;
-            *points = features
-                .keypoints
-                .iter()
-                .map(|keypoint| keypoint.at.cast())
-                .collect();
+        for (points, features) in view
+            .keypoints
+            .iter_mut()
+            .zip(evaluation.features.iter().flatten())
+        {
+            let keypoints = features.keypoints.iter();
+            *points = keypoints.map(|keypoint| keypoint.at.cast()).collect();
         }
     }
-    let counts = record.counts;
     let caption = format!(
-        "{} {} – {}, {id} + {estimator}: {}",
+        "{} {} – {}, {} + {}: {}",
         sequence.name,
         args.a,
         args.b,
-        sentence(&result)
+        contender.source.id(),
+        contender.estimators[0].name,
+        sentence(&PairResult::of(pair.a, pair.b, outcome))
     );
     let picture = if svg {
         picture_svg(&view, &caption).into_bytes()
@@ -108,6 +102,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         picture_png(&view, &caption)?
     };
     write_whole(&args.out, &picture)?;
+    let counts = matches.counts;
     writeln!(
         std::io::stdout(),
         "{caption}\n{} and {} features, {} putative and {} selected matches, {} of them agree with the estimate\n{}",

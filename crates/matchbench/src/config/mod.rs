@@ -4,6 +4,7 @@
 //! about something else. So every parameter struct denies unknown fields, and what is refused is
 //! named.
 
+mod changes;
 mod names;
 
 use std::fmt;
@@ -12,6 +13,7 @@ use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserializer, Serialize};
 use serde_json::{Map, Value};
 
+pub use changes::{Changes, parse_value};
 pub use names::{UnknownName, find};
 
 /// Parameters that do not fit what they are for.

@@ -22,11 +22,16 @@ mod local_features;
 mod orb;
 mod repmatch;
 mod sift;
+mod source;
 mod surf;
 
 use matchbench_vision::matching::Matcher;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+
+pub use source::{
+    BuiltPointSource, ImageFiles, PointSource, Source, SourceError, SourceSeconds, SourcedMatches,
+};
 
 use crate::config::{self, ConfigError, UnknownName};
 

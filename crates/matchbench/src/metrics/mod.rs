@@ -26,7 +26,7 @@ pub use comparison::{Comparison, Lead, auc_difference, compare, leads};
 pub use failures::{Failure, Failures};
 pub use pair_geometry::{DatasetGeometry, PairGeometry};
 pub use pair_result::{Angle, AngularError, PairResult};
-pub use results::{ResultSet, ResultsError, load};
+pub use results::{ResultSet, ResultsError, load, load_run};
 pub use strata::{Stratum, auc_by_stratum, strata};
 pub use success::{SuccessCurve, THRESHOLDS};
 pub use summary::{Score, Summary};

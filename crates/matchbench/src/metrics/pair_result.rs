@@ -82,6 +82,16 @@ impl PairResult {
         }
     }
 
+    /// A pair that was judged, without counts and times.
+    pub fn of(a: u32, b: u32, outcome: &Outcome) -> Self {
+        let (outcome, correspondences) = scored(outcome);
+        Self {
+            outcome,
+            correspondences,
+            ..Self::failed(a, b, Failure::Missing)
+        }
+    }
+
     /// One angle of the error, in degrees; `None` where there is no pose, or no true direction.
     pub fn error(&self, angle: Angle) -> Option<f64> {
         let error = self.outcome.as_ref().ok()?;

@@ -1,7 +1,6 @@
 //! Results from disk: a run folder, or anybody's results in the authors' layout.
 //!
-//! - A run folder holds `plan.json` and `records/<dataset>/<matcher>+<estimator>.jsonl`, one
-//!   [`RunRecord`] a line. Poses were compared with the truth when they were recorded.
+//! - A [`RunFolder`] holds records. Poses were compared with the truth when they were recorded.
 //! - The authors' layout is `<sequence>/<matcher>.txt`, one row `a b count` + 3x4 pose a pair; a row
 //!   with a zero translation is a pair without a pose. The truth comes from
 //!   `<datasets>/<sequence>/pairs.txt`. A file may be called `<matcher>+<estimator>.txt`.
@@ -16,11 +15,10 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-
 use crate::datasets::{DatasetError, Pair, read_pairs};
 use crate::records::authors::{self, AuthorsError, Row};
-use crate::records::store::{self, StoreError};
+use crate::records::store;
+use crate::records::{FolderError, Plan, RunFolder, StoreError};
 
 use super::pair_result::scored;
 use super::{Failure, PairResult};
@@ -69,6 +67,9 @@ pub enum ResultsError {
     /// A file in the authors' layout is wrong.
     #[error(transparent)]
     Rows(#[from] AuthorsError),
+    /// The folder of a run is wrong.
+    #[error(transparent)]
+    Run(#[from] FolderError),
     /// A file of records is wrong.
     #[error(transparent)]
     Records(#[from] StoreError),
@@ -90,8 +91,8 @@ pub enum ResultsError {
 /// # Errors
 /// A file that cannot be read or a line that makes no sense, named by file and line.
 pub fn load(results: &Path, datasets: Option<&Path>) -> Result<Vec<ResultSet>, ResultsError> {
-    if results.join("plan.json").is_file() {
-        return load_run(results, datasets);
+    if RunFolder::is_at(results) {
+        return load_run(&RunFolder::open(results)?, datasets);
     }
     let datasets = datasets.ok_or_else(|| ResultsError::Layout {
         path: results.to_path_buf(),
@@ -169,18 +170,19 @@ fn score_row(row: &Row, truth: &Pair) -> PairResult {
     }
 }
 
-fn load_run(run: &Path, datasets: Option<&Path>) -> Result<Vec<ResultSet>, ResultsError> {
+/// Every set of results of a run, in the order of its plan; what the plan does not name comes last.
+///
+/// `datasets` is the folder that holds `<sequence>/pairs.txt`, which then say which pairs count.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_run(run: &RunFolder, datasets: Option<&Path>) -> Result<Vec<ResultSet>, ResultsError> {
     let mut sets = Vec::new();
-    let records = run.join("records");
-    if records.exists() {
-        for (_, folder) in folders(&records)? {
-            for (_, file) in files(&folder, "jsonl")? {
-                sets.extend(read_records(&file)?);
-            }
-        }
+    for file in run.record_files()? {
+        sets.extend(read_records(&file)?);
     }
     sort(&mut sets);
-    order_as_planned(&mut sets, &run.join("plan.json"))?;
+    order_as_planned(&mut sets, run.plan());
     let mut listed = BTreeMap::<String, BTreeSet<(u32, u32)>>::new();
     for set in &sets {
         let pairs = listed.entry(set.dataset.clone()).or_default();
@@ -266,27 +268,16 @@ fn listed_pairs(datasets: &Path, dataset: &str) -> Result<Vec<Pair>, ResultsErro
 
 /// Datasets and matchers in the order in which the plan names them; what it does not name comes
 /// last.
-fn order_as_planned(sets: &mut [ResultSet], plan: &Path) -> Result<(), ResultsError> {
-    let io = |source| ResultsError::Io {
-        path: plan.to_path_buf(),
-        source,
-    };
-    let text = fs::read_to_string(plan).map_err(io)?;
-    let plan: Value = serde_json::from_str(&text).map_err(|error| io(error.into()))?;
-    let place = |list: &str, key: &str, name: &str| {
-        let named = plan[list].as_array().into_iter().flatten();
-        named
-            .map(|item| &item[key])
-            .take_while(|named| *named != name)
-            .count()
-    };
+fn order_as_planned(sets: &mut [ResultSet], plan: &Plan) {
+    let dataset = |name: &str| (plan.datasets.iter()).position(|dataset| dataset.name == name);
+    let matcher = |id: &str| (plan.matchers.iter()).position(|matcher| matcher.id == id);
+    let last = usize::MAX;
     sets.sort_by_cached_key(|set| {
         (
-            place("datasets", "name", &set.dataset),
-            place("matchers", "id", &set.matcher),
+            dataset(&set.dataset).unwrap_or(last),
+            matcher(&set.matcher).unwrap_or(last),
         )
     });
-    Ok(())
 }
 
 fn sort(sets: &mut [ResultSet]) {
@@ -343,6 +334,8 @@ fn twice(file: &Path, line: usize, (a, b): (u32, u32), first: usize) -> ResultsE
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
 
     /// A record as a run writes it, right up to 5 degrees.
@@ -360,12 +353,26 @@ mod tests {
         let run = tempfile::tempdir().expect("a temporary folder");
         let records = run.path().join("records/room");
         fs::create_dir_all(&records).expect("a folder can be made");
-        fs::write(run.path().join("plan.json"), "{}").expect("it is ours");
+        plan(run.path(), &[]);
         for (matcher, text) in files {
             let name = format!("{matcher}+ransac-e.jsonl");
             fs::write(records.join(name), text).expect("it is ours");
         }
         run
+    }
+
+    /// Writes a plan that names these matchers.
+    fn plan(run: &Path, matchers: &[&str]) {
+        let matchers: Vec<_> = (matchers.iter())
+            .map(|id| json!({"id": id, "params": {}, "estimators": []}))
+            .collect();
+        let plan = json!({
+            "version": "0.1.0",
+            "settings": {"seed": 0, "repetitions": 1, "limit": null},
+            "datasets": [],
+            "matchers": matchers
+        });
+        fs::write(run.join("plan.json"), plan.to_string()).expect("it is ours");
     }
 
     #[test]
@@ -421,8 +428,7 @@ mod tests {
             ("orb", line("orb", 0, 1, 0)),
             ("sift", line("sift", 0, 1, 0)),
         ]);
-        let plan = r#"{"datasets": [{"name": "room"}], "matchers": [{"id": "sift"}]}"#;
-        fs::write(run.path().join("plan.json"), plan).expect("it is ours");
+        plan(run.path(), &["sift"]);
         let sets = load(run.path(), None).expect("in order");
         assert_eq!((&*sets[0].matcher, &*sets[1].matcher), ("sift", "orb"));
     }

@@ -62,9 +62,12 @@ impl StoreError {
     }
 }
 
+/// The folder of records within the folder of a run.
+pub(super) const FOLDER: &str = "records";
+
 /// Where the records of one dataset, matcher and estimator stand in the folder of a `run`.
 pub fn path(run: &Path, dataset: &str, matcher: &str, estimator: &str) -> PathBuf {
-    run.join("records")
+    run.join(FOLDER)
         .join(dataset)
         .join(format!("{matcher}+{estimator}.jsonl"))
 }
@@ -86,19 +89,25 @@ pub fn read(path: &Path) -> Result<Vec<RunRecord>, StoreError> {
 /// As [`read`], for every file. A folder without records is no error, it has none.
 pub fn read_run(run: &Path) -> Result<Vec<RunRecord>, StoreError> {
     let mut records = Vec::new();
-    for dataset in sorted_entries(&run.join("records"))? {
-        if dataset.is_dir() {
-            for file in sorted_entries(&dataset)? {
-                if file
-                    .extension()
-                    .is_some_and(|extension| extension == "jsonl")
-                {
-                    records.append(&mut read(&file)?);
-                }
-            }
-        }
+    for file in files(run)? {
+        records.append(&mut read(&file)?);
     }
     Ok(records)
+}
+
+/// The files of records in the folder of a `run`, ordered by dataset, then by matcher and estimator.
+///
+/// # Errors
+/// If a folder cannot be listed. A folder without records is no error, it has none.
+pub fn files(run: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    let mut files = Vec::new();
+    for dataset in sorted_entries(&run.join(FOLDER))? {
+        if dataset.is_dir() {
+            let entries = sorted_entries(&dataset)?.into_iter();
+            files.extend(entries.filter(|file| file.extension().is_some_and(|e| e == "jsonl")));
+        }
+    }
+    Ok(files)
 }
 
 /// As [`read`], and a last line without an end is cut off the file, so that it can be appended to.

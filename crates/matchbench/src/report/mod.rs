@@ -1,7 +1,7 @@
 //! Writes scores down: one exporter per file, from [`Summary`]s to text.
 //!
-//! [`render`] gives one table in one format; [`write_report`] a folder to look at and to mail. Every
-//! exporter is a pure function, the same scores give the same bytes, and names from data are
+//! [`render`] gives one table in one format; [`of_run`] the report of a run, a folder to look at and to
+//! mail ([`write_report`] for other [`Content`]). Every exporter is a pure function, the same scores give the same bytes, and names from data are
 //! escaped for the format they are written in.
 
 mod content;
@@ -14,15 +14,18 @@ mod json;
 mod latex;
 mod markdown;
 mod numbers;
+mod of_run;
 mod overview;
 mod pair_table;
 mod pair_view;
 mod pairs_csv;
 mod parquet;
 mod picture;
+mod pictures;
 mod raster;
 mod svg;
 mod table;
+mod verdict;
 mod words;
 
 use std::str::FromStr;
@@ -31,11 +34,14 @@ use crate::metrics::Summary;
 
 pub use content::{Content, RunFacts};
 pub use folder::write_report;
+pub use of_run::{ReportError, ReportOptions, Reported, of_run};
 pub use pair_view::{
     EpipolarLines, MatchView, PairPoses, PairView, Points, Tally, Thumbnail, epipolar_lines,
     evenly, match_views,
 };
 pub use picture::{picture_png, picture_svg};
+pub use pictures::view;
+pub use verdict::verdicts;
 pub use words::{advantage, leads_in_words, sentence};
 
 /// The form of a table.

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use matchbench_vision::features::{Detections, Keypoint};
 
-use super::cache::{FeatureCache, Key};
+use crate::cache::{FeatureCache, Key};
 
 /// The keypoints of one image, kept in the cache under a `key`; without one they are not shared.
 pub(super) struct KeptDetections<'a> {

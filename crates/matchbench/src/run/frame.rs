@@ -7,9 +7,9 @@ use matchbench_vision::features::Features;
 use matchbench_vision::image::GrayImage;
 
 use super::RunError;
-use super::cache::{FeatureCache, Key};
 use super::detections::KeptDetections;
 use super::guard::{guard, timed};
+use crate::cache::{FeatureCache, Key};
 use crate::datasets::Frame;
 use crate::matchers::BuiltMatcher;
 

@@ -1,54 +1,56 @@
 //! A run: every matcher and estimator on every pair of every dataset, recorded as it goes.
 //!
 //! [`Run::execute`] and `Run::go_on` follow the way of the data: frames are decoded and extracted
-//! (`frame`), pairs are searched, selected, estimated and judged (`pair`), records are appended
-//! ([`crate::records`]). Around them: what is run ([`Plan`]), into which folder (`folder`), what is
-//! left to do (`part`), which matches are there already ([`crate::records::matches`]), which features are kept in memory (`resident`) and on disk (`cache`), which
-//! keypoints are shared by matchers (`detections`), who
-//! is told ([`Observer`]) and who may stop it ([`Cancel`]).
+//! (`frame`); pairs are searched and selected (`matching`), or matched by a source outside
+//! (`sourcing`); matched points are estimated and compared with the truth (`judging`); all tasks of a
+//! pair together (`pair`) are appended to the [folder of the run](crate::records::RunFolder). Around
+//! them: what is run ([`plan`]), what is left to do (`part`), which features are in memory
+//! (`resident`), which keypoints are shared by matchers (`detections`), which seed a task has
+//! ([`pair_seed`]), who is told ([`Observer`]) and who may stop it ([`Cancel`]). [`evaluate`] does the
+//! same for one pair, without a disk.
 //!
 //! Threads are used in one place of a run (`ordered`): over the frames, then over the pairs of a
-//! window. Whatever their number, records are the same and stand in the same order.
+//! window. They are those of the rayon pool that the caller is in: whoever wants so many threads
+//! calls from `ThreadPool::install`. Whatever their number, records are the same and stand in the
+//! same order.
 
-mod cache;
 mod contender;
 mod detections;
-mod earlier_plans;
+
 mod error;
-mod feature_file;
-mod folder;
+mod evaluate;
 mod frame;
 mod guard;
-mod keypoint_file;
+mod judging;
+mod matching;
 mod observer;
 mod ordered;
 mod pair;
 mod part;
 mod plan;
 mod resident;
+mod seeds;
+mod sourcing;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
 mod tests;
 
-pub use cache::FeatureCache;
-pub use contender::Contender;
+pub use contender::{Contender, ContenderError, Variant};
 pub use error::RunError;
+pub use evaluate::{Evaluation, EvaluationError, ImagePair, evaluate};
 pub use frame::Decode;
 pub use observer::{Cancel, Observer, RunSummary, Silent};
-pub use plan::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, Settings};
+pub use plan::plan;
+pub use seeds::pair_seed;
 
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use matchbench_vision::seed::Seed;
-use rayon::{ThreadPool, ThreadPoolBuilder};
-
-use crate::datasets::Sequence;
-use crate::records::store::RecordWriter;
-use crate::records::{MatchesFile, matches};
-use folder::RunFolder;
+use crate::cache::FeatureCache;
+use crate::datasets::{DatasetError, Sequence, decode_gray};
+use crate::matchers::{BuiltMatcher, Source};
+use crate::records::{MatchesFile, RunWriter, Settings, Tuned};
 use frame::FrameStage;
 use ordered::in_order;
 use pair::{PairDone, PairStages};
@@ -64,6 +66,29 @@ pub struct Dataset {
     pub sequence: Sequence,
 }
 
+impl Dataset {
+    /// The dataset in a folder.
+    ///
+    /// # Errors
+    /// If it cannot be read, see [`Sequence::open`].
+    pub fn open(folder: &Path) -> Result<Self, DatasetError> {
+        // Where the working directory is gone, the relative path is as good.
+        let path = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
+        Ok(Self {
+            sequence: Sequence::open(&path)?,
+            path,
+        })
+    }
+}
+
+/// Decodes image files as every command does.
+///
+/// # Errors
+/// If the bytes are no image that is understood.
+pub fn decode(file: &[u8]) -> Result<matchbench_vision::image::GrayImage, String> {
+    decode_gray(file).map_err(|error| error.to_string())
+}
+
 /// Everything that a run needs.
 pub struct Run<'a> {
     /// The datasets.
@@ -72,14 +97,15 @@ pub struct Run<'a> {
     pub contenders: &'a [Contender],
     /// What else decides about the records.
     pub settings: Settings,
+    /// Choices that settings of the contenders were taken over from; the scenes that they were made
+    /// on are refused, and the folder notes them for its report.
+    pub tuned: &'a [Tuned],
     /// The folder that the run is written into.
     pub folder: &'a Path,
     /// Features that were extracted before; may be shared by runs.
     pub cache: FeatureCache,
-    /// How an image file becomes pixels.
+    /// How an image file becomes pixels; [`decode`] serves well.
     pub decode: Decode,
-    /// Number of threads; the records do not depend on it.
-    pub threads: NonZeroUsize,
     /// Whether the selected matches are written into the folder, so that other estimators can
     /// start from them and reports can draw them.
     pub keep_matches: bool,
@@ -95,7 +121,7 @@ impl Run<'_> {
     /// Does what is not yet recorded in the folder, until all is done or `cancel` is set.
     ///
     /// # Errors
-    /// If the run contradicts itself (see [`Plan::new`]), or its folder holds another plan, is
+    /// If the run contradicts itself (see [`plan`]), or its folder holds another plan, is
     /// damaged, in use or cannot be written to. What was recorded stays recorded. A task that
     /// fails is not an error: it is recorded and counted, and not tried again.
     pub fn execute(
@@ -103,27 +129,28 @@ impl Run<'_> {
         observer: &dyn Observer,
         cancel: &Cancel,
     ) -> Result<RunSummary, RunError> {
-        let plan = Plan::new(self.datasets, self.contenders, self.settings)?;
-        let folder = RunFolder::open(self.folder, &plan)?;
+        let plan = plan(self.datasets, self.contenders, self.settings)?;
+        (self.tuned.iter()).try_for_each(|tuned| tuned.check(&plan))?;
+        let folder = RunWriter::start(self.folder, plan)?;
+        if !self.tuned.is_empty() {
+            folder.note_tuned(self.tuned)?;
+        }
         let parts = self.parts(&folder)?;
-        let pool = (ThreadPoolBuilder::new().num_threads(self.threads.get()))
-            .build()
-            .map_err(|error| RunError::Threads(error.to_string()))?;
 
         let mut summary: RunSummary = parts.iter().map(Part::summary).sum();
-        observer.on_plan(&plan, summary);
+        observer.on_plan(folder.folder().plan(), summary);
         for part in parts.iter().filter(|part| !part.is_done()) {
             if cancel.is_set() {
                 break;
             }
-            observer.on_part(&part.sequence.name, &part.contender.matcher.id);
-            self.go_on(part, &pool, observer, cancel, &mut summary)?;
+            observer.on_part(&part.sequence.name, part.contender.source.id());
+            self.go_on(part, &folder, observer, cancel, &mut summary)?;
         }
         Ok(summary)
     }
 
     /// Each matcher on each dataset, and how far it has come.
-    fn parts(&self, folder: &RunFolder) -> Result<Vec<Part<'_>>, RunError> {
+    fn parts(&self, folder: &RunWriter) -> Result<Vec<Part<'_>>, RunError> {
         let mut parts = Vec::new();
         for dataset in self.datasets {
             for contender in self.contenders {
@@ -138,29 +165,24 @@ impl Run<'_> {
     fn go_on(
         &self,
         part: &Part<'_>,
-        pool: &ThreadPool,
+        folder: &RunWriter,
         observer: &dyn Observer,
         cancel: &Cancel,
         summary: &mut RunSummary,
     ) -> Result<(), RunError> {
-        let frame_stage = FrameStage {
-            matcher: &part.contender.matcher,
-            cache: &self.cache,
-            decode: self.decode,
-        };
-        let pair_stages = PairStages {
+        let stages = PairStages {
             part,
             decode: self.decode,
-            root: Seed(self.settings.seed),
+            root: self.settings.seed,
             time_budget: (self.settings.time_budget_ms)
                 .map(|milliseconds| Duration::from_millis(milliseconds.get().into())),
         };
         let mut writers = (part.files())
-            .map(RecordWriter::open)
+            .map(|file| folder.append_to(file))
             .collect::<Result<Vec<_>, _>>()?;
-        let path = matches::path(self.folder, &part.sequence.name, &part.contender.matcher.id);
-        let stored = MatchesFile::open(&path)?;
-        let mut matches_file = MatchesFile::open(&path)?;
+        let matches_of = |id| (folder.folder()).matches_of(&part.sequence.name, id);
+        let stored = matches_of(part.contender.source.id())?;
+        let mut matches_file = matches_of(part.contender.source.id())?;
         let mut append = |done: PairDone| {
             if self.keep_matches {
                 for (key, matches) in &done.matches {
@@ -176,26 +198,46 @@ impl Run<'_> {
         };
 
         let units = part.units();
-        let (again, mut rest) = units.split_at(selected_before(&units, &stored));
-        in_order(
-            pool,
-            cancel,
-            again,
-            |unit| Ok(pair_stages.estimate(unit, &stored)?),
-            &mut append,
-        )?;
+        let (again, rest) = units.split_at(selected_before(&units, &stored));
+        let estimate = |unit: &Unit<'_>| Ok(stages.estimate(unit, &stored)?);
+        in_order(cancel, again, estimate, &mut append)?;
+        match &part.contender.source {
+            Source::Matcher(matcher) => {
+                self.extract_and_match(&stages, matcher, rest, observer, cancel, &mut append)
+            }
+            Source::Points(source) => in_order(
+                cancel,
+                rest,
+                |unit| stages.source(source, unit),
+                &mut append,
+            ),
+        }
+    }
+
+    /// Does these `units` from their images on, window by window.
+    fn extract_and_match(
+        &self,
+        stages: &PairStages<'_>,
+        matcher: &BuiltMatcher,
+        mut units: &[Unit<'_>],
+        observer: &dyn Observer,
+        cancel: &Cancel,
+        append: &mut (impl FnMut(PairDone) -> Result<(), RunError> + Send),
+    ) -> Result<(), RunError> {
+        let frame_stage = FrameStage {
+            matcher,
+            cache: &self.cache,
+            decode: self.decode,
+        };
+        let frames = &stages.part.sequence.frames;
         let mut resident = Resident::new(self.feature_memory);
-        while !rest.is_empty() && !cancel.is_set() {
-            let (window, later) = rest.split_at(resident.window(rest));
+        while !units.is_empty() && !cancel.is_set() {
+            let (window, later) = units.split_at(resident.window(units));
             let missing = resident.make_room(window);
             in_order(
-                pool,
                 cancel,
                 &missing,
-                |&frame| {
-                    let features = frame_stage.extract(&part.sequence.frames[frame as usize])?;
-                    Ok((frame, features))
-                },
+                |&frame| Ok((frame, frame_stage.extract(&frames[frame as usize])?)),
                 |(frame, features)| {
                     observer.on_frame(frame, features.seconds.is_some());
                     resident.insert(frame, features);
@@ -207,13 +249,12 @@ impl Run<'_> {
             }
             let jobs = resident.jobs(window);
             in_order(
-                pool,
                 cancel,
                 &jobs,
-                |job| Ok(pair_stages.run(job)),
-                &mut append,
+                |job| Ok(stages.run(matcher, job)),
+                &mut *append,
             )?;
-            rest = later;
+            units = later;
         }
         Ok(())
     }

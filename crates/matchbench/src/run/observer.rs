@@ -4,8 +4,7 @@ use std::iter::Sum;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::Plan;
-use crate::records::{Outcome, RunRecord};
+use crate::records::{Outcome, Plan, RunRecord};
 
 /// Is told how a run goes: a progress bar, a log. Calls come one at a time, from any thread, and
 /// the run waits for them.

@@ -4,11 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use rayon::ThreadPool;
-
 use super::{Cancel, RunError};
 
-/// Does `work` for every item, on all threads of `pool`, and hands the results to `sink` in the order
+/// Does `work` for every item, on all threads of the current pool, and hands the results to `sink` in the order
 /// of the items, each as soon as those before it are there.
 ///
 /// Items are taken up one by one from the front (rayon's iterators would start in many places at
@@ -19,7 +17,6 @@ use super::{Cancel, RunError};
 /// # Errors
 /// The first error of `work` or `sink`, in the order of the items; nothing after it is handed over.
 pub(super) fn in_order<I: Sync, T: Send>(
-    pool: &ThreadPool,
     cancel: &Cancel,
     items: &[I],
     work: impl Fn(&I) -> Result<T, RunError> + Sync,
@@ -33,7 +30,7 @@ pub(super) fn in_order<I: Sync, T: Send>(
         sink,
         ended: Ok(()),
     });
-    pool.broadcast(|_| {
+    rayon::broadcast(|_| {
         while !cancel.is_set() && !broken.load(Ordering::Relaxed) {
             let index = taken.fetch_add(1, Ordering::Relaxed);
             let Some(item) = items.get(index) else { break };
@@ -73,7 +70,7 @@ mod tests {
     use std::thread;
     use std::time::Duration;
 
-    use rayon::ThreadPoolBuilder;
+    use rayon::{ThreadPool, ThreadPoolBuilder};
 
     use super::*;
 
@@ -97,14 +94,10 @@ mod tests {
             left.push(item);
             Ok(())
         };
-        in_order(
-            &pool(4),
-            &Cancel::default(),
-            &items,
-            |&item| Ok(hurried(item)),
-            sink,
-        )
-        .unwrap();
+        let work = |&item: &usize| Ok(hurried(item));
+        pool(4)
+            .install(|| in_order(&Cancel::default(), &items, work, sink))
+            .unwrap();
         assert_eq!(left, items);
     }
 
@@ -114,22 +107,18 @@ mod tests {
         for failing_sink in [false, true] {
             let mut left = Vec::new();
             let broken = || RunError::Contradiction("broken".into());
-            let ended = in_order(
-                &pool(4),
-                &Cancel::default(),
-                &items,
-                |&item| match hurried(item) {
-                    5 if !failing_sink => Err(broken()),
-                    item => Ok(item),
-                },
-                |item| {
-                    if item == 5 {
-                        return Err(broken());
-                    }
-                    left.push(item);
-                    Ok(())
-                },
-            );
+            let work = |&item: &usize| match hurried(item) {
+                5 if !failing_sink => Err(broken()),
+                item => Ok(item),
+            };
+            let sink = |item| {
+                if item == 5 {
+                    return Err(broken());
+                }
+                left.push(item);
+                Ok(())
+            };
+            let ended = pool(4).install(|| in_order(&Cancel::default(), &items, work, sink));
             assert_eq!(ended.unwrap_err().to_string(), "broken");
             assert_eq!(left, [0, 1, 2, 3, 4]);
         }
@@ -151,7 +140,9 @@ mod tests {
             left.push(item);
             Ok(())
         };
-        in_order(&pool(3), &cancel, &items, work, sink).unwrap();
+        pool(3)
+            .install(|| in_order(&cancel, &items, work, sink))
+            .unwrap();
         assert_eq!(left, items[..taken.into_inner()]);
         assert!(left.len() >= 8 && left.len() < items.len());
     }

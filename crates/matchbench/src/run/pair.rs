@@ -1,32 +1,35 @@
-//! From two sets of features to records: searched, selected, estimated, judged.
+//! All tasks of a pair: matched once for each repetition, judged by every estimator, recorded.
 
 use std::mem;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use matchbench_vision::features::Features;
-use matchbench_vision::geometry::{Camera, MatchedPoints};
+use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::GrayImage;
-use matchbench_vision::matching::{Correspondences, MatcherError, View};
-use matchbench_vision::robust::{NoPose, TwoViews};
+use matchbench_vision::matching::{Correspondences, View};
 use matchbench_vision::seed::Seed;
 
+use super::RunError;
 use super::frame::{Decode, load};
-use super::guard::{guard, timed};
+use super::judging::Trial;
+use super::matching::{search, select};
 use super::part::{Due, Part, Unit};
 use super::resident::PairJob;
+use super::seeds::pair_seed;
+use super::sourcing::sourced;
 use crate::datasets::Pair;
-use crate::estimators::BuiltEstimator;
+use crate::matchers::{BuiltMatcher, BuiltPointSource, ImageFiles};
 use crate::records::matches::MatchesKey;
 use crate::records::{
-    Counts, MIN_MATCHES, MIN_SUPPORT, MatchesFile, Outcome, RunRecord, SelectedMatches, StageTimes,
-    StoreError,
+    Counts, MatchesFile, Outcome, RunRecord, SelectedMatches, StageTimes, StoreError,
 };
 
 /// The stages that are done once per pair.
 pub(super) struct PairStages<'a> {
     pub(super) part: &'a Part<'a>,
     pub(super) decode: Decode,
-    pub(super) root: Seed,
+    /// Root of all random choices.
+    pub(super) root: u64,
     /// How long an estimator may draw samples, if not as long as it likes.
     pub(super) time_budget: Option<Duration>,
 }
@@ -48,38 +51,77 @@ pub(super) struct PairDone {
     pub(super) matches: Vec<(MatchesKey, SelectedMatches)>,
 }
 
+impl PairDone {
+    /// Nothing yet of so many tasks.
+    fn of(tasks: usize) -> Self {
+        Self {
+            records: Vec::with_capacity(tasks),
+            matches: Vec::new(),
+        }
+    }
+
+    /// Keeps the matches of a repetition that was computed.
+    fn keep(&mut self, pair: &Pair, repetition: u32, selected: Result<SelectedMatches, String>) {
+        if let Ok(matches) = selected {
+            self.matches.push(((pair.a, pair.b, repetition), matches));
+        }
+    }
+}
+
 impl PairStages<'_> {
-    /// Does all tasks that are due of a pair.
+    /// Does all tasks that are due of a pair of images whose features are known.
     ///
     /// The search is done once. Each repetition selects anew, since a selector may draw random
     /// numbers; all estimators get the same selected matches.
-    pub(super) fn run(&self, job: &PairJob<'_>) -> PairDone {
+    pub(super) fn run(&self, matcher: &BuiltMatcher, job: &PairJob<'_>) -> PairDone {
         let mut counts = Counts::default();
         let mut times = StageTimes {
             extract_a: job.a.seconds,
             extract_b: job.b.seconds,
             ..StageTimes::default()
         };
-        let searched = self.search(job, &mut counts, &mut times);
-        let mut done = PairDone {
-            records: Vec::with_capacity(job.due.len()),
-            matches: Vec::new(),
-        };
-        for due in job.due.chunk_by(|x, y| x.repetition == y.repetition) {
+        let searched = self.search(matcher, job, &mut counts, &mut times);
+        let mut done = PairDone::of(job.due.len());
+        for due in by_repetition(job.due) {
             let repetition = due[0].repetition;
-            let seed = self.seed(job.pair, repetition);
             let selected = (searched.as_ref().map_err(Clone::clone)).and_then(|searched| {
-                self.select(job.pair, searched, seed, &mut counts, &mut times)
+                let seed = self.seed(job.pair, repetition);
+                self.select(matcher, job.pair, searched, seed, &mut counts, &mut times)
             });
-            self.estimate_all(job.pair, due, &selected, counts, times, &mut done.records);
             // Whoever comes next finds these results ready, and so without a time.
-            times = StageTimes::default();
-            if let Ok(matches) = selected {
-                done.matches
-                    .push(((job.pair.a, job.pair.b, repetition), matches));
-            }
+            let times = mem::take(&mut times);
+            self.judge_all(job.pair, due, &selected, counts, times, &mut done);
+            done.keep(job.pair, repetition, selected);
         }
         done
+    }
+
+    /// Does all tasks that are due of a pair of images that a `source` matches.
+    ///
+    /// # Errors
+    /// If the source ended.
+    pub(super) fn source(
+        &self,
+        source: &BuiltPointSource,
+        unit: &Unit<'_>,
+    ) -> Result<PairDone, RunError> {
+        let mut done = PairDone::of(unit.due.len());
+        let (sequence, pair) = (self.part.sequence, unit.pair);
+        let image = |frame: u32| &*sequence.frames[frame as usize].image;
+        let files = ImageFiles {
+            dataset: &sequence.name,
+            frames: [pair.a, pair.b],
+            images: [image(pair.a), image(pair.b)],
+        };
+        for due in by_repetition(&unit.due) {
+            let repetition = due[0].repetition;
+            let seed = self.seed(pair, repetition);
+            let (mut counts, mut times) = (Counts::default(), StageTimes::default());
+            let selected = sourced(source, &files, seed, &mut counts, &mut times)?;
+            self.judge_all(pair, due, &selected, counts, times, &mut done);
+            done.keep(pair, repetition, selected);
+        }
+        Ok(done)
     }
 
     /// Does all tasks that are due of a pair whose selected matches are `stored`.
@@ -91,60 +133,49 @@ impl PairStages<'_> {
         unit: &Unit<'_>,
         stored: &MatchesFile,
     ) -> Result<PairDone, StoreError> {
-        let mut done = PairDone {
-            records: Vec::with_capacity(unit.due.len()),
-            matches: Vec::new(),
-        };
-        for due in unit.due.chunk_by(|x, y| x.repetition == y.repetition) {
+        let mut done = PairDone::of(unit.due.len());
+        for due in by_repetition(&unit.due) {
             let matches = stored.read((unit.pair.a, unit.pair.b, due[0].repetition))?;
             let matches = matches.expect("the caller saw that they are there");
             let (counts, times) = (matches.counts, StageTimes::default());
-            self.estimate_all(
-                unit.pair,
-                due,
-                &Ok(matches),
-                counts,
-                times,
-                &mut done.records,
-            );
+            self.judge_all(unit.pair, due, &Ok(matches), counts, times, &mut done);
         }
         Ok(done)
     }
 
     /// The records of one repetition; the first of them has the `times` of the stages before.
-    fn estimate_all(
+    fn judge_all(
         &self,
         pair: &Pair,
         due: &[Due],
         selected: &Result<SelectedMatches, String>,
         counts: Counts,
         mut times: StageTimes,
-        records: &mut Vec<(usize, RunRecord)>,
+        done: &mut PairDone,
     ) {
-        let seed = self.seed(pair, due[0].repetition);
+        let trial = Trial {
+            cameras: [self.camera(pair.a), self.camera(pair.b)],
+            b_from_a: &pair.b_from_a,
+            seed: self.seed(pair, due[0].repetition),
+            time_budget: self.time_budget,
+        };
         for due in due {
-            let estimator = &self.part.contender.estimators[due.estimator];
-            let outcome = (selected.as_ref().map_err(Clone::clone)).and_then(|selected| {
-                self.judge(pair, &selected.points, estimator, seed, &mut times)
-            });
+            let variant = &self.part.contender.estimators[due.estimator];
+            let outcome = (selected.as_ref().map_err(Clone::clone))
+                .and_then(|selected| trial.judge(&selected.points, &variant.estimator, &mut times));
             let record = RunRecord {
-                task: self.part.task(pair, &estimator.id, due.repetition),
+                task: self.part.task(pair, &variant.name, due.repetition),
                 counts,
                 outcome: outcome.unwrap_or_else(|reason| Outcome::Failed { reason }),
                 times: mem::take(&mut times),
             };
-            records.push((due.estimator, record));
+            done.records.push((due.estimator, record));
         }
     }
 
-    /// The seed of a pair: it depends on what is done, never on when or where.
     fn seed(&self, pair: &Pair, repetition: u32) -> Seed {
-        (self.root)
-            .child(&self.part.sequence.name)
-            .child(&self.part.contender.matcher.id)
-            .number(pair.a.into())
-            .number(pair.b.into())
-            .number(repetition.into())
+        let (dataset, matcher) = (&self.part.sequence.name, self.part.contender.source.id());
+        pair_seed(self.root, dataset, matcher, (pair.a, pair.b), repetition)
     }
 
     fn camera(&self, frame: u32) -> &Camera {
@@ -153,27 +184,21 @@ impl PairStages<'_> {
 
     fn search<'j>(
         &self,
+        matcher: &BuiltMatcher,
         job: &PairJob<'j>,
         counts: &mut Counts,
         times: &mut StageTimes,
     ) -> Result<Searched<'j>, String> {
         let (a, b) = (job.a.features?, job.b.features?);
-        (counts.features_a, counts.features_b) = (count(a.len()), count(b.len()));
-        let matcher = &*self.part.contender.matcher.matcher;
-        let putative = timed(&mut times.search, || {
-            guard("search", || matcher.search(a, b))
-        })?;
-        counts.putative = count(putative.len());
+        let putative = search(&*matcher.matcher, a, b, counts, times)?;
         let image = |frame: u32| {
-            load(
-                self.decode,
-                &self.part.sequence.frames[frame as usize].image,
-            )
+            let frame = &self.part.sequence.frames[frame as usize];
+            load(self.decode, &frame.image)
         };
         Ok(Searched {
             a,
             b,
-            images: (matcher.selects_by_pixels())
+            images: (matcher.matcher.selects_by_pixels())
                 .then(|| Ok::<_, String>((image(job.pair.a)?, image(job.pair.b)?)))
                 .transpose()?,
             putative,
@@ -182,13 +207,13 @@ impl PairStages<'_> {
 
     fn select(
         &self,
+        matcher: &BuiltMatcher,
         pair: &Pair,
         searched: &Searched<'_>,
         seed: Seed,
         counts: &mut Counts,
         times: &mut StageTimes,
     ) -> Result<SelectedMatches, String> {
-        let matcher = &*self.part.contender.matcher.matcher;
         let images = searched.images.as_ref();
         let a = View {
             features: searched.a,
@@ -201,73 +226,11 @@ impl PairStages<'_> {
             camera: Some(self.camera(pair.b)),
         };
         let putative = searched.putative.clone();
-        let seed = seed.child("select");
-        let matches = timed(&mut times.select, || {
-            guard("selection", || matcher.select(a, b, putative, seed))
-        })?;
-        counts.selected = count(matches.len());
-        let points = guard("selection", || {
-            MatchedPoints::of_matches(&matches, a.features, b.features)
-        })?;
-        Ok(SelectedMatches::new(*counts, &points))
-    }
-
-    /// One estimator on one pair, compared with the truth.
-    fn judge(
-        &self,
-        pair: &Pair,
-        points: &MatchedPoints,
-        estimator: &BuiltEstimator,
-        seed: Seed,
-        times: &mut StageTimes,
-    ) -> Result<Outcome, String> {
-        let found = points.len();
-        if found < MIN_MATCHES {
-            let needed = MIN_MATCHES;
-            let reason = NoPose::TooFewMatches { found, needed };
-            return Ok(Outcome::NoPose { reason });
-        }
-        let views = TwoViews {
-            points,
-            camera_a: self.camera(pair.a),
-            camera_b: self.camera(pair.b),
-        };
-        let seed = seed.child("estimate").child(&estimator.id);
-        let what = format_args!("estimation by {}", estimator.id);
-        let estimated = timed(&mut times.estimate, || {
-            guard(what, || {
-                Ok::<_, MatcherError>(match self.time_budget {
-                    None => estimator.estimator.estimate(views, seed),
-                    Some(budget) => {
-                        let start = Instant::now();
-                        let stop = |_| start.elapsed() >= budget;
-                        estimator.estimator.estimate_until(views, seed, &stop)
-                    }
-                })
-            })
-        })?;
-        let estimate = match estimated {
-            Err(reason) => return Ok(Outcome::NoPose { reason }),
-            Ok(estimate) => estimate,
-        };
-        if estimate.support < MIN_SUPPORT {
-            let (found, needed) = (estimate.support, MIN_SUPPORT);
-            let reason = NoPose::NoSupport { found, needed };
-            return Ok(Outcome::NoPose { reason });
-        }
-        guard(what, || {
-            Ok::<_, MatcherError>(Outcome::judged(
-                &estimate.b_from_a,
-                &pair.b_from_a,
-                count(estimate.inliers.len()),
-                count(estimate.support),
-                count(estimate.iterations),
-            ))
-        })
+        select(&*matcher.matcher, a, b, putative, seed, counts, times)
     }
 }
 
-/// Numbers of features, matches and samples fit into 32 bits by far.
-fn count(number: usize) -> u32 {
-    u32::try_from(number).unwrap_or(u32::MAX)
+/// The tasks of a pair, those of one repetition together.
+fn by_repetition(due: &[Due]) -> impl Iterator<Item = &[Due]> {
+    due.chunk_by(|x, y| x.repetition == y.repetition)
 }

@@ -2,11 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::folder::RunFolder;
 use super::observer::has_failed;
-use super::{Contender, RunError, RunSummary, Settings};
+use super::{Contender, RunError, RunSummary};
 use crate::datasets::{Pair, Sequence};
-use crate::records::{RunRecord, StoreError, Task, store};
+use crate::records::{RunRecord, RunWriter, Settings, StoreError, Task};
 
 /// One matcher on one dataset.
 pub(super) struct Part<'a> {
@@ -47,7 +46,7 @@ impl<'a> Part<'a> {
     /// # Errors
     /// If records cannot be read or are not those of this part.
     pub(super) fn recover(
-        folder: &RunFolder,
+        folder: &RunWriter,
         sequence: &'a Sequence,
         contender: &'a Contender,
         settings: Settings,
@@ -63,11 +62,10 @@ impl<'a> Part<'a> {
             repetitions: settings.repetitions.get(),
             sheets: Vec::new(),
         };
-        for estimator in &contender.estimators {
-            let matcher = &contender.matcher.id;
-            let file = store::path(folder.path(), &sequence.name, matcher, &estimator.id);
-            let records = store::recover(&file)?;
-            part.check(&file, &estimator.id, &records)?;
+        for variant in &contender.estimators {
+            let matcher = contender.source.id();
+            let (file, records) = folder.recover(&sequence.name, matcher, &variant.name)?;
+            part.check(&file, &variant.name, &records)?;
             part.sheets.push(Sheet {
                 file,
                 done: records.len(),
@@ -96,7 +94,7 @@ impl<'a> Part<'a> {
     pub(super) fn task(&self, pair: &Pair, estimator: &str, repetition: u32) -> Task {
         Task {
             dataset: self.sequence.name.clone(),
-            matcher: self.contender.matcher.id.clone(),
+            matcher: self.contender.source.id().into(),
             estimator: estimator.into(),
             a: pair.a,
             b: pair.b,

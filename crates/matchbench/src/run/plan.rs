@@ -1,168 +1,89 @@
-//! What a run is going to do, and nothing else: `plan.json` in its folder.
-//!
-//! Two runs of the same plan give the same records. Everything that the records depend on is
-//! therefore in it; what they do not depend on (threads, caches) is not.
+//! From what is to be run to the [`Plan`] that a run is known by.
 
 use std::collections::BTreeSet;
-use std::num::NonZeroU32;
-use std::path::PathBuf;
 
 use matchbench_vision::geometry::Camera;
-use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
-use super::earlier_plans::modernized;
 use super::{Contender, Dataset, RunError};
 use crate::datasets::Sequence;
-use crate::matchers::Extraction;
+use crate::matchers::Source;
+use crate::records::{DatasetPlan, EstimatorPlan, FORMAT, MatcherPlan, Plan, Settings};
 
-/// Everything that the records of a run depend on.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Plan {
-    /// Version of matchbench.
-    pub version: String,
-    /// What else decides.
-    pub settings: Settings,
-    /// The datasets, in the order in which they are run.
-    pub datasets: Vec<DatasetPlan>,
-    /// The matchers, in the order in which they are run on each dataset.
-    pub matchers: Vec<MatcherPlan>,
-}
-
-/// Choices that concern all tasks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Settings {
-    /// Root of all random choices. Default: 0.
-    pub seed: u64,
-    /// How often each pair is done, each time with another seed. Default: 1.
-    pub repetitions: NonZeroU32,
-    /// Only so many pairs of each dataset, from the first. Default: all.
-    pub limit: Option<usize>,
-    /// How long an estimator may draw samples for a pair, in milliseconds. Default: as long as its
-    /// own rules say. What is found within a time differs from machine to machine, and from run to
-    /// run.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub time_budget_ms: Option<NonZeroU32>,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            seed: 0,
-            repetitions: NonZeroU32::MIN,
-            limit: None,
-            time_budget_ms: None,
+/// The plan to run all `contenders` on all `datasets`.
+///
+/// # Errors
+/// [`RunError::Contradiction`] if two datasets, matchers or estimators of a matcher have one name, a
+/// name cannot be that of a file, a matcher has no estimator, or a pair names a frame that is not
+/// there.
+pub fn plan(
+    datasets: &[Dataset],
+    contenders: &[Contender],
+    settings: Settings,
+) -> Result<Plan, RunError> {
+    check_names(
+        "dataset",
+        datasets.iter().map(|dataset| &*dataset.sequence.name),
+    )?;
+    check_names(
+        "matcher",
+        contenders.iter().map(|contender| contender.source.id()),
+    )?;
+    for contender in contenders {
+        if contender.estimators.is_empty() {
+            let id = contender.source.id();
+            return contradiction(format!("matcher `{id}` is given no estimator"));
         }
-    }
-}
-
-/// A dataset, told from others.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DatasetPlan {
-    /// Its name.
-    pub name: String,
-    /// Its folder. It may move: another path alone is no other plan.
-    pub path: PathBuf,
-    /// Number of images.
-    pub frames: usize,
-    /// Number of pairs, before any limit.
-    pub pairs: usize,
-    /// Hash of all cameras and of all pairs with their true poses.
-    pub fingerprint: String,
-}
-
-/// A matcher with its parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MatcherPlan {
-    /// Its id.
-    pub id: String,
-    /// Every parameter.
-    pub params: Value,
-    /// How its features are extracted.
-    pub extraction: Extraction,
-    /// The estimators that it is run with.
-    pub estimators: Vec<EstimatorPlan>,
-}
-
-/// An estimator with its parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct EstimatorPlan {
-    /// Its id.
-    pub id: String,
-    /// Every parameter.
-    pub params: Value,
-}
-
-impl Plan {
-    /// The plan to run all `contenders` on all `datasets`.
-    ///
-    /// # Errors
-    /// [`RunError::Contradiction`] if two datasets, matchers or estimators of a matcher have one
-    /// name, a name cannot be that of a file, a matcher has no estimator, or a pair names a frame
-    /// that is not there.
-    pub fn new(
-        datasets: &[Dataset],
-        contenders: &[Contender],
-        settings: Settings,
-    ) -> Result<Self, RunError> {
-        let matchers = || contenders.iter().map(|contender| &contender.matcher);
         check_names(
-            "dataset",
-            datasets.iter().map(|dataset| &*dataset.sequence.name),
+            "estimator",
+            contender.estimators.iter().map(|variant| &*variant.name),
         )?;
-        check_names("matcher", matchers().map(|matcher| &*matcher.id))?;
-        for contender in contenders {
-            if contender.estimators.is_empty() {
-                let id = &contender.matcher.id;
-                return contradiction(format!("matcher `{id}` is given no estimator"));
-            }
-            check_names(
-                "estimator",
-                contender.estimators.iter().map(|estimator| &*estimator.id),
-            )?;
-        }
-        for dataset in datasets {
-            check_pairs(&dataset.sequence)?;
-        }
-        Ok(Self {
-            version: env!("CARGO_PKG_VERSION").into(),
-            settings,
-            datasets: datasets.iter().map(DatasetPlan::new).collect(),
-            matchers: contenders.iter().map(MatcherPlan::new).collect(),
-        })
+    }
+    for dataset in datasets {
+        check_pairs(&dataset.sequence)?;
+    }
+    Ok(Plan {
+        format: FORMAT,
+        version: env!("CARGO_PKG_VERSION").into(),
+        settings,
+        datasets: datasets.iter().map(dataset_plan).collect(),
+        matchers: contenders.iter().map(matcher_plan).collect(),
+    })
+}
+
+fn dataset_plan(dataset: &Dataset) -> DatasetPlan {
+    let sequence = &dataset.sequence;
+    DatasetPlan {
+        name: sequence.name.clone(),
+        path: dataset.path.clone(),
+        frames: sequence.frames.len(),
+        pairs: sequence.pairs.len(),
+        fingerprint: fingerprint(sequence),
     }
 }
 
-impl DatasetPlan {
-    fn new(dataset: &Dataset) -> Self {
-        let sequence = &dataset.sequence;
-        Self {
-            name: sequence.name.clone(),
-            path: dataset.path.clone(),
-            frames: sequence.frames.len(),
-            pairs: sequence.pairs.len(),
-            fingerprint: fingerprint(sequence),
+fn matcher_plan(contender: &Contender) -> MatcherPlan {
+    let estimators = (contender.estimators.iter()).map(|variant| EstimatorPlan {
+        id: variant.name.clone(),
+        variant_of: (variant.name != variant.estimator.id).then(|| variant.estimator.id.clone()),
+        params: variant.estimator.params.clone(),
+    });
+    let (version, params, extraction, notes) = match &contender.source {
+        Source::Matcher(matcher) => {
+            let extraction = Some(matcher.extraction.clone());
+            (None, &matcher.params, extraction, Vec::new())
         }
-    }
-}
-
-impl MatcherPlan {
-    fn new(contender: &Contender) -> Self {
-        let estimators = contender.estimators.iter().map(|estimator| EstimatorPlan {
-            id: estimator.id.clone(),
-            params: estimator.params.clone(),
-        });
-        Self {
-            id: contender.matcher.id.clone(),
-            params: contender.matcher.params.clone(),
-            extraction: contender.matcher.extraction.clone(),
-            estimators: estimators.collect(),
+        Source::Points(source) => {
+            let (version, notes) = (source.version.clone(), source.notes.clone());
+            (version, &source.params, None, notes)
         }
+    };
+    MatcherPlan {
+        id: contender.source.id().into(),
+        version,
+        params: params.clone(),
+        extraction,
+        notes,
+        estimators: estimators.collect(),
     }
 }
 
@@ -229,91 +150,4 @@ fn fingerprint(sequence: &Sequence) -> String {
         numbers(pair.b_from_a.translation.vector.as_slice());
     }
     hasher.finalize().to_hex().to_string()
-}
-
-/// Where `plan` first differs from the plan that was `written` before, in words; `None` if a run of
-/// one goes on with a run of the other. A run may grow: by datasets, matchers and estimators of a
-/// matcher, and by a higher limit. It cannot lose any.
-pub(super) fn difference(written: &Value, plan: &Value) -> Option<String> {
-    let (written, mut plan) = (modernized(without_paths(written)), without_paths(plan));
-    keep_known(&written, &mut plan);
-    first_difference(&written, &plan, "")
-}
-
-/// Takes out of `plan` that by which it outgrows what was `written`.
-fn keep_known(written: &Value, plan: &mut Value) {
-    for list in ["datasets", "matchers", "estimators"] {
-        let Some(known) = written.get(list).and_then(Value::as_array) else {
-            continue;
-        };
-        if let Some(planned) = plan.get_mut(list).and_then(Value::as_array_mut) {
-            planned.retain_mut(|item| {
-                let twin = known.iter().find(|known| name(known) == name(item));
-                twin.map(|twin| keep_known(twin, item)).is_some()
-            });
-        }
-    }
-    let limit = |plan: &Value| Some(plan.get("settings")?.get("limit")?.as_u64());
-    if let (Some(Some(before)), Some(now)) = (limit(written), limit(plan))
-        && now.is_none_or(|now| now > before)
-    {
-        plan["settings"]["limit"] = before.into();
-    }
-}
-
-fn without_paths(plan: &Value) -> Value {
-    let mut plan = plan.clone();
-    if let Some(datasets) = plan.get_mut("datasets").and_then(Value::as_array_mut) {
-        for dataset in datasets.iter_mut().filter_map(Value::as_object_mut) {
-            dataset.remove("path");
-        }
-    }
-    plan
-}
-
-fn first_difference(written: &Value, plan: &Value, at: &str) -> Option<String> {
-    match (written, plan) {
-        (Value::Object(written), Value::Object(plan)) => {
-            let names: BTreeSet<&String> = written.keys().chain(plan.keys()).collect();
-            names.into_iter().find_map(|name| {
-                let dot = if at.is_empty() { "" } else { "." };
-                let at = format!("{at}{dot}{name}");
-                missing_or_different(written.get(name), plan.get(name), &at)
-            })
-        }
-        (Value::Array(written), Value::Array(plan)) => {
-            (0..written.len().max(plan.len())).find_map(|index| {
-                missing_or_different(
-                    written.get(index),
-                    plan.get(index),
-                    &format!("{at}[{index}]"),
-                )
-            })
-        }
-        _ => (written != plan).then(|| format!("`{at}` is {written} there and {plan} here")),
-    }
-}
-
-fn missing_or_different(written: Option<&Value>, plan: Option<&Value>, at: &str) -> Option<String> {
-    match (written, plan) {
-        (Some(written), Some(plan)) => first_difference(written, plan, at),
-        (Some(written), None) => Some(format!(
-            "`{at}` is {} there and absent here",
-            brief(written)
-        )),
-        (None, Some(plan)) => Some(format!("`{at}` is absent there and {} here", brief(plan))),
-        (None, None) => None,
-    }
-}
-
-/// A value, or for something large the name that it has.
-fn brief(value: &Value) -> String {
-    name(value).map_or_else(|| value.to_string(), |name| format!("`{name}`"))
-}
-
-/// By what a dataset, matcher or estimator is called.
-fn name(value: &Value) -> Option<&str> {
-    ["id", "name"]
-        .iter()
-        .find_map(|name| value.get(name)?.as_str())
 }

@@ -103,25 +103,26 @@ impl Toy {
     /// The matcher under the given id, with one estimator for each of the given ids.
     pub(super) fn contender(&self, id: &str, estimators: &[&str]) -> Contender {
         let params = json!({"threshold": self.threshold});
-        Contender {
-            matcher: BuiltMatcher {
-                id: id.into(),
-                params: params.clone(),
-                extraction: Extraction {
-                    extractor: "toy".into(),
-                    params,
-                    revision: 1,
-                },
-                detection: None,
-                matcher: Box::new(self.clone()),
+        let matcher = BuiltMatcher {
+            id: id.into(),
+            params: params.clone(),
+            extraction: Extraction {
+                extractor: "toy".into(),
+                params,
+                revision: 1,
             },
-            estimators: (estimators.iter())
-                .map(|&id| BuiltEstimator {
-                    id: id.into(),
-                    params: json!({}),
-                    estimator: Box::new(self.clone()),
-                })
-                .collect(),
+            detection: None,
+            matcher: Box::new(self.clone()),
+        };
+        Contender::new(matcher, estimators.iter().map(|id| self.estimator(id)))
+    }
+
+    /// The estimator under the given id.
+    pub(super) fn estimator(&self, id: &str) -> BuiltEstimator {
+        BuiltEstimator {
+            id: id.into(),
+            params: json!({}),
+            estimator: Box::new(self.clone()),
         }
     }
 }

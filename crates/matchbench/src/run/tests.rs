@@ -1,17 +1,17 @@
 //! What a run promises, tried on a toy.
 
 use std::fs;
-use std::num::{NonZeroU32, NonZeroUsize};
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use matchbench_vision::robust::NoPose;
+use rayon::ThreadPoolBuilder;
 use tempfile::TempDir;
 
 use super::testing::{Toy, Trouble, dataset, decode};
 use super::*;
-use crate::records::RunRecord;
-use crate::records::{MIN_MATCHES, MIN_SUPPORT, Outcome, StageTimes, store};
+use crate::records::{MIN_MATCHES, MIN_SUPPORT, Outcome, Plan, RunRecord, StageTimes, store};
 
 /// A folder with two datasets and room for runs.
 struct Bench {
@@ -49,18 +49,19 @@ impl Bench {
         cancel: &Cancel,
     ) -> Result<RunSummary, RunError> {
         let folder = self.path(name);
-        Run {
+        let run = Run {
             datasets: &self.datasets,
             contenders: &self.contenders,
             settings: self.settings,
+            tuned: &[],
             cache: FeatureCache::new(folder.join("cache")),
             folder: &folder,
             decode,
-            threads: NonZeroUsize::new(self.threads).unwrap(),
             keep_matches: true,
             feature_memory: 20_000,
-        }
-        .execute(observer, cancel)
+        };
+        let pool = ThreadPoolBuilder::new().num_threads(self.threads).build();
+        pool.unwrap().install(|| run.execute(observer, cancel))
     }
 
     fn run(&self, name: &str) -> Result<RunSummary, RunError> {
@@ -86,6 +87,13 @@ fn two_by_two() -> Vec<Contender> {
         Toy::default().contender("bright", &["first", "second"]),
         darker.contender("dark", &["first"]),
     ]
+}
+
+fn set_threshold(contender: &mut Contender, threshold: u8) {
+    let Source::Matcher(matcher) = &mut contender.source else {
+        panic!("a toy is a matcher");
+    };
+    matcher.params["threshold"] = threshold.into();
 }
 
 fn repeated(repetitions: u32) -> Settings {
@@ -264,12 +272,12 @@ fn another_plan_is_refused_with_the_field_that_differs() {
     let dark = bench.contenders.pop().unwrap();
     refused(&bench, "`matchers[1]` is `dark` there and absent here");
     bench.contenders.push(dark);
-    bench.contenders[0].matcher.params["threshold"] = 65.into();
+    set_threshold(&mut bench.contenders[0], 65);
     refused(
         &bench,
         "`matchers[0].params.threshold` is 64 there and 65 here",
     );
-    bench.contenders[0].matcher.params["threshold"] = 64.into();
+    set_threshold(&mut bench.contenders[0], 64);
 
     bench.datasets[1].sequence.pairs[2].b_from_a.translation.x += 1e-9;
     refused(&bench, "`datasets[1].fingerprint`");
@@ -345,11 +353,11 @@ fn what_cannot_be_a_run_is_refused() {
         "has 12 frames, but a pair of frames 2 and 12",
     );
     refused(
-        |b| b.contenders[1].matcher.id = "bright".into(),
+        |b| b.contenders[1] = Toy::default().contender("bright", &["first"]),
         "two of the matchers",
     );
     refused(
-        |b| b.contenders[0].estimators[1].id = "first".into(),
+        |b| b.contenders[0].estimators[1].name = "first".into(),
         "two of the estimators",
     );
     refused(

@@ -26,6 +26,7 @@ use super::figures::{
 use super::numbers::{NONE, count, interval, ratio};
 use super::overview::{Cell, Overview, REFERENCE, Row, Subject};
 use super::svg::{Place, legend_sample};
+use super::words::leads_in_words;
 
 /// The three ways to judge a pose, as the page calls them.
 const ANGLES: [(&str, Angle); 3] = [
@@ -69,6 +70,9 @@ pub(super) fn render(content: &Content) -> String {
         leads => figures(&overview, |column| {
             lead_figure(content, &overview, column, Place::Page)
         }),
+        verdicts => (leads_in_words(&content.leads).lines())
+            .map(str::to_owned)
+            .collect::<Vec<_>>(),
         difficulties => difficulties(content, &overview),
         scatters => scatters(content, &overview),
         estimators => estimators(summaries, &overview),

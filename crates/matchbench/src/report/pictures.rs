@@ -1,17 +1,17 @@
 //! Pairs to be looked at, from what a run left behind.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::Result;
-use matchbench::datasets::{Pair, Sequence, read_gray};
-use matchbench::metrics::{Angle, ResultSet};
-use matchbench::records::{MatchesFile, Outcome, SelectedMatches, matches, store};
-use matchbench::report::{
+use rayon::prelude::*;
+
+use super::pair_view::{
     PairPoses, PairView, Points, Tally, Thumbnail, epipolar_lines, evenly, match_views,
 };
-use matchbench::run::{FeatureCache, Plan};
+use crate::cache::FeatureCache;
+use crate::datasets::{Pair, Sequence, read_gray};
+use crate::metrics::{Angle, ResultSet};
+use crate::records::{Outcome, Plan, RunFolder, SelectedMatches, StoreError};
 
 /// Longest side of an embedded image in pixels, and its JPEG quality.
 const EMBEDDED: (u32, u8) = (480, 62);
@@ -22,13 +22,16 @@ const MOST_KEYPOINTS: usize = 250;
 /// Views of at most `count` pairs of each dataset with every matcher and estimator, pair by pair;
 /// the first few are spread from the easiest to the hardest. Only where the images and the selected
 /// matches are at hand.
-pub(crate) fn sample(
-    run: &Path,
+///
+/// # Errors
+/// If records or matches cannot be read.
+pub(super) fn sample(
+    run: &RunFolder,
     results: &[ResultSet],
     sequences: &BTreeMap<String, Sequence>,
     mut keypoints: Keypoints<'_>,
     count: usize,
-) -> Result<Vec<PairView>> {
+) -> Result<Vec<PairView>, StoreError> {
     let mut views = Vec::new();
     for (name, sequence) in sequences {
         let sets: Vec<&ResultSet> = results.iter().filter(|set| set.dataset == *name).collect();
@@ -36,8 +39,8 @@ pub(crate) fn sample(
         let images = thumbnails(sequence, &pairs);
         let mut of_dataset = Vec::new();
         for set in &sets {
-            let file = MatchesFile::open(&matches::path(run, name, &set.matcher))?;
-            let records = store::read(&store::path(run, name, &set.matcher, &set.estimator))?;
+            let file = run.matches_of(name, &set.matcher)?;
+            let records = run.records_of(name, &set.matcher, &set.estimator)?;
             let outcomes: BTreeMap<_, _> = (records.iter())
                 .filter(|record| record.task.repetition == 0)
                 .map(|record| ((record.task.a, record.task.b), &record.outcome))
@@ -71,7 +74,7 @@ pub(crate) fn sample(
 /// The images of some pairs, made small; what cannot be read is left out.
 fn thumbnails(sequence: &Sequence, pairs: &[&Pair]) -> BTreeMap<u32, Arc<Thumbnail>> {
     let frames: BTreeSet<u32> = pairs.iter().flat_map(|pair| [pair.a, pair.b]).collect();
-    (frames.into_iter())
+    (frames.into_par_iter())
         .filter_map(|frame| {
             let image = read_gray(&sequence.frames[frame as usize].image).ok()?;
             let thumbnail = Thumbnail::new(&image, EMBEDDED.0, EMBEDDED.1);
@@ -81,7 +84,7 @@ fn thumbnails(sequence: &Sequence, pairs: &[&Pair]) -> BTreeMap<u32, Arc<Thumbna
 }
 
 /// Keypoints from the feature cache, as far as it has them.
-pub(crate) struct Keypoints<'a> {
+pub(super) struct Keypoints<'a> {
     plan: &'a Plan,
     cache: FeatureCache,
     /// By matcher, dataset and frame.
@@ -90,7 +93,7 @@ pub(crate) struct Keypoints<'a> {
 
 impl<'a> Keypoints<'a> {
     /// Those of the matchers of a run.
-    pub(crate) fn new(plan: &'a Plan, cache: FeatureCache) -> Self {
+    pub(super) fn new(plan: &'a Plan, cache: FeatureCache) -> Self {
         Self {
             plan,
             cache,
@@ -101,9 +104,9 @@ impl<'a> Keypoints<'a> {
     /// Some keypoints of a frame, evenly taken from the list; none where they are not known.
     fn of(&mut self, matcher: &str, sequence: &Sequence, frame: u32) -> Points {
         let find = || {
-            let matcher = self.plan.matchers.iter().find(|plan| plan.id == matcher)?;
+            let extraction = self.plan.matcher(matcher)?.extraction.as_ref()?;
             let image = &sequence.frames[frame as usize].image;
-            let features = self.cache.find(image, &matcher.extraction)?;
+            let features = self.cache.find(image, extraction)?;
             let keypoints = evenly(&features.keypoints, MOST_KEYPOINTS);
             Some(
                 keypoints
@@ -119,8 +122,9 @@ impl<'a> Keypoints<'a> {
     }
 }
 
-/// A pair with its matches; the names of matcher and estimator are left empty.
-pub(crate) fn view(
+/// A pair with its matches; the names of matcher and estimator are left empty, and so are the
+/// keypoints.
+pub fn view(
     sequence: &Sequence,
     pair: &Pair,
     selected: &SelectedMatches,
@@ -164,4 +168,77 @@ fn chosen<'a>(sets: &[&ResultSet], sequence: &'a Sequence, count: usize) -> Vec<
     (ranks.into_iter())
         .map(|i| pairs[i * (pairs.len() - 1) / last].1)
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use matchbench_vision::geometry::Camera;
+    use nalgebra::Isometry3;
+
+    use super::*;
+    use crate::datasets::Frame;
+    use crate::metrics::{AngularError, Failure, PairResult};
+
+    /// A dataset of the pairs (0, 1), (0, 2) ... (0, 8).
+    fn sequence() -> Sequence {
+        let frame = Frame {
+            image: "nowhere.png".into(),
+            camera: Camera::pinhole(8.0, 8.0, 3.5, 3.5),
+            world_from_camera: None,
+        };
+        let b_from_a = Isometry3::translation(1.0, 0.0, 0.0);
+        Sequence {
+            name: "street".into(),
+            frames: vec![frame; 9],
+            pairs: (1..9).map(|b| Pair { a: 0, b, b_from_a }).collect(),
+        }
+    }
+
+    /// A matcher that is right on the pairs with the frames `right`.
+    fn set(right: &[u32]) -> ResultSet {
+        let result = |b: u32| {
+            let mut pair = PairResult::failed(0, b, Failure::NoSupport);
+            if right.contains(&b) {
+                pair.outcome = Ok(AngularError {
+                    rotation: 0.1,
+                    translation: Some(0.2),
+                });
+            }
+            pair
+        };
+        ResultSet {
+            dataset: "street".into(),
+            matcher: "m".into(),
+            estimator: "e".into(),
+            repetitions: 1,
+            pairs: (1..9).map(result).collect(),
+            ignored: 0,
+        }
+    }
+
+    fn frames(sets: &[&ResultSet], count: usize) -> Vec<u32> {
+        let sequence = sequence();
+        let pairs = chosen(sets, &sequence, count);
+        pairs.iter().map(|pair| pair.b).collect()
+    }
+
+    #[test]
+    fn the_easiest_and_the_hardest_pair_come_first() {
+        // Right on 5 with both, on 3 and 8 with one: the order is 5, 3, 8, 1, 2, 4, 6, 7.
+        let (one, other) = (set(&[5, 3]), set(&[5, 8]));
+        assert_eq!(frames(&[&one, &other], 2), [5, 7]);
+        assert_eq!(frames(&[&one, &other], 1), [5]);
+        let mut all = frames(&[&one, &other], usize::MAX);
+        assert_eq!(all[..2], [5, 2], "then half-way");
+        all.sort_unstable();
+        assert_eq!(all, [1, 2, 3, 4, 5, 6, 7, 8], "each once");
+    }
+
+    #[test]
+    fn pairs_without_a_result_have_no_picture() {
+        let mut limited = set(&[1]);
+        limited.pairs.truncate(3);
+        assert_eq!(frames(&[&limited], 8).len(), 3);
+        assert!(frames(&[], 8).is_empty() && frames(&[&limited], 0).is_empty());
+    }
 }

@@ -17,14 +17,13 @@
 //! Real values that are all whole numbers from 0 to 255, as SIFT's, are stored as bytes. What comes
 //! back is the same bit for bit.
 
-use matchbench_vision::features::{BinaryRows, Descriptors, Features, FloatRows, Keypoint};
+use matchbench_vision::features::{BinaryRows, Descriptors, Features, FloatRows};
 use matchbench_vision::image::Size;
-use nalgebra::Point2;
 
-use super::cache::Key;
+use super::Key;
+use super::reader::{CHECKSUM, Reader, push_keypoint};
 
 const MAGIC: [u8; 8] = *b"MBFEAT02";
-pub(super) const CHECKSUM: usize = 32;
 
 const FLOATS: u8 = 0;
 const BYTES: u8 = 1;
@@ -126,54 +125,11 @@ fn is_byte(x: f32) -> bool {
     f32::from(x as u8).to_bits() == x.to_bits()
 }
 
-pub(super) fn push_keypoint(file: &mut Vec<u8>, keypoint: &Keypoint) {
-    let angle = keypoint.angle.unwrap_or_default();
-    let Point2 { coords: at } = keypoint.at;
-    for number in [at.x, at.y, keypoint.size, keypoint.response, angle] {
-        file.extend(number.to_le_bytes());
-    }
-    file.push(u8::from(keypoint.angle.is_some()));
-    file.extend(keypoint.octave.to_le_bytes());
-}
-
-/// What is left of a file.
-pub(super) struct Reader<'a>(pub(super) &'a [u8]);
-
-impl Reader<'_> {
-    pub(super) fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
-        let (array, rest) = self.0.split_first_chunk()?;
-        self.0 = rest;
-        Some(*array)
-    }
-
-    pub(super) fn number(&mut self) -> Option<usize> {
-        usize::try_from(u64::from_le_bytes(self.array()?)).ok()
-    }
-
-    fn float(&mut self) -> Option<f32> {
-        self.array().map(f32::from_le_bytes)
-    }
-
-    fn frame(&mut self) -> Option<[f32; 4]> {
-        Some([self.float()?, self.float()?, self.float()?, self.float()?])
-    }
-
-    pub(super) fn keypoint(&mut self) -> Option<Keypoint> {
-        let at = Point2::new(self.float()?, self.float()?);
-        let (size, response, angle) = (self.float()?, self.float()?, self.float()?);
-        let [has_angle] = self.array()?;
-        Some(Keypoint {
-            at,
-            size,
-            angle: (has_angle != 0).then_some(angle),
-            response,
-            octave: self.array().map(i16::from_le_bytes)?,
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use matchbench_vision::features::Keypoint;
+    use nalgebra::Point2;
+
     use super::*;
 
     const KEY: Key = Key([7; 32]);

@@ -13,8 +13,8 @@
 
 use matchbench_vision::features::Keypoint;
 
-use super::cache::Key;
-use super::feature_file::{CHECKSUM, Reader, push_keypoint};
+use super::Key;
+use super::reader::{CHECKSUM, Reader, push_keypoint};
 
 const MAGIC: [u8; 8] = *b"MBKEYP01";
 

@@ -1,18 +1,18 @@
-//! Features on disk, found by what they were made from.
-//!
-//! The key is a hash of the bytes of the image file and of everything that the extraction depends
-//! on: id, every effective parameter, revision. It holds no name, no time, no path; a parameter
-//! that changes, or an image that is replaced, is simply another key. Only a change of the code
-//! itself must be told, by [`Extraction::revision`].
+//! Features and keypoints on disk, found by what they were made from (see [`Key`]), never by a name.
 
-use std::fmt;
+mod feature_file;
+mod key;
+mod keypoint_file;
+mod reader;
+
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use matchbench_vision::features::{Features, Keypoint};
 
-use super::{feature_file, keypoint_file};
+pub use key::Key;
+
 use crate::files::write_whole;
 use crate::matchers::Extraction;
 
@@ -38,7 +38,7 @@ impl FeatureCache {
 
     /// The features that were saved under `key`. A file that is torn, foreign or unreadable counts
     /// as none: the features are then computed and the file is replaced.
-    pub(super) fn load(&self, key: Key) -> Option<Features> {
+    pub fn load(&self, key: Key) -> Option<Features> {
         feature_file::from_bytes(&fs::read(self.path(key)).ok()?, key)
     }
 
@@ -46,12 +46,12 @@ impl FeatureCache {
     ///
     /// # Errors
     /// If the file cannot be written; the error names it.
-    pub(super) fn save(&self, key: Key, features: &Features) -> io::Result<()> {
+    pub fn save(&self, key: Key, features: &Features) -> io::Result<()> {
         write_whole(&self.path(key), &feature_file::to_bytes(features, key))
     }
 
     /// The keypoints that were saved under `key`, and the seconds that finding them took.
-    pub(super) fn load_keypoints(&self, key: Key) -> Option<(Vec<Keypoint>, f64)> {
+    pub fn load_keypoints(&self, key: Key) -> Option<(Vec<Keypoint>, f64)> {
         let path = self.path(key).with_extension("keypoints");
         keypoint_file::from_bytes(&fs::read(path).ok()?, key)
     }
@@ -60,12 +60,7 @@ impl FeatureCache {
     ///
     /// # Errors
     /// If the file cannot be written; the error names it.
-    pub(super) fn save_keypoints(
-        &self,
-        key: Key,
-        keypoints: &[Keypoint],
-        seconds: f64,
-    ) -> io::Result<()> {
+    pub fn save_keypoints(&self, key: Key, keypoints: &[Keypoint], seconds: f64) -> io::Result<()> {
         let path = self.path(key).with_extension("keypoints");
         write_whole(&path, &keypoint_file::to_bytes(keypoints, seconds, key))
     }
@@ -79,59 +74,12 @@ impl FeatureCache {
     }
 }
 
-/// What features were made from, as a hash.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Key(pub(super) [u8; 32]);
-
-impl Key {
-    /// The key of the features that `extraction` finds in the image `file` (its bytes).
-    pub(super) fn new(file: &[u8], extraction: &Extraction) -> Self {
-        let extraction = serde_json::to_vec(extraction).expect("an extraction is plain JSON");
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(&(extraction.len() as u64).to_le_bytes());
-        hasher.update(&extraction);
-        hasher.update(file);
-        Self(*hasher.finalize().as_bytes())
-    }
-}
-
-impl fmt::Display for Key {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use matchbench_vision::features::{DescriptorKind, Descriptors};
     use matchbench_vision::image::Size;
-    use serde_json::json;
 
     use super::*;
-
-    fn extraction() -> Extraction {
-        Extraction {
-            extractor: "sift".into(),
-            params: json!({"octaves": 4, "contrast": 0.04}),
-            revision: 1,
-        }
-    }
-
-    #[test]
-    fn everything_that_features_depend_on_is_in_the_key() {
-        let key = |extraction: &Extraction| Key::new(b"image", extraction);
-        let original = key(&extraction());
-        assert_eq!(key(&extraction()), original);
-        let changed = |change: fn(&mut Extraction)| {
-            let mut extraction = extraction();
-            change(&mut extraction);
-            key(&extraction)
-        };
-        assert_ne!(changed(|e| e.extractor = "surf".into()), original);
-        assert_ne!(changed(|e| e.params["contrast"] = json!(0.03)), original);
-        assert_ne!(changed(|e| e.revision = 2), original);
-        assert_ne!(Key::new(b"imagf", &extraction()), original);
-    }
 
     #[test]
     fn what_is_torn_or_foreign_is_not_found_and_can_be_replaced() {

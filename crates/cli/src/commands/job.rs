@@ -1,0 +1,93 @@
+//! A run as it is asked for on the command line: with a progress bar, stopped by Ctrl-C.
+
+use std::path::Path;
+
+use anyhow::Result;
+use matchbench::cache::FeatureCache;
+use matchbench::config::{Changes, ConfigError};
+use matchbench::records::{Settings, Tuned};
+use matchbench::run::{Contender, Dataset, Run, RunSummary, decode};
+
+use crate::Ending;
+use crate::progress::{Bar, cancel_on_ctrl_c};
+
+/// Said when Ctrl-C stops a run.
+pub(crate) const AFTER_PAIRS: &str = "stopping after the pairs in flight; again to stop at once";
+
+/// What is run, and where.
+pub(crate) struct Job<'a> {
+    pub(crate) datasets: &'a [Dataset],
+    pub(crate) contenders: &'a [Contender],
+    pub(crate) settings: Settings,
+    pub(crate) tuned: &'a [Tuned],
+    pub(crate) folder: &'a Path,
+    pub(crate) cache: Option<&'a Path>,
+    pub(crate) keep_matches: bool,
+}
+
+impl Job<'_> {
+    /// Does what is left, until it is done or stopped, and says how it ended.
+    pub(crate) fn execute(&self) -> Result<Ending> {
+        let run = Run {
+            datasets: self.datasets,
+            contenders: self.contenders,
+            settings: self.settings,
+            tuned: self.tuned,
+            folder: self.folder,
+            cache: cache(self.cache, self.folder),
+            decode,
+            keep_matches: self.keep_matches,
+            feature_memory: Run::FEATURE_MEMORY,
+        };
+        let cancel = cancel_on_ctrl_c(AFTER_PAIRS)?;
+        let bar = Bar::new();
+        let summary = run.execute(&bar, &cancel);
+        bar.finish();
+        Ok(tell(&summary?, self.folder))
+    }
+}
+
+/// Opens dataset folders.
+pub(crate) fn open(folders: &[impl AsRef<Path>]) -> Result<Vec<Dataset>> {
+    let datasets = folders.iter().map(|folder| Dataset::open(folder.as_ref()));
+    Ok(datasets.collect::<Result<_, _>>()?)
+}
+
+/// What `--set` changes.
+pub(crate) fn changes(settings: &[String]) -> Result<Changes, ConfigError> {
+    Changes::parse(settings)
+}
+
+/// The feature cache that is asked for, or that of a run in this folder.
+pub(crate) fn cache(asked: Option<&Path>, folder: &Path) -> FeatureCache {
+    FeatureCache::new(asked.map_or_else(|| folder.join("cache"), Path::to_path_buf))
+}
+
+/// Says how a run ended.
+pub(crate) fn tell(summary: &RunSummary, folder: &Path) -> Ending {
+    if !summary.is_complete() {
+        let done = summary.before + summary.now;
+        eprintln!(
+            "stopped after {done} of {} tasks; the same command goes on from there",
+            summary.total
+        );
+        return Ending::Stopped;
+    }
+    let before = match summary.before {
+        0 => String::new(),
+        before => format!(", {before} of them earlier"),
+    };
+    eprintln!(
+        "{} tasks done{before}; records in {}",
+        summary.total,
+        folder.display()
+    );
+    if summary.failed > 0 {
+        eprintln!(
+            "{} tasks FAILED and count as wrong; their records say why (\"kind\":\"failed\")",
+            summary.failed
+        );
+        return Ending::SomeFailed;
+    }
+    Ending::Done
+}

@@ -1,0 +1,62 @@
+//! What features were made from, as a hash of the bytes of the image file and of everything that the
+//! extraction depends on: id, every effective parameter, revision.
+//!
+//! It holds no name, no time, no path; a parameter that changes, or an image that is replaced, is
+//! simply another key. Only a change of the code itself must be told, by [`Extraction::revision`].
+
+use std::fmt;
+
+use crate::matchers::Extraction;
+
+/// What features were made from, as a hash.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Key(pub(crate) [u8; 32]);
+
+impl Key {
+    /// The key of the features that `extraction` finds in the image `file` (its bytes).
+    pub fn new(file: &[u8], extraction: &Extraction) -> Self {
+        let extraction = serde_json::to_vec(extraction).expect("an extraction is plain JSON");
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&(extraction.len() as u64).to_le_bytes());
+        hasher.update(&extraction);
+        hasher.update(file);
+        Self(*hasher.finalize().as_bytes())
+    }
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    fn extraction() -> Extraction {
+        Extraction {
+            extractor: "sift".into(),
+            params: json!({"octaves": 4, "contrast": 0.04}),
+            revision: 1,
+        }
+    }
+
+    #[test]
+    fn everything_that_features_depend_on_is_in_the_key() {
+        let key = |extraction: &Extraction| Key::new(b"image", extraction);
+        let original = key(&extraction());
+        assert_eq!(key(&extraction()), original);
+        let changed = |change: fn(&mut Extraction)| {
+            let mut extraction = extraction();
+            change(&mut extraction);
+            key(&extraction)
+        };
+        assert_ne!(changed(|e| e.extractor = "surf".into()), original);
+        assert_ne!(changed(|e| e.params["contrast"] = json!(0.03)), original);
+        assert_ne!(changed(|e| e.revision = 2), original);
+        assert_ne!(Key::new(b"imagf", &extraction()), original);
+    }
+}

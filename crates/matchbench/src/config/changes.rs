@@ -1,0 +1,95 @@
+//! Parameters as a user changes them: `ID.NAME=VALUE`.
+
+use serde_json::{Map, Value};
+
+use super::ConfigError;
+
+/// Changed parameters: id of a matcher or estimator, to a JSON object for it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Changes(Map<String, Value>);
+
+impl Changes {
+    /// `["sift.ratio=0.7", "sift.extractor.sigma=1"]` becomes
+    /// `{"sift": {"ratio": 0.7, "extractor": {"sigma": 1}}}`. Later settings win over earlier ones.
+    ///
+    /// # Errors
+    /// If a setting has another form, or sets a part of what was given a value before.
+    pub fn parse(settings: &[String]) -> Result<Self, ConfigError> {
+        let mut changes = Map::new();
+        for setting in settings {
+            insert(&mut changes, setting).map_err(|reason| ConfigError::new(setting, reason))?;
+        }
+        Ok(Self(changes))
+    }
+
+    /// The parameters of the matcher or estimator `id`, if any were changed.
+    pub fn of(&self, id: &str) -> Option<&Value> {
+        self.0.get(id)
+    }
+
+    /// The ids that are named.
+    pub fn ids(&self) -> impl Iterator<Item = &str> {
+        self.0.keys().map(String::as_str)
+    }
+}
+
+/// A value is JSON; what is not, is text: `sift.search=exact` needs no quotes.
+pub fn parse_value(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.into()))
+}
+
+fn insert(changes: &mut Map<String, Value>, setting: &str) -> Result<(), String> {
+    let (path, value) = setting.split_once('=').unwrap_or((setting, ""));
+    let mut names: Vec<&str> = path.split('.').collect();
+    if names.len() < 2 || value.is_empty() || names.iter().any(|name| name.is_empty()) {
+        return Err("expected ID.NAME=VALUE, for example sift.ratio=0.7".into());
+    }
+    let last = names.pop().expect("at least two names");
+    let mut object = changes;
+    for name in names {
+        let inner = (object.entry(name)).or_insert_with(|| Value::Object(Map::new()));
+        object = match inner {
+            Value::Object(object) => object,
+            _ => return Err(format!("`{name}` was given a value before")),
+        };
+    }
+    object.insert(last.into(), parse_value(value));
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn settings_become_nested_objects() {
+        let settings = [
+            "sift.ratio=0.7",
+            "sift.extractor.sigma=1.2",
+            "gms.budget=authors",
+        ];
+        let changes = Changes::parse(&settings.map(String::from)).unwrap();
+        assert_eq!(
+            Value::Object(changes.0),
+            json!({"sift": {"ratio": 0.7, "extractor": {"sigma": 1.2}}, "gms": {"budget": "authors"}})
+        );
+    }
+
+    #[test]
+    fn malformed_settings_are_refused_with_an_example() {
+        for setting in [
+            "sift",
+            "sift.ratio",
+            "sift.ratio=",
+            "=1",
+            "sift.=1",
+            "ratio=0.7",
+        ] {
+            let error = Changes::parse(&[setting.to_owned()]).expect_err(setting);
+            let message = error.to_string();
+            assert!(message.contains("sift.ratio=0.7"), "{setting}: {message}");
+        }
+    }
+}

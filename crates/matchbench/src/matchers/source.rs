@@ -1,0 +1,108 @@
+//! Where matches come from: a matcher, stage by stage, or something that yields matched points at once.
+//!
+//! A [`Matcher`](matchbench_vision::matching::Matcher) extracts, searches and selects, and a run keeps
+//! what it extracts. What reads the images itself (a program beside this one, the files of another
+//! tool) has no such stages: it implements [`PointSource`]. From the matched points on, nothing knows
+//! which of the two they came from.
+
+use std::path::Path;
+
+use matchbench_vision::geometry::MatchedPoints;
+use matchbench_vision::seed::Seed;
+use serde_json::Value;
+
+use super::BuiltMatcher;
+
+/// What a contender's matches come from.
+pub enum Source {
+    /// Features are extracted, searched and selected.
+    Matcher(BuiltMatcher),
+    /// Matched points, at once.
+    Points(BuiltPointSource),
+}
+
+/// A source of matched points ready to be run, and everything that its results depend on.
+pub struct BuiltPointSource {
+    /// Its name in records and in tables.
+    pub id: String,
+    /// Its version, as it states it.
+    pub version: Option<String>,
+    /// Every parameter.
+    pub params: Value,
+    /// What a reader should know of it, in sentences.
+    pub notes: Vec<String>,
+    /// The source.
+    pub source: Box<dyn PointSource>,
+}
+
+/// Yields matched points for two image files.
+pub trait PointSource: Send + Sync {
+    /// The matches of a pair. May be called from many threads at once.
+    ///
+    /// # Errors
+    /// [`SourceError::Pair`] if there is nothing to be said of this pair, which then counts as failed;
+    /// [`SourceError::Ended`] if the same holds for all that follow, which ends the run.
+    fn matches(&self, pair: &ImageFiles<'_>, seed: Seed) -> Result<SourcedMatches, SourceError>;
+}
+
+/// Two images of a dataset, as files.
+#[derive(Clone, Copy, Debug)]
+pub struct ImageFiles<'a> {
+    /// Name of the dataset.
+    pub dataset: &'a str,
+    /// Indices of the frames, `a` and `b`.
+    pub frames: [u32; 2],
+    /// The files of `a` and `b`.
+    pub images: [&'a Path; 2],
+}
+
+/// Matched points and what is known of how they came about.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SourcedMatches {
+    /// The matches, in pixels of the images.
+    pub points: MatchedPoints,
+    /// Numbers of features of `a` and `b`; 0 where they are not known.
+    pub features: [u32; 2],
+    /// Matches before any selection, if that is known.
+    pub putative: Option<u32>,
+    /// Seconds of the stages, as the source measured them.
+    pub seconds: SourceSeconds,
+}
+
+/// Seconds of the stages of a source; `None` where it did not measure them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SourceSeconds {
+    /// Features of both images.
+    pub extract: [Option<f64>; 2],
+    /// All that follows.
+    pub matching: Option<f64>,
+}
+
+/// Why a source has no matches.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SourceError {
+    /// Of this pair.
+    #[error("{0}")]
+    Pair(String),
+    /// Of this pair and of all others.
+    #[error("{0}")]
+    Ended(String),
+}
+
+impl Source {
+    /// Its name in records and in tables.
+    pub fn id(&self) -> &str {
+        match self {
+            Self::Matcher(matcher) => &matcher.id,
+            Self::Points(source) => &source.id,
+        }
+    }
+
+    /// The matcher, if it is one.
+    pub fn matcher(&self) -> Option<&BuiltMatcher> {
+        match self {
+            Self::Matcher(matcher) => Some(matcher),
+            Self::Points(_) => None,
+        }
+    }
+}

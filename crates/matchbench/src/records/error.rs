@@ -1,0 +1,93 @@
+//! Why the folder of a run cannot be read or written.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::StoreError;
+
+/// Why the folder of a run cannot be opened, read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum FolderError {
+    /// There is no plan, so it is no folder of a run.
+    #[error("{} is not the folder of a run: it has no plan.json", folder.display())]
+    NotARun {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// The folder was written by a later program.
+    #[error(
+        "{} is of format {format}, and this program knows formats up to {known}; use a newer matchbench",
+        path.display()
+    )]
+    Newer {
+        /// The plan.
+        path: PathBuf,
+        /// The format that it names.
+        format: u64,
+        /// The last format that is known here.
+        known: u32,
+    },
+    /// The folder holds a run of another plan.
+    #[error(
+        "{} holds a run of another plan: {difference}; to go on with it give at least what it was \
+         started with, for a new run choose another folder",
+        folder.display()
+    )]
+    OtherPlan {
+        /// The folder of the run.
+        folder: PathBuf,
+        /// The first field that differs, and how.
+        difference: String,
+    },
+    /// `plan.json` is missing beside records, or is not what a run writes.
+    #[error("{}: {reason}; choose another folder, or delete this one to start anew", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// Another process writes into the folder.
+    #[error("{} is in use by another process; wait until it ends, or choose another folder", folder.display())]
+    InUse {
+        /// The folder of the run.
+        folder: PathBuf,
+    },
+    /// A file is not what tuning writes.
+    #[error("{}: not what `matchbench tune` writes ({reason})", path.display())]
+    NotTuned {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A dataset of the plan is one that a setting was tuned on.
+    #[error(
+        "{setting} was tuned on {tuned_on}, which is the dataset {dataset}: a score on it would be no \
+         test; take another dataset, or tune on others"
+    )]
+    TunedOn {
+        /// The setting.
+        setting: String,
+        /// Name of the dataset when it was tuned.
+        tuned_on: String,
+        /// Name of the dataset in the plan.
+        dataset: String,
+    },
+    /// Records or matches cannot be read or written.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// Another file cannot be read or written; the error names it.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+}
+
+impl FolderError {
+    /// The error of trying to do `action` with the file at `path`.
+    pub(super) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        move |error| {
+            let message = format!("cannot {action} {}: {error}", path.display());
+            Self::Io(io::Error::new(error.kind(), message))
+        }
+    }
+}

@@ -1,0 +1,286 @@
+//! The folder of a run, which holds all that a run leaves: the only place that knows its files.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | `plan.json` | the [`Plan`], with the version of this format |
+//! | `records/<dataset>/<matcher>+<estimator>.jsonl` | a [`RunRecord`] a line, see [`store`] |
+//! | `matches/<dataset>/<matcher>.bin` | selected matches, see [`matches`]; absent if they were not kept |
+//! | `tuning.json` | a list of [`Tuned`], if settings were taken over from tuning |
+//! | `tuned.json` | a [`Tuned`], in the folder of a tuning |
+//! | `.lock` | held by the process that writes; a lock ends with its process, however that ends |
+//! | `cache/`, `report/` | where features and the report go unless another place is asked for; can be deleted |
+//!
+//! One process writes ([`RunWriter`]), for one plan; anybody reads ([`RunFolder`]), also meanwhile.
+//!
+//! # Versions of the format
+//! | `format` | since | what changed |
+//! | --- | --- | --- |
+//! | absent, or 1 | the first | |
+//!
+//! A folder of a later format is refused by name. What is added so that older programs need not know
+//! it, a field that is left out where it is not needed, does not change the number.
+
+use std::fs::{self, File, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use super::growth::difference;
+use super::store::RecordWriter;
+use super::{FolderError, MatchesFile, Plan, RunRecord, StoreError, Tuned, matches, store};
+use crate::files::write_whole;
+
+/// Version of the format of run folders that this program writes, and the last that it reads.
+pub const FORMAT: u32 = 1;
+
+const PLAN: &str = "plan.json";
+const TUNING: &str = "tuning.json";
+const TUNED: &str = "tuned.json";
+
+/// The folder of a run, to be read.
+#[derive(Clone, Debug)]
+pub struct RunFolder {
+    path: PathBuf,
+    plan: Plan,
+}
+
+impl RunFolder {
+    /// The folder at `path`.
+    ///
+    /// # Errors
+    /// If there is no plan, or it cannot be read, is of a later format or is not what a run writes.
+    pub fn open(path: &Path) -> Result<Self, FolderError> {
+        let plan = read_plan(&path.join(PLAN))?.ok_or_else(|| FolderError::NotARun {
+            folder: path.into(),
+        })?;
+        Ok(Self {
+            path: path.into(),
+            plan,
+        })
+    }
+
+    /// Whether there is a run at `path`, readable or not.
+    pub fn is_at(path: &Path) -> bool {
+        path.join(PLAN).is_file()
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What is run.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// What is run, as it stands in the folder.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub fn plan_text(&self) -> Result<String, FolderError> {
+        let path = self.path.join(PLAN);
+        fs::read_to_string(&path).map_err(FolderError::io("read", &path))
+    }
+
+    /// All records, ordered by dataset, then by matcher and estimator, then as they were written.
+    ///
+    /// # Errors
+    /// If a file cannot be read or has a line that is not a record. Without records it has none.
+    pub fn records(&self) -> Result<Vec<RunRecord>, StoreError> {
+        store::read_run(&self.path)
+    }
+
+    /// The records of one matcher with one estimator on one dataset, as they were written; none
+    /// where nothing has been recorded yet.
+    ///
+    /// # Errors
+    /// As [`RunFolder::records`].
+    pub fn records_of(
+        &self,
+        dataset: &str,
+        matcher: &str,
+        estimator: &str,
+    ) -> Result<Vec<RunRecord>, StoreError> {
+        let file = store::path(&self.path, dataset, matcher, estimator);
+        match file.exists() {
+            true => store::read(&file),
+            false => Ok(Vec::new()),
+        }
+    }
+
+    /// The files of records, in the order of [`RunFolder::records`].
+    ///
+    /// # Errors
+    /// If a folder cannot be listed.
+    pub(crate) fn record_files(&self) -> Result<Vec<PathBuf>, StoreError> {
+        store::files(&self.path)
+    }
+
+    /// The selected matches of one matcher on one dataset; none where they were not kept.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or is something else.
+    pub fn matches_of(&self, dataset: &str, matcher: &str) -> Result<MatchesFile, StoreError> {
+        MatchesFile::open(&matches::path(&self.path, dataset, matcher))
+    }
+
+    /// The settings that the run took over from tuning.
+    ///
+    /// # Errors
+    /// If the file that lists them cannot be read or is not what a run writes.
+    pub fn tuned(&self) -> Result<Vec<Tuned>, FolderError> {
+        let path = self.path.join(TUNING);
+        let text = match fs::read(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+            text => text.map_err(FolderError::io("read", &path))?,
+        };
+        serde_json::from_slice(&text).map_err(|error| FolderError::Damaged {
+            path,
+            reason: format!("not what a run writes ({error})"),
+        })
+    }
+
+    /// Where features are kept unless another place is asked for.
+    pub fn default_cache(&self) -> PathBuf {
+        self.path.join("cache")
+    }
+
+    /// Where the report is written unless another place is asked for.
+    pub fn default_report(&self) -> PathBuf {
+        self.path.join("report")
+    }
+
+    /// Where a tuning writes what it chose.
+    pub fn tuned_file(&self) -> PathBuf {
+        self.path.join(TUNED)
+    }
+}
+
+/// The folder of a run that this process writes into, as long as this value lives.
+#[derive(Debug)]
+pub struct RunWriter {
+    folder: RunFolder,
+    _lock: File,
+}
+
+impl RunWriter {
+    /// The folder at `path`: a new one, which is given the `plan`, or one that has it already.
+    ///
+    /// # Errors
+    /// If it has another plan, is in use, damaged, or cannot be written to.
+    pub fn start(path: &Path, plan: Plan) -> Result<Self, FolderError> {
+        fs::create_dir_all(path).map_err(FolderError::io("make the folder", path))?;
+        let lock = lock(path)?;
+        let plan_file = path.join(PLAN);
+        let written = read_plan(&plan_file)?;
+        match &written {
+            Some(written) => {
+                if let Some(difference) = difference(written, &plan) {
+                    return Err(FolderError::OtherPlan {
+                        folder: path.into(),
+                        difference,
+                    });
+                }
+            }
+            None if path.join(store::FOLDER).exists() => {
+                return Err(FolderError::Damaged {
+                    path: plan_file,
+                    reason: "there are records, but not the plan that they belong to".into(),
+                });
+            }
+            None => {}
+        }
+        if written.as_ref() != Some(&plan) {
+            write_json(&plan_file, &plan)?;
+        }
+        let path = path.into();
+        Ok(Self {
+            folder: RunFolder { path, plan },
+            _lock: lock,
+        })
+    }
+
+    /// The folder, to be read.
+    pub fn folder(&self) -> &RunFolder {
+        &self.folder
+    }
+
+    /// Notes which settings were taken over from tuning, for the report.
+    ///
+    /// # Errors
+    /// If the file cannot be written; the error names it.
+    pub fn note_tuned(&self, tuned: &[Tuned]) -> Result<(), FolderError> {
+        write_json(&self.folder.path.join(TUNING), &tuned)
+    }
+
+    /// What earlier processes recorded of one matcher with one estimator on one dataset; a torn last
+    /// line is cut off. Returns the file too, for errors and for [`RunWriter::append_to`].
+    ///
+    /// # Errors
+    /// If the file cannot be read or cut, or has a line that is not a record.
+    pub(crate) fn recover(
+        &self,
+        dataset: &str,
+        matcher: &str,
+        estimator: &str,
+    ) -> Result<(PathBuf, Vec<RunRecord>), StoreError> {
+        let file = store::path(&self.folder.path, dataset, matcher, estimator);
+        let records = store::recover(&file)?;
+        Ok((file, records))
+    }
+
+    /// Appends to a file that was recovered.
+    ///
+    /// # Errors
+    /// If the file cannot be opened.
+    pub(crate) fn append_to(&self, file: &Path) -> Result<RecordWriter, StoreError> {
+        RecordWriter::open(file)
+    }
+}
+
+fn lock(folder: &Path) -> Result<File, FolderError> {
+    let path = folder.join(".lock");
+    let file = (File::options().write(true).create(true).truncate(false))
+        .open(&path)
+        .map_err(FolderError::io("open", &path))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(FolderError::InUse {
+            folder: folder.into(),
+        }),
+        Err(TryLockError::Error(error)) => Err(FolderError::io("lock", &path)(error)),
+    }
+}
+
+/// All that is read of a plan of any format.
+#[derive(Deserialize)]
+struct FormatOf {
+    format: Option<u64>,
+}
+
+fn read_plan(path: &Path) -> Result<Option<Plan>, FolderError> {
+    let text = match fs::read(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        text => text.map_err(FolderError::io("read", path))?,
+    };
+    let damaged = |error: serde_json::Error| FolderError::Damaged {
+        path: path.into(),
+        reason: format!("not a plan ({error})"),
+    };
+    let FormatOf { format } = serde_json::from_slice(&text).map_err(damaged)?;
+    match format {
+        Some(format) if format > FORMAT.into() => Err(FolderError::Newer {
+            path: path.into(),
+            format,
+            known: FORMAT,
+        }),
+        _ => serde_json::from_slice(&text).map(Some).map_err(damaged),
+    }
+}
+
+fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), FolderError> {
+    let text = serde_json::to_string_pretty(value).expect("what a run writes is plain JSON");
+    Ok(write_whole(path, format!("{text}\n").as_bytes())?)
+}

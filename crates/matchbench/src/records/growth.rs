@@ -1,0 +1,96 @@
+//! A run may grow, and nothing else about its plan may change: where a plan differs from the one that
+//! a folder was written for.
+
+use std::collections::BTreeSet;
+
+use serde_json::Value;
+
+use super::Plan;
+use super::earlier_plans::modernized;
+
+/// Where `plan` first differs from the plan that was `written` before, in words; `None` if a run of
+/// one goes on with a run of the other. A run may grow: by datasets, matchers and estimators of a
+/// matcher, and by a higher limit. It cannot lose any. A dataset may move.
+pub(super) fn difference(written: &Plan, plan: &Plan) -> Option<String> {
+    let (written, mut plan) = (modernized(without_paths(written)), without_paths(plan));
+    keep_known(&written, &mut plan);
+    first_difference(&written, &plan, "")
+}
+
+/// Takes out of `plan` that by which it outgrows what was `written`.
+fn keep_known(written: &Value, plan: &mut Value) {
+    for list in ["datasets", "matchers", "estimators"] {
+        let Some(known) = written.get(list).and_then(Value::as_array) else {
+            continue;
+        };
+        if let Some(planned) = plan.get_mut(list).and_then(Value::as_array_mut) {
+            planned.retain_mut(|item| {
+                let twin = known.iter().find(|known| name(known) == name(item));
+                twin.map(|twin| keep_known(twin, item)).is_some()
+            });
+        }
+    }
+    let limit = |plan: &Value| Some(plan.get("settings")?.get("limit")?.as_u64());
+    if let (Some(Some(before)), Some(now)) = (limit(written), limit(plan))
+        && now.is_none_or(|now| now > before)
+    {
+        plan["settings"]["limit"] = before.into();
+    }
+}
+
+fn without_paths(plan: &Plan) -> Value {
+    let mut plan = plan.to_json();
+    if let Some(datasets) = plan.get_mut("datasets").and_then(Value::as_array_mut) {
+        for dataset in datasets.iter_mut().filter_map(Value::as_object_mut) {
+            dataset.remove("path");
+        }
+    }
+    plan
+}
+
+fn first_difference(written: &Value, plan: &Value, at: &str) -> Option<String> {
+    match (written, plan) {
+        (Value::Object(written), Value::Object(plan)) => {
+            let names: BTreeSet<&String> = written.keys().chain(plan.keys()).collect();
+            names.into_iter().find_map(|name| {
+                let dot = if at.is_empty() { "" } else { "." };
+                let at = format!("{at}{dot}{name}");
+                missing_or_different(written.get(name), plan.get(name), &at)
+            })
+        }
+        (Value::Array(written), Value::Array(plan)) => {
+            (0..written.len().max(plan.len())).find_map(|index| {
+                missing_or_different(
+                    written.get(index),
+                    plan.get(index),
+                    &format!("{at}[{index}]"),
+                )
+            })
+        }
+        _ => (written != plan).then(|| format!("`{at}` is {written} there and {plan} here")),
+    }
+}
+
+fn missing_or_different(written: Option<&Value>, plan: Option<&Value>, at: &str) -> Option<String> {
+    match (written, plan) {
+        (Some(written), Some(plan)) => first_difference(written, plan, at),
+        (Some(written), None) => Some(format!(
+            "`{at}` is {} there and absent here",
+            brief(written)
+        )),
+        (None, Some(plan)) => Some(format!("`{at}` is absent there and {} here", brief(plan))),
+        (None, None) => None,
+    }
+}
+
+/// A value, or for something large the name that it has.
+fn brief(value: &Value) -> String {
+    name(value).map_or_else(|| value.to_string(), |name| format!("`{name}`"))
+}
+
+/// By what a dataset, matcher or estimator is called.
+fn name(value: &Value) -> Option<&str> {
+    ["id", "name"]
+        .iter()
+        .find_map(|name| value.get(name)?.as_str())
+}

@@ -1,0 +1,127 @@
+//! What a run is going to do, and nothing else: `plan.json` in its folder.
+//!
+//! Two runs of the same plan give the same records. Everything that the records depend on is
+//! therefore in it; what they do not depend on (threads, caches) is not. A field that not every run
+//! needs is left out where it is not needed, so that plans written before the field was thought of
+//! stay what they were.
+
+use std::num::NonZeroU32;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::matchers::Extraction;
+
+/// Everything that the records of a run depend on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// Version of the format of the run folder, see [`FORMAT`](super::FORMAT). Plans without the
+    /// number were written before it and are of the first.
+    #[serde(default = "first_format")]
+    pub format: u32,
+    /// Version of matchbench.
+    pub version: String,
+    /// What else decides.
+    pub settings: Settings,
+    /// The datasets, in the order in which they are run.
+    pub datasets: Vec<DatasetPlan>,
+    /// The matchers, in the order in which they are run on each dataset.
+    pub matchers: Vec<MatcherPlan>,
+}
+
+impl Plan {
+    /// The plan as `plan.json` holds it.
+    pub fn to_json(&self) -> Value {
+        serde_json::to_value(self).expect("a plan is plain JSON")
+    }
+
+    /// The matcher with this id, if it is planned.
+    pub fn matcher(&self, id: &str) -> Option<&MatcherPlan> {
+        self.matchers.iter().find(|matcher| matcher.id == id)
+    }
+}
+
+/// Choices that concern all tasks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// Root of all random choices. Default: 0.
+    pub seed: u64,
+    /// How often each pair is done, each time with another seed. Default: 1.
+    pub repetitions: NonZeroU32,
+    /// Only so many pairs of each dataset, from the first. Default: all.
+    pub limit: Option<usize>,
+    /// How long an estimator may draw samples for a pair, in milliseconds. Default: as long as its
+    /// own rules say. What is found within a time differs from machine to machine, and from run to
+    /// run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_budget_ms: Option<NonZeroU32>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            repetitions: NonZeroU32::MIN,
+            limit: None,
+            time_budget_ms: None,
+        }
+    }
+}
+
+/// A dataset, told from others.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DatasetPlan {
+    /// Its name.
+    pub name: String,
+    /// Its folder. It may move: another path alone is no other plan.
+    pub path: PathBuf,
+    /// Number of images.
+    pub frames: usize,
+    /// Number of pairs, before any limit.
+    pub pairs: usize,
+    /// Hash of all cameras and of all pairs with their true poses.
+    pub fingerprint: String,
+}
+
+/// A matcher, or whatever else the matches come from, with its parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MatcherPlan {
+    /// Its id.
+    pub id: String,
+    /// Its version, where it is no part of matchbench.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub version: Option<String>,
+    /// Every parameter.
+    pub params: Value,
+    /// How its features are extracted; absent where matches come without features.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub extraction: Option<Extraction>,
+    /// What a reader should know of it, in sentences.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
+    /// The estimators that it is run with.
+    pub estimators: Vec<EstimatorPlan>,
+}
+
+/// An estimator with its parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EstimatorPlan {
+    /// Its name in records and tables.
+    pub id: String,
+    /// Id of the estimator that this is a variant of, where its name is another. All variants of an
+    /// estimator make the same random draws.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variant_of: Option<String>,
+    /// Every parameter.
+    pub params: Value,
+}
+
+fn first_format() -> u32 {
+    1
+}

@@ -1,0 +1,94 @@
+//! What `matchbench tune` chose, and on which scenes: `tuned.json` in the folder of the tuning, and in
+//! `tuning.json` of every run that takes it over.
+//!
+//! A score on a scene that a parameter was tuned on is no test, so the scenes are named by their
+//! fingerprints, and a run of one of them is refused.
+
+use std::fs;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{FolderError, Plan};
+use crate::files::write_whole;
+
+/// A setting that was chosen by its score.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tuned {
+    /// The setting, `ID.NAME=VALUE`.
+    pub setting: String,
+    /// The datasets that it was chosen on.
+    pub datasets: Vec<TunedOn>,
+    /// The matchers whose matches were used.
+    pub matchers: Vec<String>,
+    /// Mean AUC with each value that was tried.
+    pub auc: Vec<(Value, f64)>,
+}
+
+/// A dataset that something was tuned on.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TunedOn {
+    /// Its name.
+    pub name: String,
+    /// Its fingerprint, as in the [plan](super::DatasetPlan).
+    pub fingerprint: String,
+}
+
+impl Tuned {
+    /// What `matchbench tune` wrote.
+    ///
+    /// # Errors
+    /// If the file cannot be read or holds something else.
+    pub fn read(path: &Path) -> Result<Self, FolderError> {
+        let text = fs::read(path).map_err(FolderError::io("read", path))?;
+        serde_json::from_slice(&text).map_err(|error| FolderError::NotTuned {
+            path: path.into(),
+            reason: error.to_string(),
+        })
+    }
+
+    /// Writes it for [`Tuned::read`].
+    ///
+    /// # Errors
+    /// If the file cannot be written; the error names it.
+    pub fn write(&self, path: &Path) -> Result<(), FolderError> {
+        let text = serde_json::to_string_pretty(self).expect("a choice is plain JSON");
+        Ok(write_whole(path, format!("{text}\n").as_bytes())?)
+    }
+
+    /// In words: the setting, where it was chosen, among what.
+    pub fn in_words(&self) -> String {
+        let names: Vec<&str> = self.datasets.iter().map(|on| &*on.name).collect();
+        let values: Vec<String> = (self.auc.iter())
+            .map(|(value, _)| value.to_string())
+            .collect();
+        format!(
+            "{} was chosen on {} with the matches of {}, among {}; none of these datasets is reported here",
+            self.setting,
+            names.join(", "),
+            self.matchers.join(", "),
+            values.join(", ")
+        )
+    }
+
+    /// Refuses a plan that reports on scenes that this was tuned on.
+    ///
+    /// # Errors
+    /// If a dataset of the plan is one of them, whatever it is called.
+    pub fn check(&self, plan: &Plan) -> Result<(), FolderError> {
+        for dataset in &plan.datasets {
+            let seen = |on: &&TunedOn| on.fingerprint == dataset.fingerprint;
+            if let Some(on) = self.datasets.iter().find(seen) {
+                return Err(FolderError::TunedOn {
+                    setting: self.setting.clone(),
+                    tuned_on: on.name.clone(),
+                    dataset: dataset.name.clone(),
+                });
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,147 @@
+//! The whole report of a run, from its folder alone: by anybody, years later.
+//!
+//! What is not in the folder is used where it still is, and named in [`Reported::notes`] where it is
+//! not: the datasets (images, baselines and angles) and the feature cache (keypoints).
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::content::{Content, RunFacts};
+use super::folder::write_report;
+use super::pictures::{self, Keypoints};
+use crate::cache::FeatureCache;
+use crate::datasets::Sequence;
+use crate::metrics::{Bootstrap, PairGeometry, ResultsError, load_run};
+use crate::records::{FolderError, Plan, RunFolder, StoreError};
+
+/// What may be chosen about a report.
+#[derive(Clone, Copy, Debug)]
+pub struct ReportOptions<'a> {
+    /// Its folder. Default: `report` in that of the run.
+    pub out: Option<&'a Path>,
+    /// The feature cache, from which keypoints are drawn. Default: `cache` in the folder of the run.
+    pub cache: Option<&'a Path>,
+    /// Pairs of each dataset that have pictures. Default: 16.
+    pub pictures: usize,
+}
+
+impl Default for ReportOptions<'_> {
+    fn default() -> Self {
+        Self {
+            out: None,
+            cache: None,
+            pictures: 16,
+        }
+    }
+}
+
+/// A report that was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reported {
+    /// Its page.
+    pub page: PathBuf,
+    /// What is missing in it, and why, in sentences.
+    pub notes: Vec<String>,
+}
+
+/// Why there is no report.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// The results cannot be scored.
+    #[error(transparent)]
+    Results(#[from] ResultsError),
+    /// The folder of the run cannot be read.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// Records or matches cannot be read.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// A file of the report cannot be written; the error names it.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+}
+
+/// Writes the report of a run. Threads of the current rayon pool are used, and change nothing.
+///
+/// # Errors
+/// If the run cannot be read or the report cannot be written.
+pub fn of_run(run: &RunFolder, options: &ReportOptions<'_>) -> Result<Reported, ReportError> {
+    let results = load_run(run, None)?;
+    let mut content = Content::new(results, &Bootstrap::default(), facts(run)?);
+    let (sequences, notes) = sequences(run.plan());
+    content.geometry = (sequences.iter())
+        .map(|(name, sequence)| (name.clone(), PairGeometry::of_sequence(sequence)))
+        .collect();
+    leave_out_what_was_not_run(&mut content);
+    content.extractions = (run.plan().matchers.iter())
+        .filter_map(|matcher| {
+            let extraction = serde_json::to_string(matcher.extraction.as_ref()?);
+            let text = extraction.expect("an extraction is plain JSON");
+            Some((matcher.id.clone(), text))
+        })
+        .collect();
+    let cache = (options.cache).map_or_else(|| run.default_cache(), Path::to_path_buf);
+    let keypoints = Keypoints::new(run.plan(), FeatureCache::new(cache));
+    let count = options.pictures;
+    content.views = pictures::sample(run, &content.results, &sequences, keypoints, count)?;
+    let out = (options.out).map_or_else(|| run.default_report(), Path::to_path_buf);
+    let page = write_report(&out, &content)?;
+    Ok(Reported { page, notes })
+}
+
+fn facts(run: &RunFolder) -> Result<RunFacts, FolderError> {
+    let plan = run.plan();
+    let mut facts = vec![
+        ("version".into(), format!("matchbench {}", plan.version)),
+        ("seed".into(), plan.settings.seed.to_string()),
+        (
+            "platform".into(),
+            format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+        ),
+    ];
+    let tuned = run.tuned()?;
+    facts.extend((tuned.iter()).map(|tuned| ("tuned parameter".to_owned(), tuned.in_words())));
+    for matcher in &plan.matchers {
+        let version = matcher
+            .version
+            .iter()
+            .map(|version| format!("version {version}"));
+        let notes = version.chain(matcher.notes.iter().cloned());
+        facts.extend(notes.map(|note| (matcher.id.clone(), note)));
+    }
+    Ok(RunFacts {
+        title: "matchbench report".into(),
+        facts,
+        plan: Some(run.plan_text()?),
+    })
+}
+
+/// The datasets of a run that are still where they were, and a note for each of the others.
+fn sequences(plan: &Plan) -> (BTreeMap<String, Sequence>, Vec<String>) {
+    let (mut sequences, mut notes) = (BTreeMap::new(), Vec::new());
+    for dataset in &plan.datasets {
+        match Sequence::open(&dataset.path) {
+            Ok(sequence) => {
+                sequences.insert(dataset.name.clone(), sequence);
+            }
+            Err(error) => notes.push(format!(
+                "no pictures and no baselines of {} in the report: {error}",
+                dataset.name
+            )),
+        }
+    }
+    (sequences, notes)
+}
+
+/// A run may be limited to some of the pairs; the others are no part of easy or hard.
+fn leave_out_what_was_not_run(content: &mut Content) {
+    for (name, geometry) in &mut content.geometry {
+        let sets = content.results.iter().filter(|set| set.dataset == *name);
+        let run: BTreeSet<_> = sets
+            .flat_map(|set| &set.pairs)
+            .map(|p| (p.a, p.b))
+            .collect();
+        geometry.retain(|pair, _| run.contains(pair));
+    }
+}

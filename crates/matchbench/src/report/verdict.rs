@@ -1,0 +1,104 @@
+//! Who is best on a dataset and how certainly, in one sentence; all comparisons pair by pair stand in
+//! the report.
+
+use std::collections::BTreeSet;
+
+use crate::metrics::Lead;
+
+use super::words::method;
+
+/// Names of methods in a sentence; of more, only their number.
+const NAMED: usize = 3;
+
+/// A sentence for each dataset on which several methods were run, in the order of the `leads`.
+pub fn verdicts(leads: &[Lead]) -> Vec<String> {
+    let mut seen = BTreeSet::new();
+    let mut datasets: Vec<&str> = leads.iter().map(|lead| lead.dataset.as_str()).collect();
+    datasets.retain(|dataset| seen.insert(*dataset));
+    let of =
+        |dataset| -> Vec<&Lead> { (leads.iter().filter(|lead| lead.dataset == dataset)).collect() };
+    datasets
+        .iter()
+        .map(|dataset| verdict(&of(*dataset)))
+        .collect()
+}
+
+fn verdict(leads: &[&Lead]) -> String {
+    let first = leads[0];
+    let (dataset, best) = (&first.dataset, method(&first.best.0, &first.best.1));
+    let mut doubtful: Vec<&&Lead> = (leads.iter())
+        .filter(|lead| !lead.difference.excludes_zero())
+        .collect();
+    let behind = |lead: &Lead| lead.difference.value.unwrap_or(f64::INFINITY);
+    doubtful.sort_by(|one, other| behind(one).total_cmp(&behind(other)));
+    let names: Vec<String> = (doubtful.iter().take(NAMED))
+        .map(|lead| method(&lead.other.0, &lead.other.1))
+        .collect();
+    let text = match (names.len(), leads.len()) {
+        (0, 1) => {
+            let other = method(&first.other.0, &first.other.1);
+            format!("{best} is certainly better than {other}")
+        }
+        (0, others) => format!("{best} is certainly better than each of the other {others}"),
+        _ => {
+            let more = match doubtful.len() - names.len() {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            let names = names.join(", ");
+            format!("{best} has the highest AUC, but is not certainly better than {names}{more}")
+        }
+    };
+    format!("{dataset}: {text}").replace(char::is_control, "\u{fffd}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::{Interval, Score};
+
+    fn lead(dataset: &str, other: &str, value: f64, low: f64) -> Lead {
+        Lead {
+            dataset: dataset.into(),
+            best: ("sift".into(), "best".into()),
+            other: (other.into(), "best".into()),
+            difference: Score {
+                value: Some(value),
+                interval: Some(Interval { low, high: 0.9 }),
+            },
+        }
+    }
+
+    #[test]
+    fn a_dataset_has_one_sentence_that_tells_doubt() {
+        let leads = [
+            lead("office", "orb", 0.2, 0.1),
+            lead("office", "surf", 0.01, -0.1),
+            lead("street", "orb", 0.2, 0.1),
+            lead("wall", "orb", 0.2, 0.1),
+            lead("wall", "surf", 0.3, 0.2),
+        ];
+        assert_eq!(
+            verdicts(&leads),
+            [
+                "office: sift + best has the highest AUC, but is not certainly better than surf + best",
+                "street: sift + best is certainly better than orb + best",
+                "wall: sift + best is certainly better than each of the other 2",
+            ]
+        );
+    }
+
+    #[test]
+    fn of_many_the_nearest_are_named() {
+        let leads: Vec<Lead> = (0..6)
+            .map(|i| lead("wall", &format!("m{i}"), 0.1 - 0.01 * f64::from(i), -0.1))
+            .collect();
+        let [sentence] = &verdicts(&leads)[..] else {
+            panic!("one dataset");
+        };
+        assert!(
+            sentence.ends_with("than m5 + best, m4 + best, m3 + best and 3 more"),
+            "{sentence}"
+        );
+    }
+}

@@ -1,0 +1,130 @@
+//! One pair of images, from pixels to outcomes, without a disk: what a run does with a pair.
+
+use matchbench_vision::features::Features;
+use matchbench_vision::geometry::Camera;
+use matchbench_vision::image::GrayImage;
+use matchbench_vision::matching::View;
+use matchbench_vision::seed::Seed;
+use nalgebra::Isometry3;
+
+use super::Contender;
+use super::guard::{guard, timed};
+use super::judging::Trial;
+use super::matching::{search, select};
+use super::sourcing::sourced;
+use crate::matchers::{BuiltMatcher, BuiltPointSource, ImageFiles, Source};
+use crate::records::{Counts, Outcome, SelectedMatches, StageTimes};
+
+/// Two images with known cameras, and the truth about them.
+#[derive(Clone, Copy, Debug)]
+pub struct ImagePair<'a> {
+    /// The pixels of `a` and `b`.
+    pub images: [&'a GrayImage; 2],
+    /// The cameras that took them.
+    pub cameras: [&'a Camera; 2],
+    /// The true pose: takes a point from camera `a` to camera `b`.
+    pub b_from_a: &'a Isometry3<f64>,
+    /// The images as files, for sources that read these themselves; matchers need none.
+    pub files: Option<ImageFiles<'a>>,
+}
+
+/// What a contender came to on a pair.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Evaluation {
+    /// The features of `a` and `b`; `None` where the matches came without.
+    pub features: Option<[Features; 2]>,
+    /// The matched points that the estimators got.
+    pub matches: SelectedMatches,
+    /// What each estimator of the contender came to, in their order.
+    pub outcomes: Vec<Outcome>,
+    /// How long the stages took; the estimation is that of the first estimator.
+    pub times: StageTimes,
+}
+
+/// Why a pair cannot be evaluated: a stage before the estimation broke.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct EvaluationError(String);
+
+/// Does with a pair what a run does; `seed` is that of the pair, see [`pair_seed`](super::pair_seed).
+///
+/// An estimator that breaks leaves [`Outcome::Failed`].
+///
+/// # Errors
+/// If the extraction, search or selection breaks, or a source has no matches.
+pub fn evaluate(
+    contender: &Contender,
+    pair: &ImagePair<'_>,
+    seed: Seed,
+) -> Result<Evaluation, EvaluationError> {
+    let mut times = StageTimes::default();
+    let (features, matches) = match &contender.source {
+        Source::Matcher(matcher) => {
+            let (features, matches) = matched(matcher, pair, seed, &mut times)?;
+            (Some(features), matches)
+        }
+        Source::Points(source) => (None, from_source(source, pair, seed, &mut times)?),
+    };
+    let trial = Trial {
+        cameras: pair.cameras,
+        b_from_a: pair.b_from_a,
+        seed,
+        time_budget: None,
+    };
+    let mut outcomes = Vec::with_capacity(contender.estimators.len());
+    for variant in &contender.estimators {
+        let mut own = StageTimes::default();
+        let outcome = trial.judge(&matches.points, &variant.estimator, &mut own);
+        if outcomes.is_empty() {
+            times.estimate = own.estimate;
+        }
+        outcomes.push(outcome.unwrap_or_else(|reason| Outcome::Failed { reason }));
+    }
+    Ok(Evaluation {
+        features,
+        matches,
+        outcomes,
+        times,
+    })
+}
+
+fn matched(
+    matcher: &BuiltMatcher,
+    pair: &ImagePair<'_>,
+    seed: Seed,
+    times: &mut StageTimes,
+) -> Result<([Features; 2], SelectedMatches), EvaluationError> {
+    let matcher = &*matcher.matcher;
+    let extract = |image, seconds: &mut Option<f64>| {
+        timed(seconds, || guard("extraction", || matcher.extract(image))).map_err(EvaluationError)
+    };
+    let [image_a, image_b] = pair.images;
+    let a = extract(image_a, &mut times.extract_a)?;
+    let b = extract(image_b, &mut times.extract_b)?;
+    let mut counts = Counts::default();
+    let putative = search(matcher, &a, &b, &mut counts, times).map_err(EvaluationError)?;
+    let by_pixels = matcher.selects_by_pixels();
+    let [view_a, view_b] = [(&a, 0), (&b, 1)].map(|(features, side)| View {
+        features,
+        image: by_pixels.then_some(pair.images[side]),
+        camera: Some(pair.cameras[side]),
+    });
+    let matches = select(matcher, view_a, view_b, putative, seed, &mut counts, times);
+    let matches = matches.map_err(EvaluationError)?;
+    Ok(([a, b], matches))
+}
+
+fn from_source(
+    source: &BuiltPointSource,
+    pair: &ImagePair<'_>,
+    seed: Seed,
+    times: &mut StageTimes,
+) -> Result<SelectedMatches, EvaluationError> {
+    let id = &source.id;
+    let files = (pair.files.as_ref())
+        .ok_or_else(|| EvaluationError(format!("{id} reads image files, and none are given")))?;
+    let mut counts = Counts::default();
+    sourced(source, files, seed, &mut counts, times)
+        .map_err(|error| EvaluationError(error.to_string()))?
+        .map_err(EvaluationError)
+}

@@ -1,0 +1,36 @@
+//! The seed of a task: it depends on what is done, never on when, where or in which order.
+//!
+//! root, dataset, matcher, frame a, frame b, repetition; then `select`, or `estimate` and the id of
+//! the estimator. The name that a variant of an estimator has in a run does not enter: all variants
+//! make the same draws, so that values of a parameter are compared and not luck.
+
+use matchbench_vision::seed::Seed;
+
+/// The seed of a pair and repetition with one matcher on one dataset, from the seed of
+/// the run ([`Settings::seed`](crate::records::Settings)).
+///
+/// Whoever gives it to [`evaluate`](super::evaluate) gets what a run records.
+pub fn pair_seed(
+    root: u64,
+    dataset: &str,
+    matcher: &str,
+    frames: (u32, u32),
+    repetition: u32,
+) -> Seed {
+    Seed(root)
+        .child(dataset)
+        .child(matcher)
+        .number(frames.0.into())
+        .number(frames.1.into())
+        .number(repetition.into())
+}
+
+/// Of the selection, or of a source of points.
+pub(super) fn selection_seed(pair: Seed) -> Seed {
+    pair.child("select")
+}
+
+/// Of an estimation, by the id of the estimator's entry.
+pub(super) fn estimation_seed(pair: Seed, estimator: &str) -> Seed {
+    pair.child("estimate").child(estimator)
+}

@@ -1,0 +1,268 @@
+//! How long a matcher takes, by the paper's protocol.
+//!
+//! The first pairs of one dataset, one thread, no cache, wall clock: detection and description once
+//! for an image, search and selection once for a pair. Each measurement is a run in a folder of its
+//! own that is thrown away; a few pairs are run before, to warm up, and again at the end: if the same
+//! work then takes another time, or single times are far from all others, the machine was not quiet,
+//! and a warning says so.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::slice;
+use std::thread::available_parallelism;
+
+use rayon::ThreadPoolBuilder;
+
+use crate::cache::FeatureCache;
+use crate::metrics::{PairResult, ResultSet, ResultsError, Spread, StageSpreads, load_run};
+use crate::records::{FolderError, RunFolder, Settings, StageTimes};
+use crate::run::{Cancel, Contender, Dataset, Run, RunError, Silent, decode};
+
+/// Pairs that are run to warm up, and again at the end.
+const PROBES: usize = 5;
+/// The same work may take this much more or less time before the machine counts as noisy.
+const NOISE: f64 = 0.1;
+
+/// How long a matcher took.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Timing {
+    /// Quartiles of the stages.
+    pub stages: StageSpreads,
+    /// The most memory that the process had meanwhile, in bytes, where the system tells it (Linux).
+    pub peak_memory: Option<f64>,
+    /// Why the machine was not quiet, in sentences.
+    pub noise: Vec<String>,
+}
+
+/// Why nothing could be measured.
+#[derive(Debug, thiserror::Error)]
+pub enum TimeError {
+    /// The run.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// Its results.
+    #[error(transparent)]
+    Results(#[from] ResultsError),
+    /// Its folder.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// The temporary folder.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    /// The system gives no thread.
+    #[error("cannot start a thread: {0}")]
+    Thread(#[from] rayon::ThreadPoolBuildError),
+    /// The dataset has no pairs.
+    #[error("{0} has no pairs to measure on")]
+    NoPairs(String),
+}
+
+/// Measures a contender on the first `pairs` of a dataset, in one thread whatever pool the caller is
+/// in; `None` if it was stopped.
+///
+/// # Errors
+/// If a run fails; a pair that fails does not.
+pub fn time(
+    dataset: &Dataset,
+    contender: &Contender,
+    pairs: usize,
+    cancel: &Cancel,
+) -> Result<Option<Timing>, TimeError> {
+    let one_thread = ThreadPoolBuilder::new().num_threads(1).build()?;
+    one_thread.install(|| {
+        let measure = |pairs| measure(dataset, contender, pairs, cancel);
+        let Some(_) = measure(PROBES)? else {
+            return Ok(None);
+        };
+        forget_peak_memory();
+        let (Some(probe), Some(all), Some(again)) =
+            (measure(PROBES)?, measure(pairs)?, measure(PROBES)?)
+        else {
+            return Ok(None);
+        };
+        Ok(Some(Timing {
+            stages: StageSpreads::new(&all.pairs),
+            peak_memory: peak_memory(),
+            noise: noise(&probe, &all, &again).collect(),
+        }))
+    })
+}
+
+/// The machine in words: system, processor, what the kernels make use of, cores.
+pub fn machine() -> String {
+    format!(
+        "{} {}, {}{}, {} cores",
+        std::env::consts::OS,
+        std::env::consts::ARCH,
+        processor(),
+        instructions(),
+        available_parallelism().map_or(1, usize::from)
+    )
+}
+
+/// One run of the first pairs, from nothing; `None` if it was stopped.
+fn measure(
+    dataset: &Dataset,
+    contender: &Contender,
+    pairs: usize,
+    cancel: &Cancel,
+) -> Result<Option<ResultSet>, TimeError> {
+    let folder = tempfile::tempdir()?;
+    let run = Run {
+        datasets: slice::from_ref(dataset),
+        contenders: slice::from_ref(contender),
+        settings: Settings {
+            limit: Some(pairs),
+            ..Settings::default()
+        },
+        tuned: &[],
+        folder: folder.path(),
+        cache: FeatureCache::new(folder.path().join("cache")),
+        decode,
+        keep_matches: false,
+        feature_memory: Run::FEATURE_MEMORY,
+    };
+    if !run.execute(&Silent, cancel)?.is_complete() {
+        return Ok(None);
+    }
+    let set = load_run(&RunFolder::open(folder.path())?, None)?
+        .into_iter()
+        .next();
+    set.ok_or_else(|| TimeError::NoPairs(dataset.sequence.name.clone()))
+        .map(Some)
+}
+
+/// What speaks against the measurement `all`, which stands between two others of a few pairs.
+fn noise(
+    before: &ResultSet,
+    all: &ResultSet,
+    after: &ResultSet,
+) -> impl Iterator<Item = String> + use<> {
+    let drift = drift(&before.pairs, &after.pairs).filter(|ratio| (ratio - 1.0).abs() > NOISE);
+    let drift = drift.map(|ratio| {
+        format!(
+            "the same {PROBES} pairs took {ratio:.2} times as long after the measurement as before"
+        )
+    });
+    let stage = |name: &str, get: &[fn(&StageTimes) -> Option<f64>]| {
+        let times = all
+            .pairs
+            .iter()
+            .flat_map(|pair| get.iter().filter_map(|get| get(&pair.times)));
+        let times: Vec<f64> = times.collect();
+        let count = outliers(&times);
+        (count > 0).then(|| {
+            format!(
+                "{count} of {} times of the {name} are far outliers",
+                times.len()
+            )
+        })
+    };
+    // The pose is left out: a hopeless pair truly takes a hundred times as long as an easy one.
+    let stages = [
+        stage(
+            "detection",
+            &[|times| times.extract_a, |times| times.extract_b],
+        ),
+        stage("search", &[|times| times.search]),
+    ];
+    drift.into_iter().chain(stages.into_iter().flatten())
+}
+
+/// How many values lie above the median by more than ten times the usual distance from it (its
+/// median, scaled to a standard deviation: Iglewicz and Hoaglin, 1993; the limit is hyperfine's).
+fn outliers(values: &[f64]) -> usize {
+    const LIMIT: f64 = 14.826;
+    let middle = |values: Vec<f64>| Spread::of(values).map_or(0.0, |spread| spread.median);
+    let median = middle(values.to_vec());
+    let usual = middle(values.iter().map(|value| (value - median).abs()).collect());
+    (values.iter())
+        .filter(|&&value| 0.6745 * (value - median) > LIMIT * usual.max(1e-4))
+        .count()
+}
+
+/// How much longer the same pairs took the second time: the median of the ratios.
+fn drift(before: &[PairResult], after: &[PairResult]) -> Option<f64> {
+    let total = |pair: &PairResult| {
+        let times = pair.times;
+        [
+            times.extract_a,
+            times.extract_b,
+            times.search,
+            times.select,
+            times.estimate,
+        ]
+        .into_iter()
+        .flatten()
+        .sum::<f64>()
+    };
+    let before: BTreeMap<_, _> = before.iter().map(|p| ((p.a, p.b), total(p))).collect();
+    let ratios = (after.iter())
+        .filter_map(|p| Some(total(p) / before.get(&(p.a, p.b))?))
+        .filter(|ratio| ratio.is_finite());
+    Spread::of(ratios).map(|spread| spread.median)
+}
+
+/// The processor's name, where the system tells it.
+fn processor() -> String {
+    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    field(&text, "model name").unwrap_or_else(|| "unknown processor".into())
+}
+
+/// What the kernels make use of, where there is a choice.
+fn instructions() -> &'static str {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+        return " with AVX2 and FMA";
+    }
+    ""
+}
+
+/// From here on [`peak_memory`] counts anew, where the system can do that (Linux).
+fn forget_peak_memory() {
+    let _ = fs::write("/proc/self/clear_refs", "5");
+}
+
+/// The most memory that this process has had, in bytes, where the system tells it.
+fn peak_memory() -> Option<f64> {
+    let text = fs::read_to_string("/proc/self/status").ok()?;
+    let kibibytes = field(&text, "VmHWM")?;
+    let kibibytes: f64 = kibibytes.split_whitespace().next()?.parse().ok()?;
+    Some(kibibytes * 1024.0)
+}
+
+fn field(text: &str, name: &str) -> Option<String> {
+    let mut lines = text.lines().filter_map(|line| line.split_once(':'));
+    lines
+        .find(|(key, _)| key.trim() == name)
+        .map(|(_, value)| value.trim().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drift_is_the_median_ratio_of_the_same_pairs() {
+        let timed = |a: u32, seconds: f64| {
+            let mut pair = PairResult::failed(a, a + 1, crate::metrics::Failure::NoSupport);
+            pair.times.search = Some(seconds);
+            pair
+        };
+        let before = [timed(0, 1.0), timed(1, 2.0), timed(2, 1.0)];
+        let after = [timed(2, 9.0), timed(1, 3.0), timed(0, 1.2), timed(7, 1.0)];
+        assert_eq!(drift(&before, &after), Some(1.5));
+        assert_eq!(drift(&before, &[]), None);
+    }
+
+    #[test]
+    fn outliers_are_far_from_what_is_usual() {
+        let usual: Vec<f64> = (0..20).map(|i| 0.1 + 0.001 * f64::from(i % 5)).collect();
+        assert_eq!(outliers(&usual), 0);
+        assert_eq!(outliers(&[&usual[..], &[0.9, 1.5]].concat()), 2);
+        // Equal times: a tenth of a millisecond more is nothing.
+        assert_eq!(outliers(&[0.1, 0.1, 0.1, 0.1001]), 0);
+        assert_eq!(outliers(&[]), 0);
+    }
+}

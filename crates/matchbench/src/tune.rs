@@ -1,0 +1,183 @@
+//! The best value of one parameter of an estimator, on scenes that are not reported.
+//!
+//! Each value becomes a variant of the estimator, and all of them run as estimators of one run: on
+//! the same matches, with the same random draws, with progress, and resumable. What is chosen is the
+//! value with the highest AUC, averaged over datasets and matchers with equal weight; of equal ones the
+//! first.
+
+use std::path::Path;
+
+use serde_json::{Map, Value};
+
+use crate::cache::FeatureCache;
+use crate::config::{Changes, ConfigError};
+use crate::estimators;
+use crate::metrics::{Angle, ResultsError, SuccessCurve, load_run};
+use crate::records::{FolderError, RunFolder, Settings, Tuned, TunedOn};
+use crate::run::{
+    Cancel, Contender, ContenderError, Dataset, Observer, Run, RunError, RunSummary, Variant,
+    decode,
+};
+
+/// What is tuned, and on what.
+#[derive(Clone, Copy)]
+pub struct Tuning<'a> {
+    /// The datasets; none of them may be reported on later.
+    pub datasets: &'a [Dataset],
+    /// Ids of the matchers whose matches are used, or `all`.
+    pub matchers: &'a [String],
+    /// The parameter, `ESTIMATOR.NAME`.
+    pub parameter: &'a str,
+    /// The values to try, at least two.
+    pub values: &'a [Value],
+    /// Other parameters.
+    pub changes: &'a Changes,
+    /// Seed, repetitions and limit of the run.
+    pub settings: Settings,
+    /// The folder of the run; what was chosen stands in it as `tuned.json`.
+    pub folder: &'a Path,
+    /// Features that were extracted before.
+    pub cache: &'a FeatureCache,
+}
+
+/// What came of a tuning.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TuningDone {
+    /// How far the run has come.
+    pub summary: RunSummary,
+    /// What was chosen; `None` if the run was stopped before its end.
+    pub tuned: Option<Tuned>,
+}
+
+/// Why nothing can be tuned.
+#[derive(Debug, thiserror::Error)]
+pub enum TuneError {
+    /// The parameter or its values.
+    #[error("{0}")]
+    Parameter(String),
+    /// A matcher or a setting.
+    #[error(transparent)]
+    Contender(#[from] ContenderError),
+    /// The run.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// The scores of the run.
+    #[error(transparent)]
+    Results(#[from] ResultsError),
+    /// The folder of the run.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+}
+
+/// Runs every value, or what is left of that, and writes which is best.
+///
+/// # Errors
+/// If the parameter, a value or a matcher is unknown, or the run cannot start or go on.
+pub fn tune(
+    tuning: &Tuning<'_>,
+    observer: &dyn Observer,
+    cancel: &Cancel,
+) -> Result<TuningDone, TuneError> {
+    let contenders = variants(tuning)?;
+    let run = Run {
+        datasets: tuning.datasets,
+        contenders: &contenders,
+        settings: tuning.settings,
+        tuned: &[],
+        folder: tuning.folder,
+        cache: tuning.cache.clone(),
+        decode,
+        keep_matches: true,
+        feature_memory: Run::FEATURE_MEMORY,
+    };
+    let summary = run.execute(observer, cancel)?;
+    let mut done = TuningDone {
+        summary,
+        tuned: None,
+    };
+    if summary.is_complete() {
+        let folder = RunFolder::open(tuning.folder)?;
+        let tuned = choose(tuning, &folder, &contenders[0].estimators)?;
+        tuned.write(&folder.tuned_file())?;
+        done.tuned = Some(tuned);
+    }
+    Ok(done)
+}
+
+/// The matchers, each with the estimator once for each value.
+fn variants(tuning: &Tuning<'_>) -> Result<Vec<Contender>, TuneError> {
+    let parameter = tuning.parameter;
+    let (id, name) = parameter.split_once('.').ok_or_else(|| {
+        TuneError::Parameter(format!(
+            "{parameter}: expected ESTIMATOR.PARAMETER, for example ransac-e.threshold_px"
+        ))
+    })?;
+    if tuning.values.len() < 2 {
+        let reason = format!("{parameter}: at least two values are needed");
+        return Err(TuneError::Parameter(reason));
+    }
+    let (id, changes) = ([id.to_owned()], tuning.changes);
+    let mut contenders = Contender::from_ids(tuning.matchers, &id, changes)?;
+    let [id] = id;
+    let mut params = match changes.of(&id) {
+        Some(Value::Object(params)) => params.clone(),
+        _ => Map::new(),
+    };
+    for contender in &mut contenders {
+        contender.estimators = (tuning.values.iter())
+            .map(|value| {
+                params.insert(name.into(), value.clone());
+                let params = Value::Object(params.clone());
+                let estimator = (estimators::find(&id).map_err(ContenderError::from))?
+                    .build(Some(&params))
+                    .map_err(|error: ConfigError| ContenderError::from(error))?;
+                Ok::<_, TuneError>(Variant {
+                    name: format!("{id}@{}", text(value)),
+                    estimator,
+                })
+            })
+            .collect::<Result<_, _>>()?;
+    }
+    Ok(contenders)
+}
+
+fn text(value: &Value) -> String {
+    let text = value.as_str();
+    text.map_or_else(|| value.to_string(), str::to_owned)
+}
+
+fn choose(
+    tuning: &Tuning<'_>,
+    folder: &RunFolder,
+    variants: &[Variant],
+) -> Result<Tuned, TuneError> {
+    let sets = load_run(folder, None)?;
+    let mean_auc = |variant: &Variant| {
+        let aucs: Vec<f64> = (sets.iter())
+            .filter(|set| set.estimator == variant.name && !set.pairs.is_empty())
+            .map(|set| SuccessCurve::new(&set.pairs, Angle::Pose).auc())
+            .collect();
+        (!aucs.is_empty()).then(|| aucs.iter().sum::<f64>() / aucs.len() as f64)
+    };
+    let auc: Vec<(Value, f64)> = (tuning.values.iter().zip(variants))
+        .map(|(value, variant)| Some((value.clone(), mean_auc(variant)?)))
+        .collect::<Option<_>>()
+        .ok_or_else(|| TuneError::Parameter("the datasets have no pairs to tune on".into()))?;
+    let (best, _) = (auc.iter().rev())
+        .max_by(|(_, x), (_, y)| x.total_cmp(y))
+        .expect("there are values");
+    let plan = folder.plan();
+    Ok(Tuned {
+        setting: format!("{}={best}", tuning.parameter),
+        datasets: (plan.datasets.iter())
+            .map(|dataset| TunedOn {
+                name: dataset.name.clone(),
+                fingerprint: dataset.fingerprint.clone(),
+            })
+            .collect(),
+        matchers: (plan.matchers.iter())
+            .map(|matcher| matcher.id.clone())
+            .collect(),
+        auc,
+    })
+}
