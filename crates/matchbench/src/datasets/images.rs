@@ -5,10 +5,11 @@ use std::collections::btree_map::Entry;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::DatasetError;
 use super::manifest::{self, Manifest};
-use super::native::IMAGES;
-use super::validate::Problem;
+use super::{DatasetError, Problem};
+
+/// The folder of numbered images in a dataset.
+pub(super) const IMAGES: &str = "Images";
 
 /// Endings of the image files that can be decoded.
 const EXTENSIONS: [&str; 10] = [

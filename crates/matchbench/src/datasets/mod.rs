@@ -13,6 +13,7 @@ mod importers;
 mod manifest;
 mod native;
 mod pairs;
+mod problem;
 pub mod rendered;
 mod sequence;
 #[cfg(test)]
@@ -27,7 +28,8 @@ pub use error::DatasetError;
 pub use importers::{ImportOptions, ImportReport, Imported, KINDS, Kind, import, read_source};
 pub use native::read_pairs;
 pub use pairs::{PairRule, PairRuleError, relative_pose};
+pub use problem::{Problem, Severity};
 pub use sequence::{Frame, Pair, Sequence};
 pub use trajectory::Association;
-pub use validate::{Problem, Severity, validate};
+pub use validate::validate;
 pub use write::{About, ImageStorage, write_native};

@@ -19,14 +19,12 @@ use std::path::{Path, PathBuf};
 use matchbench_vision::geometry::{Camera, Distortion};
 use nalgebra::{Isometry3, Matrix3};
 
-use super::images::frame_images;
+use super::images::{IMAGES, frame_images};
 use super::manifest::{self, Manifest};
 use super::pairs::pair_indices;
 use super::text::{self, TextFile};
-use super::validate::Problem;
-use super::{DatasetError, Frame, Pair, Sequence, Severity};
+use super::{DatasetError, Frame, Pair, Problem, Sequence, Severity};
 
-pub(super) const IMAGES: &str = "Images";
 pub(super) const POSES: &str = "pose.txt";
 pub(super) const CAMERA: &str = "camera.txt";
 pub(super) const PAIRS: &str = "pairs.txt";

@@ -14,8 +14,9 @@ use nalgebra::Isometry3;
 use rayon::prelude::*;
 
 use super::decode::{decode_gray, exif_orientation};
-use super::native::{CAMERA, Contents, IMAGES, PAIRS, POSES};
-use super::{DatasetError, Pair, manifest, relative_pose};
+use super::images::IMAGES;
+use super::native::{CAMERA, Contents, PAIRS, POSES};
+use super::{DatasetError, Pair, Problem, Severity, manifest, relative_pose};
 
 /// Largest angle between a pair's rotation and that of the poses, in radians (0.1 degrees; both
 /// are printed with about six digits).
@@ -30,57 +31,6 @@ const PRINTED_DIGITS: f64 = 1e-5;
 const CENTRE_TOLERANCE: f64 = 0.15;
 /// Focal lengths that real lenses have, as shares of the image's longer side.
 const FOCAL_RANGE: std::ops::RangeInclusive<f64> = 0.2..=20.0;
-
-/// One thing that is wrong with a dataset.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Problem {
-    /// How bad it is.
-    pub severity: Severity,
-    /// File, line, what is wrong and how to mend it.
-    pub error: DatasetError,
-}
-
-/// How bad a problem is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Severity {
-    /// The dataset can be run; the results may not mean what they seem to.
-    Warning,
-    /// The dataset, or part of it, cannot be run.
-    Error,
-}
-
-impl fmt::Display for Severity {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Warning => "warning",
-            Self::Error => "error",
-        })
-    }
-}
-
-impl fmt::Display for Problem {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.severity, self.error)
-    }
-}
-
-impl From<DatasetError> for Problem {
-    fn from(error: DatasetError) -> Self {
-        Self {
-            severity: Severity::Error,
-            error,
-        }
-    }
-}
-
-impl Problem {
-    pub(super) fn warning(error: DatasetError) -> Self {
-        Self {
-            severity: Severity::Warning,
-            error,
-        }
-    }
-}
 
 /// All problems of the dataset in the folder `dir`; none if it is sound.
 ///

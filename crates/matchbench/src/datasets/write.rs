@@ -13,8 +13,9 @@ use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::GrayImage;
 use rayon::prelude::*;
 
+use super::images::IMAGES;
 use super::manifest::{self, Manifest, ManifestFrame};
-use super::native::{CAMERA, IMAGES, PAIRS, POSES};
+use super::native::{CAMERA, PAIRS, POSES};
 use super::text::matrix_rows;
 use super::{DatasetError, Sequence};
 

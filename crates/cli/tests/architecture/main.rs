@@ -1,0 +1,105 @@
+//! The house stays as `ARCHITECTURE.md` draws it: rooms look only where its tables let them, every room
+//! is in a table, nothing goes in circles, unsafe code stays in one room, and no file grows without
+//! being asked why.
+
+mod circles;
+mod plan;
+mod source;
+
+use std::collections::BTreeSet;
+
+use circles::circles;
+use plan::Plan;
+use source::{code, repository, rust_files, sources};
+
+/// Files that are longer than [`LONGEST_FILE`], each with the reason.
+const LONG_FILES: &[(&str, &str)] = &[];
+const LONGEST_FILE: usize = 600;
+
+#[test]
+fn rooms_look_only_where_they_may() {
+    let plan = Plan::read();
+    let mut trespasses = Vec::new();
+    for (package, rooms) in &plan.rooms {
+        for source in sources(&plan.packages[package]) {
+            let Some(own) = source.module.first() else {
+                continue;
+            };
+            let Some(room) = rooms.iter().find(|room| room.name == *own) else {
+                trespasses.push(format!("{package}/{own} is a room without rules"));
+                continue;
+            };
+            for (number, line) in code(&source.text) {
+                for seen in line.split("crate::").skip(1) {
+                    let seen: String = seen
+                        .chars()
+                        .take_while(|c| c.is_alphanumeric() || *c == '_')
+                        .collect();
+                    let may = seen == *own || room.may_look_into.contains(&seen);
+                    if !seen.is_empty() && !may {
+                        let path = source.path.display();
+                        trespasses.push(format!("{path}:{number} looks into {seen}"));
+                    }
+                }
+            }
+        }
+    }
+    assert!(trespasses.is_empty(), "{}", trespasses.join("\n"));
+}
+
+#[test]
+fn every_room_on_the_plan_exists() {
+    let plan = Plan::read();
+    for (package, rooms) in &plan.rooms {
+        let sources = sources(&plan.packages[package]);
+        let exist: BTreeSet<&String> = (sources.iter())
+            .filter_map(|source| source.module.first())
+            .collect();
+        for room in rooms {
+            assert!(
+                exist.contains(&room.name),
+                "{package} has no room {}",
+                room.name
+            );
+        }
+    }
+}
+
+#[test]
+fn nothing_goes_in_circles() {
+    let plan = Plan::read();
+    let is_rust = |folder: &&String| repository().join(folder).join("src").is_dir();
+    let packages = plan.packages.values().filter(is_rust);
+    let circles: Vec<String> = packages.flat_map(|package| circles(package)).collect();
+    assert!(circles.is_empty(), "{}", circles.join("\n"));
+}
+
+#[test]
+fn unsafe_code_stays_in_one_room() {
+    for (path, text) in rust_files(&repository().join("crates")) {
+        let in_simd = path.components().any(|part| part.as_os_str() == "simd");
+        for (number, line) in code(&text) {
+            let words = line.split(|c: char| !(c.is_alphanumeric() || c == '_'));
+            // This test speaks of it in strings.
+            let is_unsafe = words.into_iter().any(|word| word == concat!("un", "safe"));
+            assert!(
+                in_simd || !is_unsafe,
+                "{}:{number} is outside the simd room",
+                path.display()
+            );
+        }
+    }
+}
+
+#[test]
+fn no_file_grows_without_being_asked_why() {
+    for (path, text) in rust_files(&repository().join("crates")) {
+        let lines = text.lines().count();
+        let excused = LONG_FILES.iter().any(|(file, _)| path.ends_with(file));
+        assert!(
+            lines <= LONGEST_FILE || excused,
+            "{} has {lines} lines: is it still one idea?",
+            path.display()
+        );
+    }
+}
