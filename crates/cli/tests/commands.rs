@@ -366,10 +366,41 @@ fn eval_says_who_is_best_and_how_certainly() {
     let done = run(&["run", &wall, "--matchers", "sift,orb", "--out", &out]);
     assert!(done.status.success(), "{}", text(&done.stderr));
     let told = text(&run(&["eval", &out]).stdout);
-    let last = told.lines().last().expect("a table");
+    let sentences: Vec<&str> = told
+        .lines()
+        .filter(|line| line.starts_with("wall: "))
+        .collect();
+    let [sentence] = sentences[..] else {
+        panic!("one sentence for the dataset:\n{told}");
+    };
     assert!(
-        last.contains("sift + ransac-e") && last.contains("orb + ransac-e"),
+        sentence.contains("sift + ransac-e") && sentence.contains("orb + ransac-e"),
         "{told}"
     );
-    assert!(last.contains(" on wall"), "{told}");
+    let last = told.lines().last().expect("what to do next");
+    assert_eq!(last, format!("Next: matchbench report {out}"));
+    let report = run(&["report", &out, "--threads", "1"]);
+    assert!(report.status.success(), "{}", text(&report.stderr));
+    let page = folder.path().join("run/report/index.html");
+    let page = fs::read_to_string(page).expect("it was written");
+    let words = page
+        .split_once("Each comparison in words")
+        .expect("a list")
+        .1;
+    let first = words.split_once("<li>").expect("an item").1;
+    assert!(
+        first.starts_with("sift") || first.starts_with("orb"),
+        "{}",
+        &first[..200]
+    );
+}
+
+#[test]
+fn threads_are_bounded() {
+    for number in ["0", "5000", "many"] {
+        let refused = run(&["eval", "nowhere", "--threads", number]);
+        let message = text(&refused.stderr);
+        assert_eq!(refused.status.code(), Some(1), "{message}");
+        assert!(message.contains("from 1 to 1024"), "{message}");
+    }
 }

@@ -22,7 +22,8 @@
 //! How a frame comes about:
 //!
 //! ```text
-//! places/*     shapes, textures, lights of a place; the camera's path; the table of scenes
+//! table        the scenes: which place, which frames, through which lens
+//! places/*     shapes, textures, lights of a place; the camera's path
 //!   mesh         everything becomes triangles, relief included
 //!   paint        albedo as a function of place, detail on every scale (noise, texture)
 //!   light        soft light per vertex
@@ -36,12 +37,14 @@
 
 mod light;
 mod mesh;
+mod model;
 mod noise;
 mod paint;
 mod path;
 mod places;
 mod scene;
 mod sensor;
+mod table;
 mod texture;
 mod trace;
 mod world;
@@ -56,7 +59,7 @@ pub const REVISION: u32 = 1;
 
 /// The scenes, in the order of the paper's eight sequences.
 pub fn scenes() -> &'static [Scene] {
-    &places::SCENES
+    &table::SCENES
 }
 
 #[cfg(test)]

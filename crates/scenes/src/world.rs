@@ -6,37 +6,13 @@ use nalgebra::{Isometry3, Point2, Vector3};
 use rayon::prelude::*;
 
 use super::light::Lighting;
-use super::mesh::{Mesh, Surface};
+use super::mesh::Mesh;
+use super::model::Model;
 use super::noise::{octaves, smoothstep};
-use super::paint::Painter;
 use super::places::Place;
 use super::scene::Scene;
 use super::texture::Texture;
 use super::trace::{LANES, Lanes, NOTHING, Rays, Tree};
-
-/// What a scene file describes: shapes, textures still to be painted, lights.
-pub(super) struct Model {
-    pub mesh: Mesh,
-    pub lighting: Lighting,
-    textures: Vec<(f32, usize, Painter)>,
-}
-
-impl Model {
-    /// An empty place; see [`Mesh::new`] for `grain`.
-    pub(super) fn new(seed: u64, grain: f64, lighting: Lighting) -> Self {
-        Self {
-            mesh: Mesh::new(grain, Seed(seed).rng()),
-            lighting,
-            textures: Vec::new(),
-        }
-    }
-
-    /// A new matt material whose texture repeats every `side` metres.
-    pub(super) fn material(&mut self, side: f32, resolution: usize, painter: Painter) -> Surface {
-        self.textures.push((side, resolution, painter));
-        Surface::matt(self.textures.len() - 1)
-    }
-}
 
 /// A place of which pictures can be taken. Building one takes some tenths of a second.
 pub struct World {

@@ -4,7 +4,6 @@
 //! duplicates), every image is decoded in full, cameras are compared with the images they belong
 //! to, and pairs with the poses.
 
-use std::fmt;
 use std::fs;
 use std::path::Path;
 
@@ -16,7 +15,7 @@ use rayon::prelude::*;
 use super::decode::{decode_gray, exif_orientation};
 use super::images::IMAGES;
 use super::native::{CAMERA, Contents, PAIRS, POSES};
-use super::{DatasetError, Pair, Problem, Severity, manifest, relative_pose};
+use super::{DatasetError, Pair, Problem, manifest, relative_pose};
 
 /// Largest angle between a pair's rotation and that of the poses, in radians (0.1 degrees; both
 /// are printed with about six digits).
@@ -232,7 +231,7 @@ fn contradiction(pair: &Pair, a: &Isometry3<f64>, b: &Isometry3<f64>) -> Option<
 mod tests {
     use std::path::PathBuf;
 
-    use super::super::testing;
+    use super::super::{Severity, testing};
     use super::*;
 
     /// A sound dataset with `change` applied to the text of one of its files, validated.

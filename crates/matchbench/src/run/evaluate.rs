@@ -128,3 +128,72 @@ fn from_source(
         .map_err(|error| EvaluationError(error.to_string()))?
         .map_err(EvaluationError)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::super::pair_seed;
+    use super::super::testing::{Toy, dataset, decode, records_of};
+    use super::*;
+
+    #[test]
+    fn a_pair_comes_to_what_a_run_records_of_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let contender = || Toy::default().contender("bright", &["first", "second"]);
+        let records = records_of(folder.path(), &[contender()]);
+        let sequence = dataset(folder.path(), "street", 12).sequence;
+        let mut evaluated = 0;
+        for pair in &sequence.pairs {
+            let frames = [pair.a, pair.b].map(|frame| &sequence.frames[frame as usize]);
+            let images = frames.map(|frame| decode(&fs::read(&frame.image).unwrap()).unwrap());
+            let image_pair = ImagePair {
+                images: images.each_ref(),
+                cameras: frames.map(|frame| &frame.camera),
+                b_from_a: &pair.b_from_a,
+                files: None,
+            };
+            for repetition in 0..2 {
+                let seed = pair_seed(0, "street", "bright", (pair.a, pair.b), repetition);
+                let evaluation = evaluate(&contender(), &image_pair, seed).unwrap();
+                for (name, outcome) in ["first", "second"].iter().zip(&evaluation.outcomes) {
+                    let recorded = records.iter().find(|record| {
+                        let task = &record.task;
+                        (task.a, task.b, task.repetition) == (pair.a, pair.b, repetition)
+                            && task.estimator == *name
+                    });
+                    let recorded = recorded.unwrap();
+                    assert_eq!(
+                        (&recorded.outcome, recorded.counts),
+                        (outcome, evaluation.matches.counts)
+                    );
+                    evaluated += 1;
+                }
+            }
+        }
+        assert_eq!(evaluated, records.len());
+    }
+
+    #[test]
+    fn variants_of_an_estimator_make_the_same_draws_whatever_they_are_called() {
+        let folder = tempfile::tempdir().unwrap();
+        let toy = Toy::default();
+        let mut contender = toy.contender("bright", &["first", "first", "second"]);
+        contender.estimators[0].name = "first@0.5".into();
+        contender.estimators[1].name = "first@4".into();
+        let records = records_of(folder.path(), &[contender]);
+        let of = |name: &str| -> Vec<&Outcome> {
+            let named = records
+                .iter()
+                .filter(|record| record.task.estimator == name);
+            named.map(|record| &record.outcome).collect()
+        };
+        assert!(of("first@0.5").len() > 20);
+        assert_eq!(of("first@0.5"), of("first@4"));
+        assert_ne!(
+            of("first@0.5"),
+            of("second"),
+            "another estimator draws anew"
+        );
+    }
+}

@@ -82,3 +82,130 @@ fn check(matches: &SourcedMatches) -> Result<(), String> {
         None => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+    use serde_json::json;
+
+    use super::super::testing::{Toy, records_of};
+    use super::super::{Contender, Variant};
+    use super::*;
+    use crate::matchers::{PointSource, Source, SourceSeconds};
+    use crate::records::{MatchesFile, Outcome, RunFolder, matches};
+
+    /// Matches that are spoiled before they are handed over.
+    struct Outside(fn(&mut SourcedMatches) -> Result<(), SourceError>);
+
+    impl PointSource for Outside {
+        fn matches(
+            &self,
+            pair: &ImageFiles<'_>,
+            seed: Seed,
+        ) -> Result<SourcedMatches, SourceError> {
+            assert!(pair.images.iter().all(|image| image.is_file()));
+            let mut rng = seed.rng();
+            let mut matches = SourcedMatches {
+                features: [90, 80],
+                seconds: SourceSeconds {
+                    extract: [Some(0.5), None],
+                    matching: Some(0.25),
+                },
+                ..SourcedMatches::default()
+            };
+            for _ in 0..40 {
+                let point = Point2::new(f64::from(rng.below(64)) + 0.1, 1.5);
+                (matches.points).push(point, Point2::new(f64::from(pair.frames[1]), 2.5), 0.5);
+            }
+            (self.0)(&mut matches).map(|()| matches)
+        }
+    }
+
+    fn contender(change: fn(&mut SourcedMatches) -> Result<(), SourceError>) -> Contender {
+        let source = BuiltPointSource {
+            id: "outside".into(),
+            version: Some("2.1".into()),
+            params: json!({"keypoints": 90}),
+            notes: vec!["weights of somewhere".into()],
+            source: Box::new(Outside(change)),
+        };
+        Contender {
+            source: Source::Points(source),
+            estimators: vec![Variant::from(Toy::default().estimator("first"))],
+        }
+    }
+
+    #[test]
+    fn a_source_is_an_entry_as_any_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let both = [
+            contender(|_| Ok(())),
+            Toy::default().contender("bright", &["first"]),
+        ];
+        let records = records_of(folder.path(), &both);
+        let (outside, native): (Vec<_>, Vec<_>) =
+            (records.iter()).partition(|record| record.task.matcher == "outside");
+        assert_eq!((outside.len(), native.len()), (2 * 21, 2 * 21));
+        for record in &outside {
+            let Counts {
+                features_a,
+                putative,
+                selected,
+                ..
+            } = record.counts;
+            assert_eq!((features_a, putative, selected), (90, 40, 40));
+            assert!(!matches!(record.outcome, Outcome::Failed { .. }));
+        }
+        let run = RunFolder::open(&folder.path().join("run")).unwrap();
+        let plan = run.plan().matcher("outside").unwrap();
+        assert_eq!(
+            (plan.version.as_deref(), &plan.extraction),
+            (Some("2.1"), &None)
+        );
+        let kept = MatchesFile::open(&matches::path(run.path(), "street", "outside")).unwrap();
+        let kept = kept.read((0, 2, 1)).unwrap().unwrap();
+        assert_eq!((kept.points.len(), kept.points.b[0].x), (40, 2.0));
+    }
+
+    #[test]
+    fn what_is_no_match_fails_the_pair_and_says_why() {
+        type Change = fn(&mut SourcedMatches) -> Result<(), SourceError>;
+        let cases: [(Change, &str); 5] = [
+            (|m| Ok(drop(m.points.b.pop())), "40 points in a, 39 in b"),
+            (|m| Ok(m.points.a[3].x = f64::NAN), "match 3 has a position"),
+            (|m| Ok(m.points.ambiguity[7] = 1.5), "the ambiguity 1.5"),
+            (|m| Ok(m.seconds.matching = Some(-1.0)), "-1 seconds"),
+            (|_| Err(SourceError::Pair("too dark".into())), "too dark"),
+        ];
+        for (change, named) in cases {
+            let folder = tempfile::tempdir().unwrap();
+            for record in records_of(folder.path(), &[contender(change)]) {
+                let Outcome::Failed { reason } = record.outcome else {
+                    panic!("{named}: {:?}", record.outcome);
+                };
+                assert!(
+                    reason.contains(named) && reason.contains("outside"),
+                    "{reason}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_source_that_ends_ends_the_run() {
+        let Source::Points(source) =
+            contender(|_| Err(SourceError::Ended("see log".into()))).source
+        else {
+            panic!("it is a source");
+        };
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let files = ImageFiles {
+            dataset: "street",
+            frames: [0, 1],
+            images: [file.path(), file.path()],
+        };
+        let (mut counts, mut times) = (Counts::default(), StageTimes::default());
+        let error = sourced(&source, &files, Seed(1), &mut counts, &mut times).unwrap_err();
+        assert_eq!(error.to_string(), "outside has ended: see log");
+    }
+}

@@ -1,6 +1,7 @@
 //! A dataset, a matcher and an estimator that are small enough to be foreseen.
 
 use std::fs;
+use std::num::NonZeroU32;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -14,10 +15,12 @@ use matchbench_vision::seed::Seed;
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, UnitVector3, Vector3};
 use serde_json::json;
 
-use super::{Contender, Dataset};
+use super::{Cancel, Contender, Dataset, Run, Silent};
+use crate::cache::FeatureCache;
 use crate::datasets::{Frame, Pair, Sequence};
 use crate::estimators::BuiltEstimator;
 use crate::matchers::{BuiltMatcher, Extraction};
+use crate::records::{RunFolder, RunRecord, Settings, StageTimes};
 
 /// Pixels in a row of a test image, whose file is just its pixels.
 const WIDTH: usize = 8;
@@ -65,6 +68,32 @@ pub(super) fn dataset(folder: &Path, name: &str, frames: u32) -> Dataset {
                 .collect(),
         },
     }
+}
+
+/// All records of a run of these on a dataset of 12 frames called `street`, twice each pair, without
+/// the times of stages; the folder holds the dataset and the run.
+pub(super) fn records_of(folder: &Path, contenders: &[Contender]) -> Vec<RunRecord> {
+    let run_folder = folder.join("run");
+    let run = Run {
+        datasets: &[dataset(folder, "street", 12)],
+        contenders,
+        settings: Settings {
+            repetitions: NonZeroU32::new(2).unwrap(),
+            ..Settings::default()
+        },
+        tuned: &[],
+        folder: &run_folder,
+        cache: FeatureCache::new(folder.join("cache")),
+        decode,
+        keep_matches: true,
+        feature_memory: 20_000,
+    };
+    run.execute(&Silent, &Cancel::default()).unwrap();
+    let mut records = RunFolder::open(&run_folder).unwrap().records().unwrap();
+    for record in &mut records {
+        record.times = StageTimes::default();
+    }
+    records
 }
 
 /// What a test matcher or estimator does instead of its work.

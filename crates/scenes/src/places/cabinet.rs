@@ -5,9 +5,9 @@ use nalgebra::{Point3, Vector3};
 use super::{hang, lay, stand};
 use crate::light::{Lamp, Lighting};
 use crate::mesh::{Mesh, Surface};
+use crate::model::Model;
 use crate::paint;
 use crate::path::{Path, Station};
-use crate::world::Model;
 
 pub(super) const PATH: Path = Path {
     stations: &[

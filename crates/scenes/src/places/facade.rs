@@ -8,10 +8,10 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use super::{bush, lay, stand, turned};
 use crate::light::Lighting;
 use crate::mesh::{Mesh, Surface};
+use crate::model::Model;
 use crate::noise::octaves;
 use crate::paint;
 use crate::path::{Path, Station};
-use crate::world::Model;
 
 /// Through the court, always towards the building.
 pub(super) const PATH: Path = Path {

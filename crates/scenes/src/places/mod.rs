@@ -1,4 +1,4 @@
-//! The places and the table of scenes taken in them.
+//! The places in which scenes are taken.
 
 mod cabinet;
 mod facade;
@@ -6,15 +6,12 @@ mod object;
 mod office;
 mod street;
 
-use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::mesh::{Mesh, Surface};
+use crate::model::Model;
 use crate::noise::gradient;
 use crate::path::Path;
-use crate::scene::{Pairing, Scene, Timing};
-use crate::sensor::Sensor;
-use crate::world::Model;
 
 /// A place in which pictures are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -70,134 +67,6 @@ impl Place {
         }
     }
 }
-
-/// A hand-held camera indoors: little light, long exposure.
-const INDOORS: Sensor = Sensor {
-    shutter: 0.012,
-    blur: 0.65,
-    white: 0.6,
-    wander: 0.25,
-    full_well: 3000.0,
-    read_noise: 12.0,
-};
-
-/// The same with the lamps turned down: fewer photons.
-const DIM: Sensor = Sensor {
-    full_well: 900.0,
-    ..INDOORS
-};
-
-/// A good camera in daylight.
-const OUTDOORS: Sensor = Sensor {
-    shutter: 0.004,
-    blur: 0.6,
-    white: 0.75,
-    wander: 0.2,
-    full_well: 5000.0,
-    read_noise: 12.0,
-};
-
-const SHORT: Timing = Timing::Fragments {
-    length: 10,
-    rate: 20.0,
-    every: 3.3,
-};
-
-/// See [`crate::scenes`].
-pub(crate) static SCENES: [Scene; 8] = [
-    Scene {
-        name: "office",
-        description: "a cluttered desk, hand-held; text and repeated shapes",
-        place: Place::Office,
-        size: Size::new(320, 240),
-        frames: 30,
-        pairing: Pairing::Fragments { length: 10 },
-        focal: 265.0,
-        timing: SHORT,
-        sensor: INDOORS,
-    },
-    Scene {
-        name: "object",
-        description: "a plush toy, hand-held; round, self-similar fur",
-        place: Place::Object,
-        size: Size::new(320, 240),
-        frames: 30,
-        pairing: Pairing::Fragments { length: 10 },
-        focal: 265.0,
-        timing: SHORT,
-        sensor: INDOORS,
-    },
-    Scene {
-        name: "cabinet",
-        description: "a steel cabinet, hand-held; little texture, much noise",
-        place: Place::Cabinet,
-        size: Size::new(320, 240),
-        frames: 30,
-        pairing: Pairing::Fragments { length: 10 },
-        focal: 265.0,
-        timing: SHORT,
-        sensor: DIM,
-    },
-    Scene {
-        name: "street",
-        description: "a drive through a street; forward motion, repeated windows",
-        place: Place::Street,
-        size: Size::new(620, 188),
-        frames: 25,
-        pairing: Pairing::Fragments { length: 5 },
-        focal: 359.0,
-        timing: Timing::Fragments {
-            length: 5,
-            rate: 10.0,
-            every: 1.4,
-        },
-        sensor: OUTDOORS,
-    },
-    Scene {
-        name: "facade",
-        description: "a stone court from all sides; strong perspective, repeated arches",
-        place: Place::Facade,
-        size: Size::new(480, 320),
-        frames: 12,
-        pairing: Pairing::All,
-        focal: 430.0,
-        timing: Timing::Every(1.0),
-        sensor: OUTDOORS,
-    },
-    Scene {
-        name: "office-wide",
-        description: "the office, four frames in three seconds",
-        place: Place::Office,
-        size: Size::new(320, 240),
-        frames: 14,
-        pairing: Pairing::Window { size: 4 },
-        focal: 265.0,
-        timing: Timing::Every(0.75),
-        sensor: INDOORS,
-    },
-    Scene {
-        name: "object-wide",
-        description: "the plush toy, two frames per second",
-        place: Place::Object,
-        size: Size::new(320, 240),
-        frames: 14,
-        pairing: Pairing::Window { size: 4 },
-        focal: 265.0,
-        timing: Timing::Every(0.5),
-        sensor: INDOORS,
-    },
-    Scene {
-        name: "cabinet-wide",
-        description: "the cabinet, four frames in three seconds",
-        place: Place::Cabinet,
-        size: Size::new(320, 240),
-        frames: 14,
-        pairing: Pairing::Window { size: 4 },
-        focal: 265.0,
-        timing: Timing::Every(0.75),
-        sensor: DIM,
-    },
-];
 
 /// A frame at (x, y, z), turned by `yaw` radians around the vertical.
 fn turned(at: [f64; 3], yaw: f64) -> Isometry3<f64> {

@@ -8,9 +8,9 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use super::{hang, lay, lumps, stand, turned};
 use crate::light::{Lamp, Lighting};
 use crate::mesh::{Mesh, Surface};
+use crate::model::Model;
 use crate::paint;
 use crate::path::{Path, Station};
-use crate::world::Model;
 
 /// Half a turn around the bear.
 pub(super) const PATH: Path = Path {

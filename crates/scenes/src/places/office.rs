@@ -8,9 +8,9 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 use super::{bush, hang, lay, stand, turned};
 use crate::light::{Lamp, Lighting};
 use crate::mesh::{Mesh, Surface};
+use crate::model::Model;
 use crate::paint;
 use crate::path::{Path, Station};
-use crate::world::Model;
 
 pub(super) const PATH: Path = Path {
     stations: &[

@@ -7,9 +7,9 @@ use matchbench_vision::seed::{Rng, Seed};
 use super::{bush, hang, lay, lumps, stand, turned};
 use crate::light::Lighting;
 use crate::mesh::{Mesh, Surface};
+use crate::model::Model;
 use crate::paint;
 use crate::path::{Path, Station};
-use crate::world::Model;
 
 /// 9 metres per second, with a gentle bend.
 pub(super) const PATH: Path = Path {

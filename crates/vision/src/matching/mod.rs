@@ -2,6 +2,7 @@
 
 pub mod code;
 mod correspondence;
+mod error;
 pub mod gaim;
 mod gms;
 mod kdforest;
@@ -12,16 +13,19 @@ mod pipeline;
 mod placewise;
 mod ratio;
 mod repmatch;
+mod stages;
 
 pub use code::{Code, CodeParams};
 pub use correspondence::{Correspondence, Correspondences};
+pub use error::MatcherError;
 pub use gaim::{CandidateLabels, Gaim, GaimParams};
 pub use gms::{Gms, GmsParams};
 pub use kdforest::{KdForest, KdForestParams};
 pub use kvld::{Kvld, KvldParams};
 pub use mutual::MutualCheck;
 pub use nearest::{NearestNeighbours, two_nearest};
-pub use pipeline::{Matcher, MatcherError, Pipeline, Search, Selector, View};
+pub use pipeline::Pipeline;
 pub use placewise::PlacewiseNeighbours;
 pub use ratio::RatioTest;
 pub use repmatch::{RepMatch, RepMatchParams};
+pub use stages::{Matcher, Search, Selector, View};

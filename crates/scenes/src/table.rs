@@ -1,0 +1,135 @@
+//! The scenes: which place, which frames, through which lens.
+
+use matchbench_vision::image::Size;
+
+use crate::places::Place;
+use crate::scene::{Pairing, Scene, Timing};
+use crate::sensor::Sensor;
+
+/// A hand-held camera indoors: little light, long exposure.
+const INDOORS: Sensor = Sensor {
+    shutter: 0.012,
+    blur: 0.65,
+    white: 0.6,
+    wander: 0.25,
+    full_well: 3000.0,
+    read_noise: 12.0,
+};
+
+/// The same with the lamps turned down: fewer photons.
+const DIM: Sensor = Sensor {
+    full_well: 900.0,
+    ..INDOORS
+};
+
+/// A good camera in daylight.
+const OUTDOORS: Sensor = Sensor {
+    shutter: 0.004,
+    blur: 0.6,
+    white: 0.75,
+    wander: 0.2,
+    full_well: 5000.0,
+    read_noise: 12.0,
+};
+
+const SHORT: Timing = Timing::Fragments {
+    length: 10,
+    rate: 20.0,
+    every: 3.3,
+};
+
+/// See [`crate::scenes`].
+pub(crate) static SCENES: [Scene; 8] = [
+    Scene {
+        name: "office",
+        description: "a cluttered desk, hand-held; text and repeated shapes",
+        place: Place::Office,
+        size: Size::new(320, 240),
+        frames: 30,
+        pairing: Pairing::Fragments { length: 10 },
+        focal: 265.0,
+        timing: SHORT,
+        sensor: INDOORS,
+    },
+    Scene {
+        name: "object",
+        description: "a plush toy, hand-held; round, self-similar fur",
+        place: Place::Object,
+        size: Size::new(320, 240),
+        frames: 30,
+        pairing: Pairing::Fragments { length: 10 },
+        focal: 265.0,
+        timing: SHORT,
+        sensor: INDOORS,
+    },
+    Scene {
+        name: "cabinet",
+        description: "a steel cabinet, hand-held; little texture, much noise",
+        place: Place::Cabinet,
+        size: Size::new(320, 240),
+        frames: 30,
+        pairing: Pairing::Fragments { length: 10 },
+        focal: 265.0,
+        timing: SHORT,
+        sensor: DIM,
+    },
+    Scene {
+        name: "street",
+        description: "a drive through a street; forward motion, repeated windows",
+        place: Place::Street,
+        size: Size::new(620, 188),
+        frames: 25,
+        pairing: Pairing::Fragments { length: 5 },
+        focal: 359.0,
+        timing: Timing::Fragments {
+            length: 5,
+            rate: 10.0,
+            every: 1.4,
+        },
+        sensor: OUTDOORS,
+    },
+    Scene {
+        name: "facade",
+        description: "a stone court from all sides; strong perspective, repeated arches",
+        place: Place::Facade,
+        size: Size::new(480, 320),
+        frames: 12,
+        pairing: Pairing::All,
+        focal: 430.0,
+        timing: Timing::Every(1.0),
+        sensor: OUTDOORS,
+    },
+    Scene {
+        name: "office-wide",
+        description: "the office, four frames in three seconds",
+        place: Place::Office,
+        size: Size::new(320, 240),
+        frames: 14,
+        pairing: Pairing::Window { size: 4 },
+        focal: 265.0,
+        timing: Timing::Every(0.75),
+        sensor: INDOORS,
+    },
+    Scene {
+        name: "object-wide",
+        description: "the plush toy, two frames per second",
+        place: Place::Object,
+        size: Size::new(320, 240),
+        frames: 14,
+        pairing: Pairing::Window { size: 4 },
+        focal: 265.0,
+        timing: Timing::Every(0.5),
+        sensor: INDOORS,
+    },
+    Scene {
+        name: "cabinet-wide",
+        description: "the cabinet, four frames in three seconds",
+        place: Place::Cabinet,
+        size: Size::new(320, 240),
+        frames: 14,
+        pairing: Pairing::Window { size: 4 },
+        focal: 265.0,
+        timing: Timing::Every(0.75),
+        sensor: DIM,
+    },
+];

@@ -1,0 +1,115 @@
+//! What a matcher is: three stages (extract, search, select), each of which the caller can time.
+
+use super::{Correspondences, MatcherError};
+use crate::features::{Detections, Features};
+use crate::geometry::{Camera, MatchedPoints};
+use crate::image::GrayImage;
+use crate::seed::Seed;
+
+/// One image as the selection sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// Its features.
+    pub features: &'a Features,
+    /// Its pixels, for matchers whose [`Matcher::selects_by_pixels`] says so, else `None`.
+    pub image: Option<&'a GrayImage>,
+    /// The camera that took it, where it is known.
+    pub camera: Option<&'a Camera>,
+}
+
+/// A feature matcher in the paper's sense: two images in, correspondences out.
+///
+/// Users of the library implement it too, so every stage may fail. The benchmark counts a failure against
+/// the pair and goes on.
+pub trait Matcher: Send + Sync {
+    /// Features of one image; once per image.
+    ///
+    /// # Errors
+    /// If the stage fails, with the reason in words.
+    fn extract(&self, image: &GrayImage) -> Result<Features, MatcherError>;
+
+    /// The same features; keypoints that another matcher with the same detector found before come from
+    /// `detections`.
+    ///
+    /// # Errors
+    /// If the stage fails, with the reason in words.
+    fn extract_sharing(
+        &self,
+        image: &GrayImage,
+        _detections: &mut dyn Detections,
+    ) -> Result<Features, MatcherError> {
+        self.extract(image)
+    }
+
+    /// Putative correspondences; once per pair.
+    ///
+    /// # Errors
+    /// If the stage fails, with the reason in words.
+    fn search(&self, a: &Features, b: &Features) -> Result<Correspondences, MatcherError>;
+
+    /// The correspondences worth keeping; once per pair.
+    ///
+    /// # Errors
+    /// If the stage fails, with the reason in words.
+    fn select(
+        &self,
+        a: View<'_>,
+        b: View<'_>,
+        putative: Correspondences,
+        seed: Seed,
+    ) -> Result<Correspondences, MatcherError>;
+
+    /// Whether [`Matcher::select`] looks at the pixels (KVLD does), so that they must be decoded
+    /// for each pair.
+    fn selects_by_pixels(&self) -> bool {
+        false
+    }
+
+    /// All stages on two images: for callers with one pair, who need not keep features. The `cameras` of
+    /// `a` and `b` are used by matchers that select with a pose (RepMatch).
+    ///
+    /// # Errors
+    /// If a stage fails.
+    fn match_images(
+        &self,
+        a: &GrayImage,
+        b: &GrayImage,
+        cameras: Option<(&Camera, &Camera)>,
+        seed: Seed,
+    ) -> Result<MatchedPoints, MatcherError> {
+        let (features_a, features_b) = (self.extract(a)?, self.extract(b)?);
+        let putative = self.search(&features_a, &features_b)?;
+        let view_a = View {
+            features: &features_a,
+            image: Some(a),
+            camera: cameras.map(|(camera, _)| camera),
+        };
+        let view_b = View {
+            features: &features_b,
+            image: Some(b),
+            camera: cameras.map(|(_, camera)| camera),
+        };
+        let selected = self.select(view_a, view_b, putative, seed)?;
+        MatchedPoints::of_matches(&selected, &features_a, &features_b)
+    }
+}
+
+/// Finds putative correspondences by comparing descriptors.
+pub trait Search: Send + Sync {
+    /// For each feature of `a` the nearest of `b`, or several candidates, in the order of `a`.
+    ///
+    /// # Panics
+    /// If the two images were described by descriptors of different kinds.
+    fn search(&self, a: &Features, b: &Features) -> Correspondences;
+}
+
+/// Drops correspondences that look wrong.
+pub trait Selector: Send + Sync {
+    /// Keeps the good ones of `matches`, in their order.
+    fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, seed: Seed);
+
+    /// Whether it needs [`View::image`].
+    fn by_pixels(&self) -> bool {
+        false
+    }
+}
