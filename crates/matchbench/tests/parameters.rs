@@ -368,9 +368,10 @@ fn every_parameter_of_every_matcher_acts() {
     let mut dead = Vec::new();
     for entry in MATCHERS {
         let is_gms = entry.id().starts_with("gms");
-        let (shown, partners): (&[usize], &[usize]) = match is_gms {
-            true => (&[0, 1, 2, 3], &[2, 1]),
-            false => (&[0, 2], &[2]),
+        let (shown, partners): (&[usize], &[usize]) = if is_gms {
+            (&[0, 1, 2, 3], &[2, 1])
+        } else {
+            (&[0, 2], &[2])
         };
         let result = |params: &Value| -> Matched {
             let built = entry.build(Some(params)).expect("it was built before");
