@@ -53,6 +53,11 @@ pub use places::Place;
 pub use scene::{Pairing, Scene};
 pub use world::World;
 
+/// The examples of the README are tested.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 /// Raised with every change that moves a bit of any picture or pose: pictures that were kept are
 /// rendered again.
 pub const REVISION: u32 = 1;

@@ -445,6 +445,7 @@ mod tests {
                 })
                 .collect();
             let rows = describe(params, &image, &mut keypoints);
+            assert_eq!(rows.len(), keypoints.len());
             for (keypoint, row) in keypoints.iter().zip(rows) {
                 let expected = by_definition(&daisy, &image, keypoint);
                 assert_eq!(row.len(), expected.len());
