@@ -69,14 +69,21 @@ pub fn scenes() -> &'static [Scene] {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::LazyLock;
+    use std::sync::OnceLock;
 
     use matchbench_vision::image::{FloatImage, Size};
     use nalgebra::{Matrix3, Point2, Point3};
 
     use super::*;
 
-    static CABINET: LazyLock<World> = LazyLock::new(|| World::build(Place::Cabinet));
+    /// The place, built once for all tests.
+    fn world(place: Place) -> &'static World {
+        static WORLDS: [OnceLock<World>; Place::ALL.len()] =
+            [const { OnceLock::new() }; Place::ALL.len()];
+        let mut worlds = Place::ALL.iter().zip(&WORLDS);
+        let (_, built) = worlds.find(|(of, _)| **of == place).expect("all places");
+        built.get_or_init(|| World::build(place))
+    }
 
     fn named(name: &str) -> Scene {
         let found = scenes().iter().find(|scene| scene.name == name);
@@ -105,7 +112,7 @@ mod tests {
         ];
         let rendered = golden.map(|(name, _)| {
             let scene = small(name);
-            let picture = World::build(scene.place).render(&scene, 7);
+            let picture = world(scene.place).render(&scene, 7);
             (name, blake3::hash(picture.data()).to_hex()[..16].to_owned())
         });
         let golden = golden.map(|(name, hash)| (name, hash.to_owned()));
@@ -131,7 +138,7 @@ mod tests {
         let camera = scene.camera();
         let (a, b) = (2, 3);
         let b_from_a = scene.world_from_camera(b).inverse() * scene.world_from_camera(a);
-        let [depth_a, depth_b] = [a, b].map(|frame| CABINET.depth(&scene, frame));
+        let [depth_a, depth_b] = [a, b].map(|frame| world(scene.place).depth(&scene, frame));
         let (mut seen, mut equal, mut floating) = (0, 0, 0);
         for y in (0..scene.size.height).step_by(3) {
             for x in (0..scene.size.width).step_by(3) {
@@ -195,7 +202,7 @@ mod tests {
     #[test]
     fn a_picture_uses_the_range_of_grey_values() {
         let scene = small("office");
-        let picture = World::build(Place::Office).render(&scene, 0);
+        let picture = world(Place::Office).render(&scene, 0);
         let mut values = picture.data().to_vec();
         values.sort_unstable();
         let at = |share: f64| values[(share * (values.len() - 1) as f64) as usize];
