@@ -199,6 +199,69 @@ fn eval_scores_the_authors_layout_as_counted_by_hand() {
 }
 
 #[test]
+fn eval_of_the_published_shape_needs_no_datasets() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let sequence = folder.path().join("results/06-office-wide");
+    fs::create_dir_all(&sequence).expect("writable");
+    // All pairs of 12 images, as published; right where the images are near.
+    let (mut truth, mut rows) = (String::new(), String::new());
+    for (a, b) in (0..12).flat_map(|a| (a + 1..12).map(move |b| (a, b))) {
+        truth += &format!("{a} {b} 1 0 0 1 0 1 0 0 0 0 1 0\n");
+        let found = u32::from(b - a <= 9);
+        rows += &format!("{a} {b} {} 1 0 0 {found} 0 1 0 0 0 0 1 0\n", 50 * found);
+    }
+    fs::write(sequence.join("groundtruth.txt"), truth).expect("writable");
+    fs::write(sequence.join("sift.txt"), rows).expect("writable");
+    let auc = |more: &[&str]| {
+        let results = path("results");
+        let output = run(&[&["eval", &results, "--format", "csv"], more].concat());
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let row = text(&output.stdout)
+            .lines()
+            .nth(1)
+            .expect("one row")
+            .to_owned();
+        let fields: Vec<&str> = row.split(',').collect();
+        (
+            fields[3].to_owned(),
+            fields[5].parse::<f64>().expect("an AUC"),
+        )
+    };
+    assert_eq!(auc(&[]), ("66".into(), 63.0 / 66.0));
+    assert_eq!(auc(&["--pairs", "window:9"]), ("63".into(), 1.0));
+    assert_eq!(auc(&["--preset", "paper"]), ("63".into(), 1.0));
+    let strided = ["eval", &path("results"), "--pairs", "window:9,stride:15"];
+    assert!(text(&run(&strided).stderr).contains("after the stride"));
+}
+
+#[test]
+fn eval_of_published_errors_ends_with_their_mean() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let method = folder.path().join("root_sift");
+    fs::create_dir(&method).expect("writable");
+    let head = "identifiers covisible0 covisible1 R_errs t_errs t_errs2";
+    fs::write(method.join("KIT.txt"), format!("{head}\na#1#2 1 1 0 0 0\n")).expect("writable");
+    fs::write(
+        method.join("ICL.txt"),
+        format!("{head}\na#1#2 1 1 90 9 9\n"),
+    )
+    .expect("writable");
+    let errors = method.display().to_string();
+    let output = run(&["eval", "--errors", &errors, "--format", "csv"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let csv = text(&output.stdout);
+    let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    let at = rows[0]
+        .iter()
+        .position(|head| *head == "exact_auc_5")
+        .expect("a column");
+    let scores: Vec<_> = rows[1..].iter().map(|row| (row[0], row[at])).collect();
+    assert_eq!(scores, [("ICL", "0.0"), ("KIT", "1.0"), ("mean", "0.5")]);
+    assert_eq!(run(&["eval"]).status.code(), Some(1));
+}
+
+#[test]
 fn a_run_exports_to_what_eval_reads_with_the_same_scores() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let wall = dataset(folder.path(), "wall", 4);

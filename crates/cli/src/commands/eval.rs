@@ -3,33 +3,60 @@
 use std::io::Write;
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
+use matchbench::datasets::PairRule;
 use matchbench::files::write_whole;
-use matchbench::metrics::{Bootstrap, ResultSet, load};
+use matchbench::metrics::{Bootstrap, PairChoice, ResultSet, load, load_chosen, load_errors};
 use matchbench::records::RunFolder;
-use matchbench::report::{Content, Format, RunFacts, render, verdicts};
+use matchbench::report::{Content, Format, RunFacts, render, render_with_mean, verdicts};
 
 use crate::Ending;
-use crate::args::{EvalArgs, FormatArg};
+use crate::args::{EvalArgs, FormatArg, PresetArg, ScoredArgs};
 
 pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
-    let sets = load(&args.results, args.datasets.as_deref())?;
-    let text = match args.format {
-        FormatArg::Table => {
-            let mut text = table(sets);
-            if RunFolder::is_at(&args.results) {
-                let next = format!("\nNext: matchbench report {}\n", args.results.display());
-                text.push_str(&next);
-            }
-            text
+    let text = match (&args.errors, &args.results) {
+        (Some(errors), _) => {
+            let content = content(load_errors(errors)?);
+            render_with_mean(args.format.into(), &content.summaries)
         }
-        other => render(other.into(), &content(sets).summaries),
+        (None, Some(results)) => {
+            let choice = choice(&args.scored)?;
+            let sets = load_chosen(results, args.scored.datasets.as_deref(), &choice)?;
+            match args.format {
+                FormatArg::Table => {
+                    let mut text = table(sets);
+                    if RunFolder::is_at(results) {
+                        let next = format!("\nNext: matchbench report {}\n", results.display());
+                        text.push_str(&next);
+                    }
+                    text
+                }
+                other => render(other.into(), &content(sets).summaries),
+            }
+        }
+        (None, None) => unreachable!("one of the two is required"),
     };
     match &args.out {
         Some(path) => write_whole(path, text.as_bytes())?,
         None => std::io::stdout().write_all(text.as_bytes())?,
     }
     Ok(Ending::Done)
+}
+
+/// Which of the listed pairs are asked for.
+pub(crate) fn choice(args: &ScoredArgs) -> Result<PairChoice> {
+    Ok(match (args.preset, &args.pairs) {
+        (Some(PresetArg::Paper), _) => PairChoice::Paper,
+        (None, Some(rule)) => {
+            let rule: PairRule = rule.parse()?;
+            ensure!(
+                rule.stride() == 1,
+                "--pairs {rule}: the images of results are numbered after the stride; leave it out"
+            );
+            PairChoice::Rule(rule)
+        }
+        (None, None) => PairChoice::Listed,
+    })
 }
 
 /// Prints the table of scores of a run, and who is best on each dataset.

@@ -77,6 +77,7 @@ fn shown(spread: Option<Spread>) -> String {
              lower,
              median,
              upper,
+             ..
          }| {
             format!(
                 "{:.2} ({:.2}–{:.2})",

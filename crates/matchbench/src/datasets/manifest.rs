@@ -3,6 +3,7 @@
 //! ```toml
 //! version = 1
 //! origin = "TUM RGB-D, rgbd_dataset_freiburg1_desk; pairs fragments:15"
+//! property = "indoor, office"          # what the images show, for the report
 //! notes = ["2 images without a pose were left out: ..."]
 //! image_root = "/data/rgbd_dataset_freiburg1_desk"   # the one line to change if images move
 //! distortion = { k1 = 0.2624, k2 = -0.9531, p1 = -0.0054, p2 = 0.0026, k3 = 1.1633 }
@@ -42,6 +43,9 @@ pub(super) struct Manifest {
     /// Where the data come from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) origin: Option<String>,
+    /// What the images show, in a few words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) property: Option<String>,
     /// What the importer had to say.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) notes: Vec<String>,
@@ -74,6 +78,7 @@ impl Default for Manifest {
             version: VERSION,
             name: None,
             origin: None,
+            property: None,
             notes: Vec::new(),
             image_root: None,
             distortion: None,

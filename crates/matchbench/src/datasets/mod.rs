@@ -26,7 +26,7 @@ mod write;
 pub use decode::{DecodeError, decode_gray, read_gray, read_size};
 pub use error::DatasetError;
 pub use importers::{ImportOptions, ImportReport, Imported, KINDS, Kind, import, read_source};
-pub use native::read_pairs;
+pub use native::{describe, read_pairs, read_poses_of_pairs};
 pub use pairs::{PairRule, PairRuleError, relative_pose};
 pub use problem::{Problem, Severity};
 pub use sequence::{Frame, Pair, Sequence};

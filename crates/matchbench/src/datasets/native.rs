@@ -76,6 +76,44 @@ pub fn read_pairs(file: &Path) -> Result<Vec<Pair>, DatasetError> {
     }
 }
 
+/// Where the data of the dataset in `dir` come from and what they show, as its `dataset.toml` says;
+/// empty where it does not.
+///
+/// # Errors
+/// If that file cannot be read.
+pub fn describe(dir: &Path) -> Result<(String, String), DatasetError> {
+    let Some(file) = optional(&dir.join(manifest::FILE))? else {
+        return Ok(Default::default());
+    };
+    let manifest = Manifest::parse(&file)?;
+    Ok((
+        manifest.origin.unwrap_or_default(),
+        manifest.property.unwrap_or_default(),
+    ))
+}
+
+/// Reads the true poses of `pairs` from a file with one row of 12 numbers for each, in their order.
+///
+/// # Errors
+/// If the file cannot be read, a line is wrong, or there is not one row for each pair.
+pub fn read_poses_of_pairs(file: &Path, pairs: &[(u32, u32)]) -> Result<Vec<Pair>, DatasetError> {
+    let file = TextFile::read(file)?;
+    let rows = file.rows().count();
+    if rows != pairs.len() {
+        return Err(file.error(
+            format!("{rows} poses for {} pairs", pairs.len()),
+            "give one row for each pair, in the order of the results; or begin each row with `a b`",
+        ));
+    }
+    (file.rows().zip(pairs))
+        .map(|((line, row), &(a, b))| {
+            let pose = text::exactly(row).and_then(|numbers| text::rigid_motion(&numbers));
+            let b_from_a = pose.map_err(|what| file.error_at(line, what))?;
+            Ok(Pair { a, b, b_from_a })
+        })
+        .collect()
+}
+
 /// Everything the text files of a dataset say, each item with its line.
 #[derive(Debug, Default)]
 pub(super) struct Contents {
@@ -341,7 +379,7 @@ mod tests {
     fn the_manifest_renames_redirects_and_bends() {
         let (_folder, dir) = testing::dataset();
         fs::rename(dir.join("Images/0003.png"), dir.join("last.png")).unwrap();
-        let manifest = "version = 1\nname = \"other\"\n\
+        let manifest = "version = 1\nname = \"other\"\nproperty = \"indoor\"\n\
             distortion = { k1 = 0.1, k2 = 0, p1 = 0, p2 = 0, k3 = 0 }\n\
             [[frames]]\nimage = \"Images/0000.png\"\n[[frames]]\nimage = \"Images/0001.png\"\n\
             [[frames]]\nimage = \"Images/0002.png\"\n[[frames]]\nimage = \"last.png\"\n\
@@ -349,6 +387,7 @@ mod tests {
         fs::write(dir.join("dataset.toml"), manifest).unwrap();
         let sequence = Sequence::open(&dir).unwrap();
         assert_eq!(sequence.name, "other");
+        assert_eq!(describe(&dir), Ok((String::new(), "indoor".into())));
         assert_eq!(sequence.frames[3].image, dir.join("last.png"));
         assert_eq!(
             sequence.frames[3].camera,

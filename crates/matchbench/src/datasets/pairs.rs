@@ -127,12 +127,38 @@ impl PairRule {
                 .collect(),
             Self::All => (0..kept).flat_map(with_next(kept)).collect(),
             Self::Window { size, .. } => (0..kept).flat_map(with_next(*size)).collect(),
-            Self::List { file } => return listed(&TextFile::read(file)?, kept),
+            Self::List { file } => return listed(&TextFile::read(file)?, Some(kept)),
         };
         Ok(pairs
             .into_iter()
             .map(|(a, b)| (a as u32, b as u32))
             .collect())
+    }
+
+    /// Whether the rule chooses a pair of frames that are numbered after the stride was applied,
+    /// however many frames there are.
+    ///
+    /// # Errors
+    /// If the list cannot be read, or names a frame with itself or a pair twice.
+    pub fn chooser(&self) -> Result<Box<dyn Fn(u32, u32) -> bool>, DatasetError> {
+        Ok(match self {
+            Self::Fragments { length } => {
+                let length = *length as u64;
+                Box::new(move |a, b| {
+                    let (a, b) = (u64::from(a), u64::from(b));
+                    a < b && a % length == 0 && a / length == b / length
+                })
+            }
+            Self::All => Box::new(|a, b| a < b),
+            Self::Window { size, .. } => {
+                let size = *size as u64;
+                Box::new(move |a, b| a < b && u64::from(b - a) <= size)
+            }
+            Self::List { file } => {
+                let pairs: HashSet<_> = listed(&TextFile::read(file)?, None)?.into_iter().collect();
+                Box::new(move |a, b| pairs.contains(&(a, b)))
+            }
+        })
     }
 
     /// Applies the rule: the frames that stay, and their pairs with the true relative poses.
@@ -177,11 +203,11 @@ pub fn relative_pose(
     world_from_b.inverse() * world_from_a
 }
 
-fn listed(file: &TextFile, kept: usize) -> Result<Vec<(u32, u32)>, DatasetError> {
+fn listed(file: &TextFile, kept: Option<usize>) -> Result<Vec<(u32, u32)>, DatasetError> {
     let mut seen = HashSet::new();
     file.rows()
         .map(|(line, row)| {
-            let pair = pair_indices(row, Some(kept)).map_err(|what| file.error_at(line, what))?;
+            let pair = pair_indices(row, kept).map_err(|what| file.error_at(line, what))?;
             if !seen.insert(pair) {
                 return Err(file.error_at(line, "the pair stands here a second time"));
             }
@@ -252,6 +278,23 @@ mod tests {
     }
 
     #[test]
+    fn what_a_rule_chooses_is_what_it_lists() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("list.txt");
+        std::fs::write(&file, "0 3\n5 1\n").unwrap();
+        let list = format!("list:{}", file.display());
+        for rule in ["fragments:4", "all", "window:3", &list] {
+            let rule: PairRule = rule.parse().unwrap();
+            let (chosen, listed) = (rule.chooser().unwrap(), rule.pairs(9).unwrap());
+            for a in 0..9 {
+                for b in 0..9 {
+                    assert_eq!(chosen(a, b), listed.contains(&(a, b)), "{rule}: {a} {b}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn no_frames_no_pairs() {
         for rule in ["fragments:15", "all", "window:9", "window:9,stride:15"] {
             assert_eq!(count(rule, 0), 0);
@@ -290,7 +333,7 @@ mod tests {
 
     #[test]
     fn a_list_may_carry_more_columns_but_no_impossible_pairs() {
-        let list = |text: &str| listed(&TextFile::new(Path::new("list.txt"), text), 3);
+        let list = |text: &str| listed(&TextFile::new(Path::new("list.txt"), text), Some(3));
         assert_eq!(list("0 2 1 0 0\r\n\r\n2   1").unwrap(), [(0, 2), (2, 1)]);
         for (text, message) in [
             ("0 1\n0 3", "list.txt:2: frame 3 does not exist"),
@@ -308,7 +351,7 @@ mod tests {
         #[test]
         fn no_text_panics(text in ".{0,40}") {
             let _ = text.parse::<PairRule>();
-            let _ = listed(&TextFile::new(Path::new("t"), &text), 3);
+            let _ = listed(&TextFile::new(Path::new("t"), &text), Some(3));
         }
     }
 }

@@ -35,27 +35,27 @@ pub use source::{
 
 use crate::config::{self, ConfigError, UnknownName};
 
-/// All matchers, in the order of tables.
+/// All matchers, in the order of tables: that of the paper, variants after their originals.
 pub const MATCHERS: &[&dyn MatcherEntry] = &[
     &sift::SIFT,
     &surf::SURF,
-    &freak::FREAK,
-    &freak_sift::FREAK_SIFT,
-    &latch::LATCH,
-    &daisy::DAISY,
     &orb::ORB,
     &brisk::BRISK,
     &kaze::KAZE,
     &akaze::AKAZE,
-    &gms::GMS,
-    &gms_s::GMS_S,
+    &dlco::DLCO,
+    &freak::FREAK,
+    &freak_sift::FREAK_SIFT,
+    &binboost::BINBOOST,
+    &latch::LATCH,
+    &daisy::DAISY,
     &kvld::KvldEntry,
     &gaim::GaimEntry,
     &asift::AsiftEntry,
     &code::CodeEntry,
     &repmatch::RepMatchEntry,
-    &dlco::DLCO,
-    &binboost::BINBOOST,
+    &gms::GMS,
+    &gms_s::GMS_S,
 ];
 
 /// A matcher that can be asked for by name.
@@ -65,6 +65,18 @@ pub trait MatcherEntry: Sync {
 
     /// What it is, in a few words.
     fn summary(&self) -> &'static str;
+
+    /// How publications write it: as its summary or its reference does, else in capitals.
+    fn title(&self) -> String {
+        let is_it = |word: &&str| {
+            word.eq_ignore_ascii_case(self.id()) && word.contains(|c: char| c.is_uppercase())
+        };
+        let words = |text: &'static str| text.split(|c: char| !c.is_alphanumeric());
+        let mut words = words(self.summary()).chain(words(self.reference()));
+        words
+            .find(is_it)
+            .map_or_else(|| self.id().to_uppercase(), str::to_owned)
+    }
 
     /// The paper, in full.
     fn reference(&self) -> &'static str;
@@ -184,6 +196,20 @@ mod tests {
     fn ids_are_unique_and_in_kebab_case() {
         let ids: BTreeSet<_> = MATCHERS.iter().map(|entry| entry.id()).collect();
         assert_eq!(ids.len(), MATCHERS.len());
+        for entry in MATCHERS {
+            let title = entry.title().to_lowercase();
+            assert_eq!(title, entry.id(), "people must find the one by the other");
+        }
+        for (id, title) in [
+            ("binboost", "BinBoost"),
+            ("repmatch", "RepMatch"),
+            ("code", "CODE"),
+        ] {
+            assert_eq!(
+                find(id).map(MatcherEntry::title).ok().as_deref(),
+                Some(title)
+            );
+        }
         for id in ids {
             let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
             assert!(!id.is_empty() && id.chars().all(allowed), "{id}");

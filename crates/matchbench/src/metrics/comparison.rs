@@ -6,8 +6,8 @@
 use std::collections::BTreeMap;
 
 use super::average_matches::is_right;
+use super::scores::AP_THRESHOLD;
 use super::success::share_of_thresholds;
-use super::summary::AP_THRESHOLD;
 use super::{Angle, Bootstrap, PairResult, ResultSet, Score, SuccessCurve, Term};
 
 /// What changed from one set of results to another on the pairs that both have.

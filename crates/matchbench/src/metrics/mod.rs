@@ -1,20 +1,28 @@
 //! Scores: pure functions of what a run left behind, or of anybody's results in the authors' layout.
 //!
-//! [`load`] turns a folder of results into one [`ResultSet`] per dataset, matcher and estimator;
-//! [`Summary::new`] scores it. The definitions stand in one file each: [`SuccessCurve`] (SP and the
+//! [`load`] turns a folder of results into one [`ResultSet`] per dataset, matcher and estimator, and
+//! [`load_errors`] one of published pose errors; [`Summary::new`] scores it by the list [`SCORES`].
+//! The definitions stand in one file each: [`SuccessCurve`] (SP and the
 //! paper's AUC), [`exact_auc`] and [`maa`] (what others call AUC and mAA), [`average_matches`] (AP),
 //! [`Bootstrap`] (intervals) and [`Failures`]. [`compare`] sets two sets of results side by side,
-//! pair by pair; [`strata`] tells easy pairs from hard ones by their [`PairGeometry`].
+//! pair by pair, [`groups`](groups()) those of a dataset all at once; [`strata`] tells easy pairs from hard ones by their [`PairGeometry`].
 
 mod auc;
 mod average_matches;
 mod bootstrap;
 mod comparison;
+mod errors;
 mod failure;
 mod failures;
+mod groups;
+mod load;
+mod pair_choice;
 mod pair_geometry;
 mod pair_result;
+mod portion;
+mod published;
 mod results;
+mod scores;
 mod strata;
 mod success;
 mod summary;
@@ -24,12 +32,18 @@ pub use auc::{exact_auc, maa};
 pub use average_matches::average_matches;
 pub use bootstrap::{Bootstrap, Interval, Term};
 pub use comparison::{Comparison, Lead, auc_difference, compare, leads};
+pub use errors::{ErrorTableError, load_errors};
 pub use failure::Failure;
 pub use failures::Failures;
+pub use groups::{GROUP_LEVEL_NOTE, groups};
+pub use load::{load, load_chosen, load_run};
+pub use pair_choice::PairChoice;
 pub use pair_geometry::{DatasetGeometry, PairGeometry};
 pub use pair_result::{Angle, AngularError, PairResult};
-pub use results::{ResultSet, ResultsError, load, load_run};
+pub use portion::Portion;
+pub use results::{ResultSet, ResultsError};
+pub use scores::{Detail, Notation, SCORES, Score, ScoreKind, Scores, score_kind};
 pub use strata::{Stratum, auc_by_stratum, strata};
 pub use success::{SuccessCurve, THRESHOLDS};
-pub use summary::{Score, Summary};
+pub use summary::Summary;
 pub use times::{Spread, StageSpreads};

@@ -3,9 +3,11 @@
 //! - A [`RunFolder`] holds records. Poses were compared with the truth when they were recorded.
 //! - The authors' layout is `<sequence>/<matcher>.txt`, one row `a b count` + 3x4 pose a pair; a row
 //!   with a zero translation is a pair without a pose. The truth comes from
-//!   `<datasets>/<sequence>/pairs.txt`. A file may be called `<matcher>+<estimator>.txt`.
+//!   `<datasets>/<sequence>/pairs.txt` or from a `groundtruth.txt` beside the matchers' files (see
+//!   `published.rs`). A file may be called `<matcher>+<estimator>.txt`.
 //!
-//! What is scored are the pairs that the dataset lists, or, for a run whose datasets are not at
+//! What is scored are the pairs that the dataset lists, of these only those that a [`PairChoice`]
+//! leaves, or, for a run whose datasets are not at
 //! hand, the pairs that any of its matchers has a record of. Rows for other pairs are ignored and
 //! counted, listed pairs without a row are failures, and a second row for the same pair is an
 //! error: nobody could say which one counts.
@@ -16,11 +18,11 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::datasets::{DatasetError, Pair, read_pairs};
-use crate::records::authors::{self, AuthorsError, Row};
+use crate::records::authors::AuthorsError;
 use crate::records::store;
 use crate::records::{FolderError, Plan, RunFolder, StoreError};
 
-use super::pair_result::scored;
+use super::pair_choice::PairChoice;
 use super::{Failure, PairResult};
 
 /// The results of one matcher with one estimator on one dataset.
@@ -83,100 +85,13 @@ pub enum ResultsError {
     },
 }
 
-/// Reads every set of results in a folder: those of a run in the order of its plan, others sorted
-/// by dataset, matcher and estimator.
-///
-/// `datasets` is the folder that holds `<sequence>/pairs.txt`; a run folder can do without.
-///
-/// # Errors
-/// A file that cannot be read or a line that makes no sense, named by file and line.
-pub fn load(results: &Path, datasets: Option<&Path>) -> Result<Vec<ResultSet>, ResultsError> {
-    if RunFolder::is_at(results) {
-        return load_run(&RunFolder::open(results)?, datasets);
-    }
-    let datasets = datasets.ok_or_else(|| ResultsError::Layout {
-        path: results.to_path_buf(),
-        problem: "not a run folder (no plan.json); for results in the authors' layout, name the \
-                  folder that holds <sequence>/pairs.txt with --datasets"
-            .to_owned(),
-    })?;
-    load_authors(results, datasets)
-}
-
-fn load_authors(results: &Path, datasets: &Path) -> Result<Vec<ResultSet>, ResultsError> {
-    let mut sets = Vec::new();
-    for (dataset, folder) in folders(results)? {
-        let files = files(&folder, "txt")?;
-        if files.is_empty() {
-            continue;
-        }
-        let listed = listed_pairs(datasets, &dataset)?;
-        for (stem, file) in files {
-            let (matcher, estimator) = stem.rsplit_once('+').unwrap_or((&stem, ""));
-            sets.push(ResultSet {
-                dataset: dataset.clone(),
-                matcher: matcher.to_owned(),
-                estimator: estimator.to_owned(),
-                ..score_rows(&file, &listed)?
-            });
-        }
-    }
-    if sets.is_empty() {
-        return Err(ResultsError::Layout {
-            path: results.to_path_buf(),
-            problem: "no results here: neither plan.json nor <sequence>/<matcher>.txt".to_owned(),
-        });
-    }
-    sort(&mut sets);
-    Ok(sets)
-}
-
-/// The rows of one file against the listed pairs; the names are left empty.
-fn score_rows(file: &Path, listed: &[Pair]) -> Result<ResultSet, ResultsError> {
-    let mut rows = BTreeMap::new();
-    for row in authors::read(file)? {
-        let pair = (row.a, row.b);
-        if let Some(first) = rows.insert(pair, row) {
-            return Err(twice(file, rows[&pair].line, pair, first.line));
-        }
-    }
-    let found = rows.len();
-    let pairs: Vec<PairResult> = (listed.iter())
-        .map(|pair| match rows.remove(&(pair.a, pair.b)) {
-            Some(row) => score_row(&row, pair),
-            None => PairResult::failed(pair.a, pair.b, Failure::Missing),
-        })
-        .collect();
-    let missing = (pairs.iter())
-        .filter(|pair| pair.outcome == Err(Failure::Missing))
-        .count();
-    Ok(ResultSet {
-        dataset: String::new(),
-        matcher: String::new(),
-        estimator: String::new(),
-        repetitions: 1,
-        ignored: found - (pairs.len() - missing),
-        pairs,
-    })
-}
-
-fn score_row(row: &Row, truth: &Pair) -> PairResult {
-    let (outcome, correspondences) = scored(&row.outcome(&truth.b_from_a));
-    PairResult {
-        // The layout does not tell why there is no pose.
-        outcome: outcome.map_err(|_| Failure::Unexplained),
-        correspondences,
-        ..PairResult::failed(row.a, row.b, Failure::Unexplained)
-    }
-}
-
 /// Every set of results of a run, in the order of its plan; what the plan does not name comes last.
-///
-/// `datasets` is the folder that holds `<sequence>/pairs.txt`, which then say which pairs count.
-///
-/// # Errors
-/// As [`load`].
-pub fn load_run(run: &RunFolder, datasets: Option<&Path>) -> Result<Vec<ResultSet>, ResultsError> {
+/// Of the pairs only the chosen ones.
+pub(super) fn of_run(
+    run: &RunFolder,
+    datasets: Option<&Path>,
+    choice: &PairChoice,
+) -> Result<Vec<ResultSet>, ResultsError> {
     let mut sets = Vec::new();
     for file in run.record_files()? {
         sets.extend(read_records(&file)?);
@@ -194,6 +109,10 @@ pub fn load_run(run: &RunFolder, datasets: Option<&Path>) -> Result<Vec<ResultSe
             Some(_) => {}
             None => pairs.extend(set.pairs.iter().map(|pair| (pair.a, pair.b))),
         }
+    }
+    for (dataset, pairs) in &mut listed {
+        let chosen = choice.of(dataset)?;
+        pairs.retain(|&(a, b)| chosen(a, b));
     }
     for set in &mut sets {
         complete(set, &listed[&set.dataset]);
@@ -255,7 +174,7 @@ fn read_records(file: &Path) -> Result<Option<ResultSet>, ResultsError> {
     Ok(set)
 }
 
-fn listed_pairs(datasets: &Path, dataset: &str) -> Result<Vec<Pair>, ResultsError> {
+pub(super) fn listed_pairs(datasets: &Path, dataset: &str) -> Result<Vec<Pair>, ResultsError> {
     let file = datasets.join(dataset).join("pairs.txt");
     if !file.is_file() {
         return Err(ResultsError::Layout {
@@ -280,7 +199,7 @@ fn order_as_planned(sets: &mut [ResultSet], plan: &Plan) {
     });
 }
 
-fn sort(sets: &mut [ResultSet]) {
+pub(super) fn sort(sets: &mut [ResultSet]) {
     let key = |set: &ResultSet| {
         let names = [&set.dataset, &set.matcher, &set.estimator];
         names.map(String::clone)
@@ -289,14 +208,14 @@ fn sort(sets: &mut [ResultSet]) {
 }
 
 /// Subfolders and their names, sorted.
-fn folders(path: &Path) -> Result<Vec<(String, PathBuf)>, ResultsError> {
+pub(super) fn folders(path: &Path) -> Result<Vec<(String, PathBuf)>, ResultsError> {
     let mut folders = entries(path)?;
     folders.retain(|(_, path)| path.is_dir());
     Ok(folders)
 }
 
 /// Files with this extension and their names without it, sorted.
-fn files(path: &Path, extension: &str) -> Result<Vec<(String, PathBuf)>, ResultsError> {
+pub(super) fn files(path: &Path, extension: &str) -> Result<Vec<(String, PathBuf)>, ResultsError> {
     let mut files = entries(path)?;
     files.retain(|(_, path)| path.is_file() && path.extension().is_some_and(|e| e == extension));
     for (name, _) in &mut files {
@@ -322,7 +241,7 @@ fn entries(path: &Path) -> Result<Vec<(String, PathBuf)>, ResultsError> {
     Ok(entries)
 }
 
-fn twice(file: &Path, line: usize, (a, b): (u32, u32), first: usize) -> ResultsError {
+pub(super) fn twice(file: &Path, line: usize, (a, b): (u32, u32), first: usize) -> ResultsError {
     ResultsError::Line {
         path: file.to_path_buf(),
         line,
@@ -336,6 +255,7 @@ fn twice(file: &Path, line: usize, (a, b): (u32, u32), first: usize) -> ResultsE
 mod tests {
     use serde_json::json;
 
+    use super::super::load;
     use super::*;
 
     /// A record as a run writes it, right up to 5 degrees.

@@ -2,31 +2,10 @@
 
 use serde::Serialize;
 
-use super::average_matches::is_right;
-use super::success::share_of_thresholds;
 use super::{
-    Angle, Bootstrap, Failures, Interval, PairResult, ResultSet, StageSpreads, SuccessCurve, Term,
-    average_matches, exact_auc, maa,
+    Angle, Bootstrap, Failures, PairResult, Portion, ResultSet, Score, Scores, StageSpreads,
+    SuccessCurve,
 };
-
-/// The threshold at which the paper shows AP, in degrees.
-pub(super) const AP_THRESHOLD: f64 = 5.0;
-
-/// A score and how far it would move with other reference images.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Score {
-    /// The score; `None` where it is undefined (no pairs, or no right pair for AP).
-    pub value: Option<f64>,
-    /// Its bootstrap interval, where there is enough evidence for one.
-    pub interval: Option<Interval>,
-}
-
-impl Score {
-    /// Of a difference: whether its interval leaves no doubt about its sign.
-    pub fn excludes_zero(&self) -> bool {
-        (self.interval).is_some_and(|interval| interval.low > 0.0 || interval.high < 0.0)
-    }
-}
 
 /// All scores of one dataset, matcher and estimator. Ratios are in `[0, 1]` and NaN without pairs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -49,31 +28,23 @@ pub struct Summary {
     pub ignored: usize,
     /// Pairs with a pose, but without a true direction to compare it with (no baseline).
     pub undirected: usize,
-    /// The paper's AUC: mean of SP(1) ... SP(15).
-    pub auc: Score,
+    /// What kind of pairs these are.
+    pub portion: Portion,
+    /// Every score of [`SCORES`](super::SCORES), with its interval.
+    #[serde(flatten)]
+    pub scores: Scores,
     /// Standard deviation of the AUC over the repetitions, where there are several: what other
     /// random choices would change.
     pub auc_deviation: Option<f64>,
-    /// The same of the rotation error alone.
-    pub rotation_auc: Score,
-    /// The same of the translation error alone.
-    pub translation_auc: Score,
-    /// AP(5): mean correspondences over the pairs with a pose error below 5 degrees.
-    pub ap5: Score,
+    /// Letters that it shares with those of this dataset that it does not significantly differ
+    /// from (see [`groups`](super::groups())); empty where nothing was compared.
+    pub group: String,
     /// SP(1) ... SP(15) of the pose error.
     pub sp: SuccessCurve,
     /// The same of the rotation error alone.
     pub rotation_sp: SuccessCurve,
     /// The same of the translation error alone.
     pub translation_sp: SuccessCurve,
-    /// [`exact_auc`] up to 5 degrees (SuperGlue; sign-agnostic).
-    pub exact_auc_5: f64,
-    /// [`exact_auc`] up to 10 degrees.
-    pub exact_auc_10: f64,
-    /// [`exact_auc`] up to 20 degrees.
-    pub exact_auc_20: f64,
-    /// [`maa`] up to 10 degrees (Image Matching Challenge; sign-agnostic).
-    pub maa_10: f64,
     /// Features per image and time per stage, where they were recorded.
     pub stages: StageSpreads,
 }
@@ -94,30 +65,42 @@ impl Summary {
             failures,
             ignored: results.ignored,
             undirected: pairs.iter().filter(|pair| is_undirected(pair)).count(),
-            auc: auc(pairs, Angle::Pose, bootstrap),
+            portion: Portion::of(pairs),
+            scores: Scores::new(pairs, bootstrap),
             auc_deviation: auc_deviation(results),
-            rotation_auc: auc(pairs, Angle::Rotation, bootstrap),
-            translation_auc: auc(pairs, Angle::Translation, bootstrap),
-            ap5: Score {
-                value: average_matches(pairs, AP_THRESHOLD),
-                interval: bootstrap.interval(pairs.iter().map(ap_term)),
-            },
+            group: String::new(),
             sp: curve(Angle::Pose),
             rotation_sp: curve(Angle::Rotation),
             translation_sp: curve(Angle::Translation),
-            exact_auc_5: exact_auc(pairs, 5.0),
-            exact_auc_10: exact_auc(pairs, 10.0),
-            exact_auc_20: exact_auc(pairs, 20.0),
-            maa_10: maa(pairs, 10),
             stages: StageSpreads::new(pairs),
         }
     }
-}
 
-fn auc(pairs: &[PairResult], angle: Angle, bootstrap: &Bootstrap) -> Score {
-    Score {
-        value: (!pairs.is_empty()).then(|| SuccessCurve::new(pairs, angle).auc()),
-        interval: bootstrap.interval(pairs.iter().map(|pair| auc_term(pair, angle))),
+    /// Of a set without names and pairs.
+    pub(crate) fn empty() -> Self {
+        let nothing = ResultSet {
+            dataset: String::new(),
+            matcher: String::new(),
+            estimator: String::new(),
+            repetitions: 1,
+            pairs: Vec::new(),
+            ignored: 0,
+        };
+        Self::new(&nothing, &Bootstrap::default())
+    }
+
+    /// The paper's AUC.
+    pub fn auc(&self) -> Score {
+        self.auc_of(Angle::Pose)
+    }
+
+    /// The AUC of one angle of the error.
+    pub fn auc_of(&self, angle: Angle) -> Score {
+        self.scores.get(match angle {
+            Angle::Pose => "auc",
+            Angle::Rotation => "rotation_auc",
+            Angle::Translation => "translation_auc",
+        })
     }
 }
 
@@ -134,27 +117,6 @@ fn auc_deviation(results: &ResultSet) -> Option<f64> {
     let squares: f64 = aucs.iter().map(|auc| (auc - mean) * (auc - mean)).sum();
     let variance = squares / (aucs.len() as f64 - 1.0);
     (aucs.len() > 1 && variance.is_finite()).then(|| variance.sqrt())
-}
-
-fn auc_term(pair: &PairResult, angle: Angle) -> Term {
-    Term {
-        cluster: pair.a,
-        numerator: share_of_thresholds(pair.error(angle)),
-        denominator: 1.0,
-    }
-}
-
-fn ap_term(pair: &PairResult) -> Term {
-    let right = is_right(pair, AP_THRESHOLD);
-    Term {
-        cluster: pair.a,
-        numerator: if right {
-            pair.correspondences.into()
-        } else {
-            0.0
-        },
-        denominator: if right { 1.0 } else { 0.0 },
-    }
 }
 
 fn is_undirected(pair: &PairResult) -> bool {
@@ -193,14 +155,17 @@ mod tests {
             &Bootstrap::default(),
         );
         assert_eq!((summary.pairs, summary.failed, summary.ignored), (4, 1, 2));
-        let auc = summary.auc.value.expect("there are pairs");
+        let auc = summary.auc().value.expect("there are pairs");
         assert!((auc - (15.0 + 11.0 + 3.0) / (4.0 * 15.0)).abs() < 1e-15);
         // Rotation alone: 0.2, 4.5 and 0.1 add 15, 11 and 15.
-        let rotation = summary.rotation_auc.value.expect("there are pairs");
+        let rotation = summary
+            .auc_of(Angle::Rotation)
+            .value
+            .expect("there are pairs");
         assert!((rotation - 41.0 / 60.0).abs() < 1e-15);
-        assert_eq!(summary.ap5.value, Some(200.0));
+        assert_eq!(summary.scores.get("ap5").value, Some(200.0));
         assert_eq!(summary.sp.at(1), 0.25);
-        let interval = summary.auc.interval.expect("two reference images");
+        let interval = summary.auc().interval.expect("two reference images");
         assert!(interval.low <= auc && auc <= interval.high);
     }
 
@@ -227,14 +192,17 @@ mod tests {
             &results(vec![solved(0, 0.1, 0.1, 50)]),
             &Bootstrap::default(),
         );
-        assert_eq!(summary.auc.value, Some(1.0));
-        assert_eq!(summary.auc.interval, None);
+        assert_eq!(summary.auc().value, Some(1.0));
+        assert_eq!(summary.auc().interval, None);
     }
 
     #[test]
     fn without_pairs_every_score_is_unknown() {
         let summary = Summary::new(&results(vec![]), &Bootstrap::default());
-        assert_eq!((summary.auc.value, summary.ap5.value), (None, None));
-        assert!(summary.maa_10.is_nan() && summary.sp.at(1).is_nan());
+        assert_eq!(
+            (summary.auc().value, summary.scores.get("ap5").value),
+            (None, None)
+        );
+        assert!(summary.scores.get("maa_10").value.is_none() && summary.sp.at(1).is_nan());
     }
 }

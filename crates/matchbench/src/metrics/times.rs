@@ -7,7 +7,7 @@ use crate::records::StageTimes;
 use super::bootstrap::quantile;
 use super::{Failure, PairResult};
 
-/// Quartiles of a set of numbers.
+/// Quartiles and mean of a set of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
     /// A quarter lies below.
@@ -16,10 +16,12 @@ pub struct Spread {
     pub median: f64,
     /// A quarter lies above.
     pub upper: f64,
+    /// The mean, which papers like to show.
+    pub mean: f64,
 }
 
 impl Spread {
-    /// Quartiles of the values; `None` where there are none.
+    /// Quartiles and mean of the values; `None` where there are none.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.into_iter().collect();
         values.sort_by(f64::total_cmp);
@@ -27,6 +29,7 @@ impl Spread {
             lower: quantile(&values, 0.25),
             median: quantile(&values, 0.5),
             upper: quantile(&values, 0.75),
+            mean: values.iter().sum::<f64>() / values.len() as f64,
         })
     }
 }

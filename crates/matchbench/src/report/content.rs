@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use crate::metrics::{Bootstrap, DatasetGeometry, Lead, ResultSet, Summary, leads};
+use crate::metrics::{Bootstrap, DatasetGeometry, Lead, ResultSet, Summary, groups, leads};
 
-use super::PairView;
+use super::{DatasetFacts, PairView};
 
 /// What a reader should know about the run besides its scores.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -22,6 +22,8 @@ pub struct RunFacts {
 /// Everything that stands in a report.
 #[derive(Clone, Debug, Default)]
 pub struct Content {
+    /// The datasets, as far as they are at hand.
+    pub datasets: Vec<DatasetFacts>,
     /// Scores, one for each set of results.
     pub summaries: Vec<Summary>,
     /// The best of each dataset against the others.
@@ -42,10 +44,14 @@ pub struct Content {
 impl Content {
     /// Scores the results; threads are used, and change nothing.
     pub fn new(results: Vec<ResultSet>, bootstrap: &Bootstrap, facts: RunFacts) -> Self {
+        let mut summaries: Vec<Summary> = (results.par_iter())
+            .map(|set| Summary::new(set, bootstrap))
+            .collect();
+        for (summary, group) in summaries.iter_mut().zip(groups(&results, bootstrap)) {
+            summary.group = group;
+        }
         Self {
-            summaries: (results.par_iter())
-                .map(|set| Summary::new(set, bootstrap))
-                .collect(),
+            summaries,
             leads: leads(&results, bootstrap),
             results,
             facts,

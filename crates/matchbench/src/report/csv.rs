@@ -2,108 +2,183 @@
 //! A score that is undefined is an empty field, and `NaN` where the whole column is: readers would
 //! take a column of nothing for one of text. Times are medians, in seconds.
 
-use crate::metrics::{Score, Spread, SuccessCurve, Summary, THRESHOLDS};
+use crate::metrics::{Failures, SCORES, Spread, SuccessCurve, Summary, THRESHOLDS};
 
-/// Columns that hold names.
-const NAMES: usize = 3;
 /// What a column of numbers holds if none of them is known.
 pub(super) const UNKNOWN: &str = "NaN";
 
+/// One field of a row.
+enum Cell {
+    Name(String),
+    /// The same number in every row of a run.
+    Constant(u32),
+    /// A number of things; in the row of means their sum.
+    Count(usize),
+    /// A score; in the row of means the mean of the scores.
+    Score(Option<f64>),
+    /// A number whose mean means nothing.
+    Number(Option<f64>),
+}
+
 /// A header line and one line per summary.
 pub(super) fn render(summaries: &[Summary]) -> String {
-    let mut text = header().join(",");
-    text.push('\n');
-    let mut rows: Vec<Vec<String>> = summaries.iter().map(row).collect();
-    for column in NAMES..header().len() {
-        if rows.iter().all(|row| row[column].is_empty()) {
-            for row in &mut rows {
-                UNKNOWN.clone_into(&mut row[column]);
-            }
-        }
+    table(summaries.iter().map(row).collect())
+}
+
+/// The same, and a last line that is called `mean`: the mean of each score over all datasets, each
+/// counted once, and the sum of each number of pairs.
+pub(super) fn render_with_mean(summaries: &[Summary]) -> String {
+    let mut rows: Vec<Row> = summaries.iter().map(row).collect();
+    if let Some(first) = rows.first() {
+        let mean = (0..first.len()).map(|column| mean(&rows, column)).collect();
+        rows.push(mean);
     }
-    for row in rows {
-        text.push_str(&row.join(","));
-        text.push('\n');
+    table(rows)
+}
+
+type Row = Vec<(String, Cell)>;
+
+fn table(rows: Vec<Row>) -> String {
+    let header: Vec<String> = match rows.first() {
+        Some(row) => row.iter().map(|(head, _)| head.clone()).collect(),
+        None => row(&Summary::empty())
+            .into_iter()
+            .map(|(head, _)| head)
+            .collect(),
+    };
+    let nothing: Vec<bool> = (0..header.len())
+        .map(|column| rows.iter().all(|row| is_nothing(&row[column].1)))
+        .collect();
+    let mut text = header.join(",") + "\n";
+    for row in &rows {
+        let cells: Vec<String> = (row.iter().zip(&nothing))
+            .map(|((_, cell), nothing)| match cell {
+                _ if *nothing => UNKNOWN.to_owned(),
+                Cell::Name(name) => field(name),
+                Cell::Constant(value) => value.to_string(),
+                Cell::Count(count) => count.to_string(),
+                Cell::Score(value) | Cell::Number(value) => number(*value),
+            })
+            .collect();
+        text += &(cells.join(",") + "\n");
     }
     text
 }
 
-fn header() -> Vec<String> {
-    let sp = |prefix| {
-        THRESHOLDS
-            .map(|k| format!("{prefix}sp{k}"))
-            .collect::<Vec<_>>()
-    };
-    let names = |names: &str| names.split(' ').map(str::to_owned).collect::<Vec<_>>();
-    [
-        names("dataset matcher estimator pairs failed auc"),
-        sp(""),
-        names("ap5 auc_low auc_high ap5_low ap5_high"),
-        names("rotation_auc rotation_auc_low rotation_auc_high"),
-        names("translation_auc translation_auc_low translation_auc_high"),
-        names("exact_auc_5 exact_auc_10 exact_auc_20 maa_10 repetitions auc_deviation"),
-        names("too_few_matches no_support broken unexplained missing ignored undirected"),
-        names("features extract_s search_s select_s estimate_s"),
-        sp("rotation_"),
-        sp("translation_"),
-    ]
-    .concat()
+fn is_nothing(cell: &Cell) -> bool {
+    match cell {
+        Cell::Name(_) | Cell::Constant(_) | Cell::Count(_) => false,
+        Cell::Score(value) | Cell::Number(value) => !value.is_some_and(f64::is_finite),
+    }
 }
 
-fn row(summary: &Summary) -> Vec<String> {
-    let sp = |curve: &SuccessCurve| curve.values().map(number).to_vec();
-    let median = |spread: Option<Spread>| number(spread.map(|spread| spread.median));
-    let failures = summary.failures;
+fn row(summary: &Summary) -> Row {
+    let mut row = Row::new();
+    let mut push = |head: &str, cell| row.push((head.to_owned(), cell));
+    push("dataset", Cell::Name(summary.dataset.clone()));
+    push("matcher", Cell::Name(summary.matcher.clone()));
+    push("estimator", Cell::Name(summary.estimator.clone()));
+    push("pairs", Cell::Count(summary.pairs));
+    push("failed", Cell::Count(summary.failed));
+    push(
+        SCORES[0].id,
+        Cell::Score(summary.scores.get(SCORES[0].id).value),
+    );
+    curve(&mut row, "sp", &summary.sp);
+    // Points of the curve are columns already, and so is the first score.
+    for (kind, score) in summary.scores.iter() {
+        if row.iter().all(|(head, _)| head != kind.id) {
+            row.push((kind.id.to_owned(), Cell::Score(score.value)));
+        }
+    }
+    for (kind, score) in summary
+        .scores
+        .iter()
+        .filter(|(kind, _)| kind.term.is_some())
+    {
+        let ends = [
+            ("low", score.interval.map(|i| i.low)),
+            ("high", score.interval.map(|i| i.high)),
+        ];
+        row.extend(ends.map(|(end, value)| (format!("{}_{end}", kind.id), Cell::Number(value))));
+    }
+    let mut push = |head: &str, cell| row.push((head.to_owned(), cell));
+    push("repetitions", Cell::Constant(summary.repetitions));
+    push("auc_deviation", Cell::Number(summary.auc_deviation));
+    push("group", Cell::Name(summary.group.clone()));
+    let Failures {
+        too_few_matches,
+        no_support,
+        broken,
+        unexplained,
+        missing,
+    } = summary.failures;
+    push("too_few_matches", Cell::Count(too_few_matches));
+    push("no_support", Cell::Count(no_support));
+    push("broken", Cell::Count(broken));
+    push("unexplained", Cell::Count(unexplained));
+    push("missing", Cell::Count(missing));
+    push("ignored", Cell::Count(summary.ignored));
+    push("undirected", Cell::Count(summary.undirected));
     let stages = &summary.stages;
-    [
-        vec![
-            field(&summary.dataset),
-            field(&summary.matcher),
-            field(&summary.estimator),
-            summary.pairs.to_string(),
-            summary.failed.to_string(),
-            number(summary.auc.value),
-        ],
-        sp(&summary.sp),
-        vec![number(summary.ap5.value)],
-        interval(&summary.auc),
-        interval(&summary.ap5),
-        vec![number(summary.rotation_auc.value)],
-        interval(&summary.rotation_auc),
-        vec![number(summary.translation_auc.value)],
-        interval(&summary.translation_auc),
-        vec![
-            number(summary.exact_auc_5),
-            number(summary.exact_auc_10),
-            number(summary.exact_auc_20),
-            number(summary.maa_10),
-            summary.repetitions.to_string(),
-            number(summary.auc_deviation),
-            failures.too_few_matches.to_string(),
-            failures.no_support.to_string(),
-            failures.broken.to_string(),
-            failures.unexplained.to_string(),
-            failures.missing.to_string(),
-            summary.ignored.to_string(),
-            summary.undirected.to_string(),
-            median(stages.features),
-            median(stages.extract),
-            median(stages.search),
-            median(stages.select),
-            median(stages.estimate),
-        ],
-        sp(&summary.rotation_sp),
-        sp(&summary.translation_sp),
-    ]
-    .concat()
+    for (head, spread) in [
+        ("features", stages.features),
+        ("extract_s", stages.extract),
+        ("search_s", stages.search),
+        ("select_s", stages.select),
+        ("estimate_s", stages.estimate),
+    ] {
+        push(
+            head,
+            Cell::Number(spread.map(|spread: Spread| spread.median)),
+        );
+    }
+    curve(&mut row, "rotation_sp", &summary.rotation_sp);
+    curve(&mut row, "translation_sp", &summary.translation_sp);
+    row
 }
 
-fn interval(score: &Score) -> Vec<String> {
-    let ends = [
-        score.interval.map(|i| i.low),
-        score.interval.map(|i| i.high),
-    ];
-    ends.map(number).to_vec()
+fn curve(row: &mut Row, prefix: &str, curve: &SuccessCurve) {
+    let values = THRESHOLDS.zip(curve.values());
+    row.extend(values.map(|(k, value)| (format!("{prefix}{k}"), Cell::Score(Some(value)))));
+}
+
+/// The field of the row of means in one column.
+fn mean(rows: &[Row], column: usize) -> (String, Cell) {
+    let head = rows[0][column].0.clone();
+    let cells = || rows.iter().map(|row| &row[column].1);
+    let cell = match &rows[0][column].1 {
+        Cell::Name(_) if head == "dataset" => Cell::Name("mean".to_owned()),
+        Cell::Name(first) => {
+            let same = cells().all(|cell| matches!(cell, Cell::Name(name) if name == first));
+            Cell::Name(if same { first.clone() } else { String::new() })
+        }
+        Cell::Count(_) => Cell::Count(
+            cells()
+                .map(|cell| {
+                    if let Cell::Count(count) = cell {
+                        *count
+                    } else {
+                        0
+                    }
+                })
+                .sum(),
+        ),
+        Cell::Score(_) => {
+            let values: Option<Vec<f64>> = cells()
+                .map(|cell| {
+                    if let Cell::Score(value) = cell {
+                        *value
+                    } else {
+                        None
+                    }
+                })
+                .collect();
+            Cell::Score(values.map(|values| values.iter().sum::<f64>() / values.len() as f64))
+        }
+        Cell::Constant(_) | Cell::Number(_) => Cell::Number(None),
+    };
+    (head, cell)
 }
 
 /// The shortest digits that read back as the same number, always with a point or an exponent: from
@@ -127,55 +202,92 @@ mod tests {
     use super::super::tests::summary;
     use super::*;
 
+    /// The field of a line (from 0, below the header) under a head.
+    fn under<'a>(text: &'a str, line: usize, head: &str) -> &'a str {
+        let mut lines = text.lines();
+        let heads: Vec<&str> = lines.next().expect("a header").split(',').collect();
+        let at = heads.iter().position(|h| *h == head);
+        let fields: Vec<&str> = lines.nth(line).expect("a row").split(',').collect();
+        assert_eq!(fields.len(), heads.len());
+        fields[at.unwrap_or_else(|| panic!("no column {head}"))]
+    }
+
     #[test]
-    fn every_row_has_a_field_for_every_head() {
-        let mut partial = summary("room", "sift", 6);
-        partial.ap5.interval = None;
-        for summary in [partial, summary("room", "sift", 0)] {
-            assert_eq!(row(&summary).len(), header().len());
+    fn every_score_has_one_column_and_those_with_intervals_two_more() {
+        let text = render(&[]);
+        assert!(text.starts_with("dataset,matcher,estimator,pairs,failed,auc,sp1,sp2,"));
+        let heads: Vec<&str> = text.trim_end().split(',').collect();
+        let count = |wanted: &str| heads.iter().filter(|head| **head == wanted).count();
+        for kind in SCORES {
+            assert_eq!(count(kind.id), 1, "{}", kind.id);
+            let ends = usize::from(kind.term.is_some());
+            assert_eq!(count(&format!("{}_low", kind.id)), ends, "{}", kind.id);
+            assert_eq!(count(&format!("{}_high", kind.id)), ends, "{}", kind.id);
         }
-        let start = "dataset,matcher,estimator,pairs,failed,auc,sp1,sp2,";
-        assert!(render(&[]).starts_with(start));
-        assert!(render(&[]).contains(",sp15,ap5,"));
+        assert_eq!(
+            text,
+            render(&[summary("room", "sift", 1)])
+                .lines()
+                .next()
+                .unwrap_or("")
+                .to_owned()
+                + "\n"
+        );
     }
 
     #[test]
     fn a_column_of_nothing_is_one_of_numbers() {
         let text = render(&[summary("room", "sift", 6), summary("hall", "sift", 0)]);
-        let at = header().iter().position(|head| head == "auc_deviation");
-        let cell = |line: usize, at: Option<usize>| {
-            let line = text.lines().nth(line).expect("a head and two rows");
-            line.split(',').nth(at.expect("there is such a column"))
-        };
-        assert_eq!(cell(1, at), Some("NaN"));
+        assert_eq!(under(&text, 0, "auc_deviation"), "NaN");
         // Known on one of two: nothing is nothing.
-        let at = header().iter().position(|head| head == "ap5");
-        assert_eq!((cell(1, at), cell(2, at)), (Some("102.5"), Some("")));
+        assert_eq!(
+            (under(&text, 0, "ap5"), under(&text, 1, "ap5")),
+            ("102.5", "")
+        );
     }
 
     #[test]
     fn fields_stand_under_their_heads() {
         let mut summary = summary("room", "sift", 6);
         summary.failures.missing = 77;
-        summary.maa_10 = 0.123456789012345;
+        summary.scores.get_mut("maa_10").value = Some(0.123456789012345);
         summary.rotation_sp.below[14] = 9;
-        let row = row(&summary);
-        let under = |head: &str| {
-            let at = header().iter().position(|h| h == head);
-            row[at.expect("there is such a column")].as_str()
-        };
-        assert_eq!(under("auc"), "0.6");
-        assert_eq!(under("sp15"), "0.6");
-        assert_eq!(under("ap5"), "102.5");
-        assert_eq!(under("missing"), "77");
-        assert_eq!(under("maa_10"), "0.123456789012345");
-        assert_eq!(under("rotation_sp15"), "0.9");
-        assert_eq!(under("search_s"), "");
+        let text = render(&[summary]);
+        for (head, expected) in [
+            ("auc", "0.6"),
+            ("sp15", "0.6"),
+            ("ap5", "102.5"),
+            ("missing", "77"),
+            ("maa_10", "0.123456789012345"),
+            ("rotation_sp15", "0.9"),
+            ("repetitions", "1"),
+            ("search_s", "NaN"),
+        ] {
+            assert_eq!(under(&text, 0, head), expected, "{head}");
+        }
     }
 
     #[test]
     fn commas_and_quotes_are_quoted() {
         let text = render(&[summary("a, \"b\"", "sift", 1)]);
         assert!(text.contains("\n\"a, \"\"b\"\"\",sift,"), "{text}");
+    }
+
+    #[test]
+    fn the_mean_is_over_datasets() {
+        let text = render_with_mean(&[summary("room", "sift", 6), summary("hall", "sift", 3)]);
+        assert_eq!(
+            (under(&text, 2, "dataset"), under(&text, 2, "matcher")),
+            ("mean", "sift")
+        );
+        let mean: f64 = under(&text, 2, "exact_auc_5").parse().expect("a number");
+        let each = [0, 1].map(|line| under(&text, line, "exact_auc_5").parse::<f64>());
+        let [Ok(room), Ok(hall)] = each else {
+            panic!("numbers: {each:?}")
+        };
+        assert!((mean - (room + hall) / 2.0).abs() < 1e-15 && room > hall);
+        assert_eq!(under(&text, 2, "pairs"), "20");
+        assert_eq!(under(&text, 2, "auc_low"), "");
+        assert!(!render_with_mean(&[]).contains("mean"));
     }
 }

@@ -3,13 +3,17 @@
 use std::collections::BTreeSet;
 
 use crate::metrics::{
-    Angle, PairGeometry, Spread, StageSpreads, Stratum, Summary, auc_by_stratum, strata,
+    Angle, PairGeometry, Portion, Spread, StageSpreads, Stratum, Summary, auc_by_stratum, strata,
 };
 
 use super::content::Content;
+use super::latex::sequence_numbers;
 use super::numbers::short;
 use super::overview::{Overview, REFERENCE};
-use super::svg::{Dot, Place, Rival, ap_bars, forest, heat_map, scatter, sp_curves, strata_curves};
+use super::svg::{
+    ApSeries, Dot, Place, Rival, ap_bars, ap_panel, forest, heat_map, scatter, sp_curves,
+    strata_curves,
+};
 use super::words::advantage;
 
 /// Parts that the pairs of a dataset are cut into by difficulty.
@@ -56,14 +60,17 @@ fn named(overview: &Overview<'_>, column: usize) -> String {
     format!("{} ({})", overview.datasets[column], overview.basis(column))
 }
 
-/// AUC over difficulty, if anything is known of it on this dataset.
-pub(super) fn difficulty_figure(
+/// Number and name of a matcher, and its AUC in each range.
+type Line<'a> = (usize, &'a str, Vec<Option<f64>>);
+
+/// The ranges of a difficulty, and the AUC in each of every matcher; nothing where nothing is known
+/// of it on this dataset.
+pub(super) fn difficulty_lines<'a>(
     content: &Content,
-    overview: &Overview<'_>,
+    overview: &'a Overview<'_>,
     column: usize,
     difficulty: Difficulty,
-    place: Place,
-) -> Option<String> {
+) -> Option<(Vec<String>, Vec<Line<'a>>)> {
     let dataset = overview.datasets[column];
     let geometry = content.geometry.get(dataset)?;
     let value = |geometry: &PairGeometry| difficulty.of(geometry);
@@ -73,7 +80,7 @@ pub(super) fn difficulty_figure(
         (low, high) => format!("{low}–{high}"),
     };
     let ranges: Vec<String> = strata.iter().map(label).collect();
-    let lines: Vec<_> = (overview.ranked(column).into_iter())
+    let lines = (overview.ranked(column).into_iter())
         .filter_map(|(row, summary)| {
             let is_its = |set: &&crate::metrics::ResultSet| {
                 (&set.dataset, &set.matcher, &set.estimator)
@@ -87,6 +94,18 @@ pub(super) fn difficulty_figure(
             ))
         })
         .collect();
+    Some((ranges, lines))
+}
+
+/// AUC over difficulty, if anything is known of it on this dataset.
+pub(super) fn difficulty_figure(
+    content: &Content,
+    overview: &Overview<'_>,
+    column: usize,
+    difficulty: Difficulty,
+    place: Place,
+) -> Option<String> {
+    let (ranges, lines) = difficulty_lines(content, overview, column, difficulty)?;
     let title = format!(
         "AUC over {}: {}",
         difficulty.name(),
@@ -146,7 +165,7 @@ pub(super) fn time_figure(
                 series: row.series,
                 name: &row.label,
                 seconds: seconds_for_a_pair(content, summary)?,
-                auc: summary.auc,
+                auc: summary.auc(),
             })
         })
         .collect();
@@ -230,7 +249,7 @@ pub(super) fn estimator_figure(
         let values: Vec<f64> = summaries
             .iter()
             .filter(here)
-            .filter_map(|s| s.auc.value)
+            .filter_map(|s| s.auc().value)
             .collect();
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     };
@@ -276,12 +295,37 @@ pub(super) fn sp_figure(
     sp_curves(place, &title, &curves)
 }
 
+/// The paper's panel of AP bars of one portion, if any dataset belongs to it.
+pub(super) fn ap_panel_figure(
+    overview: &Overview<'_>,
+    portion: Portion,
+    place: Place,
+) -> Option<String> {
+    let columns: Vec<usize> = (0..overview.datasets.len())
+        .filter(|&column| overview.portions[column] == portion)
+        .collect();
+    let numbers = sequence_numbers(&overview.datasets);
+    let sequences: Vec<String> = columns
+        .iter()
+        .map(|&column| numbers[column].clone())
+        .collect();
+    let series: Vec<ApSeries<'_>> = (overview.rows.iter())
+        .filter(|row| columns.iter().any(|&column| row.cells[column].is_some()))
+        .map(|row| {
+            let ap = |&column: &usize| row.cells[column].as_ref()?.summary.scores.get("ap5").value;
+            (row.series, &*row.label, columns.iter().map(ap).collect())
+        })
+        .collect();
+    let title = format!("AP bars at 5 degrees: {} baselines", portion.name());
+    (!columns.is_empty()).then(|| ap_panel(place, &title, &sequences, &series))
+}
+
 /// The AP bars of one dataset.
 pub(super) fn ap_figure(overview: &Overview<'_>, column: usize, place: Place) -> String {
     let bars: Vec<_> = (overview.rows.iter())
         .filter_map(|row| {
             let summary = row.cells[column].as_ref()?.summary;
-            Some((row.series, &*row.label, summary.ap5))
+            Some((row.series, &*row.label, summary.scores.get("ap5")))
         })
         .collect();
     let title = format!("AP bars at 5 degrees: {}", named(overview, column));

@@ -1,24 +1,29 @@
 //! The report as a folder that opens from disk and can be mailed: `index.html`,
-//! `figures/*.{svg,png}`, `pairs/*/*.html`, `tables/*.{csv,parquet,json,md,tex}`.
+//! `figures/*.{svg,png,vl.json}`, `pairs/*/*.html`, `tables/*.{csv,parquet,json,md,tex}`, and for a paper
+//! `cite/method.{md,tex}` with `cite/cite.bib`.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use serde_json::Value;
 
 use crate::files::write_whole;
-use crate::metrics::Angle;
+use crate::metrics::{Angle, Portion};
 
 use super::content::Content;
 use super::figures::{
-    Difficulty, ap_figure, difficulty_figure, estimator_figure, lead_figure, sp_figure, time_figure,
+    Difficulty, ap_figure, ap_panel_figure, difficulty_figure, estimator_figure, lead_figure,
+    sp_figure, time_figure,
 };
 use super::file_names::file_names;
 use super::overview::Overview;
 use super::pair_table::columns;
 use super::raster::png;
 use super::svg::Place;
-use super::{Format, html, pairs_csv, parquet, render};
+use super::{
+    Format, booktabs, citations, dataset_table, html, method, pairs_csv, parquet, render, vega,
+};
 
 /// Pixels of a PNG figure for each unit of its drawing: sharp on dense screens and in print.
 const PNG_SCALE: f32 = 2.0;
@@ -40,6 +45,22 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
     ] {
         write_whole(&tables.join(name), render(format, summaries).as_bytes())?;
     }
+    write_whole(
+        &tables.join("auc-booktabs.tex"),
+        booktabs::render(summaries).as_bytes(),
+    )?;
+    let cite = folder.join("cite");
+    for (name, text) in [
+        ("method.md", method::markdown(content)),
+        ("method.tex", method::latex(content)),
+        ("cite.bib", citations::render(summaries)),
+    ] {
+        write_whole(&cite.join(name), text.as_bytes())?;
+    }
+    if !content.datasets.is_empty() {
+        let table = dataset_table::latex(&content.datasets);
+        write_whole(&tables.join("datasets.tex"), table.as_bytes())?;
+    }
     let pairs = columns(content);
     write_whole(
         &tables.join("pairs.csv"),
@@ -49,7 +70,11 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
     let drawings = folder.join("figures");
     figures(content, &overview)
         .into_par_iter()
-        .try_for_each(|(name, svg)| {
+        .try_for_each(|(name, svg, spec)| {
+            write_whole(
+                &drawings.join(format!("{name}.vl.json")),
+                format!("{spec:#}\n").as_bytes(),
+            )?;
             write_whole(&drawings.join(format!("{name}.svg")), svg.as_bytes())?;
             write_whole(
                 &drawings.join(format!("{name}.png")),
@@ -64,9 +89,17 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
     Ok(page)
 }
 
-/// Every figure with its name.
-fn figures(content: &Content, overview: &Overview<'_>) -> Vec<(String, String)> {
-    let mut figures = Vec::new();
+/// A figure: its name, its drawing and its specification.
+type Figure = (String, String, Value);
+
+/// Every figure.
+fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
+    let panel = |portion: Portion| {
+        let svg = ap_panel_figure(overview, portion, Place::File)?;
+        let name = format!("ap-{}-baselines", portion.name());
+        Some((name, svg, vega::ap_panel(overview, portion)))
+    };
+    let mut figures: Vec<Figure> = Portion::ALL.into_iter().filter_map(panel).collect();
     let names = file_names(&overview.datasets);
     for (column, (dataset, name)) in overview.datasets.iter().zip(&names).enumerate() {
         for (prefix, angle) in [
@@ -75,24 +108,29 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<(String, String)> 
             ("sp-translation", Angle::Translation),
         ] {
             let svg = sp_figure(overview, column, angle, Place::File);
-            figures.push((format!("{prefix}-{name}"), svg));
+            let spec = vega::sp(overview, column, angle);
+            figures.push((format!("{prefix}-{name}"), svg, spec));
         }
         let svg = ap_figure(overview, column, Place::File);
-        figures.push((format!("ap-{name}"), svg));
+        figures.push((format!("ap-{name}"), svg, vega::ap(overview, column)));
         if let Some(svg) = lead_figure(content, overview, column, Place::File) {
-            figures.push((format!("lead-{name}"), svg));
+            let spec = vega::lead(content, overview, column);
+            figures.push((format!("lead-{name}"), svg, spec));
         }
         for difficulty in Difficulty::ALL {
-            if let Some(svg) = difficulty_figure(content, overview, column, difficulty, Place::File)
-            {
-                figures.push((format!("{}-{name}", difficulty.name()), svg));
+            let svg = difficulty_figure(content, overview, column, difficulty, Place::File);
+            let spec = vega::difficulty(content, overview, column, difficulty);
+            if let (Some(svg), Some(spec)) = (svg, spec) {
+                figures.push((format!("{}-{name}", difficulty.name()), svg, spec));
             }
         }
         if let Some(svg) = time_figure(content, overview, column, Place::File) {
-            figures.push((format!("time-{name}"), svg));
+            let spec = vega::time(content, overview, column);
+            figures.push((format!("time-{name}"), svg, spec));
         }
         if let Some(svg) = estimator_figure(&content.summaries, Some(dataset), Place::File) {
-            figures.push((format!("estimators-{name}"), svg));
+            let spec = vega::estimators(&content.summaries, dataset);
+            figures.push((format!("estimators-{name}"), svg, spec));
         }
     }
     figures
@@ -129,6 +167,7 @@ mod tests {
         assert_eq!(
             names("tables"),
             [
+                "auc-booktabs.tex",
                 "auc.tex",
                 "pairs.csv",
                 "pairs.parquet",
@@ -137,8 +176,8 @@ mod tests {
                 "scores.md"
             ]
         );
-        // Four of each dataset, twice.
-        assert_eq!(names("figures").len(), 16);
+        // Four of each dataset and one of their portion, each as three files.
+        assert_eq!(names("figures").len(), 27);
         assert!(names("figures").contains(&"sp-rotation-a-b-2.svg".to_owned()));
     }
 

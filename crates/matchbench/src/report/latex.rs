@@ -1,58 +1,145 @@
 //! A complete `tabular` like the paper's Table 2: AUC of matchers by datasets, the best three of a
-//! dataset in red, green and blue, those above SIFT in bold, `/` where a matcher was not run.
+//! dataset in red, green and blue, those above SIFT in bold, `/` where a matcher was not run. Rows and
+//! columns stand in the paper's order, under its two portions.
 
 use std::fmt::Write as _;
 
-use crate::metrics::Summary;
+use crate::metrics::{Portion, Summary};
 
+use super::names;
 use super::numbers::ratio;
 use super::overview::{Cell, Overview, Subject};
 
 /// The table, after a comment that names the package it needs.
 pub(super) fn render(summaries: &[Summary]) -> String {
-    let overview = Overview::new(summaries);
+    let overview = Overview::new(summaries).in_the_papers_order();
     let mut text = String::from(
         "% AUC: mean of SP(1) ... SP(15). Best three of each dataset in red, green and blue;\n\
          % above the baseline (SIFT) in bold. Colours need \\usepackage{xcolor} in the preamble.\n",
     );
-    for (column, dataset) in overview.datasets.iter().enumerate() {
-        let basis = overview.basis(column);
-        let _ = writeln!(text, "% {}: {}", comment(dataset), comment(&basis));
-    }
+    let numbers = sequence_numbers(&overview.datasets);
+    bases(&mut text, &overview, &numbers);
     text.push_str("\\providecommand{\\textcolor}[2]{#2}\n");
     text.push_str("\\begin{tabular}{|c|");
     text.push_str(&"c|".repeat(overview.datasets.len()));
     text.push_str("}\n\\hline\n");
-    text.push_str(overview.subject.head());
-    if overview.subject == Subject::Matchers {
-        text.push('s');
+    if overview.datasets.len() > 1 {
+        for (portion, columns) in portions(&overview) {
+            let _ = write!(
+                text,
+                " & \\multicolumn{{{columns}}}{{c|}}{{{}-baseline portion}}",
+                portion.name()
+            );
+        }
+        let _ = write!(
+            text,
+            " \\\\\n\\cline{{2-{}}}\n",
+            overview.datasets.len() + 1
+        );
     }
-    for dataset in &overview.datasets {
+    text.push_str(head(&overview));
+    for number in &numbers {
         text.push_str(" & ");
-        text.push_str(&escape(dataset));
+        text.push_str(&escape(number));
     }
     text.push_str(" \\\\\n\\hline\n");
     for row in &overview.rows {
-        let label = match overview.subject {
-            Subject::Matchers => escape(published_name(&row.label)),
-            _ => escape(&row.label),
-        };
-        text.push_str(&bold_if(row.is_baseline, &label));
+        text.push_str(&bold_if(row.is_baseline, &label(&overview, &row.label)));
         for cell in &row.cells {
             text.push_str(" & ");
             text.push_str(&auc(cell.as_ref()));
         }
         text.push_str(" \\\\\n\\hline\n");
     }
+    footnotes(&mut text, &overview, &[]);
     text.push_str("\\end{tabular}\n");
     text
 }
 
+/// What the columns rest on, as comments.
+pub(super) fn bases(text: &mut String, overview: &Overview<'_>, numbers: &[String]) {
+    for (column, (dataset, number)) in overview.datasets.iter().zip(numbers).enumerate() {
+        let basis = overview.basis(column);
+        let name = if dataset == number {
+            comment(dataset)
+        } else {
+            format!("{} ({})", comment(number), comment(dataset))
+        };
+        let _ = writeln!(text, "% {name}: {}", comment(&basis));
+    }
+}
+
+/// The portions of neighbouring columns, and how many each has.
+pub(super) fn portions(overview: &Overview<'_>) -> Vec<(Portion, usize)> {
+    let mut runs: Vec<(Portion, usize)> = Vec::new();
+    for &portion in &overview.portions {
+        match runs.last_mut() {
+            Some((last, columns)) if *last == portion => *columns += 1,
+            _ => runs.push((portion, 1)),
+        }
+    }
+    runs
+}
+
+/// The head of the first column.
+pub(super) fn head(overview: &Overview<'_>) -> &'static str {
+    match overview.subject {
+        Subject::Matchers => "Matchers",
+        other => other.head(),
+    }
+}
+
+/// The name of a row, as publications write it.
+pub(super) fn label(overview: &Overview<'_>, label: &str) -> String {
+    match overview.subject {
+        Subject::Matchers => escape(&names::title(label)),
+        _ => escape(label),
+    }
+}
+
+/// Lines across the whole table, below it: the estimators, where each matcher has its own, and `more`.
+pub(super) fn footnotes(text: &mut String, overview: &Overview<'_>, more: &[&str]) {
+    let estimators = overview.footnote(names::title).map(|note| escape(&note));
+    let notes = estimators
+        .iter()
+        .map(String::as_str)
+        .chain(more.iter().copied());
+    for note in notes {
+        let _ = writeln!(
+            text,
+            "\\multicolumn{{{}}}{{l}}{{\\footnotesize {note}}} \\\\",
+            overview.datasets.len() + 1
+        );
+    }
+}
+
+/// Datasets as the paper's tables call them: `01-office` is `01`, if no other has this number.
+pub(super) fn sequence_numbers(datasets: &[&str]) -> Vec<String> {
+    let number = |name: &str| {
+        let number = name.split('-').next().unwrap_or_default();
+        let is_number = number.len() == 2 && number.bytes().all(|b| b.is_ascii_digit());
+        is_number.then(|| number.to_owned())
+    };
+    let unique = |wanted: &String| {
+        let same = datasets
+            .iter()
+            .filter(|name| number(name).as_ref() == Some(wanted));
+        same.count() == 1
+    };
+    (datasets.iter())
+        .map(|name| {
+            number(name)
+                .filter(unique)
+                .unwrap_or_else(|| (*name).to_owned())
+        })
+        .collect()
+}
+
 fn auc(cell: Option<&Cell<'_>>) -> String {
-    let Some(cell) = cell.filter(|cell| cell.summary.auc.value.is_some()) else {
+    let Some(cell) = cell.filter(|cell| cell.auc.value.is_some()) else {
         return "/".to_owned();
     };
-    let value = ratio(cell.summary.auc.value);
+    let value = ratio(cell.auc.value);
     let coloured = match cell.rank {
         Some(rank) => {
             let colour = ["red", "green", "blue"][usize::from(rank - 1)];
@@ -71,38 +158,13 @@ fn bold_if(bold: bool, text: &str) -> String {
     }
 }
 
-/// How the paper spells a matcher; others are called by their id.
-fn published_name(id: &str) -> &str {
-    const NAMES: [(&str, &str); 17] = [
-        ("sift", "SIFT"),
-        ("surf", "SURF"),
-        ("orb", "ORB"),
-        ("brisk", "BRISK"),
-        ("kaze", "KAZE"),
-        ("akaze", "AKAZE"),
-        ("dlco", "DLCO"),
-        ("freak", "FREAK"),
-        ("binboost", "BinBoost"),
-        ("latch", "LATCH"),
-        ("daisy", "DAISY"),
-        ("kvld", "KVLD"),
-        ("gaim", "GAIM"),
-        ("code", "CODE"),
-        ("repmatch", "RepMatch"),
-        ("gms", "GMS"),
-        ("asift", "ASIFT"),
-    ];
-    let published = NAMES.iter().find(|name| name.0 == id);
-    published.map_or(id, |name| name.1)
-}
-
 /// A name in a comment: it cannot end the line.
-fn comment(text: &str) -> String {
+pub(super) fn comment(text: &str) -> String {
     text.replace(char::is_control, " ")
 }
 
 /// A name as plain text.
-fn escape(name: &str) -> String {
+pub(super) fn escape(name: &str) -> String {
     let mut text = String::new();
     for c in name.chars() {
         match c {
@@ -130,32 +192,53 @@ mod tests {
 
     #[test]
     fn looks_like_the_table_of_the_paper() {
-        let summaries = [
-            summary("01", "sift", 6),
-            summary("01", "orb", 3),
-            summary("01", "gms", 9),
-            summary("02", "gms", 5),
-            summary("01", "kaze", 7),
+        let mut summaries = [
+            summary("05-castle", "gms", 5),
+            summary("01-office", "sift", 6),
+            summary("01-office", "gms", 9),
+            summary("01-office", "kaze", 7),
+            summary("01-office", "orb", 3),
+            summary("01-office", "binboost", 6),
         ];
+        for summary in &mut summaries[1..] {
+            summary.portion = Portion::Short;
+        }
+        for i in [0, 2] {
+            summaries[i].estimator = "rich".to_owned();
+        }
         let expected = "\\begin{tabular}{|c|c|c|}\n\
-            \\hline\n\
-            Matchers & 01 & 02 \\\\\n\
+            \\hline\n \
+            & \\multicolumn{1}{c|}{short-baseline portion} & \\multicolumn{1}{c|}{wide-baseline portion} \\\\\n\
+            \\cline{2-3}\n\
+            Matchers & 01 & 05 \\\\\n\
             \\hline\n\
             \\textbf{SIFT} & \\textcolor{blue}{0.600} & / \\\\\n\
             \\hline\n\
             ORB & 0.300 & / \\\\\n\
             \\hline\n\
-            GMS & \\textbf{\\textcolor{red}{0.900}} & 0.500 \\\\\n\
-            \\hline\n\
             KAZE & \\textbf{\\textcolor{green}{0.700}} & / \\\\\n\
             \\hline\n\
+            BinBoost & \\textcolor{blue}{0.600} & / \\\\\n\
+            \\hline\n\
+            GMS & \\textbf{\\textcolor{red}{0.900}} & 0.500 \\\\\n\
+            \\hline\n\
+            \\multicolumn{3}{l}{\\footnotesize Pose by ransac-e; by rich: GMS} \\\\\n\
             \\end{tabular}\n";
         let text = render(&summaries);
         assert!(text.ends_with(expected), "{text}");
         assert!(text.lines().take(4).all(|line| line.starts_with('%')));
-        assert!(text.contains("% 01: 10 pairs, ransac-e\n"), "{text}");
+        assert!(text.contains("% 01 (01-office): 10 pairs\n"), "{text}");
         let evil = render(&[summary("a\n\\evil", "sift", 6)]);
         assert!(evil.contains("% a \\evil: 10 pairs"), "{evil}");
+    }
+
+    #[test]
+    fn only_a_number_of_its_own_stands_for_a_name() {
+        let names = ["01-office", "02-a", "02-b", "2024-run", "mine"];
+        assert_eq!(
+            sequence_numbers(&names),
+            ["01", "02-a", "02-b", "2024-run", "mine"]
+        );
     }
 
     #[test]

@@ -2,10 +2,11 @@
 
 use std::fmt::Write as _;
 
-use crate::metrics::Summary;
+use crate::metrics::{Detail, GROUP_LEVEL_NOTE, SCORES, Summary};
 
-use super::numbers::{NONE, count, interval, ratio};
+use super::numbers::{NONE, interval, ratio, score};
 use super::overview::{Cell, Overview};
+use super::words::definitions;
 
 /// Two tables with a line of explanation each.
 pub(super) fn render(summaries: &[Summary]) -> String {
@@ -27,22 +28,31 @@ pub(super) fn render(summaries: &[Summary]) -> String {
     let bases = (overview.datasets.iter().enumerate())
         .map(|(column, name)| format!("{}: {}", escape(name), overview.basis(column)));
     let _ = write!(text, "\n{}.\n", bases.collect::<Vec<_>>().join("; "));
+    if let Some(note) = overview.footnote(escape) {
+        let _ = write!(text, "\n{note}.\n");
+    }
     text.push_str(
-        "\nMean of SP(1) ... SP(15). ①②③: the best three of a dataset; **bold**: above SIFT.\n\n\
-         ### All scores\n\n",
+        "\nMean of SP(1) ... SP(15). ①②③: the best three of a dataset; **bold**: above SIFT.",
     );
-    let heads = "dataset,matcher,estimator,pairs,failed,AUC,95 % interval,SP(5),AUC rotation,\
-                 AUC translation,AP(5),exact AUC 5°,10°,20°,mAA 10°";
-    line(&mut text, heads.split(',').map(str::to_owned));
-    rule(&mut text, 3, 12);
+    if summaries.iter().any(|summary| !summary.group.is_empty()) {
+        let _ = write!(text, " {GROUP_LEVEL_NOTE}");
+    }
+    text.push_str("\n\n### All scores\n\n");
+    let mut heads: Vec<&str> = vec!["dataset", "matcher", "estimator", "pairs", "failed"];
+    for (i, kind) in SCORES.iter().enumerate() {
+        heads.push(kind.heading);
+        if i == 0 {
+            heads.push("95 % interval");
+        }
+    }
+    rule_below(&mut text, &heads);
     for summary in summaries {
         line(&mut text, scores(summary));
     }
-    text.push_str(
-        "\nSP(k): share of pairs with a pose error below k degrees; AP(5): mean correspondences of \
-         the pairs below 5 degrees; exact AUC (as SuperGlue) and mAA (as the Image Matching \
-         Challenge) take a translation and its opposite for the same.\n",
-    );
+    text.push('\n');
+    for (heads, definition) in definitions(Detail::Complete) {
+        let _ = writeln!(text, "- {}: {}", escape(&heads), escape(definition));
+    }
     text
 }
 
@@ -50,33 +60,40 @@ fn auc(cell: Option<&Cell<'_>>) -> String {
     let Some(cell) = cell else {
         return NONE.to_owned();
     };
-    let value = ratio(cell.summary.auc.value);
+    let value = ratio(cell.auc.value);
+    let group = match &*cell.summary.group {
+        "" => String::new(),
+        letters => format!(" <sup>{letters}</sup>"),
+    };
     let mark = ["", "① ", "② ", "③ "][usize::from(cell.rank.unwrap_or(0))];
     if cell.above_baseline {
-        format!("{mark}**{value}**")
+        format!("{mark}**{value}**{group}")
     } else {
-        format!("{mark}{value}")
+        format!("{mark}{value}{group}")
     }
 }
 
-fn scores(s: &Summary) -> [String; 15] {
-    [
+fn scores(s: &Summary) -> Vec<String> {
+    let mut cells = vec![
         escape(&s.dataset),
         escape(&s.matcher),
         escape(&s.estimator),
         s.pairs.to_string(),
         s.failed.to_string(),
-        ratio(s.auc.value),
-        interval(&s.auc, ratio),
-        ratio(s.sp.at(5)),
-        ratio(s.rotation_auc.value),
-        ratio(s.translation_auc.value),
-        count(s.ap5.value),
-        ratio(s.exact_auc_5),
-        ratio(s.exact_auc_10),
-        ratio(s.exact_auc_20),
-        ratio(s.maa_10),
-    ]
+    ];
+    for (i, (kind, value)) in s.scores.iter().enumerate() {
+        cells.push(score(kind.notation, value.value));
+        if i == 0 {
+            cells.push(interval(&value, ratio));
+        }
+    }
+    cells
+}
+
+/// The head of the table of scores, whose first three columns are names.
+fn rule_below(text: &mut String, heads: &[&str]) {
+    line(text, heads.iter().map(|head| (*head).to_owned()));
+    rule(text, 3, heads.len() - 3);
 }
 
 fn line(text: &mut String, cells: impl IntoIterator<Item = String>) {
@@ -130,6 +147,19 @@ mod tests {
             );
         }
         assert!(text.contains("| orb\\_2 |"));
+    }
+
+    #[test]
+    fn every_score_has_a_column_and_a_definition() {
+        let text = render(&[summary("room", "sift", 6)]);
+        for kind in SCORES {
+            assert!(
+                text.contains(&format!("| {} |", kind.heading)),
+                "{}",
+                kind.id
+            );
+            assert!(text.contains(&escape(kind.definition)), "{}", kind.id);
+        }
     }
 
     #[test]

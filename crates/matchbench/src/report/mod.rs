@@ -4,8 +4,13 @@
 //! mail ([`write_report`] for other [`Content`]). Every exporter is a pure function, the same scores give the same bytes, and names from data are
 //! escaped for the format they are written in.
 
+mod booktabs;
+mod bundle;
+mod citations;
 mod content;
 mod csv;
+mod dataset_facts;
+mod dataset_table;
 mod figures;
 mod file_names;
 mod folder;
@@ -13,7 +18,10 @@ mod html;
 mod json;
 mod latex;
 mod markdown;
+mod method;
+mod names;
 mod numbers;
+mod of_results;
 mod of_run;
 mod overview;
 mod pair_table;
@@ -25,6 +33,8 @@ mod pictures;
 mod raster;
 mod svg;
 mod table;
+mod time_table;
+mod vega;
 mod verdict;
 mod words;
 
@@ -32,8 +42,11 @@ use std::str::FromStr;
 
 use crate::metrics::Summary;
 
+pub use bundle::{MOST_BUNDLED, write_bundle};
 pub use content::{Content, RunFacts};
+pub use dataset_facts::DatasetFacts;
 pub use folder::write_report;
+pub use of_results::of_results;
 pub use of_run::{ReportError, ReportOptions, Reported, of_run};
 pub use pair_view::{
     EpipolarLines, MatchView, PairPoses, PairView, Points, Tally, Thumbnail, epipolar_lines,
@@ -41,6 +54,7 @@ pub use pair_view::{
 };
 pub use picture::{picture_png, picture_svg};
 pub use pictures::view;
+pub use time_table::{MatcherTimes, times_as_csv, times_as_latex};
 pub use verdict::verdicts;
 pub use words::{advantage, leads_in_words, sentence};
 
@@ -107,6 +121,16 @@ pub fn render(format: Format, summaries: &[Summary]) -> String {
     }
 }
 
+/// The same, with the mean over all datasets: in CSV as a last row `mean`, in the table of a terminal
+/// as a line below it. The other formats are as [`render`] gives them.
+pub fn render_with_mean(format: Format, summaries: &[Summary]) -> String {
+    match format {
+        Format::Table => table::render_with_mean(summaries),
+        Format::Csv => csv::render_with_mean(summaries),
+        Format::Json | Format::Markdown | Format::Latex => render(format, summaries),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -163,9 +187,9 @@ mod tests {
     #[test]
     fn every_format_takes_none_one_and_undefined_scores() {
         let mut undefined = summary("room", "sift", 0);
-        undefined.auc.value = None;
-        undefined.maa_10 = f64::NAN;
-        undefined.exact_auc_5 = f64::NAN;
+        for kind in crate::metrics::SCORES {
+            undefined.scores.get_mut(kind.id).value = None;
+        }
         for summaries in [vec![], vec![summary("room", "sift", 7)], vec![undefined]] {
             for format in Format::ALL {
                 let text = render(format, &summaries);

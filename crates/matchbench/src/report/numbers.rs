@@ -1,6 +1,6 @@
 //! Numbers as tables show them.
 
-use crate::metrics::{Interval, Score};
+use crate::metrics::{Interval, Notation, Score};
 
 /// Shown where there is no number.
 pub(super) const NONE: &str = "–";
@@ -13,6 +13,14 @@ pub(super) fn ratio(value: impl Into<Option<f64>>) -> String {
 /// A mean count to one decimal.
 pub(super) fn count(value: impl Into<Option<f64>>) -> String {
     decimals(value, 1)
+}
+
+/// A score as its entry says.
+pub(super) fn score(notation: Notation, value: impl Into<Option<f64>>) -> String {
+    match notation {
+        Notation::Ratio => ratio(value),
+        Notation::Count => count(value),
+    }
 }
 
 /// A median count, without decimals.

@@ -7,7 +7,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::bundle::write_bundle;
 use super::content::{Content, RunFacts};
+use super::dataset_facts::DatasetFacts;
 use super::folder::write_report;
 use super::pictures::{self, Keypoints};
 use crate::cache::FeatureCache;
@@ -20,6 +22,8 @@ use crate::records::{FolderError, Plan, RunFolder, StoreError};
 pub struct ReportOptions<'a> {
     /// Its folder. Default: `report` in that of the run.
     pub out: Option<&'a Path>,
+    /// One file that everything goes into, instead of a folder. Default: none.
+    pub bundle: Option<&'a Path>,
     /// The feature cache, from which keypoints are drawn. Default: `cache` in the folder of the run.
     pub cache: Option<&'a Path>,
     /// Pairs of each dataset that have pictures. Default: 16.
@@ -30,6 +34,7 @@ impl Default for ReportOptions<'_> {
     fn default() -> Self {
         Self {
             out: None,
+            bundle: None,
             cache: None,
             pictures: 16,
         }
@@ -85,8 +90,19 @@ pub fn of_run(run: &RunFolder, options: &ReportOptions<'_>) -> Result<Reported, 
     let keypoints = Keypoints::new(run.plan(), FeatureCache::new(cache));
     let count = options.pictures;
     content.views = pictures::sample(run, &content.results, &sequences, keypoints, count)?;
-    let out = (options.out).map_or_else(|| run.default_report(), Path::to_path_buf);
-    let page = write_report(&out, &content)?;
+    content.datasets = (run.plan().datasets.iter())
+        .filter_map(|dataset| {
+            let sequence = sequences.get(&dataset.name)?;
+            Some(DatasetFacts::of_sequence(&dataset.path, sequence))
+        })
+        .collect();
+    let page = match options.bundle {
+        Some(file) => write_bundle(file, &content)?,
+        None => {
+            let out = (options.out).map_or_else(|| run.default_report(), Path::to_path_buf);
+            write_report(&out, &content)?
+        }
+    };
     Ok(Reported { page, notes })
 }
 

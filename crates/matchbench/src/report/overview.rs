@@ -2,8 +2,9 @@
 
 use std::fmt::Write as _;
 
-use crate::metrics::{Angle, Score, Summary};
+use crate::metrics::{Angle, Portion, Score, Summary};
 
+use super::names;
 use super::svg::{COLOURS, DASHES};
 use super::words;
 
@@ -17,13 +18,16 @@ pub(super) const REFERENCE: &str = "ransac-e";
 pub(super) struct Overview<'a> {
     /// Names of the datasets, the columns.
     pub(super) datasets: Vec<&'a str>,
+    /// The portion of the benchmark that each dataset belongs to.
+    pub(super) portions: Vec<Portion>,
     /// What a row is.
     pub(super) subject: Subject,
     /// One row per matcher, or per matcher and estimator where there are several estimators.
     pub(super) rows: Vec<Row<'a>>,
 }
 
-/// What the rows compare: whatever there is only one of stands in no label.
+/// What the rows compare. Whatever there is only one of stands in no label, and neither do estimators
+/// where each matcher has its own: they are a footnote ([`Overview::footnote`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Subject {
     Matchers,
@@ -47,6 +51,8 @@ impl Subject {
 pub(super) struct Row<'a> {
     /// How it is called in tables and legends.
     pub(super) label: String,
+    /// Id of the matcher.
+    pub(super) matcher: &'a str,
     /// Id of the estimator.
     pub(super) estimator: &'a str,
     /// Number of its colour, marker and dash; no two rows have the same.
@@ -65,7 +71,8 @@ pub(super) struct Cell<'a> {
     /// 1, 2 or 3 for the best three of the dataset (equal scores share the rank), if there is
     /// anything to be better than.
     pub(super) rank: Option<u8>,
-    /// Better than SIFT with the same estimator.
+    /// Better than the SIFT of the run: with the same estimator, or, where SIFT was not run with it,
+    /// as it was run.
     pub(super) above_baseline: bool,
 }
 
@@ -94,7 +101,7 @@ impl<'a> Overview<'a> {
             (matcher != BASELINE, place(matcher), estimator != REFERENCE)
         });
         let subject = subject(&methods);
-        let rows = (methods.iter().zip(series(&methods)))
+        let rows = (methods.iter().zip(series(&methods, subject)))
             .map(|(&method, series)| Row {
                 series,
                 label: match subject {
@@ -102,6 +109,7 @@ impl<'a> Overview<'a> {
                     Subject::Estimators => method.1.to_owned(),
                     Subject::Both => words::method(method.0, method.1),
                 },
+                matcher: method.0,
                 estimator: method.1,
                 is_baseline: method.0 == BASELINE && subject != Subject::Estimators,
                 cells: (datasets.iter())
@@ -109,11 +117,64 @@ impl<'a> Overview<'a> {
                     .collect(),
             })
             .collect();
+        let portion = |dataset: &&str| {
+            let summary = summaries.iter().find(|s| s.dataset == *dataset);
+            summary.map_or(Portion::Wide, |summary| summary.portion)
+        };
         Self {
+            portions: datasets.iter().map(portion).collect(),
             datasets,
             subject,
             rows,
         }
+    }
+
+    /// The same table in the order of the paper: matchers as the list of matchers has them, others
+    /// behind, and the short-baseline portion before the wide one.
+    pub(super) fn in_the_papers_order(mut self) -> Self {
+        self.rows.sort_by_key(|row| names::place(row.matcher));
+        let mut columns: Vec<usize> = (0..self.datasets.len()).collect();
+        columns.sort_by_key(|&column| self.portions[column]);
+        for row in &mut self.rows {
+            row.cells = columns
+                .iter()
+                .map(|&column| row.cells[column].take())
+                .collect();
+        }
+        self.datasets = columns
+            .iter()
+            .map(|&column| self.datasets[column])
+            .collect();
+        self.portions = columns
+            .iter()
+            .map(|&column| self.portions[column])
+            .collect();
+        self
+    }
+
+    /// Who was run with which estimator, where each matcher has one and they differ: `Pose by
+    /// ransac-e; by rich: gms, code`. The estimator of SIFT, or else of the first row, is named
+    /// without its matchers.
+    pub(super) fn footnote(&self, name: impl Fn(&str) -> String) -> Option<String> {
+        if self.subject != Subject::Matchers {
+            return None;
+        }
+        let estimators = distinct(self.rows.iter().map(|row| row.estimator));
+        let (first, others) = estimators.split_first()?;
+        if others.is_empty() {
+            return None;
+        }
+        let called = |id: &str| match id {
+            "" => "an estimator that the results do not name".to_owned(),
+            id => id.to_owned(),
+        };
+        let mut text = format!("Pose by {}", called(first));
+        for other in others {
+            let its = self.rows.iter().filter(|row| row.estimator == *other);
+            let matchers: Vec<String> = its.map(|row| name(row.matcher)).collect();
+            let _ = write!(text, "; by {}: {}", called(other), matchers.join(", "));
+        }
+        Some(text)
     }
 
     /// The rows that were run on a dataset, the highest AUC first.
@@ -153,6 +214,8 @@ impl<'a> Overview<'a> {
             return basis;
         };
         let silent = match self.subject {
+            // Several stand in the footnote.
+            Subject::Matchers if self.footnote(str::to_owned).is_some() => "",
             Subject::Matchers => &summary.estimator,
             Subject::Estimators => &summary.matcher,
             Subject::Both => "",
@@ -176,7 +239,9 @@ impl Row<'_> {
 
 fn subject(methods: &[(&str, &str)]) -> Subject {
     let one = |names: Vec<&str>| names.len() < 2;
-    if one(distinct(methods.iter().map(|method| method.1))) {
+    let matchers = distinct(methods.iter().map(|method| method.0));
+    let estimators = distinct(methods.iter().map(|method| method.1));
+    if one(estimators) || matchers.len() == methods.len() {
         Subject::Matchers
     } else if one(distinct(methods.iter().map(|method| method.0))) {
         Subject::Estimators
@@ -187,10 +252,10 @@ fn subject(methods: &[(&str, &str)]) -> Subject {
 
 /// Rows are numbered as they come. But where there are enough dashes for the estimators, a matcher
 /// keeps its colour and marker with all of them, and the dash tells the estimator.
-fn series(methods: &[(&str, &str)]) -> Vec<usize> {
+fn series(methods: &[(&str, &str)], subject: Subject) -> Vec<usize> {
     let matchers = distinct(methods.iter().map(|method| method.0));
     let estimators = distinct(methods.iter().map(|method| method.1));
-    let fits = matchers.len() > 1 && matchers.len() <= COLOURS && estimators.len() <= DASHES;
+    let fits = subject == Subject::Both && matchers.len() <= COLOURS && estimators.len() <= DASHES;
     let place = |names: &[&str], name| names.iter().position(|other| *other == name);
     (methods.iter().enumerate())
         .map(|(i, &(matcher, estimator))| {
@@ -213,15 +278,6 @@ fn distinct<'a>(names: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
     seen
 }
 
-/// The AUC of one angle of the error.
-fn auc_of(summary: &Summary, angle: Angle) -> Score {
-    match angle {
-        Angle::Pose => summary.auc,
-        Angle::Rotation => summary.rotation_auc,
-        Angle::Translation => summary.translation_auc,
-    }
-}
-
 fn cell<'a>(
     summaries: &'a [Summary],
     dataset: &str,
@@ -229,17 +285,20 @@ fn cell<'a>(
     angle: Angle,
 ) -> Option<Cell<'a>> {
     let rivals = || summaries.iter().filter(|s| s.dataset == dataset);
-    let value = |s: &Summary| auc_of(s, angle).value;
+    let value = |s: &Summary| s.auc_of(angle).value;
     let summary = rivals().find(|s| (&*s.matcher, &*s.estimator) == method)?;
     let auc = value(summary);
     let better = rivals().filter(|s| value(s) > auc).count();
     let scored = rivals().filter(|s| value(s).is_some()).count();
-    let baseline = rivals()
-        .find(|s| s.matcher == BASELINE && s.estimator == method.1)
+    let baselines = || rivals().filter(|s| s.matcher == BASELINE);
+    let baseline = baselines()
+        .find(|s| s.estimator == method.1)
+        .or_else(|| baselines().find(|s| s.estimator == REFERENCE))
+        .or_else(|| baselines().next())
         .and_then(value);
     Some(Cell {
         summary,
-        auc: auc_of(summary, angle),
+        auc: summary.auc_of(angle),
         rank: (auc.is_some() && scored > 1 && better < 3).then_some(better as u8 + 1),
         above_baseline: baseline.is_some() && auc > baseline,
     })
@@ -324,6 +383,51 @@ mod tests {
     }
 
     #[test]
+    fn matchers_as_they_were_run_are_measured_by_sift_as_it_was_run() {
+        let mut gms = summary("room", "gms", 9);
+        gms.estimator = "rich".to_owned();
+        let summaries = [gms, summary("room", "orb", 3), summary("room", "sift", 6)];
+        let overview = Overview::new(&summaries);
+        let expected = [
+            ("sift", Some(2), false),
+            ("gms", Some(1), true),
+            ("orb", Some(3), false),
+        ];
+        let expected = expected.map(|(name, rank, above)| (name.to_owned(), rank, above));
+        assert_eq!(marks(&overview), expected);
+        assert_eq!(overview.basis(0), "10 pairs");
+        let note = overview.footnote(str::to_owned);
+        assert_eq!(note.as_deref(), Some("Pose by ransac-e; by rich: gms"));
+        // Where SIFT was run with the same estimator too, that is what counts.
+        let mut rich = summary("room", "sift", 10);
+        rich.estimator = "rich".to_owned();
+        let summaries = [&summaries[..], &[rich]].concat();
+        let overview = Overview::new(&summaries);
+        let row = overview.rows.iter().find(|row| row.label == "gms + rich");
+        let cell = row
+            .and_then(|row| row.cells[0].as_ref())
+            .expect("it was run");
+        assert!(!cell.above_baseline && overview.footnote(str::to_owned).is_none());
+    }
+
+    #[test]
+    fn the_paper_has_its_own_order() {
+        let mut street = summary("street", "kaze", 6);
+        street.portion = Portion::Short;
+        let summaries = [
+            summary("room", "gms", 6),
+            summary("room", "mine", 6),
+            summary("room", "orb", 5),
+            street,
+        ];
+        let overview = Overview::new(&summaries).in_the_papers_order();
+        let labels: Vec<&str> = overview.rows.iter().map(|row| &*row.label).collect();
+        assert_eq!(labels, ["orb", "kaze", "gms", "mine"]);
+        assert_eq!(overview.datasets, ["street", "room"]);
+        assert!(overview.rows[1].cells[0].is_some() && overview.rows[1].cells[1].is_none());
+    }
+
+    #[test]
     fn the_mean_is_of_all_datasets_or_none() {
         let summaries = [
             summary("room", "sift", 6),
@@ -339,9 +443,12 @@ mod tests {
     #[test]
     fn a_matcher_keeps_its_colour_with_every_estimator() {
         let methods = [("sift", "a"), ("sift", "b"), ("orb", "a"), ("orb", "b")];
+        let series = |methods: &[(&str, &str)]| series(methods, subject(methods));
         assert_eq!(series(&methods), [0, COLOURS, 1, COLOURS + 1]);
         // One matcher alone: the estimators are what is compared.
         assert_eq!(series(&methods[..2]), [0, 1]);
+        // Each with its own: the estimator is a footnote.
+        assert_eq!(series(&[("sift", "a"), ("gms", "b")]), [0, 1]);
         let many: Vec<(&str, &str)> = ["a", "b", "c", "d"].map(|e| ("sift", e)).to_vec();
         assert_eq!(
             series(&[&many[..], &[("orb", "a")]].concat()),

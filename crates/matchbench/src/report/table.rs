@@ -2,9 +2,10 @@
 
 use std::fmt::Write as _;
 
-use crate::metrics::Summary;
+use crate::metrics::{Detail, SCORES, Summary};
 
-use super::numbers::{count, interval, ratio};
+use super::numbers::{interval, ratio, score};
+use super::words::definitions;
 
 /// A column: its head, whether it holds names (left-aligned), and its cells.
 struct Column {
@@ -23,7 +24,7 @@ pub(super) fn render(summaries: &[Summary]) -> String {
         left: true,
         cells: summaries.iter().map(|s| printable(cell(s))).collect(),
     };
-    let number = |head, cell: fn(&Summary) -> String| Column {
+    let number = |head, cell: &dyn Fn(&Summary) -> String| Column {
         head,
         left: false,
         cells: summaries.iter().map(cell).collect(),
@@ -36,22 +37,29 @@ pub(super) fn render(summaries: &[Summary]) -> String {
         columns.push(name("estimator", |s| &s.estimator));
     }
     columns.extend([
-        number("pairs", |s| s.pairs.to_string()),
-        number("failed", |s| s.failed.to_string()),
-        number("AUC", |s| ratio(s.auc.value)),
-        number("95 % interval", |s| interval(&s.auc, ratio)),
+        number("pairs", &|s| s.pairs.to_string()),
+        number("failed", &|s| s.failed.to_string()),
     ]);
-    if summaries.iter().any(|s| s.auc_deviation.is_some()) {
-        columns.push(number("sd runs", |s| {
-            s.auc_deviation.map_or_else(String::new, ratio)
+    let shown = SCORES.iter().filter(|kind| kind.detail == Detail::Glance);
+    for (i, kind) in shown.enumerate() {
+        let known = |s: &Summary| s.scores.get(kind.id).value.is_some();
+        if i > 0 && !summaries.iter().any(known) {
+            continue;
+        }
+        columns.push(number(kind.heading, &|s| {
+            score(kind.notation, s.scores.get(kind.id).value)
         }));
+        if i == 0 {
+            columns.push(number("95 % interval", &|s| {
+                interval(&s.scores.get(kind.id), ratio)
+            }));
+            if summaries.iter().any(|s| s.auc_deviation.is_some()) {
+                columns.push(number("sd runs", &|s| {
+                    s.auc_deviation.map_or_else(String::new, ratio)
+                }));
+            }
+        }
     }
-    columns.extend([
-        number("SP(5)", |s| ratio(s.sp.at(5))),
-        number("AUC rot.", |s| ratio(s.rotation_auc.value)),
-        number("AUC trans.", |s| ratio(s.translation_auc.value)),
-        number("AP(5)", |s| count(s.ap5.value)),
-    ]);
     let mut text = line(&columns, |column| column.head);
     let dashes: Vec<String> = columns.iter().map(|c| "-".repeat(width(c))).collect();
     text.push_str(dashes.join("  ").trim_end());
@@ -59,10 +67,10 @@ pub(super) fn render(summaries: &[Summary]) -> String {
     for row in 0..summaries.len() {
         text.push_str(&line(&columns, |column| &column.cells[row]));
     }
-    text.push_str(
-        "\nAUC: mean of SP(1) ... SP(15). SP(k): share of pairs with a pose error below k degrees.\n\
-         AP(5): mean correspondences of the pairs below 5 degrees. Failed pairs count in every share.\n",
-    );
+    text.push('\n');
+    for (heads, definition) in definitions(Detail::Glance) {
+        let _ = writeln!(text, "{heads}: {definition}");
+    }
     for summary in summaries {
         let (missing, ignored) = (summary.failures.missing, summary.ignored);
         if missing + ignored > 0 {
@@ -74,6 +82,30 @@ pub(super) fn render(summaries: &[Summary]) -> String {
                 printable(&summary.dataset),
             );
         }
+    }
+    text
+}
+
+/// The table, and below it the mean of every score over all datasets.
+pub(super) fn render_with_mean(summaries: &[Summary]) -> String {
+    let mut text = render(summaries);
+    let means: Vec<String> = (SCORES.iter())
+        .filter_map(|kind| {
+            let values: Option<Vec<f64>> = (summaries.iter())
+                .map(|summary| summary.scores.get(kind.id).value)
+                .collect();
+            let values = values.filter(|values| !values.is_empty())?;
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            Some(format!("{} {}", kind.heading, score(kind.notation, mean)))
+        })
+        .collect();
+    if !means.is_empty() {
+        let _ = writeln!(
+            text,
+            "\nMean over {} datasets: {}",
+            summaries.len(),
+            means.join(", ")
+        );
     }
     text
 }
@@ -94,7 +126,7 @@ fn line<'a>(columns: &'a [Column], cell: impl Fn(&'a Column) -> &'a str) -> Stri
 
 fn width(column: &Column) -> usize {
     let cells = column.cells.iter().map(|cell| cell.chars().count());
-    cells.max().unwrap_or(0).max(column.head.len())
+    cells.max().unwrap_or(0).max(column.head.chars().count())
 }
 
 /// Without control characters: a name must not be able to move the cursor.
@@ -108,6 +140,28 @@ mod tests {
     use super::*;
 
     #[test]
+    fn every_score_at_a_glance_has_a_column_and_a_definition() {
+        let text = render(&[summary("room", "sift", 6)]);
+        let (table, below) = text.split_once("\n\n").expect("definitions below");
+        let head = table.lines().next().expect("a head");
+        for kind in SCORES.iter().filter(|kind| kind.detail == Detail::Glance) {
+            assert!(
+                head.contains(kind.heading) && below.contains(kind.definition),
+                "{}",
+                kind.id
+            );
+        }
+        // What is known of nobody takes no room.
+        assert!(
+            !render(&[summary("room", "sift", 0)])
+                .lines()
+                .next()
+                .unwrap_or("")
+                .contains("AP(5)")
+        );
+    }
+
+    #[test]
     fn columns_are_aligned() {
         let text = render(&[summary("room", "sift", 6), summary("a-street", "orb", 10)]);
         let lines: Vec<&str> = text.lines().collect();
@@ -115,6 +169,16 @@ mod tests {
         assert_eq!(&lines[2][at - 5..at], "0.600");
         assert_eq!(&lines[3][at - 5..at], "1.000");
         assert!(lines[3].starts_with("a-street  orb "));
+    }
+
+    #[test]
+    fn the_mean_is_over_datasets() {
+        let text = render_with_mean(&[summary("room", "sift", 6), summary("hall", "sift", 3)]);
+        assert!(
+            text.contains("\nMean over 2 datasets: AUC 0.450,"),
+            "{text}"
+        );
+        assert_eq!(render_with_mean(&[]), render(&[]));
     }
 
     #[test]

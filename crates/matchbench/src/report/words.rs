@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use crate::metrics::{Angle, Failure, Lead, PairResult, Score};
+use crate::metrics::{Angle, Detail, Failure, Lead, PairResult, SCORES, Score};
 use crate::records::{MIN_MATCHES, MIN_SUPPORT};
 
 /// In a word or two, for tables.
@@ -62,6 +62,21 @@ pub fn sentence(pair: &PairResult) -> String {
             pair.correspondences
         ),
     }
+}
+
+/// What the scores mean that a table of this detail shows: the heads that share a definition, and it.
+pub(super) fn definitions(detail: Detail) -> Vec<(String, &'static str)> {
+    let mut definitions: Vec<(String, &'static str)> = Vec::new();
+    for kind in SCORES.iter().filter(|kind| kind.detail <= detail) {
+        match definitions.last_mut() {
+            Some((heads, text)) if *text == kind.definition => {
+                heads.push_str(", ");
+                heads.push_str(kind.heading);
+            }
+            _ => definitions.push((kind.heading.to_owned(), kind.definition)),
+        }
+    }
+    definitions
 }
 
 /// A matcher with its estimator, where that is known.
@@ -144,6 +159,18 @@ mod tests {
     use crate::metrics::Interval;
 
     use super::*;
+
+    #[test]
+    fn every_score_that_is_shown_is_defined_once() {
+        for detail in [Detail::Glance, Detail::Complete] {
+            let heads: Vec<String> = (definitions(detail).into_iter())
+                .flat_map(|(heads, _)| heads.split(", ").map(str::to_owned).collect::<Vec<_>>())
+                .collect();
+            let shown = SCORES.iter().filter(|kind| kind.detail <= detail);
+            assert_eq!(heads, shown.map(|kind| kind.heading).collect::<Vec<_>>());
+        }
+        assert!(definitions(Detail::Complete).len() < SCORES.len());
+    }
 
     #[test]
     fn the_same_failure_has_one_name_everywhere() {

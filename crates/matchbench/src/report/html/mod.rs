@@ -13,20 +13,23 @@ pub(super) use pair_pages::pair_pages;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::{AutoEscape, Environment, Template, Value, context};
 
-use crate::metrics::{Angle, Summary};
+use crate::metrics::{Angle, Detail, GROUP_LEVEL_NOTE, Portion, SCORES, Score, ScoreKind, Summary};
 
 use super::content::Content;
 use super::figures::{
-    Difficulty, ap_figure, difficulty_figure, estimator_figure, lead_figure, sp_figure,
-    time_figure, untimed,
+    Difficulty, ap_figure, ap_panel_figure, difficulty_figure, estimator_figure, lead_figure,
+    sp_figure, time_figure, untimed,
 };
-use super::numbers::{NONE, count, interval, ratio};
+use super::method;
+use super::numbers::{self, NONE, interval, ratio};
 use super::overview::{Cell, Overview, REFERENCE, Row, Subject};
-use super::svg::{Place, legend_sample};
-use super::words::leads_in_words;
+use super::svg::{Place, data_url, legend_sample};
+use super::words::{definitions, leads_in_words};
 
 /// The three ways to judge a pose, as the page calls them.
 const ANGLES: [(&str, Angle); 3] = [
@@ -40,8 +43,34 @@ const MOST_WINNERS: usize = 4;
 /// With more curves than this the page opens with those of one estimator.
 const MOST_CURVES: usize = 12;
 
-/// The page as text.
+/// How much goes into the page.
+pub(super) struct Extent {
+    /// Most results of pairs that are listed; a page of 150,000 is about 3 MB.
+    pub(super) results: usize,
+    /// Most bytes of pictures.
+    pub(super) pictures: usize,
+    /// Files that the page holds itself, with their names; without any the page stands in a folder
+    /// that has them.
+    pub(super) files: Vec<(&'static str, String)>,
+}
+
+impl Default for Extent {
+    fn default() -> Self {
+        Self {
+            results: 150_000,
+            pictures: 2_000_000,
+            files: Vec::new(),
+        }
+    }
+}
+
+/// The page as text, for the folder of a report.
 pub(super) fn render(content: &Content) -> String {
+    render_extent(content, &Extent::default())
+}
+
+/// The page with so much in it.
+pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
     let (summaries, facts) = (&content.summaries[..], &content.facts);
     let overview = Overview::new(summaries);
     let environment = environment();
@@ -51,6 +80,7 @@ pub(super) fn render(content: &Content) -> String {
         style => include_str!("style.css"),
         script => include_str!("script.js"),
         headline => headline(&overview),
+        gallery => gallery(content),
         datasets => overview.datasets.len(),
         compared => compared(summaries),
         subject => overview.subject.head(),
@@ -66,6 +96,7 @@ pub(super) fn render(content: &Content) -> String {
         legend => legend(&overview),
         presets => presets(&overview),
         curves => curves(&overview),
+        panels => panels(&overview),
         bars => bars(&overview),
         leads => figures(&overview, |column| {
             lead_figure(content, &overview, column, Place::Page)
@@ -76,7 +107,13 @@ pub(super) fn render(content: &Content) -> String {
         difficulties => difficulties(content, &overview),
         scatters => scatters(content, &overview),
         estimators => estimators(summaries, &overview),
-        pair_list => Value::from_safe_string(pair_list::data(content, &overview)),
+        pair_list => Value::from_safe_string(pair_list::data(content, &overview, extent)),
+        footnote => overview.footnote(str::to_owned),
+        group_note => (summaries.iter().any(|s| !s.group.is_empty())).then_some(GROUP_LEVEL_NOTE),
+        score_heads => score_heads(),
+        definitions => (definitions(Detail::Complete).into_iter())
+            .map(|(heads, text)| context! { heads, text })
+            .collect::<Vec<_>>(),
         scores => summaries.iter().map(scores).collect::<Vec<_>>(),
         failures => summaries.iter().map(failures).collect::<Vec<_>>(),
         times => times::times(content, &overview),
@@ -84,6 +121,13 @@ pub(super) fn render(content: &Content) -> String {
         facts => (facts.facts.iter())
             .map(|(name, value)| context! { name, value })
             .collect::<Vec<_>>(),
+        files => (extent.files.iter())
+            .map(|(name, text)| {
+                let url = format!("data:text/plain;base64,{}", STANDARD.encode(text));
+                context! { name => *name, url => Value::from_safe_string(url) }
+            })
+            .collect::<Vec<_>>(),
+        method => (!summaries.is_empty()).then(|| method::markdown(content)),
         plan => facts.plan.as_deref(),
     };
     template
@@ -161,13 +205,20 @@ fn auc(cell: Option<&Cell<'_>>, angle: Angle) -> Value {
         let _ = write!(
             tip,
             "\nrotation {}, translation {}\n{} of {} pairs failed",
-            ratio(s.rotation_auc.value),
-            ratio(s.translation_auc.value),
+            ratio(s.auc_of(Angle::Rotation).value),
+            ratio(s.auc_of(Angle::Translation).value),
             s.failed,
             s.pairs
         );
     }
-    context! { text => ratio(cell.auc.value), rank => cell.rank, above => cell.above_baseline, tip }
+    let group = (angle == Angle::Pose).then_some(&*s.group);
+    context! {
+        text => ratio(cell.auc.value),
+        rank => cell.rank,
+        above => cell.above_baseline,
+        group,
+        tip,
+    }
 }
 
 /// What is compared, counted or named: `8 matchers with 3 estimators`, `8 matchers with ransac-e`.
@@ -235,6 +286,41 @@ fn curves(overview: &Overview<'_>) -> Vec<Value> {
                 })
                 .to_vec();
             context! { dataset => *dataset, basis => overview.basis(column), panels }
+        })
+        .collect()
+}
+
+/// The datasets with their pictures.
+fn gallery(content: &Content) -> Vec<Value> {
+    (content.datasets.iter())
+        .map(|dataset| {
+            let image = dataset.thumbnail.as_ref().map(data_url);
+            context! {
+                name => &dataset.name,
+                portion => dataset.portion.name(),
+                frames => dataset.frames,
+                pairs => dataset.pairs,
+                size => dataset.size(),
+                origin => &dataset.origin,
+                property => &dataset.property,
+                image => image.map(Value::from_safe_string),
+            }
+        })
+        .collect()
+}
+
+/// The paper's panels of AP bars: where there are several datasets.
+fn panels(overview: &Overview<'_>) -> Vec<Value> {
+    let several = overview.datasets.len() > 1;
+    (Portion::ALL.into_iter())
+        .filter(|_| several)
+        .filter_map(|portion| {
+            let svg = ap_panel_figure(overview, portion, Place::Page)?;
+            let name = match portion {
+                Portion::Short => "Short baselines",
+                Portion::Wide => "Wide baselines",
+            };
+            Some(context! { dataset => name, basis => "", svg => Value::from_safe_string(svg) })
         })
         .collect()
 }
@@ -311,22 +397,25 @@ fn row(summary: &Summary, cells: Vec<String>) -> Value {
     }
 }
 
+/// Heads of the table of all scores: each score, and its interval behind it.
+fn score_heads() -> Vec<&'static str> {
+    let heads = |kind: &ScoreKind| match kind.term {
+        Some(_) => vec![kind.heading, "95 % interval"],
+        None => vec![kind.heading],
+    };
+    SCORES.iter().flat_map(heads).collect()
+}
+
 fn scores(s: &Summary) -> Value {
-    let cells = vec![
-        ratio(s.auc.value),
-        interval(&s.auc, ratio),
-        ratio(s.sp.at(5)),
-        ratio(s.sp.at(10)),
-        ratio(s.rotation_auc.value),
-        ratio(s.translation_auc.value),
-        count(s.ap5.value),
-        interval(&s.ap5, count),
-        ratio(s.exact_auc_5),
-        ratio(s.exact_auc_10),
-        ratio(s.exact_auc_20),
-        ratio(s.maa_10),
-    ];
-    row(s, cells)
+    let cells = |(kind, score): (&ScoreKind, Score)| {
+        let number = |value: Option<f64>| numbers::score(kind.notation, value);
+        let mut cells = vec![number(score.value)];
+        if kind.term.is_some() {
+            cells.push(interval(&score, number));
+        }
+        cells
+    };
+    row(s, s.scores.iter().flat_map(cells).collect())
 }
 
 fn failures(s: &Summary) -> Value {
@@ -388,12 +477,28 @@ mod tests {
     }
 
     #[test]
+    fn every_score_has_a_column_and_a_definition() {
+        let page = page(&[("room", "sift", 4)], "Report");
+        for kind in SCORES {
+            let head = format!("<th scope=\"col\">{}</th>", kind.heading);
+            assert!(page.contains(&head), "{}", kind.id);
+            let start = kind
+                .definition
+                .split(['"', '\''])
+                .next()
+                .unwrap_or_default();
+            assert!(page.contains(start), "{}", kind.id);
+        }
+    }
+
+    #[test]
     fn what_is_compared_is_counted_and_named() {
         let one = content(&[("room", "sift", 4), ("room", "orb", 2)]);
         assert_eq!(compared(&one.summaries), "2 matchers with ransac-e");
         assert!(presets(&Overview::new(&one.summaries)).is_none());
-        let mut both = content(&[("room", "sift", 4), ("room", "orb", 2)]).summaries;
-        both[1].estimator = "best".into();
+        let sets = [("room", "sift", 4), ("room", "orb", 2), ("room", "sift", 6)];
+        let mut both = content(&sets).summaries;
+        both[2].estimator = "best".into();
         assert_eq!(compared(&both), "2 matchers with 2 estimators");
         let page = render(&Content {
             summaries: both,
@@ -410,6 +515,7 @@ mod tests {
             lower: 0.01,
             median: 0.02,
             upper: 0.03,
+            mean: 0.02,
         };
         content.summaries[0].stages.extract = Some(spread);
         content.summaries[0].stages.search = Some(spread);
@@ -431,6 +537,7 @@ mod tests {
             lower: 0.01,
             median: 0.0213,
             upper: 0.05,
+            mean: 0.03,
         };
         content.summaries[0].stages.search = Some(spread);
         let page = render(&content);
@@ -479,6 +586,7 @@ mod tests {
             lower: 0.01,
             median: 0.02,
             upper: 0.03,
+            mean: 0.02,
         });
         let mut tables = tables(&render(&content));
         // The script fills the list of pairs.

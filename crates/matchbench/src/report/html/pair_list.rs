@@ -12,11 +12,9 @@ use super::super::file_names::file_names;
 use super::super::overview::Overview;
 use super::super::svg::{DISTANCES, Place, data_url, pair};
 use super::super::words::{FAILURES, name, reason};
+use super::Extent;
 
-/// Most results that are listed in the page; a page of them is about 3 MB.
-const MOST_RESULTS: usize = 150_000;
-/// Most bytes of pictures in the page, and most pairs of a dataset.
-const MOST_PICTURES: usize = 2_000_000;
+/// Most pairs of a dataset that have pictures in the page.
 const MOST_PICTURED: usize = 4;
 /// Most matches drawn of a pair.
 const MOST_MATCHES: usize = 80;
@@ -84,11 +82,11 @@ struct Picture {
 }
 
 /// JSON that can stand in a `script` element.
-pub(super) fn data(content: &Content, overview: &Overview<'_>) -> String {
+pub(super) fn data(content: &Content, overview: &Overview<'_>, extent: &Extent) -> String {
     let total: usize = content.results.iter().map(|set| set.pairs.len()).sum();
-    let share = (MOST_RESULTS as f64 / total.max(1) as f64).min(1.0);
+    let share = (extent.results as f64 / total.max(1) as f64).min(1.0);
     let mut images = Images::default();
-    let budget = MOST_PICTURES / overview.datasets.len().max(1);
+    let budget = extent.pictures / overview.datasets.len().max(1);
     let datasets = (overview
         .datasets
         .iter()
@@ -97,7 +95,12 @@ pub(super) fn data(content: &Content, overview: &Overview<'_>) -> String {
     .map(|(column, (dataset, folder))| {
         let mut listed = listed(content, overview, (column, dataset), share);
         listed.folder = format!("pairs/{folder}");
-        listed.add_pictures(content, budget, &mut images);
+        if budget > 0 {
+            listed.add_pictures(content, budget, &mut images);
+        }
+        if !extent.files.is_empty() {
+            listed.pages.clear();
+        }
         listed
     })
     .collect();
@@ -288,7 +291,7 @@ mod tests {
     fn names_cannot_end_the_script_and_columns_are_as_long() {
         let content = content(&[("</script>", "sift", 6), ("</script>", "orb", 2)]);
         let overview = Overview::new(&content.summaries);
-        let text = data(&content, &overview);
+        let text = data(&content, &overview, &Extent::default());
         assert!(!text.contains('<'));
         let value: serde_json::Value = serde_json::from_str(&text).expect("it is JSON");
         let listed = &value["datasets"][0];

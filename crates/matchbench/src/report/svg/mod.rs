@@ -5,6 +5,7 @@
 //! apart three times, by colour, by marker and by dash, and keep theirs in every figure of a report.
 
 mod ap_bars;
+mod ap_panel;
 mod forest;
 mod heat_map;
 mod labels;
@@ -17,6 +18,7 @@ mod strata;
 use std::fmt::Write as _;
 
 pub(super) use ap_bars::ap_bars;
+pub(super) use ap_panel::{ApSeries, ap_panel};
 pub(super) use forest::{Rival, forest};
 pub(super) use heat_map::heat_map;
 pub(super) use pair::{DISTANCES, data_url, pair};

@@ -1,0 +1,281 @@
+//! Published pose errors, pair by pair: one table a dataset, scored without poses or images.
+//!
+//! A folder holds `<dataset>.txt` or `<dataset>.csv`; its first line names the columns, separated by
+//! commas or white space. Known are a rotation error and a translation error in degrees, under the
+//! names that tools give them ([`ROTATION`], [`TRANSLATION`]), or one pose error ([`POSE`], the larger
+//! of both); every other column is left alone. Among the tables with these columns are those of ZEB
+//! (Shen et al., "GIM: Learning Generalizable Image Matcher From Internet Videos", ICLR 2024):
+//! `identifiers covisible0 covisible1 R_errs t_errs t_errs2 ...`.
+//!
+//! An empty field, `inf` and `nan` are pairs without a pose. The method is called as the folder. Where
+//! a column `identifiers` names pairs as ZEB does (`scene#image a#image b`), pairs of one first image
+//! stay together in the bootstrap; else every pair is drawn alone.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::{AngularError, Failure, PairResult, ResultSet};
+
+/// Names of the column of rotation errors, in lower case.
+const ROTATION: [&str; 6] = [
+    "r_errs",
+    "r_err",
+    "rotation_error",
+    "rotation_error_deg",
+    "rot_err",
+    "err_r",
+];
+/// Names of the column of translation errors (angle between directions), in lower case.
+const TRANSLATION: [&str; 6] = [
+    "t_errs",
+    "t_err",
+    "translation_error",
+    "translation_error_deg",
+    "trans_err",
+    "err_t",
+];
+/// Names of a column that holds the larger of both, in lower case.
+const POSE: [&str; 4] = ["pose_error", "pose_error_deg", "pose_err", "max_error"];
+/// Name of the column that tells which images a pair is of, in lower case.
+const IDENTIFIERS: &str = "identifiers";
+
+/// Why a table of errors cannot be scored.
+#[derive(Debug, thiserror::Error)]
+pub enum ErrorTableError {
+    /// A file or folder cannot be read.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A line is not what it should be.
+    #[error("{}:{line}: {problem}", path.display())]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong and what to do.
+        problem: String,
+    },
+    /// There is no table.
+    #[error("{}: no tables of errors here; they are <dataset>.txt or <dataset>.csv", .0.display())]
+    Empty(PathBuf),
+}
+
+/// Reads every table of a folder, in the order of their names.
+///
+/// # Errors
+/// A file that cannot be read, a header without errors, or a line that makes no sense, named by
+/// file and line.
+pub fn load_errors(folder: &Path) -> Result<Vec<ResultSet>, ErrorTableError> {
+    let io = |path: &Path| {
+        let path = path.to_path_buf();
+        move |source| ErrorTableError::Io { path, source }
+    };
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).map_err(io(folder))? {
+        let path = entry.map_err(io(folder))?.path();
+        let is_table =
+            (path.extension()).is_some_and(|extension| extension == "txt" || extension == "csv");
+        if is_table && path.is_file() {
+            files.push(path);
+        }
+    }
+    if files.is_empty() {
+        return Err(ErrorTableError::Empty(folder.to_path_buf()));
+    }
+    files.sort();
+    let name = |path: &Path| {
+        let stem = path.file_stem().unwrap_or_default();
+        stem.to_string_lossy().into_owned()
+    };
+    let whole = fs::canonicalize(folder).map_err(io(folder))?;
+    let method = whole.file_name().unwrap_or_default();
+    (files.iter())
+        .map(|file| {
+            let text = fs::read_to_string(file).map_err(io(file))?;
+            let pairs = parse(&text).map_err(|(line, problem)| ErrorTableError::Line {
+                path: file.clone(),
+                line,
+                problem,
+            })?;
+            Ok(ResultSet {
+                dataset: name(file),
+                matcher: method.to_string_lossy().into_owned(),
+                estimator: String::new(),
+                repetitions: 1,
+                pairs,
+                ignored: 0,
+            })
+        })
+        .collect()
+}
+
+/// Where the errors of a row are.
+enum Columns {
+    Apart { rotation: usize, translation: usize },
+    Larger(usize),
+}
+
+/// The pairs of a table, numbered by their rows; or what is wrong in which line.
+fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let mut lines = (text.lines().enumerate())
+        .map(|(index, line)| (index + 1, line.trim()))
+        .filter(|(_, line)| !line.is_empty());
+    let (at, header) = lines.next().ok_or((1, "the table is empty".to_owned()))?;
+    let commas = header.contains(',');
+    let split = |line: &str| -> Vec<String> {
+        let clean = |field: &str| field.trim().trim_matches('"').to_owned();
+        if commas {
+            line.split(',').map(clean).collect()
+        } else {
+            line.split_whitespace().map(clean).collect()
+        }
+    };
+    let header = split(header);
+    let columns = columns(&header).ok_or_else(|| {
+        let problem = format!(
+            "no columns of errors among `{}`; name them {} and {}, or {}",
+            header.join(" "),
+            ROTATION[2],
+            TRANSLATION[2],
+            POSE[0]
+        );
+        (at, problem)
+    })?;
+    let identifiers = header
+        .iter()
+        .position(|head| head.eq_ignore_ascii_case(IDENTIFIERS));
+    let mut references = HashMap::new();
+    lines
+        .zip(0..)
+        .map(|((line, row), index)| {
+            let fields = split(row);
+            if fields.len() != header.len() {
+                let problem = format!("{} fields under {} heads", fields.len(), header.len());
+                return Err((line, problem));
+            }
+            let angle = |column: usize| angle(&fields[column]).map_err(|problem| (line, problem));
+            let errors = match columns {
+                Columns::Larger(pose) => angle(pose)?.map(|pose| (pose, pose)),
+                Columns::Apart {
+                    rotation,
+                    translation,
+                } => angle(rotation)?.zip(angle(translation)?),
+            };
+            let reference = identifiers
+                .and_then(|column| fields[column].rsplit_once('#'))
+                .map_or_else(|| index.to_string(), |(reference, _)| reference.to_owned());
+            let next = references.len() as u32;
+            let a = *references.entry(reference).or_insert(next);
+            let mut pair = PairResult::failed(a, index, Failure::Unexplained);
+            if let Some((rotation, translation)) = errors {
+                pair.outcome = Ok(AngularError {
+                    rotation,
+                    translation: Some(translation),
+                });
+            }
+            Ok(pair)
+        })
+        .collect()
+}
+
+fn columns(header: &[String]) -> Option<Columns> {
+    let find = |names: &[&str]| {
+        let is_it = |head: &String| names.contains(&&*head.to_ascii_lowercase());
+        header.iter().position(is_it)
+    };
+    match (find(&ROTATION), find(&TRANSLATION)) {
+        (Some(rotation), Some(translation)) => Some(Columns::Apart {
+            rotation,
+            translation,
+        }),
+        _ => find(&POSE).map(Columns::Larger),
+    }
+}
+
+/// An error in degrees; `None` where there is no pose.
+fn angle(field: &str) -> Result<Option<f64>, String> {
+    if field.is_empty() {
+        return Ok(None);
+    }
+    let value: f64 =
+        (field.parse()).map_err(|_| format!("`{field}` is not a number of degrees"))?;
+    if !value.is_finite() {
+        return Ok(None);
+    }
+    if !(0.0..=180.0).contains(&value) {
+        return Err(format!("`{field}` is not an angle from 0 to 180 degrees"));
+    }
+    Ok(Some(value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::exact_auc;
+    use super::*;
+
+    #[test]
+    fn tables_of_zeb_and_csv_hold_the_same() {
+        let zeb = "identifiers covisible0 covisible1 R_errs t_errs t_errs2 Bef.Prec\n\
+                   a#1#2 0.9 0.9 0.5 1.0 7.0 1.0\n\
+                   a#1#3 0.9 0.9 3.0 179.0 7.0 1.0\n\
+                   a#1#4 0.9 0.9 inf inf inf 0.0\n\n";
+        let csv = "\"pair\",rotation_error,translation_error\r\n\
+                   a,0.5,1.0\r\nb,3.0,179.0\r\nc,,\r\n";
+        let (zeb, csv) = (parse(zeb).expect("in order"), parse(csv).expect("in order"));
+        let errors =
+            |pairs: &[PairResult]| pairs.iter().map(|p| p.outcome.clone()).collect::<Vec<_>>();
+        assert_eq!(errors(&zeb), errors(&csv));
+        let references = |pairs: &[PairResult]| pairs.iter().map(|p| p.a).collect::<Vec<_>>();
+        assert_eq!(
+            (references(&zeb), references(&csv)),
+            (vec![0, 0, 0], vec![0, 1, 2])
+        );
+        // Errors 1, 3 (an opposite direction is 1 degree off) and none, of three pairs.
+        let expected = (0.5 + 2.0 * 1.5 + 2.0 * 2.0) / 15.0;
+        assert!((exact_auc(&zeb, 5.0) - expected).abs() < 1e-12);
+        let pose = parse("pose_error\n1\n3\nnan\n").expect("in order");
+        assert!((exact_auc(&pose, 5.0) - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_no_table_is_named_by_line() {
+        for (text, expected) in [
+            ("", "the table is empty"),
+            ("a,b\n1,2\n", "no columns of errors among `a b`"),
+            ("R_errs t_errs\n1\n", "1 fields under 2 heads"),
+            ("R_errs t_errs\n1 x\n", "`x` is not a number"),
+            ("R_errs t_errs\n1 -4\n", "`-4` is not an angle"),
+            ("R_errs t_errs\n1 181\n", "`181` is not an angle"),
+        ] {
+            let (line, problem) = parse(text).expect_err(expected);
+            assert!(problem.contains(expected), "{problem}");
+            assert_eq!(line, 1 + usize::from(text.contains("errs")));
+        }
+    }
+
+    #[test]
+    fn a_folder_is_a_method_and_a_file_a_dataset() {
+        let root = tempfile::tempdir().expect("a temporary folder");
+        let folder = root.path().join("root_sift");
+        fs::create_dir(&folder).expect("a folder can be made");
+        assert!(matches!(
+            load_errors(&folder),
+            Err(ErrorTableError::Empty(_))
+        ));
+        for name in ["KITTI.txt", "ICL.csv", "notes.md"] {
+            fs::write(folder.join(name), "pose_error\n1\n2\n").expect("it is ours");
+        }
+        let sets = load_errors(&folder).expect("two tables");
+        let names: Vec<_> = (sets.iter())
+            .map(|set| (&*set.dataset, &*set.matcher, set.pairs.len()))
+            .collect();
+        assert_eq!(names, [("ICL", "root_sift", 2), ("KITTI", "root_sift", 2)]);
+    }
+}

@@ -1,0 +1,69 @@
+//! Which of the pairs that a dataset lists are scored.
+
+use crate::datasets::{DatasetError, PairRule};
+
+/// Which of the listed pairs are scored.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum PairChoice {
+    /// All of them.
+    #[default]
+    Listed,
+    /// Those that a rule chooses too. Frames are numbered as the results number them, so a stride
+    /// has been applied already.
+    Rule(PairRule),
+    /// What the paper scores: of its sequences 06 to 08 every image with the next 9, of all others
+    /// the listed pairs. The authors' folders hold all pairs of 06 to 08.
+    Paper,
+}
+
+impl PairChoice {
+    /// The rule for a dataset.
+    fn rule(&self, dataset: &str) -> PairRule {
+        let number = dataset.split(|c: char| !c.is_ascii_digit()).next();
+        match self {
+            Self::Rule(rule) => rule.clone(),
+            Self::Paper if matches!(number, Some("06" | "07" | "08")) => {
+                PairRule::Window { size: 9, stride: 1 }
+            }
+            Self::Listed | Self::Paper => PairRule::All,
+        }
+    }
+
+    /// Whether a pair of a dataset is scored.
+    ///
+    /// # Errors
+    /// If the list of pairs that the rule names cannot be read.
+    pub(super) fn of(&self, dataset: &str) -> Result<Box<dyn Fn(u32, u32) -> bool>, DatasetError> {
+        match self.rule(dataset) {
+            // A dataset may list a pair in either order.
+            PairRule::All => Ok(Box::new(|_, _| true)),
+            rule => rule.chooser(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_paper_cuts_its_wide_sequences_of_video_alone() {
+        for (dataset, chosen) in [
+            ("05-castle", true),
+            ("06-office-wide", false),
+            ("08", false),
+            ("060-mine", true),
+            ("mine", true),
+        ] {
+            let choice = PairChoice::Paper.of(dataset).expect("no file is needed");
+            assert_eq!(choice(0, 10), chosen, "{dataset}");
+            assert!(choice(1, 10), "{dataset}");
+        }
+    }
+
+    #[test]
+    fn what_is_listed_counts_in_either_order() {
+        let choice = PairChoice::Listed.of("room").expect("no file is needed");
+        assert!(choice(3, 1) && choice(1, 3));
+    }
+}

@@ -1,0 +1,233 @@
+//! Results in the authors' layout, and the truth that stands beside them.
+//!
+//! The authors publish `<sequence>/<matcher>.txt` (see [`authors`]) together with
+//! `<sequence>/groundtruth.txt`, which is no matcher: it holds the true pose of every pair, one a
+//! line, either as `a b` and the 12 numbers of `b_from_a`, or as the 12 numbers alone, in the order
+//! of the rows of the matchers' files. It is used where no `pairs.txt` is named, which goes first:
+//! a dataset says which pairs count, a truth only what is true.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::datasets::{Pair, read_pairs, read_poses_of_pairs};
+use crate::records::authors::{self, Row};
+
+use super::pair_choice::PairChoice;
+use super::pair_result::scored;
+use super::results::{files, folders, listed_pairs, sort, twice};
+use super::{Failure, PairResult, ResultSet, ResultsError};
+
+/// Stem of the file of true poses.
+const TRUTH: &str = "groundtruth";
+
+/// Every set of results of a folder in the authors' layout, in the order of names.
+pub(super) fn load_published(
+    results: &Path,
+    datasets: Option<&Path>,
+    choice: &PairChoice,
+) -> Result<Vec<ResultSet>, ResultsError> {
+    let mut sets = Vec::new();
+    for (dataset, folder) in folders(results)? {
+        let mut files = files(&folder, "txt")?;
+        let truth = (files.iter().position(|(stem, _)| stem == TRUTH)).map(|i| files.remove(i).1);
+        if files.is_empty() {
+            continue;
+        }
+        let mut listed = match (datasets, truth) {
+            (Some(datasets), truth) if truth.is_none() || is_dataset(datasets, &dataset) => {
+                listed_pairs(datasets, &dataset)?
+            }
+            (_, Some(truth)) => read_truth(&truth, &files[0].1)?,
+            _ => {
+                return Err(ResultsError::Layout {
+                    path: results.to_path_buf(),
+                    problem:
+                        "not a run folder (no plan.json); for results in the authors' layout, \
+                              name the folder that holds <sequence>/pairs.txt with --datasets, or \
+                              put a groundtruth.txt beside the results"
+                            .to_owned(),
+                });
+            }
+        };
+        let chosen = choice.of(&dataset)?;
+        listed.retain(|pair| chosen(pair.a, pair.b));
+        for (stem, file) in files {
+            let (matcher, estimator) = stem.rsplit_once('+').unwrap_or((&stem, ""));
+            sets.push(ResultSet {
+                dataset: dataset.clone(),
+                matcher: matcher.to_owned(),
+                estimator: estimator.to_owned(),
+                ..score_rows(&file, &listed)?
+            });
+        }
+    }
+    if sets.is_empty() {
+        return Err(ResultsError::Layout {
+            path: results.to_path_buf(),
+            problem: "no results here: neither plan.json nor <sequence>/<matcher>.txt".to_owned(),
+        });
+    }
+    sort(&mut sets);
+    Ok(sets)
+}
+
+fn is_dataset(datasets: &Path, name: &str) -> bool {
+    datasets.join(name).join("pairs.txt").is_file()
+}
+
+/// The true poses of a `groundtruth.txt`; where its rows name no pairs, they are those of the
+/// results in `first`.
+fn read_truth(truth: &PathBuf, first: &Path) -> Result<Vec<Pair>, ResultsError> {
+    let text = fs::read_to_string(truth).map_err(|source| ResultsError::Io {
+        path: truth.clone(),
+        source,
+    })?;
+    let row = text.lines().find(|line| !line.trim().is_empty());
+    if row.is_some_and(|row| row.split_whitespace().count() == 12) {
+        let pairs: Vec<(u32, u32)> = (authors::read(first)?.iter())
+            .map(|row| (row.a, row.b))
+            .collect();
+        Ok(read_poses_of_pairs(truth, &pairs)?)
+    } else {
+        Ok(read_pairs(truth)?)
+    }
+}
+
+/// The rows of one file against the listed pairs; the names are left empty.
+fn score_rows(file: &Path, listed: &[Pair]) -> Result<ResultSet, ResultsError> {
+    let mut rows = BTreeMap::new();
+    for row in authors::read(file)? {
+        let pair = (row.a, row.b);
+        if let Some(first) = rows.insert(pair, row) {
+            return Err(twice(file, rows[&pair].line, pair, first.line));
+        }
+    }
+    let found = rows.len();
+    let pairs: Vec<PairResult> = (listed.iter())
+        .map(|pair| match rows.remove(&(pair.a, pair.b)) {
+            Some(row) => score_row(&row, pair),
+            None => PairResult::failed(pair.a, pair.b, Failure::Missing),
+        })
+        .collect();
+    let missing = (pairs.iter())
+        .filter(|pair| pair.outcome == Err(Failure::Missing))
+        .count();
+    Ok(ResultSet {
+        dataset: String::new(),
+        matcher: String::new(),
+        estimator: String::new(),
+        repetitions: 1,
+        ignored: found - (pairs.len() - missing),
+        pairs,
+    })
+}
+
+fn score_row(row: &Row, truth: &Pair) -> PairResult {
+    let (outcome, correspondences) = scored(&row.outcome(&truth.b_from_a));
+    PairResult {
+        // The layout does not tell why there is no pose.
+        outcome: outcome.map_err(|_| Failure::Unexplained),
+        correspondences,
+        ..PairResult::failed(row.a, row.b, Failure::Unexplained)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{load, load_chosen};
+    use super::*;
+
+    /// The published shape of two sequences: all pairs of 12 images, right where they are near.
+    fn published(truth: impl Fn(u32, u32) -> String) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        for sequence in ["05-castle", "06-office-wide"] {
+            let dir = folder.path().join(sequence);
+            fs::create_dir(&dir).expect("a folder can be made");
+            let (mut rows, mut poses) = (String::new(), String::new());
+            for a in 0..12 {
+                for b in a + 1..12 {
+                    let pose = if b - a <= 9 { POSE } else { NONE };
+                    rows += &format!("{a} {b} {} {pose}\n", 100 * u32::from(b - a <= 9));
+                    poses += &truth(a, b);
+                }
+            }
+            for (name, text) in [("sift", &rows), ("groundtruth", &poses)] {
+                fs::write(dir.join(format!("{name}.txt")), text).expect("it is ours");
+            }
+        }
+        folder
+    }
+
+    const POSE: &str = "1 0 0 1 0 1 0 0 0 0 1 0";
+    const NONE: &str = "1 0 0 0 0 1 0 0 0 0 1 0";
+
+    fn auc(set: &ResultSet) -> f64 {
+        let right = set.pairs.iter().filter(|pair| pair.outcome.is_ok()).count();
+        right as f64 / set.pairs.len() as f64
+    }
+
+    #[test]
+    fn the_truth_beside_the_results_is_no_matcher() {
+        let named = published(|a, b| format!("{a} {b} {POSE}\n"));
+        let bare = published(|_, _| format!("{POSE}\n"));
+        for folder in [named, bare] {
+            let sets = load(folder.path(), None).expect("the truth is there");
+            let names: Vec<&str> = sets.iter().map(|set| &*set.matcher).collect();
+            assert_eq!(names, ["sift", "sift"]);
+            assert_eq!((sets[0].pairs.len(), sets[0].ignored), (66, 0));
+            assert_eq!(auc(&sets[0]), 63.0 / 66.0);
+        }
+    }
+
+    #[test]
+    fn the_rule_of_the_paper_is_that_of_its_wide_sequences_alone() {
+        let folder = published(|a, b| format!("{a} {b} {POSE}\n"));
+        let sets = load_chosen(folder.path(), None, &PairChoice::Paper).expect("in order");
+        assert_eq!((sets[0].pairs.len(), sets[0].ignored), (66, 0));
+        assert_eq!((sets[1].pairs.len(), sets[1].ignored), (63, 3));
+        assert_eq!(auc(&sets[1]), 1.0);
+        let window = PairChoice::Rule("window:9".parse().expect("a rule"));
+        let sets = load_chosen(folder.path(), None, &window).expect("in order");
+        assert_eq!(sets.iter().map(|set| set.pairs.len()).max(), Some(63));
+        let empty = folder.path().join("none.txt");
+        fs::write(&empty, "0 77\n").expect("it is ours");
+        let list = format!("list:{}", empty.display());
+        let none = PairChoice::Rule(list.parse().expect("a rule"));
+        let error = load_chosen(folder.path(), None, &none).expect_err("no pair is left");
+        assert!(
+            error.to_string().contains("no pair of 05-castle"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn the_list_of_a_dataset_goes_before_the_truth_beside_the_results() {
+        let folder = published(|a, b| format!("{a} {b} {POSE}\n"));
+        let datasets = tempfile::tempdir().expect("a temporary folder");
+        let castle = datasets.path().join("05-castle");
+        fs::create_dir(&castle).expect("a folder can be made");
+        fs::write(castle.join("pairs.txt"), format!("0 1 {POSE}\n")).expect("it is ours");
+        let sets = load(folder.path(), Some(datasets.path())).expect("in order");
+        assert_eq!((sets[0].pairs.len(), sets[0].ignored), (1, 65));
+        assert_eq!(sets[1].pairs.len(), 66);
+    }
+
+    #[test]
+    fn a_wrong_truth_is_named_by_line() {
+        for (truth, expected) in [
+            ("0 1 1 0 0 1 0 1 0 0 0 0 1\n", "groundtruth.txt:1"),
+            ("1 0 0 1 0 1 0 0 0 0 1 0\n", "1 poses for 66 pairs"),
+        ] {
+            let folder = published(|a, b| {
+                if b + a == 1 {
+                    truth.into()
+                } else {
+                    String::new()
+                }
+            });
+            let error = load(folder.path(), None).expect_err(expected);
+            assert!(error.to_string().contains(expected), "{error}");
+        }
+    }
+}

@@ -1,0 +1,326 @@
+//! Every score, defined once: what it is called, what it means, how it is computed and written.
+//!
+//! Tables, CSV, the page and its definitions walk [`SCORES`]; to add a score, add an entry. A score
+//! is a function of the pairs of one [`ResultSet`](super::ResultSet). One that is a ratio of sums
+//! over pairs also says what a pair adds to it ([`Term`]) and thereby has a bootstrap interval.
+
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
+
+use super::average_matches::{average_matches, is_right};
+use super::success::share_of_thresholds;
+use super::{Angle, Bootstrap, Interval, PairResult, SuccessCurve, Term, exact_auc, maa};
+
+/// The threshold at which the paper shows AP, in degrees.
+pub(super) const AP_THRESHOLD: f64 = 5.0;
+
+/// A score as a function of results, and everything that is said about it.
+#[derive(Clone, Copy, Debug)]
+pub struct ScoreKind {
+    /// Name of its column in CSV and JSON; never changes its meaning.
+    pub id: &'static str,
+    /// Head of its column where people read.
+    pub heading: &'static str,
+    /// What it is, in full sentences. Neighbours in the list with the same text share it.
+    pub definition: &'static str,
+    /// The score of all pairs of a set of results; `None` or NaN where it is undefined.
+    pub value: fn(&[PairResult]) -> Option<f64>,
+    /// What one pair adds, for the interval; `None` where the score is no ratio of sums.
+    pub term: Option<fn(&PairResult) -> Term>,
+    /// How the number is written for people.
+    pub notation: Notation,
+    /// Which tables for people have it; CSV and JSON have every score.
+    pub detail: Detail,
+}
+
+/// How a score is written in tables for people.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Notation {
+    /// A share in `[0, 1]`: three decimals.
+    Ratio,
+    /// A mean number of things: one decimal.
+    Count,
+}
+
+/// How closely somebody looks who sees a score.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Detail {
+    /// In the table of a terminal too.
+    Glance,
+    /// In the complete tables of the report only.
+    Complete,
+}
+
+/// All scores, in the order of tables; the first is the paper's.
+pub const SCORES: &[ScoreKind] = &[
+    ScoreKind {
+        id: "auc",
+        heading: "AUC",
+        definition: "Mean of SP(1) ... SP(15), as in \"MatchBench: An Evaluation of Feature Matchers\".",
+        value: |pairs| auc(pairs, Angle::Pose),
+        term: Some(|pair| auc_term(pair, Angle::Pose)),
+        notation: Notation::Ratio,
+        detail: Detail::Glance,
+    },
+    ScoreKind {
+        id: "sp5",
+        heading: "SP(5)",
+        definition: SP,
+        value: |pairs| Some(SuccessCurve::new(pairs, Angle::Pose).at(5)),
+        term: None,
+        notation: Notation::Ratio,
+        detail: Detail::Glance,
+    },
+    ScoreKind {
+        id: "sp10",
+        heading: "SP(10)",
+        definition: SP,
+        value: |pairs| Some(SuccessCurve::new(pairs, Angle::Pose).at(10)),
+        term: None,
+        notation: Notation::Ratio,
+        detail: Detail::Complete,
+    },
+    ScoreKind {
+        id: "rotation_auc",
+        heading: "AUC rot.",
+        definition: ONE_ANGLE,
+        value: |pairs| auc(pairs, Angle::Rotation),
+        term: Some(|pair| auc_term(pair, Angle::Rotation)),
+        notation: Notation::Ratio,
+        detail: Detail::Glance,
+    },
+    ScoreKind {
+        id: "translation_auc",
+        heading: "AUC trans.",
+        definition: ONE_ANGLE,
+        value: |pairs| auc(pairs, Angle::Translation),
+        term: Some(|pair| auc_term(pair, Angle::Translation)),
+        notation: Notation::Ratio,
+        detail: Detail::Glance,
+    },
+    ScoreKind {
+        id: "ap5",
+        heading: "AP(5)",
+        definition: "Mean number of correspondences of the pairs with a pose error below 5 degrees.",
+        value: |pairs| average_matches(pairs, AP_THRESHOLD),
+        term: Some(ap_term),
+        notation: Notation::Count,
+        detail: Detail::Glance,
+    },
+    ScoreKind {
+        id: "exact_auc_5",
+        heading: "Exact AUC 5°",
+        definition: EXACT_AUC,
+        value: |pairs| Some(exact_auc(pairs, 5.0)),
+        term: None,
+        notation: Notation::Ratio,
+        detail: Detail::Complete,
+    },
+    ScoreKind {
+        id: "exact_auc_10",
+        heading: "Exact AUC 10°",
+        definition: EXACT_AUC,
+        value: |pairs| Some(exact_auc(pairs, 10.0)),
+        term: None,
+        notation: Notation::Ratio,
+        detail: Detail::Complete,
+    },
+    ScoreKind {
+        id: "exact_auc_20",
+        heading: "Exact AUC 20°",
+        definition: EXACT_AUC,
+        value: |pairs| Some(exact_auc(pairs, 20.0)),
+        term: None,
+        notation: Notation::Ratio,
+        detail: Detail::Complete,
+    },
+    ScoreKind {
+        id: "maa_10",
+        heading: "mAA 10°",
+        definition: "Mean share of pairs with a pose error below 1, 2, ... 10 degrees, as in the Image \
+                     Matching Challenge; a translation and its opposite count as the same.",
+        value: |pairs| Some(maa(pairs, 10)),
+        term: None,
+        notation: Notation::Ratio,
+        detail: Detail::Complete,
+    },
+];
+
+const SP: &str = "SP(k): share of all listed pairs with a pose error below k degrees, strictly. Pairs \
+                  that failed or have no result count as wrong.";
+const ONE_ANGLE: &str =
+    "The AUC of one angle alone: of the rotation error, and of the translation error.";
+const EXACT_AUC: &str = "Area under recall over the pose error up to so many degrees, as SuperGlue and its \
+                         followers report it; a translation and its opposite count as the same.";
+
+/// The entry of a score.
+///
+/// # Panics
+/// If the list has no score with this id.
+pub fn score_kind(id: &str) -> &'static ScoreKind {
+    &SCORES[place(id)]
+}
+
+fn place(id: &str) -> usize {
+    let place = SCORES.iter().position(|kind| kind.id == id);
+    place.unwrap_or_else(|| panic!("no score is called `{id}`"))
+}
+
+/// A score and how far it would move with other reference images.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Score {
+    /// The score; `None` where it is undefined (no pairs, or no right pair for AP).
+    pub value: Option<f64>,
+    /// Its bootstrap interval, where there is enough evidence for one.
+    pub interval: Option<Interval>,
+}
+
+impl Score {
+    /// Of a difference: whether its interval leaves no doubt about its sign.
+    pub fn excludes_zero(&self) -> bool {
+        (self.interval).is_some_and(|interval| interval.low > 0.0 || interval.high < 0.0)
+    }
+}
+
+/// One value for each entry of [`SCORES`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scores(Vec<Score>);
+
+impl Scores {
+    /// Computes all of them.
+    pub fn new(pairs: &[PairResult], bootstrap: &Bootstrap) -> Self {
+        let score = |kind: &ScoreKind| Score {
+            value: (kind.value)(pairs).filter(|value| value.is_finite()),
+            interval: (kind.term).and_then(|term| bootstrap.interval(pairs.iter().map(term))),
+        };
+        Self(SCORES.iter().map(score).collect())
+    }
+
+    /// The score with this id.
+    ///
+    /// # Panics
+    /// If the list has no score with this id.
+    pub fn get(&self, id: &str) -> Score {
+        self.0[place(id)]
+    }
+
+    /// To change one by hand, which only tests do.
+    #[cfg(test)]
+    pub(crate) fn get_mut(&mut self, id: &str) -> &mut Score {
+        &mut self.0[place(id)]
+    }
+
+    /// Every entry with its score, in the order of the list.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static ScoreKind, Score)> {
+        SCORES.iter().zip(self.0.iter().copied())
+    }
+}
+
+/// A map from ids to scores: an object with value and interval, or a number where there is never
+/// an interval.
+impl Serialize for Scores {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(self.0.len()))?;
+        for (kind, score) in self.iter() {
+            match kind.term {
+                Some(_) => map.serialize_entry(kind.id, &score)?,
+                None => map.serialize_entry(kind.id, &score.value)?,
+            }
+        }
+        map.end()
+    }
+}
+
+fn auc(pairs: &[PairResult], angle: Angle) -> Option<f64> {
+    Some(SuccessCurve::new(pairs, angle).auc())
+}
+
+fn auc_term(pair: &PairResult, angle: Angle) -> Term {
+    Term {
+        cluster: pair.a,
+        numerator: share_of_thresholds(pair.error(angle)),
+        denominator: 1.0,
+    }
+}
+
+fn ap_term(pair: &PairResult) -> Term {
+    let right = is_right(pair, AP_THRESHOLD);
+    Term {
+        cluster: pair.a,
+        numerator: if right {
+            pair.correspondences.into()
+        } else {
+            0.0
+        },
+        denominator: if right { 1.0 } else { 0.0 },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::super::Failure;
+    use super::super::pair_result::tests::solved;
+    use super::*;
+
+    fn pairs() -> Vec<PairResult> {
+        vec![
+            solved(0, 0.2, 0.9, 300),
+            solved(0, 4.5, 1.0, 100),
+            solved(1, 0.1, 12.0, 900),
+            PairResult::failed(1, 5, Failure::TooFewMatches),
+        ]
+    }
+
+    #[test]
+    fn every_score_has_a_name_of_its_own_and_says_what_it_is() {
+        let ids: BTreeSet<_> = SCORES.iter().map(|kind| kind.id).collect();
+        let heads: BTreeSet<_> = SCORES.iter().map(|kind| kind.heading).collect();
+        assert_eq!((ids.len(), heads.len()), (SCORES.len(), SCORES.len()));
+        for kind in SCORES {
+            let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+            assert!(kind.id.chars().all(plain), "{}", kind.id);
+            assert!(kind.definition.ends_with('.'), "{}", kind.id);
+        }
+        assert_eq!(SCORES[0].id, "auc");
+    }
+
+    #[test]
+    fn every_score_is_defined_on_results_and_unknown_without() {
+        let (some, none) = (pairs(), Scores::new(&[], &Bootstrap::default()));
+        let scores = Scores::new(&some, &Bootstrap::default());
+        for (kind, score) in scores.iter() {
+            let value = score.value.unwrap_or_else(|| panic!("{}", kind.id));
+            assert!(value > 0.0, "{}", kind.id);
+            assert_eq!(none.get(kind.id), Score::default(), "{}", kind.id);
+            if kind.notation == Notation::Ratio {
+                assert!(value <= 1.0, "{}", kind.id);
+            }
+        }
+    }
+
+    #[test]
+    fn what_pairs_add_makes_the_score() {
+        for kind in SCORES {
+            let Some(term) = kind.term else { continue };
+            let terms: Vec<Term> = pairs().iter().map(term).collect();
+            let sum = |part: fn(&Term) -> f64| terms.iter().map(part).sum::<f64>();
+            let ratio = sum(|term| term.numerator) / sum(|term| term.denominator);
+            let value = (kind.value)(&pairs()).expect("there are pairs");
+            assert!((ratio - value).abs() < 1e-12, "{}", kind.id);
+        }
+    }
+
+    #[test]
+    fn scores_of_the_paper_by_hand() {
+        let scores = Scores::new(&pairs(), &Bootstrap::default());
+        // Errors 0.9, 4.5, 12 and none: below all of 1 ... 15, below 5 ... 15, below 13, 14, 15.
+        let auc = scores.get("auc").value.expect("there are pairs");
+        assert!((auc - (15.0 + 11.0 + 3.0) / 60.0).abs() < 1e-15);
+        let rotation = scores.get("rotation_auc").value.expect("there are pairs");
+        assert!((rotation - 41.0 / 60.0).abs() < 1e-15);
+        assert_eq!(scores.get("sp5").value, Some(0.5));
+        assert_eq!(scores.get("ap5").value, Some(200.0));
+    }
+}

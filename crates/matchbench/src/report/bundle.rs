@@ -1,0 +1,104 @@
+//! The report as one file to be mailed: the page with its tables inside, as files to be saved.
+//!
+//! It stays below [`MOST_BUNDLED`]: where everything would be larger, pictures go first, then files,
+//! then pairs from the list of pairs. Scores and figures are always there.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::files::write_whole;
+
+use super::content::Content;
+use super::html::{Extent, render_extent};
+use super::pair_table::columns;
+use super::{Format, booktabs, citations, method, pairs_csv, render};
+
+/// Most bytes of the file.
+pub const MOST_BUNDLED: usize = 5_000_000;
+
+/// Writes the file and returns its path.
+///
+/// # Errors
+/// A file that cannot be written, or scores and figures alone that are too large.
+pub fn write_bundle(file: &Path, content: &Content) -> io::Result<PathBuf> {
+    let page = bundle(content, MOST_BUNDLED).ok_or_else(|| {
+        io::Error::new(
+            io::ErrorKind::FileTooLarge,
+            format!(
+                "the figures alone are larger than {MOST_BUNDLED} bytes; report fewer datasets, or \
+                 write a folder with --out"
+            ),
+        )
+    })?;
+    write_whole(file, page.as_bytes())?;
+    Ok(file.to_path_buf())
+}
+
+/// The fullest page that has at most so many bytes.
+fn bundle(content: &Content, most: usize) -> Option<String> {
+    let summaries = &content.summaries;
+    let small = || {
+        vec![
+            ("scores.csv", render(Format::Csv, summaries)),
+            ("scores.md", render(Format::Markdown, summaries)),
+            ("auc.tex", render(Format::Latex, summaries)),
+            ("auc-booktabs.tex", booktabs::render(summaries)),
+            ("method.tex", method::latex(content)),
+            ("cite.bib", citations::render(summaries)),
+        ]
+    };
+    let all = || {
+        let mut files = small();
+        files.push(("pairs.csv", pairs_csv::render(&columns(content))));
+        files
+    };
+    let extents = [
+        (150_000, 2_000_000, true),
+        (150_000, 2_000_000, false),
+        (150_000, 500_000, false),
+        (50_000, 500_000, false),
+        (10_000, 0, false),
+        (1, 0, false),
+    ];
+    (extents.into_iter())
+        .map(|(results, pictures, complete)| Extent {
+            results,
+            pictures,
+            files: if complete { all() } else { small() },
+        })
+        .map(|extent| render_extent(content, &extent))
+        .find(|page| page.len() <= most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::content;
+    use super::*;
+
+    #[test]
+    fn one_file_holds_everything_and_refers_to_nothing_beside_it() {
+        let content = content(&[("room", "sift", 6), ("room", "orb", 2)]);
+        let page = bundle(&content, MOST_BUNDLED).expect("it is small");
+        for name in ["scores.csv", "cite.bib", "pairs.csv", "auc.tex"] {
+            assert!(page.contains(&format!("download=\"{name}\"")), "{name}");
+        }
+        for beside in [
+            "href=\"figures/",
+            "href=\"tables/",
+            "href=\"cite/",
+            "href=\"http",
+        ] {
+            assert!(!page.contains(beside), "{beside}");
+        }
+    }
+
+    #[test]
+    fn what_is_too_large_loses_pairs_before_scores() {
+        let content = content(&[("room", "sift", 6), ("room", "orb", 2)]);
+        let whole = bundle(&content, MOST_BUNDLED).expect("it is small");
+        let less = bundle(&content, whole.len() - 1).expect("without its pairs it fits");
+        assert!(less.len() < whole.len() && !less.contains("download=\"pairs.csv\""));
+        assert!(less.contains("scores.csv"));
+        assert_eq!(bundle(&content, 1000), None);
+    }
+}

@@ -1,0 +1,71 @@
+//! What a report says about its datasets first: the paper's Table 1 and Figure 1.
+
+use std::path::Path;
+
+use crate::datasets::{Sequence, describe, read_gray, read_size};
+use crate::metrics::{PairResult, Portion};
+
+use super::Thumbnail;
+
+/// Longest side of a thumbnail in pixels, and its JPEG quality.
+const EMBEDDED: (u32, u8) = (320, 62);
+
+/// One dataset in the table, with a picture of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DatasetFacts {
+    /// Its name.
+    pub name: String,
+    /// The portion of the benchmark that its pairs belong to.
+    pub portion: Portion,
+    /// How many images it has.
+    pub frames: usize,
+    /// How many pairs it lists.
+    pub pairs: usize,
+    /// Columns and rows of the first image, where it can be read.
+    pub resolution: Option<(usize, usize)>,
+    /// Where it comes from; empty where it does not say.
+    pub origin: String,
+    /// What it shows, in a few words; empty where it does not say.
+    pub property: String,
+    /// The first image of its pair in the middle, where it can be read.
+    pub thumbnail: Option<Thumbnail>,
+}
+
+impl DatasetFacts {
+    /// The facts of a dataset that was opened from the folder `dir`. What cannot be read is left
+    /// out: a report can do without.
+    pub fn of_sequence(dir: &Path, sequence: &Sequence) -> Self {
+        let (origin, property) = describe(dir).unwrap_or_default();
+        let pairs: Vec<PairResult> = (sequence.pairs.iter())
+            .map(|pair| PairResult::failed(pair.a, pair.b, crate::metrics::Failure::Missing))
+            .collect();
+        let middle = sequence.pairs.get(sequence.pairs.len() / 2);
+        let picture = sequence
+            .frames
+            .get(middle.map_or(0, |pair| pair.a as usize));
+        let size = sequence
+            .frames
+            .first()
+            .and_then(|frame| read_size(&frame.image).ok());
+        Self {
+            name: sequence.name.clone(),
+            portion: Portion::of(&pairs),
+            frames: sequence.frames.len(),
+            pairs: sequence.pairs.len(),
+            resolution: size.map(|size| (size.width, size.height)),
+            origin,
+            property,
+            thumbnail: picture
+                .and_then(|frame| read_gray(&frame.image).ok())
+                .map(|image| Thumbnail::new(&image, EMBEDDED.0, EMBEDDED.1)),
+        }
+    }
+
+    /// `640 x 480`, or a dash.
+    pub(super) fn size(&self) -> String {
+        match self.resolution {
+            Some((width, height)) => format!("{width} × {height}"),
+            None => super::numbers::NONE.to_owned(),
+        }
+    }
+}

@@ -1,0 +1,270 @@
+//! The method section that a paper would have, written from what was run: Markdown with citations as
+//! pandoc reads them (`[@key]`) and LaTeX with `\cite`; the keys are those of `cite.bib`.
+
+use std::fmt::Write as _;
+
+use serde_json::Value;
+
+use crate::metrics::{Bootstrap, Portion};
+use crate::records::{MIN_MATCHES, MIN_SUPPORT};
+
+use super::citations::{BENCHMARK, TOOL, citations};
+use super::content::Content;
+use super::latex::escape;
+use super::names::{defaults, references, title};
+
+/// A piece of text, or keys of papers.
+enum Piece {
+    Text(String),
+    Cite(Vec<String>),
+}
+
+/// The paragraph as Markdown.
+pub(super) fn markdown(content: &Content) -> String {
+    let piece = |piece: &Piece| match piece {
+        Piece::Text(text) => text.replace(char::is_control, " "),
+        Piece::Cite(keys) => {
+            let keys: Vec<String> = keys.iter().map(|key| format!("@{key}")).collect();
+            format!(" [{}]", keys.join("; "))
+        }
+    };
+    pieces(content).iter().map(piece).collect::<String>() + "\n"
+}
+
+/// The paragraph as LaTeX.
+pub(super) fn latex(content: &Content) -> String {
+    let piece = |piece: &Piece| match piece {
+        Piece::Text(text) => escape(text),
+        Piece::Cite(keys) => format!("~\\cite{{{}}}", keys.join(",")),
+    };
+    pieces(content).iter().map(piece).collect::<String>() + "\n"
+}
+
+fn pieces(content: &Content) -> Vec<Piece> {
+    let summaries = &content.summaries;
+    let plan: Value = (content.facts.plan.as_deref())
+        .and_then(|plan| serde_json::from_str(plan).ok())
+        .unwrap_or_default();
+    let mut pieces = Vec::new();
+    let mut say = |text: String| pieces.push(Piece::Text(text));
+    if summaries.is_empty() {
+        say("Nothing was scored.".to_owned());
+        return pieces;
+    }
+    say("Matchers are judged by the relative poses they lead to, as in MatchBench".to_owned());
+    pieces.push(Piece::Cite(vec![BENCHMARK.to_owned()]));
+    pieces.push(Piece::Text(format!(
+        ", with matchbench {}",
+        env!("CARGO_PKG_VERSION")
+    )));
+    pieces.push(Piece::Cite(vec![TOOL.to_owned()]));
+    pieces.push(Piece::Text(format!(". The data are {}. ", data(content))));
+
+    let mut matchers: Vec<&str> = Vec::new();
+    let mut estimators: Vec<(&str, Vec<&str>)> = Vec::new();
+    for summary in summaries {
+        if !matchers.contains(&&*summary.matcher) {
+            matchers.push(&summary.matcher);
+        }
+        let at = estimators
+            .iter()
+            .position(|(id, _)| *id == summary.estimator);
+        let at = at.unwrap_or_else(|| {
+            estimators.push((&summary.estimator, Vec::new()));
+            estimators.len() - 1
+        });
+        if !estimators[at].1.contains(&&*summary.matcher) {
+            estimators[at].1.push(&summary.matcher);
+        }
+    }
+    pieces.push(Piece::Text("The matchers are ".to_owned()));
+    for (i, matcher) in matchers.iter().enumerate() {
+        let name = title(matcher) + &changed(&plan["matchers"], matcher);
+        push(
+            &mut pieces,
+            i,
+            matchers.len(),
+            name,
+            references(matcher, "")[0],
+        );
+    }
+    pieces.push(Piece::Text(". The pose is estimated by ".to_owned()));
+    for (i, (estimator, its)) in estimators.iter().enumerate() {
+        let mut name = if estimator.is_empty() {
+            "an estimator that the results do not name".to_owned()
+        } else {
+            (*estimator).to_owned()
+        };
+        name += &changed(&plan["estimators"], estimator);
+        if its.len() < matchers.len() {
+            let its: Vec<String> = its.iter().map(|id| title(id)).collect();
+            let _ = write!(name, " (for {})", its.join(", "));
+        }
+        push(
+            &mut pieces,
+            i,
+            estimators.len(),
+            name,
+            references("", estimator)[1],
+        );
+    }
+    pieces.push(Piece::Text(protocol(content, &plan)));
+    pieces
+}
+
+/// One of several names, with its papers.
+fn push(pieces: &mut Vec<Piece>, i: usize, count: usize, name: String, reference: Option<&str>) {
+    let between = match i {
+        0 => "",
+        _ if i + 1 == count => " and ",
+        _ => ", ",
+    };
+    pieces.push(Piece::Text(format!("{between}{name}")));
+    let keys: Vec<String> = reference
+        .map_or_else(Vec::new, citations)
+        .into_iter()
+        .map(|c| c.key)
+        .collect();
+    if !keys.is_empty() {
+        pieces.push(Piece::Cite(keys));
+    }
+}
+
+/// Datasets, pairs and sizes: `room (10 pairs, wide baselines, 640 × 480 pixels)`.
+fn data(content: &Content) -> String {
+    let mut names: Vec<String> = Vec::new();
+    let mut seen: Vec<&str> = Vec::new();
+    for summary in &content.summaries {
+        if seen.contains(&&*summary.dataset) {
+            continue;
+        }
+        seen.push(&summary.dataset);
+        let pairs = summary.pairs / summary.repetitions.max(1) as usize;
+        let portion = match summary.portion {
+            Portion::Short => "short baselines",
+            Portion::Wide => "wide baselines",
+        };
+        let mut text = format!("{} ({pairs} pairs, {portion}", summary.dataset);
+        let facts = content
+            .datasets
+            .iter()
+            .find(|facts| facts.name == summary.dataset);
+        if let Some((width, height)) = facts.and_then(|facts| facts.resolution) {
+            let _ = write!(text, ", {width} × {height} pixels");
+        }
+        names.push(text + ")");
+    }
+    names.join(", ")
+}
+
+/// Parameters of the plan that are not the defaults: ` (ratio = 0.7)`.
+fn changed(entries: &Value, id: &str) -> String {
+    let Some(defaults) = defaults(id) else {
+        return String::new();
+    };
+    let its = |entry: &&Value| entry["id"] == id;
+    let entry = entries
+        .as_array()
+        .and_then(|entries| entries.iter().find(its));
+    let mut found = Vec::new();
+    if let Some(entry) = entry {
+        differences("", &entry["params"], &defaults, &mut found);
+    }
+    match found.len() {
+        0 => String::new(),
+        _ => format!(" ({})", found.join(", ")),
+    }
+}
+
+fn differences(path: &str, value: &Value, default: &Value, found: &mut Vec<String>) {
+    match value {
+        Value::Object(fields) => {
+            for (name, value) in fields {
+                let path = match path {
+                    "" => name.clone(),
+                    _ => format!("{path}.{name}"),
+                };
+                differences(&path, value, &default[name], found);
+            }
+        }
+        value if value != default => found.push(format!("{path} = {value}")),
+        _ => {}
+    }
+}
+
+fn protocol(content: &Content, plan: &Value) -> String {
+    let bootstrap = Bootstrap::default();
+    let repetitions = content
+        .summaries
+        .iter()
+        .map(|s| s.repetitions)
+        .max()
+        .unwrap_or(1);
+    let mut text = format!(
+        ". A pair fails with fewer than {MIN_MATCHES} selected matches, or fewer than {MIN_SUPPORT} in front \
+         of both cameras; failed and missing pairs stay in every denominator. The pose error is the \
+         larger of the angles of rotation and of (signed) translation; SP(k) is the share of pairs below \
+         k degrees, and the AUC is the mean of SP(1) to SP(15). Intervals are {:.0} % percentile intervals \
+         of {} bootstrap resamples of the reference images with all of their pairs; differences are paired.",
+        bootstrap.level * 100.0,
+        bootstrap.resamples
+    );
+    if repetitions > 1 {
+        let _ = write!(
+            text,
+            " Every pair was run {repetitions} times with other random choices."
+        );
+    }
+    if let Some(seed) = plan["settings"]["seed"].as_u64() {
+        let _ = write!(text, " All random choices follow from the seed {seed}.");
+    }
+    text.push_str(" Parameters are the defaults of this version where none are named.");
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::content;
+    use super::*;
+
+    #[test]
+    fn what_was_run_is_said_and_cited() {
+        let mut content = content(&[
+            ("room", "sift", 6),
+            ("room", "gms", 9),
+            ("room", "mine_2", 1),
+        ]);
+        content.summaries[1].estimator = "rich".into();
+        content.facts.plan = Some(
+            r#"{"settings": {"seed": 7}, "matchers": [{"id": "sift", "params": {"ratio": 0.7}}]}"#
+                .into(),
+        );
+        let text = markdown(&content);
+        for said in [
+            "with matchbench ",
+            "room (10 pairs, wide baselines)",
+            "SIFT (ratio = 0.7) [@lowe2004",
+            "GMS [@bian2017gms] and mine_2.",
+            "ransac-e (for SIFT, mine_2) [@nist",
+            "rich (for GMS)",
+            "the seed 7",
+        ] {
+            assert!(text.contains(said), "{said}: {text}");
+        }
+        let bib = super::super::citations::render(&content.summaries);
+        for key in text.split('@').skip(1) {
+            let key = key.split([';', ']']).next().expect("a key");
+            assert!(bib.contains(&format!("{{{key},")), "{key}");
+        }
+        let text = latex(&content);
+        assert!(
+            text.contains("GMS~\\cite{bian2017gms} and mine\\_2"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn without_results_nothing_is_claimed() {
+        assert_eq!(markdown(&content(&[])), "Nothing was scored.\n");
+    }
+}

@@ -1,0 +1,55 @@
+//! What publications call matchers and estimators, and the order in which they list them: both come
+//! from the lists of what can be run. What is on no list is called by its id and comes last.
+
+use serde_json::Value;
+
+use crate::estimators::ESTIMATORS;
+use crate::matchers::MATCHERS;
+
+/// How publications write a matcher: `BinBoost`.
+pub(super) fn title(matcher: &str) -> String {
+    let entry = MATCHERS.iter().find(|entry| entry.id() == matcher);
+    entry.map_or_else(|| matcher.to_owned(), |entry| entry.title())
+}
+
+/// Where a matcher stands in tables.
+pub(super) fn place(matcher: &str) -> usize {
+    let place = MATCHERS.iter().position(|entry| entry.id() == matcher);
+    place.unwrap_or(MATCHERS.len())
+}
+
+/// Every parameter of a matcher or an estimator with its default.
+pub(super) fn defaults(id: &str) -> Option<Value> {
+    let matcher = MATCHERS.iter().find(|entry| entry.id() == id);
+    let estimator = || ESTIMATORS.iter().find(|entry| entry.id() == id);
+    matcher
+        .map(|entry| entry.defaults())
+        .or_else(|| estimator().map(|entry| entry.defaults()))
+}
+
+/// The papers of a matcher and of an estimator, as their entries give them.
+pub(super) fn references(matcher: &str, estimator: &str) -> [Option<&'static str>; 2] {
+    [
+        (MATCHERS.iter().find(|entry| entry.id() == matcher)).map(|entry| entry.reference()),
+        (ESTIMATORS.iter().find(|entry| entry.id() == estimator)).map(|entry| entry.reference()),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_order_are_those_of_the_lists() {
+        for (i, entry) in MATCHERS.iter().enumerate() {
+            assert_eq!(place(entry.id()), i);
+            assert_eq!(title(entry.id()), entry.title());
+        }
+        assert_eq!(
+            (title("mine_2").as_str(), place("mine_2")),
+            ("mine_2", MATCHERS.len())
+        );
+        assert!(references("sift", "ransac-e").iter().all(Option::is_some));
+        assert_eq!(references("mine_2", ""), [None, None]);
+    }
+}

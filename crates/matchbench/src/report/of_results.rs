@@ -1,0 +1,64 @@
+//! A report from result files alone, anybody's: no run, no plan, no pictures of matches.
+
+use std::path::Path;
+
+use crate::datasets::Sequence;
+use crate::metrics::{Bootstrap, PairChoice, PairGeometry, ResultsError, load_chosen};
+
+use super::{Content, DatasetFacts, RunFacts};
+
+/// Everything that a report can say about a folder of results: scores, and, of the `datasets` whose
+/// images are at hand, their facts and how hard their pairs are. A dataset that cannot be opened is
+/// told to `note` and done without.
+///
+/// # Errors
+/// As [`load_chosen`].
+pub fn of_results(
+    results: &Path,
+    datasets: Option<&Path>,
+    choice: &PairChoice,
+    note: impl Fn(String),
+) -> Result<Content, ResultsError> {
+    let sets = load_chosen(results, datasets, choice)?;
+    let mut facts = vec![
+        ("results".to_owned(), results.display().to_string()),
+        (
+            "scored by".to_owned(),
+            format!("matchbench {}", env!("CARGO_PKG_VERSION")),
+        ),
+    ];
+    if let Some(datasets) = datasets {
+        facts.insert(1, ("datasets".to_owned(), datasets.display().to_string()));
+    }
+    let run = RunFacts {
+        title: "matchbench report".to_owned(),
+        facts,
+        plan: None,
+    };
+    let mut content = Content::new(sets, &Bootstrap::default(), run);
+    let mut names: Vec<String> = content
+        .results
+        .iter()
+        .map(|set| set.dataset.clone())
+        .collect();
+    names.dedup();
+    for name in names {
+        let Some(dir) = datasets.map(|datasets| datasets.join(&name)) else {
+            continue;
+        };
+        match Sequence::open(&dir) {
+            Ok(sequence) => {
+                content
+                    .geometry
+                    .insert(name, PairGeometry::of_sequence(&sequence));
+                content
+                    .datasets
+                    .push(DatasetFacts::of_sequence(&dir, &sequence));
+            }
+            Err(error) => note(format!(
+                "no baselines and no picture of {name} in the report: {error}"
+            )),
+        }
+    }
+    Ok(content)
+}

@@ -1,0 +1,263 @@
+//! Every figure as a specification of Vega-Lite, its data inside: to be changed by whoever has another
+//! idea of it (<https://vega.github.io/vega-lite/>, version 5).
+//!
+//! The numbers are those of the drawings; names of files are the same with the ending `.vl.json`.
+
+use serde_json::{Value, json};
+
+use crate::metrics::{Angle, Portion, Score, Summary, THRESHOLDS};
+
+use super::content::Content;
+use super::figures::{Difficulty, difficulty_lines, seconds_for_a_pair};
+use super::latex::sequence_numbers;
+use super::overview::Overview;
+use super::words::method;
+
+const SCHEMA: &str = "https://vega.github.io/schema/vega-lite/v5.json";
+
+/// SP curves, one row for each matcher and threshold.
+pub(super) fn sp(overview: &Overview<'_>, column: usize, angle: Angle) -> Value {
+    let rows = overview
+        .ranked(column)
+        .into_iter()
+        .flat_map(|(row, summary)| {
+            let curve = match angle {
+                Angle::Pose => summary.sp,
+                Angle::Rotation => summary.rotation_sp,
+                Angle::Translation => summary.translation_sp,
+            };
+            let point =
+                |(k, sp): (usize, f64)| json!({"matcher": row.label, "degrees": k, "sp": sp});
+            THRESHOLDS
+                .zip(curve.values())
+                .map(point)
+                .collect::<Vec<_>>()
+        });
+    let encoding = json!({
+        "x": {"field": "degrees", "type": "quantitative", "title": "error below (degrees)"},
+        "y": {"field": "sp", "type": "quantitative", "title": "share of pairs"},
+        "color": {"field": "matcher", "type": "nominal", "sort": null},
+        "shape": {"field": "matcher", "type": "nominal", "sort": null},
+    });
+    figure(
+        format!("SP curves: {}", overview.datasets[column]),
+        rows.collect(),
+        json!({"mark": {"type": "line", "point": true}, "encoding": encoding}),
+    )
+}
+
+/// AP bars of one dataset, with their intervals.
+pub(super) fn ap(overview: &Overview<'_>, column: usize) -> Value {
+    let rows = overview.rows.iter().filter_map(|row| {
+        let summary = row.cells[column].as_ref()?.summary;
+        Some(scored(&row.label, "ap5", summary.scores.get("ap5")))
+    });
+    let x = json!({"field": "ap5", "type": "quantitative", "title": "correspondences"});
+    figure(
+        format!("AP bars at 5 degrees: {}", overview.datasets[column]),
+        rows.collect(),
+        bars_with_intervals(&x),
+    )
+}
+
+/// The panel of AP bars of a portion, on a logarithmic axis.
+pub(super) fn ap_panel(overview: &Overview<'_>, portion: Portion) -> Value {
+    let numbers = sequence_numbers(&overview.datasets);
+    let mut rows = Vec::new();
+    for row in &overview.rows {
+        for (column, cell) in row.cells.iter().enumerate() {
+            let value = cell
+                .as_ref()
+                .and_then(|cell| cell.summary.scores.get("ap5").value);
+            if let Some(value) = value.filter(|_| overview.portions[column] == portion) {
+                rows.push(json!({"matcher": row.label, "sequence": numbers[column], "ap5": value}));
+            }
+        }
+    }
+    let encoding = json!({
+        "x": {"field": "sequence", "type": "nominal", "sort": null},
+        "xOffset": {"field": "matcher", "type": "nominal", "sort": null},
+        "y": {"field": "ap5", "type": "quantitative", "scale": {"type": "log"}, "title": "correspondences"},
+        "color": {"field": "matcher", "type": "nominal", "sort": null},
+    });
+    figure(
+        format!("AP bars at 5 degrees: {} baselines", portion.name()),
+        rows,
+        json!({"mark": "bar", "encoding": encoding}),
+    )
+}
+
+/// The lead of the best over each of the others.
+pub(super) fn lead(content: &Content, overview: &Overview<'_>, column: usize) -> Value {
+    let dataset = overview.datasets[column];
+    let leads = content.leads.iter().filter(|lead| lead.dataset == dataset);
+    let rows = leads.map(|lead| {
+        scored(
+            &method(&lead.other.0, &lead.other.1),
+            "behind",
+            lead.difference,
+        )
+    });
+    let x = json!({"field": "behind", "type": "quantitative", "title": "AUC behind the best"});
+    let mut spec = bars_with_intervals(&x);
+    spec["layer"][0]["mark"] = json!("point");
+    figure(format!("Lead of the best: {dataset}"), rows.collect(), spec)
+}
+
+/// AUC over how hard the pairs are; nothing where that is not known.
+pub(super) fn difficulty(
+    content: &Content,
+    overview: &Overview<'_>,
+    column: usize,
+    difficulty: Difficulty,
+) -> Option<Value> {
+    let (ranges, lines) = difficulty_lines(content, overview, column, difficulty)?;
+    let rows = lines.iter().flat_map(|(_, label, values)| {
+        let point = |(range, auc): (&String, &Option<f64>)| json!({"matcher": label, "range": range, "auc": auc});
+        ranges.iter().zip(values).map(point).collect::<Vec<_>>()
+    });
+    let encoding = json!({
+        "x": {"field": "range", "type": "ordinal", "sort": null, "title": difficulty.name()},
+        "y": {"field": "auc", "type": "quantitative", "title": "AUC"},
+        "color": {"field": "matcher", "type": "nominal", "sort": null},
+    });
+    Some(figure(
+        format!(
+            "AUC over {}: {}",
+            difficulty.name(),
+            overview.datasets[column]
+        ),
+        rows.collect(),
+        json!({"mark": {"type": "line", "point": true}, "encoding": encoding}),
+    ))
+}
+
+/// Accuracy against time, of those whose time is known.
+pub(super) fn time(content: &Content, overview: &Overview<'_>, column: usize) -> Value {
+    let rows = overview.rows.iter().filter_map(|row| {
+        let summary = row.cells[column].as_ref()?.summary;
+        let mut point = scored(&row.label, "auc", summary.auc());
+        point["seconds"] = json!(seconds_for_a_pair(content, summary)?);
+        Some(point)
+    });
+    let x = json!({"field": "seconds", "type": "quantitative", "scale": {"type": "log"}, "title": "seconds for a pair"});
+    let color = json!({"field": "matcher", "type": "nominal", "sort": null});
+    let y = json!({"field": "auc", "type": "quantitative", "title": "AUC"});
+    let ends = json!({"x": x, "y": {"field": "low", "type": "quantitative", "title": "AUC"}, "y2": {"field": "high"}, "color": color});
+    let layers = json!([
+        {"mark": {"type": "point", "filled": true}, "encoding": {"x": x, "y": y, "color": color}},
+        {"mark": "rule", "encoding": ends},
+        {"mark": {"type": "text", "align": "left", "dx": 6}, "encoding": {"x": x, "y": y, "text": {"field": "matcher"}}},
+    ]);
+    figure(
+        format!("AUC over time: {}", overview.datasets[column]),
+        rows.collect(),
+        json!({"layer": layers}),
+    )
+}
+
+/// AUC of matchers by estimators on one dataset.
+pub(super) fn estimators(summaries: &[Summary], dataset: &str) -> Value {
+    let rows = summaries
+        .iter()
+        .filter(|s| s.dataset == dataset)
+        .map(|s| json!({"matcher": s.matcher, "estimator": s.estimator, "auc": s.auc().value}));
+    let encoding = json!({
+        "x": {"field": "estimator", "type": "nominal", "sort": null},
+        "y": {"field": "matcher", "type": "nominal", "sort": null},
+        "color": {"field": "auc", "type": "quantitative", "title": "AUC"},
+    });
+    figure(
+        format!("AUC by estimator: {dataset}"),
+        rows.collect(),
+        json!({"mark": "rect", "encoding": encoding}),
+    )
+}
+
+/// A score with its interval as a row of data.
+fn scored(matcher: &str, name: &str, score: Score) -> Value {
+    json!({
+        "matcher": matcher,
+        name: score.value,
+        "low": score.interval.map(|interval| interval.low),
+        "high": score.interval.map(|interval| interval.high),
+    })
+}
+
+/// A mark for each matcher, and a line from `low` to `high`.
+fn bars_with_intervals(x: &Value) -> Value {
+    let y = json!({"field": "matcher", "type": "nominal", "sort": null});
+    let title = &x["title"];
+    json!({"layer": [
+        {"mark": "bar", "encoding": {"x": x, "y": y}},
+        {"mark": "rule", "encoding": {
+            "x": {"field": "low", "type": "quantitative", "title": title}, "x2": {"field": "high"}, "y": y,
+        }},
+    ]})
+}
+
+fn figure(title: String, rows: Vec<Value>, drawing: Value) -> Value {
+    let mut spec = json!({"$schema": SCHEMA, "title": title, "data": {"values": rows}});
+    if let (Some(spec), Value::Object(drawing)) = (spec.as_object_mut(), drawing) {
+        spec.extend(drawing);
+    }
+    spec
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::content;
+    use super::*;
+
+    /// Every field that is drawn must be in the data.
+    fn check(spec: &Value) {
+        fn fields(value: &Value, found: &mut Vec<String>) {
+            match value {
+                Value::Object(map) => {
+                    found.extend(map.get("field").and_then(Value::as_str).map(str::to_owned));
+                    map.values().for_each(|value| fields(value, found));
+                }
+                Value::Array(list) => list.iter().for_each(|value| fields(value, found)),
+                _ => {}
+            }
+        }
+        assert_eq!(spec["$schema"], SCHEMA);
+        let rows = spec["data"]["values"].as_array().expect("data inside");
+        let mut found = Vec::new();
+        fields(&json!([spec["encoding"], spec["layer"]]), &mut found);
+        assert!(!rows.is_empty() && !found.is_empty(), "{spec}");
+        for field in found {
+            assert!(rows[0].get(&field).is_some(), "{field}: {spec}");
+        }
+    }
+
+    #[test]
+    fn every_figure_draws_what_is_in_its_data() {
+        let mut content = content(&[("01-room", "sift", 6), ("01-room", "orb", 2)]);
+        let known = crate::metrics::PairGeometry {
+            baseline: 0.5,
+            view_angle: 10.0,
+            overlap: 0.8,
+        };
+        let pairs = (0..10).map(|a| ((a, a + 1), known));
+        content.geometry.insert("01-room".into(), pairs.collect());
+        let spread = crate::metrics::Spread::of([0.1]);
+        for summary in &mut content.summaries {
+            summary.stages.extract = spread;
+            summary.stages.search = spread;
+        }
+        let overview = Overview::new(&content.summaries);
+        check(&sp(&overview, 0, Angle::Rotation));
+        check(&ap(&overview, 0));
+        check(&ap_panel(&overview, Portion::Wide));
+        check(&lead(&content, &overview, 0));
+        check(&difficulty(&content, &overview, 0, Difficulty::Overlap).expect("it is known"));
+        check(&time(&content, &overview, 0));
+        check(&estimators(&content.summaries, "01-room"));
+        let panel = ap_panel(&overview, Portion::Wide);
+        assert_eq!(
+            panel["data"]["values"][0],
+            json!({"matcher": "sift", "sequence": "01", "ap5": 102.5})
+        );
+    }
+}
