@@ -427,6 +427,12 @@ pub(crate) struct TimeArgs {
     /// Change a parameter (repeatable)
     #[arg(long, value_name = "ID.NAME=VALUE")]
     pub set: Vec<String>,
+    /// Write means, medians and quartiles too, as comma-separated values
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+    /// Write the paper's Table 3 too: means, medians in brackets
+    #[arg(long, value_name = "FILE")]
+    pub latex: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

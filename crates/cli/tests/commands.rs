@@ -365,13 +365,18 @@ fn show_draws_a_pair_that_the_dataset_lists() {
 fn time_has_a_line_for_every_matcher() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let wall = dataset(folder.path(), "wall", 3).display().to_string();
-    let output = run(&["time", &wall, "--matchers", "sift,orb", "--pairs", "2"]);
+    let tables = ["times.csv", "times.tex"].map(|name| folder.path().join(name));
+    let [csv, latex] = tables.each_ref().map(|path| path.display().to_string());
+    let arguments = ["time", &wall, "--matchers", "sift,orb", "--pairs", "2"];
+    let output = run(&[&arguments[..], &["--csv", &csv, "--latex", &latex]].concat());
     let out = text(&output.stdout);
     assert!(output.status.success(), "{}", text(&output.stderr));
     assert!(
         out.contains("1 thread, no cache; first 2 pairs of wall"),
         "{out}"
     );
+    let read = |path: &std::path::PathBuf| fs::read_to_string(path).expect("it was asked for");
+    assert!(read(&tables[0]).contains("\norb,") && read(&tables[1]).contains("\nORB & "));
     for matcher in ["sift", "orb"] {
         let line = out
             .lines()

@@ -3,7 +3,9 @@
 use std::io::Write;
 
 use anyhow::Result;
+use matchbench::files::write_whole;
 use matchbench::metrics::Spread;
+use matchbench::report::{MatcherTimes, times_as_csv, times_as_latex};
 use matchbench::run::{Contender, Dataset};
 use matchbench::time::{machine, time};
 
@@ -17,14 +19,14 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
     let contenders = Contender::from_ids(&args.matchers, &[], &changes(&args.set)?)?;
     let cancel = cancel_on_ctrl_c("stopping")?;
     let mut out = std::io::stdout().lock();
-    writeln!(
-        out,
+    let about = format!(
         "matchbench {}, {}; 1 thread, no cache; first {} pairs of {}",
         env!("CARGO_PKG_VERSION"),
         machine(),
         args.pairs.min(dataset.sequence.pairs.len()),
         dataset.sequence.name
-    )?;
+    );
+    writeln!(out, "{about}")?;
     writeln!(
         out,
         "median (quartiles) in milliseconds; detection per image, the rest per pair; \
@@ -40,6 +42,7 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
         "memory"
     )?;
     let mut noisy = false;
+    let mut rows = Vec::new();
     for contender in &contenders {
         let id = contender.source.id();
         let Some(timing) = time(&dataset, contender, args.pairs, &cancel)? else {
@@ -59,10 +62,20 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
             times.map(|time| format!("{:>24}", shown(time))).join("  "),
             (timing.peak_memory).map_or_else(|| "–".into(), |b| format!("{:.0} MB", b * 1e-6))
         )?;
+        rows.push(MatcherTimes {
+            matcher: id.to_owned(),
+            stages: timing.stages,
+        });
         for warning in &timing.noise {
             eprintln!("warning: {id}: {warning}");
             noisy = true;
         }
+    }
+    if let Some(file) = &args.csv {
+        write_whole(file, times_as_csv(&rows).as_bytes())?;
+    }
+    if let Some(file) = &args.latex {
+        write_whole(file, times_as_latex(&rows, &about).as_bytes())?;
     }
     if noisy {
         eprintln!("the machine was not quiet; measure again without other programs");
