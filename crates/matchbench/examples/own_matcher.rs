@@ -11,14 +11,14 @@
 //! pixels around each as its descriptor, mutual nearest neighbours.
 
 use std::error::Error;
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-use matchbench::datasets::{Sequence, decode_gray};
+use matchbench::cache::FeatureCache;
 use matchbench::matchers::{BuiltMatcher, Extraction};
 use matchbench::metrics::{Bootstrap, Summary, load};
+use matchbench::records::Settings;
 use matchbench::report::{Format, render};
-use matchbench::run::{Cancel, Contender, Dataset, FeatureCache, Run, Settings, Silent};
+use matchbench::run::{Cancel, Contender, Dataset, Run, Silent, decode};
 use matchbench::{estimators, matchers};
 use matchbench_vision::features::{
     DescriptorKind, Descriptors, Detector, Extractor, Fast, FastParams, Features, FloatRows,
@@ -108,29 +108,23 @@ fn main() -> Result<(), Box<dyn Error>> {
     for id in ["orb", "sift"] {
         all.push(matchers::find(id)?.build(None)?);
     }
-    let contender = |matcher| -> Result<Contender, Box<dyn Error>> {
-        let estimators = vec![estimators::find("best")?.build(None)?];
-        Ok(Contender {
-            matcher,
-            estimators,
+    let contenders = (all.into_iter())
+        .map(|matcher| {
+            Ok(Contender::new(
+                matcher,
+                [estimators::find("best")?.build(None)?],
+            ))
         })
-    };
-    let contenders = all
-        .into_iter()
-        .map(contender)
-        .collect::<Result<Vec<_>, _>>()?;
-    let datasets = [Dataset {
-        sequence: Sequence::open(dataset)?,
-        path: dataset.clone(),
-    }];
+        .collect::<Result<Vec<_>, Box<dyn Error>>>()?;
+    let datasets = [Dataset::open(dataset)?];
     let run = Run {
         datasets: &datasets,
         contenders: &contenders,
         settings: Settings::default(),
+        tuned: &[],
         folder,
         cache: FeatureCache::new(folder.join("cache")),
-        decode: |bytes| decode_gray(bytes).map_err(|error| error.to_string()),
-        threads: std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
+        decode,
         keep_matches: true,
         feature_memory: Run::FEATURE_MEMORY,
     };
