@@ -53,6 +53,8 @@ pub(crate) enum Command {
     List(ListArgs),
     /// Check a dataset; name every problem by file and line, and say how to mend it
     Validate(ValidateArgs),
+    /// Try out a matcher from outside; say in words what is wrong with it
+    Check(CheckArgs),
     /// Print what a shell needs to complete commands and options
     Completions(CompletionsArgs),
     /// Print the manual page, or write those of all commands
@@ -481,6 +483,26 @@ pub(crate) enum Listed {
     Estimators,
     /// Built-in datasets, and the kinds that can be imported
     Datasets,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Starts the matcher, matches two pairs with known poses and one of tiny images, one of them twice, and
+says what each came to: whether its points can be right, or by which mistake they would be.
+
+Example:
+  matchbench check adapters/opencv/sift.toml
+  matchbench check ./mine.toml office --set mine.max_size=640")]
+pub(crate) struct CheckArgs {
+    /// The manifest of the matcher (`adapters/README.md` shows how to write one)
+    #[arg(value_name = "MANIFEST")]
+    pub manifest: PathBuf,
+    /// A dataset folder whose images are matched [default: a built-in scene]
+    #[arg(value_name = "DATASET")]
+    pub dataset: Option<PathBuf>,
+    /// Change a parameter (repeatable)
+    #[arg(long, value_name = "NAME.KEY=VALUE")]
+    pub set: Vec<String>,
 }
 
 #[derive(Debug, Args)]

@@ -75,6 +75,7 @@ fn dispatch(command: &Command) -> anyhow::Result<Ending> {
         Command::Export(args) => commands::export::run(args),
         Command::List(args) => commands::list::run(args),
         Command::Validate(args) => commands::validate::run(args),
+        Command::Check(args) => commands::check::run(args),
         Command::Completions(args) => commands::completions::run(args),
         Command::Man(args) => commands::man::run(args),
     }

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use matchbench::external;
 use matchbench::records::{Plan, RunRecord};
 use matchbench::run::{Cancel, Observer, RunSummary};
 
@@ -56,6 +57,7 @@ pub(crate) fn cancel_on_ctrl_c(said: &'static str) -> Result<Cancel> {
     let token = cancel.clone();
     ctrlc::set_handler(move || {
         if token.is_set() {
+            external::end_all();
             std::process::exit(130);
         }
         token.set();

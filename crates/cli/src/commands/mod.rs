@@ -1,5 +1,6 @@
 //! One file per subcommand, and `job`: a run as several of them ask for it.
 
+pub(crate) mod check;
 pub(crate) mod compare;
 pub(crate) mod completions;
 pub(crate) mod demo;

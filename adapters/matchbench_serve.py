@@ -1,0 +1,185 @@
+"""Makes two Python functions a matcher of matchbench: the protocol, the images and their sizes.
+
+A matcher of pairs, and one that describes images first (they are described once each):
+
+    serve(match=f)               f(a, b, params)          -> points_a, points_b[, certainty]
+    serve(extract=e, match=m)    e(image, params)         -> anything; its points in "keypoints"
+                                 m(of_a, of_b, params)    -> points_a, points_b[, certainty]
+    serve(describe=d)            d(image, params)         -> keypoints, descriptors[, {"scales": ..}]
+                                                             for a manifest of kind = "features"
+
+`a`, `b` and `image` are `Image`s. `image.gray(n)` and `image.rgb(n)` are its pixels, at most n wide and
+high; points are pixels of that, with the centre of the first pixel at 0, and `serve` brings them back to
+the original image. Certainty is from 0 to 1, higher is better. What a function prints goes to the log;
+what it raises is the reason why this pair failed. `params` is what the function `defaults` gives, changed
+by the manifest; unknown ones are refused.
+
+Needs numpy, and cv2 or PIL to read images. The protocol is described in matchbench's documentation.
+"""
+
+import hashlib
+import json
+import os
+import queue
+import sys
+import threading
+import time
+from collections import OrderedDict
+
+import numpy as np
+
+PROTOCOL = 1
+
+
+class Image:
+    """An image file, and the pixels that a matcher asked for."""
+
+    def __init__(self, path, size):
+        self.path, self.size, self.scale = path, tuple(size), (1.0, 1.0)
+
+    def gray(self, max_size=None):
+        """Gray pixels, uint8, at most `max_size` wide and high."""
+        return self._shrink(_read(self.path, True), max_size)
+
+    def rgb(self, max_size=None):
+        """Red, green and blue pixels, uint8, at most `max_size` wide and high."""
+        return self._shrink(_read(self.path, False), max_size)
+
+    def original(self, points):
+        """Points of the pixels that were asked for last, in the original image."""
+        points = np.asarray(points, np.float64).reshape(-1, 2)
+        return (points + 0.5) * self.scale - 0.5
+
+    def _shrink(self, pixels, max_size):
+        height, width = pixels.shape[:2]
+        if (width, height) != self.size:
+            raise ValueError(f"{self.path} is read as {width}x{height}, not {self.size}")
+        factor = min(1.0, max_size / max(self.size)) if max_size else 1.0
+        new = [max(1, round(length * factor)) for length in (width, height)]
+        self.scale = (width / new[0], height / new[1])
+        if factor == 1.0:
+            return pixels
+        shrunk = _areas(_areas(pixels.astype(np.float32), new[1], 0), new[0], 1)
+        return np.clip(np.rint(shrunk), 0, 255).astype(np.uint8)
+
+
+def serve(match=None, extract=None, describe=None, name=None, version="", defaults=None, keep=64):
+    """Serves until the host says goodbye or goes away, then ends. `keep` images are remembered."""
+    answers = _take_standard_output()
+    requests = queue.Queue()
+    threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
+    say = lambda **answer: print(json.dumps(answer), file=answers, flush=True)
+    hello = requests.get()
+    if hello.get("protocol") != PROTOCOL:
+        return say(type="refused", reason=f"protocol {hello.get('protocol')} is not {PROTOCOL}")
+    params, script = dict(defaults or {}), os.path.abspath(sys.argv[0])
+    if unknown := set(hello["params"]) - set(params):
+        return say(type="refused", reason=f"unknown: {sorted(unknown)}; there are {sorted(params)}")
+    params.update(hello["params"])
+    known, device = OrderedDict(), params.get("device", "cpu")
+
+    def timed(stage, seconds, function, *arguments):
+        start = time.perf_counter()
+        result = function(*arguments)
+        seconds[stage] = seconds.get(stage, 0.0) + time.perf_counter() - start
+        return result
+
+    def features(path, size, seconds):
+        if path not in known:
+            image = Image(path, size)
+            known[path] = image, timed("extract", seconds, extract, image, params)
+            while len(known) > keep:
+                known.popitem(last=False)
+        known.move_to_end(path)
+        return known[path]
+
+    def matches(request, seconds):
+        sides = [(request["a"], request["size_a"]), (request["b"], request["size_b"])]
+        if extract:
+            (a, of_a), (b, of_b) = (features(*side, seconds) for side in sides)
+        else:
+            of_a, of_b = a, b = [Image(*side) for side in sides]
+        points_a, points_b, *certainty = timed("match", seconds, match, of_a, of_b, params)
+        points_a, points_b = a.original(points_a), b.original(points_b)
+        certainty = np.ones(len(points_a)) if not certainty else np.asarray(certainty[0], np.float64)
+        rows = np.column_stack([points_a, points_b, 1.0 - np.clip(certainty, 0.0, 1.0)])
+        rows.astype("<f4").tofile(request["out"])
+        counts = [len(of["keypoints"]) for of in (of_a, of_b)] if extract else None
+        found = {"features": counts} if counts else {}
+        return dict(type="matched", pair=request["pair"], count=len(rows), **found)
+
+    def described(request, seconds):
+        image = Image(request["image"], request["size"])
+        points, descriptors, *more = timed("extract", seconds, describe, image, params)
+        more = {key: np.asarray(value, np.float32) for key, value in (more[0] if more else {}).items()}
+        if "scales" in more:
+            more["scales"] = more["scales"] * np.float32(image.scale[0])
+        points = image.original(points).astype("<f4")
+        with open(request["out"], "wb") as out:
+            np.savez(out, keypoints=points, descriptors=descriptors, **more)
+        return dict(type="described", image=request["image"], count=len(points))
+
+    say(type="ready", protocol=PROTOCOL, name=name or os.path.basename(script), pixel_center=0,
+        version=f"{version}+{_digest(script)}")
+    while (request := requests.get())["type"] != "bye":
+        about = {key: request[key] for key in ("pair", "image") if key in request}
+        try:
+            seconds = {}
+            answer = (described if request["type"] == "describe" else matches)(request, seconds)
+            say(**answer, seconds=seconds, device=str(device))
+        except Exception as error:  # whatever a matcher raises costs this pair and no other
+            import traceback
+            traceback.print_exc()
+            say(type="failed", reason=f"{type(error).__name__}: {error}", **about)
+    sys.stderr.flush()
+    os._exit(0)  # libraries can take longer to clean up than the host waits
+
+
+def _take_standard_output():
+    """Standard output, for answers alone: whatever else is printed goes to standard error."""
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    sys.stdout = sys.stderr
+    return answers
+
+
+def _read_requests(requests):
+    """Reads requests; when the host goes away, goes too, also in the middle of a pair."""
+    for line in sys.stdin:
+        requests.put(json.loads(line))
+        if '"bye"' in line:
+            return
+    os._exit(0)
+
+
+def _digest(script):
+    """The script in eight letters: one that was changed is another version."""
+    with open(script, "rb") as file:
+        return hashlib.sha256(file.read()).hexdigest()[:8]
+
+
+def _read(path, gray):
+    """The pixels as they are stored, without a turn by EXIF: cameras belong to these."""
+    try:
+        import cv2
+    except ImportError:
+        import PIL.Image
+        return np.asarray(PIL.Image.open(path).convert("L" if gray else "RGB"))
+    mode = cv2.IMREAD_GRAYSCALE if gray else cv2.IMREAD_COLOR
+    pixels = cv2.imread(path, mode | cv2.IMREAD_IGNORE_ORIENTATION)
+    if pixels is None:
+        raise ValueError(f"{path} cannot be read")
+    return pixels if gray else np.ascontiguousarray(pixels[:, :, ::-1])
+
+
+def _areas(pixels, count, axis):
+    """`count` means of equal areas along `axis`, as OpenCV's INTER_AREA makes smaller images."""
+    length = pixels.shape[axis]
+    sums = np.concatenate([np.zeros_like(pixels.take([0], axis), np.float64),
+                           pixels.cumsum(axis, dtype=np.float64)], axis)
+    edges = np.arange(count + 1) * (length / count)
+    whole = np.minimum(edges.astype(int), length - 1)
+    part = (edges - whole).reshape([-1 if i == axis else 1 for i in range(pixels.ndim)])
+    below = sums.take(whole, axis)
+    cut = below + part * (sums.take(whole + 1, axis) - below)
+    return np.diff(cut, axis=axis) * (count / length)

@@ -1,0 +1,37 @@
+"""Any matcher of vismatch by its name; vismatch fetches its weights at the first start."""
+
+import sys
+from pathlib import Path
+
+from importlib.metadata import version
+
+import numpy as np
+import torch
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from matchbench_serve import serve
+
+DEFAULTS = {"model": "superpoint-lightglue", "max_keypoints": 2048, "max_size": 1024, "device": "cpu"}
+
+
+def load(params):
+    """The matcher, loaded for the first pair."""
+    if load.matcher is None:
+        from vismatch import get_matcher
+        load.matcher = get_matcher(params["model"], params["device"], params["max_keypoints"])
+    return load.matcher
+
+
+load.matcher = None
+
+
+def match(a, b, params):
+    pixels = [torch.from_numpy(image.rgb(params["max_size"])).permute(2, 0, 1).float() / 255
+              for image in (a, b)]
+    found = load(params)(*(image.to(params["device"]) for image in pixels))
+    points_a, points_b = found["matched_kpts0"], found["matched_kpts1"]
+    certainty = found.get("matched_confidences")
+    return points_a, points_b, np.ones(len(points_a)) if certainty is None else certainty
+
+
+serve(match=match, name="vismatch", version=version("vismatch"), defaults=DEFAULTS)

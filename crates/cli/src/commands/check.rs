@@ -1,0 +1,45 @@
+//! `matchbench check`: a matcher from outside, tried out.
+
+use std::io::Write;
+
+use anyhow::{Result, bail};
+use matchbench::datasets::Sequence;
+use matchbench::external::{self, Log, Verdict};
+
+use crate::Ending;
+use crate::args::CheckArgs;
+use crate::contenders::{manifest, parse};
+
+pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
+    let changes = parse(&args.set)?;
+    let manifest = manifest(&args.manifest, &changes)?;
+    if let Some(id) = changes.keys().find(|id| **id != manifest.name) {
+        bail!("--set {id}: this manifest is called `{}`", manifest.name);
+    }
+    let dataset = (args.dataset.as_deref()).map(Sequence::open).transpose()?;
+    let log = std::env::temp_dir().join(format!("matchbench-check-{}.log", manifest.name));
+    let mut out = std::io::stdout();
+    let mut worst = Verdict::Good;
+    let mut printed = Ok(());
+    external::check(
+        manifest,
+        Log::open(&log)?,
+        dataset.as_ref(),
+        &mut |finding| {
+            let word = match finding.verdict {
+                Verdict::Good => "good     ",
+                Verdict::Doubtful => "doubtful ",
+                Verdict::Wrong => "WRONG    ",
+            };
+            worst = worst.max(finding.verdict);
+            let line = writeln!(out, "{word} {}", finding.text);
+            printed = std::mem::replace(&mut printed, Ok(())).and(line);
+        },
+    )?;
+    printed?;
+    writeln!(out, "what it printed is in {}", log.display())?;
+    Ok(match worst {
+        Verdict::Wrong => Ending::SomeFailed,
+        Verdict::Good | Verdict::Doubtful => Ending::Done,
+    })
+}

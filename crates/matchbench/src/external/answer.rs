@@ -1,0 +1,224 @@
+//! Matches as a child writes them: five `f32` each, of which nothing is believed.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use matchbench_vision::features::Features;
+use matchbench_vision::image::Size;
+
+/// Most matches of a pair: a hundred megabytes.
+const MOST_MATCHES: usize = 5_000_000;
+/// Bytes of a match.
+const ROW: usize = 5 * size_of::<f32>();
+/// How far outside an image a point may lie, for the rounding of points of resized images.
+const ROUNDING: f32 = 0.01;
+/// Stages that a child may name, and letters of a name.
+const STAGES: (usize, usize) = (16, 64);
+/// Letters of the name of a device.
+const DEVICE: usize = 100;
+
+/// The matches of a pair.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Matched {
+    /// x_a, y_a, x_b, y_b in pixels of the original images, pixel centres at integers, and the
+    /// ambiguity from 0 (certain) to 1.
+    pub rows: Vec<[f32; 5]>,
+    /// Features of both images, where the child says so.
+    pub features: Option<[u32; 2]>,
+    /// How long it took.
+    pub times: Times,
+}
+
+/// The features of an image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Described {
+    /// Keypoints in pixels of the original image, pixel centres at integers, and descriptors.
+    pub features: Features,
+    /// How long it took.
+    pub times: Times,
+}
+
+/// How long an answer took, by two clocks.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Times {
+    /// From the request to the answer as the host saw it, in seconds; the reading of files is not
+    /// in it.
+    pub wall: f64,
+    /// The child's own word: seconds by name of the stage (`extract`, `match`).
+    pub own: BTreeMap<String, f64>,
+    /// What it computed on, by its own word.
+    pub device: Option<String>,
+}
+
+impl Times {
+    /// Times as a child tells them.
+    ///
+    /// # Errors
+    /// If they are none, in words.
+    pub(super) fn new(
+        wall: f64,
+        own: BTreeMap<String, f64>,
+        device: Option<String>,
+    ) -> Result<Self, String> {
+        let wrong = |(stage, seconds): (&String, &f64)| {
+            stage.len() > STAGES.1 || !(seconds.is_finite() && *seconds >= 0.0)
+        };
+        if own.len() > STAGES.0 || own.iter().any(wrong) {
+            return Err("its `seconds` are no times of stages".into());
+        }
+        let printable = |device: &String| {
+            device.chars().count() <= DEVICE && !device.chars().any(char::is_control)
+        };
+        if !device.iter().all(printable) {
+            return Err("its `device` is no name".into());
+        }
+        Ok(Self { wall, own, device })
+    }
+}
+
+/// Reads the `count` matches of two images of these sizes; `pixel_center` is where the child puts
+/// the centre of the first pixel.
+///
+/// # Errors
+/// If they are not what was promised, in words.
+pub(super) fn read_rows(
+    path: &Path,
+    count: usize,
+    [a, b]: [Size; 2],
+    pixel_center: f32,
+) -> Result<Vec<[f32; 5]>, String> {
+    if count > MOST_MATCHES {
+        return Err(format!(
+            "it promises {count} matches; {MOST_MATCHES} are the most"
+        ));
+    }
+    let about = match fs::metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound && count == 0 => {
+            return Ok(Vec::new());
+        }
+        about => about.map_err(|error| format!("it wrote no matches: {error}"))?,
+    };
+    if !about.is_file() || about.len() != (count * ROW) as u64 {
+        let bytes = about.len();
+        return Err(format!(
+            "it promises {count} matches of {ROW} bytes, but wrote {bytes} bytes"
+        ));
+    }
+    let bytes = fs::read(path).map_err(|error| format!("its matches cannot be read: {error}"))?;
+    let (rows, rest) = bytes.as_chunks::<ROW>();
+    if rows.len() != count || !rest.is_empty() {
+        return Err("its matches change while they are read".into());
+    }
+    (rows.iter().enumerate())
+        .map(|(index, row)| {
+            let (values, _) = row.as_chunks::<4>();
+            let mut row: [f32; 5] = std::array::from_fn(|i| f32::from_le_bytes(values[i]));
+            row[..4].iter_mut().for_each(|value| *value -= pixel_center);
+            check_row(row, a, b).map_err(|wrong| format!("match {index} {wrong}"))?;
+            Ok(row)
+        })
+        .collect()
+}
+
+fn check_row(row: [f32; 5], a: Size, b: Size) -> Result<(), String> {
+    let [x_a, y_a, x_b, y_b, ambiguity] = row;
+    if !row.iter().all(|value| value.is_finite()) {
+        return Err(format!("has a number that is not finite: {row:?}"));
+    }
+    for (name, x, y, size) in [("a", x_a, y_a, a), ("b", x_b, y_b, b)] {
+        if !is_inside(x, y, size) {
+            return Err(format!(
+                "lies outside image {name}: ({x}, {y}) of {size} pixels; points are pixels of the \
+                 original image, x before y"
+            ));
+        }
+    }
+    if !(0.0..=1.0).contains(&ambiguity) {
+        return Err(format!(
+            "has ambiguity {ambiguity}, which goes from 0 (certain) to 1"
+        ));
+    }
+    Ok(())
+}
+
+/// Whether a point, pixel centres at integers, lies in an image of `size`.
+pub(super) fn is_inside(x: f32, y: f32, size: Size) -> bool {
+    let within = |value: f32, length: usize| {
+        value >= -0.5 - ROUNDING && value <= length as f32 - 0.5 + ROUNDING
+    };
+    within(x, size.width) && within(y, size.height)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZES: [Size; 2] = [Size::new(640, 480), Size::new(100, 200)];
+
+    /// Reads `rows` as a file that is said to have `count` matches.
+    fn read(rows: &[[f32; 5]], count: usize, pixel_center: f32) -> Result<Vec<[f32; 5]>, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("0_1.f32");
+        let bytes: Vec<u8> = (rows.iter().flatten())
+            .flat_map(|value| value.to_le_bytes())
+            .collect();
+        fs::write(&path, bytes).unwrap();
+        read_rows(&path, count, SIZES, pixel_center)
+    }
+
+    #[test]
+    fn points_are_moved_to_pixel_centres_at_integers() {
+        let row = [0.0, 480.0, 100.0, 7.25, 1.0];
+        let moved = [-0.5, 479.5, 99.5, 6.75, 1.0];
+        assert_eq!(read(&[row], 1, 0.5), Ok(vec![moved]));
+        let inside = [639.5, -0.5, 99.5, 199.5, 0.0];
+        assert_eq!(read(&[inside], 1, 0.0), Ok(vec![inside]));
+    }
+
+    #[test]
+    fn lies_are_named() {
+        let good = [1.0, 2.0, 3.0, 4.0, 0.5];
+        for (rows, count, named) in [
+            (
+                vec![good],
+                2,
+                "promises 2 matches of 20 bytes, but wrote 20",
+            ),
+            (vec![good], 0, "promises 0"),
+            (vec![good], usize::MAX, "the most"),
+            (
+                vec![good, [f32::NAN, 2.0, 3.0, 4.0, 0.5]],
+                2,
+                "match 1 has a number",
+            ),
+            (vec![[f32::INFINITY, 2.0, 3.0, 4.0, 0.5]], 1, "not finite"),
+            (
+                vec![[640.0, 2.0, 3.0, 4.0, 0.5]],
+                1,
+                "outside image a: (640, 2)",
+            ),
+            (vec![[1.0, 2.0, 3.0, -0.6, 0.5]], 1, "outside image b"),
+            (vec![[1.0, 2.0, 3.0, 4.0, 1.5]], 1, "ambiguity 1.5"),
+            (vec![[1.0, 2.0, 3.0, 4.0, -0.1]], 1, "ambiguity -0.1"),
+        ] {
+            let wrong = read(&rows, count, 0.0).unwrap_err();
+            assert!(wrong.contains(named), "{wrong}");
+        }
+        let nowhere = Path::new("/nowhere/0_1.f32");
+        assert_eq!(read_rows(nowhere, 0, SIZES, 0.0), Ok(Vec::new()));
+        let wrong = read_rows(nowhere, 1, SIZES, 0.0).unwrap_err();
+        assert!(wrong.contains("wrote no matches"), "{wrong}");
+    }
+
+    #[test]
+    fn times_are_times() {
+        let own = |seconds| BTreeMap::from([("match".to_owned(), seconds)]);
+        assert!(Times::new(1.0, own(0.5), Some("cpu".into())).is_ok());
+        for seconds in [-1.0, f64::NAN, f64::INFINITY] {
+            assert!(Times::new(1.0, own(seconds), None).is_err());
+        }
+        assert!(Times::new(1.0, own(0.5), Some("\x1b[2J".into())).is_err());
+    }
+}

@@ -1,0 +1,66 @@
+//! Whether matches can be right, and by which of the usual mistakes they would be.
+//!
+//! Right matches lie near their true epipolar lines, and few others do. Where most do not, they are
+//! measured again as they would be if x and y, or the images, had been exchanged, or the points were
+//! pixels of an image that was resized.
+
+use matchbench_vision::geometry::{RelativePose, essential_from_pose};
+use nalgebra::Point2;
+
+use super::CheckPair;
+
+/// Pixels from the true epipolar line within which a match may be right.
+pub(super) const NEAR: f64 = 5.0;
+/// Share of matches near their lines above which the points are what they should be.
+pub(super) const SOUND: f64 = 0.5;
+/// Long sides of images that learned matchers are often given, in pixels.
+const USUAL_SIZES: [usize; 9] = [320, 480, 512, 640, 840, 1024, 1200, 1280, 1600];
+
+/// The usual mistake that brings most matches near their lines, if one does, and how many.
+pub(super) fn mistake(pair: &CheckPair, rows: &[[f32; 5]]) -> Option<(String, f64)> {
+    let mut candidates = vec![
+        (
+            "x and y were exchanged".to_owned(),
+            share_of(pair, rows, |[xa, ya, xb, yb]| [ya, xa, yb, xb]),
+        ),
+        (
+            "a and b were exchanged".to_owned(),
+            share_of(pair, rows, |[xa, ya, xb, yb]| [xb, yb, xa, ya]),
+        ),
+    ];
+    let [long_a, long_b] = pair.sizes.map(|size| size.width.max(size.height) as f64);
+    for size in USUAL_SIZES {
+        let [a, b] = [long_a, long_b].map(|long| long / size as f64);
+        let scaled = |[xa, ya, xb, yb]: [f64; 4]| {
+            let back = |x: f64, s: f64| (x + 0.5) * s - 0.5;
+            [back(xa, a), back(ya, a), back(xb, b), back(yb, b)]
+        };
+        let what = format!("they are pixels of images that were resized to {size}");
+        candidates.push((what, share_of(pair, rows, scaled)));
+    }
+    (candidates.into_iter())
+        .filter(|(_, share)| *share >= SOUND)
+        .max_by(|(_, x), (_, y)| x.total_cmp(y))
+}
+
+/// Share of the matches that lie near their true epipolar lines.
+pub(super) fn share_near(pair: &CheckPair, rows: &[[f32; 5]]) -> f64 {
+    share_of(pair, rows, |points| points)
+}
+
+/// Share of the matches that lie near their true epipolar lines in image b, after `change`.
+fn share_of(pair: &CheckPair, rows: &[[f32; 5]], change: impl Fn([f64; 4]) -> [f64; 4]) -> f64 {
+    let Some(pose) = RelativePose::from_isometry(&pair.b_from_a) else {
+        return 1.0;
+    };
+    let essential = essential_from_pose(&pose);
+    let near = |row: &&[f32; 5]| {
+        let [xa, ya, xb, yb] = change([row[0], row[1], row[2], row[3]].map(f64::from));
+        let a = pair.cameras[0].normalize(Point2::new(xa, ya));
+        let b = pair.cameras[1].normalize(Point2::new(xb, yb));
+        let line = essential * a.to_homogeneous();
+        let distance = b.to_homogeneous().dot(&line).abs() / line.xy().norm();
+        distance * pair.cameras[1].fx < NEAR
+    };
+    rows.iter().filter(near).count() as f64 / rows.len().max(1) as f64
+}

@@ -1,0 +1,253 @@
+//! Descriptions of images as a child writes them: an `.npz` file, of which nothing is believed.
+//!
+//! | array | shape | type | |
+//! | --- | --- | --- | --- |
+//! | `keypoints` | n x 2 | float | x and y in pixels of the original image |
+//! | `descriptors` | n x d | float16, float32 or uint8 | bits in bytes, lowest first, if `hamming` is set |
+//! | `scales` | n | float | diameter of what was described, in pixels; default: 1 |
+//! | `angles` | n | float | orientation in radians, from x towards y; default: none |
+//! | `scores` | n | float | strength, higher is better; default: 0 |
+//!
+//! Bytes without `hamming` are real values, as in COLMAP's SIFT.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use matchbench_vision::features::{BinaryRows, Descriptors, Features, FloatRows, Keypoint};
+use matchbench_vision::image::Size;
+use nalgebra::Point2;
+
+use super::answer::is_inside;
+use super::npz::{Array, read_npz};
+
+/// Most features of an image.
+const MOST_FEATURES: usize = 1_000_000;
+/// Longest descriptor, in values or bytes.
+const LONGEST_DESCRIPTOR: usize = 4096;
+/// Arrays that are known.
+const KNOWN: [&str; 5] = ["keypoints", "descriptors", "scales", "angles", "scores"];
+
+/// Reads the `count` features of an image of this size.
+///
+/// # Errors
+/// If they are not what was promised, in words.
+pub(super) fn read_features(
+    path: &Path,
+    count: usize,
+    size: Size,
+    pixel_center: f32,
+    hamming: bool,
+) -> Result<Features, String> {
+    let file = read_npz(path).map_err(|wrong| format!("its file of features {wrong}"))?;
+    if let Some(unknown) = file.keys().find(|name| !KNOWN.contains(&name.as_str())) {
+        let known = KNOWN.join(", ");
+        return Err(format!("it wrote an array `{unknown}`; there are {known}"));
+    }
+    if count > MOST_FEATURES {
+        return Err(format!(
+            "it promises {count} features; {MOST_FEATURES} are the most"
+        ));
+    }
+    let points = array(&file, "keypoints", &[count, 2])?.ok_or("it wrote no `keypoints`")?;
+    let column = |name: &str| array(&file, name, &[count]);
+    let (scales, angles, scores) = (column("scales")?, column("angles")?, column("scores")?);
+    let keypoint = |index: usize| {
+        let [x, y] = [2 * index, 2 * index + 1].map(|at| points[at] - pixel_center);
+        if !is_inside(x, y, size) {
+            return Err(format!(
+                "keypoint {index} lies outside the image: ({x}, {y}) of {size} pixels; points are \
+                 pixels of the original image, x before y"
+            ));
+        }
+        let at = |column: &Option<Vec<f32>>| column.as_ref().map(|column| column[index]);
+        Ok(Keypoint {
+            at: Point2::new(x, y),
+            size: at(&scales).unwrap_or(1.0),
+            angle: at(&angles),
+            response: at(&scores).unwrap_or(0.0),
+            octave: 0,
+        })
+    };
+    let keypoints = (0..count).map(keypoint).collect::<Result<_, _>>()?;
+    let descriptors = file.get("descriptors").ok_or("it wrote no `descriptors`")?;
+    Ok(Features::new(
+        size,
+        keypoints,
+        read_descriptors(descriptors, count, hamming)?,
+    ))
+}
+
+/// The values of an array, if it is there: of this shape, and all finite.
+fn array(
+    file: &BTreeMap<String, Array>,
+    name: &str,
+    shape: &[usize],
+) -> Result<Option<Vec<f32>>, String> {
+    let Some(array) = file.get(name) else {
+        return Ok(None);
+    };
+    if array.shape != shape {
+        let found = &array.shape;
+        return Err(format!(
+            "its `{name}` have the shape {found:?}, not {shape:?}"
+        ));
+    }
+    let values = array.to_f32();
+    match values.iter().find(|value| !value.is_finite()) {
+        Some(value) => Err(format!("its `{name}` hold {value}")),
+        None => Ok(Some(values)),
+    }
+}
+
+fn read_descriptors(array: &Array, count: usize, hamming: bool) -> Result<Descriptors, String> {
+    let &[rows, length] = array.shape.as_slice() else {
+        return Err(format!(
+            "its `descriptors` have the shape {:?}",
+            array.shape
+        ));
+    };
+    if rows != count || !(1..=LONGEST_DESCRIPTOR).contains(&length) {
+        return Err(format!(
+            "its `descriptors` are {rows} of {length} values, for {count} features; a descriptor \
+             has 1 to {LONGEST_DESCRIPTOR}"
+        ));
+    }
+    if hamming {
+        let bytes = array.as_bytes().ok_or_else(|| {
+            format!(
+                "its `descriptors` are {}, but bits (`hamming`) come as uint8",
+                array.kind
+            )
+        })?;
+        let words = bytes.chunks_exact(length).flat_map(|row| {
+            row.chunks(8).map(|bytes| {
+                let mut word = [0; 8];
+                word[..bytes.len()].copy_from_slice(bytes);
+                u64::from_le_bytes(word)
+            })
+        });
+        return Ok(Descriptors::Binary(BinaryRows::from_vec(
+            8 * length,
+            words.collect(),
+        )));
+    }
+    let values = array.to_f32();
+    match values.iter().find(|value| !value.is_finite()) {
+        Some(value) => Err(format!("its `descriptors` hold {value}")),
+        None => Ok(Descriptors::Float(FloatRows::from_vec(length, values))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::npz::testing::{floats, npy, write_npz};
+    use super::*;
+
+    const SIZE: Size = Size::new(640, 480);
+
+    fn read(arrays: &[(&str, Vec<u8>)], count: usize, hamming: bool) -> Result<Features, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.npz");
+        write_npz(&path, arrays);
+        read_features(&path, count, SIZE, 0.5, hamming)
+    }
+
+    #[test]
+    fn what_is_given_is_kept_and_the_rest_has_defaults() {
+        let points = ("keypoints", floats("(2, 2)", &[0.5, 480.0, 10.0, 20.25]));
+        let rows = (
+            "descriptors",
+            floats("(2, 3)", &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
+        );
+        let few = read(&[points.clone(), rows.clone()], 2, false).unwrap();
+        let expected = Keypoint {
+            at: Point2::new(0.0, 479.5),
+            size: 1.0,
+            angle: None,
+            response: 0.0,
+            octave: 0,
+        };
+        assert_eq!(few.keypoints[0], expected);
+        assert_eq!(few.size, SIZE);
+        let Descriptors::Float(floats_read) = &few.descriptors else {
+            panic!("real values")
+        };
+        assert_eq!(floats_read.row(1), [4.0, 5.0, 6.0]);
+        let more = [
+            points,
+            rows,
+            ("scales", floats("(2,)", &[3.0, 4.0])),
+            ("angles", floats("(2,)", &[0.0, 1.0])),
+            ("scores", floats("(2,)", &[0.25, 0.5])),
+        ];
+        let all = read(&more, 2, false).unwrap().keypoints[1];
+        assert_eq!((all.size, all.angle, all.response), (4.0, Some(1.0), 0.5));
+    }
+
+    #[test]
+    fn bits_come_in_bytes_lowest_first() {
+        let points = floats("(1, 2)", &[1.0, 1.0]);
+        let bytes = npy("|u1", "(1, 10)", &[1, 0, 0, 0, 0, 0, 0, 128, 3, 4]);
+        let arrays = [("keypoints", points), ("descriptors", bytes)];
+        let Descriptors::Binary(bits) = read(&arrays, 1, true).unwrap().descriptors else {
+            panic!("bits")
+        };
+        assert_eq!((bits.bits(), bits.row(0)), (80, &[1 | 1 << 63, 0x403][..]));
+        let Descriptors::Float(values) = read(&arrays, 1, false).unwrap().descriptors else {
+            panic!("real values")
+        };
+        assert_eq!(values.row(0)[7..], [128.0, 3.0, 4.0]);
+    }
+
+    #[test]
+    fn lies_are_named() {
+        let points = |values: &[f32]| ("keypoints", floats("(1, 2)", values));
+        let rows = || ("descriptors", floats("(1, 2)", &[1.0, 2.0]));
+        let good = [1.0, 2.0];
+        for (arrays, count, hamming, named) in [
+            (
+                vec![points(&good), rows()],
+                2,
+                false,
+                "shape [1, 2], not [2, 2]",
+            ),
+            (vec![points(&good)], 1, false, "no `descriptors`"),
+            (vec![rows()], 1, false, "no `keypoints`"),
+            (vec![points(&good), rows()], 1, true, "uint8"),
+            (vec![points(&[1.0, 481.0]), rows()], 1, false, "outside"),
+            (vec![points(&[f32::NAN, 1.0]), rows()], 1, false, "NaN"),
+            (
+                vec![
+                    points(&good),
+                    ("descriptors", floats("(1, 2)", &[1.0, f32::INFINITY])),
+                ],
+                1,
+                false,
+                "inf",
+            ),
+            (
+                vec![points(&good), ("descriptors", floats("(1, 0)", &[]))],
+                1,
+                false,
+                "1 of 0 values",
+            ),
+            (
+                vec![points(&good), rows(), ("sizes", floats("(0,)", &[]))],
+                1,
+                false,
+                "`sizes`",
+            ),
+            (
+                vec![points(&good), rows(), ("scales", floats("(0,)", &[]))],
+                1,
+                false,
+                "`scales`",
+            ),
+        ] {
+            let wrong = read(&arrays, count, hamming).unwrap_err();
+            assert!(wrong.contains(named), "{wrong}");
+        }
+        let nowhere = read_features(Path::new("/nowhere"), 1, SIZE, 0.0, false);
+        assert!(nowhere.unwrap_err().contains("file of features"));
+    }
+}

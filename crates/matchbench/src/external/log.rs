@@ -1,0 +1,146 @@
+//! What children print: kept in a file that cannot grow without end.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Bytes after which a log is full.
+const FULL: u64 = 16 << 20;
+/// Letters of a line that are told to the user.
+const TOLD: usize = 300;
+
+/// The log of one matcher; clones write into the same file.
+///
+/// At most 16 MiB are written; the rest is dropped, and the log says so. A log that is half full when
+/// it is opened is put aside as `<name>.log.old`.
+#[derive(Clone, Debug)]
+pub struct Log(Arc<Mutex<State>>);
+
+#[derive(Debug)]
+struct State {
+    path: PathBuf,
+    file: File,
+    room: u64,
+    /// The last complaint that was not blank.
+    last: String,
+}
+
+impl Log {
+    /// Opens the log at `path` for appending; it and its folder are made if they are not there.
+    ///
+    /// # Errors
+    /// If it cannot be opened; the error names it.
+    pub fn open(path: &Path) -> io::Result<Self> {
+        Self::with_room(path, FULL)
+    }
+
+    fn with_room(path: &Path, full: u64) -> io::Result<Self> {
+        let named = |error: io::Error| {
+            let message = format!("cannot open the log {}: {error}", path.display());
+            io::Error::new(error.kind(), message)
+        };
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).map_err(named)?;
+        }
+        let length = fs::metadata(path).map_or(0, |about| about.len());
+        let length = if length > full / 2 {
+            let mut old = path.as_os_str().to_owned();
+            old.push(".old");
+            fs::rename(path, old).map_err(named)?;
+            0
+        } else {
+            length
+        };
+        let file = OpenOptions::new().append(true).create(true).open(path);
+        Ok(Self(Arc::new(Mutex::new(State {
+            path: path.into(),
+            file: file.map_err(named)?,
+            room: full - length,
+            last: String::new(),
+        }))))
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> PathBuf {
+        self.state().path.clone()
+    }
+
+    /// Appends a line of standard error, which is remembered: it may say why a child ended.
+    pub(super) fn complaint(&self, line: &[u8]) {
+        if !line.trim_ascii().is_empty() {
+            self.state().last = told(line);
+        }
+        self.line(line);
+    }
+
+    /// Appends a line.
+    pub(super) fn line(&self, line: &[u8]) {
+        let mut state = self.state();
+        let length = line.len() as u64 + 1;
+        let (text, room) = match state.room {
+            0 => return,
+            room if length <= room => ([line, b"\n"].concat(), room - length),
+            _ => (b"(the log is full; the rest is dropped)\n".to_vec(), 0),
+        };
+        state.room = room;
+        // A full disk takes the log away and nothing else.
+        if state.file.write_all(&text).is_err() {
+            state.room = 0;
+        }
+    }
+
+    /// The last complaint, fit to be shown; it is forgotten.
+    pub(super) fn take_last(&self) -> Option<String> {
+        let last = std::mem::take(&mut self.state().last);
+        (!last.is_empty()).then_some(last)
+    }
+
+    fn state(&self) -> std::sync::MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The beginning of a line without what would move a terminal's cursor.
+pub(super) fn told(line: &[u8]) -> String {
+    let line = String::from_utf8_lossy(&line[..line.len().min(4 * TOLD)]);
+    let shown: String = (line.trim().chars())
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .take(TOLD)
+        .collect();
+    if line.trim().chars().count() > TOLD {
+        shown + " ..."
+    } else {
+        shown
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_is_full_and_says_so_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("logs/x.log");
+        let log = Log::with_room(&path, 20).unwrap();
+        for line in ["123456789", "12345678", "more", "and more"] {
+            log.complaint(line.as_bytes());
+        }
+        let text = fs::read_to_string(&path).unwrap();
+        let note = "(the log is full; the rest is dropped)\n";
+        assert_eq!(text, format!("123456789\n12345678\n{note}"));
+        assert_eq!(log.take_last().as_deref(), Some("and more"));
+        assert_eq!(log.take_last(), None);
+        let again = Log::with_room(&path, 20).unwrap();
+        again.line(b"new");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "new\n");
+        assert!(folder.path().join("logs/x.log.old").is_file());
+    }
+
+    #[test]
+    fn what_is_told_moves_no_cursor_and_is_short() {
+        assert_eq!(told(b" \x1b[2Jbad\tname \n"), " [2Jbad name");
+        assert_eq!(told(&[b'x'; 5000]).len(), TOLD + 4);
+    }
+}

@@ -1,0 +1,313 @@
+//! A matcher from outside: its processes, who gets which, and when it is given up.
+
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
+use matchbench_vision::image::Size;
+use tempfile::TempDir;
+
+use super::answer::{self, Described, Matched, Times};
+use super::features::read_features;
+use super::log::Log;
+use super::manifest::{Kind, Manifest};
+use super::message::{Answer, Request};
+use super::worker::{Fault, Identity, Worker};
+
+/// Questions that fail one after the other until a matcher is given up.
+const STRIKES: u32 = 3;
+
+/// A matcher from outside, ready to be asked from any number of threads; at most
+/// [`Manifest::workers`] are answered at once, the others wait. Dropping it ends its processes.
+pub struct External {
+    manifest: Manifest,
+    identity: Identity,
+    log: Log,
+    /// Where children write their answers.
+    scratch: TempDir,
+    questions: AtomicU64,
+    pool: Mutex<Pool>,
+    /// Told when a worker becomes free.
+    freed: Condvar,
+}
+
+struct Pool {
+    idle: Vec<Worker>,
+    /// Workers that may yet be started, or are to be replaced.
+    missing: usize,
+    /// Questions that failed since one was answered.
+    strikes: u32,
+    /// Why the matcher was given up.
+    ended: Option<String>,
+}
+
+/// An image that a child is asked about.
+#[derive(Clone, Copy, Debug)]
+pub struct Image<'a> {
+    /// Its file, absolute.
+    pub path: &'a Path,
+    /// Its size in pixels.
+    pub size: Size,
+}
+
+/// A matcher that cannot be started.
+#[derive(Debug, thiserror::Error)]
+#[error("`{name}` cannot be started: {reason}; what it printed is in {}", log.display())]
+pub struct StartError {
+    /// Its name.
+    pub name: String,
+    /// Why, in words.
+    pub reason: String,
+    /// Its log.
+    pub log: PathBuf,
+}
+
+/// Why a question has no answer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Breakdown {
+    /// The child says that it cannot do this one. Asked again, it would say so again.
+    Said(String),
+    /// The child broke over this one and was ended. It may go better another time.
+    Broke(String),
+    /// The matcher was given up after several such questions in a row, this one or earlier ones;
+    /// the reason names the log.
+    Ended(String),
+}
+
+impl fmt::Display for Breakdown {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (Self::Said(reason) | Self::Broke(reason) | Self::Ended(reason)) = self;
+        f.write_str(reason)
+    }
+}
+
+impl External {
+    /// Starts the first process and learns what it is. What it prints goes to `log`.
+    ///
+    /// # Errors
+    /// If it does not get ready.
+    pub fn start(manifest: Manifest, log: Log) -> Result<Self, StartError> {
+        let failed = |reason: String| StartError {
+            name: manifest.name.clone(),
+            reason,
+            log: log.path(),
+        };
+        let scratch = (tempfile::Builder::new().prefix("matchbench-").tempdir())
+            .and_then(absolute)
+            .map_err(|error| failed(format!("no folder for its answers: {error}")))?;
+        let worker = Worker::start(&manifest, &log).map_err(failed)?;
+        Ok(Self {
+            identity: worker.identity().clone(),
+            pool: Mutex::new(Pool {
+                idle: vec![worker],
+                missing: manifest.workers - 1,
+                strikes: 0,
+                ended: None,
+            }),
+            manifest,
+            log,
+            scratch,
+            questions: AtomicU64::new(0),
+            freed: Condvar::new(),
+        })
+    }
+
+    /// How it was started.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// What it says of itself.
+    pub fn identity(&self) -> &Identity {
+        &self.identity
+    }
+
+    /// Where what it prints is kept.
+    pub fn log(&self) -> PathBuf {
+        self.log.path()
+    }
+
+    /// The matches of the `pair` of frames, whose images are `a` and `b`.
+    ///
+    /// # Errors
+    /// If there are none that can be used.
+    pub fn match_pair(
+        &self,
+        pair: [u32; 2],
+        a: Image<'_>,
+        b: Image<'_>,
+    ) -> Result<Matched, Breakdown> {
+        let out = self.out(&format!("{}_{}.f32", pair[0], pair[1]));
+        let request = Request::Match {
+            pair,
+            a: a.path,
+            b: b.path,
+            size_a: [a.size.width, a.size.height],
+            size_b: [b.size.width, b.size.height],
+            out: &out,
+        };
+        self.ask(request, &out, |answer, wall| match answer {
+            Answer::Matched {
+                count,
+                features,
+                seconds,
+                device,
+                ..
+            } => Ok(Matched {
+                rows: answer::read_rows(&out, count, [a.size, b.size], self.identity.pixel_center)?,
+                features,
+                times: Times::new(wall, seconds, device)?,
+            }),
+            _ => Err("it answers something that was not asked for".into()),
+        })
+    }
+
+    /// The features of an image.
+    ///
+    /// # Errors
+    /// If there are none that can be used, or the matcher answers matches.
+    pub fn describe(&self, image: Image<'_>) -> Result<Described, Breakdown> {
+        let Kind::Features(matching) = self.manifest.kind else {
+            return Err(Breakdown::Said("it describes no images".into()));
+        };
+        let out = self.out("features.npz");
+        let request = Request::Describe {
+            image: image.path,
+            size: [image.size.width, image.size.height],
+            out: &out,
+        };
+        self.ask(request, &out, |answer, wall| match answer {
+            Answer::Described {
+                count,
+                seconds,
+                device,
+                ..
+            } => Ok(Described {
+                features: read_features(
+                    &out,
+                    count,
+                    image.size,
+                    self.identity.pixel_center,
+                    matching.hamming,
+                )?,
+                times: Times::new(wall, seconds, device)?,
+            }),
+            _ => Err("it answers something that was not asked for".into()),
+        })
+    }
+
+    /// Asks a worker, takes its answer apart by `read`, and keeps the worker if all went well.
+    fn ask<T>(
+        &self,
+        request: Request<'_>,
+        out: &Path,
+        read: impl FnOnce(Answer, f64) -> Result<T, String>,
+    ) -> Result<T, Breakdown> {
+        let mut worker = match self.take()? {
+            Ok(worker) => worker,
+            Err(reason) => return Err(self.give_up_on(reason)),
+        };
+        let asked = worker.ask(request);
+        let answer = asked.and_then(|(answer, wall)| read(answer, wall).map_err(Fault::Broke));
+        // The file may be absent, or another kind of thing; the folder goes with the matcher.
+        let _ = std::fs::remove_file(out);
+        match answer {
+            Ok(answer) => {
+                self.give_back(worker);
+                Ok(answer)
+            }
+            Err(Fault::Said(reason)) => {
+                self.give_back(worker);
+                Err(Breakdown::Said(reason))
+            }
+            Err(Fault::Broke(reason)) => {
+                let reason = format!("{reason} ({})", worker.kill());
+                Err(self.give_up_on(reason))
+            }
+        }
+    }
+
+    /// A worker that nobody else has; `Err` inside if a new one does not start.
+    fn take(&self) -> Result<Result<Worker, String>, Breakdown> {
+        let mut pool = self.pool();
+        loop {
+            if let Some(reason) = &pool.ended {
+                return Err(Breakdown::Ended(reason.clone()));
+            }
+            if let Some(worker) = pool.idle.pop() {
+                return Ok(Ok(worker));
+            }
+            if pool.missing > 0 {
+                pool.missing -= 1;
+                break;
+            }
+            pool = (self.freed.wait(pool)).unwrap_or_else(PoisonError::into_inner);
+        }
+        drop(pool);
+        let worker = Worker::start(&self.manifest, &self.log).and_then(|worker| {
+            if *worker.identity() == self.identity {
+                return Ok(worker);
+            }
+            let now = &worker.identity().version;
+            Err(format!("it became another program: version {now}"))
+        });
+        Ok(worker)
+    }
+
+    fn give_back(&self, worker: Worker) {
+        let mut pool = self.pool();
+        pool.strikes = 0;
+        pool.idle.push(worker);
+        self.freed.notify_one();
+    }
+
+    /// Notes that a worker was lost for this `reason`, and whether the matcher is with it.
+    fn give_up_on(&self, reason: String) -> Breakdown {
+        let mut pool = self.pool();
+        pool.missing += 1;
+        pool.strikes += 1;
+        let breakdown = if pool.strikes < STRIKES {
+            self.freed.notify_one();
+            Breakdown::Broke(reason)
+        } else {
+            let reason = format!(
+                "{STRIKES} failures in a row, the last: {reason}; what it printed is in {}",
+                self.log.path().display()
+            );
+            let ended = pool.ended.get_or_insert(reason).clone();
+            // Whoever waits learns that nobody will come.
+            self.freed.notify_all();
+            Breakdown::Ended(ended)
+        };
+        breakdown
+    }
+
+    fn pool(&self) -> MutexGuard<'_, Pool> {
+        self.pool.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A file of this name in a folder of its own: workers may be asked for one pair at once.
+    fn out(&self, name: &str) -> PathBuf {
+        let question = self.questions.fetch_add(1, Ordering::Relaxed);
+        self.scratch.path().join(format!("{question}-{name}"))
+    }
+}
+
+impl Drop for External {
+    fn drop(&mut self) {
+        // All are asked to go before any is waited for.
+        let mut idle = std::mem::take(&mut self.pool().idle);
+        idle.iter_mut().for_each(Worker::say_goodbye);
+    }
+}
+
+/// The same folder, if its path is absolute, as children need it: they run elsewhere.
+fn absolute(folder: TempDir) -> io::Result<TempDir> {
+    if folder.path().is_absolute() {
+        return Ok(folder);
+    }
+    let parent = std::path::absolute(std::env::temp_dir())?;
+    (tempfile::Builder::new().prefix("matchbench-")).tempdir_in(parent)
+}

@@ -1,0 +1,317 @@
+//! A child process: started in a group of its own, heard through threads, and ended without fail.
+//!
+//! Three threads serve a child: one writes to its standard input, so that a child that does not read
+//! cannot hold the host up; one sorts its standard output into protocol and log; one copies its
+//! standard error. The queues between are short, so a child that floods waits for the host.
+//!
+//! A child ends in one of these ways, and is reaped in all of them:
+//!
+//! | | |
+//! | --- | --- |
+//! | the matcher is done | `bye`, standard input closed, [`GRACE`] to go, then killed |
+//! | it misbehaves, or the host panics | killed |
+//! | Ctrl-C once | as done, after the pairs in flight: its group is not the terminal's |
+//! | Ctrl-C twice | the command line calls [`end_all`] before it exits |
+//! | the host is killed | its standard input closes, upon which it has to go |
+//!
+//! What is killed is the group, so that programs started by the child end too, and it is killed
+//! before the child is reaped, while its number cannot yet be another's.
+
+use std::collections::BTreeSet;
+use std::ffi::OsString;
+use std::io::{BufReader, Read, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, SyncSender};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use super::lines::{self, read_line};
+use super::log::{Log, told};
+
+/// Longest line of a child, in bytes.
+pub(super) const LONGEST_LINE: usize = 1 << 20;
+/// Longest line of a log; longer ones are broken.
+const LONGEST_LOGGED: usize = 1 << 16;
+/// Lines of the protocol that wait to be read.
+const WAITING: usize = 16;
+/// How long a child may take to go once it is asked to.
+const GRACE: Duration = Duration::from_secs(3);
+/// How long the last words of a child that has ended are waited for.
+const LAST_WORDS: Duration = Duration::from_millis(300);
+
+/// Leaders of the groups that are alive.
+static ALIVE: Mutex<BTreeSet<u32>> = Mutex::new(BTreeSet::new());
+
+/// A child that is heard line by line; dropping it ends it.
+pub(super) struct Process {
+    child: Child,
+    /// `None` once standard input is to be closed.
+    requests: Option<Sender<Vec<u8>>>,
+    lines: Receiver<Heard>,
+    /// Disconnected when standard error has ended.
+    errors: Receiver<()>,
+    log: Log,
+    reaped: bool,
+}
+
+/// What was heard of a child.
+#[derive(Debug)]
+pub(super) enum Heard {
+    /// A JSON object with a `type`.
+    Message(Value),
+    /// A line above [`LONGEST_LINE`].
+    Flood,
+}
+
+/// Why nothing was heard.
+#[derive(Debug)]
+pub(super) enum Silence {
+    /// The time was over.
+    Timeout,
+    /// It closed its standard output, which is what ending looks like.
+    Closed,
+}
+
+impl Process {
+    /// Starts `command` in `folder`.
+    ///
+    /// # Errors
+    /// If the system cannot, in words.
+    pub(super) fn start(command: &[String], folder: &Path, log: &Log) -> Result<Self, String> {
+        let [program, arguments @ ..] = command else {
+            return Err("the command is empty".into());
+        };
+        let mut command = Command::new(program_in(folder, program));
+        command
+            .args(arguments)
+            .current_dir(folder)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        group::lead(&mut command);
+        let mut child = {
+            // Held over the start: `end_all` sees this child, or it is not started.
+            let mut alive = alive();
+            let child = (command.spawn())
+                .map_err(|error| format!("`{program}` cannot be started: {error}"))?;
+            alive.insert(child.id());
+            child
+        };
+        let stdin = child.stdin.take().expect("piped");
+        let stdout = child.stdout.take().expect("piped");
+        let stderr = child.stderr.take().expect("piped");
+        let (requests, to_write) = mpsc::channel();
+        let (heard, lines) = mpsc::sync_channel(WAITING);
+        let (ended, errors) = mpsc::sync_channel(0);
+        thread::spawn(move || write_all(stdin, &to_write));
+        let out_log = log.clone();
+        thread::spawn(move || sort(stdout, &heard, &out_log));
+        let error_log = log.clone();
+        thread::spawn(move || copy(stderr, &error_log, ended));
+        Ok(Self {
+            child,
+            requests: Some(requests),
+            lines,
+            errors,
+            log: log.clone(),
+            reaped: false,
+        })
+    }
+
+    /// Sends a line. Whether it arrives shows in the answer.
+    pub(super) fn send(&self, mut line: Vec<u8>) {
+        line.push(b'\n');
+        if let Some(requests) = &self.requests {
+            // The other end is gone when the child is: then nothing will be heard either.
+            let _ = requests.send(line);
+        }
+    }
+
+    /// Waits until `deadline` for the next message.
+    pub(super) fn hear(&self, deadline: Instant) -> Result<Heard, Silence> {
+        let left = deadline.saturating_duration_since(Instant::now());
+        (self.lines.recv_timeout(left)).map_err(|error| match error {
+            RecvTimeoutError::Timeout => Silence::Timeout,
+            RecvTimeoutError::Disconnected => Silence::Closed,
+        })
+    }
+
+    /// Kills it, and says how it ended and what it printed last: `exit status: 1; it printed: ...`.
+    pub(super) fn kill(mut self) -> String {
+        // One that closed its output is about to end by itself, and its own status says more.
+        let by_itself = self.wait_to_end(LAST_WORDS);
+        let status = self.end(Duration::ZERO);
+        // A program that outlives its group may hold standard error open: not for long.
+        let _ = self.errors.recv_timeout(LAST_WORDS);
+        let how = match status {
+            Some(status) if by_itself => status.to_string(),
+            _ => "it was killed".into(),
+        };
+        match self.log.take_last() {
+            Some(last) => format!("{how}; it last printed: {last}"),
+            None => how,
+        }
+    }
+
+    /// Closes its standard input; it has [`GRACE`] from the moment that it is dropped.
+    pub(super) fn say_goodbye(&mut self, bye: Vec<u8>) {
+        self.send(bye);
+        self.requests = None;
+    }
+
+    /// Waits `grace` for its end, kills what is left of its group, and reaps it.
+    fn end(&mut self, grace: Duration) -> Option<ExitStatus> {
+        if self.reaped {
+            return None;
+        }
+        self.requests = None;
+        self.wait_to_end(grace);
+        group::kill(self.child.id());
+        // Before its number can become another's.
+        alive().remove(&self.child.id());
+        self.reaped = true;
+        let _ = self.child.kill();
+        self.child.wait().ok()
+    }
+
+    /// Whether it has ended within `time`; it is not reaped.
+    fn wait_to_end(&mut self, time: Duration) -> bool {
+        let deadline = Instant::now() + time;
+        loop {
+            if group::has_ended(&mut self.child) {
+                return true;
+            }
+            if Instant::now() >= deadline {
+                return false;
+            }
+            thread::sleep(Duration::from_millis(2));
+        }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let said_goodbye = self.requests.is_none();
+        self.end(if said_goodbye { GRACE } else { Duration::ZERO });
+    }
+}
+
+/// Kills all children of this process and what they started, for a host that is about to exit.
+pub fn end_all() {
+    let alive = alive();
+    for &leader in &*alive {
+        group::kill(leader);
+    }
+}
+
+fn alive() -> MutexGuard<'static, BTreeSet<u32>> {
+    ALIVE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A program that is a path counts from the folder of the manifest; another is looked up as usual.
+fn program_in(folder: &Path, program: &str) -> OsString {
+    if program.contains(std::path::is_separator) {
+        folder.join(program).into()
+    } else {
+        program.into()
+    }
+}
+
+fn write_all(mut stdin: ChildStdin, lines: &Receiver<Vec<u8>>) {
+    for line in lines {
+        if stdin.write_all(&line).and_then(|()| stdin.flush()).is_err() {
+            return;
+        }
+    }
+}
+
+/// Objects with a `type` are messages; all else goes to the log.
+fn sort(stdout: impl Read, heard: &SyncSender<Heard>, log: &Log) {
+    let mut stdout = BufReader::new(stdout);
+    let mut line = Vec::new();
+    loop {
+        match read_line(&mut stdout, LONGEST_LINE, &mut line) {
+            Ok(lines::Line::Whole) => {}
+            Ok(lines::Line::TooLong) => {
+                log.line(format!("(a line too long: {} ...)", told(&line)).as_bytes());
+                let _ = heard.send(Heard::Flood);
+                return;
+            }
+            Ok(lines::Line::End) | Err(_) => return,
+        }
+        let message: Option<Value> = serde_json::from_slice(&line).ok();
+        match message {
+            Some(message) if message.get("type").is_some_and(Value::is_string) => {
+                if heard.send(Heard::Message(message)).is_err() {
+                    return;
+                }
+            }
+            _ if line.is_empty() => {}
+            _ => log.line(&line),
+        }
+    }
+}
+
+fn copy(stderr: impl Read, log: &Log, _ended: SyncSender<()>) {
+    let mut stderr = BufReader::new(stderr);
+    let mut line = Vec::new();
+    loop {
+        match read_line(&mut stderr, LONGEST_LOGGED, &mut line) {
+            Ok(lines::Line::Whole) if line.is_empty() => {}
+            Ok(lines::Line::Whole | lines::Line::TooLong) => log.complaint(&line),
+            Ok(lines::Line::End) | Err(_) => return,
+        }
+    }
+}
+
+/// Process groups, by system calls that need no unsafe code here.
+#[cfg(unix)]
+mod group {
+    use std::os::unix::process::CommandExt;
+    use std::process::{Child, Command};
+
+    use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
+
+    /// The child will lead a group of its own.
+    pub(super) fn lead(command: &mut Command) {
+        command.process_group(0);
+    }
+
+    /// Kills the group of a `leader` that has not been reaped.
+    pub(super) fn kill(leader: u32) {
+        if let Some(leader) = pid(leader) {
+            // It fails where all members have ended, which is what is wanted.
+            let _ = kill_process_group(leader, Signal::KILL);
+        }
+    }
+
+    /// Whether the child has ended; it is left to be reaped.
+    pub(super) fn has_ended(child: &mut Child) -> bool {
+        let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+        let ended = pid(child.id()).map(|pid| waitid(WaitId::Pid(pid), options));
+        // An error says that there is nothing to wait for.
+        !matches!(ended, Some(Ok(None)))
+    }
+
+    fn pid(number: u32) -> Option<Pid> {
+        Pid::from_raw(i32::try_from(number).ok()?)
+    }
+}
+
+/// Elsewhere the child itself is ended; what it started is left to the system.
+#[cfg(not(unix))]
+mod group {
+    use std::process::{Child, Command};
+
+    pub(super) fn lead(_: &mut Command) {}
+
+    pub(super) fn kill(_: u32) {}
+
+    pub(super) fn has_ended(child: &mut Child) -> bool {
+        !matches!(child.try_wait(), Ok(None))
+    }
+}

@@ -1,0 +1,479 @@
+//! Matchers as processes, with a child for each way in which one can misbehave.
+//!
+//! The child is this test program itself, started again to run [`child`] alone with a behaviour in its
+//! environment; the line that the test harness prints first is the noise that libraries make.
+
+#![cfg(unix)] // `env`, `sh` and signals
+
+use std::env;
+use std::fs;
+use std::io::{self, BufRead, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use matchbench::external::{Breakdown, External, Image, Log, Manifest, StartError};
+use matchbench_vision::image::Size;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+const SIZE: Size = Size::new(640, 480);
+/// A behaviour: of the child with this name, when it is asked for this pair.
+const BEHAVIOUR: &str = "MATCHBENCH_TEST_CHILD";
+/// Where the child writes its process number, a line for each start.
+const STARTS: &str = "MATCHBENCH_TEST_STARTS";
+
+/// A child that does as it should, unless it is asked for a pair with `b` = 13.
+#[test]
+#[ignore = "started by the other tests"]
+fn child() {
+    let behaviour = env::var(BEHAVIOUR).unwrap_or_default();
+    let starts = env::var(STARTS).expect("set by the parent");
+    let mut starts = (fs::OpenOptions::new()
+        .append(true)
+        .create(true)
+        .open(starts))
+    .expect("can be written");
+    writeln!(starts, "{}", std::process::id()).expect("can be written");
+    eprintln!("loading weights ...");
+    // The harness may have begun a line.
+    println!("\nnoise {{\"no\": \"type\"}}\n{{\"no\": \"type\"}}");
+    let mut answers = 0;
+    for line in io::stdin().lock().lines() {
+        let request: Value = serde_json::from_str(&line.expect("UTF-8")).expect("JSON");
+        let unlucky = request["pair"][1] == 13;
+        match request["type"].as_str() {
+            Some("hello") => match behaviour.as_str() {
+                "never-ready" => sleep(),
+                "ends-at-once" => {
+                    eprintln!("ModuleNotFoundError: No module named 'weights'");
+                    std::process::exit(3);
+                }
+                "refuses" => say(&json!({"type": "refused", "reason": "no parameter `x`"})),
+                "other-protocol" => say(&ready(2, "1", 0.0)),
+                "odd-pixels" => say(&ready(1, "1", 0.25)),
+                "new-version" => say(&ready(1, &std::process::id().to_string(), 0.0)),
+                _ => say(&ready(1, "1.0", 0.5)),
+            },
+            Some("match") if unlucky || behaviour == "always-ends" => {
+                misbehave(&behaviour, &request);
+            }
+            Some("match") => {
+                write_matches(&request, &[[10.5, 20.5, 30.5, 40.5, 0.25], [1.0; 5]]);
+                say(&matched(&request, 2));
+                answers += 1;
+                if behaviour == "answers-twice" && request["pair"][1] == 12 {
+                    say(&matched(&request, 2));
+                }
+            }
+            Some("bye") => {
+                eprintln!("goodbye after {answers} answers");
+                return;
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+fn misbehave(behaviour: &str, request: &Value) {
+    match behaviour {
+        "hangs" => sleep(),
+        "always-ends" | "ends" => std::process::exit(0),
+        "crashes" => std::process::abort(),
+        "floods" => {
+            let line = vec![b'x'; 1 << 16];
+            for _ in 0..64 {
+                io::stdout().write_all(&line).expect("the parent reads");
+            }
+            sleep();
+        }
+        "chatters" => (0..200_000).for_each(|i| println!("still working on it: {i}")),
+        "counts-wrong" => {
+            write_matches(request, &[[1.0; 5]]);
+            say(&matched(request, 2));
+        }
+        "writes-nothing" => say(&matched(request, 2)),
+        "not-a-number" => {
+            write_matches(request, &[[1.0, f32::NAN, 1.0, 1.0, 0.0]]);
+            say(&matched(request, 1));
+        }
+        "outside" => {
+            write_matches(request, &[[1.0, 481.0, 1.0, 1.0, 0.0]]);
+            say(&matched(request, 1));
+        }
+        "too-certain" => {
+            write_matches(request, &[[1.0, 1.0, 1.0, 1.0, -0.1]]);
+            say(&matched(request, 1));
+        }
+        "other-pair" => {
+            write_matches(request, &[]);
+            let mut answer = matched(request, 0);
+            answer["pair"] = json!([0, 99]);
+            say(&answer);
+        }
+        "misspells" => {
+            let mut answer = matched(request, 0);
+            answer["feature"] = json!([1, 2]);
+            say(&answer);
+        }
+        "negative-time" => {
+            let mut answer = matched(request, 0);
+            answer["seconds"] = json!({"match": -1.0});
+            say(&answer);
+        }
+        "greets-again" => say(&ready(1, "1.0", 0.5)),
+        "cannot" => {
+            say(&json!({"type": "failed", "pair": request["pair"], "reason": "no\x07 memory"}));
+        }
+        other => panic!("no behaviour is called {other}"),
+    }
+}
+
+fn ready(protocol: u32, version: &str, pixel_center: f32) -> Value {
+    json!({"type": "ready", "protocol": protocol, "name": "test", "version": version,
+           "pixel_center": pixel_center})
+}
+
+fn matched(request: &Value, count: usize) -> Value {
+    json!({"type": "matched", "pair": request["pair"], "count": count, "features": [7, 8],
+           "seconds": {"match": 0.5}, "device": "abacus"})
+}
+
+fn say(message: &Value) {
+    println!("{message}");
+}
+
+fn write_matches(request: &Value, rows: &[[f32; 5]]) {
+    let bytes: Vec<u8> = rows
+        .iter()
+        .flatten()
+        .flat_map(|value| value.to_le_bytes())
+        .collect();
+    fs::write(request["out"].as_str().expect("a path"), bytes).expect("can be written");
+}
+
+/// As a program does that has lost its way.
+fn sleep() {
+    std::thread::sleep(Duration::from_secs(600));
+}
+
+/// A matcher whose child has this behaviour, with the folder of its log.
+struct Bench {
+    folder: TempDir,
+    external: Result<External, StartError>,
+}
+
+impl Bench {
+    fn new(behaviour: &str) -> Self {
+        Self::with(behaviour, "timeout_s = 2\nstart_timeout_s = 20\n")
+    }
+
+    fn with(behaviour: &str, more: &str) -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let manifest = manifest(folder.path(), behaviour, more);
+        let log = Log::open(&folder.path().join("logs/test.log")).expect("can be written");
+        let external = External::start(manifest, log);
+        Self { folder, external }
+    }
+
+    fn external(&self) -> &External {
+        self.external.as_ref().expect("it starts")
+    }
+
+    fn ask(&self, b: u32) -> Result<usize, Breakdown> {
+        let image = Image {
+            path: Path::new("/nowhere/image.png"),
+            size: SIZE,
+        };
+        let matched = self.external().match_pair([0, b], image, image);
+        matched.map(|matched| matched.rows.len())
+    }
+
+    /// Process numbers of all children so far.
+    fn children(&self) -> Vec<u32> {
+        let starts = fs::read_to_string(self.folder.path().join("starts")).unwrap_or_default();
+        starts
+            .lines()
+            .map(|line| line.parse().expect("a number"))
+            .collect()
+    }
+
+    fn log(&self) -> String {
+        fs::read_to_string(self.folder.path().join("logs/test.log")).expect("there is a log")
+    }
+}
+
+/// The manifest of a child with this behaviour: this program, which `env` gives its environment.
+fn manifest(folder: &Path, behaviour: &str, more: &str) -> Manifest {
+    let command = [
+        "env".to_owned(),
+        format!("{BEHAVIOUR}={behaviour}"),
+        format!("{STARTS}={}", folder.join("starts").display()),
+        this_program().display().to_string(),
+        "child".into(),
+        "--exact".into(),
+        "--ignored".into(),
+        "--nocapture".into(),
+    ];
+    let text = format!("name = \"test\"\ncommand = {}\n{more}", json!(command));
+    Manifest::parse(&folder.join("test.toml"), &text, &[]).expect("it is well-formed")
+}
+
+fn this_program() -> PathBuf {
+    env::current_exe().expect("the system knows")
+}
+
+/// Whether a process is there, a zombie included.
+fn exists(process: u32) -> bool {
+    // Signal 0 is not sent; whether it could be is what is asked.
+    let mut asked = Command::new("sh");
+    asked
+        .args(["-c", &format!("kill -0 {process}")])
+        .stderr(Stdio::null());
+    let status = asked.status();
+    status.expect("there is a shell").success()
+}
+
+/// Whether `process` ends within some seconds. Its parent is gone: whoever reaps it now may not.
+fn goes(process: u32) -> bool {
+    let is_zombie = || {
+        let state = fs::read_to_string(format!("/proc/{process}/stat"));
+        state.is_ok_and(|state| state.contains(") Z "))
+    };
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while Instant::now() < deadline {
+        if !exists(process) || is_zombie() {
+            return true;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    false
+}
+
+#[test]
+fn a_child_that_keeps_to_the_protocol_is_heard() {
+    let bench = Bench::new("");
+    let external = bench.external();
+    assert_eq!(external.identity().version, "1.0");
+    let image = Image {
+        path: Path::new("/nowhere/image.png"),
+        size: SIZE,
+    };
+    let matched = external
+        .match_pair([0, 1], image, image)
+        .expect("it answers");
+    // The child puts the centre of the first pixel at 0.5.
+    let expected = [[10.0, 20.0, 30.0, 40.0, 0.25], [0.5, 0.5, 0.5, 0.5, 1.0]];
+    assert_eq!(matched.rows, expected);
+    assert_eq!(matched.features, Some([7, 8]));
+    assert_eq!(matched.times.device.as_deref(), Some("abacus"));
+    assert_eq!(matched.times.own["match"], 0.5);
+    assert!(matched.times.wall > 0.0 && matched.times.wall < 2.0);
+    let children = bench.children();
+    assert_eq!(children.len(), 1, "one child serves all pairs");
+    let Bench { folder, external } = bench;
+    drop(external);
+    assert!(!exists(children[0]), "it was reaped");
+    let log = fs::read_to_string(folder.path().join("logs/test.log")).expect("there is a log");
+    for printed in [
+        "loading weights",
+        "noise",
+        "{\"no\": \"type\"}",
+        "goodbye after 1 answers",
+    ] {
+        assert!(log.contains(printed), "{printed} is not in the log:\n{log}");
+    }
+}
+
+#[test]
+fn whoever_misbehaves_over_a_pair_loses_that_pair_alone() {
+    for (behaviour, named) in [
+        ("hangs", "no answer within 2 s"),
+        ("ends", "exit status: 0"),
+        ("crashes", "signal"),
+        ("floods", "more than 1048576 bytes"),
+        ("chatters", "no answer within 2 s"),
+        (
+            "counts-wrong",
+            "promises 2 matches of 20 bytes, but wrote 20 bytes",
+        ),
+        ("writes-nothing", "wrote no matches"),
+        ("not-a-number", "not finite"),
+        ("outside", "outside image a: (0.5, 480.5)"),
+        ("too-certain", "ambiguity -0.1"),
+        ("other-pair", "answers for pair 0 99"),
+        ("answers-twice", "answers for pair 0 12"),
+        ("misspells", "feature"),
+        ("negative-time", "seconds"),
+        ("greets-again", "not asked for"),
+    ] {
+        let bench = Bench::new(behaviour);
+        assert_eq!(bench.ask(12), Ok(2), "{behaviour}");
+        let Err(Breakdown::Broke(reason)) = bench.ask(13) else {
+            panic!("{behaviour} is accepted")
+        };
+        assert!(reason.contains(named), "{behaviour}: {reason}");
+        assert_eq!(bench.ask(14), Ok(2), "{behaviour}");
+        let children = bench.children();
+        assert_eq!(children.len(), 2, "{behaviour}: a new child takes over");
+        assert!(!exists(children[0]), "{behaviour}: the first was reaped");
+        drop(bench);
+        assert!(!exists(children[1]), "{behaviour}: the second was reaped");
+    }
+}
+
+#[test]
+fn a_child_that_says_that_it_cannot_is_kept() {
+    let bench = Bench::new("cannot");
+    for _ in 0..4 {
+        assert_eq!(bench.ask(13), Err(Breakdown::Said("no  memory".into())));
+    }
+    assert_eq!(bench.ask(14), Ok(2));
+    assert_eq!(bench.children().len(), 1);
+}
+
+#[test]
+fn three_failures_in_a_row_end_a_matcher_with_its_log_named() {
+    let bench = Bench::new("always-ends");
+    for _ in 0..2 {
+        assert!(matches!(bench.ask(1), Err(Breakdown::Broke(_))));
+    }
+    for _ in 0..2 {
+        let Err(Breakdown::Ended(reason)) = bench.ask(1) else {
+            panic!("it goes on")
+        };
+        assert!(
+            reason.contains("test.log") && reason.contains("3 failures"),
+            "{reason}"
+        );
+    }
+    assert_eq!(bench.children().len(), 3);
+    // Failures that are not in a row do not add up.
+    let bench = Bench::new("ends");
+    for b in [13, 13, 1, 13, 13, 1] {
+        assert!(!matches!(bench.ask(b), Err(Breakdown::Ended(_))));
+    }
+}
+
+#[test]
+fn a_child_that_does_not_get_ready_is_an_error_that_names_the_log() {
+    for (behaviour, named) in [
+        ("ends-at-once", "No module named 'weights'"),
+        ("refuses", "no parameter `x`"),
+        ("other-protocol", "protocol 2"),
+        ("odd-pixels", "0.25"),
+        ("never-ready", "no answer within 0.5 s"),
+    ] {
+        let wait = if behaviour == "never-ready" {
+            0.5
+        } else {
+            20.0
+        };
+        let bench = Bench::with(behaviour, &format!("start_timeout_s = {wait}\n"));
+        let error = bench.external.as_ref().err().expect(behaviour).to_string();
+        assert!(
+            error.contains(named) && error.contains("test.log"),
+            "{behaviour}: {error}"
+        );
+        // A machine may be too slow for the one that is not waited for to have come so far.
+        assert!(
+            bench.children().iter().all(|&child| !exists(child)),
+            "{behaviour}"
+        );
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let text = "name = 'test'\ncommand = ['no-such-program-anywhere']\n";
+    let manifest = Manifest::parse(&folder.path().join("x.toml"), text, &[]).expect("well-formed");
+    let log = Log::open(&folder.path().join("x.log")).expect("can be written");
+    let error = External::start(manifest, log)
+        .err()
+        .expect("refused")
+        .to_string();
+    assert!(error.contains("no-such-program-anywhere"), "{error}");
+}
+
+#[test]
+fn a_child_that_becomes_another_version_is_not_used() {
+    let bench = Bench::new("new-version");
+    assert!(matches!(bench.ask(13), Err(Breakdown::Broke(_))));
+    let Err(Breakdown::Broke(reason)) = bench.ask(1) else {
+        panic!("another version is used")
+    };
+    assert!(reason.contains("became another program"), "{reason}");
+}
+
+#[test]
+fn workers_share_the_pairs() {
+    let bench = Bench::with("", "workers = 2\n");
+    let asked = std::thread::scope(|scope| {
+        let ask = |b| {
+            scope.spawn({
+                let bench = &bench;
+                move || bench.ask(b)
+            })
+        };
+        let threads: Vec<_> = (1..9).map(ask).collect();
+        threads
+            .into_iter()
+            .map(|thread| thread.join().expect("no panic"))
+            .collect::<Vec<_>>()
+    });
+    assert_eq!(asked, vec![Ok(2); 8]);
+    let children = bench.children();
+    assert!((1..=2).contains(&children.len()), "{children:?}");
+    drop(bench);
+    assert!(children.into_iter().all(|child| !exists(child)));
+}
+
+/// A host that waits for a child that hangs, to be killed.
+#[test]
+#[ignore = "started by another test"]
+fn host() {
+    let folder = PathBuf::from(env::var("MATCHBENCH_TEST_HOST").expect("set by the parent"));
+    let log = Log::open(&folder.join("x.log")).expect("can be written");
+    let external = External::start(manifest(&folder, "", ""), log);
+    fs::write(folder.join("waiting"), "").expect("can be written");
+    sleep();
+    drop(external);
+}
+
+#[test]
+fn a_child_goes_when_its_host_is_killed() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut host = Command::new(this_program())
+        .args(["host", "--exact", "--ignored"])
+        .env("MATCHBENCH_TEST_HOST", folder.path())
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("this program can be started");
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while !folder.path().join("waiting").exists() {
+        assert!(Instant::now() < deadline, "the host does not get ready");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    host.kill().expect("it is alive");
+    host.wait().expect("it is a child");
+    let starts = fs::read_to_string(folder.path().join("starts")).expect("a child was started");
+    let child = starts.trim().parse().expect("one child");
+    assert!(goes(child), "the child outlives its host");
+}
+
+/// What the protocol costs beside the work: the request, the answer, its file and its checks.
+#[test]
+fn the_protocol_takes_below_two_milliseconds_a_pair() {
+    let bench = Bench::new("");
+    assert_eq!(bench.ask(0), Ok(2));
+    // The median: other programs of the machine may take some of these pairs for themselves.
+    let mut seconds: Vec<f64> = (0..400)
+        .map(|b| {
+            let start = Instant::now();
+            assert_eq!(bench.ask(100 + b), Ok(2));
+            start.elapsed().as_secs_f64()
+        })
+        .collect();
+    seconds.sort_by(f64::total_cmp);
+    let median = 1e3 * seconds[seconds.len() / 2];
+    println!("{median:.3} ms a pair");
+    assert!(median < 2.0, "{median:.3} ms a pair");
+    assert!(bench.log().contains("loading weights"));
+}
