@@ -26,7 +26,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use matchbench_vision::matching::{MutualCheck, RatioTest, Selector};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -91,18 +90,6 @@ pub struct Matching {
 }
 
 impl Matching {
-    /// What prunes the nearest neighbours: the ratio test, then the mutual check.
-    pub fn selectors(&self) -> Vec<Box<dyn Selector>> {
-        let mut selectors: Vec<Box<dyn Selector>> = Vec::new();
-        if let Some(ratio) = self.ratio {
-            selectors.push(Box::new(RatioTest { ratio }));
-        }
-        if self.is_mutual() {
-            selectors.push(Box::new(MutualCheck));
-        }
-        selectors
-    }
-
     /// Whether the mutual check is made.
     pub fn is_mutual(&self) -> bool {
         self.mutual.unwrap_or(self.ratio.is_none())

@@ -38,7 +38,7 @@
 //!
 //! `process` starts and ends children, `log` keeps what they print, `message` and `answer` are the
 //! protocol, `worker` is one child that speaks it, `pool` ([`External`]) several, `features` reads
-//! descriptions, [`check`] tries a manifest out.
+//! descriptions and `nearest` matches them, [`check`] tries a manifest out.
 
 mod answer;
 mod check;
@@ -47,6 +47,7 @@ mod lines;
 mod log;
 mod manifest;
 mod message;
+mod nearest;
 mod npz;
 mod pool;
 mod process;

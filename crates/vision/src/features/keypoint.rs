@@ -78,6 +78,27 @@ impl Features {
         }
     }
 
+    /// The same features, found in an image `from` that an image of `size` was resampled to, in pixels
+    /// of the latter.
+    #[must_use]
+    pub fn in_pixels_of(mut self, from: Size, size: Size) -> Self {
+        self.size = size;
+        if size == from {
+            return self;
+        }
+        let x = size.width as f32 / from.width as f32;
+        let y = size.height as f32 / from.height as f32;
+        for keypoint in &mut self.keypoints {
+            let at = keypoint.at;
+            keypoint.at = Point2::new((at.x + 0.5) * x - 0.5, (at.y + 0.5) * y - 0.5);
+            keypoint.size *= (x * y).sqrt();
+        }
+        for [xx, xy, yx, yy] in self.frames.iter_mut().flatten() {
+            (*xx, *xy, *yx, *yy) = (*xx * x, *xy * x, *yx * y, *yy * y);
+        }
+        self
+    }
+
     /// The local affine frame of keypoint `index`: the linear map, row after row, from the unit
     /// circle to what was described, in pixels of the image.
     ///

@@ -53,7 +53,8 @@ pub(super) fn extract_views<E: Extractor>(
     let views: Vec<Features> = (views.par_iter())
         .map(|&view| extract_view(extractor, image, view))
         .collect();
-    in_pixels_of(keep_strongest(&views, limit, extractor), image.size(), size)
+    let features = keep_strongest(&views, limit, extractor);
+    features.in_pixels_of(image.size(), size)
 }
 
 /// The features of one view, in pixels of `image`.
@@ -240,25 +241,6 @@ pub(super) fn shrink_to(image: &GrayImage, max_pixels: Option<usize>) -> GrayIma
     }
     small
 }
-/// Features of a resampled image, `from` its size, in pixels of the original one.
-fn in_pixels_of(mut features: Features, from: Size, size: Size) -> Features {
-    features.size = size;
-    if size == from {
-        return features;
-    }
-    let x = size.width as f32 / from.width as f32;
-    let y = size.height as f32 / from.height as f32;
-    for keypoint in &mut features.keypoints {
-        let at = keypoint.at;
-        keypoint.at = Point2::new((at.x + 0.5) * x - 0.5, (at.y + 0.5) * y - 0.5);
-        keypoint.size *= (x * y).sqrt();
-    }
-    for [xx, xy, yx, yy] in features.frames.iter_mut().flatten() {
-        (*xx, *xy, *yx, *yy) = (*xx * x, *xy * x, *yx * y, *yy * y);
-    }
-    features
-}
-
 /// All features, or the `limit` strongest, view after view; earlier ones first among equals.
 fn keep_strongest<E: Extractor>(
     views: &[Features],

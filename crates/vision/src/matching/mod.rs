@@ -14,6 +14,7 @@ mod placewise;
 mod ratio;
 mod repmatch;
 mod stages;
+mod resized;
 
 pub use code::{Code, CodeParams};
 pub use correspondence::{Correspondence, Correspondences};
@@ -29,3 +30,4 @@ pub use placewise::PlacewiseNeighbours;
 pub use ratio::RatioTest;
 pub use repmatch::{RepMatch, RepMatchParams};
 pub use stages::{Matcher, Search, Selector, View};
+pub use resized::Resized;

@@ -11,10 +11,8 @@ mod points;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use matchbench_vision::features::Features;
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::{GrayImage, Size};
-use matchbench_vision::matching::{NearestNeighbours, Search, View};
 use matchbench_vision::seed::Seed;
 use nalgebra::Isometry3;
 
@@ -25,7 +23,7 @@ use crate::datasets::{DatasetError, Sequence, read_size};
 
 use super::answer::{Matched, Times};
 use super::log::Log;
-use super::manifest::{Kind, Manifest, Matching};
+use super::manifest::{Kind, Manifest};
 use super::pool::{Breakdown, External, Image};
 
 /// Matches below which a share says nothing.
@@ -200,35 +198,13 @@ fn ask(
     };
     let (a, b) = (external.describe(a)?, external.describe(b)?);
     Ok(Matched {
-        rows: nearest(&a.features, &b.features, &matching),
+        rows: matching.matches(&a.features, &b.features).0,
         features: Some([a.features.len() as u32, b.features.len() as u32]),
         times: Times {
             wall: a.times.wall + b.times.wall,
             ..a.times
         },
     })
-}
-
-/// The matches of described features.
-fn nearest(a: &Features, b: &Features, matching: &Matching) -> Vec<[f32; 5]> {
-    if a.descriptors.kind() != b.descriptors.kind() {
-        return Vec::new();
-    }
-    let view = |features| View {
-        features,
-        image: None,
-        camera: None,
-    };
-    let mut matches = NearestNeighbours.search(a, b);
-    for selector in matching.selectors() {
-        selector.select(view(a), view(b), &mut matches, Seed(0));
-    }
-    (matches.iter())
-        .map(|m| {
-            let [a, b] = [a.keypoints[m.a as usize].at, b.keypoints[m.b as usize].at];
-            [a.x, a.y, b.x, b.y, m.ambiguity()]
-        })
-        .collect()
 }
 
 /// Says how many matches there are, how long they took and whether they can be right.
