@@ -25,9 +25,9 @@ mod sift;
 mod source;
 mod surf;
 
-use matchbench_vision::matching::Matcher;
+use matchbench_vision::matching::{Matcher, Resized};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 pub use source::{
     BuiltPointSource, ImageFiles, PointSource, Source, SourceError, SourceSeconds, SourcedMatches,
@@ -137,6 +137,54 @@ pub fn find(id: &str) -> Result<&'static dyn MatcherEntry, UnknownName> {
     config::find("matcher", MATCHERS, MatcherEntry::id, id)
 }
 
+/// The matcher of an `entry` with the given parameters: its own, see [`MatcherEntry::build`], and one that
+/// all have, `extractor.max_size`. With it features are found in images that are at most so many pixels
+/// wide and high, see [`Resized`]; without it in the images as they are.
+///
+/// # Errors
+/// If a parameter is unknown, would do nothing, or is of another type or out of range.
+pub fn build(
+    entry: &dyn MatcherEntry,
+    params: Option<&Value>,
+) -> Result<BuiltMatcher, ConfigError> {
+    let (max_size, own) = take_max_size(params);
+    let mut built = entry.build(own.as_ref())?;
+    let Some(max_size) = max_size else {
+        return Ok(built);
+    };
+    let refused = |reason: String| ConfigError::new(entry.id(), reason);
+    let size = max_size.as_u64().and_then(|size| usize::try_from(size).ok());
+    let size = size.ok_or_else(|| refused(format!("max_size is {max_size}; give pixels")))?;
+    let resized = Resized::new(built.matcher, size).map_err(|error| refused(error.to_string()))?;
+    built.matcher = Box::new(resized);
+    built.params["extractor"]["max_size"] = max_size.clone();
+    for extraction in [Some(&mut built.extraction), built.detection.as_mut()] {
+        if let Some(extraction) = extraction {
+            let own = extraction.params.take();
+            extraction.params = json!({"max_size": max_size, "of": own});
+        }
+    }
+    Ok(built)
+}
+
+/// `extractor.max_size`, if it is given, and the other parameters.
+fn take_max_size(params: Option<&Value>) -> (Option<Value>, Option<Value>) {
+    let mut own = params.cloned();
+    let extractor = own.as_mut().and_then(|own| own.get_mut("extractor"));
+    let Some(extractor) = extractor.and_then(Value::as_object_mut) else {
+        return (None, own);
+    };
+    let max_size = extractor.remove("max_size").filter(|size| !size.is_null());
+    // A matcher without such a group of parameters would not know it.
+    let is_empty = extractor.is_empty();
+    if let Some(own) = own.as_mut().and_then(Value::as_object_mut)
+        && is_empty
+    {
+        own.remove("extractor");
+    }
+    (max_size, own)
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
@@ -147,8 +195,6 @@ mod tests {
     use matchbench_vision::image::{GrayImage, Size};
     use matchbench_vision::matching::{Correspondences, View};
     use matchbench_vision::seed::Seed;
-    use serde_json::json;
-
     use super::*;
 
     /// Patches of random grey with a little noise, moved by `shift` pixels: corners, blobs and
@@ -336,6 +382,28 @@ mod tests {
                     assert!(matches.is_empty(), "{}, {}", entry.id(), image.size());
                 }
             }
+        }
+    }
+
+    #[test]
+    fn every_matcher_can_look_at_smaller_images_and_its_features_say_so() {
+        let image = textured(0);
+        for entry in MATCHERS {
+            let params = |max_size: Value| json!({"extractor": {"max_size": max_size}});
+            let full = build(*entry, Some(&params(Value::Null))).unwrap();
+            assert_eq!(full.params, entry.defaults(), "{}", entry.id());
+            let small = build(*entry, Some(&params(json!(120)))).unwrap();
+            assert_eq!(small.params["extractor"]["max_size"], 120);
+            assert_ne!(small.extraction, full.extraction, "{}", entry.id());
+            assert!(small.detection.is_none() || small.detection != full.detection);
+            let [features, of_full] = [&small, &full].map(|built| built.matcher.extract(&image));
+            let (features, of_full) = (features.unwrap(), of_full.unwrap());
+            assert!(features != of_full && features.size == of_full.size, "{}", entry.id());
+            for wrong in [json!(3), json!("x"), json!(-1), json!(0.5)] {
+                assert!(build(*entry, Some(&params(wrong))).is_err(), "{}", entry.id());
+            }
+            let unknown = json!({"extractor": {"max_size": 99, "no-such-parameter": 1}});
+            assert!(build(*entry, Some(&unknown)).is_err(), "{}", entry.id());
         }
     }
 

@@ -18,7 +18,7 @@ use nalgebra::Isometry3;
 
 use points::{NEAR, SOUND, mistake, share_near};
 
-use crate::datasets::rendered::{self, World};
+use crate::datasets::rendered::{self, World, scenes};
 use crate::datasets::{DatasetError, Sequence, read_size};
 
 use super::answer::{Matched, Times};
@@ -156,11 +156,11 @@ fn pairs_of(dataset: &Sequence) -> Result<Vec<CheckPair>, DatasetError> {
 
 /// Three frames of a built-in scene, rendered into `folder`, and two pairs of them.
 fn built_in(folder: &Path) -> Result<Sequence, DatasetError> {
-    let scene = rendered::sequences()
+    let scene = scenes()
         .iter()
         .find(|scene| scene.name == BUILT_IN);
     let scene = scene.expect("a built-in scene");
-    let mut sequence = scene.sequence();
+    let mut sequence = rendered::sequence(scene);
     sequence.pairs.retain(|pair| pair.a == 0);
     sequence.pairs.truncate(2);
     let world = World::build(scene.place);
