@@ -88,6 +88,7 @@ impl Command {
             | Self::Show(_)
             | Self::Time(_)
             | Self::Export(_)
+            | Self::Check(_)
             | Self::List(_)
             | Self::Completions(_)
             | Self::Man(_) => Threads::default(),

@@ -44,6 +44,11 @@ impl Observer for Bar {
         self.0.set_message(format!("features of image {frame}"));
     }
 
+    fn on_ended(&self, matcher: &str, reason: &str) {
+        self.0
+            .suspend(|| eprintln!("error: {matcher} has ended: {reason}"));
+    }
+
     fn on_record(&self, _: &RunRecord) {
         self.0.set_message("");
         self.0.inc(1);

@@ -5,15 +5,16 @@ use std::io::Write;
 use anyhow::{Result, bail};
 use matchbench::datasets::Sequence;
 use matchbench::external::{self, Log, Verdict};
+use matchbench::run::manifest;
 
 use crate::Ending;
 use crate::args::CheckArgs;
-use crate::contenders::{manifest, parse};
+use crate::commands::job::changes;
 
 pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
-    let changes = parse(&args.set)?;
+    let changes = changes(&args.set)?;
     let manifest = manifest(&args.manifest, &changes)?;
-    if let Some(id) = changes.keys().find(|id| **id != manifest.name) {
+    if let Some(id) = changes.ids().find(|id| *id != manifest.name) {
         bail!("--set {id}: this manifest is called `{}`", manifest.name);
     }
     let dataset = (args.dataset.as_deref()).map(Sequence::open).transpose()?;

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use matchbench::cache::FeatureCache;
 use matchbench::config::{Changes, ConfigError};
 use matchbench::records::{Settings, Tuned};
-use matchbench::run::{Contender, Dataset, Run, RunSummary, decode};
+use matchbench::run::{Contender, Dataset, Outside, Run, RunSummary, decode};
 
 use crate::Ending;
 use crate::progress::{Bar, cancel_on_ctrl_c};
@@ -63,8 +63,37 @@ pub(crate) fn cache(asked: Option<&Path>, folder: &Path) -> FeatureCache {
     FeatureCache::new(asked.map_or_else(|| folder.join("cache"), Path::to_path_buf))
 }
 
+/// The contenders of these names, manifests of matchers from outside among them, for a run in `folder`;
+/// and whether all could be started.
+pub(crate) fn contenders(
+    names: &[String],
+    estimators: &[String],
+    changes: &Changes,
+    folder: &Path,
+    cache: &FeatureCache,
+) -> Result<(Vec<Contender>, bool)> {
+    let outside = Outside {
+        logs: &folder.join("logs"),
+        cache,
+    };
+    let (contenders, absent) = Contender::from_names(names, estimators, changes, Some(&outside))?;
+    for error in &absent {
+        eprintln!("error: {error}");
+    }
+    ensure!(!contenders.is_empty(), "no matcher could be started");
+    Ok((contenders, absent.is_empty()))
+}
+
 /// Says how a run ended.
 pub(crate) fn tell(summary: &RunSummary, folder: &Path) -> Ending {
+    if summary.ended > 0 {
+        let done = summary.before + summary.now;
+        eprintln!(
+            "{done} of {} tasks done; the same command tries the rest again",
+            summary.total
+        );
+        return Ending::SomeFailed;
+    }
     if !summary.is_complete() {
         let done = summary.before + summary.now;
         eprintln!(

@@ -5,9 +5,8 @@ use std::io::Write;
 use anyhow::Result;
 use matchbench::records::{Settings, Tuned};
 use matchbench::report::ReportOptions;
-use matchbench::run::Contender;
 
-use super::job::{Job, changes, open};
+use super::job::{Job, cache, changes, contenders, open};
 use super::{eval, report};
 use crate::Ending;
 use crate::args::RunArgs;
@@ -17,7 +16,13 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     // What is set by hand comes last and wins.
     let settings = tuned.iter().map(|tuned| tuned.setting.clone());
     let settings: Vec<String> = settings.chain(args.set.iter().cloned()).collect();
-    let contenders = Contender::from_ids(&args.matchers, &args.estimator, &changes(&settings)?)?;
+    let (contenders, all_started) = contenders(
+        &args.matchers,
+        &args.estimator,
+        &changes(&settings)?,
+        &args.out,
+        &cache(args.cache.as_deref(), &args.out),
+    )?;
     let ending = Job {
         datasets: &open(&args.datasets)?,
         contenders: &contenders,
@@ -48,5 +53,8 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     } else {
         writeln!(out, "\nNext: matchbench report {}", args.out.display())?;
     }
-    Ok(ending)
+    Ok(match ending {
+        Ending::Done if !all_started => Ending::SomeFailed,
+        ending => ending,
+    })
 }

@@ -38,7 +38,7 @@
 //!
 //! `process` starts and ends children, `log` keeps what they print, `message` and `answer` are the
 //! protocol, `worker` is one child that speaks it, `pool` ([`External`]) several, `features` reads
-//! descriptions and `nearest` matches them, [`check`] tries a manifest out.
+//! descriptions and `nearest` matches them, `source` is what a run asks, [`check`] tries a manifest out.
 
 mod answer;
 mod check;
@@ -51,6 +51,7 @@ mod nearest;
 mod npz;
 mod pool;
 mod process;
+mod source;
 mod worker;
 
 pub use answer::{Described, Matched, Times};

@@ -153,7 +153,9 @@ pub fn build(
         return Ok(built);
     };
     let refused = |reason: String| ConfigError::new(entry.id(), reason);
-    let size = max_size.as_u64().and_then(|size| usize::try_from(size).ok());
+    let size = max_size
+        .as_u64()
+        .and_then(|size| usize::try_from(size).ok());
     let size = size.ok_or_else(|| refused(format!("max_size is {max_size}; give pixels")))?;
     let resized = Resized::new(built.matcher, size).map_err(|error| refused(error.to_string()))?;
     built.matcher = Box::new(resized);
@@ -191,11 +193,11 @@ mod tests {
     use std::fs;
     use std::path::Path;
 
+    use super::*;
     use matchbench_vision::features::{Detections, Features, Keypoint};
     use matchbench_vision::image::{GrayImage, Size};
     use matchbench_vision::matching::{Correspondences, View};
     use matchbench_vision::seed::Seed;
-    use super::*;
 
     /// Patches of random grey with a little noise, moved by `shift` pixels: corners, blobs and
     /// edges for every detector.
@@ -398,9 +400,17 @@ mod tests {
             assert!(small.detection.is_none() || small.detection != full.detection);
             let [features, of_full] = [&small, &full].map(|built| built.matcher.extract(&image));
             let (features, of_full) = (features.unwrap(), of_full.unwrap());
-            assert!(features != of_full && features.size == of_full.size, "{}", entry.id());
+            assert!(
+                features != of_full && features.size == of_full.size,
+                "{}",
+                entry.id()
+            );
             for wrong in [json!(3), json!("x"), json!(-1), json!(0.5)] {
-                assert!(build(*entry, Some(&params(wrong))).is_err(), "{}", entry.id());
+                assert!(
+                    build(*entry, Some(&params(wrong))).is_err(),
+                    "{}",
+                    entry.id()
+                );
             }
             let unknown = json!({"extractor": {"max_size": 99, "no-such-parameter": 1}});
             assert!(build(*entry, Some(&unknown)).is_err(), "{}", entry.id());

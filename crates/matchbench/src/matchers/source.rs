@@ -70,12 +70,16 @@ pub struct SourcedMatches {
 }
 
 /// Seconds of the stages of a source; `None` where it did not measure them.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SourceSeconds {
     /// Features of both images.
     pub extract: [Option<f64>; 2],
     /// All that follows.
     pub matching: Option<f64>,
+    /// All of it as the host saw it, where the others are the word of another program.
+    pub wall: Option<f64>,
+    /// What that program computed on, by its own word.
+    pub device: Option<String>,
 }
 
 /// Why a source has no matches.

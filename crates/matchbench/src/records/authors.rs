@@ -224,6 +224,7 @@ mod tests {
             counts: Counts::default(),
             outcome,
             times: StageTimes::default(),
+            device: None,
         }
     }
 

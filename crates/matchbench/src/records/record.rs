@@ -18,6 +18,9 @@ pub struct RunRecord {
     pub outcome: Outcome,
     /// How long each stage took.
     pub times: StageTimes,
+    /// What a matcher from outside computed on, by its own word.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device: Option<String>,
 }
 
 /// The smallest unit of a run: one pair, one matcher, one estimator, one seed.
@@ -174,6 +177,10 @@ pub struct StageTimes {
     /// Pose estimation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimate: Option<f64>,
+    /// All before the estimation as it was waited for, where a matcher from outside did it: the times
+    /// of those stages are then its own word.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outside: Option<f64>,
 }
 
 #[cfg(test)]
@@ -271,6 +278,7 @@ mod tests {
                 search: Some(0.1 + 0.2),
                 ..StageTimes::default()
             },
+            device: None,
         };
         let line = serde_json::to_string(&record).unwrap();
         assert_eq!(serde_json::from_str::<RunRecord>(&line).unwrap(), record);

@@ -11,6 +11,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use super::RunRecord;
+use crate::files::write_whole;
 
 /// Why records cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -130,6 +131,19 @@ pub fn recover(path: &Path) -> Result<Vec<RunRecord>, StoreError> {
     Ok(records)
 }
 
+/// Writes all records of a file anew.
+///
+/// # Errors
+/// If it cannot be written; the old file is then still there.
+pub(crate) fn rewrite(path: &Path, records: &[RunRecord]) -> Result<(), StoreError> {
+    let mut text = Vec::new();
+    for record in records {
+        serde_json::to_writer(&mut text, record).expect("a record has only strings and numbers");
+        text.push(b'\n');
+    }
+    write_whole(path, &text).map_err(StoreError::io("write", path))
+}
+
 /// Appends records to one file.
 #[derive(Debug)]
 pub struct RecordWriter {
@@ -223,6 +237,7 @@ mod tests {
                 },
             },
             times: StageTimes::default(),
+            device: None,
         }
     }
 

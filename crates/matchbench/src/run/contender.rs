@@ -1,7 +1,12 @@
 //! What is compared: a source of matches, with the estimators that judge it.
 
+use std::io;
+use std::path::Path;
+
+use crate::cache::FeatureCache;
 use crate::config::{Changes, ConfigError, UnknownName};
-use crate::estimators::{self, BuiltEstimator};
+use crate::estimators::{self, BuiltEstimator, ESTIMATORS};
+use crate::external::{External, Log, Manifest, ManifestError, StartError};
 use crate::matchers::{self, BuiltMatcher, MATCHERS, Source};
 
 /// A source of matches and the estimators that turn its matches into poses.
@@ -10,6 +15,15 @@ pub struct Contender {
     pub source: Source,
     /// The estimators, at least one; all get the same matches.
     pub estimators: Vec<Variant>,
+}
+
+/// Where matchers from outside leave what they print, and the features that they describe.
+#[derive(Clone, Copy, Debug)]
+pub struct Outside<'a> {
+    /// The folder of their logs.
+    pub logs: &'a Path,
+    /// The cache of features.
+    pub cache: &'a FeatureCache,
 }
 
 /// An estimator under the name that it has in a run.
@@ -32,6 +46,12 @@ pub enum ContenderError {
     /// A parameter is wrong.
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// The manifest of a matcher from outside is wrong.
+    #[error(transparent)]
+    Manifest(#[from] ManifestError),
+    /// No log can be written for a matcher from outside.
+    #[error(transparent)]
+    Log(#[from] io::Error),
     /// A setting is for a matcher or estimator that is not asked for.
     #[error("`{0}` is given a setting and takes no part in this run")]
     TakesNoPart(String),
@@ -69,36 +89,90 @@ impl Contender {
         estimators: &[String],
         changes: &Changes,
     ) -> Result<Vec<Self>, ContenderError> {
-        let entries = match ids {
-            [all] if all == "all" => MATCHERS.to_vec(),
-            ids => (ids.iter())
-                .map(|id| matchers::find(id))
-                .collect::<Result<_, _>>()?,
+        Ok(Self::from_names(ids, estimators, changes, None)?.0)
+    }
+
+    /// The same, where a name may also be the path of a manifest (see [`external`](crate::external)): its
+    /// program is started, which may take its time. Matchers that do not start are left out, and
+    /// returned with the reason.
+    ///
+    /// # Errors
+    /// As [`Contender::from_ids`]; if a manifest is wrong or a log cannot be written; without an
+    /// `outside`, if there is a path.
+    pub fn from_names(
+        names: &[String],
+        estimators: &[String],
+        changes: &Changes,
+        outside: Option<&Outside<'_>>,
+    ) -> Result<(Vec<Self>, Vec<StartError>), ContenderError> {
+        let all: Vec<String> = MATCHERS.iter().map(|entry| entry.id().to_owned()).collect();
+        let names = match names {
+            [name] if name == "all" => &all,
+            names => names,
         };
-        let mut contenders = Vec::new();
-        for entry in entries {
-            let own = [entry.estimator().to_owned()];
-            let estimators = if estimators.is_empty() {
-                &own[..]
-            } else {
-                estimators
+        let built = |own: &str| {
+            let own = [own.to_owned()];
+            let ids = match estimators {
+                [] => &own[..],
+                estimators => estimators,
             };
-            let estimators = (estimators.iter())
-                .map(|id| Ok(estimators::find(id)?.build(changes.of(id))?))
-                .collect::<Result<Vec<_>, ContenderError>>()?;
-            let matcher = entry.build(changes.of(entry.id()))?;
-            contenders.push(Self::new(matcher, estimators));
+            let built = ids.iter().map(|id| {
+                let estimator = estimators::find(id)?.build(changes.of(id))?;
+                Ok(Variant::from(estimator))
+            });
+            built.collect::<Result<Vec<_>, ContenderError>>()
+        };
+        let (mut contenders, mut absent) = (Vec::new(), Vec::new());
+        for name in names {
+            if let Some(outside) = outside
+                && Manifest::is_path(name)
+            {
+                let manifest = manifest(Path::new(name), changes)?;
+                let estimators = built(manifest.estimator.as_deref().unwrap_or("ransac-e"))?;
+                let log = outside.logs.join(format!("{}.log", manifest.name));
+                match External::start(manifest, Log::open(&log)?) {
+                    Err(error) => absent.push(error),
+                    Ok(external) => contenders.push(Self {
+                        source: Source::Points(external.into_source(outside.cache.clone())),
+                        estimators,
+                    }),
+                }
+                continue;
+            }
+            let entry = matchers::find(name)?;
+            let estimators = built(entry.estimator())?;
+            let matcher = matchers::build(entry, changes.of(entry.id()))?;
+            contenders.push(Self {
+                source: Source::Matcher(matcher),
+                estimators,
+            });
         }
         let takes_part = |id: &str| {
             contenders.iter().any(|contender: &Self| {
                 contender.source.id() == id
                     || (contender.estimators.iter()).any(|variant| variant.estimator.id == id)
-            })
+            }) || absent.iter().any(|error: &StartError| error.name == id)
         };
         match changes.ids().find(|id| !takes_part(id)) {
             Some(id) => Err(ContenderError::TakesNoPart(id.into())),
-            None => Ok(contenders),
+            None => Ok((contenders, absent)),
         }
+    }
+}
+
+/// The manifest at `path` with what `changes` has for it; it cannot be called as what is built in.
+///
+/// # Errors
+/// If the manifest is wrong, or a change does not fit it.
+pub fn manifest(path: &Path, changes: &Changes) -> Result<Manifest, ManifestError> {
+    let matchers = MATCHERS.iter().map(|entry| entry.id());
+    let taken: Vec<&str> = matchers
+        .chain(ESTIMATORS.iter().map(|entry| entry.id()))
+        .collect();
+    let manifest = Manifest::read(path, &taken)?;
+    match changes.of(&manifest.name) {
+        Some(changes) => manifest.with(changes),
+        None => Ok(manifest),
     }
 }
 

@@ -124,7 +124,7 @@ fn from_source(
     let files = (pair.files.as_ref())
         .ok_or_else(|| EvaluationError(format!("{id} reads image files, and none are given")))?;
     let mut counts = Counts::default();
-    sourced(source, files, seed, &mut counts, times)
+    sourced(source, files, seed, &mut counts, times, &mut None)
         .map_err(|error| EvaluationError(error.to_string()))?
         .map_err(EvaluationError)
 }

@@ -36,7 +36,7 @@ mod testing;
 #[cfg(test)]
 mod tests;
 
-pub use contender::{Contender, ContenderError, Variant};
+pub use contender::{Contender, ContenderError, Outside, Variant, manifest};
 pub use error::RunError;
 pub use evaluate::{Evaluation, EvaluationError, ImagePair, evaluate};
 pub use frame::Decode;
@@ -44,6 +44,7 @@ pub use observer::{Cancel, Observer, RunSummary, Silent};
 pub use plan::plan;
 pub use seeds::pair_seed;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -123,7 +124,8 @@ impl Run<'_> {
     /// # Errors
     /// If the run contradicts itself (see [`plan`]), or its folder holds another plan, is
     /// damaged, in use or cannot be written to. What was recorded stays recorded. A task that
-    /// fails is not an error: it is recorded and counted, and not tried again.
+    /// fails is not an error: it is recorded and counted, and not tried again, unless a source outside
+    /// failed. A source that ends is no error either: the run of the others goes on.
     pub fn execute(
         &self,
         observer: &dyn Observer,
@@ -135,16 +137,28 @@ impl Run<'_> {
         if !self.tuned.is_empty() {
             folder.note_tuned(self.tuned)?;
         }
-        let parts = self.parts(&folder)?;
+        let mut parts = self.parts(&folder)?;
 
         let mut summary: RunSummary = parts.iter().map(Part::summary).sum();
         observer.on_plan(folder.folder().plan(), summary);
-        for part in parts.iter().filter(|part| !part.is_done()) {
+        let mut ended = BTreeSet::new();
+        for part in parts.iter_mut().filter(|part| !part.is_done()) {
+            let id = part.contender.source.id();
             if cancel.is_set() {
                 break;
             }
-            observer.on_part(&part.sequence.name, part.contender.source.id());
-            self.go_on(part, &folder, observer, cancel, &mut summary)?;
+            if ended.contains(id) {
+                continue;
+            }
+            observer.on_part(&part.sequence.name, id);
+            match self.go_on(part, &folder, observer, cancel, &mut summary) {
+                Err(RunError::SourceEnded { reason, .. }) => {
+                    observer.on_ended(id, &reason);
+                    ended.insert(id);
+                    summary.ended += 1;
+                }
+                done => done?,
+            }
         }
         Ok(summary)
     }
@@ -164,18 +178,19 @@ impl Run<'_> {
     /// Does what is left of one part.
     fn go_on(
         &self,
-        part: &Part<'_>,
+        part: &mut Part<'_>,
         folder: &RunWriter,
         observer: &dyn Observer,
         cancel: &Cancel,
         summary: &mut RunSummary,
     ) -> Result<(), RunError> {
+        self.try_again(part, folder, observer, cancel, summary)?;
+        let part = &*part;
         let stages = PairStages {
             part,
             decode: self.decode,
             root: self.settings.seed,
-            time_budget: (self.settings.time_budget_ms)
-                .map(|milliseconds| Duration::from_millis(milliseconds.get().into())),
+            time_budget: self.time_budget(),
         };
         let mut writers = (part.files())
             .map(|file| folder.append_to(file))
@@ -212,6 +227,52 @@ impl Run<'_> {
                 &mut append,
             ),
         }
+    }
+
+    /// Does again what failed, where a source outside may do better now: its records take the place of
+    /// the earlier ones.
+    fn try_again(
+        &self,
+        part: &mut Part<'_>,
+        folder: &RunWriter,
+        observer: &dyn Observer,
+        cancel: &Cancel,
+        summary: &mut RunSummary,
+    ) -> Result<(), RunError> {
+        let contender = part.contender;
+        let (Source::Points(source), units) = (&contender.source, part.units_again()) else {
+            return Ok(());
+        };
+        let id = contender.source.id();
+        let mut matches_file = folder.folder().matches_of(&part.sequence.name, id)?;
+        for unit in &units {
+            if cancel.is_set() {
+                break;
+            }
+            let stages = PairStages {
+                part,
+                decode: self.decode,
+                root: self.settings.seed,
+                time_budget: self.time_budget(),
+            };
+            let done = stages.source(source, unit)?;
+            if self.keep_matches {
+                for (key, matches) in &done.matches {
+                    matches_file.append(*key, matches)?;
+                }
+            }
+            for (estimator, record) in done.records {
+                summary.add(&record);
+                observer.on_record(&record);
+                part.replace(estimator, record)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn time_budget(&self) -> Option<Duration> {
+        let milliseconds = self.settings.time_budget_ms?;
+        Some(Duration::from_millis(milliseconds.get().into()))
     }
 
     /// Does these `units` from their images on, window by window.

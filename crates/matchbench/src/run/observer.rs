@@ -25,6 +25,11 @@ pub trait Observer: Sync {
         let _ = (frame, extracted);
     }
 
+    /// A source outside will give no more matches, for this `reason`; the run of the others goes on.
+    fn on_ended(&self, matcher: &str, reason: &str) {
+        let _ = (matcher, reason);
+    }
+
     /// A task is done and its record is in the file.
     fn on_record(&self, record: &RunRecord) {
         let _ = record;
@@ -65,6 +70,8 @@ pub struct RunSummary {
     pub now: usize,
     /// Recorded tasks that failed (not those that came to no pose), whoever did them.
     pub failed: usize,
+    /// Sources outside that ended before they had been asked for all.
+    pub ended: usize,
 }
 
 impl RunSummary {
@@ -87,6 +94,7 @@ impl Sum for RunSummary {
             before: sum.before + part.before,
             now: sum.now + part.now,
             failed: sum.failed + part.failed,
+            ended: sum.ended + part.ended,
         })
     }
 }

@@ -117,8 +117,11 @@ impl PairStages<'_> {
             let repetition = due[0].repetition;
             let seed = self.seed(pair, repetition);
             let (mut counts, mut times) = (Counts::default(), StageTimes::default());
-            let selected = sourced(source, &files, seed, &mut counts, &mut times)?;
+            let (first, mut device) = (done.records.len(), None);
+            let selected = sourced(source, &files, seed, &mut counts, &mut times, &mut device)?;
             self.judge_all(pair, due, &selected, counts, times, &mut done);
+            // Beside the times of the same record.
+            done.records[first].1.device = device;
             done.keep(pair, repetition, selected);
         }
         Ok(done)
@@ -168,6 +171,7 @@ impl PairStages<'_> {
                 counts,
                 outcome: outcome.unwrap_or_else(|reason| Outcome::Failed { reason }),
                 times: mem::take(&mut times),
+                device: None,
             };
             done.records.push((due.estimator, record));
         }

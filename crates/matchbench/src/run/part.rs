@@ -1,11 +1,13 @@
 //! One matcher with its estimators on one dataset: what is recorded, what is left.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::observer::has_failed;
 use super::{Contender, RunError, RunSummary};
 use crate::datasets::{Pair, Sequence};
-use crate::records::{RunRecord, RunWriter, Settings, StoreError, Task};
+use crate::matchers::Source;
+use crate::records::{RunRecord, RunWriter, Settings, StoreError, Task, store};
 
 /// One matcher on one dataset.
 pub(super) struct Part<'a> {
@@ -23,6 +25,10 @@ struct Sheet {
     file: PathBuf,
     done: usize,
     failed: usize,
+    /// What is recorded, if some of it is to be tried again.
+    records: Vec<RunRecord>,
+    /// Tasks that failed and are tried again, by their places among the records.
+    again: BTreeSet<usize>,
 }
 
 /// A pair with what is left to be done of it.
@@ -66,10 +72,25 @@ impl<'a> Part<'a> {
             let matcher = contender.source.id();
             let (file, records) = folder.recover(&sequence.name, matcher, &variant.name)?;
             part.check(&file, &variant.name, &records)?;
+            // A source outside may do better another time; what is here would do the same again.
+            let outside = matches!(contender.source, Source::Points(_));
+            let failed = (records.iter().enumerate()).filter(|(_, record)| has_failed(record));
+            let failed: BTreeSet<usize> = failed.map(|(index, _)| index).collect();
+            let (again, failed) = if outside {
+                (failed, 0)
+            } else {
+                (BTreeSet::new(), failed.len())
+            };
             part.sheets.push(Sheet {
                 file,
                 done: records.len(),
-                failed: records.iter().filter(|record| has_failed(record)).count(),
+                failed,
+                records: if again.is_empty() {
+                    Vec::new()
+                } else {
+                    records
+                },
+                again,
             });
         }
         Ok(part)
@@ -113,14 +134,42 @@ impl<'a> Part<'a> {
     pub(super) fn summary(&self) -> RunSummary {
         RunSummary {
             total: self.pairs.len() * self.repetitions as usize * self.sheets.len(),
-            before: self.sheets.iter().map(|sheet| sheet.done).sum(),
+            before: (self.sheets.iter())
+                .map(|sheet| sheet.done - sheet.again.len())
+                .sum(),
             now: 0,
             failed: self.sheets.iter().map(|sheet| sheet.failed).sum(),
+            ended: 0,
         }
+    }
+
+    /// What is tried again, in the same order.
+    pub(super) fn units_again(&self) -> Vec<Unit<'a>> {
+        self.units_where(|sheet, task| sheet.again.contains(&task))
+    }
+
+    /// Puts a record in the place of one that failed.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub(super) fn replace(
+        &mut self,
+        estimator: usize,
+        record: RunRecord,
+    ) -> Result<(), StoreError> {
+        let sheet = &mut self.sheets[estimator];
+        let place = sheet.records.iter().position(|old| old.task == record.task);
+        sheet.records[place.expect("it was recorded before")] = record;
+        store::rewrite(&sheet.file, &sheet.records)
     }
 
     /// What is left, pair by pair; within a pair repetition by repetition.
     pub(super) fn units(&self) -> Vec<Unit<'a>> {
+        self.units_where(|sheet, task| task >= sheet.done)
+    }
+
+    /// The tasks that are `due`, told by the sheet and the place of the task in it.
+    fn units_where(&self, is_due: impl Fn(&Sheet, usize) -> bool) -> Vec<Unit<'a>> {
         let mut units = Vec::new();
         let mut first_task = 0;
         for pair in self.pairs {
@@ -132,7 +181,8 @@ impl<'a> Part<'a> {
                     })
                 })
                 .filter(|due| {
-                    first_task + due.repetition as usize >= self.sheets[due.estimator].done
+                    let task = first_task + due.repetition as usize;
+                    is_due(&self.sheets[due.estimator], task)
                 })
                 .collect();
             if !due.is_empty() {

@@ -23,6 +23,7 @@ pub(super) fn sourced(
     seed: Seed,
     counts: &mut Counts,
     times: &mut StageTimes,
+    device: &mut Option<String>,
 ) -> Result<Result<SelectedMatches, String>, RunError> {
     let seed = selection_seed(seed);
     let mut ended = None;
@@ -41,6 +42,8 @@ pub(super) fn sourced(
         check(&matches).map_err(|reason| format!("matching by {} failed: {reason}", source.id))?;
         [times.extract_a, times.extract_b] = matches.seconds.extract;
         times.search = matches.seconds.matching;
+        times.outside = matches.seconds.wall;
+        *device = matches.seconds.device;
         let selected = count(matches.points.a.len());
         *counts = Counts {
             features_a: matches.features[0],
@@ -76,7 +79,13 @@ fn check(matches: &SourcedMatches) -> Result<(), String> {
             ambiguity[index]
         ));
     }
-    let mut seconds = [seconds.extract[0], seconds.extract[1], seconds.matching].into_iter();
+    let mut seconds = [
+        seconds.extract[0],
+        seconds.extract[1],
+        seconds.matching,
+        seconds.wall,
+    ]
+    .into_iter();
     match seconds.find_map(|time| time.filter(|time| !(*time >= 0.0 && time.is_finite()))) {
         Some(time) => Err(format!("{time} seconds are no time")),
         None => Ok(()),

@@ -156,9 +156,7 @@ fn pairs_of(dataset: &Sequence) -> Result<Vec<CheckPair>, DatasetError> {
 
 /// Three frames of a built-in scene, rendered into `folder`, and two pairs of them.
 fn built_in(folder: &Path) -> Result<Sequence, DatasetError> {
-    let scene = scenes()
-        .iter()
-        .find(|scene| scene.name == BUILT_IN);
+    let scene = scenes().iter().find(|scene| scene.name == BUILT_IN);
     let scene = scene.expect("a built-in scene");
     let mut sequence = rendered::sequence(scene);
     sequence.pairs.retain(|pair| pair.a == 0);

@@ -1,0 +1,224 @@
+//! Matchers from outside as sources of a run's matched points.
+//!
+//! One that answers matches is asked for each pair. One that answers features is asked for each image:
+//! the answers are kept in the cache of the run, under the content of the image, the child's version and
+//! its parameters; the search, the ratio test and the mutual check are native and timed here.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+use matchbench_vision::features::Features;
+use matchbench_vision::geometry::MatchedPoints;
+use matchbench_vision::seed::Seed;
+use nalgebra::Point2;
+use serde_json::json;
+
+use super::answer::{Matched, Times};
+use super::manifest::{Kind, Matching};
+use super::pool::{Breakdown, External, Image};
+use crate::cache::{FeatureCache, Key};
+use crate::datasets::read_size;
+use crate::matchers::{
+    BuiltPointSource, Extraction, ImageFiles, PointSource, SourceError, SourceSeconds,
+    SourcedMatches,
+};
+
+/// Images whose features are kept in memory: pairs come grouped by their first image.
+const KEPT: usize = 64;
+/// Raised whenever the same files of features come to be read as other features.
+const REVISION: u32 = 1;
+
+impl External {
+    /// The matcher as a source of matched points; the features of one that describes images are kept
+    /// in `cache`.
+    pub fn into_source(self, cache: FeatureCache) -> BuiltPointSource {
+        let identity = self.identity().clone();
+        let manifest = self.manifest().clone();
+        let mut notes = vec![format!(
+            "a program from outside: {} ({}); its times are its own word",
+            manifest.summary, identity.name
+        )];
+        if !manifest.reference.is_empty() {
+            notes.push(manifest.reference.clone());
+        }
+        let source: Box<dyn PointSource> = match manifest.kind {
+            Kind::Matches => Box::new(Pairs(self)),
+            Kind::Features(matching) => Box::new(Described {
+                extraction: Extraction {
+                    extractor: manifest.name.clone(),
+                    params: json!({"identity": identity, "params": manifest.params,
+                                   "hamming": matching.hamming}),
+                    revision: REVISION,
+                },
+                external: self,
+                matching,
+                cache,
+                known: Mutex::default(),
+            }),
+        };
+        BuiltPointSource {
+            id: manifest.name.clone(),
+            version: Some(format!("{} {}", identity.name, identity.version)),
+            params: manifest.effective(),
+            notes,
+            source,
+        }
+    }
+}
+
+impl From<Breakdown> for SourceError {
+    fn from(breakdown: Breakdown) -> Self {
+        match breakdown {
+            Breakdown::Said(reason) | Breakdown::Broke(reason) => Self::Pair(reason),
+            Breakdown::Ended(reason) => Self::Ended(reason),
+        }
+    }
+}
+
+/// A matcher that answers matches.
+struct Pairs(External);
+
+impl PointSource for Pairs {
+    fn matches(&self, pair: &ImageFiles<'_>, _: Seed) -> Result<SourcedMatches, SourceError> {
+        let paths = [absolute(pair.images[0])?, absolute(pair.images[1])?];
+        let [a, b] = [image(&paths[0])?, image(&paths[1])?];
+        let Matched {
+            rows,
+            features,
+            times,
+        } = self.0.match_pair(pair.frames, a, b)?;
+        let own = |stage: &str| times.own.get(stage).copied();
+        let rest: f64 = (times.own.iter())
+            .filter(|(stage, _)| *stage != "extract")
+            .map(|(_, seconds)| seconds)
+            .sum();
+        Ok(SourcedMatches {
+            points: points(&rows),
+            features: features.unwrap_or_default(),
+            putative: None,
+            seconds: SourceSeconds {
+                // One number for both images; 0 says that both were known.
+                extract: [own("extract").filter(|seconds| *seconds > 0.0), None],
+                matching: (!times.own.is_empty()).then_some(rest),
+                wall: Some(times.wall),
+                device: times.device,
+            },
+        })
+    }
+}
+
+/// A matcher that describes images.
+struct Described {
+    external: External,
+    extraction: Extraction,
+    matching: Matching,
+    cache: FeatureCache,
+    known: Mutex<Known>,
+}
+
+/// The features of the images that were asked for last.
+#[derive(Default)]
+struct Known {
+    features: BTreeMap<PathBuf, Arc<Mutex<Option<Arc<Features>>>>>,
+    /// The images in the order in which they came.
+    order: VecDeque<PathBuf>,
+}
+
+impl PointSource for Described {
+    fn matches(&self, pair: &ImageFiles<'_>, _: Seed) -> Result<SourcedMatches, SourceError> {
+        let (a, times_a) = self.features(pair.images[0])?;
+        let (b, times_b) = self.features(pair.images[1])?;
+        let (kind_a, kind_b) = (a.descriptors.kind(), b.descriptors.kind());
+        if kind_a != kind_b {
+            let reason = format!("its descriptors changed from {kind_a:?} to {kind_b:?}");
+            return Err(SourceError::Pair(reason));
+        }
+        let start = Instant::now();
+        let (rows, putative) = self.matching.matches(&a, &b);
+        let matching = start.elapsed().as_secs_f64();
+        let times = [&times_a, &times_b].map(Option::as_ref);
+        let extract = |times: &Times| times.own.get("extract").copied().unwrap_or(times.wall);
+        let walls = times.iter().flatten().map(|times| times.wall);
+        Ok(SourcedMatches {
+            points: points(&rows),
+            features: [a.len() as u32, b.len() as u32],
+            putative: Some(putative as u32),
+            seconds: SourceSeconds {
+                extract: times.map(|times| times.map(extract)),
+                matching: Some(matching),
+                wall: Some(walls.sum::<f64>() + matching),
+                device: times
+                    .into_iter()
+                    .flatten()
+                    .find_map(|times| times.device.clone()),
+            },
+        })
+    }
+}
+
+impl Described {
+    /// The features of an image, and how long that took, if they were not known.
+    fn features(&self, path: &Path) -> Result<(Arc<Features>, Option<Times>), SourceError> {
+        let path = absolute(path)?;
+        let slot = self.slot(&path);
+        // Held while the image is described: whoever else needs it waits.
+        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(features) = &*slot {
+            return Ok((Arc::clone(features), None));
+        }
+        let file = fs::read(&path).map_err(|error| {
+            SourceError::Pair(format!("cannot read {}: {error}", path.display()))
+        })?;
+        let key = Key::new(&file, &self.extraction);
+        let (features, times) = match self.cache.load(key) {
+            Some(features) => (features, None),
+            None => {
+                let described = self.external.describe(image(&path)?)?;
+                // A cache that cannot be written costs time and no result.
+                let _ = self.cache.save(key, &described.features);
+                (described.features, Some(described.times))
+            }
+        };
+        let features = Arc::new(features);
+        *slot = Some(Arc::clone(&features));
+        Ok((features, times))
+    }
+
+    fn slot(&self, path: &Path) -> Arc<Mutex<Option<Arc<Features>>>> {
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(slot) = known.features.get(path) {
+            return Arc::clone(slot);
+        }
+        if known.order.len() >= KEPT
+            && let Some(oldest) = known.order.pop_front()
+        {
+            known.features.remove(&oldest);
+        }
+        known.order.push_back(path.into());
+        let slot = known.features.entry(path.into()).or_default();
+        Arc::clone(slot)
+    }
+}
+
+fn points(rows: &[[f32; 5]]) -> MatchedPoints {
+    let mut points = MatchedPoints::default();
+    for &[x_a, y_a, x_b, y_b, ambiguity] in rows {
+        let [x_a, y_a, x_b, y_b] = [x_a, y_a, x_b, y_b].map(f64::from);
+        points.push(Point2::new(x_a, y_a), Point2::new(x_b, y_b), ambiguity);
+    }
+    points
+}
+
+/// Children run in a folder of their own.
+fn absolute(path: &Path) -> Result<PathBuf, SourceError> {
+    std::path::absolute(path)
+        .map_err(|error| SourceError::Pair(format!("{}: {error}", path.display())))
+}
+
+fn image(path: &Path) -> Result<Image<'_>, SourceError> {
+    let size = read_size(path).map_err(|error| SourceError::Pair(error.to_string()))?;
+    Ok(Image { path, size })
+}
