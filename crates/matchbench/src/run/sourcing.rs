@@ -180,10 +180,34 @@ mod tests {
     fn what_is_no_match_fails_the_pair_and_says_why() {
         type Change = fn(&mut SourcedMatches) -> Result<(), SourceError>;
         let cases: [(Change, &str); 5] = [
-            (|m| Ok(m.points.b.truncate(39)), "40 points in a, 39 in b"),
-            (|m| Ok(m.points.a[3].x = f64::NAN), "match 3 has a position"),
-            (|m| Ok(m.points.ambiguity[7] = 1.5), "the ambiguity 1.5"),
-            (|m| Ok(m.seconds.matching = Some(-1.0)), "-1 seconds"),
+            (
+                |m| {
+                    m.points.b.truncate(39);
+                    Ok(())
+                },
+                "40 points in a, 39 in b",
+            ),
+            (
+                |m| {
+                    m.points.a[3].x = f64::NAN;
+                    Ok(())
+                },
+                "match 3 has a position",
+            ),
+            (
+                |m| {
+                    m.points.ambiguity[7] = 1.5;
+                    Ok(())
+                },
+                "the ambiguity 1.5",
+            ),
+            (
+                |m| {
+                    m.seconds.matching = Some(-1.0);
+                    Ok(())
+                },
+                "-1 seconds",
+            ),
             (|_| Err(SourceError::Pair("too dark".into())), "too dark"),
         ];
         for (change, named) in cases {

@@ -13,8 +13,8 @@ mod pipeline;
 mod placewise;
 mod ratio;
 mod repmatch;
-mod stages;
 mod resized;
+mod stages;
 
 pub use code::{Code, CodeParams};
 pub use correspondence::{Correspondence, Correspondences};
@@ -29,5 +29,5 @@ pub use pipeline::Pipeline;
 pub use placewise::PlacewiseNeighbours;
 pub use ratio::RatioTest;
 pub use repmatch::{RepMatch, RepMatchParams};
-pub use stages::{Matcher, Search, Selector, View};
 pub use resized::Resized;
+pub use stages::{Matcher, Search, Selector, View};
