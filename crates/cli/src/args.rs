@@ -176,7 +176,8 @@ pub(crate) struct RunArgs {
     /// Dataset folders (made by `matchbench import`, or in the format of the paper's authors)
     #[arg(value_name = "DATASET", required = true)]
     pub datasets: Vec<PathBuf>,
-    /// Matchers, separated by commas, or `all` (see `matchbench list matchers`)
+    /// Matchers, separated by commas, or `all` (see `matchbench list matchers`); a path is the manifest of
+    /// a matcher from outside (see `matchbench check`)
     #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
     pub matchers: Vec<String>,
     /// Pose estimators, separated by commas [default: the one that belongs to each matcher]

@@ -425,6 +425,34 @@ fn workers_share_the_pairs() {
     assert!(children.into_iter().all(|child| !exists(child)));
 }
 
+#[test]
+fn a_program_that_prints_matches_is_a_matcher_by_a_shell_script() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let program = folder.path().join("matches.sh");
+    let text = "case $2 in *b.png) printf '1.5 2 3 4.25\\n5 6 7 8 0.5\\n' ;; *) exit 1 ;; esac\n";
+    fs::write(&program, text).expect("can be written");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../adapters/command/serve.sh");
+    let text = format!(
+        "name = 'shell'\ncommand = {}\n",
+        json!(["sh", script, "sh", program])
+    );
+    let manifest = Manifest::parse(&folder.path().join("x.toml"), &text, &[]).expect("well-formed");
+    let log = Log::open(&folder.path().join("x.log")).expect("can be written");
+    let external = External::start(manifest, log).expect("it starts");
+    let image = |name: &'static str| Image {
+        path: Path::new(name),
+        size: SIZE,
+    };
+    let ask = |b| external.match_pair([0, 1], image("/nowhere/a.png"), image(b));
+    let rows = ask("/nowhere/b.png").expect("it answers").rows;
+    assert_eq!(
+        rows,
+        [[1.5, 2.0, 3.0, 4.25, 0.0], [5.0, 6.0, 7.0, 8.0, 0.5]]
+    );
+    let said = ask("/nowhere/c.png").expect_err("the program fails");
+    assert_eq!(said, Breakdown::Said("sh failed".into()));
+}
+
 /// A host that waits for a child that hangs, to be killed.
 #[test]
 #[ignore = "started by another test"]

@@ -119,10 +119,13 @@ struct Described {
     known: Mutex<Known>,
 }
 
+/// The features of an image, once they are known.
+type Slot = Arc<Mutex<Option<Arc<Features>>>>;
+
 /// The features of the images that were asked for last.
 #[derive(Default)]
 struct Known {
-    features: BTreeMap<PathBuf, Arc<Mutex<Option<Arc<Features>>>>>,
+    features: BTreeMap<PathBuf, Slot>,
     /// The images in the order in which they came.
     order: VecDeque<PathBuf>,
 }
@@ -187,7 +190,7 @@ impl Described {
         Ok((features, times))
     }
 
-    fn slot(&self, path: &Path) -> Arc<Mutex<Option<Arc<Features>>>> {
+    fn slot(&self, path: &Path) -> Slot {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(slot) = known.features.get(path) {
             return Arc::clone(slot);

@@ -7,6 +7,7 @@
 //! | `matches/<dataset>/<matcher>.bin` | selected matches, see [`matches`]; absent if they were not kept |
 //! | `tuning.json` | a list of [`Tuned`], if settings were taken over from tuning |
 //! | `tuned.json` | a [`Tuned`], in the folder of a tuning |
+//! | `logs/<matcher>.log` | what a matcher from outside printed |
 //! | `.lock` | held by the process that writes; a lock ends with its process, however that ends |
 //! | `cache/`, `report/` | where features and the report go unless another place is asked for; can be deleted |
 //!

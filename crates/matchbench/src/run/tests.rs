@@ -1,5 +1,7 @@
 //! What a run promises, tried on a toy.
 
+mod outside;
+
 use std::fs;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,143 @@
+//! Sources outside fail, end, and may do better another time.
+
+use matchbench_vision::geometry::MatchedPoints;
+use matchbench_vision::seed::Seed;
+use nalgebra::Point2;
+use serde_json::json;
+
+use super::*;
+use crate::matchers::{
+    BuiltPointSource, ImageFiles, PointSource, SourceError, SourceSeconds, SourcedMatches,
+};
+
+/// The same matches for all pairs, but for those that it fails over and the one that it ends at.
+#[derive(Default)]
+struct Flaky {
+    fails: Vec<[u32; 2]>,
+    ends: Option<[u32; 2]>,
+}
+
+impl PointSource for Flaky {
+    fn matches(&self, pair: &ImageFiles<'_>, _: Seed) -> Result<SourcedMatches, SourceError> {
+        if self.ends == Some(pair.frames) {
+            return Err(SourceError::Ended("as the test wants".into()));
+        }
+        if self.fails.contains(&pair.frames) {
+            return Err(SourceError::Pair("as the test wants".into()));
+        }
+        let mut points = MatchedPoints::default();
+        for x in 0..40 {
+            let at = Point2::new(f64::from(x % 8), f64::from(x / 8));
+            points.push(at, at, 0.5);
+        }
+        Ok(SourcedMatches {
+            points,
+            features: [50, 60],
+            putative: None,
+            seconds: SourceSeconds {
+                matching: Some(0.25),
+                wall: Some(0.5),
+                device: Some("abacus".into()),
+                ..SourceSeconds::default()
+            },
+        })
+    }
+}
+
+impl Flaky {
+    fn contender(self) -> Contender {
+        let estimators = ["first", "second"].map(|id| Toy::default().estimator(id).into());
+        Contender {
+            source: Source::Points(BuiltPointSource {
+                id: "flaky".into(),
+                version: Some("1".into()),
+                params: json!({}),
+                notes: Vec::new(),
+                source: Box::new(self),
+            }),
+            estimators: estimators.into(),
+        }
+    }
+}
+
+fn whole() -> Vec<RunRecord> {
+    let bench = Bench::new(vec![Flaky::default().contender()]);
+    assert!(bench.run("whole").unwrap().is_complete());
+    bench.records("whole")
+}
+
+#[test]
+fn failures_of_a_source_are_tried_again_and_their_records_replaced() {
+    let flaky = Flaky {
+        fails: vec![[0, 1], [2, 3]],
+        ends: None,
+    };
+    let mut bench = Bench::new(vec![flaky.contender()]);
+    let summary = bench.run("run").unwrap();
+    // Two pairs of each of two datasets, with two estimators.
+    assert_eq!((summary.failed, summary.ended), (8, 0));
+    assert!(summary.is_complete());
+    bench.contenders = vec![Flaky::default().contender()];
+    let again = bench.run("run").unwrap();
+    assert_eq!((again.before, again.now), (summary.total - 8, 8));
+    assert_eq!(again.failed, 0);
+    assert_eq!(bench.records("run"), whole());
+    assert_eq!(bench.run("run").unwrap().now, 0);
+}
+
+#[test]
+fn a_source_that_ends_ends_no_other() {
+    let flaky = Flaky {
+        fails: Vec::new(),
+        ends: Some([1, 3]),
+    };
+    let toy = || Toy::default().contender("bright", &["first"]);
+    let mut bench = Bench::new(vec![flaky.contender(), toy()]);
+    let summary = bench.run("run").unwrap();
+    assert_eq!(summary.ended, 1);
+    assert!(!summary.is_complete());
+    let of = |bench: &Bench, id: &str| {
+        let mut records = bench.records("run");
+        records.retain(|record| record.task.matcher == id);
+        records
+    };
+    assert_eq!(of(&bench, "bright").len(), 21 + 7);
+    assert!(of(&bench, "flaky").len() < 2 * 21);
+    bench.contenders = vec![Flaky::default().contender(), toy()];
+    assert!(bench.run("run").unwrap().is_complete());
+    assert_eq!(of(&bench, "flaky"), whole());
+}
+
+#[test]
+fn times_of_a_source_are_recorded_with_its_device_and_what_was_waited() {
+    let bench = Bench::new(vec![Flaky::default().contender()]);
+    bench.run("run").unwrap();
+    let records = store::read_run(&bench.path("run")).unwrap();
+    let told = |estimator: &str| {
+        let mut records = records.iter();
+        let record = records.find(|record| record.task.estimator == estimator);
+        let record = record.unwrap();
+        (
+            record.times.search,
+            record.times.outside,
+            record.device.clone(),
+        )
+    };
+    assert_eq!(
+        told("first"),
+        (Some(0.25), Some(0.5), Some("abacus".into()))
+    );
+    assert_eq!(told("second"), (None, None, None), "matched once for both");
+}
+
+#[test]
+fn another_version_is_refused() {
+    let mut bench = Bench::new(vec![Flaky::default().contender()]);
+    bench.run("run").unwrap();
+    let Source::Points(source) = &mut bench.contenders[0].source else {
+        panic!("it is a source")
+    };
+    source.version = Some("2".into());
+    let error = bench.run("run").unwrap_err().to_string();
+    assert!(error.contains("version"), "{error}");
+}
