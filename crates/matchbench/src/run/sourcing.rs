@@ -119,6 +119,7 @@ mod tests {
                 seconds: SourceSeconds {
                     extract: [Some(0.5), None],
                     matching: Some(0.25),
+                    ..SourceSeconds::default()
                 },
                 ..SourcedMatches::default()
             };
@@ -238,7 +239,9 @@ mod tests {
             images: [file.path(), file.path()],
         };
         let (mut counts, mut times) = (Counts::default(), StageTimes::default());
-        let error = sourced(&source, &files, Seed(1), &mut counts, &mut times).unwrap_err();
+        let mut device = None;
+        let ended = sourced(&source, &files, Seed(1), &mut counts, &mut times, &mut device);
+        let error = ended.unwrap_err();
         assert_eq!(error.to_string(), "outside has ended: see log");
     }
 }
