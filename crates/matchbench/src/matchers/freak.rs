@@ -22,7 +22,6 @@ struct SurfKeypoints {
     threshold: f32,
     octaves: usize,
     layers: usize,
-    upright: bool,
 }
 
 impl Default for SurfKeypoints {
@@ -31,14 +30,14 @@ impl Default for SurfKeypoints {
             threshold,
             octaves,
             layers,
+            // Of descriptors, which FREAK replaces, and of orientations, which it finds anew.
             extended: _,
-            upright,
+            upright: _,
         } = SurfParams::default();
         Self {
             threshold,
             octaves,
             layers,
-            upright,
         }
     }
 }
@@ -49,13 +48,11 @@ impl SurfKeypoints {
             threshold,
             octaves,
             layers,
-            upright,
         } = self;
         SurfParams {
             threshold,
             octaves,
             layers,
-            upright,
             ..SurfParams::default()
         }
     }
@@ -66,7 +63,10 @@ pub(super) const FREAK: LocalFeatures<Params> = LocalFeatures {
     summary: "FREAK on SURF keypoints, exact nearest neighbours, ratio test",
     reference: "A. Alahi, R. Ortiz, P. Vandergheynst, \"FREAK: Fast Retina Keypoint\", CVPR 2012",
     revision: 1,
-    removed: &[("/extractor/surf", "extended")],
+    removed: &[
+        ("/extractor/surf", "extended"),
+        ("/extractor/surf", "upright"),
+    ],
     detection: |params| Some(surf::detection(&params.surf.params())),
     extractor: |params| {
         Ok(Box::new(DetectThenDescribe {

@@ -133,8 +133,10 @@ mod tests {
             let matcher = &mut earlier["matchers"][0];
             match entry.id() {
                 "freak" => {
-                    matcher["params"]["extractor"]["surf"]["extended"] = json!(false);
-                    matcher["extraction"]["params"]["surf"]["extended"] = json!(false);
+                    for name in ["extended", "upright"] {
+                        matcher["params"]["extractor"]["surf"][name] = json!(false);
+                        matcher["extraction"]["params"]["surf"][name] = json!(false);
+                    }
                 }
                 "repmatch" => {
                     let pose = &mut matcher["params"]["selection"]["pose"];
