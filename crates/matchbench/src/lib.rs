@@ -8,6 +8,7 @@ pub mod cache;
 pub mod config;
 pub mod datasets;
 pub mod estimators;
+pub mod exchange;
 pub mod external;
 pub mod files;
 pub mod matchers;

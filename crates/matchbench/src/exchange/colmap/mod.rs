@@ -1,0 +1,219 @@
+//! `colmap`: a COLMAP database, SQLite.
+//!
+//! | table | what is read and written |
+//! | --- | --- |
+//! | `images` | `image_id`, `name`, `camera_id` |
+//! | `keypoints` | by `image_id`: `rows`, `cols` and a blob of float32, whose first columns are x, y |
+//! | `matches` | by `pair_id`: a blob of uint32, `rows` x 2 indices of keypoints |
+//! | `two_view_geometries` | the same of the matches that COLMAP verified, with F, E, H, and the pose |
+//!
+//! `pair_id = 2147483647 * id_1 + id_2` with `id_1 < id_2`. No scores; the first pixel's centre is
+//! at 0.5. (COLMAP, "Database Format"; the documentation of its `Database` class.)
+
+mod write;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use rusqlite::{Connection, OpenFlags, OptionalExtension};
+
+use super::array::{Array, Element, Kind};
+use super::names::PairName;
+use super::probe::{Content, Probe, open_regular};
+use super::sparse::columns;
+use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source};
+
+pub(super) const COLMAP: Format = Format {
+    id: "colmap",
+    layout: "database.db with images, keypoints and matches, or two_view_geometries with --verified",
+    pixel_center: Some(CENTER),
+    resized: false,
+    recognises: |probe| matches!(probe.content, Content::Sqlite),
+    open,
+    write: Some(write::write),
+};
+
+const CENTER: f64 = 0.5;
+/// COLMAP's factor between the two image ids of a pair.
+const MOST_IMAGES: i64 = 2_147_483_647;
+
+fn open(probe: Probe, options: &ReadOptions) -> Result<Contents, ExchangeError> {
+    let [path] = &probe.files[..] else {
+        let what = format!("{} databases where there is to be one", probe.files.len());
+        return Err(ExchangeError::new(&probe.files[0], what, "name one"));
+    };
+    let database = Database {
+        path: path.clone(),
+        connection: Mutex::new(connect(path)?),
+        table: if options.verified {
+            "two_view_geometries"
+        } else {
+            "matches"
+        },
+        pairs: Vec::new(),
+    };
+    let images = database.images()?;
+    let pairs = database.pair_ids()?;
+    let names = (pairs.iter())
+        .map(|&[first, second]| {
+            let name = |id| {
+                images.get(&id).cloned().ok_or_else(|| {
+                    database.damaged(format!("a pair names image {id}, which is not there"))
+                })
+            };
+            Ok(PairName::Two(name(first)?, name(second)?))
+        })
+        .collect::<Result<_, ExchangeError>>()?;
+    Ok(Contents {
+        pairs: names,
+        source: Box::new(Database { pairs, ..database }),
+    })
+}
+
+struct Database {
+    path: PathBuf,
+    connection: Mutex<Connection>,
+    /// Where matches are read from.
+    table: &'static str,
+    /// Ids of both images.
+    pairs: Vec<[i64; 2]>,
+}
+
+/// Opens the database for reading and nothing else: nothing is created beside it.
+fn connect(path: &Path) -> Result<Connection, ExchangeError> {
+    open_regular(path)?;
+    let mut log = path.as_os_str().to_owned();
+    log.push("-wal");
+    if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
+        return Err(ExchangeError::new(
+            path,
+            "changes wait in the file `-wal` beside it",
+            "close the program that writes it, or open it once with COLMAP",
+        ));
+    }
+    let path_in_uri: String = (path.as_os_str().as_encoded_bytes().iter())
+        .map(|&byte| match byte {
+            b'/' | b'.' | b'-' | b'_' => char::from(byte).to_string(),
+            _ if byte.is_ascii_alphanumeric() => char::from(byte).to_string(),
+            _ => format!("%{byte:02x}"),
+        })
+        .collect();
+    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_URI;
+    let connection = Connection::open_with_flags(format!("file:{path_in_uri}?immutable=1"), flags)
+        .map_err(|error| ExchangeError::unreadable(path, error))?;
+    // A view could compute without end, and a schema call functions: only tables are read.
+    for table in ["images", "keypoints", "matches", "two_view_geometries"] {
+        let kind: Option<String> = connection
+            .query_row(
+                "SELECT type FROM sqlite_master WHERE name = ?1",
+                [table],
+                |row| row.get(0),
+            )
+            .optional()
+            .map_err(|error| ExchangeError::damaged(path, error))?;
+        if kind.as_deref() != Some("table") {
+            let what = format!("it has no table `{table}`");
+            return Err(ExchangeError::new(path, what, "name a database of COLMAP"));
+        }
+    }
+    Ok(connection)
+}
+
+impl Database {
+    /// Names of the images by id.
+    fn images(&self) -> Result<BTreeMap<i64, String>, ExchangeError> {
+        self.query("SELECT image_id, name FROM images", |row| {
+            Ok((row.get(0)?, row.get(1)?))
+        })
+    }
+
+    fn pair_ids(&self) -> Result<Vec<[i64; 2]>, ExchangeError> {
+        let sql = format!("SELECT pair_id FROM {} ORDER BY pair_id", self.table);
+        self.query(&sql, |row| {
+            let id: i64 = row.get(0)?;
+            Ok([id.div_euclid(MOST_IMAGES), id.rem_euclid(MOST_IMAGES)])
+        })
+    }
+
+    fn query<T, C: FromIterator<T>>(
+        &self,
+        sql: &str,
+        read: impl FnMut(&rusqlite::Row<'_>) -> rusqlite::Result<T>,
+    ) -> Result<C, ExchangeError> {
+        let connection = self.connection.lock().expect("no thread panics with it");
+        let mut statement = connection
+            .prepare(sql)
+            .map_err(|error| self.damaged(error))?;
+        let rows = statement
+            .query_map([], read)
+            .map_err(|error| self.damaged(error))?;
+        rows.collect::<rusqlite::Result<_>>()
+            .map_err(|error| self.damaged(error))
+    }
+
+    /// The blob in the row `id` of a `table`, as an array of 4-byte elements; empty where there is
+    /// no row, since COLMAP leaves out what is empty.
+    fn blob(&self, table: &str, key: &str, id: i64, kind: Kind) -> Result<Array, ExchangeError> {
+        let place = || format!("{table} of {key} {id}");
+        let connection = self.connection.lock().expect("no thread panics with it");
+        let sql = format!("SELECT rows, cols, data FROM {table} WHERE {key} = ?1");
+        let row = (connection.prepare(&sql))
+            .and_then(|mut statement| {
+                let read = |row: &rusqlite::Row<'_>| {
+                    let data: Option<Vec<u8>> = row.get(2)?;
+                    let [rows, columns]: [u32; 2] = [row.get(0)?, row.get(1)?];
+                    Ok((rows as usize, columns as usize, data.unwrap_or_default()))
+                };
+                statement.query_row([id], read).optional()
+            })
+            .map_err(|error| self.damaged(error).at(place()))?;
+        let (rows, columns, data): (usize, usize, Vec<u8>) = row.unwrap_or_default();
+        let element = Element::new(kind, 4, false).expect("4 bytes exist for all kinds");
+        Array::new(vec![rows, columns], element, data)
+            .map_err(|what| self.damaged(what).at(place()))
+    }
+
+    fn damaged(&self, what: impl std::fmt::Display) -> ExchangeError {
+        ExchangeError::damaged(&self.path, what)
+    }
+}
+
+impl Source for Database {
+    fn file(&self, _: usize) -> &Path {
+        &self.path
+    }
+
+    fn read(&self, index: usize) -> Result<RawMatches, ExchangeError> {
+        let ids = self.pairs[index];
+        let [a, b] = ids.map(|id| self.blob("keypoints", "image_id", id, Kind::Float));
+        let (a, b) = (a?, b?);
+        let pair_id = MOST_IMAGES * ids[0] + ids[1];
+        let indices = self.blob(self.table, "pair_id", pair_id, Kind::Unsigned)?;
+        joined(&a, &b, &indices).map_err(|what| self.damaged(what))
+    }
+}
+
+fn joined(a: &Array, b: &Array, indices: &Array) -> Result<RawMatches, String> {
+    let (columns_a, columns_b) = (columns(a)?, columns(b)?);
+    let counts = [a.len() / columns_a, b.len() / columns_b];
+    let mut raw = RawMatches {
+        a: Vec::new(),
+        b: Vec::new(),
+        rating: Rating::None,
+        element: Element::new(Kind::Float, 4, false).expect("float32 exists"),
+        keypoints: Some(counts),
+    };
+    let index = |place: usize, end: usize| {
+        indices
+            .index(place, end)?
+            .ok_or_else(|| format!("entry {place} is -1"))
+    };
+    for row in 0..indices.rows(2)? {
+        raw.a.push(a.point(index(2 * row, counts[0])?, columns_a));
+        raw.b
+            .push(b.point(index(2 * row + 1, counts[1])?, columns_b));
+    }
+    Ok(raw)
+}

@@ -1,0 +1,226 @@
+//! A database that COLMAP's mapper starts from: cameras as they are known, matches, and the
+//! two-view geometries of the estimated poses.
+//!
+//! The schema is the one that COLMAP had before rigs and frames; newer versions add what they lack
+//! when they open it.
+
+use std::path::{Path, PathBuf};
+
+use matchbench_vision::geometry::{Camera, RelativePose, essential_from_pose};
+use matchbench_vision::image::Size;
+use nalgebra::{Matrix3, UnitVector3};
+use rusqlite::{Connection, MAIN_DB, params};
+
+use super::super::export::{TwoView, numbered};
+use super::super::{ExchangeError, Export};
+use super::{CENTER, MOST_IMAGES};
+use crate::files::write_whole;
+
+const SCHEMA: &str = "
+CREATE TABLE cameras (
+    camera_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,
+    model INTEGER NOT NULL,
+    width INTEGER NOT NULL,
+    height INTEGER NOT NULL,
+    params BLOB,
+    prior_focal_length INTEGER NOT NULL);
+CREATE TABLE images (
+    image_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,
+    name TEXT NOT NULL UNIQUE,
+    camera_id INTEGER NOT NULL,
+    CONSTRAINT image_id_check CHECK(image_id >= 0 and image_id < 2147483647),
+    FOREIGN KEY(camera_id) REFERENCES cameras(camera_id));
+CREATE UNIQUE INDEX index_name ON images(name);
+CREATE TABLE keypoints (
+    image_id INTEGER PRIMARY KEY NOT NULL,
+    rows INTEGER NOT NULL,
+    cols INTEGER NOT NULL,
+    data BLOB,
+    FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+CREATE TABLE descriptors (
+    image_id INTEGER PRIMARY KEY NOT NULL,
+    rows INTEGER NOT NULL,
+    cols INTEGER NOT NULL,
+    data BLOB,
+    FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+CREATE TABLE matches (
+    pair_id INTEGER PRIMARY KEY NOT NULL,
+    rows INTEGER NOT NULL,
+    cols INTEGER NOT NULL,
+    data BLOB);
+CREATE TABLE two_view_geometries (
+    pair_id INTEGER PRIMARY KEY NOT NULL,
+    rows INTEGER NOT NULL,
+    cols INTEGER NOT NULL,
+    data BLOB,
+    config INTEGER NOT NULL,
+    F BLOB,
+    E BLOB,
+    H BLOB,
+    qvec BLOB,
+    tvec BLOB);
+";
+
+/// COLMAP's number for a pair of calibrated cameras whose essential matrix is known.
+const CALIBRATED: i64 = 2;
+
+/// Writes `database.db`. Coordinates are float32 with 0.5 added, which rounds them by up to half a
+/// unit in the last place: all that COLMAP can hold.
+pub(super) fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeError> {
+    let path = folder.join("database.db");
+    let unwritable = |error: &dyn std::fmt::Display| ExchangeError::unwritable(&path, error);
+    let bytes = database(export).map_err(|error| unwritable(&error))?;
+    write_whole(&path, &bytes).map_err(|error| unwritable(&error))?;
+    Ok(vec![path])
+}
+
+fn database(export: &Export<'_>) -> rusqlite::Result<Vec<u8>> {
+    let mut connection = Connection::open_in_memory()?;
+    connection.execute_batch(SCHEMA)?;
+    let transaction = connection.transaction()?;
+    let numbered = numbered(export);
+
+    let mut cameras: Vec<(Camera, Size)> = Vec::new();
+    let names = export.image_names();
+    for (frame, (keypoints, name)) in numbered.keypoints.iter().zip(&names).enumerate() {
+        let camera = (export.sequence.frames[frame].camera, export.sizes[frame]);
+        let known = cameras.iter().position(|known| *known == camera);
+        let camera_id = known.unwrap_or_else(|| {
+            cameras.push(camera);
+            cameras.len() - 1
+        });
+        transaction.execute(
+            "INSERT INTO images VALUES (?1, ?2, ?3)",
+            params![image_id(frame as u32), name, camera_id as i64 + 1],
+        )?;
+        let coordinates: Vec<u8> = (keypoints.iter().flat_map(|p| [p.x, p.y]))
+            .flat_map(|x| ((f64::from(x) + CENTER) as f32).to_le_bytes())
+            .collect();
+        transaction.execute(
+            "INSERT INTO keypoints VALUES (?1, ?2, 2, ?3)",
+            params![image_id(frame as u32), keypoints.len() as i64, coordinates],
+        )?;
+    }
+    for (index, (camera, size)) in cameras.iter().enumerate() {
+        let (model, numbers) = model(camera);
+        transaction.execute(
+            "INSERT INTO cameras VALUES (?1, ?2, ?3, ?4, ?5, 1)",
+            params![
+                index as i64 + 1,
+                model,
+                size.width as i64,
+                size.height as i64,
+                doubles(&numbers)
+            ],
+        )?;
+    }
+    for (pair, indices) in export.pairs.iter().zip(&numbered.matches) {
+        let (a, b) = pair.frames;
+        // The smaller id comes first.
+        let swapped = a > b;
+        let (first, second) = if swapped { (b, a) } else { (a, b) };
+        let pair_id = MOST_IMAGES * image_id(first) + image_id(second);
+        let rows = |kept: &dyn Fn(usize) -> bool| {
+            let kept = indices.iter().enumerate().filter(|(row, _)| kept(*row));
+            let pairs = kept.map(|(_, &[i, j])| if swapped { [j, i] } else { [i, j] });
+            pairs
+                .flatten()
+                .flat_map(u32::to_le_bytes)
+                .collect::<Vec<u8>>()
+        };
+        let all = rows(&|_| true);
+        transaction.execute(
+            "INSERT INTO matches VALUES (?1, ?2, 2, ?3)",
+            params![pair_id, indices.len() as i64, all],
+        )?;
+        let Some(TwoView { b_from_a, inliers }) = &pair.two_view else {
+            continue;
+        };
+        let pose = if swapped {
+            inverse(b_from_a)
+        } else {
+            *b_from_a
+        };
+        let camera = |frame: u32| &export.sequence.frames[frame as usize].camera;
+        let e = essential_from_pose(&pose);
+        let f = fundamental(&e, camera(first), camera(second));
+        let q = pose.rotation.quaternion();
+        let inlying = rows(&|row| inliers[row]);
+        transaction.execute(
+            "INSERT INTO two_view_geometries VALUES (?1, ?2, 2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)",
+            params![
+                pair_id,
+                (inlying.len() / 8) as i64,
+                inlying,
+                CALIBRATED,
+                matrix(&f),
+                matrix(&e),
+                matrix(&Matrix3::zeros()),
+                doubles(&[q.w, q.i, q.j, q.k]),
+                doubles(pose.direction.as_slice()),
+            ],
+        )?;
+    }
+    transaction.commit()?;
+    Ok(connection.serialize(MAIN_DB)?.to_vec())
+}
+
+/// COLMAP counts images from 1.
+fn image_id(frame: u32) -> i64 {
+    i64::from(frame) + 1
+}
+
+/// COLMAP's number of the camera's model and its parameters: PINHOLE (1), OPENCV (4) or, with a
+/// third radial coefficient, FULL_OPENCV (6).
+fn model(camera: &Camera) -> (i64, Vec<f64>) {
+    let mut numbers = vec![camera.fx, camera.fy, camera.cx + CENTER, camera.cy + CENTER];
+    let Some(lens) = camera.distortion else {
+        return (1, numbers);
+    };
+    numbers.extend([lens.k1, lens.k2, lens.p1, lens.p2]);
+    if lens.k3 == 0.0 {
+        return (4, numbers);
+    }
+    numbers.extend([lens.k3, 0.0, 0.0, 0.0]);
+    (6, numbers)
+}
+
+fn inverse(b_from_a: &RelativePose) -> RelativePose {
+    let rotation = b_from_a.rotation.inverse();
+    RelativePose {
+        rotation,
+        direction: UnitVector3::new_normalize(-(rotation * b_from_a.direction.into_inner())),
+    }
+}
+
+/// F of pixels in COLMAP's convention, `K_b^-T E K_a^-1`.
+fn fundamental(e: &Matrix3<f64>, a: &Camera, b: &Camera) -> Matrix3<f64> {
+    let inverse = |camera: &Camera| {
+        let (x, y) = (camera.cx + CENTER, camera.cy + CENTER);
+        let (fx, fy) = (camera.fx, camera.fy);
+        Matrix3::new(
+            1.0 / fx,
+            0.0,
+            -x / fx,
+            0.0,
+            1.0 / fy,
+            -y / fy,
+            0.0,
+            0.0,
+            1.0,
+        )
+    };
+    inverse(b).transpose() * e * inverse(a)
+}
+
+/// Row after row.
+fn matrix(m: &Matrix3<f64>) -> Vec<u8> {
+    doubles(m.transpose().as_slice())
+}
+
+fn doubles(numbers: &[f64]) -> Vec<u8> {
+    numbers
+        .iter()
+        .flat_map(|number| number.to_le_bytes())
+        .collect()
+}

@@ -1,0 +1,357 @@
+//! What leaves: the selected matches of a run, or those that agree with the estimated pose.
+//!
+//! A match agrees with a pose if its Sampson distance is below the estimator's threshold, in
+//! pixels of the mean focal length. That is how the reference estimator counts inliers, and it
+//! needs nothing but the record; estimators whose score weighs matches have no sharper notion.
+//!
+//! Formats that share keypoints among pairs (COLMAP's and hloc's) need a list of keypoints for each
+//! image. It is made of the matched points: points at the same place are one keypoint, unless one
+//! pair matches the place more than once. hloc keeps the matches of a pair in the order of the
+//! first image's keypoints, so keypoints are numbered such that every pair's order survives,
+//! wherever the orders of all pairs allow it: those of feature matchers do.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap, HashMap};
+use std::path::{Component, Path, PathBuf};
+
+use matchbench_vision::geometry::{
+    Camera, PointPairs, RelativePose, essential_from_pose, squared_sampson_distances,
+};
+use matchbench_vision::image::Size;
+use nalgebra::Point2;
+
+use super::ExchangeError;
+use crate::datasets::{Sequence, read_size};
+use crate::records::{MatchesFile, RunRecord};
+
+/// Matches of one matcher on one dataset, to be written.
+pub struct Export<'a> {
+    /// The dataset.
+    pub sequence: &'a Sequence,
+    /// Size of each image.
+    pub sizes: Vec<Size>,
+    /// The pairs that have matches, in the order of the dataset.
+    pub pairs: Vec<PairExport>,
+}
+
+/// Matches of a pair.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PairExport {
+    /// Frames a and b.
+    pub frames: (u32, u32),
+    /// Points in image a, pixels of the original image, the first pixel's centre at (0, 0).
+    pub a: Vec<Point2<f32>>,
+    /// Points in image b.
+    pub b: Vec<Point2<f32>>,
+    /// 0 is certain, 1 is not.
+    pub ambiguity: Vec<f32>,
+    /// How the images stand to each other, where that was estimated.
+    pub two_view: Option<TwoView>,
+}
+
+/// An estimated relative pose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TwoView {
+    /// The pose.
+    pub b_from_a: RelativePose,
+    /// For each match whether it agrees with the pose.
+    pub inliers: Vec<bool>,
+}
+
+impl<'a> Export<'a> {
+    /// The `pairs` of a dataset.
+    ///
+    /// # Errors
+    /// If the size of an image cannot be read.
+    pub fn new(sequence: &'a Sequence, pairs: Vec<PairExport>) -> Result<Self, ExchangeError> {
+        let sizes = (sequence.frames.iter())
+            .map(|frame| {
+                read_size(&frame.image)
+                    .map_err(|error| ExchangeError::new(&frame.image, error.what, error.remedy))
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(Self {
+            sequence,
+            sizes,
+            pairs,
+        })
+    }
+
+    /// The selected matches in `matches`, of the first repetition, with the poses in `records` that
+    /// one estimator left, and the matches within its threshold.
+    ///
+    /// # Errors
+    /// If the matches or the size of an image cannot be read.
+    pub fn of_run(
+        sequence: &'a Sequence,
+        matches: &MatchesFile,
+        records: &[RunRecord],
+        threshold_px: f64,
+    ) -> Result<Self, ExchangeError> {
+        let poses: BTreeMap<_, _> = (records.iter())
+            .filter(|record| record.task.repetition == 0)
+            .filter_map(|record| Some(((record.task.a, record.task.b), record.outcome.pose()?)))
+            .collect();
+        let mut pairs = Vec::new();
+        for pair in &sequence.pairs {
+            let key = (pair.a, pair.b, 0);
+            let selected = matches
+                .read(key)
+                .map_err(|error| ExchangeError::new("matches of the run", error, "run it again"))?;
+            let Some(selected) = selected else {
+                continue;
+            };
+            let [camera_a, camera_b] =
+                [pair.a, pair.b].map(|frame| &sequence.frames[frame as usize].camera);
+            let two_view = poses.get(&(pair.a, pair.b)).map(|pose| TwoView {
+                b_from_a: *pose,
+                inliers: agreeing(
+                    pose,
+                    [camera_a, camera_b],
+                    &selected.a,
+                    &selected.b,
+                    threshold_px,
+                ),
+            });
+            pairs.push(PairExport {
+                frames: (pair.a, pair.b),
+                a: selected.a,
+                b: selected.b,
+                ambiguity: selected.ambiguity,
+                two_view,
+            });
+        }
+        Self::new(sequence, pairs)
+    }
+
+    /// The same with nothing but the matches that agree with the estimated poses; pairs without a
+    /// pose are left out.
+    #[must_use]
+    pub fn inliers_alone(mut self) -> Self {
+        self.pairs.retain(|pair| pair.two_view.is_some());
+        for pair in &mut self.pairs {
+            let Some(TwoView { inliers, .. }) = &mut pair.two_view else {
+                continue;
+            };
+            let mut keep = inliers.iter().copied();
+            pair.a.retain(|_| keep.next() == Some(true));
+            let mut keep = inliers.iter().copied();
+            pair.b.retain(|_| keep.next() == Some(true));
+            let mut keep = inliers.iter().copied();
+            pair.ambiguity.retain(|_| keep.next() == Some(true));
+            inliers.retain(|&inlier| inlier);
+        }
+        self
+    }
+
+    /// Names of the images: their paths below the deepest folder that holds them all, with `/`.
+    pub fn image_names(&self) -> Vec<String> {
+        let images: Vec<&Path> = (self.sequence.frames.iter())
+            .map(|frame| &*frame.image)
+            .collect();
+        let root = self.image_root();
+        (images.iter())
+            .map(|image| {
+                let parts = image.strip_prefix(&root).unwrap_or(image).components();
+                let parts = parts.filter_map(|part| match part {
+                    Component::Normal(name) => Some(name.to_string_lossy()),
+                    _ => None,
+                });
+                parts.collect::<Vec<_>>().join("/")
+            })
+            .collect()
+    }
+
+    /// The deepest folder that holds all images.
+    pub fn image_root(&self) -> PathBuf {
+        let mut folders = (self.sequence.frames.iter()).filter_map(|frame| frame.image.parent());
+        let mut root = folders.next().unwrap_or(Path::new("")).to_path_buf();
+        for folder in folders {
+            while !folder.starts_with(&root) && root.pop() {}
+        }
+        root
+    }
+}
+
+impl PairExport {
+    /// Scores of the matches, higher is better: 1 - ambiguity. In double precision nothing is lost.
+    pub fn scores(&self) -> impl Iterator<Item = f64> {
+        (self.ambiguity.iter()).map(|&ambiguity| 1.0 - f64::from(ambiguity))
+    }
+}
+
+/// Which matches are nearer than the threshold to the epipolar geometry of a pose.
+fn agreeing(
+    pose: &RelativePose,
+    cameras: [&Camera; 2],
+    a: &[Point2<f32>],
+    b: &[Point2<f32>],
+    threshold_px: f64,
+) -> Vec<bool> {
+    let normal = |camera: &Camera, at: &Point2<f32>| camera.normalize(at.cast());
+    let pairs: PointPairs = (a.iter().zip(b))
+        .map(|(a, b)| (normal(cameras[0], a), normal(cameras[1], b)))
+        .collect();
+    let mut squared = vec![0.0; pairs.len()];
+    let all = 0..pairs.len();
+    squared_sampson_distances(&essential_from_pose(pose), &pairs, all, &mut squared);
+    let focal = f64::midpoint(cameras[0].mean_focal(), cameras[1].mean_focal());
+    let threshold = threshold_px / focal;
+    (squared.into_iter())
+        .map(|squared| squared < threshold * threshold)
+        .collect()
+}
+
+/// Keypoints of each image, and matches as indices of them.
+pub(super) struct Numbered {
+    /// By frame.
+    pub(super) keypoints: Vec<Vec<Point2<f32>>>,
+    /// By pair of the export, in the order of its matches: keypoint of a, keypoint of b.
+    pub(super) matches: Vec<Vec<[u32; 2]>>,
+}
+
+/// A place in an image and how many matches of the same pair were there before.
+type Node = (u32, u32, u32);
+
+/// Numbers the matched points of each image.
+pub(super) fn numbered(export: &Export<'_>) -> Numbered {
+    let frames = export.sequence.frames.len();
+    let mut images: Vec<Image> = (0..frames).map(|_| Image::default()).collect();
+    let mut matches = Vec::new();
+    for pair in &export.pairs {
+        let (a, b) = (pair.frames.0 as usize, pair.frames.1 as usize);
+        let first = images[a].take(&pair.a);
+        images[a].keep_order(&first);
+        let second = images[b].take(&pair.b);
+        matches.push((first, second));
+    }
+    let ranks: Vec<Vec<u32>> = images.iter().map(Image::ranks).collect();
+    let keypoints = (images.iter().zip(&ranks))
+        .map(|(image, ranks)| {
+            let mut keypoints = vec![Point2::origin(); ranks.len()];
+            for (point, &rank) in image.points.iter().zip(ranks) {
+                keypoints[rank as usize] = *point;
+            }
+            keypoints
+        })
+        .collect();
+    let matches = (export.pairs.iter().zip(matches))
+        .map(|(pair, (first, second))| {
+            let (a, b) = (
+                &ranks[pair.frames.0 as usize],
+                &ranks[pair.frames.1 as usize],
+            );
+            (first.iter().zip(second))
+                .map(|(&i, j)| [a[i as usize], b[j as usize]])
+                .collect()
+        })
+        .collect();
+    Numbered { keypoints, matches }
+}
+
+/// The matched points of an image, in the order in which they are met.
+#[derive(Default)]
+struct Image {
+    points: Vec<Point2<f32>>,
+    known: HashMap<Node, u32>,
+    /// For each point, those that are to come after it.
+    later: Vec<Vec<u32>>,
+}
+
+impl Image {
+    /// The indices of points of one pair; new points are added.
+    fn take(&mut self, points: &[Point2<f32>]) -> Vec<u32> {
+        let mut met = HashMap::<(u32, u32), u32>::new();
+        (points.iter())
+            .map(|point| {
+                let place = (point.x.to_bits(), point.y.to_bits());
+                let before = met.entry(place).or_default();
+                let node = (place.0, place.1, *before);
+                *before += 1;
+                *self.known.entry(node).or_insert_with(|| {
+                    self.points.push(*point);
+                    self.later.push(Vec::new());
+                    self.points.len() as u32 - 1
+                })
+            })
+            .collect()
+    }
+
+    fn keep_order(&mut self, indices: &[u32]) {
+        for next in indices.windows(2) {
+            self.later[next[0] as usize].push(next[1]);
+        }
+    }
+
+    /// For each point its number, such that orders are kept; the first met comes first where no
+    /// order says otherwise. Points whose orders contradict each other come last.
+    fn ranks(&self) -> Vec<u32> {
+        let mut before = vec![0_u32; self.points.len()];
+        for &point in self.later.iter().flatten() {
+            before[point as usize] += 1;
+        }
+        let mut ready: BinaryHeap<Reverse<u32>> = (0..self.points.len() as u32)
+            .filter(|&point| before[point as usize] == 0)
+            .map(Reverse)
+            .collect();
+        let mut ranks = vec![u32::MAX; self.points.len()];
+        let mut next = 0;
+        while let Some(Reverse(point)) = ready.pop() {
+            ranks[point as usize] = next;
+            next += 1;
+            for &later in &self.later[point as usize] {
+                let before = &mut before[later as usize];
+                *before -= 1;
+                if *before == 0 {
+                    ready.push(Reverse(later));
+                }
+            }
+        }
+        for rank in ranks.iter_mut().filter(|rank| **rank == u32::MAX) {
+            *rank = next;
+            next += 1;
+        }
+        ranks
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points(xs: &[f32]) -> Vec<Point2<f32>> {
+        xs.iter().map(|&x| Point2::new(x, 0.0)).collect()
+    }
+
+    /// Numbers of the points of each pair.
+    fn ranks(pairs: &[&[f32]]) -> Vec<Vec<u32>> {
+        let mut image = Image::default();
+        let indices: Vec<_> = pairs.iter().map(|xs| image.take(&points(xs))).collect();
+        indices.iter().for_each(|indices| image.keep_order(indices));
+        let ranks = image.ranks();
+        let ranked = |indices: &Vec<u32>| indices.iter().map(|&i| ranks[i as usize]).collect();
+        indices.iter().map(ranked).collect()
+    }
+
+    #[test]
+    fn keypoints_keep_the_order_of_every_pair() {
+        let numbers = ranks(&[&[3.0, 7.0, 9.0], &[5.0, 7.0], &[1.0, 3.0, 5.0]]);
+        for pair in &numbers {
+            assert!(pair.is_sorted(), "{numbers:?}");
+        }
+        assert_eq!(numbers[0][1], numbers[1][1], "one place is one keypoint");
+    }
+
+    #[test]
+    fn a_place_that_a_pair_matches_twice_is_two_keypoints() {
+        let numbers = ranks(&[&[4.0, 4.0], &[4.0]]);
+        assert_eq!(numbers, [vec![0, 1], vec![0]]);
+    }
+
+    #[test]
+    fn contradicting_orders_still_give_every_point_a_number() {
+        let mut numbers = ranks(&[&[1.0, 2.0, 3.0], &[2.0, 1.0]])[0].clone();
+        numbers.sort_unstable();
+        assert_eq!(numbers, [0, 1, 2]);
+    }
+}

@@ -1,0 +1,233 @@
+//! HDF5 files of arrays, read and written without the C library.
+//!
+//! Reading goes through `hdf5-reader`, which reads the parts of a file that are asked for, never
+//! the whole, and checks what the file claims; writing through `hdf5-writer` of the same authors.
+//! Links to other files are not followed. Only what exchange formats use is read: arrays of
+//! numbers in nested groups. Attributes are ignored.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use hdf5_reader::group::Group;
+use hdf5_reader::storage::FileStorage;
+use hdf5_reader::{ByteOrder, Datatype, Hdf5File as Reader, OpenOptions};
+use hdf5_writer::{DatasetBuilder, Hdf5Builder, WriteOptions};
+
+use super::ExchangeError;
+use super::array::{Array, Element, Kind, MOST_BYTES};
+use crate::files::write_whole;
+
+/// The most arrays of a file: each costs memory for its name. A hundred thousand pairs have a
+/// million.
+const MOST_ARRAYS: usize = 4_000_000;
+/// The deepest nesting of groups: names of images may have folders, and links may form circles.
+const DEEPEST: usize = 24;
+
+/// An opened file.
+pub(super) struct Hdf5 {
+    path: PathBuf,
+    file: Reader,
+}
+
+impl Hdf5 {
+    /// Opens the file.
+    ///
+    /// # Errors
+    /// If it cannot be read or is no HDF5 file.
+    pub(super) fn open(path: &Path) -> Result<Self, ExchangeError> {
+        let storage = FileStorage::from_file(super::probe::open_regular(path)?)
+            .map_err(|error| ExchangeError::unreadable(path, error))?;
+        let options = OpenOptions::default()
+            .with_max_read_bytes(MOST_BYTES as usize)
+            .with_max_object_header_bytes(16 << 20);
+        let file = Reader::from_storage_with_options(Arc::new(storage), options)
+            .map_err(|error| ExchangeError::damaged(path, format!("no HDF5 file ({error})")))?;
+        Ok(Self {
+            path: path.into(),
+            file,
+        })
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Paths of all arrays, `group/group/array`, in the order of the file.
+    ///
+    /// # Errors
+    /// If a group cannot be read, or there are absurdly many.
+    pub(super) fn arrays(&self) -> Result<Vec<String>, ExchangeError> {
+        let mut paths = Vec::new();
+        let root = self
+            .file
+            .root_group()
+            .map_err(|error| self.damaged(error))?;
+        self.collect(&root, "", 0, &mut paths)?;
+        Ok(paths)
+    }
+
+    fn collect(
+        &self,
+        group: &Group,
+        prefix: &str,
+        depth: usize,
+        paths: &mut Vec<String>,
+    ) -> Result<(), ExchangeError> {
+        if depth > DEEPEST {
+            return Err(self.damaged(format!("groups are nested deeper than {DEEPEST}")));
+        }
+        let (groups, arrays) = group.member_names().map_err(|error| self.damaged(error))?;
+        if paths.len() + groups.len() + arrays.len() > MOST_ARRAYS {
+            return Err(self.damaged(format!("it has more than {MOST_ARRAYS} arrays")));
+        }
+        paths.extend(arrays.iter().map(|name| format!("{prefix}{name}")));
+        for name in groups {
+            let inner = group.group(&name).map_err(|error| self.damaged(error))?;
+            self.collect(&inner, &format!("{prefix}{name}/"), depth + 1, paths)?;
+        }
+        Ok(())
+    }
+
+    /// The array at `path`.
+    ///
+    /// # Errors
+    /// If it is missing, cannot be read, or is no array of numbers.
+    pub(super) fn array(&self, path: &str) -> Result<Array, ExchangeError> {
+        let array = || {
+            let dataset = self.file.dataset(path).map_err(|error| error.to_string())?;
+            let shape = (dataset.shape().iter())
+                .map(|&side| usize::try_from(side).map_err(|_| "its shape is absurd".to_owned()))
+                .collect::<Result<_, _>>()?;
+            let element = element(dataset.dtype())
+                .ok_or_else(|| format!("its elements are {:?}, not numbers", dataset.dtype()))?;
+            let bytes = dataset
+                .read_raw_bytes()
+                .map_err(|error| error.to_string())?;
+            Array::new(shape, element, bytes)
+        };
+        array().map_err(|what| self.damaged(what).at(format!("array `{path}`")))
+    }
+
+    /// An error about the content of this file.
+    pub(super) fn damaged(&self, what: impl std::fmt::Display) -> ExchangeError {
+        ExchangeError::damaged(&self.path, what)
+    }
+}
+
+fn element(datatype: &Datatype) -> Option<Element> {
+    let (kind, size, order) = match *datatype {
+        Datatype::FloatingPoint { size, byte_order } => (Kind::Float, size, byte_order),
+        Datatype::FixedPoint {
+            size,
+            signed,
+            byte_order,
+        } => {
+            let kind = if signed { Kind::Signed } else { Kind::Unsigned };
+            (kind, size, byte_order)
+        }
+        _ => return None,
+    };
+    Element::new(kind, usize::from(size), order == ByteOrder::BigEndian)
+}
+
+/// A file to be written.
+#[derive(Default)]
+pub(super) struct Hdf5Out(Hdf5Builder);
+
+impl Hdf5Out {
+    /// Adds an array of 32-bit floats at `path`; its groups come with it.
+    pub(super) fn floats(&mut self, path: String, shape: &[usize], values: &[f32]) {
+        let array = DatasetBuilder::typed_data(path, sides(shape), values);
+        self.add(array.expect("as many values as the shape says"));
+    }
+
+    /// Adds an array of 64-bit floats.
+    pub(super) fn doubles(&mut self, path: String, shape: &[usize], values: &[f64]) {
+        let array = DatasetBuilder::typed_data(path, sides(shape), values);
+        self.add(array.expect("as many values as the shape says"));
+    }
+
+    /// Adds an array of 32-bit integers.
+    pub(super) fn integers(&mut self, path: String, shape: &[usize], values: &[i32]) {
+        let array = DatasetBuilder::typed_data(path, sides(shape), values);
+        self.add(array.expect("as many values as the shape says"));
+    }
+
+    fn add(&mut self, array: DatasetBuilder) {
+        self.0 = std::mem::take(&mut self.0).dataset(array);
+    }
+
+    /// Writes the file, whole or not at all.
+    ///
+    /// # Errors
+    /// If it cannot be written, or two arrays have one name.
+    pub(super) fn write(self, path: &Path) -> Result<(), ExchangeError> {
+        let bytes = (self.0.into_plan())
+            .and_then(|plan| plan.encode(WriteOptions::default()))
+            .map_err(|error| ExchangeError::unwritable(path, error))?;
+        write_whole(path, &bytes).map_err(|error| ExchangeError::unwritable(path, error))
+    }
+}
+
+fn sides(shape: &[usize]) -> Vec<u64> {
+    shape.iter().map(|&side| side as u64).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nested_arrays_come_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.h5");
+        let mut out = Hdf5Out::default();
+        out.floats("a/x.png/keypoints".into(), &[2, 2], &[1.5, 2.0, -0.25, 3e7]);
+        out.integers("a/x.png/n".into(), &[3], &[1, -1, 70_000]);
+        out.doubles("empty".into(), &[0], &[]);
+        out.write(&path).unwrap();
+        let file = Hdf5::open(&path).unwrap();
+        let mut paths = file.arrays().unwrap();
+        paths.sort();
+        assert_eq!(paths, ["a/x.png/keypoints", "a/x.png/n", "empty"]);
+        let keypoints = file.array("a/x.png/keypoints").unwrap();
+        assert_eq!(keypoints.rows(2), Ok(2));
+        assert_eq!(keypoints.to_vec(), [1.5, 2.0, -0.25, 3e7]);
+        assert_eq!(
+            file.array("a/x.png/n").unwrap().to_vec(),
+            [1.0, -1.0, 70_000.0]
+        );
+        assert_eq!(file.array("empty").unwrap().length(), Ok(0));
+        let message = file.array("a/y").err().unwrap().to_string();
+        assert!(message.contains("m.h5, array `a/y`"), "{message}");
+    }
+
+    #[test]
+    fn a_file_that_is_cut_or_changed_never_panics() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.h5");
+        let mut out = Hdf5Out::default();
+        out.floats("a/keypoints".into(), &[2, 2], &[1.5, 2.0, -0.25, 3e7]);
+        out.integers("a/b/matches0".into(), &[2], &[1, -1]);
+        out.write(&path).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        let read_all = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).unwrap();
+            let file = Hdf5::open(&path)?;
+            for array in file.arrays()? {
+                file.array(&array)?;
+            }
+            Ok::<_, ExchangeError>(())
+        };
+        assert!(read_all(&whole).is_ok());
+        for length in (0..whole.len()).step_by(3) {
+            assert!(read_all(&whole[..length]).is_err(), "cut to {length}");
+        }
+        for place in 0..whole.len() {
+            let mut changed = whole.clone();
+            changed[place] = changed[place].wrapping_add(1 + place as u8);
+            // Refused or read; a changed number inside an array cannot be noticed.
+            let _ = read_all(&changed);
+        }
+    }
+}

@@ -1,0 +1,202 @@
+//! `hloc`: the files of the Hierarchical-Localization toolbox.
+//!
+//! | file | arrays |
+//! | --- | --- |
+//! | `features.h5` | `<image>/keypoints` n x 2 (float16 unless told otherwise) |
+//! | `matches.h5`, sparse | `<a>/<b>/matches0` (-1 = none), `matching_scores0` |
+//! | `matches.h5`, dense | `<a>/<b>/keypoints0`, `keypoints1` m x 2, `scores` |
+//!
+//! In names of pairs `-` stands for the `/` of image names; older versions write `<a>_<b>`. A pair
+//! may be there in either order. Where a file of features is given, sparse matches are read, since
+//! that is what hloc's own mapper reads; without one, dense matches. The first pixel's centre is at
+//! 0; hloc adds 0.5 when it hands keypoints to COLMAP.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::export::numbered;
+use super::hdf5::{Hdf5, Hdf5Out};
+use super::names::PairName;
+use super::probe::{Content, Probe};
+use super::sparse::{matched, row_by_row};
+use super::{Contents, ExchangeError, Export, Format, RawMatches, ReadOptions, Source};
+
+pub(super) const HLOC: Format = Format {
+    id: "hloc",
+    layout: "features.h5 (<image>/keypoints) and matches.h5 (<a>/<b>/matches0), or matches.h5 with \
+             <a>/<b>/keypoints0 and keypoints1",
+    pixel_center: Some(0.0),
+    resized: false,
+    recognises,
+    open,
+    write: Some(write),
+};
+
+fn recognises(probe: &Probe) -> bool {
+    let Content::Hdf5(files) = &probe.content else {
+        return false;
+    };
+    match &files[..] {
+        [(_, arrays)] => has(arrays, "keypoints0") && !has(arrays, "matches1"),
+        [(_, one), (_, other)] => {
+            has(one, "keypoints") && has(other, "matches0")
+                || has(other, "keypoints") && has(one, "matches0")
+        }
+        _ => false,
+    }
+}
+
+/// Whether a group has an array of that name.
+fn has(arrays: &[String], name: &str) -> bool {
+    groups(arrays, name).next().is_some()
+}
+
+/// The groups that have an array called `name`.
+fn groups<'a>(arrays: &'a [String], name: &'a str) -> impl Iterator<Item = &'a str> {
+    let inside = move |path: &'a String| path.strip_suffix(name)?.strip_suffix('/');
+    arrays.iter().filter_map(inside)
+}
+
+fn open(probe: Probe, _: &ReadOptions) -> Result<Contents, ExchangeError> {
+    let Content::Hdf5(mut files) = probe.content else {
+        unreachable!("only HDF5 files are recognised");
+    };
+    let features = (files.iter())
+        .position(|(_, arrays)| has(arrays, "keypoints"))
+        .map(|index| files.remove(index));
+    let Some((matches, arrays)) = files.pop() else {
+        unreachable!("a file of matches was recognised");
+    };
+    let marker = if features.is_some() {
+        "matches0"
+    } else {
+        "keypoints0"
+    };
+    let pairs: Vec<String> = groups(&arrays, marker).map(str::to_owned).collect();
+    let names = pairs.iter().map(|pair| {
+        let separator = if pair.contains('/') { '/' } else { '_' };
+        PairName::Joined(pair.clone(), separator)
+    });
+    let scores = match marker {
+        "matches0" => "matching_scores0",
+        _ => "scores",
+    };
+    Ok(Contents {
+        pairs: names.collect(),
+        source: Box::new(Hloc {
+            scored: has(&arrays, scores),
+            features: features.map(|(file, arrays)| Features::new(file, &arrays)),
+            matches,
+            pairs,
+        }),
+    })
+}
+
+struct Hloc {
+    features: Option<Features>,
+    matches: Hdf5,
+    /// Groups of the pairs.
+    pairs: Vec<String>,
+    /// Whether matches have scores.
+    scored: bool,
+}
+
+/// A file of keypoints.
+struct Features {
+    file: Hdf5,
+    /// The group of each image, by its name as it stands in names of pairs.
+    groups: BTreeMap<String, String>,
+}
+
+impl Features {
+    fn new(file: Hdf5, arrays: &[String]) -> Self {
+        let groups = groups(arrays, "keypoints");
+        let groups = groups.map(|group| (group.replace('/', "-"), group.to_owned()));
+        Self {
+            groups: groups.collect(),
+            file,
+        }
+    }
+
+    /// The groups of both images of a pair.
+    fn of_pair(&self, pair: &str) -> Option<[&str; 2]> {
+        let group = |name: &str| self.groups.get(&name.replace('/', "-")).map(String::as_str);
+        let separator = if pair.contains('/') { '/' } else { '_' };
+        pair.match_indices(separator)
+            .find_map(|(at, _)| Some([group(&pair[..at])?, group(&pair[at + 1..])?]))
+    }
+}
+
+impl Source for Hloc {
+    fn file(&self, _: usize) -> &Path {
+        self.matches.path()
+    }
+
+    fn read(&self, index: usize) -> Result<RawMatches, ExchangeError> {
+        let pair = &self.pairs[index];
+        let array = |name: &str| self.matches.array(&format!("{pair}/{name}"));
+        let scores = |name| self.scored.then(|| array(name)).transpose();
+        let matches = match &self.features {
+            None => row_by_row(
+                &array("keypoints0")?,
+                &array("keypoints1")?,
+                scores("scores")?.as_ref(),
+            ),
+            Some(features) => {
+                let [a, b] = features.of_pair(pair).ok_or_else(|| {
+                    let what = format!("it lacks the keypoints of an image of `{pair}`");
+                    features.file.damaged(what)
+                })?;
+                let keypoints = |image| features.file.array(&format!("{image}/keypoints"));
+                matched(
+                    &keypoints(a)?,
+                    &keypoints(b)?,
+                    &array("matches0")?,
+                    scores("matching_scores0")?.as_ref(),
+                )
+            }
+        };
+        matches.map_err(|what| self.matches.damaged(what).at(format!("group `{pair}`")))
+    }
+}
+
+/// Coordinates are float32 rather than hloc's float16, which rounds to 1 or 2 pixels in large
+/// images; scores are 1 - ambiguity as float64, which is exact.
+fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeError> {
+    let names = export.image_names();
+    let numbered = numbered(export);
+    let mut features = Hdf5Out::default();
+    for (frame, keypoints) in numbered.keypoints.iter().enumerate() {
+        let coordinates: Vec<f32> = keypoints.iter().flat_map(|p| [p.x, p.y]).collect();
+        let size = export.sizes[frame];
+        let group = &names[frame];
+        features.floats(
+            format!("{group}/keypoints"),
+            &[keypoints.len(), 2],
+            &coordinates,
+        );
+        let size = [size.width as i32, size.height as i32];
+        features.integers(format!("{group}/image_size"), &[2], &size);
+    }
+    let mut matches = Hdf5Out::default();
+    for (pair, indices) in export.pairs.iter().zip(&numbered.matches) {
+        let [a, b] = [pair.frames.0, pair.frames.1].map(|frame| frame as usize);
+        let count = numbered.keypoints[a].len();
+        let (mut b_of_a, mut scores) = (vec![-1; count], vec![0.0; count]);
+        for (&[i, j], score) in indices.iter().zip(pair.scores()) {
+            b_of_a[i as usize] = j as i32;
+            scores[i as usize] = score;
+        }
+        let group = format!(
+            "{}/{}",
+            names[a].replace('/', "-"),
+            names[b].replace('/', "-")
+        );
+        matches.integers(format!("{group}/matches0"), &[count], &b_of_a);
+        matches.doubles(format!("{group}/matching_scores0"), &[count], &scores);
+    }
+    let paths = [folder.join("features.h5"), folder.join("matches.h5")];
+    features.write(&paths[0])?;
+    matches.write(&paths[1])?;
+    Ok(paths.into())
+}

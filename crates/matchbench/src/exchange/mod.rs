@@ -1,0 +1,162 @@
+//! Matches from other tools' files, and ours in other tools' formats.
+//!
+//! [`MatchFiles::open`] recognises a format by its content and understands a dataset's pairs in it;
+//! [`MatchFiles::matches`] gives those of a pair as the native matchers do: pixels of the original
+//! image, the centre of the first pixel at (0, 0), and an ambiguity from 0 (certain) to 1. One file
+//! here is one format; [`FORMATS`] lists them, and the tests walk that list.
+//!
+//! Files state where the centre of the first pixel is (0 or 0.5) or leave it to be said; whoever
+//! worked on a resized image says its size. Both are undone by
+//! `x = (x_file - centre + 0.5) * width / resized_width - 0.5`.
+//!
+//! Scores, where a format has them, are better the higher they are. If all of a file lie in 0..1
+//! the ambiguity is 1 - score; otherwise it is (1 - s / (1 + |s|)) / 2, which falls strictly from 1
+//! to 0 as s grows. Without scores all matches have ambiguity 0, and estimators that sort by it
+//! take them in the order of the file.
+
+mod array;
+mod colmap;
+mod error;
+mod export;
+mod glue_factory;
+mod hdf5;
+mod hloc;
+mod imc;
+mod names;
+mod npz;
+mod numpy;
+mod packed;
+mod probe;
+mod read;
+mod sparse;
+mod superglue;
+#[cfg(test)]
+mod tests;
+mod text;
+mod understood;
+
+use std::path::{Path, PathBuf};
+
+use crate::config::{self, UnknownName};
+
+pub use error::ExchangeError;
+pub use export::{Export, PairExport, TwoView};
+pub use names::NamedBy;
+pub use read::{FileMatches, MatchFiles, ReadOptions, Survey};
+pub use understood::{FileRead, Scores, Understood};
+
+use array::Element;
+use names::PairName;
+use probe::Probe;
+
+/// A format that matches are read from, and perhaps written in.
+pub struct Format {
+    /// What it is called on the command line.
+    pub id: &'static str,
+    /// The files and what is in them, in one line.
+    pub layout: &'static str,
+    /// Where its convention puts the centre of the first pixel; `None` where it has none, so that
+    /// the user must say.
+    pub pixel_center: Option<f64>,
+    /// Whether its points are those of resized images, whose size the user must say.
+    pub resized: bool,
+    recognises: fn(&Probe) -> bool,
+    open: fn(Probe, &ReadOptions) -> Result<Contents, ExchangeError>,
+    write: Option<Writer>,
+}
+
+/// Writes matches into a folder and names the files.
+type Writer = fn(&Path, &Export<'_>) -> Result<Vec<PathBuf>, ExchangeError>;
+
+impl std::fmt::Debug for Format {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.id)
+    }
+}
+
+/// All formats.
+pub const FORMATS: &[&Format] = &[
+    &npz::NPZ,
+    &packed::PACKED,
+    &text::TEXT,
+    &hloc::HLOC,
+    &glue_factory::GLUE_FACTORY,
+    &colmap::COLMAP,
+    &superglue::SUPERGLUE,
+    &imc::IMC,
+];
+
+impl Format {
+    /// The format called `id`.
+    ///
+    /// # Errors
+    /// If there is none; the error names the nearest, and all.
+    pub fn find(id: &str) -> Result<&'static Self, UnknownName> {
+        config::find("format", FORMATS, |format| format.id, id)
+    }
+
+    /// Whether matches can be written in it.
+    pub fn can_write(&self) -> bool {
+        self.write.is_some()
+    }
+
+    /// Writes `export` into `folder` and returns the files.
+    ///
+    /// # Errors
+    /// If it is a format that is only read, or a file cannot be written.
+    pub fn write(&self, folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeError> {
+        match self.write {
+            Some(write) => write(folder, export),
+            None => {
+                let others = FORMATS.iter().filter(|format| format.can_write());
+                let others: Vec<_> = others.map(|format| format.id).collect();
+                Err(ExchangeError::new(
+                    folder,
+                    format!("`{}` is only read", self.id),
+                    format!("choose one of {}", others.join(", ")),
+                ))
+            }
+        }
+    }
+}
+
+/// What a format found in its files.
+struct Contents {
+    /// What the file calls its pairs.
+    pairs: Vec<PairName>,
+    source: Box<dyn Source>,
+}
+
+/// Where the matches of a pair are read from.
+trait Source: Send + Sync {
+    /// The file that pair number `index` of [`Contents::pairs`] stands in.
+    fn file(&self, index: usize) -> &Path;
+
+    /// Its matches.
+    fn read(&self, index: usize) -> Result<RawMatches, ExchangeError>;
+}
+
+/// Matches of a pair as they are in the file.
+#[derive(Debug)]
+struct RawMatches {
+    /// Points in image a.
+    a: Vec<[f64; 2]>,
+    /// Points in image b.
+    b: Vec<[f64; 2]>,
+    rating: Rating,
+    /// How coordinates are stored, which says how far they were rounded.
+    element: Element,
+    /// Numbers of keypoints of both images, where the format knows them.
+    keypoints: Option<[usize; 2]>,
+}
+
+/// What a file says about how certain its matches are.
+#[derive(Debug)]
+enum Rating {
+    /// Nothing.
+    None,
+    /// Higher is better.
+    Score(Vec<f64>),
+    /// 0 is certain, 1 is not.
+    Ambiguity(Vec<f64>),
+}

@@ -1,0 +1,253 @@
+//! Which frame a file of matches means: by number, or by the name of its image.
+//!
+//! Tools name an image by its path below some root (`db/0001.jpg`), by its file name, or without
+//! the ending; hloc writes `-` for `/` in names of pairs. All of these are understood, as long as
+//! one image alone ends so. A name is never opened as a file.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::datasets::Sequence;
+
+/// Folders above an image that may be part of its name.
+const MOST_FOLDERS: usize = 6;
+
+/// What a file calls a pair.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum PairName {
+    /// Numbers of frames.
+    Frames(u32, u32),
+    /// A name for each image.
+    Two(String, String),
+    /// Both names with this character between them, which names may contain too.
+    Joined(String, char),
+}
+
+/// How frames are named.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NamedBy {
+    /// By number, counted from 0.
+    Frame,
+    /// By the name of the image.
+    Image,
+}
+
+/// The names that the frames of a dataset answer to.
+pub(super) struct Names {
+    /// `None` for a name that several frames answer to.
+    frames: HashMap<String, Option<u32>>,
+    count: u32,
+}
+
+impl Names {
+    pub(super) fn of(sequence: &Sequence) -> Self {
+        let mut frames = HashMap::new();
+        for (frame, number) in sequence.frames.iter().zip(0..) {
+            for name in names_of(&frame.image) {
+                (frames.entry(name))
+                    .and_modify(|known| {
+                        if *known != Some(number) {
+                            *known = None;
+                        }
+                    })
+                    .or_insert(Some(number));
+            }
+        }
+        Self {
+            frames,
+            count: sequence.frames.len() as u32,
+        }
+    }
+
+    /// The frame of that name.
+    fn by_image(&self, name: &str) -> Option<u32> {
+        if let Some(frame) = self.frames.get(name) {
+            return *frame;
+        }
+        // The root of the names may lie above the folder of the images.
+        let mut rest = name;
+        while let Some((_, below)) = rest.split_once('/') {
+            if let Some(frame) = self.frames.get(below) {
+                return *frame;
+            }
+            rest = below;
+        }
+        None
+    }
+
+    fn by_number(&self, name: &str) -> Option<u32> {
+        let number = name.parse().ok()?;
+        (number < self.count && name.bytes().all(|byte| byte.is_ascii_digit())).then_some(number)
+    }
+
+    /// The frame that is called `name`.
+    fn frame(&self, name: &str, by: NamedBy) -> Option<u32> {
+        match by {
+            NamedBy::Frame => self.by_number(name),
+            NamedBy::Image => self.by_image(name),
+        }
+    }
+
+    /// The frames of a pair; `None` if the dataset has no such images.
+    ///
+    /// # Errors
+    /// If a joined name can be split in several ways.
+    pub(super) fn pair(&self, name: &PairName, by: NamedBy) -> Result<Option<(u32, u32)>, String> {
+        match name {
+            PairName::Frames(a, b) => Ok(((*a).max(*b) < self.count).then_some((*a, *b))),
+            PairName::Two(a, b) => Ok(self.frame(a, by).zip(self.frame(b, by))),
+            PairName::Joined(name, separator) => {
+                let mut splits = name.match_indices(*separator).filter_map(|(at, found)| {
+                    let a = self.frame(&name[..at], by)?;
+                    Some((a, self.frame(&name[at + found.len()..], by)?))
+                });
+                let first = splits.next();
+                match splits.next() {
+                    Some(second) => Err(format!(
+                        "`{name}` can be the pair {:?} and the pair {second:?}",
+                        first.expect("there is a second")
+                    )),
+                    None => Ok(first),
+                }
+            }
+        }
+    }
+
+    /// Whether all `names` are images of this dataset, or else all are numbers of frames; images
+    /// where neither holds. True beside it, where both hold and mean different pairs.
+    pub(super) fn kind(&self, names: &[PairName]) -> (NamedBy, bool) {
+        let all = |by| {
+            names
+                .iter()
+                .all(|name| matches!(self.pair(name, by), Ok(Some(_))))
+        };
+        match (all(NamedBy::Image), all(NamedBy::Frame)) {
+            _ if matches!(names.first(), Some(PairName::Frames(..))) => (NamedBy::Frame, false),
+            (false, true) => (NamedBy::Frame, false),
+            (true, true) => {
+                let differ =
+                    |name| self.pair(name, NamedBy::Image) != self.pair(name, NamedBy::Frame);
+                (NamedBy::Image, names.iter().any(differ))
+            }
+            (_, false) => (NamedBy::Image, false),
+        }
+    }
+}
+
+/// The names that an image answers to: the ends of its path, also without the ending, and with `-`
+/// for `/`.
+fn names_of(image: &Path) -> Vec<String> {
+    let parts: Vec<_> = (image.iter().rev().take(1 + MOST_FOLDERS))
+        .map(|part| part.to_string_lossy())
+        .collect();
+    let mut names = Vec::new();
+    for depth in 1..=parts.len() {
+        let name = parts[..depth]
+            .iter()
+            .rev()
+            .map(AsRef::as_ref)
+            .collect::<Vec<&str>>();
+        let name = name.join("/");
+        let stem = match name.rsplit_once('.') {
+            Some((stem, ending)) if !ending.contains('/') => Some(stem.to_owned()),
+            _ => None,
+        };
+        for name in [Some(name), stem].into_iter().flatten() {
+            if name.contains('/') {
+                names.push(name.replace('/', "-"));
+            }
+            names.push(name);
+        }
+    }
+    names
+}
+
+#[cfg(test)]
+mod tests {
+    use matchbench_vision::geometry::Camera;
+
+    use super::*;
+    use crate::datasets::Frame;
+
+    fn names(images: &[&str]) -> Names {
+        let frame = |image: &&str| Frame {
+            image: image.into(),
+            camera: Camera::pinhole(1.0, 1.0, 0.0, 0.0),
+            world_from_camera: None,
+        };
+        Names::of(&Sequence {
+            name: "room".into(),
+            frames: images.iter().map(frame).collect(),
+            pairs: Vec::new(),
+        })
+    }
+
+    fn joined(name: &str) -> PairName {
+        PairName::Joined(name.into(), '_')
+    }
+
+    #[test]
+    fn an_image_answers_to_the_ends_of_its_path() {
+        let names = names(&[
+            "/data/db/0007.jpg",
+            "/data/query/0007.jpg",
+            "/data/db/1.2.png",
+        ]);
+        for (name, frame) in [
+            ("db/0007.jpg", Some(0)),
+            ("query/0007.jpg", Some(1)),
+            ("query-0007.jpg", Some(1)),
+            ("data/db/0007", Some(0)),
+            ("elsewhere/query/0007.jpg", Some(1)),
+            ("1.2", Some(2)),
+            ("1.2.png", Some(2)),
+            ("0007.jpg", None),
+            ("0008.jpg", None),
+            ("../../../etc/passwd", None),
+            ("", None),
+        ] {
+            assert_eq!(names.by_image(name), frame, "{name}");
+        }
+    }
+
+    #[test]
+    fn joined_names_are_split_where_both_parts_are_images() {
+        let names = names(&["a_1.png", "a_2.png", "1.png"]);
+        let pair = |name| names.pair(&joined(name), NamedBy::Image);
+        assert_eq!(pair("a_1_a_2"), Ok(Some((0, 1))));
+        assert_eq!(pair("a_2.png_1.png"), Ok(Some((1, 2))));
+        assert_eq!(pair("a_3_a_1"), Ok(None));
+        let names = self::names(&["a.png", "a_a.png"]);
+        let message = names.pair(&joined("a_a_a"), NamedBy::Image).unwrap_err();
+        assert!(
+            message.contains("(0, 1)") && message.contains("(1, 0)"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn numbers_are_frames_where_they_are_no_images() {
+        let pairs = ["0_1", "0_02"].map(joined);
+        assert_eq!(
+            names(&["x.png", "y.png", "z.png"]).kind(&pairs),
+            (NamedBy::Frame, false)
+        );
+        // Image 0.png is frame 2: the images win, and it is said.
+        let reversed = names(&["02.png", "1.png", "0.png"]);
+        assert_eq!(reversed.kind(&pairs), (NamedBy::Image, true));
+        assert_eq!(
+            names(&["0.png", "1.png", "02.png"]).kind(&pairs),
+            (NamedBy::Image, false)
+        );
+        let three = names(&["x.png", "y.png", "z.png"]);
+        assert_eq!(three.pair(&joined("0_3"), NamedBy::Frame), Ok(None));
+        assert_eq!(three.pair(&joined("+0_1"), NamedBy::Frame), Ok(None));
+        assert_eq!(
+            three.pair(&PairName::Frames(0, 3), NamedBy::Frame),
+            Ok(None)
+        );
+    }
+}

@@ -1,0 +1,451 @@
+//! Matches of a dataset's pairs from files: recognised, checked once over all pairs, and given
+//! pair by pair.
+//!
+//! Opening reads every pair of the dataset once and keeps none of them, so that memory does not
+//! grow with the number of pairs and whatever is wrong is said before a run begins: numbers that
+//! are not finite, points outside their image, ambiguities outside 0..1. Points that never fill
+//! much of their image are warned about, since that is how points of resized images look.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use matchbench_vision::image::Size;
+use nalgebra::Point2;
+
+use super::names::Names;
+use super::probe::Probe;
+use super::{ExchangeError, FORMATS, Format, Rating, RawMatches, Scores, Source, Understood};
+use crate::datasets::{Sequence, read_size};
+
+/// Points that fill less of the image's width and height than this, in all pairs, are warned about.
+const FILLED: f64 = 0.6;
+/// How far outside its image a point may lie beside the rounding of its file, in pixels.
+const SLACK: f64 = 1e-3;
+
+/// How files are to be read, where they do not say it themselves.
+#[derive(Clone, Debug, Default)]
+pub struct ReadOptions {
+    /// The format; recognised by its content if absent.
+    pub format: Option<&'static Format>,
+    /// Where the centre of the first pixel is, 0 or 0.5; the format's convention if absent.
+    pub pixel_center: Option<f64>,
+    /// Width and height of the images that the points belong to, if they were resized.
+    pub resized: Option<[u32; 2]>,
+    /// Read the matches that the tool verified (COLMAP's two-view geometries).
+    pub verified: bool,
+    /// What is to be remembered with the matches.
+    pub notes: BTreeMap<String, String>,
+}
+
+/// Matches of a dataset in files.
+pub struct MatchFiles {
+    source: Box<dyn Source>,
+    /// The index of each pair of frames in the source, and whether to swap its images.
+    pairs: BTreeMap<(u32, u32), (usize, bool)>,
+    /// Sizes of the images, by frame; `None` for those of no pair.
+    sizes: Vec<Option<Size>>,
+    understood: Understood,
+    survey: Survey,
+}
+
+/// What reading all pairs of the dataset has shown.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Survey {
+    /// Pairs that the files have.
+    pub found: usize,
+    /// Pairs of the dataset that they lack; they count as failed.
+    pub absent: Vec<(u32, u32)>,
+    /// Pairs in the files that are none of the dataset.
+    pub others: usize,
+    /// Number of matches of all pairs.
+    pub matches: u64,
+    /// What looks wrong, in words.
+    pub warnings: Vec<String>,
+}
+
+/// Matches of a pair as our own matchers give them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FileMatches {
+    /// Positions in image a, in pixels of the original image, the first pixel's centre at (0, 0).
+    pub a: Vec<Point2<f32>>,
+    /// Positions in image b.
+    pub b: Vec<Point2<f32>>,
+    /// 0 is certain, 1 is not.
+    pub ambiguity: Vec<f32>,
+    /// Numbers of keypoints of both images, where the format knows them.
+    pub keypoints: Option<[usize; 2]>,
+}
+
+impl MatchFiles {
+    /// The matches for the pairs of `sequence` in the files at `paths`: files, a folder of files,
+    /// or a folder that has a folder of files for each dataset.
+    ///
+    /// # Errors
+    /// If a file cannot be read or is of no known format; the convention or the size must be said
+    /// and is not; an option does not concern the format; no pair is one of the dataset; or a
+    /// match is wrong. The message names file, pair and match.
+    pub fn open(
+        paths: &[PathBuf],
+        sequence: &Sequence,
+        options: &ReadOptions,
+    ) -> Result<Self, ExchangeError> {
+        let probe = Probe::new(paths, &sequence.name)?;
+        let files = probe.files.clone();
+        let format = recognised(&probe, options.format)?;
+        let pixel_center = checked(format, &files, options)?;
+        let contents = (format.open)(probe, options)?;
+
+        let names = Names::of(sequence);
+        let (named_by, ambiguous) = names.kind(&contents.pairs);
+        let mut found = BTreeMap::new();
+        for (index, name) in contents.pairs.iter().enumerate() {
+            let file = contents.source.file(index);
+            let frames = names.pair(name, named_by).map_err(|what| {
+                ExchangeError::new(file, what, "name the images with their ending")
+            })?;
+            if let Some(frames) = frames
+                && let Some(before) = found.insert(frames, index)
+            {
+                let what = format!(
+                    "pair {} {} is there twice ({:?} and {name:?})",
+                    frames.0, frames.1, contents.pairs[before]
+                );
+                return Err(ExchangeError::new(file, what, "keep one of them"));
+            }
+        }
+        let mut this = Self {
+            source: contents.source,
+            pairs: BTreeMap::new(),
+            sizes: vec![None; sequence.frames.len()],
+            understood: Understood {
+                format: format.id.into(),
+                pixel_center,
+                resized: options.resized,
+                verified: options.verified,
+                named_by,
+                scores: Scores::None,
+                files: Understood::hashed(&files)?,
+                notes: options.notes.clone(),
+            },
+            survey: Survey::default(),
+        };
+        this.assign(&found, sequence, &files)?;
+        if ambiguous {
+            this.survey.warnings.push(
+                "names of images are also numbers of other frames; they were taken as names".into(),
+            );
+        }
+        this.read_all()?;
+        Ok(this)
+    }
+
+    /// How the files were understood.
+    pub fn understood(&self) -> &Understood {
+        &self.understood
+    }
+
+    /// What reading all pairs has shown.
+    pub fn survey(&self) -> &Survey {
+        &self.survey
+    }
+
+    /// The matches of frames `a` and `b`, in the order of the file; `None` if it has none. May be
+    /// called from many threads.
+    ///
+    /// # Errors
+    /// If they cannot be read or are wrong.
+    pub fn matches(&self, a: u32, b: u32) -> Result<Option<FileMatches>, ExchangeError> {
+        let Some(&(index, swapped)) = self.pairs.get(&(a, b)) else {
+            return Ok(None);
+        };
+        let raw = self.raw(index, swapped, (a, b))?;
+        let wrong = |what: String| self.wrong(index, (a, b), what);
+        let [points_a, points_b] = [(&raw.a, a), (&raw.b, b)].map(|(points, frame)| {
+            let to_original = self.to_original(frame);
+            let narrow = |point: &[f64; 2]| {
+                let [x, y] = to_original(*point);
+                Point2::new(x as f32, y as f32)
+            };
+            points.iter().map(narrow).collect()
+        });
+        let ambiguity = ambiguities(&raw.rating, raw.a.len(), self.understood.scores);
+        Ok(Some(FileMatches {
+            a: points_a,
+            b: points_b,
+            ambiguity: ambiguity.map_err(wrong)?,
+            keypoints: raw.keypoints,
+        }))
+    }
+
+    /// Keeps the pairs of the dataset and the sizes of their images.
+    fn assign(
+        &mut self,
+        found: &BTreeMap<(u32, u32), usize>,
+        sequence: &Sequence,
+        files: &[PathBuf],
+    ) -> Result<(), ExchangeError> {
+        for pair in &sequence.pairs {
+            let (a, b) = (pair.a, pair.b);
+            let straight = found.get(&(a, b)).map(|&index| (index, false));
+            let place = straight.or_else(|| found.get(&(b, a)).map(|&index| (index, true)));
+            let Some(place) = place else {
+                self.survey.absent.push((a, b));
+                continue;
+            };
+            self.pairs.insert((a, b), place);
+            for frame in [a, b] {
+                let size = &mut self.sizes[frame as usize];
+                if size.is_none() {
+                    let image = &sequence.frames[frame as usize].image;
+                    *size = Some(read_size(image).map_err(|error| ExchangeError {
+                        file: error.file,
+                        place: None,
+                        what: error.what,
+                        remedy: error.remedy,
+                    })?);
+                }
+            }
+        }
+        self.survey.found = self.pairs.len();
+        let indices = self.pairs.values().map(|(index, _)| *index);
+        let used = indices.collect::<std::collections::BTreeSet<_>>().len();
+        self.survey.others = found.len().saturating_sub(used);
+        if self.pairs.is_empty() && !sequence.pairs.is_empty() {
+            return Err(ExchangeError::new(
+                &files[0],
+                format!(
+                    "none of its pairs is one of the dataset `{}`",
+                    sequence.name
+                ),
+                "name images as the dataset does, or frames by number",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Reads every pair once: checks it, and learns what scores look like and how far points reach.
+    fn read_all(&mut self) -> Result<(), ExchangeError> {
+        let mut scores = Scores::None;
+        let mut filled: f64 = 0.0;
+        for (&(a, b), &(index, swapped)) in &self.pairs {
+            let raw = self.raw(index, swapped, (a, b))?;
+            self.survey.matches += raw.a.len() as u64;
+            scores = match (&raw.rating, scores) {
+                (Rating::None, scores) => scores,
+                (Rating::Ambiguity(_), _) => Scores::Ambiguity,
+                (Rating::Score(values), Scores::None | Scores::Unit)
+                    if values.iter().all(|value| (0.0..=1.0).contains(value)) =>
+                {
+                    Scores::Unit
+                }
+                (Rating::Score(_), _) => Scores::Unbounded,
+            };
+            ambiguities(&raw.rating, raw.a.len(), scores)
+                .map_err(|what| self.wrong(index, (a, b), what))?;
+            for (points, frame) in [(&raw.a, a), (&raw.b, b)] {
+                filled = filled.max(fill(points, self.stored_size(frame)));
+            }
+        }
+        self.understood.scores = scores;
+        if self.survey.matches > 0 && filled < FILLED {
+            self.survey.warnings.push(format!(
+                "in every pair the points fill less than {:.0} % of the images' width and height \
+                 (at most {:.0} %): are they those of resized images? Then say --resized WxH",
+                100.0 * FILLED,
+                100.0 * filled
+            ));
+        }
+        Ok(())
+    }
+
+    /// The matches of a pair as the file has them, once they were checked.
+    fn raw(
+        &self,
+        index: usize,
+        swapped: bool,
+        (a, b): (u32, u32),
+    ) -> Result<RawMatches, ExchangeError> {
+        let mut raw = (self.source.read(index)).map_err(|error| error.at(pair_in_words(a, b)))?;
+        if swapped {
+            std::mem::swap(&mut raw.a, &mut raw.b);
+            if let Some(keypoints) = &mut raw.keypoints {
+                keypoints.reverse();
+            }
+        }
+        for (points, frame, image) in [(&raw.a, a, "a"), (&raw.b, b, "b")] {
+            let inside = self.bounds(frame, &raw);
+            if let Some(number) = points.iter().position(|point| !inside(*point)) {
+                let [x, y] = points[number];
+                let [width, height] = self.stored_size(frame);
+                let what = format!(
+                    "match {number}: the point ({x}, {y}) of image {image} is outside the image \
+                     of {width} x {height} pixels"
+                );
+                let mut error = self.wrong(index, (a, b), what);
+                error.remedy = "if the matcher saw resized images say --resized WxH; if the \
+                                first pixel's centre is elsewhere say --pixel-center"
+                    .into();
+                return Err(error);
+            }
+        }
+        Ok(raw)
+    }
+
+    /// Whether a point is finite and in the image, but for rounding.
+    fn bounds(&self, frame: u32, raw: &RawMatches) -> impl Fn([f64; 2]) -> bool + use<> {
+        let [width, height] = self.stored_size(frame);
+        let first = self.understood.pixel_center - 0.5;
+        let slack = SLACK + raw.element.rounding(width.max(height));
+        move |[x, y]| {
+            let within = |at: f64, side: f64| at >= first - slack && at <= first + side + slack;
+            within(x, width) && within(y, height)
+        }
+    }
+
+    /// Width and height of the image that the points of a frame belong to.
+    fn stored_size(&self, frame: u32) -> [f64; 2] {
+        self.understood
+            .resized
+            .map_or_else(|| self.original_size(frame), |size| size.map(f64::from))
+    }
+
+    fn original_size(&self, frame: u32) -> [f64; 2] {
+        let size = self.sizes[frame as usize].expect("the sizes of all pairs were read");
+        [size.width as f64, size.height as f64]
+    }
+
+    /// From a point in the file to the original image. Nothing is computed where nothing changes,
+    /// so that numbers stay what they are.
+    fn to_original(&self, frame: u32) -> impl Fn([f64; 2]) -> [f64; 2] + use<> {
+        let center = self.understood.pixel_center;
+        let original = self.original_size(frame);
+        let resized = self.understood.resized.map(|size| size.map(f64::from));
+        move |point| {
+            let axis = |axis: usize| match resized {
+                None => point[axis] - center,
+                Some(resized) => {
+                    (point[axis] - center + 0.5) * original[axis] / resized[axis] - 0.5
+                }
+            };
+            [axis(0), axis(1)]
+        }
+    }
+
+    fn wrong(&self, index: usize, (a, b): (u32, u32), what: String) -> ExchangeError {
+        ExchangeError::damaged(self.source.file(index), what).at(pair_in_words(a, b))
+    }
+}
+
+fn pair_in_words(a: u32, b: u32) -> String {
+    format!("pair {a} {b}")
+}
+
+/// The format of the files, which must be the `asked` one.
+fn recognised(
+    probe: &Probe,
+    asked: Option<&'static Format>,
+) -> Result<&'static Format, ExchangeError> {
+    let found = FORMATS.iter().find(|format| (format.recognises)(probe));
+    let first = &probe.files[0];
+    match (found, asked) {
+        (Some(found), Some(asked)) if found.id != asked.id => Err(ExchangeError::new(
+            first,
+            format!("its content is `{}`, not `{}`", found.id, asked.id),
+            "leave --matches-format out, or name the right files",
+        )),
+        (Some(found), _) => Ok(found),
+        (None, asked) => {
+            let layouts = (FORMATS.iter())
+                .filter(|format| asked.is_none_or(|asked| asked.id == format.id))
+                .map(|format| format!("{} ({})", format.id, format.layout))
+                .collect::<Vec<_>>();
+            Err(ExchangeError::new(
+                first,
+                "its content is of no known layout",
+                format!("there are: {}", layouts.join("; ")),
+            ))
+        }
+    }
+}
+
+/// The pixel centre, once it is known that the options fit the format.
+fn checked(
+    format: &Format,
+    files: &[PathBuf],
+    options: &ReadOptions,
+) -> Result<f64, ExchangeError> {
+    let error = |what: String, remedy: &str| Err(ExchangeError::new(&files[0], what, remedy));
+    if options.verified && format.id != "colmap" {
+        let what = format!("`{}` has no verified matches", format.id);
+        return error(what, "leave --verified out");
+    }
+    if format.resized && options.resized.is_none() {
+        let what = format!("points of `{}` are those of resized images", format.id);
+        return error(
+            what,
+            "say --resized WxH, the size that they were resized to",
+        );
+    }
+    if options.resized.is_some_and(|size| size.contains(&0)) {
+        return error("a resized image has no pixels".into(), "say --resized WxH");
+    }
+    match options.pixel_center.or(format.pixel_center) {
+        Some(center) if center == 0.0 || center == 0.5 => Ok(center),
+        Some(center) => error(
+            format!("the centre of the first pixel cannot be at {center}"),
+            "say --pixel-center 0 or 0.5",
+        ),
+        None => error(
+            format!(
+                "`{}` has no convention for the centre of the first pixel",
+                format.id
+            ),
+            "say --pixel-center 0 (as OpenCV, numpy indices) or 0.5 (as COLMAP)",
+        ),
+    }
+}
+
+/// Ambiguities of `count` matches, rated by scores of that kind.
+///
+/// # Errors
+/// If one is not a number or an ambiguity outside 0..1.
+fn ambiguities(rating: &Rating, count: usize, scores: Scores) -> Result<Vec<f32>, String> {
+    let values = match rating {
+        Rating::None => return Ok(vec![0.0; count]),
+        Rating::Score(values) | Rating::Ambiguity(values) => values,
+    };
+    if values.len() != count {
+        return Err(format!("{} scores for {count} matches", values.len()));
+    }
+    (values.iter().enumerate())
+        .map(|(number, &value)| {
+            let ambiguity = match rating {
+                Rating::Ambiguity(_) => value,
+                _ if scores == Scores::Unit => 1.0 - value,
+                _ if value.is_infinite() => f64::from(value < 0.0),
+                _ => 0.5 - 0.5 * value / (1.0 + value.abs()),
+            };
+            if (0.0..=1.0).contains(&ambiguity) {
+                Ok(ambiguity as f32)
+            } else {
+                let what = match rating {
+                    Rating::Ambiguity(_) => "ambiguity",
+                    _ => "score",
+                };
+                Err(format!("match {number} has the {what} {value}"))
+            }
+        })
+        .collect()
+}
+
+/// The larger of the shares of width and height that the points span.
+fn fill(points: &[[f64; 2]], size: [f64; 2]) -> f64 {
+    let share = |axis: usize| {
+        let at = points.iter().map(|point| point[axis]);
+        let (least, most) = at.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), at| {
+            (least.min(at), most.max(at))
+        });
+        (most - least).max(0.0) / size[axis]
+    };
+    share(0).max(share(1))
+}

@@ -1,0 +1,92 @@
+//! Keypoints of each image and, for each of the first, which of the second it matches: the form
+//! that hloc, glue-factory and SuperGlue share. -1 means none; a score stands beside each keypoint
+//! of the first image, matched or not.
+
+use super::array::Array;
+use super::{Rating, RawMatches};
+
+/// The matches of a pair, in the order of the first image's keypoints.
+///
+/// # Errors
+/// If shapes do not fit each other or a match names a keypoint that is not there.
+pub(super) fn matched(
+    keypoints_a: &Array,
+    keypoints_b: &Array,
+    b_of_a: &Array,
+    scores: Option<&Array>,
+) -> Result<RawMatches, String> {
+    let columns_a = columns(keypoints_a).map_err(|what| format!("keypoints of a: {what}"))?;
+    let columns_b = columns(keypoints_b).map_err(|what| format!("keypoints of b: {what}"))?;
+    let counts = [keypoints_a.len() / columns_a, keypoints_b.len() / columns_b];
+    let length = flat(b_of_a)?;
+    if length != counts[0] {
+        return Err(format!("{length} matches for {} keypoints of a", counts[0]));
+    }
+    if let Some(scores) = scores
+        && flat(scores)? != length
+    {
+        return Err(format!(
+            "{} scores for {length} keypoints of a",
+            scores.len()
+        ));
+    }
+    let (mut a, mut b, mut rating) = (Vec::new(), Vec::new(), Vec::new());
+    for i in 0..length {
+        if let Some(j) = b_of_a
+            .index(i, counts[1])
+            .map_err(|what| format!("matches: {what}"))?
+        {
+            a.push(keypoints_a.point(i, columns_a));
+            b.push(keypoints_b.point(j, columns_b));
+            rating.extend(scores.map(|scores| scores.get(i)));
+        }
+    }
+    Ok(RawMatches {
+        a,
+        b,
+        rating: scores.map_or(Rating::None, |_| Rating::Score(rating)),
+        element: keypoints_a.element(),
+        keypoints: Some(counts),
+    })
+}
+
+/// Points that match row by row, perhaps with scores.
+///
+/// # Errors
+/// If their numbers differ.
+pub(super) fn row_by_row(
+    a: &Array,
+    b: &Array,
+    scores: Option<&Array>,
+) -> Result<RawMatches, String> {
+    let (columns_a, columns_b) = (columns(a)?, columns(b)?);
+    let (count, count_b) = (a.len() / columns_a, b.len() / columns_b);
+    if count != count_b {
+        return Err(format!("{count} points of a, {count_b} of b"));
+    }
+    Ok(RawMatches {
+        a: (0..count).map(|row| a.point(row, columns_a)).collect(),
+        b: (0..count).map(|row| b.point(row, columns_b)).collect(),
+        rating: scores.map_or(Rating::None, |scores| Rating::Score(scores.to_vec())),
+        element: a.element(),
+        keypoints: None,
+    })
+}
+
+/// Number of columns of an array of keypoints: x and y, and perhaps more (scale, angle).
+pub(super) fn columns(keypoints: &Array) -> Result<usize, String> {
+    match *keypoints.shape() {
+        [_, columns] if columns >= 2 => Ok(columns),
+        _ if keypoints.len() == 0 => Ok(2),
+        ref shape => Err(format!("its shape is {shape:?}, not [n, 2]")),
+    }
+}
+
+/// The length of an array of one dimension; a batch of one is taken for it, since tools forget to
+/// remove it.
+fn flat(array: &Array) -> Result<usize, String> {
+    match array.shape() {
+        [1, length] => Ok(*length),
+        _ => array.length(),
+    }
+}

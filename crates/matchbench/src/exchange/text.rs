@@ -1,0 +1,135 @@
+//! `text`: a folder of `<a>_<b>.txt`, one for each pair, a match a line: x and y in a, x and y in
+//! b, and perhaps a score, higher is better. White space or commas separate; `#` begins a comment.
+//! It says nothing about the centre of the first pixel.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use super::array::{Element, Kind, MOST_BYTES};
+use super::names::PairName;
+use super::probe::{Content, Probe, open_regular};
+use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source};
+
+pub(super) const TEXT: Format = Format {
+    id: "text",
+    layout: "a folder of <a>_<b>.txt, lines `x_a y_a x_b y_b [score]`, higher scores are better",
+    pixel_center: None,
+    resized: false,
+    recognises: |probe| matches!(probe.content, Content::Text),
+    open,
+    write: None,
+};
+
+fn open(probe: Probe, _: &ReadOptions) -> Result<Contents, ExchangeError> {
+    let pairs = (probe.files.iter())
+        .map(|path| {
+            let stem = path.file_stem().unwrap_or_default();
+            PairName::Joined(stem.to_string_lossy().into_owned(), '_')
+        })
+        .collect();
+    Ok(Contents {
+        pairs,
+        source: Box::new(Text { files: probe.files }),
+    })
+}
+
+struct Text {
+    files: Vec<PathBuf>,
+}
+
+impl Source for Text {
+    fn file(&self, index: usize) -> &Path {
+        &self.files[index]
+    }
+
+    fn read(&self, index: usize) -> Result<RawMatches, ExchangeError> {
+        let path = &self.files[index];
+        let mut bytes = Vec::new();
+        (open_regular(path)?
+            .take(MOST_BYTES + 1)
+            .read_to_end(&mut bytes))
+        .map_err(|error| ExchangeError::unreadable(path, error))?;
+        if bytes.len() as u64 > MOST_BYTES {
+            return Err(ExchangeError::damaged(path, "it is larger than 1 GiB"));
+        }
+        parse(&String::from_utf8_lossy(&bytes)).map_err(|(line, what)| {
+            ExchangeError::new(path, what, "write x_a y_a x_b y_b [score]")
+                .at(format!("line {line}"))
+        })
+    }
+}
+
+/// The matches of a file, or the line (from 1) that is none and why.
+fn parse(text: &str) -> Result<RawMatches, (usize, String)> {
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let (mut a, mut b, mut scores) = (Vec::new(), Vec::new(), Vec::new());
+    for (line, row) in (1..).zip(text.lines()) {
+        let row = row.split('#').next().unwrap_or_default();
+        let words = row
+            .split([' ', '\t', ',', ';', '\r'])
+            .filter(|word| !word.is_empty());
+        let numbers = (words.map(|word| {
+            let number: Result<f64, _> = word.parse();
+            number.map_err(|_| {
+                let word: String = word.chars().take(40).collect();
+                (line, format!("`{word}` is no number"))
+            })
+        }))
+        .collect::<Result<Vec<_>, _>>()?;
+        match numbers[..] {
+            [] => continue,
+            [x_a, y_a, x_b, y_b, ref score @ ..] if score.len() < 2 => {
+                if (scores.len() == a.len()) != (score.len() == 1) && !a.is_empty() {
+                    return Err((line, "some lines have a score and some have none".into()));
+                }
+                a.push([x_a, y_a]);
+                b.push([x_b, y_b]);
+                scores.extend_from_slice(score);
+            }
+            _ => return Err((line, format!("{} numbers, not 4 or 5", numbers.len()))),
+        }
+    }
+    Ok(RawMatches {
+        rating: match scores.is_empty() {
+            true => Rating::None,
+            false => Rating::Score(scores),
+        },
+        a,
+        b,
+        element: Element::new(Kind::Float, 4, false).expect("float32 exists"),
+        keypoints: None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_matches_with_or_without_scores() {
+        let raw = parse("# x y x y\r\n1 2 3 4\n\n5.5,6,7,8 # last").unwrap();
+        assert_eq!(
+            (raw.a, raw.b),
+            (vec![[1.0, 2.0], [5.5, 6.0]], vec![[3.0, 4.0], [7.0, 8.0]])
+        );
+        assert!(matches!(raw.rating, Rating::None));
+        let raw = parse("\u{feff}1 2 3 4 0.5\n1 2 3 4 0.25\n").unwrap();
+        assert!(matches!(raw.rating, Rating::Score(scores) if scores == [0.5, 0.25]));
+        assert!(parse("").unwrap().a.is_empty());
+    }
+
+    #[test]
+    fn a_line_that_is_no_match_is_named() {
+        for (text, line, named) in [
+            ("1 2 3 4\n1 2 3", 2, "3 numbers"),
+            ("1 2 3 4 5 6", 1, "6 numbers"),
+            ("1 2 x 4", 1, "`x`"),
+            ("1 2 3 4\n\n1 2 3 4 5", 3, "some have none"),
+            ("1 2 3 4 5\n1 2 3 4", 2, "some have none"),
+        ] {
+            let (at, what) = parse(text).unwrap_err();
+            assert_eq!(at, line, "{text}");
+            assert!(what.contains(named), "{what}");
+        }
+    }
+}
