@@ -47,7 +47,7 @@ pub(crate) enum Command {
     Time(TimeArgs),
     /// Say what changed between two runs, with intervals
     Compare(CompareArgs),
-    /// Write a run's poses in the format of the paper's authors
+    /// Write a run's poses in the format of the paper's authors, or its matches for other tools
     Export(ExportArgs),
     /// Show what is available, with every parameter
     List(ListArgs),
@@ -178,9 +178,17 @@ pub(crate) struct RunArgs {
     pub datasets: Vec<PathBuf>,
     /// Matchers, separated by commas, or `all` (see `matchbench list matchers`); a path is the manifest of
     /// a matcher from outside (see `matchbench check`)
-    #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
+    #[arg(
+        long,
+        value_name = "IDS",
+        value_delimiter = ',',
+        required_unless_present = "matches"
+    )]
     pub matchers: Vec<String>,
-    /// Pose estimators, separated by commas [default: the one that belongs to each matcher]
+    #[command(flatten)]
+    pub files: MatchesArgs,
+    /// Pose estimators, separated by commas [default: the one that belongs to each matcher; best
+    /// for matches from files]
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub estimator: Vec<String>,
     /// Folder of the run; one that is there already is resumed, and may grow by datasets, matchers
@@ -219,6 +227,31 @@ pub(crate) struct RunArgs {
     /// Write RUN/report when done
     #[arg(long)]
     pub report: bool,
+}
+
+/// Matches from the files of another tool.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Matches from files")]
+pub(crate) struct MatchesArgs {
+    /// Matches of another tool under the name that they have in tables: files, a folder of files, or
+    /// a folder with one for each dataset (repeatable; see `matchbench list formats`)
+    #[arg(long, value_name = "NAME=PATH[,PATH]")]
+    pub matches: Vec<String>,
+    /// The format, if it is not to be recognised
+    #[arg(long, value_name = "FORMAT", requires = "matches")]
+    pub matches_format: Option<String>,
+    /// Where the centre of the first pixel is in these files, 0 or 0.5 [default: what the format says]
+    #[arg(long, value_name = "0|0.5", requires = "matches")]
+    pub pixel_center: Option<f64>,
+    /// The points are those of images resized to this size
+    #[arg(long, value_name = "WxH", requires = "matches", value_parser = size)]
+    pub resized: Option<[u32; 2]>,
+    /// Read the matches that the tool verified (COLMAP's two-view geometries)
+    #[arg(long, requires = "matches")]
+    pub verified: bool,
+    /// What is to be remembered with the matches, in plan and report (repeatable)
+    #[arg(long, value_name = "KEY=VALUE", requires = "matches")]
+    pub note: Vec<String>,
 }
 
 #[derive(Debug, Args)]
@@ -461,13 +494,32 @@ pub(crate) struct CompareArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Matches are written to OUT/<matcher>/<dataset>, inliers to OUT/<matcher>+<estimator>/<dataset>, each
+readable again: matchbench run DATASET --matches NAME=OUT/<matcher> --out RUN.
+
+Examples:
+  matchbench export runs/first poses
+  matchbench export runs/first colmap --format colmap
+  matchbench export runs/first hloc --format hloc --inliers best")]
 pub(crate) struct ExportArgs {
     /// A run folder
     #[arg(value_name = "RUN")]
     pub run: PathBuf,
-    /// Folder to write <dataset>/<matcher>.txt into
+    /// Folder to write into
     #[arg(value_name = "OUT")]
     pub out: PathBuf,
+    /// authors (poses, as <dataset>/<matcher>.txt), or matches as colmap, hloc, glue-factory, npz or
+    /// packed
+    #[arg(long, value_name = "FORMAT", default_value = "authors")]
+    pub format: String,
+    /// Only the matches that agree with the poses of this estimator, within its threshold, instead of
+    /// all that were selected
+    #[arg(long, value_name = "ESTIMATOR")]
+    pub inliers: Option<String>,
+    /// Datasets that are no longer where they were
+    #[arg(long, value_name = "DATASET", value_delimiter = ',')]
+    pub datasets: Vec<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -485,6 +537,8 @@ pub(crate) enum Listed {
     Estimators,
     /// Built-in datasets, and the kinds that can be imported
     Datasets,
+    /// Formats of matches from files
+    Formats,
 }
 
 #[derive(Debug, Args)]
@@ -541,6 +595,14 @@ pub(crate) struct ManArgs {
     /// Folder for matchbench.1 and a page for each command [default: matchbench.1 to standard output]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+}
+
+/// `640x480`: width and height.
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides = text
+        .split_once('x')
+        .and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
+    sides.ok_or_else(|| "give a width and a height, for example 640x480".to_owned())
 }
 
 /// `all` is as many as there are.

@@ -1,22 +1,102 @@
-//! `matchbench export`: a run in the layout of the paper's authors.
+//! `matchbench export`: a run's poses in the layout of the paper's authors, or its matches in the
+//! formats of other tools.
 
 use std::io::Write;
 
-use anyhow::{Result, ensure};
-use matchbench::records::{RunFolder, authors};
+use anyhow::{Context, Result, bail, ensure};
+use matchbench::datasets::Sequence;
+use matchbench::exchange::{Export, Format};
+use matchbench::records::{MatcherPlan, RunFolder, authors};
 
 use crate::Ending;
 use crate::args::ExportArgs;
 
 pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
-    let records = RunFolder::open(&args.run)?.records()?;
-    ensure!(
-        !records.is_empty(),
-        "{} holds no records yet",
-        args.run.display()
-    );
-    for file in authors::write(&args.out, &records)? {
-        writeln!(std::io::stdout(), "{}", file.display())?;
+    let run = RunFolder::open(&args.run)?;
+    if args.format == "authors" {
+        ensure!(
+            args.inliers.is_none(),
+            "--inliers: the authors' format has poses alone"
+        );
+        let records = run.records()?;
+        ensure!(
+            !records.is_empty(),
+            "{} holds no records yet",
+            args.run.display()
+        );
+        for file in authors::write(&args.out, &records)? {
+            writeln!(std::io::stdout(), "{}", file.display())?;
+        }
+        return Ok(Ending::Done);
+    }
+    let format = Format::find(&args.format)?;
+    for dataset in &run.plan().datasets {
+        let moved = (args.datasets.iter())
+            .find(|path| path.file_name().is_some_and(|name| *name == *dataset.name));
+        let sequence = Sequence::open(moved.unwrap_or(&dataset.path))
+            .context("if the dataset has moved, say where it is with --datasets")?;
+        for matcher in &run.plan().matchers {
+            write(args, &run, format, &sequence, matcher)?;
+        }
     }
     Ok(Ending::Done)
+}
+
+/// The matches of one matcher on one dataset.
+fn write(
+    args: &ExportArgs,
+    run: &RunFolder,
+    format: &Format,
+    sequence: &Sequence,
+    matcher: &MatcherPlan,
+) -> Result<()> {
+    let matches = run.matches_of(&sequence.name, &matcher.id)?;
+    let estimator = match &args.inliers {
+        None => matcher.estimators.first(),
+        Some(id) => {
+            let known = matcher.estimators.iter().find(|known| known.id == *id);
+            ensure!(
+                known.is_some(),
+                "`{}` was not run with the estimator `{id}`",
+                matcher.id
+            );
+            known
+        }
+    };
+    let Some(estimator) = estimator else {
+        bail!("`{}` was run without an estimator", matcher.id);
+    };
+    let records = run.records_of(&sequence.name, &matcher.id, &estimator.id)?;
+    let threshold = estimator
+        .params
+        .get("threshold_px")
+        .and_then(serde_json::Value::as_f64);
+    let mut export = Export::of_run(sequence, &matches, &records, threshold.unwrap_or(1.0))?;
+    ensure!(
+        !export.pairs.is_empty(),
+        "{} holds no matches of `{}` on `{}`; run it without --no-matches",
+        args.run.display(),
+        matcher.id,
+        sequence.name
+    );
+    let mut folder = matcher.id.clone();
+    if args.inliers.is_some() {
+        export = export.inliers_alone();
+        folder = format!("{folder}+{}", estimator.id);
+    }
+    let folder = args.out.join(folder).join(&sequence.name);
+    let files = format.write(&folder, &export)?;
+    match &files[..] {
+        [] => bail!("there is no match to be written"),
+        files if files.len() > 4 => {
+            let (count, folder) = (files.len(), folder.display());
+            writeln!(std::io::stdout(), "{folder} ({count} files)")?;
+        }
+        files => {
+            for file in files {
+                writeln!(std::io::stdout(), "{}", file.display())?;
+            }
+        }
+    }
+    Ok(())
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use anyhow::{Result, ensure};
 use matchbench::cache::FeatureCache;
 use matchbench::config::{Changes, ConfigError};
+use matchbench::matchers::BuiltPointSource;
 use matchbench::records::{Settings, Tuned};
 use matchbench::run::{Contender, Dataset, Outside, Run, RunSummary, decode};
 
@@ -67,6 +68,7 @@ pub(crate) fn cache(asked: Option<&Path>, folder: &Path) -> FeatureCache {
 /// and whether all could be started.
 pub(crate) fn contenders(
     names: &[String],
+    sources: Vec<BuiltPointSource>,
     estimators: &[String],
     changes: &Changes,
     folder: &Path,
@@ -76,7 +78,8 @@ pub(crate) fn contenders(
         logs: &folder.join("logs"),
         cache,
     };
-    let (contenders, absent) = Contender::from_names(names, estimators, changes, Some(&outside))?;
+    let (contenders, absent) =
+        Contender::from_names(names, sources, estimators, changes, Some(&outside))?;
     for error in &absent {
         eprintln!("error: {error}");
     }

@@ -6,6 +6,7 @@ use anyhow::Result;
 use matchbench::datasets::KINDS;
 use matchbench::datasets::rendered;
 use matchbench::estimators::ESTIMATORS;
+use matchbench::exchange::FORMATS;
 use matchbench::matchers::MATCHERS;
 use serde_json::Value;
 
@@ -68,6 +69,28 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
                 out,
                 "  {:<14} {}\n      pairs: {}",
                 kind.id, kind.help, kind.default_pairs
+            )?;
+        }
+    }
+    if wanted(Listed::Formats) {
+        writeln!(
+            out,
+            "\nFormats of matches (run --matches NAME=PATH; export --format)\n"
+        )?;
+        for format in FORMATS {
+            let center = match format.pixel_center {
+                Some(center) => format!("first pixel's centre at {center}"),
+                None => "first pixel's centre: say --pixel-center".to_owned(),
+            };
+            let way = if format.can_write() {
+                "read and written"
+            } else {
+                "read"
+            };
+            writeln!(
+                out,
+                "  {:<14} {}\n      {way}; {center}",
+                format.id, format.layout
             )?;
         }
     }

@@ -10,6 +10,7 @@ pub(crate) mod import;
 pub(crate) mod job;
 pub(crate) mod list;
 pub(crate) mod man;
+pub(crate) mod matches;
 pub(crate) mod report;
 pub(crate) mod run;
 pub(crate) mod show;

@@ -7,7 +7,7 @@ use matchbench::records::{Settings, Tuned};
 use matchbench::report::ReportOptions;
 
 use super::job::{Job, cache, changes, contenders, open};
-use super::{eval, report};
+use super::{eval, matches, report};
 use crate::Ending;
 use crate::args::RunArgs;
 
@@ -16,15 +16,17 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     // What is set by hand comes last and wins.
     let settings = tuned.iter().map(|tuned| tuned.setting.clone());
     let settings: Vec<String> = settings.chain(args.set.iter().cloned()).collect();
+    let datasets = open(&args.datasets)?;
     let (contenders, all_started) = contenders(
         &args.matchers,
+        matches::sources(&args.files, &datasets)?,
         &args.estimator,
         &changes(&settings)?,
         &args.out,
         &cache(args.cache.as_deref(), &args.out),
     )?;
     let ending = Job {
-        datasets: &open(&args.datasets)?,
+        datasets: &datasets,
         contenders: &contenders,
         settings: Settings {
             seed: args.seed,

@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, BinaryHeap, HashMap};
 use std::path::{Component, Path, PathBuf};
 
 use matchbench_vision::geometry::{
-    Camera, PointPairs, RelativePose, essential_from_pose, squared_sampson_distances,
+    Camera, MatchedPoints, RelativePose, essential_from_pose, squared_sampson_distances,
 };
 use matchbench_vision::image::Size;
 use nalgebra::Point2;
@@ -39,12 +39,9 @@ pub struct Export<'a> {
 pub struct PairExport {
     /// Frames a and b.
     pub frames: (u32, u32),
-    /// Points in image a, pixels of the original image, the first pixel's centre at (0, 0).
-    pub a: Vec<Point2<f32>>,
-    /// Points in image b.
-    pub b: Vec<Point2<f32>>,
-    /// 0 is certain, 1 is not.
-    pub ambiguity: Vec<f32>,
+    /// The matches, in pixels of the original images, the first pixel's centre at (0, 0); written
+    /// with single precision, in which a run keeps them.
+    pub points: MatchedPoints,
     /// How the images stand to each other, where that was estimated.
     pub two_view: Option<TwoView>,
 }
@@ -105,19 +102,11 @@ impl<'a> Export<'a> {
                 [pair.a, pair.b].map(|frame| &sequence.frames[frame as usize].camera);
             let two_view = poses.get(&(pair.a, pair.b)).map(|pose| TwoView {
                 b_from_a: *pose,
-                inliers: agreeing(
-                    pose,
-                    [camera_a, camera_b],
-                    &selected.a,
-                    &selected.b,
-                    threshold_px,
-                ),
+                inliers: agreeing(pose, [camera_a, camera_b], &selected.points, threshold_px),
             });
             pairs.push(PairExport {
                 frames: (pair.a, pair.b),
-                a: selected.a,
-                b: selected.b,
-                ambiguity: selected.ambiguity,
+                points: selected.points,
                 two_view,
             });
         }
@@ -130,16 +119,10 @@ impl<'a> Export<'a> {
     pub fn inliers_alone(mut self) -> Self {
         self.pairs.retain(|pair| pair.two_view.is_some());
         for pair in &mut self.pairs {
-            let Some(TwoView { inliers, .. }) = &mut pair.two_view else {
-                continue;
-            };
-            let mut keep = inliers.iter().copied();
-            pair.a.retain(|_| keep.next() == Some(true));
-            let mut keep = inliers.iter().copied();
-            pair.b.retain(|_| keep.next() == Some(true));
-            let mut keep = inliers.iter().copied();
-            pair.ambiguity.retain(|_| keep.next() == Some(true));
-            inliers.retain(|&inlier| inlier);
+            if let Some(TwoView { inliers, .. }) = &mut pair.two_view {
+                pair.points = pair.points.masked(inliers);
+                inliers.retain(|&inlier| inlier);
+            }
         }
         self
     }
@@ -174,28 +157,30 @@ impl<'a> Export<'a> {
 }
 
 impl PairExport {
+    /// Points of image a and of image b as they are written: x, y, x, y ...
+    pub(super) fn coordinates(&self) -> [Vec<f32>; 2] {
+        [&self.points.a, &self.points.b]
+            .map(|points| (points.iter().flat_map(|p| [p.x as f32, p.y as f32])).collect())
+    }
+
     /// Scores of the matches, higher is better: 1 - ambiguity. In double precision nothing is lost.
     pub fn scores(&self) -> impl Iterator<Item = f64> {
-        (self.ambiguity.iter()).map(|&ambiguity| 1.0 - f64::from(ambiguity))
+        (self.points.ambiguity.iter()).map(|&ambiguity| 1.0 - f64::from(ambiguity))
     }
 }
 
 /// Which matches are nearer than the threshold to the epipolar geometry of a pose.
 fn agreeing(
     pose: &RelativePose,
-    cameras: [&Camera; 2],
-    a: &[Point2<f32>],
-    b: &[Point2<f32>],
+    [camera_a, camera_b]: [&Camera; 2],
+    points: &MatchedPoints,
     threshold_px: f64,
 ) -> Vec<bool> {
-    let normal = |camera: &Camera, at: &Point2<f32>| camera.normalize(at.cast());
-    let pairs: PointPairs = (a.iter().zip(b))
-        .map(|(a, b)| (normal(cameras[0], a), normal(cameras[1], b)))
-        .collect();
+    let pairs = points.at_depth_1(camera_a, camera_b);
     let mut squared = vec![0.0; pairs.len()];
     let all = 0..pairs.len();
     squared_sampson_distances(&essential_from_pose(pose), &pairs, all, &mut squared);
-    let focal = f64::midpoint(cameras[0].mean_focal(), cameras[1].mean_focal());
+    let focal = f64::midpoint(camera_a.mean_focal(), camera_b.mean_focal());
     let threshold = threshold_px / focal;
     (squared.into_iter())
         .map(|squared| squared < threshold * threshold)
@@ -220,9 +205,9 @@ pub(super) fn numbered(export: &Export<'_>) -> Numbered {
     let mut matches = Vec::new();
     for pair in &export.pairs {
         let (a, b) = (pair.frames.0 as usize, pair.frames.1 as usize);
-        let first = images[a].take(&pair.a);
+        let first = images[a].take(&pair.points.a);
         images[a].keep_order(&first);
-        let second = images[b].take(&pair.b);
+        let second = images[b].take(&pair.points.b);
         matches.push((first, second));
     }
     let ranks: Vec<Vec<u32>> = images.iter().map(Image::ranks).collect();
@@ -260,16 +245,17 @@ struct Image {
 
 impl Image {
     /// The indices of points of one pair; new points are added.
-    fn take(&mut self, points: &[Point2<f32>]) -> Vec<u32> {
+    fn take(&mut self, points: &[Point2<f64>]) -> Vec<u32> {
         let mut met = HashMap::<(u32, u32), u32>::new();
         (points.iter())
             .map(|point| {
+                let point = point.cast::<f32>();
                 let place = (point.x.to_bits(), point.y.to_bits());
                 let before = met.entry(place).or_default();
                 let node = (place.0, place.1, *before);
                 *before += 1;
                 *self.known.entry(node).or_insert_with(|| {
-                    self.points.push(*point);
+                    self.points.push(point);
                     self.later.push(Vec::new());
                     self.points.len() as u32 - 1
                 })
@@ -319,12 +305,12 @@ impl Image {
 mod tests {
     use super::*;
 
-    fn points(xs: &[f32]) -> Vec<Point2<f32>> {
+    fn points(xs: &[f64]) -> Vec<Point2<f64>> {
         xs.iter().map(|&x| Point2::new(x, 0.0)).collect()
     }
 
     /// Numbers of the points of each pair.
-    fn ranks(pairs: &[&[f32]]) -> Vec<Vec<u32>> {
+    fn ranks(pairs: &[&[f64]]) -> Vec<Vec<u32>> {
         let mut image = Image::default();
         let indices: Vec<_> = pairs.iter().map(|xs| image.take(&points(xs))).collect();
         indices.iter().for_each(|indices| image.keep_order(indices));

@@ -95,13 +95,12 @@ fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeErr
     for pair in &export.pairs {
         let name = |frame: u32| names[frame as usize].replace('/', "-");
         let group = format!("{}/{}", name(pair.frames.0), name(pair.frames.1));
-        let count = pair.a.len();
+        let count = pair.points.len();
         let itself: Vec<i32> = (0..count as i32).collect();
         let scores: Vec<f64> = pair.scores().collect();
-        for (number, points) in [&pair.a, &pair.b].into_iter().enumerate() {
-            let coordinates: Vec<f64> = (points.iter().flat_map(|p| [p.x, p.y]))
-                .map(|x| f64::from(x) + CENTER)
-                .collect();
+        for (number, coordinates) in pair.coordinates().into_iter().enumerate() {
+            let coordinates = coordinates.into_iter().map(|x| f64::from(x) + CENTER);
+            let coordinates: Vec<f64> = coordinates.collect();
             out.doubles(
                 format!("{group}/keypoints{number}"),
                 &[count, 2],

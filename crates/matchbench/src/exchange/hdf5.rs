@@ -35,7 +35,7 @@ impl Hdf5 {
     /// # Errors
     /// If it cannot be read or is no HDF5 file.
     pub(super) fn open(path: &Path) -> Result<Self, ExchangeError> {
-        let storage = FileStorage::from_file(super::probe::open_regular(path)?)
+        let storage = FileStorage::from_file(super::regular::open_regular(path)?)
             .map_err(|error| ExchangeError::unreadable(path, error))?;
         let options = OpenOptions::default()
             .with_max_read_bytes(MOST_BYTES as usize)

@@ -28,6 +28,8 @@ mod numpy;
 mod packed;
 mod probe;
 mod read;
+mod regular;
+mod source;
 mod sparse;
 mod superglue;
 #[cfg(test)]
@@ -43,6 +45,7 @@ pub use error::ExchangeError;
 pub use export::{Export, PairExport, TwoView};
 pub use names::NamedBy;
 pub use read::{FileMatches, MatchFiles, ReadOptions, Survey};
+pub use source::MatchSource;
 pub use understood::{FileRead, Scores, Understood};
 
 use array::Element;

@@ -78,16 +78,13 @@ fn matches(a: &Array, b: &Array, score: Option<&Array>) -> Result<RawMatches, St
 fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeError> {
     let mut files = Vec::new();
     for pair in &export.pairs {
-        let coordinates = |points: &[nalgebra::Point2<f32>]| -> Vec<u8> {
-            (points.iter().flat_map(|p| [p.x, p.y]))
-                .flat_map(f32::to_le_bytes)
-                .collect()
-        };
-        let count = pair.a.len();
-        let score: Vec<u8> = pair.scores().flat_map(f64::to_le_bytes).collect();
+        let count = pair.points.len();
+        let [a, b] = (pair.coordinates())
+            .map(|coordinates| coordinates.into_iter().flat_map(f32::to_le_bytes).collect());
+        let score = pair.scores().flat_map(f64::to_le_bytes).collect();
         let bytes = archive(&[
-            ("a", &[count, 2], "<f4", coordinates(&pair.a)),
-            ("b", &[count, 2], "<f4", coordinates(&pair.b)),
+            ("a", &[count, 2], "<f4", a),
+            ("b", &[count, 2], "<f4", b),
             ("score", &[count], "<f8", score),
         ]);
         let (a, b) = pair.frames;

@@ -37,7 +37,7 @@ impl Archive {
     /// # Errors
     /// If it cannot be read or is no zip file.
     pub(super) fn open(path: &Path) -> Result<Self, ExchangeError> {
-        let file = super::probe::open_regular(path)?;
+        let file = super::regular::open_regular(path)?;
         let zip = ZipArchive::new(BufReader::new(file))
             .map_err(|error| ExchangeError::damaged(path, format!("no zip file ({error})")))?;
         if zip.len() > MOST_MEMBERS {

@@ -126,8 +126,10 @@ fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeErr
     let (mut frames, mut offsets, mut xy) = (Vec::new(), vec![0_i64], Vec::new());
     for pair in &export.pairs {
         frames.extend([pair.frames.0, pair.frames.1]);
-        for ((a, b), ambiguity) in pair.a.iter().zip(&pair.b).zip(&pair.ambiguity) {
-            xy.extend([a.x, a.y, b.x, b.y, *ambiguity]);
+        let [a, b] = pair.coordinates();
+        let places = a.chunks_exact(2).zip(b.chunks_exact(2));
+        for ((a, b), ambiguity) in places.zip(&pair.points.ambiguity) {
+            xy.extend([a[0], a[1], b[0], b[1], *ambiguity]);
         }
         offsets.push((xy.len() / 5) as i64);
     }

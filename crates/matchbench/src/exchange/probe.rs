@@ -1,13 +1,14 @@
 //! What a path holds: which files, and of what kind by their first bytes.
 
 use std::ffi::OsStr;
-use std::fs::{self, File};
+use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::ExchangeError;
 use super::hdf5::Hdf5;
 use super::numpy::Archive;
+use super::regular::open_regular;
 
 /// Endings of files that may hold matches; a folder's other files (logs, images) are passed over.
 const ENDINGS: [&str; 7] = ["npz", "txt", "h5", "hdf5", "db", "sqlite", "sqlite3"];
@@ -139,20 +140,4 @@ fn files_in(folder: &Path) -> Result<Vec<PathBuf>, ExchangeError> {
     }
     files.sort();
     Ok(files)
-}
-
-/// Opens a file, if it is one: a pipe or a device may never end.
-///
-/// # Errors
-/// If it is none or cannot be opened.
-pub(super) fn open_regular(path: &Path) -> Result<File, ExchangeError> {
-    let unreadable = |error| ExchangeError::unreadable(path, error);
-    if !fs::metadata(path).map_err(unreadable)?.is_file() {
-        return Err(ExchangeError::new(
-            path,
-            "it is no regular file",
-            "name a file",
-        ));
-    }
-    File::open(path).map_err(unreadable)
 }

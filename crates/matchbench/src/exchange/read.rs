@@ -9,6 +9,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::image::Size;
 use nalgebra::Point2;
 
@@ -66,12 +67,9 @@ pub struct Survey {
 /// Matches of a pair as our own matchers give them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FileMatches {
-    /// Positions in image a, in pixels of the original image, the first pixel's centre at (0, 0).
-    pub a: Vec<Point2<f32>>,
-    /// Positions in image b.
-    pub b: Vec<Point2<f32>>,
-    /// 0 is certain, 1 is not.
-    pub ambiguity: Vec<f32>,
+    /// The matches, in pixels of the original images, the first pixel's centre at (0, 0); positions
+    /// are rounded to single precision, as a run keeps them.
+    pub points: MatchedPoints,
     /// Numbers of keypoints of both images, where the format knows them.
     pub keypoints: Option<[usize; 2]>,
 }
@@ -164,15 +162,13 @@ impl MatchFiles {
             let to_original = self.to_original(frame);
             let narrow = |point: &[f64; 2]| {
                 let [x, y] = to_original(*point);
-                Point2::new(x as f32, y as f32)
+                Point2::new(f64::from(x as f32), f64::from(y as f32))
             };
             points.iter().map(narrow).collect()
         });
         let ambiguity = ambiguities(&raw.rating, raw.a.len(), self.understood.scores);
         Ok(Some(FileMatches {
-            a: points_a,
-            b: points_b,
-            ambiguity: ambiguity.map_err(wrong)?,
+            points: MatchedPoints::new(points_a, points_b, ambiguity.map_err(wrong)?),
             keypoints: raw.keypoints,
         }))
     }

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 
 use super::array::{Element, Kind, MOST_BYTES};
 use super::names::PairName;
-use super::probe::{Content, Probe, open_regular};
+use super::probe::{Content, Probe};
+use super::regular::open_regular;
 use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source};
 
 pub(super) const TEXT: Format = Format {

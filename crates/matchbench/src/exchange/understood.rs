@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ExchangeError;
 use super::names::NamedBy;
-use super::probe::open_regular;
+use super::regular::open_regular;
 
 /// Files that are listed one by one; more of them are one line.
 const LISTED: usize = 4;

@@ -10,9 +10,10 @@ use super::earlier_plans::modernized;
 
 /// Where `plan` first differs from the plan that was `written` before, in words; `None` if a run of
 /// one goes on with a run of the other. A run may grow: by datasets, matchers and estimators of a
-/// matcher, and by a higher limit. It cannot lose any. A dataset may move.
+/// matcher, and by a higher limit. It cannot lose any. A dataset may move, and notes, which say in
+/// words what other fields hold, may be worded otherwise.
 pub(super) fn difference(written: &Plan, plan: &Plan) -> Option<String> {
-    let (written, mut plan) = (modernized(without_paths(written)), without_paths(plan));
+    let (written, mut plan) = (modernized(what_decides(written)), what_decides(plan));
     keep_known(&written, &mut plan);
     first_difference(&written, &plan, "")
 }
@@ -30,6 +31,10 @@ fn keep_known(written: &Value, plan: &mut Value) {
             });
         }
     }
+    // Matches from files have parameters for each dataset.
+    if let (Some(known), Some(planned)) = (written.get("params"), plan.get_mut("params")) {
+        keep_known(known, planned);
+    }
     let limit = |plan: &Value| Some(plan.get("settings")?.get("limit")?.as_u64());
     if let (Some(Some(before)), Some(now)) = (limit(written), limit(plan))
         && now.is_none_or(|now| now > before)
@@ -38,11 +43,17 @@ fn keep_known(written: &Value, plan: &mut Value) {
     }
 }
 
-fn without_paths(plan: &Plan) -> Value {
+/// A plan without what no record depends on.
+fn what_decides(plan: &Plan) -> Value {
     let mut plan = plan.to_json();
     if let Some(datasets) = plan.get_mut("datasets").and_then(Value::as_array_mut) {
         for dataset in datasets.iter_mut().filter_map(Value::as_object_mut) {
             dataset.remove("path");
+        }
+    }
+    if let Some(matchers) = plan.get_mut("matchers").and_then(Value::as_array_mut) {
+        for matcher in matchers.iter_mut().filter_map(Value::as_object_mut) {
+            matcher.remove("notes");
         }
     }
     plan

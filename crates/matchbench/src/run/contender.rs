@@ -7,7 +7,7 @@ use crate::cache::FeatureCache;
 use crate::config::{Changes, ConfigError, UnknownName};
 use crate::estimators::{self, BuiltEstimator, ESTIMATORS};
 use crate::external::{External, Log, Manifest, ManifestError, StartError};
-use crate::matchers::{self, BuiltMatcher, MATCHERS, Source};
+use crate::matchers::{self, BuiltMatcher, BuiltPointSource, MATCHERS, Source};
 
 /// A source of matches and the estimators that turn its matches into poses.
 pub struct Contender {
@@ -89,18 +89,20 @@ impl Contender {
         estimators: &[String],
         changes: &Changes,
     ) -> Result<Vec<Self>, ContenderError> {
-        Ok(Self::from_names(ids, estimators, changes, None)?.0)
+        Ok(Self::from_names(ids, Vec::new(), estimators, changes, None)?.0)
     }
 
     /// The same, where a name may also be the path of a manifest (see [`external`](crate::external)): its
     /// program is started, which may take its time. Matchers that do not start are left out, and
-    /// returned with the reason.
+    /// returned with the reason. After them come the `sources` of matched points, such as files; their
+    /// own estimator is `best`.
     ///
     /// # Errors
     /// As [`Contender::from_ids`]; if a manifest is wrong or a log cannot be written; without an
     /// `outside`, if there is a path.
     pub fn from_names(
         names: &[String],
+        sources: Vec<BuiltPointSource>,
         estimators: &[String],
         changes: &Changes,
         outside: Option<&Outside<'_>>,
@@ -145,6 +147,12 @@ impl Contender {
             contenders.push(Self {
                 source: Source::Matcher(matcher),
                 estimators,
+            });
+        }
+        for source in sources {
+            contenders.push(Self {
+                source: Source::Points(source),
+                estimators: built("best")?,
             });
         }
         let takes_part = |id: &str| {

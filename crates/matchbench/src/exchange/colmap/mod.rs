@@ -21,7 +21,8 @@ use rusqlite::{Connection, OpenFlags, OptionalExtension};
 
 use super::array::{Array, Element, Kind};
 use super::names::PairName;
-use super::probe::{Content, Probe, open_regular};
+use super::probe::{Content, Probe};
+use super::regular::open_regular;
 use super::sparse::columns;
 use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source};
 

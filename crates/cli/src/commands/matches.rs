@@ -1,0 +1,86 @@
+//! `--matches NAME=PATH`: matches from the files of another tool, and what was understood of them.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, ensure};
+use matchbench::exchange::{Format, MatchSource, ReadOptions};
+use matchbench::matchers::BuiltPointSource;
+use matchbench::run::Dataset;
+
+use crate::args::MatchesArgs;
+
+/// Absent pairs that are named; more of them are counted.
+const NAMED: usize = 10;
+
+/// The sources that are asked for, read once and described on standard error.
+pub(crate) fn sources(args: &MatchesArgs, datasets: &[Dataset]) -> Result<Vec<BuiltPointSource>> {
+    let format = args
+        .matches_format
+        .as_deref()
+        .map(Format::find)
+        .transpose()?;
+    let options = ReadOptions {
+        format,
+        pixel_center: args.pixel_center,
+        resized: args.resized,
+        verified: args.verified,
+        notes: notes(&args.note)?,
+    };
+    let sequences: Vec<_> = datasets.iter().map(|dataset| &dataset.sequence).collect();
+    (args.matches.iter())
+        .map(|asked| {
+            let (name, paths) = asked.split_once('=').unwrap_or_default();
+            ensure!(
+                !name.is_empty() && !paths.is_empty(),
+                "--matches {asked}: expected NAME=PATH or NAME=PATH,PATH"
+            );
+            let paths: Vec<PathBuf> = paths.split(',').map(PathBuf::from).collect();
+            let source = MatchSource::open(&paths, &sequences, &options)
+                .with_context(|| format!("--matches {name}"))?;
+            describe(name, &source);
+            Ok(source.build(name))
+        })
+        .collect()
+}
+
+/// Says what was read and what is missing or looks wrong.
+fn describe(name: &str, source: &MatchSource) {
+    for (dataset, files) in source.datasets() {
+        let survey = files.survey();
+        eprintln!("{name} on {dataset}: {}", files.understood());
+        eprintln!("  {} pairs, {} matches", survey.found, survey.matches);
+        if !survey.absent.is_empty() {
+            let named = survey.absent.iter().take(NAMED);
+            let named: Vec<_> = named.map(|(a, b)| format!("{a} {b}")).collect();
+            let more = match survey.absent.len().saturating_sub(NAMED) {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            let absent = survey.absent.len();
+            eprintln!(
+                "  {absent} pairs are absent and count as failed: {}{more}",
+                named.join(", ")
+            );
+        }
+        if survey.others > 0 {
+            eprintln!(
+                "  {} pairs in the files are none of the dataset",
+                survey.others
+            );
+        }
+        for warning in &survey.warnings {
+            eprintln!("  warning: {warning}");
+        }
+    }
+}
+
+fn notes(notes: &[String]) -> Result<BTreeMap<String, String>> {
+    (notes.iter())
+        .map(|note| {
+            let (key, value) = (note.split_once('='))
+                .with_context(|| format!("--note {note}: expected KEY=VALUE"))?;
+            Ok((key.to_owned(), value.to_owned()))
+        })
+        .collect()
+}

@@ -1,0 +1,107 @@
+//! Matches from files as a source that a run asks for matched points.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use matchbench_vision::seed::Seed;
+use serde_json::json;
+
+use super::{ExchangeError, MatchFiles, ReadOptions};
+use crate::config::to_json;
+use crate::datasets::Sequence;
+use crate::matchers::{BuiltPointSource, ImageFiles, PointSource, SourceError, SourcedMatches};
+
+/// Matches of several datasets in files.
+pub struct MatchSource {
+    /// By name of the dataset.
+    datasets: BTreeMap<String, MatchFiles>,
+}
+
+impl MatchSource {
+    /// The matches at `paths` for each of the datasets; for several, `paths` must be one folder that
+    /// has a folder for each.
+    ///
+    /// # Errors
+    /// As [`MatchFiles::open`]; or if several datasets would share files.
+    pub fn open(
+        paths: &[PathBuf],
+        datasets: &[&Sequence],
+        options: &ReadOptions,
+    ) -> Result<Self, ExchangeError> {
+        let mut found = BTreeMap::new();
+        for sequence in datasets {
+            let has_own = |path: &PathBuf| path.join(&sequence.name).is_dir();
+            if let (true, [path, ..]) = (datasets.len() > 1, paths)
+                && !(paths.len() == 1 && has_own(path))
+            {
+                return Err(ExchangeError::new(
+                    path,
+                    format!("there is no folder `{}` in it", sequence.name),
+                    "for several datasets name one folder that has a folder of files for each",
+                ));
+            }
+            found.insert(
+                sequence.name.clone(),
+                MatchFiles::open(paths, sequence, options)?,
+            );
+        }
+        Ok(Self { datasets: found })
+    }
+
+    /// The files of each dataset, by its name.
+    pub fn datasets(&self) -> impl Iterator<Item = (&str, &MatchFiles)> {
+        self.datasets.iter().map(|(name, files)| (&**name, files))
+    }
+
+    /// The source under the name that it has in tables. Its parameters are how the files of each
+    /// dataset were understood, hashes included: other files are another plan.
+    pub fn build(self, id: &str) -> BuiltPointSource {
+        let mut notes = Vec::new();
+        let mut params = Vec::new();
+        for (name, files) in self.datasets() {
+            notes.push(format!(
+                "{name}: matches from files, {}",
+                files.understood()
+            ));
+            let absent = files.survey().absent.len();
+            if absent > 0 {
+                notes.push(format!(
+                    "{name}: {absent} pairs are absent and count as failed"
+                ));
+            }
+            let warnings = files.survey().warnings.iter();
+            notes.extend(warnings.map(|warning| format!("{name}: {warning}")));
+            let mut understood = to_json(files.understood());
+            understood["name"] = name.into();
+            params.push(understood);
+        }
+        BuiltPointSource {
+            id: id.into(),
+            version: None,
+            params: json!({ "datasets": params }),
+            notes,
+            source: Box::new(self),
+        }
+    }
+}
+
+impl PointSource for MatchSource {
+    fn matches(&self, pair: &ImageFiles<'_>, _: Seed) -> Result<SourcedMatches, SourceError> {
+        let [a, b] = pair.frames;
+        let files = self.datasets.get(pair.dataset).ok_or_else(|| {
+            SourceError::Ended(format!("no files were named for `{}`", pair.dataset))
+        })?;
+        let found = files
+            .matches(a, b)
+            .map_err(|error| SourceError::Pair(error.to_string()))?;
+        let found = found.ok_or_else(|| {
+            SourceError::Pair(format!("the files have no matches of the pair {a} {b}"))
+        })?;
+        let keypoints = found.keypoints.unwrap_or_default();
+        Ok(SourcedMatches {
+            points: found.points,
+            features: keypoints.map(|count| u32::try_from(count).unwrap_or(u32::MAX)),
+            ..SourcedMatches::default()
+        })
+    }
+}
