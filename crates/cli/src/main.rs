@@ -65,6 +65,7 @@ fn dispatch(command: &Command) -> anyhow::Result<Ending> {
     match command {
         Command::Demo(args) => commands::demo::run(args),
         Command::Import(args) => commands::import::run(args),
+        Command::Convert(args) => commands::convert::run(args),
         Command::Run(args) => commands::run::run(args),
         Command::Tune(args) => commands::tune::run(args),
         Command::Eval(args) => commands::eval::run(args),

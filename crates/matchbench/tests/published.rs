@@ -44,9 +44,10 @@ fn differences(found: &[Pair], published: &[Pair]) -> (f64, f64) {
     let mut worst = (0.0_f64, 0.0_f64);
     for (f, p) in found.iter().zip(published) {
         assert_eq!((f.a, f.b), (p.a, p.b));
-        let rotation = f.b_from_a.rotation.to_rotation_matrix().into_inner()
-            - p.b_from_a.rotation.to_rotation_matrix().into_inner();
-        let translation = f.b_from_a.translation.vector - p.b_from_a.translation.vector;
+        let (f, p) = (f.pose().unwrap(), p.pose().unwrap());
+        let rotation = f.rotation.to_rotation_matrix().into_inner()
+            - p.rotation.to_rotation_matrix().into_inner();
+        let translation = f.translation.vector - p.translation.vector;
         worst = (
             worst.0.max(rotation.amax()),
             worst.1.max(translation.amax()),

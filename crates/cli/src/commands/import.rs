@@ -2,28 +2,22 @@
 
 use std::io::Write;
 
-use anyhow::{Result, ensure};
-use matchbench::datasets::{Association, ImageStorage, ImportOptions, import};
+use anyhow::Result;
+use matchbench::datasets::{ImageStorage, ImportOptions, import};
 
 use crate::Ending;
 use crate::args::{Images, ImportArgs};
 
 pub(crate) fn run(args: &ImportArgs) -> Result<Ending> {
-    let association = Association {
-        tolerance: args.tolerance.unwrap_or(Association::default().tolerance),
-        interpolate: args.interpolate,
-    };
-    ensure!(
-        association.tolerance >= 0.0,
-        "--tolerance must be a number of seconds from 0, not {}",
-        association.tolerance
-    );
     let options = ImportOptions {
         sequence: args.sequence.clone(),
         pairs: args.pairs.as_deref().map(str::parse).transpose()?,
         camera: args.camera.clone(),
         poses: args.poses.clone(),
-        association,
+        tolerance: args.tolerance,
+        interpolate: args.interpolate,
+        image_root: args.image_root.clone(),
+        intrinsics: args.intrinsics.clone(),
         images: match args.images {
             Images::Reference => ImageStorage::Reference,
             Images::Link => ImageStorage::Link,
@@ -34,13 +28,16 @@ pub(crate) fn run(args: &ImportArgs) -> Result<Ending> {
     for note in &report.notes {
         eprintln!("note: {note}");
     }
+    let pairs = match &report.rule {
+        Some(rule) => rule.to_string(),
+        None => "as listed".to_owned(),
+    };
     writeln!(
         std::io::stdout(),
-        "{}: {} frames, {} pairs ({})",
+        "{}: {} frames, {} pairs ({pairs})",
         args.out.display(),
         report.frames,
         report.pairs,
-        report.rule
     )?;
     Ok(Ending::Done)
 }

@@ -65,11 +65,15 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
             "\nKinds of data that can be imported (matchbench import KIND SRC OUT)\n"
         )?;
         for kind in KINDS {
-            writeln!(
-                out,
-                "  {:<14} {}\n      pairs: {}",
-                kind.id, kind.help, kind.default_pairs
-            )?;
+            let pairs = match &kind.default_pairs {
+                Some(rule) => rule.to_string(),
+                None => "those that it lists".to_owned(),
+            };
+            let options: String = (kind.options.iter()).map(|option| format!(" {option}")).collect();
+            writeln!(out, "  {:<14} {}\n      pairs: {pairs}", kind.id, kind.help)?;
+            if !options.is_empty() {
+                writeln!(out, "      options:{options}")?;
+            }
         }
     }
     if wanted(Listed::Formats) {

@@ -4,7 +4,6 @@ use std::io::Write;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use matchbench::datasets::read_gray;
 use matchbench::files::write_whole;
 use matchbench::matchers::ImageFiles;
 use matchbench::metrics::PairResult;
@@ -49,7 +48,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         )
     })?;
     let [frame_a, frame_b] = [pair.a, pair.b].map(|frame| &sequence.frames[frame as usize]);
-    let gray = [read_gray(&frame_a.image)?, read_gray(&frame_b.image)?];
+    let gray = [frame_a.pixels()?, frame_b.pixels()?];
     let seed = pair_seed(
         args.seed,
         &sequence.name,
@@ -62,7 +61,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         &ImagePair {
             images: gray.each_ref(),
             cameras: [&frame_a.camera, &frame_b.camera],
-            b_from_a: &pair.b_from_a,
+            b_from_a: pair.pose().context("the pose of the pair is not known")?,
             files: Some(ImageFiles {
                 dataset: &sequence.name,
                 frames: [pair.a, pair.b],
@@ -76,7 +75,8 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         bail!("{reason}");
     }
     let images = (gray.each_ref()).map(|image| Arc::new(Thumbnail::new(image, DRAWN.0, DRAWN.1)));
-    let mut view = view(&sequence, pair, matches, outcome, images);
+    let view = view(&sequence, pair, matches, outcome, images);
+    let mut view = view.context("the pose of the pair is not known")?;
     if args.keypoints {
         for (points, features) in view
             .keypoints

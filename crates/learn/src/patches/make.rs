@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{Context, Result, ensure};
 use indicatif::ProgressBar;
 use matchbench::datasets::rendered::{self, Scene, World};
-use matchbench::datasets::{Sequence, read_gray};
+use matchbench::datasets::Sequence;
 use matchbench_vision::features::{
     Descriptors, Extractor, Features, PatchSource, Sift, SiftParams, binboost, dlco,
 };
@@ -168,7 +168,7 @@ impl Maker<'_> {
         let name = sequence.name.clone();
         let seed = Seed(self.recipe.seed).child(&name);
         let images = (sequence.frames.iter())
-            .map(|frame| Ok(read_gray(&frame.image)?))
+            .map(|frame| Ok(frame.pixels()?))
             .collect::<Result<Vec<_>>>()?;
         self.bar
             .inc_length((sequence.pairs.len() + images.len() * self.recipe.warps) as u64);
@@ -177,7 +177,7 @@ impl Maker<'_> {
         let source = self.source(format!("{name}/poses"));
         for (number, pair) in sequence.pairs.iter().enumerate() {
             self.bar.inc(1);
-            let Some(pose) = RelativePose::from_isometry(&pair.b_from_a) else {
+            let Some(pose) = pair.pose().and_then(RelativePose::from_isometry) else {
                 continue;
             };
             let (a, b) = (pair.a as usize, pair.b as usize);
@@ -328,7 +328,7 @@ fn transfer(
     let camera = scene.camera();
     let z = f64::from(nearest(depth_a, at)?);
     let ray = camera.normalize(at);
-    let point = pair.b_from_a * Point3::new(ray.x * z, ray.y * z, z);
+    let point = pair.pose()? * Point3::new(ray.x * z, ray.y * z, z);
     if !point.z.is_finite() || point.z <= 0.0 {
         return None;
     }

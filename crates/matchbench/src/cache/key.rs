@@ -1,5 +1,5 @@
 //! What features were made from, as a hash of the bytes of the image file and of everything that the
-//! extraction depends on: id, every effective parameter, revision.
+//! extraction depends on: id, every effective parameter, revision; and of how the image is turned.
 //!
 //! It holds no name, no time, no path; a parameter that changes, or an image that is replaced, is
 //! simply another key. Only a change of the code itself must be told, by [`Extraction::revision`].
@@ -13,13 +13,17 @@ use crate::matchers::Extraction;
 pub struct Key(pub(crate) [u8; 32]);
 
 impl Key {
-    /// The key of the features that `extraction` finds in the image `file` (its bytes).
-    pub fn new(file: &[u8], extraction: &Extraction) -> Self {
+    /// The key of the features that `extraction` finds in the image `file` (its bytes), turned by so
+    /// many quarters counterclockwise.
+    pub fn new(file: &[u8], quarters: u8, extraction: &Extraction) -> Self {
         let extraction = serde_json::to_vec(extraction).expect("an extraction is plain JSON");
         let mut hasher = blake3::Hasher::new();
         hasher.update(&(extraction.len() as u64).to_le_bytes());
         hasher.update(&extraction);
         hasher.update(file);
+        if quarters != 0 {
+            hasher.update(&[quarters]);
+        }
         Self(*hasher.finalize().as_bytes())
     }
 }
@@ -46,7 +50,7 @@ mod tests {
 
     #[test]
     fn everything_that_features_depend_on_is_in_the_key() {
-        let key = |extraction: &Extraction| Key::new(b"image", extraction);
+        let key = |extraction: &Extraction| Key::new(b"image", 0, extraction);
         let original = key(&extraction());
         assert_eq!(key(&extraction()), original);
         let changed = |change: fn(&mut Extraction)| {
@@ -57,6 +61,7 @@ mod tests {
         assert_ne!(changed(|e| e.extractor = "surf".into()), original);
         assert_ne!(changed(|e| e.params["contrast"] = json!(0.03)), original);
         assert_ne!(changed(|e| e.revision = 2), original);
-        assert_ne!(Key::new(b"imagf", &extraction()), original);
+        assert_ne!(Key::new(b"imagf", 0, &extraction()), original);
+        assert_ne!(Key::new(b"image", 2, &extraction()), original);
     }
 }

@@ -31,9 +31,10 @@ impl FeatureCache {
         }
     }
 
-    /// The features of an image file, if they are in the cache: for pictures, which do without.
-    pub fn find(&self, image: &Path, extraction: &Extraction) -> Option<Features> {
-        self.load(Key::new(&fs::read(image).ok()?, extraction))
+    /// The features of an image file, turned by so many quarters, if they are in the cache: for
+    /// pictures, which do without.
+    pub fn find(&self, image: &Path, quarters: u8, extraction: &Extraction) -> Option<Features> {
+        self.load(Key::new(&fs::read(image).ok()?, quarters, extraction))
     }
 
     /// The features that were saved under `key`. A file that is torn, foreign or unreadable counts

@@ -11,6 +11,8 @@
 //! [[frames]]                       # one per frame, in order
 //! image = "rgb/1305031452.791720.png"
 //! camera = { fx = 517.3, fy = 516.5, cx = 318.6, cy = 255.3 }   # where it has its own
+//! turn = 1                         # quarter turns counterclockwise before it is looked at;
+//!                                  # camera, pose and pairs are those of the turned image
 //! ```
 //!
 //! Every key but `version` may be absent; an unknown key is an error.
@@ -20,7 +22,7 @@ use std::path::{Path, PathBuf};
 use matchbench_vision::geometry::{Camera, Distortion};
 use serde::{Deserialize, Serialize};
 
-use super::DatasetError;
+use super::{DatasetError, Turn};
 use super::text::TextFile;
 
 /// File name of the manifest.
@@ -70,6 +72,9 @@ pub(super) struct ManifestFrame {
     /// Its camera, if it is not that of `camera.txt`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) camera: Option<Camera>,
+    /// How its stored pixels are turned.
+    #[serde(default, skip_serializing_if = "Turn::is_none")]
+    pub(super) turn: Turn,
 }
 
 impl Default for Manifest {
@@ -140,6 +145,11 @@ impl Manifest {
         }
     }
 
+    /// How the pixels of frame `index` are turned.
+    pub(super) fn turn(&self, index: usize) -> Turn {
+        self.frames.get(index).map_or(Turn::None, |frame| frame.turn)
+    }
+
     /// Where the image of frame `index` is, if the manifest says so.
     pub(super) fn image(&self, dataset: &Path, index: usize) -> Option<PathBuf> {
         let image = self.frames.get(index)?.image.as_ref()?;
@@ -188,6 +198,9 @@ mod tests {
         assert!(error.what.contains("colour"), "{error}");
         let error = parse("version = 1\n[[frames]]\nimage = \"a\"\nfocal = 1\n").unwrap_err();
         assert_eq!(error.line, Some(4));
+        let error = parse("version = 1\n[[frames]]\nturn = 4\n").unwrap_err();
+        assert_eq!(error.line, Some(3));
+        assert!(error.what.contains("a turn of 4 quarters"), "{error}");
     }
 
     #[test]
@@ -236,6 +249,7 @@ mod tests {
             frames: vec![ManifestFrame {
                 image: Some("rgb/1.5.png".into()),
                 camera: Some(Camera::pinhole(1.0 / 3.0, 2.0, 3.0, 4.0)),
+                turn: Turn::ThreeQuarters,
             }],
             ..Manifest::default()
         };

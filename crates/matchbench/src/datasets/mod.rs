@@ -8,6 +8,7 @@
 mod decode;
 mod error;
 mod exif;
+mod exporters;
 mod images;
 mod importers;
 mod manifest;
@@ -20,16 +21,21 @@ mod sequence;
 mod testing;
 mod text;
 mod trajectory;
+mod turn;
 mod validate;
 mod write;
 
 pub use decode::{DecodeError, decode_gray, read_gray, read_size};
 pub use error::DatasetError;
-pub use importers::{ImportOptions, ImportReport, Imported, KINDS, Kind, import, read_source};
+pub use exporters::{EXPORTS, Export, export};
+pub use importers::{
+    ImportOption, ImportOptions, ImportReport, Imported, KINDS, Kind, import, read_source,
+};
 pub use native::{describe, read_pairs, read_poses_of_pairs};
 pub use pairs::{PairRule, PairRuleError, relative_pose};
 pub use problem::{Problem, Severity};
-pub use sequence::{Frame, Pair, Sequence};
+pub use sequence::{Frame, Pair, Sequence, Truth};
 pub use trajectory::Association;
+pub use turn::Turn;
 pub use validate::validate;
 pub use write::{About, ImageStorage, write_native};

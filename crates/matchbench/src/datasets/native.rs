@@ -3,6 +3,8 @@
 //! ```text
 //! NAME/camera.txt       3x3 calibration matrix
 //! NAME/pairs.txt        a b r11 r12 r13 t1 r21 ... t3: b_from_a, x_b = R x_a + t
+//! NAME/homographies.txt a b h11 h12 h13 h21 ... h33: takes pixels of a to b; may be absent, and
+//!                       where it is there, pairs.txt may be absent; a pair may stand in both
 //! NAME/Images/0000.png  frame 0 (%04d, any decodable format), 0001.png ...
 //! NAME/Images/pose.txt  one row of 12 numbers per frame: [R t], camera-to-world; may be absent
 //! NAME/dataset.toml     ours, for what these files cannot say; may be absent
@@ -22,12 +24,14 @@ use nalgebra::{Isometry3, Matrix3};
 use super::images::{IMAGES, frame_images};
 use super::manifest::{self, Manifest};
 use super::pairs::pair_indices;
+use super::sequence::Truth;
 use super::text::{self, TextFile};
 use super::{DatasetError, Frame, Pair, Problem, Sequence, Severity};
 
 pub(super) const POSES: &str = "pose.txt";
 pub(super) const CAMERA: &str = "camera.txt";
 pub(super) const PAIRS: &str = "pairs.txt";
+pub(super) const HOMOGRAPHIES: &str = "homographies.txt";
 
 impl Sequence {
     /// Opens the dataset in the folder `dir`. Images are not read; that is `validate`'s part.
@@ -44,6 +48,7 @@ impl Sequence {
             return Err(problem.error);
         }
         let cameras = contents.cameras();
+        let pairs = contents.pairs();
         let frames = contents
             .images
             .into_iter()
@@ -51,6 +56,7 @@ impl Sequence {
             .enumerate()
             .map(|(index, (image, camera))| Frame {
                 image,
+                turn: contents.manifest.turn(index),
                 camera: camera.expect("a frame without a camera is an error"),
                 world_from_camera: contents.poses.get(index).map(|&(_, pose)| pose),
             })
@@ -58,7 +64,7 @@ impl Sequence {
         Ok(Self {
             name: contents.name,
             frames,
-            pairs: contents.pairs.into_iter().map(|(_, pair)| pair).collect(),
+            pairs,
         })
     }
 }
@@ -69,10 +75,10 @@ impl Sequence {
 /// If the file cannot be read or a line is wrong.
 pub fn read_pairs(file: &Path) -> Result<Vec<Pair>, DatasetError> {
     let mut problems = Vec::new();
-    let pairs = parse_pairs(&TextFile::read(file)?, None, &mut problems);
+    let listed = parse_listed(&TextFile::read(file)?, None, parse_pose, &mut problems);
     match problems.into_iter().next() {
         Some(problem) => Err(problem.error),
-        None => Ok(pairs.into_iter().map(|(_, pair)| pair).collect()),
+        None => Ok(paired(&listed, &[])),
     }
 }
 
@@ -109,9 +115,18 @@ pub fn read_poses_of_pairs(file: &Path, pairs: &[(u32, u32)]) -> Result<Vec<Pair
         .map(|((line, row), &(a, b))| {
             let pose = text::exactly(row).and_then(|numbers| text::rigid_motion(&numbers));
             let b_from_a = pose.map_err(|what| file.error_at(line, what))?;
-            Ok(Pair { a, b, b_from_a })
+            Ok(Pair::with_pose(a, b, b_from_a))
         })
         .collect()
+}
+
+/// A pair as a file lists it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Listed<T> {
+    pub(super) line: usize,
+    pub(super) a: u32,
+    pub(super) b: u32,
+    pub(super) truth: T,
 }
 
 /// Everything the text files of a dataset say, each item with its line.
@@ -123,7 +138,10 @@ pub(super) struct Contents {
     pub(super) camera: Option<Camera>,
     pub(super) images: Vec<PathBuf>,
     pub(super) poses: Vec<(usize, Isometry3<f64>)>,
-    pub(super) pairs: Vec<(usize, Pair)>,
+    /// What `pairs.txt` lists.
+    pub(super) posed: Vec<Listed<Isometry3<f64>>>,
+    /// What `homographies.txt` lists.
+    pub(super) mapped: Vec<Listed<Matrix3<f64>>>,
 }
 
 impl Contents {
@@ -173,25 +191,30 @@ impl Contents {
                 Vec::new()
             }
         };
-        let pairs = match TextFile::read(&dir.join(PAIRS)) {
-            Ok(file) => {
-                // Without images every row would be out of range; one error is enough.
-                let frames = (!images.is_empty()).then_some(images.len());
-                parse_pairs(&file, frames, problems)
-            }
-            Err(error) => {
-                problems.push(error.into());
-                Vec::new()
-            }
+        // Without images every row would be out of range; one error is enough.
+        let count = (!images.is_empty()).then_some(images.len());
+        let homographies = optional(&dir.join(HOMOGRAPHIES));
+        let pairs_file = dir.join(PAIRS);
+        let pairs = match &homographies {
+            Ok(Some(_)) => optional(&pairs_file),
+            _ => TextFile::read(&pairs_file).map(Some),
         };
+        let posed = listed(pairs, count, parse_pose, problems);
+        let mapped = listed(homographies, count, parse_homography, problems);
         Self {
             name,
             manifest,
             camera,
             images,
             poses,
-            pairs,
+            posed,
+            mapped,
         }
+    }
+
+    /// The pairs of both files, those of `pairs.txt` first.
+    pub(super) fn pairs(&self) -> Vec<Pair> {
+        paired(&self.posed, &self.mapped)
     }
 
     /// The camera of every frame; `None` where neither the manifest nor `camera.txt` has one.
@@ -274,15 +297,38 @@ fn parse_poses(
         .collect()
 }
 
-fn parse_pairs(
+/// The rows of a file, if there is one and it can be read.
+fn listed<T>(
+    file: Result<Option<TextFile>, DatasetError>,
+    frames: Option<usize>,
+    parse: fn(&str) -> Result<T, String>,
+    problems: &mut Vec<Problem>,
+) -> Vec<Listed<T>> {
+    match file {
+        Ok(Some(file)) => parse_listed(&file, frames, parse, problems),
+        Ok(None) => Vec::new(),
+        Err(error) => {
+            problems.push(error.into());
+            Vec::new()
+        }
+    }
+}
+
+/// Rows that begin with two frames, whose truth `parse` reads from the whole row.
+fn parse_listed<T>(
     file: &TextFile,
     frames: Option<usize>,
+    parse: fn(&str) -> Result<T, String>,
     problems: &mut Vec<Problem>,
-) -> Vec<(usize, Pair)> {
+) -> Vec<Listed<T>> {
     let mut first_line = BTreeMap::new();
     let mut pairs = Vec::new();
     for (line, row) in file.rows() {
-        match parse_pair(row, frames) {
+        let parsed = pair_indices(row, frames).and_then(|(a, b)| {
+            let truth = parse(row)?;
+            Ok(Listed { line, a, b, truth })
+        });
+        match parsed {
             Err(what) => problems.push(file.error_at(line, what).into()),
             Ok(pair) => match first_line.entry((pair.a, pair.b)) {
                 Entry::Occupied(first) => {
@@ -296,7 +342,7 @@ fn parse_pairs(
                 }
                 Entry::Vacant(place) => {
                     place.insert(line);
-                    pairs.push((line, pair));
+                    pairs.push(pair);
                 }
             },
         }
@@ -310,15 +356,40 @@ fn parse_pairs(
     pairs
 }
 
-fn parse_pair(row: &str, frames: Option<usize>) -> Result<Pair, String> {
-    let (a, b) = pair_indices(row, frames)?;
+fn parse_pose(row: &str) -> Result<Isometry3<f64>, String> {
     let numbers: [f64; 14] = text::exactly(row)?;
     let motion = numbers[2..].try_into().expect("12 of 14 numbers are left");
-    Ok(Pair {
-        a,
-        b,
-        b_from_a: text::rigid_motion(&motion)?,
-    })
+    text::rigid_motion(&motion)
+}
+
+fn parse_homography(row: &str) -> Result<Matrix3<f64>, String> {
+    let numbers: [f64; 11] = text::exactly(row)?;
+    text::homography(&numbers[2..])
+}
+
+/// Joins what two files know about the same pairs.
+fn paired(posed: &[Listed<Isometry3<f64>>], mapped: &[Listed<Matrix3<f64>>]) -> Vec<Pair> {
+    let mut homographies: BTreeMap<(u32, u32), Matrix3<f64>> =
+        (mapped.iter()).map(|row| ((row.a, row.b), row.truth)).collect();
+    let mut pairs = Vec::with_capacity(posed.len());
+    for row in posed {
+        let b_from_a = row.truth;
+        let truth = match homographies.remove(&(row.a, row.b)) {
+            None => Truth::Pose(b_from_a),
+            Some(homography) => Truth::Both {
+                b_from_a,
+                homography,
+            },
+        };
+        let (a, b) = (row.a, row.b);
+        pairs.push(Pair { a, b, truth });
+    }
+    let alone = mapped.iter().filter_map(|row| {
+        let homography = homographies.get(&(row.a, row.b))?;
+        Some(Pair::with_homography(row.a, row.b, *homography))
+    });
+    pairs.extend(alone);
+    pairs
 }
 
 #[cfg(test)]
@@ -353,7 +424,7 @@ mod tests {
         let pose = sequence.frames[1].world_from_camera.unwrap();
         assert_eq!(pose, Isometry3::translation(2.0, 0.0, 0.0));
         assert_eq!((sequence.pairs[0].a, sequence.pairs[0].b), (0, 1));
-        assert_eq!(sequence.pairs[0].b_from_a, pose.inverse());
+        assert_eq!(sequence.pairs[0].pose(), Some(&pose.inverse()));
         assert_eq!(read_pairs(&dir.join("pairs.txt")).unwrap(), sequence.pairs);
     }
 
@@ -397,6 +468,25 @@ mod tests {
     }
 
     #[test]
+    fn homographies_stand_beside_or_instead_of_poses() {
+        let (_folder, dir) = testing::dataset();
+        let rows = "0 1 1 0 5 0 1 -3 0 0 1\n3 0 2 0 0 0 2 0 1e-5 0 2\n";
+        fs::write(dir.join("homographies.txt"), rows).unwrap();
+        let pairs = Sequence::open(&dir).unwrap().pairs;
+        assert_eq!(pairs.len(), 7);
+        assert!(pairs[0].pose().is_some());
+        assert_eq!(pairs[0].homography().unwrap()[(1, 2)], -3.0);
+        assert!(pairs[1].pose().is_some() && pairs[1].homography().is_none());
+        assert_eq!((pairs[6].a, pairs[6].b, pairs[6].pose()), (3, 0, None));
+        fs::remove_file(dir.join("pairs.txt")).unwrap();
+        assert_eq!(Sequence::open(&dir).unwrap().pairs.len(), 2);
+        let singular = "0 1 1 0 0 0 1 0 0 0 1\n0 2 1 2 3 1 2 3 0 0 1\n";
+        fs::write(dir.join("homographies.txt"), singular).unwrap();
+        let error = Sequence::open(&dir).unwrap_err().to_string();
+        assert!(error.contains("homographies.txt:2: the homography"), "{error}");
+    }
+
+    #[test]
     fn a_camera_file_may_carry_distortion() {
         let parse = |text: &str| parse_camera(&TextFile::new(Path::new("K.txt"), text));
         let k = "5 0 2\n0 5 2\n0 0 1\n";
@@ -423,8 +513,8 @@ mod tests {
             let mut problems = Vec::new();
             let _ = parse_camera(&file);
             parse_poses(&file, 2, &mut problems);
-            parse_pairs(&file, Some(2), &mut problems);
-            parse_pairs(&file, None, &mut problems);
+            parse_listed(&file, Some(2), parse_pose, &mut problems);
+            parse_listed(&file, None, parse_homography, &mut problems);
         }
     }
 }

@@ -7,11 +7,15 @@
 //! | `window:9` | every frame with the next 9 | |
 //! | `window:9,stride:15` | the same among every 15th frame | 06-08 |
 //! | `list:FILE` | as listed: `a b` per line, further columns are ignored | |
+//! | `covisible:0.1..0.7` | frames whose share of common points is in that range | |
+//!
+//! Common points are known where the source has them (COLMAP models): of the points that a frame sees,
+//! those that the other sees too; the lesser of both shares counts.
 //!
 //! A stride leaves frames out of the dataset: those kept are numbered anew from 0, as in the
 //! authors' sequences 06-08. The order is that of the authors' files: by `a`, then by `b`.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -22,7 +26,7 @@ use super::text::TextFile;
 use super::{DatasetError, Frame, Pair};
 
 /// A rule that chooses pairs of frames.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum PairRule {
     /// Consecutive fragments of `length` frames, the first of each matched to the others.
     Fragments {
@@ -43,13 +47,20 @@ pub enum PairRule {
         /// Text file with `a b` in each line.
         file: PathBuf,
     },
+    /// Every frame with every later one, where they share enough and not too many points.
+    Covisible {
+        /// Least share of common points, above 0.
+        lowest: f64,
+        /// Largest share, up to 1.
+        highest: f64,
+    },
 }
 
 /// A pair rule that cannot be understood.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "unknown pair rule `{0}`: use fragments:N (N at least 2), all, window:N, window:N,stride:S \
-     or list:FILE"
+    "unknown pair rule `{0}`: use fragments:N (N at least 2), all, window:N, window:N,stride:S, \
+     list:FILE or covisible:LOWEST..HIGHEST (shares, 0 < LOWEST <= HIGHEST <= 1)"
 )]
 pub struct PairRuleError(String);
 
@@ -83,6 +94,15 @@ impl FromStr for PairRule {
                 })
             }
             ("list", file) if !file.is_empty() => Ok(Self::List { file: file.into() }),
+            ("covisible", range) => {
+                let (lowest, highest) = range.split_once("..").ok_or_else(unknown)?;
+                let share = |text: &str| text.trim().parse::<f64>().map_err(|_| unknown());
+                let (lowest, highest) = (share(lowest)?, share(highest)?);
+                if !(lowest > 0.0 && lowest <= highest && highest <= 1.0) {
+                    return Err(unknown());
+                }
+                Ok(Self::Covisible { lowest, highest })
+            }
             _ => Err(unknown()),
         }
     }
@@ -96,6 +116,7 @@ impl fmt::Display for PairRule {
             Self::Window { size, stride: 1 } => write!(f, "window:{size}"),
             Self::Window { size, stride } => write!(f, "window:{size},stride:{stride}"),
             Self::List { file } => write!(f, "list:{}", file.display()),
+            Self::Covisible { lowest, highest } => write!(f, "covisible:{lowest}..{highest}"),
         }
     }
 }
@@ -113,7 +134,7 @@ impl PairRule {
     ///
     /// # Errors
     /// If the list cannot be read or names a frame that does not exist, a frame with itself or a
-    /// pair twice.
+    /// pair twice; and if the rule asks for common points, which numbers alone do not tell.
     pub fn pairs(&self, kept: usize) -> Result<Vec<(u32, u32)>, DatasetError> {
         let with_next = |size: usize| {
             move |a: usize| {
@@ -128,6 +149,13 @@ impl PairRule {
             Self::All => (0..kept).flat_map(with_next(kept)).collect(),
             Self::Window { size, .. } => (0..kept).flat_map(with_next(*size)).collect(),
             Self::List { file } => return listed(&TextFile::read(file)?, Some(kept)),
+            Self::Covisible { .. } => {
+                return Err(DatasetError::new(
+                    self.to_string(),
+                    "the source does not tell which points its frames have in common",
+                    "choose another rule, or import a COLMAP model with its points",
+                ));
+            }
         };
         Ok(pairs
             .into_iter()
@@ -170,6 +198,16 @@ impl PairRule {
         frames: Vec<Frame>,
     ) -> Result<(Vec<Frame>, Vec<Pair>), DatasetError> {
         let frames: Vec<Frame> = frames.into_iter().step_by(self.stride()).collect();
+        let pairs = with_poses(&frames, self.pairs(frames.len())?)?;
+        Ok((frames, pairs))
+    }
+}
+
+/// Pairs of frames with their relative poses.
+pub(super) fn with_poses(
+    frames: &[Frame],
+    pairs: Vec<(u32, u32)>,
+) -> Result<Vec<Pair>, DatasetError> {
         let pose = |index: u32| {
             let frame = &frames[index as usize];
             frame.world_from_camera.as_ref().ok_or_else(|| {
@@ -180,19 +218,36 @@ impl PairRule {
                 )
             })
         };
-        let pairs = self
-            .pairs(frames.len())?
-            .into_iter()
-            .map(|(a, b)| {
-                Ok(Pair {
-                    a,
-                    b,
-                    b_from_a: relative_pose(pose(a)?, pose(b)?),
-                })
-            })
-            .collect::<Result<_, DatasetError>>()?;
-        Ok((frames, pairs))
+    pairs
+        .into_iter()
+        .map(|(a, b)| Ok(Pair::with_pose(a, b, relative_pose(pose(a)?, pose(b)?))))
+        .collect()
+}
+
+/// The pairs of frames that see enough and not too many of the same points. `seen` has the points
+/// of each frame, each once.
+pub(super) fn covisible(seen: &[Vec<u64>], lowest: f64, highest: f64) -> Vec<(u32, u32)> {
+    let mut seen_by: HashMap<u64, Vec<usize>> = HashMap::new();
+    let mut pairs = Vec::new();
+    // From the last frame on, so that a point's list holds the later frames only.
+    for (a, points) in seen.iter().enumerate().rev() {
+        let mut common = vec![0_usize; seen.len()];
+        for point in points {
+            let frames = seen_by.entry(*point).or_default();
+            for &b in &*frames {
+                common[b] += 1;
+            }
+            frames.push(a);
+        }
+        for (b, &count) in common.iter().enumerate().rev().filter(|(_, count)| **count > 0) {
+            let share = count as f64 / points.len().max(seen[b].len()) as f64;
+            if (lowest..=highest).contains(&share) {
+                pairs.push((a as u32, b as u32));
+            }
+        }
     }
+    pairs.reverse();
+    pairs
 }
 
 /// `b_from_a` of two cameras whose poses in the world are known.
@@ -311,6 +366,7 @@ mod tests {
             "window:9",
             "window:9,stride:15",
             "list:my pairs.txt",
+            "covisible:0.1..0.7",
         ] {
             assert_eq!(text.parse::<PairRule>().unwrap().to_string(), text);
         }
@@ -325,10 +381,23 @@ mod tests {
             "window:9,step:2",
             "list:",
             "all:3",
+            "covisible:0.1",
+            "covisible:0..1",
+            "covisible:0.5..0.4",
+            "covisible:nan..1",
         ] {
             let error = text.parse::<PairRule>().unwrap_err().to_string();
             assert!(error.contains(&format!("`{text}`")), "{error}");
         }
+    }
+
+    #[test]
+    fn covisible_frames_share_the_right_part_of_their_points() {
+        let seen = [vec![1, 2, 3, 4], vec![9, 3, 4, 5], vec![9], vec![], vec![1, 2, 3]];
+        assert_eq!(covisible(&seen, 0.2, 1.0), [(0, 1), (0, 4), (1, 2), (1, 4)]);
+        assert_eq!(covisible(&seen, 0.3, 0.7), [(0, 1)]);
+        assert_eq!(covisible(&seen, 0.75, 0.75), [(0, 4)]);
+        assert_eq!(covisible(&[], 0.1, 1.0), []);
     }
 
     #[test]

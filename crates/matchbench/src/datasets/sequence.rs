@@ -1,9 +1,12 @@
-//! A sequence: frames, and pairs of frames with their true relative pose.
+//! A sequence: frames, and pairs of frames with what is true of them.
 
 use std::path::PathBuf;
 
 use matchbench_vision::geometry::Camera;
-use nalgebra::Isometry3;
+use matchbench_vision::image::GrayImage;
+use nalgebra::{Isometry3, Matrix3};
+
+use super::{DatasetError, Turn, read_gray};
 
 /// One dataset: frames and the pairs that a matcher is judged on.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,9 +24,11 @@ pub struct Sequence {
 pub struct Frame {
     /// The image file.
     pub image: PathBuf,
-    /// Its camera.
+    /// How its stored pixels are turned before anything looks at them.
+    pub turn: Turn,
+    /// The camera of the turned image.
     pub camera: Camera,
-    /// Pose of the camera (camera-to-world), where the dataset gives it.
+    /// Pose of the (turned) camera, camera-to-world, where the dataset gives it.
     pub world_from_camera: Option<Isometry3<f64>>,
 }
 
@@ -34,6 +39,77 @@ pub struct Pair {
     pub a: u32,
     /// Index of the second frame.
     pub b: u32,
-    /// True pose: takes a point from camera `a` to camera `b`, in the dataset's unit of length.
-    pub b_from_a: Isometry3<f64>,
+    /// What is known about them.
+    pub truth: Truth,
+}
+
+/// What a dataset knows about a pair. Estimates of the same kind are judged by it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Truth {
+    /// `b_from_a`: takes a point from camera `a` to camera `b`, in the dataset's unit of length.
+    Pose(Isometry3<f64>),
+    /// Takes the pixels of `a`, as `(x, y, 1)`, to those of `b`, up to scale: what is seen is
+    /// plane, or the camera only turned.
+    Homography(Matrix3<f64>),
+    /// Both.
+    Both {
+        /// As in [`Truth::Pose`].
+        b_from_a: Isometry3<f64>,
+        /// As in [`Truth::Homography`].
+        homography: Matrix3<f64>,
+    },
+}
+
+impl Frame {
+    /// An image as it is stored, whose camera and pose (camera-to-world) are known.
+    pub fn with_pose(
+        image: impl Into<PathBuf>,
+        camera: Camera,
+        world_from_camera: Isometry3<f64>,
+    ) -> Self {
+        Self {
+            image: image.into(),
+            turn: Turn::None,
+            camera,
+            world_from_camera: Some(world_from_camera),
+        }
+    }
+
+    /// The pixels of its image, turned.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is no complete image.
+    pub fn pixels(&self) -> Result<GrayImage, DatasetError> {
+        Ok(self.turn.pixels(read_gray(&self.image)?))
+    }
+}
+
+impl Pair {
+    /// A pair whose relative pose is known.
+    pub fn with_pose(a: u32, b: u32, b_from_a: Isometry3<f64>) -> Self {
+        let truth = Truth::Pose(b_from_a);
+        Self { a, b, truth }
+    }
+
+    /// A pair of images whose pixels correspond by a homography.
+    pub fn with_homography(a: u32, b: u32, b_from_a: Matrix3<f64>) -> Self {
+        let truth = Truth::Homography(b_from_a);
+        Self { a, b, truth }
+    }
+
+    /// The true pose `b_from_a`, where it is known.
+    pub fn pose(&self) -> Option<&Isometry3<f64>> {
+        match &self.truth {
+            Truth::Pose(b_from_a) | Truth::Both { b_from_a, .. } => Some(b_from_a),
+            Truth::Homography(_) => None,
+        }
+    }
+
+    /// The true homography from `a` to `b`, where it is known.
+    pub fn homography(&self) -> Option<&Matrix3<f64>> {
+        match &self.truth {
+            Truth::Homography(homography) | Truth::Both { homography, .. } => Some(homography),
+            Truth::Pose(_) => None,
+        }
+    }
 }

@@ -7,7 +7,7 @@ use matchbench_vision::image::{GrayImage, Size};
 use nalgebra::{Isometry3, Vector3};
 use tempfile::TempDir;
 
-use super::{About, Frame, ImageStorage, PairRule, Sequence, write_native};
+use super::{About, Frame, ImageStorage, PairRule, Sequence, Turn, write_native};
 
 pub(super) const CAMERA: Camera = Camera::pinhole(20.5, 21.0, 11.5, 8.25);
 
@@ -24,6 +24,7 @@ pub(super) fn frames(count: usize) -> Vec<Frame> {
     (0..count)
         .map(|index| Frame {
             image: PathBuf::new(),
+            turn: Turn::None,
             camera: CAMERA,
             world_from_camera: Some(pose(index)),
         })

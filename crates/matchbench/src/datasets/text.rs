@@ -96,13 +96,56 @@ pub(super) fn exactly<const N: usize>(row: &str) -> Result<[f64; N], String> {
         .expect("the number of columns was checked"))
 }
 
+/// Largest coordinate of a translation, in any unit: beyond it squares are no finite numbers.
+const MAX_COORDINATE: f64 = 1e150;
+
+fn translation(xyz: [f64; 3]) -> Result<Translation3<f64>, String> {
+    match xyz.iter().find(|x| !x.is_finite() || x.abs() > MAX_COORDINATE) {
+        Some(x) => Err(format!(
+            "the translation has the coordinate {x:e}, beyond {MAX_COORDINATE:e}"
+        )),
+        None => Ok(Translation3::from(Vector3::from(xyz))),
+    }
+}
+
 /// A row-major 3x4 matrix [R t] as a rigid motion.
 pub(super) fn rigid_motion(m: &[f64; 12]) -> Result<Isometry3<f64>, String> {
     let rotation = Matrix3::new(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]);
     Ok(Isometry3::from_parts(
-        Translation3::new(m[3], m[7], m[11]),
+        translation([m[3], m[7], m[11]])?,
         nearest_rotation(&rotation)?,
     ))
+}
+
+/// A row-major 4x4 matrix [R t; 0 0 0 1] as a rigid motion.
+pub(super) fn rigid_motion_4x4(m: &[f64; 16]) -> Result<Isometry3<f64>, String> {
+    let (motion, last) = m.split_at(12);
+    if last != [0.0, 0.0, 0.0, 1.0] {
+        return Err(format!("the last row of the pose is {last:?}, not 0 0 0 1"));
+    }
+    rigid_motion(motion.try_into().expect("12 of 16 numbers"))
+}
+
+/// Nine numbers, row by row, as a homography; its scale is free.
+pub(super) fn homography(numbers: &[f64]) -> Result<Matrix3<f64>, String> {
+    let found = numbers.len();
+    let matrix = match numbers.len() {
+        9 => Matrix3::from_row_slice(numbers),
+        _ => return Err(format!("{found} numbers where the 9 of a homography are expected")),
+    };
+    let largest = matrix.amax();
+    if !largest.is_finite() || largest == 0.0 {
+        return Err("the homography is zero or not finite".to_owned());
+    }
+    // Pixels are thousands, so that a sound homography may have a small determinant, but not one
+    // that is lost in the rounding of its entries.
+    let determinant = (matrix / largest).determinant();
+    if determinant.is_nan() || determinant.abs() < 1e-16 {
+        return Err(format!(
+            "the homography is singular: its determinant is {determinant:.1e} of its largest entry's cube"
+        ));
+    }
+    Ok(matrix)
 }
 
 /// The row-major 3x4 matrix [R t] of a rigid motion.
@@ -140,7 +183,7 @@ pub(super) fn nearest_rotation(printed: &Matrix3<f64>) -> Result<UnitQuaternion<
 
 /// A printed quaternion (x, y, z, w) and translation as a rigid motion.
 pub(super) fn quaternion_motion(
-    translation: [f64; 3],
+    xyz: [f64; 3],
     [x, y, z, w]: [f64; 4],
 ) -> Result<Isometry3<f64>, String> {
     let quaternion = nalgebra::Quaternion::new(w, x, y, z);
@@ -151,7 +194,7 @@ pub(super) fn quaternion_motion(
         ));
     }
     Ok(Isometry3::from_parts(
-        Translation3::from(Vector3::from(translation)),
+        translation(xyz)?,
         UnitQuaternion::from_quaternion(quaternion),
     ))
 }
@@ -204,6 +247,26 @@ mod tests {
         ] {
             assert!(nearest_rotation(&wrong).unwrap_err().contains(word));
         }
+    }
+
+    #[test]
+    fn translations_whose_length_overflows_are_refused() {
+        let pose = |x: f64| rigid_motion(&[1., 0., 0., x, 0., 1., 0., 0., 0., 0., 1., 0.]);
+        assert!(pose(1e150).is_ok());
+        for x in [1e151, -1e308, f64::NAN, f64::INFINITY] {
+            assert!(pose(x).unwrap_err().contains("coordinate"));
+        }
+        assert!(quaternion_motion([0.0, 1e308, 0.0], [0.0, 0.0, 0.0, 1.0]).is_err());
+    }
+
+    #[test]
+    fn singular_homographies_are_refused() {
+        let large = [8.5e-1, 2.1e-1, 9.9e3, -2.1e-1, 8.5e-1, 1.3e4, 2e-6, 1e-6, 1.0];
+        assert!(homography(&large).is_ok());
+        assert!(homography(&[0.0; 9]).is_err());
+        assert!(homography(&[1.0; 9]).is_err());
+        assert!(homography(&[1.0; 8]).is_err());
+        assert!(homography(&[f64::NAN; 9]).is_err());
     }
 
     #[test]

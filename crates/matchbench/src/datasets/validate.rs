@@ -9,13 +9,13 @@ use std::path::Path;
 
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::decode::{decode_gray, exif_orientation};
 use super::images::IMAGES;
-use super::native::{CAMERA, Contents, PAIRS, POSES};
-use super::{DatasetError, Pair, Problem, manifest, relative_pose};
+use super::native::{CAMERA, Contents, HOMOGRAPHIES, Listed, PAIRS, POSES};
+use super::{DatasetError, Problem, manifest, relative_pose};
 
 /// Largest angle between a pair's rotation and that of the poses, in radians (0.1 degrees; both
 /// are printed with about six digits).
@@ -45,6 +45,7 @@ pub fn validate(dir: &Path) -> Vec<Problem> {
     let sizes = check_images(&contents, &mut problems);
     check_cameras(dir, &contents, &sizes, &mut problems);
     check_pairs(dir, &contents, &mut problems);
+    check_homographies(dir, &contents, &sizes, &mut problems);
     problems
 }
 
@@ -60,12 +61,14 @@ fn check_name(dir: &Path, contents: &Contents, problems: &mut Vec<Problem>) {
     }
 }
 
-/// Decodes every image; its size where that succeeds.
+/// Decodes every image; its size, turned as its frame says, where that succeeds.
 fn check_images(contents: &Contents, problems: &mut Vec<Problem>) -> Vec<Option<Size>> {
     let checked: Vec<_> = contents
         .images
         .par_iter()
-        .map(|image| {
+        .enumerate()
+        .map(|(index, image)| {
+            let turn = contents.manifest.turn(index);
             if !image.is_file() {
                 return (None, None); // reported when the text files were read
             }
@@ -78,14 +81,14 @@ fn check_images(contents: &Contents, problems: &mut Vec<Problem>) -> Vec<Option<
                 Err(error) => return (None, Some(error.in_file(image).into())),
             };
             let orientation = exif_orientation(&bytes);
-            let turned = (orientation != 1).then(|| {
+            let turned = (orientation != 1 && turn.is_none()).then(|| {
                 Problem::warning(DatasetError::new(
                     image,
                     format!("EXIF orientation {orientation} is not applied: pixels as stored"),
                     "make sure that camera and pose are those of the stored pixels",
                 ))
             });
-            (Some(size), turned)
+            (Some(turn.size(size)), turned)
         })
         .collect();
     checked
@@ -177,15 +180,16 @@ fn check_camera(
 fn check_pairs(dir: &Path, contents: &Contents, problems: &mut Vec<Problem>) {
     let file = dir.join(PAIRS);
     let poses = &contents.poses;
-    if poses.is_empty() {
+    if poses.is_empty() && !contents.posed.is_empty() {
         problems.push(Problem::warning(DatasetError::new(
             dir.join(IMAGES).join(POSES),
             "there are no poses, so pairs.txt cannot be checked against them",
             "add them if you have them",
         )));
     }
-    for &(line, pair) in &contents.pairs {
-        if pair.b_from_a.translation.vector.norm() == 0.0 {
+    for pair in &contents.posed {
+        let line = pair.line;
+        if pair.truth.translation.vector.norm() == 0.0 {
             problems.push(Problem::warning(
                 DatasetError::new(
                     &file,
@@ -199,7 +203,7 @@ fn check_pairs(dir: &Path, contents: &Contents, problems: &mut Vec<Problem>) {
         let (Some(a), Some(b)) = (pose(pair.a), pose(pair.b)) else {
             continue;
         };
-        if let Some(what) = contradiction(&pair, a, b) {
+        if let Some(what) = contradiction(pair, a, b) {
             let remedy = format!(
                 "both say world_from_camera and x_b = R x_a + t? Correct this line or {}",
                 dir.join(IMAGES).join(POSES).display()
@@ -209,10 +213,10 @@ fn check_pairs(dir: &Path, contents: &Contents, problems: &mut Vec<Problem>) {
     }
 }
 
-fn contradiction(pair: &Pair, a: &Isometry3<f64>, b: &Isometry3<f64>) -> Option<String> {
+fn contradiction(pair: &Listed<Isometry3<f64>>, a: &Isometry3<f64>, b: &Isometry3<f64>) -> Option<String> {
     let expected = relative_pose(a, b);
-    let angle = pair.b_from_a.rotation.angle_to(&expected.rotation);
-    let shift = (pair.b_from_a.translation.vector - expected.translation.vector).norm();
+    let angle = pair.truth.rotation.angle_to(&expected.rotation);
+    let shift = (pair.truth.translation.vector - expected.translation.vector).norm();
     let baseline = expected.translation.vector.norm();
     let from_origin = a.translation.vector.norm() + b.translation.vector.norm();
     let allowed = PAIR_TRANSLATION_TOLERANCE * baseline + PRINTED_DIGITS * from_origin;
@@ -224,6 +228,47 @@ fn contradiction(pair: &Pair, a: &Isometry3<f64>, b: &Isometry3<f64>) -> Option<
             pair.b,
             angle.to_degrees()
         )
+    })
+}
+
+/// Rows and columns of pixels that are tried on a homography.
+const TRIED: u32 = 16;
+
+fn check_homographies(
+    dir: &Path,
+    contents: &Contents,
+    sizes: &[Option<Size>],
+    problems: &mut Vec<Problem>,
+) {
+    let size = |frame: u32| sizes.get(frame as usize).copied().flatten();
+    for pair in &contents.mapped {
+        let (Some(a), Some(b)) = (size(pair.a), size(pair.b)) else {
+            continue;
+        };
+        if !meets(&pair.truth, a, b) {
+            let what = format!(
+                "the homography takes no pixel of frame {} ({a}) into frame {} ({b})",
+                pair.a, pair.b
+            );
+            let error = DatasetError::new(
+                dir.join(HOMOGRAPHIES),
+                what,
+                "it is to take pixels of the first to the second; correct this line or take it out",
+            );
+            problems.push(error.at(pair.line).into());
+        }
+    }
+}
+
+/// Whether some pixel of `a` falls into `b`, of a grid of them.
+fn meets(b_from_a: &Matrix3<f64>, a: Size, b: Size) -> bool {
+    let last = f64::from(TRIED - 1);
+    let place = |step: u32, side: usize| f64::from(step) / last * (side as f64 - 1.0);
+    (0..TRIED * TRIED).any(|step| {
+        let (x, y) = (place(step % TRIED, a.width), place(step / TRIED, a.height));
+        let seen = b_from_a * Vector3::new(x, y, 1.0);
+        let (x, y) = (seen.x / seen.z, seen.y / seen.z);
+        (-0.5..b.width as f64 - 0.5).contains(&x) && (-0.5..b.height as f64 - 0.5).contains(&y)
     })
 }
 
@@ -279,6 +324,17 @@ mod tests {
         assert_found(&found, "pairs.txt", Some(7), "stands in line 1 already");
         let found = spoiled("pairs.txt", |_| String::new());
         assert_found(&found, "pairs.txt", None, "no pairs");
+    }
+
+    #[test]
+    fn a_homography_that_leads_nowhere_is_named() {
+        let (_folder, dir) = testing::dataset();
+        let rows = "0 1 1 0 5 0 1 -3 0 0 1\n0 2 1 0 999 0 1 0 0 0 1\n";
+        fs::write(dir.join("homographies.txt"), rows).unwrap();
+        assert_found(&validate(&dir), HOMOGRAPHIES, Some(2), "takes no pixel of frame 0");
+        fs::remove_file(dir.join("pairs.txt")).unwrap();
+        fs::write(dir.join("homographies.txt"), "0 1 1 0 5 0 1 -3 0 0 1\n").unwrap();
+        assert_eq!(validate(&dir), []);
     }
 
     #[test]

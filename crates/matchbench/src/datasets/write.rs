@@ -6,6 +6,7 @@
 
 use std::fmt::Write as _;
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use image::ExtendedColorType;
@@ -15,9 +16,9 @@ use rayon::prelude::*;
 
 use super::images::IMAGES;
 use super::manifest::{self, Manifest, ManifestFrame};
-use super::native::{CAMERA, PAIRS, POSES};
+use super::native::{CAMERA, HOMOGRAPHIES, PAIRS, POSES};
 use super::text::matrix_rows;
-use super::{DatasetError, Sequence};
+use super::{DatasetError, Frame, Sequence};
 
 const INFALLIBLE: &str = "writing to a string cannot fail";
 
@@ -33,7 +34,7 @@ pub struct About {
 /// Where the images of a new dataset are.
 #[derive(Clone, Copy, Default)]
 pub enum ImageStorage<'a> {
-    /// Where they were: `dataset.toml` names them.
+    /// Where they were: `dataset.toml` names them. They may also come later.
     #[default]
     Reference,
     /// `Images/%04d.*` are links to them (hard links where the system has no others).
@@ -123,12 +124,23 @@ fn write_files(
     if let Some(poses) = poses {
         write_file(&folder.join(POSES), &poses)?;
     }
-    let mut pairs = String::new();
+    let (mut posed, mut mapped) = (String::new(), String::new());
     for pair in &sequence.pairs {
-        let motion = row(&matrix_rows(&pair.b_from_a));
-        write!(pairs, "{} {} {motion}", pair.a, pair.b).expect(INFALLIBLE);
+        if let Some(b_from_a) = pair.pose() {
+            let motion = row(&matrix_rows(b_from_a));
+            write!(posed, "{} {} {motion}", pair.a, pair.b).expect(INFALLIBLE);
+        }
+        if let Some(homography) = pair.homography() {
+            let rows = row(homography.transpose().as_slice());
+            write!(mapped, "{} {} {rows}", pair.a, pair.b).expect(INFALLIBLE);
+        }
     }
-    write_file(&dir.join(PAIRS), &pairs)?;
+    if !posed.is_empty() || mapped.is_empty() {
+        write_file(&dir.join(PAIRS), &posed)?;
+    }
+    if !mapped.is_empty() {
+        write_file(&dir.join(HOMOGRAPHIES), &mapped)?;
+    }
     let manifest = toml::to_string(&manifest).expect("a manifest is plain TOML");
     write_file(&dir.join(manifest::FILE), &manifest)
 }
@@ -137,14 +149,15 @@ fn write_files(
 fn describe(sequence: &Sequence, about: &About) -> Manifest {
     let first = sequence.frames.first().map(|frame| frame.camera);
     let shared = sequence.frames.iter().all(|f| Some(f.camera) == first);
-    let frames = if shared {
+    let frames = if shared && sequence.frames.iter().all(|f| f.turn.is_none()) {
         Vec::new()
     } else {
-        let own = |camera| ManifestFrame {
+        let own = |frame: &Frame| ManifestFrame {
             image: None,
-            camera: Some(camera),
+            camera: (!shared).then_some(frame.camera),
+            turn: frame.turn,
         };
-        sequence.frames.iter().map(|f| own(f.camera)).collect()
+        sequence.frames.iter().map(own).collect()
     };
     Manifest {
         origin: Some(about.origin.clone()),
@@ -173,8 +186,13 @@ fn refer_to_images(manifest: &mut Manifest, sequence: &Sequence) -> Result<(), D
     Ok(())
 }
 
-fn real_path(image: &Path) -> Result<PathBuf, DatasetError> {
-    let path = fs::canonicalize(image).map_err(|error| DatasetError::io(image, &error))?;
+/// The path without links; of an image that is not there yet, the path as it is.
+pub(super) fn real_path(image: &Path) -> Result<PathBuf, DatasetError> {
+    let path = match fs::canonicalize(image) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => std::path::absolute(image),
+        found => found,
+    }
+    .map_err(|error| DatasetError::io(image, &error))?;
     if path.to_str().is_none() {
         return Err(DatasetError::new(
             image,
@@ -186,7 +204,7 @@ fn real_path(image: &Path) -> Result<PathBuf, DatasetError> {
 }
 
 /// The deepest folder that all of `files` are in.
-fn common_folder(files: &[PathBuf]) -> PathBuf {
+pub(super) fn common_folder(files: &[PathBuf]) -> PathBuf {
     let mut folder = files
         .first()
         .and_then(|f| f.parent())
@@ -258,7 +276,7 @@ fn write_file(path: &Path, text: &str) -> Result<(), DatasetError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{read_gray, testing, validate};
+    use super::super::{Pair, Turn, read_gray, testing, validate};
     use super::*;
 
     #[test]
@@ -280,8 +298,9 @@ mod tests {
         }
         for (f, e) in found.pairs.iter().zip(&expected.pairs) {
             assert_eq!((f.a, f.b), (e.a, e.b));
-            assert_eq!(f.b_from_a.translation, e.b_from_a.translation);
-            let turn = f.b_from_a.to_homogeneous() - e.b_from_a.to_homogeneous();
+            let (f, e) = (f.pose().unwrap(), e.pose().unwrap());
+            assert_eq!(f.translation, e.translation);
+            let turn = f.to_homogeneous() - e.to_homogeneous();
             assert!(turn.amax() < 1e-15);
         }
     }
@@ -354,6 +373,33 @@ mod tests {
                 assert_eq!(validate(&out), []);
             }
         }
+    }
+
+    #[test]
+    fn turns_homographies_and_images_that_are_to_come_survive() {
+        let (folder, source) = testing::dataset();
+        let mut sequence = Sequence::open(&source).unwrap();
+        let shift = nalgebra::Matrix3::new(1.0, 0.0, 1.0 / 3.0, 0.0, 1.0, -2.0, 1e-7, 0.0, 1.0);
+        sequence.frames[1].turn = Turn::Half;
+        sequence.pairs[0] = Pair::with_homography(0, 1, shift);
+        sequence.pairs.truncate(1);
+        for (name, storage) in [("a", ImageStorage::Reference), ("b", ImageStorage::Copy)] {
+            let out = folder.path().join(name);
+            write_native(&out, &sequence, &About::default(), storage).unwrap();
+            assert_eq!(validate(&out), []);
+            let found = Sequence::open(&out).unwrap();
+            assert_eq!(found.pairs, sequence.pairs);
+            let turns: Vec<_> = found.frames.iter().map(|f| u8::from(f.turn)).collect();
+            assert_eq!(turns, [0, 2, 0, 0]);
+            let stored = read_gray(&found.frames[1].image).unwrap();
+            assert_eq!(found.frames[1].pixels().unwrap(), Turn::Half.pixels(stored));
+        }
+        sequence.frames[2].image = source.join("later.png");
+        let out = folder.path().join("later");
+        write_native(&out, &sequence, &About::default(), ImageStorage::Reference).unwrap();
+        let problems = validate(&out);
+        assert_eq!(problems.len(), 1, "{problems:?}");
+        assert!(problems[0].error.file.ends_with("later.png"));
     }
 
     #[test]

@@ -49,13 +49,13 @@ impl PairGeometry {
         }
     }
 
-    /// The geometry of every pair of a sequence.
+    /// The geometry of every pair of a sequence whose pose is known.
     pub fn of_sequence(sequence: &Sequence) -> DatasetGeometry {
         (sequence.pairs.iter())
-            .map(|pair| {
+            .filter_map(|pair| {
                 let camera = |frame: u32| &sequence.frames[frame as usize].camera;
-                let geometry = Self::new(camera(pair.a), camera(pair.b), &pair.b_from_a);
-                ((pair.a, pair.b), geometry)
+                let geometry = Self::new(camera(pair.a), camera(pair.b), pair.pose()?);
+                Some(((pair.a, pair.b), geometry))
             })
             .collect()
     }

@@ -124,12 +124,16 @@ fn score_rows(file: &Path, listed: &[Pair]) -> Result<ResultSet, ResultsError> {
 }
 
 fn score_row(row: &Row, truth: &Pair) -> PairResult {
-    let (outcome, correspondences) = scored(&row.outcome(&truth.b_from_a));
+    let failed = PairResult::failed(row.a, row.b, Failure::Unexplained);
+    let Some(b_from_a) = truth.pose() else {
+        return failed; // a pose cannot be judged by anything else
+    };
+    let (outcome, correspondences) = scored(&row.outcome(b_from_a));
     PairResult {
         // The layout does not tell why there is no pose.
         outcome: outcome.map_err(|_| Failure::Unexplained),
         correspondences,
-        ..PairResult::failed(row.a, row.b, Failure::Unexplained)
+        ..failed
     }
 }
 

@@ -9,7 +9,7 @@ use super::pair_view::{
     PairPoses, PairView, Points, Tally, Thumbnail, epipolar_lines, evenly, match_views,
 };
 use crate::cache::FeatureCache;
-use crate::datasets::{Pair, Sequence, read_gray};
+use crate::datasets::{Pair, Sequence};
 use crate::metrics::{Angle, ResultSet};
 use crate::records::{Outcome, Plan, RunFolder, SelectedMatches, StoreError};
 
@@ -56,7 +56,9 @@ pub(super) fn sample(
                     continue;
                 };
                 let images = [Arc::clone(a), Arc::clone(b)];
-                let mut view = view(sequence, pair, &selected, outcome, images);
+                let Some(mut view) = view(sequence, pair, &selected, outcome, images) else {
+                    continue;
+                };
                 view.matches = evenly(&view.matches, MOST_MATCHES);
                 view.matcher.clone_from(&set.matcher);
                 view.estimator.clone_from(&set.estimator);
@@ -76,7 +78,7 @@ fn thumbnails(sequence: &Sequence, pairs: &[&Pair]) -> BTreeMap<u32, Arc<Thumbna
     let frames: BTreeSet<u32> = pairs.iter().flat_map(|pair| [pair.a, pair.b]).collect();
     (frames.into_par_iter())
         .filter_map(|frame| {
-            let image = read_gray(&sequence.frames[frame as usize].image).ok()?;
+            let image = sequence.frames[frame as usize].pixels().ok()?;
             let thumbnail = Thumbnail::new(&image, EMBEDDED.0, EMBEDDED.1);
             Some((frame, Arc::new(thumbnail)))
         })
@@ -105,8 +107,8 @@ impl<'a> Keypoints<'a> {
     fn of(&mut self, matcher: &str, sequence: &Sequence, frame: u32) -> Points {
         let find = || {
             let extraction = self.plan.matcher(matcher)?.extraction.as_ref()?;
-            let image = &sequence.frames[frame as usize].image;
-            let features = self.cache.find(image, extraction)?;
+            let frame = &sequence.frames[frame as usize];
+            let features = self.cache.find(&frame.image, frame.turn.into(), extraction)?;
             let keypoints = evenly(&features.keypoints, MOST_KEYPOINTS);
             Some(
                 keypoints
@@ -123,19 +125,19 @@ impl<'a> Keypoints<'a> {
 }
 
 /// A pair with its matches; the names of matcher and estimator are left empty, and so are the
-/// keypoints.
+/// keypoints. `None` if its pose is not known.
 pub fn view(
     sequence: &Sequence,
     pair: &Pair,
     selected: &SelectedMatches,
     outcome: &Outcome,
     images: [Arc<Thumbnail>; 2],
-) -> PairView {
+) -> Option<PairView> {
     let camera = |frame: u32| &sequence.frames[frame as usize].camera;
-    let poses = PairPoses::new(camera(pair.a), camera(pair.b), &pair.b_from_a, outcome);
+    let poses = PairPoses::new(camera(pair.a), camera(pair.b), pair.pose()?, outcome);
     let matches = match_views(&poses, &selected.points.a, &selected.points.b);
     let lines = epipolar_lines(&poses, &matches, images[1].original);
-    PairView {
+    Some(PairView {
         dataset: sequence.name.clone(),
         matcher: String::new(),
         estimator: String::new(),
@@ -145,7 +147,7 @@ pub fn view(
         matches,
         lines,
         keypoints: [Vec::new(), Vec::new()],
-    }
+    })
 }
 
 /// `count` pairs, evenly taken from the order of how many matchers are right on them, the first few
@@ -190,7 +192,7 @@ mod tests {
         Sequence {
             name: "street".into(),
             frames: vec![frame; 9],
-            pairs: (1..9).map(|b| Pair { a: 0, b, b_from_a }).collect(),
+            pairs: (1..9).map(|b| Pair::with_pose(0, b, b_from_a)).collect(),
         }
     }
 

@@ -43,10 +43,10 @@ impl FrameStage<'_> {
         let features = match read(&frame.image) {
             Err(reason) => Err(reason),
             Ok(file) => {
-                let key = Key::new(&file, &self.matcher.extraction);
+                let key = Key::new(&file, frame.turn.into(), &self.matcher.extraction);
                 match self.cache.load(key) {
                     Some(features) => Ok(features),
-                    None => self.compute(&frame.image, &file, key, &mut seconds)?,
+                    None => self.compute(frame, &file, key, &mut seconds)?,
                 }
             }
         };
@@ -55,18 +55,18 @@ impl FrameStage<'_> {
 
     fn compute(
         &self,
-        path: &Path,
+        frame: &Frame,
         file: &[u8],
         key: Key,
         seconds: &mut Option<f64>,
     ) -> Result<Result<Features, String>, RunError> {
-        let image = match decode(self.decode, path, file) {
+        let image = match decode(self.decode, frame, file) {
             Ok(image) => image,
             Err(reason) => return Ok(Err(reason)),
         };
-        let what = format_args!("extraction from {}", path.display());
+        let what = format_args!("extraction from {}", frame.image.display());
         let shared = self.matcher.detection.as_ref();
-        let shared = shared.map(|detection| Key::new(file, detection));
+        let shared = shared.map(|detection| Key::new(file, frame.turn.into(), detection));
         let mut detections = KeptDetections::new(self.cache, shared);
         let features = timed(seconds, || {
             let matcher = &self.matcher.matcher;
@@ -81,15 +81,16 @@ impl FrameStage<'_> {
     }
 }
 
-/// The pixels of an image file.
-pub(super) fn load(decoder: Decode, path: &Path) -> Result<GrayImage, String> {
-    read(path).and_then(|file| decode(decoder, path, &file))
+/// The pixels of a frame.
+pub(super) fn load(decoder: Decode, frame: &Frame) -> Result<GrayImage, String> {
+    read(&frame.image).and_then(|file| decode(decoder, frame, &file))
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, String> {
     fs::read(path).map_err(|error| format!("cannot read {}: {error}", path.display()))
 }
 
-fn decode(decode: Decode, path: &Path, file: &[u8]) -> Result<GrayImage, String> {
-    guard(format_args!("decoding {}", path.display()), || decode(file))
+fn decode(decode: Decode, frame: &Frame, file: &[u8]) -> Result<GrayImage, String> {
+    let what = format_args!("decoding {}", frame.image.display());
+    guard(what, || Ok::<_, String>(frame.turn.pixels(decode(file)?)))
 }

@@ -158,7 +158,7 @@ impl PairStages<'_> {
     ) {
         let trial = Trial {
             cameras: [self.camera(pair.a), self.camera(pair.b)],
-            b_from_a: &pair.b_from_a,
+            b_from_a: pair.pose().expect("the plan refuses pairs without a pose"),
             seed: self.seed(pair, due[0].repetition),
             time_budget: self.time_budget,
         };
@@ -197,7 +197,7 @@ impl PairStages<'_> {
         let putative = search(&*matcher.matcher, a, b, counts, times)?;
         let image = |frame: u32| {
             let frame = &self.part.sequence.frames[frame as usize];
-            load(self.decode, &frame.image)
+            load(self.decode, frame)
         };
         Ok(Searched {
             a,

@@ -191,7 +191,7 @@ mod tests {
     fn pairs(pairs: &[(u32, u32)]) -> Vec<Pair> {
         let b_from_a = Isometry3::identity();
         (pairs.iter())
-            .map(|&(a, b)| Pair { a, b, b_from_a })
+            .map(|&(a, b)| Pair::with_pose(a, b, b_from_a))
             .collect()
     }
 

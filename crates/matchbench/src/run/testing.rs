@@ -17,7 +17,7 @@ use serde_json::json;
 
 use super::{Cancel, Contender, Dataset, Run, Silent};
 use crate::cache::FeatureCache;
-use crate::datasets::{Frame, Pair, Sequence};
+use crate::datasets::{Frame, Pair, Sequence, Turn};
 use crate::estimators::BuiltEstimator;
 use crate::matchers::{BuiltMatcher, Extraction};
 use crate::records::{RunFolder, RunRecord, Settings, StageTimes};
@@ -45,17 +45,17 @@ pub(super) fn dataset(folder: &Path, name: &str, frames: u32) -> Dataset {
         fs::write(&image, pixels).unwrap();
         Frame {
             image,
+            turn: Turn::None,
             camera: Camera::pinhole(8.0, 8.0, 3.5, 3.5),
             world_from_camera: None,
         }
     };
-    let pair = |a, b| Pair {
-        a,
-        b,
-        b_from_a: Isometry3::from_parts(
+    let pair = |a, b| {
+        let b_from_a = Isometry3::from_parts(
             Translation3::new(1.0, f64::from(b), 0.2),
             UnitQuaternion::from_euler_angles(0.0, 0.1 * f64::from(a), 0.0),
-        ),
+        );
+        Pair::with_pose(a, b, b_from_a)
     };
     Dataset {
         path: images.clone(),

@@ -281,9 +281,20 @@ fn another_plan_is_refused_with_the_field_that_differs() {
     );
     set_threshold(&mut bench.contenders[0], 64);
 
-    bench.datasets[1].sequence.pairs[2].b_from_a.translation.x += 1e-9;
+    let pair = bench.datasets[1].sequence.pairs[2];
+    let mut b_from_a = *pair.pose().unwrap();
+    b_from_a.translation.x += 1e-9;
+    bench.datasets[1].sequence.pairs[2] = Pair::with_pose(pair.a, pair.b, b_from_a);
     refused(&bench, "`datasets[1].fingerprint`");
-    bench.datasets[1].sequence.pairs[2].b_from_a.translation.x = 1.0;
+    bench.datasets[1].sequence.pairs[2] = pair;
+    bench.datasets[1].sequence.frames[0].turn = Turn::Half;
+    refused(&bench, "`datasets[1].fingerprint`");
+    bench.datasets[1].sequence.frames[0].turn = Turn::None;
+    let planar = Pair::with_homography(pair.a, pair.b, Matrix3::identity());
+    bench.datasets[1].sequence.pairs[2] = planar;
+    let message = bench.run("run").unwrap_err().to_string();
+    assert!(message.contains("knows a homography but no pose"), "{message}");
+    bench.datasets[1].sequence.pairs[2] = pair;
 
     bench.datasets[1].path = "elsewhere".into();
     assert!(

@@ -14,7 +14,7 @@ use super::{ImportOptions, Imported, base_name, given_camera, note_of};
 use crate::datasets::images::image_files;
 use crate::datasets::text::TextFile;
 use crate::datasets::trajectory::{parse_kitti, parse_tum};
-use crate::datasets::{About, DatasetError, Frame};
+use crate::datasets::{About, Association, DatasetError, Frame};
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let camera = given_camera(src, options, &["camera.txt", "K.txt"])?.ok_or_else(|| {
@@ -29,19 +29,14 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         .poses
         .clone()
         .unwrap_or_else(|| src.join("poses.txt"));
-    let poses = poses(&TextFile::read(&file)?, &images, options)?;
+    let poses = poses(&TextFile::read(&file)?, &images, options.association()?)?;
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
     for (image, pose) in images.into_iter().zip(poses) {
-        if pose.is_none() {
-            left_out.push(base_name(&image));
-            continue;
+        match pose {
+            None => left_out.push(base_name(&image)),
+            Some(pose) => frames.push(Frame::with_pose(image, camera, pose)),
         }
-        frames.push(Frame {
-            image,
-            camera,
-            world_from_camera: pose,
-        });
     }
     Ok(Imported {
         about: About {
@@ -50,7 +45,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
                 .into_iter()
                 .collect(),
         },
-        frames,
+        ..Imported::of(frames)
     })
 }
 
@@ -68,7 +63,7 @@ fn images(src: &Path) -> Result<Vec<PathBuf>, DatasetError> {
 fn poses(
     file: &TextFile,
     images: &[PathBuf],
-    options: &ImportOptions<'_>,
+    association: Association,
 ) -> Result<Vec<Option<Isometry3<f64>>>, DatasetError> {
     let columns = file
         .rows()
@@ -80,7 +75,7 @@ fn poses(
             if let Some(times) = times_in_names(images) {
                 return Ok(times
                     .into_iter()
-                    .map(|time| options.association.pose_at(&trajectory, time))
+                    .map(|time| association.pose_at(&trajectory, time))
                     .collect());
             }
             trajectory.iter().map(|p| p.world_from_camera).collect()

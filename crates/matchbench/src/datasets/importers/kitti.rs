@@ -33,11 +33,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         let pose = stem.parse().ok().and_then(|i: usize| poses.get(i));
         match pose {
             None => left_out.push(base_name(&image)),
-            Some(&pose) => frames.push(Frame {
-                image,
-                camera,
-                world_from_camera: Some(pose),
-            }),
+            Some(&pose) => frames.push(Frame::with_pose(image, camera, pose)),
         }
     }
     let mut notes: Vec<_> = note_of("images without a pose were left out", &left_out)
@@ -65,7 +61,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             origin: format!("KITTI odometry, sequence {number}"),
             notes,
         },
-        frames,
+        ..Imported::of(frames)
     })
 }
 

@@ -1,33 +1,54 @@
-//! From other people's layouts to ours: one importer per file, one line per importer in [`KINDS`].
+//! From other people's layouts to ours: one importer per file, one entry per importer in [`KINDS`].
+//!
+//! Some sources are folders of frames with poses, of which a [`PairRule`] makes pairs; others list
+//! their pairs with the truth about each. Images of lists may be elsewhere or not there at all:
+//! the dataset then names where they belong, and `validate` says what is missing.
 
+mod colmap;
+mod euroc;
+mod evd;
 mod folder;
+mod hpatches;
+mod imc;
 mod kitti;
+mod list;
+mod megadepth;
+mod npz;
+mod options;
+mod oxford;
+mod pickle;
+mod scannet;
 mod seven_scenes;
 mod strecha;
+mod superglue;
 mod tum;
+mod zeb;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use matchbench_vision::geometry::Camera;
 
+pub use options::{ImportOption, ImportOptions};
+
 use super::native::parse_camera;
+use super::pairs::{covisible, with_poses};
 use super::text::TextFile;
-use super::{
-    About, Association, DatasetError, Frame, ImageStorage, PairRule, Sequence, write_native,
-};
+use super::{About, DatasetError, Frame, Pair, PairRule, Sequence, write_native};
+use ImportOption as Has;
 
 /// A layout that can be imported.
 #[derive(Debug)]
 pub struct Kind {
     /// What it is called on the command line.
     pub id: &'static str,
-    /// What its folder holds, in one line.
+    /// What its source holds, in one line.
     pub help: &'static str,
-    /// The pair rule used unless another is given: the paper's, where the paper has one.
-    pub default_pairs: PairRule,
-    /// Whether a source may hold several sequences, to be chosen from.
-    pub has_sequences: bool,
-    read: fn(&Path, &ImportOptions) -> Result<Imported, DatasetError>,
+    /// The pair rule used unless another is given: the paper's, where the paper has one. `None`
+    /// where the source lists its pairs.
+    pub default_pairs: Option<PairRule>,
+    /// The options that it has beside that of where images go.
+    pub options: &'static [ImportOption],
+    read: fn(&Path, &ImportOptions<'_>) -> Result<Imported, DatasetError>,
 }
 
 /// All layouts that can be imported.
@@ -35,83 +56,187 @@ pub const KINDS: &[Kind] = &[
     Kind {
         id: "tum",
         help: "TUM RGB-D: rgb.txt, groundtruth.txt, rgb/; intrinsics by freiburg1/2/3 in the name",
-        default_pairs: PairRule::Fragments { length: 15 },
-        has_sequences: false,
+        default_pairs: Some(PairRule::Fragments { length: 15 }),
+        options: &[Has::Pairs, Has::Camera, Has::Tolerance, Has::Interpolate],
         read: tum::read,
     },
     Kind {
         id: "kitti",
         help: "KITTI odometry: sequences/NN/{image_0,calib.txt}, poses/NN.txt",
-        default_pairs: PairRule::Fragments { length: 5 },
-        has_sequences: true,
+        default_pairs: Some(PairRule::Fragments { length: 5 }),
+        options: &[Has::Pairs, Has::Camera, Has::Sequence],
         read: kitti::read,
     },
     Kind {
         id: "strecha",
         help: "Strecha: images/ with NAME.camera beside them or in gt_dense_cameras/",
-        default_pairs: PairRule::All,
-        has_sequences: false,
+        default_pairs: Some(PairRule::All),
+        options: &[Has::Pairs, Has::Camera],
         read: strecha::read,
     },
     Kind {
         id: "7scenes",
         help: "7-Scenes: frame-NNNNNN.color.png and .pose.txt, in the folder or in seq-NN/",
-        default_pairs: PairRule::Fragments { length: 15 },
-        has_sequences: true,
+        default_pairs: Some(PairRule::Fragments { length: 15 }),
+        options: &[Has::Pairs, Has::Camera, Has::Sequence],
         read: seven_scenes::read,
     },
     Kind {
         id: "folder",
         help: "images, poses.txt (one TUM or KITTI line per image), camera.txt or K.txt (3x3)",
-        default_pairs: PairRule::All,
-        has_sequences: false,
+        default_pairs: Some(PairRule::All),
+        options: &[
+            Has::Pairs,
+            Has::Camera,
+            Has::Poses,
+            Has::Tolerance,
+            Has::Interpolate,
+        ],
         read: folder::read,
+    },
+    Kind {
+        id: "superglue",
+        help: "SuperGlue: a list of pairs with 38 columns: names, EXIF turns, K, K, T_0to1",
+        default_pairs: None,
+        options: &[Has::ImageRoot],
+        read: superglue::read,
+    },
+    Kind {
+        id: "scannet",
+        help: "ScanNet-1500 of LoFTR: test.npz, with intrinsics.npz",
+        default_pairs: None,
+        options: &[Has::ImageRoot, Has::Intrinsics],
+        read: scannet::read,
+    },
+    Kind {
+        id: "megadepth",
+        help: "MegaDepth-1500: LoFTR's .npz (or a folder of them), or views.txt with pairs.txt",
+        default_pairs: None,
+        options: &[Has::ImageRoot],
+        read: megadepth::read,
+    },
+    Kind {
+        id: "colmap",
+        help: "COLMAP model: cameras, images (and points), as .txt or .bin; also ETH3D, IMC 2023/24",
+        default_pairs: Some(PairRule::Covisible {
+            lowest: 0.1,
+            highest: 0.7,
+        }),
+        options: &[Has::Pairs, Has::ImageRoot],
+        read: colmap::read,
+    },
+    Kind {
+        id: "imc",
+        help: "Image Matching Challenge: calibration_*.h5 (2020/21), or train_labels.csv (2025)",
+        default_pairs: Some(PairRule::All),
+        options: &[Has::Pairs, Has::Camera, Has::Sequence, Has::ImageRoot],
+        read: imc::read,
+    },
+    Kind {
+        id: "euroc",
+        help: "EuRoC MAV: mav0/ with cam0/{sensor.yaml,data} and state_groundtruth_estimate0",
+        default_pairs: Some(PairRule::Fragments { length: 15 }),
+        options: &[Has::Pairs, Has::Tolerance, Has::Interpolate],
+        read: euroc::read,
+    },
+    Kind {
+        id: "zeb",
+        help: "ZEB of GIM: one NAME.txt per pair: names, overlaps, K, K, T_0to1",
+        default_pairs: None,
+        options: &[Has::ImageRoot],
+        read: zeb::read,
+    },
+    Kind {
+        id: "hpatches",
+        help: "HPatches: folders i_* and v_* with 1.ppm to 6.ppm and H_1_2 to H_1_6",
+        default_pairs: None,
+        options: &[Has::Sequence],
+        read: hpatches::read,
+    },
+    Kind {
+        id: "oxford",
+        help: "Oxford affine: img1 to img6 (.ppm or .pgm) and H1to2p to H1to6p",
+        default_pairs: None,
+        options: &[],
+        read: oxford::read,
+    },
+    Kind {
+        id: "evd",
+        help: "Extreme View Dataset: 1/NAME.png, 2/NAME.png, h/NAME.txt",
+        default_pairs: None,
+        options: &[],
+        read: evd::read,
     },
 ];
 
-/// What may be chosen at an import.
-#[derive(Clone, Debug, Default)]
-pub struct ImportOptions<'a> {
-    /// Which sequence of the source, where it holds several.
-    pub sequence: Option<String>,
-    /// Which pairs; the kind's default if absent.
-    pub pairs: Option<PairRule>,
-    /// File with K (and distortion `k1 k2 p1 p2 [k3]`) that replaces what the source says.
-    pub camera: Option<PathBuf>,
-    /// File with the poses, for kind `folder`.
-    pub poses: Option<PathBuf>,
-    /// How images find their poses where both carry times.
-    pub association: Association,
-    /// Where the images of the dataset will be.
-    pub images: ImageStorage<'a>,
-}
-
 /// A source as it was read, before pairs are chosen.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Imported {
     /// Where it comes from and what was noticed.
     pub about: About,
-    /// The frames that have an image and a pose, in the order of time.
+    /// The frames: those with an image and a pose, in the order of time, or those of a list, in
+    /// its order.
     pub frames: Vec<Frame>,
+    /// The pairs, where the source lists them.
+    pub pairs: Option<Vec<Pair>>,
+    /// The points that each frame sees, each once, where the source tells.
+    pub seen: Option<Vec<Vec<u64>>>,
 }
 
 /// What an import wrote.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ImportReport {
     /// Number of frames.
     pub frames: usize,
     /// Number of pairs.
     pub pairs: usize,
-    /// The pair rule that was used.
-    pub rule: PairRule,
+    /// The pair rule that was used; `None` where the source lists its pairs.
+    pub rule: Option<PairRule>,
     /// What the user should know: frames left out, defaults assumed.
     pub notes: Vec<String>,
 }
 
-/// Imports the source folder `src`, of the given [`KINDS`] id, as the new dataset `out`.
+impl Imported {
+    /// Frames of which a rule makes pairs.
+    fn of(frames: Vec<Frame>) -> Self {
+        Self {
+            frames,
+            ..Self::default()
+        }
+    }
+
+    /// Frames and their pairs as a source lists them.
+    fn listed(origin: String, frames: Vec<Frame>, pairs: Vec<Pair>) -> Self {
+        Self {
+            about: About {
+                origin,
+                notes: Vec::new(),
+            },
+            frames,
+            pairs: Some(pairs),
+            seen: None,
+        }
+    }
+
+    /// The frames that stay under `rule`, and their pairs.
+    fn paired(self, rule: Option<&PairRule>) -> Result<(Vec<Frame>, Vec<Pair>), DatasetError> {
+        match (rule, self.pairs, self.seen) {
+            (_, Some(pairs), _) => Ok((self.frames, pairs)),
+            (Some(&PairRule::Covisible { lowest, highest }), _, Some(seen)) => {
+                let pairs = covisible(&seen, lowest, highest);
+                let pairs = with_poses(&self.frames, pairs)?;
+                Ok((self.frames, pairs))
+            }
+            (rule, ..) => rule.unwrap_or(&PairRule::All).apply(self.frames),
+        }
+    }
+}
+
+/// Imports the source `src`, of the given [`KINDS`] id, as the new dataset `out`.
 ///
 /// # Errors
-/// If the kind is unknown, the source is not of its layout, no pair comes out, or `out` exists.
+/// If the kind is unknown or has not one of the `options`, the source is not of its layout, no pair
+/// comes out, or `out` exists.
 pub fn import(
     kind: &str,
     src: &Path,
@@ -119,18 +244,23 @@ pub fn import(
     options: &ImportOptions<'_>,
 ) -> Result<ImportReport, DatasetError> {
     let kind = find(kind)?;
-    let Imported { mut about, frames } = read_as(kind, src, options)?;
-    let rule = options.pairs.as_ref().unwrap_or(&kind.default_pairs);
-    let found = frames.len();
-    let (frames, pairs) = rule.apply(frames)?;
+    let imported = read_as(kind, src, options)?;
+    let mut about = imported.about.clone();
+    let rule = options.pairs.as_ref().or(kind.default_pairs.as_ref());
+    let found = imported.frames.len();
+    let (frames, pairs) = imported.paired(rule)?;
     if pairs.is_empty() {
+        let by = rule.map_or(String::new(), |rule| format!(" under the rule {rule}"));
         return Err(DatasetError::new(
             src,
-            format!("{found} frames give no pair under the rule {rule}"),
+            format!("{found} frames give no pair{by}"),
             "choose another rule for the pairs",
         ));
     }
-    about.origin = format!("{}; pairs {rule}", about.origin);
+    if let Some(rule) = rule {
+        about.origin = format!("{}; pairs {rule}", about.origin);
+    }
+    about.notes.extend(missing_images(&frames));
     let sequence = Sequence {
         name: String::new(), // the folder's
         frames,
@@ -140,15 +270,15 @@ pub fn import(
     Ok(ImportReport {
         frames: sequence.frames.len(),
         pairs: sequence.pairs.len(),
-        rule: rule.clone(),
+        rule: rule.cloned(),
         notes: about.notes,
     })
 }
 
-/// Reads the source folder `src` without writing anything.
+/// Reads the source `src` without writing anything.
 ///
 /// # Errors
-/// If the kind is unknown or the source is not of its layout.
+/// If the kind is unknown or has not one of the `options`, or the source is not of its layout.
 pub fn read_source(
     kind: &str,
     src: &Path,
@@ -168,22 +298,17 @@ fn find(id: &str) -> Result<&'static Kind, DatasetError> {
     })
 }
 
-fn read_as(kind: &Kind, src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
-    if !src.is_dir() {
-        return Err(DatasetError::new(src, "no such folder", "check the path"));
-    }
-    if options.sequence.is_some() && !kind.has_sequences {
+fn read_as(
+    kind: &Kind,
+    src: &Path,
+    options: &ImportOptions<'_>,
+) -> Result<Imported, DatasetError> {
+    options.check(kind)?;
+    if !src.exists() {
         return Err(DatasetError::new(
             src,
-            format!("kind {} has no numbered sequences", kind.id),
-            "leave the sequence out, or give its folder",
-        ));
-    }
-    if options.poses.is_some() && kind.id != "folder" {
-        return Err(DatasetError::new(
-            src,
-            format!("kind {} has its own file of poses", kind.id),
-            "use kind folder to combine images and poses freely",
+            "no such file or folder",
+            "check the path",
         ));
     }
     let imported = (kind.read)(src, options)?;
@@ -195,6 +320,16 @@ fn read_as(kind: &Kind, src: &Path, options: &ImportOptions<'_>) -> Result<Impor
         ));
     }
     Ok(imported)
+}
+
+fn missing_images(frames: &[Frame]) -> Option<String> {
+    let missing: Vec<_> = (frames.iter())
+        .map(|frame| &frame.image)
+        .filter(|image| !image.is_file())
+        .map(|image| image.display().to_string())
+        .collect();
+    let what = format!("of {} images are not there (yet)", frames.len());
+    note_of(&what, &missing)
 }
 
 /// The camera that the user gave: as an option, or as `camera.txt` or `K.txt` in the source.
@@ -227,5 +362,7 @@ fn note_of(what: &str, items: &[String]) -> Option<String> {
     }
 }
 
+#[cfg(test)]
+mod list_tests;
 #[cfg(test)]
 mod tests;

@@ -46,11 +46,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         let file = folder.join(format!("{stem}.pose.txt"));
         match pose(&TextFile::read(&file)?)? {
             None => left_out.push(name),
-            Some(pose) => frames.push(Frame {
-                image,
-                camera,
-                world_from_camera: Some(pose),
-            }),
+            Some(pose) => frames.push(Frame::with_pose(image, camera, pose)),
         }
     }
     notes.extend(note_of(
@@ -62,7 +58,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             origin: format!("7-Scenes, {}", base_name(&folder)),
             notes,
         },
-        frames,
+        ..Imported::of(frames)
     })
 }
 

@@ -47,11 +47,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
                 "use the original images, or scale K with the image",
             ));
         }
-        frames.push(Frame {
-            image,
-            camera: given.unwrap_or(camera),
-            world_from_camera: Some(pose),
-        });
+        frames.push(Frame::with_pose(image, given.unwrap_or(camera), pose));
     }
     Ok(Imported {
         about: About {
@@ -60,7 +56,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
                 .into_iter()
                 .collect(),
         },
-        frames,
+        ..Imported::of(frames)
     })
 }
 

@@ -1,12 +1,13 @@
 //! Each importer on a small source made by hand.
 
 use std::fs;
+use std::path::{Path, PathBuf};
 
 use super::super::{Severity, testing, validate};
 use super::*;
 
 /// Writes files (images where the name ends in `.png`) into a new folder.
-fn source(name: &str, files: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {
+pub(super) fn source(name: &str, files: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let src = folder.path().join(name);
     for (file, text) in files {
@@ -57,10 +58,7 @@ fn tum_associates_by_time_and_reports_what_it_leaves_out() {
         ["1 images without a pose within 0.02 s were left out: rgb/gone.png"]
     );
     let options = ImportOptions {
-        association: Association {
-            interpolate: true,
-            ..Association::default()
-        },
+        interpolate: true,
         ..ImportOptions::default()
     };
     let between = xs(&read_source("tum", &src, &options).unwrap());
@@ -291,7 +289,7 @@ fn an_import_is_a_sound_dataset_with_the_frames_of_its_rule() {
     assert_eq!(validate(&out), []);
     let sequence = Sequence::open(&out).unwrap();
     assert!(sequence.frames[1].image.ends_with("3.png"));
-    assert_eq!(sequence.pairs[0].b_from_a.translation.x, -3.0);
+    assert_eq!(sequence.pairs[0].pose().unwrap().translation.x, -3.0);
 
     fs::write(src.join("list.txt"), "0 6\n5 1\n").unwrap();
     let list = format!("list:{}", src.join("list.txt").display());
@@ -308,7 +306,7 @@ fn wrong_kinds_and_options_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let src = folder.path();
     assert!(
-        read("euroc", src)
+        read("nuscenes", src)
             .unwrap_err()
             .remedy
             .contains("tum, kitti, strecha, 7scenes, folder")
@@ -317,7 +315,7 @@ fn wrong_kinds_and_options_are_refused() {
         read("tum", &src.join("none"))
             .unwrap_err()
             .what
-            .contains("no such folder")
+            .contains("no such file or folder")
     );
     let sequence = ImportOptions {
         sequence: Some("1".into()),
@@ -327,7 +325,7 @@ fn wrong_kinds_and_options_are_refused() {
         read_source("tum", src, &sequence)
             .unwrap_err()
             .what
-            .contains("no numbered")
+            .contains("no such option")
     );
     let poses = ImportOptions {
         poses: Some("p.txt".into()),

@@ -25,35 +25,32 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let list = TextFile::read(&src.join("rgb.txt"))?;
     let trajectory = parse_tum(&TextFile::read(&src.join("groundtruth.txt"))?)?;
     let camera = camera(src, options)?;
+    let association = options.association()?;
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
     for (line, row) in list.rows() {
         let (time, name) = timed_name(row).map_err(|what| list.error_at(line, what))?;
-        match options.association.pose_at(&trajectory, time) {
+        match association.pose_at(&trajectory, time) {
             None => left_out.push(name.to_owned()),
             Some(pose) => {
                 let image = src.join(name);
                 if !image.is_file() {
                     return Err(list.error_at(line, format!("there is no image {name}")));
                 }
-                frames.push(Frame {
-                    image,
-                    camera,
-                    world_from_camera: Some(pose),
-                });
+                frames.push(Frame::with_pose(image, camera, pose));
             }
         }
     }
     let without = format!(
         "images without a pose within {} s were left out",
-        options.association.tolerance
+        association.tolerance
     );
     Ok(Imported {
         about: About {
             origin: format!("TUM RGB-D, {}", base_name(src)),
             notes: note_of(&without, &left_out).into_iter().collect(),
         },
-        frames,
+        ..Imported::of(frames)
     })
 }
 

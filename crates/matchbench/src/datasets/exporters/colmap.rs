@@ -1,0 +1,89 @@
+//! A COLMAP model as text: a camera for every frame (equal ones once), cam_from_world for every
+//! frame that has a pose, no keypoints and no points. Pixels count from the corner of the image, so
+//! half a pixel is added. The model is PINHOLE, OPENCV with a lens, FULL_OPENCV where it has k3.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use matchbench_vision::geometry::Camera;
+use matchbench_vision::image::Size;
+use nalgebra::{Isometry3, Translation3};
+
+use super::{cannot_say, names, stored_camera};
+use crate::datasets::{DatasetError, Sequence};
+use crate::files::write_whole;
+
+const INFALLIBLE: &str = "writing to a string cannot fail";
+
+pub(super) fn write(sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetError> {
+    let (root, names) = names(sequence)?;
+    let mut cameras: Vec<(Camera, Size)> = Vec::new();
+    let mut camera_text = String::from("# id MODEL width height parameters\n");
+    let mut image_text = String::from("# id qw qx qy qz tx ty tz camera name, then keypoints: none\n");
+    for (index, (frame, name)) in sequence.frames.iter().zip(&names).enumerate() {
+        let camera = stored_camera(frame)?;
+        let number = cameras.iter().position(|known| *known == camera);
+        let number = number.unwrap_or_else(|| {
+            cameras.push(camera);
+            let row = camera_row(&camera.0, camera.1);
+            writeln!(camera_text, "{} {row}", cameras.len()).expect(INFALLIBLE);
+            cameras.len() - 1
+        });
+        let turned = frame.world_from_camera.ok_or_else(|| {
+            cannot_say(frame, "the frame has no pose, which a COLMAP model cannot do without")
+        })?;
+        let turn = Isometry3::from_parts(Translation3::identity(), frame.turn.rotation());
+        let pose = (turned * turn).inverse();
+        let (q, t) = (pose.rotation.quaternion(), pose.translation.vector);
+        writeln!(
+            image_text,
+            "{} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {} {name}\n",
+            index + 1,
+            q.w,
+            q.i,
+            q.j,
+            q.k,
+            t.x,
+            t.y,
+            t.z,
+            number + 1
+        )
+        .expect(INFALLIBLE);
+    }
+    let mut pair_text = String::new();
+    for pair in &sequence.pairs {
+        let (a, b) = (&names[pair.a as usize], &names[pair.b as usize]);
+        writeln!(pair_text, "{a} {b}").expect(INFALLIBLE);
+    }
+    fs::create_dir_all(out).map_err(|error| DatasetError::io(out, &error))?;
+    for (name, text) in [
+        ("cameras.txt", &*camera_text),
+        ("images.txt", &image_text),
+        ("points3D.txt", "# no points\n"),
+        ("pairs.txt", &pair_text),
+    ] {
+        let path = out.join(name);
+        write_whole(&path, text.as_bytes()).map_err(|error| DatasetError::io(&path, &error))?;
+    }
+    Ok(root)
+}
+
+fn camera_row(camera: &Camera, size: Size) -> String {
+    let &Camera { fx, fy, cx, cy, distortion } = camera;
+    let mut params = vec![fx, fy, cx + 0.5, cy + 0.5];
+    let model = match distortion {
+        None => "PINHOLE",
+        Some(lens) => {
+            params.extend([lens.k1, lens.k2, lens.p1, lens.p2]);
+            if lens.k3 == 0.0 {
+                "OPENCV"
+            } else {
+                params.extend([lens.k3, 0.0, 0.0, 0.0]);
+                "FULL_OPENCV"
+            }
+        }
+    };
+    let params: Vec<_> = params.iter().map(|number| format!("{number:?}")).collect();
+    format!("{model} {} {} {}", size.width, size.height, params.join(" "))
+}

@@ -1,0 +1,97 @@
+//! From our layout to other people's: one exporter per file, one entry per exporter in [`EXPORTS`].
+//!
+//! Their formats know nothing of turned images, so that cameras and poses are given back as those
+//! of the pixels as stored.
+
+mod colmap;
+mod superglue;
+
+use std::path::{Path, PathBuf};
+
+use matchbench_vision::geometry::Camera;
+use matchbench_vision::image::Size;
+
+use super::{DatasetError, Frame, Sequence, read_size};
+
+/// A layout that a dataset can be written in.
+#[derive(Debug)]
+pub struct Export {
+    /// What it is called on the command line.
+    pub id: &'static str,
+    /// What is written, in one line.
+    pub help: &'static str,
+    write: fn(&Sequence, &Path) -> Result<PathBuf, DatasetError>,
+}
+
+/// All layouts that datasets can be written in.
+pub const EXPORTS: &[Export] = &[
+    Export {
+        id: "colmap",
+        help: "a folder with a COLMAP model as text (cameras, images, no points) and pairs.txt, for \
+               COLMAP's matches importer",
+        write: colmap::write,
+    },
+    Export {
+        id: "superglue",
+        help: "a file with SuperGlue's 38 columns per pair: names, turns, K, K, T_0to1",
+        write: superglue::write,
+    },
+];
+
+/// Writes a dataset in the layout of that [`EXPORTS`] id as `out`, which must not exist, and tells
+/// the folder that the image names in it start from.
+///
+/// # Errors
+/// If there is no such layout, it cannot say what the dataset knows, an image cannot be read (their
+/// sizes are needed), or the disk refuses.
+pub fn export(layout: &str, sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetError> {
+    let entry = EXPORTS.iter().find(|export| export.id == layout).ok_or_else(|| {
+        let ids: Vec<_> = EXPORTS.iter().map(|export| export.id).collect();
+        DatasetError::new(
+            layout,
+            "no such layout",
+            format!("use one of {}", ids.join(", ")),
+        )
+    })?;
+    if out.exists() {
+        return Err(DatasetError::new(
+            out,
+            "there is something already",
+            "give another name or remove this one",
+        ));
+    }
+    (entry.write)(sequence, out)
+}
+
+/// The camera of a frame's pixels as stored, and their size.
+fn stored_camera(frame: &Frame) -> Result<(Camera, Size), DatasetError> {
+    let stored = read_size(&frame.image)?;
+    let turned = frame.turn.size(stored);
+    let (width, height) = (turned.width as f64, turned.height as f64);
+    let camera = frame.turn.inverse().camera(&frame.camera, width, height);
+    Ok((camera, stored))
+}
+
+/// The folder that all images are in, and the name of each from there, with `/`.
+fn names(sequence: &Sequence) -> Result<(PathBuf, Vec<String>), DatasetError> {
+    let paths = (sequence.frames.iter())
+        .map(|frame| super::write::real_path(&frame.image))
+        .collect::<Result<Vec<_>, _>>()?;
+    let root = super::write::common_folder(&paths);
+    let name = |path: &PathBuf| {
+        let relative = path.strip_prefix(&root).unwrap_or(path);
+        let parts: Vec<_> = relative.iter().map(|part| part.to_string_lossy()).collect();
+        let name = parts.join("/");
+        if name.contains(char::is_whitespace) {
+            let what = "the name of the image has a space, which this layout cannot say";
+            return Err(DatasetError::new(path, what, "rename the image or its folder"));
+        }
+        Ok(name)
+    };
+    let names = paths.iter().map(name).collect::<Result<Vec<_>, _>>()?;
+    Ok((root, names))
+}
+
+fn cannot_say(frame: &Frame, what: &str) -> DatasetError {
+    DatasetError::new(&frame.image, what, "choose another layout, or leave the frame out")
+}

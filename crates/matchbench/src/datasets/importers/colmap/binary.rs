@@ -1,0 +1,105 @@
+//! COLMAP models as binary files, little-endian.
+//!
+//! ```text
+//! cameras.bin  u64 count; each: u32 id, i32 model, u64 width, u64 height, f64 params...
+//! images.bin   u64 count; each: u32 id, f64 qw qx qy qz tx ty tz, u32 camera, name ending with 0,
+//!              u64 keypoints; each: f64 x, f64 y, u64 point (2^64 - 1 for none)
+//! ```
+//!
+//! No count is believed: what it counts is read one by one until the file ends.
+
+use std::fs;
+use std::path::Path;
+
+use super::{Cameras, Photograph, distinct, lens};
+use crate::datasets::DatasetError;
+use crate::datasets::text;
+
+pub(super) fn cameras(path: &Path) -> Result<Cameras, DatasetError> {
+    parse(path, |bytes| {
+        let mut cameras = Cameras::new();
+        for _ in 0..bytes.u64()? {
+            let id = bytes.u32()?;
+            let number = bytes.u32()?;
+            let model = lens::MODELS.get(number as usize);
+            let &(model, parameters) =
+                model.ok_or_else(|| format!("the camera model {number} is not known"))?;
+            let _size = (bytes.u64()?, bytes.u64()?);
+            let params: Vec<f64> =
+                (0..parameters).map(|_| bytes.f64()).collect::<Result<_, _>>()?;
+            cameras.insert(id, lens::camera(model, &params));
+        }
+        Ok(cameras)
+    })
+}
+
+pub(super) fn images(path: &Path) -> Result<Vec<Photograph>, DatasetError> {
+    parse(path, |bytes| {
+        let mut images = Vec::new();
+        for _ in 0..bytes.u64()? {
+            let id = bytes.u32()?;
+            let mut number = || bytes.f64();
+            let [w, x, y, z] = [number()?, number()?, number()?, number()?];
+            let at = [number()?, number()?, number()?];
+            let pose = text::quaternion_motion(at, [x, y, z, w]);
+            let camera_from_world = pose.map_err(|what| format!("image {id}: {what}"))?;
+            let camera = bytes.u32()?;
+            let name = bytes.name()?;
+            let mut points = Vec::new();
+            for _ in 0..bytes.u64()? {
+                let _at = (bytes.f64()?, bytes.f64()?);
+                let point = bytes.u64()?;
+                if point != u64::MAX {
+                    points.push(point);
+                }
+            }
+            let points = distinct(points);
+            images.push(Photograph { name, camera, camera_from_world, points });
+        }
+        Ok(images)
+    })
+}
+
+fn parse<T>(
+    path: &Path,
+    read: impl FnOnce(&mut Bytes<'_>) -> Result<T, String>,
+) -> Result<T, DatasetError> {
+    let data = fs::read(path).map_err(|error| DatasetError::io(path, &error))?;
+    let mut bytes = Bytes { rest: &data };
+    let parsed = read(&mut bytes).and_then(|parsed| match bytes.rest.len() {
+        0 => Ok(parsed),
+        more => Err(format!("{more} bytes follow after the end")),
+    });
+    parsed.map_err(|what| DatasetError::new(path, what, "export the model from COLMAP again"))
+}
+
+struct Bytes<'a> {
+    rest: &'a [u8],
+}
+
+impl Bytes<'_> {
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], String> {
+        let (bytes, rest) = self.rest.split_first_chunk().ok_or("the file is cut off")?;
+        self.rest = rest;
+        Ok(*bytes)
+    }
+
+    fn u32(&mut self) -> Result<u32, String> {
+        Ok(u32::from_le_bytes(self.take()?))
+    }
+
+    fn u64(&mut self) -> Result<u64, String> {
+        Ok(u64::from_le_bytes(self.take()?))
+    }
+
+    fn f64(&mut self) -> Result<f64, String> {
+        Ok(f64::from_le_bytes(self.take()?))
+    }
+
+    fn name(&mut self) -> Result<String, String> {
+        let end = self.rest.iter().position(|&byte| byte == 0);
+        let (name, rest) = self.rest.split_at(end.ok_or("the file is cut off")?);
+        self.rest = &rest[1..];
+        Ok(String::from_utf8_lossy(name).into_owned())
+    }
+}

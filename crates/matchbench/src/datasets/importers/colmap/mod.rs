@@ -1,0 +1,98 @@
+//! COLMAP models (Schoenberger, Frahm: "Structure-from-Motion Revisited", CVPR 2016): also the
+//! truth of ETH3D and of the Image Matching Challenges of 2023 and 2024.
+//!
+//! A folder with `cameras` and `images`, each as `.txt` or (little-endian) `.bin`. `images` has
+//! cam_from_world as quaternion (w x y z) and translation, without a unit unless the model was
+//! scaled, and which 3D point each keypoint belongs to; the points themselves are not needed.
+//!
+//! - Pixels count from the corner of the image, the first one's centre being (0.5, 0.5): half a
+//!   pixel is subtracted from principal points.
+//! - Camera models: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV; others are refused
+//!   by name.
+//! - Frames are sorted by name, since the order in a model is that of the reconstruction.
+//! - Names start from the image root; the model's folder, or the nearest above it that has
+//!   `images/`, unless one is given.
+//! - The rule `covisible:0.1..0.7`, which is the default, takes pairs that share so many of their
+//!   points. A list of pairs counts the frames in the order of their names.
+
+mod binary;
+pub(super) mod lens;
+mod text_model;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use matchbench_vision::geometry::Camera;
+use nalgebra::Isometry3;
+
+use super::{ImportOptions, Imported, base_name};
+use crate::datasets::{About, DatasetError, Frame};
+
+/// A camera, or the reason why it cannot be used; told only if an image has it.
+type Cameras = BTreeMap<u32, Result<Camera, String>>;
+
+/// A photograph of a model.
+#[derive(Clone, Debug, PartialEq)]
+struct Photograph {
+    name: String,
+    camera: u32,
+    camera_from_world: Isometry3<f64>,
+    /// The 3D points that it sees, sorted, each once.
+    points: Vec<u64>,
+}
+
+pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
+    let (cameras, mut photographs, file) = if src.join("images.bin").is_file() {
+        let file = src.join("images.bin");
+        let cameras = binary::cameras(&src.join("cameras.bin"))?;
+        (cameras, binary::images(&file)?, file)
+    } else {
+        let file = src.join("images.txt");
+        let cameras = text_model::cameras(&src.join("cameras.txt"))?;
+        (cameras, text_model::images(&file)?, file)
+    };
+    photographs.sort_by(|p, q| p.name.cmp(&q.name));
+    let fail = |what: String| DatasetError::new(&file, what, "export the model from COLMAP again");
+    if let Some(twice) = photographs.windows(2).find(|two| two[0].name == two[1].name) {
+        return Err(fail(format!("the image {} is there twice", twice[0].name)));
+    }
+    let root = match &options.image_root {
+        Some(root) => root.clone(),
+        None => nearest_images(src),
+    };
+    let mut frames = Vec::with_capacity(photographs.len());
+    let mut seen = Vec::with_capacity(photographs.len());
+    for Photograph { name, camera, camera_from_world, points } in photographs {
+        let camera = match cameras.get(&camera) {
+            Some(Ok(camera)) => *camera,
+            Some(Err(what)) => return Err(fail(format!("the camera {camera} of {name}: {what}"))),
+            None => return Err(fail(format!("{name} has the camera {camera}, which is not there"))),
+        };
+        frames.push(Frame::with_pose(root.join(name), camera, camera_from_world.inverse()));
+        seen.push(points);
+    }
+    Ok(Imported {
+        about: About {
+            origin: format!("COLMAP model {}", base_name(src)),
+            notes: Vec::new(),
+        },
+        frames,
+        pairs: None,
+        seen: seen.iter().any(|points| !points.is_empty()).then_some(seen),
+    })
+}
+
+/// `images/` in the model's folder or in one of the three above it; else the model's folder.
+fn nearest_images(src: &Path) -> PathBuf {
+    let absolute = std::path::absolute(src).unwrap_or_else(|_| src.to_owned());
+    let places = absolute.ancestors().take(4).map(|folder| folder.join("images"));
+    let found = { places }.find(|folder| folder.is_dir());
+    found.unwrap_or_else(|| src.to_owned())
+}
+
+/// The numbers of 3D points, sorted, each once.
+fn distinct(mut points: Vec<u64>) -> Vec<u64> {
+    points.sort_unstable();
+    points.dedup();
+    points
+}

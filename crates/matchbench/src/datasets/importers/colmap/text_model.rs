@@ -1,0 +1,85 @@
+//! COLMAP models as text: `cameras.txt` (`id MODEL width height params`), `images.txt` (two lines an
+//! image: `id qw qx qy qz tx ty tz camera name`, then `x y point` for each keypoint, -1 for none;
+//! the second line may be empty, and is there all the same).
+
+use std::path::Path;
+
+use super::{Cameras, Photograph, distinct, lens};
+use crate::datasets::DatasetError;
+use crate::datasets::text::{self, TextFile};
+
+pub(super) fn cameras(path: &Path) -> Result<Cameras, DatasetError> {
+    let file = TextFile::read(path)?;
+    let mut cameras = Cameras::new();
+    for (line, row) in file.rows() {
+        let words: Vec<&str> = row.split_whitespace().collect();
+        let parsed = match words[..] {
+            [id, model, _width, _height, ref params @ ..] => (id.parse::<u32>())
+                .map_err(|_| format!("`{id}` is no number of a camera"))
+                .and_then(|id| {
+                    let params = text::numbers(&params.join(" "))?;
+                    Ok((id, lens::camera(model, &params)))
+                }),
+            _ => Err("id, MODEL, width, height and parameters are expected".to_owned()),
+        };
+        let (id, camera) = parsed.map_err(|what| file.error_at(line, what))?;
+        // Told with the line, since a text has one.
+        let camera = camera.map_err(|what| format!("line {line} of cameras.txt: {what}"));
+        if cameras.insert(id, camera).is_some() {
+            return Err(file.error_at(line, format!("the camera {id} stands here a second time")));
+        }
+    }
+    Ok(cameras)
+}
+
+pub(super) fn images(path: &Path) -> Result<Vec<Photograph>, DatasetError> {
+    let file = TextFile::read(path)?;
+    let mut lines = (file.text().lines().enumerate())
+        .map(|(index, line)| (index + 1, line.trim()))
+        .filter(|(_, line)| !line.starts_with('#'));
+    let mut images = Vec::new();
+    while let Some((line, row)) = lines.next() {
+        if row.is_empty() {
+            continue; // before the first image, or after the last
+        }
+        let image = photograph(row).map_err(|what| file.error_at(line, what))?;
+        let (line, row) = lines.next().unwrap_or((line, ""));
+        let points = points(row).map_err(|what| file.error_at(line, what))?;
+        images.push(Photograph { points, ..image });
+    }
+    Ok(images)
+}
+
+fn photograph(row: &str) -> Result<Photograph, String> {
+    let words: Vec<&str> = row.split_whitespace().collect();
+    let Some((numbers, [camera, name @ ..])) = words.split_at_checked(8) else {
+        return Err("id, qw qx qy qz, tx ty tz, camera and name are expected".to_owned());
+    };
+    if name.is_empty() {
+        return Err("the image has no name".to_owned());
+    }
+    let [_id, w, x, y, z, tx, ty, tz] = text::exactly(&numbers.join(" "))?;
+    Ok(Photograph {
+        name: name.join(" "),
+        camera: (camera.parse()).map_err(|_| format!("`{camera}` is no number of a camera"))?,
+        camera_from_world: text::quaternion_motion([tx, ty, tz], [x, y, z, w])?,
+        points: Vec::new(),
+    })
+}
+
+fn points(row: &str) -> Result<Vec<u64>, String> {
+    let words: Vec<&str> = row.split_whitespace().collect();
+    let (triples, rest) = words.as_chunks::<3>();
+    if !rest.is_empty() {
+        return Err("keypoints are not written as x y point".to_owned());
+    }
+    let mut points = Vec::new();
+    for [_x, _y, point] in triples {
+        match point.parse::<i64>() {
+            Ok(-1) => {}
+            Ok(point) if point >= 0 => points.push(point as u64),
+            _ => return Err(format!("`{point}` is no number of a point")),
+        }
+    }
+    Ok(distinct(points))
+}

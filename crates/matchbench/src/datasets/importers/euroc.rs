@@ -1,0 +1,106 @@
+//! EuRoC MAV (Burri, Nikolic, Gohl, Schneider, Rehder, Omari, Achtelik, Siegwart: "The EuRoC Micro
+//! Aerial Vehicle Datasets", IJRR 35, 2016): the left camera.
+//!
+//! `mav0/cam0/data.csv` (nanoseconds, file name), `mav0/cam0/data/` (images),
+//! `mav0/cam0/sensor.yaml` (`T_BS`: 4x4, camera to body; `intrinsics`: fx fy cx cy;
+//! `distortion_coefficients`: k1 k2 p1 p2; pixels count from the first one's centre) and
+//! `mav0/state_groundtruth_estimate0/data.csv` (nanoseconds, position in metres, quaternion w x y z,
+//! and more, of the body). world_from_camera = world_from_body * T_BS. An image takes the state
+//! nearest in time, or one interpolated; images without one are reported and left out.
+
+use std::path::Path;
+
+use matchbench_vision::geometry::{Camera, Distortion};
+use nalgebra::Isometry3;
+
+use super::{ImportOptions, Imported, base_name, list, note_of};
+use crate::datasets::text::{self, TextFile};
+use crate::datasets::trajectory::TimedPose;
+use crate::datasets::{About, DatasetError, Frame};
+
+pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
+    let inside = src.join("mav0");
+    let folder = if inside.is_dir() { inside } else { src.to_owned() };
+    let sensor = folder.join("cam0");
+    let (camera, body_from_camera) = sensor_of(&TextFile::read(&sensor.join("sensor.yaml"))?)?;
+    let states = folder.join("state_groundtruth_estimate0").join("data.csv");
+    let trajectory = trajectory(&TextFile::read(&states)?)?;
+    let association = options.association()?;
+    let images = TextFile::read(&sensor.join("data.csv"))?;
+    let mut frames = Vec::new();
+    let mut left_out = Vec::new();
+    for (line, row) in images.rows() {
+        let parsed = row.split_once(',').ok_or_else(|| "time,name is expected".to_owned());
+        let parsed = parsed.and_then(|(time, name)| Ok((seconds(time)?, name.trim())));
+        let (time, name) = parsed.map_err(|what| images.error_at(line, what))?;
+        match association.pose_at(&trajectory, time) {
+            None => left_out.push(name.to_owned()),
+            Some(world_from_body) => frames.push(Frame::with_pose(
+                sensor.join("data").join(name),
+                camera,
+                world_from_body * body_from_camera,
+            )),
+        }
+    }
+    let without = format!(
+        "images without a state within {} s were left out",
+        association.tolerance
+    );
+    Ok(Imported {
+        about: About {
+            origin: format!("EuRoC MAV, {}", base_name(src)),
+            notes: note_of(&without, &left_out).into_iter().collect(),
+        },
+        ..Imported::of(frames)
+    })
+}
+
+/// Nanoseconds as seconds; a double tells times of today to less than a microsecond.
+fn seconds(nanoseconds: &str) -> Result<f64, String> {
+    let time = nanoseconds.trim();
+    let count: u64 = (time.parse()).map_err(|_| format!("`{time}` is no time in nanoseconds"))?;
+    Ok(count as f64 * 1e-9)
+}
+
+fn trajectory(file: &TextFile) -> Result<Vec<TimedPose>, DatasetError> {
+    let pose = |row: &str| {
+        let (time, rest) = row.split_once(',').ok_or("time, position and quaternion are expected")?;
+        let state: Vec<&str> = rest.split(',').take(7).collect();
+        let [x, y, z, qw, qx, qy, qz] = text::exactly(&state.join(" "))?;
+        Ok(TimedPose {
+            time: seconds(time)?,
+            world_from_camera: text::quaternion_motion([x, y, z], [qx, qy, qz, qw])?,
+        })
+    };
+    let mut poses = (file.rows())
+        .map(|(line, row)| pose(row).map_err(|what: String| file.error_at(line, what)))
+        .collect::<Result<Vec<_>, _>>()?;
+    poses.sort_by(|p, q| p.time.total_cmp(&q.time));
+    Ok(poses)
+}
+
+/// The camera, and the motion that takes its points to the body.
+fn sensor_of(file: &TextFile) -> Result<(Camera, Isometry3<f64>), DatasetError> {
+    let fail = |what: String| file.error(what, "give the sensor.yaml of a camera of EuRoC");
+    let pose: [f64; 16] = bracketed(file.text(), "T_BS:").map_err(fail)?;
+    let [fx, fy, cx, cy] = bracketed(file.text(), "intrinsics:").map_err(fail)?;
+    let [k1, k2, p1, p2] = bracketed(file.text(), "distortion_coefficients:").map_err(fail)?;
+    if !file.text().contains("radial-tangential") && !file.text().contains("radtan") {
+        return Err(fail("the distortion_model is not radial-tangential".to_owned()));
+    }
+    let pinhole = list::camera(&[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]).map_err(fail)?;
+    let camera = Camera {
+        distortion: Some(Distortion { k1, k2, p1, p2, k3: 0.0 }),
+        ..pinhole
+    };
+    Ok((camera, text::rigid_motion_4x4(&pose).map_err(fail)?))
+}
+
+/// The `N` numbers in the first square brackets after `key`.
+fn bracketed<const N: usize>(text: &str, key: &str) -> Result<[f64; N], String> {
+    let inside = (text.split_once(key))
+        .and_then(|(_, rest)| rest.split_once('['))
+        .and_then(|(_, rest)| rest.split_once(']'));
+    let (inside, _) = inside.ok_or_else(|| format!("there is no `{key} [...]`"))?;
+    text::exactly(&inside.replace(',', " ")).map_err(|what| format!("{key} {what}"))
+}

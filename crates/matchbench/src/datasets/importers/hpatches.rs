@@ -1,0 +1,53 @@
+//! HPatches' full images (Balntas, Lenc, Vedaldi, Mikolajczyk: "HPatches: A Benchmark and Evaluation
+//! of Handcrafted and Learned Local Descriptors", CVPR 2017).
+//!
+//! 116 folders, `i_*` with changes of light and `v_*` with changes of view, each with `1.ppm` to
+//! `6.ppm` and `H_1_2` to `H_1_6`, 3x3 each, which take pixels of the first image to the others;
+//! pixels count from the first one's centre. Pairs are the first image of a folder with each other
+//! one: 580 in all. The source is the folder of these folders or one of them. The option of a
+//! sequence takes `i`, `v` or the name of one folder.
+//!
+//! Many papers leave out eight scenes with large images (those that D2-Net could not process); all
+//! are imported here.
+
+use std::fs;
+use std::path::Path;
+
+use super::oxford::Series;
+use super::{ImportOptions, Imported, base_name};
+use crate::datasets::DatasetError;
+
+pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
+    let name = |k: usize| format!("H_1_{k}");
+    let mut series = Series::default();
+    if src.join(name(2)).is_file() && options.sequence.is_none() {
+        series.add(src, "", name)?;
+    } else {
+        for folder in folders(src, options.sequence.as_deref())? {
+            series.add(&src.join(folder), "", name)?;
+        }
+    }
+    Ok(series.finish(format!("HPatches, {}", base_name(src))))
+}
+
+/// The wanted folders that hold a homography, sorted by name.
+fn folders(src: &Path, wanted: Option<&str>) -> Result<Vec<String>, DatasetError> {
+    let entries = fs::read_dir(src).map_err(|error| DatasetError::io(src, &error))?;
+    let mut found: Vec<String> = entries
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .filter(|name| src.join(name).join("H_1_2").is_file())
+        .filter(|name| {
+            wanted.is_none_or(|wanted| name == wanted || name.split('_').next() == Some(wanted))
+        })
+        .collect();
+    found.sort();
+    if found.is_empty() {
+        let which = wanted.map_or(String::new(), |wanted| format!(" of the sequence `{wanted}`"));
+        return Err(DatasetError::new(
+            src,
+            format!("there is no folder{which} with 1.ppm and H_1_2"),
+            "give hpatches-sequences-release; a sequence is i, v or the name of a folder",
+        ));
+    }
+    Ok(found)
+}

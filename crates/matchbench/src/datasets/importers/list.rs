@@ -1,0 +1,80 @@
+//! What lists of pairs have in common: frames that are named again and again, principal points
+//! that count from the image's corner.
+
+use std::collections::HashMap;
+use std::path::PathBuf;
+
+use matchbench_vision::geometry::Camera;
+use matchbench_vision::image::Size;
+use nalgebra::{Isometry3, Matrix3};
+
+use crate::datasets::{Frame, Turn};
+
+/// Frames in the order in which a list first names them. One image is one frame, unless the list
+/// gives it several cameras or turns.
+#[derive(Debug, Default)]
+pub(super) struct NamedFrames {
+    frames: Vec<Frame>,
+    numbers: HashMap<(PathBuf, Turn, [u64; 4]), u32>,
+}
+
+impl NamedFrames {
+    /// The number of the frame, a new one where it is named for the first time.
+    pub(super) fn number(
+        &mut self,
+        image: PathBuf,
+        turn: Turn,
+        camera: Camera,
+        world_from_camera: Option<Isometry3<f64>>,
+    ) -> u32 {
+        let k = [camera.fx, camera.fy, camera.cx, camera.cy].map(f64::to_bits);
+        let frames = &mut self.frames;
+        *(self.numbers)
+            .entry((image.clone(), turn, k))
+            .or_insert_with(|| {
+                frames.push(Frame {
+                    image,
+                    turn,
+                    camera,
+                    world_from_camera,
+                });
+                frames.len() as u32 - 1
+            })
+    }
+
+    pub(super) fn frame(&self, number: u32) -> &Frame {
+        &self.frames[number as usize]
+    }
+
+    pub(super) fn into_frames(self) -> Vec<Frame> {
+        self.frames
+    }
+}
+
+/// A camera whose principal point counts from the corner of the image, so that the first pixel's
+/// centre is (0.5, 0.5), as one that counts from that centre.
+pub(super) fn from_corner(camera: Camera) -> Camera {
+    Camera {
+        cx: camera.cx - 0.5,
+        cy: camera.cy - 0.5,
+        ..camera
+    }
+}
+
+/// Nine numbers, row by row, as a camera.
+pub(super) fn camera(k: &[f64]) -> Result<Camera, String> {
+    debug_assert_eq!(k.len(), 9, "the caller counted");
+    Camera::from_matrix(&Matrix3::from_row_slice(k)).map_err(|error| error.to_string())
+}
+
+/// What a note says where [`stand_in`] was used.
+pub(super) const STAND_IN: &str = "the cameras are not known: a focal length of 1.2 times the longer side \
+     stands in dataset.toml, with the principal point in the middle";
+
+/// A camera for an image of which nothing but the size is known: COLMAP's first guess of the focal
+/// length, 1.2 times the longer side.
+pub(super) fn stand_in(size: Size) -> Camera {
+    let (width, height) = (size.width as f64, size.height as f64);
+    let focal = 1.2 * width.max(height);
+    Camera::pinhole(focal, focal, (width - 1.0) / 2.0, (height - 1.0) / 2.0)
+}

@@ -1,0 +1,229 @@
+//! MegaDepth-1500: pairs of photographs of two places of MegaDepth (Li, Snavely: "MegaDepth:
+//! Learning Single-View Depth Prediction from Internet Photos", CVPR 2018), chosen by LoFTR (Sun,
+//! Shen, Wang, Bao, Zhou: "LoFTR: Detector-Free Local Feature Matching with Transformers", CVPR
+//! 2021).
+//!
+//! LoFTR's files are named `.npz` and are pickles of a dictionary, read without being executed:
+//! `image_paths`, `intrinsics` (3 x 3), `poses` (4 x 4, world to camera, no unit), each with `None`
+//! for photographs that no pair needs; `pair_infos`, a list of `((i, j), overlap, ...)`. A folder of
+//! such files gives one dataset; the published five have 300 pairs each.
+//!
+//! glue-factory's form of the same (and of other sets) is two texts: `views.txt`, a view a line:
+//! `name R (9) t (3) MODEL width height params`, world to camera; and beside it `pairs.txt`, two
+//! names a line, further columns are ignored.
+//!
+//! Both stem from COLMAP: cx, cy are half the size of the undistorted images, so the corner of the
+//! image is the origin, and half a pixel is subtracted here. Names start from the image root.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use matchbench_vision::geometry::Camera;
+use nalgebra::Isometry3;
+
+use super::colmap::lens;
+use super::list::{NamedFrames, camera, from_corner};
+use super::pickle::{Id, Pickled, Value};
+use super::{ImportOptions, Imported, base_name};
+use crate::datasets::pairs::relative_pose;
+use crate::datasets::text::{self, TextFile};
+use crate::datasets::{DatasetError, Frame, Pair, Turn};
+
+pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
+    let views = if src.is_dir() { src.join("views.txt") } else { src.to_owned() };
+    if views.extension().is_some_and(|extension| extension == "txt") && views.is_file() {
+        return read_views(&views, options);
+    }
+    let files = if src.is_dir() { pickles(src)? } else { vec![src.to_owned()] };
+    let beside = if src.is_dir() { src } else { src.parent().unwrap_or(Path::new("")) };
+    let root = options.root(beside);
+    let mut frames = NamedFrames::default();
+    let mut pairs = Vec::new();
+    for file in &files {
+        let bytes = fs::read(file).map_err(|error| DatasetError::io(file, &error))?;
+        let fail = |what: String| {
+            DatasetError::new(file, what, "give the file as LoFTR publishes it in its assets")
+        };
+        let pickled = Pickled::parse(&bytes).map_err(fail)?;
+        Listing::new(&pickled)
+            .and_then(|listing| listing.pairs(&root, &mut frames, &mut pairs))
+            .map_err(fail)?;
+    }
+    let origin = format!("MegaDepth, LoFTR's {}", base_name(src));
+    Ok(Imported::listed(origin, frames.into_frames(), pairs))
+}
+
+/// The `.npz` of a folder, sorted by name.
+fn pickles(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
+    let entries = fs::read_dir(folder).map_err(|error| DatasetError::io(folder, &error))?;
+    let mut files: Vec<PathBuf> = entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.extension().is_some_and(|extension| extension == "npz"))
+        .collect();
+    files.sort();
+    if files.is_empty() {
+        return Err(DatasetError::new(
+            folder,
+            "there is neither an .npz nor views.txt",
+            "give LoFTR's files or glue-factory's",
+        ));
+    }
+    Ok(files)
+}
+
+/// The parts of one of LoFTR's pickles.
+struct Listing<'a> {
+    pickled: &'a Pickled,
+    images: &'a [Id],
+    intrinsics: &'a [Id],
+    poses: &'a [Id],
+    pairs: &'a [Id],
+}
+
+impl<'a> Listing<'a> {
+    fn new(pickled: &'a Pickled) -> Result<Self, String> {
+        let part = |key: &str| match pickled.get(pickled.root(), key) {
+            Some(Value::Objects(items) | Value::List(items)) => Ok(&items[..]),
+            Some(_) => Err(format!("`{key}` is no list")),
+            None => Err(format!("there is no `{key}`")),
+        };
+        Ok(Self {
+            pickled,
+            images: part("image_paths")?,
+            intrinsics: part("intrinsics")?,
+            poses: part("poses")?,
+            pairs: part("pair_infos")?,
+        })
+    }
+
+    fn pairs(
+        &self,
+        root: &Path,
+        frames: &mut NamedFrames,
+        pairs: &mut Vec<Pair>,
+    ) -> Result<(), String> {
+        for (row, &info) in self.pairs.iter().enumerate() {
+            let found = self.pair(info).and_then(|[i, j]| {
+                if i == j {
+                    return Err(format!("image {i} is matched with itself"));
+                }
+                let a = self.frame(i, root, frames)?;
+                let b = self.frame(j, root, frames)?;
+                Ok((a, b))
+            });
+            let (a, b) = found.map_err(|what| format!("pair {row}: {what}"))?;
+            let pose = |number: u32| {
+                let frame: &Frame = frames.frame(number);
+                frame.world_from_camera.expect("all of these have poses")
+            };
+            let b_from_a = relative_pose(&pose(a), &pose(b));
+            pairs.push(Pair::with_pose(a, b, b_from_a));
+        }
+        Ok(())
+    }
+
+    /// The two images of an entry `((i, j), overlap, ...)`.
+    fn pair(&self, info: Id) -> Result<[usize; 2], String> {
+        let wrong = || "the two numbers of its images are missing".to_owned();
+        let Value::List(info) = self.pickled.value(info) else {
+            return Err(wrong());
+        };
+        let numbers: Vec<f64> = match info.first().map(|&id| self.pickled.value(id)) {
+            Some(Value::Array(array)) => array.values.clone(),
+            Some(Value::List(items)) => (items.iter())
+                .filter_map(|&id| match self.pickled.value(id) {
+                    Value::Number(number) => Some(*number),
+                    _ => None,
+                })
+                .collect(),
+            _ => return Err(wrong()),
+        };
+        let [i, j] = numbers[..] else {
+            return Err(wrong());
+        };
+        let index = |number: f64| {
+            let count = self.images.len();
+            let known = number >= 0.0 && number < count as f64 && number.fract() == 0.0;
+            match known {
+                true => Ok(number as usize),
+                false => Err(format!("there is no image {number} of {count}")),
+            }
+        };
+        Ok([index(i)?, index(j)?])
+    }
+
+    fn frame(&self, image: usize, root: &Path, frames: &mut NamedFrames) -> Result<u32, String> {
+        let value = |list: &[Id]| list.get(image).map(|&id| self.pickled.value(id));
+        let (Some(Value::Text(name)), Some(Value::Array(k)), Some(Value::Array(pose))) =
+            (value(self.images), value(self.intrinsics), value(self.poses))
+        else {
+            return Err(format!("image {image} has no path, K or pose"));
+        };
+        if k.shape != [3, 3] || pose.shape != [4, 4] {
+            return Err(format!("K or pose of image {image} has another shape"));
+        }
+        let pose: &[f64; 16] = pose.values[..].try_into().expect("4 x 4 numbers");
+        let pose = text::rigid_motion_4x4(pose);
+        let camera = camera(&k.values);
+        let of_image = |what: String| format!("image {name}: {what}");
+        let camera_from_world = pose.map_err(of_image)?;
+        let camera = from_corner(camera.map_err(of_image)?);
+        let pose = Some(camera_from_world.inverse());
+        Ok(frames.number(root.join(name), Turn::None, camera, pose))
+    }
+}
+
+fn read_views(file: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let root = options.root(folder);
+    let list = TextFile::read(file)?;
+    let mut views = HashMap::new();
+    for (line, row) in list.rows() {
+        let (name, camera, pose) = view(row).map_err(|what| list.error_at(line, what))?;
+        if views.insert(name, (camera, pose)).is_some() {
+            return Err(list.error_at(line, format!("{name} stands here a second time")));
+        }
+    }
+    let pairs_file = TextFile::read(&folder.join("pairs.txt"))?;
+    let mut frames = NamedFrames::default();
+    let mut pairs = Vec::new();
+    for (line, row) in pairs_file.rows() {
+        let mut names = row.split_whitespace();
+        let mut next = || {
+            let name = names.next().ok_or("two names are expected")?;
+            let view = views.get(name);
+            let (camera, pose) = *view.ok_or_else(|| format!("{name} is not in views.txt"))?;
+            let number = frames.number(root.join(name), Turn::None, camera, Some(pose));
+            Ok::<_, String>((number, pose))
+        };
+        let both = next().and_then(|a| Ok((a, next()?)));
+        let ((a, from_a), (b, from_b)) = both.map_err(|what| pairs_file.error_at(line, what))?;
+        if a == b {
+            return Err(pairs_file.error_at(line, "the image is matched with itself"));
+        }
+        pairs.push(Pair::with_pose(a, b, relative_pose(&from_a, &from_b)));
+    }
+    let origin = format!("glue-factory, {}", base_name(folder));
+    Ok(Imported::listed(origin, frames.into_frames(), pairs))
+}
+
+fn view(row: &str) -> Result<(&str, Camera, Isometry3<f64>), String> {
+    let words: Vec<&str> = row.split_whitespace().collect();
+    let [name, pose @ ..] = &words[..] else {
+        return Err("the line is empty".to_owned());
+    };
+    let Some((pose, camera)) = pose.split_at_checked(12) else {
+        return Err("name, R (9), t (3), MODEL, width, height and parameters are expected".to_owned());
+    };
+    let m: [f64; 12] = text::exactly(&pose.join(" "))?;
+    let motion = [
+        m[0], m[1], m[2], m[9], m[3], m[4], m[5], m[10], m[6], m[7], m[8], m[11],
+    ];
+    let [model, _width, _height, params @ ..] = camera else {
+        return Err("the camera is missing: MODEL, width, height, parameters".to_owned());
+    };
+    let params = text::numbers(&params.join(" "))?;
+    let camera_from_world = text::rigid_motion(&motion)?;
+    Ok((name, lens::camera(model, &params)?, camera_from_world.inverse()))
+}

@@ -1,0 +1,123 @@
+//! What may be chosen at an import. Every kind declares the options that it has; one that it has
+//! not is an error that names the kinds which have it.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use super::{KINDS, Kind};
+use crate::datasets::{Association, DatasetError, ImageStorage, PairRule};
+
+/// An option that only some kinds have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum ImportOption {
+    /// [`ImportOptions::sequence`].
+    Sequence,
+    /// [`ImportOptions::pairs`].
+    Pairs,
+    /// [`ImportOptions::camera`].
+    Camera,
+    /// [`ImportOptions::poses`].
+    Poses,
+    /// [`ImportOptions::tolerance`].
+    Tolerance,
+    /// [`ImportOptions::interpolate`].
+    Interpolate,
+    /// [`ImportOptions::image_root`].
+    ImageRoot,
+    /// [`ImportOptions::intrinsics`].
+    Intrinsics,
+}
+
+impl fmt::Display for ImportOption {
+    /// As it is written on the command line.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Sequence => "--sequence",
+            Self::Pairs => "--pairs",
+            Self::Camera => "--camera",
+            Self::Poses => "--poses",
+            Self::Tolerance => "--tolerance",
+            Self::Interpolate => "--interpolate",
+            Self::ImageRoot => "--image-root",
+            Self::Intrinsics => "--intrinsics",
+        })
+    }
+}
+
+/// What may be chosen at an import. Every kind has `images`; [`Kind::options`] names the others
+/// that it has.
+#[derive(Clone, Debug, Default)]
+pub struct ImportOptions<'a> {
+    /// Which sequence of the source, where it holds several.
+    pub sequence: Option<String>,
+    /// Which pairs; the kind's default if absent.
+    pub pairs: Option<PairRule>,
+    /// File with K (and distortion `k1 k2 p1 p2 [k3]`) that replaces what the source says.
+    pub camera: Option<PathBuf>,
+    /// File with the poses.
+    pub poses: Option<PathBuf>,
+    /// How far in time the pose of an image may be from it, in seconds; 0.02 if absent, as in
+    /// TUM's own tool.
+    pub tolerance: Option<f64>,
+    /// Interpolate between the poses before and after an image instead of taking the nearest.
+    pub interpolate: bool,
+    /// Folder that the image names of the source start from.
+    pub image_root: Option<PathBuf>,
+    /// File with the calibration matrices.
+    pub intrinsics: Option<PathBuf>,
+    /// Where the images of the dataset will be.
+    pub images: ImageStorage<'a>,
+}
+
+impl ImportOptions<'_> {
+    /// How images find their poses by time.
+    pub(super) fn association(&self) -> Result<Association, DatasetError> {
+        let tolerance = self.tolerance.unwrap_or(Association::default().tolerance);
+        // Not `tolerance < 0.0`, which is true of no number that is none.
+        if !(tolerance >= 0.0 && tolerance.is_finite()) {
+            return Err(DatasetError::new(
+                ImportOption::Tolerance.to_string(),
+                format!("{tolerance} is no time"),
+                "give a number of seconds from 0",
+            ));
+        }
+        Ok(Association {
+            tolerance,
+            interpolate: self.interpolate,
+        })
+    }
+
+    /// The folder that image names start from: the one given, or `beside`.
+    pub(super) fn root(&self, beside: &Path) -> PathBuf {
+        self.image_root.clone().unwrap_or_else(|| beside.to_owned())
+    }
+
+    /// Refuses what was given and `kind` does not have.
+    pub(super) fn check(&self, kind: &Kind) -> Result<(), DatasetError> {
+        let Some(option) = (self.given()).find(|option| !kind.options.contains(option)) else {
+            return Ok(());
+        };
+        let have = KINDS.iter().filter(|kind| kind.options.contains(&option));
+        let have: Vec<_> = have.map(|kind| kind.id).collect();
+        Err(DatasetError::new(
+            option.to_string(),
+            format!("kind {} has no such option", kind.id),
+            format!("leave it out; these kinds have it: {}", have.join(", ")),
+        ))
+    }
+
+    fn given(&self) -> impl Iterator<Item = ImportOption> {
+        [
+            (ImportOption::Sequence, self.sequence.is_some()),
+            (ImportOption::Pairs, self.pairs.is_some()),
+            (ImportOption::Camera, self.camera.is_some()),
+            (ImportOption::Poses, self.poses.is_some()),
+            (ImportOption::Tolerance, self.tolerance.is_some()),
+            (ImportOption::Interpolate, self.interpolate),
+            (ImportOption::ImageRoot, self.image_root.is_some()),
+            (ImportOption::Intrinsics, self.intrinsics.is_some()),
+        ]
+        .into_iter()
+        .filter_map(|(option, given)| given.then_some(option))
+    }
+}

@@ -1,0 +1,90 @@
+//! The Oxford affine covariant regions set (Mikolajczyk, Tuytelaars, Schmid, Zisserman, Matas,
+//! Schaffalitzky, Kadir, Van Gool: "A Comparison of Affine Region Detectors", IJCV 65, 2005).
+//!
+//! A folder (`boat`, `leuven` ...) with `img1` to `img6` (`.ppm`, `.pgm` or `.png`) and `H1to2p` to
+//! `H1to6p`, 3x3 each, which take pixels of the first image to the others; pixels count from the
+//! first one's centre. Pairs are the first image with each other one.
+
+use std::path::{Path, PathBuf};
+
+use super::list::{self, NamedFrames};
+use super::{ImportOptions, Imported, base_name};
+use crate::datasets::text::{self, TextFile};
+use crate::datasets::{DatasetError, Pair, Turn, read_size};
+
+pub(super) fn read(src: &Path, _: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
+    let mut series = Series::default();
+    series.add(src, "img", |k| format!("H1to{k}p"))?;
+    Ok(series.finish(format!("Oxford affine, {}", base_name(src))))
+}
+
+/// Series of images of planes, the first of each paired with its others.
+#[derive(Debug, Default)]
+pub(super) struct Series {
+    frames: NamedFrames,
+    pairs: Vec<Pair>,
+}
+
+impl Series {
+    /// Adds the series of a folder, whose images are called `prefix` and a number from 1.
+    ///
+    /// # Errors
+    /// If the first image is not there, or one of those that homographies are there for, or a
+    /// homography is wrong.
+    pub(super) fn add(
+        &mut self,
+        folder: &Path,
+        prefix: &str,
+        homography: impl Fn(usize) -> String,
+    ) -> Result<(), DatasetError> {
+        let image = |k: usize| {
+            image(folder, &format!("{prefix}{k}")).ok_or_else(|| {
+                let path = folder.join(format!("{prefix}{k}.ppm"));
+                DatasetError::new(path, "the image is missing", "expected ppm, pgm or png")
+            })
+        };
+        let first = image(1)?;
+        for k in 2.. {
+            let file = folder.join(homography(k));
+            if !file.is_file() {
+                break;
+            }
+            self.pair(first.clone(), image(k)?, &file)?;
+        }
+        Ok(())
+    }
+
+    /// Adds a pair with the file of its homography.
+    pub(super) fn pair(
+        &mut self,
+        a: PathBuf,
+        b: PathBuf,
+        homography: &Path,
+    ) -> Result<(), DatasetError> {
+        let file = TextFile::read(homography)?;
+        let b_from_a = text::homography(&file.numbers()?)
+            .map_err(|what| file.error(what, "expected three rows of three numbers"))?;
+        let (a, b) = (self.frame(a)?, self.frame(b)?);
+        self.pairs.push(Pair::with_homography(a, b, b_from_a));
+        Ok(())
+    }
+
+    fn frame(&mut self, image: PathBuf) -> Result<u32, DatasetError> {
+        let size = read_size(&image)?;
+        let camera = list::stand_in(size);
+        Ok(self.frames.number(image, Turn::None, camera, None))
+    }
+
+    /// The series as they were read.
+    pub(super) fn finish(self, origin: String) -> Imported {
+        let mut imported = Imported::listed(origin, self.frames.into_frames(), self.pairs);
+        imported.about.notes.push(format!("{}; homographies do not need them", list::STAND_IN));
+        imported
+    }
+}
+
+/// The image of that name with one of the endings that such sets use.
+pub(super) fn image(folder: &Path, stem: &str) -> Option<PathBuf> {
+    let ending = |ending| folder.join(format!("{stem}.{ending}"));
+    ["ppm", "pgm", "png", "jpg"].map(ending).into_iter().find(|path| path.is_file())
+}

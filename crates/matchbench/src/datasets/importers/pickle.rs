@@ -1,0 +1,503 @@
+//! Python's pickles, as far as numbers, names and NumPy's arrays need them.
+//!
+//! A pickle is a program for a stack machine that may call any function of Python. Nothing is
+//! called here: an opcode, or a function, that is not on the list below is an error that names it.
+//! What is left builds lists, tuples, dictionaries, text, numbers and arrays (of numbers, or of
+//! further values). Values lie in one store and refer to each other by number, so that what
+//! refers to itself or is nested deeply costs no more than its bytes.
+//!
+//! Opcodes (of protocols 2 to 5): PROTO FRAME STOP MARK MEMOIZE BINPUT LONG_BINPUT BINGET
+//! LONG_BINGET NONE NEWTRUE NEWFALSE BININT BININT1 BININT2 LONG1 BINFLOAT BINUNICODE
+//! SHORT_BINUNICODE BINBYTES SHORT_BINBYTES EMPTY_LIST APPEND APPENDS EMPTY_TUPLE TUPLE TUPLE1
+//! TUPLE2 TUPLE3 EMPTY_DICT SETITEM SETITEMS GLOBAL STACK_GLOBAL REDUCE BUILD. Functions: numpy's
+//! `ndarray`, `dtype`, `_reconstruct` and `scalar`.
+
+use super::npz::Array;
+
+/// Number of a value in the store.
+pub(super) type Id = usize;
+
+/// A value of a pickle.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Value {
+    None,
+    Bool(bool),
+    Number(f64),
+    Text(String),
+    Bytes(Vec<u8>),
+    /// A list or a tuple.
+    List(Vec<Id>),
+    Dict(Vec<(Id, Id)>),
+    /// An array of numbers.
+    Array(Array),
+    /// An array of values, row by row.
+    Objects(Vec<Id>),
+    /// A function or class that is on the list.
+    Known(Known),
+    /// An array whose contents are yet to come.
+    Promise,
+    /// A type of numbers.
+    Kind(String),
+}
+
+/// The functions and classes that a pickle may name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Known {
+    NdArray,
+    Dtype,
+    Reconstruct,
+    Scalar,
+}
+
+/// What a pickle comes to.
+#[derive(Debug)]
+pub(super) struct Pickled {
+    values: Vec<Value>,
+    root: Id,
+}
+
+impl Pickled {
+    /// Reads a pickle.
+    ///
+    /// # Errors
+    /// What is wrong, with the place in the file.
+    pub(super) fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let mut machine = Machine {
+            bytes,
+            at: 0,
+            values: Vec::new(),
+            stack: Vec::new(),
+            marks: Vec::new(),
+            memo: Vec::new(),
+        };
+        loop {
+            let at = machine.at;
+            match machine.step() {
+                Ok(None) => {}
+                Ok(Some(root)) => {
+                    let values = machine.values;
+                    return Ok(Self { values, root });
+                }
+                Err(what) => return Err(format!("at byte {at}: {what}")),
+            }
+        }
+    }
+
+    pub(super) fn root(&self) -> &Value {
+        &self.values[self.root]
+    }
+
+    pub(super) fn value(&self, id: Id) -> &Value {
+        &self.values[id]
+    }
+
+    /// The value of a dictionary under a key.
+    pub(super) fn get(&self, dict: &Value, key: &str) -> Option<&Value> {
+        let Value::Dict(entries) = dict else {
+            return None;
+        };
+        let is_key = |id: Id| matches!(self.value(id), Value::Text(text) if text == key);
+        let found = entries.iter().rev().find(|(id, _)| is_key(*id));
+        found.map(|(_, value)| self.value(*value))
+    }
+}
+
+struct Machine<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    values: Vec<Value>,
+    stack: Vec<Id>,
+    /// Heights of the stack.
+    marks: Vec<usize>,
+    memo: Vec<Option<Id>>,
+}
+
+impl Machine<'_> {
+    /// One instruction; the result of the program once it stops.
+    fn step(&mut self) -> Result<Option<Id>, String> {
+        match self.take::<1>()?[0] {
+            0x80 => {
+                let [protocol] = self.take()?;
+                if !(2..=5).contains(&protocol) {
+                    return Err(format!("protocol {protocol} is not read"));
+                }
+            }
+            0x95 => drop(self.take::<8>()?),
+            b'.' => return self.pop().map(Some),
+            b'(' => self.marks.push(self.stack.len()),
+            0x94 => self.remember(self.memo.len())?,
+            b'q' => {
+                let [slot] = self.take()?;
+                self.remember(slot.into())?;
+            }
+            b'r' => {
+                let slot = u32::from_le_bytes(self.take()?) as usize;
+                self.remember(slot)?;
+            }
+            b'h' => {
+                let [slot] = self.take()?;
+                self.recall(slot.into())?;
+            }
+            b'j' => {
+                let slot = u32::from_le_bytes(self.take()?) as usize;
+                self.recall(slot)?;
+            }
+            b'N' => self.push(Value::None),
+            0x88 => self.push(Value::Bool(true)),
+            0x89 => self.push(Value::Bool(false)),
+            b'J' => {
+                let number = i32::from_le_bytes(self.take()?);
+                self.push(Value::Number(number.into()));
+            }
+            b'K' => {
+                let [number] = self.take()?;
+                self.push(Value::Number(number.into()));
+            }
+            b'M' => {
+                let number = u16::from_le_bytes(self.take()?);
+                self.push(Value::Number(number.into()));
+            }
+            0x8a => {
+                let [length] = self.take()?;
+                let number = long(self.slice(length.into())?)?;
+                self.push(Value::Number(number));
+            }
+            b'G' => {
+                let number = f64::from_be_bytes(self.take()?);
+                self.push(Value::Number(number));
+            }
+            0x8c => {
+                let [length] = self.take()?;
+                self.text(length.into())?;
+            }
+            b'X' => {
+                let length = u32::from_le_bytes(self.take()?);
+                self.text(length as usize)?;
+            }
+            b'C' => {
+                let [length] = self.take()?;
+                let bytes = self.slice(length.into())?.to_vec();
+                self.push(Value::Bytes(bytes));
+            }
+            b'B' => {
+                let length = u32::from_le_bytes(self.take()?);
+                let bytes = self.slice(length as usize)?.to_vec();
+                self.push(Value::Bytes(bytes));
+            }
+            b']' | b')' => self.push(Value::List(Vec::new())),
+            b'a' => {
+                let item = self.pop()?;
+                self.append(vec![item])?;
+            }
+            b'e' => {
+                let items = self.to_mark()?;
+                self.append(items)?;
+            }
+            b't' => {
+                let items = self.to_mark()?;
+                self.push(Value::List(items));
+            }
+            count @ 0x85..=0x87 => {
+                let count = usize::from(count - 0x84);
+                let from = self.above(count)?;
+                let items = self.stack.split_off(from);
+                self.push(Value::List(items));
+            }
+            b'}' => self.push(Value::Dict(Vec::new())),
+            b's' => {
+                let from = self.above(2)?;
+                let items = self.stack.split_off(from);
+                self.set(&items)?;
+            }
+            b'u' => {
+                let items = self.to_mark()?;
+                self.set(&items)?;
+            }
+            b'c' => {
+                let (module, name) = (self.line()?, self.line()?);
+                self.push(Value::Known(known(&module, &name)?));
+            }
+            0x93 => {
+                let (name, module) = (self.pop()?, self.pop()?);
+                let (Value::Text(module), Value::Text(name)) =
+                    (&self.values[module], &self.values[name])
+                else {
+                    return Err("the name of a function is no text".to_owned());
+                };
+                let known = known(module, name)?;
+                self.push(Value::Known(known));
+            }
+            b'R' => {
+                let (arguments, function) = (self.pop()?, self.pop()?);
+                let made = self.reduce(function, arguments)?;
+                self.push(made);
+            }
+            b'b' => {
+                let state = self.pop()?;
+                let object = self.pop()?;
+                let built = self.build(object, state)?;
+                self.values[object] = built;
+                self.stack.push(object);
+            }
+            other => {
+                return Err(format!(
+                    "the instruction {other:#04x} is not on the list of those that lists of pairs need"
+                ));
+            }
+        }
+        Ok(None)
+    }
+
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], String> {
+        let bytes = self.slice(N)?;
+        Ok(bytes.try_into().expect("N bytes"))
+    }
+
+    fn slice(&mut self, length: usize) -> Result<&[u8], String> {
+        let rest = &self.bytes[self.at..];
+        let slice = rest.get(..length).ok_or("the file is cut off")?;
+        self.at += length;
+        Ok(slice)
+    }
+
+    fn line(&mut self) -> Result<String, String> {
+        let rest = &self.bytes[self.at..];
+        let end = rest.iter().position(|&byte| byte == b'\n');
+        let line = self.slice(end.ok_or("the file is cut off")? + 1)?;
+        Ok(String::from_utf8_lossy(&line[..line.len() - 1]).into_owned())
+    }
+
+    fn text(&mut self, length: usize) -> Result<(), String> {
+        let text = std::str::from_utf8(self.slice(length)?).map_err(|_| "text is not UTF-8")?;
+        let text = text.to_owned();
+        self.push(Value::Text(text));
+        Ok(())
+    }
+
+    fn push(&mut self, value: Value) {
+        self.stack.push(self.values.len());
+        self.values.push(value);
+    }
+
+    fn pop(&mut self) -> Result<Id, String> {
+        let from = self.above(1)?;
+        Ok(self.stack.remove(from))
+    }
+
+    /// The height of the stack below its last `count` items, which must be above the last mark.
+    fn above(&self, count: usize) -> Result<usize, String> {
+        let floor = self.marks.last().copied().unwrap_or(0);
+        let from = self.stack.len().checked_sub(count);
+        from.filter(|&from| from >= floor)
+            .ok_or_else(|| "the stack is empty".to_owned())
+    }
+
+    fn to_mark(&mut self) -> Result<Vec<Id>, String> {
+        let from = self.marks.pop().ok_or("there is no mark")?;
+        Ok(self.stack.split_off(from))
+    }
+
+    fn last(&self) -> Result<Id, String> {
+        Ok(self.stack[self.above(1)?])
+    }
+
+    fn remember(&mut self, slot: usize) -> Result<(), String> {
+        let value = self.last()?;
+        // Slots are counted as they are filled, so a far one is no honest pickle's.
+        if slot > self.memo.len() + 1000 {
+            return Err(format!("value {slot} is remembered before its time"));
+        }
+        if self.memo.len() <= slot {
+            self.memo.resize(slot + 1, None);
+        }
+        self.memo[slot] = Some(value);
+        Ok(())
+    }
+
+    fn recall(&mut self, slot: usize) -> Result<(), String> {
+        let value = self.memo.get(slot).copied().flatten();
+        let value = value.ok_or_else(|| format!("value {slot} was not remembered"))?;
+        self.stack.push(value);
+        Ok(())
+    }
+
+    fn append(&mut self, items: Vec<Id>) -> Result<(), String> {
+        let list = self.last()?;
+        match &mut self.values[list] {
+            Value::List(list) => list.extend(items),
+            _ => return Err("something is appended to what is no list".to_owned()),
+        }
+        Ok(())
+    }
+
+    fn set(&mut self, items: &[Id]) -> Result<(), String> {
+        let dict = self.last()?;
+        match &mut self.values[dict] {
+            Value::Dict(dict) if items.len().is_multiple_of(2) => {
+                dict.extend(items.chunks_exact(2).map(|pair| (pair[0], pair[1])));
+                Ok(())
+            }
+            _ => Err("entries are set in what is no dictionary".to_owned()),
+        }
+    }
+
+    fn list(&self, id: Id) -> Result<&[Id], String> {
+        match &self.values[id] {
+            Value::List(items) => Ok(items),
+            _ => Err("a tuple is missing".to_owned()),
+        }
+    }
+
+    /// What a known function makes of its arguments.
+    fn reduce(&self, function: Id, arguments: Id) -> Result<Value, String> {
+        let arguments = self.list(arguments)?;
+        let argument = |index: usize| arguments.get(index).map(|&id| &self.values[id]);
+        match (&self.values[function], argument(0), argument(1)) {
+            (Value::Known(Known::Reconstruct), Some(Value::Known(Known::NdArray)), _) => {
+                Ok(Value::Promise)
+            }
+            (Value::Known(Known::Dtype), Some(Value::Text(kind)), _) => {
+                Ok(Value::Kind(kind.clone()))
+            }
+            (Value::Known(Known::Scalar), Some(Value::Kind(kind)), Some(Value::Bytes(bytes))) => {
+                let one = Array::new(kind, vec![1], false, bytes)?;
+                Ok(Value::Number(one.values[0]))
+            }
+            _ => Err("a function is called in a way that is not known".to_owned()),
+        }
+    }
+
+    /// What becomes of an object when its state is set.
+    fn build(&self, object: Id, state: Id) -> Result<Value, String> {
+        let state = self.list(state)?;
+        let part = |index: usize| -> Result<&Value, String> {
+            let id = state.get(index).ok_or("the state of an object is too short")?;
+            Ok(&self.values[*id])
+        };
+        match &self.values[object] {
+            Value::Kind(kind) => match part(1)? {
+                Value::Text(order) if order != ">" => Ok(Value::Kind(kind.clone())),
+                _ => Err("numbers in this byte order are not read".to_owned()),
+            },
+            Value::Promise => {
+                let (shape, kind, by_columns) = (part(1)?, part(2)?, part(3)?);
+                let (Value::List(sides), Value::Kind(kind), Value::Bool(by_columns)) =
+                    (shape, kind, by_columns)
+                else {
+                    return Err("the state of an array is not known".to_owned());
+                };
+                let side = |id: &Id| match self.values[*id] {
+                    Value::Number(side) if (0.0..1e15).contains(&side) => Ok(side as usize),
+                    _ => Err("a side of an array is no number".to_owned()),
+                };
+                let shape = sides.iter().map(side).collect::<Result<Vec<_>, String>>()?;
+                match part(4)? {
+                    Value::Bytes(data) => Ok(Value::Array(Array::new(kind, shape, *by_columns, data)?)),
+                    Value::List(items) if shape == [items.len()] => {
+                        Ok(Value::Objects(items.clone()))
+                    }
+                    _ => Err("the contents of an array are not known".to_owned()),
+                }
+            }
+            _ => Err("the state of this object cannot be set".to_owned()),
+        }
+    }
+}
+
+fn known(module: &str, name: &str) -> Result<Known, String> {
+    match (module, name) {
+        ("numpy", "ndarray") => Ok(Known::NdArray),
+        ("numpy", "dtype") => Ok(Known::Dtype),
+        ("numpy.core.multiarray" | "numpy._core.multiarray", "_reconstruct") => {
+            Ok(Known::Reconstruct)
+        }
+        ("numpy.core.multiarray" | "numpy._core.multiarray", "scalar") => Ok(Known::Scalar),
+        _ => Err(format!(
+            "the pickle calls {module}.{name}, which no list of pairs needs; it was not executed"
+        )),
+    }
+}
+
+/// A whole number of up to eight bytes, little end first, in two's complement.
+fn long(bytes: &[u8]) -> Result<f64, String> {
+    let negative = bytes.last().is_some_and(|&byte| byte >= 0x80);
+    let mut wide = [if negative { 0xff } else { 0 }; 8];
+    let place = wide.get_mut(..bytes.len());
+    place
+        .ok_or("a number has more than 64 bits")?
+        .copy_from_slice(bytes);
+    Ok(i64::from_le_bytes(wide) as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// `pickle.dumps({"a": [1, -2, 2.5, None, True], "b": "é"}, 4)`, by CPython 3.11.
+    const PLAIN: &[u8] = b"\x80\x04\x95(\0\0\0\0\0\0\0}\x94(\x8c\x01a\x94]\x94(K\x01J\xfe\xff\xff\xff\
+        G@\x04\0\0\0\0\0\0N\x88e\x8c\x01b\x94\x8c\x02\xc3\xa9\x94u.";
+
+    #[test]
+    fn plain_values_are_read() {
+        let found = Pickled::parse(PLAIN).unwrap();
+        let Some(Value::List(items)) = found.get(found.root(), "a") else {
+            panic!("{found:?}");
+        };
+        let items: Vec<_> = items.iter().map(|&id| found.value(id).clone()).collect();
+        let numbers = [1.0, -2.0, 2.5].map(Value::Number);
+        assert_eq!(items[..3], numbers);
+        assert_eq!(items[3..], [Value::None, Value::Bool(true)]);
+        assert_eq!(found.get(found.root(), "b"), Some(&Value::Text("é".into())));
+        assert_eq!(found.get(found.root(), "c"), None);
+    }
+
+    #[test]
+    fn nothing_is_executed() {
+        // `os.system("true")`, as protocol 2 writes it.
+        let error = Pickled::parse(b"\x80\x02cposix\nsystem\nq\0X\x04\0\0\0trueq\x01\x85q\x02Rq\x03.");
+        let error = error.unwrap_err();
+        assert!(error.contains("posix.system") && error.contains("not executed"), "{error}");
+        let error = Pickled::parse(b"\x80\x02(S'x'\ni").unwrap_err();
+        assert!(error.contains("0x53"), "{error}");
+    }
+
+    #[test]
+    fn what_is_damaged_or_endless_is_refused() {
+        for bytes in [
+            &b""[..],
+            b"\x80\x02",
+            b"\x80\x01.",
+            b".",
+            b"(.",
+            b"a",
+            b"K\x01a.",
+            b"h\x07.",
+            b"]r\xff\xff\xff\xff.",
+            b"B\xff\xff\xff\xffx",
+            b"\x8a\x09123456789.",
+        ] {
+            assert!(Pickled::parse(bytes).is_err(), "{bytes:?}");
+        }
+        // A list that holds itself, and one hundred thousand lists in each other.
+        let own = Pickled::parse(b"]q\0h\0a.").unwrap();
+        assert_eq!(own.root(), &Value::List(vec![0]));
+        let mut deep = b"]".repeat(100_000);
+        deep.extend(b"a".repeat(99_999));
+        deep.push(b'.');
+        assert!(Pickled::parse(&deep).is_ok());
+    }
+
+    proptest! {
+        #[test]
+        fn no_bytes_panic(
+            bytes in proptest::collection::vec(prop_oneof![
+                any::<u8>(),
+                proptest::sample::select(&b"(](})KK\x94h\0ueatRbsq\x85\x86\x87\x93N."[..]),
+            ], 0..60),
+        ) {
+            let _ = Pickled::parse(&bytes);
+        }
+    }
+}

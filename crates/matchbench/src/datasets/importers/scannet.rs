@@ -1,0 +1,167 @@
+//! ScanNet-1500, as LoFTR publishes it (Sun, Shen, Wang, Bao, Zhou: "LoFTR: Detector-Free Local
+//! Feature Matching with Transformers", CVPR 2021; the pairs are those of SuperGlue's list).
+//!
+//! `test.npz`: `name`, 1500 x 4: scene, sub-scan, frame a, frame b; `rel_pose`, 1500 x 12, the
+//! row-major [R t] that takes points of camera a to camera b, in metres. `intrinsics.npz`: one K per
+//! scan, for images of 640 x 480.
+//!
+//! - K was made from ScanNet's own, of 1296 x 968 pixels, by dividing fx, cx by 2.025 and fy, cy by
+//!   968/480, as if pixels were counted from the corner. That is undone here, and where images have
+//!   another size K is scaled with pixel centres at integers. An image that is not there is taken
+//!   to have 1296 x 968.
+//! - Poses are single precision of five printed digits, and are read back as those digits. Thus
+//!   the dataset is the same as that of SuperGlue's list.
+//! - Images are `scene0707_00/color/15.jpg` under the image root. Where none of them is there but
+//!   SuperGlue's `scans_test/scene0707_00/sens/frame-000015.color.jpg` are, those are taken.
+
+use std::path::{Path, PathBuf};
+
+use matchbench_vision::geometry::Camera;
+use nalgebra::Isometry3;
+
+use super::list::{NamedFrames, camera};
+use super::npz::Npz;
+use super::{ImportOption, ImportOptions, Imported, base_name};
+use crate::datasets::text;
+use crate::datasets::{DatasetError, Pair, Turn, read_size};
+
+/// Size of ScanNet's colour images.
+const COLOR: (f64, f64) = (1296.0, 968.0);
+/// Size that the K of `intrinsics.npz` are for.
+const SMALL: (f64, f64) = (640.0, 480.0);
+
+/// One row of `name`.
+#[derive(Clone, Copy)]
+struct Name {
+    scene: u32,
+    scan: u32,
+    frames: [u32; 2],
+}
+
+pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
+    let fail = |what: String| DatasetError::new(src, what, "give LoFTR's test.npz of ScanNet");
+    let mut list = Npz::open(src)?;
+    let (names, poses) = (list.array("name")?, list.array("rel_pose")?);
+    let names = names.rows(4).map_err(|what| fail(format!("name: {what}")))?;
+    let poses = poses.rows(12).map_err(|what| fail(format!("rel_pose: {what}")))?;
+    if names.len() != poses.len() {
+        let what = format!("{} names for {} poses", names.len(), poses.len());
+        return Err(fail(what));
+    }
+    let rows = (names.zip(poses).enumerate())
+        .map(|(index, (name, pose))| {
+            let row = name_of(name).and_then(|name| Ok((name, motion(pose)?)));
+            row.map_err(|what| fail(format!("row {index}: {what}")))
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+
+    let beside = src.parent().unwrap_or(Path::new(""));
+    let intrinsics = (options.intrinsics.clone()).unwrap_or_else(|| beside.join("intrinsics.npz"));
+    let mut intrinsics = Npz::open(&intrinsics).map_err(|error| DatasetError {
+        remedy: format!("give LoFTR's intrinsics.npz by {}", ImportOption::Intrinsics),
+        ..error
+    })?;
+    let root = options.root(beside);
+    let layout = layout(&root, &rows);
+    let mut frames = NamedFrames::default();
+    let mut pairs = Vec::new();
+    let mut cameras = std::collections::HashMap::new();
+    for &(name, b_from_a) in &rows {
+        let original = match cameras.get(&(name.scene, name.scan)) {
+            Some(&camera) => camera,
+            None => {
+                let original = original(&mut intrinsics, &name.folder())?;
+                cameras.insert((name.scene, name.scan), original);
+                original
+            }
+        };
+        let mut number = |frame: u32| {
+            let image = root.join(layout(name, frame));
+            let size = match image.is_file() {
+                true => Some(read_size(&image)?),
+                false => None,
+            };
+            let size = size.map_or(COLOR, |size| (size.width as f64, size.height as f64));
+            Ok(frames.number(image, Turn::None, scaled(original, size), None))
+        };
+        let (a, b) = (number(name.frames[0])?, number(name.frames[1])?);
+        if a == b {
+            return Err(fail(format!("{}: a frame is matched with itself", name.folder())));
+        }
+        pairs.push(Pair::with_pose(a, b, b_from_a));
+    }
+    let origin = format!("ScanNet, LoFTR's {}", base_name(src));
+    Ok(Imported::listed(origin, frames.into_frames(), pairs))
+}
+
+impl Name {
+    fn folder(self) -> String {
+        format!("scene{:04}_{:02}", self.scene, self.scan)
+    }
+}
+
+fn name_of(row: &[f64]) -> Result<Name, String> {
+    let number = |value: f64| match value {
+        value if (0.0..1e9).contains(&value) && value.fract() == 0.0 => Ok(value as u32),
+        value => Err(format!("{value} is no number of a frame")),
+    };
+    Ok(Name {
+        scene: number(row[0])?,
+        scan: number(row[1])?,
+        frames: [number(row[2])?, number(row[3])?],
+    })
+}
+
+fn motion(row: &[f64]) -> Result<Isometry3<f64>, String> {
+    text::rigid_motion(row.try_into().expect("rows have 12 columns"))
+}
+
+type Layout = fn(Name, u32) -> PathBuf;
+
+/// How images are named: LoFTR's way, unless only images named in SuperGlue's way are there.
+fn layout(root: &Path, rows: &[(Name, Isometry3<f64>)]) -> Layout {
+    const LAYOUTS: [Layout; 2] = [
+        |name, frame| format!("{}/color/{frame}.jpg", name.folder()).into(),
+        |name, frame| {
+            format!("scans_test/{}/sens/frame-{frame:06}.color.jpg", name.folder()).into()
+        },
+    ];
+    let there = |layout: &Layout| {
+        (rows.iter()).any(|&(name, _)| root.join(layout(name, name.frames[0])).is_file())
+    };
+    LAYOUTS.into_iter().find(there).unwrap_or(LAYOUTS[0])
+}
+
+/// The camera of ScanNet's own images.
+fn original(intrinsics: &mut Npz, scan: &str) -> Result<Camera, DatasetError> {
+    let k = intrinsics.array(scan)?;
+    let small = if k.shape == [3, 3] {
+        camera(&k.values)
+    } else {
+        Err(format!("the shape is {:?}, not 3 x 3", k.shape))
+    };
+    let small = small.map_err(|what| intrinsics.error(format!("{scan}: {what}")))?;
+    // What the division by 2.025 left behind is beyond the ninth decimal.
+    let undo = |value: f64, by: f64| (value * by * 1e9).round() / 1e9;
+    let (x, y) = (COLOR.0 / SMALL.0, COLOR.1 / SMALL.1);
+    Ok(Camera::pinhole(
+        undo(small.fx, x),
+        undo(small.fy, y),
+        undo(small.cx, x),
+        undo(small.cy, y),
+    ))
+}
+
+/// The camera of images that were scaled to that size.
+fn scaled(original: Camera, size: (f64, f64)) -> Camera {
+    if size == COLOR {
+        return original;
+    }
+    let (x, y) = (size.0 / COLOR.0, size.1 / COLOR.1);
+    Camera::pinhole(
+        original.fx * x,
+        original.fy * y,
+        (original.cx + 0.5) * x - 0.5,
+        (original.cy + 0.5) * y - 0.5,
+    )
+}
