@@ -85,7 +85,10 @@ fn names_that_do_not_exist_are_answered_with_those_that_do() {
             ["run", "/no/such/folder", "--matchers", "sift", "--out", "y"],
             "/no/such/folder",
         ),
-        (["import", "nuscenes", "x", "y", "--pairs", "all"], "strecha"),
+        (
+            ["import", "nuscenes", "x", "y", "--pairs", "all"],
+            "strecha",
+        ),
         (["import", "tum", ".", "y", "--pairs", "some"], "fragments:"),
     ] {
         let output = run(&arguments);

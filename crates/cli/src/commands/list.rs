@@ -69,7 +69,9 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
                 Some(rule) => rule.to_string(),
                 None => "those that it lists".to_owned(),
             };
-            let options: String = (kind.options.iter()).map(|option| format!(" {option}")).collect();
+            let options: String = (kind.options.iter())
+                .map(|option| format!(" {option}"))
+                .collect();
             writeln!(out, "  {:<14} {}\n      pairs: {pairs}", kind.id, kind.help)?;
             if !options.is_empty() {
                 writeln!(out, "      options:{options}")?;

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use indicatif::ProgressBar;
-use matchbench::datasets::rendered::{self, Scene, World};
 use matchbench::datasets::Sequence;
+use matchbench::datasets::rendered::{self, Scene, World};
 use matchbench_vision::features::{
     Descriptors, Extractor, Features, PatchSource, Sift, SiftParams, binboost, dlco,
 };

@@ -22,8 +22,8 @@ use std::path::{Path, PathBuf};
 use matchbench_vision::geometry::{Camera, Distortion};
 use serde::{Deserialize, Serialize};
 
-use super::{DatasetError, Turn};
 use super::text::TextFile;
+use super::{DatasetError, Turn};
 
 /// File name of the manifest.
 pub(super) const FILE: &str = "dataset.toml";
@@ -147,7 +147,9 @@ impl Manifest {
 
     /// How the pixels of frame `index` are turned.
     pub(super) fn turn(&self, index: usize) -> Turn {
-        self.frames.get(index).map_or(Turn::None, |frame| frame.turn)
+        self.frames
+            .get(index)
+            .map_or(Turn::None, |frame| frame.turn)
     }
 
     /// Where the image of frame `index` is, if the manifest says so.

@@ -369,8 +369,9 @@ fn parse_homography(row: &str) -> Result<Matrix3<f64>, String> {
 
 /// Joins what two files know about the same pairs.
 fn paired(posed: &[Listed<Isometry3<f64>>], mapped: &[Listed<Matrix3<f64>>]) -> Vec<Pair> {
-    let mut homographies: BTreeMap<(u32, u32), Matrix3<f64>> =
-        (mapped.iter()).map(|row| ((row.a, row.b), row.truth)).collect();
+    let mut homographies: BTreeMap<(u32, u32), Matrix3<f64>> = (mapped.iter())
+        .map(|row| ((row.a, row.b), row.truth))
+        .collect();
     let mut pairs = Vec::with_capacity(posed.len());
     for row in posed {
         let b_from_a = row.truth;
@@ -483,7 +484,10 @@ mod tests {
         let singular = "0 1 1 0 0 0 1 0 0 0 1\n0 2 1 2 3 1 2 3 0 0 1\n";
         fs::write(dir.join("homographies.txt"), singular).unwrap();
         let error = Sequence::open(&dir).unwrap_err().to_string();
-        assert!(error.contains("homographies.txt:2: the homography"), "{error}");
+        assert!(
+            error.contains("homographies.txt:2: the homography"),
+            "{error}"
+        );
     }
 
     #[test]

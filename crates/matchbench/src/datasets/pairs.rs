@@ -208,16 +208,16 @@ pub(super) fn with_poses(
     frames: &[Frame],
     pairs: Vec<(u32, u32)>,
 ) -> Result<Vec<Pair>, DatasetError> {
-        let pose = |index: u32| {
-            let frame = &frames[index as usize];
-            frame.world_from_camera.as_ref().ok_or_else(|| {
-                DatasetError::new(
-                    &frame.image,
-                    "the image has no pose",
-                    "leave it out or give its pose",
-                )
-            })
-        };
+    let pose = |index: u32| {
+        let frame = &frames[index as usize];
+        frame.world_from_camera.as_ref().ok_or_else(|| {
+            DatasetError::new(
+                &frame.image,
+                "the image has no pose",
+                "leave it out or give its pose",
+            )
+        })
+    };
     pairs
         .into_iter()
         .map(|(a, b)| Ok(Pair::with_pose(a, b, relative_pose(pose(a)?, pose(b)?))))
@@ -239,7 +239,12 @@ pub(super) fn covisible(seen: &[Vec<u64>], lowest: f64, highest: f64) -> Vec<(u3
             }
             frames.push(a);
         }
-        for (b, &count) in common.iter().enumerate().rev().filter(|(_, count)| **count > 0) {
+        for (b, &count) in common
+            .iter()
+            .enumerate()
+            .rev()
+            .filter(|(_, count)| **count > 0)
+        {
             let share = count as f64 / points.len().max(seen[b].len()) as f64;
             if (lowest..=highest).contains(&share) {
                 pairs.push((a as u32, b as u32));
@@ -393,7 +398,13 @@ mod tests {
 
     #[test]
     fn covisible_frames_share_the_right_part_of_their_points() {
-        let seen = [vec![1, 2, 3, 4], vec![9, 3, 4, 5], vec![9], vec![], vec![1, 2, 3]];
+        let seen = [
+            vec![1, 2, 3, 4],
+            vec![9, 3, 4, 5],
+            vec![9],
+            vec![],
+            vec![1, 2, 3],
+        ];
         assert_eq!(covisible(&seen, 0.2, 1.0), [(0, 1), (0, 4), (1, 2), (1, 4)]);
         assert_eq!(covisible(&seen, 0.3, 0.7), [(0, 1)]);
         assert_eq!(covisible(&seen, 0.75, 0.75), [(0, 4)]);

@@ -13,9 +13,7 @@ use super::{About, DatasetError, Frame, ImageStorage, PairRule, Sequence, write_
 /// The frames and pairs of a scene with their true poses; the images are made by [`World::render`].
 pub fn sequence(scene: &Scene) -> Sequence {
     let frames = (0..scene.frames)
-        .map(|frame| {
-            Frame::with_pose("", scene.camera(), scene.world_from_camera(frame))
-        })
+        .map(|frame| Frame::with_pose("", scene.camera(), scene.world_from_camera(frame)))
         .collect();
     let (frames, pairs) = (PairRule::from(scene.pairing).apply(frames))
         .expect("all frames have poses, and no rule reads a file");
@@ -154,8 +152,8 @@ mod tests {
         );
         for (pair, truth) in opened.pairs.iter().zip(&expected.pairs) {
             assert_eq!((pair.a, pair.b), (truth.a, truth.b));
-            let difference = pair.pose().unwrap().to_homogeneous()
-                - truth.pose().unwrap().to_homogeneous();
+            let difference =
+                pair.pose().unwrap().to_homogeneous() - truth.pose().unwrap().to_homogeneous();
             assert!(difference.amax() < 1e-12);
         }
         let mut problems = validate(&folders[0]);

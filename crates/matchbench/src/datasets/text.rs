@@ -100,7 +100,10 @@ pub(super) fn exactly<const N: usize>(row: &str) -> Result<[f64; N], String> {
 const MAX_COORDINATE: f64 = 1e150;
 
 fn translation(xyz: [f64; 3]) -> Result<Translation3<f64>, String> {
-    match xyz.iter().find(|x| !x.is_finite() || x.abs() > MAX_COORDINATE) {
+    match xyz
+        .iter()
+        .find(|x| !x.is_finite() || x.abs() > MAX_COORDINATE)
+    {
         Some(x) => Err(format!(
             "the translation has the coordinate {x:e}, beyond {MAX_COORDINATE:e}"
         )),
@@ -131,7 +134,11 @@ pub(super) fn homography(numbers: &[f64]) -> Result<Matrix3<f64>, String> {
     let found = numbers.len();
     let matrix = match numbers.len() {
         9 => Matrix3::from_row_slice(numbers),
-        _ => return Err(format!("{found} numbers where the 9 of a homography are expected")),
+        _ => {
+            return Err(format!(
+                "{found} numbers where the 9 of a homography are expected"
+            ));
+        }
     };
     let largest = matrix.amax();
     if !largest.is_finite() || largest == 0.0 {
@@ -261,7 +268,9 @@ mod tests {
 
     #[test]
     fn singular_homographies_are_refused() {
-        let large = [8.5e-1, 2.1e-1, 9.9e3, -2.1e-1, 8.5e-1, 1.3e4, 2e-6, 1e-6, 1.0];
+        let large = [
+            8.5e-1, 2.1e-1, 9.9e3, -2.1e-1, 8.5e-1, 1.3e4, 2e-6, 1e-6, 1.0,
+        ];
         assert!(homography(&large).is_ok());
         assert!(homography(&[0.0; 9]).is_err());
         assert!(homography(&[1.0; 9]).is_err());

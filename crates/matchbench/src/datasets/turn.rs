@@ -119,7 +119,8 @@ impl Turn {
 
     /// The rotation that takes rays of the camera before the turn to those after it.
     pub(super) fn rotation(self) -> UnitQuaternion<f64> {
-        let quarter = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -std::f64::consts::FRAC_PI_2);
+        let quarter =
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -std::f64::consts::FRAC_PI_2);
         (0..u8::from(self)).fold(UnitQuaternion::identity(), |turned, _| quarter * turned)
     }
 }

@@ -213,7 +213,11 @@ fn check_pairs(dir: &Path, contents: &Contents, problems: &mut Vec<Problem>) {
     }
 }
 
-fn contradiction(pair: &Listed<Isometry3<f64>>, a: &Isometry3<f64>, b: &Isometry3<f64>) -> Option<String> {
+fn contradiction(
+    pair: &Listed<Isometry3<f64>>,
+    a: &Isometry3<f64>,
+    b: &Isometry3<f64>,
+) -> Option<String> {
     let expected = relative_pose(a, b);
     let angle = pair.truth.rotation.angle_to(&expected.rotation);
     let shift = (pair.truth.translation.vector - expected.translation.vector).norm();
@@ -331,7 +335,12 @@ mod tests {
         let (_folder, dir) = testing::dataset();
         let rows = "0 1 1 0 5 0 1 -3 0 0 1\n0 2 1 0 999 0 1 0 0 0 1\n";
         fs::write(dir.join("homographies.txt"), rows).unwrap();
-        assert_found(&validate(&dir), HOMOGRAPHIES, Some(2), "takes no pixel of frame 0");
+        assert_found(
+            &validate(&dir),
+            HOMOGRAPHIES,
+            Some(2),
+            "takes no pixel of frame 0",
+        );
         fs::remove_file(dir.join("pairs.txt")).unwrap();
         fs::write(dir.join("homographies.txt"), "0 1 1 0 5 0 1 -3 0 0 1\n").unwrap();
         assert_eq!(validate(&dir), []);

@@ -108,7 +108,9 @@ impl<'a> Keypoints<'a> {
         let find = || {
             let extraction = self.plan.matcher(matcher)?.extraction.as_ref()?;
             let frame = &sequence.frames[frame as usize];
-            let features = self.cache.find(&frame.image, frame.turn.into(), extraction)?;
+            let features = self
+                .cache
+                .find(&frame.image, frame.turn.into(), extraction)?;
             let keypoints = evenly(&features.keypoints, MOST_KEYPOINTS);
             Some(
                 keypoints
@@ -178,12 +180,13 @@ mod tests {
     use nalgebra::Isometry3;
 
     use super::*;
-    use crate::datasets::Frame;
+    use crate::datasets::{Frame, Turn};
     use crate::metrics::{AngularError, Failure, PairResult};
 
     /// A dataset of the pairs (0, 1), (0, 2) ... (0, 8).
     fn sequence() -> Sequence {
         let frame = Frame {
+            turn: Turn::None,
             image: "nowhere.png".into(),
             camera: Camera::pinhole(8.0, 8.0, 3.5, 3.5),
             world_from_camera: None,

@@ -8,11 +8,13 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use matchbench_vision::robust::NoPose;
+use nalgebra::Matrix3;
 use rayon::ThreadPoolBuilder;
 use tempfile::TempDir;
 
 use super::testing::{Toy, Trouble, dataset, decode};
 use super::*;
+use crate::datasets::{Pair, Turn};
 use crate::records::{MIN_MATCHES, MIN_SUPPORT, Outcome, Plan, RunRecord, StageTimes, store};
 
 /// A folder with two datasets and room for runs.
@@ -293,7 +295,10 @@ fn another_plan_is_refused_with_the_field_that_differs() {
     let planar = Pair::with_homography(pair.a, pair.b, Matrix3::identity());
     bench.datasets[1].sequence.pairs[2] = planar;
     let message = bench.run("run").unwrap_err().to_string();
-    assert!(message.contains("knows a homography but no pose"), "{message}");
+    assert!(
+        message.contains("knows a homography but no pose"),
+        "{message}"
+    );
     bench.datasets[1].sequence.pairs[2] = pair;
 
     bench.datasets[1].path = "elsewhere".into();

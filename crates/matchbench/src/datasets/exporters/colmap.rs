@@ -20,7 +20,8 @@ pub(super) fn write(sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetE
     let (root, names) = names(sequence)?;
     let mut cameras: Vec<(Camera, Size)> = Vec::new();
     let mut camera_text = String::from("# id MODEL width height parameters\n");
-    let mut image_text = String::from("# id qw qx qy qz tx ty tz camera name, then keypoints: none\n");
+    let mut image_text =
+        String::from("# id qw qx qy qz tx ty tz camera name, then keypoints: none\n");
     for (index, (frame, name)) in sequence.frames.iter().zip(&names).enumerate() {
         let camera = stored_camera(frame)?;
         let number = cameras.iter().position(|known| *known == camera);
@@ -31,7 +32,10 @@ pub(super) fn write(sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetE
             cameras.len() - 1
         });
         let turned = frame.world_from_camera.ok_or_else(|| {
-            cannot_say(frame, "the frame has no pose, which a COLMAP model cannot do without")
+            cannot_say(
+                frame,
+                "the frame has no pose, which a COLMAP model cannot do without",
+            )
         })?;
         let turn = Isometry3::from_parts(Translation3::identity(), frame.turn.rotation());
         let pose = (turned * turn).inverse();
@@ -70,7 +74,13 @@ pub(super) fn write(sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetE
 }
 
 fn camera_row(camera: &Camera, size: Size) -> String {
-    let &Camera { fx, fy, cx, cy, distortion } = camera;
+    let &Camera {
+        fx,
+        fy,
+        cx,
+        cy,
+        distortion,
+    } = camera;
     let mut params = vec![fx, fy, cx + 0.5, cy + 0.5];
     let model = match distortion {
         None => "PINHOLE",
@@ -85,5 +95,10 @@ fn camera_row(camera: &Camera, size: Size) -> String {
         }
     };
     let params: Vec<_> = params.iter().map(|number| format!("{number:?}")).collect();
-    format!("{model} {} {} {}", size.width, size.height, params.join(" "))
+    format!(
+        "{model} {} {} {}",
+        size.width,
+        size.height,
+        params.join(" ")
+    )
 }

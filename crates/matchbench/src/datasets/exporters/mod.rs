@@ -45,14 +45,17 @@ pub const EXPORTS: &[Export] = &[
 /// If there is no such layout, it cannot say what the dataset knows, an image cannot be read (their
 /// sizes are needed), or the disk refuses.
 pub fn export(layout: &str, sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetError> {
-    let entry = EXPORTS.iter().find(|export| export.id == layout).ok_or_else(|| {
-        let ids: Vec<_> = EXPORTS.iter().map(|export| export.id).collect();
-        DatasetError::new(
-            layout,
-            "no such layout",
-            format!("use one of {}", ids.join(", ")),
-        )
-    })?;
+    let entry = EXPORTS
+        .iter()
+        .find(|export| export.id == layout)
+        .ok_or_else(|| {
+            let ids: Vec<_> = EXPORTS.iter().map(|export| export.id).collect();
+            DatasetError::new(
+                layout,
+                "no such layout",
+                format!("use one of {}", ids.join(", ")),
+            )
+        })?;
     if out.exists() {
         return Err(DatasetError::new(
             out,
@@ -84,7 +87,11 @@ fn names(sequence: &Sequence) -> Result<(PathBuf, Vec<String>), DatasetError> {
         let name = parts.join("/");
         if name.contains(char::is_whitespace) {
             let what = "the name of the image has a space, which this layout cannot say";
-            return Err(DatasetError::new(path, what, "rename the image or its folder"));
+            return Err(DatasetError::new(
+                path,
+                what,
+                "rename the image or its folder",
+            ));
         }
         Ok(name)
     };
@@ -93,5 +100,9 @@ fn names(sequence: &Sequence) -> Result<(PathBuf, Vec<String>), DatasetError> {
 }
 
 fn cannot_say(frame: &Frame, what: &str) -> DatasetError {
-    DatasetError::new(&frame.image, what, "choose another layout, or leave the frame out")
+    DatasetError::new(
+        &frame.image,
+        what,
+        "choose another layout, or leave the frame out",
+    )
 }

@@ -16,7 +16,10 @@ pub(super) fn write(sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetE
     let cameras = (sequence.frames.iter())
         .map(|frame| match stored_camera(frame)? {
             (camera, _) if camera.distortion.is_none() => Ok(camera),
-            _ => Err(cannot_say(frame, "lens distortion has no place in a SuperGlue list")),
+            _ => Err(cannot_say(
+                frame,
+                "lens distortion has no place in a SuperGlue list",
+            )),
         })
         .collect::<Result<Vec<_>, _>>()?;
     let mut text = String::new();
@@ -24,7 +27,10 @@ pub(super) fn write(sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetE
         let (a, b) = (pair.a as usize, pair.b as usize);
         let (from, to) = (&sequence.frames[a], &sequence.frames[b]);
         let b_from_a = pair.pose().ok_or_else(|| {
-            cannot_say(from, "a pair whose truth is a homography has no place in a SuperGlue list")
+            cannot_say(
+                from,
+                "a pair whose truth is a homography has no place in a SuperGlue list",
+            )
         })?;
         let mut words = vec![
             names[a].clone(),
@@ -36,9 +42,8 @@ pub(super) fn write(sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetE
             let k = camera.matrix().transpose();
             words.extend(k.iter().map(|number| format!("{number:?}")));
         }
-        let turned = [from, to].map(|frame| {
-            Isometry3::from_parts(Translation3::identity(), frame.turn.rotation())
-        });
+        let turned = [from, to]
+            .map(|frame| Isometry3::from_parts(Translation3::identity(), frame.turn.rotation()));
         let stored = match from.turn.is_none() && to.turn.is_none() {
             true => *b_from_a,
             false => turned[1].inverse() * b_from_a * turned[0],

@@ -20,7 +20,11 @@ use crate::datasets::{About, DatasetError, Frame};
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let inside = src.join("mav0");
-    let folder = if inside.is_dir() { inside } else { src.to_owned() };
+    let folder = if inside.is_dir() {
+        inside
+    } else {
+        src.to_owned()
+    };
     let sensor = folder.join("cam0");
     let (camera, body_from_camera) = sensor_of(&TextFile::read(&sensor.join("sensor.yaml"))?)?;
     let states = folder.join("state_groundtruth_estimate0").join("data.csv");
@@ -30,7 +34,9 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
     for (line, row) in images.rows() {
-        let parsed = row.split_once(',').ok_or_else(|| "time,name is expected".to_owned());
+        let parsed = row
+            .split_once(',')
+            .ok_or_else(|| "time,name is expected".to_owned());
         let parsed = parsed.and_then(|(time, name)| Ok((seconds(time)?, name.trim())));
         let (time, name) = parsed.map_err(|what| images.error_at(line, what))?;
         match association.pose_at(&trajectory, time) {
@@ -64,7 +70,9 @@ fn seconds(nanoseconds: &str) -> Result<f64, String> {
 
 fn trajectory(file: &TextFile) -> Result<Vec<TimedPose>, DatasetError> {
     let pose = |row: &str| {
-        let (time, rest) = row.split_once(',').ok_or("time, position and quaternion are expected")?;
+        let (time, rest) = row
+            .split_once(',')
+            .ok_or("time, position and quaternion are expected")?;
         let state: Vec<&str> = rest.split(',').take(7).collect();
         let [x, y, z, qw, qx, qy, qz] = text::exactly(&state.join(" "))?;
         Ok(TimedPose {
@@ -86,11 +94,19 @@ fn sensor_of(file: &TextFile) -> Result<(Camera, Isometry3<f64>), DatasetError> 
     let [fx, fy, cx, cy] = bracketed(file.text(), "intrinsics:").map_err(fail)?;
     let [k1, k2, p1, p2] = bracketed(file.text(), "distortion_coefficients:").map_err(fail)?;
     if !file.text().contains("radial-tangential") && !file.text().contains("radtan") {
-        return Err(fail("the distortion_model is not radial-tangential".to_owned()));
+        return Err(fail(
+            "the distortion_model is not radial-tangential".to_owned(),
+        ));
     }
     let pinhole = list::camera(&[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]).map_err(fail)?;
     let camera = Camera {
-        distortion: Some(Distortion { k1, k2, p1, p2, k3: 0.0 }),
+        distortion: Some(Distortion {
+            k1,
+            k2,
+            p1,
+            p2,
+            k3: 0.0,
+        }),
         ..pinhole
     };
     Ok((camera, text::rigid_motion_4x4(&pose).map_err(fail)?))

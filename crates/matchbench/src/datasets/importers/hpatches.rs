@@ -42,7 +42,9 @@ fn folders(src: &Path, wanted: Option<&str>) -> Result<Vec<String>, DatasetError
         .collect();
     found.sort();
     if found.is_empty() {
-        let which = wanted.map_or(String::new(), |wanted| format!(" of the sequence `{wanted}`"));
+        let which = wanted.map_or(String::new(), |wanted| {
+            format!(" of the sequence `{wanted}`")
+        });
         return Err(DatasetError::new(
             src,
             format!("there is no folder{which} with 1.ppm and H_1_2"),

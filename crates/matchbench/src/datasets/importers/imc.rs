@@ -43,13 +43,23 @@ fn read_calibrations(src: &Path, options: &ImportOptions<'_>) -> Result<Imported
         return Err(DatasetError::new(
             src,
             format!("a folder of calibrations has no sequence `{sequence}`"),
-            format!("leave {} out, or give a train_labels.csv", ImportOption::Sequence),
+            format!(
+                "leave {} out, or give a train_labels.csv",
+                ImportOption::Sequence
+            ),
         ));
     }
     let inside = src.join("calibration");
-    let folder = if inside.is_dir() { inside } else { src.to_owned() };
+    let folder = if inside.is_dir() {
+        inside
+    } else {
+        src.to_owned()
+    };
     let beside = [src.join("images"), src.join("../images")];
-    let images = beside.into_iter().find(|path| path.is_dir()).unwrap_or(src.join("images"));
+    let images = beside
+        .into_iter()
+        .find(|path| path.is_dir())
+        .unwrap_or(src.join("images"));
     let root = options.root(&images);
     let given = given_camera(src, options, &[])?;
     let mut frames = Vec::new();
@@ -101,7 +111,10 @@ fn calibration(path: &Path) -> Result<(Camera, Isometry3<f64>), String> {
         let found = (file.dataset(name).and_then(|set| match set.dtype() {
             hdf5_reader::Datatype::FloatingPoint { size: 4, .. } => {
                 let values = set.read_array::<f32>()?;
-                Ok(values.iter().map(|&value| f64::from(value)).collect::<Vec<_>>())
+                Ok(values
+                    .iter()
+                    .map(|&value| f64::from(value))
+                    .collect::<Vec<_>>())
             }
             _ => Ok(set.read_array::<f64>()?.iter().copied().collect()),
         }))
@@ -143,8 +156,14 @@ fn read_labels(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, Data
             file.error(what, "give the train_labels.csv of the challenge of 2025")
         })
     };
-    let columns = ["dataset", "scene", "image", "rotation_matrix", "translation_vector"]
-        .map(column);
+    let columns = [
+        "dataset",
+        "scene",
+        "image",
+        "rotation_matrix",
+        "translation_vector",
+    ]
+    .map(column);
     let [dataset, scene, image, rotation, translation] = columns;
     let columns = [dataset?, scene?, image?, rotation?, translation?];
     let mut labels = Vec::new();
@@ -155,7 +174,16 @@ fn read_labels(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, Data
             return Err(file.error_at(line, what));
         }
         let [dataset, scene, image, rotation, translation] = columns.map(|column| cells[column]);
-        labels.push((line, Label { dataset, scene, image, rotation, translation }));
+        labels.push((
+            line,
+            Label {
+                dataset,
+                scene,
+                image,
+                rotation,
+                translation,
+            },
+        ));
     }
     let wanted = choose(&file, &labels, options.sequence.as_deref())?;
     labels.retain(|(_, label)| (label.dataset, label.scene) == wanted);
@@ -168,7 +196,10 @@ fn read_labels(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, Data
     for (line, label) in labels {
         let numbers = |cell: &str| cell.split(';').map(str::trim).collect::<Vec<_>>().join(" ");
         let (r, t) = (numbers(label.rotation), numbers(label.translation));
-        if [&r, &t].iter().any(|cell| cell.split_whitespace().all(|word| word == "nan")) {
+        if [&r, &t]
+            .iter()
+            .any(|cell| cell.split_whitespace().all(|word| word == "nan"))
+        {
             left_out.push(label.image.to_owned());
             continue;
         }
@@ -207,17 +238,29 @@ fn choose<'a>(
     wanted: Option<&str>,
 ) -> Result<(&'a str, &'a str), DatasetError> {
     let scenes = labels.iter().map(|(_, label)| (label.dataset, label.scene));
-    let scenes: BTreeSet<(&str, &str)> =
-        scenes.filter(|(_, scene)| *scene != "outliers").collect();
+    let scenes: BTreeSet<(&str, &str)> = scenes.filter(|(_, scene)| *scene != "outliers").collect();
     let is_wanted = |scene: &&(&str, &str)| {
-        wanted.is_none_or(|wanted| wanted == scene.0 || wanted == format!("{}/{}", scene.0, scene.1))
+        wanted
+            .is_none_or(|wanted| wanted == scene.0 || wanted == format!("{}/{}", scene.0, scene.1))
     };
     let found: Vec<_> = scenes.iter().filter(is_wanted).copied().collect();
     if let [scene] = found[..] {
         return Ok(scene);
     }
-    let names: Vec<_> = scenes.iter().take(40).map(|(set, scene)| format!("{set}/{scene}")).collect();
-    let what = if found.is_empty() { "there is no such scene" } else { "there are several scenes" };
-    let remedy = format!("choose by {} one of {}", ImportOption::Sequence, names.join(", "));
+    let names: Vec<_> = scenes
+        .iter()
+        .take(40)
+        .map(|(set, scene)| format!("{set}/{scene}"))
+        .collect();
+    let what = if found.is_empty() {
+        "there is no such scene"
+    } else {
+        "there are several scenes"
+    };
+    let remedy = format!(
+        "choose by {} one of {}",
+        ImportOption::Sequence,
+        names.join(", ")
+    );
     Err(file.error(what, remedy))
 }

@@ -18,12 +18,18 @@ use crate::datasets::{
 /// Names, turns, K_0, K_1, T_0to1: a turn of 0.1 radians about y and a step.
 fn superglue_row(names: [&str; 2], turns: [u8; 2], step: &str) -> String {
     let k = "1165.72 0. 649.095 0. 1165.74 484.765 0. 0. 1.";
-    let t = format!("0.995004 0. 0.0998334 {step} 0. 1. 0. 0.5 -0.0998334 0. 0.995004 0. 0. 0. 0. 1.");
-    format!("{} {} {} {} {k} {k} {t}\n", names[0], names[1], turns[0], turns[1])
+    let t =
+        format!("0.995004 0. 0.0998334 {step} 0. 1. 0. 0.5 -0.0998334 0. 0.995004 0. 0. 0. 0. 1.");
+    format!(
+        "{} {} {} {} {k} {k} {t}\n",
+        names[0], names[1], turns[0], turns[1]
+    )
 }
 
 fn fixture(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/lists").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/lists")
+        .join(name)
 }
 
 fn with_root(root: &Path) -> ImportOptions<'static> {
@@ -50,19 +56,37 @@ fn a_superglue_list_names_frames_once() {
     .concat();
     let (folder, src) = source("sg", &[("list.txt", &list), ("a.png", ""), ("b.png", "")]);
     let out = folder.path().join("out");
-    let report = import("superglue", &src.join("list.txt"), &out, &ImportOptions::default());
+    let report = import(
+        "superglue",
+        &src.join("list.txt"),
+        &out,
+        &ImportOptions::default(),
+    );
     let report = report.unwrap();
     assert_eq!((report.frames, report.pairs, report.rule), (3, 2, None));
-    assert!(report.notes[0].starts_with("1 of 3 images are not there (yet): "), "{:?}", report.notes);
+    assert!(
+        report.notes[0].starts_with("1 of 3 images are not there (yet): "),
+        "{:?}",
+        report.notes
+    );
     let pairs = crate::datasets::read_pairs(&out.join("pairs.txt")).unwrap();
     assert_eq!((pairs[1].a, pairs[1].b, x_of(&pairs[0])), (1, 2, -0.03968));
     let problems = validate(&out);
-    assert!(problems.iter().any(|problem| problem.error.file.ends_with("c.png")), "{problems:?}");
+    assert!(
+        problems
+            .iter()
+            .any(|problem| problem.error.file.ends_with("c.png")),
+        "{problems:?}"
+    );
 
     for (from, to, word) in [
         (" 0 0 1165", " 0 1165", "37 columns"),
         (" 0 0 1165", " 0 5 1165", "a turn of 5"),
-        ("0.995004 0. 0.0998334 -0", "1.995004 0. 0.0998334 -0", "not a rotation"),
+        (
+            "0.995004 0. 0.0998334 -0",
+            "1.995004 0. 0.0998334 -0",
+            "not a rotation",
+        ),
         (" -0.03968", " 1e308", "coordinate"),
         ("b.png 0 0", "a.png 0 0", "matched with itself"),
     ] {
@@ -87,7 +111,9 @@ fn turns_of_a_superglue_list_are_applied_to_pixels_k_and_t() {
     let (plain, turned) = (read(&plain), read(&turned));
     let size = testing::pixels(0).size();
     let see = |imported: &Imported, point: Point3<f64>, frame: usize| {
-        imported.frames[frame].camera.project((point.coords / point.z).xy().into())
+        imported.frames[frame]
+            .camera
+            .project((point.coords / point.z).xy().into())
     };
     let pose = |imported: &Imported| *imported.pairs.as_ref().unwrap()[0].pose().unwrap();
     let point = Point3::new(0.3, -0.2, 4.0);
@@ -101,7 +127,13 @@ fn turns_of_a_superglue_list_are_applied_to_pixels_k_and_t() {
 
     // And out again, where the list is that of the stored pixels.
     let out = folder.path().join("set");
-    import("superglue", &src.join("list.txt"), &out, &ImportOptions::default()).unwrap();
+    import(
+        "superglue",
+        &src.join("list.txt"),
+        &out,
+        &ImportOptions::default(),
+    )
+    .unwrap();
     let sequence = Sequence::open(&out).unwrap();
     assert_eq!(sequence.frames[0].pixels().unwrap().width(), size.height);
     let list = folder.path().join("again.txt");
@@ -141,19 +173,42 @@ fn scannet_and_superglue_lists_give_the_same_dataset() {
     ]
     .concat();
     let (_folder, src) = source("lists", &[("list.txt", &list)]);
-    let names: Vec<u8> = [707_u16, 0, 15, 585, 707, 0, 45, 585].map(u16::to_le_bytes).concat();
+    let names: Vec<u8> = [707_u16, 0, 15, 585, 707, 0, 45, 585]
+        .map(u16::to_le_bytes)
+        .concat();
     let pose = |x: f32| {
-        [0.995004, 0., 0.0998334, x, 0., 1., 0., 0.5, -0.0998334, 0., 0.995004, 0.]
-            .map(f32::to_le_bytes)
-            .concat()
+        [
+            0.995004, 0., 0.0998334, x, 0., 1., 0., 0.5, -0.0998334, 0., 0.995004, 0.,
+        ]
+        .map(f32::to_le_bytes)
+        .concat()
     };
     let poses = [pose(-0.03968), pose(0.91886)].concat();
     let test = src.join("test.npz");
-    npz(&test, &[("name", npy("<u2", "2, 4", &names)), ("rel_pose", npy("<f4", "2, 12", &poses))]);
-    let k = [1165.72 / 2.025, 0., 649.095 / 2.025, 0., 1165.74 * 480. / 968., 484.765 * 480. / 968.];
+    npz(
+        &test,
+        &[
+            ("name", npy("<u2", "2, 4", &names)),
+            ("rel_pose", npy("<f4", "2, 12", &poses)),
+        ],
+    );
+    let k = [
+        1165.72 / 2.025,
+        0.,
+        649.095 / 2.025,
+        0.,
+        1165.74 * 480. / 968.,
+        484.765 * 480. / 968.,
+    ];
     let k = [&k[..], &[0., 0., 1.]].concat();
-    let k: Vec<u8> = k.iter().flat_map(|value: &f64| value.to_le_bytes()).collect();
-    npz(&src.join("intrinsics.npz"), &[("scene0707_00", npy("<f8", "3, 3", &k))]);
+    let k: Vec<u8> = k
+        .iter()
+        .flat_map(|value: &f64| value.to_le_bytes())
+        .collect();
+    npz(
+        &src.join("intrinsics.npz"),
+        &[("scene0707_00", npy("<f8", "3, 3", &k))],
+    );
 
     let ours = read("scannet", &test).unwrap();
     let theirs = read("superglue", &src.join("list.txt")).unwrap();
@@ -169,7 +224,10 @@ fn scannet_and_superglue_lists_give_the_same_dataset() {
     fs::create_dir_all(image.parent().unwrap()).unwrap();
     fs::write(&image, b"P5 640 484 255\n").unwrap();
     let small = read("scannet", &test).unwrap().frames[0].camera;
-    assert!((small.cx - (649.595 / 2.025 - 0.5)).abs() < 1e-9, "{small:?}");
+    assert!(
+        (small.cx - (649.595 / 2.025 - 0.5)).abs() < 1e-9,
+        "{small:?}"
+    );
 
     let intrinsics = ImportOptions {
         intrinsics: Some(src.join("none.npz")),
@@ -177,25 +235,57 @@ fn scannet_and_superglue_lists_give_the_same_dataset() {
     };
     let error = read_source("scannet", &test, &intrinsics).unwrap_err();
     assert!(error.remedy.contains("--intrinsics"), "{error}");
-    npz(&test, &[("name", npy("<u2", "2, 4", &names)), ("rel_pose", npy("<f4", "1, 12", &pose(1.)))]);
-    assert!(read("scannet", &test).unwrap_err().what.contains("2 names for 1 poses"));
-    npz(&test, &[("name", npy("<u2", "1, 4", &names[..8])), ("rel_pose", npy("<f4", "1, 12", &pose(f32::NAN)))]);
-    assert!(read("scannet", &test).unwrap_err().what.starts_with("row 0: "));
+    npz(
+        &test,
+        &[
+            ("name", npy("<u2", "2, 4", &names)),
+            ("rel_pose", npy("<f4", "1, 12", &pose(1.))),
+        ],
+    );
+    assert!(
+        read("scannet", &test)
+            .unwrap_err()
+            .what
+            .contains("2 names for 1 poses")
+    );
+    npz(
+        &test,
+        &[
+            ("name", npy("<u2", "1, 4", &names[..8])),
+            ("rel_pose", npy("<f4", "1, 12", &pose(f32::NAN))),
+        ],
+    );
+    assert!(
+        read("scannet", &test)
+            .unwrap_err()
+            .what
+            .starts_with("row 0: ")
+    );
 }
 
 #[test]
 fn megadepth_is_read_from_loftrs_pickle() {
     let root = Path::new("/photos");
     let found = read_source("megadepth", &fixture("megadepth.npz"), &with_root(root)).unwrap();
-    let names: Vec<_> = found.frames.iter().map(|frame| frame.image.clone()).collect();
-    assert_eq!(names, ["3.png", "0.png", "2.png"].map(|name| root.join(name)));
+    let names: Vec<_> = found
+        .frames
+        .iter()
+        .map(|frame| frame.image.clone())
+        .collect();
+    assert_eq!(
+        names,
+        ["3.png", "0.png", "2.png"].map(|name| root.join(name))
+    );
     for frame in &found.frames {
         assert_eq!(frame.camera, Camera::pinhole(20.0, 21.0, 11.5, 8.0));
     }
     // World to camera: x is 2, 0, 1 and the turn about y a tenth of it.
     let pose = |x: f64| Isometry3::new(Vector3::x() * x, Vector3::y() * 0.1 * x);
     let pairs = found.pairs.unwrap();
-    for (pair, expected) in pairs.iter().zip([pose(0.0) * pose(2.0).inverse(), pose(1.0)]) {
+    for (pair, expected) in pairs
+        .iter()
+        .zip([pose(0.0) * pose(2.0).inverse(), pose(1.0)])
+    {
         let difference = pair.pose().unwrap().to_homogeneous() - expected.to_homogeneous();
         assert!(difference.amax() < 1e-12);
     }
@@ -221,21 +311,34 @@ fn megadepth_is_read_from_glue_factorys_texts() {
     let files = [("views.txt", views), ("pairs.txt", "p/a.png p/b.png 0.3\n")];
     let (_folder, src) = source("gf", &files);
     let found = read("megadepth", &src).unwrap();
-    assert_eq!(found.frames[0].camera, Camera::pinhole(20.0, 21.0, 11.5, 8.0));
+    assert_eq!(
+        found.frames[0].camera,
+        Camera::pinhole(20.0, 21.0, 11.5, 8.0)
+    );
     assert_eq!(found.frames[1].camera.distortion.unwrap().k1, 0.125);
     assert_eq!(x_of(&found.pairs.unwrap()[0]), 2.0);
     fs::write(src.join("pairs.txt"), "p/a.png p/c.png").unwrap();
     let error = read("megadepth", &src.join("views.txt")).unwrap_err();
-    assert!(error.to_string().contains("pairs.txt:1: p/c.png is not in views.txt"), "{error}");
+    assert!(
+        error
+            .to_string()
+            .contains("pairs.txt:1: p/c.png is not in views.txt"),
+        "{error}"
+    );
 }
 
-const CAMERAS: &str = "# cameras\n1 SIMPLE_PINHOLE 24 17 20 12 8.5\n5 SIMPLE_RADIAL 24 17 21 12 8.5 0.125\n";
+const CAMERAS: &str =
+    "# cameras\n1 SIMPLE_PINHOLE 24 17 20 12 8.5\n5 SIMPLE_RADIAL 24 17 21 12 8.5 0.125\n";
 const IMAGES: &str = "# images\n9 1 0 0 0 1 0 0 5 b.png\n1.5 2.5 7 1.5 2.5 8 1.5 2.5 9 1.5 2.5 -1\n\
                       4 1 0 0 0 0 0 0 1 a.png\n1.5 2.5 9 1.5 2.5 8 1.5 2.5 11 1.5 2.5 12\n";
 
 #[test]
 fn colmap_models_are_the_same_as_text_and_binary() {
-    let files = [("cameras.txt", CAMERAS), ("images.txt", IMAGES), ("images/a.png", "")];
+    let files = [
+        ("cameras.txt", CAMERAS),
+        ("images.txt", IMAGES),
+        ("images/a.png", ""),
+    ];
     let (folder, src) = source("model", &files);
     let text = read("colmap", &src).unwrap();
     let options = with_root(&src.join("images"));
@@ -244,17 +347,33 @@ fn colmap_models_are_the_same_as_text_and_binary() {
     assert_eq!(text.seen, binary.seen);
     assert_eq!(text.seen, Some(vec![vec![8, 9, 11, 12], vec![7, 8, 9]]));
     assert_eq!(text.frames[0].image, src.join("images/a.png"));
-    assert_eq!(text.frames[0].camera, Camera::pinhole(20.0, 20.0, 11.5, 8.0));
-    assert_eq!(text.frames[1].world_from_camera.unwrap().translation.x, -1.0);
+    assert_eq!(
+        text.frames[0].camera,
+        Camera::pinhole(20.0, 20.0, 11.5, 8.0)
+    );
+    assert_eq!(
+        text.frames[1].world_from_camera.unwrap().translation.x,
+        -1.0
+    );
 
     // Two of four points are common.
     let with = |rule: &str| ImportOptions {
         pairs: Some(rule.parse().unwrap()),
         ..ImportOptions::default()
     };
-    let report = import("colmap", &src, &folder.path().join("a"), &with("covisible:0.5..0.5"));
+    let report = import(
+        "colmap",
+        &src,
+        &folder.path().join("a"),
+        &with("covisible:0.5..0.5"),
+    );
     assert_eq!(report.unwrap().pairs, 1);
-    let none = import("colmap", &src, &folder.path().join("b"), &with("covisible:0.6..1"));
+    let none = import(
+        "colmap",
+        &src,
+        &folder.path().join("b"),
+        &with("covisible:0.6..1"),
+    );
     assert!(none.unwrap_err().what.contains("covisible:0.6..1"));
     let pair = crate::datasets::read_pairs(&folder.path().join("a/pairs.txt")).unwrap()[0];
     assert_eq!((pair.a, pair.b, x_of(&pair)), (0, 1, 1.0));
@@ -262,7 +381,12 @@ fn colmap_models_are_the_same_as_text_and_binary() {
     // Points may be absent; then the rule must be another one.
     let no_points = "4 1 0 0 0 0 0 0 1 a.png\n\n9 1 0 0 0 1 0 0 5 b.png\n\n";
     fs::write(src.join("images.txt"), no_points).unwrap();
-    let error = import("colmap", &src, &folder.path().join("c"), &ImportOptions::default());
+    let error = import(
+        "colmap",
+        &src,
+        &folder.path().join("c"),
+        &ImportOptions::default(),
+    );
     assert!(error.unwrap_err().remedy.contains("another rule"));
     let report = import("colmap", &src, &folder.path().join("c"), &with("all")).unwrap();
     assert_eq!((report.frames, report.pairs), (2, 1));
@@ -272,7 +396,11 @@ fn colmap_models_are_the_same_as_text_and_binary() {
 fn damaged_models_are_refused() {
     let (_folder, src) = source("model", &[("cameras.txt", CAMERAS), ("images.txt", IMAGES)]);
     let with = |name: &str, from: &str, to: &str| {
-        let text = if name == "images.txt" { IMAGES } else { CAMERAS };
+        let text = if name == "images.txt" {
+            IMAGES
+        } else {
+            CAMERAS
+        };
         assert!(text.contains(from));
         fs::write(src.join(name), text.replacen(from, to, 1)).unwrap();
         let error = read("colmap", &src).unwrap_err();
@@ -280,7 +408,10 @@ fn damaged_models_are_refused() {
         error.to_string()
     };
     let error = with("cameras.txt", "SIMPLE_RADIAL", "OPENCV_FISHEYE");
-    assert!(error.contains("the camera model OPENCV_FISHEYE is not supported"), "{error}");
+    assert!(
+        error.contains("the camera model OPENCV_FISHEYE is not supported"),
+        "{error}"
+    );
     assert!(with("images.txt", "5 b.png", "6 b.png").contains("camera 6, which is not there"));
     assert!(with("images.txt", "9 1 0 0 0", "9 1 1 0 0").contains("images.txt:2: the quaternion"));
     assert!(with("images.txt", "2.5 -1", "2.5 -2").contains("images.txt:3: `-2`"));
@@ -289,7 +420,12 @@ fn damaged_models_are_refused() {
     fs::copy(fixture("model/cameras.bin"), src.join("cameras.bin")).unwrap();
     for bytes in [&binary[..100], &[0xff; 8], &[&binary[..], &[0]].concat()] {
         fs::write(src.join("images.bin"), bytes).unwrap();
-        assert!(read("colmap", &src).unwrap_err().file.ends_with("images.bin"));
+        assert!(
+            read("colmap", &src)
+                .unwrap_err()
+                .file
+                .ends_with("images.bin")
+        );
     }
 }
 
@@ -309,17 +445,25 @@ fn a_dataset_survives_as_colmap_model_and_as_list() {
         let report = import(layout, &out, &again, &options).unwrap();
         assert_eq!((report.frames, report.pairs), (4, 6));
         let warnings = validate(&again);
-        assert!(warnings.iter().all(|w| w.severity == crate::datasets::Severity::Warning));
+        assert!(
+            warnings
+                .iter()
+                .all(|w| w.severity == crate::datasets::Severity::Warning)
+        );
         let found = Sequence::open(&again).unwrap();
         for (f, e) in found.frames.iter().zip(&sequence.frames) {
             let (f, e) = (f.camera, e.camera);
             assert!((f.fx - e.fx).abs() + (f.cx - e.cx).abs() + (f.cy - e.cy).abs() < 1e-9);
         }
         for (f, e) in found.pairs.iter().zip(&sequence.pairs) {
-            let difference = f.pose().unwrap().to_homogeneous() - e.pose().unwrap().to_homogeneous();
+            let difference =
+                f.pose().unwrap().to_homogeneous() - e.pose().unwrap().to_homogeneous();
             assert!(difference.amax() < 1e-12, "{layout}");
         }
-        assert!(export(layout, &sequence, &out).is_err(), "nothing is overwritten");
+        assert!(
+            export(layout, &sequence, &out).is_err(),
+            "nothing is overwritten"
+        );
     }
     sequence.pairs[0] = Pair::with_homography(0, 1, Matrix3::identity());
     let error = export("superglue", &sequence, &folder.path().join("x")).unwrap_err();
@@ -332,16 +476,36 @@ fn a_dataset_survives_as_colmap_model_and_as_list() {
 
 #[test]
 fn zeb_finds_images_by_scene() {
-    let numbers = "0.9 0.8 20 0 12 0 20 8 0 0 1 21 0 12 0 21 8 0 0 1 1 0 0 2 0 1 0 0 0 0 1 0 0 0 0 1";
+    let numbers =
+        "0.9 0.8 20 0 12 0 20 8 0 0 1 21 0 12 0 21 8 0 0 1 1 0 0 2 0 1 0 0 0 0 1 0 0 0 0 1";
     let text = format!("image_0.jpg image_39.jpg {numbers}\n");
     let name = "2019_15_image_0_image_39.txt";
-    let (_folder, src) = source("gta", &[(name, &text), ("2019_15_image_0.png", ""), ("2019_15_image_39.png", "")]);
+    let (_folder, src) = source(
+        "gta",
+        &[
+            (name, &text),
+            ("2019_15_image_0.png", ""),
+            ("2019_15_image_39.png", ""),
+        ],
+    );
     let found = read("zeb", &src).unwrap();
     assert!(found.frames[0].image.ends_with("2019_15_image_0.png"));
     assert!(found.frames.iter().all(|frame| frame.image.is_file()));
-    assert_eq!((found.frames[1].camera.fx, x_of(&found.pairs.unwrap()[0])), (21.0, 2.0));
-    fs::write(src.join(name), text.replace("1 0 0 0 0 1\n", "1 0 0 0 0 2\n")).unwrap();
-    assert!(read("zeb", &src).unwrap_err().to_string().contains(".txt:1: the last row"));
+    assert_eq!(
+        (found.frames[1].camera.fx, x_of(&found.pairs.unwrap()[0])),
+        (21.0, 2.0)
+    );
+    fs::write(
+        src.join(name),
+        text.replace("1 0 0 0 0 1\n", "1 0 0 0 0 2\n"),
+    )
+    .unwrap();
+    assert!(
+        read("zeb", &src)
+            .unwrap_err()
+            .to_string()
+            .contains(".txt:1: the last row")
+    );
 }
 
 #[test]
@@ -349,22 +513,47 @@ fn imc_reads_calibrations_of_h5py() {
     let (folder, src) = source("set_100", &[("images/7.png", "")]);
     let calibrations = src.join("calibration");
     fs::create_dir(&calibrations).unwrap();
-    fs::copy(fixture("calibration_7.h5"), calibrations.join("calibration_7.h5")).unwrap();
-    fs::copy(fixture("calibration_7.h5"), calibrations.join("calibration_8.h5")).unwrap();
+    fs::copy(
+        fixture("calibration_7.h5"),
+        calibrations.join("calibration_7.h5"),
+    )
+    .unwrap();
+    fs::copy(
+        fixture("calibration_7.h5"),
+        calibrations.join("calibration_8.h5"),
+    )
+    .unwrap();
     let found = read("imc", &src).unwrap();
     assert_eq!(found.frames.len(), 2);
     assert_eq!(found.frames[0].image, src.join("images/7.png"));
-    assert_eq!(found.frames[0].camera, Camera::pinhole(20.0, 21.0, 11.5, 8.0));
+    assert_eq!(
+        found.frames[0].camera,
+        Camera::pinhole(20.0, 21.0, 11.5, 8.0)
+    );
     let expected = Isometry3::new(Vector3::new(1.0, 2.0, 3.0), Vector3::y() * 0.1);
-    let difference = found.frames[0].world_from_camera.unwrap().inverse().to_homogeneous()
+    let difference = found.frames[0]
+        .world_from_camera
+        .unwrap()
+        .inverse()
+        .to_homogeneous()
         - expected.to_homogeneous();
     assert!(difference.amax() < 1e-12);
-    let report = import("imc", &src, &folder.path().join("out"), &ImportOptions::default());
+    let report = import(
+        "imc",
+        &src,
+        &folder.path().join("out"),
+        &ImportOptions::default(),
+    );
     assert_eq!(report.unwrap().pairs, 1);
     let bytes = fs::read(fixture("calibration_7.h5")).unwrap();
     for bytes in [&bytes[..300], b"no HDF5"] {
         fs::write(calibrations.join("calibration_8.h5"), bytes).unwrap();
-        assert!(read("imc", &src).unwrap_err().file.ends_with("calibration_8.h5"));
+        assert!(
+            read("imc", &src)
+                .unwrap_err()
+                .file
+                .ends_with("calibration_8.h5")
+        );
     }
 }
 
@@ -376,7 +565,11 @@ fn imc_reads_labels_of_2025() {
          fort,wall,a.png,1;0;0;0;1;0;0;0;1,0;0;0\nfort,wall,b.png,1;0;0;0;1;0;0;0;1,2;0;0\n\
          fort,wall,c.png,{nan}\nfort,outliers,d.png,{nan}\nset,x,e.png,1;0;0;0;1;0;0;0;1,0;0;0\n"
     );
-    let files = [("train_labels.csv", &*labels), ("train/fort/a.png", ""), ("train/fort/b.png", "")];
+    let files = [
+        ("train_labels.csv", &*labels),
+        ("train/fort/a.png", ""),
+        ("train/fort/b.png", ""),
+    ];
     let (folder, src) = source("imc", &files);
     let src = src.join("train_labels.csv");
     let with = |sequence: &str| ImportOptions {
@@ -385,17 +578,32 @@ fn imc_reads_labels_of_2025() {
     };
     let found = read_source("imc", &src, &with("fort/wall")).unwrap();
     assert_eq!(found, read_source("imc", &src, &with("fort")).unwrap());
-    assert_eq!(found.frames[1].world_from_camera.unwrap().translation.x, -2.0);
+    assert_eq!(
+        found.frames[1].world_from_camera.unwrap().translation.x,
+        -2.0
+    );
     let width = testing::pixels(0).width() as f64;
     assert_eq!(found.frames[0].camera.fx, 1.2 * width);
-    assert!(found.about.notes[0].ends_with("left out: c.png"), "{:?}", found.about.notes);
+    assert!(
+        found.about.notes[0].ends_with("left out: c.png"),
+        "{:?}",
+        found.about.notes
+    );
     import("imc", &src, &folder.path().join("out"), &with("fort")).unwrap();
     assert_eq!(validate(&folder.path().join("out")), []);
     let error = read("imc", &src).unwrap_err();
     assert!(error.remedy.contains("fort/wall, set/x"), "{error}");
-    assert!(read_source("imc", &src, &with("set")).unwrap_err().remedy.contains("--camera"));
+    assert!(
+        read_source("imc", &src, &with("set"))
+            .unwrap_err()
+            .remedy
+            .contains("--camera")
+    );
     fs::write(&src, labels.replace("0;0;1,2;0;0", "0;0;2,2;0;0")).unwrap();
-    assert_eq!(read_source("imc", &src, &with("fort")).unwrap_err().line, Some(3));
+    assert_eq!(
+        read_source("imc", &src, &with("fort")).unwrap_err().line,
+        Some(3)
+    );
 }
 
 #[test]
@@ -417,12 +625,27 @@ fn euroc_brings_the_camera_to_the_body() {
     assert!((pose * Point3::new(1.0, 0.0, 0.0) - Point3::new(1.5, 3.0, 3.0)).norm() < 1e-12);
     let camera = found.frames[0].camera;
     assert_eq!((camera.fy, camera.distortion.unwrap().p2), (21.0, 1.7e-5));
-    assert!(found.about.notes[0].ends_with("left out: 3.png"), "{:?}", found.about.notes);
-    import("euroc", &src, &folder.path().join("out"), &ImportOptions::default()).unwrap();
+    assert!(
+        found.about.notes[0].ends_with("left out: 3.png"),
+        "{:?}",
+        found.about.notes
+    );
+    import(
+        "euroc",
+        &src,
+        &folder.path().join("out"),
+        &ImportOptions::default(),
+    )
+    .unwrap();
     assert_eq!(validate(&folder.path().join("out")), []);
     let yaml = src.join("mav0/cam0/sensor.yaml");
     fs::write(&yaml, sensor.replace("radial-tangential", "equidistant")).unwrap();
-    assert!(read("euroc", &src).unwrap_err().what.contains("distortion_model"));
+    assert!(
+        read("euroc", &src)
+            .unwrap_err()
+            .what
+            .contains("distortion_model")
+    );
     fs::write(&yaml, sensor.replace("T_BS", "T_SB")).unwrap();
     assert!(read("euroc", &src).unwrap_err().what.contains("T_BS"));
 }
@@ -431,7 +654,13 @@ const SHIFT: &str = " 1.0 0.0 3.5\n 0.0 1.0 -2.0\n 0.0 0.0 1.0\n";
 
 #[test]
 fn planes_of_three_sets_are_read() {
-    let oxford = [("img1.png", ""), ("img2.png", ""), ("img3.png", ""), ("H1to2p", SHIFT), ("H1to3p", SHIFT)];
+    let oxford = [
+        ("img1.png", ""),
+        ("img2.png", ""),
+        ("img3.png", ""),
+        ("H1to2p", SHIFT),
+        ("H1to3p", SHIFT),
+    ];
     let hpatches = [
         ("i_ajuntament/1.png", ""),
         ("i_ajuntament/2.png", ""),
@@ -441,10 +670,17 @@ fn planes_of_three_sets_are_read() {
         ("v_wall/H_1_2", SHIFT),
     ];
     let evd = [("1/fox.png", ""), ("2/fox.png", ""), ("h/fox.txt", SHIFT)];
-    for (kind, files, pairs) in [("oxford", &oxford[..], 2), ("hpatches", &hpatches, 2), ("evd", &evd, 1)] {
+    for (kind, files, pairs) in [
+        ("oxford", &oxford[..], 2),
+        ("hpatches", &hpatches, 2),
+        ("evd", &evd, 1),
+    ] {
         let (folder, src) = source(kind, files);
         let out = folder.path().join("out");
-        let options = ImportOptions { images: ImageStorage::Copy, ..ImportOptions::default() };
+        let options = ImportOptions {
+            images: ImageStorage::Copy,
+            ..ImportOptions::default()
+        };
         let report = import(kind, &src, &out, &options).unwrap();
         assert_eq!(report.pairs, pairs, "{kind}");
         assert!(report.notes[0].contains("not known"), "{:?}", report.notes);
@@ -465,7 +701,12 @@ fn planes_of_three_sets_are_read() {
     }
     assert!(read_source("hpatches", &src, &with("w")).is_err());
     fs::write(src.join("v_wall/H_1_2"), "1 0 0 0 1 0 0 0").unwrap();
-    assert!(read("hpatches", &src).unwrap_err().file.ends_with("v_wall/H_1_2"));
+    assert!(
+        read("hpatches", &src)
+            .unwrap_err()
+            .file
+            .ends_with("v_wall/H_1_2")
+    );
     fs::remove_file(src.join("i_ajuntament/2.png")).unwrap();
     assert!(read("hpatches", &src).unwrap_err().what.contains("missing"));
 }
@@ -486,14 +727,37 @@ fn an_option_that_a_kind_has_not_is_refused_with_those_that_have_it() {
     };
     for kind in KINDS {
         let error = read_source(kind.id, &src, &every).unwrap_err();
-        assert!(error.what.contains(&format!("kind {} has no such option", kind.id)), "{error}");
+        assert!(
+            error
+                .what
+                .contains(&format!("kind {} has no such option", kind.id)),
+            "{error}"
+        );
     }
-    let interpolate = ImportOptions { interpolate: true, ..ImportOptions::default() };
-    let error = read_source("kitti", &src, &interpolate).unwrap_err().to_string();
-    assert!(error.contains("--interpolate") && error.contains("tum, folder, euroc"), "{error}");
-    let tolerance = ImportOptions { tolerance: Some(-1.0), ..ImportOptions::default() };
-    let tum = [("rgb.txt", ""), ("groundtruth.txt", ""), ("camera.txt", "9 0 3 0 9 2 0 0 1")];
+    let interpolate = ImportOptions {
+        interpolate: true,
+        ..ImportOptions::default()
+    };
+    let error = read_source("kitti", &src, &interpolate)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("--interpolate") && error.contains("tum, folder, euroc"),
+        "{error}"
+    );
+    let tolerance = ImportOptions {
+        tolerance: Some(-1.0),
+        ..ImportOptions::default()
+    };
+    let tum = [
+        ("rgb.txt", ""),
+        ("groundtruth.txt", ""),
+        ("camera.txt", "9 0 3 0 9 2 0 0 1"),
+    ];
     let (_folder, src) = source("tum", &tum);
     let error = read_source("tum", &src, &tolerance).unwrap_err();
-    assert!(error.to_string().contains("--tolerance: -1 is no time"), "{error}");
+    assert!(
+        error.to_string().contains("--tolerance: -1 is no time"),
+        "{error}"
+    );
 }

@@ -31,19 +31,39 @@ use crate::datasets::text::{self, TextFile};
 use crate::datasets::{DatasetError, Frame, Pair, Turn};
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
-    let views = if src.is_dir() { src.join("views.txt") } else { src.to_owned() };
-    if views.extension().is_some_and(|extension| extension == "txt") && views.is_file() {
+    let views = if src.is_dir() {
+        src.join("views.txt")
+    } else {
+        src.to_owned()
+    };
+    if views
+        .extension()
+        .is_some_and(|extension| extension == "txt")
+        && views.is_file()
+    {
         return read_views(&views, options);
     }
-    let files = if src.is_dir() { pickles(src)? } else { vec![src.to_owned()] };
-    let beside = if src.is_dir() { src } else { src.parent().unwrap_or(Path::new("")) };
+    let files = if src.is_dir() {
+        pickles(src)?
+    } else {
+        vec![src.to_owned()]
+    };
+    let beside = if src.is_dir() {
+        src
+    } else {
+        src.parent().unwrap_or(Path::new(""))
+    };
     let root = options.root(beside);
     let mut frames = NamedFrames::default();
     let mut pairs = Vec::new();
     for file in &files {
         let bytes = fs::read(file).map_err(|error| DatasetError::io(file, &error))?;
         let fail = |what: String| {
-            DatasetError::new(file, what, "give the file as LoFTR publishes it in its assets")
+            DatasetError::new(
+                file,
+                what,
+                "give the file as LoFTR publishes it in its assets",
+            )
         };
         let pickled = Pickled::parse(&bytes).map_err(fail)?;
         Listing::new(&pickled)
@@ -155,9 +175,11 @@ impl<'a> Listing<'a> {
 
     fn frame(&self, image: usize, root: &Path, frames: &mut NamedFrames) -> Result<u32, String> {
         let value = |list: &[Id]| list.get(image).map(|&id| self.pickled.value(id));
-        let (Some(Value::Text(name)), Some(Value::Array(k)), Some(Value::Array(pose))) =
-            (value(self.images), value(self.intrinsics), value(self.poses))
-        else {
+        let (Some(Value::Text(name)), Some(Value::Array(k)), Some(Value::Array(pose))) = (
+            value(self.images),
+            value(self.intrinsics),
+            value(self.poses),
+        ) else {
             return Err(format!("image {image} has no path, K or pose"));
         };
         if k.shape != [3, 3] || pose.shape != [4, 4] {
@@ -214,7 +236,9 @@ fn view(row: &str) -> Result<(&str, Camera, Isometry3<f64>), String> {
         return Err("the line is empty".to_owned());
     };
     let Some((pose, camera)) = pose.split_at_checked(12) else {
-        return Err("name, R (9), t (3), MODEL, width, height and parameters are expected".to_owned());
+        return Err(
+            "name, R (9), t (3), MODEL, width, height and parameters are expected".to_owned(),
+        );
     };
     let m: [f64; 12] = text::exactly(&pose.join(" "))?;
     let motion = [
@@ -225,5 +249,9 @@ fn view(row: &str) -> Result<(&str, Camera, Isometry3<f64>), String> {
     };
     let params = text::numbers(&params.join(" "))?;
     let camera_from_world = text::rigid_motion(&motion)?;
-    Ok((name, lens::camera(model, &params)?, camera_from_world.inverse()))
+    Ok((
+        name,
+        lens::camera(model, &params)?,
+        camera_from_world.inverse(),
+    ))
 }

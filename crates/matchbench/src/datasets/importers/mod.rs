@@ -298,11 +298,7 @@ fn find(id: &str) -> Result<&'static Kind, DatasetError> {
     })
 }
 
-fn read_as(
-    kind: &Kind,
-    src: &Path,
-    options: &ImportOptions<'_>,
-) -> Result<Imported, DatasetError> {
+fn read_as(kind: &Kind, src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     options.check(kind)?;
     if !src.exists() {
         return Err(DatasetError::new(

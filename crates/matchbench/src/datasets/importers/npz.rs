@@ -50,7 +50,9 @@ impl Npz {
         let read = stored.take(MAX_BYTES + 1).read_to_end(&mut bytes);
         read.map_err(|error| fail(format!("the array `{name}`: {error}")))?;
         if bytes.len() as u64 > MAX_BYTES {
-            return Err(fail(format!("the array `{name}` has more than {MAX_BYTES} bytes")));
+            return Err(fail(format!(
+                "the array `{name}` has more than {MAX_BYTES} bytes"
+            )));
         }
         parse(&bytes).map_err(|what| fail(format!("the array `{name}`: {what}")))
     }
@@ -91,12 +93,16 @@ fn parse(bytes: &[u8]) -> Result<Array, String> {
 
 /// What follows a key of the header.
 fn after<'a>(header: &'a str, key: &str) -> Result<&'a str, String> {
-    let at = header.find(key).ok_or_else(|| format!("the header has no {key}"))?;
+    let at = header
+        .find(key)
+        .ok_or_else(|| format!("the header has no {key}"))?;
     Ok(header[at + key.len()..].trim_start())
 }
 
 fn quoted(text: &str) -> Result<String, String> {
-    let inside = text.strip_prefix('\'').and_then(|text| text.split_once('\''));
+    let inside = text
+        .strip_prefix('\'')
+        .and_then(|text| text.split_once('\''));
     let (inside, _) = inside.ok_or("the type of the numbers is not a plain one")?;
     Ok(inside.to_owned())
 }
@@ -107,7 +113,10 @@ fn shape(text: &str) -> Result<Vec<usize>, String> {
     (inside.split(','))
         .map(str::trim)
         .filter(|side| !side.is_empty())
-        .map(|side| side.parse().map_err(|_| format!("`{side}` is no side of a shape")))
+        .map(|side| {
+            side.parse()
+                .map_err(|_| format!("`{side}` is no side of a shape"))
+        })
         .collect()
 }
 
@@ -129,7 +138,9 @@ impl Array {
             "i1" | "u1" | "b1" => 1,
             _ => return Err(format!("numbers of type `{kind}` are not read")),
         };
-        let count = shape.iter().try_fold(1_usize, |count, &side| count.checked_mul(side));
+        let count = shape
+            .iter()
+            .try_fold(1_usize, |count, &side| count.checked_mul(side));
         let fits = |count: &usize| count.checked_mul(width) == Some(data.len());
         let Some(count) = count.filter(fits) else {
             return Err(format!(

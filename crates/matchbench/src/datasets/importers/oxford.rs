@@ -78,7 +78,10 @@ impl Series {
     /// The series as they were read.
     pub(super) fn finish(self, origin: String) -> Imported {
         let mut imported = Imported::listed(origin, self.frames.into_frames(), self.pairs);
-        imported.about.notes.push(format!("{}; homographies do not need them", list::STAND_IN));
+        imported
+            .about
+            .notes
+            .push(format!("{}; homographies do not need them", list::STAND_IN));
         imported
     }
 }
@@ -86,5 +89,8 @@ impl Series {
 /// The image of that name with one of the endings that such sets use.
 pub(super) fn image(folder: &Path, stem: &str) -> Option<PathBuf> {
     let ending = |ending| folder.join(format!("{stem}.{ending}"));
-    ["ppm", "pgm", "png", "jpg"].map(ending).into_iter().find(|path| path.is_file())
+    ["ppm", "pgm", "png", "jpg"]
+        .map(ending)
+        .into_iter()
+        .find(|path| path.is_file())
 }

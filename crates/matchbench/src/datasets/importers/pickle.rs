@@ -371,7 +371,9 @@ impl Machine<'_> {
     fn build(&self, object: Id, state: Id) -> Result<Value, String> {
         let state = self.list(state)?;
         let part = |index: usize| -> Result<&Value, String> {
-            let id = state.get(index).ok_or("the state of an object is too short")?;
+            let id = state
+                .get(index)
+                .ok_or("the state of an object is too short")?;
             Ok(&self.values[*id])
         };
         match &self.values[object] {
@@ -392,7 +394,9 @@ impl Machine<'_> {
                 };
                 let shape = sides.iter().map(side).collect::<Result<Vec<_>, String>>()?;
                 match part(4)? {
-                    Value::Bytes(data) => Ok(Value::Array(Array::new(kind, shape, *by_columns, data)?)),
+                    Value::Bytes(data) => {
+                        Ok(Value::Array(Array::new(kind, shape, *by_columns, data)?))
+                    }
                     Value::List(items) if shape == [items.len()] => {
                         Ok(Value::Objects(items.clone()))
                     }
@@ -436,7 +440,8 @@ mod tests {
     use super::*;
 
     /// `pickle.dumps({"a": [1, -2, 2.5, None, True], "b": "é"}, 4)`, by CPython 3.11.
-    const PLAIN: &[u8] = b"\x80\x04\x95(\0\0\0\0\0\0\0}\x94(\x8c\x01a\x94]\x94(K\x01J\xfe\xff\xff\xff\
+    const PLAIN: &[u8] =
+        b"\x80\x04\x95(\0\0\0\0\0\0\0}\x94(\x8c\x01a\x94]\x94(K\x01J\xfe\xff\xff\xff\
         G@\x04\0\0\0\0\0\0N\x88e\x8c\x01b\x94\x8c\x02\xc3\xa9\x94u.";
 
     #[test]
@@ -456,9 +461,13 @@ mod tests {
     #[test]
     fn nothing_is_executed() {
         // `os.system("true")`, as protocol 2 writes it.
-        let error = Pickled::parse(b"\x80\x02cposix\nsystem\nq\0X\x04\0\0\0trueq\x01\x85q\x02Rq\x03.");
+        let error =
+            Pickled::parse(b"\x80\x02cposix\nsystem\nq\0X\x04\0\0\0trueq\x01\x85q\x02Rq\x03.");
         let error = error.unwrap_err();
-        assert!(error.contains("posix.system") && error.contains("not executed"), "{error}");
+        assert!(
+            error.contains("posix.system") && error.contains("not executed"),
+            "{error}"
+        );
         let error = Pickled::parse(b"\x80\x02(S'x'\ni").unwrap_err();
         assert!(error.contains("0x53"), "{error}");
     }

@@ -42,8 +42,12 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let fail = |what: String| DatasetError::new(src, what, "give LoFTR's test.npz of ScanNet");
     let mut list = Npz::open(src)?;
     let (names, poses) = (list.array("name")?, list.array("rel_pose")?);
-    let names = names.rows(4).map_err(|what| fail(format!("name: {what}")))?;
-    let poses = poses.rows(12).map_err(|what| fail(format!("rel_pose: {what}")))?;
+    let names = names
+        .rows(4)
+        .map_err(|what| fail(format!("name: {what}")))?;
+    let poses = poses
+        .rows(12)
+        .map_err(|what| fail(format!("rel_pose: {what}")))?;
     if names.len() != poses.len() {
         let what = format!("{} names for {} poses", names.len(), poses.len());
         return Err(fail(what));
@@ -58,7 +62,10 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let beside = src.parent().unwrap_or(Path::new(""));
     let intrinsics = (options.intrinsics.clone()).unwrap_or_else(|| beside.join("intrinsics.npz"));
     let mut intrinsics = Npz::open(&intrinsics).map_err(|error| DatasetError {
-        remedy: format!("give LoFTR's intrinsics.npz by {}", ImportOption::Intrinsics),
+        remedy: format!(
+            "give LoFTR's intrinsics.npz by {}",
+            ImportOption::Intrinsics
+        ),
         ..error
     })?;
     let root = options.root(beside);
@@ -86,7 +93,10 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         };
         let (a, b) = (number(name.frames[0])?, number(name.frames[1])?);
         if a == b {
-            return Err(fail(format!("{}: a frame is matched with itself", name.folder())));
+            return Err(fail(format!(
+                "{}: a frame is matched with itself",
+                name.folder()
+            )));
         }
         pairs.push(Pair::with_pose(a, b, b_from_a));
     }
@@ -123,7 +133,11 @@ fn layout(root: &Path, rows: &[(Name, Isometry3<f64>)]) -> Layout {
     const LAYOUTS: [Layout; 2] = [
         |name, frame| format!("{}/color/{frame}.jpg", name.folder()).into(),
         |name, frame| {
-            format!("scans_test/{}/sens/frame-{frame:06}.color.jpg", name.folder()).into()
+            format!(
+                "scans_test/{}/sens/frame-{frame:06}.color.jpg",
+                name.folder()
+            )
+            .into()
         },
     ];
     let there = |layout: &Layout| {

@@ -33,8 +33,12 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let mut pairs = Vec::new();
     let mut assumed = 0;
     for (line, row) in file.rows() {
-        let Row { names, turns, cameras, pose } =
-            parse(row).map_err(|what| file.error_at(line, what))?;
+        let Row {
+            names,
+            turns,
+            cameras,
+            pose,
+        } = parse(row).map_err(|what| file.error_at(line, what))?;
         let mut number = |of: usize| {
             let image = root.join(names[of]);
             let mut camera = cameras[of];
@@ -56,7 +60,15 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         }
         let turned = turns.map(|turn| Isometry3::from_parts(Default::default(), turn.rotation()));
         let b_from_a = turned[1] * pose * turned[0].inverse();
-        pairs.push(Pair::with_pose(a, b, if turns == [Turn::None; 2] { pose } else { b_from_a }));
+        pairs.push(Pair::with_pose(
+            a,
+            b,
+            if turns == [Turn::None; 2] {
+                pose
+            } else {
+                b_from_a
+            },
+        ));
     }
     let origin = format!("SuperGlue list {}", base_name(src));
     let mut imported = Imported::listed(origin, frames.into_frames(), pairs);
@@ -86,7 +98,8 @@ fn parse(row: &str) -> Result<Row<'_>, String> {
     let names = [word(), word()];
     let mut turn = || {
         let word = word();
-        let quarters: u8 = (word.parse()).map_err(|_| format!("`{word}` is no number of quarter turns"))?;
+        let quarters: u8 =
+            (word.parse()).map_err(|_| format!("`{word}` is no number of quarter turns"))?;
         Turn::try_from(quarters)
     };
     let turns = [turn()?, turn()?];

@@ -31,7 +31,10 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         let file = TextFile::read(path)?;
         let mut rows = file.rows();
         let (line, row) = rows.next().ok_or_else(|| {
-            file.error("the text is empty", "expected one line that describes a pair")
+            file.error(
+                "the text is empty",
+                "expected one line that describes a pair",
+            )
         })?;
         if let Some((line, _)) = rows.next() {
             return Err(file.error_at(line, "a second line, where one pair is expected"));
@@ -58,13 +61,18 @@ fn pair(
     let b_from_a = match numbers.len() {
         30 => text::rigid_motion(numbers[18..].try_into().expect("12 numbers")),
         34 => text::rigid_motion_4x4(numbers[18..].try_into().expect("16 numbers")),
-        found => Err(format!("{found} numbers after the overlaps where 9 + 9 + 16 are expected")),
+        found => Err(format!(
+            "{found} numbers after the overlaps where 9 + 9 + 16 are expected"
+        )),
     }?;
     let mut number = |name: &str, k: &[f64]| {
         let camera = camera(k)?;
         Ok::<_, String>(frames.number(image(root, file, name), Turn::None, camera, None))
     };
-    let (a, b) = (number(name_a, &numbers[..9])?, number(name_b, &numbers[9..18])?);
+    let (a, b) = (
+        number(name_a, &numbers[..9])?,
+        number(name_b, &numbers[9..18])?,
+    );
     if a == b {
         return Err("the image is matched with itself".to_owned());
     }
@@ -77,11 +85,14 @@ fn image(root: &Path, text: &Path, name: &str) -> PathBuf {
     let text = text.file_stem().unwrap_or_default().to_string_lossy();
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
     let scenes = text.match_indices('_').map(|(end, _)| &text[..end]);
-    let mut named = scenes.flat_map(|scene| {
-        [stem, name].map(|image| root.join(format!("{scene}_{image}.png")))
-    });
+    let mut named = scenes
+        .flat_map(|scene| [stem, name].map(|image| root.join(format!("{scene}_{image}.png"))));
     let first = named.next();
-    let found = first.iter().cloned().chain(named).find(|path| path.is_file());
+    let found = first
+        .iter()
+        .cloned()
+        .chain(named)
+        .find(|path| path.is_file());
     (found.or_else(|| Some(root.join(name)).filter(|path| path.is_file())))
         .or(first)
         .unwrap_or_else(|| root.join(name))

@@ -25,8 +25,9 @@ pub(super) fn cameras(path: &Path) -> Result<Cameras, DatasetError> {
             let &(model, parameters) =
                 model.ok_or_else(|| format!("the camera model {number} is not known"))?;
             let _size = (bytes.u64()?, bytes.u64()?);
-            let params: Vec<f64> =
-                (0..parameters).map(|_| bytes.f64()).collect::<Result<_, _>>()?;
+            let params: Vec<f64> = (0..parameters)
+                .map(|_| bytes.f64())
+                .collect::<Result<_, _>>()?;
             cameras.insert(id, lens::camera(model, &params));
         }
         Ok(cameras)
@@ -54,7 +55,12 @@ pub(super) fn images(path: &Path) -> Result<Vec<Photograph>, DatasetError> {
                 }
             }
             let points = distinct(points);
-            images.push(Photograph { name, camera, camera_from_world, points });
+            images.push(Photograph {
+                name,
+                camera,
+                camera_from_world,
+                points,
+            });
         }
         Ok(images)
     })

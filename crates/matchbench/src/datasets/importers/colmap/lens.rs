@@ -34,7 +34,13 @@ pub(in crate::datasets::importers) fn camera(
     params: &[f64],
 ) -> Result<Camera, String> {
     let lens = |k1, k2, p1, p2| {
-        let lens = Distortion { k1, k2, p1, p2, k3: 0.0 };
+        let lens = Distortion {
+            k1,
+            k2,
+            p1,
+            p2,
+            k3: 0.0,
+        };
         [k1, k2, p1, p2].iter().any(|&k| k != 0.0).then_some(lens)
     };
     let (pinhole, distortion) = match (model, params) {
@@ -42,14 +48,12 @@ pub(in crate::datasets::importers) fn camera(
         ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], None),
         ("SIMPLE_RADIAL", &[f, cx, cy, k1]) => ([f, f, cx, cy], lens(k1, 0.0, 0.0, 0.0)),
         ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f, cx, cy], lens(k1, k2, 0.0, 0.0)),
-        ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => {
-            ([fx, fy, cx, cy], lens(k1, k2, p1, p2))
-        }
-        (
-            known @ ("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV"),
-            _,
-        ) => {
-            return Err(format!("{} parameters do not belong to the model {known}", params.len()));
+        ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy, cx, cy], lens(k1, k2, p1, p2)),
+        (known @ ("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV"), _) => {
+            return Err(format!(
+                "{} parameters do not belong to the model {known}",
+                params.len()
+            ));
         }
         (other, _) => {
             return Err(format!(
@@ -63,7 +67,10 @@ pub(in crate::datasets::importers) fn camera(
     if !params.iter().all(|parameter| parameter.is_finite()) {
         return Err("a parameter is not finite".to_owned());
     }
-    let camera = Camera { distortion, ..pinhole };
+    let camera = Camera {
+        distortion,
+        ..pinhole
+    };
     Ok(list::from_corner(camera))
 }
 
@@ -75,12 +82,23 @@ mod tests {
     fn each_supported_model_is_read_and_others_are_named() {
         let params = [500.0, 510.0, 320.0, 240.0, 0.1, 0.2, 0.3, 0.4];
         let found = camera("OPENCV", &params).unwrap();
-        assert_eq!((found.fx, found.fy, found.cx, found.cy), (500.0, 510.0, 319.5, 239.5));
+        assert_eq!(
+            (found.fx, found.fy, found.cx, found.cy),
+            (500.0, 510.0, 319.5, 239.5)
+        );
         let lens = found.distortion.unwrap();
-        assert_eq!((lens.k1, lens.k2, lens.p1, lens.p2, lens.k3), (0.1, 0.2, 0.3, 0.4, 0.0));
+        assert_eq!(
+            (lens.k1, lens.k2, lens.p1, lens.p2, lens.k3),
+            (0.1, 0.2, 0.3, 0.4, 0.0)
+        );
         let simple = camera("SIMPLE_RADIAL", &[500.0, 320.0, 240.0, 0.1]).unwrap();
         assert_eq!((simple.fy, simple.distortion.unwrap().k1), (500.0, 0.1));
-        assert_eq!(camera("RADIAL", &[9.0, 3.0, 2.0, 0.0, 0.0]).unwrap().distortion, None);
+        assert_eq!(
+            camera("RADIAL", &[9.0, 3.0, 2.0, 0.0, 0.0])
+                .unwrap()
+                .distortion,
+            None
+        );
         for (model, parameters) in MODELS {
             let answer = camera(model, &vec![1.0; parameters]);
             match answer {
@@ -88,7 +106,11 @@ mod tests {
                 Err(what) => assert!(what.contains(&format!("model {model} is not")), "{what}"),
             }
         }
-        assert!(camera("PINHOLE", &[1.0; 3]).unwrap_err().contains("3 parameters"));
+        assert!(
+            camera("PINHOLE", &[1.0; 3])
+                .unwrap_err()
+                .contains("3 parameters")
+        );
         assert!(camera("PINHOLE", &[-1.0; 4]).is_err());
         assert!(camera("RADIAL", &[9.0, 3.0, 2.0, f64::NAN, 0.0]).is_err());
     }

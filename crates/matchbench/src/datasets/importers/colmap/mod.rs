@@ -53,7 +53,10 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     };
     photographs.sort_by(|p, q| p.name.cmp(&q.name));
     let fail = |what: String| DatasetError::new(&file, what, "export the model from COLMAP again");
-    if let Some(twice) = photographs.windows(2).find(|two| two[0].name == two[1].name) {
+    if let Some(twice) = photographs
+        .windows(2)
+        .find(|two| two[0].name == two[1].name)
+    {
         return Err(fail(format!("the image {} is there twice", twice[0].name)));
     }
     let root = match &options.image_root {
@@ -62,13 +65,27 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     };
     let mut frames = Vec::with_capacity(photographs.len());
     let mut seen = Vec::with_capacity(photographs.len());
-    for Photograph { name, camera, camera_from_world, points } in photographs {
+    for Photograph {
+        name,
+        camera,
+        camera_from_world,
+        points,
+    } in photographs
+    {
         let camera = match cameras.get(&camera) {
             Some(Ok(camera)) => *camera,
             Some(Err(what)) => return Err(fail(format!("the camera {camera} of {name}: {what}"))),
-            None => return Err(fail(format!("{name} has the camera {camera}, which is not there"))),
+            None => {
+                return Err(fail(format!(
+                    "{name} has the camera {camera}, which is not there"
+                )));
+            }
         };
-        frames.push(Frame::with_pose(root.join(name), camera, camera_from_world.inverse()));
+        frames.push(Frame::with_pose(
+            root.join(name),
+            camera,
+            camera_from_world.inverse(),
+        ));
         seen.push(points);
     }
     Ok(Imported {
@@ -85,7 +102,10 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
 /// `images/` in the model's folder or in one of the three above it; else the model's folder.
 fn nearest_images(src: &Path) -> PathBuf {
     let absolute = std::path::absolute(src).unwrap_or_else(|_| src.to_owned());
-    let places = absolute.ancestors().take(4).map(|folder| folder.join("images"));
+    let places = absolute
+        .ancestors()
+        .take(4)
+        .map(|folder| folder.join("images"));
     let found = { places }.find(|folder| folder.is_dir());
     found.unwrap_or_else(|| src.to_owned())
 }
