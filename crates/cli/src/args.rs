@@ -87,6 +87,7 @@ impl Command {
             Self::Validate(args) => args.threads,
             // One pair, one thread, or nothing to share out.
             Self::Import(_)
+            | Self::Convert(_)
             | Self::Show(_)
             | Self::Time(_)
             | Self::Export(_)

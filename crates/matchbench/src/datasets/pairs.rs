@@ -149,18 +149,20 @@ impl PairRule {
             Self::All => (0..kept).flat_map(with_next(kept)).collect(),
             Self::Window { size, .. } => (0..kept).flat_map(with_next(*size)).collect(),
             Self::List { file } => return listed(&TextFile::read(file)?, Some(kept)),
-            Self::Covisible { .. } => {
-                return Err(DatasetError::new(
-                    self.to_string(),
-                    "the source does not tell which points its frames have in common",
-                    "choose another rule, or import a COLMAP model with its points",
-                ));
-            }
+            Self::Covisible { .. } => return Err(self.without_points()),
         };
         Ok(pairs
             .into_iter()
             .map(|(a, b)| (a as u32, b as u32))
             .collect())
+    }
+
+    fn without_points(&self) -> DatasetError {
+        DatasetError::new(
+            self.to_string(),
+            "nothing tells which points the frames have in common",
+            "choose another rule, or import a COLMAP model with its points",
+        )
     }
 
     /// Whether the rule chooses a pair of frames that are numbered after the stride was applied,
@@ -186,6 +188,7 @@ impl PairRule {
                 let pairs: HashSet<_> = listed(&TextFile::read(file)?, None)?.into_iter().collect();
                 Box::new(move |a, b| pairs.contains(&(a, b)))
             }
+            Self::Covisible { .. } => return Err(self.without_points()),
         })
     }
 

@@ -170,13 +170,14 @@ mod tests {
     use matchbench_vision::geometry::Camera;
 
     use super::*;
-    use crate::datasets::Frame;
+    use crate::datasets::{Frame, Turn};
 
     fn names(images: &[&str]) -> Names {
         let frame = |image: &&str| Frame {
             image: image.into(),
             camera: Camera::pinhole(1.0, 1.0, 0.0, 0.0),
             world_from_camera: None,
+            turn: Turn::None,
         };
         Names::of(&Sequence {
             name: "room".into(),

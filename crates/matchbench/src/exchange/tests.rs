@@ -12,7 +12,7 @@ use tempfile::TempDir;
 use zip::ZipArchive;
 
 use super::*;
-use crate::datasets::{Frame, Pair, Sequence};
+use crate::datasets::{Frame, Pair, Sequence, Turn};
 
 /// Folder in the archive of fixtures, format, and what must be said to read it.
 const FIXTURES: [(&str, &str, Option<f64>, Option<[u32; 2]>); 10] = [
@@ -42,14 +42,11 @@ fn dataset() -> (TempDir, Sequence) {
             image,
             camera: Camera::pinhole(350.0, 350.0, 199.5, 149.5),
             world_from_camera: None,
+            turn: Turn::None,
         }
     };
     let frames = ["db/one.png", "db/two.png", "query/one.png"].map(frame);
-    let pair = |(a, b)| Pair {
-        a,
-        b,
-        b_from_a: Isometry3::translation(1.0, 0.0, 0.0),
-    };
+    let pair = |(a, b)| Pair::with_pose(a, b, Isometry3::translation(1.0, 0.0, 0.0));
     let sequence = Sequence {
         name: "room".into(),
         frames: frames.into(),

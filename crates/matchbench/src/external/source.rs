@@ -175,7 +175,7 @@ impl Described {
         let file = fs::read(&path).map_err(|error| {
             SourceError::Pair(format!("cannot read {}: {error}", path.display()))
         })?;
-        let key = Key::new(&file, &self.extraction);
+        let key = Key::new(&file, 0, &self.extraction);
         let (features, times) = match self.cache.load(key) {
             Some(features) => (features, None),
             None => {

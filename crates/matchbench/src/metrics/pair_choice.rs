@@ -3,7 +3,7 @@
 use crate::datasets::{DatasetError, PairRule};
 
 /// Which of the listed pairs are scored.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub enum PairChoice {
     /// All of them.
     #[default]

@@ -150,7 +150,7 @@ mod tests {
             let image_pair = ImagePair {
                 images: images.each_ref(),
                 cameras: frames.map(|frame| &frame.camera),
-                b_from_a: &pair.b_from_a,
+                b_from_a: pair.pose().unwrap(),
                 files: None,
             };
             for repetition in 0..2 {

@@ -13,8 +13,8 @@ use crate::records::{DatasetPlan, EstimatorPlan, FORMAT, MatcherPlan, Plan, Sett
 ///
 /// # Errors
 /// [`RunError::Contradiction`] if two datasets, matchers or estimators of a matcher have one name, a
-/// name cannot be that of a file, a matcher has no estimator, or a pair names a frame that is not
-/// there.
+/// name cannot be that of a file, a matcher has no estimator, a pair names a frame that is not
+/// there, or matches from outside would be those of images that the dataset turns.
 pub fn plan(
     datasets: &[Dataset],
     contenders: &[Contender],
@@ -40,6 +40,7 @@ pub fn plan(
     }
     for dataset in datasets {
         check_pairs(&dataset.sequence)?;
+        check_turns(&dataset.sequence, contenders)?;
     }
     Ok(Plan {
         format: FORMAT,
@@ -103,6 +104,21 @@ fn check_names<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(
         }
     }
     Ok(())
+}
+
+/// A source of points sees the files, whose pixels are not those of frames that are turned.
+fn check_turns(sequence: &Sequence, contenders: &[Contender]) -> Result<(), RunError> {
+    let outside = |contender: &&Contender| contender.source.matcher().is_none();
+    let turned = sequence.frames.iter().any(|frame| !frame.turn.is_none());
+    match contenders.iter().find(outside) {
+        Some(contender) if turned => contradiction(format!(
+            "dataset `{}` turns some of its images, which `{}` would see as they are stored; turn the files \
+             themselves and import them again",
+            sequence.name,
+            contender.source.id(),
+        )),
+        _ => Ok(()),
+    }
 }
 
 fn check_pairs(sequence: &Sequence) -> Result<(), RunError> {

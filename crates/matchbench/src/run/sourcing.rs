@@ -240,7 +240,14 @@ mod tests {
         };
         let (mut counts, mut times) = (Counts::default(), StageTimes::default());
         let mut device = None;
-        let ended = sourced(&source, &files, Seed(1), &mut counts, &mut times, &mut device);
+        let ended = sourced(
+            &source,
+            &files,
+            Seed(1),
+            &mut counts,
+            &mut times,
+            &mut device,
+        );
         let error = ended.unwrap_err();
         assert_eq!(error.to_string(), "outside has ended: see log");
     }

@@ -45,7 +45,7 @@ struct CheckPair {
     /// Their cameras.
     cameras: [Camera; 2],
     /// The true pose.
-    b_from_a: Isometry3<f64>,
+    b_from_a: Option<Isometry3<f64>>,
 }
 
 /// How something that was tried came out.
@@ -148,7 +148,7 @@ fn pairs_of(dataset: &Sequence) -> Result<Vec<CheckPair>, DatasetError> {
                 paths: [a.0, b.0],
                 sizes: [a.1, b.1],
                 cameras: frames.map(|frame| frame.camera),
-                b_from_a: pair.b_from_a,
+                b_from_a: pair.pose().copied(),
             })
         })
         .collect()
@@ -326,7 +326,7 @@ mod tests {
                     camera.project(Point2::new(point.x / point.z, point.y / point.z))
                 };
                 let a = project(&pair.cameras[0], point);
-                let b = project(&pair.cameras[1], pair.b_from_a * point);
+                let b = project(&pair.cameras[1], pair.b_from_a.unwrap() * point);
                 [a.x as f32, a.y as f32, b.x as f32, b.y as f32, 0.0]
             })
             .collect()
@@ -339,10 +339,10 @@ mod tests {
             paths: ["/a.png", "/b.png"].map(PathBuf::from),
             sizes: [Size::new(1280, 960); 2],
             cameras: [Camera::pinhole(1100.0, 1100.0, 640.0, 480.0); 2],
-            b_from_a: Isometry3::from_parts(
+            b_from_a: Some(Isometry3::from_parts(
                 Translation3::new(1.0, 0.3, 0.4),
                 UnitQuaternion::from_euler_angles(0.05, 0.2, 0.3),
-            ),
+            )),
         };
         let right = rows(&pair);
         let told = |change: &dyn Fn([f32; 5]) -> [f32; 5]| {

@@ -50,7 +50,7 @@ pub(super) fn share_near(pair: &CheckPair, rows: &[[f32; 5]]) -> f64 {
 
 /// Share of the matches that lie near their true epipolar lines in image b, after `change`.
 fn share_of(pair: &CheckPair, rows: &[[f32; 5]], change: impl Fn([f64; 4]) -> [f64; 4]) -> f64 {
-    let Some(pose) = RelativePose::from_isometry(&pair.b_from_a) else {
+    let Some(pose) = pair.b_from_a.as_ref().and_then(RelativePose::from_isometry) else {
         return 1.0;
     };
     let essential = essential_from_pose(&pose);
