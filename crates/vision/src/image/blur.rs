@@ -5,6 +5,8 @@
 //! standard deviations to each side and the image is mirrored beyond its border ([`Border`]).
 //! Size of the kernel and border are those of OpenCV's `GaussianBlur` on floats.
 
+use std::ops::Range;
+
 use super::{FloatImage, RowBuffer, Size};
 use crate::simd::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
 
@@ -78,7 +80,7 @@ pub(crate) fn gaussian_blur_within(image: &FloatImage, sigma: f64, radius: usize
 fn blur_whole(image: &FloatImage, mut blur: RowBlur) -> FloatImage {
     let mut blurred = RowBuffer::whole(image.size());
     while !blurred.is_complete() {
-        blur.advance(image.size(), |y| image.row(y), &mut blurred);
+        blur.advance(0, |y| image.row(y), &mut blurred);
     }
     let mut pixels = Vec::with_capacity(image.size().area());
     for y in 0..image.height() {
@@ -105,47 +107,56 @@ impl Border {
         }
     }
 
-    /// Fills `radius` pixels at each end of a row from the pixels between.
-    pub(crate) fn fill_ends(self, padded: &mut [f32], radius: usize) {
-        let width = padded.len() - 2 * radius;
+    /// Fills the pixels of a row that lie beyond a border of an image from those within. The first
+    /// of `padded` stands in column `first` of an image of `width` columns.
+    pub(crate) fn fill_ends(self, padded: &mut [f32], first: isize, width: usize) {
         if width == 0 {
             return;
         }
-        for i in 1..=radius {
-            let (left, right) = (-(i as isize), (width - 1 + i) as isize);
-            padded[radius - i] = padded[radius + self.index(left, width)];
-            padded[radius + width - 1 + i] = padded[radius + self.index(right, width)];
+        let end = first + padded.len() as isize;
+        for column in (first..0).chain(width as isize..end) {
+            let inside = self.index(column, width) as isize;
+            padded[(column - first) as usize] = padded[(inside - first) as usize];
         }
     }
 }
 
-/// A Gaussian blur that follows an image while its rows are made.
+/// A Gaussian blur that follows an image, or a strip of its columns, while its rows are made.
 #[derive(Clone, Debug)]
 pub(crate) struct RowBlur {
     kernel: GaussianKernel,
     border: Border,
-    /// Results of the vertical pass with the border on both sides.
-    padded: Vec<f32>,
-    padded_width: usize,
+    /// Results of the vertical pass with what lies beyond the border.
+    padded: RowBuffer,
+    /// The column of the image where `padded` starts, a multiple of a cache line.
+    first: isize,
 }
 
 impl RowBlur {
+    /// A blur of whole rows.
     pub(crate) fn new(kernel: GaussianKernel, width: usize) -> Self {
         Self::with_border(kernel, width, Border::Mirror)
     }
 
     pub(crate) fn with_border(kernel: GaussianKernel, width: usize, border: Border) -> Self {
-        let padded_width = width + 2 * kernel.radius();
-        Self {
-            padded: vec![0.0; ROWS_AT_ONCE * padded_width],
-            padded_width,
-            kernel,
-            border,
-        }
+        Self::of_columns(kernel, &(0..width), border)
     }
 
-    pub(crate) fn radius(&self) -> usize {
-        self.kernel.radius()
+    /// A blur whose output are `columns` of the image.
+    pub(crate) fn of_columns(
+        kernel: GaussianKernel,
+        columns: &Range<usize>,
+        border: Border,
+    ) -> Self {
+        let radius = kernel.radius();
+        let first = (columns.start as isize - radius as isize) & -ALIGNED;
+        let width = ((columns.end + radius) as isize - first) as usize;
+        Self {
+            kernel,
+            border,
+            padded: RowBuffer::new(Size::new(width, ROWS_AT_ONCE), ROWS_AT_ONCE),
+            first,
+        }
     }
 
     /// Rows of the input that must exist before the rows of the output after `made` are made.
@@ -153,37 +164,43 @@ impl RowBlur {
         height.min(made + ROWS_AT_ONCE + self.kernel.radius())
     }
 
-    /// Makes the next rows of `output` from an input of the given `size`.
+    /// Makes the next rows of `output` from an input whose rows start at column `start` of the image
+    /// and hold all columns of it that the output depends on.
     pub(crate) fn advance<'a>(
         &mut self,
-        size: Size,
+        start: usize,
         input: impl Fn(usize) -> &'a [f32],
         output: &mut RowBuffer,
     ) {
         let radius = self.kernel.radius();
-        let (first, taps) = (output.made(), self.kernel.taps());
-        let count = ROWS_AT_ONCE.min(size.height - first);
+        let (size, columns) = (output.size(), output.columns());
+        let (made, taps) = (output.made(), self.kernel.taps());
+        let count = ROWS_AT_ONCE.min(size.height - made);
+        // The columns where the kernel's support lies, as far as there are any.
+        let place = start as isize - self.first;
+        let (before, place) = ((-place).max(0) as usize, place.max(0) as usize);
         let rows: Vec<&[f32]> = (0..taps.len() + count - 1)
-            .map(|i| (first + i) as isize - radius as isize)
-            .map(|y| input(self.border.index(y, size.height)))
+            .map(|i| (made + i) as isize - radius as isize)
+            .map(|y| &input(self.border.index(y, size.height))[before..])
             .collect();
-        let mut middles: Vec<&mut [f32]> = self
-            .padded
-            .chunks_exact_mut(self.padded_width)
-            .take(count)
-            .map(|padded| &mut padded[radius..][..size.width])
+        let end = (size.width.min(columns.end + radius) as isize - self.first) as usize;
+        self.padded.restart();
+        let mut padded: Vec<&mut [f32]> = self.padded.append(ROWS_AT_ONCE).take(count).collect();
+        let mut middles: Vec<&mut [f32]> = padded
+            .iter_mut()
+            .map(|padded| &mut padded[place..end])
             .collect();
         weigh_rows(&rows, taps, &mut middles);
-        for (padded, out) in self
-            .padded
-            .chunks_exact_mut(self.padded_width)
-            .zip(output.append(ROWS_AT_ONCE))
-        {
-            self.border.fill_ends(padded, radius);
-            weigh_symmetric(padded, taps, out);
+        let skipped = (columns.start as isize - radius as isize - self.first) as usize;
+        for (padded, out) in padded.iter_mut().zip(output.append(ROWS_AT_ONCE)) {
+            self.border.fill_ends(padded, self.first, size.width);
+            weigh_symmetric(&padded[skipped..], taps, out);
         }
     }
 }
+
+/// Multiples of this many pixels are where rows of a buffer lie well in memory.
+pub(super) const ALIGNED: isize = 16;
 
 /// The index in `0..length` where `index` falls when the sequence is mirrored about its first and
 /// last element, again and again if need be.
@@ -213,10 +230,14 @@ mod tests {
     #[test]
     fn ends_are_filled_by_the_border() {
         let mut row = [0.0, 0.0, 1.0, 2.0, 3.0, 0.0, 0.0];
-        Border::Mirror.fill_ends(&mut row, 2);
+        Border::Mirror.fill_ends(&mut row, -2, 3);
         assert_eq!(row, [3.0, 2.0, 1.0, 2.0, 3.0, 2.0, 1.0]);
-        Border::Replicate.fill_ends(&mut row, 2);
+        Border::Replicate.fill_ends(&mut row, -2, 3);
         assert_eq!(row, [1.0, 1.0, 1.0, 2.0, 3.0, 3.0, 3.0]);
+        // A strip that starts in column 2 of 6.
+        let mut row = [2.0, 3.0, 4.0, 5.0, 0.0, 0.0];
+        Border::Mirror.fill_ends(&mut row, 2, 6);
+        assert_eq!(row, [2.0, 3.0, 4.0, 5.0, 4.0, 3.0]);
     }
 
     #[test]

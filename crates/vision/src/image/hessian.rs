@@ -202,7 +202,7 @@ impl<'a> Smoothed<'a> {
     fn make(&mut self, count: usize) {
         while self.rows.made() < count.min(self.image.height()) {
             if let Some(blur) = &mut self.blur {
-                blur.advance(self.image.size(), |y| self.image.row(y), &mut self.rows);
+                blur.advance(0, |y| self.image.row(y), &mut self.rows);
             } else {
                 let first = self.rows.made();
                 for (i, out) in self.rows.append(ROWS_AT_ONCE).enumerate() {
@@ -239,8 +239,10 @@ impl Pass {
             &mut self.mean[inner.clone()],
             &mut self.difference[inner],
         );
-        Border::Mirror.fill_ends(&mut self.mean, step);
-        Border::Mirror.fill_ends(&mut self.difference, step);
+        let width = self.mean.len() - 2 * step;
+        for padded in [&mut self.mean, &mut self.difference] {
+            Border::Mirror.fill_ends(padded, -(step as isize), width);
+        }
         Across {
             mean: &self.mean,
             difference: &self.difference,

@@ -21,7 +21,7 @@ pub use blur8::gaussian_blur_u8;
 pub use integral::IntegralImage;
 pub use resize::resize;
 pub use rows::RowBuffer;
-pub use scale_space::{Octave, ScaleSpace, ScaleSpaceShape};
+pub use scale_space::{LayerVisitor, Octave, Reach, ScaleSpaceShape, Strip};
 pub(crate) use shrink::shrink;
 pub use shrink8::shrink_u8;
 

@@ -1,36 +1,60 @@
-//! An image that is made row by row and may forget its oldest rows.
+//! An image, or a strip of its columns, that is made row by row and may forget its oldest rows.
+
+use std::ops::Range;
 
 use super::Size;
 use crate::simd::ROWS_AT_ONCE;
 
+/// Pixels of a cache line: rows start at multiples of it.
+const LINE: usize = 16;
+
 /// Rows of an image, appended from top to bottom, of which the last ones (or all) are kept.
 ///
 /// Filters that run over an image from top to bottom, each some rows behind the one before, need
-/// only a few rows of each intermediate image; those few stay in the cache.
+/// only a few rows of each intermediate image; those few stay in the cache. Where rows are too long
+/// for that, the image is made in strips, and a buffer holds some of the columns.
 #[derive(Clone, Debug)]
 pub struct RowBuffer {
     size: Size,
+    columns: Range<usize>,
     stride: usize,
     capacity: usize,
     made: usize,
     data: Vec<f32>,
+    /// Where in `data` the first row starts.
+    start: usize,
 }
 
 impl RowBuffer {
     /// A buffer for an image of `size`, yet without rows, that keeps at least the last `keep` rows.
     pub fn new(size: Size, keep: usize) -> Self {
+        Self::strip(size, 0..size.width, keep)
+    }
+
+    /// A buffer for the `columns` of an image of `size`, yet without rows, that keeps at least the
+    /// last `keep` rows.
+    ///
+    /// # Panics
+    /// If the image has fewer columns.
+    pub fn strip(size: Size, columns: Range<usize>, keep: usize) -> Self {
+        assert!(columns.end <= size.width, "columns {columns:?} of {size}");
         // Blocks of rows must not wrap around the end of the buffer.
         let capacity = keep
             .clamp(1, size.height.max(1))
             .next_multiple_of(ROWS_AT_ONCE);
         // Rows at a distance of a multiple of 4 KiB would fall into the same places of the cache.
-        let stride = size.width.next_multiple_of(16) | 16;
+        let stride = columns.len().next_multiple_of(LINE) | LINE;
+        let data = vec![0.0; capacity * stride + LINE];
+        let start = data.as_ptr().align_offset(LINE * size_of::<f32>());
         Self {
             size,
+            columns,
             stride,
             capacity,
             made: 0,
-            data: vec![0.0; capacity * stride],
+            data,
+            // A place not found costs time only.
+            start: start.min(LINE),
         }
     }
 
@@ -49,6 +73,11 @@ impl RowBuffer {
         self.size
     }
 
+    /// The columns of the image that the rows hold.
+    pub fn columns(&self) -> Range<usize> {
+        self.columns.clone()
+    }
+
     /// Number of rows made so far.
     pub fn made(&self) -> usize {
         self.made
@@ -59,7 +88,7 @@ impl RowBuffer {
         self.made == self.size.height
     }
 
-    /// Row `y`, from left to right.
+    /// Row `y`, from left to right: the pixels of [`Self::columns`].
     ///
     /// # Panics
     /// If the row was not made yet or is forgotten.
@@ -71,7 +100,7 @@ impl RowBuffer {
             self.capacity,
             self.made
         );
-        &self.data[y % self.capacity * self.stride..][..self.size.width]
+        &self.data[self.start + y % self.capacity * self.stride..][..self.columns.len()]
     }
 
     /// The next `count` rows (fewer at the end), to be written at once.
@@ -82,11 +111,11 @@ impl RowBuffer {
         let place = self.made % self.capacity;
         assert!(place + count <= self.capacity, "{count} rows in one piece");
         let count = count.min(self.size.height - self.made);
-        let start = place * self.stride;
+        let start = self.start + place * self.stride;
         self.made += count;
         self.data[start..][..count * self.stride]
             .chunks_exact_mut(self.stride)
-            .map(|row| &mut row[..self.size.width])
+            .map(|row| &mut row[..self.columns.len()])
     }
 }
 

@@ -14,16 +14,16 @@ multiversioned! {
     /// # Panics
     /// If `columns` does not leave a column free on each side in every row.
     pub fn find_extrema(layers: &[ThreeRows<'_>; 3], columns: Range<usize>, threshold: f32, found: &mut Vec<u32>) {
-        const LANES: usize = 16;
-        let mut x = columns.start;
-        while x + LANES <= columns.end {
-            block::<LANES>(layers, x, threshold, found);
-            x += LANES;
-        }
-        while x < columns.end {
-            block::<1>(layers, x, threshold, found);
-            x += 1;
-        }
+        search(layers, columns, threshold, found);
+    }
+
+    /// [`find_extrema`] in three differences that are stored nowhere: difference `d` is layer `d + 1`
+    /// minus layer `d`.
+    ///
+    /// # Panics
+    /// If `columns` does not leave a column free on each side in every row.
+    pub fn find_extrema_of_differences(layers: &[ThreeRows<'_>; 4], columns: Range<usize>, threshold: f32, found: &mut Vec<u32>) {
+        search(layers, columns, threshold, found);
     }
 
     /// Columns in `columns` where `rows[1]` exceeds `threshold` and each of its 8 neighbours.
@@ -44,16 +44,50 @@ multiversioned! {
     }
 }
 
+/// Three rows of three layers of values.
+trait Cube {
+    /// Values of `row` of `layer` from column `x` on.
+    fn values<const L: usize>(&self, layer: usize, row: usize, x: usize) -> [f32; L];
+}
+
+impl Cube for [ThreeRows<'_>; 3] {
+    #[inline(always)]
+    fn values<const L: usize>(&self, layer: usize, row: usize, x: usize) -> [f32; L] {
+        *lanes(self[layer][row], x)
+    }
+}
+
+/// The differences of neighbouring layers.
+impl Cube for [ThreeRows<'_>; 4] {
+    #[inline(always)]
+    fn values<const L: usize>(&self, layer: usize, row: usize, x: usize) -> [f32; L] {
+        let finer = lanes::<L>(self[layer][row], x);
+        let mut values = *lanes::<L>(self[layer + 1][row], x);
+        for i in 0..L {
+            values[i] -= finer[i];
+        }
+        values
+    }
+}
+
+#[inline(always)]
+fn search(cube: &impl Cube, columns: Range<usize>, threshold: f32, found: &mut Vec<u32>) {
+    const LANES: usize = 16;
+    let mut x = columns.start;
+    while x + LANES <= columns.end {
+        block::<LANES>(cube, x, threshold, found);
+        x += LANES;
+    }
+    while x < columns.end {
+        block::<1>(cube, x, threshold, found);
+        x += 1;
+    }
+}
+
 /// Most blocks end at the threshold or among the eight neighbours in their own layer.
 #[inline(always)]
-fn block<const L: usize>(
-    layers: &[ThreeRows<'_>; 3],
-    x: usize,
-    threshold: f32,
-    found: &mut Vec<u32>,
-) {
-    let [above, here, below] = layers[1];
-    let centre = lanes::<L>(here, x);
+fn block<const L: usize>(cube: &impl Cube, x: usize, threshold: f32, found: &mut Vec<u32>) {
+    let centre = cube.values::<L>(1, 1, x);
     let mut strong = false;
     for value in centre {
         strong |= value.abs() > threshold;
@@ -61,30 +95,51 @@ fn block<const L: usize>(
     if !strong {
         return;
     }
-    let mut low = *lanes::<L>(here, x - 1);
+    let mut low = cube.values::<L>(1, 1, x - 1);
     let mut high = low;
-    widen(&mut low, &mut high, lanes(here, x + 1));
-    for row in [above, below] {
-        widen(&mut low, &mut high, lanes(row, x - 1));
-        widen(&mut low, &mut high, lanes(row, x));
-        widen(&mut low, &mut high, lanes(row, x + 1));
+    widen(&mut low, &mut high, &cube.values(1, 1, x + 1));
+    for row in [0, 2] {
+        for x in x - 1..=x + 1 {
+            widen(&mut low, &mut high, &cube.values(1, row, x));
+        }
     }
-    let mut candidates = [0_u32; L];
-    let mut some = 0;
-    for i in 0..L {
-        let top = (centre[i] > threshold) & (centre[i] >= high[i]);
-        let bottom = (centre[i] < -threshold) & (centre[i] <= low[i]);
-        candidates[i] = u32::from(top | bottom);
-        some |= candidates[i];
-    }
-    if some == 0 {
+    if !is_any_extreme(&centre, &low, &high, threshold) {
         return;
     }
+    for layer in [0, 2] {
+        for row in 0..3 {
+            for x in x - 1..=x + 1 {
+                widen(&mut low, &mut high, &cube.values(layer, row, x));
+            }
+        }
+        if !is_any_extreme(&centre, &low, &high, threshold) {
+            return;
+        }
+    }
     for i in 0..L {
-        if candidates[i] != 0 && beats_other_layers(layers, x + i, centre[i]) {
+        if is_extreme(centre[i], low[i], high[i], threshold) {
             found.push((x + i) as u32);
         }
     }
+}
+
+#[inline(always)]
+fn is_extreme(value: f32, low: f32, high: f32, threshold: f32) -> bool {
+    ((value > threshold) & (value >= high)) | ((value < -threshold) & (value <= low))
+}
+
+#[inline(always)]
+fn is_any_extreme<const L: usize>(
+    values: &[f32; L],
+    low: &[f32; L],
+    high: &[f32; L],
+    threshold: f32,
+) -> bool {
+    let mut any = false;
+    for i in 0..L {
+        any |= is_extreme(values[i], low[i], high[i], threshold);
+    }
+    any
 }
 
 /// Most blocks end at the threshold.
@@ -115,23 +170,6 @@ fn maxima_block<const L: usize>(
         if centre[i] > threshold && centre[i] > high[i] {
             found.push((x + i) as u32);
         }
-    }
-}
-
-#[inline(always)]
-fn beats_other_layers(layers: &[ThreeRows<'_>; 3], x: usize, value: f32) -> bool {
-    let mut low = f32::MAX;
-    let mut high = f32::MIN;
-    for row in layers[0].iter().chain(&layers[2]) {
-        for &other in lanes::<3>(row, x - 1) {
-            low = smaller(low, other);
-            high = larger(high, other);
-        }
-    }
-    if value > 0.0 {
-        value >= high
-    } else {
-        value <= low
     }
 }
 
@@ -185,6 +223,18 @@ mod tests {
             .map(|x| x as u32)
             .collect();
         assert!(expected.len() > 10, "the test sees extrema");
+        assert_eq!(found, expected);
+
+        // Layers of which these are the differences.
+        let mut sums = vec![vec![0.0; width]; 3];
+        for row in &rows {
+            let sum = sums[sums.len() - 3].iter().zip(row);
+            sums.push(sum.map(|(a, b)| a + b).collect());
+        }
+        let layers: [ThreeRows<'_>; 4] =
+            std::array::from_fn(|l| std::array::from_fn(|y| sums[3 * l + y].as_slice()));
+        found.clear();
+        find_extrema_of_differences(&layers, 1..width - 1, 2.0, &mut found);
         assert_eq!(found, expected);
     }
 

@@ -11,13 +11,13 @@
 // The room is private; inside, kernels are marked as they would be in a crate of their own.
 #![allow(unreachable_pub)]
 
-/// Compiles a function for the baseline and again for AVX2 with fused multiply-add, and chooses
-/// the best version at run time.
+/// Compiles a function for the baseline, for AVX2 with fused multiply-add and for AVX-512, and
+/// calls the version that is [`InstructionSet::in_use`].
 ///
-/// *Benefit*: the portable text runs with 8 lanes instead of 4 and with hardware `mul_add`
+/// *Benefit*: the portable text runs with 8 or 16 lanes instead of 4 and with hardware `mul_add`
 /// (without it each `mul_add` is a call into the C library).
-/// *Correctness*: the only unsafe act is calling the AVX2 version, which is done after the
-/// processor said that it has both features; the body itself is safe Rust.
+/// *Correctness*: the only unsafe act is calling a wider version, which is done after the
+/// processor said that it has all features; the body itself is safe Rust.
 macro_rules! multiversioned {
     ($($(#[$meta:meta])* $vis:vis fn $name:ident($($arg:ident: $ty:ty),* $(,)?) $(-> $ret:ty)? $body:block)*) => {$(
         $(#[$meta])*
@@ -27,15 +27,23 @@ macro_rules! multiversioned {
 
             #[cfg(target_arch = "x86_64")]
             {
+                use $crate::simd::InstructionSet;
+
                 #[target_feature(enable = "avx2,fma")]
                 fn avx2($($arg: $ty),*) $(-> $ret)? {
                     portable($($arg),*)
                 }
-                if std::arch::is_x86_feature_detected!("avx2")
-                    && std::arch::is_x86_feature_detected!("fma")
-                {
-                    // SAFETY: both features were detected on this processor.
-                    return unsafe { avx2($($arg),*) };
+                #[target_feature(enable = "avx2,fma,avx512f,avx512bw,avx512cd,avx512dq,avx512vl")]
+                #[target_feature(enable = "avx512vnni,avx512vpopcntdq")]
+                fn avx512($($arg: $ty),*) $(-> $ret)? {
+                    portable($($arg),*)
+                }
+                match InstructionSet::in_use() {
+                    // SAFETY: no more is in use than was detected on this processor.
+                    InstructionSet::Avx512 => return unsafe { avx512($($arg),*) },
+                    // SAFETY: as before.
+                    InstructionSet::Avx2 => return unsafe { avx2($($arg),*) },
+                    InstructionSet::Portable => {}
                 }
             }
             portable($($arg),*)
@@ -55,6 +63,7 @@ mod fast;
 mod freak;
 mod gradient;
 mod histogram;
+mod instructions;
 mod latch;
 mod normalize;
 mod orb;
@@ -76,11 +85,12 @@ pub use brisk::{DirectionWeights, direction};
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
 pub use daisy::{DAISY_COLUMNS, DAISY_MAPS, DaisyRow, add_between, rectified_gradients};
 pub use diffuse::{Below, NO_FLOWS, diffuse_row};
-pub use extrema::{ThreeRows, find_extrema, find_maxima};
+pub use extrema::{ThreeRows, find_extrema, find_extrema_of_differences, find_maxima};
 pub use fast::{segment_scores, strict_maxima, weak_maxima};
 pub use freak::{Fields, compare_means, field_means};
 pub use gradient::{polar_gradients, turns};
 pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
+pub use instructions::InstructionSet;
 pub use latch::{WINDOW, compare_patches, turn_places};
 pub use normalize::normalize_to_bytes;
 pub use orb::{PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments};
@@ -90,7 +100,7 @@ pub use pooling::{
 };
 pub use rectify::{DIRECTIONS, Source, sample_line, spread_gradients};
 pub use refine::sampson_normal_equations;
-pub use resample::{double_row, halve_row, subtract};
+pub use resample::{double_row, halve_row};
 pub use sampling::{
     AROUND, CellSums, Planes, longest_sum_of_slices, longest_sum_of_windows, sum_cells,
     sum_gradients,

@@ -29,18 +29,6 @@ multiversioned! {
             *out = pair[0];
         }
     }
-
-    /// `out[x] = a[x] - b[x]`.
-    ///
-    /// # Panics
-    /// If the lengths differ.
-    pub fn subtract(a: &[f32], b: &[f32], out: &mut [f32]) {
-        let n = out.len();
-        let (a, b) = (&a[..n], &b[..n]);
-        for x in 0..n {
-            out[x] = a[x] - b[x];
-        }
-    }
 }
 
 #[cfg(test)]

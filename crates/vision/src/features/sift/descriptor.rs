@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use nalgebra::Point2;
 
 use super::patch::Patch;
-use crate::image::RowBuffer;
+use crate::image::{RowBuffer, Size};
 use crate::simd::{PatchGrid, PatchHistogram, add_patch_row, normalize_to_bytes};
 
 /// Cells of the grid along a side.
@@ -38,11 +38,8 @@ impl PatchDescriber {
         scale: f32,
         angle: f32,
     ) -> [f32; LENGTH] {
-        let size = layer.size();
         let cell = CELL_WIDTH * scale;
-        // Half a diagonal of the grid and one half cell of interpolation on each side.
-        let reach = (cell * SQRT_2 * (CELLS as f32 + 1.0) * 0.5).round_ties_even();
-        let radius = reach.min((size.width + size.height) as f32) as i32;
+        let radius = patch_radius(layer.size(), scale) as i32;
         let (sin, cos) = libm::sincosf(angle);
         let grid = PatchGrid {
             cos: cos / cell,
@@ -67,6 +64,14 @@ impl PatchDescriber {
         normalize_to_bytes(&mut values, CLIP, NORM);
         values
     }
+}
+
+/// Pixels that a patch reaches to each side about the pixel of a keypoint of this `scale`, in an image
+/// of this size.
+pub(super) fn patch_radius(size: Size, scale: f32) -> usize {
+    // Half a diagonal of the grid and one half cell of interpolation on each side.
+    let reach = (CELL_WIDTH * scale * SQRT_2 * (CELLS as f32 + 1.0) * 0.5).round_ties_even();
+    reach.min((size.width + size.height) as f32) as usize
 }
 
 /// Offsets x where a row of pixels at offset `y` can lie within the grid and half a cell around

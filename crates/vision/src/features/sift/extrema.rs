@@ -3,15 +3,17 @@
 use nalgebra::{Matrix3, Point2, Vector3};
 
 use super::SiftParams;
-use crate::image::{Octave, RowBuffer};
-use crate::simd::{find_extrema, subtract};
+use crate::image::{RowBuffer, Strip};
+use crate::simd::find_extrema_of_differences;
 
 /// No extrema are looked for in so many pixels along the border.
 pub(super) const BORDER: usize = 5;
 /// Steps of the fit, each to the pixel nearest to the extremum of the quadratic.
 const MAX_STEPS: usize = 5;
-/// Pixels that the fit may wander in all; so many rows ahead and behind are at hand.
-const REACH: usize = 8;
+/// The fit may wander less than this many pixels in all.
+pub(super) const WANDERING: usize = 8;
+/// Pixels to each side that the search and its fits look at.
+pub(super) const REACH: usize = WANDERING;
 /// Thresholds are for grey values in 0..=1, images are in 0..=255.
 const GREY: f32 = 1.0 / 255.0;
 
@@ -28,76 +30,56 @@ pub(super) struct Extremum {
     pub(super) response: f32,
 }
 
-/// Finds extrema while a scale space is built.
+/// Finds extrema in a scale space at work.
 pub(super) struct ExtremumFinder<'a> {
     params: &'a SiftParams,
-    /// `differences[l]` is layer `l + 1` minus layer `l` of the present octave.
-    differences: Vec<RowBuffer>,
     columns: Vec<u32>,
-    octaves: Vec<Vec<Extremum>>,
 }
 
 impl<'a> ExtremumFinder<'a> {
     pub(super) fn new(params: &'a SiftParams) -> Self {
         Self {
             params,
-            differences: Vec::new(),
             columns: Vec::new(),
-            octaves: Vec::new(),
         }
     }
 
-    /// The extrema of each octave.
-    pub(super) fn into_octaves(self) -> Vec<Vec<Extremum>> {
-        self.octaves
-    }
-
-    /// Takes row `y` of all layers, and searches the rows whose surroundings are then complete.
-    pub(super) fn visit(&mut self, octave: &Octave, y: usize) {
-        if y == 0 {
-            self.octaves.push(Vec::new());
-            let buffer = RowBuffer::new(octave.size(), 2 * REACH + 1);
-            self.differences = vec![buffer; octave.layers().len() - 1];
-        }
-        for (difference, layers) in self.differences.iter_mut().zip(octave.layers().windows(2)) {
-            for out in difference.append(1) {
-                subtract(layers[1].row(y), layers[0].row(y), out);
-            }
-        }
-        let height = octave.size().height;
-        let end = if y + 1 == height {
-            height
-        } else {
-            (y + 1).saturating_sub(REACH)
-        };
-        let start = y.saturating_sub(REACH);
-        for row in start.max(BORDER)..end.min(height - BORDER) {
-            self.search_row(row);
-        }
-    }
-
-    fn search_row(&mut self, y: usize) {
+    /// Appends the extrema that start in row `y` of a strip's own columns.
+    pub(super) fn find(&mut self, strip: &Strip, y: usize, found: &mut Vec<Extremum>) {
         let SiftParams {
             contrast_threshold,
             octave_layers,
             ..
         } = *self.params;
+        let size = strip.octave().size;
+        if !(BORDER..size.height - BORDER).contains(&y) {
+            return;
+        }
+        let columns = strip.columns();
+        let (start, end) = (
+            columns.start.max(BORDER),
+            columns.end.min(size.width - BORDER),
+        );
+        if start >= end {
+            return;
+        }
         let threshold = (0.5 * contrast_threshold / octave_layers as f32 / GREY).floor();
-        let width = self.differences[0].size().width;
-        let found = self.octaves.last_mut().expect("visit made one");
-        for layer in 1..=octave_layers {
-            let rows = [layer - 1, layer, layer + 1]
-                .map(|l| [y - 1, y, y + 1].map(|y| self.differences[l].row(y)));
+        for (layer, layers) in (1..).zip(strip.layers().windows(4)) {
+            // All rows from one column of the image on.
+            let first = start - 1;
+            let rows = [0, 1, 2, 3].map(|l| {
+                [y - 1, y, y + 1].map(|y| &layers[l].row(y)[first - layers[l].columns().start..])
+            });
             self.columns.clear();
-            find_extrema(&rows, BORDER..width - BORDER, threshold, &mut self.columns);
+            find_extrema_of_differences(&rows, 1..end - first, threshold, &mut self.columns);
             let fit = Fit {
                 params: self.params,
-                differences: &self.differences,
+                layers: strip.layers(),
             };
             found.extend(
                 self.columns
                     .iter()
-                    .filter_map(|&x| fit.run(layer, x as usize, y)),
+                    .filter_map(|&x| fit.run(layer, first + x as usize, y)),
             );
         }
     }
@@ -106,7 +88,7 @@ impl<'a> ExtremumFinder<'a> {
 /// The quadratic fit in the differences of Gaussians.
 struct Fit<'a> {
     params: &'a SiftParams,
-    differences: &'a [RowBuffer],
+    layers: &'a [RowBuffer],
 }
 
 /// Value, gradient and Hessian at a pixel, in the order column, row, layer.
@@ -140,9 +122,11 @@ impl Fit<'_> {
     }
 
     fn is_inside(&self, [x, y, layer]: [i32; 3], start: [i32; 2]) -> bool {
-        let size = self.differences[0].size();
+        let size = self.layers[0].size();
         let within = |v: i32, start: i32, length: usize| {
-            v >= BORDER as i32 && v < (length - BORDER) as i32 && v.abs_diff(start) < REACH as u32
+            v >= BORDER as i32
+                && v < (length - BORDER) as i32
+                && v.abs_diff(start) < WANDERING as u32
         };
         (1..=self.params.octave_layers as i32).contains(&layer)
             && within(x, start[0], size.width)
@@ -184,9 +168,14 @@ impl Fit<'_> {
     }
 
     fn derivatives(&self, layer: usize, x: usize, y: usize) -> Derivatives {
-        let at = |dx: usize, dy: usize, dl: usize| {
-            self.differences[layer + dl - 1].row(y + dy - 1)[x + dx - 1]
-        };
+        let layers: [[&[f32; 3]; 3]; 4] = std::array::from_fn(|l| {
+            let layer = &self.layers[layer + l - 1];
+            std::array::from_fn(|dy| {
+                let row = &layer.row(y + dy - 1)[x - 1 - layer.columns().start..];
+                row.first_chunk().expect("a column on each side")
+            })
+        });
+        let at = |dx: usize, dy: usize, dl: usize| layers[dl + 1][dy][dx] - layers[dl][dy][dx];
         let value = at(1, 1, 1);
         let first = |a: f32, b: f32| 0.5 * GREY * (b - a);
         let second = |a: f32, b: f32| GREY * (a + b - 2.0 * value);

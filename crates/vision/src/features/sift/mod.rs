@@ -3,7 +3,7 @@
 //! D. G. Lowe: "Distinctive Image Features from Scale-Invariant Keypoints", International Journal
 //! of Computer Vision 60(2), 91-110, 2004.
 //!
-//! 1. Scale space of the doubled image ([`ScaleSpace`], section 3); differences of neighbouring
+//! 1. Scale space of the doubled image ([`ScaleSpaceShape`], section 3); differences of neighbouring
 //!    layers, `D` (eq. 1).
 //! 2. Extrema of `D` among 26 neighbours; position and scale by a quadratic fit (eq. 2, 3); those
 //!    of low contrast or on edges are dropped (section 4).
@@ -38,6 +38,7 @@
 mod descriptor;
 mod extrema;
 mod orientation;
+mod passes;
 mod patch;
 
 use nalgebra::Point2;
@@ -46,11 +47,11 @@ use super::{
     Describer, DescriptorKind, Descriptors, Detections, Detector, Extractor, Features, FloatRows,
     Keypoint, Unshared,
 };
-use crate::image::{GrayImage, ScaleSpace, ScaleSpaceShape};
+use crate::image::{GrayImage, Octave, ScaleSpaceShape};
 use crate::params::ParamError;
-use descriptor::{LENGTH, PatchDescriber};
-use extrema::{Extremum, ExtremumFinder};
-use orientation::Orientations;
+use descriptor::LENGTH;
+use extrema::Extremum;
+use passes::{Description, Detection};
 
 /// Parameters of [`Sift`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -139,55 +140,26 @@ impl Sift {
         &self.params
     }
 
-    /// Keypoints in their order, and the scale space they were found in.
-    fn detect_in_scale_space(&self, image: &GrayImage) -> (Vec<Keypoint>, ScaleSpace) {
-        let mut finder = ExtremumFinder::new(&self.params);
-        let space = ScaleSpace::build(image, &self.shape(), |octave, y| finder.visit(octave, y));
-        let mut orientations = Orientations::default();
-        let mut keypoints = Vec::new();
-        for (octave, extrema) in space.octaves.iter().zip(finder.into_octaves()) {
-            for extremum in extrema {
-                let keypoint = self.keypoint(octave.number, &extremum);
-                let layer = octave.layer(extremum.layer);
-                let angles = orientations.peaks(layer, extremum.pixel, extremum.scale);
-                keypoints.extend(angles.iter().map(|&angle| Keypoint {
-                    angle: Some(angle),
-                    ..keypoint
-                }));
-            }
-        }
-        sort_and_deduplicate(&mut keypoints);
+    /// Keypoints in their order, and the descriptor of each if wanted.
+    fn detect_on_the_way(&self, image: &GrayImage, described: bool) -> (Vec<Keypoint>, FloatRows) {
+        let mut pass = Detection::new(self, described);
+        self.shape().visit(image, &mut pass);
+        let Detection {
+            keypoints,
+            descriptors,
+            ..
+        } = pass;
+        let mut order = in_order(&keypoints);
         if let Some(limit) = self.params.limit {
-            keep_strongest(&mut keypoints, limit);
+            keep_strongest(&keypoints, &mut order, limit);
         }
-        (keypoints, space)
-    }
-
-    fn describe_in_scale_space(
-        &self,
-        space: &ScaleSpace,
-        image: &GrayImage,
-        keypoints: &mut Vec<Keypoint>,
-    ) -> FloatRows {
-        let mut data = Vec::with_capacity(LENGTH * keypoints.len());
-        let mut describer = PatchDescriber::default();
-        let mut orientations = Orientations::default();
-        keypoints.retain_mut(|keypoint| {
-            if space.octaves.is_empty() || !is_inside(keypoint, image) {
-                return false;
-            }
-            let (octave, layer) = self.level(keypoint, space);
-            let octave = &space.octaves[octave];
-            let (at, scale) = self.in_octave(keypoint, octave.number);
-            let layer = octave.layer(layer);
-            let angle = *keypoint.angle.get_or_insert_with(|| {
-                let pixel = [at.x, at.y].map(|v| v.round_ties_even().max(0.0) as usize);
-                orientations.strongest(layer, pixel, scale)
-            });
-            data.extend_from_slice(&describer.describe(layer, at, scale, angle));
-            true
-        });
-        FloatRows::from_vec(LENGTH, data)
+        let mut data = Vec::new();
+        if described {
+            data.reserve_exact(LENGTH * order.len());
+            data.extend(order.iter().flat_map(|&i| descriptors[i]));
+        }
+        let keypoints = order.into_iter().map(|i| keypoints[i]).collect();
+        (keypoints, FloatRows::from_vec(LENGTH, data))
     }
 
     fn shape(&self) -> ScaleSpaceShape {
@@ -224,15 +196,15 @@ impl Sift {
     }
 
     /// Index of the octave and number of the layer where a keypoint is described.
-    fn level(&self, keypoint: &Keypoint, space: &ScaleSpace) -> (usize, usize) {
+    fn level(&self, keypoint: &Keypoint, octaves: &[Octave]) -> (usize, usize) {
         let layers = self.params.octave_layers as i32;
         let by_size = layers as f32 * libm::log2f(0.5 * keypoint.size / self.params.sigma as f32);
         let number = f32::from(keypoint.octave);
         // The fit puts a keypoint within half a step of its layer, up to rounding.
         let agrees = (number - by_size).abs() < 0.501;
         let level = (if agrees { number } else { by_size.round() }) as i32;
-        let finest = space.octaves[0].number;
-        let coarsest = finest + space.octaves.len() as i32 - 1;
+        let finest = octaves[0].number;
+        let coarsest = finest + octaves.len() as i32 - 1;
         let level = level.clamp(layers * finest + 1, layers * (coarsest + 1));
         let octave = (level - 1).div_euclid(layers);
         (
@@ -244,7 +216,7 @@ impl Sift {
 
 impl Detector for Sift {
     fn detect(&self, image: &GrayImage) -> Vec<Keypoint> {
-        self.detect_in_scale_space(image).0
+        self.detect_on_the_way(image, false).0
     }
 }
 
@@ -254,8 +226,11 @@ impl Describer for Sift {
     }
 
     fn describe(&self, image: &GrayImage, keypoints: &mut Vec<Keypoint>) -> Descriptors {
-        let space = ScaleSpace::build(image, &self.shape(), |_, _| ());
-        Descriptors::Float(self.describe_in_scale_space(&space, image, keypoints))
+        let is_describable = !self.shape().octaves(image.size()).is_empty();
+        keypoints.retain(|keypoint| is_describable && is_inside(keypoint, image));
+        let mut pass = Description::new(self, image, keypoints);
+        self.shape().visit(image, &mut pass);
+        Descriptors::Float(FloatRows::from_vec(LENGTH, pass.descriptors))
     }
 }
 
@@ -270,9 +245,8 @@ impl Extractor for Sift {
 
     /// Nothing is recalled: the scale space is needed anyway, and gives the keypoints on the way.
     fn extract_sharing(&self, image: &GrayImage, detections: &mut dyn Detections) -> Features {
-        let (mut keypoints, space) = self.detect_in_scale_space(image);
+        let (keypoints, descriptors) = self.detect_on_the_way(image, true);
         detections.remember(&keypoints);
-        let descriptors = self.describe_in_scale_space(&space, image, &mut keypoints);
         Features::new(image.size(), keypoints, Descriptors::Float(descriptors))
     }
 }
@@ -291,10 +265,12 @@ fn is_inside(keypoint: &Keypoint, image: &GrayImage) -> bool {
         && keypoint.angle.is_none_or(f32::is_finite)
 }
 
-/// By column, then row, larger before smaller, then angle, and stronger before weaker; of those
-/// that agree in place, size and angle the first is kept.
-fn sort_and_deduplicate(keypoints: &mut Vec<Keypoint>) {
-    keypoints.sort_by(|a, b| {
+/// Indices of the keypoints: by column, then row, larger before smaller, then angle, and stronger
+/// before weaker; of those that agree in place, size and angle the first alone.
+fn in_order(keypoints: &[Keypoint]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..keypoints.len()).collect();
+    order.sort_by(|&a, &b| {
+        let (a, b) = (&keypoints[a], &keypoints[b]);
         let by_angle = |k: &Keypoint| k.angle.unwrap_or(0.0);
         (a.at.x.total_cmp(&b.at.x))
             .then(a.at.y.total_cmp(&b.at.y))
@@ -303,18 +279,22 @@ fn sort_and_deduplicate(keypoints: &mut Vec<Keypoint>) {
             .then(b.response.total_cmp(&a.response))
             .then(b.octave.cmp(&a.octave))
     });
-    keypoints.dedup_by(|later, first| {
+    order.dedup_by(|later, first| {
+        let [later, first] = [&keypoints[*later], &keypoints[*first]];
         (later.at, later.size, later.angle) == (first.at, first.size, first.angle)
     });
+    order
 }
 
-/// Removes all but the `limit` strongest, earlier ones first among equals, without reordering.
-fn keep_strongest(keypoints: &mut Vec<Keypoint>, limit: usize) {
-    let mut order: Vec<usize> = (0..keypoints.len()).collect();
-    order.sort_by(|&i, &j| keypoints[j].response.total_cmp(&keypoints[i].response));
-    order.truncate(limit);
-    order.sort_unstable();
-    *keypoints = order.into_iter().map(|i| keypoints[i]).collect();
+/// Removes all but the `limit` strongest from `order`, earlier ones first among equals, without
+/// reordering.
+fn keep_strongest(keypoints: &[Keypoint], order: &mut Vec<usize>, limit: usize) {
+    let response = |&place: &usize| keypoints[order[place]].response;
+    let mut places: Vec<usize> = (0..order.len()).collect();
+    places.sort_by(|a, b| response(b).total_cmp(&response(a)));
+    places.truncate(limit);
+    places.sort_unstable();
+    *order = places.into_iter().map(|place| order[place]).collect();
 }
 
 #[cfg(test)]

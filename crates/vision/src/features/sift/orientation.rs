@@ -3,7 +3,7 @@
 use core::f32::consts::{PI, TAU};
 
 use super::patch::Patch;
-use crate::image::RowBuffer;
+use crate::image::{RowBuffer, Size};
 use crate::simd::add_directions;
 
 const BINS: usize = 36;
@@ -52,9 +52,7 @@ impl Orientations {
 
     /// The smoothed histogram; bin `i` is the direction of `10 i` degrees upwards from x.
     fn histogram(&mut self, layer: &RowBuffer, pixel: [usize; 2], scale: f32) -> [f32; BINS] {
-        let size = layer.size();
-        let longest = size.width.max(size.height) as f32;
-        let radius = (RADIUS * scale).round_ties_even().min(longest) as i32;
+        let radius = window_radius(layer.size(), scale) as i32;
         let deviation = WINDOW * scale;
         self.patch.reset(radius, -0.5 / (deviation * deviation));
         let mut raw = [0.0; BINS];
@@ -69,6 +67,13 @@ impl Orientations {
             ((at(0) + at(4)) * 1.0 + (at(1) + at(3)) * 4.0 + at(2) * 6.0) / 16.0
         })
     }
+}
+
+/// Pixels that the window reaches to each side for a keypoint of this `scale`, in an image of this
+/// size.
+pub(super) fn window_radius(size: Size, scale: f32) -> usize {
+    let longest = size.width.max(size.height) as f32;
+    (RADIUS * scale).round_ties_even().min(longest) as usize
 }
 
 fn neighbours(histogram: &[f32; BINS], bin: usize) -> (f32, f32) {

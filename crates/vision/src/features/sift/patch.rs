@@ -58,7 +58,8 @@ impl Patch {
             }
             let whole_blocks = (last - first + BLOCK) / BLOCK * BLOCK;
             let count = whole_blocks.min(right - x - first + 1) as usize;
-            let (row, column) = ((y + dy) as usize, (x + first) as usize);
+            let row = (y + dy) as usize;
+            let column = (x + first) as usize - layer.columns().start;
             let (magnitudes, directions) =
                 (&mut self.magnitudes[..count], &mut self.directions[..count]);
             polar_gradients(

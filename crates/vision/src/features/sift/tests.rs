@@ -253,12 +253,13 @@ fn the_level_is_read_from_the_keypoint_alone() {
         },
     ] {
         let sift = Sift::new(params).unwrap();
-        let (keypoints, space) = sift.detect_in_scale_space(&image);
+        let keypoints = sift.detect(&image);
+        let octaves = sift.shape().octaves(image.size());
         assert!(!keypoints.is_empty());
         let layers = params.octave_layers as i32;
         for keypoint in keypoints {
-            let (octave, layer) = sift.level(&keypoint, &space);
-            let number = space.octaves[octave].number * layers + layer as i32;
+            let (octave, layer) = sift.level(&keypoint, &octaves);
+            let number = octaves[octave].number * layers + layer as i32;
             assert_eq!(number, i32::from(keypoint.octave), "{keypoint:?}");
             // The same level is found by size where the number says nothing.
             let foreign = Keypoint {
@@ -266,7 +267,7 @@ fn the_level_is_read_from_the_keypoint_alone() {
                 ..keypoint
             };
             assert_eq!(
-                sift.level(&foreign, &space),
+                sift.level(&foreign, &octaves),
                 (octave, layer),
                 "{keypoint:?}"
             );

@@ -1,0 +1,144 @@
+//! Which instructions the kernels use: the widest that the processor has, or those asked for.
+//!
+//! The environment variable `MATCHBENCH_SIMD` (`portable`, `avx2` or `avx512`) asks for one set, so
+//! that versions can be compared on one machine. It and the choice made from it, which is kept for
+//! the life of the process, are all that this package knows beside its arguments. That is no way to
+//! change a result: every version gives the same bits.
+//!
+//! "AVX-512" means what Intel's Ice Lake (2019) and AMD's Zen 4 (2022) brought: the base of x86-64-v4,
+//! and products of bytes (VNNI) and counts of bits (VPOPCNTDQ). Processors that have less of it clock
+//! down so far for vectors of 64 bytes that those of 32 are as fast, so they use AVX2.
+
+use std::sync::atomic::{AtomicU8, Ordering};
+
+use crate::params::ParamError;
+
+/// Instructions that kernels are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum InstructionSet {
+    /// What every processor of the platform has.
+    Portable = 1,
+    /// Vectors of 32 bytes and fused multiply-add.
+    Avx2,
+    /// Vectors of 64 bytes, products of bytes and counts of bits.
+    Avx512,
+}
+
+use InstructionSet::{Avx2, Avx512, Portable};
+
+/// The choice, or 0 before it is made. A race makes the same choice twice.
+static IN_USE: AtomicU8 = AtomicU8::new(0);
+
+impl InstructionSet {
+    /// All of them, from the narrowest to the widest.
+    pub const ALL: [Self; 3] = [Portable, Avx2, Avx512];
+
+    /// Its name in `MATCHBENCH_SIMD`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Portable => "portable",
+            Avx2 => "avx2",
+            Avx512 => "avx512",
+        }
+    }
+
+    /// The widest that this processor has.
+    pub fn widest() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            macro_rules! has {
+                ($($feature:tt)*) => { $(std::arch::is_x86_feature_detected!($feature))&&* };
+            }
+            if has!("avx2" "fma") {
+                let wider = has!("avx512f" "avx512bw" "avx512cd" "avx512dq" "avx512vl")
+                    && has!("avx512vnni" "avx512vpopcntdq");
+                return if wider { Avx512 } else { Avx2 };
+            }
+        }
+        Portable
+    }
+
+    /// What `MATCHBENCH_SIMD` asks for, or the widest.
+    ///
+    /// # Errors
+    /// If it asks for something unknown or something that this processor lacks.
+    pub fn asked_for() -> Result<Self, ParamError> {
+        let Some(name) = std::env::var_os("MATCHBENCH_SIMD") else {
+            return Ok(Self::widest());
+        };
+        let name = name.to_string_lossy();
+        let widest = Self::widest();
+        match Self::ALL.iter().find(|set| set.name() == name) {
+            Some(&set) if set <= widest => Ok(set),
+            Some(_) => Err(ParamError(format!(
+                "MATCHBENCH_SIMD asks for `{name}`; this processor has no more than `{}`",
+                widest.name()
+            ))),
+            None => Err(ParamError(format!(
+                "MATCHBENCH_SIMD is `{name}`, but must be portable, avx2 or avx512"
+            ))),
+        }
+    }
+
+    /// What kernels use in this process: the choice is made once.
+    ///
+    /// # Panics
+    /// If [`Self::asked_for`] is an error, which programs should report when they start.
+    #[inline]
+    pub fn in_use() -> Self {
+        #[cfg(test)]
+        if let Some(set) = tests::FORCED.get() {
+            return set;
+        }
+        match IN_USE.load(Ordering::Relaxed) {
+            3 => Avx512,
+            2 => Avx2,
+            1 => Portable,
+            _ => Self::choose(),
+        }
+    }
+
+    #[cold]
+    fn choose() -> Self {
+        let set = Self::asked_for().unwrap_or_else(|error| panic!("{error}"));
+        IN_USE.store(set as u8, Ordering::Relaxed);
+        set
+    }
+
+    /// Calls `each` with every set that this processor has, while kernels called from this thread use
+    /// that one.
+    #[cfg(test)]
+    pub(crate) fn for_each(mut each: impl FnMut(Self)) {
+        for set in Self::ALL.into_iter().filter(|&set| set <= Self::widest()) {
+            let before = tests::FORCED.replace(Some(set));
+            each(set);
+            tests::FORCED.set(before);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+
+    thread_local! {
+        pub(super) static FORCED: Cell<Option<InstructionSet>> = const { Cell::new(None) };
+    }
+
+    #[test]
+    fn every_set_up_to_the_widest_can_be_forced() {
+        let mut forced = Vec::new();
+        InstructionSet::for_each(|set| {
+            assert_eq!(InstructionSet::in_use(), set);
+            forced.push(set);
+        });
+        assert_eq!(forced.last(), Some(&InstructionSet::widest()));
+        assert!(forced.is_sorted() && forced[0] == Portable);
+        assert_eq!(
+            InstructionSet::in_use(),
+            InstructionSet::asked_for().expect("tests ask for what there is")
+        );
+    }
+}
