@@ -3,6 +3,7 @@
 mod args;
 mod commands;
 mod progress;
+mod threads;
 
 use std::num::NonZeroUsize;
 use std::process::ExitCode;
@@ -12,6 +13,7 @@ use clap::Parser;
 use rayon::ThreadPoolBuilder;
 
 use args::{Cli, Command};
+use threads::Threads;
 
 /// Bytes of the stack of a thread: as much as the system gives the first one.
 const STACK: usize = 8 << 20;
@@ -52,13 +54,37 @@ fn main() -> ExitCode {
 /// Does the command in the one pool of threads that all of it shares: decoding, extraction, scoring,
 /// figures.
 fn in_pool(command: &Command) -> anyhow::Result<Ending> {
-    let threads = command.threads().map_or(0, NonZeroUsize::get);
+    let threads = threads(command).map_or(0, NonZeroUsize::get);
     let pool = ThreadPoolBuilder::new()
         .num_threads(threads)
         .stack_size(STACK)
         .build()
         .context("cannot start the threads; try fewer with --threads")?;
     pool.install(|| dispatch(command))
+}
+
+/// What `--threads` says, where the command has that option.
+fn threads(command: &Command) -> Option<NonZeroUsize> {
+    let threads = match command {
+        Command::Demo(args) => args.threads,
+        Command::Run(args) => args.threads,
+        Command::Tune(args) => args.threads,
+        Command::Eval(args) => args.threads,
+        Command::Report(args) => args.threads,
+        Command::Compare(args) => args.threads,
+        Command::Validate(args) => args.threads,
+        // One pair, one thread, or nothing to share out.
+        Command::Import(_)
+        | Command::Show(_)
+        | Command::Time(_)
+        | Command::Export(_)
+        | Command::Convert(_)
+        | Command::Check(_)
+        | Command::List(_)
+        | Command::Completions(_)
+        | Command::Man(_) => Threads::default(),
+    };
+    threads.number
 }
 
 fn dispatch(command: &Command) -> anyhow::Result<Ending> {

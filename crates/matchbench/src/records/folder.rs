@@ -105,9 +105,10 @@ impl RunFolder {
         estimator: &str,
     ) -> Result<Vec<RunRecord>, StoreError> {
         let file = store::path(&self.path, dataset, matcher, estimator);
-        match file.exists() {
-            true => store::read(&file),
-            false => Ok(Vec::new()),
+        if file.exists() {
+            store::read(&file)
+        } else {
+            Ok(Vec::new())
         }
     }
 
@@ -217,7 +218,7 @@ impl RunWriter {
     }
 
     /// What earlier processes recorded of one matcher with one estimator on one dataset; a torn last
-    /// line is cut off. Returns the file too, for errors and for [`RunWriter::append_to`].
+    /// line is cut off. Returns the file too, for errors that name it.
     ///
     /// # Errors
     /// If the file cannot be read or cut, or has a line that is not a record.
@@ -232,12 +233,18 @@ impl RunWriter {
         Ok((file, records))
     }
 
-    /// Appends to a file that was recovered.
+    /// Appends to the records of one matcher with one estimator on one dataset; recover them first.
     ///
     /// # Errors
     /// If the file cannot be opened.
-    pub(crate) fn append_to(&self, file: &Path) -> Result<RecordWriter, StoreError> {
-        RecordWriter::open(file)
+    pub(crate) fn append_to(
+        &self,
+        dataset: &str,
+        matcher: &str,
+        estimator: &str,
+    ) -> Result<RecordWriter, StoreError> {
+        let file = store::path(&self.folder.path, dataset, matcher, estimator);
+        RecordWriter::open(&file)
     }
 }
 

@@ -192,12 +192,12 @@ impl Run<'_> {
             root: self.settings.seed,
             time_budget: self.time_budget(),
         };
-        let mut writers = (part.files())
-            .map(|file| folder.append_to(file))
+        let (dataset, matcher) = (&part.sequence.name, part.contender.source.id());
+        let mut writers = (part.contender.estimators.iter())
+            .map(|variant| folder.append_to(dataset, matcher, &variant.name))
             .collect::<Result<Vec<_>, _>>()?;
-        let matches_of = |id| (folder.folder()).matches_of(&part.sequence.name, id);
-        let stored = matches_of(part.contender.source.id())?;
-        let mut matches_file = matches_of(part.contender.source.id())?;
+        let stored = folder.folder().matches_of(dataset, matcher)?;
+        let mut matches_file = folder.folder().matches_of(dataset, matcher)?;
         let mut append = |done: PairDone| {
             if self.keep_matches {
                 for (key, matches) in &done.matches {

@@ -123,10 +123,6 @@ impl<'a> Part<'a> {
         }
     }
 
-    pub(super) fn files(&self) -> impl Iterator<Item = &Path> {
-        self.sheets.iter().map(|sheet| &*sheet.file)
-    }
-
     pub(super) fn is_done(&self) -> bool {
         self.summary().is_complete()
     }

@@ -1,0 +1,113 @@
+//! What can be typed about datasets: making, converting, checking them.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use crate::threads::Threads;
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  matchbench import tum rgbd_dataset_freiburg3_long_office_household 06-office-wide --pairs window:9,stride:15
+  matchbench import kitti dataset 04-kitti --sequence 00 --pairs fragments:5
+  matchbench import strecha castle-P30 05-castle --pairs all
+  matchbench import folder photos mine --poses photos/poses.txt --camera photos/K.txt
+  matchbench import superglue scannet_test_pairs_with_gt.txt scannet-1500 --image-root ScanNet
+  matchbench import scannet test.npz scannet-1500 --intrinsics intrinsics.npz --image-root ScanNet
+  matchbench import megadepth 0015_0.1_0.3.npz st-peters --image-root MegaDepth
+  matchbench import colmap sparse/0 church --image-root images --pairs covisible:0.1..0.7
+  matchbench import oxford boat oxford-boat
+
+Which options a KIND has: matchbench list datasets. Where images are not there, the dataset names
+where they belong, and `matchbench validate` says which are missing.
+
+The pairs of the paper, and more:
+  fragments:15        consecutive fragments of 15 frames, the first of each against its others
+  all                 every image against every later one
+  window:9            every image against the next 9
+  window:9,stride:15  the same on every 15th image; the others are left out
+  list:FILE           pairs `a b` of image numbers, one pair a line
+  covisible:0.1..0.7  pairs that share such a part of their points (COLMAP models)")]
+pub(crate) struct ImportArgs {
+    /// What SRC is: tum, kitti, strecha, 7scenes, folder, superglue, scannet, megadepth, colmap,
+    /// imc, euroc, zeb, hpatches, oxford or evd
+    #[arg(value_name = "KIND")]
+    pub kind: String,
+    /// The data as their authors publish them: a folder, a list, a model
+    #[arg(value_name = "SRC")]
+    pub source: PathBuf,
+    /// The dataset to be made; the folder's name becomes the dataset's name
+    #[arg(value_name = "OUT")]
+    pub out: PathBuf,
+    /// Which images are matched with which [default: what the paper does with this kind, or those
+    /// that SRC lists]
+    #[arg(long, value_name = "RULE")]
+    pub pairs: Option<String>,
+    /// Which sequence, where SRC holds several (KITTI: 00 to 10; HPatches: i, v or a folder)
+    #[arg(long, value_name = "NN")]
+    pub sequence: Option<String>,
+    /// What happens to the images: they stay where they are, are linked to, or are copied
+    #[arg(long, value_enum, default_value_t = Images::Reference)]
+    pub images: Images,
+    /// 3x3 calibration matrix (and distortion `k1 k2 p1 p2 [k3]`), where SRC has none or another is wanted
+    #[arg(long, value_name = "FILE")]
+    pub camera: Option<PathBuf>,
+    /// The poses (KIND folder), in TUM or KITTI format
+    #[arg(long, value_name = "FILE")]
+    pub poses: Option<PathBuf>,
+    /// Largest difference in time between an image and its pose, in seconds [default: 0.02]
+    #[arg(long, value_name = "SECONDS")]
+    pub tolerance: Option<f64>,
+    /// Interpolate between the poses before and after an image instead of taking the nearest
+    #[arg(long)]
+    pub interpolate: bool,
+    /// Folder that the image names in SRC start from [default: beside SRC]
+    #[arg(long, value_name = "DIR")]
+    pub image_root: Option<PathBuf>,
+    /// The calibration matrices (ScanNet's intrinsics.npz) [default: beside SRC]
+    #[arg(long, value_name = "FILE")]
+    pub intrinsics: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Layouts:
+  colmap     a folder with a COLMAP model as text (cameras, images, no points) and pairs.txt
+  superglue  a file with SuperGlue's 38 columns per pair: names, turns, K, K, T_0to1
+
+Both can be imported again, as kinds of the same names. The images are not copied.
+
+Examples:
+  matchbench convert castle castle-model --format colmap
+  matchbench convert castle castle-pairs.txt --format superglue")]
+pub(crate) struct ConvertArgs {
+    /// The dataset folder
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    /// What is to be written; it must not exist
+    #[arg(value_name = "OUT")]
+    pub out: PathBuf,
+    /// The layout: colmap or superglue
+    #[arg(long, value_name = "LAYOUT")]
+    pub format: String,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum Images {
+    /// The dataset names the files where they are
+    Reference,
+    /// Symbolic links in the dataset's folder
+    Link,
+    /// Copies in the dataset's folder: it can be moved and mailed
+    Copy,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ValidateArgs {
+    /// The dataset folder
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    #[command(flatten)]
+    pub threads: Threads,
+}

@@ -1,0 +1,176 @@
+//! What can be typed. Parsing only; each subcommand's work is in `commands/`.
+
+mod data;
+mod results;
+mod runs;
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+pub(crate) use data::{ConvertArgs, Images, ImportArgs, ValidateArgs};
+pub(crate) use results::{
+    CompareArgs, EvalArgs, ExportArgs, FormatArg, PresetArg, ReportArgs, ScoredArgs,
+};
+pub(crate) use runs::{CheckArgs, DemoArgs, MatchesArgs, RunArgs, ShowArgs, TimeArgs, TuneArgs};
+
+/// Which feature matcher should I use?
+///
+/// matchbench runs feature matchers on pairs of images with known cameras, estimates the relative
+/// pose from the matches, compares it with the truth, and shows which matcher leads to how many
+/// right poses, with how many matches, in what time.
+#[derive(Debug, Parser)]
+#[command(name = "matchbench", version, arg_required_else_help = true, after_help = FIRST_STEPS)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const FIRST_STEPS: &str = "\
+First steps:
+  matchbench demo                                        a first report, on built-in data
+  matchbench import tum rgbd_dataset_freiburg3_... office --pairs window:9,stride:15
+  matchbench validate office                             are the data sound?
+  matchbench run office --matchers sift --out runs/first
+  matchbench eval runs/first                             the scores
+
+Exit codes: 0 done; 1 bad input; 2 finished, but some tasks failed; 130 stopped by Ctrl-C.";
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Run five matchers on built-in scenes and write a report: the quickest way to see what this is
+    Demo(DemoArgs),
+    /// Turn the field's data sets and pair lists, a COLMAP model or your own data into a dataset
+    Import(ImportArgs),
+    /// Write a dataset in the layout of another tool
+    Convert(ConvertArgs),
+    /// Run matchers on datasets; can be stopped and resumed at any time
+    Run(RunArgs),
+    /// Choose a parameter of an estimator, on scenes other than those that will be reported
+    Tune(TuneArgs),
+    /// Score a run, or results in the format of the paper's authors
+    Eval(EvalArgs),
+    /// Write the report of a run: a page to look at, figures and tables
+    Report(ReportArgs),
+    /// Draw one pair: both images, the matches by their true error, epipolar lines
+    Show(ShowArgs),
+    /// Measure how long matchers take, by the paper's protocol
+    Time(TimeArgs),
+    /// Say what changed between two runs, with intervals
+    Compare(CompareArgs),
+    /// Write a run's poses in the format of the paper's authors, or its matches for other tools
+    Export(ExportArgs),
+    /// Show what is available, with every parameter
+    List(ListArgs),
+    /// Check a dataset; name every problem by file and line, and say how to mend it
+    Validate(ValidateArgs),
+    /// Try out a matcher from outside; say in words what is wrong with it
+    Check(CheckArgs),
+    /// Print what a shell needs to complete commands and options
+    Completions(CompletionsArgs),
+    /// Print the manual page, or write those of all commands
+    Man(ManArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ListArgs {
+    /// What to list [default: everything]
+    #[arg(value_enum)]
+    pub what: Option<Listed>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Listed {
+    /// Matchers, their papers and parameters
+    Matchers,
+    /// Pose estimators, their papers and parameters
+    Estimators,
+    /// Built-in datasets, and the kinds that can be imported
+    Datasets,
+    /// Formats of matches from files
+    Formats,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  matchbench completions bash > ~/.local/share/bash-completion/completions/matchbench
+  matchbench completions zsh > ~/.zfunc/_matchbench")]
+pub(crate) struct CompletionsArgs {
+    /// The shell
+    #[arg(value_enum, value_name = "SHELL")]
+    pub shell: clap_complete::Shell,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  matchbench man | man -l -
+  matchbench man --out ~/.local/share/man/man1")]
+pub(crate) struct ManArgs {
+    /// Folder for matchbench.1 and a page for each command [default: matchbench.1 to standard output]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    /// Every line of `text` that begins with the program's name must be understood.
+    fn assert_understood(text: &str, place: &str) -> usize {
+        let commands = text
+            .lines()
+            .map(str::trim)
+            .filter(|line| line.starts_with("matchbench "));
+        commands
+            .map(|line| {
+                let words = line
+                    .split_whitespace()
+                    .take_while(|word| !word.starts_with(['#', '>', '|']));
+                if let Err(error) = Cli::try_parse_from(words) {
+                    assert!(!error.use_stderr(), "{place}: {line}\n{error}");
+                }
+            })
+            .count()
+    }
+
+    #[test]
+    fn commands_in_the_readme_and_in_the_book_are_understood() {
+        let repository = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+        for (page, least) in [
+            ("README.md", 2),
+            ("crates/cli/README.md", 2),
+            ("docs/tutorial.md", 8),
+            ("docs/estimators.md", 2),
+        ] {
+            let text = std::fs::read_to_string(format!("{repository}/{page}"));
+            let text = text.expect("it is part of the repository");
+            let blocks = text.split("```").skip(1).step_by(2);
+            let shell = blocks.filter_map(|block| block.strip_prefix("sh\n"));
+            let count: usize = shell.map(|block| assert_understood(block, page)).sum();
+            assert!(count >= least, "{page}: {count} commands");
+        }
+    }
+
+    #[test]
+    fn examples_in_the_help_are_understood() {
+        let mut count = 0;
+        for command in Cli::command().get_subcommands() {
+            let mut command = command.clone().term_width(0);
+            let help = command.render_long_help().to_string();
+            let examples = help
+                .split_once("Examples:")
+                .map_or("", |(_, examples)| examples);
+            count += assert_understood(examples, command.get_name());
+        }
+        assert!(count >= 10, "{count} examples");
+    }
+}

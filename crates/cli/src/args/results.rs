@@ -1,0 +1,170 @@
+//! What can be typed about results: scores, reports, comparisons, other formats.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use crate::threads::Threads;
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  matchbench eval runs/first
+  matchbench eval Results --datasets Dataset
+  matchbench eval Results --preset paper --format latex
+  matchbench eval --errors zeb/root_sift --format csv")]
+pub(crate) struct EvalArgs {
+    /// A run folder, or a folder with the authors' <sequence>/<matcher>.txt files
+    #[arg(value_name = "RESULTS", required_unless_present = "errors")]
+    pub results: Option<PathBuf>,
+    #[command(flatten)]
+    pub scored: ScoredArgs,
+    /// Score published pose errors instead: a folder with one table a dataset, whose header names
+    /// its columns (CSV, or the tables of ZEB). CSV then ends with a row `mean`
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["results", "datasets", "pairs", "preset"])]
+    pub errors: Option<PathBuf>,
+    /// How to write the scores
+    #[arg(long, value_enum, default_value_t = FormatArg::Table)]
+    pub format: FormatArg,
+    /// Write to a file instead of standard output
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+/// Which pairs of results are scored.
+#[derive(Debug, Args)]
+pub(crate) struct ScoredArgs {
+    /// Folder that holds <sequence>/pairs.txt, for the authors' format where no groundtruth.txt
+    /// stands beside the results
+    #[arg(long, value_name = "DIR")]
+    pub datasets: Option<PathBuf>,
+    /// Score only the pairs that this rule chooses among the listed ones: fragments:N, window:N or
+    /// list:FILE. Images are numbered as in the results, after any stride
+    #[arg(long, value_name = "RULE")]
+    pub pairs: Option<String>,
+    /// Score what a publication scores: `paper` takes every image with the next 9 of its sequences
+    /// 06 to 08, and the listed pairs of all others
+    #[arg(long, value_enum, conflicts_with = "pairs")]
+    pub preset: Option<PresetArg>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum PresetArg {
+    /// The pairs of the paper
+    Paper,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum FormatArg {
+    /// Aligned text, for people
+    Table,
+    /// One row per dataset, matcher and estimator, full precision
+    Csv,
+    /// Everything, full precision
+    Json,
+    /// For a forge or a wiki
+    Markdown,
+    /// Like the paper's Table 2
+    Latex,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+The folder opens from disk without a network and can be mailed:
+  index.html  AUC, SP curves, AP bars, times, AUC over baseline, angle and overlap, every pair in a
+              list that sorts, and some of them as pictures
+  pairs/      a page for each pair with pictures, all matchers on it
+  figures/    every figure as SVG, PNG and Vega-Lite specification
+  tables/     scores.csv .json .md, auc.tex (the paper's Table 2), pairs.csv .parquet
+  cite/       how a paper would say what was run, and the BibTeX of all papers that took part
+
+Pictures need the dataset where it was, and the matches of the run (not run with --no-matches).
+
+Examples:
+  matchbench report runs/first
+  matchbench report runs/first --pictures all --out first-report
+  matchbench report runs/first --bundle first.html
+  matchbench report Results --datasets Dataset --preset paper --out paper-report")]
+pub(crate) struct ReportArgs {
+    /// A run folder, or a folder with the authors' <sequence>/<matcher>.txt files
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+    #[command(flatten)]
+    pub scored: ScoredArgs,
+    /// Folder of the report [default: RUN/report]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write the report as one page of at most 5 MB instead, to be mailed: tables, figures, the list
+    /// of pairs, as many pictures as there is room for, and the tables as files to be saved
+    #[arg(long, value_name = "FILE.html", conflicts_with = "out")]
+    pub bundle: Option<PathBuf>,
+    /// Pairs of each dataset that have pictures, in the page as far as it has room and in the folder
+    /// pairs beside it; `all` for every pair
+    #[arg(long, value_name = "N|all", default_value = "16", value_parser = number_or_all)]
+    pub pictures: usize,
+    /// Folder of the feature cache, from which keypoints are drawn [default: RUN/cache]
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+For each matcher with each estimator on each dataset that both runs have, on the pairs that both have:
+the AUC before and after, the change with its paired 95 % interval (both runs see the same resampled
+images, so the interval is that of the change), the pairs gained and lost at 5 degrees, and a
+verdict in words: better, worse, not certain, or the same.
+
+Example:
+  matchbench run office --matchers sift --set sift.ratio=0.7 --out runs/strict
+  matchbench compare runs/first runs/strict")]
+pub(crate) struct CompareArgs {
+    /// The run before
+    #[arg(value_name = "BEFORE")]
+    pub before: PathBuf,
+    /// The run after
+    #[arg(value_name = "AFTER")]
+    pub after: PathBuf,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Matches are written to OUT/<matcher>/<dataset>, inliers to OUT/<matcher>+<estimator>/<dataset>, each
+readable again: matchbench run DATASET --matches NAME=OUT/<matcher> --out RUN.
+
+Examples:
+  matchbench export runs/first poses
+  matchbench export runs/first colmap --format colmap
+  matchbench export runs/first hloc --format hloc --inliers best")]
+pub(crate) struct ExportArgs {
+    /// A run folder
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+    /// Folder to write into
+    #[arg(value_name = "OUT")]
+    pub out: PathBuf,
+    /// authors (poses, as <dataset>/<matcher>.txt), or matches as colmap, hloc, glue-factory, npz or
+    /// packed
+    #[arg(long, value_name = "FORMAT", default_value = "authors")]
+    pub format: String,
+    /// Only the matches that agree with the poses of this estimator, within its threshold, instead of
+    /// all that were selected
+    #[arg(long, value_name = "ESTIMATOR")]
+    pub inliers: Option<String>,
+    /// Datasets that are no longer where they were
+    #[arg(long, value_name = "DATASET", value_delimiter = ',')]
+    pub datasets: Vec<PathBuf>,
+}
+
+/// `all` is as many as there are.
+fn number_or_all(text: &str) -> Result<usize, String> {
+    match text {
+        "all" => Ok(usize::MAX),
+        number => (number.parse()).map_err(|_| "give a number, or `all`".to_owned()),
+    }
+}

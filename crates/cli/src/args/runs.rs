@@ -1,0 +1,249 @@
+//! What can be typed about runs: matchers and estimators on datasets, or on one pair.
+
+use std::num::NonZeroU32;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::threads::Threads;
+
+#[derive(Debug, Args)]
+pub(crate) struct DemoArgs {
+    /// Matchers, separated by commas, or `all`, which takes several minutes
+    #[arg(
+        long,
+        value_name = "IDS",
+        value_delimiter = ',',
+        default_value = "sift,orb,brisk,kaze,akaze"
+    )]
+    pub matchers: Vec<String>,
+    /// Folder for the run and its report; running again resumes
+    #[arg(long, value_name = "DIR", default_value = "matchbench-demo")]
+    pub out: PathBuf,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    /// Dataset folders (made by `matchbench import`, or in the format of the paper's authors)
+    #[arg(value_name = "DATASET", required = true)]
+    pub datasets: Vec<PathBuf>,
+    /// Matchers, separated by commas, or `all` (see `matchbench list matchers`); a path is the manifest of
+    /// a matcher from outside (see `matchbench check`)
+    #[arg(
+        long,
+        value_name = "IDS",
+        value_delimiter = ',',
+        required_unless_present = "matches"
+    )]
+    pub matchers: Vec<String>,
+    #[command(flatten)]
+    pub files: MatchesArgs,
+    /// Pose estimators, separated by commas [default: the one that belongs to each matcher; best
+    /// for matches from files]
+    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    pub estimator: Vec<String>,
+    /// Folder of the run; one that is there already is resumed, and may grow by datasets, matchers
+    /// and estimators
+    #[arg(long, value_name = "RUN")]
+    pub out: PathBuf,
+    #[command(flatten)]
+    pub threads: Threads,
+    /// Only the first N pairs of each dataset
+    #[arg(long, value_name = "N")]
+    pub limit: Option<usize>,
+    /// Root of all random choices
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Do every pair N times, each time with other random choices; scores are means
+    #[arg(long, value_name = "N", default_value_t = NonZeroU32::MIN)]
+    pub repeat: NonZeroU32,
+    /// Change a parameter, for example --set sift.ratio=0.7 (repeatable; see `matchbench list`)
+    #[arg(long, value_name = "ID.NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Let an estimator draw samples for at most so many milliseconds a pair, to compare estimators
+    /// at equal time (raise max_iterations with --set). Results then differ from run to run
+    #[arg(long, value_name = "MS")]
+    pub time_budget: Option<NonZeroU32>,
+    /// Take over what `matchbench tune` chose; refused on the scenes that it was tuned on
+    /// (repeatable)
+    #[arg(long, value_name = "FILE")]
+    pub tuned: Vec<PathBuf>,
+    /// Folder of the feature cache [default: RUN/cache]
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
+    /// Do not write the selected matches to RUN/matches (20 bytes each). Without them another
+    /// estimator starts from the features again, and the report shows no matches
+    #[arg(long)]
+    pub no_matches: bool,
+    /// Write RUN/report when done
+    #[arg(long)]
+    pub report: bool,
+}
+
+/// Matches from the files of another tool.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Matches from files")]
+pub(crate) struct MatchesArgs {
+    /// Matches of another tool under the name that they have in tables: files, a folder of files, or
+    /// a folder with one for each dataset (repeatable; see `matchbench list formats`)
+    #[arg(long, value_name = "NAME=PATH[,PATH]")]
+    pub matches: Vec<String>,
+    /// The format, if it is not to be recognised
+    #[arg(long, value_name = "FORMAT", requires = "matches")]
+    pub matches_format: Option<String>,
+    /// Where the centre of the first pixel is in these files, 0 or 0.5 [default: what the format says]
+    #[arg(long, value_name = "0|0.5", requires = "matches")]
+    pub pixel_center: Option<f64>,
+    /// The points are those of images resized to this size
+    #[arg(long, value_name = "WxH", requires = "matches", value_parser = size)]
+    pub resized: Option<[u32; 2]>,
+    /// Read the matches that the tool verified (COLMAP's two-view geometries)
+    #[arg(long, requires = "matches")]
+    pub verified: bool,
+    /// What is to be remembered with the matches, in plan and report (repeatable)
+    #[arg(long, value_name = "KEY=VALUE", requires = "matches")]
+    pub note: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  matchbench tune kitchen --matchers sift,orb --parameter ransac-e.threshold_px \\
+                  --values 0.5,0.75,1,1.5,2 --out tuning
+  matchbench run castle --matchers sift --tuned tuning/tuned.json --out runs/castle")]
+pub(crate) struct TuneArgs {
+    /// Dataset folders; none of them may be reported on later
+    #[arg(value_name = "DATASET", required = true)]
+    pub datasets: Vec<PathBuf>,
+    /// Matchers whose matches are used, separated by commas
+    #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
+    pub matchers: Vec<String>,
+    /// The parameter (see `matchbench list estimators`)
+    #[arg(long, value_name = "ESTIMATOR.NAME")]
+    pub parameter: String,
+    /// The values to try, separated by commas
+    #[arg(long, value_name = "VALUES", value_delimiter = ',', required = true)]
+    pub values: Vec<String>,
+    /// Folder of the run behind it; running again resumes
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    #[command(flatten)]
+    pub threads: Threads,
+    /// Only the first N pairs of each dataset
+    #[arg(long, value_name = "N")]
+    pub limit: Option<usize>,
+    /// Root of all random choices
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Do every pair N times
+    #[arg(long, value_name = "N", default_value_t = NonZeroU32::MIN)]
+    pub repeat: NonZeroU32,
+    /// Change another parameter (repeatable)
+    #[arg(long, value_name = "ID.NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Folder of the feature cache [default: DIR/cache]
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Lines join the selected matches. Their colour is the distance to the true epipolar line: green below
+1 pixel, blue below 3, orange below 10, red beyond. Solid lines agree with the estimated pose,
+dashed ones do not: red and solid is what misled the estimator. A few epipolar lines are drawn,
+the true ones white, the estimated ones yellow.
+
+Examples:
+  matchbench show office 0 7 --matcher sift --out pair.png
+  matchbench show office 0 7 --matcher orb --estimator best --keypoints --out pair.svg")]
+pub(crate) struct ShowArgs {
+    /// The dataset folder
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    /// First image of the pair, counted from 0
+    #[arg(value_name = "A")]
+    pub a: u32,
+    /// Second image of the pair
+    #[arg(value_name = "B")]
+    pub b: u32,
+    /// The matcher (see `matchbench list matchers`)
+    #[arg(long, value_name = "ID")]
+    pub matcher: String,
+    /// The pose estimator [default: the one that belongs to the matcher]
+    #[arg(long, value_name = "ID")]
+    pub estimator: Option<String>,
+    /// The picture to be written, .png or .svg
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Root of all random choices
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Change a parameter (repeatable)
+    #[arg(long, value_name = "ID.NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Draw all keypoints too
+    #[arg(long)]
+    pub keypoints: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Detection and description are timed for an image; search, selection and pose for a pair; with one
+thread and without a cache, after a few pairs to warm up. Medians, with quartiles in brackets.
+The first pairs are measured again at the end: where they then take another time, or single times
+lie far from all others, a warning says that the machine was not quiet.
+
+Examples:
+  matchbench time office --matchers sift,orb
+  matchbench time office --matchers all --pairs 20
+  matchbench time office --matchers sift --set sift.ratio=0.7")]
+pub(crate) struct TimeArgs {
+    /// The dataset folder
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    /// Matchers, separated by commas, or `all`
+    #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
+    pub matchers: Vec<String>,
+    /// The first N pairs, or all where there are fewer
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    pub pairs: usize,
+    /// Change a parameter (repeatable)
+    #[arg(long, value_name = "ID.NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Write means, medians and quartiles too, as comma-separated values
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+    /// Write the paper's Table 3 too: means, medians in brackets
+    #[arg(long, value_name = "FILE")]
+    pub latex: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Starts the matcher, matches two pairs with known poses and one of tiny images, one of them twice, and
+says what each came to: whether its points can be right, or by which mistake they would be.
+
+Example:
+  matchbench check adapters/opencv/sift.toml
+  matchbench check ./mine.toml office --set mine.max_size=640")]
+pub(crate) struct CheckArgs {
+    /// The manifest of the matcher (`adapters/README.md` shows how to write one)
+    #[arg(value_name = "MANIFEST")]
+    pub manifest: PathBuf,
+    /// A dataset folder whose images are matched [default: a built-in scene]
+    #[arg(value_name = "DATASET")]
+    pub dataset: Option<PathBuf>,
+    /// Change a parameter (repeatable)
+    #[arg(long, value_name = "NAME.KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// `640x480`: width and height.
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides = text
+        .split_once('x')
+        .and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
+    sides.ok_or_else(|| "give a width and a height, for example 640x480".to_owned())
+}

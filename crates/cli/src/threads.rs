@@ -1,0 +1,21 @@
+//! `--threads`, the same in every command that has it.
+
+use std::num::NonZeroUsize;
+
+use clap::Args;
+
+/// More threads than any machine of today makes use of.
+const MOST_THREADS: usize = 1024;
+
+/// How many threads a command has for all that it does.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub(crate) struct Threads {
+    /// Threads; results do not depend on it [default: all cores]
+    #[arg(long = "threads", value_name = "N", value_parser = threads)]
+    pub number: Option<NonZeroUsize>,
+}
+
+fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    let number = (text.parse().ok()).filter(|number: &NonZeroUsize| number.get() <= MOST_THREADS);
+    number.ok_or_else(|| format!("give a number from 1 to {MOST_THREADS}"))
+}
