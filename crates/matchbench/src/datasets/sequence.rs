@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use matchbench_vision::geometry::Camera;
-use matchbench_vision::image::GrayImage;
+use matchbench_vision::image::{GrayImage, Size};
 use nalgebra::{Isometry3, Matrix3};
 
-use super::{DatasetError, Turn, read_gray};
+use super::{DatasetError, Turn, read_gray, read_size};
 
 /// One dataset: frames and the pairs that a matcher is judged on.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,6 +81,14 @@ impl Frame {
     /// If the file cannot be read or is no complete image.
     pub fn pixels(&self) -> Result<GrayImage, DatasetError> {
         Ok(self.turn.pixels(read_gray(&self.image)?))
+    }
+
+    /// The size of its image, turned, from the header of the file alone.
+    ///
+    /// # Errors
+    /// If the file cannot be read or its header is not that of an image.
+    pub fn size(&self) -> Result<Size, DatasetError> {
+        Ok(self.turn.size(read_size(&self.image)?))
     }
 }
 

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use crate::datasets::DatasetError;
+
 /// Something wrong with a file of matches.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
@@ -70,6 +72,17 @@ impl ExchangeError {
             error,
             "check the folder, its permissions and the free space",
         )
+    }
+}
+
+impl From<DatasetError> for ExchangeError {
+    fn from(error: DatasetError) -> Self {
+        Self {
+            file: error.file,
+            place: error.line.map(|line| format!("line {line}")),
+            what: error.what,
+            remedy: error.remedy,
+        }
     }
 }
 

@@ -21,7 +21,7 @@ use matchbench_vision::image::Size;
 use nalgebra::Point2;
 
 use super::ExchangeError;
-use crate::datasets::{Sequence, read_size};
+use crate::datasets::{Frame, Sequence};
 use crate::records::{MatchesFile, RunRecord};
 
 /// Matches of one matcher on one dataset, to be written.
@@ -59,13 +59,17 @@ impl<'a> Export<'a> {
     /// The `pairs` of a dataset.
     ///
     /// # Errors
-    /// If the size of an image cannot be read.
+    /// If the dataset turns an image, or the size of one cannot be read.
     pub fn new(sequence: &'a Sequence, pairs: Vec<PairExport>) -> Result<Self, ExchangeError> {
+        if let Some(frame) = sequence.frames.iter().find(|frame| !frame.turn.is_none()) {
+            return Err(ExchangeError::new(
+                &frame.image,
+                "the dataset turns the image, and other tools read it as it is stored",
+                "store the images turned and import them again",
+            ));
+        }
         let sizes = (sequence.frames.iter())
-            .map(|frame| {
-                read_size(&frame.image)
-                    .map_err(|error| ExchangeError::new(&frame.image, error.what, error.remedy))
-            })
+            .map(Frame::size)
             .collect::<Result<_, _>>()?;
         Ok(Self {
             sequence,

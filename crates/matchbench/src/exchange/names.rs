@@ -168,17 +168,14 @@ fn names_of(image: &Path) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use matchbench_vision::geometry::Camera;
+    use nalgebra::Isometry3;
 
     use super::*;
-    use crate::datasets::{Frame, Turn};
+    use crate::datasets::Frame;
 
     fn names(images: &[&str]) -> Names {
-        let frame = |image: &&str| Frame {
-            image: image.into(),
-            camera: Camera::pinhole(1.0, 1.0, 0.0, 0.0),
-            world_from_camera: None,
-            turn: Turn::None,
-        };
+        let camera = Camera::pinhole(1.0, 1.0, 0.0, 0.0);
+        let frame = |image: &&str| Frame::with_pose(image, camera, Isometry3::identity());
         Names::of(&Sequence {
             name: "room".into(),
             frames: images.iter().map(frame).collect(),

@@ -16,7 +16,7 @@ use nalgebra::Point2;
 use super::names::Names;
 use super::probe::Probe;
 use super::{ExchangeError, FORMATS, Format, Rating, RawMatches, Scores, Source, Understood};
-use crate::datasets::{Sequence, read_size};
+use crate::datasets::Sequence;
 
 /// Points that fill less of the image's width and height than this, in all pairs, are warned about.
 const FILLED: f64 = 0.6;
@@ -192,13 +192,7 @@ impl MatchFiles {
             for frame in [a, b] {
                 let size = &mut self.sizes[frame as usize];
                 if size.is_none() {
-                    let image = &sequence.frames[frame as usize].image;
-                    *size = Some(read_size(image).map_err(|error| ExchangeError {
-                        file: error.file,
-                        place: None,
-                        what: error.what,
-                        remedy: error.remedy,
-                    })?);
+                    *size = Some(sequence.frames[frame as usize].size()?);
                 }
             }
         }

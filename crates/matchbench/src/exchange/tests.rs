@@ -12,7 +12,7 @@ use tempfile::TempDir;
 use zip::ZipArchive;
 
 use super::*;
-use crate::datasets::{Frame, Pair, Sequence, Turn};
+use crate::datasets::{Frame, Pair, Sequence};
 
 /// Folder in the archive of fixtures, format, and what must be said to read it.
 const FIXTURES: [(&str, &str, Option<f64>, Option<[u32; 2]>); 10] = [
@@ -38,12 +38,11 @@ fn dataset() -> (TempDir, Sequence) {
         let image = folder.path().join("images").join(name);
         fs::create_dir_all(image.parent().unwrap()).unwrap();
         GrayImage::new(400, 300).save(&image).unwrap();
-        Frame {
+        Frame::with_pose(
             image,
-            camera: Camera::pinhole(350.0, 350.0, 199.5, 149.5),
-            world_from_camera: None,
-            turn: Turn::None,
-        }
+            Camera::pinhole(350.0, 350.0, 199.5, 149.5),
+            Isometry3::identity(),
+        )
     };
     let frames = ["db/one.png", "db/two.png", "query/one.png"].map(frame);
     let pair = |(a, b)| Pair::with_pose(a, b, Isometry3::translation(1.0, 0.0, 0.0));
