@@ -361,4 +361,6 @@ fn note_of(what: &str, items: &[String]) -> Option<String> {
 #[cfg(test)]
 mod list_tests;
 #[cfg(test)]
+mod model_tests;
+#[cfg(test)]
 mod tests;
