@@ -1,22 +1,30 @@
 //! `matchbench`: arguments to plan, progress, exit codes. No algorithm lives here.
 
+// `eprintln` ends the program where standard error is closed; `say` does not.
+#![deny(clippy::print_stderr, clippy::print_stdout)]
+
 mod args;
 mod commands;
+mod output;
 mod progress;
 mod threads;
 
-use std::num::NonZeroUsize;
 use std::process::ExitCode;
+use std::thread::available_parallelism;
 
 use anyhow::Context;
 use clap::Parser;
 use rayon::ThreadPoolBuilder;
 
 use args::{Cli, Command};
+use output::say;
 use threads::Threads;
 
 /// Bytes of the stack of a thread: as much as the system gives the first one.
 const STACK: usize = 8 << 20;
+
+/// Threads beyond this many for each core take memory and give nothing back.
+const MOST_THREADS_A_CORE: usize = 4;
 
 /// What a command that did not break has to say to the shell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +53,7 @@ fn main() -> ExitCode {
         Ok(Ending::Stopped) => ExitCode::from(130),
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            say!("error: {error:#}");
             ExitCode::FAILURE
         }
     }
@@ -54,7 +62,10 @@ fn main() -> ExitCode {
 /// Does the command in the one pool of threads that all of it shares: decoding, extraction, scoring,
 /// figures.
 fn in_pool(command: &Command) -> anyhow::Result<Ending> {
-    let threads = threads(command).map_or(0, NonZeroUsize::get);
+    let cores = available_parallelism().map_or(1, usize::from);
+    let useful = MOST_THREADS_A_CORE * cores;
+    // Results do not depend on it, so that fewer threads than asked for are no other answer.
+    let threads = threads(command).map_or(0, |asked| asked.get().min(useful));
     let pool = ThreadPoolBuilder::new()
         .num_threads(threads)
         .stack_size(STACK)

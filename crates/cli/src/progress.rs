@@ -8,6 +8,8 @@ use matchbench::external;
 use matchbench::records::{Plan, RunRecord};
 use matchbench::run::{Cancel, Observer, RunSummary};
 
+use crate::output::say;
+
 /// A bar with pairs per second and the time left, drawn on standard error where that is a
 /// terminal, silent otherwise.
 pub(crate) struct Bar(ProgressBar);
@@ -46,7 +48,7 @@ impl Observer for Bar {
 
     fn on_ended(&self, matcher: &str, reason: &str) {
         self.0
-            .suspend(|| eprintln!("error: {matcher} has ended: {reason}"));
+            .suspend(|| say!("error: {matcher} has ended: {reason}"));
     }
 
     fn on_record(&self, _: &RunRecord) {
@@ -66,7 +68,7 @@ pub(crate) fn cancel_on_ctrl_c(said: &'static str) -> Result<Cancel> {
             std::process::exit(130);
         }
         token.set();
-        eprintln!("\n{said}");
+        say!("\n{said}");
     })
     .context("cannot listen for Ctrl-C")?;
     Ok(cancel)

@@ -127,6 +127,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         decode,
         keep_matches: true,
         feature_memory: Run::FEATURE_MEMORY,
+        retry_failed: false,
     };
     run.execute(&Silent, &Cancel::default())?;
     print!("{}", table(folder)?);

@@ -122,6 +122,7 @@ fn measure(
         decode,
         keep_matches: false,
         feature_memory: Run::FEATURE_MEMORY,
+        retry_failed: false,
     };
     if !run.execute(&Silent, cancel)?.is_complete() {
         return Ok(None);

@@ -89,6 +89,7 @@ pub fn tune(
         decode,
         keep_matches: true,
         feature_memory: Run::FEATURE_MEMORY,
+        retry_failed: false,
     };
     let summary = run.execute(observer, cancel)?;
     let mut done = TuningDone {

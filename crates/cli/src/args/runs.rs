@@ -77,6 +77,10 @@ pub(crate) struct RunArgs {
     /// estimator starts from the features again, and the report shows no matches
     #[arg(long)]
     pub no_matches: bool,
+    /// Do again whatever failed. Without it only that is tried again which another try may do better:
+    /// where a file could not be read, or a matcher from outside gave up
+    #[arg(long)]
+    pub retry_failed: bool,
     /// Write RUN/report when done
     #[arg(long)]
     pub report: bool,

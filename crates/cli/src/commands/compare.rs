@@ -9,6 +9,7 @@ use matchbench::report::advantage;
 
 use crate::Ending;
 use crate::args::CompareArgs;
+use crate::output::plain;
 
 pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
     let before = load(&args.before, None)?;
@@ -56,7 +57,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
             run.display()
         );
     }
-    std::io::stdout().write_all(text.as_bytes())?;
+    std::io::stdout().write_all(plain(&text).as_bytes())?;
     Ok(Ending::Done)
 }
 

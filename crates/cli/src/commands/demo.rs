@@ -27,6 +27,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
         folder: &args.out,
         cache: None,
         keep_matches: true,
+        retry_failed: false,
     }
     .execute()?;
     if ending == Ending::Stopped {

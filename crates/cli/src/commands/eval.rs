@@ -5,13 +5,13 @@ use std::path::Path;
 
 use anyhow::{Result, ensure};
 use matchbench::datasets::PairRule;
-use matchbench::files::write_whole;
 use matchbench::metrics::{Bootstrap, PairChoice, ResultSet, load, load_chosen, load_errors};
 use matchbench::records::RunFolder;
 use matchbench::report::{Content, Format, RunFacts, render, render_with_mean, verdicts};
 
 use crate::Ending;
 use crate::args::{EvalArgs, FormatArg, PresetArg, ScoredArgs};
+use crate::output::{plain, write_result};
 
 pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
     let text = match (&args.errors, &args.results) {
@@ -37,8 +37,8 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
         (None, None) => unreachable!("one of the two is required"),
     };
     match &args.out {
-        Some(path) => write_whole(path, text.as_bytes())?,
-        None => std::io::stdout().write_all(text.as_bytes())?,
+        Some(path) => write_result(path, text.as_bytes())?,
+        None => std::io::stdout().write_all(plain(&text).as_bytes())?,
     }
     Ok(Ending::Done)
 }
@@ -61,7 +61,7 @@ pub(crate) fn choice(args: &ScoredArgs) -> Result<PairChoice> {
 
 /// Prints the table of scores of a run, and who is best on each dataset.
 pub(crate) fn print(run: &Path) -> Result<()> {
-    let text = table(load(run, None)?);
+    let text = plain(&table(load(run, None)?));
     std::io::stdout().write_all(text.as_bytes())?;
     Ok(())
 }

@@ -7,6 +7,7 @@ use matchbench::datasets::{ImageStorage, ImportOptions, import};
 
 use crate::Ending;
 use crate::args::{Images, ImportArgs};
+use crate::output::say;
 
 pub(crate) fn run(args: &ImportArgs) -> Result<Ending> {
     let options = ImportOptions {
@@ -26,7 +27,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<Ending> {
     };
     let report = import(&args.kind, &args.source, &args.out, &options)?;
     for note in &report.notes {
-        eprintln!("note: {note}");
+        say!("note: {note}");
     }
     let pairs = match &report.rule {
         Some(rule) => rule.to_string(),

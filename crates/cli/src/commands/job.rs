@@ -11,6 +11,7 @@ use matchbench::run::{Contender, Dataset, Outside, Run, RunSummary, decode};
 
 use crate::Ending;
 use crate::progress::{Bar, cancel_on_ctrl_c};
+use crate::output::say;
 
 /// Said when Ctrl-C stops a run.
 pub(crate) const AFTER_PAIRS: &str = "stopping after the pairs in flight; again to stop at once";
@@ -24,6 +25,7 @@ pub(crate) struct Job<'a> {
     pub(crate) folder: &'a Path,
     pub(crate) cache: Option<&'a Path>,
     pub(crate) keep_matches: bool,
+    pub(crate) retry_failed: bool,
 }
 
 impl Job<'_> {
@@ -39,6 +41,7 @@ impl Job<'_> {
             decode,
             keep_matches: self.keep_matches,
             feature_memory: Run::FEATURE_MEMORY,
+            retry_failed: self.retry_failed,
         };
         let cancel = cancel_on_ctrl_c(AFTER_PAIRS)?;
         let bar = Bar::new();
@@ -81,7 +84,7 @@ pub(crate) fn contenders(
     let (contenders, absent) =
         Contender::from_names(names, sources, estimators, changes, Some(&outside))?;
     for error in &absent {
-        eprintln!("error: {error}");
+        say!("error: {error}");
     }
     ensure!(!contenders.is_empty(), "no matcher could be started");
     Ok((contenders, absent.is_empty()))
@@ -91,7 +94,7 @@ pub(crate) fn contenders(
 pub(crate) fn tell(summary: &RunSummary, folder: &Path) -> Ending {
     if summary.ended > 0 {
         let done = summary.before + summary.now;
-        eprintln!(
+        say!(
             "{done} of {} tasks done; the same command tries the rest again",
             summary.total
         );
@@ -99,7 +102,7 @@ pub(crate) fn tell(summary: &RunSummary, folder: &Path) -> Ending {
     }
     if !summary.is_complete() {
         let done = summary.before + summary.now;
-        eprintln!(
+        say!(
             "stopped after {done} of {} tasks; the same command goes on from there",
             summary.total
         );
@@ -109,14 +112,15 @@ pub(crate) fn tell(summary: &RunSummary, folder: &Path) -> Ending {
         0 => String::new(),
         before => format!(", {before} of them earlier"),
     };
-    eprintln!(
+    say!(
         "{} tasks done{before}; records in {}",
         summary.total,
         folder.display()
     );
     if summary.failed > 0 {
-        eprintln!(
-            "{} tasks FAILED and count as wrong; their records say why (\"kind\":\"failed\")",
+        say!(
+            "{} tasks FAILED and count as wrong; their records say why (\"kind\":\"failed\"). What was \
+             a file or a program outside is tried again at the next start, the rest with --retry-failed",
             summary.failed
         );
         return Ending::SomeFailed;

@@ -11,6 +11,7 @@ use matchbench::report::{ReportOptions, of_results, of_run, write_bundle, write_
 use super::eval::choice;
 use crate::Ending;
 use crate::args::ReportArgs;
+use crate::output::say;
 
 pub(crate) fn run(args: &ReportArgs) -> Result<Ending> {
     let page = if RunFolder::is_at(&args.run) {
@@ -38,14 +39,14 @@ pub(crate) fn run(args: &ReportArgs) -> Result<Ending> {
 pub(crate) fn write(folder: &Path, options: &ReportOptions<'_>) -> Result<PathBuf> {
     let reported = of_run(&RunFolder::open(folder)?, options)?;
     for note in &reported.notes {
-        eprintln!("note: {note}");
+        say!("note: {note}");
     }
     Ok(reported.page)
 }
 
 /// Writes the report of result files and returns its page.
 fn write_of_results(args: &ReportArgs) -> Result<PathBuf> {
-    let note = |note| eprintln!("note: {note}");
+    let note = |note| say!("note: {note}");
     let choice = choice(&args.scored)?;
     let content = of_results(&args.run, args.scored.datasets.as_deref(), &choice, note)?;
     Ok(match (&args.bundle, &args.out) {

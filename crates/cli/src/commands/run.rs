@@ -38,6 +38,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
         folder: &args.out,
         cache: args.cache.as_deref(),
         keep_matches: !args.no_matches,
+        retry_failed: args.retry_failed,
     }
     .execute()?;
     if ending == Ending::Stopped {

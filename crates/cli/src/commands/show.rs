@@ -4,7 +4,6 @@ use std::io::Write;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use matchbench::files::write_whole;
 use matchbench::matchers::ImageFiles;
 use matchbench::metrics::PairResult;
 use matchbench::records::Outcome;
@@ -14,6 +13,7 @@ use matchbench::run::{Contender, Dataset, ImagePair, evaluate, pair_seed};
 use super::job::changes;
 use crate::Ending;
 use crate::args::ShowArgs;
+use crate::output::{is_standard_output, write_result};
 
 /// Longest side of an image in the picture, and its JPEG quality.
 const DRAWN: (u32, u8) = (1600, 88);
@@ -26,8 +26,10 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
     let svg = match extension {
         Some("svg") => true,
         Some("png") => false,
+        // Standard output is no place for a person to read bytes: what is piped on is a PNG.
+        None if is_standard_output(&args.out) => false,
         _ => bail!(
-            "--out {}: the name must end in .png or .svg",
+            "--out {}: the name must end in .png or .svg, or be - for a PNG on standard output",
             args.out.display()
         ),
     };
@@ -71,7 +73,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         seed,
     )?;
     let (outcome, matches) = (&evaluation.outcomes[0], &evaluation.matches);
-    if let Outcome::Failed { reason } = outcome {
+    if let Outcome::Failed { reason, .. } = outcome {
         bail!("{reason}");
     }
     let images = (gray.each_ref()).map(|image| Arc::new(Thumbnail::new(image, DRAWN.0, DRAWN.1)));
@@ -101,7 +103,10 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
     } else {
         picture_png(&view, &caption)?
     };
-    write_whole(&args.out, &picture)?;
+    write_result(&args.out, &picture)?;
+    if is_standard_output(&args.out) {
+        return Ok(Ending::Done);
+    }
     let counts = matches.counts;
     writeln!(
         std::io::stdout(),

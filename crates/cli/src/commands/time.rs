@@ -3,7 +3,6 @@
 use std::io::Write;
 
 use anyhow::Result;
-use matchbench::files::write_whole;
 use matchbench::metrics::Spread;
 use matchbench::report::{MatcherTimes, times_as_csv, times_as_latex};
 use matchbench::run::{Contender, Dataset};
@@ -13,6 +12,7 @@ use crate::Ending;
 use crate::args::TimeArgs;
 use crate::commands::job::changes;
 use crate::progress::cancel_on_ctrl_c;
+use crate::output::{say, write_result};
 
 pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
     let dataset = Dataset::open(&args.dataset)?;
@@ -67,18 +67,18 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
             stages: timing.stages,
         });
         for warning in &timing.noise {
-            eprintln!("warning: {id}: {warning}");
+            say!("warning: {id}: {warning}");
             noisy = true;
         }
     }
     if let Some(file) = &args.csv {
-        write_whole(file, times_as_csv(&rows).as_bytes())?;
+        write_result(file, times_as_csv(&rows).as_bytes())?;
     }
     if let Some(file) = &args.latex {
-        write_whole(file, times_as_latex(&rows, &about).as_bytes())?;
+        write_result(file, times_as_latex(&rows, &about).as_bytes())?;
     }
     if noisy {
-        eprintln!("the machine was not quiet; measure again without other programs");
+        say!("the machine was not quiet; measure again without other programs");
     }
     Ok(Ending::Done)
 }

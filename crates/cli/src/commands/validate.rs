@@ -7,6 +7,7 @@ use matchbench::datasets::{Severity, validate};
 
 use crate::Ending;
 use crate::args::ValidateArgs;
+use crate::output::plain;
 
 pub(crate) fn run(args: &ValidateArgs) -> Result<Ending> {
     let problems = validate(&args.dataset);
@@ -16,7 +17,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<Ending> {
             Severity::Error => "error",
             Severity::Warning => "warning",
         };
-        writeln!(out, "{label}: {}", problem.error)?;
+        writeln!(out, "{label}: {}", plain(&problem.error.to_string()))?;
     }
     let errors = problems
         .iter()

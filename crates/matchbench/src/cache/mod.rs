@@ -5,7 +5,6 @@ mod key;
 mod keypoint_file;
 mod reader;
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -13,7 +12,7 @@ use matchbench_vision::features::{Features, Keypoint};
 
 pub use key::Key;
 
-use crate::files::write_whole;
+use crate::files::{read_file, write_whole};
 use crate::matchers::Extraction;
 
 /// A folder of features. Any number of runs may share one at the same time; it can be deleted
@@ -34,13 +33,13 @@ impl FeatureCache {
     /// The features of an image file, turned by so many quarters, if they are in the cache: for
     /// pictures, which do without.
     pub fn find(&self, image: &Path, quarters: u8, extraction: &Extraction) -> Option<Features> {
-        self.load(Key::new(&fs::read(image).ok()?, quarters, extraction))
+        self.load(Key::new(&read_file(image).ok()?, quarters, extraction))
     }
 
     /// The features that were saved under `key`. A file that is torn, foreign or unreadable counts
     /// as none: the features are then computed and the file is replaced.
     pub fn load(&self, key: Key) -> Option<Features> {
-        feature_file::from_bytes(&fs::read(self.path(key)).ok()?, key)
+        feature_file::from_bytes(&read_file(&self.path(key)).ok()?, key)
     }
 
     /// Saves features under `key`.
@@ -54,7 +53,7 @@ impl FeatureCache {
     /// The keypoints that were saved under `key`, and the seconds that finding them took.
     pub fn load_keypoints(&self, key: Key) -> Option<(Vec<Keypoint>, f64)> {
         let path = self.path(key).with_extension("keypoints");
-        keypoint_file::from_bytes(&fs::read(path).ok()?, key)
+        keypoint_file::from_bytes(&read_file(&path).ok()?, key)
     }
 
     /// Saves keypoints that were found in so many `seconds`.
@@ -77,6 +76,8 @@ impl FeatureCache {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use matchbench_vision::features::{DescriptorKind, Descriptors};
     use matchbench_vision::image::Size;
 

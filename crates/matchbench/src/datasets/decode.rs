@@ -16,7 +16,6 @@
 //! transform may differ from libjpeg's by one gray level; it is the portable integer one, so that
 //! every machine sees the same pixels. What is damaged or cut off is an error, never half an image.
 
-use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
@@ -28,6 +27,7 @@ use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
 use super::{DatasetError, exif};
+use crate::files::{open_file, read_file};
 
 /// Most pixels that an image may have (2^28, e.g. 16384 x 16384): what claims more is a damaged
 /// header or an attack, and its memory is never asked for.
@@ -106,7 +106,7 @@ impl DecodeError {
 /// # Errors
 /// If the file cannot be read or is no complete image.
 pub fn read_gray(path: &Path) -> Result<GrayImage, DatasetError> {
-    let bytes = fs::read(path).map_err(|error| DatasetError::io(path, &error))?;
+    let bytes = read_file(path).map_err(|error| DatasetError::io(path, &error))?;
     decode_gray(&bytes).map_err(|error| error.in_file(path))
 }
 
@@ -115,7 +115,7 @@ pub fn read_gray(path: &Path) -> Result<GrayImage, DatasetError> {
 /// # Errors
 /// If the file cannot be read or its header is not that of an image.
 pub fn read_size(path: &Path) -> Result<Size, DatasetError> {
-    let file = File::open(path).map_err(|error| DatasetError::io(path, &error))?;
+    let file = open_file(path).map_err(|error| DatasetError::io(path, &error))?;
     let mut reader = BufReader::new(file);
     let head = reader
         .fill_buf()
@@ -284,6 +284,8 @@ where
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use proptest::prelude::*;
 
     use super::*;

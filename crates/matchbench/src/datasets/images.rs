@@ -26,20 +26,16 @@ pub(super) fn frame_images(
     let named: Vec<_> = (0..in_manifest).map(|i| manifest.image(dir, i)).collect();
     if in_manifest > 0 && named.iter().all(Option::is_some) {
         let images: Vec<PathBuf> = named.into_iter().flatten().collect();
-        let mut missing = |path: &Path, what: &str| {
-            let remedy = format!(
-                "put it there, or correct `image_root` in {}",
-                dir.join(manifest::FILE).display()
-            );
-            problems.push(DatasetError::new(path, what, remedy).into());
-        };
+        let remedy = format!(
+            "put it there, or correct `image_root` in {}",
+            dir.join(manifest::FILE).display()
+        );
         let root = manifest.image_root(dir);
         if root.is_dir() {
-            for image in images.iter().filter(|image| !image.is_file()) {
-                missing(image, "the image is missing");
-            }
+            problems.extend(images.iter().filter_map(|image| not_there(image, &remedy)));
         } else {
-            missing(&root, "the folder of the images is missing");
+            let what = "the folder of the images is missing";
+            problems.push(DatasetError::new(root, what, remedy).into());
         }
         return images;
     }
@@ -55,10 +51,23 @@ pub(super) fn frame_images(
         );
     }
     let mut named = named.into_iter();
-    images
+    let images: Vec<PathBuf> = images
         .into_iter()
         .map(|image| named.next().flatten().unwrap_or(image))
-        .collect()
+        .collect();
+    let remedy = "put the image there, or take the frame out";
+    problems.extend(images.iter().filter_map(|image| not_there(image, remedy)));
+    images
+}
+
+/// Why there is no image at this place, if there is none; what is there is not read.
+fn not_there(image: &Path, remedy: &str) -> Option<Problem> {
+    let what = match fs::metadata(image) {
+        Ok(metadata) if metadata.is_file() => return None,
+        Ok(_) => "this is no regular file, so no image",
+        Err(_) => "the image is missing",
+    };
+    Some(DatasetError::new(image, what, remedy).into())
 }
 
 /// The images of a folder whose names are numbers counting from 0.

@@ -236,7 +236,8 @@ fn folder_name(dir: &Path) -> String {
 }
 
 fn optional(path: &Path) -> Result<Option<TextFile>, DatasetError> {
-    if path.exists() {
+    // A link that leads nowhere is something that is there.
+    if path.symlink_metadata().is_ok() {
         TextFile::read(path).map(Some)
     } else {
         Ok(None)

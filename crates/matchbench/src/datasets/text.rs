@@ -4,12 +4,12 @@
 //! Rotations are printed with few digits, so a 3x3 block is accepted as a rotation if no entry of
 //! `R^T R - I` exceeds [`ROTATION_TOLERANCE`], and replaced by the nearest rotation.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::DatasetError;
+use crate::files::read_file;
 
 /// Largest entry of `R^T R - I` in a printed rotation, and largest deviation of a printed
 /// quaternion's length from 1. Three printed decimals stay below it; a transposed block, a scaled
@@ -25,7 +25,7 @@ pub(super) struct TextFile {
 
 impl TextFile {
     pub(super) fn read(path: &Path) -> Result<Self, DatasetError> {
-        let bytes = fs::read(path).map_err(|error| DatasetError::io(path, &error))?;
+        let bytes = read_file(path).map_err(|error| DatasetError::io(path, &error))?;
         Ok(Self::new(path, &String::from_utf8_lossy(&bytes)))
     }
 
@@ -76,13 +76,24 @@ pub(super) fn numbers(row: &str) -> Result<Vec<f64>, String> {
         .enumerate()
         .map(|(column, word)| {
             let column = column + 1;
+            let shown = brief(word);
             match word.parse::<f64>() {
                 Ok(number) if number.is_finite() => Ok(number),
-                Ok(_) => Err(format!("column {column} is {word}, not a finite number")),
-                Err(_) => Err(format!("column {column} is `{word}`, not a number")),
+                Ok(_) => Err(format!("column {column} is {shown}, not a finite number")),
+                Err(_) => Err(format!("column {column} is `{shown}`, not a number")),
             }
         })
         .collect()
+}
+
+/// A word of a file as a message repeats it: no longer than anybody reads.
+pub(super) fn brief(word: &str) -> String {
+    /// In characters.
+    const MOST: usize = 60;
+    match word.char_indices().nth(MOST) {
+        None => word.to_owned(),
+        Some((end, _)) => format!("{}... ({} bytes)", &word[..end], word.len()),
+    }
 }
 
 /// Exactly `N` numbers of a row.
@@ -165,11 +176,13 @@ pub(super) fn matrix_rows(motion: &Isometry3<f64>) -> [f64; 12] {
 /// (Higham, "Computing the Polar Decomposition - with Applications", SIAM J. Sci. Stat. Comput.
 /// 7(4), 1986). It equals `U V^T` of the SVD and needs no function but the four operations.
 pub(super) fn nearest_rotation(printed: &Matrix3<f64>) -> Result<UnitQuaternion<f64>, String> {
-    let deviation = (printed.transpose() * printed - Matrix3::identity()).amax();
-    if deviation.is_nan() || deviation > ROTATION_TOLERANCE {
+    let deviation = printed.transpose() * printed - Matrix3::identity();
+    // What is not a number is no small deviation either.
+    if !deviation.iter().all(|x| x.abs() <= ROTATION_TOLERANCE) {
         return Err(format!(
-            "the 3x3 block is not a rotation: R^T R differs from the identity by {deviation:.1e} \
-             (at most {ROTATION_TOLERANCE:.0e} is accepted)"
+            "the 3x3 block is not a rotation: R^T R differs from the identity by {:.1e} \
+             (at most {ROTATION_TOLERANCE:.0e} is accepted)",
+            deviation.amax()
         ));
     }
     if printed.determinant() < 0.0 {
@@ -251,6 +264,7 @@ mod tests {
             (-eye, "reflection"),
             (eye * 0.0, "not a rotation"),
             (eye * f64::NAN, "not a rotation"),
+            (eye * 1e200, "not a rotation"),
         ] {
             assert!(nearest_rotation(&wrong).unwrap_err().contains(word));
         }
@@ -281,6 +295,7 @@ mod tests {
     #[test]
     fn a_quaternion_that_is_none_is_refused() {
         assert!(quaternion_motion([0.0; 3], [0.0; 4]).is_err());
+        assert!(quaternion_motion([1e200, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]).is_err());
         assert!(quaternion_motion([0.0; 3], [0.0003, 0.8617, -0.5072, -0.0145]).is_ok());
     }
 }

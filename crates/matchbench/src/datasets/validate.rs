@@ -16,6 +16,7 @@ use super::decode::{decode_gray, exif_orientation};
 use super::images::IMAGES;
 use super::native::{CAMERA, Contents, HOMOGRAPHIES, Listed, PAIRS, POSES};
 use super::{DatasetError, Problem, manifest, relative_pose};
+use crate::files::read_file;
 
 /// Largest angle between a pair's rotation and that of the poses, in radians (0.1 degrees; both
 /// are printed with about six digits).
@@ -72,7 +73,7 @@ fn check_images(contents: &Contents, problems: &mut Vec<Problem>) -> Vec<Option<
             if !image.is_file() {
                 return (None, None); // reported when the text files were read
             }
-            let bytes = match fs::read(image) {
+            let bytes = match read_file(image) {
                 Ok(bytes) => bytes,
                 Err(error) => return (None, Some(DatasetError::io(image, &error).into())),
             };
@@ -404,6 +405,28 @@ mod tests {
         );
         fs::remove_dir_all(dir.join("Images")).unwrap();
         assert_found(&validate(&dir), "Images", None, "");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_image_file_is_named_and_nothing_waits_for_it() {
+        let (_folder, dir) = testing::dataset();
+        let image = dir.join("Images/0001.png");
+        fs::remove_file(&image).unwrap();
+        let link = |to: &str| std::os::unix::fs::symlink(to, &image).unwrap();
+        link("nowhere.png");
+        assert_found(&validate(&dir), "0001.png", None, "the image is missing");
+        fs::remove_file(&image).unwrap();
+        link("/dev/zero");
+        assert_found(&validate(&dir), "0001.png", None, "no regular file");
+        fs::remove_file(&image).unwrap();
+        let made = std::process::Command::new("mkfifo").arg(&image).status();
+        assert!(made.unwrap().success());
+        assert_found(&validate(&dir), "0001.png", None, "no regular file");
+        assert!(super::super::Sequence::open(&dir).is_err());
+        fs::remove_file(&image).unwrap();
+        fs::create_dir(&image).unwrap();
+        assert_found(&validate(&dir), "0001.png", None, "no regular file");
     }
 
     #[test]

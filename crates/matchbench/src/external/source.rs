@@ -5,7 +5,6 @@
 //! its parameters; the search, the ratio test and the mutual check are native and timed here.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -21,6 +20,7 @@ use super::manifest::{Kind, Matching};
 use super::pool::{Breakdown, External, Image};
 use crate::cache::{FeatureCache, Key};
 use crate::datasets::read_size;
+use crate::files::read_file;
 use crate::matchers::{
     BuiltPointSource, Extraction, ImageFiles, PointSource, SourceError, SourceSeconds,
     SourcedMatches,
@@ -172,7 +172,7 @@ impl Described {
         if let Some(features) = &*slot {
             return Ok((Arc::clone(features), None));
         }
-        let file = fs::read(&path).map_err(|error| {
+        let file = read_file(&path).map_err(|error| {
             SourceError::Pair(format!("cannot read {}: {error}", path.display()))
         })?;
         let key = Key::new(&file, 0, &self.extraction);

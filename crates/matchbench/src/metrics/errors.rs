@@ -15,6 +15,8 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::files::read_text;
+
 use super::{AngularError, Failure, PairResult, ResultSet};
 
 /// Names of the column of rotation errors, in lower case.
@@ -97,7 +99,7 @@ pub fn load_errors(folder: &Path) -> Result<Vec<ResultSet>, ErrorTableError> {
     let method = whole.file_name().unwrap_or_default();
     (files.iter())
         .map(|file| {
-            let text = fs::read_to_string(file).map_err(io(file))?;
+            let text = read_text(file).map_err(io(file))?;
             let pairs = parse(&text).map_err(|(line, problem)| ErrorTableError::Line {
                 path: file.clone(),
                 line,
@@ -123,7 +125,6 @@ enum Columns {
 
 /// The pairs of a table, numbered by their rows; or what is wrong in which line.
 fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let mut lines = (text.lines().enumerate())
         .map(|(index, line)| (index + 1, line.trim()))
         .filter(|(_, line)| !line.is_empty());

@@ -7,10 +7,10 @@
 //! a dataset says which pairs count, a truth only what is true.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::datasets::{Pair, read_pairs, read_poses_of_pairs};
+use crate::files::read_text;
 use crate::records::authors::{self, Row};
 
 use super::pair_choice::PairChoice;
@@ -79,7 +79,7 @@ fn is_dataset(datasets: &Path, name: &str) -> bool {
 /// The true poses of a `groundtruth.txt`; where its rows name no pairs, they are those of the
 /// results in `first`.
 fn read_truth(truth: &PathBuf, first: &Path) -> Result<Vec<Pair>, ResultsError> {
-    let text = fs::read_to_string(truth).map_err(|source| ResultsError::Io {
+    let text = read_text(truth).map_err(|source| ResultsError::Io {
         path: truth.clone(),
         source,
     })?;

@@ -15,10 +15,10 @@ use std::str::FromStr;
 
 use matchbench_vision::geometry::RelativePose;
 use matchbench_vision::robust::NoPose;
-use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, UnitVector3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::{MIN_SUPPORT, Outcome, RunRecord};
-use crate::files::write_whole;
+use crate::files::{read_text, write_whole};
 
 /// Why a file in the authors' layout cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -89,7 +89,7 @@ impl Row {
 /// # Errors
 /// If the file cannot be read or a line is not a row.
 pub fn read(path: &Path) -> Result<Vec<Row>, AuthorsError> {
-    let text = fs::read_to_string(path).map_err(|source| AuthorsError::Read {
+    let text = read_text(path).map_err(|source| AuthorsError::Read {
         path: path.into(),
         source,
     })?;
@@ -189,11 +189,13 @@ fn relative_pose(rows: &[f64; 12]) -> Result<Option<RelativePose>, String> {
     /// Published rotations have six digits; what is off by more than this is something else.
     const TOLERANCE: f64 = 1e-3;
     let translation = Vector3::from_fn(|row, _| rows[4 * row + 3]);
-    let Some(direction) = UnitVector3::try_new(translation, f64::MIN_POSITIVE) else {
+    let Some(direction) = RelativePose::direction_of(&translation) else {
         return Ok(None);
     };
     let r = Matrix3::from_fn(|row, column| rows[4 * row + column]);
-    if (r.transpose() * r - Matrix3::identity()).amax() > TOLERANCE || r.determinant() < 0.0 {
+    let deviation = r.transpose() * r - Matrix3::identity();
+    // What is not a number is no small deviation either.
+    if !(deviation.iter().all(|x| x.abs() <= TOLERANCE) && r.determinant() > 0.0) {
         return Err("the 3x3 part is not a rotation".into());
     }
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(r));
@@ -243,6 +245,7 @@ mod tests {
     fn broken() -> Outcome {
         Outcome::Failed {
             reason: "cannot read an image".into(),
+            may_pass: true,
         }
     }
 
@@ -316,6 +319,24 @@ mod tests {
     }
 
     #[test]
+    fn a_huge_translation_is_judged_by_its_direction() {
+        for length in ["1e154", "1e200", "1e308", "1e-200"] {
+            let row = format!("\u{feff}0 1 12 1 0 0 0 0 1 0 -{length} 0 0 1 0\n");
+            let rows = read_text(&row).unwrap();
+            let truth = Isometry3::translation(0.0, 1.0, 0.0);
+            let Outcome::Pose {
+                translation,
+                translation_error,
+                ..
+            } = rows[0].outcome(&truth)
+            else {
+                panic!("a pose with twelve inliers")
+            };
+            assert_eq!((translation, translation_error), ([0.0, -1.0, 0.0], Some(180.0)));
+        }
+    }
+
+    #[test]
     fn what_is_not_a_row_is_named_by_line() {
         let good = "0 1 12 1 0 0 1 0 1 0 0 0 0 1 0\n";
         for (bad, named) in [
@@ -332,6 +353,10 @@ mod tests {
             ("0 1 12 1 0 0 nan 0 1 0 0 0 0 1 0", "`nan` is not finite"),
             ("0 1 12 1 0 0 1 0 2 0 0 0 0 1 0", "not a rotation"),
             ("0 1 12 -1 0 0 1 0 -1 0 0 0 0 -1 0", "not a rotation"),
+            (
+                "0 1 12 1e200 1e200 0 1 -1e200 1e200 0 0 0 0 1 0",
+                "not a rotation",
+            ),
         ] {
             let message = read_text(&format!("{good}{bad}\n"))
                 .unwrap_err()

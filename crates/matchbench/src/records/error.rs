@@ -47,6 +47,23 @@ pub enum FolderError {
         /// What is wrong with it.
         reason: String,
     },
+    /// An image is not the one that records were made from.
+    #[error(
+        "{} is not the image that the run in {} has worked with: frame {frame} of {dataset} has \
+         changed; put the image back, or choose another folder for a run of the new one",
+        image.display(),
+        folder.display()
+    )]
+    ImageChanged {
+        /// The image.
+        image: PathBuf,
+        /// The folder of the run.
+        folder: PathBuf,
+        /// Name of the dataset.
+        dataset: String,
+        /// Index of the frame.
+        frame: u32,
+    },
     /// Another process writes into the folder.
     #[error("{} is in use by another process; wait until it ends, or choose another folder", folder.display())]
     InUse {

@@ -5,6 +5,7 @@
 //! | `plan.json` | the [`Plan`], with the version of this format |
 //! | `records/<dataset>/<matcher>+<estimator>.jsonl` | a [`RunRecord`] a line, see [`store`] |
 //! | `matches/<dataset>/<matcher>.bin` | selected matches, see [`matches`]; absent if they were not kept |
+//! | `images/<dataset>.txt` | the content of the images that the records are of, see [`images`] |
 //! | `tuning.json` | a list of [`Tuned`], if settings were taken over from tuning |
 //! | `tuned.json` | a [`Tuned`], in the folder of a tuning |
 //! | `logs/<matcher>.log` | what a matcher from outside printed |
@@ -17,6 +18,9 @@
 //! | `format` | since | what changed |
 //! | --- | --- | --- |
 //! | absent, or 1 | the first | |
+//! | 2 | 0.1.0 | records end with a checksum and say whether a failure may pass; images are noted |
+//!
+//! Folders of the first format are read, and become the second when a run goes on with them.
 //!
 //! A folder of a later format is refused by name. What is added so that older programs need not know
 //! it, a field that is left out where it is not needed, does not change the number.
@@ -28,12 +32,13 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use super::growth::difference;
+use super::images::ImageNotes;
 use super::store::RecordWriter;
-use super::{FolderError, MatchesFile, Plan, RunRecord, StoreError, Tuned, matches, store};
-use crate::files::write_whole;
+use super::{FolderError, MatchesFile, Plan, RunRecord, StoreError, Tuned, images, matches, store};
+use crate::files::{read_file, read_text, write_whole};
 
 /// Version of the format of run folders that this program writes, and the last that it reads.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 
 const PLAN: &str = "plan.json";
 const TUNING: &str = "tuning.json";
@@ -82,7 +87,7 @@ impl RunFolder {
     /// If the file cannot be read.
     pub fn plan_text(&self) -> Result<String, FolderError> {
         let path = self.path.join(PLAN);
-        fs::read_to_string(&path).map_err(FolderError::io("read", &path))
+        read_text(&path).map_err(FolderError::io("read", &path))
     }
 
     /// All records, ordered by dataset, then by matcher and estimator, then as they were written.
@@ -134,7 +139,7 @@ impl RunFolder {
     /// If the file that lists them cannot be read or is not what a run writes.
     pub fn tuned(&self) -> Result<Vec<Tuned>, FolderError> {
         let path = self.path.join(TUNING);
-        let text = match fs::read(&path) {
+        let text = match read_file(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
             text => text.map_err(FolderError::io("read", &path))?,
         };
@@ -233,6 +238,22 @@ impl RunWriter {
         Ok((file, records))
     }
 
+    /// The images of a dataset that earlier processes worked with.
+    ///
+    /// # Errors
+    /// If the file that notes them cannot be read or is damaged.
+    pub(crate) fn images_of(&self, dataset: &str) -> Result<ImageNotes, FolderError> {
+        ImageNotes::open(&self.folder.path, dataset)
+    }
+
+    /// Writes the records of one matcher with one estimator on one dataset anew.
+    ///
+    /// # Errors
+    /// If they cannot be written; the earlier ones are then still there.
+    pub(crate) fn rewrite(&self, file: &Path, records: &[RunRecord]) -> Result<(), StoreError> {
+        store::rewrite(file, records)
+    }
+
     /// Appends to the records of one matcher with one estimator on one dataset; recover them first.
     ///
     /// # Errors
@@ -269,7 +290,7 @@ struct FormatOf {
 }
 
 fn read_plan(path: &Path) -> Result<Option<Plan>, FolderError> {
-    let text = match fs::read(path) {
+    let text = match read_file(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         text => text.map_err(FolderError::io("read", path))?,
     };

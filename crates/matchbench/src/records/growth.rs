@@ -56,6 +56,10 @@ fn what_decides(plan: &Plan) -> Value {
             matcher.remove("notes");
         }
     }
+    // A folder of an earlier format goes on in that of today.
+    if let Some(plan) = plan.as_object_mut() {
+        plan.remove("format");
+    }
     plan
 }
 

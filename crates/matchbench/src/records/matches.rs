@@ -26,6 +26,7 @@ use matchbench_vision::geometry::MatchedPoints;
 use nalgebra::Point2;
 
 use super::{Counts, StoreError};
+use crate::files::open_file;
 
 /// First bytes of every file.
 const MAGIC: [u8; 8] = *b"mbmatch1";
@@ -97,7 +98,7 @@ impl MatchesFile {
             end: 0,
             writer: None,
         };
-        let file = match File::open(path) {
+        let file = match open_file(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(this),
             file => file.map_err(StoreError::io("open", path))?,
         };
@@ -154,7 +155,7 @@ impl MatchesFile {
             return Ok(None);
         };
         let io = |error| StoreError::io("read", &self.path)(error);
-        let mut file = File::open(&self.path).map_err(io)?;
+        let mut file = open_file(&self.path).map_err(io)?;
         file.seek(SeekFrom::Start(start)).map_err(io)?;
         let mut entry = vec![0; HEADER];
         file.read_exact(&mut entry).map_err(io)?;

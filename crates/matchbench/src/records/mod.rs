@@ -6,6 +6,8 @@ mod earlier_plans;
 mod error;
 mod folder;
 mod growth;
+pub(crate) mod images;
+mod line;
 pub mod matches;
 mod plan;
 mod record;

@@ -5,6 +5,9 @@ use matchbench_vision::robust::NoPose;
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, UnitVector3, Vector3};
 use serde::{Deserialize, Serialize};
 
+/// How far a rotation or a direction of our own may be from one, for rounding.
+const ROUNDING: f64 = 1e-6;
+
 /// Everything that one task left behind. Apart from [`RunRecord::times`] it is the same, bit for
 /// bit, on every machine and for any number of threads.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,6 +24,57 @@ pub struct RunRecord {
     /// What a matcher from outside computed on, by its own word.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
+}
+
+impl RunRecord {
+    /// Whether this can be what a run recorded: rotations that are rotations, directions of length 1,
+    /// errors from 0 to 180 degrees, times that are times. Records are files, and files can hold
+    /// anything.
+    ///
+    /// # Errors
+    /// The first thing that cannot be, in words.
+    pub fn check(&self) -> Result<(), String> {
+        if self.task.a == self.task.b {
+            return Err(format!("frame {} is matched with itself", self.task.a));
+        }
+        for seconds in self.times.all() {
+            if !(seconds >= 0.0 && seconds.is_finite()) {
+                return Err(format!("{seconds} seconds are no time"));
+            }
+        }
+        let Outcome::Pose {
+            rotation,
+            translation,
+            rotation_error,
+            translation_error,
+            ..
+        } = &self.outcome
+        else {
+            return Ok(());
+        };
+        let r = Matrix3::from_row_slice(rotation);
+        let deviation = r.transpose() * r - Matrix3::identity();
+        if !(deviation.iter().all(|x| x.abs() <= ROUNDING) && r.determinant() > 0.0) {
+            return Err("`rotation` is not a rotation".into());
+        }
+        let length = Vector3::from(*translation).norm();
+        if !((length - 1.0).abs() <= ROUNDING) {
+            return Err(format!("`translation` has length {length}, not 1"));
+        }
+        let errors = [
+            ("rotation_error", Some(rotation_error)),
+            ("translation_error", translation_error.as_ref()),
+        ];
+        match errors.into_iter().find(|(_, error)| {
+            error.is_some_and(|error| !(0.0..=180.0).contains(error))
+        }) {
+            Some((name, error)) => Err(format!(
+                "`{name}` is {}, and an angle is from 0 to 180 degrees",
+                error.copied().unwrap_or_default()
+            )),
+            None => Ok(()),
+        }
+    }
 }
 
 /// The smallest unit of a run: one pair, one matcher, one estimator, one seed.
@@ -96,8 +150,12 @@ pub enum Outcome {
     /// A stage broke (an image that cannot be read, an error of a matcher); the pair counts as
     /// failed and the run ends with exit code 2.
     Failed {
-        /// Why, in words.
+        /// Why, in words; what could not be read is named.
         reason: String,
+        /// Whether another try may do better: a file could not be read or was damaged, or a matcher
+        /// from outside gave up. Such tasks are tried again at the next start.
+        #[serde(default, skip_serializing_if = "is_false")]
+        may_pass: bool,
     },
 }
 
@@ -183,6 +241,27 @@ pub struct StageTimes {
     pub outside: Option<f64>,
 }
 
+impl StageTimes {
+    /// Every time that is known.
+    fn all(&self) -> impl Iterator<Item = f64> {
+        let Self {
+            extract_a,
+            extract_b,
+            search,
+            select,
+            estimate,
+            outside,
+        } = *self;
+        let times = [extract_a, extract_b, search, select, estimate, outside];
+        times.into_iter().flatten()
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
+fn is_false(value: &bool) -> bool {
+    !value
+}
+
 #[cfg(test)]
 mod tests {
     use nalgebra::Translation3;
@@ -224,8 +303,11 @@ mod tests {
         let outcome = Outcome::judged(&estimate, &Isometry3::identity(), 9, 12, 100);
         let error = outcome.pose().unwrap().error(&estimate);
         assert!(error.max() < 1e-7, "{error:?}");
-        let reason = String::new();
-        assert_eq!(Outcome::Failed { reason }.pose(), None);
+        let failed = Outcome::Failed {
+            reason: String::new(),
+            may_pass: false,
+        };
+        assert_eq!(failed.pose(), None);
     }
 
     #[test]

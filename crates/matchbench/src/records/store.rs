@@ -1,17 +1,25 @@
 //! Records on disk: `records/<dataset>/<matcher>+<estimator>.jsonl` in the folder of the run, one
 //! JSON object per line, only ever appended to.
 //!
-//! A line is handed to the operating system whole, in one write that ends with the line's end. A
+//! Each line ends with a checksum, see `line`. A line is handed to the operating system whole, in one write that ends with the line's end. A
 //! process that is killed in the middle leaves at most one line without an end, and that line is
 //! dropped by whoever reads next. Any other damage is an error: it was not us, and guessing which
 //! lines still hold true would spoil the tables quietly.
+//!
+//! # When power fails
+//! A killed process loses nothing that was appended: the operating system has it. A machine that loses
+//! power loses what the system had not written yet. It is asked to write with the first record that is
+//! appended a second or more after the last time, and when the file is closed; so at most the records of
+//! one second are lost, and done again.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use super::RunRecord;
-use crate::files::write_whole;
+use super::line::{LineReader, to_line};
+use crate::files::{read_file, write_whole};
 
 /// Why records cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -79,7 +87,7 @@ pub fn path(run: &Path, dataset: &str, matcher: &str, estimator: &str) -> PathBu
 /// # Errors
 /// If the file cannot be read or has a line that is not a record.
 pub fn read(path: &Path) -> Result<Vec<RunRecord>, StoreError> {
-    let bytes = fs::read(path).map_err(StoreError::io("read", path))?;
+    let bytes = read_file(path).map_err(StoreError::io("read", path))?;
     parse(path, &bytes[..whole_lines(&bytes)])
 }
 
@@ -117,7 +125,7 @@ pub fn files(run: &Path) -> Result<Vec<PathBuf>, StoreError> {
 /// # Errors
 /// As [`read`]; or if the file cannot be cut.
 pub fn recover(path: &Path) -> Result<Vec<RunRecord>, StoreError> {
-    let bytes = match fs::read(path) {
+    let bytes = match read_file(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         read => read.map_err(StoreError::io("read", path))?,
     };
@@ -138,8 +146,7 @@ pub fn recover(path: &Path) -> Result<Vec<RunRecord>, StoreError> {
 pub(crate) fn rewrite(path: &Path, records: &[RunRecord]) -> Result<(), StoreError> {
     let mut text = Vec::new();
     for record in records {
-        serde_json::to_writer(&mut text, record).expect("a record has only strings and numbers");
-        text.push(b'\n');
+        text.extend(to_line(record));
     }
     write_whole(path, &text).map_err(StoreError::io("write", path))
 }
@@ -149,7 +156,11 @@ pub(crate) fn rewrite(path: &Path, records: &[RunRecord]) -> Result<(), StoreErr
 pub struct RecordWriter {
     path: PathBuf,
     file: File,
+    synced: Instant,
 }
+
+/// How long records may be known to the operating system alone.
+pub(super) const UNSYNCED: Duration = Duration::from_secs(1);
 
 impl RecordWriter {
     /// A writer at the end of the file, which is made if it is not there, as is its folder. Call
@@ -166,6 +177,7 @@ impl RecordWriter {
         Ok(Self {
             path: path.into(),
             file,
+            synced: Instant::now(),
         })
     }
 
@@ -174,11 +186,19 @@ impl RecordWriter {
     /// # Errors
     /// If it cannot be written (a full disk). The file may then end in a torn line.
     pub fn append(&mut self, record: &RunRecord) -> Result<(), StoreError> {
-        let mut line = serde_json::to_vec(record).expect("a record has only strings and numbers");
-        line.push(b'\n');
-        self.file
-            .write_all(&line)
-            .map_err(StoreError::io("append to", &self.path))
+        (self.file.write_all(&to_line(record))).map_err(StoreError::io("append to", &self.path))?;
+        if self.synced.elapsed() >= UNSYNCED {
+            (self.file.sync_data()).map_err(StoreError::io("write", &self.path))?;
+            self.synced = Instant::now();
+        }
+        Ok(())
+    }
+}
+
+impl Drop for RecordWriter {
+    fn drop(&mut self) {
+        // There is nobody to tell; the records are written, only not yet safe from the power supply.
+        let _ = self.file.sync_data();
     }
 }
 
@@ -188,12 +208,13 @@ fn whole_lines(bytes: &[u8]) -> usize {
 }
 
 fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<RunRecord>, StoreError> {
+    let mut lines = LineReader::default();
     (bytes.split_inclusive(|&byte| byte == b'\n').enumerate())
         .map(|(index, line)| {
-            serde_json::from_slice(line).map_err(|error| StoreError::Corrupt {
+            lines.next(line).map_err(|reason| StoreError::Corrupt {
                 path: path.into(),
                 line: index + 1,
-                reason: error.to_string(),
+                reason,
             })
         })
         .collect()

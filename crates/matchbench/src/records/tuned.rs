@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{FolderError, Plan};
-use crate::files::write_whole;
+use crate::files::{read_file, write_whole};
 
 /// A setting that was chosen by its score.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,7 +43,7 @@ impl Tuned {
     /// # Errors
     /// If the file cannot be read or holds something else.
     pub fn read(path: &Path) -> Result<Self, FolderError> {
-        let text = fs::read(path).map_err(FolderError::io("read", path))?;
+        let text = read_file(path).map_err(FolderError::io("read", path))?;
         serde_json::from_slice(&text).map_err(|error| FolderError::NotTuned {
             path: path.into(),
             reason: error.to_string(),

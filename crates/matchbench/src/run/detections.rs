@@ -79,6 +79,7 @@ mod tests {
     use super::super::testing::{dataset, decode};
     use super::*;
     use crate::matchers::{BuiltMatcher, Extraction};
+    use crate::records::images::ImageNotes;
 
     const DETECTION: Duration = Duration::from_millis(50);
 
@@ -140,6 +141,7 @@ mod tests {
     fn a_detector_runs_once_per_image_and_all_its_matchers_are_charged() {
         let folder = tempfile::tempdir().unwrap();
         let frames = dataset(folder.path(), "street", 2).sequence.frames;
+        let images = ImageNotes::open(folder.path(), "street").unwrap().into();
         let cache = FeatureCache::new(folder.path().join("cache"));
         let count = Arc::default();
         let mut keypoints = Vec::new();
@@ -156,9 +158,10 @@ mod tests {
                 matcher: &matcher,
                 cache: &cache,
                 decode,
+                images: &images,
             };
-            for frame in &frames {
-                let extracted = stage.extract(frame).unwrap();
+            for (index, frame) in (0..).zip(&frames) {
+                let extracted = stage.extract(index, frame).unwrap();
                 let seconds = extracted.seconds.expect("described now");
                 assert!(seconds >= DETECTION.as_secs_f64(), "{seconds} s");
                 let features = extracted.features.unwrap();

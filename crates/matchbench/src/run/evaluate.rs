@@ -8,7 +8,7 @@ use matchbench_vision::seed::Seed;
 use nalgebra::Isometry3;
 
 use super::Contender;
-use super::guard::{guard, timed};
+use super::guard::{Broken, guard, timed};
 use super::judging::Trial;
 use super::matching::{search, select};
 use super::sourcing::sourced;
@@ -78,7 +78,7 @@ pub fn evaluate(
         if outcomes.is_empty() {
             times.estimate = own.estimate;
         }
-        outcomes.push(outcome.unwrap_or_else(|reason| Outcome::Failed { reason }));
+        outcomes.push(outcome.unwrap_or_else(|reason| Broken::from(reason).outcome()));
     }
     Ok(Evaluation {
         features,
@@ -126,7 +126,7 @@ fn from_source(
     let mut counts = Counts::default();
     sourced(source, files, seed, &mut counts, times, &mut None)
         .map_err(|error| EvaluationError(error.to_string()))?
-        .map_err(EvaluationError)
+        .map_err(|broken| EvaluationError(broken.reason))
 }
 
 #[cfg(test)]

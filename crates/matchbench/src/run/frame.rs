@@ -1,17 +1,19 @@
 //! From an image file to features: decoded and extracted, or taken from the cache.
 
-use std::fs;
 use std::path::Path;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use matchbench_vision::features::Features;
 use matchbench_vision::image::GrayImage;
 
 use super::RunError;
 use super::detections::KeptDetections;
-use super::guard::{guard, timed};
+use super::guard::{Broken, guard, timed};
 use crate::cache::{FeatureCache, Key};
 use crate::datasets::Frame;
+use crate::files::read_file;
 use crate::matchers::BuiltMatcher;
+use crate::records::images::ImageNotes;
 
 /// Turns the bytes of an image file into pixels, or says why it cannot.
 pub type Decode = fn(&[u8]) -> Result<GrayImage, String>;
@@ -21,33 +23,42 @@ pub(super) struct FrameStage<'a> {
     pub(super) matcher: &'a BuiltMatcher,
     pub(super) cache: &'a FeatureCache,
     pub(super) decode: Decode,
+    /// The images that the records of the run are of.
+    pub(super) images: &'a Mutex<ImageNotes>,
 }
 
 /// What a frame came to.
 #[derive(Debug)]
 pub(super) struct Extracted {
     /// The features, or why there are none: the pairs of this frame fail for the same reason.
-    pub(super) features: Result<Features, String>,
+    pub(super) features: Result<Features, Broken>,
     /// How long the extraction took, if it was done: also the part of it, the detection, that an
     /// earlier matcher did.
     pub(super) seconds: Option<f64>,
 }
 
 impl FrameStage<'_> {
-    /// The features of `frame`.
+    /// The features of `frame`, which has this `index`.
     ///
     /// # Errors
-    /// If the cache cannot be written. An image that cannot be read is not an error.
-    pub(super) fn extract(&self, frame: &Frame) -> Result<Extracted, RunError> {
+    /// If the cache cannot be written, or the image is another than the run has worked with. An image
+    /// that cannot be read is not an error.
+    pub(super) fn extract(&self, index: u32, frame: &Frame) -> Result<Extracted, RunError> {
         let mut seconds = None;
         let features = match read(&frame.image) {
             Err(reason) => Err(reason),
             Ok(file) => {
+                let hash = blake3::hash(&file);
+                lock(self.images).check(index, &frame.image, hash)?;
                 let key = Key::new(&file, frame.turn.into(), &self.matcher.extraction);
-                match self.cache.load(key) {
+                let features = match self.cache.load(key) {
                     Some(features) => Ok(features),
                     None => self.compute(frame, &file, key, &mut seconds)?,
+                };
+                if features.is_ok() {
+                    lock(self.images).note(index, &frame.image, hash)?;
                 }
+                features
             }
         };
         Ok(Extracted { features, seconds })
@@ -59,7 +70,7 @@ impl FrameStage<'_> {
         file: &[u8],
         key: Key,
         seconds: &mut Option<f64>,
-    ) -> Result<Result<Features, String>, RunError> {
+    ) -> Result<Result<Features, Broken>, RunError> {
         let image = match decode(self.decode, frame, file) {
             Ok(image) => image,
             Err(reason) => return Ok(Err(reason)),
@@ -77,20 +88,29 @@ impl FrameStage<'_> {
         if let Ok(features) = &features {
             self.cache.save(key, features)?;
         }
-        Ok(features)
+        Ok(features.map_err(Broken::from))
     }
 }
 
 /// The pixels of a frame.
-pub(super) fn load(decoder: Decode, frame: &Frame) -> Result<GrayImage, String> {
+pub(super) fn load(decoder: Decode, frame: &Frame) -> Result<GrayImage, Broken> {
     read(&frame.image).and_then(|file| decode(decoder, frame, &file))
 }
 
-fn read(path: &Path) -> Result<Vec<u8>, String> {
-    fs::read(path).map_err(|error| format!("cannot read {}: {error}", path.display()))
+/// The notes, one thread at a time.
+pub(super) fn lock(images: &Mutex<ImageNotes>) -> MutexGuard<'_, ImageNotes> {
+    // A thread that panicked left nothing half noted that the file does not show.
+    images.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn decode(decode: Decode, frame: &Frame, file: &[u8]) -> Result<GrayImage, String> {
+pub(super) fn read(path: &Path) -> Result<Vec<u8>, Broken> {
+    read_file(path).map_err(|error| {
+        Broken::for_now(format!("cannot read {}: {error}", path.display()))
+    })
+}
+
+/// A file that is no image may become one, once it is copied again.
+fn decode(decode: Decode, frame: &Frame, file: &[u8]) -> Result<GrayImage, Broken> {
     let what = format_args!("decoding {}", frame.image.display());
-    guard(what, || Ok::<_, String>(frame.turn.pixels(decode(file)?)))
+    guard(what, || Ok::<_, String>(frame.turn.pixels(decode(file)?))).map_err(Broken::for_now)
 }

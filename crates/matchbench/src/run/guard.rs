@@ -5,6 +5,43 @@ use std::fmt::Display;
 use std::panic::{self, AssertUnwindSafe};
 use std::time::Instant;
 
+use crate::records::Outcome;
+
+/// Why there is no result.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Broken {
+    /// In words.
+    pub(super) reason: String,
+    /// Whether another try may do better: see [`Outcome::Failed`].
+    pub(super) may_pass: bool,
+}
+
+impl Broken {
+    /// What may be different another time: a file, a program beside this one.
+    pub(super) fn for_now(reason: String) -> Self {
+        Self {
+            reason,
+            may_pass: true,
+        }
+    }
+
+    /// What a record says of it.
+    pub(super) fn outcome(self) -> Outcome {
+        let Self { reason, may_pass } = self;
+        Outcome::Failed { reason, may_pass }
+    }
+}
+
+impl From<String> for Broken {
+    /// What would break again: the same bits come of the same work.
+    fn from(reason: String) -> Self {
+        Self {
+            reason,
+            may_pass: false,
+        }
+    }
+}
+
 /// Does `work`; an error or a panic becomes a reason in words that begin with `what` broke.
 ///
 /// State that a panic leaves half changed is the matcher's own, and all that can come of it is

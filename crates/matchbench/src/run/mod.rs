@@ -44,14 +44,16 @@ pub use observer::{Cancel, Observer, RunSummary, Silent};
 pub use plan::plan;
 pub use seeds::pair_seed;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::time::Duration;
 
 use crate::cache::FeatureCache;
 use crate::datasets::{DatasetError, Sequence, decode_gray};
 use crate::matchers::{BuiltMatcher, Source};
-use crate::records::{MatchesFile, RunWriter, Settings, Tuned};
+use crate::records::images::ImageNotes;
+use crate::records::{MatchesFile, RunRecord, RunWriter, Settings, Tuned};
 use frame::FrameStage;
 use ordered::in_order;
 use pair::{PairDone, PairStages};
@@ -112,7 +114,13 @@ pub struct Run<'a> {
     pub keep_matches: bool,
     /// How many bytes of features are kept in memory; [`Run::FEATURE_MEMORY`] serves well.
     pub feature_memory: usize,
+    /// Whether all that failed is done again, and not only what another try may do better.
+    pub retry_failed: bool,
 }
+
+/// Pairs that are listed at a time: enough to keep what is in memory in use, few enough that millions
+/// of pairs take no more of it.
+const UNITS_AT_ONCE: usize = 1 << 16;
 
 impl Run<'_> {
     /// 512 MiB. The 30 images of castle at full resolution take 160 MB with SIFT; what does not
@@ -124,8 +132,9 @@ impl Run<'_> {
     /// # Errors
     /// If the run contradicts itself (see [`plan`]), or its folder holds another plan, is
     /// damaged, in use or cannot be written to. What was recorded stays recorded. A task that
-    /// fails is not an error: it is recorded and counted, and not tried again, unless a source outside
-    /// failed. A source that ends is no error either: the run of the others goes on.
+    /// fails is not an error: it is recorded and counted, and tried again at the next start where its
+    /// record says that it may do better then. A source that ends is no error either: the run of the
+    /// others goes on. An image that is another than the records are of is an error.
     pub fn execute(
         &self,
         observer: &dyn Observer,
@@ -137,12 +146,13 @@ impl Run<'_> {
         if !self.tuned.is_empty() {
             folder.note_tuned(self.tuned)?;
         }
-        let mut parts = self.parts(&folder)?;
+        let parts = self.parts(&folder)?;
+        let images = self.images(&parts, &folder)?;
 
         let mut summary: RunSummary = parts.iter().map(Part::summary).sum();
         observer.on_plan(folder.folder().plan(), summary);
         let mut ended = BTreeSet::new();
-        for part in parts.iter_mut().filter(|part| !part.is_done()) {
+        for part in parts.iter().filter(|part| !part.is_done()) {
             let id = part.contender.source.id();
             if cancel.is_set() {
                 break;
@@ -151,7 +161,8 @@ impl Run<'_> {
                 continue;
             }
             observer.on_part(&part.sequence.name, id);
-            match self.go_on(part, &folder, observer, cancel, &mut summary) {
+            let images = &images[&*part.sequence.name];
+            match self.go_on(part, images, &folder, observer, cancel, &mut summary) {
                 Err(RunError::SourceEnded { reason, .. }) => {
                     observer.on_ended(id, &reason);
                     ended.insert(id);
@@ -167,152 +178,185 @@ impl Run<'_> {
     fn parts(&self, folder: &RunWriter) -> Result<Vec<Part<'_>>, RunError> {
         let mut parts = Vec::new();
         for dataset in self.datasets {
+            let sequence = &dataset.sequence;
             for contender in self.contenders {
-                let part = Part::recover(folder, &dataset.sequence, contender, self.settings)?;
+                let retry = self.retry_failed;
+                let part = Part::recover(folder, sequence, contender, self.settings, retry)?;
                 parts.push(part);
             }
         }
         Ok(parts)
     }
 
-    /// Does what is left of one part.
+    /// The images that earlier processes worked with on each dataset of which something is left to be
+    /// done; they must be the same still.
+    fn images(
+        &self,
+        parts: &[Part<'_>],
+        folder: &RunWriter,
+    ) -> Result<BTreeMap<&str, Mutex<ImageNotes>>, RunError> {
+        let mut images = BTreeMap::new();
+        for dataset in self.datasets {
+            let Sequence { name, frames, .. } = &dataset.sequence;
+            let is_left = |part: &Part<'_>| part.sequence.name == *name && !part.is_done();
+            if parts.iter().any(is_left) {
+                let notes = folder.images_of(name)?;
+                notes.verify(|frame| Some(&*frames.get(frame as usize)?.image))?;
+                images.insert(&**name, Mutex::new(notes));
+            }
+        }
+        Ok(images)
+    }
+
+    /// Does what is left of one part: first, what failed and may do better now, whose records take the
+    /// place of the earlier ones; then what was never done.
     fn go_on(
         &self,
-        part: &mut Part<'_>,
+        part: &Part<'_>,
+        images: &Mutex<ImageNotes>,
         folder: &RunWriter,
         observer: &dyn Observer,
         cancel: &Cancel,
         summary: &mut RunSummary,
     ) -> Result<(), RunError> {
-        self.try_again(part, folder, observer, cancel, summary)?;
-        let part = &*part;
-        let stages = PairStages {
-            part,
-            decode: self.decode,
-            root: self.settings.seed,
-            time_budget: self.time_budget(),
+        let matches_of = || (folder.folder()).matches_of(&part.sequence.name, part.contender.source.id());
+        let mut matches_file = matches_of()?;
+        let mut told = |record: &RunRecord| {
+            summary.add(record);
+            observer.on_record(record);
         };
-        let (dataset, matcher) = (&part.sequence.name, part.contender.source.id());
-        let mut writers = (part.contender.estimators.iter())
-            .map(|variant| folder.append_to(dataset, matcher, &variant.name))
-            .collect::<Result<Vec<_>, _>>()?;
-        let stored = folder.folder().matches_of(dataset, matcher)?;
-        let mut matches_file = folder.folder().matches_of(dataset, matcher)?;
-        let mut append = |done: PairDone| {
+        let mut keep = |done: &PairDone| -> Result<(), RunError> {
             if self.keep_matches {
                 for (key, matches) in &done.matches {
                     matches_file.append(*key, matches)?;
                 }
             }
-            for (estimator, record) in done.records {
-                writers[estimator].append(&record)?;
-                summary.add(&record);
-                observer.on_record(&record);
-            }
             Ok(())
         };
-
-        let units = part.units();
-        let (again, rest) = units.split_at(selected_before(&units, &stored));
-        let estimate = |unit: &Unit<'_>| Ok(stages.estimate(unit, &stored)?);
-        in_order(cancel, again, estimate, &mut append)?;
-        match &part.contender.source {
-            Source::Matcher(matcher) => {
-                self.extract_and_match(&stages, matcher, rest, observer, cancel, &mut append)
-            }
-            Source::Points(source) => in_order(
-                cancel,
-                rest,
-                |unit| stages.source(source, unit),
-                &mut append,
-            ),
-        }
-    }
-
-    /// Does again what failed, where a source outside may do better now: its records take the place of
-    /// the earlier ones.
-    fn try_again(
-        &self,
-        part: &mut Part<'_>,
-        folder: &RunWriter,
-        observer: &dyn Observer,
-        cancel: &Cancel,
-        summary: &mut RunSummary,
-    ) -> Result<(), RunError> {
-        let contender = part.contender;
-        let (Source::Points(source), units) = (&contender.source, part.units_again()) else {
-            return Ok(());
-        };
-        let id = contender.source.id();
-        let mut matches_file = folder.folder().matches_of(&part.sequence.name, id)?;
-        for unit in &units {
-            if cancel.is_set() {
-                break;
-            }
-            let stages = PairStages {
+        let work = Work {
+            run: self,
+            stages: PairStages {
                 part,
                 decode: self.decode,
                 root: self.settings.seed,
                 time_budget: self.time_budget(),
-            };
-            let done = stages.source(source, unit)?;
-            if self.keep_matches {
-                for (key, matches) in &done.matches {
-                    matches_file.append(*key, matches)?;
-                }
-            }
+                images,
+            },
+            stored: matches_of()?,
+            observer,
+            cancel,
+        };
+
+        let mut replacements = part.replacements();
+        let again = work.all(part.units_again(), |done| {
+            keep(&done)?;
             for (estimator, record) in done.records {
-                summary.add(&record);
-                observer.on_record(&record);
-                part.replace(estimator, record)?;
+                told(&record);
+                replacements[estimator].put(record)?;
             }
+            Ok(())
+        });
+        for replacement in &mut replacements {
+            replacement.write()?;
         }
-        Ok(())
+        again?;
+        drop(replacements);
+
+        let (dataset, matcher) = (&part.sequence.name, part.contender.source.id());
+        let mut writers = (part.contender.estimators.iter())
+            .map(|variant| folder.append_to(dataset, matcher, &variant.name))
+            .collect::<Result<Vec<_>, _>>()?;
+        work.all(part.units(), |done| {
+            keep(&done)?;
+            for (estimator, record) in done.records {
+                writers[estimator].append(&record)?;
+                told(&record);
+            }
+            Ok(())
+        })
     }
 
     fn time_budget(&self) -> Option<Duration> {
         let milliseconds = self.settings.time_budget_ms?;
         Some(Duration::from_millis(milliseconds.get().into()))
     }
+}
+
+/// Work on one part.
+struct Work<'a> {
+    run: &'a Run<'a>,
+    stages: PairStages<'a>,
+    /// Matches that were there before.
+    stored: MatchesFile,
+    observer: &'a dyn Observer,
+    cancel: &'a Cancel,
+}
+
+impl Work<'_> {
+    /// Does `units`, as many at a time as memory should hold, and hands over what came of each in their
+    /// order.
+    fn all<'u>(
+        &self,
+        mut units: impl Iterator<Item = Unit<'u>>,
+        mut append: impl FnMut(PairDone) -> Result<(), RunError> + Send,
+    ) -> Result<(), RunError> {
+        let mut resident = Resident::new(self.run.feature_memory);
+        loop {
+            let some: Vec<Unit<'u>> = units.by_ref().take(UNITS_AT_ONCE).collect();
+            if some.is_empty() || self.cancel.is_set() {
+                return Ok(());
+            }
+            let (again, rest) = some.split_at(selected_before(&some, &self.stored));
+            let estimate = |unit: &Unit<'_>| Ok(self.stages.estimate(unit, &self.stored)?);
+            in_order(self.cancel, again, estimate, &mut append)?;
+            match &self.stages.part.contender.source {
+                Source::Matcher(matcher) => {
+                    self.extract_and_match(matcher, rest, &mut resident, &mut append)?;
+                }
+                Source::Points(source) => {
+                    let matched = |unit: &Unit<'_>| self.stages.source(source, unit);
+                    in_order(self.cancel, rest, matched, &mut append)?;
+                }
+            }
+        }
+    }
 
     /// Does these `units` from their images on, window by window.
     fn extract_and_match(
         &self,
-        stages: &PairStages<'_>,
         matcher: &BuiltMatcher,
         mut units: &[Unit<'_>],
-        observer: &dyn Observer,
-        cancel: &Cancel,
+        resident: &mut Resident,
         append: &mut (impl FnMut(PairDone) -> Result<(), RunError> + Send),
     ) -> Result<(), RunError> {
         let frame_stage = FrameStage {
             matcher,
-            cache: &self.cache,
-            decode: self.decode,
+            cache: &self.run.cache,
+            decode: self.run.decode,
+            images: self.stages.images,
         };
-        let frames = &stages.part.sequence.frames;
-        let mut resident = Resident::new(self.feature_memory);
-        while !units.is_empty() && !cancel.is_set() {
+        let frames = &self.stages.part.sequence.frames;
+        while !units.is_empty() && !self.cancel.is_set() {
             let (window, later) = units.split_at(resident.window(units));
             let missing = resident.make_room(window);
             in_order(
-                cancel,
+                self.cancel,
                 &missing,
-                |&frame| Ok((frame, frame_stage.extract(&frames[frame as usize])?)),
+                |&frame| Ok((frame, frame_stage.extract(frame, &frames[frame as usize])?)),
                 |(frame, features)| {
-                    observer.on_frame(frame, features.seconds.is_some());
+                    self.observer.on_frame(frame, features.seconds.is_some());
                     resident.insert(frame, features);
                     Ok(())
                 },
             )?;
-            if cancel.is_set() {
+            if self.cancel.is_set() {
                 break;
             }
             let jobs = resident.jobs(window);
             in_order(
-                cancel,
+                self.cancel,
                 &jobs,
-                |job| Ok(stages.run(matcher, job)),
+                |job| Ok(self.stages.run(matcher, job)),
                 &mut *append,
             )?;
             units = later;

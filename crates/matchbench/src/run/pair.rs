@@ -1,6 +1,7 @@
 //! All tasks of a pair: matched once for each repetition, judged by every estimator, recorded.
 
 use std::mem;
+use std::sync::Mutex;
 use std::time::Duration;
 
 use matchbench_vision::features::Features;
@@ -10,18 +11,20 @@ use matchbench_vision::matching::{Correspondences, View};
 use matchbench_vision::seed::Seed;
 
 use super::RunError;
-use super::frame::{Decode, load};
+use super::frame::{Decode, load, lock, read};
+use super::guard::Broken;
 use super::judging::Trial;
 use super::matching::{search, select};
 use super::part::{Due, Part, Unit};
-use super::resident::PairJob;
+use super::resident::{PairJob, Side};
 use super::seeds::pair_seed;
 use super::sourcing::sourced;
 use crate::datasets::Pair;
 use crate::matchers::{BuiltMatcher, BuiltPointSource, ImageFiles};
 use crate::records::matches::MatchesKey;
+use crate::records::images::ImageNotes;
 use crate::records::{
-    Counts, MatchesFile, Outcome, RunRecord, SelectedMatches, StageTimes, StoreError,
+    Counts, MatchesFile, RunRecord, SelectedMatches, StageTimes, StoreError,
 };
 
 /// The stages that are done once per pair.
@@ -32,6 +35,8 @@ pub(super) struct PairStages<'a> {
     pub(super) root: u64,
     /// How long an estimator may draw samples, if not as long as it likes.
     pub(super) time_budget: Option<Duration>,
+    /// The images that the records of the run are of.
+    pub(super) images: &'a Mutex<ImageNotes>,
 }
 
 /// What is known of a pair after the search.
@@ -61,7 +66,7 @@ impl PairDone {
     }
 
     /// Keeps the matches of a repetition that was computed.
-    fn keep(&mut self, pair: &Pair, repetition: u32, selected: Result<SelectedMatches, String>) {
+    fn keep(&mut self, pair: &Pair, repetition: u32, selected: Result<SelectedMatches, Broken>) {
         if let Ok(matches) = selected {
             self.matches.push(((pair.a, pair.b, repetition), matches));
         }
@@ -99,7 +104,7 @@ impl PairStages<'_> {
     /// Does all tasks that are due of a pair of images that a `source` matches.
     ///
     /// # Errors
-    /// If the source ended.
+    /// If the source ended, or an image is another than the run has worked with.
     pub(super) fn source(
         &self,
         source: &BuiltPointSource,
@@ -113,6 +118,7 @@ impl PairStages<'_> {
             frames: [pair.a, pair.b],
             images: [image(pair.a), image(pair.b)],
         };
+        let hashes = self.hashes(pair)?;
         for due in by_repetition(&unit.due) {
             let repetition = due[0].repetition;
             let seed = self.seed(pair, repetition);
@@ -122,9 +128,29 @@ impl PairStages<'_> {
             self.judge_all(pair, due, &selected, counts, times, &mut done);
             // Beside the times of the same record.
             done.records[first].1.device = device;
+            if selected.is_ok() {
+                for (frame, hash) in &hashes {
+                    lock(self.images).note(*frame, image(*frame), *hash)?;
+                }
+            }
             done.keep(pair, repetition, selected);
         }
         Ok(done)
+    }
+
+    /// The content of the images of a pair that a source reads, where it has not been looked at yet;
+    /// what cannot be read here is left to the source to complain of.
+    fn hashes(&self, pair: &Pair) -> Result<Vec<(u32, blake3::Hash)>, RunError> {
+        let mut hashes = Vec::new();
+        for frame in [pair.a, pair.b] {
+            let path = &self.part.sequence.frames[frame as usize].image;
+            if !lock(self.images).is_noted(frame)
+                && let Ok(file) = read(path)
+            {
+                hashes.push((frame, blake3::hash(&file)));
+            }
+        }
+        Ok(hashes)
     }
 
     /// Does all tasks that are due of a pair whose selected matches are `stored`.
@@ -151,7 +177,7 @@ impl PairStages<'_> {
         &self,
         pair: &Pair,
         due: &[Due],
-        selected: &Result<SelectedMatches, String>,
+        selected: &Result<SelectedMatches, Broken>,
         counts: Counts,
         mut times: StageTimes,
         done: &mut PairDone,
@@ -164,12 +190,14 @@ impl PairStages<'_> {
         };
         for due in due {
             let variant = &self.part.contender.estimators[due.estimator];
-            let outcome = (selected.as_ref().map_err(Clone::clone))
-                .and_then(|selected| trial.judge(&selected.points, &variant.estimator, &mut times));
+            let outcome = (selected.as_ref().map_err(Clone::clone)).and_then(|selected| {
+                let judged = trial.judge(&selected.points, &variant.estimator, &mut times);
+                judged.map_err(Broken::from)
+            });
             let record = RunRecord {
                 task: self.part.task(pair, &variant.name, due.repetition),
                 counts,
-                outcome: outcome.unwrap_or_else(|reason| Outcome::Failed { reason }),
+                outcome: outcome.unwrap_or_else(Broken::outcome),
                 times: mem::take(&mut times),
                 device: None,
             };
@@ -192,8 +220,9 @@ impl PairStages<'_> {
         job: &PairJob<'j>,
         counts: &mut Counts,
         times: &mut StageTimes,
-    ) -> Result<Searched<'j>, String> {
-        let (a, b) = (job.a.features?, job.b.features?);
+    ) -> Result<Searched<'j>, Broken> {
+        let features = |side: Side<'j>| side.features.map_err(Clone::clone);
+        let (a, b) = (features(job.a)?, features(job.b)?);
         let putative = search(&*matcher.matcher, a, b, counts, times)?;
         let image = |frame: u32| {
             let frame = &self.part.sequence.frames[frame as usize];
@@ -203,7 +232,7 @@ impl PairStages<'_> {
             a,
             b,
             images: (matcher.matcher.selects_by_pixels())
-                .then(|| Ok::<_, String>((image(job.pair.a)?, image(job.pair.b)?)))
+                  .then(|| Ok::<_, Broken>((image(job.pair.a)?, image(job.pair.b)?)))
                 .transpose()?,
             putative,
         })
@@ -217,7 +246,7 @@ impl PairStages<'_> {
         seed: Seed,
         counts: &mut Counts,
         times: &mut StageTimes,
-    ) -> Result<SelectedMatches, String> {
+    ) -> Result<SelectedMatches, Broken> {
         let images = searched.images.as_ref();
         let a = View {
             features: searched.a,
@@ -230,7 +259,8 @@ impl PairStages<'_> {
             camera: Some(self.camera(pair.b)),
         };
         let putative = searched.putative.clone();
-        select(&*matcher.matcher, a, b, putative, seed, counts, times)
+        let selected = select(&*matcher.matcher, a, b, putative, seed, counts, times)?;
+        Ok(selected)
     }
 }
 

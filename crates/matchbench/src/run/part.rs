@@ -1,13 +1,18 @@
 //! One matcher with its estimators on one dataset: what is recorded, what is left.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
+use std::mem;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-use super::observer::has_failed;
 use super::{Contender, RunError, RunSummary};
 use crate::datasets::{Pair, Sequence};
-use crate::matchers::Source;
-use crate::records::{RunRecord, RunWriter, Settings, StoreError, Task, store};
+use crate::records::{Outcome, RunRecord, RunWriter, Settings, StoreError, Task, store};
+
+/// Most repetitions of a pair that are done together, with one search for all of them.
+const MOST_REPETITIONS: u32 = 128;
+/// How long records that were done again are not yet in the file.
+const REWRITTEN: Duration = Duration::from_secs(1);
 
 /// One matcher on one dataset.
 pub(super) struct Part<'a> {
@@ -25,10 +30,10 @@ struct Sheet {
     file: PathBuf,
     done: usize,
     failed: usize,
-    /// What is recorded, if some of it is to be tried again.
-    records: Vec<RunRecord>,
     /// Tasks that failed and are tried again, by their places among the records.
     again: BTreeSet<usize>,
+    /// What is recorded, if some of it is to be tried again.
+    records: Vec<RunRecord>,
 }
 
 /// A pair with what is left to be done of it.
@@ -47,7 +52,8 @@ pub(super) struct Due {
 }
 
 impl<'a> Part<'a> {
-    /// The part as earlier processes left it; a torn last line is cut off.
+    /// The part as earlier processes left it; a torn last line is cut off. Tasks that failed are due
+    /// again if their records say that another try may do better, or all of them with `retry_failed`.
     ///
     /// # Errors
     /// If records cannot be read or are not those of this part.
@@ -56,6 +62,7 @@ impl<'a> Part<'a> {
         sequence: &'a Sequence,
         contender: &'a Contender,
         settings: Settings,
+        retry_failed: bool,
     ) -> Result<Self, RunError> {
         let pairs = settings
             .limit
@@ -72,26 +79,26 @@ impl<'a> Part<'a> {
             let matcher = contender.source.id();
             let (file, records) = folder.recover(&sequence.name, matcher, &variant.name)?;
             part.check(&file, &variant.name, &records)?;
-            // A source outside may do better another time; what is here would do the same again.
-            let outside = matches!(contender.source, Source::Points(_));
-            let failed = (records.iter().enumerate()).filter(|(_, record)| has_failed(record));
-            let failed: BTreeSet<usize> = failed.map(|(index, _)| index).collect();
-            let (again, failed) = if outside {
-                (failed, 0)
-            } else {
-                (BTreeSet::new(), failed.len())
-            };
-            part.sheets.push(Sheet {
+            let mut sheet = Sheet {
                 file,
                 done: records.len(),
-                failed,
-                records: if again.is_empty() {
-                    Vec::new()
-                } else {
-                    records
-                },
-                again,
-            });
+                failed: 0,
+                again: BTreeSet::new(),
+                records: Vec::new(),
+            };
+            for (place, record) in records.iter().enumerate() {
+                match record.outcome {
+                    Outcome::Failed { may_pass, .. } if may_pass || retry_failed => {
+                        sheet.again.insert(place);
+                    }
+                    Outcome::Failed { .. } => sheet.failed += 1,
+                    _ => {}
+                }
+            }
+            if !sheet.again.is_empty() {
+                sheet.records = records;
+            }
+            part.sheets.push(sheet);
         }
         Ok(part)
     }
@@ -129,7 +136,8 @@ impl<'a> Part<'a> {
 
     pub(super) fn summary(&self) -> RunSummary {
         RunSummary {
-            total: self.pairs.len() * self.repetitions as usize * self.sheets.len(),
+            total: (self.pairs.len().saturating_mul(self.repetitions as usize))
+                .saturating_mul(self.sheets.len()),
             before: (self.sheets.iter())
                 .map(|sheet| sheet.done - sheet.again.len())
                 .sum(),
@@ -140,52 +148,102 @@ impl<'a> Part<'a> {
     }
 
     /// What is tried again, in the same order.
-    pub(super) fn units_again(&self) -> Vec<Unit<'a>> {
-        self.units_where(|sheet, task| sheet.again.contains(&task))
-    }
-
-    /// Puts a record in the place of one that failed.
-    ///
-    /// # Errors
-    /// If the file cannot be written.
-    pub(super) fn replace(
-        &mut self,
-        estimator: usize,
-        record: RunRecord,
-    ) -> Result<(), StoreError> {
-        let sheet = &mut self.sheets[estimator];
-        let place = sheet.records.iter().position(|old| old.task == record.task);
-        sheet.records[place.expect("it was recorded before")] = record;
-        store::rewrite(&sheet.file, &sheet.records)
+    pub(super) fn units_again(&self) -> impl Iterator<Item = Unit<'a>> {
+        let any = self.sheets.iter().any(|sheet| !sheet.again.is_empty());
+        let pairs = if any { self.pairs } else { &[] };
+        self.units_where(pairs, 0, |sheet, task| sheet.again.contains(&task))
     }
 
     /// What is left, pair by pair; within a pair repetition by repetition.
-    pub(super) fn units(&self) -> Vec<Unit<'a>> {
-        self.units_where(|sheet, task| task >= sheet.done)
+    pub(super) fn units(&self) -> impl Iterator<Item = Unit<'a>> {
+        let done = self.sheets.iter().map(|sheet| sheet.done).min();
+        let first = done.unwrap_or(0) / self.repetitions as usize;
+        let pairs = self.pairs.get(first..).unwrap_or_default();
+        self.units_where(pairs, first, |sheet, task| task >= sheet.done)
     }
 
-    /// The tasks that are `due`, told by the sheet and the place of the task in it.
-    fn units_where(&self, is_due: impl Fn(&Sheet, usize) -> bool) -> Vec<Unit<'a>> {
-        let mut units = Vec::new();
-        let mut first_task = 0;
-        for pair in self.pairs {
-            let due: Vec<Due> = (0..self.repetitions)
-                .flat_map(|repetition| {
-                    (0..self.sheets.len()).map(move |estimator| Due {
-                        repetition,
-                        estimator,
-                    })
-                })
-                .filter(|due| {
-                    let task = first_task + due.repetition as usize;
-                    is_due(&self.sheets[due.estimator], task)
-                })
-                .collect();
-            if !due.is_empty() {
-                units.push(Unit { pair, due });
+    /// The tasks of `pairs` that are `due`, told by the sheet and the place of the task in it; `first`
+    /// is the index of the first of these pairs. Nothing is listed before it is asked for, and no unit
+    /// has more than [`MOST_REPETITIONS`]: their number may be anything.
+    fn units_where(
+        &self,
+        pairs: &'a [Pair],
+        first: usize,
+        is_due: impl Fn(&Sheet, usize) -> bool,
+    ) -> impl Iterator<Item = Unit<'a>> {
+        let tasks = (pairs.iter().zip(first..)).flat_map(move |(pair, index)| {
+            (0..self.repetitions)
+                .step_by(MOST_REPETITIONS as usize)
+                .map(move |repetition| (pair, index, repetition))
+        });
+        tasks.filter_map(move |(pair, index, from)| {
+            let first_task = index * self.repetitions as usize;
+            let to = self.repetitions.min(from.saturating_add(MOST_REPETITIONS));
+            let mut due = Vec::new();
+            for repetition in from..to {
+                let task = first_task + repetition as usize;
+                for (estimator, sheet) in self.sheets.iter().enumerate() {
+                    if is_due(sheet, task) {
+                        due.push(Due {
+                            repetition,
+                            estimator,
+                        });
+                    }
+                }
             }
-            first_task += self.repetitions as usize;
+            (!due.is_empty()).then_some(Unit { pair, due })
+        })
+    }
+
+    /// The records that are to be replaced, of each estimator.
+    pub(super) fn replacements(&self) -> Vec<Replacement> {
+        let sheets = self.sheets.iter();
+        let replacement = sheets.map(|sheet| Replacement {
+            file: sheet.file.clone(),
+            records: sheet.records.clone(),
+            due: sheet.again.iter().copied().collect(),
+            written: Instant::now(),
+            changed: false,
+        });
+        replacement.collect()
+    }
+}
+
+/// The records of one estimator, some of which are done again.
+pub(super) struct Replacement {
+    file: PathBuf,
+    records: Vec<RunRecord>,
+    /// The places of those that are still to come.
+    due: VecDeque<usize>,
+    written: Instant,
+    changed: bool,
+}
+
+impl Replacement {
+    /// Puts a record in the place of one that failed; they come in the order of the tasks. The file is
+    /// written anew once a second, and by [`Replacement::write`].
+    ///
+    /// # Errors
+    /// If the file cannot be written; the earlier records are then still there.
+    pub(super) fn put(&mut self, record: RunRecord) -> Result<(), StoreError> {
+        let place = (self.due.pop_front()).filter(|&place| self.records[place].task == record.task);
+        self.records[place.expect("tasks are done in their order")] = record;
+        self.changed = true;
+        if self.written.elapsed() >= REWRITTEN {
+            self.write()?;
         }
-        units
+        Ok(())
+    }
+
+    /// Writes what was replaced.
+    ///
+    /// # Errors
+    /// As [`Replacement::put`].
+    pub(super) fn write(&mut self) -> Result<(), StoreError> {
+        if mem::take(&mut self.changed) {
+            store::rewrite(&self.file, &self.records)?;
+            self.written = Instant::now();
+        }
+        Ok(())
     }
 }

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use matchbench_vision::features::{Descriptors, Features, Keypoint};
 
 use super::frame::Extracted;
+use super::guard::Broken;
 use super::part::{Due, Unit};
 use crate::datasets::Pair;
 
@@ -41,7 +42,7 @@ pub(super) struct PairJob<'a> {
 /// One of the two images of a pair.
 #[derive(Clone, Copy)]
 pub(super) struct Side<'a> {
-    pub(super) features: Result<&'a Features, &'a str>,
+    pub(super) features: Result<&'a Features, &'a Broken>,
     /// How long the extraction took, in the first pair after it.
     pub(super) seconds: Option<f64>,
 }
@@ -134,8 +135,7 @@ impl Resident {
             features: self.slots[frame]
                 .extracted
                 .features
-                .as_ref()
-                .map_err(|reason| &**reason),
+                .as_ref(),
             seconds,
         };
         (window.iter().zip(seconds))

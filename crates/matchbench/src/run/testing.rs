@@ -87,6 +87,7 @@ pub(super) fn records_of(folder: &Path, contenders: &[Contender]) -> Vec<RunReco
         decode,
         keep_matches: true,
         feature_memory: 20_000,
+        retry_failed: false,
     };
     run.execute(&Silent, &Cancel::default()).unwrap();
     let mut records = RunFolder::open(&run_folder).unwrap().records().unwrap();

@@ -63,6 +63,7 @@ impl Bench {
             decode,
             keep_matches: true,
             feature_memory: 20_000,
+            retry_failed: false,
         };
         let pool = ThreadPoolBuilder::new().num_threads(self.threads).build();
         pool.unwrap().install(|| run.execute(observer, cancel))
@@ -453,7 +454,7 @@ fn what_breaks_is_recorded_and_counted() {
         let records = bench.records("run");
         let reasons: Vec<&String> = (records.iter())
             .filter_map(|record| match &record.outcome {
-                Outcome::Failed { reason } => Some(reason),
+                Outcome::Failed { reason, .. } => Some(reason),
                 _ => None,
             })
             .collect();
@@ -483,10 +484,10 @@ fn an_image_that_cannot_be_read_fails_its_pairs_alone() {
         let task = &record.task;
         let missing = |frame| task.dataset == "street" && (task.a == frame || task.b == frame);
         match &record.outcome {
-            Outcome::Failed { reason } if missing(3) => {
+            Outcome::Failed { reason, .. } if missing(3) => {
                 assert!(reason.contains("0003.raw failed: the last row"), "{reason}");
             }
-            Outcome::Failed { reason } => {
+            Outcome::Failed { reason, .. } => {
                 assert!(missing(6) && reason.contains("cannot read"), "{reason}");
                 assert!(reason.contains("0006.raw"), "{reason}");
             }
@@ -533,7 +534,7 @@ fn too_few_matches_and_too_little_support_are_no_pose() {
                 little += 1;
             }
             Outcome::Pose { support, .. } => assert!(selected >= 20 && support >= 10),
-            Outcome::Failed { reason } => panic!("{reason}"),
+            Outcome::Failed { reason, .. } => panic!("{reason}"),
         }
     }
     assert!(few > 20 && little > 20, "{few} {little}");

@@ -99,15 +99,43 @@ impl Camera {
                 "the calibration matrix is not [fx 0 cx; 0 fy cy; 0 0 1]".into(),
             ));
         }
-        if k[(0, 0)] <= 0.0 || k[(1, 1)] <= 0.0 {
+        let camera = Self::pinhole(k[(0, 0)], k[(1, 1)], k[(0, 2)], k[(1, 2)]);
+        camera.check().map(|()| camera)
+    }
+
+    /// Whether these are numbers that a camera can have: all finite, focal lengths positive, nothing
+    /// beyond [`Camera::MOST_PIXELS`], coefficients of the lens not beyond [`Camera::MOST_DISTORTION`].
+    ///
+    /// # Errors
+    /// The first number that cannot be.
+    pub fn check(&self) -> Result<(), CameraError> {
+        let Self { fx, fy, cx, cy, .. } = *self;
+        if fx <= 0.0 || fy <= 0.0 {
             return Err(CameraError(format!(
-                "focal lengths must be positive, found fx {} and fy {}",
-                k[(0, 0)],
-                k[(1, 1)]
+                "focal lengths must be positive, found fx {fx} and fy {fy}"
             )));
         }
-        Ok(Self::pinhole(k[(0, 0)], k[(1, 1)], k[(0, 2)], k[(1, 2)]))
+        let pixels = [("fx", fx), ("fy", fy), ("cx", cx), ("cy", cy)].map(|(name, x)| {
+            (name, x, Self::MOST_PIXELS)
+        });
+        let lens = self.distortion.map_or_else(Vec::new, |lens| {
+            let Distortion { k1, k2, p1, p2, k3 } = lens;
+            [("k1", k1), ("k2", k2), ("p1", p1), ("p2", p2), ("k3", k3)]
+                .map(|(name, x)| (name, x, Self::MOST_DISTORTION))
+                .to_vec()
+        });
+        match (pixels.into_iter().chain(lens)).find(|(_, x, most)| !(x.abs() <= *most)) {
+            Some((name, x, most)) => Err(CameraError(format!(
+                "{name} is {x}; no camera has one beyond {most}"
+            ))),
+            None => Ok(()),
+        }
     }
+
+    /// Largest focal length and coordinate of the principal point, in pixels.
+    pub const MOST_PIXELS: f64 = 1e7;
+    /// Largest coefficient of lens distortion; those of real lenses are below 10.
+    pub const MOST_DISTORTION: f64 = 1e3;
 
     /// The calibration matrix `K`.
     pub fn matrix(&self) -> Matrix3<f64> {
@@ -214,6 +242,27 @@ mod tests {
                 .to_string()
                 .contains("skew 0.5")
         );
+    }
+
+    #[test]
+    fn what_no_camera_has_is_refused_by_name() {
+        assert_eq!(FREIBURG1.check(), Ok(()));
+        type Change = fn(&mut Camera);
+        let cases: [(Change, &str); 7] = [
+            (|c| c.fx = 0.0, "positive"),
+            (|c| c.fy = -500.0, "positive"),
+            (|c| c.fx = f64::NAN, "fx is NaN"),
+            (|c| c.fy = f64::INFINITY, "fy is inf"),
+            (|c| c.cx = f64::NAN, "cx is NaN"),
+            (|c| c.cy = 1e300, "cy is 1"),
+            (|c| c.distortion.as_mut().unwrap().k3 = 1e9, "k3 is 1000000000"),
+        ];
+        for (change, named) in cases {
+            let mut camera = FREIBURG1;
+            change(&mut camera);
+            let message = camera.check().unwrap_err().to_string();
+            assert!(message.contains(named), "{message}");
+        }
     }
 
     #[test]

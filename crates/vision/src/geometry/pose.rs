@@ -1,6 +1,6 @@
 //! Relative pose of two cameras up to scale, and how far one is from another.
 
-use nalgebra::{Isometry3, UnitQuaternion, UnitVector3};
+use nalgebra::{Isometry3, UnitQuaternion, UnitVector3, Vector3};
 
 /// Rotation and direction of translation that take a point from camera `a` to camera `b`:
 /// `x_b = R x_a + s t` for an unknown scale `s > 0`. Two images cannot tell the scale.
@@ -25,11 +25,25 @@ pub struct PoseError {
 impl RelativePose {
     /// The pose without its scale; `None` where the translation is zero or not finite.
     pub fn from_isometry(b_from_a: &Isometry3<f64>) -> Option<Self> {
-        let direction = UnitVector3::try_new(b_from_a.translation.vector, f64::MIN_POSITIVE)?;
-        direction.iter().all(|x| x.is_finite()).then_some(Self {
+        Some(Self {
             rotation: b_from_a.rotation,
-            direction,
+            direction: Self::direction_of(&b_from_a.translation.vector)?,
         })
+    }
+
+    /// The direction of a translation of any length; `None` where it is zero or not finite.
+    ///
+    /// The squares of lengths above 1e154 overflow, those below 1e-154 vanish: such a translation is
+    /// scaled first, by its largest number.
+    pub fn direction_of(translation: &Vector3<f64>) -> Option<UnitVector3<f64>> {
+        let largest = translation.amax();
+        let scaled = if (1e-100..=1e100).contains(&largest) {
+            *translation
+        } else {
+            translation.unscale(largest)
+        };
+        let direction = UnitVector3::try_new(scaled, f64::MIN_POSITIVE)?;
+        direction.iter().all(|x| x.is_finite()).then_some(direction)
     }
 
     /// The angles between this pose and the `true_pose`.
@@ -64,8 +78,6 @@ impl PoseError {
 mod tests {
     use std::f64::consts::PI;
 
-    use nalgebra::Vector3;
-
     use super::*;
 
     fn pose(angle: f64, direction: [f64; 3]) -> RelativePose {
@@ -87,6 +99,21 @@ mod tests {
     fn the_opposite_translation_is_180_degrees_wrong() {
         let error = pose(0.0, [1.0, 0.0, 0.0]).error(&pose(0.0, [-1.0, 0.0, 0.0]));
         assert!((error.translation - PI).abs() < 1e-7);
+    }
+
+    #[test]
+    fn a_direction_has_length_1_however_long_the_translation() {
+        for length in [5e-324, 1e-308, 1e-200, 1.0, 1e154, 1e200, f64::MAX] {
+            let direction = RelativePose::direction_of(&Vector3::new(0.0, -length, 0.0));
+            let direction = direction.expect("it is finite and not zero");
+            assert_eq!(direction.into_inner(), Vector3::new(0.0, -1.0, 0.0));
+            let other = RelativePose::direction_of(&Vector3::new(length, length, 0.0)).unwrap();
+            assert!((other.norm() - 1.0).abs() < 1e-12);
+        }
+        for wrong in [f64::NAN, f64::INFINITY, 0.0] {
+            assert_eq!(RelativePose::direction_of(&Vector3::new(0.0, wrong, 0.0)), None);
+        }
+        assert_eq!(RelativePose::direction_of(&Vector3::new(f64::NAN, 1.0, 0.0)), None);
     }
 
     #[test]

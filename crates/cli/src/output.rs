@@ -1,0 +1,89 @@
+//! What the program says and writes, whatever becomes of it: a standard error that is closed or full
+//! takes no result away, a file called `-` is standard output, and bytes of files that are not ours
+//! reach the terminal as text and not as commands.
+
+use std::fmt;
+use std::io::{self, Write};
+use std::path::Path;
+
+use matchbench::files::write_whole;
+
+/// Longest word that is repeated in a message, in characters.
+const LONGEST_WORD: usize = 300;
+
+/// Says something on standard error, as `eprintln` does, and goes on where nobody listens.
+macro_rules! say {
+    ($($what:tt)*) => { $crate::output::say_line(format_args!($($what)*)) };
+}
+pub(crate) use say;
+
+pub(crate) fn say_line(what: fmt::Arguments<'_>) {
+    let text = plain(&what.to_string());
+    let _ = writeln!(io::stderr(), "{text}");
+}
+
+/// Writes a result to a file, whole, or to standard output where the file is called `-` or `/dev/stdout`.
+pub(crate) fn write_result(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    if is_standard_output(path) {
+        let mut out = io::stdout();
+        return out.write_all(bytes).and_then(|()| out.flush());
+    }
+    write_whole(path, bytes)
+}
+
+/// Whether a file is `-`, or the name that Unix systems give standard output.
+pub(crate) fn is_standard_output(path: &Path) -> bool {
+    path == Path::new("-") || path == Path::new("/dev/stdout")
+}
+
+/// The text without what a terminal would obey, and without words of megabytes: messages repeat parts
+/// of files, and those may hold anything.
+pub(crate) fn plain(text: &str) -> String {
+    let mut plain = String::with_capacity(text.len().min(1 << 16));
+    for part in text.split_inclusive(|c: char| c == '\n' || c == ' ') {
+        let mut characters = part.chars();
+        for c in characters.by_ref().take(LONGEST_WORD) {
+            if c != '\n' && (c.is_control() || turns_the_text(c)) {
+                plain.extend(c.escape_unicode());
+            } else {
+                plain.push(c);
+            }
+        }
+        match characters.count() {
+            0 => {}
+            more => {
+                plain.push_str(&format!("... ({more} characters more)"));
+                plain.extend(part.chars().next_back().filter(|c| " \n".contains(*c)));
+            }
+        }
+    }
+    plain
+}
+
+/// Whether a character changes the direction of those around it, so that names read as others.
+fn turns_the_text(c: char) -> bool {
+    matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_terminal_is_not_obeyed_to_a_file() {
+        let shown = plain("a.txt:3: `\u{1b}[2J\u{1b}]0;x\u{7}\r\u{202e}` is no number\nnext");
+        assert_eq!(
+            shown,
+            "a.txt:3: `\\u{1b}[2J\\u{1b}]0;x\\u{7}\\u{d}\\u{202e}` is no number\nnext"
+        );
+        assert_eq!(plain("ünïcode – 数"), "ünïcode – 数");
+    }
+
+    #[test]
+    fn a_long_word_is_cut() {
+        let word = "x".repeat(100_000);
+        let shown = plain(&format!("`{word}` is no number\nnext"));
+        assert!(shown.len() < 400, "{}", shown.len());
+        assert!(shown.ends_with("characters more) is no number\nnext"), "{shown}");
+    }
+}

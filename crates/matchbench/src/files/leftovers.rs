@@ -1,0 +1,85 @@
+//! What killed processes left half written: hidden files and folders that nobody holds.
+//!
+//! Everything that is written beside its place begins with [`PREFIX`] and is locked while its process
+//! lives; a folder by a file in it. The lock ends with the process, however that ends, so what can be
+//! locked belongs to nobody.
+
+use std::fs::{self, File};
+use std::path::Path;
+use std::time::Duration;
+
+/// How the names of all begin that is written beside its place.
+pub(crate) const PREFIX: &str = ".matchbench-";
+/// The file by which a temporary folder is held.
+pub(crate) const HELD: &str = ".held";
+/// What is younger may not be locked yet by who makes it.
+const YOUNG: Duration = Duration::from_secs(1);
+
+/// Marks a temporary file as one that is being written, as long as it is open.
+pub(crate) fn hold(file: &File) {
+    // Where a file system knows no locks, leftovers stay: that is no reason to write nothing.
+    let _ = file.try_lock();
+}
+
+/// Removes what killed processes left in a folder, not in those below it.
+pub fn remove_leftovers(folder: &Path) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        if entry.file_name().to_string_lossy().starts_with(PREFIX) {
+            remove_if_left(&entry.path());
+        }
+    }
+}
+
+/// Errors are of no concern: what cannot be removed stays what it is, hidden and in nobody's way.
+fn remove_if_left(path: &Path) {
+    let Ok(metadata) = fs::symlink_metadata(path) else {
+        return;
+    };
+    let age = metadata.modified().ok().and_then(|time| time.elapsed().ok());
+    if age.is_none_or(|age| age < YOUNG) {
+        return;
+    }
+    let is_free = |file: &Path| {
+        let file = File::options().write(true).open(file);
+        file.and_then(|file| Ok(file.try_lock()?)).is_ok()
+    };
+    if metadata.is_file() && is_free(path) {
+        let _ = fs::remove_file(path);
+    } else if metadata.is_dir() && is_free(&path.join(HELD)) {
+        let _ = fs::remove_dir_all(path);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::SystemTime;
+
+    use super::*;
+
+    #[test]
+    fn what_is_held_or_young_or_another_s_stays() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let at = |name: &str| folder.path().join(name);
+        let make = |name: &str, seconds: u64| {
+            let file = File::create(at(name)).expect("writable");
+            let time = SystemTime::now() - Duration::from_secs(seconds);
+            file.set_modified(time).expect("it is ours");
+            file
+        };
+        drop(make(".matchbench-left", 60));
+        drop(make(".matchbench-young", 0));
+        drop(make(".other", 60));
+        let held = make(".matchbench-held", 60);
+        hold(&held);
+        fs::create_dir(at(".matchbench-folder")).expect("writable");
+        drop(make(".matchbench-folder/.held", 60));
+        let old = SystemTime::now() - Duration::from_secs(60);
+        (File::open(at(".matchbench-folder")).and_then(|f| f.set_modified(old))).expect("ours");
+        remove_leftovers(folder.path());
+        let mut left: Vec<_> = (fs::read_dir(folder.path()).expect("readable"))
+            .map(|entry| entry.expect("readable").file_name())
+            .collect();
+        left.sort();
+        assert_eq!(left, [".matchbench-held", ".matchbench-young", ".other"]);
+    }
+}

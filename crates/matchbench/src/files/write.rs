@@ -1,0 +1,146 @@
+//! Writing of whole files.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use super::{PREFIX, hold};
+
+/// Writes `contents` beside `path` and renames it into place, so that whoever reads `path` finds
+/// the old file or the new one, never a part. Missing folders are made. A file that was there keeps
+/// its permissions, a link keeps leading where it led; what is no file (a device, a pipe) is written
+/// into.
+///
+/// # Errors
+/// What the file system says, with the path named; if a folder is there, or a file that may not be
+/// written to.
+pub fn write_whole(path: &Path, contents: &[u8]) -> io::Result<()> {
+    write(path, contents).map_err(|error| {
+        io::Error::new(
+            error.kind(),
+            format!("cannot write {}: {error}", path.display()),
+        )
+    })
+}
+
+fn write(path: &Path, contents: &[u8]) -> io::Result<()> {
+    let before = match fs::metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+        metadata => Some(metadata?),
+    };
+    if let Some(before) = &before {
+        // A file that must not be written to must not be replaced either.
+        let mut there = OpenOptions::new().write(true).open(path)?;
+        if !before.is_file() {
+            return there.write_all(contents);
+        }
+    }
+    let path = &followed(path)?;
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    fs::create_dir_all(folder)?;
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(PREFIX);
+    // Temporary files are private to their owner; this one becomes an ordinary file.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut beside = builder.tempfile_in(folder)?;
+    hold(beside.as_file());
+    beside.write_all(contents)?;
+    if let Some(before) = &before {
+        keep_owner(beside.as_file(), before);
+        beside.as_file().set_permissions(before.permissions())?;
+    }
+    beside.as_file().sync_data()?;
+    beside.persist(path).map_err(|error| error.error)?;
+    Ok(())
+}
+
+/// Where `path` leads: the end of a chain of links, whether there is something or not.
+fn followed(path: &Path) -> io::Result<PathBuf> {
+    /// As many as Linux follows.
+    const MOST_LINKS: usize = 40;
+    let mut path = path.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        match fs::read_link(&path) {
+            Ok(target) => path = path.parent().unwrap_or(Path::new("")).join(target),
+            Err(_) => return Ok(path),
+        }
+    }
+    Err(io::Error::other("too many links lead on from it"))
+}
+
+/// Gives a file to whom the earlier one belongs, where that may be done.
+#[cfg(unix)]
+fn keep_owner(file: &File, before: &fs::Metadata) {
+    use std::os::unix::fs::{MetadataExt, fchown};
+    let _ = fchown(file, Some(before.uid()), Some(before.gid()));
+}
+
+#[cfg(not(unix))]
+fn keep_owner(_: &File, _: &fs::Metadata) {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_replaced_and_nothing_is_left_beside() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("new/file.txt");
+        write_whole(&path, b"old").expect("writable");
+        write_whole(&path, b"new").expect("writable");
+        assert_eq!(fs::read(&path).expect("readable"), b"new");
+        let beside = fs::read_dir(path.parent().expect("has a folder")).expect("readable");
+        assert_eq!(beside.count(), 1);
+    }
+
+    #[test]
+    fn an_error_names_the_file() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        fs::write(folder.path().join("file"), b"").expect("writable");
+        let path = folder.path().join("file/below");
+        let error = write_whole(&path, b"").expect_err("a file is no folder");
+        assert!(error.to_string().contains("below"), "{error}");
+        assert!(write_whole(folder.path(), b"").is_err(), "it is a folder");
+        assert!(folder.path().join("file").is_file());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_lead_on_permissions_stay_and_pipes_are_written_into() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let [file, link, far] = ["file", "link", "far"].map(|name| folder.path().join(name));
+        fs::write(&file, b"old").expect("writable");
+        let private = fs::Permissions::from_mode(0o600);
+        fs::set_permissions(&file, private).expect("it is ours");
+        symlink("file", &link).expect("writable");
+        symlink("link", &far).expect("writable");
+        write_whole(&far, b"new").expect("writable");
+        assert_eq!(fs::read(&file).expect("readable"), b"new");
+        let metadata = fs::symlink_metadata(&file).expect("there");
+        assert_eq!(metadata.permissions().mode() & 0o777, 0o600);
+        for link in [&link, &far] {
+            assert!(fs::symlink_metadata(link).expect("there").is_symlink());
+        }
+        fs::remove_file(&file).expect("it is ours");
+        write_whole(&link, b"again").expect("a link to nothing makes the file");
+        assert_eq!(fs::read(&file).expect("readable"), b"again");
+
+        let pipe = folder.path().join("pipe");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(made.expect("mkfifo is part of every system").success());
+        let reader = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || fs::read(pipe).expect("readable")
+        });
+        write_whole(&pipe, b"through").expect("somebody reads");
+        assert_eq!(reader.join().expect("it ended"), b"through");
+        write_whole(Path::new("/dev/null"), b"gone").expect("it takes all");
+        let null = fs::metadata("/dev/null").expect("there");
+        assert!(!null.is_file(), "a device stays a device");
+    }
+}

@@ -1,0 +1,175 @@
+//! Which images the records of a run are of: `images/<dataset>.txt` in its folder, a line `frame hash`
+//! for each image as it is first used, the hash being BLAKE3 of its bytes.
+//!
+//! The content of the images belongs to the plan of a run as much as its parameters do. It is noted
+//! when the images are read and not before, since reading them all would delay every start. A run that
+//! goes on compares the images that it has noted, and refuses those that have changed: their pairs
+//! would be of two images, and an estimator that is added later would judge matches of another one.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use blake3::Hash;
+use rayon::prelude::*;
+
+use super::FolderError;
+use crate::files::{read_file, read_text};
+
+/// The folder of these files within the folder of a run.
+const FOLDER: &str = "images";
+
+/// The images of one dataset that a run has used.
+#[derive(Debug)]
+pub(crate) struct ImageNotes {
+    run: PathBuf,
+    dataset: String,
+    path: PathBuf,
+    known: BTreeMap<u32, Hash>,
+    /// Length of the whole lines of the file.
+    end: u64,
+    writer: Option<File>,
+}
+
+impl ImageNotes {
+    /// What is noted in the folder of a `run`; nothing where there is no file. A torn last line does
+    /// not count.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or has a line that is none of these.
+    pub(crate) fn open(run: &Path, dataset: &str) -> Result<Self, FolderError> {
+        let path = run.join(FOLDER).join(format!("{dataset}.txt"));
+        let text = match read_text(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
+            text => text.map_err(FolderError::io("read", &path))?,
+        };
+        let whole = text.rfind('\n').map_or(0, |end| end + 1);
+        let mut known = BTreeMap::new();
+        for (index, line) in text[..whole].lines().enumerate() {
+            let (frame, hash) = parse(line).ok_or_else(|| FolderError::Damaged {
+                path: path.clone(),
+                reason: format!("line {} is not `frame hash`", index + 1),
+            })?;
+            known.insert(frame, hash);
+        }
+        Ok(Self {
+            run: run.into(),
+            dataset: dataset.into(),
+            path,
+            known,
+            end: whole as u64,
+            writer: None,
+        })
+    }
+
+    /// Whether the images are still those that were noted; `image` is the file of a frame. One that
+    /// cannot be read has not changed: nothing is done with it.
+    ///
+    /// # Errors
+    /// [`FolderError::ImageChanged`] for the first that is another.
+    pub(crate) fn verify<'a>(
+        &self,
+        image: impl Fn(u32) -> Option<&'a Path> + Sync,
+    ) -> Result<(), FolderError> {
+        let known: Vec<(&u32, &Hash)> = self.known.iter().collect();
+        let changed = known.par_iter().find_map_first(|&(&frame, &noted)| {
+            let path = image(frame)?;
+            let now = blake3::hash(&read_file(path).ok()?);
+            (now != noted).then(|| self.changed(frame, path))
+        });
+        changed.map_or(Ok(()), Err)
+    }
+
+    /// Whether the content of an image is known.
+    pub(crate) fn is_noted(&self, frame: u32) -> bool {
+        self.known.contains_key(&frame)
+    }
+
+    /// Refuses an image that is another than the one that was noted.
+    ///
+    /// # Errors
+    /// [`FolderError::ImageChanged`].
+    pub(crate) fn check(&self, frame: u32, path: &Path, hash: Hash) -> Result<(), FolderError> {
+        match self.known.get(&frame) {
+            Some(known) if *known != hash => Err(self.changed(frame, path)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Notes the content of an image that is used; one that is noted already must be the same.
+    ///
+    /// # Errors
+    /// [`FolderError::ImageChanged`]; or if the file cannot be written.
+    pub(crate) fn note(&mut self, frame: u32, path: &Path, hash: Hash) -> Result<(), FolderError> {
+        self.check(frame, path, hash)?;
+        if self.known.contains_key(&frame) {
+            return Ok(());
+        }
+        let line = format!("{frame} {}\n", hash.to_hex());
+        let written = self.writer().and_then(|file| file.write_all(line.as_bytes()));
+        written.map_err(FolderError::io("append to", &self.path))?;
+        self.known.insert(frame, hash);
+        Ok(())
+    }
+
+    fn writer(&mut self) -> io::Result<&mut File> {
+        if self.writer.is_none() {
+            self.path.parent().map_or(Ok(()), fs::create_dir_all)?;
+            let mut options = OpenOptions::new();
+            let file = options.create(true).append(true).open(&self.path)?;
+            // Drops what a killed process left unfinished.
+            file.set_len(self.end)?;
+            self.writer = Some(file);
+        }
+        Ok(self.writer.as_mut().expect("it was just made"))
+    }
+
+    fn changed(&self, frame: u32, path: &Path) -> FolderError {
+        FolderError::ImageChanged {
+            image: path.into(),
+            folder: self.run.clone(),
+            dataset: self.dataset.clone(),
+            frame,
+        }
+    }
+}
+
+fn parse(line: &str) -> Option<(u32, Hash)> {
+    let (frame, hash) = line.split_once(' ')?;
+    Some((frame.parse().ok()?, Hash::from_hex(hash).ok()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_changed_image_is_refused_by_name_also_by_the_next_process() {
+        let folder = tempfile::tempdir().unwrap();
+        let image = folder.path().join("0001.png");
+        fs::write(&image, b"pixels").unwrap();
+        let hash = blake3::hash(b"pixels");
+        let mut notes = ImageNotes::open(folder.path(), "room").unwrap();
+        notes.note(1, &image, hash).unwrap();
+        notes.note(2, &image, hash).unwrap();
+        let file = folder.path().join("images/room.txt");
+        let whole = fs::read(&file).unwrap();
+        for torn in [0, 1, 30] {
+            fs::write(&file, &whole[..whole.len() - torn]).unwrap();
+            let mut again = ImageNotes::open(folder.path(), "room").unwrap();
+            again.verify(|_| Some(&*image)).unwrap();
+            again.note(2, &image, hash).unwrap();
+            assert_eq!(fs::read(&file).unwrap(), whole, "torn by {torn}");
+        }
+        fs::write(&image, b"others").unwrap();
+        let again = ImageNotes::open(folder.path(), "room").unwrap();
+        let error = again.verify(|_| Some(&*image)).unwrap_err().to_string();
+        assert!(error.contains("0001.png") && error.contains("frame 1"), "{error}");
+        fs::remove_file(&image).unwrap();
+        again.verify(|_| Some(&*image)).unwrap();
+        fs::write(&file, "1 x\n").unwrap();
+        let error = ImageNotes::open(folder.path(), "room").unwrap_err();
+        assert!(error.to_string().contains("line 1"), "{error}");
+    }
+}

@@ -1,0 +1,155 @@
+//! One record as one line of text, with a checksum at its end.
+//!
+//! The last field of the object, `"check"`, is the beginning of the BLAKE3 hash of all bytes before it,
+//! so a bit that flipped on a disk is found where the number that it changed would pass for another.
+//! Lines of the first format have none; they may only stand before those that have.
+
+use super::RunRecord;
+
+const FIELD: &[u8] = b",\"check\":\"";
+const END: &[u8] = b"\"}";
+/// Hexadecimal digits of the checksum.
+const DIGITS: usize = 16;
+
+/// The line of a record, with its end.
+pub(super) fn to_line(record: &RunRecord) -> Vec<u8> {
+    let mut line = serde_json::to_vec(record).expect("a record has only strings and numbers");
+    line.pop(); // the brace, which comes after the checksum
+    let check = check(&line);
+    line.extend([FIELD, check.as_bytes(), END, b"\n"].concat());
+    line
+}
+
+/// Reads the lines of a file one after the other.
+#[derive(Debug, Default)]
+pub(super) struct LineReader {
+    /// Whether a line before had a checksum.
+    checked: bool,
+}
+
+impl LineReader {
+    /// The record of the next line; or what is wrong with it.
+    pub(super) fn next(&mut self, line: &[u8]) -> Result<RunRecord, String> {
+        let line = line.trim_ascii_end();
+        let parsed = match split(line) {
+            Some((body, stated)) => {
+                if check(body).as_bytes() != stated {
+                    return Err("its checksum is not that of its content".into());
+                }
+                self.checked = true;
+                serde_json::from_slice(&[body, b"}"].concat())
+            }
+            None if self.checked => return Err("it has no checksum".into()),
+            None => serde_json::from_slice(line),
+        };
+        let record: RunRecord = parsed.map_err(|error| error.to_string())?;
+        record.check()?;
+        Ok(record)
+    }
+}
+
+/// What the checksum is of, and the checksum; `None` where the line has none.
+fn split(line: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (body, stated) = line.strip_suffix(END)?.split_last_chunk::<DIGITS>()?;
+    Some((body.strip_suffix(FIELD)?, stated))
+}
+
+fn check(body: &[u8]) -> String {
+    blake3::hash(body).to_hex()[..DIGITS].to_owned()
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use matchbench_vision::geometry::RelativePose;
+    use nalgebra::{Isometry3, Vector3};
+    use proptest::prelude::*;
+
+    use super::super::{Counts, Outcome, StageTimes, Task};
+    use super::*;
+
+    /// A record with a pose that turns and moves by these vectors.
+    pub(in super::super) fn record(turn: [f64; 3], motion: [f64; 3]) -> RunRecord {
+        let motion = Isometry3::new(Vector3::from(motion), Vector3::from(turn));
+        let pose = RelativePose::from_isometry(&motion).expect("it moves");
+        RunRecord {
+            task: Task {
+                dataset: "office".into(),
+                matcher: "sift".into(),
+                estimator: "ransac-e".into(),
+                a: 3,
+                b: 4,
+                repetition: 0,
+            },
+            counts: Counts::default(),
+            outcome: Outcome::judged(&pose, &Isometry3::translation(1.0, 0.0, 0.0), 9, 12, 100),
+            times: StageTimes {
+                search: Some(0.25),
+                ..StageTimes::default()
+            },
+            device: None,
+        }
+    }
+
+    #[test]
+    fn every_bit_that_flips_is_found() {
+        let line = to_line(&record([0.1, 0.2, 0.3], [1.0, 2.0, 3.0]));
+        let ends = line.len() - 1;
+        for bit in 0..8 * ends {
+            let mut flipped = line.clone();
+            flipped[bit / 8] ^= 1 << (bit % 8);
+            assert!(LineReader::default().next(&flipped).is_err(), "bit {bit}");
+        }
+    }
+
+    #[test]
+    fn lines_without_a_checksum_come_first_or_not_at_all() {
+        let record = record([0.1, 0.0, 0.0], [0.0, 0.0, 1.0]);
+        let old = serde_json::to_vec(&record).unwrap();
+        let mut lines = LineReader::default();
+        assert_eq!(lines.next(&old).as_ref(), Ok(&record));
+        assert_eq!(lines.next(&to_line(&record)).as_ref(), Ok(&record));
+        assert!(lines.next(&old).unwrap_err().contains("no checksum"));
+    }
+
+    #[test]
+    fn numbers_that_no_run_writes_are_refused() {
+        let line = serde_json::to_string(&record([0.0; 3], [1.0, 0.0, 0.0])).unwrap();
+        for (from, to, named) in [
+            ("\"rotation_error\":0.0", "\"rotation_error\":-179.0", "rotation_error"),
+            ("\"rotation_error\":0.0", "\"rotation_error\":500.0", "rotation_error"),
+            ("\"translation_error\":0.0", "\"translation_error\":180.5", "translation_error"),
+            ("\"translation_error\":0.0", "\"translation_error\":1e999", "number out of range"),
+            ("\"rotation\":[1.0", "\"rotation\":[2.0", "rotation"),
+            ("\"rotation\":[1.0", "\"rotation\":[-1.0", "rotation"),
+            ("\"translation\":[1.0", "\"translation\":[1e200", "translation"),
+            ("\"translation\":[1.0", "\"translation\":[0.0", "translation"),
+            ("\"search\":0.25", "\"search\":-0.25", "seconds"),
+            ("\"b\":4", "\"b\":3", "itself"),
+        ] {
+            assert!(line.contains(from), "{from}: {line}");
+            let text = line.replacen(from, to, 1);
+            let reason = LineReader::default().next(text.as_bytes()).unwrap_err();
+            assert!(reason.contains(named), "{to}: {reason}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read_and_in_range(
+            turn in prop::array::uniform3(-3.0..3.0_f64),
+            motion in prop::array::uniform3(-1e3..1e3_f64),
+        ) {
+            prop_assume!(motion != [0.0; 3]);
+            let record = record(turn, motion);
+            let read = LineReader::default().next(&to_line(&record));
+            prop_assert_eq!(read, Ok(record));
+        }
+
+        #[test]
+        fn what_is_accepted_holds(text in "\\{.{0,80}\\}|.{0,40}") {
+            if let Ok(record) = LineReader::default().next(text.as_bytes()) {
+                prop_assert!(record.check().is_ok());
+            }
+        }
+    }
+}
