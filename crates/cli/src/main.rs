@@ -9,6 +9,7 @@ mod output;
 mod progress;
 mod threads;
 
+use std::num::NonZeroUsize;
 use std::process::ExitCode;
 use std::thread::available_parallelism;
 

@@ -84,6 +84,9 @@ mod tests {
         let word = "x".repeat(100_000);
         let shown = plain(&format!("`{word}` is no number\nnext"));
         assert!(shown.len() < 400, "{}", shown.len());
-        assert!(shown.ends_with("characters more) is no number\nnext"), "{shown}");
+        assert!(
+            shown.ends_with("characters more) is no number\nnext"),
+            "{shown}"
+        );
     }
 }

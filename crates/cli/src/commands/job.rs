@@ -10,8 +10,8 @@ use matchbench::records::{Settings, Tuned};
 use matchbench::run::{Contender, Dataset, Outside, Run, RunSummary, decode};
 
 use crate::Ending;
-use crate::progress::{Bar, cancel_on_ctrl_c};
 use crate::output::say;
+use crate::progress::{Bar, cancel_on_ctrl_c};
 
 /// Said when Ctrl-C stops a run.
 pub(crate) const AFTER_PAIRS: &str = "stopping after the pairs in flight; again to stop at once";

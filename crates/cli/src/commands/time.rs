@@ -11,8 +11,8 @@ use matchbench::time::{machine, time};
 use crate::Ending;
 use crate::args::TimeArgs;
 use crate::commands::job::changes;
-use crate::progress::cancel_on_ctrl_c;
 use crate::output::{say, write_result};
+use crate::progress::cancel_on_ctrl_c;
 
 pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
     let dataset = Dataset::open(&args.dataset)?;

@@ -52,7 +52,10 @@ impl Probe {
         let Some(first) = files.first() else {
             return Err(ExchangeError::new("", "no file is named", "name one"));
         };
-        let kind = |path: &Path| Ok(magic(path)?.map_or("text", |(_, kind)| kind));
+        let kind = |path: &Path| {
+            let known = magic(path)?;
+            Ok::<_, ExchangeError>(known.map_or("text", |(_, kind)| kind))
+        };
         let found = kind(first)?;
         // A folder of one file a pair may have very many: each says what it is when it is read.
         for other in files.iter().skip(1).take(8) {

@@ -35,7 +35,10 @@ fn remove_if_left(path: &Path) {
     let Ok(metadata) = fs::symlink_metadata(path) else {
         return;
     };
-    let age = metadata.modified().ok().and_then(|time| time.elapsed().ok());
+    let age = metadata
+        .modified()
+        .ok()
+        .and_then(|time| time.elapsed().ok());
     if age.is_none_or(|age| age < YOUNG) {
         return;
     }

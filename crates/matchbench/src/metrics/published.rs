@@ -139,6 +139,8 @@ fn score_row(row: &Row, truth: &Pair) -> PairResult {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::super::{load, load_chosen};
     use super::*;
 

@@ -8,7 +8,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -208,6 +207,8 @@ fn relative_pose(rows: &[f64; 12]) -> Result<Option<RelativePose>, String> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use nalgebra::Translation3;
 
     use super::super::{Counts, StageTimes, Task};
@@ -332,7 +333,10 @@ mod tests {
             else {
                 panic!("a pose with twelve inliers")
             };
-            assert_eq!((translation, translation_error), ([0.0, -1.0, 0.0], Some(180.0)));
+            assert_eq!(
+                (translation, translation_error),
+                ([0.0, -1.0, 0.0], Some(180.0))
+            );
         }
     }
 

@@ -5,7 +5,7 @@
 //! | `plan.json` | the [`Plan`], with the version of this format |
 //! | `records/<dataset>/<matcher>+<estimator>.jsonl` | a [`RunRecord`] a line, see [`store`] |
 //! | `matches/<dataset>/<matcher>.bin` | selected matches, see [`matches`]; absent if they were not kept |
-//! | `images/<dataset>.txt` | the content of the images that the records are of, see [`images`] |
+//! | `images/<dataset>.txt` | the content of the images that the records are of, see `images` |
 //! | `tuning.json` | a list of [`Tuned`], if settings were taken over from tuning |
 //! | `tuned.json` | a [`Tuned`], in the folder of a tuning |
 //! | `logs/<matcher>.log` | what a matcher from outside printed |
@@ -34,7 +34,7 @@ use serde::Deserialize;
 use super::growth::difference;
 use super::images::ImageNotes;
 use super::store::RecordWriter;
-use super::{FolderError, MatchesFile, Plan, RunRecord, StoreError, Tuned, images, matches, store};
+use super::{FolderError, MatchesFile, Plan, RunRecord, StoreError, Tuned, matches, store};
 use crate::files::{read_file, read_text, write_whole};
 
 /// Version of the format of run folders that this program writes, and the last that it reads.
@@ -244,14 +244,6 @@ impl RunWriter {
     /// If the file that notes them cannot be read or is damaged.
     pub(crate) fn images_of(&self, dataset: &str) -> Result<ImageNotes, FolderError> {
         ImageNotes::open(&self.folder.path, dataset)
-    }
-
-    /// Writes the records of one matcher with one estimator on one dataset anew.
-    ///
-    /// # Errors
-    /// If they cannot be written; the earlier ones are then still there.
-    pub(crate) fn rewrite(&self, file: &Path, records: &[RunRecord]) -> Result<(), StoreError> {
-        store::rewrite(file, records)
     }
 
     /// Appends to the records of one matcher with one estimator on one dataset; recover them first.

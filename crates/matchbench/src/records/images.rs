@@ -107,7 +107,9 @@ impl ImageNotes {
             return Ok(());
         }
         let line = format!("{frame} {}\n", hash.to_hex());
-        let written = self.writer().and_then(|file| file.write_all(line.as_bytes()));
+        let written = self
+            .writer()
+            .and_then(|file| file.write_all(line.as_bytes()));
         written.map_err(FolderError::io("append to", &self.path))?;
         self.known.insert(frame, hash);
         Ok(())
@@ -165,7 +167,10 @@ mod tests {
         fs::write(&image, b"others").unwrap();
         let again = ImageNotes::open(folder.path(), "room").unwrap();
         let error = again.verify(|_| Some(&*image)).unwrap_err().to_string();
-        assert!(error.contains("0001.png") && error.contains("frame 1"), "{error}");
+        assert!(
+            error.contains("0001.png") && error.contains("frame 1"),
+            "{error}"
+        );
         fs::remove_file(&image).unwrap();
         again.verify(|_| Some(&*image)).unwrap();
         fs::write(&file, "1 x\n").unwrap();

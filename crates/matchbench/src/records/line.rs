@@ -115,14 +115,38 @@ pub(super) mod tests {
     fn numbers_that_no_run_writes_are_refused() {
         let line = serde_json::to_string(&record([0.0; 3], [1.0, 0.0, 0.0])).unwrap();
         for (from, to, named) in [
-            ("\"rotation_error\":0.0", "\"rotation_error\":-179.0", "rotation_error"),
-            ("\"rotation_error\":0.0", "\"rotation_error\":500.0", "rotation_error"),
-            ("\"translation_error\":0.0", "\"translation_error\":180.5", "translation_error"),
-            ("\"translation_error\":0.0", "\"translation_error\":1e999", "number out of range"),
+            (
+                "\"rotation_error\":0.0",
+                "\"rotation_error\":-179.0",
+                "rotation_error",
+            ),
+            (
+                "\"rotation_error\":0.0",
+                "\"rotation_error\":500.0",
+                "rotation_error",
+            ),
+            (
+                "\"translation_error\":0.0",
+                "\"translation_error\":180.5",
+                "translation_error",
+            ),
+            (
+                "\"translation_error\":0.0",
+                "\"translation_error\":1e999",
+                "number out of range",
+            ),
             ("\"rotation\":[1.0", "\"rotation\":[2.0", "rotation"),
             ("\"rotation\":[1.0", "\"rotation\":[-1.0", "rotation"),
-            ("\"translation\":[1.0", "\"translation\":[1e200", "translation"),
-            ("\"translation\":[1.0", "\"translation\":[0.0", "translation"),
+            (
+                "\"translation\":[1.0",
+                "\"translation\":[1e200",
+                "translation",
+            ),
+            (
+                "\"translation\":[1.0",
+                "\"translation\":[0.0",
+                "translation",
+            ),
             ("\"search\":0.25", "\"search\":-0.25", "seconds"),
             ("\"b\":4", "\"b\":3", "itself"),
         ] {

@@ -65,9 +65,10 @@ impl RunRecord {
             ("rotation_error", Some(rotation_error)),
             ("translation_error", translation_error.as_ref()),
         ];
-        match errors.into_iter().find(|(_, error)| {
-            error.is_some_and(|error| !(0.0..=180.0).contains(error))
-        }) {
+        match errors
+            .into_iter()
+            .find(|(_, error)| error.is_some_and(|error| !(0.0..=180.0).contains(error)))
+        {
             Some((name, error)) => Err(format!(
                 "`{name}` is {}, and an angle is from 0 to 180 degrees",
                 error.copied().unwrap_or_default()

@@ -4,7 +4,6 @@
 //! A score on a scene that a parameter was tuned on is no test, so the scenes are named by their
 //! fingerprints, and a run of one of them is refused.
 
-use std::fs;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};

@@ -104,9 +104,8 @@ pub(super) fn lock(images: &Mutex<ImageNotes>) -> MutexGuard<'_, ImageNotes> {
 }
 
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, Broken> {
-    read_file(path).map_err(|error| {
-        Broken::for_now(format!("cannot read {}: {error}", path.display()))
-    })
+    read_file(path)
+        .map_err(|error| Broken::for_now(format!("cannot read {}: {error}", path.display())))
 }
 
 /// A file that is no image may become one, once it is copied again.

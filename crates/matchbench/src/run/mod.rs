@@ -219,7 +219,8 @@ impl Run<'_> {
         cancel: &Cancel,
         summary: &mut RunSummary,
     ) -> Result<(), RunError> {
-        let matches_of = || (folder.folder()).matches_of(&part.sequence.name, part.contender.source.id());
+        let matches_of =
+            || (folder.folder()).matches_of(&part.sequence.name, part.contender.source.id());
         let mut matches_file = matches_of()?;
         let mut told = |record: &RunRecord| {
             summary.add(record);

@@ -21,11 +21,9 @@ use super::seeds::pair_seed;
 use super::sourcing::sourced;
 use crate::datasets::Pair;
 use crate::matchers::{BuiltMatcher, BuiltPointSource, ImageFiles};
-use crate::records::matches::MatchesKey;
 use crate::records::images::ImageNotes;
-use crate::records::{
-    Counts, MatchesFile, RunRecord, SelectedMatches, StageTimes, StoreError,
-};
+use crate::records::matches::MatchesKey;
+use crate::records::{Counts, MatchesFile, RunRecord, SelectedMatches, StageTimes, StoreError};
 
 /// The stages that are done once per pair.
 pub(super) struct PairStages<'a> {
@@ -232,7 +230,7 @@ impl PairStages<'_> {
             a,
             b,
             images: (matcher.matcher.selects_by_pixels())
-                  .then(|| Ok::<_, Broken>((image(job.pair.a)?, image(job.pair.b)?)))
+                .then(|| Ok::<_, Broken>((image(job.pair.a)?, image(job.pair.b)?)))
                 .transpose()?,
             putative,
         })

@@ -132,10 +132,7 @@ impl Resident {
             .map(|unit| (take(unit.pair.a), take(unit.pair.b)))
             .collect();
         let side = |frame, seconds| Side {
-            features: self.slots[frame]
-                .extracted
-                .features
-                .as_ref(),
+            features: self.slots[frame].extracted.features.as_ref(),
             seconds,
         };
         (window.iter().zip(seconds))

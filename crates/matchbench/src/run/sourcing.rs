@@ -219,7 +219,8 @@ mod tests {
                 let Outcome::Failed {
                     reason,
                     may_pass: true,
-                } = record.outcome else {
+                } = record.outcome
+                else {
                     panic!("{named}: {:?}", record.outcome);
                 };
                 assert!(

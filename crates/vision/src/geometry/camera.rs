@@ -115,9 +115,8 @@ impl Camera {
                 "focal lengths must be positive, found fx {fx} and fy {fy}"
             )));
         }
-        let pixels = [("fx", fx), ("fy", fy), ("cx", cx), ("cy", cy)].map(|(name, x)| {
-            (name, x, Self::MOST_PIXELS)
-        });
+        let pixels = [("fx", fx), ("fy", fy), ("cx", cx), ("cy", cy)]
+            .map(|(name, x)| (name, x, Self::MOST_PIXELS));
         let lens = self.distortion.map_or_else(Vec::new, |lens| {
             let Distortion { k1, k2, p1, p2, k3 } = lens;
             [("k1", k1), ("k2", k2), ("p1", p1), ("p2", p2), ("k3", k3)]
@@ -255,7 +254,10 @@ mod tests {
             (|c| c.fy = f64::INFINITY, "fy is inf"),
             (|c| c.cx = f64::NAN, "cx is NaN"),
             (|c| c.cy = 1e300, "cy is 1"),
-            (|c| c.distortion.as_mut().unwrap().k3 = 1e9, "k3 is 1000000000"),
+            (
+                |c| c.distortion.as_mut().unwrap().k3 = 1e9,
+                "k3 is 1000000000",
+            ),
         ];
         for (change, named) in cases {
             let mut camera = FREIBURG1;

@@ -111,9 +111,15 @@ mod tests {
             assert!((other.norm() - 1.0).abs() < 1e-12);
         }
         for wrong in [f64::NAN, f64::INFINITY, 0.0] {
-            assert_eq!(RelativePose::direction_of(&Vector3::new(0.0, wrong, 0.0)), None);
+            assert_eq!(
+                RelativePose::direction_of(&Vector3::new(0.0, wrong, 0.0)),
+                None
+            );
         }
-        assert_eq!(RelativePose::direction_of(&Vector3::new(f64::NAN, 1.0, 0.0)), None);
+        assert_eq!(
+            RelativePose::direction_of(&Vector3::new(f64::NAN, 1.0, 0.0)),
+            None
+        );
     }
 
     #[test]

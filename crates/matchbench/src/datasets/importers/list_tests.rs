@@ -7,13 +7,11 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::Camera;
-use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::tests::source;
-use super::{ImportOptions, Imported, KINDS, import, read_source};
-use crate::datasets::{
-    DatasetError, ImageStorage, Pair, Sequence, Turn, export, testing, validate,
-};
+use super::{ImportOptions, Imported, import, read_source};
+use crate::datasets::{DatasetError, Pair, Sequence, Turn, export, testing, validate};
 
 /// Names, turns, K_0, K_1, T_0to1: a turn of 0.1 radians about y and a step.
 fn superglue_row(names: [&str; 2], turns: [u8; 2], step: &str) -> String {
@@ -326,8 +324,3 @@ fn megadepth_is_read_from_glue_factorys_texts() {
         "{error}"
     );
 }
-
-const CAMERAS: &str =
-    "# cameras\n1 SIMPLE_PINHOLE 24 17 20 12 8.5\n5 SIMPLE_RADIAL 24 17 21 12 8.5 0.125\n";
-const IMAGES: &str = "# images\n9 1 0 0 0 1 0 0 5 b.png\n1.5 2.5 7 1.5 2.5 8 1.5 2.5 9 1.5 2.5 -1\n\
-                      4 1 0 0 0 0 0 0 1 a.png\n1.5 2.5 9 1.5 2.5 8 1.5 2.5 11 1.5 2.5 12\n";

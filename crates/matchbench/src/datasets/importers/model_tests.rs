@@ -2,12 +2,18 @@
 
 use std::fs;
 
+use matchbench_vision::geometry::Camera;
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use super::list_tests::{fixture, read, with_root, x_of};
 use super::tests::source;
 use super::{ImportOptions, KINDS, import, read_source};
-use crate::datasets::{ImageStorage, Pair, Sequence, Turn, export, testing, validate};
+use crate::datasets::{ImageStorage, Pair, Sequence, export, testing, validate};
+
+const CAMERAS: &str =
+    "# cameras\n1 SIMPLE_PINHOLE 24 17 20 12 8.5\n5 SIMPLE_RADIAL 24 17 21 12 8.5 0.125\n";
+const IMAGES: &str = "# images\n9 1 0 0 0 1 0 0 5 b.png\n1.5 2.5 7 1.5 2.5 8 1.5 2.5 9 1.5 2.5 -1\n\
+                      4 1 0 0 0 0 0 0 1 a.png\n1.5 2.5 9 1.5 2.5 8 1.5 2.5 11 1.5 2.5 12\n";
 
 #[test]
 fn colmap_models_are_the_same_as_text_and_binary() {
