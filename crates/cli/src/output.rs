@@ -40,7 +40,7 @@ pub(crate) fn is_standard_output(path: &Path) -> bool {
 /// of files, and those may hold anything.
 pub(crate) fn plain(text: &str) -> String {
     let mut plain = String::with_capacity(text.len().min(1 << 16));
-    for part in text.split_inclusive(|c: char| c == '\n' || c == ' ') {
+    for part in text.split_inclusive(['\n', ' ']) {
         let mut characters = part.chars();
         for c in characters.by_ref().take(LONGEST_WORD) {
             if c != '\n' && (c.is_control() || turns_the_text(c)) {
@@ -52,7 +52,7 @@ pub(crate) fn plain(text: &str) -> String {
         match characters.count() {
             0 => {}
             more => {
-                plain.push_str(&format!("... ({more} characters more)"));
+                plain.extend(["... (", &more.to_string(), " characters more)"]);
                 plain.extend(part.chars().next_back().filter(|c| " \n".contains(*c)));
             }
         }

@@ -2,6 +2,7 @@
 
 mod common;
 
+use std::fmt::Write;
 use std::fs;
 use std::process::Output;
 
@@ -210,9 +211,10 @@ fn eval_of_the_published_shape_needs_no_datasets() {
     // All pairs of 12 images, as published; right where the images are near.
     let (mut truth, mut rows) = (String::new(), String::new());
     for (a, b) in (0..12).flat_map(|a| (a + 1..12).map(move |b| (a, b))) {
-        truth += &format!("{a} {b} 1 0 0 1 0 1 0 0 0 0 1 0\n");
+        writeln!(truth, "{a} {b} 1 0 0 1 0 1 0 0 0 0 1 0").expect("a string takes all");
         let found = u32::from(b - a <= 9);
-        rows += &format!("{a} {b} {} 1 0 0 {found} 0 1 0 0 0 0 1 0\n", 50 * found);
+        writeln!(rows, "{a} {b} {} 1 0 0 {found} 0 1 0 0 0 0 1 0", 50 * found)
+            .expect("a string takes all");
     }
     fs::write(sequence.join("groundtruth.txt"), truth).expect("writable");
     fs::write(sequence.join("sift.txt"), rows).expect("writable");

@@ -67,10 +67,14 @@ fn patch(image: &GrayImage, x: usize, y: usize) -> Vec<f32> {
     let rows = (y - RADIUS..=y + RADIUS).map(|y| &image.row(y)[x - RADIUS..=x + RADIUS]);
     let mut values: Vec<f32> = rows.flatten().map(|&grey| f32::from(grey)).collect();
     let mean = values.iter().sum::<f32>() / values.len() as f32;
-    values.iter_mut().for_each(|value| *value -= mean);
+    for value in &mut values {
+        *value -= mean;
+    }
     let norm = values.iter().map(|value| value * value).sum::<f32>().sqrt();
     if norm > 0.0 {
-        values.iter_mut().for_each(|value| *value /= norm);
+        for value in &mut values {
+            *value /= norm;
+        }
     }
     values
 }

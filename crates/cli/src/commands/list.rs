@@ -69,12 +69,10 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
                 Some(rule) => rule.to_string(),
                 None => "those that it lists".to_owned(),
             };
-            let options: String = (kind.options.iter())
-                .map(|option| format!(" {option}"))
-                .collect();
+            let options: Vec<String> = kind.options.iter().map(ToString::to_string).collect();
             writeln!(out, "  {:<14} {}\n      pairs: {pairs}", kind.id, kind.help)?;
             if !options.is_empty() {
-                writeln!(out, "      options:{options}")?;
+                writeln!(out, "      options: {}", options.join(" "))?;
             }
         }
     }

@@ -9,6 +9,7 @@ use matchbench::matchers::BuiltPointSource;
 use matchbench::run::Dataset;
 
 use crate::args::MatchesArgs;
+use crate::output::say;
 
 /// Absent pairs that are named; more of them are counted.
 const NAMED: usize = 10;
@@ -48,8 +49,8 @@ pub(crate) fn sources(args: &MatchesArgs, datasets: &[Dataset]) -> Result<Vec<Bu
 fn describe(name: &str, source: &MatchSource) {
     for (dataset, files) in source.datasets() {
         let survey = files.survey();
-        eprintln!("{name} on {dataset}: {}", files.understood());
-        eprintln!("  {} pairs, {} matches", survey.found, survey.matches);
+        say!("{name} on {dataset}: {}", files.understood());
+        say!("  {} pairs, {} matches", survey.found, survey.matches);
         if !survey.absent.is_empty() {
             let named = survey.absent.iter().take(NAMED);
             let named: Vec<_> = named.map(|(a, b)| format!("{a} {b}")).collect();
@@ -58,19 +59,19 @@ fn describe(name: &str, source: &MatchSource) {
                 more => format!(" and {more} more"),
             };
             let absent = survey.absent.len();
-            eprintln!(
+            say!(
                 "  {absent} pairs are absent and count as failed: {}{more}",
                 named.join(", ")
             );
         }
         if survey.others > 0 {
-            eprintln!(
+            say!(
                 "  {} pairs in the files are none of the dataset",
                 survey.others
             );
         }
         for warning in &survey.warnings {
-            eprintln!("  warning: {warning}");
+            say!("  warning: {warning}");
         }
     }
 }

@@ -317,7 +317,9 @@ mod tests {
     fn ranks(pairs: &[&[f64]]) -> Vec<Vec<u32>> {
         let mut image = Image::default();
         let indices: Vec<_> = pairs.iter().map(|xs| image.take(&points(xs))).collect();
-        indices.iter().for_each(|indices| image.keep_order(indices));
+        for indices in &indices {
+            image.keep_order(indices);
+        }
         let ranks = image.ranks();
         let ranked = |indices: &Vec<u32>| indices.iter().map(|&i| ranks[i as usize]).collect();
         indices.iter().map(ranked).collect()

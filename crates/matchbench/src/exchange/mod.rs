@@ -108,17 +108,16 @@ impl Format {
     /// # Errors
     /// If it is a format that is only read, or a file cannot be written.
     pub fn write(&self, folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeError> {
-        match self.write {
-            Some(write) => write(folder, export),
-            None => {
-                let others = FORMATS.iter().filter(|format| format.can_write());
-                let others: Vec<_> = others.map(|format| format.id).collect();
-                Err(ExchangeError::new(
-                    folder,
-                    format!("`{}` is only read", self.id),
-                    format!("choose one of {}", others.join(", ")),
-                ))
-            }
+        if let Some(write) = self.write {
+            write(folder, export)
+        } else {
+            let others = FORMATS.iter().filter(|format| format.can_write());
+            let others: Vec<_> = others.map(|format| format.id).collect();
+            Err(ExchangeError::new(
+                folder,
+                format!("`{}` is only read", self.id),
+                format!("choose one of {}", others.join(", ")),
+            ))
         }
     }
 }

@@ -109,7 +109,10 @@ pub(super) fn archive(arrays: &[(&str, &[usize], &str, Vec<u8>)]) -> Vec<u8> {
 
 /// The header of an array, padded so that the elements begin at a multiple of 64 bytes.
 fn header(descr: &str, shape: &[usize]) -> Vec<u8> {
-    let sides: String = shape.iter().map(|side| format!("{side}, ")).collect();
+    let sides: String = shape
+        .iter()
+        .flat_map(|side| [side.to_string(), ", ".into()])
+        .collect();
     let mut text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({sides}), }}");
     let before = MAGIC.len() + 4;
     let padding = (before + text.len() + 1).next_multiple_of(64) - (before + text.len() + 1);

@@ -15,6 +15,7 @@ use super::*;
 use crate::datasets::{Frame, Pair, Sequence};
 
 /// Folder in the archive of fixtures, format, and what must be said to read it.
+#[expect(clippy::type_complexity, reason = "a table of one test")]
 const FIXTURES: [(&str, &str, Option<f64>, Option<[u32; 2]>); 10] = [
     ("npz", "npz", Some(0.0), None),
     ("packed", "packed", None, None),
@@ -63,6 +64,7 @@ fn options(pixel_center: Option<f64>, resized: Option<[u32; 2]>) -> ReadOptions 
 }
 
 /// The points and scores of all pairs, as `make.py` has them.
+#[expect(clippy::type_complexity, reason = "a table of one test")]
 fn expected() -> Vec<((u32, u32), Vec<[f32; 4]>, Vec<f32>)> {
     let keypoint = |i: u32, k: usize| {
         let i = i as f32;
@@ -283,7 +285,9 @@ fn points_outside_the_image_name_pair_and_match() {
                 let message = error.to_string();
                 assert!(!accepted, "{message}");
                 let number = lines.lines().count() - 1;
-                assert!(message.contains(&format!("pair 0 1, ")) || message.contains("pair 0 1:"));
+                assert!(
+                    message.contains(&"pair 0 1, ".to_string()) || message.contains("pair 0 1:")
+                );
                 assert!(
                     message.contains(&format!("match {number}: the point")),
                     "{message}"

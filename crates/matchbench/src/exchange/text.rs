@@ -78,7 +78,7 @@ fn parse(text: &str) -> Result<RawMatches, (usize, String)> {
         }))
         .collect::<Result<Vec<_>, _>>()?;
         match numbers[..] {
-            [] => continue,
+            [] => {}
             [x_a, y_a, x_b, y_b, ref score @ ..] if score.len() < 2 => {
                 if (scores.len() == a.len()) != (score.len() == 1) && !a.is_empty() {
                     return Err((line, "some lines have a score and some have none".into()));
@@ -91,9 +91,10 @@ fn parse(text: &str) -> Result<RawMatches, (usize, String)> {
         }
     }
     Ok(RawMatches {
-        rating: match scores.is_empty() {
-            true => Rating::None,
-            false => Rating::Score(scores),
+        rating: if scores.is_empty() {
+            Rating::None
+        } else {
+            Rating::Score(scores)
         },
         a,
         b,

@@ -145,7 +145,10 @@ enum KindName {
 impl Manifest {
     /// Whether `name`, given where the id of a matcher can stand, is the path of a manifest.
     pub fn is_path(name: &str) -> bool {
-        name.ends_with(".toml") || name.contains(['/', '\\'])
+        Path::new(name)
+            .extension()
+            .is_some_and(|extension| extension == "toml")
+            || name.contains(['/', '\\'])
     }
 
     /// Reads the manifest at `path`. Names that are `taken` (ids of native matchers and estimators)

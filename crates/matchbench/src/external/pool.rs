@@ -268,7 +268,8 @@ impl External {
         let mut pool = self.pool();
         pool.missing += 1;
         pool.strikes += 1;
-        let breakdown = if pool.strikes < STRIKES {
+
+        if pool.strikes < STRIKES {
             self.freed.notify_one();
             Breakdown::Broke(reason)
         } else {
@@ -280,8 +281,7 @@ impl External {
             // Whoever waits learns that nobody will come.
             self.freed.notify_all();
             Breakdown::Ended(ended)
-        };
-        breakdown
+        }
     }
 
     fn pool(&self) -> MutexGuard<'_, Pool> {

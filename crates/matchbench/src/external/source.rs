@@ -176,14 +176,13 @@ impl Described {
             SourceError::Pair(format!("cannot read {}: {error}", path.display()))
         })?;
         let key = Key::new(&file, 0, &self.extraction);
-        let (features, times) = match self.cache.load(key) {
-            Some(features) => (features, None),
-            None => {
-                let described = self.external.describe(image(&path)?)?;
-                // A cache that cannot be written costs time and no result.
-                let _ = self.cache.save(key, &described.features);
-                (described.features, Some(described.times))
-            }
+        let (features, times) = if let Some(features) = self.cache.load(key) {
+            (features, None)
+        } else {
+            let described = self.external.describe(image(&path)?)?;
+            // A cache that cannot be written costs time and no result.
+            let _ = self.cache.save(key, &described.features);
+            (described.features, Some(described.times))
         };
         let features = Arc::new(features);
         *slot = Some(Arc::clone(&features));

@@ -160,11 +160,12 @@ pub fn build(
     let resized = Resized::new(built.matcher, size).map_err(|error| refused(error.to_string()))?;
     built.matcher = Box::new(resized);
     built.params["extractor"]["max_size"] = max_size.clone();
-    for extraction in [Some(&mut built.extraction), built.detection.as_mut()] {
-        if let Some(extraction) = extraction {
-            let own = extraction.params.take();
-            extraction.params = json!({"max_size": max_size, "of": own});
-        }
+    for extraction in [Some(&mut built.extraction), built.detection.as_mut()]
+        .into_iter()
+        .flatten()
+    {
+        let own = extraction.params.take();
+        extraction.params = json!({"max_size": max_size, "of": own});
     }
     Ok(built)
 }

@@ -230,8 +230,7 @@ mod tests {
         let csv = "\"pair\",rotation_error,translation_error\r\n\
                    a,0.5,1.0\r\nb,3.0,179.0\r\nc,,\r\n";
         let (zeb, csv) = (parse(zeb).expect("in order"), parse(csv).expect("in order"));
-        let errors =
-            |pairs: &[PairResult]| pairs.iter().map(|p| p.outcome.clone()).collect::<Vec<_>>();
+        let errors = |pairs: &[PairResult]| pairs.iter().map(|p| p.outcome).collect::<Vec<_>>();
         assert_eq!(errors(&zeb), errors(&csv));
         let references = |pairs: &[PairResult]| pairs.iter().map(|p| p.a).collect::<Vec<_>>();
         assert_eq!(

@@ -78,7 +78,7 @@ fn is_dataset(datasets: &Path, name: &str) -> bool {
 
 /// The true poses of a `groundtruth.txt`; where its rows name no pairs, they are those of the
 /// results in `first`.
-fn read_truth(truth: &PathBuf, first: &Path) -> Result<Vec<Pair>, ResultsError> {
+fn read_truth(truth: &Path, first: &Path) -> Result<Vec<Pair>, ResultsError> {
     let text = read_text(truth).map_err(|source| ResultsError::Io {
         path: truth.clone(),
         source,
@@ -139,6 +139,7 @@ fn score_row(row: &Row, truth: &Pair) -> PairResult {
 
 #[cfg(test)]
 mod tests {
+    use std::fmt::Write;
     use std::fs;
 
     use super::super::{load, load_chosen};
@@ -154,7 +155,8 @@ mod tests {
             for a in 0..12 {
                 for b in a + 1..12 {
                     let pose = if b - a <= 9 { POSE } else { NONE };
-                    rows += &format!("{a} {b} {} {pose}\n", 100 * u32::from(b - a <= 9));
+                    writeln!(rows, "{a} {b} {} {pose}", 100 * u32::from(b - a <= 9))
+                        .expect("a string takes all");
                     poses += &truth(a, b);
                 }
             }

@@ -12,12 +12,12 @@ use crate::metrics::Summary;
 use super::names::references;
 
 /// The benchmark and this tool.
-const OURS: &str = r#"@misc{matchbench-paper,
+const OURS: &str = r"@misc{matchbench-paper,
   author = {JiaWang Bian and Ruihan Yang and Yun Liu and Le Zhang and Ming-Ming Cheng and Ian Reid and WenHai Wu},
   title = {{MatchBench: An Evaluation of Feature Matchers}}
 }
 
-"#;
+";
 
 /// Key of the paper that defines the benchmark.
 pub(super) const BENCHMARK: &str = "matchbench-paper";

@@ -285,7 +285,7 @@ mod tests {
         let [Ok(room), Ok(hall)] = each else {
             panic!("numbers: {each:?}")
         };
-        assert!((mean - (room + hall) / 2.0).abs() < 1e-15 && room > hall);
+        assert!((mean - f64::midpoint(room, hall)).abs() < 1e-15 && room > hall);
         assert_eq!(under(&text, 2, "pairs"), "20");
         assert_eq!(under(&text, 2, "auc_low"), "");
         assert!(!render_with_mean(&[]).contains("mean"));

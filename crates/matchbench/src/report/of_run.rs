@@ -96,12 +96,11 @@ pub fn of_run(run: &RunFolder, options: &ReportOptions<'_>) -> Result<Reported, 
             Some(DatasetFacts::of_sequence(&dataset.path, sequence))
         })
         .collect();
-    let page = match options.bundle {
-        Some(file) => write_bundle(file, &content)?,
-        None => {
-            let out = (options.out).map_or_else(|| run.default_report(), Path::to_path_buf);
-            write_report(&out, &content)?
-        }
+    let page = if let Some(file) = options.bundle {
+        write_bundle(file, &content)?
+    } else {
+        let out = (options.out).map_or_else(|| run.default_report(), Path::to_path_buf);
+        write_report(&out, &content)?
     };
     Ok(Reported { page, notes })
 }

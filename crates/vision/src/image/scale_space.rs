@@ -99,13 +99,12 @@ impl ScaleSpaceShape {
             for start in (0..octave.size.width).step_by(width) {
                 let columns = start..octave.size.width.min(start + width);
                 let mut builder = StripBuilder::new(self, octave, columns, reach);
-                match &base {
-                    Some(base) => builder.run(&mut Halved(base), &mut next, visitor),
-                    None => {
-                        let columns = builder.strip.layers[0].columns();
-                        let mut base = BlurredImage::new(image, self, &columns);
-                        builder.run(&mut base, &mut next, visitor);
-                    }
+                if let Some(base) = &base {
+                    builder.run(&mut Halved(base), &mut next, visitor)
+                } else {
+                    let columns = builder.strip.layers[0].columns();
+                    let mut base = BlurredImage::new(image, self, &columns);
+                    builder.run(&mut base, &mut next, visitor);
                 }
             }
             base = Some(next);

@@ -44,9 +44,10 @@ pub(super) fn write(sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetE
         }
         let turned = [from, to]
             .map(|frame| Isometry3::from_parts(Translation3::identity(), frame.turn.rotation()));
-        let stored = match from.turn.is_none() && to.turn.is_none() {
-            true => *b_from_a,
-            false => turned[1].inverse() * b_from_a * turned[0],
+        let stored = if from.turn.is_none() && to.turn.is_none() {
+            *b_from_a
+        } else {
+            turned[1].inverse() * b_from_a * turned[0]
         };
         words.extend(matrix_rows(&stored).map(|number| format!("{number:?}")));
         words.push("0.0 0.0 0.0 1.0".to_owned());

@@ -165,9 +165,10 @@ impl<'a> Listing<'a> {
         let index = |number: f64| {
             let count = self.images.len();
             let known = number >= 0.0 && number < count as f64 && number.fract() == 0.0;
-            match known {
-                true => Ok(number as usize),
-                false => Err(format!("there is no image {number} of {count}")),
+            if known {
+                Ok(number as usize)
+            } else {
+                Err(format!("there is no image {number} of {count}"))
             }
         };
         Ok([index(i)?, index(j)?])

@@ -114,6 +114,10 @@ struct Machine<'a> {
 
 impl Machine<'_> {
     /// One instruction; the result of the program once it stops.
+    #[expect(
+        clippy::too_many_lines,
+        reason = "one arm for each opcode that is allowed"
+    )]
     fn step(&mut self) -> Result<Option<Id>, String> {
         match self.take::<1>()?[0] {
             0x80 => {
@@ -190,11 +194,11 @@ impl Machine<'_> {
                 self.append(vec![item])?;
             }
             b'e' => {
-                let items = self.to_mark()?;
+                let items = self.pop_to_mark()?;
                 self.append(items)?;
             }
             b't' => {
-                let items = self.to_mark()?;
+                let items = self.pop_to_mark()?;
                 self.push(Value::List(items));
             }
             count @ 0x85..=0x87 => {
@@ -210,7 +214,7 @@ impl Machine<'_> {
                 self.set(&items)?;
             }
             b'u' => {
-                let items = self.to_mark()?;
+                let items = self.pop_to_mark()?;
                 self.set(&items)?;
             }
             b'c' => {
@@ -292,7 +296,7 @@ impl Machine<'_> {
             .ok_or_else(|| "the stack is empty".to_owned())
     }
 
-    fn to_mark(&mut self) -> Result<Vec<Id>, String> {
+    fn pop_to_mark(&mut self) -> Result<Vec<Id>, String> {
         let from = self.marks.pop().ok_or("there is no mark")?;
         Ok(self.stack.split_off(from))
     }

@@ -74,19 +74,19 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let mut pairs = Vec::new();
     let mut cameras = std::collections::HashMap::new();
     for &(name, b_from_a) in &rows {
-        let original = match cameras.get(&(name.scene, name.scan)) {
-            Some(&camera) => camera,
-            None => {
-                let original = original(&mut intrinsics, &name.folder())?;
-                cameras.insert((name.scene, name.scan), original);
-                original
-            }
+        let original = if let Some(&camera) = cameras.get(&(name.scene, name.scan)) {
+            camera
+        } else {
+            let original = original(&mut intrinsics, &name.folder())?;
+            cameras.insert((name.scene, name.scan), original);
+            original
         };
         let mut number = |frame: u32| {
             let image = root.join(layout(name, frame));
-            let size = match image.is_file() {
-                true => Some(read_size(&image)?),
-                false => None,
+            let size = if image.is_file() {
+                Some(read_size(&image)?)
+            } else {
+                None
             };
             let size = size.map_or(COLOR, |size| (size.width as f64, size.height as f64));
             Ok(frames.number(image, Turn::None, scaled(original, size), None))

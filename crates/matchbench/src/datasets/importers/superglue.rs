@@ -16,7 +16,7 @@
 use std::path::Path;
 
 use matchbench_vision::geometry::Camera;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Translation3};
 
 use super::list::{NamedFrames, camera};
 use super::{ImportOptions, Imported, base_name};
@@ -58,7 +58,8 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         if a == b {
             return Err(file.error_at(line, "the image is matched with itself"));
         }
-        let turned = turns.map(|turn| Isometry3::from_parts(Default::default(), turn.rotation()));
+        let turned =
+            turns.map(|turn| Isometry3::from_parts(Translation3::default(), turn.rotation()));
         let b_from_a = turned[1] * pose * turned[0].inverse();
         pairs.push(Pair::with_pose(
             a,

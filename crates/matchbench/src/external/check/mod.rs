@@ -367,7 +367,7 @@ mod tests {
             verdict == Verdict::Wrong && text.contains("a and b"),
             "{text}"
         );
-        let half = |x: f32| (x + 0.5) / 2.0 - 0.5;
+        let half = |x: f32| f32::midpoint(x, 0.5) - 0.5;
         let (verdict, text) =
             told(&|row| [half(row[0]), half(row[1]), half(row[2]), half(row[3]), 0.0]);
         assert!(
