@@ -116,24 +116,27 @@ impl Names {
         }
     }
 
-    /// Whether all `names` are images of this dataset, or else all are numbers of frames; images
-    /// where neither holds. True beside it, where both hold and mean different pairs.
+    /// Whether `names` are those of images or numbers of frames: whichever means more pairs of this
+    /// dataset, and images where both mean as many. True beside it, where some pair could be meant
+    /// either way and would be another.
     pub(super) fn kind(&self, names: &[PairName]) -> (NamedBy, bool) {
-        let all = |by| {
-            names
-                .iter()
-                .all(|name| matches!(self.pair(name, by), Ok(Some(_))))
-        };
-        match (all(NamedBy::Image), all(NamedBy::Frame)) {
-            _ if matches!(names.first(), Some(PairName::Frames(..))) => (NamedBy::Frame, false),
-            (false, true) => (NamedBy::Frame, false),
-            (true, true) => {
-                let differ =
-                    |name| self.pair(name, NamedBy::Image) != self.pair(name, NamedBy::Frame);
-                (NamedBy::Image, names.iter().any(differ))
+        let (mut images, mut frames, mut doubtful) = (0, 0, false);
+        for name in names {
+            if let PairName::Frames(..) = name {
+                return (NamedBy::Frame, false);
             }
-            (_, false) => (NamedBy::Image, false),
+            let image = self.pair(name, NamedBy::Image).ok().flatten();
+            let frame = self.pair(name, NamedBy::Frame).ok().flatten();
+            images += usize::from(image.is_some());
+            frames += usize::from(frame.is_some());
+            doubtful |= image.is_some() && frame.is_some() && image != frame;
         }
+        let by = if frames > images {
+            NamedBy::Frame
+        } else {
+            NamedBy::Image
+        };
+        (by, doubtful)
     }
 }
 

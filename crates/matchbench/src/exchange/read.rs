@@ -13,7 +13,7 @@ use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::image::Size;
 use nalgebra::Point2;
 
-use super::names::Names;
+use super::names::{NamedBy, Names};
 use super::probe::Probe;
 use super::{ExchangeError, FORMATS, Format, Rating, RawMatches, Scores, Source, Understood};
 use crate::datasets::Sequence;
@@ -94,7 +94,7 @@ impl MatchFiles {
         let contents = (format.open)(probe, options)?;
 
         let names = Names::of(sequence);
-        let (named_by, ambiguous) = names.kind(&contents.pairs);
+        let (named_by, doubtful) = names.kind(&contents.pairs);
         let mut found = BTreeMap::new();
         for (index, name) in contents.pairs.iter().enumerate() {
             let file = contents.source.file(index);
@@ -128,9 +128,17 @@ impl MatchFiles {
             survey: Survey::default(),
         };
         this.assign(&found, sequence, &files)?;
-        if ambiguous {
+        if doubtful {
             this.survey.warnings.push(
-                "names of images are also numbers of other frames; they were taken as names".into(),
+                match named_by {
+                    NamedBy::Image => {
+                        "names of images are numbers of other frames too; they were taken as names"
+                    }
+                    NamedBy::Frame => {
+                        "numbers of frames are names of other images too; they were taken as numbers"
+                    }
+                }
+                .into(),
             );
         }
         this.read_all()?;

@@ -80,38 +80,42 @@ fn database(export: &Export<'_>) -> rusqlite::Result<Vec<u8>> {
     let transaction = connection.transaction()?;
     let numbered = numbered(export);
 
+    // Images that share a camera name it once; it must be there before them.
     let mut cameras: Vec<(Camera, Size)> = Vec::new();
-    let names = export.image_names();
-    for (frame, (keypoints, name)) in numbered.keypoints.iter().zip(&names).enumerate() {
-        let camera = (export.sequence.frames[frame].camera, export.sizes[frame]);
+    let mut camera_ids = Vec::new();
+    for (frame, &size) in export.sequence.frames.iter().zip(&export.sizes) {
+        let camera = (frame.camera, size);
         let known = cameras.iter().position(|known| *known == camera);
-        let camera_id = known.unwrap_or_else(|| {
+        camera_ids.push(known.unwrap_or(cameras.len()) as i64 + 1);
+        if known.is_none() {
+            let (model, numbers) = model(&camera.0);
+            let (width, height) = (size.width as i64, size.height as i64);
             cameras.push(camera);
-            cameras.len() - 1
-        });
+            transaction.execute(
+                "INSERT INTO cameras VALUES (?1, ?2, ?3, ?4, ?5, 1)",
+                params![
+                    cameras.len() as i64,
+                    model,
+                    width,
+                    height,
+                    doubles(&numbers)
+                ],
+            )?;
+        }
+    }
+    let names = export.image_names();
+    let images = numbered.keypoints.iter().zip(&names).zip(&camera_ids);
+    for (((keypoints, name), camera_id), frame) in images.zip(0..) {
         transaction.execute(
             "INSERT INTO images VALUES (?1, ?2, ?3)",
-            params![image_id(frame as u32), name, camera_id as i64 + 1],
+            params![image_id(frame), name, camera_id],
         )?;
         let coordinates: Vec<u8> = (keypoints.iter().flat_map(|p| [p.x, p.y]))
             .flat_map(|x| ((f64::from(x) + CENTER) as f32).to_le_bytes())
             .collect();
         transaction.execute(
             "INSERT INTO keypoints VALUES (?1, ?2, 2, ?3)",
-            params![image_id(frame as u32), keypoints.len() as i64, coordinates],
-        )?;
-    }
-    for (index, (camera, size)) in cameras.iter().enumerate() {
-        let (model, numbers) = model(camera);
-        transaction.execute(
-            "INSERT INTO cameras VALUES (?1, ?2, ?3, ?4, ?5, 1)",
-            params![
-                index as i64 + 1,
-                model,
-                size.width as i64,
-                size.height as i64,
-                doubles(&numbers)
-            ],
+            params![image_id(frame), keypoints.len() as i64, coordinates],
         )?;
     }
     for (pair, indices) in export.pairs.iter().zip(&numbered.matches) {
