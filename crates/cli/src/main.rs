@@ -47,7 +47,7 @@ fn main() -> ExitCode {
             return ExitCode::from(u8::from(error.use_stderr()));
         }
     };
-    let ending = in_pool(&cli.command);
+    let ending = limits().and_then(|()| in_pool(&cli.command));
     match ending {
         Ok(Ending::Done) => ExitCode::SUCCESS,
         Ok(Ending::SomeFailed) => ExitCode::from(2),
@@ -58,6 +58,17 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Sets the limits that the environment asks for.
+fn limits() -> anyhow::Result<()> {
+    const PIXELS: &str = "MATCHBENCH_MAX_PIXELS";
+    if let Some(asked) = std::env::var_os(PIXELS).filter(|asked| !asked.is_empty()) {
+        let most = asked.to_str().and_then(|asked| asked.parse().ok());
+        let most = most.with_context(|| format!("{PIXELS} is no number of pixels from 1"))?;
+        matchbench::datasets::limit_pixels(most);
+    }
+    Ok(())
 }
 
 /// Does the command in the one pool of threads that all of it shares: decoding, extraction, scoring,

@@ -52,6 +52,8 @@ fn records(run: &Path) -> Vec<Value> {
         .map(|line| {
             let mut record: Value = serde_json::from_str(line).expect("a whole record");
             record["times"] = Value::Null;
+            // The checksum is of the times too.
+            record.as_object_mut().expect("a record").remove("check");
             record
         })
         .collect()

@@ -2,9 +2,11 @@
 
 use std::fmt::Write as _;
 use std::io::Write as _;
+use std::path::Path;
 
 use anyhow::{Result, ensure};
 use matchbench::metrics::{Bootstrap, Comparison, ResultSet, Score, compare, load};
+use matchbench::records::{DatasetPlan, RunFolder};
 use matchbench::report::advantage;
 
 use crate::Ending;
@@ -14,6 +16,7 @@ use crate::output::plain;
 pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
     let before = load(&args.before, None)?;
     let after = load(&args.after, None)?;
+    same_truth(&args.before, &args.after)?;
     let name = |set: &ResultSet| {
         (
             set.dataset.clone(),
@@ -59,6 +62,27 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
     }
     std::io::stdout().write_all(plain(&text).as_bytes())?;
     Ok(Ending::Done)
+}
+
+/// Errors about other truths are not compared: datasets of one name must be one dataset.
+fn same_truth(before: &Path, after: &Path) -> Result<()> {
+    if !(RunFolder::is_at(before) && RunFolder::is_at(after)) {
+        return Ok(());
+    }
+    let [of_before, of_after] = [RunFolder::open(before)?, RunFolder::open(after)?];
+    for dataset in &of_after.plan().datasets {
+        let same_name = |other: &&DatasetPlan| other.name == dataset.name;
+        if let Some(other) = of_before.plan().datasets.iter().find(same_name) {
+            ensure!(
+                other.fingerprint == dataset.fingerprint,
+                "{} and {} ran on different datasets called {}: cameras, pairs or true poses differ",
+                before.display(),
+                after.display(),
+                dataset.name
+            );
+        }
+    }
+    Ok(())
 }
 
 /// One line for each matcher, estimator and dataset that both runs have.

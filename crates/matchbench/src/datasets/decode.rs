@@ -17,7 +17,9 @@
 //! every machine sees the same pixels. What is damaged or cut off is an error, never half an image.
 
 use std::io::{BufRead, BufReader, Cursor, Seek};
+use std::num::NonZeroUsize;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use image::{DynamicImage, ImageFormat, ImageReader};
 use matchbench_vision::image::{GrayImage, Size};
@@ -26,12 +28,16 @@ use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
-use super::{DatasetError, exif};
+use super::{DatasetError, exif, jpeg};
 use crate::files::{open_file, read_file};
 
-/// Most pixels that an image may have (2^28, e.g. 16384 x 16384): what claims more is a damaged
-/// header or an attack, and its memory is never asked for.
-const MAX_PIXELS: usize = 1 << 28;
+/// Most pixels that an image may have unless another limit is asked for, 2^27 (e.g. 11,585 x 11,585):
+/// what claims more is a damaged header or an attack, and its memory is never asked for.
+pub const MOST_PIXELS: usize = 1 << 27;
+/// Most bytes that a decoder may ask for besides the pixels: colour profiles, comments, its own rows.
+const BESIDE_PIXELS: u64 = 64 << 20;
+/// JPEGs of at most so many pixels are decoded twice, see [`jpeg`].
+const TWICE_DECODED: usize = 1 << 20;
 /// Longest side of an image; the most that JPEG can say.
 const MAX_SIDE: usize = 65_535;
 const JPEG_MAGIC: [u8; 3] = [0xff, 0xd8, 0xff];
@@ -81,8 +87,8 @@ pub enum DecodeError {
     /// Pixels of a kind that cannot be turned into gray (floating point, CMYK).
     #[error("unsupported pixels: {0}")]
     Unsupported(String),
-    /// The header claims an absurd size.
-    #[error("the header claims {0} pixels")]
+    /// The header claims more pixels than are allowed.
+    #[error("the header claims {0} pixels, more than the limit of {limit}", limit = most_pixels())]
     TooLarge(Size),
 }
 
@@ -92,7 +98,9 @@ impl DecodeError {
             Self::UnknownFormat => "convert it to png",
             Self::Truncated | Self::Damaged(_) => "copy or download the file again",
             Self::Unsupported(_) => "convert it to 8-bit gray or colour",
-            Self::TooLarge(_) => "check the file, or scale the image down",
+            Self::TooLarge(_) => {
+                "check the file, scale the image down, or raise MATCHBENCH_MAX_PIXELS"
+            }
         }
     }
 
@@ -152,15 +160,9 @@ pub fn decode_gray(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
 }
 
 fn decode_jpeg(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
-    let mut decoder = jpeg_header(ZCursor::new(bytes))?;
+    let decoder = jpeg_header(ZCursor::new(bytes))?;
     let size = checked(jpeg_size(&decoder))?;
-    // The decoder fills what is missing with gray; only the end marker tells that all is there.
-    // Neither marker can occur inside compressed data.
-    let start_of_scan = bytes.windows(2).rposition(|pair| pair == [0xff, 0xda]);
-    let end_of_image = bytes.windows(2).rposition(|pair| pair == [0xff, 0xd9]);
-    if end_of_image < start_of_scan {
-        return Err(DecodeError::Truncated);
-    }
+    let frame = jpeg::frame(bytes).ok_or(DecodeError::Truncated)?;
     let stored = decoder
         .input_colorspace()
         .expect("the headers were decoded");
@@ -169,8 +171,22 @@ fn decode_jpeg(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
         ColorSpace::RGB => ColorSpace::RGB,
         other => return Err(DecodeError::Unsupported(format!("{other:?}"))),
     };
-    decoder.set_options(jpeg_options().jpeg_set_out_colorspace(gray));
-    let data = decoder.decode().map_err(|error| jpeg_error(&error))?;
+    let pixels = |file: &[u8]| -> Result<Vec<u8>, DecodeError> {
+        let mut decoder = jpeg_header(ZCursor::new(file))?;
+        decoder.set_options(jpeg_options().jpeg_set_out_colorspace(gray));
+        decoder.decode().map_err(|error| jpeg_error(&error))
+    };
+    let filled = [&bytes[..frame.end], &jpeg::FILL].concat();
+    let data = if frame.progressive || size.area() <= TWICE_DECODED {
+        let data = pixels(bytes)?;
+        let filled = [&filled[..], &[0xff, 0xd9]].concat();
+        if pixels(&filled)? != data {
+            return Err(DecodeError::Truncated);
+        }
+        data
+    } else {
+        pixels(&filled)?
+    };
     Ok(match gray {
         ColorSpace::Luma => GrayImage::from_vec(size, data),
         _ => to_gray(size, &data, 3, LIBJPEG),
@@ -215,7 +231,8 @@ fn decode_other(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|_| DecodeError::UnknownFormat)?;
-    reader.no_limits(); // the size was checked
+    // The size was checked; 16 bits of red, green, blue and alpha are the most that a pixel has.
+    reader.limits(limits(8 * size.area() as u64));
     let rule = match reader.format() {
         Some(ImageFormat::Png) => LIBPNG,
         Some(ImageFormat::WebP) => CVT_COLOR,
@@ -235,10 +252,17 @@ fn decode_other(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
     })
 }
 
+fn limits(pixels: u64) -> image::Limits {
+    let mut limits = image::Limits::no_limits();
+    limits.max_alloc = Some(pixels + BESIDE_PIXELS);
+    limits
+}
+
 fn size_of_other(reader: impl BufRead + Seek) -> Result<Size, DecodeError> {
-    let reader = ImageReader::new(reader)
+    let mut reader = ImageReader::new(reader)
         .with_guessed_format()
         .map_err(|_| DecodeError::UnknownFormat)?;
+    reader.limits(limits(0));
     if reader.format().is_none() {
         return Err(DecodeError::UnknownFormat);
     }
@@ -252,12 +276,31 @@ fn other_error(error: &image::ImageError) -> DecodeError {
     match error {
         image::ImageError::Unsupported(what) => DecodeError::Unsupported(what.to_string()),
         image::ImageError::IoError(_) => DecodeError::Truncated,
+        image::ImageError::Limits(_) => {
+            DecodeError::Damaged("it asks for more memory than its pixels need".into())
+        }
         other => DecodeError::Damaged(other.to_string()),
     }
 }
 
+/// The limit that was asked for; 0 where none was.
+static ASKED: AtomicUsize = AtomicUsize::new(0);
+
+/// Lets images have at most so many pixels, from now on and in all threads. Without it the limit is
+/// [`MOST_PIXELS`].
+pub fn limit_pixels(most: NonZeroUsize) {
+    ASKED.store(most.get(), Ordering::Relaxed);
+}
+
+fn most_pixels() -> usize {
+    match ASKED.load(Ordering::Relaxed) {
+        0 => MOST_PIXELS,
+        asked => asked,
+    }
+}
+
 fn checked(size: Size) -> Result<Size, DecodeError> {
-    if size.width > MAX_SIDE || size.height > MAX_SIDE || size.area() > MAX_PIXELS {
+    if size.width > MAX_SIDE || size.height > MAX_SIDE || size.area() > most_pixels() {
         return Err(DecodeError::TooLarge(size));
     }
     Ok(size)
@@ -365,6 +408,36 @@ mod tests {
         assert!(message(b"").starts_with("not an image"));
         assert!(message(&fixture("cmyk.jpg")).starts_with("unsupported pixels: CMYK"));
         assert!(read_gray(&folder.path().join("none.png")).is_err());
+    }
+
+    #[test]
+    fn a_jpeg_cut_anywhere_is_refused_also_with_an_end_marker_put_on() {
+        for name in ["color.jpg", "gray.jpg", "progressive.jpg"] {
+            let whole = fixture(name);
+            let end = jpeg::frame(&whole).expect("it is whole").end;
+            let pixels = decode_gray(&whole).expect("it is whole");
+            let mut accepted = 0;
+            for length in 0..end {
+                let cut = [&whole[..length], &[0xff, 0xd9]].concat();
+                // Bits that only fill up the last byte, and colours, which are not looked at, may go.
+                if let Ok(found) = decode_gray(&cut) {
+                    assert_eq!(found, pixels, "{name} cut to {length} of {end} bytes");
+                    accepted += 1;
+                }
+            }
+            assert!(accepted < 60, "{name}: {accepted} of {end}");
+        }
+    }
+
+    #[test]
+    fn a_small_file_that_claims_a_large_image_is_refused() {
+        for name in ["color.jpg", "gray.jpg", "progressive.jpg"] {
+            let mut bytes = fixture(name);
+            let at = (bytes.windows(2)).position(|m| m[0] == 0xff && (0xc0..=0xc2).contains(&m[1]));
+            let at = at.expect("a frame has a header");
+            bytes[at + 5..at + 9].copy_from_slice(&[0x08, 0x00, 0x08, 0x00]);
+            assert!(decode_gray(&bytes).is_err(), "{name}");
+        }
     }
 
     #[test]

@@ -164,9 +164,12 @@ impl Manifest {
     }
 }
 
+/// Longest name of a dataset: file systems allow 255 bytes, and endings are added to some.
+const MOST_BYTES_OF_A_NAME: usize = 200;
+
 /// Whether `name` can be the name of a folder on every system.
 fn is_plain_name(name: &str) -> bool {
-    !name.is_empty()
+    (1..=MOST_BYTES_OF_A_NAME).contains(&name.len())
         && !name.starts_with('.')
         && name
             .chars()
@@ -229,6 +232,7 @@ mod tests {
     #[test]
     fn another_version_and_a_dangerous_name_are_refused() {
         assert!(parse("version = 2").unwrap_err().what.contains("version 2"));
+        assert!(parse(&format!("version = 1\nname = '{}'", "x".repeat(300))).is_err());
         for name in ["", "..", "a/b", "a\\b", ".hidden"] {
             assert!(parse(&format!("version = 1\nname = '{name}'")).is_err());
         }

@@ -9,8 +9,10 @@ mod decode;
 mod error;
 mod exif;
 mod exporters;
+mod fingerprint;
 mod images;
 mod importers;
+mod jpeg;
 mod manifest;
 mod native;
 mod pairs;
@@ -25,7 +27,7 @@ mod turn;
 mod validate;
 mod write;
 
-pub use decode::{DecodeError, decode_gray, read_gray, read_size};
+pub use decode::{DecodeError, MOST_PIXELS, decode_gray, limit_pixels, read_gray, read_size};
 pub use error::DatasetError;
 pub use exporters::{EXPORTS, Export, export};
 pub use importers::{

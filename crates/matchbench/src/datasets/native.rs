@@ -181,6 +181,8 @@ impl Contents {
             ..pinhole
         });
 
+        let wrong = check_manifest(dir, &manifest, camera.as_ref());
+        problems.extend(wrong.into_iter().map(Problem::from));
         let images = frame_images(dir, &manifest, problems);
         let poses_file = dir.join(IMAGES).join(POSES);
         let poses = match optional(&poses_file) {
@@ -265,10 +267,26 @@ pub(super) fn parse_camera(file: &TextFile) -> Result<Camera, DatasetError> {
         p2: lens[3],
         k3: lens.get(4).copied().unwrap_or(0.0),
     });
-    Ok(Camera {
+    let camera = Camera {
         distortion,
         ..camera
-    })
+    };
+    match camera.check() {
+        Ok(()) => Ok(camera),
+        Err(error) => Err(file.error(error.to_string(), "write k1 k2 p1 p2 k3 after K")),
+    }
+}
+
+/// Why the cameras that the manifest gives are none, each once.
+fn check_manifest(dir: &Path, manifest: &Manifest, camera: Option<&Camera>) -> Vec<DatasetError> {
+    let own = manifest.frames.iter().filter_map(|frame| frame.camera);
+    let shared = camera.filter(|_| manifest.distortion.is_some()).copied();
+    let mut wrong: Vec<String> = (shared.into_iter().chain(own))
+        .filter_map(|camera| Some(camera.check().err()?.to_string()))
+        .collect();
+    wrong.dedup();
+    let error = |what| DatasetError::new(dir.join(manifest::FILE), what, "correct the camera");
+    wrong.into_iter().map(error).collect()
 }
 
 fn parse_poses(

@@ -385,6 +385,37 @@ mod tests {
     }
 
     #[test]
+    fn cameras_of_the_manifest_are_checked() {
+        for (lens, named) in [
+            ("{ k1 = nan, k2 = 0, p1 = 0, p2 = 0, k3 = 0 }", "k1 is NaN"),
+            (
+                "{ k1 = 0, k2 = 0, p1 = 0, p2 = -1e9, k3 = 0 }",
+                "p2 is -1000000000",
+            ),
+        ] {
+            let (_folder, dir) = testing::dataset();
+            let manifest = format!("version = 1\ndistortion = {lens}\n");
+            fs::write(dir.join("dataset.toml"), manifest).unwrap();
+            assert_found(&validate(&dir), "dataset.toml", None, named);
+            assert!(super::super::Sequence::open(&dir).is_err());
+        }
+        for (camera, named) in [
+            ("{ fx = nan, fy = 20, cx = 12, cy = 8 }", "fx is NaN"),
+            ("{ fx = 20, fy = -20, cx = 12, cy = 8 }", "must be positive"),
+            ("{ fx = 20, fy = 0, cx = 12, cy = 8 }", "must be positive"),
+            ("{ fx = 20, fy = inf, cx = 12, cy = 8 }", "fy is inf"),
+        ] {
+            let (_folder, dir) = testing::dataset();
+            let own = format!("[[frames]]\ncamera = {camera}\n").repeat(4);
+            fs::write(dir.join("dataset.toml"), format!("version = 1\n{own}")).unwrap();
+            let found = validate(&dir);
+            let error = &found.first().expect("a problem").error;
+            assert!(error.what.contains(named), "{error}");
+            assert!(super::super::Sequence::open(&dir).is_err());
+        }
+    }
+
+    #[test]
     fn missing_and_damaged_images_are_named() {
         let (_folder, dir) = testing::dataset();
         let image = |index: usize| -> PathBuf { dir.join(format!("Images/{index:04}.png")) };

@@ -5,7 +5,7 @@
 //! read the same ones back.
 
 use std::fmt::Write as _;
-use std::fs;
+use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -19,6 +19,7 @@ use super::manifest::{self, Manifest, ManifestFrame};
 use super::native::{CAMERA, HOMOGRAPHIES, PAIRS, POSES};
 use super::text::matrix_rows;
 use super::{DatasetError, Frame, Sequence};
+use crate::files::{HELD, PREFIX, hold, remove_leftovers};
 
 const INFALLIBLE: &str = "writing to a string cannot fail";
 
@@ -82,11 +83,15 @@ pub fn write_native(
     let absolute = std::path::absolute(out).map_err(|error| DatasetError::io(out, &error))?;
     let parent = absolute.parent().unwrap_or(&absolute);
     fs::create_dir_all(parent).map_err(|error| DatasetError::io(parent, &error))?;
+    remove_leftovers(parent);
     // The temporary folder is private to the user; the dataset inside it is an ordinary folder.
     let hidden = tempfile::Builder::new()
-        .prefix(".matchbench-import-")
+        .prefix(&format!("{PREFIX}import-"))
         .tempdir_in(parent)
         .map_err(|error| DatasetError::io(parent, &error))?;
+    let held = hidden.path().join(HELD);
+    let held = File::create(&held).map_err(|error| DatasetError::io(&held, &error))?;
+    hold(&held);
     let staged = hidden.path().join("dataset");
     write_files(&staged, sequence, about, images)?;
     if out.exists() {

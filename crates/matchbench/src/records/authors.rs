@@ -17,7 +17,7 @@ use matchbench_vision::robust::NoPose;
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::{MIN_SUPPORT, Outcome, RunRecord};
-use crate::files::{read_text, write_whole};
+use crate::files::{read_file, read_text, write_whole};
 
 /// Why a file in the authors' layout cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -29,6 +29,12 @@ pub enum AuthorsError {
         path: PathBuf,
         /// What the system said.
         source: io::Error,
+    },
+    /// There is a file with other results, which may be somebody else's.
+    #[error("{} has other results already; delete it, or export into another folder", path.display())]
+    Exists {
+        /// Which file.
+        path: PathBuf,
     },
     /// A file cannot be written; the error names it.
     #[error(transparent)]
@@ -130,6 +136,9 @@ pub fn write(out: &Path, records: &[RunRecord]) -> Result<Vec<PathBuf>, AuthorsE
                 _ => format!("{id}+{estimator}.txt"),
             };
             let path = out.join(dataset).join(name);
+            if read_file(&path).is_ok_and(|there| there != text.as_bytes()) {
+                return Err(AuthorsError::Exists { path });
+            }
             write_whole(&path, text.as_bytes())?;
             Ok(path)
         })
@@ -290,6 +299,22 @@ mod tests {
                 }
             }
         ));
+    }
+
+    #[test]
+    fn what_somebody_else_wrote_is_not_overwritten() {
+        let out = tempfile::tempdir().unwrap();
+        let records = [record("ransac-e", 1, 0, solved())];
+        let files = write(out.path(), &records).unwrap();
+        assert_eq!(
+            write(out.path(), &records).unwrap(),
+            files,
+            "the same again"
+        );
+        fs::write(&files[0], "theirs").unwrap();
+        let error = write(out.path(), &records).unwrap_err().to_string();
+        assert!(error.contains("sift.txt has other results"), "{error}");
+        assert_eq!(fs::read_to_string(&files[0]).unwrap(), "theirs");
     }
 
     #[test]

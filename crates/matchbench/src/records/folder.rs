@@ -169,7 +169,7 @@ impl RunFolder {
 #[derive(Debug)]
 pub struct RunWriter {
     folder: RunFolder,
-    _lock: File,
+    _locks: Locks,
 }
 
 impl RunWriter {
@@ -179,7 +179,7 @@ impl RunWriter {
     /// If it has another plan, is in use, damaged, or cannot be written to.
     pub fn start(path: &Path, plan: Plan) -> Result<Self, FolderError> {
         fs::create_dir_all(path).map_err(FolderError::io("make the folder", path))?;
-        let lock = lock(path)?;
+        let locks = lock(path)?;
         let plan_file = path.join(PLAN);
         let written = read_plan(&plan_file)?;
         match &written {
@@ -205,7 +205,7 @@ impl RunWriter {
         let path = path.into();
         Ok(Self {
             folder: RunFolder { path, plan },
-            _lock: lock,
+            _locks: locks,
         })
     }
 
@@ -261,18 +261,38 @@ impl RunWriter {
     }
 }
 
-fn lock(folder: &Path) -> Result<File, FolderError> {
+/// What one process holds of a folder: the file that all versions of this program lock, and, where the
+/// system can lock folders, the folder itself, which nobody deletes by accident.
+#[derive(Debug)]
+struct Locks {
+    _file: File,
+    _folder: Option<File>,
+}
+
+fn lock(folder: &Path) -> Result<Locks, FolderError> {
     let path = folder.join(".lock");
     let file = (File::options().write(true).create(true).truncate(false))
         .open(&path)
         .map_err(FolderError::io("open", &path))?;
+    let in_use = || FolderError::InUse {
+        folder: folder.into(),
+    };
     match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(FolderError::InUse {
-            folder: folder.into(),
-        }),
-        Err(TryLockError::Error(error)) => Err(FolderError::io("lock", &path)(error)),
+        Ok(()) => {}
+        Err(TryLockError::WouldBlock) => return Err(in_use()),
+        Err(TryLockError::Error(error)) => return Err(FolderError::io("lock", &path)(error)),
     }
+    // Not every system opens folders; there the file has to do.
+    let itself = File::open(folder).ok();
+    if let Some(folder) = &itself
+        && let Err(TryLockError::WouldBlock) = folder.try_lock()
+    {
+        return Err(in_use());
+    }
+    Ok(Locks {
+        _file: file,
+        _folder: itself,
+    })
 }
 
 /// All that is read of a plan of any format.

@@ -51,7 +51,7 @@ impl LineReader {
 /// What the checksum is of, and the checksum; `None` where the line has none.
 fn split(line: &[u8]) -> Option<(&[u8], &[u8])> {
     let (body, stated) = line.strip_suffix(END)?.split_last_chunk::<DIGITS>()?;
-    Some((body.strip_suffix(FIELD)?, stated))
+    Some((body.strip_suffix(FIELD)?, stated.as_slice()))
 }
 
 fn check(body: &[u8]) -> String {
@@ -59,7 +59,7 @@ fn check(body: &[u8]) -> String {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use matchbench_vision::geometry::RelativePose;
     use nalgebra::{Isometry3, Vector3};
     use proptest::prelude::*;
@@ -68,7 +68,7 @@ pub(super) mod tests {
     use super::*;
 
     /// A record with a pose that turns and moves by these vectors.
-    pub(in super::super) fn record(turn: [f64; 3], motion: [f64; 3]) -> RunRecord {
+    fn record(turn: [f64; 3], motion: [f64; 3]) -> RunRecord {
         let motion = Isometry3::new(Vector3::from(motion), Vector3::from(turn));
         let pose = RelativePose::from_isometry(&motion).expect("it moves");
         RunRecord {

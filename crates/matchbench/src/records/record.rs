@@ -58,7 +58,7 @@ impl RunRecord {
             return Err("`rotation` is not a rotation".into());
         }
         let length = Vector3::from(*translation).norm();
-        if length.is_nan() || (length - 1.0).abs() > ROUNDING {
+        if !(1.0 - ROUNDING..=1.0 + ROUNDING).contains(&length) {
             return Err(format!("`translation` has length {length}, not 1"));
         }
         let errors = [

@@ -190,6 +190,13 @@ pub(super) fn number(value: impl Into<Option<f64>>) -> String {
 /// Quoted where a comma, a quote or a line end would break the row, and where a name looks like a
 /// number (`06`), which it is not.
 pub(super) fn field(text: &str) -> String {
+    // Spreadsheets compute what begins like this; behind an apostrophe it is a text.
+    let apostrophe = if text.starts_with(['=', '+', '-', '@', '\t', '\r']) {
+        "'"
+    } else {
+        ""
+    };
+    let text = &format!("{apostrophe}{text}");
     if text.contains(['"', ',', '\n', '\r']) || text.parse::<f64>().is_ok() {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
@@ -201,6 +208,15 @@ pub(super) fn field(text: &str) -> String {
 mod tests {
     use super::super::tests::summary;
     use super::*;
+
+    #[test]
+    fn a_name_is_no_formula() {
+        for name in ["=1+1", "+1", "-x", "@SUM(A1)", "\t=1"] {
+            assert_eq!(field(name), format!("'{name}"));
+        }
+        assert_eq!(field("=a,\"b"), "\"'=a,\"\"b\"");
+        assert_eq!(field("a=b"), "a=b");
+    }
 
     /// The field of a line (from 0, below the header) under a head.
     fn under<'a>(text: &'a str, line: usize, head: &str) -> &'a str {

@@ -2,13 +2,16 @@
 //! `figures/*.{svg,png,vl.json}`, `pairs/*/*.html`, `tables/*.{csv,parquet,json,md,tex}`, and for a paper
 //! `cite/method.{md,tex}` with `cite/cite.bib`.
 
+use std::collections::BTreeSet;
+use std::fs;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 use serde_json::Value;
 
-use crate::files::write_whole;
+use crate::files::{read_text, remove_leftovers, write_whole};
 use crate::metrics::{Angle, Portion};
 
 use super::content::Content;
@@ -34,59 +37,109 @@ const PNG_SCALE: f32 = 2.0;
 /// # Errors
 /// A file or folder that cannot be written.
 pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
+    let out = Pages::new(folder);
     let summaries = &content.summaries;
     let overview = Overview::new(summaries);
-    let tables = folder.join("tables");
+    let tables = Path::new("tables");
     for (name, format) in [
         ("scores.csv", Format::Csv),
         ("scores.json", Format::Json),
         ("scores.md", Format::Markdown),
         ("auc.tex", Format::Latex),
     ] {
-        write_whole(&tables.join(name), render(format, summaries).as_bytes())?;
+        out.write(&tables.join(name), render(format, summaries).as_bytes())?;
     }
-    write_whole(
+    out.write(
         &tables.join("auc-booktabs.tex"),
         booktabs::render(summaries).as_bytes(),
     )?;
-    let cite = folder.join("cite");
+    let cite = Path::new("cite");
     for (name, text) in [
         ("method.md", method::markdown(content)),
         ("method.tex", method::latex(content)),
         ("cite.bib", citations::render(summaries)),
     ] {
-        write_whole(&cite.join(name), text.as_bytes())?;
+        out.write(&cite.join(name), text.as_bytes())?;
     }
     if !content.datasets.is_empty() {
         let table = dataset_table::latex(&content.datasets);
-        write_whole(&tables.join("datasets.tex"), table.as_bytes())?;
+        out.write(&tables.join("datasets.tex"), table.as_bytes())?;
     }
     let pairs = columns(content);
-    write_whole(
+    out.write(
         &tables.join("pairs.csv"),
         pairs_csv::render(&pairs).as_bytes(),
     )?;
-    write_whole(&tables.join("pairs.parquet"), &parquet::render(&pairs))?;
-    let drawings = folder.join("figures");
+    out.write(&tables.join("pairs.parquet"), &parquet::render(&pairs))?;
+    let drawings = Path::new("figures");
     figures(content, &overview)
         .into_par_iter()
         .try_for_each(|(name, svg, spec)| {
-            write_whole(
+            out.write(
                 &drawings.join(format!("{name}.vl.json")),
                 format!("{spec:#}\n").as_bytes(),
             )?;
-            write_whole(&drawings.join(format!("{name}.svg")), svg.as_bytes())?;
-            write_whole(
+            out.write(&drawings.join(format!("{name}.svg")), svg.as_bytes())?;
+            out.write(
                 &drawings.join(format!("{name}.png")),
                 &png(&svg, PNG_SCALE)?,
             )
         })?;
     html::pair_pages(content, &overview)
         .into_par_iter()
-        .try_for_each(|(name, bytes)| write_whole(&folder.join(name), &bytes))?;
-    let page = folder.join("index.html");
-    write_whole(&page, html::render(content).as_bytes())?;
-    Ok(page)
+        .try_for_each(|(name, bytes)| out.write(Path::new(&name), &bytes))?;
+    out.write(Path::new("index.html"), html::render(content).as_bytes())?;
+    out.remove_earlier()?;
+    Ok(folder.join("index.html"))
+}
+
+/// The list of the files of a report, in its folder: what a later report does not have is removed by it.
+const LIST: &str = ".files";
+
+/// The files of a report as they are written.
+struct Pages<'a> {
+    folder: &'a Path,
+    written: Mutex<BTreeSet<String>>,
+}
+
+impl<'a> Pages<'a> {
+    fn new(folder: &'a Path) -> Self {
+        remove_leftovers(folder);
+        Self {
+            folder,
+            written: Mutex::default(),
+        }
+    }
+
+    /// Writes one file, which is named from the folder on.
+    fn write(&self, name: &Path, contents: &[u8]) -> io::Result<()> {
+        write_whole(&self.folder.join(name), contents)?;
+        let name = name.to_string_lossy().replace('\\', "/");
+        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        written.insert(name);
+        Ok(())
+    }
+
+    /// Removes the files of the report before that this one has not: pages of pairs that are shown no
+    /// more. What no report listed is somebody else's, and stays.
+    fn remove_earlier(self) -> io::Result<()> {
+        let written = self
+            .written
+            .into_inner()
+            .unwrap_or_else(PoisonError::into_inner);
+        let list = self.folder.join(LIST);
+        for name in read_text(&list).unwrap_or_default().lines() {
+            let is_below = Path::new(name)
+                .components()
+                .all(|part| matches!(part, Component::Normal(_)));
+            if is_below && !written.contains(name) {
+                // It may have been removed by hand.
+                let _ = fs::remove_file(self.folder.join(name));
+            }
+        }
+        let names: Vec<String> = written.into_iter().collect();
+        write_whole(&list, (names.join("\n") + "\n").as_bytes())
+    }
 }
 
 /// A figure: its name, its drawing and its specification.
@@ -138,8 +191,6 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
 
 #[cfg(test)]
 mod tests {
-    use std::fs;
-
     use super::super::tests::content;
     use super::*;
 
@@ -179,6 +230,22 @@ mod tests {
         // Four of each dataset and one of their portion, each as three files.
         assert_eq!(names("figures").len(), 27);
         assert!(names("figures").contains(&"sp-rotation-a-b-2.svg".to_owned()));
+    }
+
+    #[test]
+    fn what_the_report_before_had_is_gone_and_what_is_not_ours_stays() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let figure = |name: &str| folder.path().join(format!("figures/sp-{name}.svg"));
+        write_report(
+            folder.path(),
+            &content(&[("a", "sift", 4), ("b", "sift", 4)]),
+        )
+        .expect("ours");
+        fs::write(figure("mine"), "mine").expect("it is ours");
+        assert!(figure("a").is_file() && figure("b").is_file());
+        write_report(folder.path(), &content(&[("a", "sift", 4)])).expect("it is ours");
+        assert!(figure("a").is_file() && figure("mine").is_file());
+        assert!(!figure("b").exists(), "a figure of the report before");
     }
 
     #[test]

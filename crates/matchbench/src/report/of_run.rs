@@ -137,6 +137,14 @@ fn sequences(plan: &Plan) -> (BTreeMap<String, Sequence>, Vec<String>) {
     let (mut sequences, mut notes) = (BTreeMap::new(), Vec::new());
     for dataset in &plan.datasets {
         match Sequence::open(&dataset.path) {
+            Ok(sequence) if sequence.fingerprint() != dataset.fingerprint => {
+                notes.push(format!(
+                    "no pictures and no baselines of {} in the report: {} is another dataset now than \
+                     the run was of (other cameras, pairs or true poses)",
+                    dataset.name,
+                    dataset.path.display()
+                ));
+            }
             Ok(sequence) => {
                 sequences.insert(dataset.name.clone(), sequence);
             }

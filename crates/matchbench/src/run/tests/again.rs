@@ -1,0 +1,126 @@
+//! What is tried again, and what must be as it was for that.
+
+use super::*;
+
+#[test]
+fn an_image_that_was_mended_is_tried_again_and_one_that_changed_is_refused_by_name() {
+    let bench = Bench::new(vec![
+        Toy::default().contender("bright", &["first", "second"]),
+    ]);
+    bench.run("whole").unwrap();
+    let image = bench.path("street/0003.raw");
+    let sound = fs::read(&image).unwrap();
+    fs::write(&image, &sound[..7]).unwrap();
+    let missing = bench.path("street/0006.raw");
+    fs::rename(&missing, bench.path("away")).unwrap();
+    let broken = bench.run("run").unwrap();
+    assert!(broken.is_complete() && broken.failed > 0);
+    fs::write(&image, &sound).unwrap();
+    let again = bench.run("run").unwrap();
+    assert!(again.now > 0 && again.failed > 0 && again.failed < broken.failed);
+    fs::rename(bench.path("away"), &missing).unwrap();
+    assert_eq!(bench.run("run").unwrap().failed, 0);
+    assert_eq!(bench.records("run"), bench.records("whole"));
+    assert_eq!(bench.run("run").unwrap().now, 0, "nothing is left");
+
+    let mut other = sound;
+    let last = other.len() - 1;
+    other[last] ^= 1;
+    fs::write(&image, &other).unwrap();
+    let mut more = Bench {
+        contenders: vec![],
+        ..bench
+    };
+    more.contenders = vec![Toy::default().contender("bright", &["first", "second", "third"])];
+    let error = more.run("run").unwrap_err().to_string();
+    assert!(
+        error.contains("0003.raw") && error.contains("changed"),
+        "{error}"
+    );
+}
+
+#[test]
+fn an_image_that_changes_while_a_run_is_stopped_is_refused_by_name() {
+    let mut bench = Bench::new(vec![Toy::default().contender("bright", &["first"])]);
+    bench.settings.limit = Some(1);
+    bench.run("run").unwrap();
+    let image = bench.path("street/0001.raw");
+    let mut other = fs::read(&image).unwrap();
+    let last = other.len() - 1;
+    other[last] ^= 1;
+    fs::write(&image, &other).unwrap();
+    bench.settings.limit = None;
+    let error = bench.run("run").unwrap_err().to_string();
+    assert!(error.contains("0001.raw"), "{error}");
+}
+
+#[test]
+fn what_a_matcher_breaks_is_tried_again_only_where_that_is_asked_for() {
+    let trouble = Toy {
+        trouble: Trouble::ErrorInSearch,
+        ..Toy::default()
+    };
+    let mut bench = Bench::new(vec![trouble.contender("toy", &["first"])]);
+    bench.settings.limit = Some(4);
+    let failed = bench.run("run").unwrap().failed;
+    assert!(failed > 0);
+    assert_eq!(bench.run("run").unwrap().now, 0);
+    bench.retry_failed = true;
+    let again = bench.run("run").unwrap();
+    assert_eq!((again.now, again.failed), (failed, failed));
+    bench.contenders = vec![Toy::default().contender("toy", &["first"])];
+    assert_eq!(bench.run("run").unwrap().failed, 0);
+    bench.run("whole").unwrap();
+    assert_eq!(bench.records("run"), bench.records("whole"));
+}
+
+#[test]
+fn repetitions_without_end_take_no_memory() {
+    let mut bench = Bench::new(vec![Toy::default().contender("bright", &["first"])]);
+    bench.settings = repeated(u32::MAX);
+    /// Stops the run after some records.
+    struct Stop(Cancel, AtomicUsize);
+    impl Observer for Stop {
+        fn on_record(&self, _: &RunRecord) {
+            if self.1.fetch_add(1, Ordering::Relaxed) == 300 {
+                self.0.set();
+            }
+        }
+    }
+    let stop = Stop(Cancel::default(), AtomicUsize::new(0));
+    let summary = bench.run_with("run", &stop, &stop.0).unwrap();
+    assert!(summary.now >= 300 && summary.now < 2000, "{summary:?}");
+    let resumed = Stop(Cancel::default(), AtomicUsize::new(250));
+    let again = bench.run_with("run", &resumed, &resumed.0).unwrap();
+    assert_eq!(again.before, summary.now);
+    let repetitions: Vec<u32> = (bench.records("run").iter())
+        .map(|r| r.task.repetition)
+        .collect();
+    assert!(
+        (0..)
+            .zip(&repetitions)
+            .all(|(expected, found)| expected == *found)
+    );
+}
+
+#[test]
+fn an_image_that_cannot_be_read_fails_its_pairs_alone() {
+    let bench = Bench::new(vec![Toy::default().contender("bright", &["first"])]);
+    fs::write(bench.path("street/0003.raw"), [0; 7]).unwrap();
+    fs::remove_file(bench.path("street/0006.raw")).unwrap();
+    bench.run("run").unwrap();
+    for record in bench.records("run") {
+        let task = &record.task;
+        let missing = |frame| task.dataset == "street" && (task.a == frame || task.b == frame);
+        match &record.outcome {
+            Outcome::Failed { reason, .. } if missing(3) => {
+                assert!(reason.contains("0003.raw failed: the last row"), "{reason}");
+            }
+            Outcome::Failed { reason, .. } => {
+                assert!(missing(6) && reason.contains("cannot read"), "{reason}");
+                assert!(reason.contains("0006.raw"), "{reason}");
+            }
+            _ => assert!(!missing(3) && !missing(6)),
+        }
+    }
+}
