@@ -4,7 +4,7 @@
 //! nearest neighbours, selection of matches (ratio test, GMS, KVLD, CODE, RepMatch, GAIM) and robust two-view
 //! geometry (RANSAC and its descendants), each after its paper. Nothing here reads a file, a clock, an
 //! environment variable or a global: the same input gives the same bits on every machine and for any number of
-//! threads.
+//! threads. One exception changes no result: which instructions kernels use is asked once ([`InstructionSet`]).
 //!
 //! ```
 //! use matchbench_vision::features::{Sift, SiftParams};
@@ -53,3 +53,4 @@ mod tables;
 /// The linear algebra in which points, rotations and matrices are given and returned.
 pub use nalgebra;
 pub use params::ParamError;
+pub use simd::InstructionSet;

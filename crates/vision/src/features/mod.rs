@@ -145,3 +145,107 @@ impl<K: Detector, D: Describer> Extractor for DetectThenDescribe<K, D> {
         Features::new(image.size(), keypoints, descriptors)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Size;
+    use crate::seed::Seed;
+    use crate::simd::InstructionSet;
+
+    /// Boxes of all sizes over each other, and noise.
+    fn boxes(size: Size) -> GrayImage {
+        let mut rng = Seed(31).rng();
+        let mut image = GrayImage::filled(size, 100);
+        for _ in 0..150 {
+            let side = (2.0 / (0.02 + rng.uniform())) as usize;
+            let (x, y) = (rng.below(size.width as u32), rng.below(size.height as u32));
+            let grey = rng.below(240) as u8;
+            for y in (y as usize..size.height).take(side) {
+                for x in (x as usize..size.width).take(side) {
+                    image.set(x, y, grey);
+                }
+            }
+        }
+        image.map(|&grey| grey + rng.below(9) as u8)
+    }
+
+    #[test]
+    fn every_set_of_instructions_gives_the_same_bits() {
+        fn on<K, D>(detector: K, describer: D) -> DetectThenDescribe<K, D> {
+            DetectThenDescribe {
+                detector,
+                describer,
+            }
+        }
+        let sift = || Sift::new(SiftParams::default()).expect("in range");
+        let surf = || Surf::new(SurfParams::default()).expect("in range");
+        let extractors: [(&str, Box<dyn Extractor>); 11] = [
+            ("SIFT", Box::new(sift())),
+            ("SURF", Box::new(surf())),
+            (
+                "ORB",
+                Box::new(Orb::new(OrbParams::default()).expect("in range")),
+            ),
+            (
+                "BRISK",
+                Box::new(Brisk::new(BriskParams::default()).expect("in range")),
+            ),
+            (
+                "KAZE",
+                Box::new(Kaze::new(KazeParams::default()).expect("in range")),
+            ),
+            (
+                "AKAZE",
+                Box::new(Akaze::new(AkazeParams::default()).expect("in range")),
+            ),
+            (
+                "FREAK",
+                Box::new(on(
+                    surf(),
+                    Freak::new(FreakParams::default()).expect("in range"),
+                )),
+            ),
+            (
+                "LATCH",
+                Box::new(on(
+                    sift(),
+                    Latch::new(LatchParams::default()).expect("in range"),
+                )),
+            ),
+            (
+                "DAISY",
+                Box::new(on(
+                    sift(),
+                    Daisy::new(DaisyParams::default()).expect("in range"),
+                )),
+            ),
+            (
+                "DLCO",
+                Box::new(on(
+                    sift(),
+                    Dlco::new(DlcoParams::default()).expect("in range"),
+                )),
+            ),
+            (
+                "BinBoost",
+                Box::new(on(
+                    sift(),
+                    BinBoost::new(BinBoostParams::default()).expect("in range"),
+                )),
+            ),
+        ];
+        // No multiple of a vector's length.
+        let image = boxes(Size::new(203, 149));
+        for (name, extractor) in extractors {
+            let mut first = None;
+            InstructionSet::for_each(|set| {
+                let features = extractor.extract(&image);
+                let first = first.get_or_insert_with(|| features.clone());
+                assert!(*first == features, "{name} with {set:?}");
+            });
+            let count = first.map_or(0, |features| features.len());
+            assert!(count > 20, "{name} finds {count} features");
+        }
+    }
+}

@@ -1,5 +1,8 @@
 //! Bilinear interpolation between 8-bit pixels, exact with weights of 8 bits.
 
+#[cfg(target_arch = "x86_64")]
+use super::InstructionSet;
+
 /// Where a pixel of the output lies among those of the input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Between {
@@ -71,8 +74,8 @@ impl BlendColumns {
         );
         let mut done = 0;
         #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the feature was detected on this processor.
+        if InstructionSet::in_use() >= InstructionSet::Avx2 {
+            // SAFETY: what is in use was detected on this processor.
             unsafe { avx2::blend(&self.blocks, row, out) };
             done = 8 * self.blocks.len();
         }

@@ -1,9 +1,11 @@
 //! Weighted sums of rows and along rows: the two passes of a separable filter.
 
-/// Rows that [`weigh_rows`] makes at once, so that a row is loaded once for four sums.
+/// Rows that [`weigh_rows`] makes at most, so that a row is loaded once for several sums.
 pub const ROWS_AT_ONCE: usize = 4;
 
 multiversioned! {
+    #![avx512]
+
     /// The vertical pass: `out[r][x]` is the sum over k of `taps[k] * rows[r + k][x]`, for up to
     /// [`ROWS_AT_ONCE`] neighbouring rows.
     ///
@@ -11,15 +13,14 @@ multiversioned! {
     /// If there are not `taps.len() + out.len() - 1` rows, or if one is shorter than an output.
     pub fn weigh_rows(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) {
         assert_eq!(rows.len() + 1, taps.len() + out.len(), "a row for each tap");
-        match out {
-            [a, b, c, d] if taps.len() >= ROWS_AT_ONCE => {
-                rows_pass(rows, taps, &mut [&mut **a, &mut **b, &mut **c, &mut **d]);
-            }
-            _ => {
-                for (r, out) in out.iter_mut().enumerate() {
-                    rows_pass(&rows[r..][..taps.len()], taps, &mut [&mut **out]);
-                }
-            }
+        let mut first = 0;
+        while first < out.len() {
+            let (rows, out) = (&rows[first..], &mut out[first..]);
+            first += if out.len().min(taps.len()) >= ROWS_AT_ONCE {
+                rows_pass::<ROWS_AT_ONCE>(rows, taps, out)
+            } else {
+                rows_pass::<1>(rows, taps, out)
+            };
         }
     }
 
@@ -29,7 +30,7 @@ multiversioned! {
     /// # Panics
     /// If the number of taps is even, or `padded` not `taps.len() - 1` longer than `out`.
     pub fn weigh_symmetric(padded: &[f32], taps: &[f32], out: &mut [f32]) {
-        const LANES: usize = 32;
+        const LANES: usize = 64;
         assert!(taps.len() % 2 == 1, "one tap in the middle");
         assert_eq!(padded.len() + 1, out.len() + taps.len(), "padding for the taps");
         let mut x = 0;
@@ -48,9 +49,12 @@ multiversioned! {
     }
 }
 
+/// Makes the first `R` rows of `out` and returns their number.
 #[inline(always)]
-fn rows_pass<const R: usize>(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]; R]) {
+fn rows_pass<const R: usize>(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) -> usize {
     const LANES: usize = 16;
+    let rows = &rows[..taps.len() + R - 1];
+    let out = out.first_chunk_mut::<R>().expect("rows were counted");
     let width = out[0].len();
     let mut x = 0;
     while x + LANES <= width {
@@ -61,6 +65,7 @@ fn rows_pass<const R: usize>(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32
         rows_block::<R, 1>(rows, taps, out, x);
         x += 1;
     }
+    R
 }
 
 /// Columns `x..x + L` of `R` output rows. The first and the last `R - 1` input rows meet only
@@ -139,26 +144,33 @@ mod tests {
     }
 
     #[test]
-    fn four_rows_at_once_are_the_same_bits_as_one_by_one() {
-        for (width, count) in [(1, 5), (15, 3), (33, 4), (70, 11)] {
+    fn rows_at_once_are_the_same_bits_as_one_by_one() {
+        for (width, count, at_once) in [
+            (1, 5, 4),
+            (15, 3, 8),
+            (33, 4, 5),
+            (70, 11, 8),
+            (70, 9, 7),
+            (41, 11, 1),
+        ] {
             let taps = random_row(count, 9);
-            let rows: Vec<_> = (0..count + 3)
+            let rows: Vec<_> = (0..count + at_once - 1)
                 .map(|y| random_row(width, y as u64))
                 .collect();
             let rows: Vec<&[f32]> = rows.iter().map(Vec::as_slice).collect();
-            let mut four = vec![0.0; 4 * width];
+            let mut some = vec![0.0; at_once * width];
             weigh_rows(
                 &rows,
                 &taps,
-                &mut four.chunks_mut(width).collect::<Vec<_>>(),
+                &mut some.chunks_mut(width).collect::<Vec<_>>(),
             );
-            for (y, four) in four.chunks(width).enumerate() {
+            for (y, some) in some.chunks(width).enumerate() {
                 let expected: Vec<f32> = (0..width)
                     .map(|x| {
                         (0..count).fold(0.0_f32, |sum, k| rows[y + k][x].mul_add(taps[k], sum))
                     })
                     .collect();
-                assert_eq!(four, expected, "{width} columns, {count} taps, row {y}");
+                assert_eq!(some, expected, "{width} columns, {count} taps, row {y}");
             }
         }
     }

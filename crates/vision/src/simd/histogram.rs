@@ -1,6 +1,8 @@
 //! Histograms of gradient directions, one for a disc and a grid of them for a patch.
 #![allow(clippy::needless_bitwise_bool)] // a lazy `&&` is a branch, and lanes have none
 
+use super::gradient::turns;
+
 /// Bins of a patch histogram, as two histograms whose sum counts: `[half][row][column][direction]`
 /// with 2 x 8 x 8 x 8 places, of which a grid of 4 x 4 cells and its border use 6 x 6 x 8 of each.
 pub type PatchHistogram = [f32; 1024];
@@ -16,76 +18,137 @@ pub struct PatchGrid {
     pub direction: f32,
 }
 
-/// Gradients along one row of pixels of a patch.
+/// The pixels about a keypoint, which offsets are counted from.
 #[derive(Clone, Copy, Debug)]
-pub struct PatchRow<'a> {
-    /// Offset of the row from the centre of the patch.
-    pub y: f32,
-    /// Offset of the first pixel from the centre of the patch.
-    pub x: f32,
-    /// Weight of the row.
-    pub weight: f32,
-    /// Weights of the pixels.
+pub struct Window<'a> {
+    /// Rows of the image, from the one before the first span to the one after the last, all from the
+    /// same column on.
+    pub rows: &'a [&'a [f32]],
+    /// Offset of that column.
+    pub left: i32,
+    /// Offset of the row of the first span.
+    pub top: i32,
+    /// What counts of each row.
+    pub spans: &'a [Span],
+    /// Weights of the offsets from `-radius` on, of rows and of columns: a pixel has the product.
     pub weights: &'a [f32],
-    /// Magnitudes of the gradients.
-    pub magnitudes: &'a [f32],
-    /// Their directions in turns.
-    pub directions: &'a [f32],
+    /// See `weights`.
+    pub radius: i32,
+}
+
+/// Neighbouring pixels of a row.
+#[derive(Clone, Copy, Debug)]
+pub struct Span {
+    /// Offset of the first.
+    pub first: i32,
+    /// How many.
+    pub count: usize,
+}
+
+/// Gradients of the pixels of all spans, one after the other; used again and again.
+#[derive(Clone, Debug, Default)]
+pub struct Gradients {
+    /// First the differences along x, then the directions in turns.
+    directions: Vec<f32>,
+    /// Differences along y (upwards).
+    rises: Vec<f32>,
+    /// First the weights, then the magnitudes times weight.
+    values: Vec<f32>,
+    bins: Vec<u32>,
 }
 
 multiversioned! {
-    /// Adds each gradient to the nearest bin of a circular histogram, by magnitude times weight.
+    #![avx512]
+
+    /// Adds the gradient of each pixel to the nearest bin of a circular histogram, by magnitude times
+    /// weight.
     ///
     /// # Panics
-    /// If the lengths differ.
-    pub fn add_directions(row: &PatchRow<'_>, histogram: &mut [f32; 36]) {
-        let n = row.magnitudes.len();
-        let mut x = 0;
-        while x + 8 <= n {
-            directions_block::<8>(row, x, histogram);
-            x += 8;
+    /// If rows or weights do not reach one pixel beyond the spans.
+    pub fn add_directions(window: &Window<'_>, gradients: &mut Gradients, histogram: &mut [f32; 36]) {
+        measure(window, gradients);
+        let Gradients { directions, values, bins, .. } = gradients;
+        bins.resize(directions.len(), 0);
+        for (bin, direction) in bins.iter_mut().zip(&*directions) {
+            *bin = whole(*direction * 36.0);
         }
-        while x < n {
-            directions_block::<1>(row, x, histogram);
-            x += 1;
+        for (&bin, value) in bins.iter().zip(&*values) {
+            histogram[if bin < 36 { bin as usize } else { 0 }] += value;
         }
     }
 
-    /// Adds each gradient to the eight bins around it, by magnitude times weight and the distance
-    /// to the bins' centres in row, column and direction.
+    /// Adds the gradient of each pixel to the eight bins around it, by magnitude times weight and the
+    /// distance to the bins' centres in row, column and direction.
     ///
     /// # Panics
-    /// If the lengths differ.
-    pub fn add_patch_row(grid: &PatchGrid, row: &PatchRow<'_>, histogram: &mut PatchHistogram) {
-        let n = row.magnitudes.len();
-        let mut x = 0;
-        while x + 8 <= n {
-            patch_block::<8>(grid, row, x, histogram);
-            x += 8;
-        }
-        while x < n {
-            patch_block::<1>(grid, row, x, histogram);
-            x += 1;
+    /// If rows or weights do not reach one pixel beyond the spans.
+    pub fn add_patch(window: &Window<'_>, grid: &PatchGrid, gradients: &mut Gradients, histogram: &mut PatchHistogram) {
+        measure(window, gradients);
+        let mut start = 0;
+        for (span, y) in window.spans.iter().zip(window.top..) {
+            let row = PatchRow {
+                y: y as f32,
+                x: span.first as f32,
+                values: &gradients.values[start..][..span.count],
+                directions: &gradients.directions[start..][..span.count],
+            };
+            start += span.count;
+            let mut x = 0;
+            while x + 8 <= span.count {
+                patch_block::<8>(grid, &row, x, histogram);
+                x += 8;
+            }
+            while x < span.count {
+                patch_block::<1>(grid, &row, x, histogram);
+                x += 1;
+            }
         }
     }
 }
 
+/// Gradients along one row.
+struct PatchRow<'a> {
+    /// Offset of the row.
+    y: f32,
+    /// Offset of the first pixel.
+    x: f32,
+    /// Magnitudes times weight.
+    values: &'a [f32],
+    directions: &'a [f32],
+}
+
+/// Magnitudes and directions of the central differences: all in one go, in which vectors are full.
 #[inline(always)]
-fn directions_block<const L: usize>(row: &PatchRow<'_>, start: usize, histogram: &mut [f32; 36]) {
-    let (weights, magnitudes) = (
-        lanes::<L>(row.weights, start),
-        lanes::<L>(row.magnitudes, start),
-    );
-    let directions = lanes::<L>(row.directions, start);
-    let mut bins = [0_u32; L];
-    let mut values = [0.0_f32; L];
-    for i in 0..L {
-        bins[i] = whole(directions[i] * 36.0);
-        values[i] = row.weight * weights[i] * magnitudes[i];
+fn measure(window: &Window<'_>, gradients: &mut Gradients) {
+    let Gradients {
+        directions,
+        rises,
+        values,
+        ..
+    } = gradients;
+    for values in [&mut *directions, &mut *rises, &mut *values] {
+        values.clear();
     }
-    for i in 0..L {
-        let bin = bins[i] as usize;
-        histogram[if bin < 36 { bin } else { 0 }] += values[i];
+    for (i, (span, y)) in window.spans.iter().zip(window.top..).enumerate() {
+        let count = span.count;
+        if count == 0 {
+            continue;
+        }
+        let x = (span.first - window.left) as usize;
+        let [above, here, below] = [0, 1, 2].map(|k| window.rows[i + k]);
+        let (left, right) = (&here[x - 1..][..count], &here[x + 1..][..count]);
+        let (above, below) = (&above[x..][..count], &below[x..][..count]);
+        directions.extend(right.iter().zip(left).map(|(right, left)| right - left));
+        rises.extend(above.iter().zip(below).map(|(above, below)| above - below));
+        let weight = window.weights[(y + window.radius) as usize];
+        let weights = &window.weights[(span.first + window.radius) as usize..][..count];
+        values.extend(weights.iter().map(|along| weight * along));
+    }
+    let all = directions.iter_mut().zip(&*rises).zip(values);
+    for ((direction, &dy), value) in all {
+        let dx = *direction;
+        *value *= dx.mul_add(dx, dy * dy).sqrt();
+        *direction = turns(dy, dx);
     }
 }
 
@@ -98,10 +161,7 @@ fn patch_block<const L: usize>(
 ) {
     /// Centres of the cells are at 0, 1, 2, 3; the middle of the patch lies between 1 and 2.
     const MIDDLE: f32 = 1.5;
-    let (weights, magnitudes) = (
-        lanes::<L>(row.weights, start),
-        lanes::<L>(row.magnitudes, start),
-    );
+    let values = lanes::<L>(row.values, start);
     let directions = lanes::<L>(row.directions, start);
     let mut cells = [0_u32; L];
     let mut bins = [0_u32; L];
@@ -112,8 +172,7 @@ fn patch_block<const L: usize>(
         let column = x.mul_add(grid.cos, row.y * grid.sin) + MIDDLE;
         let line = row.y.mul_add(grid.cos, -(x * grid.sin)) + MIDDLE;
         let inside = (line > -1.0) & (line < 4.0) & (column > -1.0) & (column < 4.0);
-        let value = row.weight * weights[i] * magnitudes[i];
-        let value = if inside { value } else { 0.0 };
+        let value = if inside { values[i] } else { 0.0 };
         let column = if inside { column } else { 0.0 };
         let line = if inside { line } else { 0.0 };
         let bin = (directions[i] - grid.direction) * 8.0;
@@ -180,42 +239,50 @@ mod tests {
         assert_eq!((whole(2.5), whole(3.5), whole(35.6)), (2, 4, 36));
     }
 
-    fn row<'a>(
-        x: f32,
-        magnitudes: &'a [f32],
-        directions: &'a [f32],
-        ones: &'a [f32],
-    ) -> PatchRow<'a> {
-        PatchRow {
-            y: 0.0,
-            x,
-            weight: 1.0,
-            weights: ones,
-            magnitudes,
-            directions,
+    /// A row of pixels whose right-hand differences and rises are given, all of weight 1, whose
+    /// first lies at offset `x`.
+    fn with_row(x: i32, differences: &[[f32; 2]], each: impl FnOnce(&Window<'_>)) {
+        let n = differences.len();
+        let mut here = vec![0.0; n + 2];
+        for (i, [dx, _]) in differences.iter().enumerate() {
+            here[i + 2] = here[i] + dx;
         }
+        let above: Vec<f32> = [0.0]
+            .into_iter()
+            .chain(differences.iter().map(|d| d[1]))
+            .collect();
+        let below = vec![0.0; n + 1];
+        let radius = x.abs().max(x.abs() + n as i32);
+        each(&Window {
+            rows: &[&above, &here, &below],
+            left: x - 1,
+            top: 0,
+            spans: &[Span { first: x, count: n }],
+            weights: &vec![1.0; 2 * radius as usize + 1],
+            radius,
+        });
     }
 
     #[test]
     fn directions_go_to_the_nearest_bin() {
         let mut histogram = [0.0; 36];
-        let directions = [0.0, 0.013, 0.014, 0.5, 0.985, 0.987, 1.0, 0.25, 0.75];
-        add_directions(&row(0.0, &[1.0; 9], &directions, &[1.0; 9]), &mut histogram);
-        let filled: Vec<_> = (0..36)
-            .filter(|&i| histogram[i] > 0.0)
-            .map(|i| (i, histogram[i]))
-            .collect();
-        assert_eq!(
-            filled,
-            [
-                (0, 4.0),
-                (1, 1.0),
-                (9, 1.0),
-                (18, 1.0),
-                (27, 1.0),
-                (35, 1.0)
-            ]
-        );
+        // Upwards from x: 0, 4, 6, 90, 180, 270, 354 and 356 degrees.
+        let slope = |degrees: f64| {
+            let radians = degrees.to_radians();
+            [libm::cos(radians) as f32, libm::sin(radians) as f32]
+        };
+        let differences = [0.0, 4.0, 6.0, 90.0, 180.0, 270.0, 354.0, 356.0].map(slope);
+        with_row(0, &differences, |window| {
+            add_directions(window, &mut Gradients::default(), &mut histogram);
+        });
+        for (bin, sum) in histogram.iter().enumerate() {
+            let expected = match bin {
+                0 => 3.0,
+                1 | 9 | 18 | 27 | 35 => 1.0,
+                _ => 0.0,
+            };
+            assert!((sum - expected).abs() < 1e-5, "{sum} in bin {bin}");
+        }
     }
 
     #[test]
@@ -224,22 +291,20 @@ mod tests {
         let grid = PatchGrid {
             cos: 0.5,
             sin: 0.0,
-            direction: 0.0,
+            direction: 0.25,
         };
         let mut histogram: PatchHistogram = [0.0; 1024];
-        add_patch_row(
-            &grid,
-            &row(0.0, &[8.0], &[15.5 / 16.0], &[1.0]),
-            &mut histogram,
-        );
+        // To the right: a quarter turn before the first bin.
+        with_row(0, &[[8.0, 0.0]], |window| {
+            add_patch(window, &grid, &mut Gradients::default(), &mut histogram);
+        });
         for cell in [
             2 * 64 + 2 * 8,
             2 * 64 + 3 * 8,
             3 * 64 + 2 * 8,
             3 * 64 + 3 * 8,
         ] {
-            // 7.75 bins: three quarters nearer to the seam.
-            assert_eq!((histogram[cell + 7], histogram[cell]), (0.5, 1.5));
+            assert_eq!((histogram[cell + 6], histogram[cell + 7]), (2.0, 0.0));
         }
         assert_eq!(histogram.iter().sum::<f32>(), 8.0);
     }
@@ -252,32 +317,28 @@ mod tests {
             direction: 0.3,
         };
         let n = 45;
-        let magnitudes: Vec<f32> = (0..n).map(|i| i as f32 + 1.0).collect();
-        let directions: Vec<f32> = (0..n).map(|i| i as f32 / n as f32).collect();
-        let ones = vec![1.0; n];
+        let differences: Vec<[f32; 2]> = (0..n)
+            .map(|i| [i as f32 - 20.0, 3.0 * (i % 7) as f32 - 8.0])
+            .collect();
         let mut together: PatchHistogram = [0.0; 1024];
-        add_patch_row(
-            &grid,
-            &row(-22.0, &magnitudes, &directions, &ones),
-            &mut together,
-        );
+        with_row(-22, &differences, |window| {
+            add_patch(window, &grid, &mut Gradients::default(), &mut together);
+        });
         let mut single: PatchHistogram = [0.0; 1024];
-        for i in 0..n {
-            let x = i as f32 - 22.0;
-            add_patch_row(
-                &grid,
-                &row(x, &magnitudes[i..=i], &directions[i..=i], &[1.0]),
-                &mut single,
-            );
+        let mut gradients = Gradients::default();
+        for (i, difference) in differences.iter().enumerate() {
+            with_row(i as i32 - 22, &[*difference], |window| {
+                add_patch(window, &grid, &mut gradients, &mut single);
+            });
         }
         for i in 0..512 {
             let sums = [together, single].map(|h| h[i] + h[512 + i]);
-            assert!((sums[0] - sums[1]).abs() < 1e-4);
+            assert!((sums[0] - sums[1]).abs() < 1e-3);
         }
         // |0.15 x| < 2.5 and |0.2 x| < 2.5.
         let inside: f32 = (0..n)
             .filter(|&i| (i as f32 - 22.0).abs() < 12.5)
-            .map(|i| magnitudes[i])
+            .map(|i| differences[i][0].hypot(differences[i][1]))
             .sum();
         assert!((together.iter().sum::<f32>() - inside).abs() < 0.01);
     }

@@ -11,15 +11,16 @@
 // The room is private; inside, kernels are marked as they would be in a crate of their own.
 #![allow(unreachable_pub)]
 
-/// Compiles a function for the baseline, for AVX2 with fused multiply-add and for AVX-512, and
-/// calls the version that is [`InstructionSet::in_use`].
+/// Compiles functions for the baseline and again for AVX2 with fused multiply-add, and where
+/// `#![avx512]` comes first for AVX-512, and calls the version that is [`InstructionSet::in_use`].
 ///
 /// *Benefit*: the portable text runs with 8 or 16 lanes instead of 4 and with hardware `mul_add`
-/// (without it each `mul_add` is a call into the C library).
+/// (without it each `mul_add` is a call into the C library). Vectors of 64 bytes are not for all:
+/// kernels that look up, shuffle or end early are as fast or faster with those of 32.
 /// *Correctness*: the only unsafe act is calling a wider version, which is done after the
 /// processor said that it has all features; the body itself is safe Rust.
 macro_rules! multiversioned {
-    ($($(#[$meta:meta])* $vis:vis fn $name:ident($($arg:ident: $ty:ty),* $(,)?) $(-> $ret:ty)? $body:block)*) => {$(
+    (#![avx512] $($(#[$meta:meta])* $vis:vis fn $name:ident($($arg:ident: $ty:ty),* $(,)?) $(-> $ret:ty)? $body:block)*) => {$(
         $(#[$meta])*
         $vis fn $name($($arg: $ty),*) $(-> $ret)? {
             #[inline(always)]
@@ -44,6 +45,28 @@ macro_rules! multiversioned {
                     // SAFETY: as before.
                     InstructionSet::Avx2 => return unsafe { avx2($($arg),*) },
                     InstructionSet::Portable => {}
+                }
+            }
+            portable($($arg),*)
+        }
+    )*};
+    ($($(#[$meta:meta])* $vis:vis fn $name:ident($($arg:ident: $ty:ty),* $(,)?) $(-> $ret:ty)? $body:block)*) => {$(
+        $(#[$meta])*
+        $vis fn $name($($arg: $ty),*) $(-> $ret)? {
+            #[inline(always)]
+            fn portable($($arg: $ty),*) $(-> $ret)? $body
+
+            #[cfg(target_arch = "x86_64")]
+            {
+                use $crate::simd::InstructionSet;
+
+                #[target_feature(enable = "avx2,fma")]
+                fn avx2($($arg: $ty),*) $(-> $ret)? {
+                    portable($($arg),*)
+                }
+                if InstructionSet::in_use() >= InstructionSet::Avx2 {
+                    // SAFETY: no more is in use than was detected on this processor.
+                    return unsafe { avx2($($arg),*) };
                 }
             }
             portable($($arg),*)
@@ -89,7 +112,9 @@ pub use extrema::{ThreeRows, find_extrema, find_extrema_of_differences, find_max
 pub use fast::{segment_scores, strict_maxima, weak_maxima};
 pub use freak::{Fields, compare_means, field_means};
 pub use gradient::{polar_gradients, turns};
-pub use histogram::{PatchGrid, PatchHistogram, PatchRow, add_directions, add_patch_row};
+pub use histogram::{
+    Gradients, PatchGrid, PatchHistogram, Span, Window, add_directions, add_patch,
+};
 pub use instructions::InstructionSet;
 pub use latch::{WINDOW, compare_patches, turn_places};
 pub use normalize::normalize_to_bytes;

@@ -25,6 +25,8 @@ pub struct Across<'a> {
 }
 
 multiversioned! {
+    #![avx512]
+
     /// The pass from row to row: of the rows `step` above, here, and `step` below the weighted
     /// mean, and the difference of the outer ones.
     ///

@@ -7,7 +7,7 @@ use nalgebra::Point2;
 
 use super::patch::Patch;
 use crate::image::{RowBuffer, Size};
-use crate::simd::{PatchGrid, PatchHistogram, add_patch_row, normalize_to_bytes};
+use crate::simd::{PatchGrid, PatchHistogram, add_patch, normalize_to_bytes};
 
 /// Cells of the grid along a side.
 const CELLS: usize = 4;
@@ -50,11 +50,11 @@ impl PatchDescriber {
         let deviation = 0.5 * CELLS as f32 * cell;
         self.patch.reset(radius, -0.5 / (deviation * deviation));
         let mut histogram: PatchHistogram = [0.0; 1024];
-        self.patch.for_each_row(
+        self.patch.look(
             layer,
             [at.x, at.y].map(|v| v.round_ties_even() as i32),
             |y| columns_inside(&grid, y as f32),
-            |row| add_patch_row(&grid, row, &mut histogram),
+            |window, gradients| add_patch(window, &grid, gradients, &mut histogram),
         );
         let mut values = std::array::from_fn(|i| {
             let (row, column, bin) = (i / (CELLS * BINS), i / BINS % CELLS, i % BINS);

@@ -44,8 +44,7 @@ mod patch;
 use nalgebra::Point2;
 
 use super::{
-    Describer, DescriptorKind, Descriptors, Detections, Detector, Extractor, Features, FloatRows,
-    Keypoint, Unshared,
+    Describer, DescriptorKind, Descriptors, Detector, Extractor, Features, FloatRows, Keypoint,
 };
 use crate::image::{GrayImage, Octave, ScaleSpaceShape};
 use crate::params::ParamError;
@@ -234,19 +233,15 @@ impl Describer for Sift {
     }
 }
 
+/// Keypoints are neither recalled nor remembered for other extractors: they are described while the
+/// scale space passes by, so that nobody could say what finding them alone would have cost.
 impl Extractor for Sift {
     fn kind(&self) -> DescriptorKind {
         DescriptorKind::Float { dim: LENGTH }
     }
 
     fn extract(&self, image: &GrayImage) -> Features {
-        self.extract_sharing(image, &mut Unshared)
-    }
-
-    /// Nothing is recalled: the scale space is needed anyway, and gives the keypoints on the way.
-    fn extract_sharing(&self, image: &GrayImage, detections: &mut dyn Detections) -> Features {
         let (keypoints, descriptors) = self.detect_on_the_way(image, true);
-        detections.remember(&keypoints);
         Features::new(image.size(), keypoints, Descriptors::Float(descriptors))
     }
 }

@@ -56,11 +56,11 @@ impl Orientations {
         let deviation = WINDOW * scale;
         self.patch.reset(radius, -0.5 / (deviation * deviation));
         let mut raw = [0.0; BINS];
-        self.patch.for_each_row(
+        self.patch.look(
             layer,
             pixel.map(|v| v as i32),
             |_| -radius..=radius,
-            |row| add_directions(row, &mut raw),
+            |window, gradients| add_directions(window, gradients, &mut raw),
         );
         std::array::from_fn(|i| {
             let at = |offset: usize| raw[(i + BINS + offset - 2) % BINS];

@@ -6,6 +6,7 @@ use std::ops::Range;
 use super::descriptor::{LENGTH, PatchDescriber, patch_radius};
 use super::extrema::{self, Extremum, ExtremumFinder};
 use super::orientation::{Orientations, window_radius};
+use super::patch::BEYOND;
 use super::{Sift, is_inside};
 use crate::features::Keypoint;
 use crate::image::{GrayImage, LayerVisitor, Octave, Reach, Strip};
@@ -68,7 +69,7 @@ impl LayerVisitor for Detection<'_> {
             None => window_radius(octave.size, scale),
         };
         Some(Reach {
-            described: extrema::REACH + around + ROUNDING,
+            described: extrema::REACH + around + BEYOND + ROUNDING,
             all: Some(extrema::REACH),
         })
     }
@@ -171,7 +172,7 @@ impl LayerVisitor for Description<'_> {
         let places = self.octaves.get(self.index_of(octave))?;
         let largest = places.iter().map(|place| place.radius).max();
         Some(Reach {
-            described: largest.unwrap_or(0) + ROUNDING,
+            described: largest.unwrap_or(0) + BEYOND + ROUNDING,
             all: None,
         })
     }
@@ -216,8 +217,8 @@ mod tests {
         };
         // 3.59 pixels of scale: three times that for a cell, of which 3.5 fit half a diagonal.
         let reach = Detection::new(&sift, true).reach(octave).expect("always");
-        assert_eq!(reach.described, 8 + 38 + 2);
+        assert_eq!(reach.described, 8 + 38 + 8 + 2);
         let reach = Detection::new(&sift, false).reach(octave).expect("always");
-        assert_eq!(reach.described, 8 + 16 + 2);
+        assert_eq!(reach.described, 8 + 16 + 8 + 2);
     }
 }

@@ -125,6 +125,8 @@ fn least(lanes: &[u8; LANES]) -> u8 {
 }
 
 multiversioned! {
+    #![avx512]
+
     /// The groups of the candidates, panel by panel and word by word: candidate after candidate
     /// within a group. Lanes without a candidate are zero.
     fn pack(rows: &[u64], words: usize) -> Vec<[[u8; LANES]; GROUPS]> {

@@ -64,6 +64,8 @@ fn two_nearest(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {
 }
 
 multiversioned! {
+    #![avx512]
+
     /// Offers the candidates of one panel to the queries `a`.
     fn scan(
         a: &[f32],

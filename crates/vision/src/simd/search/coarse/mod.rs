@@ -16,11 +16,14 @@ mod grid;
 use std::arch::x86_64::{
     __m256i, _mm256_add_epi16, _mm256_add_epi32, _mm256_castsi256_ps, _mm256_cmpgt_epi32,
     _mm256_loadu_si256, _mm256_madd_epi16, _mm256_maddubs_epi16, _mm256_movemask_ps,
-    _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256,
+    _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256, _mm512_add_epi32,
+    _mm512_cmple_epi32_mask, _mm512_dpbusd_epi32, _mm512_loadu_si512, _mm512_set1_epi32,
+    _mm512_setzero_si512, _mm512_slli_epi32, _mm512_sub_epi32,
 };
 
 use self::grid::{Grid, MAX_DIM, squared_distance};
 use super::pack;
+use crate::simd::InstructionSet;
 
 /// Candidates of a panel: two vectors of eight.
 const LANES: usize = 16;
@@ -68,7 +71,7 @@ pub(super) fn near_rows(
 }
 
 fn has_avx2_and_fma() -> bool {
-    std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
+    InstructionSet::in_use() >= InstructionSet::Avx2
 }
 
 /// [`near_rows`] without its tests.
@@ -90,6 +93,7 @@ fn search(a: &[f32], b: &[f32], dim: usize, apart: impl Fn(u32, u32) -> bool) ->
         error: coarse.errors.iter().copied().fold(0.0, f32::max),
         scale: grid.scale,
         apart,
+        is_wide: InstructionSet::in_use() == InstructionSet::Avx512,
     };
     let mut near = Vec::with_capacity(a.len() / dim);
     let parts = queries.norms.iter().zip(&queries.errors);
@@ -172,6 +176,8 @@ struct Candidates<'a, Apart> {
     error: f32,
     scale: f32,
     apart: Apart,
+    /// Whether AVX-512 with products of bytes is in use.
+    is_wide: bool,
 }
 
 impl<Apart: Fn(u32, u32) -> bool> Candidates<'_, Apart> {
@@ -206,7 +212,12 @@ impl<Apart: Fn(u32, u32) -> bool> Candidates<'_, Apart> {
         let queries = tile.queries.chunks_mut(ROWS);
         let rows = tile.rows.chunks(ROWS * self.dim);
         for (((quads, limits), queries), rows) in blocks.zip(queries).zip(rows) {
-            let within = within(quads, limits, panel, norms);
+            let within = if self.is_wide {
+                // SAFETY: what is in use was detected on this processor.
+                unsafe { within_avx512(quads, limits, panel, norms) }
+            } else {
+                within(quads, limits, panel, norms)
+            };
             let rows = rows.chunks_exact(self.dim);
             for (((query, row), within), limit) in
                 queries.iter_mut().zip(rows).zip(within).zip(limits)
@@ -287,6 +298,55 @@ fn within(
     within
 }
 
+/// [`within`] with one instruction for the products of 64 bytes and their sums.
+///
+/// *Benefit*: a fifth of the instructions. *Correctness*: sums of 32 bits hold what those of 16 bits
+/// hold, so all integers are the same.
+#[inline]
+#[target_feature(enable = "avx512f,avx512vnni")]
+fn within_avx512(
+    quads: &[i32],
+    limits: &[i32; ROWS],
+    panel: &[[i32; LANES]],
+    norms: &[i32; LANES],
+) -> [u32; ROWS] {
+    let mut rows = [quads; ROWS];
+    for (number, row) in rows.iter_mut().enumerate() {
+        *row = &quads[number * panel.len()..][..panel.len()];
+    }
+    // Even and odd quads apart: twice as many sums, none of which waits for the one before.
+    let mut sums = [[_mm512_setzero_si512(); 2]; ROWS];
+    let (pairs, last) = panel.as_chunks::<2>();
+    for (pair, k) in pairs.iter().zip((0..).step_by(2)) {
+        for half in 0..2 {
+            // SAFETY: 64 bytes can be read from 16 lanes of 4 bytes.
+            let candidates = unsafe { _mm512_loadu_si512(pair[half].as_ptr().cast()) };
+            for row in 0..ROWS {
+                let query = _mm512_set1_epi32(rows[row][k + half]);
+                sums[row][half] = _mm512_dpbusd_epi32(sums[row][half], query, candidates);
+            }
+        }
+    }
+    if let [lanes] = last {
+        // SAFETY: as before.
+        let candidates = unsafe { _mm512_loadu_si512(lanes.as_ptr().cast()) };
+        for row in 0..ROWS {
+            let query = _mm512_set1_epi32(rows[row][panel.len() - 1]);
+            sums[row][0] = _mm512_dpbusd_epi32(sums[row][0], query, candidates);
+        }
+    }
+    // SAFETY: as before.
+    let norms = unsafe { _mm512_loadu_si512(norms.as_ptr().cast()) };
+    let mut within = [0; ROWS];
+    for row in 0..ROWS {
+        let products = _mm512_add_epi32(sums[row][0], sums[row][1]);
+        let distances = _mm512_sub_epi32(norms, _mm512_slli_epi32::<1>(products));
+        let limit = _mm512_set1_epi32(limits[row]);
+        within[row] = u32::from(_mm512_cmple_epi32_mask(distances, limit));
+    }
+    within
+}
+
 /// Two vectors of eight lanes.
 #[inline]
 #[target_feature(enable = "avx2")]
@@ -359,11 +419,13 @@ mod tests {
     fn bytes_are_enough_for_rows_like_descriptors() {
         let rows = QUERIES + 40;
         for dim in [63, 64, 128, 200] {
-            let found = check(rows, dim, |value, _| value);
-            assert!(
-                found == rows || !has_avx2_and_fma(),
-                "{found} of {rows} rows of {dim}"
-            );
+            InstructionSet::for_each(|set| {
+                let found = check(rows, dim, |value, _| value);
+                assert!(
+                    found == rows || !has_avx2_and_fma(),
+                    "{found} of {rows} rows of {dim} with {set:?}"
+                );
+            });
         }
     }
 
