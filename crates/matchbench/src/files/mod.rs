@@ -11,6 +11,6 @@ mod read;
 mod write;
 
 pub use leftovers::remove_leftovers;
-pub(crate) use leftovers::{PREFIX, hold};
+pub(crate) use leftovers::{HELD, PREFIX, hold};
 pub use read::{open_file, read_file, read_text};
 pub use write::write_whole;

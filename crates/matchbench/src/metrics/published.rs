@@ -7,7 +7,7 @@
 //! a dataset says which pairs count, a truth only what is true.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::datasets::{Pair, read_pairs, read_poses_of_pairs};
 use crate::files::read_text;
@@ -80,7 +80,7 @@ fn is_dataset(datasets: &Path, name: &str) -> bool {
 /// results in `first`.
 fn read_truth(truth: &Path, first: &Path) -> Result<Vec<Pair>, ResultsError> {
     let text = read_text(truth).map_err(|source| ResultsError::Io {
-        path: truth.clone(),
+        path: truth.to_path_buf(),
         source,
     })?;
     let row = text.lines().find(|line| !line.trim().is_empty());

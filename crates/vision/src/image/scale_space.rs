@@ -100,7 +100,7 @@ impl ScaleSpaceShape {
                 let columns = start..octave.size.width.min(start + width);
                 let mut builder = StripBuilder::new(self, octave, columns, reach);
                 if let Some(base) = &base {
-                    builder.run(&mut Halved(base), &mut next, visitor)
+                    builder.run(&mut Halved(base), &mut next, visitor);
                 } else {
                     let columns = builder.strip.layers[0].columns();
                     let mut base = BlurredImage::new(image, self, &columns);

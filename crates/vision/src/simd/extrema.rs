@@ -106,7 +106,7 @@ fn block<const LAYERS: usize, const L: usize, const WIDTH: usize>(
     }
     let mut candidates = [0_u32; L];
     let mut some = 0;
-    for i in 0..L {
+    for (i, candidate) in candidates.iter_mut().enumerate() {
         let at = |row: usize, dx: usize| value(&windows, 1, row, i + dx);
         let centre = at(1, 1);
         let (mut low, mut high) = (at(1, 0), at(1, 0));
@@ -124,14 +124,14 @@ fn block<const LAYERS: usize, const L: usize, const WIDTH: usize>(
         }
         let top = (centre > threshold) & (centre >= high);
         let bottom = (centre < -threshold) & (centre <= low);
-        candidates[i] = u32::from(top | bottom);
-        some |= candidates[i];
+        *candidate = u32::from(top | bottom);
+        some |= *candidate;
     }
     if some == 0 {
         return;
     }
-    for i in done..L {
-        if candidates[i] != 0 && beats_other_layers(&windows, i) {
+    for (i, &candidate) in candidates.iter().enumerate().skip(done) {
+        if candidate != 0 && beats_other_layers(&windows, i) {
             found.push((x + i) as u32);
         }
     }

@@ -74,19 +74,20 @@ fn what_a_matcher_breaks_is_tried_again_only_where_that_is_asked_for() {
     assert_eq!(bench.records("run"), bench.records("whole"));
 }
 
+/// Stops the run after some records.
+struct Stop(Cancel, AtomicUsize);
+impl Observer for Stop {
+    fn on_record(&self, _: &RunRecord) {
+        if self.1.fetch_add(1, Ordering::Relaxed) == 300 {
+            self.0.set();
+        }
+    }
+}
+
 #[test]
 fn repetitions_without_end_take_no_memory() {
     let mut bench = Bench::new(vec![Toy::default().contender("bright", &["first"])]);
     bench.settings = repeated(u32::MAX);
-    /// Stops the run after some records.
-    struct Stop(Cancel, AtomicUsize);
-    impl Observer for Stop {
-        fn on_record(&self, _: &RunRecord) {
-            if self.1.fetch_add(1, Ordering::Relaxed) == 300 {
-                self.0.set();
-            }
-        }
-    }
     let stop = Stop(Cancel::default(), AtomicUsize::new(0));
     let summary = bench.run_with("run", &stop, &stop.0).unwrap();
     assert!(summary.now >= 300 && summary.now < 2000, "{summary:?}");
