@@ -6,7 +6,7 @@
 //! are not finite, points outside their image, ambiguities outside 0..1. Points that never fill
 //! much of their image are warned about, since that is how points of resized images look.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use matchbench_vision::geometry::MatchedPoints;
@@ -127,7 +127,7 @@ impl MatchFiles {
             },
             survey: Survey::default(),
         };
-        this.assign(&found, sequence, &files)?;
+        this.assign(&found, contents.pairs.len(), sequence, &files)?;
         if doubtful {
             this.survey.warnings.push(
                 match named_by {
@@ -181,10 +181,11 @@ impl MatchFiles {
         }))
     }
 
-    /// Keeps the pairs of the dataset and the sizes of their images.
+    /// Keeps the pairs of the dataset, among all that the files `count`, and the sizes of their images.
     fn assign(
         &mut self,
         found: &BTreeMap<(u32, u32), usize>,
+        count: usize,
         sequence: &Sequence,
         files: &[PathBuf],
     ) -> Result<(), ExchangeError> {
@@ -205,9 +206,8 @@ impl MatchFiles {
             }
         }
         self.survey.found = self.pairs.len();
-        let indices = self.pairs.values().map(|(index, _)| *index);
-        let used = indices.collect::<std::collections::BTreeSet<_>>().len();
-        self.survey.others = found.len().saturating_sub(used);
+        let used: BTreeSet<usize> = self.pairs.values().map(|(index, _)| *index).collect();
+        self.survey.others = count - used.len();
         if self.pairs.is_empty() && !sequence.pairs.is_empty() {
             return Err(ExchangeError::new(
                 &files[0],
