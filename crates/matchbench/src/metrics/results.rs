@@ -149,6 +149,19 @@ fn read_records(file: &Path) -> Result<Option<ResultSet>, ResultsError> {
         if let Some(first) = lines.insert((task.a, task.b, task.repetition), line) {
             return Err(twice(file, line, (task.a, task.b), first));
         }
+        // A run does them in their order, so a number stands for that many records.
+        if let Some(before) = task.repetition.checked_sub(1)
+            && !lines.contains_key(&(task.a, task.b, before))
+        {
+            return Err(ResultsError::Line {
+                path: file.to_path_buf(),
+                line,
+                problem: format!(
+                    "repetition {} of the pair {} {} without the one before it; delete this line",
+                    task.repetition, task.a, task.b
+                ),
+            });
+        }
         let set = set.get_or_insert_with(|| ResultSet {
             dataset: task.dataset.clone(),
             matcher: task.matcher.clone(),
@@ -365,6 +378,11 @@ mod tests {
                 line("sift", 0, 1, 0) + &line("sift", 0, 1, 0),
                 ":2: pair 0 1 is there twice, first on line 1",
             ),
+            (
+                line("sift", 0, 1, 4_294_967_294),
+                ":1: repetition 4294967294",
+            ),
+            (line("sift", 0, 1, u32::MAX), ":1: repetition 4294967295"),
         ];
         for (text, expected) in cases {
             let run = run_folder(&[("sift", text)]);
