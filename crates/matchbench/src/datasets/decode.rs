@@ -419,9 +419,16 @@ mod tests {
             let mut accepted = 0;
             for length in 0..end {
                 let cut = [&whole[..length], &[0xff, 0xd9]].concat();
-                // Bits that only fill up the last byte, and colours, which are not looked at, may go.
+                // Bits that only fill up the last byte, and colours, which are not looked at, may go; and
+                // within the last block of pixels a decoder cannot tell where the data should end.
                 if let Ok(found) = decode_gray(&cut) {
-                    assert_eq!(found, pixels, "{name} cut to {length} of {end} bytes");
+                    let last_block = |x: usize, y: usize| x >= 16 && y >= 16;
+                    for (x, y) in (0..17).flat_map(|y| (0..24).map(move |x| (x, y))) {
+                        assert!(
+                            last_block(x, y) || found.at(x, y) == pixels.at(x, y),
+                            "{name} cut to {length} of {end} bytes: pixel {x} {y}"
+                        );
+                    }
                     accepted += 1;
                 }
             }

@@ -402,9 +402,9 @@ fn damage_is_refused_with_the_place() {
     let path = store::path(&bench.path("run"), "office", "bright", "second");
     let text = fs::read_to_string(&path).unwrap();
     fs::write(&path, text.replacen("\"a\":1", "\"a\":2", 1)).unwrap();
-    refused(&["bright+second.jsonl:3:", "another task"]);
+    refused(&["bright+second.jsonl:3:", "checksum"]);
     fs::write(&path, text.replacen("{\"task\"", "{\"tusk\"", 1)).unwrap();
-    refused(&["bright+second.jsonl:1:", "tusk"]);
+    refused(&["bright+second.jsonl:1:", "not a record"]);
     fs::write(&path, format!("{text}{text}")).unwrap();
     refused(&["bright+second.jsonl:8:", "another task"]);
     fs::write(&path, text).unwrap();
