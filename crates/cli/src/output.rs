@@ -36,25 +36,33 @@ pub(crate) fn is_standard_output(path: &Path) -> bool {
     path == Path::new("-") || path == Path::new("/dev/stdout")
 }
 
-/// The text without what a terminal would obey, and without words of megabytes: messages repeat parts
-/// of files, and those may hold anything.
+/// The text without what a terminal would obey: results hold names that others chose.
+pub(crate) fn harmless(text: &str) -> String {
+    let mut harmless = String::with_capacity(text.len());
+    for c in text.chars() {
+        if !matches!(c, '\n' | '\t') && (c.is_control() || turns_the_text(c)) {
+            harmless.extend(c.escape_unicode());
+        } else {
+            harmless.push(c);
+        }
+    }
+    harmless
+}
+
+/// The same without words of megabytes: messages repeat parts of files, and those may hold anything.
 pub(crate) fn plain(text: &str) -> String {
     let mut plain = String::with_capacity(text.len().min(1 << 16));
     for part in text.split_inclusive(['\n', ' ']) {
-        let mut characters = part.chars();
-        for c in characters.by_ref().take(LONGEST_WORD) {
-            if c != '\n' && (c.is_control() || turns_the_text(c)) {
-                plain.extend(c.escape_unicode());
-            } else {
-                plain.push(c);
-            }
-        }
-        match characters.count() {
-            0 => {}
-            more => {
-                plain.extend(["... (", &more.to_string(), " characters more)"]);
-                plain.extend(part.chars().next_back().filter(|c| " \n".contains(*c)));
-            }
+        let kept = part.char_indices().nth(LONGEST_WORD);
+        let (shown, cut) = part.split_at(kept.map_or(part.len(), |(at, _)| at));
+        plain += &harmless(shown);
+        if !cut.is_empty() {
+            plain.extend([
+                "... (",
+                &cut.chars().count().to_string(),
+                " characters more)",
+            ]);
+            plain.extend(part.chars().next_back().filter(|c| " \n".contains(*c)));
         }
     }
     plain

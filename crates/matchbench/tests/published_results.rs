@@ -288,10 +288,10 @@ fn folders_without_results_say_what_is_needed() {
             .expect_err("no results")
             .contains("plan.json")
     );
-    let error = load(&excerpt.path("Results"), None).expect_err("no datasets");
-    assert!(error.to_string().contains("--datasets"), "{error}");
     fs::create_dir(excerpt.path("Results/attic")).expect("a folder can be made");
     fs::write(excerpt.path("Results/attic/sift.txt"), "").expect("it is ours");
+    let error = load(&excerpt.path("Results"), None).expect_err("no datasets");
+    assert!(error.to_string().contains("--datasets"), "{error}");
     let error = excerpt.load().expect_err("no such dataset");
     assert!(
         error.contains("attic") && error.contains("pairs.txt"),

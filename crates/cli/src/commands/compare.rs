@@ -11,7 +11,7 @@ use matchbench::report::advantage;
 
 use crate::Ending;
 use crate::args::CompareArgs;
-use crate::output::plain;
+use crate::output::harmless;
 
 pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
     let before = load(&args.before, None)?;
@@ -60,7 +60,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
             run.display()
         );
     }
-    std::io::stdout().write_all(plain(&text).as_bytes())?;
+    std::io::stdout().write_all(harmless(&text).as_bytes())?;
     Ok(Ending::Done)
 }
 

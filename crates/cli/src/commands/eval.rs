@@ -11,7 +11,7 @@ use matchbench::report::{Content, Format, RunFacts, render, render_with_mean, ve
 
 use crate::Ending;
 use crate::args::{EvalArgs, FormatArg, PresetArg, ScoredArgs};
-use crate::output::{plain, write_result};
+use crate::output::{harmless, write_result};
 
 pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
     let text = match (&args.errors, &args.results) {
@@ -38,7 +38,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
     };
     match &args.out {
         Some(path) => write_result(path, text.as_bytes())?,
-        None => std::io::stdout().write_all(plain(&text).as_bytes())?,
+        None => std::io::stdout().write_all(harmless(&text).as_bytes())?,
     }
     Ok(Ending::Done)
 }
@@ -61,7 +61,7 @@ pub(crate) fn choice(args: &ScoredArgs) -> Result<PairChoice> {
 
 /// Prints the table of scores of a run, and who is best on each dataset.
 pub(crate) fn print(run: &Path) -> Result<()> {
-    let text = plain(&table(load(run, None)?));
+    let text = harmless(&table(load(run, None)?));
     std::io::stdout().write_all(text.as_bytes())?;
     Ok(())
 }

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use anyhow::{Result, ensure};
 use matchbench::cache::FeatureCache;
-use matchbench::config::{Changes, ConfigError};
-use matchbench::matchers::BuiltPointSource;
+use matchbench::config::{Changes, ConfigError, UnknownName};
+use matchbench::external::Manifest;
+use matchbench::matchers::{self, BuiltPointSource};
 use matchbench::records::{Settings, Tuned};
 use matchbench::run::{Contender, Dataset, Outside, Run, RunSummary, decode};
 
@@ -60,6 +61,12 @@ pub(crate) fn open(folders: &[impl AsRef<Path>]) -> Result<Vec<Dataset>> {
 /// What `--set` changes.
 pub(crate) fn changes(settings: &[String]) -> Result<Changes, ConfigError> {
     Changes::parse(settings)
+}
+
+/// Refuses the name of a matcher that there is not, before anything is opened.
+pub(crate) fn check_names(names: &[String]) -> Result<(), UnknownName> {
+    let native = |name: &&String| *name != "all" && !Manifest::is_path(name);
+    (names.iter().filter(native)).try_for_each(|name| matchers::find(name).map(drop))
 }
 
 /// The feature cache that is asked for, or that of a run in this folder.

@@ -6,7 +6,7 @@ use anyhow::Result;
 use matchbench::records::{Settings, Tuned};
 use matchbench::report::ReportOptions;
 
-use super::job::{Job, cache, changes, contenders, open};
+use super::job::{Job, cache, changes, check_names, contenders, open};
 use super::{eval, matches, report};
 use crate::Ending;
 use crate::args::RunArgs;
@@ -16,6 +16,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     // What is set by hand comes last and wins.
     let settings = tuned.iter().map(|tuned| tuned.setting.clone());
     let settings: Vec<String> = settings.chain(args.set.iter().cloned()).collect();
+    check_names(&args.matchers)?;
     let datasets = open(&args.datasets)?;
     let (contenders, all_started) = contenders(
         &args.matchers,
