@@ -28,7 +28,8 @@
 //! let views = TwoViews { points: &points, camera_a: &camera, camera_b: &camera };
 //! let found = SampleConsensus::new(presets::best())?.estimate(views, Seed(0))?;
 //!
-//! println!("{} inliers, translation along {}", found.inliers.len(), found.b_from_a.direction);
+//! let t = found.b_from_a.direction;
+//! println!("{} inliers, translation along {:.2} {:.2} {:.2}", found.inliers.len(), t.x, t.y, t.z);
 //! # assert!(found.inliers.len() > 50 && found.b_from_a.direction.x < -0.99, "{found:?}");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

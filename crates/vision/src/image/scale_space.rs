@@ -436,7 +436,7 @@ mod tests {
             (Size::new(41, 150), vec![vec![0], vec![0], vec![0], vec![0]]),
             (
                 Size::new(2 * STRIP + 3, 9),
-                vec![vec![0, 688, 1376], vec![0]],
+                vec![vec![0, 688, 1376], vec![0, 528]],
             ),
         ] {
             for reach in [
