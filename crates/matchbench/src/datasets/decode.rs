@@ -159,6 +159,15 @@ pub fn decode_gray(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
     }
 }
 
+/// Pixels of red, green and blue, as grey as a colour PNG file of them is decoded.
+///
+/// # Panics
+/// If there are not three bytes for each pixel of an image of `size`.
+pub fn gray_of_rgb(size: Size, rgb: &[u8]) -> GrayImage {
+    assert_eq!(rgb.len(), 3 * size.area(), "three bytes for each pixel");
+    to_gray(size, rgb, 3, LIBPNG)
+}
+
 fn decode_jpeg(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
     let decoder = jpeg_header(ZCursor::new(bytes))?;
     let size = checked(jpeg_size(&decoder))?;

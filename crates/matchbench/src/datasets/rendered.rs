@@ -56,7 +56,12 @@ pub fn ensure(
     ensure_scenes(cache, scenes(), observer)
 }
 
-fn ensure_scenes(
+/// As [`ensure`], for scenes of the caller's choice, which may have fewer frames or another size than those
+/// of [`scenes`]; then they need a `cache` of their own.
+///
+/// # Errors
+/// If a file or folder cannot be written.
+pub fn ensure_scenes(
     cache: &Path,
     scenes: &[Scene],
     observer: &(dyn Fn(Progress) + Sync),

@@ -42,7 +42,7 @@ pub use evaluate::{Evaluation, EvaluationError, ImagePair, evaluate};
 pub use frame::Decode;
 pub use observer::{Cancel, Observer, RunSummary, Silent};
 pub use plan::plan;
-pub use seeds::pair_seed;
+pub use seeds::{estimation_seed, pair_seed, selection_seed};
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

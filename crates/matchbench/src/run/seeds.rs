@@ -25,12 +25,12 @@ pub fn pair_seed(
         .number(repetition.into())
 }
 
-/// Of the selection, or of a source of points.
-pub(super) fn selection_seed(pair: Seed) -> Seed {
+/// The seed of the selection, or of a source of points, from that of the pair.
+pub fn selection_seed(pair: Seed) -> Seed {
     pair.child("select")
 }
 
-/// Of an estimation, by the id of the estimator's entry.
-pub(super) fn estimation_seed(pair: Seed, estimator: &str) -> Seed {
+/// The seed of an estimation, from that of the pair, by the id of the estimator's entry.
+pub fn estimation_seed(pair: Seed, estimator: &str) -> Seed {
     pair.child("estimate").child(estimator)
 }

@@ -15,6 +15,7 @@ mod ratio;
 mod repmatch;
 mod resized;
 mod stages;
+mod symmetric_ratio;
 
 pub use code::{Code, CodeParams};
 pub use correspondence::{Correspondence, Correspondences};
@@ -31,3 +32,4 @@ pub use ratio::RatioTest;
 pub use repmatch::{RepMatch, RepMatchParams};
 pub use resized::Resized;
 pub use stages::{Matcher, Search, Selector, View};
+pub use symmetric_ratio::SymmetricRatioTest;

@@ -1,0 +1,147 @@
+//! `matchbench`: arguments to plan, progress, exit codes. No algorithm lives here.
+//!
+//! The program is one function, [`run`], so that other programs can be it: the Python package installs a
+//! command that calls it.
+
+// `eprintln` ends the program where standard error is closed; `say` does not.
+#![deny(clippy::print_stderr, clippy::print_stdout)]
+
+mod args;
+mod commands;
+mod output;
+mod progress;
+mod threads;
+
+use std::ffi::OsString;
+use std::num::NonZeroUsize;
+use std::thread::available_parallelism;
+
+use anyhow::Context;
+use clap::Parser;
+use rayon::ThreadPoolBuilder;
+
+use args::{Cli, Command};
+use output::say;
+use threads::Threads;
+
+/// Bytes of the stack of a thread: as much as the system gives the first one.
+const STACK: usize = 8 << 20;
+
+/// Threads beyond this many for each core take memory and give nothing back.
+const MOST_THREADS_A_CORE: usize = 4;
+
+/// What a command that did not break has to say to the shell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Ending {
+    /// Everything was done.
+    Done,
+    /// Everything was tried, and some tasks failed; or problems were found.
+    SomeFailed,
+    /// The user stopped it; what was done is kept.
+    Stopped,
+}
+
+/// Does what `arguments` ask, the first of which is the name of the program, and returns the exit code: 0
+/// when everything was done, 1 after an error, which is printed, 2 where some tasks failed, 130 where the
+/// user stopped it. Takes over the signals by which users do that.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version arrive here too; they go to standard output and are no failure.
+            let _ = error.print();
+            return u8::from(error.use_stderr());
+        }
+    };
+    let ending = limits().and_then(|()| in_pool(&cli.command));
+    match ending {
+        Ok(Ending::Done) => 0,
+        Ok(Ending::SomeFailed) => 2,
+        Ok(Ending::Stopped) => 130,
+        Err(error) if is_broken_pipe(&error) => 0,
+        Err(error) => {
+            say!("error: {error:#}");
+            1
+        }
+    }
+}
+
+/// Sets the limits that the environment asks for.
+fn limits() -> anyhow::Result<()> {
+    const PIXELS: &str = "MATCHBENCH_MAX_PIXELS";
+    if let Some(asked) = std::env::var_os(PIXELS).filter(|asked| !asked.is_empty()) {
+        let most = asked.to_str().and_then(|asked| asked.parse().ok());
+        let most = most.with_context(|| format!("{PIXELS} is no number of pixels from 1"))?;
+        matchbench::datasets::limit_pixels(most);
+    }
+    Ok(())
+}
+
+/// Does the command in the one pool of threads that all of it shares: decoding, extraction, scoring,
+/// figures.
+fn in_pool(command: &Command) -> anyhow::Result<Ending> {
+    let cores = available_parallelism().map_or(1, usize::from);
+    let useful = MOST_THREADS_A_CORE * cores;
+    // Results do not depend on it, so that fewer threads than asked for are no other answer.
+    let threads = threads(command).map_or(0, |asked| asked.get().min(useful));
+    let pool = ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .stack_size(STACK)
+        .build()
+        .context("cannot start the threads; try fewer with --threads")?;
+    pool.install(|| dispatch(command))
+}
+
+/// What `--threads` says, where the command has that option.
+fn threads(command: &Command) -> Option<NonZeroUsize> {
+    let threads = match command {
+        Command::Demo(args) => args.threads,
+        Command::Run(args) => args.threads,
+        Command::Tune(args) => args.threads,
+        Command::Eval(args) => args.threads,
+        Command::Report(args) => args.threads,
+        Command::Compare(args) => args.threads,
+        Command::Validate(args) => args.threads,
+        // One pair, one thread, or nothing to share out.
+        Command::Import(_)
+        | Command::Show(_)
+        | Command::Time(_)
+        | Command::Export(_)
+        | Command::Convert(_)
+        | Command::Check(_)
+        | Command::List(_)
+        | Command::Completions(_)
+        | Command::Man(_) => Threads::default(),
+    };
+    threads.number
+}
+
+fn dispatch(command: &Command) -> anyhow::Result<Ending> {
+    match command {
+        Command::Demo(args) => commands::demo::run(args),
+        Command::Import(args) => commands::import::run(args),
+        Command::Convert(args) => commands::convert::run(args),
+        Command::Run(args) => commands::run::run(args),
+        Command::Tune(args) => commands::tune::run(args),
+        Command::Eval(args) => commands::eval::run(args),
+        Command::Report(args) => commands::report::run(args),
+        Command::Show(args) => commands::show::run(args),
+        Command::Time(args) => commands::time::run(args),
+        Command::Compare(args) => commands::compare::run(args),
+        Command::Export(args) => commands::export::run(args),
+        Command::List(args) => commands::list::run(args),
+        Command::Validate(args) => commands::validate::run(args),
+        Command::Check(args) => commands::check::run(args),
+        Command::Completions(args) => commands::completions::run(args),
+        Command::Man(args) => commands::man::run(args),
+    }
+}
+
+/// Whether the reader of our output went away, as `head` does: not our failure.
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| {
+        cause
+            .downcast_ref::<std::io::Error>()
+            .is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
+    })
+}

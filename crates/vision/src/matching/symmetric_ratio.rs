@@ -1,0 +1,97 @@
+//! The ratio test in both directions: a match is trusted where each feature is the other's nearest, and
+//! clearly so.
+//!
+//! D. G. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV 60(2), 2004, section 7.1,
+//! asks from `a` to `b`; here `b` is asked too. That search is exact, whichever search made the matches, and
+//! made only for the features of `b` that are still matched.
+//!
+//! | symbol | field | default | source |
+//! | --- | --- | --- | --- |
+//! | - | [`SymmetricRatioTest::ratio`] | 0.8 | as [`RatioTest`] |
+
+use super::{Correspondences, RatioTest, Selector, View, two_nearest};
+use crate::params::ParamError;
+use crate::seed::Seed;
+
+/// Keeps a match if it passes the [`RatioTest`], and so does the match of its feature of `b`, which is the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SymmetricRatioTest {
+    /// The test of both directions.
+    one_way: RatioTest,
+}
+
+impl SymmetricRatioTest {
+    /// A test with this ratio.
+    ///
+    /// # Errors
+    /// Unless it is in `(0, 1]`.
+    pub fn new(ratio: f32) -> Result<Self, ParamError> {
+        let one_way = RatioTest::new(ratio)?;
+        Ok(Self { one_way })
+    }
+}
+
+impl Selector for SymmetricRatioTest {
+    fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, seed: Seed) {
+        self.one_way.select(a, b, matches, seed);
+        let mut matched: Vec<u32> = matches.iter().map(|m| m.b).collect();
+        matched.sort_unstable();
+        matched.dedup();
+
+        let queries = (b.features.descriptors).select(matched.iter().map(|&b| b as usize));
+        let mut back = two_nearest(&queries, &a.features.descriptors);
+        self.one_way.select(b, a, &mut back, seed);
+        let mut clearly_nearest = vec![None; b.features.len()];
+        for reverse in back {
+            clearly_nearest[matched[reverse.a as usize] as usize] = Some(reverse.b);
+        }
+        matches.retain(|m| clearly_nearest[m.b as usize] == Some(m.a));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::features::{Descriptors, Features, FloatRows, Keypoint};
+    use crate::image::Size;
+    use crate::matching::{NearestNeighbours, Search};
+
+    fn features(values: &[f32]) -> Features {
+        let keypoint = Keypoint {
+            at: Point2::origin(),
+            size: 1.0,
+            angle: None,
+            response: 1.0,
+            octave: 0,
+        };
+        let rows = FloatRows::from_vec(1, values.to_vec());
+        Features::new(
+            Size::new(1, 1),
+            vec![keypoint; values.len()],
+            Descriptors::Float(rows),
+        )
+    }
+
+    #[test]
+    fn both_directions_must_be_clear() {
+        // 0 and 0.4 both have 0.1 as their clear nearest, which is nearer to 0, but not clearly enough at
+        // 0.3; 9 and 10 are a clear pair.
+        let (a, b) = (features(&[0.0, 0.4, 10.0]), features(&[0.1, 9.0]));
+        let left = |ratio| {
+            let mut matches = NearestNeighbours.search(&a, &b);
+            let [a, b] = [&a, &b].map(|features| View {
+                features,
+                image: None,
+                camera: None,
+            });
+            let test = SymmetricRatioTest::new(ratio).unwrap();
+            test.select(a, b, &mut matches, Seed(0));
+            matches.iter().map(|m| (m.a, m.b)).collect::<Vec<_>>()
+        };
+        assert_eq!(left(0.8), [(0, 0), (2, 1)]);
+        assert_eq!(left(0.3), [(2, 1)]);
+        assert!(SymmetricRatioTest::new(0.0).is_err());
+    }
+}

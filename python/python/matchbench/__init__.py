@@ -1,0 +1,106 @@
+"""From two images to the relative pose of their cameras, and the benchmark of what matches them.
+
+Images are numpy arrays of uint8, height x width (grey) or height x width x 3 (RGB). Positions are x, y in
+pixels, the centre of the first pixel at (0, 0). Every call releases the interpreter, is deterministic, and
+refuses parameters that it does not know.
+"""
+
+from ._correspondences import Correspondences, match
+from ._cv2 import (
+    AKAZE_create,
+    BRISK_create,
+    KAZE_create,
+    KeyPoint,
+    ORB_create,
+    SIFT_create,
+    SURF_create,
+)
+from ._datasets import import_dataset, rendered_scene
+from ._features import (
+    AKAZE,
+    ASIFT,
+    BRISK,
+    DAISY,
+    DLCO,
+    FREAK,
+    FREAKOnSIFT,
+    KAZE,
+    LATCH,
+    ORB,
+    SIFT,
+    SURF,
+    BinBoost,
+    Extractor,
+    ShearedSURF,
+)
+from ._matchers import Matcher, matcher
+from ._native import (
+    Camera,
+    Dataset,
+    Error,
+    Estimator,
+    Features,
+    Matches,
+    NoPose,
+    PoseEstimate,
+    pair_seed,
+    read_gray,
+)
+from ._pose import CameraPose, estimate_relative_pose, estimator
+from ._runs import Run, report, run
+from ._scores import Scores, evaluate
+from ._selectors import code, gaim, gms, kvld, repmatch
+
+__all__ = [
+    "AKAZE",
+    "AKAZE_create",
+    "ASIFT",
+    "BRISK",
+    "BRISK_create",
+    "BinBoost",
+    "Camera",
+    "CameraPose",
+    "Correspondences",
+    "DAISY",
+    "DLCO",
+    "Dataset",
+    "Error",
+    "Estimator",
+    "Extractor",
+    "FREAK",
+    "FREAKOnSIFT",
+    "Features",
+    "KAZE",
+    "KAZE_create",
+    "KeyPoint",
+    "LATCH",
+    "Matcher",
+    "Matches",
+    "NoPose",
+    "ORB",
+    "ORB_create",
+    "PoseEstimate",
+    "Run",
+    "SIFT",
+    "SIFT_create",
+    "SURF",
+    "SURF_create",
+    "Scores",
+    "ShearedSURF",
+    "code",
+    "estimate_relative_pose",
+    "estimator",
+    "evaluate",
+    "gaim",
+    "gms",
+    "import_dataset",
+    "kvld",
+    "match",
+    "matcher",
+    "pair_seed",
+    "read_gray",
+    "rendered_scene",
+    "repmatch",
+    "report",
+    "run",
+]

@@ -1,0 +1,59 @@
+"""Putative matches: pairs of features whose descriptors are near."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _native
+from ._native import Features
+
+
+class _IndicesAndDistances(NamedTuple):
+    indices: NDArray[np.int64]
+    distances: NDArray[np.float32]
+
+
+class Correspondences(_IndicesAndDistances):
+    """Unpacks as `indices, distances`: m x 2 (feature of a, feature of b), and m distances of descriptors
+    (Euclidean, or the number of differing bits). `second` has the distances to the second nearest, which
+    selectors and `ambiguity` need."""
+
+    second: NDArray[np.float32]
+
+    @classmethod
+    def of(
+        cls, indices: NDArray[np.int64], distances: NDArray[np.float32], second: NDArray[np.float32]
+    ) -> "Correspondences":
+        """Matches of anybody; `second` is infinite where there is no second candidate."""
+        made = cls(indices, distances)
+        made.second = second
+        return made
+
+    @property
+    def ambiguity(self) -> NDArray[np.float32]:
+        """m: nearest over second nearest distance, from 0 (certain) to 1; what estimators take."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = self.distances / self.second
+        return np.where(np.isnan(ratio), np.float32(1), ratio)
+
+
+def match(
+    a: Features,
+    b: Features,
+    method: str = "ratio",
+    ratio: float | None = None,
+) -> Correspondences:
+    """Exact nearest neighbours of the features of `a` among those of `b`, as `indices, distances`.
+
+    `method`: "nn" keeps all; "ratio" those clearly nearer than the second nearest (Lowe's test at `ratio`,
+    0.8 unless given); "mutual" those that are each other's nearest; "smnn" those that are, and pass the ratio
+    test in both directions.
+    """
+    for value in (a, b):
+        if not isinstance(value, Features):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise TypeError(
+                f"match takes Features, not {type(value).__name__}; "
+                "Features.from_arrays(keypoints, descriptors, image_size) makes them"
+            )
+    return Correspondences.of(*_native.search(a, b, method, ratio))

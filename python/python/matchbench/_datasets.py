@@ -1,0 +1,35 @@
+"""Datasets from other layouts, and rendered ones for trying things out."""
+
+import os
+import warnings
+
+from . import _native
+from ._native import Dataset
+
+_Path = str | os.PathLike[str]
+
+
+def import_dataset(
+    kind: str,
+    source: _Path,
+    out: _Path,
+    *,
+    pairs: str | None = None,
+    sequence: str | None = None,
+    camera: _Path | None = None,
+    poses: _Path | None = None,
+    images: str = "reference",
+) -> Dataset:
+    """Brings the folder `source`, of the layout `kind` ("tum", "kitti", "folder" ...; `matchbench import --help`
+    describes all), into the new folder `out`, and opens it. What should be known about it is warned of."""
+    for note in _native.import_dataset(kind, source, out, pairs, sequence, camera, poses, images):
+        warnings.warn(note, stacklevel=2)
+    return Dataset.open(out)
+
+
+def rendered_scene(
+    name: str, folder: _Path, *, frames: int | None = None, size: tuple[int, int] | None = None
+) -> Dataset:
+    """A scene with exact poses, rendered into `folder` if it is not there yet: no substitute for your own
+    images. `frames` takes the first ones only, `size` is (width, height)."""
+    return Dataset.open(_native.rendered_scene(name, folder, frames, size))

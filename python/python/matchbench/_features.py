@@ -1,0 +1,121 @@
+"""Local features: one class for each, all with `extract`. Parameters and their defaults are those of the
+command line (`matchbench list matchers` shows them as `extractor`); `params` tells all of them."""
+
+import json
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _native
+from ._native import Features
+from ._params import to_json
+
+
+class Extractor:
+    """Finds and describes keypoints. `max_size` (pixels) makes larger images smaller first."""
+
+    _matcher: ClassVar[str]
+
+    def __init__(self, **params: Any) -> None:
+        self._native = _native.Matcher(self._matcher, to_json({"extractor": params}))
+
+    @property
+    def params(self) -> dict[str, Any]:
+        """Every parameter, also those left at their defaults."""
+        return json.loads(self._native.params)["extractor"]
+
+    def extract(self, image: NDArray[np.uint8]) -> Features:
+        """The features of an image, uint8: height x width (grey), or height x width x 3 (RGB)."""
+        return self._native.extract(image)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.params})"
+
+
+class SIFT(Extractor):
+    """D. G. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV 2004."""
+
+    _matcher = "sift"
+
+
+class SURF(Extractor):
+    """H. Bay, A. Ess, T. Tuytelaars, L. Van Gool, "Speeded-Up Robust Features", CVIU 2008."""
+
+    _matcher = "surf"
+
+
+class ORB(Extractor):
+    """E. Rublee, V. Rabaud, K. Konolige, G. Bradski, "ORB", ICCV 2011."""
+
+    _matcher = "orb"
+
+
+class BRISK(Extractor):
+    """S. Leutenegger, M. Chli, R. Siegwart, "BRISK", ICCV 2011."""
+
+    _matcher = "brisk"
+
+
+class KAZE(Extractor):
+    """P. F. Alcantarilla, A. Bartoli, A. J. Davison, "KAZE Features", ECCV 2012."""
+
+    _matcher = "kaze"
+
+
+class AKAZE(Extractor):
+    """P. F. Alcantarilla, J. Nuevo, A. Bartoli, "Fast Explicit Diffusion for Accelerated Features in
+    Nonlinear Scale Spaces", BMVC 2013."""
+
+    _matcher = "akaze"
+
+
+class DLCO(Extractor):
+    """K. Simonyan, A. Vedaldi, A. Zisserman, "Learning Local Feature Descriptors Using Convex
+    Optimisation", PAMI 2014; on SIFT's keypoints."""
+
+    _matcher = "dlco"
+
+
+class FREAK(Extractor):
+    """A. Alahi, R. Ortiz, P. Vandergheynst, "FREAK", CVPR 2012; on SURF's keypoints."""
+
+    _matcher = "freak"
+
+
+class FREAKOnSIFT(Extractor):
+    """FREAK on SIFT's keypoints."""
+
+    _matcher = "freak-sift"
+
+
+class BinBoost(Extractor):
+    """T. Trzcinski, M. Christoudias, P. Fua, V. Lepetit, "Boosting Binary Keypoint Descriptors", CVPR
+    2013; on SIFT's keypoints."""
+
+    _matcher = "binboost"
+
+
+class LATCH(Extractor):
+    """G. Levi, T. Hassner, "LATCH", WACV 2016."""
+
+    _matcher = "latch"
+
+
+class DAISY(Extractor):
+    """E. Tola, V. Lepetit, P. Fua, "DAISY", PAMI 2010; on SIFT's keypoints."""
+
+    _matcher = "daisy"
+
+
+class ASIFT(Extractor):
+    """J.-M. Morel, G. Yu, "ASIFT", SIAM Journal on Imaging Sciences 2009: SIFT on simulated views."""
+
+    _matcher = "asift"
+
+
+class ShearedSURF(Extractor):
+    """SURF on sheared and stretched views, the features of GAIM (T. Collins, P. Mesejo, A. Bartoli, ECCV
+    2014)."""
+
+    _matcher = "gaim"

@@ -1,0 +1,58 @@
+"""Whole matchers by name: two images in, matched points out."""
+
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _native
+from ._native import Camera, Features, Matches
+from ._params import to_json
+
+
+class Matcher:
+    """A matcher of the command line; see `matcher`."""
+
+    def __init__(self, id: str, **params: Any) -> None:
+        self._native = _native.Matcher(id, to_json(params))
+
+    @property
+    def id(self) -> str:
+        """Its name in commands, records and tables."""
+        return self._native.id
+
+    @property
+    def native(self) -> _native.Matcher:
+        """The compiled part."""
+        return self._native
+
+    @property
+    def params(self) -> dict[str, Any]:
+        """Every parameter, also those left at their defaults."""
+        return json.loads(self._native.params)
+
+    def extract(self, image: NDArray[np.uint8]) -> Features:
+        """The features of an image."""
+        return self._native.extract(image)
+
+    def match(
+        self,
+        image_a: NDArray[np.uint8],
+        image_b: NDArray[np.uint8],
+        camera_a: Camera | None = None,
+        camera_b: Camera | None = None,
+        *,
+        seed: int = 0,
+    ) -> Matches:
+        """Matched points of two images. Only RepMatch looks at the cameras."""
+        return self._native.match_images(image_a, image_b, camera_a, camera_b, seed)
+
+    def __repr__(self) -> str:
+        return f"matcher({self.id!r}, **{self.params})"
+
+
+def matcher(id: str, **params: Any) -> Matcher:
+    """The matcher called `id` (`matchbench list matchers` names all); what `params` leaves out keeps its
+    default. Parameters of parts are dicts: `matcher("sift", ratio=0.7, extractor={"sigma": 1.2})`."""
+    return Matcher(id, **params)

@@ -1,0 +1,251 @@
+"""The compiled part; `matchbench` gives it its names and defaults."""
+
+import os
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_Path = str | os.PathLike[str]
+_Arrays = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]
+
+class Error(Exception):
+    """Something outside the arguments is wrong: a file, a dataset, a run, a matcher that broke."""
+
+class NoPose(Error):
+    """The matches determine no pose; the message says why."""
+
+class Camera:
+    """A pinhole camera: `u = fx x + cx`, `v = fy y + cy` for the point (x, y) at depth 1, after lens
+    distortion (k1, k2, p1, p2[, k3], as in OpenCV). `origin` says where the pixel (0, 0) of (cx, cy) is: at
+    the centre of the first pixel (OpenCV, and everywhere here) or at its corner (COLMAP)."""
+
+    def __init__(
+        self,
+        fx: float,
+        fy: float,
+        cx: float,
+        cy: float,
+        distortion: Sequence[float] | None = None,
+        *,
+        origin: str = "center",
+    ) -> None: ...
+    @staticmethod
+    def from_model(model: str, params: Sequence[float], *, origin: str) -> Camera:
+        """A camera by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE,
+        SIMPLE_RADIAL, RADIAL or OPENCV."""
+    @property
+    def fx(self) -> float: ...
+    @property
+    def fy(self) -> float: ...
+    @property
+    def cx(self) -> float: ...
+    @property
+    def cy(self) -> float: ...
+    @property
+    def distortion(self) -> tuple[float, float, float, float, float] | None: ...
+
+class Features:
+    """Keypoints of an image and their descriptors: row i of every array is feature i. The arrays cannot be
+    written; copy one to change it."""
+
+    @staticmethod
+    def from_arrays(
+        keypoints: ArrayLike,
+        descriptors: NDArray[np.float32] | NDArray[np.uint8],
+        image_size: tuple[int, int],
+        *,
+        sizes: ArrayLike | None = None,
+        angles: ArrayLike | None = None,
+        responses: ArrayLike | None = None,
+        octaves: ArrayLike | None = None,
+        lafs: NDArray[np.float32] | None = None,
+        bits: int | None = None,
+        origin: str = "center",
+    ) -> Features:
+        """Features of anybody: keypoints n x 2 (x, y in pixels), descriptors n x d (float32, or uint8 for
+        bits), (width, height). `bits` says how many bits of a row of bytes count; default: all."""
+    @property
+    def keypoints(self) -> NDArray[np.float32]:
+        """n x 2: x, y in pixels of the image; the centre of the first pixel is (0, 0)."""
+    @property
+    def sizes(self) -> NDArray[np.float32]:
+        """n: diameters of the described neighbourhoods, in pixels."""
+    @property
+    def angles(self) -> NDArray[np.float32]:
+        """n: orientations in radians, from the x axis towards the y axis; NaN where there is none."""
+    @property
+    def responses(self) -> NDArray[np.float32]:
+        """n: strength of the detector's response."""
+    @property
+    def octaves(self) -> NDArray[np.int32]:
+        """n: pyramid levels, as the detector numbers them."""
+    @property
+    def lafs(self) -> NDArray[np.float32]:
+        """n x 2 x 3: local affine frames as kornia has them; each takes the unit circle to what was
+        described."""
+    @property
+    def descriptors(self) -> NDArray[Any]:
+        """n x d: float32, or uint8 for bits (eight in a byte, the first the least significant)."""
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """Width and height of the image."""
+    @property
+    def bits(self) -> int | None:
+        """Bits of a descriptor; None if it has real values."""
+    def select(self, indices: Sequence[int] | NDArray[np.int64]) -> Features:
+        """The features at these indices, in that order."""
+    def to_dict(self, *, origin: str = "center") -> dict[str, NDArray[Any]]:
+        """With LightGlue's keys: keypoints, descriptors, keypoint_scores, scales, oris, image_size; without
+        its axis of the batch."""
+    def __len__(self) -> int: ...
+
+class Matches:
+    """Matched points of two images."""
+
+    @property
+    def points_a(self) -> NDArray[np.float64]:
+        """m x 2, in pixels of image a."""
+    @property
+    def points_b(self) -> NDArray[np.float64]:
+        """m x 2, in pixels of image b."""
+    @property
+    def ambiguity(self) -> NDArray[np.float32]:
+        """m: from 0 (certain) to 1 (a second candidate is as good)."""
+    @property
+    def indices(self) -> NDArray[np.int64]:
+        """m x 2: features of a and of b."""
+    @property
+    def features_a(self) -> Features: ...
+    @property
+    def features_b(self) -> Features: ...
+    def __len__(self) -> int: ...
+
+class Matcher:
+    def __init__(self, id: str, params: str) -> None: ...
+    @property
+    def id(self) -> str: ...
+    @property
+    def params(self) -> str: ...
+    def extract(self, pixels: NDArray[np.uint8]) -> Features: ...
+    def search(self, a: Features, b: Features) -> _Arrays: ...
+    def select(
+        self,
+        a: Features,
+        b: Features,
+        putative: _Arrays,
+        images: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None,
+        cameras: tuple[Camera, Camera] | None,
+        seed: int,
+    ) -> _Arrays: ...
+    def match_images(
+        self,
+        a: NDArray[np.uint8],
+        b: NDArray[np.uint8],
+        camera_a: Camera | None,
+        camera_b: Camera | None,
+        seed: int,
+    ) -> Matches: ...
+
+class PoseEstimate:
+    """A relative pose, `x_b = R x_a + t`, and the matches that agree with it."""
+
+    @property
+    def R(self) -> NDArray[np.float64]:
+        """3 x 3."""
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """3, of length 1: two images do not tell the scale."""
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """R as a quaternion w, x, y, z."""
+    @property
+    def inliers(self) -> NDArray[np.bool_]:
+        """For each match whether it agrees."""
+    @property
+    def num_inliers(self) -> int: ...
+    @property
+    def support(self) -> int:
+        """Matches whose point is in front of both cameras and nearer than the largest depth."""
+    @property
+    def iterations(self) -> int:
+        """Samples drawn."""
+
+class Estimator:
+    def __init__(self, id: str, params: str) -> None: ...
+    @property
+    def id(self) -> str: ...
+    @property
+    def params_json(self) -> str: ...
+    def estimate(
+        self,
+        points_a: ArrayLike,
+        points_b: ArrayLike,
+        camera_a: Camera,
+        camera_b: Camera,
+        *,
+        ambiguity: ArrayLike | None = None,
+        seed: int = 0,
+    ) -> PoseEstimate: ...
+
+class Dataset:
+    """Images with known cameras, and pairs of them with their true relative pose."""
+
+    @staticmethod
+    def open(folder: _Path) -> Dataset:
+        """The dataset in a folder of this project's layout; see `import_dataset` for others."""
+    @property
+    def name(self) -> str: ...
+    @property
+    def path(self) -> os.PathLike[str]: ...
+    @property
+    def images(self) -> list[os.PathLike[str]]:
+        """The image files, one for each frame."""
+    @property
+    def pairs(self) -> NDArray[np.int64]:
+        """k x 2: frames a and b."""
+    @property
+    def b_from_a(self) -> NDArray[np.float64]:
+        """k x 4 x 4: the true poses; each takes a point from camera a to camera b."""
+    def camera(self, frame: int) -> Camera: ...
+    def __len__(self) -> int: ...
+
+def search(a: Features, b: Features, method: str, ratio: float | None = None) -> _Arrays: ...
+def import_dataset(
+    kind: str,
+    source: _Path,
+    out: _Path,
+    pairs: str | None,
+    sequence: str | None,
+    camera: _Path | None,
+    poses: _Path | None,
+    images: str,
+) -> list[str]: ...
+def rendered_scene(name: str, cache: _Path, frames: int | None, size: tuple[int, int] | None) -> os.PathLike[str]: ...
+def read_gray(path: _Path) -> NDArray[np.uint8]:
+    """The image in a file as height x width, grey, decoded as every command does."""
+
+def run(
+    datasets: Sequence[Dataset],
+    matchers: Sequence[str | Matcher | tuple[str, str, str, Callable[..., Any], Callable[..., Any] | None]],
+    estimators: Sequence[str | Estimator],
+    out: _Path,
+    settings: Sequence[str],
+    seed: int,
+    repeat: int,
+    limit: int | None,
+    time_budget_ms: int | None,
+    keep_matches: bool,
+    cache: _Path | None,
+    threads: int | None,
+    progress: Callable[[int, int, str, str], None] | None,
+) -> tuple[tuple[int, int, int, int], list[str]]: ...
+def pair_seed(dataset: str, matcher: str, a: int, b: int, *, seed: int = 0, repetition: int = 0) -> int:
+    """The seed of a pair in a run: with it `match` and `estimate` come to what the run records."""
+
+def evaluate(folder: _Path) -> tuple[dict[str, list[str] | NDArray[Any]], list[str]]: ...
+def report(
+    folder: _Path, out: _Path | None, bundle: _Path | None, pictures: int
+) -> tuple[os.PathLike[str], list[str]]: ...
+def command_line(arguments: Sequence[str]) -> int: ...

@@ -1,0 +1,138 @@
+"""Relative pose: our estimators by name, and PoseLib's function over the one that we recommend."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._native import Camera, Estimator, NoPose
+from ._params import to_json
+
+_RANSAC = {
+    "max_iterations": "max_iterations",
+    "min_iterations": "min_iterations",
+    "success_prob": "confidence",
+    "max_epipolar_error": "threshold_px",
+    "max_error": "threshold_px",
+    "max_prosac_iterations": "prosac_horizon",
+}
+_WITHOUT_EFFECT = {
+    "dyn_num_trials_mult": "the estimator stops by success_prob alone",
+    "max_reproj_error": "relative pose has no reprojection error; give max_epipolar_error",
+    "real_focal_check": "the focal lengths are known here",
+    "score_initial_model": "there is no initial model here",
+}
+_LOSSES = {"TRUNCATED": "truncated", "CAUCHY": "cauchy"}
+
+
+def estimator(id: str, **params: Any) -> Estimator:
+    """The pose estimator called `id` ("best" is our recommendation; `matchbench list estimators` names all);
+    what `params` leaves out keeps its default. `estimate(points_a, points_b, camera_a, camera_b)` gives a
+    `PoseEstimate` or raises `NoPose`."""
+    return Estimator(id, to_json(params))
+
+
+@dataclass(frozen=True)
+class CameraPose:
+    """`x_2 = R x_1 + t`, with PoseLib's names."""
+
+    R: NDArray[np.float64]
+    t: NDArray[np.float64]
+    q: NDArray[np.float64]
+
+    @property
+    def Rt(self) -> NDArray[np.float64]:
+        """3 x 4."""
+        return np.hstack([self.R, self.t[:, None]])
+
+
+def estimate_relative_pose(
+    points2D_1: ArrayLike,
+    points2D_2: ArrayLike,
+    camera1: Mapping[str, Any] | Camera,
+    camera2: Mapping[str, Any] | Camera,
+    ransac_opt: Mapping[str, Any] = {},
+    bundle_opt: Mapping[str, Any] = {},
+    *,
+    ambiguity: ArrayLike | None = None,
+    origin: str = "center",
+) -> tuple[CameraPose | None, dict[str, Any]]:
+    """PoseLib's function, computed by the estimator "best".
+
+    Cameras are `Camera`, or PoseLib's dicts ("model", "width", "height", "params"); `origin` says where their
+    principal points are counted from, while points are always counted from the centre of the first pixel:
+    "corner" is for COLMAP's cameras with keypoints of cv2 or of this package. Where points and cameras are
+    of one convention, whichever, leave it.
+
+    Keys of `ransac_opt`: max_iterations, min_iterations, success_prob, max_epipolar_error (or max_error; one
+    of the two), progressive_sampling, max_prosac_iterations, seed. Keys of `bundle_opt`: max_iterations,
+    loss_type (TRUNCATED, CAUCHY). Others raise: those of PoseLib that would do nothing here, saying why, and
+    unknown ones. What is left out has the default of "best", not of PoseLib; samples are drawn in the order
+    of `ambiguity` if it is given, or of the points with progressive_sampling, else uniformly.
+
+    Returns the pose and "num_inliers", "inlier_ratio", "inliers" (a list of bool), "iterations". The pose
+    is None where the matches determine none, and "no_pose" says why. PoseLib's "refinements" and
+    "model_score" have no counterpart.
+    """
+    params: dict[str, Any] = {"sampler": "prosac" if ambiguity is not None else "uniform"}
+    seed = 0
+    for key, value in ransac_opt.items():
+        if key == "seed":
+            seed = int(value)
+        elif key == "progressive_sampling":
+            if ambiguity is not None and not value:
+                raise ValueError("ambiguity orders the samples; leave it out, or progressive_sampling")
+            params["sampler"] = "prosac" if value else "uniform"
+        else:
+            _put(params, "ransac_opt", _RANSAC, key, value)
+    for key, value in bundle_opt.items():
+        if key == "loss_type":
+            if value not in _LOSSES:
+                raise ValueError(f"bundle_opt: loss_type is {' or '.join(_LOSSES)}, not {value!r}")
+            params["final_loss"] = _LOSSES[value]
+        else:
+            _put(params, "bundle_opt", {"max_iterations": "final_steps"}, key, value)
+    best = estimator("best", **params)
+    cameras = _camera(camera1, "camera1", origin), _camera(camera2, "camera2", origin)
+    count = len(np.asarray(points2D_1))
+    try:
+        found = best.estimate(points2D_1, points2D_2, *cameras, ambiguity=ambiguity, seed=seed)
+    except NoPose as reason:
+        info = {"num_inliers": 0, "inlier_ratio": 0.0, "inliers": [False] * count, "iterations": 0}
+        return None, {**info, "no_pose": str(reason)}
+    info = {
+        "num_inliers": found.num_inliers,
+        "inlier_ratio": found.num_inliers / count,
+        "inliers": found.inliers.tolist(),
+        "iterations": found.iterations,
+    }
+    return CameraPose(found.R, found.t, found.q), info
+
+
+def _put(params: dict[str, Any], where: str, names: Mapping[str, str], key: str, value: Any) -> None:
+    if key in _WITHOUT_EFFECT:
+        raise ValueError(f"{where}: {key} would do nothing: {_WITHOUT_EFFECT[key]}")
+    if key not in names:
+        raise ValueError(f"{where}: unknown key {key!r}; there are {', '.join(names)}")
+    if names[key] in params:
+        raise ValueError(f"{where}: {key} was given before by another name")
+    params[names[key]] = value
+
+
+def _camera(camera: Mapping[str, Any] | Camera, name: str, origin: str) -> Camera:
+    if isinstance(camera, Camera):
+        if origin == "center":
+            return camera
+        c = camera
+        return Camera(c.fx, c.fy, c.cx, c.cy, c.distortion, origin=origin)
+    if not isinstance(camera, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise TypeError(f"{name} is a Camera or a dict with model, width, height, params; this is {type(camera).__name__}")
+    unknown = set(camera) - {"model", "width", "height", "params"}
+    if unknown or not {"model", "params"} <= set(camera):
+        raise ValueError(f"{name} has the keys {sorted(camera)}; expected model, width, height and params")
+    try:
+        return Camera.from_model(camera["model"], [float(x) for x in camera["params"]], origin=origin)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None

@@ -1,0 +1,68 @@
+"""Scores of a run as a table: a dict of columns, which becomes a data frame where there is a library for it."""
+
+import importlib
+import os
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _native
+from ._runs import Run
+
+_SHOWN = ("dataset", "matcher", "estimator", "pairs", "failed", "auc", "sp5", "rotation_auc", "translation_auc", "ap5")
+
+
+class Scores(dict[str, "list[str] | NDArray[Any]"]):
+    """One row for each dataset, matcher and estimator; columns of names (lists) and of numbers (arrays): every
+    score of the report, and `_low` and `_high` of its 95 % interval where it has one. `verdicts` says in
+    sentences who is best on each dataset, and how certainly."""
+
+    verdicts: list[str]
+
+    def to_pandas(self) -> Any:
+        """As a pandas.DataFrame."""
+        return _module("pandas").DataFrame(dict(self))
+
+    def to_polars(self) -> Any:
+        """As a polars.DataFrame."""
+        return _module("polars").DataFrame(dict(self))
+
+    def rows(self) -> list[list[str]]:
+        """What people look at first, as text."""
+        columns = [[_text(value) for value in self[name]] for name in _SHOWN]
+        return [list(row) for row in zip(*columns, strict=True)]
+
+    def __str__(self) -> str:
+        rows = [list(_SHOWN), *self.rows()]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)) for row in rows]
+        return "\n".join([*(line.rstrip() for line in lines), *self.verdicts])
+
+    def _repr_html_(self) -> str:
+        def row(tag: str, cells: list[str]) -> str:
+            return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+        rows = [row("th", list(_SHOWN)), *(row("td", cells) for cells in self.rows())]
+        return f"<table>{''.join(rows)}</table><p>{'<br>'.join(map(escape, self.verdicts))}</p>"
+
+
+def evaluate(run: Run | str | os.PathLike[str]) -> Scores:
+    """The scores of a run, from its folder."""
+    columns, verdicts = _native.evaluate(run.path if isinstance(run, Run) else Path(run))
+    scores = Scores(columns)
+    scores.verdicts = verdicts
+    return scores
+
+
+def _text(value: Any) -> str:
+    return f"{value:.3f}" if isinstance(value, (float, np.floating)) else str(value)
+
+
+def _module(name: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise ImportError(f"{name} is not installed; `pip install {name}`, or use the columns as they are") from error

@@ -1,0 +1,89 @@
+"""Selectors: what GMS, KVLD, CODE, RepMatch and GAIM keep of putative matches.
+
+Each takes features of two images and putative matches (as `match` returns them; the matcher's own search if
+they are left out) and returns those that it keeps. Parameters are those of the matcher of the same name.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _native
+from ._correspondences import Correspondences
+from ._native import Camera, Features
+from ._params import to_json
+
+_Images = tuple[NDArray[np.uint8], NDArray[np.uint8]]
+_Cameras = tuple[Camera, Camera]
+
+
+def gms(a: Features, b: Features, matches: Correspondences | None = None, **params: Any) -> Correspondences:
+    """Those of cells that move together (Bian et al., CVPR 2017). Parameters: factor, scales, rotations."""
+    return _select("gms", {"selection": params}, a, b, matches)
+
+
+def kvld(
+    a: Features,
+    b: Features,
+    matches: Correspondences | None = None,
+    *,
+    images: _Images,
+    ratio: float = 0.98,
+    **params: Any,
+) -> Correspondences:
+    """Those joined by virtual lines that look the same (Liu, Marlet, BMVC 2012), after a ratio test at
+    `ratio`. It looks at the pixels of both images."""
+    return _select("kvld", {"ratio": ratio, "lines": params}, a, b, matches, images=images)
+
+
+def code(
+    a: Features, b: Features, matches: Correspondences | None = None, *, seed: int = 0, **params: Any
+) -> Correspondences:
+    """Those that move as their neighbours do (Lin et al., PAMI 2018)."""
+    return _select("code", {"coherence": params}, a, b, matches, seed=seed)
+
+
+def repmatch(
+    a: Features,
+    b: Features,
+    matches: Correspondences | None = None,
+    *,
+    cameras: _Cameras,
+    seed: int = 0,
+    **params: Any,
+) -> Correspondences:
+    """CODE, learned again on the matches that one epipolar geometry explains (Lin et al., ECCV 2016)."""
+    return _select("repmatch", {"selection": params}, a, b, matches, cameras=cameras, seed=seed)
+
+
+def gaim(
+    a: Features, b: Features, matches: Correspondences | None = None, *, seed: int = 0, **params: Any
+) -> Correspondences:
+    """Candidates chosen together by affine neighbourhoods (Collins, Mesejo, Bartoli, ECCV 2014). Its own
+    search gives several candidates for each feature; leave `matches` out to have them."""
+    return _select("gaim", {"selection": params}, a, b, matches, seed=seed)
+
+
+def _select(
+    name: str,
+    params: dict[str, Any],
+    a: Features,
+    b: Features,
+    matches: Correspondences | None,
+    *,
+    images: _Images | None = None,
+    cameras: _Cameras | None = None,
+    seed: int = 0,
+) -> Correspondences:
+    native = _native.Matcher(name, to_json(params))
+    if matches is None:
+        putative = native.search(a, b)
+    elif isinstance(matches, Correspondences):  # pyright: ignore[reportUnnecessaryIsInstance]
+        putative = (matches.indices, matches.distances, matches.second)
+    else:
+        raise TypeError(
+            f"{name} takes the matches that match() returns, not {type(matches).__name__}; "
+            "Correspondences.of(indices, distances, second) makes them"
+        )
+    return Correspondences.of(*native.select(a, b, putative, images, cameras, seed))

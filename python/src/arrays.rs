@@ -1,0 +1,261 @@
+//! Arrays that come in, checked; and arrays that go out.
+//!
+//! What is refused is named by what was given, with its dtype and shape, and what is expected. Pixels,
+//! points and descriptors are copied once, into the memory of the library's own types.
+
+use matchbench::datasets::gray_of_rgb;
+use matchbench_vision::features::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
+use matchbench_vision::image::{GrayImage, Size};
+use nalgebra::Point2;
+use numpy::{
+    AllowTypeChange, Element, PyArray2, PyArray3, PyArrayDescrMethods, PyArrayLike1, PyArrayLike2,
+    PyArrayMethods, PyReadonlyArray, PyUntypedArray, PyUntypedArrayMethods,
+    ndarray::{ArrayView, Dimension, IntoDimension},
+};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+
+/// An image: `uint8`, h x w (grey) or h x w x 3 (red, green, blue, made grey as a colour PNG file is).
+///
+/// # Errors
+/// If it is something else.
+pub(crate) fn image(value: &Bound<'_, PyAny>) -> PyResult<GrayImage> {
+    if let Ok(gray) = value.cast::<PyArray2<u8>>() {
+        let gray = gray.try_readonly()?;
+        let [height, width] = *gray.shape() else {
+            unreachable!("it has two dimensions")
+        };
+        let pixels = flat(&gray);
+        return Ok(GrayImage::from_vec(Size::new(width, height), pixels));
+    }
+    if let Ok(rgb) = value.cast::<PyArray3<u8>>()
+        && rgb.shape()[2] == 3
+    {
+        let rgb = rgb.try_readonly()?;
+        let size = Size::new(rgb.shape()[1], rgb.shape()[0]);
+        return Ok(gray_of_rgb(size, &flat(&rgb)));
+    }
+    let expected =
+        "an image is a numpy array of uint8, height x width (grey) or height x width x 3 (RGB)";
+    let Ok(array) = value.cast::<PyUntypedArray>() else {
+        return Err(PyTypeError::new_err(format!(
+            "{expected}; this is {}",
+            kind_of(value)
+        )));
+    };
+    if array.dtype().is_equiv_to(&numpy::dtype::<u8>(value.py())) {
+        return Err(PyValueError::new_err(format!(
+            "{expected}; this one has shape {:?}",
+            array.shape()
+        )));
+    }
+    let remedy = match array.dtype().kind() {
+        b'f' => {
+            "; if its values are from 0 to 1, convert it by (image * 255).round().astype(numpy.uint8)"
+        }
+        _ => "; convert it by image.astype(numpy.uint8)",
+    };
+    Err(PyTypeError::new_err(format!(
+        "{expected}; this one has dtype {}{remedy}",
+        array.dtype()
+    )))
+}
+
+/// Points: n x 2, of any real type; `name` is that of the argument.
+///
+/// # Errors
+/// If it is something else, or holds a number that is not finite.
+pub(crate) fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Point2<f64>>> {
+    let array: PyArrayLike2<'_, f64, AllowTypeChange> = (value.extract())
+        .map_err(|_| refused(value, name, "an array of numbers, n x 2 (x, y in pixels)"))?;
+    let view = array.as_array();
+    if view.ncols() != 2 {
+        return Err(refused(value, name, "n x 2 (x, y in pixels)"));
+    }
+    let points: Vec<_> = (view.rows().into_iter())
+        .map(|row| Point2::new(row[0], row[1]))
+        .collect();
+    match points
+        .iter()
+        .position(|p| !(p.x.is_finite() && p.y.is_finite()))
+    {
+        None => Ok(points),
+        Some(index) => Err(PyValueError::new_err(format!(
+            "`{name}` holds a number that is not finite, in row {index}"
+        ))),
+    }
+}
+
+/// One number for each of `count` things.
+///
+/// # Errors
+/// If there are others.
+pub(crate) fn column(value: &Bound<'_, PyAny>, name: &str, count: usize) -> PyResult<Vec<f32>> {
+    let expected = format!("an array of {count} numbers");
+    let array: PyArrayLike1<'_, f32, AllowTypeChange> =
+        (value.extract()).map_err(|_| refused(value, name, &expected))?;
+    match array.as_array().len() {
+        length if length == count => Ok(flat(&array)),
+        _ => Err(refused(value, name, &expected)),
+    }
+}
+
+/// Rows of `columns` single precision numbers, row after row.
+///
+/// # Errors
+/// If it is something else.
+pub(crate) fn rows(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f32>> {
+    let expected = format!("an array of numbers, n x {columns}");
+    let array: PyArrayLike2<'_, f32, AllowTypeChange> =
+        (value.extract()).map_err(|_| refused(value, name, &expected))?;
+    match array.as_array().ncols() == columns {
+        true => Ok(flat(&array)),
+        false => Err(refused(value, name, &expected)),
+    }
+}
+
+/// Index pairs: m x 2, each below its count.
+///
+/// # Errors
+/// If they are something else, or name what is not there.
+pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyResult<Vec<[u32; 2]>> {
+    let expected = "an array of whole numbers, m x 2 (feature of a, feature of b)";
+    let array: PyArrayLike2<'_, i64, AllowTypeChange> =
+        (value.extract()).map_err(|_| refused(value, "indices", expected))?;
+    let view = array.as_array();
+    if view.ncols() != 2 {
+        return Err(refused(value, "indices", expected));
+    }
+    let mut pairs = Vec::with_capacity(view.nrows());
+    for (number, row) in view.rows().into_iter().enumerate() {
+        let mut pair = [0; 2];
+        for side in 0..2 {
+            let index = usize::try_from(row[side]).ok();
+            let index = index.filter(|&index| index < counts[side]);
+            pair[side] = index
+                .and_then(|index| u32::try_from(index).ok())
+                .ok_or_else(|| {
+                    PyValueError::new_err(format!(
+                        "match {number} names feature {} of image {}, which has {}",
+                        row[side],
+                        ["a", "b"][side],
+                        counts[side]
+                    ))
+                })?;
+        }
+        pairs.push(pair);
+    }
+    Ok(pairs)
+}
+
+/// Descriptors: n x d, `float32` (real values) or `uint8` (bits, eight in a byte, the first the least
+/// significant). `bits` says how many of the bits of a row count; all if it is `None`.
+///
+/// # Errors
+/// If it is something else.
+pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyResult<Descriptors> {
+    let expected = "an array n x d, of float32 (real values) or uint8 (bits, eight in a byte)";
+    if let Ok(floats) = value.cast::<PyArray2<f32>>() {
+        let floats = floats.try_readonly()?;
+        let dim = floats.shape()[1];
+        if bits.is_some() {
+            let message = "`bits` is for descriptors of uint8; these are float32";
+            return Err(PyValueError::new_err(message));
+        }
+        if dim == 0 {
+            return Err(refused(value, "descriptors", expected));
+        }
+        return Ok(Descriptors::Float(FloatRows::from_vec(dim, flat(&floats))));
+    }
+    let Ok(bytes) = value.cast::<PyArray2<u8>>() else {
+        return Err(refused(value, "descriptors", expected));
+    };
+    let bytes = bytes.try_readonly()?;
+    let width = bytes.shape()[1];
+    let bits = bits.unwrap_or(8 * width);
+    if bits.div_ceil(8) != width || bits == 0 {
+        let message = format!("{bits} bits do not fill rows of {width} bytes");
+        return Err(PyValueError::new_err(message));
+    }
+    let mut words = Vec::with_capacity(bytes.shape()[0] * bits.div_ceil(64));
+    for row in flat(&bytes).chunks(width) {
+        words.extend(row.chunks(8).map(|chunk| {
+            let mut word = [0; 8];
+            word[..chunk.len()].copy_from_slice(chunk);
+            u64::from_le_bytes(word)
+        }));
+        if let Some(last) = words.last_mut()
+            && bits % 64 != 0
+        {
+            *last &= (1 << (bits % 64)) - 1;
+        }
+    }
+    Ok(Descriptors::Binary(BinaryRows::from_vec(bits, words)))
+}
+
+/// The descriptors as an array, see [`descriptors`].
+pub(crate) fn descriptors_out<'py>(
+    py: Python<'py>,
+    descriptors: &Descriptors,
+) -> PyResult<Bound<'py, PyAny>> {
+    let count = descriptors.len();
+    match (descriptors, descriptors.kind()) {
+        (Descriptors::Float(rows), DescriptorKind::Float { dim }) => {
+            matrix(py, rows.data().to_vec(), [count, dim])
+        }
+        (Descriptors::Binary(rows), _) => {
+            let width = rows.bits().div_ceil(8);
+            let bytes = (0..count).flat_map(|row| {
+                let words = rows.row(row).iter();
+                words.flat_map(|word| word.to_le_bytes()).take(width)
+            });
+            matrix(py, bytes.collect(), [count, width])
+        }
+        _ => unreachable!("the kind is that of the descriptors"),
+    }
+}
+
+/// `values`, row after row, as an array of this shape. They are moved, not copied.
+pub(crate) fn matrix<T: Element, const N: usize>(
+    py: Python<'_>,
+    values: Vec<T>,
+    shape: [usize; N],
+) -> PyResult<Bound<'_, PyAny>>
+where
+    [usize; N]: IntoDimension,
+{
+    let flat = numpy::PyArray1::from_vec(py, values);
+    Ok(flat.reshape(shape)?.into_any())
+}
+
+/// The elements in the order of the array, whatever its strides.
+fn flat<T: Element + Copy, D: Dimension>(array: &PyReadonlyArray<'_, T, D>) -> Vec<T> {
+    let view: ArrayView<'_, T, D> = array.as_array();
+    match view.as_slice() {
+        Some(slice) => slice.to_vec(),
+        None => view.iter().copied().collect(),
+    }
+}
+
+/// The argument `name` is not what is `expected`.
+fn refused(value: &Bound<'_, PyAny>, name: &str, expected: &str) -> PyErr {
+    let message = format!("`{name}` must be {expected}; this is {}", kind_of(value));
+    match value.cast::<PyUntypedArray>() {
+        Ok(array) if matches!(array.dtype().kind(), b'f' | b'i' | b'u') => {
+            PyValueError::new_err(message)
+        }
+        _ => PyTypeError::new_err(message),
+    }
+}
+
+/// What a value is, for messages.
+fn kind_of(value: &Bound<'_, PyAny>) -> String {
+    match value.cast::<PyUntypedArray>() {
+        Ok(array) => format!(
+            "an array of {} with shape {:?}",
+            array.dtype(),
+            array.shape()
+        ),
+        Err(_) => format!("a value of type {}", value.get_type()),
+    }
+}

@@ -1,0 +1,196 @@
+//! A matcher written in Python, as a source of matched points.
+//!
+//! It lives under the rules of a matcher that is a process: it sees images and nothing else (no cameras, no
+//! truth); what it returns is checked; an exception costs the pair, which is recorded as failed with the
+//! exception's text and tried again when the run is; its time is taken outside, by the run's clock, without
+//! the decoding and without the waiting for the interpreter.
+
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use matchbench::datasets::read_gray;
+use matchbench::matchers::{
+    BuiltPointSource, ImageFiles, PointSource, SourceError, SourceSeconds, SourcedMatches,
+};
+use matchbench::run::Cancel;
+use matchbench_vision::geometry::MatchedPoints;
+use matchbench_vision::image::Size;
+use matchbench_vision::seed::Seed;
+use pyo3::exceptions::{PyKeyboardInterrupt, PySystemExit, PyTypeError};
+use pyo3::prelude::*;
+
+use crate::arrays::{column, matrix, points};
+use crate::matchers::Matches;
+use crate::params::parse;
+
+/// Images whose features are kept: pairs come grouped by their first image.
+const KEPT: usize = 64;
+
+/// What a Python matcher is made of.
+pub(crate) struct PythonMatcher {
+    /// Its name in tables.
+    pub(crate) name: String,
+    /// Its version.
+    pub(crate) version: String,
+    /// Its parameters, as JSON.
+    pub(crate) params: String,
+    /// Called with two images, or with the features of two.
+    pub(crate) matching: Py<PyAny>,
+    /// Called with an image, if features are found first.
+    pub(crate) extract: Option<Py<PyAny>>,
+}
+
+impl PythonMatcher {
+    /// The source; an interrupt inside it sets `cancel`.
+    ///
+    /// # Errors
+    /// If its parameters are no JSON.
+    pub(crate) fn into_source(self, cancel: &Cancel) -> PyResult<BuiltPointSource> {
+        Ok(BuiltPointSource {
+            id: self.name,
+            version: Some(self.version),
+            params: parse(&self.params)?,
+            notes: vec!["a matcher written in Python, in the process of the run".into()],
+            source: Box::new(InProcess {
+                matching: self.matching,
+                extract: self.extract,
+                known: Mutex::default(),
+                cancel: cancel.clone(),
+            }),
+        })
+    }
+}
+
+struct InProcess {
+    matching: Py<PyAny>,
+    extract: Option<Py<PyAny>>,
+    /// Features of the images that were asked for last.
+    known: Mutex<VecDeque<(PathBuf, Py<PyAny>)>>,
+    cancel: Cancel,
+}
+
+impl PointSource for InProcess {
+    fn matches(&self, pair: &ImageFiles<'_>, _: Seed) -> Result<SourcedMatches, SourceError> {
+        let mut seconds = SourceSeconds::default();
+        let [a, b] = match &self.extract {
+            None => [self.pixels(pair.images[0])?, self.pixels(pair.images[1])?],
+            Some(extract) => {
+                let [time_a, time_b] = &mut seconds.extract;
+                [
+                    self.features(extract, pair.images[0], time_a)?,
+                    self.features(extract, pair.images[1], time_b)?,
+                ]
+            }
+        };
+        Python::attach(|py| {
+            let start = Instant::now();
+            let answer = self.matching.bind(py).call1((a, b));
+            seconds.matching = Some(start.elapsed().as_secs_f64());
+            let points = answer.and_then(|answer| matched_points(&answer));
+            Ok(SourcedMatches {
+                points: points.map_err(|error| self.said(py, &error))?,
+                seconds,
+                ..SourcedMatches::default()
+            })
+        })
+    }
+}
+
+impl InProcess {
+    /// The pixels of an image, as an array.
+    fn pixels(&self, path: &Path) -> Result<Py<PyAny>, SourceError> {
+        let image = read_gray(path).map_err(|error| SourceError::Pair(error.to_string()))?;
+        let Size { width, height } = image.size();
+        Python::attach(|py| {
+            let array = matrix(py, image.data().to_vec(), [height, width]);
+            Ok(array.map_err(|error| self.said(py, &error))?.unbind())
+        })
+    }
+
+    /// The features of an image, and the time they took if they were not known.
+    fn features(
+        &self,
+        extract: &Py<PyAny>,
+        path: &Path,
+        seconds: &mut Option<f64>,
+    ) -> Result<Py<PyAny>, SourceError> {
+        // Never held while Python runs: two threads may extract the same image, to the same features.
+        let recall = || {
+            let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+            Python::attach(|py| {
+                let found = known.iter().find(|(known, _)| known == path);
+                found.map(|(_, features)| features.clone_ref(py))
+            })
+        };
+        if let Some(features) = recall() {
+            return Ok(features);
+        }
+        let pixels = self.pixels(path)?;
+        let features = Python::attach(|py| {
+            let start = Instant::now();
+            let features = extract.bind(py).call1((pixels,));
+            *seconds = Some(start.elapsed().as_secs_f64());
+            let features = features.map_err(|error| self.said(py, &error))?;
+            Ok::<_, SourceError>((features.clone().unbind(), features.unbind()))
+        })?;
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let oldest = (known.len() >= KEPT).then(|| known.pop_front());
+        known.push_back((path.into(), features.0));
+        drop(known);
+        drop(oldest);
+        Ok(features.1)
+    }
+
+    /// An exception of the matcher, as what it says of the pair.
+    fn said(&self, py: Python<'_>, error: &PyErr) -> SourceError {
+        if error.is_instance_of::<PyKeyboardInterrupt>(py)
+            || error.is_instance_of::<PySystemExit>(py)
+        {
+            self.cancel.set();
+        }
+        let place = last_place(py, error).map_or_else(String::new, |place| format!(" ({place})"));
+        SourceError::Pair(format!("{error}{place}"))
+    }
+}
+
+/// Where an exception was raised: file and line.
+fn last_place(py: Python<'_>, error: &PyErr) -> Option<String> {
+    let mut entry = error.traceback(py)?.into_any();
+    while let Ok(next) = entry.getattr("tb_next")
+        && !next.is_none()
+    {
+        entry = next;
+    }
+    let code = entry.getattr("tb_frame").ok()?.getattr("f_code").ok()?;
+    let file: String = code.getattr("co_filename").ok()?.extract().ok()?;
+    let line: usize = entry.getattr("tb_lineno").ok()?.extract().ok()?;
+    Some(format!("{file}:{line}"))
+}
+
+/// What a Python matcher answered: `Matches`, or (points_a, points_b), or these and their ambiguity.
+fn matched_points(answer: &Bound<'_, PyAny>) -> PyResult<MatchedPoints> {
+    if let Ok(matches) = answer.cast::<Matches>() {
+        return Ok(matches.get().points().clone());
+    }
+    let parts: Option<Vec<Bound<'_, PyAny>>> = answer.extract().ok();
+    let (a, b, ambiguity) = match parts.as_deref() {
+        Some([a, b]) => (a, b, None),
+        Some([a, b, ambiguity]) => (a, b, Some(ambiguity)),
+        _ => {
+            return Err(PyTypeError::new_err(format!(
+                "a matcher returns (points_a, points_b) or (points_a, points_b, ambiguity), m x 2 each and \
+                 m; this one returned {}",
+                answer.get_type()
+            )));
+        }
+    };
+    let (a, b) = (points(a, "points_a")?, points(b, "points_b")?);
+    let ambiguity = match ambiguity {
+        Some(ambiguity) => column(ambiguity, "ambiguity", a.len())?,
+        None => vec![0.5; a.len()],
+    };
+    // Different lengths are found, and said, by the run.
+    Ok(MatchedPoints { a, b, ambiguity })
+}

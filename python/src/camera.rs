@@ -1,0 +1,148 @@
+//! Cameras: our own fields, and COLMAP's models by their names.
+
+use matchbench_vision::geometry::{self, Distortion};
+use nalgebra::Matrix3;
+use pyo3::prelude::*;
+
+use crate::errors::value_error;
+
+/// Where the pixel (0, 0) of coordinates is: at the centre of the first pixel, or at its corner.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Origin {
+    /// At the centre, as in this library and OpenCV.
+    Center,
+    /// At the corner, as in COLMAP: the centre of the first pixel is (0.5, 0.5).
+    Corner,
+}
+
+impl Origin {
+    /// The origin of this name.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub(crate) fn parse(name: &str) -> PyResult<Self> {
+        match name {
+            "center" => Ok(Self::Center),
+            "corner" => Ok(Self::Corner),
+            _ => Err(value_error(format!(
+                "origin is \"center\" (the centre of the first pixel is (0, 0): OpenCV, matchbench) or \
+                 \"corner\" (it is (0.5, 0.5): COLMAP), not \"{name}\""
+            ))),
+        }
+    }
+
+    /// What is added to such coordinates to have ours.
+    pub(crate) fn shift(self) -> f64 {
+        match self {
+            Self::Center => 0.0,
+            Self::Corner => -0.5,
+        }
+    }
+}
+
+/// A pinhole camera with optional lens distortion (k1, k2, p1, p2, k3, as in OpenCV).
+#[pyclass(frozen, eq, from_py_object, module = "matchbench")]
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) struct Camera {
+    pub(crate) inner: geometry::Camera,
+}
+
+#[pymethods]
+impl Camera {
+    #[new]
+    #[pyo3(signature = (fx, fy, cx, cy, distortion=None, *, origin="center"))]
+    fn new(
+        fx: f64,
+        fy: f64,
+        cx: f64,
+        cy: f64,
+        distortion: Option<Vec<f64>>,
+        origin: &str,
+    ) -> PyResult<Self> {
+        let shift = Origin::parse(origin)?.shift();
+        let distortion = match distortion.as_deref() {
+            None => None,
+            Some(&[k1, k2, p1, p2]) => Some([k1, k2, p1, p2, 0.0]),
+            Some(&[k1, k2, p1, p2, k3]) => Some([k1, k2, p1, p2, k3]),
+            Some(other) => {
+                return Err(value_error(format!(
+                    "distortion is (k1, k2, p1, p2) or (k1, k2, p1, p2, k3), not {} numbers",
+                    other.len()
+                )));
+            }
+        };
+        checked([fx, fy, cx + shift, cy + shift], distortion)
+    }
+
+    /// A camera by the name of its model in COLMAP and PoseLib, and the numbers that go with it.
+    #[staticmethod]
+    #[pyo3(signature = (model, params, *, origin))]
+    fn from_model(model: &str, params: Vec<f64>, origin: &str) -> PyResult<Self> {
+        let shift = Origin::parse(origin)?.shift();
+        let (focal, lens) = match (model, &params[..]) {
+            ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], None),
+            ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], None),
+            ("SIMPLE_RADIAL", &[f, cx, cy, k]) => ([f, f, cx, cy], Some([k, 0.0, 0.0, 0.0, 0.0])),
+            ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f, cx, cy], Some([k1, k2, 0.0, 0.0, 0.0])),
+            ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => {
+                ([fx, fy, cx, cy], Some([k1, k2, p1, p2, 0.0]))
+            }
+            _ => {
+                return Err(value_error(format!(
+                    "camera model \"{model}\" with {} parameters; known are SIMPLE_PINHOLE (f, cx, cy), \
+                     PINHOLE (fx, fy, cx, cy), SIMPLE_RADIAL (f, cx, cy, k), RADIAL (f, cx, cy, k1, k2) \
+                     and OPENCV (fx, fy, cx, cy, k1, k2, p1, p2)",
+                    params.len()
+                )));
+            }
+        };
+        let [fx, fy, cx, cy] = focal;
+        checked([fx, fy, cx + shift, cy + shift], lens)
+    }
+
+    #[getter]
+    fn fx(&self) -> f64 {
+        self.inner.fx
+    }
+
+    #[getter]
+    fn fy(&self) -> f64 {
+        self.inner.fy
+    }
+
+    #[getter]
+    fn cx(&self) -> f64 {
+        self.inner.cx
+    }
+
+    #[getter]
+    fn cy(&self) -> f64 {
+        self.inner.cy
+    }
+
+    #[getter]
+    fn distortion(&self) -> Option<(f64, f64, f64, f64, f64)> {
+        let lens = self.inner.distortion?;
+        Some((lens.k1, lens.k2, lens.p1, lens.p2, lens.k3))
+    }
+
+    fn __repr__(&self) -> String {
+        let geometry::Camera { fx, fy, cx, cy, .. } = self.inner;
+        let lens = (self.distortion()).map_or_else(String::new, |lens| format!(", {lens:?}"));
+        format!("Camera({fx}, {fy}, {cx}, {cy}{lens})")
+    }
+}
+
+fn checked([fx, fy, cx, cy]: [f64; 4], distortion: Option<[f64; 5]>) -> PyResult<Camera> {
+    let k = Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0);
+    let mut inner = geometry::Camera::from_matrix(&k).map_err(value_error)?;
+    if let Some([k1, k2, p1, p2, k3]) = distortion {
+        if ![k1, k2, p1, p2, k3].iter().all(|k| k.is_finite()) {
+            return Err(value_error(
+                "the distortion has a number that is not finite",
+            ));
+        }
+        inner.distortion = Some(Distortion { k1, k2, p1, p2, k3 });
+    }
+    Ok(Camera { inner })
+}

@@ -1,0 +1,114 @@
+//! Putative matches as arrays, and the searches that make them from descriptors.
+
+use matchbench_vision::features::Features as Inner;
+use matchbench_vision::matching::{
+    Correspondence, Correspondences, MutualCheck, NearestNeighbours, RatioTest, Search, Selector,
+    SymmetricRatioTest, View,
+};
+use matchbench_vision::seed::Seed;
+use pyo3::prelude::*;
+
+use crate::arrays::{column, index_pairs, matrix};
+use crate::errors::value_error;
+use crate::features::Features;
+
+/// Pairs of indices (m x 2), distances, distances to the second nearest.
+pub(crate) type Arrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
+
+/// Nearest neighbours, and those of them that a test leaves.
+#[pyfunction]
+#[pyo3(signature = (a, b, method, ratio=None))]
+pub(crate) fn search<'py>(
+    py: Python<'py>,
+    a: &Features,
+    b: &Features,
+    method: &str,
+    ratio: Option<f32>,
+) -> PyResult<Arrays<'py>> {
+    let (a, b) = (&*a.inner, &*b.inner);
+    same_kind(a, b)?;
+    if ratio.is_some() && matches!(method, "nn" | "mutual") {
+        return Err(value_error(format!(
+            "`ratio` does nothing with method=\"{method}\"; use \"ratio\" or \"smnn\", or leave it out"
+        )));
+    }
+    let ratio = ratio.unwrap_or(RatioTest::default().ratio);
+    let selector: Option<Box<dyn Selector>> = match method {
+        "nn" => None,
+        "mutual" => Some(Box::new(MutualCheck)),
+        "ratio" => Some(Box::new(RatioTest::new(ratio).map_err(value_error)?)),
+        "smnn" => Some(Box::new(
+            SymmetricRatioTest::new(ratio).map_err(value_error)?,
+        )),
+        _ => {
+            return Err(value_error(format!(
+                "no method \"{method}\"; there are \"nn\", \"ratio\", \"mutual\" and \"smnn\""
+            )));
+        }
+    };
+    let found = py.detach(|| {
+        let mut found = NearestNeighbours.search(a, b);
+        if let Some(selector) = selector {
+            let [a, b] = [a, b].map(|features| View {
+                features,
+                image: None,
+                camera: None,
+            });
+            selector.select(a, b, &mut found, Seed(0));
+        }
+        found
+    });
+    arrays(py, &found)
+}
+
+/// Two sets of features can be compared.
+///
+/// # Errors
+/// If their descriptors are of different kinds.
+pub(crate) fn same_kind(a: &Inner, b: &Inner) -> PyResult<()> {
+    let (a, b) = (a.descriptors.kind(), b.descriptors.kind());
+    match a == b {
+        true => Ok(()),
+        false => Err(value_error(format!(
+            "descriptors of different kinds cannot be compared: {a:?} and {b:?}"
+        ))),
+    }
+}
+
+/// The matches as arrays.
+pub(crate) fn arrays<'py>(py: Python<'py>, found: &[Correspondence]) -> PyResult<Arrays<'py>> {
+    let indices = found.iter().flat_map(|m| [i64::from(m.a), i64::from(m.b)]);
+    Ok((
+        matrix(py, indices.collect(), [found.len(), 2])?,
+        matrix(
+            py,
+            found.iter().map(|m| m.distance).collect(),
+            [found.len()],
+        )?,
+        matrix(py, found.iter().map(|m| m.second).collect(), [found.len()])?,
+    ))
+}
+
+/// The matches in arrays.
+///
+/// # Errors
+/// If they are no matches of these features.
+pub(crate) fn of_arrays(
+    (indices, distances, second): (Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyAny>),
+    a: &Inner,
+    b: &Inner,
+) -> PyResult<Correspondences> {
+    let pairs = index_pairs(&indices, [a.len(), b.len()])?;
+    let distances = column(&distances, "distances", pairs.len())?;
+    let second = column(&second, "second", pairs.len())?;
+    let values = distances.into_iter().zip(second);
+    let matches = pairs.into_iter().zip(values);
+    Ok(matches
+        .map(|([a, b], (distance, second))| Correspondence {
+            a,
+            b,
+            distance,
+            second,
+        })
+        .collect())
+}

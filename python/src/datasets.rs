@@ -1,0 +1,172 @@
+//! Datasets: opened, imported, rendered; and images as every command decodes them.
+
+use std::path::PathBuf;
+
+use matchbench::datasets::{self, ImageStorage, ImportOptions, rendered};
+use matchbench::run;
+use matchbench_vision::image::Size;
+use pyo3::exceptions::PyIndexError;
+use pyo3::prelude::*;
+
+use crate::arrays::matrix;
+use crate::camera::Camera;
+use crate::errors::{error, value_error};
+
+/// Images with known cameras, and pairs of them with their true relative pose.
+#[pyclass(frozen, module = "matchbench")]
+pub(crate) struct Dataset {
+    pub(crate) inner: run::Dataset,
+}
+
+#[pymethods]
+impl Dataset {
+    #[staticmethod]
+    fn open(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
+        let inner = py.detach(|| run::Dataset::open(&folder)).map_err(error)?;
+        Ok(Self { inner })
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.inner.sequence.name
+    }
+
+    #[getter]
+    fn path(&self) -> PathBuf {
+        self.inner.path.clone()
+    }
+
+    #[getter]
+    fn images(&self) -> Vec<PathBuf> {
+        let frames = self.inner.sequence.frames.iter();
+        frames.map(|frame| frame.image.clone()).collect()
+    }
+
+    #[getter]
+    fn pairs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let pairs = &self.inner.sequence.pairs;
+        let flat = pairs
+            .iter()
+            .flat_map(|pair| [pair.a, pair.b])
+            .map(i64::from);
+        matrix(py, flat.collect(), [pairs.len(), 2])
+    }
+
+    #[getter]
+    fn b_from_a<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let pairs = &self.inner.sequence.pairs;
+        let poses = pairs.iter().flat_map(|pair| {
+            let pose = pair.b_from_a.to_homogeneous().transpose();
+            pose.as_slice().to_vec()
+        });
+        matrix(py, poses.collect(), [pairs.len(), 4, 4])
+    }
+
+    fn camera(&self, frame: usize) -> PyResult<Camera> {
+        let frames = &self.inner.sequence.frames;
+        let found = frames.get(frame).map(|frame| Camera {
+            inner: frame.camera,
+        });
+        found.ok_or_else(|| PyIndexError::new_err(format!("frame {frame} of {}", frames.len())))
+    }
+
+    fn __len__(&self) -> usize {
+        self.inner.sequence.frames.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let run::Dataset { sequence, .. } = &self.inner;
+        let (frames, pairs) = (sequence.frames.len(), sequence.pairs.len());
+        format!(
+            "Dataset({:?}, {frames} frames, {pairs} pairs)",
+            sequence.name
+        )
+    }
+}
+
+/// Brings a folder of another layout into ours; returns the notes of the import.
+#[pyfunction]
+#[pyo3(signature = (kind, source, out, pairs, sequence, camera, poses, images))]
+pub(crate) fn import_dataset(
+    py: Python<'_>,
+    kind: &str,
+    source: PathBuf,
+    out: PathBuf,
+    pairs: Option<&str>,
+    sequence: Option<String>,
+    camera: Option<PathBuf>,
+    poses: Option<PathBuf>,
+    images: &str,
+) -> PyResult<Vec<String>> {
+    let pairs = pairs.map(str::parse).transpose().map_err(value_error)?;
+    let report = py.detach(|| {
+        let images = match images {
+            "reference" => ImageStorage::Reference,
+            "link" => ImageStorage::Link,
+            "copy" => ImageStorage::Copy,
+            _ => {
+                return Err(value_error(format!(
+                    "images is \"reference\", \"link\" or \"copy\", not \"{images}\""
+                )));
+            }
+        };
+        let options = ImportOptions {
+            sequence,
+            pairs,
+            camera,
+            poses,
+            images,
+            ..ImportOptions::default()
+        };
+        datasets::import(kind, &source, &out, &options).map_err(error)
+    })?;
+    Ok(report.notes)
+}
+
+/// Renders a scene, or finds it rendered; returns the folder of its dataset.
+#[pyfunction]
+pub(crate) fn rendered_scene(
+    py: Python<'_>,
+    name: &str,
+    cache: PathBuf,
+    frames: Option<u32>,
+    size: Option<(usize, usize)>,
+) -> PyResult<PathBuf> {
+    let scenes = rendered::scenes();
+    let scene = scenes.iter().find(|scene| scene.name == name);
+    let mut scene = scene.cloned().ok_or_else(|| {
+        let names: Vec<&str> = scenes.iter().map(|scene| scene.name).collect();
+        value_error(format!(
+            "no scene \"{name}\"; there are {}",
+            names.join(", ")
+        ))
+    })?;
+    let mut cache = cache;
+    if let Some(frames) = frames {
+        if !(2..=scene.frames).contains(&frames) {
+            let most = scene.frames;
+            return Err(value_error(format!(
+                "{name} has 2 to {most} frames, not {frames}"
+            )));
+        }
+        scene.frames = frames;
+        cache.push(format!("frames-{frames}"));
+    }
+    if let Some((width, height)) = size {
+        if !(16..=4096).contains(&width) || !(16..=4096).contains(&height) {
+            return Err(value_error("a side of an image is 16 to 4096 pixels"));
+        }
+        scene.size = Size::new(width, height);
+        cache.push(format!("{width}x{height}"));
+    }
+    let folders = py.detach(|| rendered::ensure_scenes(&cache, &[scene], &|_| {}));
+    Ok(folders.map_err(error)?.swap_remove(0))
+}
+
+/// The image in a file, grey, as every command decodes it.
+#[pyfunction]
+pub(crate) fn read_gray(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
+    let image = py.detach(|| datasets::read_gray(&path)).map_err(error)?;
+    let Size { width, height } = image.size();
+    matrix(py, image.data().to_vec(), [height, width])
+}

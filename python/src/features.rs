@@ -1,0 +1,233 @@
+//! The features of one image, as arrays.
+
+use std::sync::Arc;
+
+use matchbench_vision::features::{self, DescriptorKind, Keypoint};
+use matchbench_vision::image::Size;
+use pyo3::exceptions::{PyIndexError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::PyDict;
+
+use crate::arrays::{column, descriptors, descriptors_out, matrix, points, rows};
+use crate::camera::Origin;
+
+/// Keypoints of an image and their descriptors. The arrays are made when they are asked for, once, and
+/// cannot be written: they are those that searches and selectors see.
+#[pyclass(frozen, module = "matchbench")]
+pub(crate) struct Features {
+    pub(crate) inner: Arc<features::Features>,
+    arrays: [PyOnceLock<Py<PyAny>>; 7],
+}
+
+impl From<features::Features> for Features {
+    fn from(inner: features::Features) -> Self {
+        Arc::new(inner).into()
+    }
+}
+
+impl From<Arc<features::Features>> for Features {
+    fn from(inner: Arc<features::Features>) -> Self {
+        Self {
+            inner,
+            arrays: std::array::from_fn(|_| PyOnceLock::new()),
+        }
+    }
+}
+
+impl Features {
+    /// The array at `place` of the list, made by `make` if this is the first time.
+    fn array<'py>(
+        &self,
+        py: Python<'py>,
+        place: usize,
+        make: impl FnOnce(&features::Features) -> PyResult<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let array = self.arrays[place].get_or_try_init(py, || {
+            let array = make(&self.inner)?;
+            let locked = PyDict::new(py);
+            locked.set_item("write", false)?;
+            array.call_method("setflags", (), Some(&locked))?;
+            Ok::<_, PyErr>(array.unbind())
+        })?;
+        Ok(array.bind(py).clone())
+    }
+
+    fn column<'py, T: numpy::Element>(
+        &self,
+        py: Python<'py>,
+        place: usize,
+        value: impl Fn(&Keypoint) -> T,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, place, |inner| {
+            let values = inner.keypoints.iter().map(value).collect();
+            matrix(py, values, [inner.len()])
+        })
+    }
+}
+
+#[pymethods]
+impl Features {
+    #[staticmethod]
+    #[pyo3(signature = (keypoints, descriptors, image_size, *, sizes=None, angles=None, responses=None,
+                        octaves=None, lafs=None, bits=None, origin="center"))]
+    fn from_arrays(
+        keypoints: &Bound<'_, PyAny>,
+        descriptors: &Bound<'_, PyAny>,
+        image_size: (usize, usize),
+        sizes: Option<Bound<'_, PyAny>>,
+        angles: Option<Bound<'_, PyAny>>,
+        responses: Option<Bound<'_, PyAny>>,
+        octaves: Option<Bound<'_, PyAny>>,
+        lafs: Option<Bound<'_, PyAny>>,
+        bits: Option<usize>,
+        origin: &str,
+    ) -> PyResult<Self> {
+        let shift = Origin::parse(origin)?.shift();
+        let at = points(keypoints, "keypoints")?;
+        let described = self::descriptors(descriptors, bits)?;
+        if described.len() != at.len() {
+            return Err(PyValueError::new_err(format!(
+                "{} keypoints with {} descriptors; give one descriptor for each keypoint",
+                at.len(),
+                described.len()
+            )));
+        }
+        let read = |value: Option<Bound<'_, PyAny>>, name, default| match value {
+            Some(value) => column(&value, name, at.len()),
+            None => Ok(vec![default; at.len()]),
+        };
+        let (sizes, angles) = (
+            read(sizes, "sizes", 1.0)?,
+            read(angles, "angles", f32::NAN)?,
+        );
+        let responses = read(responses, "responses", 0.0)?;
+        let octaves = read(octaves, "octaves", 0.0)?;
+        let keypoints = (0..at.len()).map(|i| Keypoint {
+            at: [(at[i].x + shift) as f32, (at[i].y + shift) as f32].into(),
+            size: sizes[i],
+            angle: Some(angles[i]).filter(|angle| !angle.is_nan()),
+            response: responses[i],
+            octave: octaves[i] as i16,
+        });
+        let size = Size::new(image_size.0, image_size.1);
+        let mut inner = features::Features::new(size, keypoints.collect(), described);
+        if let Some(lafs) = lafs {
+            let flat = lafs.call_method1("reshape", (inner.len(), -1))?;
+            let lafs = rows(&flat, "lafs, reshaped to n x 6,", 6)?;
+            let frames = lafs.chunks(6).map(|l| [l[0], l[1], l[3], l[4]]);
+            inner = inner.with_frames(frames.collect());
+        }
+        Ok(inner.into())
+    }
+
+    #[getter]
+    fn keypoints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, 0, |inner| {
+            let values = inner.keypoints.iter().flat_map(|k| [k.at.x, k.at.y]);
+            matrix(py, values.collect(), [inner.len(), 2])
+        })
+    }
+
+    #[getter]
+    fn sizes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, 1, |keypoint| keypoint.size)
+    }
+
+    #[getter]
+    fn angles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, 2, |keypoint| keypoint.angle.unwrap_or(f32::NAN))
+    }
+
+    #[getter]
+    fn responses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, 3, |keypoint| keypoint.response)
+    }
+
+    #[getter]
+    fn octaves<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, 4, |keypoint| i32::from(keypoint.octave))
+    }
+
+    #[getter]
+    fn lafs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, 5, |inner| {
+            let values = (0..inner.len()).flat_map(|i| {
+                let ([xx, xy, yx, yy], at) = (inner.frame(i), inner.keypoints[i].at);
+                [xx, xy, at.x, yx, yy, at.y]
+            });
+            matrix(py, values.collect(), [inner.len(), 2, 3])
+        })
+    }
+
+    #[getter]
+    fn descriptors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, 6, |inner| descriptors_out(py, &inner.descriptors))
+    }
+
+    #[getter]
+    fn image_size(&self) -> (usize, usize) {
+        (self.inner.size.width, self.inner.size.height)
+    }
+
+    #[getter]
+    fn bits(&self) -> Option<usize> {
+        match self.inner.descriptors.kind() {
+            DescriptorKind::Binary { bits } => Some(bits),
+            DescriptorKind::Float { .. } => None,
+        }
+    }
+
+    /// Those at `indices`, in that order.
+    fn select(&self, py: Python<'_>, indices: Vec<usize>) -> PyResult<Self> {
+        let inner = &self.inner;
+        if let Some(index) = indices.iter().find(|&&index| index >= inner.len()) {
+            let message = format!("feature {index} of {}", inner.len());
+            return Err(PyIndexError::new_err(message));
+        }
+        Ok(py.detach(|| {
+            let keypoints = indices.iter().map(|&i| inner.keypoints[i]).collect();
+            let descriptors = inner.descriptors.select(indices.iter().copied());
+            let mut kept = features::Features::new(inner.size, keypoints, descriptors);
+            if let Some(frames) = &inner.frames {
+                kept = kept.with_frames(indices.iter().map(|&i| frames[i]).collect());
+            }
+            kept.into()
+        }))
+    }
+
+    #[pyo3(signature = (*, origin="center"))]
+    fn to_dict<'py>(&self, py: Python<'py>, origin: &str) -> PyResult<Bound<'py, PyDict>> {
+        let shift = Origin::parse(origin)?.shift() as f32;
+        let keypoints = match shift == 0.0 {
+            true => self.keypoints(py)?,
+            false => {
+                let at = self.inner.keypoints.iter();
+                let moved = at.flat_map(|k| [k.at.x - shift, k.at.y - shift]);
+                matrix(py, moved.collect(), [self.inner.len(), 2])?
+            }
+        };
+        let dict = PyDict::new(py);
+        dict.set_item("keypoints", keypoints)?;
+        dict.set_item("descriptors", self.descriptors(py)?)?;
+        dict.set_item("keypoint_scores", self.responses(py)?)?;
+        dict.set_item("scales", self.sizes(py)?)?;
+        dict.set_item("oris", self.angles(py)?)?;
+        let size = vec![self.inner.size.width as f32, self.inner.size.height as f32];
+        dict.set_item("image_size", matrix(py, size, [2])?)?;
+        Ok(dict)
+    }
+
+    fn __len__(&self) -> usize {
+        self.inner.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let kind = match self.inner.descriptors.kind() {
+            DescriptorKind::Float { dim } => format!("{dim} values"),
+            DescriptorKind::Binary { bits } => format!("{bits} bits"),
+        };
+        let (count, size) = (self.inner.len(), self.inner.size);
+        format!("Features({count} of an image of {size}, descriptors of {kind})")
+    }
+}

@@ -1,0 +1,208 @@
+//! Matchers by name, whole or stage by stage.
+
+use std::sync::Arc;
+
+use matchbench::matchers::{self, BuiltMatcher};
+use matchbench::run::selection_seed;
+use matchbench_vision::features::Features as Inner;
+use matchbench_vision::geometry::MatchedPoints;
+use matchbench_vision::matching::{MatcherError, View};
+use matchbench_vision::seed::Seed;
+use pyo3::prelude::*;
+use serde_json::Value;
+
+use crate::arrays::{image, matrix};
+use crate::camera::Camera;
+use crate::correspondences::{Arrays, arrays, of_arrays, same_kind};
+use crate::errors::{error, value_error};
+use crate::features::Features;
+use crate::params::parse;
+
+/// A matcher of the library with its parameters.
+#[pyclass(frozen, module = "matchbench._native")]
+pub(crate) struct Matcher {
+    built: BuiltMatcher,
+}
+
+impl Matcher {
+    /// The same matcher once more, for a run to own.
+    ///
+    /// # Errors
+    /// None that was not one before.
+    pub(crate) fn again(&self) -> PyResult<BuiltMatcher> {
+        build(&self.built.id, &self.built.params)
+    }
+}
+
+fn build(id: &str, params: &Value) -> PyResult<BuiltMatcher> {
+    let entry = matchers::find(id).map_err(value_error)?;
+    matchers::build(entry, Some(params)).map_err(value_error)
+}
+
+#[pymethods]
+impl Matcher {
+    #[new]
+    fn new(id: &str, params: &str) -> PyResult<Self> {
+        let built = build(id, &parse(params)?)?;
+        Ok(Self { built })
+    }
+
+    #[getter]
+    fn id(&self) -> &str {
+        &self.built.id
+    }
+
+    /// All parameters, as JSON.
+    #[getter]
+    fn params(&self) -> String {
+        self.built.params.to_string()
+    }
+
+    fn extract(&self, py: Python<'_>, pixels: &Bound<'_, PyAny>) -> PyResult<Features> {
+        let image = image(pixels)?;
+        let found = py
+            .detach(|| self.built.matcher.extract(&image))
+            .map_err(error)?;
+        Ok(found.into())
+    }
+
+    fn search<'py>(&self, py: Python<'py>, a: &Features, b: &Features) -> PyResult<Arrays<'py>> {
+        same_kind(&a.inner, &b.inner)?;
+        let found = py.detach(|| self.built.matcher.search(&a.inner, &b.inner));
+        arrays(py, &found.map_err(error)?)
+    }
+
+    /// What the matcher keeps of putative matches.
+    #[pyo3(signature = (a, b, putative, images, cameras, seed))]
+    fn select<'py>(
+        &self,
+        py: Python<'py>,
+        a: &Features,
+        b: &Features,
+        putative: Arrays<'py>,
+        images: Option<(Bound<'py, PyAny>, Bound<'py, PyAny>)>,
+        cameras: Option<(Camera, Camera)>,
+        seed: u64,
+    ) -> PyResult<Arrays<'py>> {
+        let putative = of_arrays(putative, &a.inner, &b.inner)?;
+        let images = match &images {
+            Some((a, b)) => Some([image(a)?, image(b)?]),
+            None if self.built.matcher.selects_by_pixels() => {
+                let message = format!("{} looks at the pixels; give images=(a, b)", self.built.id);
+                return Err(value_error(message));
+            }
+            None => None,
+        };
+        let cameras = cameras.map(|(a, b)| [a.inner, b.inner]);
+        let view = |features, side: usize| View {
+            features,
+            image: images.as_ref().map(|images| &images[side]),
+            camera: cameras.as_ref().map(|cameras| &cameras[side]),
+        };
+        let kept = py.detach(|| {
+            let views = [view(&*a.inner, 0), view(&*b.inner, 1)];
+            let seed = selection_seed(Seed(seed));
+            self.built
+                .matcher
+                .select(views[0], views[1], putative, seed)
+        });
+        arrays(py, &kept.map_err(error)?)
+    }
+
+    /// All stages.
+    #[pyo3(name = "match_images", signature = (a, b, camera_a, camera_b, seed))]
+    fn match_images(
+        &self,
+        py: Python<'_>,
+        a: &Bound<'_, PyAny>,
+        b: &Bound<'_, PyAny>,
+        camera_a: Option<Camera>,
+        camera_b: Option<Camera>,
+        seed: u64,
+    ) -> PyResult<Matches> {
+        let (image_a, image_b) = (image(a)?, image(b)?);
+        let matched = py.detach(|| {
+            let matcher = &self.built.matcher;
+            let features_a = matcher.extract(&image_a)?;
+            let features_b = matcher.extract(&image_b)?;
+            let putative = matcher.search(&features_a, &features_b)?;
+            let view_a = View {
+                features: &features_a,
+                image: Some(&image_a),
+                camera: camera_a.as_ref().map(|camera| &camera.inner),
+            };
+            let view_b = View {
+                features: &features_b,
+                image: Some(&image_b),
+                camera: camera_b.as_ref().map(|camera| &camera.inner),
+            };
+            let seed = selection_seed(Seed(seed));
+            let kept = matcher.select(view_a, view_b, putative, seed)?;
+            Ok::<_, MatcherError>(Matches {
+                points: MatchedPoints::of_matches(&kept, &features_a, &features_b)?,
+                indices: kept.iter().map(|m| [m.a, m.b].map(i64::from)).collect(),
+                features: [features_a, features_b].map(Arc::new),
+            })
+        });
+        matched.map_err(error)
+    }
+}
+
+/// Matched points of two images, and the features that they join.
+#[pyclass(frozen, module = "matchbench")]
+pub(crate) struct Matches {
+    points: MatchedPoints,
+    indices: Vec<[i64; 2]>,
+    features: [Arc<Inner>; 2],
+}
+
+impl Matches {
+    /// The matched points.
+    pub(crate) fn points(&self) -> &MatchedPoints {
+        &self.points
+    }
+}
+
+#[pymethods]
+impl Matches {
+    #[getter]
+    fn points_a<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let values = self.points.a.iter().flat_map(|p| [p.x, p.y]);
+        matrix(py, values.collect(), [self.points.len(), 2])
+    }
+
+    #[getter]
+    fn points_b<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let values = self.points.b.iter().flat_map(|p| [p.x, p.y]);
+        matrix(py, values.collect(), [self.points.len(), 2])
+    }
+
+    #[getter]
+    fn ambiguity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        matrix(py, self.points.ambiguity.clone(), [self.points.len()])
+    }
+
+    #[getter]
+    fn indices<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let flat = self.indices.iter().flatten().copied().collect();
+        matrix(py, flat, [self.indices.len(), 2])
+    }
+
+    #[getter]
+    fn features_a(&self) -> Features {
+        Arc::clone(&self.features[0]).into()
+    }
+
+    #[getter]
+    fn features_b(&self) -> Features {
+        Arc::clone(&self.features[1]).into()
+    }
+
+    fn __len__(&self) -> usize {
+        self.points.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Matches({})", self.points.len())
+    }
+}

@@ -1,0 +1,14 @@
+//! Parameters as they cross the border: JSON objects, as text.
+
+use pyo3::PyResult;
+use serde_json::Value;
+
+use crate::errors::value_error;
+
+/// The parameters in `text`.
+///
+/// # Errors
+/// If it is no JSON.
+pub(crate) fn parse(text: &str) -> PyResult<Value> {
+    serde_json::from_str(text).map_err(value_error)
+}

@@ -1,0 +1,54 @@
+//! How far a run is, for a caller that looks now and then.
+
+use std::sync::{Mutex, PoisonError};
+
+use matchbench::records::{Plan, RunRecord};
+use matchbench::run::{Observer, RunSummary};
+
+/// How far a run is.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct State {
+    /// Tasks that are recorded.
+    pub(crate) done: usize,
+    /// Tasks of the plan.
+    pub(crate) total: usize,
+    /// The dataset and the matcher that it is at.
+    pub(crate) part: (String, String),
+    /// Matchers from outside that gave up, and why.
+    pub(crate) ended: Vec<String>,
+}
+
+/// Keeps the last [`State`]. The run never waits for a reader: Python's display is slow.
+#[derive(Debug, Default)]
+pub(crate) struct Progress(Mutex<State>);
+
+impl Progress {
+    pub(crate) fn state(&self) -> State {
+        self.0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+
+    fn change(&self, change: impl FnOnce(&mut State)) {
+        change(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner));
+    }
+}
+
+impl Observer for Progress {
+    fn on_plan(&self, _: &Plan, summary: RunSummary) {
+        self.change(|state| (state.done, state.total) = (summary.before, summary.total));
+    }
+
+    fn on_part(&self, dataset: &str, matcher: &str) {
+        self.change(|state| state.part = (dataset.into(), matcher.into()));
+    }
+
+    fn on_ended(&self, matcher: &str, reason: &str) {
+        self.change(|state| state.ended.push(format!("{matcher} has ended: {reason}")));
+    }
+
+    fn on_record(&self, _: &RunRecord) {
+        self.change(|state| state.done += 1);
+    }
+}

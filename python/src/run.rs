@@ -1,0 +1,293 @@
+//! A run from Python: the loop of the library in threads of its own, while the caller's thread listens for
+//! Ctrl-C and shows how far it is.
+
+use std::ffi::OsString;
+use std::num::{NonZeroU32, NonZeroUsize};
+use std::path::PathBuf;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::thread;
+use std::time::Duration;
+
+use matchbench::cache::FeatureCache;
+use matchbench::config::Changes;
+use matchbench::estimators::{self, BuiltEstimator};
+use matchbench::external;
+use matchbench::matchers::Source;
+use matchbench::records::Settings;
+use matchbench::run::{
+    Cancel, Contender, Outside, Run, RunSummary, Variant, decode, pair_seed as seed_of_pair,
+};
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use rayon::ThreadPoolBuilder;
+
+use crate::callable::PythonMatcher;
+use crate::datasets::Dataset;
+use crate::errors::{error, value_error};
+use crate::estimators::Estimator;
+use crate::matchers::Matcher;
+use crate::progress::Progress;
+
+/// How often the caller's thread looks for Ctrl-C.
+const TICK: Duration = Duration::from_millis(50);
+/// Bytes of the stack of a thread, as the command line's have.
+const STACK: usize = 8 << 20;
+
+/// A matcher of a run.
+#[derive(FromPyObject)]
+pub(crate) enum AnyMatcher<'py> {
+    /// By name, or by the path of a manifest.
+    Name(String),
+    /// One of the library.
+    Native(Bound<'py, Matcher>),
+    /// Written in Python: name, version, parameters as JSON, `match`, `extract`.
+    Python(String, String, String, Py<PyAny>, Option<Py<PyAny>>),
+}
+
+/// An estimator of a run.
+#[derive(FromPyObject)]
+pub(crate) enum AnyEstimator<'py> {
+    /// By name.
+    Name(String),
+    /// With parameters.
+    Built(Bound<'py, Estimator>),
+}
+
+impl AnyEstimator<'_> {
+    fn build(&self, changes: &Changes) -> PyResult<BuiltEstimator> {
+        match self {
+            Self::Built(estimator) => estimator.get().again(),
+            Self::Name(id) => {
+                let entry = estimators::find(id).map_err(value_error)?;
+                entry.build(changes.of(id)).map_err(value_error)
+            }
+        }
+    }
+}
+
+/// Does what is not yet recorded in the folder `out`. Returns the numbers of tasks (of the plan, recorded
+/// before, recorded now, failed) and what could not be started or gave up.
+#[pyfunction]
+#[pyo3(signature = (datasets, matchers, estimators, out, settings, seed, repeat, limit, time_budget_ms,
+                    keep_matches, cache, threads, progress))]
+pub(crate) fn run(
+    py: Python<'_>,
+    datasets: Vec<Bound<'_, Dataset>>,
+    matchers: Vec<AnyMatcher<'_>>,
+    estimators: Vec<AnyEstimator<'_>>,
+    out: PathBuf,
+    settings: Vec<String>,
+    seed: u64,
+    repeat: NonZeroU32,
+    limit: Option<usize>,
+    time_budget_ms: Option<NonZeroU32>,
+    keep_matches: bool,
+    cache: Option<PathBuf>,
+    threads: Option<NonZeroUsize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<((usize, usize, usize, usize), Vec<String>)> {
+    let cancel = Cancel::default();
+    let cache = FeatureCache::new(cache.unwrap_or_else(|| out.join("cache")));
+    let outside = Outside {
+        logs: &out.join("logs"),
+        cache: &cache,
+    };
+    let changes = Changes::parse(&settings).map_err(value_error)?;
+    let (contenders, mut absent) =
+        contenders(py, matchers, &estimators, &changes, &outside, &cancel)?;
+    if contenders.is_empty() {
+        return Err(error(format!(
+            "no matcher could be started: {}",
+            absent.join("; ")
+        )));
+    }
+    let datasets: Vec<_> = datasets
+        .iter()
+        .map(|dataset| dataset.get().inner.clone())
+        .collect();
+    let run = Run {
+        datasets: &datasets,
+        contenders: &contenders,
+        settings: Settings {
+            seed,
+            repetitions: repeat,
+            limit,
+            time_budget_ms,
+        },
+        tuned: &[],
+        folder: &out,
+        cache: cache.clone(),
+        decode,
+        keep_matches,
+        feature_memory: Run::FEATURE_MEMORY,
+    };
+    let observer = Progress::default();
+    let summary = listening(py, &run, &observer, &cancel, threads, progress.as_ref())?;
+    absent.extend(observer.state().ended);
+    let RunSummary {
+        total,
+        before,
+        now,
+        failed,
+        ..
+    } = summary;
+    if before + now < total && cancel.is_set() {
+        let message = "a matcher stopped the run; the same call goes on from there";
+        return Err(PyRuntimeError::new_err(message));
+    }
+    Ok(((total, before, now, failed), absent))
+}
+
+/// The contenders, native and from outside first, in the order in which they are named; and why others
+/// could not be started.
+fn contenders(
+    py: Python<'_>,
+    matchers: Vec<AnyMatcher<'_>>,
+    estimators: &[AnyEstimator<'_>],
+    changes: &Changes,
+    outside: &Outside<'_>,
+    cancel: &Cancel,
+) -> PyResult<(Vec<Contender>, Vec<String>)> {
+    let (mut names, mut others) = (Vec::new(), Vec::new());
+    for matcher in matchers {
+        let (source, own) = match matcher {
+            AnyMatcher::Name(name) => {
+                names.push(name);
+                continue;
+            }
+            AnyMatcher::Native(matcher) => {
+                let built = matcher.get().again()?;
+                let entry = matchbench::matchers::find(&built.id).map_err(value_error)?;
+                (Source::Matcher(built), entry.estimator())
+            }
+            AnyMatcher::Python(name, version, params, matching, extract) => {
+                let matcher = PythonMatcher {
+                    name,
+                    version,
+                    params,
+                    matching,
+                    extract,
+                };
+                (Source::Points(matcher.into_source(cancel)?), "ransac-e")
+            }
+        };
+        let estimators = match estimators {
+            [] => vec![Variant::from(
+                AnyEstimator::Name(own.into()).build(changes)?,
+            )],
+            _ => Vec::new(),
+        };
+        others.push(Contender { source, estimators });
+    }
+    let ids: Vec<String> = (estimators.iter())
+        .map(|estimator| match estimator {
+            AnyEstimator::Name(id) => id.clone(),
+            AnyEstimator::Built(estimator) => estimator.get().id().to_owned(),
+        })
+        .collect();
+    let (mut contenders, absent) = match (names.is_empty(), changes.ids().next()) {
+        (true, Some(id)) => {
+            return Err(value_error(format!(
+                "`{id}` is given a setting and takes no part by name"
+            )));
+        }
+        (true, None) => (Vec::new(), Vec::new()),
+        (false, _) => py
+            .detach(|| Contender::from_names(&names, &ids, changes, Some(outside)))
+            .map_err(value_error)?,
+    };
+    contenders.append(&mut others);
+    if !estimators.is_empty() {
+        for contender in &mut contenders {
+            let built = estimators.iter().map(|estimator| estimator.build(changes));
+            contender.estimators = built
+                .map(|built| Ok(built?.into()))
+                .collect::<PyResult<_>>()?;
+        }
+    }
+    Ok((contenders, absent.iter().map(ToString::to_string).collect()))
+}
+
+/// Executes the run in threads of its own. The first Ctrl-C stops it after the pairs in flight and is
+/// raised when they are recorded; a second one also ends the programs of matchers from outside.
+fn listening(
+    py: Python<'_>,
+    run: &Run<'_>,
+    observer: &Progress,
+    cancel: &Cancel,
+    threads: Option<NonZeroUsize>,
+    progress: Option<&Py<PyAny>>,
+) -> PyResult<RunSummary> {
+    let pool = ThreadPoolBuilder::new()
+        .num_threads(threads.map_or(0, NonZeroUsize::get))
+        .stack_size(STACK)
+        .build()
+        .map_err(error)?;
+    let mut interrupted = None;
+    let ended = py.detach(|| {
+        thread::scope(|scope| {
+            let (done, waiting) = channel();
+            let pool = &pool;
+            scope.spawn(move || {
+                let ended = pool.install(|| run.execute(observer, cancel));
+                // The receiver waits until this is sent.
+                let _ = done.send(ended);
+            });
+            let mut shown = None;
+            loop {
+                let ended = match waiting.recv_timeout(TICK) {
+                    Ok(ended) => Some(ended),
+                    Err(RecvTimeoutError::Timeout) => None,
+                    Err(RecvTimeoutError::Disconnected) => return None,
+                };
+                let state = observer.state();
+                let heard = Python::attach(|py| {
+                    py.check_signals()?;
+                    if let Some(progress) = progress
+                        && state.total > 0
+                        && shown.as_ref() != Some(&state)
+                    {
+                        let (dataset, matcher) = &state.part;
+                        progress.call1(py, (state.done, state.total, dataset, matcher))?;
+                    }
+                    Ok::<_, PyErr>(())
+                });
+                shown = Some(state);
+                if let Err(raised) = heard {
+                    cancel.set();
+                    if interrupted.replace(raised).is_some() {
+                        external::end_all();
+                    }
+                }
+                if ended.is_some() {
+                    return ended;
+                }
+            }
+        })
+    });
+    let ended = ended.ok_or_else(|| error("the run broke; its message is on standard error"))?;
+    match interrupted {
+        Some(raised) => Err(raised),
+        None => ended.map_err(error),
+    }
+}
+
+/// The seed of a pair in a run.
+#[pyfunction]
+#[pyo3(signature = (dataset, matcher, a, b, *, seed=0, repetition=0))]
+pub(crate) fn pair_seed(
+    dataset: &str,
+    matcher: &str,
+    a: u32,
+    b: u32,
+    seed: u64,
+    repetition: u32,
+) -> u64 {
+    seed_of_pair(seed, dataset, matcher, (a, b), repetition).0
+}
+
+/// The program `matchbench` with these arguments; returns its exit code.
+#[pyfunction]
+pub(crate) fn command_line(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    py.detach(|| matchbench_cli::run(arguments))
+}

@@ -1,0 +1,45 @@
+"""What the tests share: a small rendered dataset, a run of the command line on it."""
+
+import subprocess
+import sys
+
+import matchbench as mb
+import pytest
+
+MATCHERS = ["sift", "orb", "gms"]
+ESTIMATORS = ["ransac-e", "best"]
+
+
+@pytest.fixture(scope="session")
+def dataset(tmp_path_factory):
+    """Four images of a cabinet, with exact poses."""
+    return mb.rendered_scene("cabinet", tmp_path_factory.mktemp("scenes"), frames=4, size=(320, 240))
+
+
+@pytest.fixture(scope="session")
+def images(dataset):
+    """Its first two images, grey."""
+    return [mb.read_gray(path) for path in dataset.images[:2]]
+
+
+@pytest.fixture(scope="session")
+def features(images):
+    """Their SIFT features."""
+    return [mb.SIFT().extract(image) for image in images]
+
+
+def command(*arguments):
+    """The installed command."""
+    words = [sys.executable, "-m", "matchbench", *map(str, arguments)]
+    return subprocess.run(words, capture_output=True, text=True, timeout=300)
+
+
+@pytest.fixture(scope="session")
+def command_line_run(dataset, tmp_path_factory):
+    """A run of the command line."""
+    out = tmp_path_factory.mktemp("command-line") / "run"
+    done = command(
+        "run", dataset.path, "--matchers", ",".join(MATCHERS), "--estimator", ",".join(ESTIMATORS), "--out", out
+    )
+    assert done.returncode == 0, done.stderr
+    return out

@@ -1,0 +1,141 @@
+"""Features: arrays, errors that teach, OpenCV's way of calling."""
+
+import json
+
+import matchbench as mb
+import numpy as np
+import pytest
+
+EVERY = [
+    mb.SIFT, mb.SURF, mb.ORB, mb.BRISK, mb.KAZE, mb.AKAZE, mb.DLCO, mb.FREAK, mb.FREAKOnSIFT, mb.BinBoost,
+    mb.LATCH, mb.DAISY, mb.ASIFT, mb.ShearedSURF,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", EVERY)
+def test_every_feature_fills_every_array(kind, images):
+    image = images[0][60:180, 80:240]
+    found = kind().extract(image)
+    count = len(found)
+    assert count > 0 and found.image_size == (160, 120)
+    assert found.keypoints.shape == (count, 2) and found.keypoints.dtype == np.float32
+    assert found.lafs.shape == (count, 2, 3)
+    assert np.array_equal(found.lafs[:, :, 2], found.keypoints)
+    for column in (found.sizes, found.angles, found.responses, found.octaves):
+        assert column.shape == (count,)
+    assert len(found.descriptors) == count
+    assert found.descriptors.dtype == (np.float32 if found.bits is None else np.uint8)
+    assert not found.keypoints.flags.writeable and found.keypoints is found.keypoints
+    assert json.loads(json.dumps(kind().params)) == kind(**kind().params).params
+
+
+def test_colour_is_red_green_blue_and_strides_do_not_matter(images):
+    gray = images[0]
+    rgb = np.repeat(gray[:, :, None], 3, axis=2)
+    expected = mb.ORB().extract(gray).keypoints
+    assert np.array_equal(mb.ORB().extract(rgb).keypoints, expected)
+    turned = np.ascontiguousarray(gray.T).T
+    assert not turned.flags.c_contiguous
+    assert np.array_equal(mb.ORB().extract(turned).keypoints, expected)
+
+
+@pytest.mark.parametrize(
+    ("image", "kind", "words"),
+    [
+        (np.zeros((4, 4)), TypeError, ["uint8", "float64", "255"]),
+        (np.zeros((4, 4), np.int32), TypeError, ["uint8", "int32", "astype"]),
+        (np.zeros((4, 4, 4), np.uint8), ValueError, ["(RGB)", "4, 4, 4"]),
+        (np.zeros(4, np.uint8), ValueError, ["height x width", "[4]"]),
+        ([[1, 2]], TypeError, ["numpy array", "list"]),
+        (None, TypeError, ["numpy array", "NoneType"]),
+    ],
+)
+def test_what_is_no_image_is_refused_in_words(image, kind, words):
+    with pytest.raises(kind) as caught:
+        mb.SIFT().extract(image)
+    assert all(word in str(caught.value) for word in words), caught.value
+
+
+def test_an_image_without_content_has_no_features():
+    for shape in [(0, 0), (1, 1), (90, 120)]:
+        found = mb.SIFT().extract(np.zeros(shape, np.uint8))
+        assert len(found) == 0 and found.descriptors.shape == (0, 128) and found.lafs.shape == (0, 2, 3)
+
+
+def test_unknown_parameters_are_refused_by_name():
+    for wrong in [{"sigam": 1.6}, {"sigma": -1}, {"sigma": "wide"}, {"sigma": float("nan")}]:
+        with pytest.raises(ValueError, match="sigam|sigma|JSON|wide|Out of range"):
+            mb.SIFT(**wrong)
+    with pytest.raises(TypeError, match="object"):
+        mb.SIFT(sigma=object())
+    with pytest.raises(ValueError, match="did you mean `sift`"):
+        mb.matcher("sfit")
+    assert mb.SIFT(limit=np.int64(7)).params["limit"] == 7
+
+
+def test_arrays_go_out_and_in_again(images):
+    for extractor in (mb.SIFT(), mb.AKAZE(), mb.ASIFT()):
+        found = extractor.extract(images[0])
+        again = mb.Features.from_arrays(
+            found.keypoints,
+            found.descriptors,
+            found.image_size,
+            sizes=found.sizes,
+            angles=found.angles,
+            responses=found.responses,
+            octaves=found.octaves,
+            lafs=found.lafs,
+            bits=found.bits,
+        )
+        for name in ("keypoints", "descriptors", "sizes", "angles", "responses", "octaves", "lafs"):
+            np.testing.assert_array_equal(getattr(again, name), getattr(found, name))
+        assert again.bits == found.bits and again.image_size == found.image_size
+        one = found.select([3, 1])
+        assert np.array_equal(one.lafs, found.lafs[[3, 1]]) and len(one) == 2
+    with pytest.raises(IndexError):
+        found.select([len(found)])
+
+
+def test_origins_differ_by_half_a_pixel(features):
+    dict_ = features[0].to_dict(origin="corner")
+    assert np.array_equal(dict_["keypoints"], features[0].keypoints + np.float32(0.5))
+    assert set(dict_) >= {"keypoints", "descriptors", "image_size"}
+    back = mb.Features.from_arrays(dict_["keypoints"], dict_["descriptors"], (320, 240), origin="corner")
+    np.testing.assert_allclose(back.keypoints, features[0].keypoints, atol=1e-4)
+    with pytest.raises(ValueError, match="COLMAP"):
+        features[0].to_dict(origin="colmap")
+
+
+@pytest.mark.parametrize(
+    ("keypoints", "descriptors", "words"),
+    [
+        (np.zeros((3, 3)), np.zeros((3, 8), np.float32), "keypoints.*n x 2.*3, 3"),
+        (np.zeros((3, 2)), np.zeros((2, 8), np.float32), "3 keypoints with 2 descriptors"),
+        (np.zeros((3, 2)), np.zeros((3, 8)), "descriptors.*float32.*float64"),
+        (np.full((3, 2), np.nan), np.zeros((3, 8), np.float32), "not finite, in row 0"),
+        (["a"], np.zeros((3, 8), np.float32), "keypoints.*list"),
+    ],
+)
+def test_arrays_that_are_no_features_are_refused_in_words(keypoints, descriptors, words):
+    with pytest.raises((ValueError, TypeError), match=words):
+        mb.Features.from_arrays(keypoints, descriptors, (10, 10))
+
+
+def test_one_line_switches_from_opencv(images):
+    keypoints, descriptors = mb.SIFT_create().detectAndCompute(images[0], None)
+    found = mb.SIFT().extract(images[0])
+    assert [key.pt for key in keypoints] == [tuple(at) for at in found.keypoints.tolist()]
+    assert np.array_equal(descriptors, found.descriptors)
+    assert keypoints[0].angle == pytest.approx(np.rad2deg(found.angles[0]), abs=1e-3)
+    mask = np.zeros_like(images[0])
+    mask[:, :160] = 255
+    left, _ = mb.SIFT_create().detectAndCompute(images[0], mask)
+    assert 0 < len(left) < len(keypoints) and all(key.pt[0] < 160 for key in left)
+    nothing, none = mb.ORB_create().detectAndCompute(np.zeros_like(mask), None)
+    assert len(nothing) == 0 and none is None
+    with pytest.raises(ValueError, match="mask must be uint8"):
+        mb.ORB_create().detectAndCompute(images[0], mask[:5])
+    for create in (mb.ORB_create, mb.BRISK_create, mb.KAZE_create, mb.AKAZE_create, mb.SURF_create):
+        assert len(create().detectAndCompute(images[0], None)[0]) > 0
+    with pytest.raises(TypeError, match="scoreType"):
+        mb.ORB_create(scoreType=1)

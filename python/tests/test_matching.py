@@ -1,0 +1,79 @@
+"""Searches and selectors, against their definitions in numpy."""
+
+import matchbench as mb
+import numpy as np
+import pytest
+
+
+def by_hand(a, b):
+    """Distances of all pairs of descriptors, in double precision."""
+    return np.sqrt(((a.descriptors[:, None, :].astype(float) - b.descriptors[None, :, :]) ** 2).sum(axis=2))
+
+
+def test_methods_are_what_they_say(features):
+    a, b = (one.select(np.arange(200)) for one in features)
+    distances = by_hand(a, b)
+    order = np.sort(distances, axis=1)
+    back = np.sort(distances, axis=0)
+    nearest, back_nearest = distances.argmin(axis=1), distances.argmin(axis=0)
+    rows = np.arange(200)
+    clear = order[:, 0] < 0.8 * order[:, 1]
+    mutual = back_nearest[nearest] == rows
+    clear_back = (back[0] < 0.8 * back[1])[nearest]
+    for method, kept in [
+        ("nn", np.full(200, True)),
+        ("ratio", clear),
+        ("mutual", mutual),
+        ("smnn", clear & mutual & clear_back),
+    ]:
+        indices, found = mb.match(a, b, method)
+        assert np.array_equal(indices, np.column_stack([rows, nearest])[kept]), method
+        np.testing.assert_allclose(found, order[kept, 0], rtol=1e-6)
+    assert mb.match(a, b, ratio=0.6).indices.shape[0] < mb.match(a, b).indices.shape[0]
+    assert 0 < clear.sum() < 200
+
+
+def test_bits_are_counted(images):
+    a, b = (mb.ORB().extract(image) for image in images)
+    indices, distances = mb.match(a, b, "nn")
+    differ = a.descriptors[indices[:, 0]] ^ b.descriptors[indices[:, 1]]
+    assert np.array_equal(np.unpackbits(differ, axis=1).sum(axis=1), distances)
+
+
+def test_wrong_searches_are_refused_in_words(features, images):
+    a, b = features
+    with pytest.raises(ValueError, match="does nothing"):
+        mb.match(a, b, "mutual", ratio=0.8)
+    with pytest.raises(ValueError, match="smnn"):
+        mb.match(a, b, "flann")
+    with pytest.raises(ValueError, match="ratio"):
+        mb.match(a, b, ratio=1.5)
+    with pytest.raises(ValueError, match="different kinds"):
+        mb.match(a, mb.ORB().extract(images[1]))
+    with pytest.raises(TypeError, match="from_arrays"):
+        mb.match(a.descriptors, b.descriptors)
+
+
+def test_selectors_keep_some_of_what_they_are_given(features, images, dataset):
+    a, b = features
+    putative = mb.match(a, b, "nn")
+    given = {tuple(pair) for pair in putative.indices.tolist()}
+    cameras = (dataset.camera(0), dataset.camera(1))
+    for kept in [
+        mb.gms(a, b, putative),
+        mb.gms(a, b, putative, factor=3, scales=True),
+        mb.kvld(a, b, putative, images=tuple(images)),
+        mb.code(a, b, putative),
+        mb.repmatch(a, b, putative, cameras=cameras),
+    ]:
+        assert {tuple(pair) for pair in kept.indices.tolist()} <= given and len(kept.indices) > 0
+    # Its candidates are several for each feature, so it makes them itself.
+    simulated = [mb.ShearedSURF(views={"shears": 1}).extract(image[60:180, 80:240]) for image in images]
+    assert len(mb.gaim(*simulated).indices) > 0
+    with pytest.raises(TypeError, match="match\\(\\) returns"):
+        mb.gms(a, b, putative.indices)
+    with pytest.raises(ValueError, match="fcator"):
+        mb.gms(a, b, putative, fcator=2)
+    wrong = mb.Correspondences.of(np.array([[0, len(b)]]), np.ones(1, np.float32), np.ones(1, np.float32))
+    with pytest.raises(ValueError, match="image b, which has"):
+        mb.gms(a, b, wrong)

@@ -1,0 +1,52 @@
+"""Beside cv2, poselib and pycolmap on the same input: agreement; each skipped where it is not installed."""
+
+import matchbench as mb
+import numpy as np
+import pytest
+
+
+def share_found(ours, theirs, radius=0.5):
+    """Share of their points that have one of ours within the radius."""
+    distances = np.linalg.norm(theirs[:, None] - ours[None], axis=2)
+    return (distances.min(axis=1) < radius).mean()
+
+
+@pytest.mark.parametrize(
+    ("name", "least"), [("SIFT_create", 0.95), ("ORB_create", 0.95), ("AKAZE_create", 0.95), ("BRISK_create", 0.9)]
+)
+def test_the_keypoints_are_opencvs(name, least, images):
+    cv2 = pytest.importorskip("cv2", reason="opencv-python is not installed")
+    theirs, _ = getattr(cv2, name)().detectAndCompute(images[0], None)
+    ours, _ = getattr(mb, name)().detectAndCompute(images[0], None)
+    points = [np.array([key.pt for key in keys]) for keys in (ours, theirs)]
+    assert isinstance(ours[0], cv2.KeyPoint)
+    assert share_found(*points) >= least and abs(len(ours) / len(theirs) - 1) < 0.05
+
+
+def test_the_nearest_neighbours_are_opencvs(features):
+    cv2 = pytest.importorskip("cv2", reason="opencv-python is not installed")
+    a, b = features
+    two = cv2.BFMatcher(cv2.NORM_L2).knnMatch(a.descriptors.copy(), b.descriptors.copy(), k=2)
+    theirs = [(m.queryIdx, m.trainIdx) for m, second in two if m.distance < 0.8 * second.distance]
+    assert mb.match(a, b).indices.tolist() == [list(pair) for pair in theirs]
+
+
+def test_the_pose_agrees_with_poselibs(dataset, images):
+    poselib = pytest.importorskip("poselib", reason="poselib is not installed")
+    matches = mb.matcher("sift").match(*images)
+    camera = dataset.camera(0)
+    theirs = {"model": "PINHOLE", "width": 320, "height": 240, "params": [camera.fx, camera.fy, camera.cx, camera.cy]}
+    call = (matches.points_a, matches.points_b, theirs, theirs, {"max_epipolar_error": 1.0}, {})
+    pose, info = mb.estimate_relative_pose(*call)
+    peer, peer_info = poselib.estimate_relative_pose(*call)
+    cosine = (np.trace(pose.R.T @ peer.R) - 1) / 2
+    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))) < 1
+    assert set(info) <= set(peer_info) and info["num_inliers"] > 0.8 * peer_info["num_inliers"]
+
+
+def test_the_keypoints_agree_with_colmaps(images):
+    pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    keypoints, _ = pycolmap.Sift(device=pycolmap.Device.cpu).extract(images[0])
+    ours = mb.SIFT().extract(images[0]).keypoints
+    # Another implementation with another threshold, and its origin is the corner.
+    assert share_found(ours, np.asarray(keypoints)[:, :2] - 0.5, radius=1.5) > 0.5

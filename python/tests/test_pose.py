@@ -1,0 +1,132 @@
+"""Pose estimation: ours, and by PoseLib's arguments and keys."""
+
+import matchbench as mb
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope="module")
+def matches(dataset):
+    a, b = dataset.pairs[0]
+    images = [mb.read_gray(dataset.images[frame]) for frame in (a, b)]
+    return mb.matcher("sift").match(*images)
+
+
+def angle(a, b):
+    """Degrees between two rotations or directions."""
+    cosine = (np.trace(a.T @ b) - 1) / 2 if a.ndim == 2 else a @ b / np.linalg.norm(b)
+    return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def poselib_camera(camera, shift=0.0):
+    params = [camera.fx, camera.fy, camera.cx + shift, camera.cy + shift]
+    return {"model": "PINHOLE", "width": 320, "height": 240, "params": params}
+
+
+def test_the_pose_is_near_the_truth(matches, dataset):
+    a, b = dataset.pairs[0]
+    camera = dataset.camera(a)
+    pose = mb.estimator("best").estimate(
+        matches.points_a, matches.points_b, camera, dataset.camera(b), ambiguity=matches.ambiguity
+    )
+    truth = dataset.b_from_a[0]
+    assert angle(pose.R, truth[:3, :3]) < 2 and angle(pose.t, truth[:3, 3]) < 10
+    assert pose.inliers.sum() == pose.num_inliers and len(pose.inliers) == len(matches)
+    w, *xyz = pose.q
+    assert abs(2 * np.arccos(min(1, abs(w))) - np.radians(angle(pose.R, np.eye(3)))) < 1e-6 and len(xyz) == 3
+
+
+def test_poselibs_function(matches, dataset):
+    a, b = matches.points_a, matches.points_b
+    camera = dataset.camera(0)
+    pose, info = mb.estimate_relative_pose(
+        a, b, poselib_camera(camera), camera, {"max_epipolar_error": 2.0, "seed": 3}, {"loss_type": "TRUNCATED"}
+    )
+    assert info["num_inliers"] == sum(info["inliers"]) and len(info["inliers"]) == len(a)
+    assert info["inlier_ratio"] == info["num_inliers"] / len(a) and info["iterations"] > 0
+    assert pose.Rt.shape == (3, 4) and np.linalg.det(pose.R) == pytest.approx(1)
+    ours = mb.estimator("best", sampler="uniform", threshold_px=2, final_loss="truncated").estimate(
+        a, b, camera, camera, seed=3
+    )
+    assert np.array_equal(pose.R, ours.R) and np.array_equal(pose.t, ours.t)
+    few, strict = mb.estimate_relative_pose(a, b, camera, camera, {"max_epipolar_error": 0.2})
+    assert strict["num_inliers"] < info["num_inliers"] and few is not None
+
+
+def test_colmaps_origin_is_taken_off(matches, dataset):
+    a, b = matches.points_a, matches.points_b
+    camera = dataset.camera(0)
+    corner = poselib_camera(camera, 0.5)
+    centred, _ = mb.estimate_relative_pose(a, b, camera, camera)
+    moved, _ = mb.estimate_relative_pose(a, b, corner, corner, origin="corner")
+    np.testing.assert_allclose(moved.R, centred.R, atol=1e-12)
+    assert mb.Camera(500, 500, 320, 240, origin="corner").cx == 319.5
+    with pytest.raises(ValueError, match="origin"):
+        mb.estimate_relative_pose(a, b, camera, camera, origin="middle")
+
+
+@pytest.mark.parametrize(
+    ("ransac", "bundle", "words"),
+    [
+        ({"max_epipolar_eror": 1}, {}, "unknown key 'max_epipolar_eror'.*max_epipolar_error"),
+        ({"dyn_num_trials_mult": 3.0}, {}, "would do nothing"),
+        ({"max_error": 1, "max_epipolar_error": 1}, {}, "by another name"),
+        ({"max_epipolar_error": -1}, {}, "threshold_px"),
+        ({"max_prosac_iterations": 10}, {}, "prosac_horizon"),
+        ({}, {"loss_scale": 1}, "unknown key 'loss_scale'"),
+        ({}, {"loss_type": "HUBER"}, "TRUNCATED or CAUCHY"),
+    ],
+)
+def test_keys_that_do_nothing_are_errors(ransac, bundle, words, matches):
+    camera = mb.Camera(300, 300, 160, 120)
+    with pytest.raises(ValueError, match=words):
+        mb.estimate_relative_pose(matches.points_a, matches.points_b, camera, camera, ransac, bundle)
+
+
+def test_cameras_by_colmaps_names():
+    bent = mb.Camera.from_model("OPENCV", [500, 501, 320, 240, 0.1, -0.2, 0.001, 0.002], origin="center")
+    assert bent.distortion == (0.1, -0.2, 0.001, 0.002, 0.0)
+    assert bent == mb.Camera(500, 501, 320, 240, (0.1, -0.2, 0.001, 0.002))
+    for model, params in [("FISHEYE", [1]), ("PINHOLE", [500, 320, 240])]:
+        with pytest.raises(ValueError, match="SIMPLE_RADIAL"):
+            mb.Camera.from_model(model, params, origin="center")
+    with pytest.raises(ValueError, match="positive"):
+        mb.Camera(-1, 1, 0, 0)
+    with pytest.raises(ValueError, match="not 3 numbers"):
+        mb.Camera(1, 1, 0, 0, (1, 2, 3))
+    with pytest.raises(ValueError, match="camera1 has the keys"):
+        mb.estimate_relative_pose([[0, 0]], [[0, 0]], {"focal": 1}, bent)
+
+
+def test_a_bent_lens_is_straightened(dataset, matches):
+    """Points that a lens has moved give the pose of those that it has not, if the camera says so."""
+    camera = dataset.camera(0)
+    k1 = 0.1
+    centre, focal = np.array([camera.cx, camera.cy]), np.array([camera.fx, camera.fy])
+
+    def bend(points):
+        x = (points - centre) / focal
+        return x * (1 + k1 * (x**2).sum(axis=1, keepdims=True)) * focal + centre
+
+    bent = {"model": "SIMPLE_RADIAL", "params": [camera.fx, camera.cx, camera.cy, k1]}
+    assert camera.fx == camera.fy
+    straight, _ = mb.estimate_relative_pose(matches.points_a, matches.points_b, camera, camera)
+    curved, _ = mb.estimate_relative_pose(bend(matches.points_a), bend(matches.points_b), bent, bent)
+    assert angle(straight.R, curved.R) < 0.01 and angle(straight.t, curved.t) < 0.1
+
+
+def test_too_few_matches_are_no_pose():
+    camera = mb.Camera(300, 300, 160, 120)
+    points = np.arange(8.0).reshape(4, 2)
+    with pytest.raises(mb.NoPose, match="too few matches: 4"):
+        mb.estimator("best").estimate(points, points, camera, camera)
+    pose, info = mb.estimate_relative_pose(points, points, camera, camera)
+    assert pose is None and info["num_inliers"] == 0 and "too few" in info["no_pose"]
+    with pytest.raises(ValueError, match="4 points in image a and 3"):
+        mb.estimator("best").estimate(points, points[:3], camera, camera)
+    with pytest.raises(ValueError, match="from 0"):
+        mb.estimator("best").estimate(points, points, camera, camera, ambiguity=[0, 0, 0, 2])
+    with pytest.raises(ValueError, match="did you mean"):
+        mb.estimator("bset")
+    with pytest.raises(ValueError, match="treshold"):
+        mb.estimator("best", treshold=1)

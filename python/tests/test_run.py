@@ -1,0 +1,229 @@
+"""Runs from Python: matchers written there, Ctrl-C, tables, reports."""
+
+import _thread
+import json
+import subprocess
+import sys
+import threading
+import time
+import warnings
+
+import matchbench as mb
+import numpy as np
+import pytest
+
+
+def by_orb(image_a, image_b):
+    """A function of two images."""
+    a, b = (mb.ORB().extract(image) for image in (image_a, image_b))
+    found = mb.match(a, b)
+    return a.keypoints[found.indices[:, 0]], b.keypoints[found.indices[:, 1]], found.ambiguity
+
+
+class Staged:
+    """Features first, then their matches."""
+
+    name = "staged-sift"
+    version = "1.2"
+    params = {"ratio": 0.7}
+
+    def __init__(self):
+        self.extracted = 0
+
+    def extract(self, image):
+        self.extracted += 1
+        return mb.SIFT().extract(image)
+
+    def match(self, a, b):
+        found = mb.match(a, b, ratio=self.params["ratio"])
+        return a.keypoints[found.indices[:, 0]], b.keypoints[found.indices[:, 1]], found.ambiguity
+
+
+def outcomes(run, name):
+    files = list(run.path.glob(f"records/*/{name}+*.jsonl"))
+    return [json.loads(line)["outcome"] for path in files for line in path.read_text().splitlines()]
+
+
+def test_matchers_written_in_python_stand_beside_the_others(dataset, tmp_path):
+    staged = Staged()
+    matchers = ["sift", mb.matcher("orb", ratio=0.8), by_orb, staged]
+    run = mb.run(dataset, matchers, ["best"], out=tmp_path / "run", threads=1, progress=False)
+    assert run.is_complete and run.failed == 0
+    assert staged.extracted == len(dataset)
+    # The same matches; the seeds differ by the name.
+    natives = (run.path / "matches" / dataset.name / "orb.bin").read_bytes()
+    ours = (run.path / "matches" / dataset.name / "by_orb.bin").read_bytes()
+    assert len(ours) == len(natives)
+    plan = json.loads((run.path / "plan.json").read_text())
+    entry = next(matcher for matcher in plan["matchers"] if matcher["id"] == "staged-sift")
+    assert entry["version"] == "1.2" and entry["params"] == {"ratio": 0.7}
+    scores = mb.evaluate(run)
+    assert scores["matcher"] == ["sift", "orb", "by_orb", "staged-sift"]
+    assert scores["auc"].shape == (4,) and (scores["auc"] > 0.3).all()
+    assert (scores["auc_low"] <= scores["auc"]).all()
+    assert "by_orb" in str(scores) and "<table>" in scores._repr_html_()
+    assert mb.report(run, pictures=1).read_text().count("staged-sift") > 0
+
+
+def test_a_matcher_that_breaks_costs_its_pairs_and_is_tried_again(dataset, tmp_path):
+    def broken(a, b):
+        raise RuntimeError("out of luck")
+
+    answers = {
+        "out of luck": broken,
+        "a matcher returns": lambda a, b: 7,
+        "points_b": lambda a, b: (np.zeros((3, 2)), np.zeros((3, 3))),
+        "3 points in a, 2 in b": lambda a, b: (np.zeros((3, 2)), np.zeros((2, 2))),
+        "ambiguity": lambda a, b: (np.zeros((1, 2)), np.zeros((1, 2)), np.array([2.0])),
+    }
+    for number, (words, broken_matcher) in enumerate(answers.items()):
+        broken_matcher.__name__ = "one"
+        out = tmp_path / str(number)
+        run = mb.run(dataset, [broken_matcher], ["best"], out=out, limit=1, progress=False)
+        (outcome,) = outcomes(run, "one")
+        assert run.failed == 1 and words in outcome["reason"], outcome
+    assert "test_run.py:" in outcomes(mb.run(dataset, [answers["out of luck"]], ["best"], out=tmp_path / "0",
+                                             limit=1, progress=False), "one")[0]["reason"]  # fmt: skip
+
+    def mended(a, b):
+        return by_orb(a, b)
+
+    mended.__name__ = "one"
+    run = mb.run(dataset, [mended], ["best"], out=tmp_path / "0", limit=1, progress=False)
+    assert run.failed == 0 and outcomes(run, "one")[0]["kind"] == "pose"
+
+
+def test_an_interrupt_loses_nothing(dataset, tmp_path):
+    calls = []
+
+    def slow(a, b):
+        calls.append(None)
+        if len(calls) == 2:
+            _thread.interrupt_main()
+            time.sleep(0.3)
+        return by_orb(a, b)
+
+    with pytest.raises(KeyboardInterrupt):
+        mb.run(dataset, [slow], ["best"], out=tmp_path / "run", threads=1, progress=False)
+    done = len(calls)
+    assert 2 <= done < len(dataset.pairs)
+    run = mb.run(dataset, [slow], ["best"], out=tmp_path / "run", threads=1, progress=False)
+    assert run.before == done and run.is_complete and len(calls) == len(dataset.pairs)
+    whole = mb.run(dataset, [slow], ["best"], out=tmp_path / "whole", threads=2, progress=False)
+    assert outcomes(run, "slow") == outcomes(whole, "slow")
+
+
+def test_other_threads_go_on_meanwhile(images):
+    """The interpreter is released while features are found."""
+    ticks, stop = [], threading.Event()
+
+    def tick():
+        while not stop.wait(0.001):
+            ticks.append(None)
+
+    clock = threading.Thread(target=tick)
+    clock.start()
+    before = len(ticks)
+    large = np.tile(images[0], (3, 3))
+    mb.SIFT().extract(large)
+    during = len(ticks) - before
+    stop.set()
+    clock.join()
+    assert during > 5
+
+
+def test_progress_is_told_and_may_interrupt(dataset, tmp_path):
+    told = []
+    mb.run(dataset, ["orb"], ["best"], out=tmp_path / "a", progress=lambda *state: told.append(state))
+    assert told[-1] == (len(dataset.pairs), len(dataset.pairs), dataset.name, "orb")
+
+    def enough(done, total, *_):
+        raise StopIteration
+
+    with pytest.raises(StopIteration):
+        mb.run(dataset, ["orb"], ["best"], out=tmp_path / "b", progress=enough)
+
+
+def test_wrong_runs_are_refused_in_words(dataset, tmp_path):
+    def start(matchers=("sift",), estimators=("best",), **options):
+        return mb.run(dataset, matchers, estimators, out=tmp_path / "run", progress=False, **options)
+
+    with pytest.raises(ValueError, match="did you mean `sift`"):
+        start(["sfit"])
+    with pytest.raises(ValueError, match="did you mean `best`"):
+        start(estimators=["bset"])
+    with pytest.raises(ValueError, match="takes no part"):
+        start(settings=["orb.ratio=0.7"])
+    with pytest.raises(TypeError, match="a function of two images"):
+        start([7])
+    with pytest.raises(mb.Error, match="two of the matchers"):
+        start(["sift", mb.matcher("sift", ratio=0.7)])
+    with pytest.raises(mb.Error, match="nothing"):
+        mb.Dataset.open(tmp_path / "nothing")
+    with pytest.raises(mb.Error, match="nothing"):
+        mb.evaluate(tmp_path / "nothing")
+    start(["orb"])
+    with pytest.raises(mb.Error, match="plan"):
+        start(["orb"], seed=1)
+
+
+def test_a_manifest_beside_a_name(dataset, tmp_path):
+    manifest = tmp_path / "absent.toml"
+    manifest.write_text('name = "absent"\nsummary = "a program that is not there"\nreference = ""\ncommand = ["./none"]\n')
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        run = mb.run(dataset, ["orb", str(manifest)], ["best"], out=tmp_path / "run", progress=False)
+    assert run.is_complete and any("absent" in str(warning.message) for warning in said)
+
+
+def test_tables_become_data_frames_where_there_is_a_library(dataset, command_line_run):
+    scores = mb.evaluate(command_line_run)
+    assert len(scores["auc"]) == 6
+    for name, convert in (("pandas", scores.to_pandas), ("polars", scores.to_polars)):
+        try:
+            __import__(name)
+        except ImportError:
+            with pytest.raises(ImportError, match=f"pip install {name}"):
+                convert()
+        else:
+            assert list(convert().columns) == list(scores)
+
+
+def test_datasets_are_imported(dataset, images, tmp_path):
+    source = tmp_path / "source"
+    (source / "images").mkdir(parents=True)
+    for number, path in enumerate(dataset.images):
+        data = open(path, "rb").read()
+        (source / "images" / f"{number}.png").write_bytes(data)
+    camera = dataset.camera(0)
+    (source / "K.txt").write_text(f"{camera.fx} 0 {camera.cx}\n0 {camera.fy} {camera.cy}\n0 0 1\n")
+    lines = [f"{i} {i} 0 0 0 0 0 1" for i in range(len(dataset))]
+    (source / "poses.txt").write_text("\n".join(lines) + "\n")
+    imported = mb.import_dataset("folder", source, tmp_path / "out", pairs="all")
+    assert len(imported) == 4 and len(imported.pairs) == 6 and imported.camera(3) == camera
+    assert np.array_equal(mb.read_gray(imported.images[0]), images[0])
+    with pytest.raises(mb.Error, match="use one of"):
+        mb.import_dataset("flickr", source, tmp_path / "other")
+    with pytest.raises(ValueError, match="link"):
+        mb.import_dataset("folder", source, tmp_path / "other", images="steal")
+
+
+def test_ctrl_c_from_the_outside(dataset, tmp_path):
+    """A real signal, to a process of its own."""
+    script = f"""
+import signal, sys, threading, time, os
+import matchbench as mb
+def slow(a, b):
+    time.sleep(0.4)
+    return mb.matcher("orb").match(a, b)
+threading.Timer(0.9, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+try:
+    mb.run({str(dataset.path)!r}, [slow], ["best"], out={str(tmp_path / "run")!r}, threads=1, progress=False)
+except KeyboardInterrupt:
+    sys.exit(3)
+"""
+    done = subprocess.run([sys.executable, "-c", script], timeout=120, capture_output=True, text=True)
+    assert done.returncode == 3, done.stderr
+    files = list((tmp_path / "run").glob("records/*/*.jsonl"))
+    recorded = sum(len(path.read_text().splitlines()) for path in files)
+    assert 0 < recorded < len(dataset.pairs)

@@ -1,0 +1,28 @@
+"""The package is typed: pyright in strict mode has nothing to say, also of code that uses it."""
+
+import pathlib
+import shutil
+import subprocess
+import sys
+
+import matchbench as mb
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+def test_pyright_is_silent_in_strict_mode():
+    pyright = pathlib.Path(sys.executable).parent / "pyright"
+    program = shutil.which(pyright) or shutil.which("pyright")
+    if program is None:
+        pytest.skip("pyright is not installed")
+    told = subprocess.run([program, "--pythonpath", sys.executable, "-p", ROOT / "pyproject.toml"],
+                          capture_output=True, text=True, timeout=600, cwd=ROOT)  # fmt: skip
+    assert told.returncode == 0, told.stdout + told.stderr
+
+
+def test_the_package_says_that_it_is_typed_and_names_all():
+    folder = pathlib.Path(mb.__file__).parent
+    assert (folder / "py.typed").is_file() and (folder / "_native.pyi").is_file()
+    public = {name for name in vars(mb) if not name.startswith("_")}
+    assert set(mb.__all__) == public

@@ -1,0 +1,22 @@
+"""Code as users write it, for pyright alone: it is read in strict mode and never run."""
+
+import matchbench as mb
+import numpy as np
+from numpy.typing import NDArray
+
+
+def pose_of(path_a: str, path_b: str) -> NDArray[np.float64]:
+    a, b = (mb.SIFT(limit=2000).extract(mb.read_gray(path)) for path in (path_a, path_b))
+    found = mb.match(a, b, "smnn", ratio=0.9)
+    indices, distances = found
+    nearest: np.float32 = distances.min()
+    assert nearest >= 0
+    camera = mb.Camera(500, 500, 320, 240)
+    points_a, points_b = a.keypoints[indices[:, 0]], b.keypoints[indices[:, 1]]
+    pose = mb.estimator("best").estimate(points_a, points_b, camera, camera, ambiguity=found.ambiguity)
+    return pose.R
+
+
+def table(folder: str) -> mb.Scores:
+    run = mb.run(folder, ["sift", mb.matcher("orb")], [mb.estimator("best", threshold_px=1)], out="run")
+    return mb.evaluate(run)
