@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _native
-from ._native import Features
+from ._native import Features, search
 
 
 class _IndicesAndDistances(NamedTuple):
@@ -56,4 +55,4 @@ def match(
                 f"match takes Features, not {type(value).__name__}; "
                 "Features.from_arrays(keypoints, descriptors, image_size) makes them"
             )
-    return Correspondences.of(*_native.search(a, b, method, ratio))
+    return Correspondences.of(*search(a, b, method, ratio))

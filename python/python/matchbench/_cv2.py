@@ -5,14 +5,14 @@ OpenCV's names and mean the same; those that have no counterpart here are refuse
 reads them. A mask keeps the keypoints where it is not 0; a limit on the number of features applies before it.
 """
 
-from collections.abc import Sequence
+import importlib
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _features
-from ._features import Extractor
+from ._features import AKAZE, BRISK, KAZE, ORB, SIFT, SURF, Extractor
 from ._native import Features
 
 
@@ -53,7 +53,7 @@ def SIFT_create(
 ) -> Feature2D:
     """As cv2.SIFT_create."""
     return Feature2D(
-        _features.SIFT(
+        SIFT(
             limit=nfeatures or None,
             octave_layers=nOctaveLayers,
             contrast_threshold=contrastThreshold,
@@ -68,23 +68,23 @@ def ORB_create(
 ) -> Feature2D:
     """As cv2.ORB_create; the other arguments of that one have their defaults."""
     return Feature2D(
-        _features.ORB(features=nfeatures, scale_factor=scaleFactor, levels=nlevels, fast_threshold=fastThreshold)
+        ORB(features=nfeatures, scale_factor=scaleFactor, levels=nlevels, fast_threshold=fastThreshold)
     )
 
 
 def BRISK_create(thresh: int = 30, octaves: int = 3) -> Feature2D:
     """As cv2.BRISK_create, with its pattern at scale 1."""
-    return Feature2D(_features.BRISK(threshold=thresh, octaves=octaves))
+    return Feature2D(BRISK(threshold=thresh, octaves=octaves))
 
 
 def AKAZE_create(threshold: float = 0.001, nOctaves: int = 4, nOctaveLayers: int = 4) -> Feature2D:
     """As cv2.AKAZE_create: all 486 bits of M-LDB."""
-    return Feature2D(_features.AKAZE(threshold=threshold, octaves=nOctaves, levels=nOctaveLayers))
+    return Feature2D(AKAZE(threshold=threshold, octaves=nOctaves, levels=nOctaveLayers))
 
 
 def KAZE_create(threshold: float = 0.001, nOctaves: int = 4, nOctaveLayers: int = 4) -> Feature2D:
     """As cv2.KAZE_create: 64 values."""
-    return Feature2D(_features.KAZE(threshold=threshold, octaves=nOctaves, levels=nOctaveLayers))
+    return Feature2D(KAZE(threshold=threshold, octaves=nOctaves, levels=nOctaveLayers))
 
 
 def SURF_create(
@@ -96,7 +96,7 @@ def SURF_create(
 ) -> Feature2D:
     """As cv2.xfeatures2d.SURF_create."""
     return Feature2D(
-        _features.SURF(
+        SURF(
             threshold=hessianThreshold, octaves=nOctaves, layers=nOctaveLayers, extended=extended, upright=upright
         )
     )
@@ -114,16 +114,20 @@ def _within(features: Features, mask: NDArray[np.uint8]) -> Features:
 
 
 def _keypoints(features: Features) -> tuple[Any, ...]:
-    try:
-        import cv2  # pyright: ignore
-
-        make: Any = cv2.KeyPoint  # pyright: ignore
-    except ImportError:
-
-        def make(x: float, y: float, *rest: Any) -> KeyPoint:
-            return KeyPoint((x, y), *rest)
-
+    make = _maker()
     angles = np.where(np.isnan(features.angles), -1, np.rad2deg(features.angles))
     columns = (features.sizes, angles, features.responses, features.octaves)
     rows = zip(*(column.tolist() for column in columns), strict=True)
     return tuple(make(x, y, *row) for (x, y), row in zip(features.keypoints.tolist(), rows, strict=True))
+
+
+def _maker() -> Callable[..., Any]:
+    """Makes a keypoint from x, y, size, angle, response, octave."""
+
+    def make(x: float, y: float, *rest: Any) -> KeyPoint:
+        return KeyPoint((x, y), *rest)
+
+    try:
+        return importlib.import_module("cv2").KeyPoint
+    except ImportError:
+        return make

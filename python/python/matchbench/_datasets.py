@@ -3,8 +3,9 @@
 import os
 import warnings
 
-from . import _native
 from ._native import Dataset
+from ._native import import_dataset as native_import
+from ._native import rendered_scene as native_scene
 
 _Path = str | os.PathLike[str]
 
@@ -22,7 +23,7 @@ def import_dataset(
 ) -> Dataset:
     """Brings the folder `source`, of the layout `kind` ("tum", "kitti", "folder" ...; `matchbench import --help`
     describes all), into the new folder `out`, and opens it. What should be known about it is warned of."""
-    for note in _native.import_dataset(kind, source, out, pairs, sequence, camera, poses, images):
+    for note in native_import(kind, source, out, pairs, sequence, camera, poses, images):
         warnings.warn(note, stacklevel=2)
     return Dataset.open(out)
 
@@ -32,4 +33,4 @@ def rendered_scene(
 ) -> Dataset:
     """A scene with exact poses, rendered into `folder` if it is not there yet: no substitute for your own
     images. `frames` takes the first ones only, `size` is (width, height)."""
-    return Dataset.open(_native.rendered_scene(name, folder, frames, size))
+    return Dataset.open(native_scene(name, folder, frames, size))

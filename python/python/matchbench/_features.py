@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _native
 from ._native import Features
+from ._native import Matcher as NativeMatcher
 from ._params import to_json
 
 
@@ -18,7 +18,7 @@ class Extractor:
     _matcher: ClassVar[str]
 
     def __init__(self, **params: Any) -> None:
-        self._native = _native.Matcher(self._matcher, to_json({"extractor": params}))
+        self._native = NativeMatcher(self._matcher, to_json({"extractor": params}))
 
     @property
     def params(self) -> dict[str, Any]:

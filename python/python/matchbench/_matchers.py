@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _native
 from ._native import Camera, Features, Matches
+from ._native import Matcher as NativeMatcher
 from ._params import to_json
 
 
@@ -15,7 +15,7 @@ class Matcher:
     """A matcher of the command line; see `matcher`."""
 
     def __init__(self, id: str, **params: Any) -> None:
-        self._native = _native.Matcher(id, to_json(params))
+        self._native = NativeMatcher(id, to_json(params))
 
     @property
     def id(self) -> str:
@@ -23,7 +23,7 @@ class Matcher:
         return self._native.id
 
     @property
-    def native(self) -> _native.Matcher:
+    def native(self) -> NativeMatcher:
         """The compiled part."""
         return self._native
 

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from typing import Any
 
@@ -10,7 +10,7 @@ _Bar = Callable[[int, int, str, str], None]
 
 
 @contextmanager
-def shown(progress: bool | _Bar) -> Iterator[_Bar | None]:
+def shown(progress: bool | _Bar) -> Generator[_Bar | None, None, None]:
     """What a run calls now and then; the line is ended when the run is."""
     if callable(progress):
         yield progress

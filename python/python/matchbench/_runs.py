@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from . import _native
 from ._matchers import Matcher
 from ._native import Dataset, Estimator
+from ._native import report as native_report
+from ._native import run as native_run
 from ._params import to_json
 from ._progress import shown
 
@@ -69,7 +70,7 @@ def run(
     many = [dataset] if isinstance(dataset, (Dataset, str, os.PathLike)) else list(dataset)
     datasets = [each if isinstance(each, Dataset) else Dataset.open(each) for each in many]
     with shown(progress) as bar:
-        counts, absent = _native.run(
+        counts, absent = native_run(
             datasets,
             [_any_matcher(each) for each in matchers],
             list(estimators),
@@ -99,7 +100,7 @@ def report(
     """Writes the report of a run and returns its page: `report/index.html` in the folder of the run, or in
     `out`, or all of it as the one file `bundle`. What is missing in it is warned of."""
     folder = run.path if isinstance(run, Run) else run
-    page, notes = _native.report(folder, out, bundle, pictures)
+    page, notes = native_report(folder, out, bundle, pictures)
     for note in notes:
         warnings.warn(note, stacklevel=2)
     return Path(page)

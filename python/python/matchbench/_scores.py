@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _native
+from ._native import evaluate as native_evaluate
 from ._runs import Run
 
 _SHOWN = ("dataset", "matcher", "estimator", "pairs", "failed", "auc", "sp5", "rotation_auc", "translation_auc", "ap5")
@@ -51,7 +51,7 @@ class Scores(dict[str, "list[str] | NDArray[Any]"]):
 
 def evaluate(run: Run | str | os.PathLike[str]) -> Scores:
     """The scores of a run, from its folder."""
-    columns, verdicts = _native.evaluate(run.path if isinstance(run, Run) else Path(run))
+    columns, verdicts = native_evaluate(run.path if isinstance(run, Run) else Path(run))
     scores = Scores(columns)
     scores.verdicts = verdicts
     return scores

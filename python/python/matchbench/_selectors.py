@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _native
 from ._correspondences import Correspondences
 from ._native import Camera, Features
+from ._native import Matcher as NativeMatcher
 from ._params import to_json
 
 _Images = tuple[NDArray[np.uint8], NDArray[np.uint8]]
@@ -76,7 +76,7 @@ def _select(
     cameras: _Cameras | None = None,
     seed: int = 0,
 ) -> Correspondences:
-    native = _native.Matcher(name, to_json(params))
+    native = NativeMatcher(name, to_json(params))
     if matches is None:
         putative = native.search(a, b)
     elif isinstance(matches, Correspondences):  # pyright: ignore[reportUnnecessaryIsInstance]

@@ -7,6 +7,7 @@ mod plan;
 mod source;
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 
 use circles::circles;
 use plan::Plan;
@@ -76,7 +77,7 @@ fn nothing_goes_in_circles() {
 
 #[test]
 fn unsafe_code_stays_in_one_room() {
-    for (path, text) in rust_files(&repository().join("crates")) {
+    for (path, text) in own_files() {
         let in_simd = path.components().any(|part| part.as_os_str() == "simd");
         for (number, line) in code(&text) {
             let words = line.split(|c: char| !(c.is_alphanumeric() || c == '_'));
@@ -93,7 +94,7 @@ fn unsafe_code_stays_in_one_room() {
 
 #[test]
 fn no_file_grows_without_being_asked_why() {
-    for (path, text) in rust_files(&repository().join("crates")) {
+    for (path, text) in own_files() {
         let lines = text.lines().count();
         let excused = LONG_FILES.iter().any(|(file, _)| path.ends_with(file));
         assert!(
@@ -102,4 +103,13 @@ fn no_file_grows_without_being_asked_why() {
             path.display()
         );
     }
+}
+
+/// The Rust files of the packages that are published, as crates or as a wheel.
+fn own_files() -> Vec<(PathBuf, String)> {
+    let folders = ["crates", "python"].map(|folder| repository().join(folder));
+    folders
+        .iter()
+        .flat_map(|folder| rust_files(folder))
+        .collect()
 }
