@@ -16,12 +16,13 @@ use matchbench::matchers::{
 };
 use matchbench::run::Cancel;
 use matchbench_vision::geometry::MatchedPoints;
-use matchbench_vision::image::Size;
+
 use matchbench_vision::seed::Seed;
 use pyo3::exceptions::{PyKeyboardInterrupt, PySystemExit, PyTypeError};
 use pyo3::prelude::*;
 
-use crate::arrays::{column, matrix, points};
+use crate::arrays::{column, points};
+use crate::datasets::pixels;
 use crate::matchers::Matches;
 use crate::params::parse;
 
@@ -102,9 +103,8 @@ impl InProcess {
     /// The pixels of an image, as an array.
     fn pixels(&self, path: &Path) -> Result<Py<PyAny>, SourceError> {
         let image = read_gray(path).map_err(|error| SourceError::Pair(error.to_string()))?;
-        let Size { width, height } = image.size();
         Python::attach(|py| {
-            let array = matrix(py, image.data().to_vec(), [height, width]);
+            let array = pixels(py, &image);
             Ok(array.map_err(|error| self.said(py, &error))?.unbind())
         })
     }

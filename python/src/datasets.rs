@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use matchbench::datasets::{self, ImageStorage, ImportOptions, rendered};
+use matchbench::datasets::{self, Frame, ImageStorage, ImportOptions, rendered};
 use matchbench::run;
-use matchbench_vision::image::Size;
+use matchbench_vision::image::{GrayImage, Size};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 
@@ -16,6 +16,14 @@ use crate::errors::{error, value_error};
 #[pyclass(frozen, module = "matchbench")]
 pub(crate) struct Dataset {
     pub(crate) inner: run::Dataset,
+}
+
+impl Dataset {
+    fn frame(&self, index: usize) -> PyResult<&Frame> {
+        let frames = &self.inner.sequence.frames;
+        let found = frames.get(index);
+        found.ok_or_else(|| PyIndexError::new_err(format!("frame {index} of {}", frames.len())))
+    }
 }
 
 #[pymethods]
@@ -56,18 +64,30 @@ impl Dataset {
     fn b_from_a<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let pairs = &self.inner.sequence.pairs;
         let poses = pairs.iter().flat_map(|pair| {
-            let pose = pair.b_from_a.to_homogeneous().transpose();
-            pose.as_slice().to_vec()
+            let pose = pair.pose().map(|pose| pose.to_homogeneous().transpose());
+            pose.map_or_else(|| vec![f64::NAN; 16], |pose| pose.as_slice().to_vec())
         });
         matrix(py, poses.collect(), [pairs.len(), 4, 4])
     }
 
-    fn camera(&self, frame: usize) -> PyResult<Camera> {
-        let frames = &self.inner.sequence.frames;
-        let found = frames.get(frame).map(|frame| Camera {
-            inner: frame.camera,
+    #[getter]
+    fn homographies<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let pairs = &self.inner.sequence.pairs;
+        let truths = pairs.iter().flat_map(|pair| {
+            let truth = pair.homography().map(|homography| homography.transpose());
+            truth.map_or_else(|| vec![f64::NAN; 9], |truth| truth.as_slice().to_vec())
         });
-        found.ok_or_else(|| PyIndexError::new_err(format!("frame {frame} of {}", frames.len())))
+        matrix(py, truths.collect(), [pairs.len(), 3, 3])
+    }
+
+    fn read<'py>(&self, py: Python<'py>, frame: usize) -> PyResult<Bound<'py, PyAny>> {
+        let frame = self.frame(frame)?;
+        pixels(py, &py.detach(|| frame.pixels()).map_err(error)?)
+    }
+
+    fn camera(&self, frame: usize) -> PyResult<Camera> {
+        let inner = self.frame(frame)?.camera;
+        Ok(Camera { inner })
     }
 
     fn __len__(&self) -> usize {
@@ -86,7 +106,8 @@ impl Dataset {
 
 /// Brings a folder of another layout into ours; returns the notes of the import.
 #[pyfunction]
-#[pyo3(signature = (kind, source, out, pairs, sequence, camera, poses, images))]
+#[pyo3(signature = (kind, source, out, pairs, sequence, camera, poses, tolerance, interpolate, image_root,
+                    intrinsics, images))]
 pub(crate) fn import_dataset(
     py: Python<'_>,
     kind: &str,
@@ -96,6 +117,10 @@ pub(crate) fn import_dataset(
     sequence: Option<String>,
     camera: Option<PathBuf>,
     poses: Option<PathBuf>,
+    tolerance: Option<f64>,
+    interpolate: bool,
+    image_root: Option<PathBuf>,
+    intrinsics: Option<PathBuf>,
     images: &str,
 ) -> PyResult<Vec<String>> {
     let pairs = pairs.map(str::parse).transpose().map_err(value_error)?;
@@ -115,8 +140,11 @@ pub(crate) fn import_dataset(
             pairs,
             camera,
             poses,
+            tolerance,
+            interpolate,
+            image_root,
+            intrinsics,
             images,
-            ..ImportOptions::default()
         };
         datasets::import(kind, &source, &out, &options).map_err(error)
     })?;
@@ -167,6 +195,11 @@ pub(crate) fn rendered_scene(
 #[pyfunction]
 pub(crate) fn read_gray(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
     let image = py.detach(|| datasets::read_gray(&path)).map_err(error)?;
+    pixels(py, &image)
+}
+
+/// The image as an array.
+pub(crate) fn pixels<'py>(py: Python<'py>, image: &GrayImage) -> PyResult<Bound<'py, PyAny>> {
     let Size { width, height } = image.size();
     matrix(py, image.data().to_vec(), [height, width])
 }

@@ -69,7 +69,7 @@ impl AnyEstimator<'_> {
 /// before, recorded now, failed) and what could not be started or gave up.
 #[pyfunction]
 #[pyo3(signature = (datasets, matchers, estimators, out, settings, seed, repeat, limit, time_budget_ms,
-                    keep_matches, cache, threads, progress))]
+                    keep_matches, retry_failed, cache, threads, progress))]
 pub(crate) fn run(
     py: Python<'_>,
     datasets: Vec<Bound<'_, Dataset>>,
@@ -82,6 +82,7 @@ pub(crate) fn run(
     limit: Option<usize>,
     time_budget_ms: Option<NonZeroU32>,
     keep_matches: bool,
+    retry_failed: bool,
     cache: Option<PathBuf>,
     threads: Option<NonZeroUsize>,
     progress: Option<Py<PyAny>>,
@@ -120,6 +121,7 @@ pub(crate) fn run(
         decode,
         keep_matches,
         feature_memory: Run::FEATURE_MEMORY,
+        retry_failed,
     };
     let observer = Progress::default();
     let summary = listening(py, &run, &observer, &cancel, threads, progress.as_ref())?;

@@ -19,7 +19,7 @@ def dataset(tmp_path_factory):
 @pytest.fixture(scope="session")
 def images(dataset):
     """Its first two images, grey."""
-    return [mb.read_gray(path) for path in dataset.images[:2]]
+    return [dataset.read(frame) for frame in (0, 1)]
 
 
 @pytest.fixture(scope="session")

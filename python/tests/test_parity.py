@@ -87,7 +87,7 @@ def test_matches_and_poses_step_by_step_are_those_of_the_command_line(name, data
     stored = stored_matches(command_line_run / "matches" / dataset.name / f"{name}.bin")
     recorded = records(command_line_run)
     cameras = [dataset.camera(frame) for frame in range(len(dataset))]
-    images = [mb.read_gray(path) for path in dataset.images]
+    images = [dataset.read(frame) for frame in range(len(dataset))]
     poses = 0
     for a, b in dataset.pairs.tolist():
         seed = mb.pair_seed(dataset.name, name, a, b)

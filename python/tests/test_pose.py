@@ -8,7 +8,7 @@ import pytest
 @pytest.fixture(scope="module")
 def matches(dataset):
     a, b = dataset.pairs[0]
-    images = [mb.read_gray(dataset.images[frame]) for frame in (a, b)]
+    images = [dataset.read(frame) for frame in (a, b)]
     return mb.matcher("sift").match(*images)
 
 

@@ -19,11 +19,30 @@ def import_dataset(
     sequence: str | None = None,
     camera: _Path | None = None,
     poses: _Path | None = None,
+    tolerance: float | None = None,
+    interpolate: bool = False,
+    image_root: _Path | None = None,
+    intrinsics: _Path | None = None,
     images: str = "reference",
 ) -> Dataset:
     """Brings the folder `source`, of the layout `kind` ("tum", "kitti", "folder" ...; `matchbench import --help`
-    describes all), into the new folder `out`, and opens it. What should be known about it is warned of."""
-    for note in native_import(kind, source, out, pairs, sequence, camera, poses, images):
+    describes all), into the new folder `out`, and opens it. Options are that command's; one that the kind has not
+    is refused. What should be known about the dataset is warned of."""
+    notes = native_import(
+        kind,
+        source,
+        out,
+        pairs,
+        sequence,
+        camera,
+        poses,
+        tolerance,
+        interpolate,
+        image_root,
+        intrinsics,
+        images,
+    )
+    for note in notes:
         warnings.warn(note, stacklevel=2)
     return Dataset.open(out)
 

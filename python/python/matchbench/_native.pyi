@@ -207,7 +207,12 @@ class Dataset:
         """k x 2: frames a and b."""
     @property
     def b_from_a(self) -> NDArray[np.float64]:
-        """k x 4 x 4: the true poses; each takes a point from camera a to camera b."""
+        """k x 4 x 4: the true poses; each takes a point from camera a to camera b. NaN where there is none."""
+    @property
+    def homographies(self) -> NDArray[np.float64]:
+        """k x 3 x 3: true homographies; each takes pixels of a to those of b. NaN where there is none."""
+    def read(self, frame: int) -> NDArray[np.uint8]:
+        """The image of a frame, grey, as a matcher of a run sees it."""
     def camera(self, frame: int) -> Camera: ...
     def __len__(self) -> int: ...
 
@@ -220,6 +225,10 @@ def import_dataset(
     sequence: str | None,
     camera: _Path | None,
     poses: _Path | None,
+    tolerance: float | None,
+    interpolate: bool,
+    image_root: _Path | None,
+    intrinsics: _Path | None,
     images: str,
 ) -> list[str]: ...
 def rendered_scene(name: str, cache: _Path, frames: int | None, size: tuple[int, int] | None) -> os.PathLike[str]: ...
@@ -237,6 +246,7 @@ def run(
     limit: int | None,
     time_budget_ms: int | None,
     keep_matches: bool,
+    retry_failed: bool,
     cache: _Path | None,
     threads: int | None,
     progress: Callable[[int, int, str, str], None] | None,

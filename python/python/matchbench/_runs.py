@@ -48,6 +48,7 @@ def run(
     limit: int | None = None,
     time_budget_ms: int | None = None,
     keep_matches: bool = True,
+    retry_failed: bool = False,
     cache: _Path | None = None,
     threads: int | None = None,
     progress: bool | Callable[[int, int, str, str], None] = True,
@@ -59,7 +60,8 @@ def run(
     Images are grey arrays; the answer is `(points_a, points_b)` or `(points_a, points_b, ambiguity)`, or
     `Matches`. Its name in tables is `name`, or that of the function or class; `version` and `params` are
     recorded if it has them. It may be called from several threads, one at a time unless it releases the
-    interpreter. An exception costs the pair, which is tried again when the call is repeated.
+    interpreter. An exception costs the pair, which is tried again when the call is repeated;
+    `retry_failed` tries again whatever failed.
 
     Estimators are names or what `estimator(...)` returns; without any, each matcher has its own. `settings`
     are as on the command line: ["sift.ratio=0.7"]. `progress` may be a function of (done, total, dataset,
@@ -81,6 +83,7 @@ def run(
             limit,
             time_budget_ms,
             keep_matches,
+            retry_failed,
             cache,
             threads,
             bar,
