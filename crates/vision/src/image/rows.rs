@@ -106,7 +106,7 @@ impl RowBuffer {
     /// The next `count` rows (fewer at the end), to be written at once.
     ///
     /// # Panics
-    /// Unless `count` is a divisor of [`ROWS_AT_ONCE`], and the same in each call.
+    /// Unless `count` is a divisor of `ROWS_AT_ONCE`, and the same in each call.
     pub fn append(&mut self, count: usize) -> impl Iterator<Item = &mut [f32]> {
         let place = self.made % self.capacity;
         assert!(place + count <= self.capacity, "{count} rows in one piece");

@@ -10,7 +10,7 @@ use crate::image::{GrayImage, Size, shrink_u8};
 use crate::params::ParamError;
 use crate::seed::Seed;
 
-/// A matcher whose features are found in images of at most [`Resized::max_size`].
+/// A matcher whose features are found in images of at most `max_size`.
 pub struct Resized {
     matcher: Box<dyn Matcher>,
     max_size: usize,
