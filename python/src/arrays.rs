@@ -108,9 +108,10 @@ pub(crate) fn rows(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyRe
     let expected = format!("an array of numbers, n x {columns}");
     let array: PyArrayLike2<'_, f32, AllowTypeChange> =
         (value.extract()).map_err(|_| refused(value, name, &expected))?;
-    match array.as_array().ncols() == columns {
-        true => Ok(flat(&array)),
-        false => Err(refused(value, name, &expected)),
+    if array.as_array().ncols() == columns {
+        Ok(flat(&array))
+    } else {
+        Err(refused(value, name, &expected))
     }
 }
 
@@ -185,7 +186,7 @@ pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyRe
             u64::from_le_bytes(word)
         }));
         if let Some(last) = words.last_mut()
-            && bits % 64 != 0
+            && !bits.is_multiple_of(64)
         {
             *last &= (1 << (bits % 64)) - 1;
         }

@@ -67,11 +67,12 @@ pub(crate) fn search<'py>(
 /// If their descriptors are of different kinds.
 pub(crate) fn same_kind(a: &Inner, b: &Inner) -> PyResult<()> {
     let (a, b) = (a.descriptors.kind(), b.descriptors.kind());
-    match a == b {
-        true => Ok(()),
-        false => Err(value_error(format!(
+    if a == b {
+        Ok(())
+    } else {
+        Err(value_error(format!(
             "descriptors of different kinds cannot be compared: {a:?} and {b:?}"
-        ))),
+        )))
     }
 }
 

@@ -74,7 +74,7 @@ impl Dataset {
     fn homographies<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let pairs = &self.inner.sequence.pairs;
         let truths = pairs.iter().flat_map(|pair| {
-            let truth = pair.homography().map(|homography| homography.transpose());
+            let truth = pair.homography().map(nalgebra::Matrix::transpose);
             truth.map_or_else(|| vec![f64::NAN; 9], |truth| truth.as_slice().to_vec())
         });
         matrix(py, truths.collect(), [pairs.len(), 3, 3])

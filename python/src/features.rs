@@ -199,13 +199,12 @@ impl Features {
     #[pyo3(signature = (*, origin="center"))]
     fn to_dict<'py>(&self, py: Python<'py>, origin: &str) -> PyResult<Bound<'py, PyDict>> {
         let shift = Origin::parse(origin)?.shift() as f32;
-        let keypoints = match shift == 0.0 {
-            true => self.keypoints(py)?,
-            false => {
-                let at = self.inner.keypoints.iter();
-                let moved = at.flat_map(|k| [k.at.x - shift, k.at.y - shift]);
-                matrix(py, moved.collect(), [self.inner.len(), 2])?
-            }
+        let keypoints = if shift == 0.0 {
+            self.keypoints(py)?
+        } else {
+            let at = self.inner.keypoints.iter();
+            let moved = at.flat_map(|k| [k.at.x - shift, k.at.y - shift]);
+            matrix(py, moved.collect(), [self.inner.len(), 2])?
         };
         let dict = PyDict::new(py);
         dict.set_item("keypoints", keypoints)?;

@@ -12,10 +12,9 @@ use matchbench::cache::FeatureCache;
 use matchbench::config::Changes;
 use matchbench::estimators::{self, BuiltEstimator};
 use matchbench::external;
-use matchbench::matchers::Source;
 use matchbench::records::Settings;
 use matchbench::run::{
-    Cancel, Contender, Outside, Run, RunSummary, Variant, decode, pair_seed as seed_of_pair,
+    Cancel, Contender, Outside, Run, RunSummary, decode, pair_seed as seed_of_pair,
 };
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -65,6 +64,9 @@ impl AnyEstimator<'_> {
     }
 }
 
+/// Tasks in all, done before, done now, and failed.
+type Tasks = (usize, usize, usize, usize);
+
 /// Does what is not yet recorded in the folder `out`. Returns the numbers of tasks (of the plan, recorded
 /// before, recorded now, failed) and what could not be started or gave up.
 #[pyfunction]
@@ -86,7 +88,7 @@ pub(crate) fn run(
     cache: Option<PathBuf>,
     threads: Option<NonZeroUsize>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<((usize, usize, usize, usize), Vec<String>)> {
+) -> PyResult<(Tasks, Vec<String>)> {
     let cancel = Cancel::default();
     let cache = FeatureCache::new(cache.unwrap_or_else(|| out.join("cache")));
     let outside = Outside {
@@ -140,8 +142,8 @@ pub(crate) fn run(
     Ok(((total, before, now, failed), absent))
 }
 
-/// The contenders, native and from outside first, in the order in which they are named; and why others
-/// could not be started.
+/// The contenders: those that are named, those written in Python, those that are given ready-made, each kind
+/// in its order; and why others could not be started.
 fn contenders(
     py: Python<'_>,
     matchers: Vec<AnyMatcher<'_>>,
@@ -150,18 +152,11 @@ fn contenders(
     outside: &Outside<'_>,
     cancel: &Cancel,
 ) -> PyResult<(Vec<Contender>, Vec<String>)> {
-    let (mut names, mut others) = (Vec::new(), Vec::new());
+    let (mut names, mut sources, mut natives) = (Vec::new(), Vec::new(), Vec::new());
     for matcher in matchers {
-        let (source, own) = match matcher {
-            AnyMatcher::Name(name) => {
-                names.push(name);
-                continue;
-            }
-            AnyMatcher::Native(matcher) => {
-                let built = matcher.get().again()?;
-                let entry = matchbench::matchers::find(&built.id).map_err(value_error)?;
-                (Source::Matcher(built), entry.estimator())
-            }
+        match matcher {
+            AnyMatcher::Name(name) => names.push(name),
+            AnyMatcher::Native(matcher) => natives.push(matcher.get().again()?),
             AnyMatcher::Python(name, version, params, matching, extract) => {
                 let matcher = PythonMatcher {
                     name,
@@ -170,16 +165,9 @@ fn contenders(
                     matching,
                     extract,
                 };
-                (Source::Points(matcher.into_source(cancel)?), "ransac-e")
+                sources.push(matcher.into_source(cancel)?);
             }
-        };
-        let estimators = match estimators {
-            [] => vec![Variant::from(
-                AnyEstimator::Name(own.into()).build(changes)?,
-            )],
-            _ => Vec::new(),
-        };
-        others.push(Contender { source, estimators });
+        }
     }
     let ids: Vec<String> = (estimators.iter())
         .map(|estimator| match estimator {
@@ -187,18 +175,14 @@ fn contenders(
             AnyEstimator::Built(estimator) => estimator.get().id().to_owned(),
         })
         .collect();
-    let (mut contenders, absent) = match (names.is_empty(), changes.ids().next()) {
-        (true, Some(id)) => {
-            return Err(value_error(format!(
-                "`{id}` is given a setting and takes no part by name"
-            )));
-        }
-        (true, None) => (Vec::new(), Vec::new()),
-        (false, _) => py
-            .detach(|| Contender::from_names(&names, &ids, changes, Some(outside)))
-            .map_err(value_error)?,
-    };
-    contenders.append(&mut others);
+    let (mut contenders, absent) = py
+        .detach(|| Contender::from_names(&names, sources, &ids, changes, Some(outside)))
+        .map_err(value_error)?;
+    for matcher in natives {
+        let entry = matchbench::matchers::find(&matcher.id).map_err(value_error)?;
+        let own = AnyEstimator::Name(entry.estimator().into()).build(changes)?;
+        contenders.push(Contender::new(matcher, [own]));
+    }
     if !estimators.is_empty() {
         for contender in &mut contenders {
             let built = estimators.iter().map(|estimator| estimator.build(changes));

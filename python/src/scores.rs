@@ -28,6 +28,7 @@ pub(crate) fn evaluate(
     })?;
     let columns = PyDict::new(py);
     let rows = &content.summaries;
+    #[expect(clippy::type_complexity, reason = "a table")]
     let texts: [(&str, fn(&Summary) -> &str); 3] = [
         ("dataset", |row| &row.dataset),
         ("matcher", |row| &row.matcher),
@@ -36,6 +37,7 @@ pub(crate) fn evaluate(
     for (name, text) in texts {
         columns.set_item(name, rows.iter().map(text).collect::<Vec<_>>())?;
     }
+    #[expect(clippy::type_complexity, reason = "a table")]
     let counts: [(&str, fn(&Summary) -> usize); 2] =
         [("pairs", |row| row.pairs), ("failed", |row| row.failed)];
     for (name, count) in counts {

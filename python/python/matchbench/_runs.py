@@ -63,7 +63,8 @@ def run(
     interpreter. An exception costs the pair, which is tried again when the call is repeated;
     `retry_failed` tries again whatever failed.
 
-    Estimators are names or what `estimator(...)` returns; without any, each matcher has its own. `settings`
+    Estimators are names or what `estimator(...)` returns; without any, each matcher has its own, and
+    one written in Python has "best". `settings`
     are as on the command line: ["sift.ratio=0.7"]. `progress` may be a function of (done, total, dataset,
     matcher).
 

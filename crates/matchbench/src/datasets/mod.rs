@@ -27,7 +27,9 @@ mod turn;
 mod validate;
 mod write;
 
-pub use decode::{DecodeError, MOST_PIXELS, decode_gray, gray_of_rgb, limit_pixels, read_gray, read_size};
+pub use decode::{
+    DecodeError, MOST_PIXELS, decode_gray, gray_of_rgb, limit_pixels, read_gray, read_size,
+};
 pub use error::DatasetError;
 pub use exporters::{EXPORTS, Export, export};
 pub use importers::{
