@@ -6,7 +6,7 @@ import sys
 import matchbench as mb
 import pytest
 
-MATCHERS = ["sift", "orb", "gms"]
+MATCHERS = ["sift", "orb"]
 ESTIMATORS = ["ransac-e", "best"]
 
 

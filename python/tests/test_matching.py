@@ -11,17 +11,17 @@ def by_hand(a, b):
 
 
 def test_methods_are_what_they_say(features):
-    a, b = (one.select(np.arange(200)) for one in features)
+    a, b = (one.select(np.arange(100)) for one in features)
     distances = by_hand(a, b)
     order = np.sort(distances, axis=1)
     back = np.sort(distances, axis=0)
     nearest, back_nearest = distances.argmin(axis=1), distances.argmin(axis=0)
-    rows = np.arange(200)
+    rows = np.arange(100)
     clear = order[:, 0] < 0.8 * order[:, 1]
     mutual = back_nearest[nearest] == rows
     clear_back = (back[0] < 0.8 * back[1])[nearest]
     for method, kept in [
-        ("nn", np.full(200, True)),
+        ("nn", np.full(100, True)),
         ("ratio", clear),
         ("mutual", mutual),
         ("smnn", clear & mutual & clear_back),
@@ -30,7 +30,7 @@ def test_methods_are_what_they_say(features):
         assert np.array_equal(indices, np.column_stack([rows, nearest])[kept]), method
         np.testing.assert_allclose(found, order[kept, 0], rtol=1e-6)
     assert mb.match(a, b, ratio=0.6).indices.shape[0] < mb.match(a, b).indices.shape[0]
-    assert 0 < clear.sum() < 200
+    assert 0 < clear.sum() < 100
 
 
 def test_bits_are_counted(images):

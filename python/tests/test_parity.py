@@ -16,6 +16,7 @@ def records(folder):
         rows = [json.loads(line) for line in path.read_text().splitlines()]
         for row in rows:
             row.pop("times")
+            row.pop("check")  # of the line, times and all
         found[path.relative_to(folder)] = rows
     return found
 
@@ -52,9 +53,9 @@ def stored_matches(path):
 
 def test_a_run_from_python_leaves_the_same_records_and_matches(dataset, command_line_run, tmp_path):
     run = mb.run(dataset, MATCHERS, ESTIMATORS, out=tmp_path / "run", progress=False)
-    assert run.is_complete and run.failed == 0 and run.total == len(dataset.pairs) * 6
+    assert run.is_complete and run.failed == 0 and run.total == len(dataset.pairs) * 4
     ours, theirs = records(run.path), records(command_line_run)
-    assert ours == theirs and len(ours) == 6
+    assert ours == theirs and len(ours) == 4
     for path in run.path.glob("matches/*/*.bin"):
         assert path.read_bytes() == (command_line_run / path.relative_to(run.path)).read_bytes()
     again = mb.run(dataset, MATCHERS, ESTIMATORS, out=tmp_path / "run", progress=False)
