@@ -33,7 +33,7 @@ window.addEventListener("load", () => {
   check("none is left", document.querySelector(".chart.sp .series:not(.off)") === null);
   document.querySelector(".presets [data-only=all]").click();
   check("all are back", off() === 0);
-  const aucs = () => [...document.querySelectorAll(".panel.pose .overview tbody tr")].map((row) => Number(row.cells[1].lastChild.textContent));
+  const aucs = () => [...document.querySelectorAll(".panel.pose .overview tbody tr")].map((row) => Number([...row.cells[1].childNodes].findLast((part) => part.nodeType === Node.TEXT_NODE).textContent));
   const byAuc = document.querySelectorAll(".panel.pose .overview thead button")[1];
   byAuc.click();
   check("the best comes first", aucs().length === 2 && aucs()[0] >= aucs()[1]);

@@ -40,7 +40,10 @@
       const isName = head.classList.contains("name");
       const column = head.cellIndex;
       const value = (row) => {
-        const text = (row.cells[column].lastChild?.textContent ?? "").trim();
+        const parts = [...row.cells[column].childNodes];
+        // The letters of a group stand behind the number, in an element of their own.
+        const number = isName ? undefined : parts.findLast((part) => part.nodeType === Node.TEXT_NODE);
+        const text = ((number ?? parts.at(-1))?.textContent ?? "").trim();
         return isName ? text : text === "<0.1" ? 0 : text === "–" ? null : parseFloat(text);
       };
       button.addEventListener("click", () => {
