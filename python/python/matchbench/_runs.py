@@ -63,10 +63,10 @@ def run(
     interpreter. An exception costs the pair, which is tried again when the call is repeated;
     `retry_failed` tries again whatever failed.
 
-    Estimators are names or what `estimator(...)` returns; without any, each matcher has its own, and
-    one written in Python has "best". `settings`
-    are as on the command line: ["sift.ratio=0.7"]. `progress` may be a function of (done, total, dataset,
-    matcher).
+    Estimators are names or what `estimator(...)` returns; without any, each matcher has its own, and one written
+    in Python has "best". `settings` are as on the command line: ["sift.ratio=0.7"]. In tables, names come
+    first, then matchers written in Python, then what `matcher(...)` returned. `progress` may be a function of
+    (done, total, dataset, matcher).
 
     Ctrl-C finishes the pairs in flight and is then raised; the same call goes on from there.
     """
