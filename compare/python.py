@@ -1,6 +1,6 @@
 """The Python package beside cv2, poselib and pycolmap: time and agreement, in one run, on one core.
 
-    pip install . opencv-python-headless poselib pycolmap
+    pip install '.[peers]'
     python compare/python.py IMAGE_A IMAGE_B FOCAL [--repeats 5]
 
 FOCAL is the focal length in pixels; the principal point is taken to be the middle of the image. Times are

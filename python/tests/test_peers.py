@@ -11,16 +11,16 @@ def share_found(ours, theirs, radius=0.5):
     return (distances.min(axis=1) < radius).mean()
 
 
-@pytest.mark.parametrize(
-    ("name", "least"), [("SIFT_create", 0.95), ("ORB_create", 0.95), ("AKAZE_create", 0.95), ("BRISK_create", 0.9)]
-)
-def test_the_keypoints_are_opencvs(name, least, images):
+@pytest.mark.parametrize("name", ["SIFT_create", "ORB_create", "AKAZE_create", "BRISK_create"])
+def test_the_keypoints_are_opencvs(name, images):
     cv2 = pytest.importorskip("cv2", reason="opencv-python is not installed")
+    if not hasattr(cv2, name):
+        pytest.skip(f"OpenCV {cv2.__version__} has no cv2.{name}")
     theirs, _ = getattr(cv2, name)().detectAndCompute(images[0], None)
     ours, _ = getattr(mb, name)().detectAndCompute(images[0], None)
     points = [np.array([key.pt for key in keys]) for keys in (ours, theirs)]
     assert isinstance(ours[0], cv2.KeyPoint)
-    assert share_found(*points) >= least and abs(len(ours) / len(theirs) - 1) < 0.05
+    assert len(ours) == len(theirs) and share_found(*points) == 1
 
 
 def test_the_nearest_neighbours_are_opencvs(features):
@@ -48,5 +48,6 @@ def test_the_keypoints_agree_with_colmaps(images):
     pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
     keypoints, _ = pycolmap.Sift(device=pycolmap.Device.cpu).extract(images[0])
     ours = mb.SIFT().extract(images[0]).keypoints
-    # Another implementation with another threshold, and its origin is the corner.
-    assert share_found(ours, np.asarray(keypoints)[:, :2] - 0.5, radius=1.5) > 0.5
+    # Another implementation, with a lower threshold; and its origin is the corner.
+    theirs = np.asarray(keypoints)[:, :2] - 0.5
+    assert len(theirs) > len(ours) and share_found(theirs, ours, radius=1.5) > 0.75

@@ -60,7 +60,7 @@ def test_matchers_written_in_python_stand_beside_the_others(dataset, tmp_path):
     scores = mb.evaluate(run)
     assert scores["matcher"] == ["sift", "by_orb", "staged-sift", "orb"]
     assert scores["auc"].shape == (4,) and scores["auc"].max() > 0
-    assert (scores["auc_low"] <= scores["auc"]).all()
+    assert np.isnan(scores["auc_low"]).all()  # three pairs are too few for an interval
     assert "by_orb" in str(scores) and "<table>" in scores._repr_html_()
     assert mb.report(run, pictures=1).read_text().count("staged-sift") > 0
 
