@@ -24,7 +24,7 @@ impl Estimator {
     ///
     /// # Errors
     /// None that was not one before.
-    pub(crate) fn again(&self) -> PyResult<BuiltEstimator> {
+    pub(crate) fn rebuild(&self) -> PyResult<BuiltEstimator> {
         build(&self.built.id, &self.built.params)
     }
 }

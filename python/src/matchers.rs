@@ -29,7 +29,7 @@ impl Matcher {
     ///
     /// # Errors
     /// None that was not one before.
-    pub(crate) fn again(&self) -> PyResult<BuiltMatcher> {
+    pub(crate) fn rebuild(&self) -> PyResult<BuiltMatcher> {
         build(&self.built.id, &self.built.params)
     }
 }

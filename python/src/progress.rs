@@ -40,7 +40,7 @@ impl Observer for Progress {
         self.change(|state| (state.done, state.total) = (summary.before, summary.total));
     }
 
-    fn on_part(&self, dataset: &str, matcher: &str) {
+    fn on_matcher(&self, dataset: &str, matcher: &str) {
         self.change(|state| state.part = (dataset.into(), matcher.into()));
     }
 

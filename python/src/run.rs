@@ -12,10 +12,8 @@ use matchbench::cache::FeatureCache;
 use matchbench::config::Changes;
 use matchbench::estimators::{self, BuiltEstimator};
 use matchbench::external;
-use matchbench::records::Settings;
-use matchbench::run::{
-    Cancel, Contender, Outside, Run, RunSummary, decode, pair_seed as seed_of_pair,
-};
+use matchbench::records::{RunFolder, Settings};
+use matchbench::run::{Cancel, Contender, Outside, Run, RunSummary, pair_seed as seed_of_pair};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use rayon::ThreadPoolBuilder;
@@ -55,7 +53,7 @@ pub(crate) enum AnyEstimator<'py> {
 impl AnyEstimator<'_> {
     fn build(&self, changes: &Changes) -> PyResult<BuiltEstimator> {
         match self {
-            Self::Built(estimator) => estimator.get().again(),
+            Self::Built(estimator) => estimator.get().rebuild(),
             Self::Name(id) => {
                 let entry = estimators::find(id).map_err(value_error)?;
                 entry.build(changes.of(id)).map_err(value_error)
@@ -90,7 +88,7 @@ pub(crate) fn run(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Tasks, Vec<String>)> {
     let cancel = Cancel::default();
-    let cache = FeatureCache::new(cache.unwrap_or_else(|| out.join("cache")));
+    let cache = FeatureCache::new(cache.unwrap_or_else(|| RunFolder::default_cache_at(&out)));
     let outside = Outside {
         logs: &out.join("logs"),
         cache: &cache,
@@ -109,21 +107,16 @@ pub(crate) fn run(
         .map(|dataset| dataset.get().inner.clone())
         .collect();
     let run = Run {
-        datasets: &datasets,
-        contenders: &contenders,
         settings: Settings {
             seed,
             repetitions: repeat,
             limit,
             time_budget_ms,
         },
-        tuned: &[],
-        folder: &out,
         cache: cache.clone(),
-        decode,
         keep_matches,
-        feature_memory: Run::FEATURE_MEMORY,
         retry_failed,
+        ..Run::new(&datasets, &contenders, &out)
     };
     let observer = Progress::default();
     let summary = listening(py, &run, &observer, &cancel, threads, progress.as_ref())?;
@@ -156,7 +149,7 @@ fn contenders(
     for matcher in matchers {
         match matcher {
             AnyMatcher::Name(name) => names.push(name),
-            AnyMatcher::Native(matcher) => natives.push(matcher.get().again()?),
+            AnyMatcher::Native(matcher) => natives.push(matcher.get().rebuild()?),
             AnyMatcher::Python(name, version, params, matching, extract) => {
                 let matcher = PythonMatcher {
                     name,

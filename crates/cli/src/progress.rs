@@ -37,7 +37,7 @@ impl Observer for Bar {
         self.0.set_style(style.expect("the template is a constant"));
     }
 
-    fn on_part(&self, dataset: &str, matcher: &str) {
+    fn on_matcher(&self, dataset: &str, matcher: &str) {
         self.0.set_prefix(format!("{dataset} {matcher}"));
         self.0.set_message("");
     }

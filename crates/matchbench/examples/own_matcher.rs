@@ -13,12 +13,10 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use matchbench::cache::FeatureCache;
 use matchbench::matchers::{BuiltMatcher, Extraction};
 use matchbench::metrics::{Bootstrap, Summary, load};
-use matchbench::records::Settings;
 use matchbench::report::{Format, render};
-use matchbench::run::{Cancel, Contender, Dataset, Run, Silent, decode};
+use matchbench::run::{Cancel, Contender, Dataset, Run, Silent};
 use matchbench::{estimators, matchers};
 use matchbench_vision::features::{
     DescriptorKind, Descriptors, Detector, Extractor, Fast, FastParams, Features, FloatRows,
@@ -121,19 +119,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         })
         .collect::<Result<Vec<_>, Box<dyn Error>>>()?;
     let datasets = [Dataset::open(dataset)?];
-    let run = Run {
-        datasets: &datasets,
-        contenders: &contenders,
-        settings: Settings::default(),
-        tuned: &[],
-        folder,
-        cache: FeatureCache::new(folder.join("cache")),
-        decode,
-        keep_matches: true,
-        feature_memory: Run::FEATURE_MEMORY,
-        retry_failed: false,
-    };
-    run.execute(&Silent, &Cancel::default())?;
+    Run::new(&datasets, &contenders, folder).execute(&Silent, &Cancel::default())?;
     print!("{}", table(folder)?);
     Ok(())
 }

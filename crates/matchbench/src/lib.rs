@@ -1,8 +1,57 @@
 //! Which feature matcher should I use? Datasets in, a report out.
 //!
-//! The way of the data: a [`datasets::Sequence`] is run by [`run`] with [`matchers`] and
-//! [`estimators`] into [`records`]; [`metrics`] are pure functions of records, and [`report`]
-//! writes them down. `ARCHITECTURE.md` in the repository draws it.
+//! A dataset has images with known cameras, and pairs with the true relative pose. Matchers are run on every pair,
+//! estimators make a pose of the matches, and the angle to the true pose is recorded. Scores are functions of the
+//! records: after the paper *MatchBench: An Evaluation of Feature Matchers* (Bian et al.), the portion of pairs
+//! within 1 to 15 degrees (SP curves), its mean (AUC) and the mean number of matches (AP).
+//!
+//! Two matchers on a rendered scene, and their table:
+//!
+//! ```
+//! use matchbench::datasets::rendered;
+//! use matchbench::metrics::{Bootstrap, Summary, load};
+//! use matchbench::report::{Format, render};
+//! use matchbench::run::{Cancel, Contender, Dataset, Run, Silent};
+//!
+//! # let temporary = tempfile::tempdir()?;
+//! # let folder = temporary.path();
+//! // A frame each from four places in a street, 480 x 144 pixels.
+//! let mut scene = rendered::scenes()[3].clone();
+//! scene.frames = 4;
+//! let paths = rendered::ensure_scenes(&folder.join("scenes"), &[scene], &|_| {})?;
+//! let datasets = [Dataset::open(&paths[0])?];
+//!
+//! let contenders = Contender::from_ids(&["sift".into(), "orb".into()], &["best".into()], &Default::default())?;
+//! let run = Run::new(&datasets, &contenders, &folder.join("run"));
+//! let summary = run.execute(&Silent, &Cancel::default())?;
+//! assert!(summary.is_complete());
+//!
+//! let results = load(&folder.join("run"), None)?;
+//! let scores: Vec<Summary> = results.iter().map(|set| Summary::new(set, &Bootstrap::default())).collect();
+//! println!("{}", render(Format::Table, &scores));
+//! # assert!(render(Format::Table, &scores).contains("orb"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! [`run::evaluate`] does the same for one pair in memory, without a disk; [`report::of_run`] makes the page, the
+//! tables and the figures of a run. `examples/own_matcher.rs` runs a matcher of one's own beside two built-in ones,
+//! `examples/own_dataset.rs` makes a dataset from images and poses that a program holds.
+//!
+//! The modules in the order of the data:
+//!
+//! | module | what is in it |
+//! | --- | --- |
+//! | [`datasets`] | images, cameras and true poses: importers, pair rules, validation, rendered scenes |
+//! | [`matchers`], [`estimators`] | the lists of what can be asked for by name, with parameters |
+//! | [`external`], [`exchange`] | matchers as processes, and matches in the files of other tools |
+//! | [`run`] | matchers and estimators over pairs, resumable; [`cache`] keeps features by content |
+//! | [`records`] | the folder of a run: its plan, one line per task, the selected matches |
+//! | [`metrics`] | success, AUC, average matches, with intervals: pure functions of records |
+//! | [`report`] | tables, figures, the page |
+//! | [`tune`], [`time`](mod@time) | the best value of a parameter; how long stages take |
+//!
+//! Records are equal bit for bit for any number of threads, apart from the times. Work is done by the rayon pool that
+//! the caller is in.
 
 pub mod cache;
 pub mod config;

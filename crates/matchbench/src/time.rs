@@ -14,10 +14,9 @@ use std::thread::available_parallelism;
 
 use rayon::ThreadPoolBuilder;
 
-use crate::cache::FeatureCache;
-use crate::metrics::{PairResult, ResultSet, ResultsError, Spread, StageSpreads, load_run};
+use crate::metrics::{PairResult, Quartiles, ResultSet, ResultsError, StageQuartiles, load_run};
 use crate::records::{FolderError, RunFolder, Settings, StageTimes};
-use crate::run::{Cancel, Contender, Dataset, Run, RunError, Silent, decode};
+use crate::run::{Cancel, Contender, Dataset, Run, RunError, Silent};
 
 /// Pairs that are run to warm up, and again at the end.
 const PROBES: usize = 5;
@@ -28,7 +27,7 @@ const NOISE: f64 = 0.1;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timing {
     /// Quartiles of the stages.
-    pub stages: StageSpreads,
+    pub stages: StageQuartiles,
     /// The most memory that the process had meanwhile, in bytes, where the system tells it (Linux).
     pub peak_memory: Option<f64>,
     /// Why the machine was not quiet, in sentences.
@@ -82,7 +81,7 @@ pub fn time(
             return Ok(None);
         };
         Ok(Some(Timing {
-            stages: StageSpreads::new(&all.pairs),
+            stages: StageQuartiles::new(&all.pairs),
             peak_memory: peak_memory(),
             noise: noise(&probe, &all, &again).collect(),
         }))
@@ -110,19 +109,16 @@ fn measure(
 ) -> Result<Option<ResultSet>, TimeError> {
     let folder = tempfile::tempdir()?;
     let run = Run {
-        datasets: slice::from_ref(dataset),
-        contenders: slice::from_ref(contender),
         settings: Settings {
             limit: Some(pairs),
             ..Settings::default()
         },
-        tuned: &[],
-        folder: folder.path(),
-        cache: FeatureCache::new(folder.path().join("cache")),
-        decode,
         keep_matches: false,
-        feature_memory: Run::FEATURE_MEMORY,
-        retry_failed: false,
+        ..Run::new(
+            slice::from_ref(dataset),
+            slice::from_ref(contender),
+            folder.path(),
+        )
     };
     if !run.execute(&Silent, cancel)?.is_complete() {
         return Ok(None);
@@ -175,7 +171,7 @@ fn noise(
 /// median, scaled to a standard deviation: Iglewicz and Hoaglin, 1993; the limit is hyperfine's).
 fn outliers(values: &[f64]) -> usize {
     const LIMIT: f64 = 14.826;
-    let middle = |values: Vec<f64>| Spread::of(values).map_or(0.0, |spread| spread.median);
+    let middle = |values: Vec<f64>| Quartiles::of(values).map_or(0.0, |spread| spread.median);
     let median = middle(values.to_vec());
     let usual = middle(values.iter().map(|value| (value - median).abs()).collect());
     (values.iter())
@@ -202,7 +198,7 @@ fn drift(before: &[PairResult], after: &[PairResult]) -> Option<f64> {
     let ratios = (after.iter())
         .filter_map(|p| Some(total(p) / before.get(&(p.a, p.b))?))
         .filter(|ratio| ratio.is_finite());
-    Spread::of(ratios).map(|spread| spread.median)
+    Quartiles::of(ratios).map(|spread| spread.median)
 }
 
 /// The processor's name, where the system tells it.

@@ -16,7 +16,6 @@ use crate::metrics::{Angle, ResultsError, SuccessCurve, load_run};
 use crate::records::{FolderError, RunFolder, Settings, Tuned, TunedOn};
 use crate::run::{
     Cancel, Contender, ContenderError, Dataset, Observer, Run, RunError, RunSummary, Variant,
-    decode,
 };
 
 /// What is tuned, and on what.
@@ -80,16 +79,9 @@ pub fn tune(
 ) -> Result<TuningDone, TuneError> {
     let contenders = variants(tuning)?;
     let run = Run {
-        datasets: tuning.datasets,
-        contenders: &contenders,
         settings: tuning.settings,
-        tuned: &[],
-        folder: tuning.folder,
         cache: tuning.cache.clone(),
-        decode,
-        keep_matches: true,
-        feature_memory: Run::FEATURE_MEMORY,
-        retry_failed: false,
+        ..Run::new(tuning.datasets, &contenders, tuning.folder)
     };
     let summary = run.execute(observer, cancel)?;
     let mut done = TuningDone {

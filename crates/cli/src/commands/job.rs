@@ -7,8 +7,8 @@ use matchbench::cache::FeatureCache;
 use matchbench::config::{Changes, ConfigError, UnknownName};
 use matchbench::external::Manifest;
 use matchbench::matchers::{self, BuiltPointSource};
-use matchbench::records::{Settings, Tuned};
-use matchbench::run::{Contender, Dataset, Outside, Run, RunSummary, decode};
+use matchbench::records::{RunFolder, Settings, Tuned};
+use matchbench::run::{Contender, Dataset, Outside, Run, RunSummary};
 
 use crate::Ending;
 use crate::output::say;
@@ -33,16 +33,12 @@ impl Job<'_> {
     /// Does what is left, until it is done or stopped, and says how it ended.
     pub(crate) fn execute(&self) -> Result<Ending> {
         let run = Run {
-            datasets: self.datasets,
-            contenders: self.contenders,
             settings: self.settings,
             tuned: self.tuned,
-            folder: self.folder,
             cache: cache(self.cache, self.folder),
-            decode,
             keep_matches: self.keep_matches,
-            feature_memory: Run::FEATURE_MEMORY,
             retry_failed: self.retry_failed,
+            ..Run::new(self.datasets, self.contenders, self.folder)
         };
         let cancel = cancel_on_ctrl_c(AFTER_PAIRS)?;
         let bar = Bar::new();
@@ -71,7 +67,8 @@ pub(crate) fn check_names(names: &[String]) -> Result<(), UnknownName> {
 
 /// The feature cache that is asked for, or that of a run in this folder.
 pub(crate) fn cache(asked: Option<&Path>, folder: &Path) -> FeatureCache {
-    FeatureCache::new(asked.map_or_else(|| folder.join("cache"), Path::to_path_buf))
+    let default = || RunFolder::default_cache_at(folder);
+    FeatureCache::new(asked.map_or_else(default, Path::to_path_buf))
 }
 
 /// The contenders of these names, manifests of matchers from outside among them, for a run in `folder`;

@@ -3,7 +3,7 @@
 use std::io::Write;
 
 use anyhow::Result;
-use matchbench::metrics::Spread;
+use matchbench::metrics::Quartiles;
 use matchbench::report::{MatcherTimes, times_as_csv, times_as_latex};
 use matchbench::run::{Contender, Dataset};
 use matchbench::time::{machine, time};
@@ -83,10 +83,10 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
     Ok(Ending::Done)
 }
 
-fn shown(spread: Option<Spread>) -> String {
+fn shown(spread: Option<Quartiles>) -> String {
     spread.map_or_else(
         || "–".into(),
-        |Spread {
+        |Quartiles {
              lower,
              median,
              upper,

@@ -196,10 +196,7 @@ impl PairRule {
     ///
     /// # Errors
     /// As [`PairRule::pairs`], and if a frame of a pair has no pose.
-    pub(super) fn apply(
-        &self,
-        frames: Vec<Frame>,
-    ) -> Result<(Vec<Frame>, Vec<Pair>), DatasetError> {
+    pub fn apply(&self, frames: Vec<Frame>) -> Result<(Vec<Frame>, Vec<Pair>), DatasetError> {
         let frames: Vec<Frame> = frames.into_iter().step_by(self.stride()).collect();
         let pairs = with_poses(&frames, self.pairs(frames.len())?)?;
         Ok((frames, pairs))

@@ -46,4 +46,4 @@ pub use scores::{Detail, Notation, SCORES, Score, ScoreKind, Scores, score_kind}
 pub use strata::{Stratum, auc_by_stratum, strata};
 pub use success::{SuccessCurve, THRESHOLDS};
 pub use summary::Summary;
-pub use times::{Spread, StageSpreads};
+pub use times::{Quartiles, StageQuartiles};

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{
-    Angle, Bootstrap, Failures, PairResult, Portion, ResultSet, Score, Scores, StageSpreads,
+    Angle, Bootstrap, Failures, PairResult, Portion, ResultSet, Score, Scores, StageQuartiles,
     SuccessCurve,
 };
 
@@ -46,7 +46,7 @@ pub struct Summary {
     /// The same of the translation error alone.
     pub translation_sp: SuccessCurve,
     /// Features per image and time per stage, where they were recorded.
-    pub stages: StageSpreads,
+    pub stages: StageQuartiles,
 }
 
 impl Summary {
@@ -72,7 +72,7 @@ impl Summary {
             sp: curve(Angle::Pose),
             rotation_sp: curve(Angle::Rotation),
             translation_sp: curve(Angle::Translation),
-            stages: StageSpreads::new(pairs),
+            stages: StageQuartiles::new(pairs),
         }
     }
 

@@ -9,7 +9,7 @@ use super::{Failure, PairResult};
 
 /// Quartiles and mean of a set of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Spread {
+pub struct Quartiles {
     /// A quarter lies below.
     pub lower: f64,
     /// Half lies below.
@@ -20,7 +20,7 @@ pub struct Spread {
     pub mean: f64,
 }
 
-impl Spread {
+impl Quartiles {
     /// Quartiles and mean of the values; `None` where there are none.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.into_iter().collect();
@@ -37,20 +37,20 @@ impl Spread {
 /// Features per image and seconds per stage, each where it was recorded: stages that came from a
 /// cache have no time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct StageSpreads {
+pub struct StageQuartiles {
     /// Features of an image.
-    pub features: Option<Spread>,
+    pub features: Option<Quartiles>,
     /// Detection and description of an image, in seconds.
-    pub extract: Option<Spread>,
+    pub extract: Option<Quartiles>,
     /// Search for putative correspondences of a pair, in seconds.
-    pub search: Option<Spread>,
+    pub search: Option<Quartiles>,
     /// Selection of a pair, in seconds.
-    pub select: Option<Spread>,
+    pub select: Option<Quartiles>,
     /// Pose estimation of a pair, in seconds.
-    pub estimate: Option<Spread>,
+    pub estimate: Option<Quartiles>,
 }
 
-impl StageSpreads {
+impl StageQuartiles {
     /// Quartiles over the pairs; an image counts once for each pair it was extracted for.
     pub fn new(pairs: &[PairResult]) -> Self {
         let stage =
@@ -60,11 +60,11 @@ impl StageSpreads {
             .filter_map(|pair| pair.counts)
             .flat_map(|counts| [counts.features_a, counts.features_b]);
         Self {
-            features: Spread::of(features.map(f64::from)),
-            extract: Spread::of(stage(|t| t.extract_a).chain(stage(|t| t.extract_b))),
-            search: Spread::of(stage(|t| t.search)),
-            select: Spread::of(stage(|t| t.select)),
-            estimate: Spread::of(stage(|t| t.estimate)),
+            features: Quartiles::of(features.map(f64::from)),
+            extract: Quartiles::of(stage(|t| t.extract_a).chain(stage(|t| t.extract_b))),
+            search: Quartiles::of(stage(|t| t.search)),
+            select: Quartiles::of(stage(|t| t.select)),
+            estimate: Quartiles::of(stage(|t| t.estimate)),
         }
     }
 
@@ -88,11 +88,11 @@ mod tests {
         first.times.extract_b = Some(0.4);
         first.times.search = Some(0.1);
         let cached = solved(0, 1.0, 1.0, 30);
-        let spreads = StageSpreads::new(&[first, cached]);
+        let spreads = StageQuartiles::new(&[first, cached]);
         let extract = spreads.extract.expect("two images were timed");
         assert!((extract.median - 0.3).abs() < 1e-15);
         assert_eq!(spreads.search.map(|s| s.median), Some(0.1));
         assert_eq!((spreads.select, spreads.features), (None, None));
-        assert!(spreads.is_timed() && !StageSpreads::new(&[]).is_timed());
+        assert!(spreads.is_timed() && !StageQuartiles::new(&[]).is_timed());
     }
 }

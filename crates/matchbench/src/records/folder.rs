@@ -151,7 +151,12 @@ impl RunFolder {
 
     /// Where features are kept unless another place is asked for.
     pub fn default_cache(&self) -> PathBuf {
-        self.path.join("cache")
+        Self::default_cache_at(&self.path)
+    }
+
+    /// [`RunFolder::default_cache`] of a folder that need not be there yet.
+    pub fn default_cache_at(folder: &Path) -> PathBuf {
+        folder.join("cache")
     }
 
     /// Where the report is written unless another place is asked for.

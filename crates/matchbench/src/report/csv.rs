@@ -2,7 +2,7 @@
 //! A score that is undefined is an empty field, and `NaN` where the whole column is: readers would
 //! take a column of nothing for one of text. Times are medians, in seconds.
 
-use crate::metrics::{Failures, SCORES, Spread, SuccessCurve, Summary, THRESHOLDS};
+use crate::metrics::{Failures, Quartiles, SCORES, SuccessCurve, Summary, THRESHOLDS};
 
 /// What a column of numbers holds if none of them is known.
 pub(super) const UNKNOWN: &str = "NaN";
@@ -130,7 +130,7 @@ fn row(summary: &Summary) -> Row {
     ] {
         push(
             head,
-            Cell::Number(spread.map(|spread: Spread| spread.median)),
+            Cell::Number(spread.map(|spread: Quartiles| spread.median)),
         );
     }
     curve(&mut row, "rotation_sp", &summary.rotation_sp);

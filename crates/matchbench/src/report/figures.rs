@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 
 use crate::metrics::{
-    Angle, PairGeometry, Portion, Spread, StageSpreads, Stratum, Summary, auc_by_stratum, strata,
+    Angle, PairGeometry, Portion, Quartiles, StageQuartiles, Stratum, Summary, auc_by_stratum,
+    strata,
 };
 
 use super::content::Content;
@@ -11,7 +12,7 @@ use super::latex::sequence_numbers;
 use super::numbers::short;
 use super::overview::{Overview, REFERENCE};
 use super::svg::{
-    ApSeries, Dot, Place, Rival, ap_bars, ap_panel, forest, heat_map, scatter, sp_curves,
+    ApSeries, Dot, Rival, Target, ap_bars, ap_panel, forest, heat_map, scatter, sp_curves,
     strata_curves,
 };
 use super::words::advantage;
@@ -103,7 +104,7 @@ pub(super) fn difficulty_figure(
     overview: &Overview<'_>,
     column: usize,
     difficulty: Difficulty,
-    place: Place,
+    target: Target,
 ) -> Option<String> {
     let (ranges, lines) = difficulty_lines(content, overview, column, difficulty)?;
     let title = format!(
@@ -112,7 +113,7 @@ pub(super) fn difficulty_figure(
         named(overview, column)
     );
     Some(strata_curves(
-        place,
+        target,
         &title,
         (difficulty.axis(), &ranges),
         &lines,
@@ -122,10 +123,10 @@ pub(super) fn difficulty_figure(
 /// The stages of a matcher on a dataset: each is timed with the first estimator alone, since the
 /// others are given the same matches, and detection with the first matcher that has these features.
 /// The pose is that of `summary`.
-pub(super) fn stages_of(content: &Content, summary: &Summary) -> StageSpreads {
+pub(super) fn stages_of(content: &Content, summary: &Summary) -> StageQuartiles {
     let features = |matcher: &str| content.extractions.get(matcher);
     let here = || (content.summaries.iter()).filter(|s| s.dataset == summary.dataset);
-    let stage = |get: fn(&StageSpreads) -> Option<Spread>| {
+    let stage = |get: fn(&StageQuartiles) -> Option<Quartiles>| {
         let mut same = here().filter(|s| s.matcher == summary.matcher);
         get(&summary.stages).or_else(|| same.find_map(|s| get(&s.stages)))
     };
@@ -134,7 +135,7 @@ pub(super) fn stages_of(content: &Content, summary: &Summary) -> StageSpreads {
         let mut same = here().filter(|s| features(&s.matcher) == Some(own));
         same.find_map(|s| s.stages.extract)
     };
-    StageSpreads {
+    StageQuartiles {
         extract: stage(|stages| stages.extract).or_else(extract),
         search: stage(|stages| stages.search),
         select: stage(|stages| stages.select),
@@ -146,7 +147,7 @@ pub(super) fn stages_of(content: &Content, summary: &Summary) -> StageSpreads {
 /// detection and search were.
 pub(super) fn seconds_for_a_pair(content: &Content, summary: &Summary) -> Option<f64> {
     let stages = stages_of(content, summary);
-    let optional = |stage: Option<Spread>| stage.map_or(0.0, |spread| spread.median);
+    let optional = |stage: Option<Quartiles>| stage.map_or(0.0, |spread| spread.median);
     let (extract, search) = (stages.extract?.median, stages.search?.median);
     Some(2.0 * extract + search + optional(stages.select) + optional(stages.estimate))
 }
@@ -156,7 +157,7 @@ pub(super) fn time_figure(
     content: &Content,
     overview: &Overview<'_>,
     column: usize,
-    place: Place,
+    target: Target,
 ) -> Option<String> {
     let dots: Vec<Dot<'_>> = (overview.rows.iter())
         .filter_map(|row| {
@@ -170,7 +171,7 @@ pub(super) fn time_figure(
         })
         .collect();
     let title = format!("AUC over time: {}", named(overview, column));
-    (!dots.is_empty()).then(|| scatter(place, &title, &dots))
+    (!dots.is_empty()).then(|| scatter(target, &title, &dots))
 }
 
 /// Matchers whose time for a pair is not known.
@@ -191,7 +192,7 @@ pub(super) fn lead_figure(
     content: &Content,
     overview: &Overview<'_>,
     column: usize,
-    place: Place,
+    target: Target,
 ) -> Option<String> {
     let dataset = overview.datasets[column];
     let leads = || content.leads.iter().filter(|lead| lead.dataset == dataset);
@@ -216,7 +217,7 @@ pub(super) fn lead_figure(
     let behind = |rival: &Rival<'_>| rival.behind.value.unwrap_or(f64::INFINITY);
     rivals.sort_by(|one, other| behind(one).total_cmp(&behind(other)));
     let title = format!("Lead of {}: {}", best.label, named(overview, column));
-    Some(forest(place, &title, &best.label, &rivals))
+    Some(forest(target, &title, &best.label, &rivals))
 }
 
 /// AUC of matchers by estimators on one dataset, or the mean over all; nothing where there is only
@@ -224,7 +225,7 @@ pub(super) fn lead_figure(
 pub(super) fn estimator_figure(
     summaries: &[Summary],
     dataset: Option<&str>,
-    place: Place,
+    target: Target,
 ) -> Option<String> {
     let mut matchers: Vec<&str> = Vec::new();
     let mut estimators: Vec<&str> = Vec::new();
@@ -265,7 +266,7 @@ pub(super) fn estimator_figure(
         "AUC by estimator: {}",
         dataset.unwrap_or("mean over all datasets")
     );
-    Some(heat_map(place, &title, &matchers, &estimators, &cells))
+    Some(heat_map(target, &title, &matchers, &estimators, &cells))
 }
 
 /// The SP curves of one dataset.
@@ -273,7 +274,7 @@ pub(super) fn sp_figure(
     overview: &Overview<'_>,
     column: usize,
     angle: Angle,
-    place: Place,
+    target: Target,
 ) -> String {
     let mut curves: Vec<_> = (overview.ranked(column).into_iter())
         .map(|(row, summary)| {
@@ -292,14 +293,14 @@ pub(super) fn sp_figure(
         Angle::Translation => "SP curves of the translation",
     };
     let title = format!("{what}: {}", named(overview, column));
-    sp_curves(place, &title, &curves)
+    sp_curves(target, &title, &curves)
 }
 
 /// The paper's panel of AP bars of one portion, if any dataset belongs to it.
 pub(super) fn ap_panel_figure(
     overview: &Overview<'_>,
     portion: Portion,
-    place: Place,
+    target: Target,
 ) -> Option<String> {
     let columns: Vec<usize> = (0..overview.datasets.len())
         .filter(|&column| overview.portions[column] == portion)
@@ -317,11 +318,11 @@ pub(super) fn ap_panel_figure(
         })
         .collect();
     let title = format!("AP bars at 5 degrees: {} baselines", portion.name());
-    (!columns.is_empty()).then(|| ap_panel(place, &title, &sequences, &series))
+    (!columns.is_empty()).then(|| ap_panel(target, &title, &sequences, &series))
 }
 
 /// The AP bars of one dataset.
-pub(super) fn ap_figure(overview: &Overview<'_>, column: usize, place: Place) -> String {
+pub(super) fn ap_figure(overview: &Overview<'_>, column: usize, target: Target) -> String {
     let bars: Vec<_> = (overview.rows.iter())
         .filter_map(|row| {
             let summary = row.cells[column].as_ref()?.summary;
@@ -329,5 +330,5 @@ pub(super) fn ap_figure(overview: &Overview<'_>, column: usize, place: Place) ->
         })
         .collect();
     let title = format!("AP bars at 5 degrees: {}", named(overview, column));
-    ap_bars(place, &title, &bars)
+    ap_bars(target, &title, &bars)
 }

@@ -23,7 +23,7 @@ use super::file_names::file_names;
 use super::overview::Overview;
 use super::pair_table::columns;
 use super::raster::png;
-use super::svg::Place;
+use super::svg::Target;
 use super::{
     Format, booktabs, citations, dataset_table, html, method, pairs_csv, parquet, render, vega,
 };
@@ -148,7 +148,7 @@ type Figure = (String, String, Value);
 /// Every figure.
 fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
     let panel = |portion: Portion| {
-        let svg = ap_panel_figure(overview, portion, Place::File)?;
+        let svg = ap_panel_figure(overview, portion, Target::File)?;
         let name = format!("ap-{}-baselines", portion.name());
         Some((name, svg, vega::ap_panel(overview, portion)))
     };
@@ -160,28 +160,28 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
             ("sp-rotation", Angle::Rotation),
             ("sp-translation", Angle::Translation),
         ] {
-            let svg = sp_figure(overview, column, angle, Place::File);
+            let svg = sp_figure(overview, column, angle, Target::File);
             let spec = vega::sp(overview, column, angle);
             figures.push((format!("{prefix}-{name}"), svg, spec));
         }
-        let svg = ap_figure(overview, column, Place::File);
+        let svg = ap_figure(overview, column, Target::File);
         figures.push((format!("ap-{name}"), svg, vega::ap(overview, column)));
-        if let Some(svg) = lead_figure(content, overview, column, Place::File) {
+        if let Some(svg) = lead_figure(content, overview, column, Target::File) {
             let spec = vega::lead(content, overview, column);
             figures.push((format!("lead-{name}"), svg, spec));
         }
         for difficulty in Difficulty::ALL {
-            let svg = difficulty_figure(content, overview, column, difficulty, Place::File);
+            let svg = difficulty_figure(content, overview, column, difficulty, Target::File);
             let spec = vega::difficulty(content, overview, column, difficulty);
             if let (Some(svg), Some(spec)) = (svg, spec) {
                 figures.push((format!("{}-{name}", difficulty.name()), svg, spec));
             }
         }
-        if let Some(svg) = time_figure(content, overview, column, Place::File) {
+        if let Some(svg) = time_figure(content, overview, column, Target::File) {
             let spec = vega::time(content, overview, column);
             figures.push((format!("time-{name}"), svg, spec));
         }
-        if let Some(svg) = estimator_figure(&content.summaries, Some(dataset), Place::File) {
+        if let Some(svg) = estimator_figure(&content.summaries, Some(dataset), Target::File) {
             let spec = vega::estimators(&content.summaries, dataset);
             figures.push((format!("estimators-{name}"), svg, spec));
         }

@@ -4,14 +4,14 @@ use std::io;
 
 use super::pair_view::PairView;
 use super::raster::png;
-use super::svg::{Place, pair};
+use super::svg::{Target, pair};
 
 /// Most matches drawn: more hide each other.
 const MOST_MATCHES: usize = 250;
 
 /// The pair as SVG with both images in it, under a caption.
 pub fn picture_svg(view: &PairView, caption: &str) -> String {
-    pair(Place::File, view, caption, MOST_MATCHES)
+    pair(Target::File, view, caption, MOST_MATCHES)
 }
 
 /// The same as PNG, 2000 pixels wide.

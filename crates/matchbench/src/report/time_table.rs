@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 
-use crate::metrics::{Spread, StageSpreads};
+use crate::metrics::{Quartiles, StageQuartiles};
 
 use super::csv::{field, number};
 use super::latex::{comment, escape};
@@ -18,7 +18,7 @@ pub struct MatcherTimes {
     /// Id of the matcher.
     pub matcher: String,
     /// What was measured.
-    pub stages: StageSpreads,
+    pub stages: StageQuartiles,
 }
 
 /// A column: its name in CSV, and its head in the paper's table where it has one.
@@ -26,7 +26,7 @@ type Column = (
     &'static str,
     Option<&'static str>,
     f64,
-    fn(&StageSpreads) -> Option<Spread>,
+    fn(&StageQuartiles) -> Option<Quartiles>,
 );
 
 /// Times are shown in milliseconds.
@@ -54,10 +54,10 @@ pub fn times_as_csv(rows: &[MatcherTimes]) -> String {
         for (_, _, unit, get) in COLUMNS {
             let spread = get(&row.stages);
             for part in [
-                |s: Spread| s.mean,
-                |s: Spread| s.median,
-                |s: Spread| s.lower,
-                |s: Spread| s.upper,
+                |s: Quartiles| s.mean,
+                |s: Quartiles| s.median,
+                |s: Quartiles| s.lower,
+                |s: Quartiles| s.upper,
             ] {
                 text.push(',');
                 text.push_str(&number(spread.map(|spread| part(spread) * unit)));
@@ -110,10 +110,10 @@ mod tests {
     fn rows() -> [MatcherTimes; 2] {
         let times = |matcher: &str, seconds: [f64; 3]| MatcherTimes {
             matcher: matcher.into(),
-            stages: StageSpreads {
-                features: Spread::of([1000.0, 1001.0]),
-                extract: Spread::of(seconds),
-                ..StageSpreads::default()
+            stages: StageQuartiles {
+                features: Quartiles::of([1000.0, 1001.0]),
+                extract: Quartiles::of(seconds),
+                ..StageQuartiles::default()
             },
         };
         [

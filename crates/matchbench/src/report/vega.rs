@@ -241,7 +241,7 @@ mod tests {
         };
         let pairs = (0..10).map(|a| ((a, a + 1), known));
         content.geometry.insert("01-room".into(), pairs.collect());
-        let spread = crate::metrics::Spread::of([0.1]);
+        let spread = crate::metrics::Quartiles::of([0.1]);
         for summary in &mut content.summaries {
             summary.stages.extract = spread;
             summary.stages.search = spread;

@@ -9,9 +9,9 @@ use nalgebra::Isometry3;
 
 use super::Contender;
 use super::guard::{Broken, guard, timed};
-use super::judging::Trial;
 use super::matching::{search, select};
 use super::sourcing::sourced;
+use super::trial::Trial;
 use crate::matchers::{BuiltMatcher, BuiltPointSource, ImageFiles, Source};
 use crate::records::{Counts, Outcome, SelectedMatches, StageTimes};
 
@@ -74,7 +74,7 @@ pub fn evaluate(
     let mut outcomes = Vec::with_capacity(contender.estimators.len());
     for variant in &contender.estimators {
         let mut own = StageTimes::default();
-        let outcome = trial.judge(&matches.points, &variant.estimator, &mut own);
+        let outcome = trial.evaluate(&matches.points, &variant.estimator, &mut own);
         if outcomes.is_empty() {
             times.estimate = own.estimate;
         }

@@ -1,10 +1,10 @@
 //! A run: every matcher and estimator on every pair of every dataset, recorded as it goes.
 //!
-//! [`Run::execute`] and `Run::go_on` follow the way of the data: frames are decoded and extracted
+//! [`Run::execute`] and `Run::finish` follow the way of the data: frames are decoded and extracted
 //! (`frame`); pairs are searched and selected (`matching`), or matched by a source outside
-//! (`sourcing`); matched points are estimated and compared with the truth (`judging`); all tasks of a
+//! (`sourcing`); matched points are estimated and compared with the truth (`trial`); all tasks of a
 //! pair together (`pair`) are appended to the [folder of the run](crate::records::RunFolder). Around
-//! them: what is run ([`plan`]), what is left to do (`part`), which features are in memory
+//! them: what is run ([`plan`]), what is left to do (`progress`), which features are in memory
 //! (`resident`), which keypoints are shared by matchers (`detections`), which seed a task has
 //! ([`pair_seed`]), who is told ([`Observer`]) and who may stop it ([`Cancel`]). [`evaluate`] does the
 //! same for one pair, without a disk.
@@ -21,13 +21,12 @@ mod error;
 mod evaluate;
 mod frame;
 mod guard;
-mod judging;
 mod matching;
 mod observer;
 mod ordered;
 mod pair;
-mod part;
 mod plan;
+mod progress;
 mod resident;
 mod seeds;
 mod sourcing;
@@ -35,6 +34,7 @@ mod sourcing;
 mod testing;
 #[cfg(test)]
 mod tests;
+mod trial;
 
 pub use contender::{Contender, ContenderError, Outside, Variant, manifest};
 pub use error::RunError;
@@ -53,11 +53,11 @@ use crate::cache::FeatureCache;
 use crate::datasets::{DatasetError, Sequence, decode_gray};
 use crate::matchers::{BuiltMatcher, Source};
 use crate::records::images::ImageNotes;
-use crate::records::{MatchesFile, RunRecord, RunWriter, Settings, Tuned};
+use crate::records::{MatchesFile, RunFolder, RunRecord, RunWriter, Settings, Tuned};
 use frame::FrameStage;
-use ordered::in_order;
+use ordered::each_in_order;
 use pair::{PairDone, PairStages};
-use part::{Part, Unit};
+use progress::{MatcherProgress, PairTasks};
 use resident::Resident;
 
 /// A dataset and where it came from.
@@ -120,12 +120,33 @@ pub struct Run<'a> {
 
 /// Pairs that are listed at a time: enough to keep what is in memory in use, few enough that millions
 /// of pairs take no more of it.
-const UNITS_AT_ONCE: usize = 1 << 16;
+const PAIRS_AT_ONCE: usize = 1 << 16;
 
 impl Run<'_> {
     /// 512 MiB. The 30 images of castle at full resolution take 160 MB with SIFT; what does not
     /// fit comes from the cache again when it is needed.
     pub const FEATURE_MEMORY: usize = 512 << 20;
+
+    /// These matchers on these datasets into `folder`, everything else as the program has it: one repetition
+    /// of all pairs, features cached in the folder, matches kept.
+    pub fn new<'a>(
+        datasets: &'a [Dataset],
+        contenders: &'a [Contender],
+        folder: &'a Path,
+    ) -> Run<'a> {
+        Run {
+            datasets,
+            contenders,
+            settings: Settings::default(),
+            tuned: &[],
+            folder,
+            cache: FeatureCache::new(RunFolder::default_cache_at(folder)),
+            decode,
+            keep_matches: true,
+            feature_memory: Run::FEATURE_MEMORY,
+            retry_failed: false,
+        }
+    }
 
     /// Does what is not yet recorded in the folder, until all is done or `cancel` is set.
     ///
@@ -146,23 +167,23 @@ impl Run<'_> {
         if !self.tuned.is_empty() {
             folder.note_tuned(self.tuned)?;
         }
-        let parts = self.parts(&folder)?;
-        let images = self.images(&parts, &folder)?;
+        let progresses = self.progresses(&folder)?;
+        let images = self.images(&progresses, &folder)?;
 
-        let mut summary: RunSummary = parts.iter().map(Part::summary).sum();
+        let mut summary: RunSummary = progresses.iter().map(MatcherProgress::summary).sum();
         observer.on_plan(folder.folder().plan(), summary);
         let mut ended = BTreeSet::new();
-        for part in parts.iter().filter(|part| !part.is_done()) {
-            let id = part.contender.source.id();
+        for progress in progresses.iter().filter(|progress| !progress.is_done()) {
+            let id = progress.contender.source.id();
             if cancel.is_set() {
                 break;
             }
             if ended.contains(id) {
                 continue;
             }
-            observer.on_part(&part.sequence.name, id);
-            let images = &images[&*part.sequence.name];
-            match self.go_on(part, images, &folder, observer, cancel, &mut summary) {
+            observer.on_matcher(&progress.sequence.name, id);
+            let images = &images[&*progress.sequence.name];
+            match self.finish(progress, images, &folder, observer, cancel, &mut summary) {
                 Err(RunError::SourceEnded { reason, .. }) => {
                     observer.on_ended(id, &reason);
                     ended.insert(id);
@@ -175,31 +196,34 @@ impl Run<'_> {
     }
 
     /// Each matcher on each dataset, and how far it has come.
-    fn parts(&self, folder: &RunWriter) -> Result<Vec<Part<'_>>, RunError> {
-        let mut parts = Vec::new();
+    fn progresses(&self, folder: &RunWriter) -> Result<Vec<MatcherProgress<'_>>, RunError> {
+        let mut progresses = Vec::new();
         for dataset in self.datasets {
             let sequence = &dataset.sequence;
             for contender in self.contenders {
                 let retry = self.retry_failed;
-                let part = Part::recover(folder, sequence, contender, self.settings, retry)?;
-                parts.push(part);
+                let progress =
+                    MatcherProgress::recover(folder, sequence, contender, self.settings, retry)?;
+                progresses.push(progress);
             }
         }
-        Ok(parts)
+        Ok(progresses)
     }
 
     /// The images that earlier processes worked with on each dataset of which something is left to be
     /// done; they must be the same still.
     fn images(
         &self,
-        parts: &[Part<'_>],
+        progresses: &[MatcherProgress<'_>],
         folder: &RunWriter,
     ) -> Result<BTreeMap<&str, Mutex<ImageNotes>>, RunError> {
         let mut images = BTreeMap::new();
         for dataset in self.datasets {
             let Sequence { name, frames, .. } = &dataset.sequence;
-            let is_left = |part: &Part<'_>| part.sequence.name == *name && !part.is_done();
-            if parts.iter().any(is_left) {
+            let is_left = |progress: &MatcherProgress<'_>| {
+                progress.sequence.name == *name && !progress.is_done()
+            };
+            if progresses.iter().any(is_left) {
                 let notes = folder.images_of(name)?;
                 notes.verify(|frame| Some(&*frames.get(frame as usize)?.image))?;
                 images.insert(&**name, Mutex::new(notes));
@@ -208,19 +232,20 @@ impl Run<'_> {
         Ok(images)
     }
 
-    /// Does what is left of one part: first, what failed and may do better now, whose records take the
+    /// Does what is left of one matcher on one dataset: first, what failed and may do better now, whose records take the
     /// place of the earlier ones; then what was never done.
-    fn go_on(
+    fn finish(
         &self,
-        part: &Part<'_>,
+        progress: &MatcherProgress<'_>,
         images: &Mutex<ImageNotes>,
         folder: &RunWriter,
         observer: &dyn Observer,
         cancel: &Cancel,
         summary: &mut RunSummary,
     ) -> Result<(), RunError> {
-        let matches_of =
-            || (folder.folder()).matches_of(&part.sequence.name, part.contender.source.id());
+        let matches_of = || {
+            (folder.folder()).matches_of(&progress.sequence.name, progress.contender.source.id())
+        };
         let mut matches_file = matches_of()?;
         let mut told = |record: &RunRecord| {
             summary.add(record);
@@ -237,7 +262,7 @@ impl Run<'_> {
         let work = Work {
             run: self,
             stages: PairStages {
-                part,
+                progress,
                 decode: self.decode,
                 root: self.settings.seed,
                 time_budget: self.time_budget(),
@@ -248,8 +273,8 @@ impl Run<'_> {
             cancel,
         };
 
-        let mut replacements = part.replacements();
-        let again = work.all(part.units_again(), |done| {
+        let mut replacements = progress.replacements();
+        let retried = work.all(progress.failed_pairs(), |done| {
             keep(&done)?;
             for (estimator, record) in done.records {
                 told(&record);
@@ -260,14 +285,14 @@ impl Run<'_> {
         for replacement in &mut replacements {
             replacement.write()?;
         }
-        again?;
+        retried?;
         drop(replacements);
 
-        let (dataset, matcher) = (&part.sequence.name, part.contender.source.id());
-        let mut writers = (part.contender.estimators.iter())
+        let (dataset, matcher) = (&progress.sequence.name, progress.contender.source.id());
+        let mut writers = (progress.contender.estimators.iter())
             .map(|variant| folder.append_to(dataset, matcher, &variant.name))
             .collect::<Result<Vec<_>, _>>()?;
-        work.all(part.units(), |done| {
+        work.all(progress.pending_pairs(), |done| {
             keep(&done)?;
             for (estimator, record) in done.records {
                 writers[estimator].append(&record)?;
@@ -283,7 +308,7 @@ impl Run<'_> {
     }
 }
 
-/// Work on one part.
+/// Work of one matcher on one dataset.
 struct Work<'a> {
     run: &'a Run<'a>,
     stages: PairStages<'a>,
@@ -294,39 +319,39 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// Does `units`, as many at a time as memory should hold, and hands over what came of each in their
+    /// Does `pairs`, as many at a time as memory should hold, and hands over what came of each in their
     /// order.
     fn all<'u>(
         &self,
-        mut units: impl Iterator<Item = Unit<'u>>,
+        mut pairs: impl Iterator<Item = PairTasks<'u>>,
         mut append: impl FnMut(PairDone) -> Result<(), RunError> + Send,
     ) -> Result<(), RunError> {
         let mut resident = Resident::new(self.run.feature_memory);
         loop {
-            let some: Vec<Unit<'u>> = units.by_ref().take(UNITS_AT_ONCE).collect();
+            let some: Vec<PairTasks<'u>> = pairs.by_ref().take(PAIRS_AT_ONCE).collect();
             if some.is_empty() || self.cancel.is_set() {
                 return Ok(());
             }
-            let (again, rest) = some.split_at(selected_before(&some, &self.stored));
-            let estimate = |unit: &Unit<'_>| Ok(self.stages.estimate(unit, &self.stored)?);
-            in_order(self.cancel, again, estimate, &mut append)?;
-            match &self.stages.part.contender.source {
+            let (matched, unmatched) = some.split_at(selected_before(&some, &self.stored));
+            let estimate = |tasks: &PairTasks<'_>| Ok(self.stages.estimate(tasks, &self.stored)?);
+            each_in_order(self.cancel, matched, estimate, &mut append)?;
+            match &self.stages.progress.contender.source {
                 Source::Matcher(matcher) => {
-                    self.extract_and_match(matcher, rest, &mut resident, &mut append)?;
+                    self.extract_and_match(matcher, unmatched, &mut resident, &mut append)?;
                 }
                 Source::Points(source) => {
-                    let matched = |unit: &Unit<'_>| self.stages.source(source, unit);
-                    in_order(self.cancel, rest, matched, &mut append)?;
+                    let matched = |tasks: &PairTasks<'_>| self.stages.source(source, tasks);
+                    each_in_order(self.cancel, unmatched, matched, &mut append)?;
                 }
             }
         }
     }
 
-    /// Does these `units` from their images on, window by window.
+    /// Does these `pairs` from their images on, window by window.
     fn extract_and_match(
         &self,
         matcher: &BuiltMatcher,
-        mut units: &[Unit<'_>],
+        mut pairs: &[PairTasks<'_>],
         resident: &mut Resident,
         append: &mut (impl FnMut(PairDone) -> Result<(), RunError> + Send),
     ) -> Result<(), RunError> {
@@ -336,11 +361,11 @@ impl Work<'_> {
             decode: self.run.decode,
             images: self.stages.images,
         };
-        let frames = &self.stages.part.sequence.frames;
-        while !units.is_empty() && !self.cancel.is_set() {
-            let (window, later) = units.split_at(resident.window(units));
+        let frames = &self.stages.progress.sequence.frames;
+        while !pairs.is_empty() && !self.cancel.is_set() {
+            let (window, later) = pairs.split_at(resident.window(pairs));
             let missing = resident.make_room(window);
-            in_order(
+            each_in_order(
                 self.cancel,
                 &missing,
                 |&frame| Ok((frame, frame_stage.extract(frame, &frames[frame as usize])?)),
@@ -354,23 +379,23 @@ impl Work<'_> {
                 break;
             }
             let jobs = resident.jobs(window);
-            in_order(
+            each_in_order(
                 self.cancel,
                 &jobs,
                 |job| Ok(self.stages.run(matcher, job)),
                 &mut *append,
             )?;
-            units = later;
+            pairs = later;
         }
         Ok(())
     }
 }
 
-/// How many of the first `units` need an estimation alone, since their matches are `stored`.
-fn selected_before(units: &[Unit<'_>], stored: &MatchesFile) -> usize {
-    let is_stored = |unit: &&Unit<'_>| {
-        let mut repetitions = unit.due.iter().map(|due| due.repetition);
-        repetitions.all(|repetition| stored.contains((unit.pair.a, unit.pair.b, repetition)))
+/// How many of the first `pairs` need an estimation alone, since their matches are `stored`.
+fn selected_before(pairs: &[PairTasks<'_>], stored: &MatchesFile) -> usize {
+    let is_stored = |tasks: &&PairTasks<'_>| {
+        let mut repetitions = tasks.due.iter().map(|due| due.repetition);
+        repetitions.all(|repetition| stored.contains((tasks.pair.a, tasks.pair.b, repetition)))
     };
-    units.iter().take_while(is_stored).count()
+    pairs.iter().take_while(is_stored).count()
 }

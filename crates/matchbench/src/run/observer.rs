@@ -15,7 +15,7 @@ pub trait Observer: Sync {
     }
 
     /// A matcher begins with a dataset.
-    fn on_part(&self, dataset: &str, matcher: &str) {
+    fn on_matcher(&self, dataset: &str, matcher: &str) {
         let _ = (dataset, matcher);
     }
 

@@ -16,7 +16,7 @@ use super::{Cancel, RunError};
 ///
 /// # Errors
 /// The first error of `work` or `sink`, in the order of the items; nothing after it is handed over.
-pub(super) fn in_order<I: Sync, T: Send>(
+pub(super) fn each_in_order<I: Sync, T: Send>(
     cancel: &Cancel,
     items: &[I],
     work: impl Fn(&I) -> Result<T, RunError> + Sync,
@@ -96,7 +96,7 @@ mod tests {
         };
         let work = |&item: &usize| Ok(hurried(item));
         pool(4)
-            .install(|| in_order(&Cancel::default(), &items, work, sink))
+            .install(|| each_in_order(&Cancel::default(), &items, work, sink))
             .unwrap();
         assert_eq!(left, items);
     }
@@ -118,7 +118,7 @@ mod tests {
                 left.push(item);
                 Ok(())
             };
-            let ended = pool(4).install(|| in_order(&Cancel::default(), &items, work, sink));
+            let ended = pool(4).install(|| each_in_order(&Cancel::default(), &items, work, sink));
             assert_eq!(ended.unwrap_err().to_string(), "broken");
             assert_eq!(left, [0, 1, 2, 3, 4]);
         }
@@ -141,7 +141,7 @@ mod tests {
             Ok(())
         };
         pool(3)
-            .install(|| in_order(&cancel, &items, work, sink))
+            .install(|| each_in_order(&cancel, &items, work, sink))
             .unwrap();
         assert_eq!(left, items[..taken.into_inner()]);
         assert!(left.len() >= 8 && left.len() < items.len());

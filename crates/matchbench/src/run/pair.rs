@@ -1,4 +1,4 @@
-//! All tasks of a pair: matched once for each repetition, judged by every estimator, recorded.
+//! All tasks of a pair: matched once for each repetition, estimated by every estimator, recorded.
 
 use std::mem;
 use std::sync::Mutex;
@@ -13,12 +13,12 @@ use matchbench_vision::seed::Seed;
 use super::RunError;
 use super::frame::{Decode, load, lock, read};
 use super::guard::Broken;
-use super::judging::Trial;
 use super::matching::{search, select};
-use super::part::{Due, Part, Unit};
+use super::progress::{MatcherProgress, PairTasks, PendingTask};
 use super::resident::{PairJob, Side};
 use super::seeds::pair_seed;
 use super::sourcing::sourced;
+use super::trial::Trial;
 use crate::datasets::Pair;
 use crate::matchers::{BuiltMatcher, BuiltPointSource, ImageFiles};
 use crate::records::images::ImageNotes;
@@ -27,7 +27,7 @@ use crate::records::{Counts, MatchesFile, RunRecord, SelectedMatches, StageTimes
 
 /// The stages that are done once per pair.
 pub(super) struct PairStages<'a> {
-    pub(super) part: &'a Part<'a>,
+    pub(super) progress: &'a MatcherProgress<'a>,
     pub(super) decode: Decode,
     /// Root of all random choices.
     pub(super) root: u64,
@@ -93,7 +93,7 @@ impl PairStages<'_> {
             });
             // Whoever comes next finds these results ready, and so without a time.
             let times = mem::take(&mut times);
-            self.judge_all(job.pair, due, &selected, counts, times, &mut done);
+            self.estimate_all(job.pair, due, &selected, counts, times, &mut done);
             done.keep(job.pair, repetition, selected);
         }
         done
@@ -106,10 +106,10 @@ impl PairStages<'_> {
     pub(super) fn source(
         &self,
         source: &BuiltPointSource,
-        unit: &Unit<'_>,
+        tasks: &PairTasks<'_>,
     ) -> Result<PairDone, RunError> {
-        let mut done = PairDone::of(unit.due.len());
-        let (sequence, pair) = (self.part.sequence, unit.pair);
+        let mut done = PairDone::of(tasks.due.len());
+        let (sequence, pair) = (self.progress.sequence, tasks.pair);
         let image = |frame: u32| &*sequence.frames[frame as usize].image;
         let files = ImageFiles {
             dataset: &sequence.name,
@@ -117,13 +117,13 @@ impl PairStages<'_> {
             images: [image(pair.a), image(pair.b)],
         };
         let hashes = self.hashes(pair)?;
-        for due in by_repetition(&unit.due) {
+        for due in by_repetition(&tasks.due) {
             let repetition = due[0].repetition;
             let seed = self.seed(pair, repetition);
             let (mut counts, mut times) = (Counts::default(), StageTimes::default());
             let (first, mut device) = (done.records.len(), None);
             let selected = sourced(source, &files, seed, &mut counts, &mut times, &mut device)?;
-            self.judge_all(pair, due, &selected, counts, times, &mut done);
+            self.estimate_all(pair, due, &selected, counts, times, &mut done);
             // Beside the times of the same record.
             done.records[first].1.device = device;
             if selected.is_ok() {
@@ -141,7 +141,7 @@ impl PairStages<'_> {
     fn hashes(&self, pair: &Pair) -> Result<Vec<(u32, blake3::Hash)>, RunError> {
         let mut hashes = Vec::new();
         for frame in [pair.a, pair.b] {
-            let path = &self.part.sequence.frames[frame as usize].image;
+            let path = &self.progress.sequence.frames[frame as usize].image;
             if !lock(self.images).is_noted(frame)
                 && let Ok(file) = read(path)
             {
@@ -157,24 +157,24 @@ impl PairStages<'_> {
     /// If they cannot be read.
     pub(super) fn estimate(
         &self,
-        unit: &Unit<'_>,
+        tasks: &PairTasks<'_>,
         stored: &MatchesFile,
     ) -> Result<PairDone, StoreError> {
-        let mut done = PairDone::of(unit.due.len());
-        for due in by_repetition(&unit.due) {
-            let matches = stored.read((unit.pair.a, unit.pair.b, due[0].repetition))?;
+        let mut done = PairDone::of(tasks.due.len());
+        for due in by_repetition(&tasks.due) {
+            let matches = stored.read((tasks.pair.a, tasks.pair.b, due[0].repetition))?;
             let matches = matches.expect("the caller saw that they are there");
             let (counts, times) = (matches.counts, StageTimes::default());
-            self.judge_all(unit.pair, due, &Ok(matches), counts, times, &mut done);
+            self.estimate_all(tasks.pair, due, &Ok(matches), counts, times, &mut done);
         }
         Ok(done)
     }
 
     /// The records of one repetition; the first of them has the `times` of the stages before.
-    fn judge_all(
+    fn estimate_all(
         &self,
         pair: &Pair,
-        due: &[Due],
+        due: &[PendingTask],
         selected: &Result<SelectedMatches, Broken>,
         counts: Counts,
         mut times: StageTimes,
@@ -187,13 +187,13 @@ impl PairStages<'_> {
             time_budget: self.time_budget,
         };
         for due in due {
-            let variant = &self.part.contender.estimators[due.estimator];
+            let variant = &self.progress.contender.estimators[due.estimator];
             let outcome = (selected.as_ref().map_err(Clone::clone)).and_then(|selected| {
-                let judged = trial.judge(&selected.points, &variant.estimator, &mut times);
-                judged.map_err(Broken::from)
+                let outcome = trial.evaluate(&selected.points, &variant.estimator, &mut times);
+                outcome.map_err(Broken::from)
             });
             let record = RunRecord {
-                task: self.part.task(pair, &variant.name, due.repetition),
+                task: self.progress.task(pair, &variant.name, due.repetition),
                 counts,
                 outcome: outcome.unwrap_or_else(Broken::outcome),
                 times: mem::take(&mut times),
@@ -204,12 +204,15 @@ impl PairStages<'_> {
     }
 
     fn seed(&self, pair: &Pair, repetition: u32) -> Seed {
-        let (dataset, matcher) = (&self.part.sequence.name, self.part.contender.source.id());
+        let (dataset, matcher) = (
+            &self.progress.sequence.name,
+            self.progress.contender.source.id(),
+        );
         pair_seed(self.root, dataset, matcher, (pair.a, pair.b), repetition)
     }
 
     fn camera(&self, frame: u32) -> &Camera {
-        &self.part.sequence.frames[frame as usize].camera
+        &self.progress.sequence.frames[frame as usize].camera
     }
 
     fn search<'j>(
@@ -223,7 +226,7 @@ impl PairStages<'_> {
         let (a, b) = (features(job.a)?, features(job.b)?);
         let putative = search(&*matcher.matcher, a, b, counts, times)?;
         let image = |frame: u32| {
-            let frame = &self.part.sequence.frames[frame as usize];
+            let frame = &self.progress.sequence.frames[frame as usize];
             load(self.decode, frame)
         };
         Ok(Searched {
@@ -263,6 +266,6 @@ impl PairStages<'_> {
 }
 
 /// The tasks of a pair, those of one repetition together.
-fn by_repetition(due: &[Due]) -> impl Iterator<Item = &[Due]> {
+fn by_repetition(due: &[PendingTask]) -> impl Iterator<Item = &[PendingTask]> {
     due.chunk_by(|x, y| x.repetition == y.repetition)
 }

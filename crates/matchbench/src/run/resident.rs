@@ -6,7 +6,7 @@ use matchbench_vision::features::{Descriptors, Features, Keypoint};
 
 use super::frame::Extracted;
 use super::guard::Broken;
-use super::part::{Due, Unit};
+use super::progress::{PairTasks, PendingTask};
 use crate::datasets::Pair;
 
 /// Most frames that are extracted before the pairs that need them are done: many enough to keep
@@ -34,7 +34,7 @@ struct Slot {
 /// A pair, ready to be done.
 pub(super) struct PairJob<'a> {
     pub(super) pair: &'a Pair,
-    pub(super) due: &'a [Due],
+    pub(super) due: &'a [PendingTask],
     pub(super) a: Side<'a>,
     pub(super) b: Side<'a>,
 }
@@ -58,33 +58,33 @@ impl Resident {
         }
     }
 
-    /// How many of the next `units` can be done at once: at least one, and so many that their
+    /// How many of the next `pairs` can be done at once: at least one, and so many that their
     /// features fit into the budget.
-    pub(super) fn window(&self, units: &[Unit<'_>]) -> usize {
+    pub(super) fn window(&self, pairs: &[PairTasks<'_>]) -> usize {
         let room = self.budget / self.largest.unwrap_or(ASSUMED).max(1);
         let (mut frames, mut new) = (BTreeSet::new(), 0);
-        let fits = |unit: &&Unit<'_>| {
-            for frame in [unit.pair.a, unit.pair.b] {
+        let fits = |tasks: &&PairTasks<'_>| {
+            for frame in [tasks.pair.a, tasks.pair.b] {
                 if frames.insert(frame) && !self.slots.contains_key(&frame) {
                     new += 1;
                 }
             }
             frames.len() <= room && new <= NEW_FRAMES
         };
-        units
+        pairs
             .iter()
             .take_while(fits)
             .count()
             .max(1)
-            .min(units.len())
+            .min(pairs.len())
     }
 
     /// Drops what stands in the way of this `window`, the longest unused first, and returns the frames
     /// that it lacks, in the order in which it needs them.
-    pub(super) fn make_room(&mut self, window: &[Unit<'_>]) -> Vec<u32> {
+    pub(super) fn make_room(&mut self, window: &[PairTasks<'_>]) -> Vec<u32> {
         self.windows += 1;
         let (mut missing, mut seen) = (Vec::new(), BTreeSet::new());
-        for frame in window.iter().flat_map(|unit| [unit.pair.a, unit.pair.b]) {
+        for frame in window.iter().flat_map(|tasks| [tasks.pair.a, tasks.pair.b]) {
             match self.slots.get_mut(&frame) {
                 Some(slot) => slot.used = self.windows,
                 None if seen.insert(frame) => missing.push(frame),
@@ -120,7 +120,7 @@ impl Resident {
 
     /// The pairs of a `window` with their features, all of which must be there. The time of an
     /// extraction goes to the first pair that uses it, and to no other.
-    pub(super) fn jobs<'a>(&'a mut self, window: &'a [Unit<'a>]) -> Vec<PairJob<'a>> {
+    pub(super) fn jobs<'a>(&'a mut self, window: &'a [PairTasks<'a>]) -> Vec<PairJob<'a>> {
         let mut take = |frame| {
             let slot = self.slots.get_mut(&frame);
             slot.expect("the features of this window were extracted")
@@ -129,18 +129,18 @@ impl Resident {
                 .take()
         };
         let seconds: Vec<_> = (window.iter())
-            .map(|unit| (take(unit.pair.a), take(unit.pair.b)))
+            .map(|tasks| (take(tasks.pair.a), take(tasks.pair.b)))
             .collect();
         let side = |frame, seconds| Side {
             features: self.slots[frame].extracted.features.as_ref(),
             seconds,
         };
         (window.iter().zip(seconds))
-            .map(|(unit, (seconds_a, seconds_b))| PairJob {
-                pair: unit.pair,
-                due: &unit.due,
-                a: side(&unit.pair.a, seconds_a),
-                b: side(&unit.pair.b, seconds_b),
+            .map(|(tasks, (seconds_a, seconds_b))| PairJob {
+                pair: tasks.pair,
+                due: &tasks.due,
+                a: side(&tasks.pair.a, seconds_a),
+                b: side(&tasks.pair.b, seconds_b),
             })
             .collect()
     }
@@ -192,9 +192,9 @@ mod tests {
             .collect()
     }
 
-    fn units(pairs: &[Pair]) -> Vec<Unit<'_>> {
+    fn without_tasks(pairs: &[Pair]) -> Vec<PairTasks<'_>> {
         (pairs.iter())
-            .map(|pair| Unit {
+            .map(|pair| PairTasks {
                 pair,
                 due: Vec::new(),
             })
@@ -203,8 +203,8 @@ mod tests {
 
     /// Goes through all pairs; returns the frames of each window and the most bytes that were held.
     fn walk(pairs: &[Pair], count: usize, budget: usize) -> (Vec<Vec<u32>>, usize) {
-        let (units, mut resident) = (units(pairs), Resident::new(budget));
-        let (mut loads, mut most, mut rest) = (Vec::new(), 0, &units[..]);
+        let (pairs, mut resident) = (without_tasks(pairs), Resident::new(budget));
+        let (mut loads, mut most, mut rest) = (Vec::new(), 0, &pairs[..]);
         while !rest.is_empty() {
             let (window, later) = rest.split_at(resident.window(rest));
             let missing = resident.make_room(window);
@@ -249,18 +249,18 @@ mod tests {
     fn a_window_is_never_longer_than_what_is_left() {
         let pairs = pairs(&[(0, 0), (0, 0)]);
         let resident = Resident::new(64 << 20);
-        assert_eq!(resident.window(&units(&pairs)), 2);
+        assert_eq!(resident.window(&without_tasks(&pairs)), 2);
         assert_eq!(resident.window(&[]), 0);
     }
 
     #[test]
     fn the_time_of_an_extraction_goes_to_the_first_pair() {
         let pairs = pairs(&[(0, 1), (0, 2)]);
-        let (units, mut resident) = (units(&pairs), Resident::new(64 << 20));
-        for frame in resident.make_room(&units) {
+        let (pairs, mut resident) = (without_tasks(&pairs), Resident::new(64 << 20));
+        for frame in resident.make_room(&pairs) {
             resident.insert(frame, extracted(1));
         }
-        let times: Vec<_> = (resident.jobs(&units).iter())
+        let times: Vec<_> = (resident.jobs(&pairs).iter())
             .map(|job| (job.a.seconds, job.b.seconds))
             .collect();
         assert_eq!(times, [(Some(0.5), Some(0.5)), (None, Some(0.5))]);

@@ -74,20 +74,16 @@ pub(super) fn dataset(folder: &Path, name: &str, frames: u32) -> Dataset {
 /// the times of stages; the folder holds the dataset and the run.
 pub(super) fn records_of(folder: &Path, contenders: &[Contender]) -> Vec<RunRecord> {
     let run_folder = folder.join("run");
+    let datasets = [dataset(folder, "street", 12)];
     let run = Run {
-        datasets: &[dataset(folder, "street", 12)],
-        contenders,
         settings: Settings {
             repetitions: NonZeroU32::new(2).unwrap(),
             ..Settings::default()
         },
-        tuned: &[],
-        folder: &run_folder,
         cache: FeatureCache::new(folder.join("cache")),
         decode,
-        keep_matches: true,
         feature_memory: 20_000,
-        retry_failed: false,
+        ..Run::new(&datasets, contenders, &run_folder)
     };
     run.execute(&Silent, &Cancel::default()).unwrap();
     let mut records = RunFolder::open(&run_folder).unwrap().records().unwrap();

@@ -57,16 +57,11 @@ impl Bench {
     ) -> Result<RunSummary, RunError> {
         let folder = self.path(name);
         let run = Run {
-            datasets: &self.datasets,
-            contenders: &self.contenders,
             settings: self.settings,
-            tuned: &[],
-            cache: FeatureCache::new(folder.join("cache")),
-            folder: &folder,
             decode,
-            keep_matches: true,
             feature_memory: 20_000,
             retry_failed: self.retry_failed,
+            ..Run::new(&self.datasets, &self.contenders, &folder)
         };
         let pool = ThreadPoolBuilder::new().num_threads(self.threads).build();
         pool.unwrap().install(|| run.execute(observer, cancel))

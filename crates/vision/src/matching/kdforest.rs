@@ -130,7 +130,7 @@ struct Node {
 }
 
 /// Rows that are still to be cut: a range of their order, and the side of a node that leads to them.
-struct Part {
+struct Branch {
     range: Range<usize>,
     parent: Option<(usize, usize)>,
 }
@@ -169,13 +169,13 @@ impl Forest {
             return;
         }
         self.roots.push(self.next_link(order));
-        let mut spread = Spread::new(rows.dim());
+        let mut variances = Variances::new(rows.dim());
         // On the heap, since the tree may be deeper than the stack of a thread.
-        let mut parts = vec![Part {
+        let mut branches = vec![Branch {
             range: 0..order.len(),
             parent: None,
         }];
-        while let Some(Part { range, parent }) = parts.pop() {
+        while let Some(Branch { range, parent }) = branches.pop() {
             let part = &mut order[range.clone()];
             if let Some((node, side)) = parent {
                 self.nodes[node].sides[side] = self.next_link(part);
@@ -183,8 +183,8 @@ impl Forest {
             if part.len() < 2 {
                 continue;
             }
-            spread.measure(rows, &part[..part.len().min(SAMPLE)]);
-            let (dimension, threshold) = spread.draw(rng);
+            variances.measure(rows, &part[..part.len().min(SAMPLE)]);
+            let (dimension, threshold) = variances.draw(rng);
             let below = |&index: &u32| rows.row(index as usize)[dimension] < threshold;
             let mut count = split(part, below);
             if count == 0 || count == part.len() {
@@ -199,7 +199,7 @@ impl Forest {
             let middle = range.start + count;
             for (range, side) in [(middle..range.end, 1), (range.start..middle, 0)] {
                 let parent = Some((node, side));
-                parts.push(Part { range, parent });
+                branches.push(Branch { range, parent });
             }
         }
     }
@@ -225,14 +225,14 @@ fn split(part: &mut [u32], below: impl Fn(&u32) -> bool) -> usize {
     count
 }
 
-/// How the values of each dimension are spread in a sample.
-struct Spread {
+/// How the values of each dimension vary in a sample.
+struct Variances {
     means: Vec<f32>,
     /// Sums of squared deviations: the variances times the same number.
     squares: Vec<f32>,
 }
 
-impl Spread {
+impl Variances {
     fn new(dim: usize) -> Self {
         Self {
             means: vec![0.0; dim],

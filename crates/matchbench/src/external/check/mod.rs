@@ -105,13 +105,13 @@ pub fn check(
     for pair in &pairs {
         let matched = ask(&external, kind, pair.pair, pair.images());
         match &matched {
-            Ok(matched) => judge(pair, matched, tell),
+            Ok(matched) => inspect(pair, matched, tell),
             Err(breakdown) => tell(wrong(format!("{}: {breakdown}", names(pair.pair)))),
         }
         first.get_or_insert(matched);
     }
     if let (Some(pair), Some(Ok(first))) = (pairs.first(), first) {
-        tell(again(
+        tell(compare_repeat(
             &first,
             ask(&external, kind, pair.pair, pair.images()),
         ));
@@ -206,7 +206,7 @@ fn ask(
 }
 
 /// Says how many matches there are, how long they took and whether they can be right.
-fn judge(pair: &CheckPair, matched: &Matched, tell: &mut dyn FnMut(Finding)) {
+fn inspect(pair: &CheckPair, matched: &Matched, tell: &mut dyn FnMut(Finding)) {
     let (name, count) = (names(pair.pair), matched.rows.len());
     let features = matched
         .features
@@ -250,7 +250,7 @@ fn judge(pair: &CheckPair, matched: &Matched, tell: &mut dyn FnMut(Finding)) {
 }
 
 /// Whether the same question has the same answer.
-fn again(first: &Matched, second: Result<Matched, Breakdown>) -> Finding {
+fn compare_repeat(first: &Matched, second: Result<Matched, Breakdown>) -> Finding {
     match second {
         Err(breakdown) => wrong(format!("the same pair again: {breakdown}")),
         Ok(second) if second.rows == first.rows => {
@@ -352,7 +352,7 @@ mod tests {
                 times: Times::default(),
             };
             let mut told = Vec::new();
-            judge(&pair, &matched, &mut |finding| told.push(finding));
+            inspect(&pair, &matched, &mut |finding| told.push(finding));
             let last = told.pop().unwrap();
             (last.verdict, last.text)
         };

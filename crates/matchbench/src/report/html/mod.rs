@@ -28,7 +28,7 @@ use super::figures::{
 use super::method;
 use super::numbers::{self, NONE, interval, ratio};
 use super::overview::{Cell, Overview, REFERENCE, Row, Subject};
-use super::svg::{Place, data_url, legend_sample};
+use super::svg::{Target, data_url, legend_sample};
 use super::words::{definitions, leads_in_words};
 
 /// The three ways to judge a pose, as the page calls them.
@@ -99,7 +99,7 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         panels => panels(&overview),
         bars => bars(&overview),
         leads => figures(&overview, |column| {
-            lead_figure(content, &overview, column, Place::Page)
+            lead_figure(content, &overview, column, Target::Page)
         }),
         verdicts => (leads_in_words(&content.leads).lines())
             .map(str::to_owned)
@@ -281,7 +281,7 @@ fn curves(overview: &Overview<'_>) -> Vec<Value> {
         .map(|(column, dataset)| {
             let panels: Vec<Value> = ANGLES
                 .map(|(name, angle)| {
-                    let svg = sp_figure(overview, column, angle, Place::Page);
+                    let svg = sp_figure(overview, column, angle, Target::Page);
                     context! { name, svg => Value::from_safe_string(svg) }
                 })
                 .to_vec();
@@ -315,7 +315,7 @@ fn panels(overview: &Overview<'_>) -> Vec<Value> {
     (Portion::ALL.into_iter())
         .filter(|_| several)
         .filter_map(|portion| {
-            let svg = ap_panel_figure(overview, portion, Place::Page)?;
+            let svg = ap_panel_figure(overview, portion, Target::Page)?;
             let name = match portion {
                 Portion::Short => "Short baselines",
                 Portion::Wide => "Wide baselines",
@@ -327,7 +327,7 @@ fn panels(overview: &Overview<'_>) -> Vec<Value> {
 
 fn bars(overview: &Overview<'_>) -> Vec<Value> {
     figures(overview, |column| {
-        Some(ap_figure(overview, column, Place::Page))
+        Some(ap_figure(overview, column, Target::Page))
     })
 }
 
@@ -345,7 +345,7 @@ fn figures(overview: &Overview<'_>, draw: impl Fn(usize) -> Option<String>) -> V
 fn scatters(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
     (overview.datasets.iter().enumerate())
         .filter_map(|(column, dataset)| {
-            let svg = time_figure(content, overview, column, Place::Page)?;
+            let svg = time_figure(content, overview, column, Target::Page)?;
             let untimed: Vec<&str> = untimed(content, overview, column).into_iter().collect();
             Some(context! {
                 dataset => *dataset,
@@ -361,7 +361,7 @@ fn difficulties(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
     (overview.datasets.iter().enumerate())
         .filter_map(|(column, dataset)| {
             let panel = |difficulty: Difficulty| {
-                let svg = difficulty_figure(content, overview, column, difficulty, Place::Page)?;
+                let svg = difficulty_figure(content, overview, column, difficulty, Target::Page)?;
                 Some(context! { name => difficulty.name(), svg => Value::from_safe_string(svg) })
             };
             let panels: Vec<Value> = Difficulty::ALL.into_iter().filter_map(panel).collect();
@@ -375,7 +375,7 @@ fn difficulties(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
 /// Matchers by estimators: the mean over all datasets, then each.
 fn estimators(summaries: &[Summary], overview: &Overview<'_>) -> Vec<Value> {
     let figure = |name: &str, basis: String, dataset| {
-        let svg = estimator_figure(summaries, dataset, Place::Page)?;
+        let svg = estimator_figure(summaries, dataset, Target::Page)?;
         Some(context! { dataset => name, basis, svg => Value::from_safe_string(svg) })
     };
     let several = overview.datasets.len() > 1;
@@ -438,7 +438,7 @@ mod tests {
     use super::super::RunFacts;
     use super::super::tests::content;
     use super::*;
-    use crate::metrics::Spread;
+    use crate::metrics::Quartiles;
 
     fn page(sets: &[(&str, &str, u32)], title: &str) -> String {
         let mut content = content(sets);
@@ -511,7 +511,7 @@ mod tests {
     #[test]
     fn matchers_with_the_same_features_share_their_detection() {
         let mut content = content(&[("room", "gms", 4), ("room", "gms-s", 2)]);
-        let spread = Spread {
+        let spread = Quartiles {
             lower: 0.01,
             median: 0.02,
             upper: 0.03,
@@ -533,7 +533,7 @@ mod tests {
     fn times_are_shown_where_there_are_any() {
         let mut content = content(&[("room", "sift", 4)]);
         assert!(!render(&content).contains("id=\"times\""));
-        let spread = Spread {
+        let spread = Quartiles {
             lower: 0.01,
             median: 0.0213,
             upper: 0.05,
@@ -582,7 +582,7 @@ mod tests {
         let names = ["sift", "orb"].map(|matcher| ["room", "hall"].map(|room| (room, matcher, 4)));
         let mut content = content(names.as_flattened());
         content.summaries[1].estimator = "best".into();
-        content.summaries[0].stages.search = Some(Spread {
+        content.summaries[0].stages.search = Some(Quartiles {
             lower: 0.01,
             median: 0.02,
             upper: 0.03,

@@ -10,7 +10,7 @@ use crate::metrics::{Angle, PairResult};
 use super::super::content::Content;
 use super::super::file_names::file_names;
 use super::super::overview::Overview;
-use super::super::svg::{DISTANCES, Place, data_url, pair};
+use super::super::svg::{DISTANCES, Target, data_url, pair};
 use super::super::words::{FAILURES, name, reason};
 use super::Extent;
 
@@ -232,7 +232,7 @@ impl Listed<'_> {
                 continue;
             };
             let caption = format!("frames {} and {}", view.frames.0, view.frames.1);
-            let drawing = pair(Place::Page, view, &caption, MOST_MATCHES);
+            let drawing = pair(Target::Page, view, &caption, MOST_MATCHES);
             images.bytes += drawing.len();
             let picture = Picture {
                 images: view.images.each_ref().map(|image| images.index(image)),

@@ -11,7 +11,7 @@ use super::super::content::Content;
 use super::super::file_names::file_names;
 use super::super::numbers::short;
 use super::super::overview::Overview;
-use super::super::svg::{DISTANCES, Place, pair};
+use super::super::svg::{DISTANCES, Target, pair};
 use super::super::words::{method, sentence};
 use super::super::{PairView, Tally};
 use super::{environment, template};
@@ -96,7 +96,7 @@ fn panel(content: &Content, view: &PairView) -> Value {
             context! { frame, width => format!("{width:.3}") }
         })
         .collect();
-    let drawing = pair(Place::Page, view, "matches", MOST_MATCHES);
+    let drawing = pair(Target::Page, view, "matches", MOST_MATCHES);
     context! {
         label => method(&view.matcher, &view.estimator),
         words => result.map(sentence),

@@ -2,7 +2,7 @@
 
 use minijinja::{Value, context};
 
-use crate::metrics::{Spread, Summary};
+use crate::metrics::{Quartiles, Summary};
 
 use super::super::content::Content;
 use super::super::figures::{seconds_for_a_pair, stages_of};
@@ -56,7 +56,7 @@ pub(super) fn times(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
 
 /// A matcher, and its poses by each of the estimators.
 fn time_row(content: &Content, first: &Summary, poses: &[Option<&Summary>]) -> Value {
-    let quartiles = |spread: Option<Spread>, number: fn(Option<f64>) -> String| {
+    let quartiles = |spread: Option<Quartiles>, number: fn(Option<f64>) -> String| {
         let tip = spread.map(|spread| {
             format!(
                 "quartiles: {} to {}",

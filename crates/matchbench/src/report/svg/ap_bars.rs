@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::metrics::Score;
 
 use super::super::numbers::{count, interval};
-use super::{COLOURS, INK, PALETTE, Place, axis, escape, open, shorten, text, width_of};
+use super::{COLOURS, INK, PALETTE, Target, axis, escape, open, shorten, text, width_of};
 
 /// Room beside the names.
 const MARGIN: f64 = 14.0;
@@ -15,13 +15,13 @@ const LINE: f64 = 19.0;
 
 /// One bar per `(number of the matcher in the report, name, AP)`, with a whisker for its interval.
 pub(in super::super) fn ap_bars(
-    place: Place,
+    target: Target,
     title: &str,
     bars: &[(usize, &str, Score)],
 ) -> String {
-    let top = match place {
-        Place::File => 30.0,
-        Place::Page => 2.0,
+    let top = match target {
+        Target::File => 30.0,
+        Target::Page => 2.0,
     };
     let left = MARGIN + width_of(bars.iter().map(|(_, name, _)| *name));
     let width = left + BAR + RIGHT;
@@ -34,7 +34,7 @@ pub(in super::super) fn ap_bars(
 
     let mut svg = String::new();
     let height = top + bars.len() as f64 * LINE + 6.0;
-    open(&mut svg, place, "chart ap", (width, height), title);
+    open(&mut svg, target, "chart ap", (width, height), title);
     for (row, (series, name, ap)) in bars.iter().enumerate() {
         let middle = top + (row as f64 + 0.5) * LINE;
         let (class, colour) = (series % COLOURS, PALETTE[series % COLOURS]);
@@ -119,7 +119,7 @@ mod tests {
                 },
             ),
         ];
-        let svg = ap_bars(Place::File, "room", &bars);
+        let svg = ap_bars(Target::File, "room", &bars);
         // The axis ends at 1000, so the first bar fills it; the second has none.
         assert!(svg.contains(r#"width="210.0""#), "{svg}");
         assert_eq!(svg.matches("class=\"fill\"").count(), 1);

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use super::super::numbers::count;
 use super::series::{Legend, open_group};
-use super::{COLOURS, PALETTE, Place, axis_label, grid, open, text};
+use super::{COLOURS, PALETTE, Target, axis_label, grid, open, text};
 
 const LEFT: f64 = 56.0;
 const HEIGHT: f64 = 220.0;
@@ -19,23 +19,23 @@ pub(in super::super) type ApSeries<'a> = (usize, &'a str, Vec<Option<f64>>);
 
 /// The panel; every series has as many values as there are `sequences`.
 pub(in super::super) fn ap_panel(
-    place: Place,
+    target: Target,
     title: &str,
     sequences: &[String],
     series: &[ApSeries<'_>],
 ) -> String {
-    let top = match place {
-        Place::File => 38.0,
-        Place::Page => 8.0,
+    let top = match target {
+        Target::File => 38.0,
+        Target::Page => 8.0,
     };
     let (groups, bars) = (sequences.len().max(1) as f64, series.len().max(1) as f64);
     let bar = ((WIDTH / groups - GAP) / bars).clamp(BARS.0, BARS.1);
     let group = (bars * bar + GAP).max(WIDTH / groups);
     let right = LEFT + groups * group;
     let names = series.iter().map(|(_, name, _)| *name);
-    let legend = match place {
-        Place::File => Legend::beside(right, names),
-        Place::Page => Legend::NONE,
+    let legend = match target {
+        Target::File => Legend::beside(right, names),
+        Target::Page => Legend::NONE,
     };
     let (low, high) = decades(series);
     let y = |value: f64| {
@@ -47,7 +47,7 @@ pub(in super::super) fn ap_panel(
         top + HEIGHT.max(legend.height) + 26.0,
     );
     let mut svg = String::new();
-    open(&mut svg, place, "chart ap-panel", size, title);
+    open(&mut svg, target, "chart ap-panel", size, title);
     let mut decade = low;
     while decade <= high {
         let at = y(10_f64.powf(decade));
@@ -68,7 +68,7 @@ pub(in super::super) fn ap_panel(
             .collect();
         open_group(
             &mut svg,
-            place,
+            target,
             *number,
             &format!("{name}: {}", known.join(", ")),
         );
@@ -93,7 +93,7 @@ pub(in super::super) fn ap_panel(
             );
         }
         svg.push_str("</g>\n");
-        if place == Place::File {
+        if target == Target::File {
             legend.entry(&mut svg, (position, top), *number, (name, ""));
         }
     }
@@ -129,7 +129,7 @@ mod tests {
             (1, "gms", vec![Some(10_000.0), Some(1000.0)]),
         ];
         let sequences = ["01".to_owned(), "02".to_owned()];
-        let svg = ap_panel(Place::File, "short", &sequences, &series);
+        let svg = ap_panel(Target::File, "short", &sequences, &series);
         assert_eq!(svg.matches("class=\"fill\"").count(), 3);
         // From 100 to 10000: the highest bar is as high as the panel, that of 1000 half as high.
         assert!(
@@ -138,7 +138,7 @@ mod tests {
         );
         assert!(svg.contains("<title>sift: 01 100.0, 02 –</title>"));
         let nothing = ap_panel(
-            Place::Page,
+            Target::Page,
             "short",
             &sequences,
             &[(0, "sift", vec![None, None])],

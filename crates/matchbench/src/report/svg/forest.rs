@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::metrics::Score;
 
 use super::{
-    COLOURS, INK, MUTED, PALETTE, Place, axis, escape, grid, open, shorten, text, tick, width_of,
+    COLOURS, INK, MUTED, PALETTE, Target, axis, escape, grid, open, shorten, text, tick, width_of,
 };
 
 /// Room beside the names.
@@ -28,14 +28,14 @@ pub(in super::super) struct Rival<'a> {
 /// One line per rival: a dot and its interval over the difference to the best. Where the interval
 /// holds 0 the dot is hollow and the line pale.
 pub(in super::super) fn forest(
-    place: Place,
+    target: Target,
     title: &str,
     best: &str,
     rivals: &[Rival<'_>],
 ) -> String {
-    let top = match place {
-        Place::File => 30.0,
-        Place::Page => 2.0,
+    let top = match target {
+        Target::File => 30.0,
+        Target::Page => 2.0,
     };
     let left = MARGIN + width_of(rivals.iter().map(|rival| rival.name));
     let ends = |rival: &Rival<'_>| {
@@ -61,7 +61,7 @@ pub(in super::super) fn forest(
     let mut svg = String::new();
     open(
         &mut svg,
-        place,
+        target,
         "chart lead",
         (left + PLOT + RIGHT, bottom + 36.0),
         title,
@@ -148,7 +148,7 @@ mod tests {
             },
         };
         let rivals = [rival("far", 0.2, 0.1, 0.3), rival("near", 0.02, -0.1, 0.1)];
-        let svg = forest(Place::Page, "room", "best", &rivals);
+        let svg = forest(Target::Page, "room", "best", &rivals);
         assert_eq!(svg.matches("<circle").count(), 2);
         assert_eq!(svg.matches("hollow").count(), 1);
         assert!(
@@ -162,6 +162,6 @@ mod tests {
             },
             ..rival("x", 0.0, 0.0, 0.0)
         };
-        assert!(!forest(Place::File, "room", "best", &[unknown]).contains("NaN"));
+        assert!(!forest(Target::File, "room", "best", &[unknown]).contains("NaN"));
     }
 }

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::super::numbers::ratio;
-use super::{Place, escape, open, shorten, text, width_of};
+use super::{Target, escape, open, shorten, text, width_of};
 
 /// Room beside the names.
 const MARGIN: f64 = 16.0;
@@ -20,15 +20,15 @@ const SCALE: [[f64; 3]; 3] = [
 /// One row per matcher, one column per estimator; `None` where the two were not run together. The
 /// colours span the values that are there.
 pub(in super::super) fn heat_map(
-    place: Place,
+    target: Target,
     title: &str,
     matchers: &[&str],
     estimators: &[&str],
     cells: &[Vec<Option<f64>>],
 ) -> String {
-    let top = match place {
-        Place::File => 30.0,
-        Place::Page => 2.0,
+    let top = match target {
+        Target::File => 30.0,
+        Target::Page => 2.0,
     };
     let values = || cells.iter().flatten().flatten().copied();
     let low = values().fold(f64::INFINITY, f64::min);
@@ -39,7 +39,7 @@ pub(in super::super) fn heat_map(
         top + HEAD + CELL.1 * matchers.len() as f64 + 8.0,
     );
     let mut svg = String::new();
-    open(&mut svg, place, "chart heat", size, title);
+    open(&mut svg, target, "chart heat", size, title);
     for (column, estimator) in estimators.iter().enumerate() {
         let at = (left + CELL.0 * (column as f64 + 0.5), top + 16.0);
         text(&mut svg, "muted", at, "middle", &shorten(estimator));
@@ -100,7 +100,7 @@ mod tests {
     fn best_is_darkest_and_what_was_not_run_is_empty() {
         let cells = [vec![Some(0.2), Some(0.8)], vec![None, Some(0.5)]];
         let svg = heat_map(
-            Place::File,
+            Target::File,
             "<room>",
             &["sift", "orb"],
             &["ransac-e", "usac"],
@@ -110,7 +110,7 @@ mod tests {
         assert_eq!(svg.matches("<rect").count(), 4);
         assert!(svg.contains("#084081") && svg.contains("#f4f7fb"), "{svg}");
         assert!(!svg.contains("<room>"));
-        let alone = heat_map(Place::Page, "", &["sift"], &["x"], &[vec![Some(0.3)]]);
+        let alone = heat_map(Target::Page, "", &["sift"], &["x"], &[vec![Some(0.3)]]);
         assert!(!alone.contains("NaN"));
     }
 }

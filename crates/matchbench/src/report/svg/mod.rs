@@ -29,7 +29,7 @@ pub(super) use strata::strata_curves;
 
 /// Where a figure is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum Target {
     /// Alone: with background, legend and title.
     File,
     /// In the page, which has its own.
@@ -87,16 +87,16 @@ pub(super) fn shorten(name: &str) -> String {
 
 /// The opening tag of a figure of this size, its title for screen readers and, in a file, the
 /// background and the title in sight.
-fn open(svg: &mut String, place: Place, class: &str, (width, height): (f64, f64), title: &str) {
+fn open(svg: &mut String, target: Target, class: &str, (width, height): (f64, f64), title: &str) {
     let title = escape(title);
-    match place {
-        Place::Page => {
+    match target {
+        Target::Page => {
             let _ = writeln!(
                 svg,
                 r#"<svg class="{class}" viewBox="0 0 {width} {height}" role="img" aria-label="{title}" tabindex="0">"#
             );
         }
-        Place::File => {
+        Target::File => {
             let _ = writeln!(
                 svg,
                 r#"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" font-family="DejaVu Sans, Verdana, sans-serif">"#

@@ -8,7 +8,7 @@ use base64::engine::general_purpose::STANDARD;
 use nalgebra::Point2;
 
 use super::super::pair_view::{MatchView, PairView, Thumbnail, class_of, evenly};
-use super::{MUTED, Place, escape, open, text};
+use super::{MUTED, Target, escape, open, text};
 
 /// Width of the drawing, and of the gap between the images.
 const WIDTH: f64 = 1000.0;
@@ -36,7 +36,12 @@ struct Layout {
 
 /// The drawing; at most `limit` matches, evenly taken from the list. In the page the images are
 /// not part of it: they stand behind it.
-pub(in super::super) fn pair(place: Place, view: &PairView, caption: &str, limit: usize) -> String {
+pub(in super::super) fn pair(
+    target: Target,
+    view: &PairView,
+    caption: &str,
+    limit: usize,
+) -> String {
     let sizes = view
         .images
         .each_ref()
@@ -45,20 +50,20 @@ pub(in super::super) fn pair(place: Place, view: &PairView, caption: &str, limit
     let layout = Layout {
         scale,
         b: sizes[0].0 * scale + GAP,
-        top: if place == Place::File { 34.0 } else { 0.0 },
+        top: if target == Target::File { 34.0 } else { 0.0 },
         height: sizes[0].1.max(sizes[1].1) * scale,
     };
-    let legend = if place == Place::File { 66.0 } else { 0.0 };
+    let legend = if target == Target::File { 66.0 } else { 0.0 };
     let mut svg = String::new();
     let size = (WIDTH, layout.top + layout.height + legend);
     open(
         &mut svg,
-        place,
+        target,
         "pair",
         (size.0, (size.1 * 10.0).round() / 10.0),
         caption,
     );
-    if place == Place::File {
+    if target == Target::File {
         for (image, (left, size)) in view
             .images
             .iter()
@@ -74,10 +79,10 @@ pub(in super::super) fn pair(place: Place, view: &PairView, caption: &str, limit
             );
         }
     }
-    keypoints(&mut svg, place, &layout, view);
+    keypoints(&mut svg, target, &layout, view);
     matches(&mut svg, &layout, view, limit);
     lines(&mut svg, &layout, view, sizes[1]);
-    if place == Place::File {
+    if target == Target::File {
         key(&mut svg, layout.top + layout.height + 19.0, view, limit);
     }
     svg.push_str("</svg>\n");
@@ -102,9 +107,9 @@ impl Layout {
     }
 }
 
-fn keypoints(svg: &mut String, place: Place, layout: &Layout, view: &PairView) {
+fn keypoints(svg: &mut String, target: Target, layout: &Layout, view: &PairView) {
     // A picture of its own shows all of them, and is looked at larger.
-    let width = if place == Place::File { 2.4 } else { 4.4 };
+    let width = if target == Target::File { 2.4 } else { 4.4 };
     let mut dots = String::new();
     let [a, b] = &view.keypoints;
     for (x, y) in (a.iter().map(|&p| layout.a(p))).chain(b.iter().map(|&p| layout.b(p))) {

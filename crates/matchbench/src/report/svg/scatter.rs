@@ -7,7 +7,7 @@ use crate::metrics::Score;
 use super::super::numbers::{duration, interval, ratio};
 use super::labels::Labels;
 use super::series::{marker, open_group};
-use super::{MUTED, Place, axis, axis_label, grid, open, shorten, text, tick};
+use super::{MUTED, Target, axis, axis_label, grid, open, shorten, text, tick};
 
 const PLOT: (f64, f64) = (470.0, 270.0);
 const LEFT: f64 = 54.0;
@@ -26,10 +26,10 @@ pub(in super::super) struct Dot<'a> {
 
 /// AUC over the time for a pair, which is drawn on a logarithmic axis; the dashed line joins those
 /// that none is both faster and better than.
-pub(in super::super) fn scatter(place: Place, title: &str, dots: &[Dot<'_>]) -> String {
-    let top = match place {
-        Place::File => 34.0,
-        Place::Page => 8.0,
+pub(in super::super) fn scatter(target: Target, title: &str, dots: &[Dot<'_>]) -> String {
+    let top = match target {
+        Target::File => 34.0,
+        Target::Page => 8.0,
     };
     let dots: Vec<(&Dot<'_>, f64)> = (dots.iter())
         .filter(|dot| dot.seconds > 0.0)
@@ -45,7 +45,7 @@ pub(in super::super) fn scatter(place: Place, title: &str, dots: &[Dot<'_>]) -> 
 
     let mut svg = String::new();
     let size = (LEFT + PLOT.0 + RIGHT, top + PLOT.1 + BOTTOM);
-    open(&mut svg, place, "chart scatter", size, title);
+    open(&mut svg, target, "chart scatter", size, title);
     for value in (0..=((end - bottom) / step).round() as usize).map(|i| bottom + i as f64 * step) {
         grid(&mut svg, (LEFT, y(value)), (LEFT + PLOT.0, y(value)));
         let at = (LEFT - 7.0, y(value) + 3.5);
@@ -91,7 +91,7 @@ pub(in super::super) fn scatter(place: Place, title: &str, dots: &[Dot<'_>]) -> 
             Some(_) => format!(" (95 %: {})", interval(&dot.auc, ratio)),
             None => String::new(),
         };
-        open_group(&mut svg, place, dot.series, &(tip + &range));
+        open_group(&mut svg, target, dot.series, &(tip + &range));
         if let Some((high, low)) = whisker(dot) {
             let _ = writeln!(
                 svg,
@@ -214,7 +214,7 @@ mod tests {
             dot("fast", 0.1, Some(0.5)),
             dot("none", 1.0, None),
         ];
-        let svg = scatter(Place::File, "room", &dots);
+        let svg = scatter(Target::File, "room", &dots);
         assert_eq!(svg.matches("<circle").count(), 2);
         assert!(
             svg.contains(r#"cx="54.0""#) && svg.contains(r#"cx="524.0""#),
@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn nothing_timed_is_an_empty_figure() {
-        assert!(!scatter(Place::Page, "room", &[]).contains("NaN"));
-        assert!(!scatter(Place::Page, "room", &[dot("x", 0.0, Some(1.0))]).contains("inf"));
+        assert!(!scatter(Target::Page, "room", &[]).contains("NaN"));
+        assert!(!scatter(Target::Page, "room", &[dot("x", 0.0, Some(1.0))]).contains("inf"));
     }
 }

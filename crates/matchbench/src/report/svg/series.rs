@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{COLOURS, DASHES, PALETTE, PATTERNS, Place, escape, shorten, text, width_of};
+use super::{COLOURS, DASHES, PALETTE, PATTERNS, Target, escape, shorten, text, width_of};
 
 /// The line and marker of a matcher, for the legend of the page.
 pub(in super::super) fn legend_sample(series: usize) -> String {
@@ -16,11 +16,11 @@ pub(in super::super) fn legend_sample(series: usize) -> String {
 }
 
 /// Opens the group of a matcher, which its switch in the page turns off; `tip` is its tooltip.
-pub(super) fn open_group(svg: &mut String, place: Place, series: usize, tip: &str) {
+pub(super) fn open_group(svg: &mut String, target: Target, series: usize, tip: &str) {
     let class = series % COLOURS;
-    let switch = match place {
-        Place::Page => format!(r#" data-series="{series}""#),
-        Place::File => String::new(),
+    let switch = match target {
+        Target::Page => format!(r#" data-series="{series}""#),
+        Target::File => String::new(),
     };
     let tip = escape(tip);
     let _ = writeln!(

@@ -6,7 +6,7 @@ use crate::metrics::{SuccessCurve, THRESHOLDS};
 
 use super::super::numbers::ratio;
 use super::series::{Legend, marker, polyline};
-use super::{COLOURS, Place, axis, axis_label, escape, grid, open, text, tick};
+use super::{COLOURS, Target, axis, axis_label, escape, grid, open, text, tick};
 
 /// Size of the plot itself and its place in the figure, in user units.
 const PLOT: (f64, f64) = (350.0, 210.0);
@@ -17,18 +17,18 @@ const BOTTOM: f64 = 40.0;
 /// One figure with one curve per `(number of the matcher in the report, name, curve)`, in the order
 /// of the legend. Curves without values (no pairs) are left out.
 pub(in super::super) fn sp_curves(
-    place: Place,
+    target: Target,
     title: &str,
     curves: &[(usize, &str, &SuccessCurve)],
 ) -> String {
     let curves: Vec<_> = (curves.iter())
         .filter(|(_, _, curve)| curve.pairs > 0)
         .collect();
-    let legend = match place {
-        Place::File => Legend::beside(LEFT + PLOT.0, curves.iter().map(|(_, name, _)| *name)),
-        Place::Page => Legend::NONE,
+    let legend = match target {
+        Target::File => Legend::beside(LEFT + PLOT.0, curves.iter().map(|(_, name, _)| *name)),
+        Target::Page => Legend::NONE,
     };
-    let top = if place == Place::File { 34.0 } else { 8.0 };
+    let top = if target == Target::File { 34.0 } else { 8.0 };
     let width = LEFT + PLOT.0 + RIGHT + legend.width;
     // A long legend makes the figure higher.
     let plot = (PLOT.0, PLOT.1.max(legend.height));
@@ -39,7 +39,7 @@ pub(in super::super) fn sp_curves(
     let y = |share: f64| top + plot.1 * (1.0 - share / end);
 
     let mut svg = String::new();
-    open(&mut svg, place, "chart sp", (width, height), title);
+    open(&mut svg, target, "chart sp", (width, height), title);
     let ticks = (end / step).round() as usize;
     for value in (0..=ticks).map(|i| i as f64 * step) {
         grid(&mut svg, (x(1), y(value)), (x(15), y(value)));
@@ -53,7 +53,7 @@ pub(in super::super) fn sp_curves(
     let at = (LEFT + plot.0 / 2.0, top + plot.1 + 32.0);
     text(&mut svg, "muted", at, "middle", "error threshold (degrees)");
     axis_label(&mut svg, top + plot.1 / 2.0, "success ratio");
-    if place == Place::Page {
+    if target == Target::Page {
         let _ = writeln!(
             svg,
             r#"<line class="cursor" x1="0" x2="0" y1="{:.1}" y2="{:.1}" data-x1="{:.1}" data-x15="{:.1}" visibility="hidden"/>"#,
@@ -66,13 +66,13 @@ pub(in super::super) fn sp_curves(
     // The first lies above the others.
     for (row, (series, name, curve)) in curves.into_iter().enumerate().rev() {
         let points: Vec<(f64, f64)> = THRESHOLDS.map(|k| (x(k), y(curve.at(k)))).collect();
-        open_series(&mut svg, place, *series, name, curve);
+        open_series(&mut svg, target, *series, name, curve);
         polyline(&mut svg, *series, &points);
         // Every third point, not the same of neighbouring matchers: markers seldom cover another.
         for &(px, py) in points.iter().skip(series % 3).step_by(3) {
             marker(&mut svg, *series, px, py);
         }
-        if place == Place::File {
+        if target == Target::File {
             legend.entry(&mut svg, (row, top), *series, (name, &ratio(curve.auc())));
         }
         svg.push_str("</g>\n");
@@ -83,18 +83,18 @@ pub(in super::super) fn sp_curves(
 
 /// Opens the group of a matcher. In the page it carries its values, which the script shows on
 /// hover; in a file the name is its tooltip.
-fn open_series(svg: &mut String, place: Place, series: usize, name: &str, curve: &SuccessCurve) {
+fn open_series(svg: &mut String, target: Target, series: usize, name: &str, curve: &SuccessCurve) {
     let class = series % COLOURS;
     let name = escape(name);
-    match place {
-        Place::Page => {
+    match target {
+        Target::Page => {
             let values = curve.values().map(|value| format!("{value:.3}")).join(" ");
             let _ = writeln!(
                 svg,
                 r#"<g class="series s{class}" data-series="{series}" data-name="{name}" data-values="{values}">"#
             );
         }
-        Place::File => {
+        Target::File => {
             let _ = writeln!(svg, r#"<g class="series s{class}"><title>{name}</title>"#);
         }
     }
@@ -117,20 +117,20 @@ mod tests {
             (0, "sift", &curve(5, 10)),
             (9, "</g><script>", &curve(2, 10)),
         ];
-        let draw = |place| sp_curves(place, "<room>", &curves);
-        for place in [Place::File, Place::Page] {
-            let svg = draw(place);
-            assert_eq!(svg, draw(place));
+        let draw = |target| sp_curves(target, "<room>", &curves);
+        for target in [Target::File, Target::Page] {
+            let svg = draw(target);
+            assert_eq!(svg, draw(target));
             assert!(!svg.contains("<script>") && !svg.contains("<room>"));
             assert_eq!(svg.matches("<g ").count(), 2);
             assert_eq!(svg.matches("</g>").count(), 2);
         }
-        assert!(draw(Place::Page).contains("stroke-dasharray"));
+        assert!(draw(Target::Page).contains("stroke-dasharray"));
     }
 
     #[test]
     fn curves_without_values_are_left_out() {
-        let svg = sp_curves(Place::File, "room", &[(0, "sift", &curve(0, 0))]);
+        let svg = sp_curves(Target::File, "room", &[(0, "sift", &curve(0, 0))]);
         assert!(!svg.contains("NaN") && !svg.contains("<g"));
     }
 
@@ -138,7 +138,7 @@ mod tests {
     fn a_long_legend_makes_the_figure_higher() {
         let flat = curve(1, 10);
         let many: Vec<_> = (0..30).map(|i| (i, "matcher", &flat)).collect();
-        let svg = sp_curves(Place::File, "room", &many);
+        let svg = sp_curves(Target::File, "room", &many);
         assert!(svg.contains(r#"height="554""#), "{}", &svg[..120]);
         assert!(
             svg.contains(">0.100</text>"),

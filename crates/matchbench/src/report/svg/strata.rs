@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::super::numbers::ratio;
 use super::series::{Legend, marker, open_group, polyline};
-use super::{Place, axis, axis_label, escape, grid, open, text, tick};
+use super::{Target, axis, axis_label, escape, grid, open, text, tick};
 
 const PLOT: (f64, f64) = (350.0, 190.0);
 const LEFT: f64 = 54.0;
@@ -14,16 +14,16 @@ const BOTTOM: f64 = 42.0;
 /// One figure with one line per `(number of the matcher in the report, name, value per range)`;
 /// `ranges` are the labels below. The lines come in the order of the legend.
 pub(in super::super) fn strata_curves(
-    place: Place,
+    target: Target,
     title: &str,
     (what, ranges): (&str, &[String]),
     lines: &[(usize, &str, Vec<Option<f64>>)],
 ) -> String {
-    let legend = match place {
-        Place::File => Legend::beside(LEFT + PLOT.0, lines.iter().map(|(_, name, _)| *name)),
-        Place::Page => Legend::NONE,
+    let legend = match target {
+        Target::File => Legend::beside(LEFT + PLOT.0, lines.iter().map(|(_, name, _)| *name)),
+        Target::Page => Legend::NONE,
     };
-    let top = if place == Place::File { 34.0 } else { 8.0 };
+    let top = if target == Target::File { 34.0 } else { 8.0 };
     let plot = (PLOT.0, PLOT.1.max(legend.height));
     let size = (LEFT + plot.0 + RIGHT + legend.width, top + plot.1 + BOTTOM);
     let values = || {
@@ -36,7 +36,7 @@ pub(in super::super) fn strata_curves(
     let y = |value: f64| top + plot.1 * (1.0 - value / end);
 
     let mut svg = String::new();
-    open(&mut svg, place, "chart strata", size, title);
+    open(&mut svg, target, "chart strata", size, title);
     for value in (0..=(end / step).round() as usize).map(|i| i as f64 * step) {
         grid(&mut svg, (LEFT, y(value)), (LEFT + plot.0, y(value)));
         let at = (LEFT - 7.0, y(value) + 3.5);
@@ -55,7 +55,7 @@ pub(in super::super) fn strata_curves(
         for (range, value) in ranges.iter().zip(values) {
             let _ = write!(tip, "; {range}: {}", ratio(*value));
         }
-        open_group(&mut svg, place, *series, &tip);
+        open_group(&mut svg, target, *series, &tip);
         let points: Vec<_> = (values.iter().enumerate())
             .filter_map(|(i, value)| Some((x(i), y((*value)?))))
             .collect();
@@ -63,7 +63,7 @@ pub(in super::super) fn strata_curves(
         for &(px, py) in &points {
             marker(&mut svg, *series, px, py);
         }
-        if place == Place::File {
+        if target == Target::File {
             legend.entry(&mut svg, (row, top), *series, (name, ""));
         }
         svg.push_str("</g>\n");
@@ -83,10 +83,10 @@ mod tests {
             (0, "sift", vec![Some(0.5), None]),
             (3, "orb", vec![None, None]),
         ];
-        let svg = strata_curves(Place::Page, "room", ("baseline", &ranges), &lines);
+        let svg = strata_curves(Target::Page, "room", ("baseline", &ranges), &lines);
         assert_eq!(svg.matches("<circle").count(), 1);
         assert!(svg.contains("sift; &lt;1: 0.500; 1 to 2: –"), "{svg}");
         assert!(!svg.contains("NaN"));
-        assert!(!strata_curves(Place::File, "room", ("", &[]), &[]).contains("NaN"));
+        assert!(!strata_curves(Target::File, "room", ("", &[]), &[]).contains("NaN"));
     }
 }

@@ -99,7 +99,7 @@ pub struct Daisy {
 
 /// Where a histogram is read: pixels around it, and how far beyond the upper left one it lies.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct HistogramSite {
     /// Position of the histogram among those of all keypoints.
     index: usize,
     ring: usize,
@@ -161,7 +161,7 @@ impl Daisy {
         number: usize,
         keypoint: &Keypoint,
         size: Size,
-    ) -> impl Iterator<Item = Place> {
+    ) -> impl Iterator<Item = HistogramSite> {
         let at = [f64::from(keypoint.at.x), f64::from(keypoint.at.y)];
         let lengths = [size.width, size.height].map(|length| length as f64 - 2.0);
         let first = number * self.flower.len();
@@ -169,7 +169,7 @@ impl Daisy {
             let [x, y] = [at[0] + offset[0], at[1] + offset[1]];
             let inside = x >= 0.0 && y >= 0.0 && x < lengths[0] && y < lengths[1];
             let (column, row) = (x as usize, y as usize);
-            inside.then(|| Place {
+            inside.then(|| HistogramSite {
                 index: first + i,
                 ring,
                 column,

@@ -148,7 +148,7 @@ impl Sift {
             descriptors,
             ..
         } = pass;
-        let mut order = in_order(&keypoints);
+        let mut order = sorted_order(&keypoints);
         if let Some(limit) = self.params.limit {
             keep_strongest(&keypoints, &mut order, limit);
         }
@@ -262,7 +262,7 @@ fn is_inside(keypoint: &Keypoint, image: &GrayImage) -> bool {
 
 /// Indices of the keypoints: by column, then row, larger before smaller, then angle, and stronger
 /// before weaker; of those that agree in place, size and angle the first alone.
-fn in_order(keypoints: &[Keypoint]) -> Vec<usize> {
+fn sorted_order(keypoints: &[Keypoint]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..keypoints.len()).collect();
     order.sort_by(|&a, &b| {
         let (a, b) = (&keypoints[a], &keypoints[b]);

@@ -90,7 +90,7 @@ pub(super) struct Description<'a> {
     describer: PatchDescriber,
     orientations: Orientations,
     /// Of the octaves from the finest to the last with a keypoint.
-    octaves: Vec<Vec<Place>>,
+    octaves: Vec<Vec<PatchSite>>,
     /// The first place of the octave at work that is not in a row before the visitor's.
     next: usize,
     keypoints: &'a mut [Keypoint],
@@ -99,7 +99,7 @@ pub(super) struct Description<'a> {
 }
 
 /// Where a keypoint is described.
-struct Place {
+struct PatchSite {
     index: usize,
     layer: usize,
     column: usize,
@@ -111,7 +111,7 @@ impl<'a> Description<'a> {
     /// For keypoints inside of `image`.
     pub(super) fn new(sift: &'a Sift, image: &GrayImage, keypoints: &'a mut [Keypoint]) -> Self {
         let octaves = sift.shape().octaves(image.size());
-        let mut places: Vec<Vec<Place>> = Vec::new();
+        let mut places: Vec<Vec<PatchSite>> = Vec::new();
         for (index, keypoint) in keypoints.iter().enumerate() {
             debug_assert!(is_inside(keypoint, image), "{keypoint:?}");
             let (octave, layer) = sift.level(keypoint, &octaves);
@@ -119,7 +119,7 @@ impl<'a> Description<'a> {
             let (at, scale) = sift.in_octave(keypoint, number);
             let inside = |v: f32, length: usize| (v.round_ties_even() as usize).min(length - 1);
             places.resize_with(places.len().max(octave + 1), Vec::new);
-            places[octave].push(Place {
+            places[octave].push(PatchSite {
                 index,
                 layer,
                 column: inside(at.x, size.width),
@@ -150,7 +150,7 @@ impl<'a> Description<'a> {
         start..self.next
     }
 
-    fn describe(&mut self, strip: &Strip, &Place { index, layer, .. }: &Place) {
+    fn describe(&mut self, strip: &Strip, &PatchSite { index, layer, .. }: &PatchSite) {
         let keypoint = &mut self.keypoints[index];
         let (at, scale) = self.sift.in_octave(keypoint, strip.octave().number);
         let layer = strip.layer(layer);

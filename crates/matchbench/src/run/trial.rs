@@ -36,7 +36,7 @@ impl Trial<'_> {
     ///
     /// # Errors
     /// If the estimator breaks.
-    pub(super) fn judge(
+    pub(super) fn evaluate(
         &self,
         points: &MatchedPoints,
         estimator: &BuiltEstimator,

@@ -1,4 +1,4 @@
-//! One matcher with its estimators on one dataset: what is recorded, what is left.
+//! How far one matcher with its estimators has come on one dataset: what is recorded, what is left.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::mem;
@@ -14,49 +14,49 @@ const MOST_REPETITIONS: u32 = 128;
 /// How long records that were done again are not yet in the file.
 const REWRITTEN: Duration = Duration::from_secs(1);
 
-/// One matcher on one dataset.
-pub(super) struct Part<'a> {
+/// One matcher on one dataset, and how far it has come.
+pub(super) struct MatcherProgress<'a> {
     pub(super) sequence: &'a Sequence,
     pub(super) contender: &'a Contender,
     pairs: &'a [Pair],
     repetitions: u32,
     /// One file of records for each estimator.
-    sheets: Vec<Sheet>,
+    estimators: Vec<EstimatorProgress>,
 }
 
-/// The records of one estimator. They stand in the order of the tasks (pair by pair, repetition by
+/// The records of one estimator, and how many there are. They stand in the order of the tasks (pair by pair, repetition by
 /// repetition), so their number says which are done.
-struct Sheet {
+struct EstimatorProgress {
     file: PathBuf,
     done: usize,
     failed: usize,
-    /// Tasks that failed and are tried again, by their places among the records.
-    again: BTreeSet<usize>,
+    /// Tasks that failed and are tried again, by their indices among the records.
+    retried: BTreeSet<usize>,
     /// What is recorded, if some of it is to be tried again.
     records: Vec<RunRecord>,
 }
 
 /// A pair with what is left to be done of it.
 #[derive(Debug)]
-pub(super) struct Unit<'a> {
+pub(super) struct PairTasks<'a> {
     pub(super) pair: &'a Pair,
-    pub(super) due: Vec<Due>,
+    pub(super) due: Vec<PendingTask>,
 }
 
 /// A task of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Due {
+pub(super) struct PendingTask {
     pub(super) repetition: u32,
     /// Index among the contender's estimators.
     pub(super) estimator: usize,
 }
 
-impl<'a> Part<'a> {
-    /// The part as earlier processes left it; a torn last line is cut off. Tasks that failed are due
+impl<'a> MatcherProgress<'a> {
+    /// What earlier processes left; a torn last line is cut off. Tasks that failed are due
     /// again if their records say that another try may do better, or all of them with `retry_failed`.
     ///
     /// # Errors
-    /// If records cannot be read or are not those of this part.
+    /// If records cannot be read or are not those of this matcher and dataset.
     pub(super) fn recover(
         folder: &RunWriter,
         sequence: &'a Sequence,
@@ -68,39 +68,39 @@ impl<'a> Part<'a> {
             .limit
             .unwrap_or(usize::MAX)
             .min(sequence.pairs.len());
-        let mut part = Self {
+        let mut progress = Self {
             sequence,
             contender,
             pairs: &sequence.pairs[..pairs],
             repetitions: settings.repetitions.get(),
-            sheets: Vec::new(),
+            estimators: Vec::new(),
         };
         for variant in &contender.estimators {
             let matcher = contender.source.id();
             let (file, records) = folder.recover(&sequence.name, matcher, &variant.name)?;
-            part.check(&file, &variant.name, &records)?;
-            let mut sheet = Sheet {
+            progress.check(&file, &variant.name, &records)?;
+            let mut estimator = EstimatorProgress {
                 file,
                 done: records.len(),
                 failed: 0,
-                again: BTreeSet::new(),
+                retried: BTreeSet::new(),
                 records: Vec::new(),
             };
-            for (place, record) in records.iter().enumerate() {
+            for (index, record) in records.iter().enumerate() {
                 match record.outcome {
                     Outcome::Failed { may_pass, .. } if may_pass || retry_failed => {
-                        sheet.again.insert(place);
+                        estimator.retried.insert(index);
                     }
-                    Outcome::Failed { .. } => sheet.failed += 1,
+                    Outcome::Failed { .. } => estimator.failed += 1,
                     _ => {}
                 }
             }
-            if !sheet.again.is_empty() {
-                sheet.records = records;
+            if !estimator.retried.is_empty() {
+                estimator.records = records;
             }
-            part.sheets.push(sheet);
+            progress.estimators.push(estimator);
         }
-        Ok(part)
+        Ok(progress)
     }
 
     /// Each record must be that of the task whose turn it was.
@@ -137,40 +137,49 @@ impl<'a> Part<'a> {
     pub(super) fn summary(&self) -> RunSummary {
         RunSummary {
             total: (self.pairs.len().saturating_mul(self.repetitions as usize))
-                .saturating_mul(self.sheets.len()),
-            before: (self.sheets.iter())
-                .map(|sheet| sheet.done - sheet.again.len())
+                .saturating_mul(self.estimators.len()),
+            before: (self.estimators.iter())
+                .map(|estimator| estimator.done - estimator.retried.len())
                 .sum(),
             now: 0,
-            failed: self.sheets.iter().map(|sheet| sheet.failed).sum(),
+            failed: self
+                .estimators
+                .iter()
+                .map(|estimator| estimator.failed)
+                .sum(),
             ended: 0,
         }
     }
 
     /// What is tried again, in the same order.
-    pub(super) fn units_again(&self) -> impl Iterator<Item = Unit<'a>> {
-        let any = self.sheets.iter().any(|sheet| !sheet.again.is_empty());
+    pub(super) fn failed_pairs(&self) -> impl Iterator<Item = PairTasks<'a>> {
+        let any = self
+            .estimators
+            .iter()
+            .any(|estimator| !estimator.retried.is_empty());
         let pairs = if any { self.pairs } else { &[] };
-        self.units_where(pairs, 0, |sheet, task| sheet.again.contains(&task))
+        self.pairs_where(pairs, 0, |estimator, task| {
+            estimator.retried.contains(&task)
+        })
     }
 
     /// What is left, pair by pair; within a pair repetition by repetition.
-    pub(super) fn units(&self) -> impl Iterator<Item = Unit<'a>> {
-        let done = self.sheets.iter().map(|sheet| sheet.done).min();
+    pub(super) fn pending_pairs(&self) -> impl Iterator<Item = PairTasks<'a>> {
+        let done = self.estimators.iter().map(|estimator| estimator.done).min();
         let first = done.unwrap_or(0) / self.repetitions as usize;
         let pairs = self.pairs.get(first..).unwrap_or_default();
-        self.units_where(pairs, first, |sheet, task| task >= sheet.done)
+        self.pairs_where(pairs, first, |estimator, task| task >= estimator.done)
     }
 
-    /// The tasks of `pairs` that are `due`, told by the sheet and the place of the task in it; `first`
-    /// is the index of the first of these pairs. Nothing is listed before it is asked for, and no unit
-    /// has more than [`MOST_REPETITIONS`]: their number may be anything.
-    fn units_where(
+    /// The tasks of `pairs` that are due, as `is_due` says of an estimator and the index of a task among its
+    /// records; `first` is the index of the first of these pairs. Nothing is listed before it is asked for,
+    /// and at most [`MOST_REPETITIONS`] of a pair come at once: their number may be anything.
+    fn pairs_where(
         &self,
         pairs: &'a [Pair],
         first: usize,
-        is_due: impl Fn(&Sheet, usize) -> bool,
-    ) -> impl Iterator<Item = Unit<'a>> {
+        is_due: impl Fn(&EstimatorProgress, usize) -> bool,
+    ) -> impl Iterator<Item = PairTasks<'a>> {
         let tasks = (pairs.iter().zip(first..)).flat_map(move |(pair, index)| {
             (0..self.repetitions)
                 .step_by(MOST_REPETITIONS as usize)
@@ -182,26 +191,26 @@ impl<'a> Part<'a> {
             let mut due = Vec::new();
             for repetition in from..to {
                 let task = first_task + repetition as usize;
-                for (estimator, sheet) in self.sheets.iter().enumerate() {
-                    if is_due(sheet, task) {
-                        due.push(Due {
+                for (estimator, progress) in self.estimators.iter().enumerate() {
+                    if is_due(progress, task) {
+                        due.push(PendingTask {
                             repetition,
                             estimator,
                         });
                     }
                 }
             }
-            (!due.is_empty()).then_some(Unit { pair, due })
+            (!due.is_empty()).then_some(PairTasks { pair, due })
         })
     }
 
     /// The records that are to be replaced, of each estimator.
     pub(super) fn replacements(&self) -> Vec<Replacement> {
-        let sheets = self.sheets.iter();
-        let replacement = sheets.map(|sheet| Replacement {
-            file: sheet.file.clone(),
-            records: sheet.records.clone(),
-            due: sheet.again.iter().copied().collect(),
+        let estimators = self.estimators.iter();
+        let replacement = estimators.map(|estimator| Replacement {
+            file: estimator.file.clone(),
+            records: estimator.records.clone(),
+            due: estimator.retried.iter().copied().collect(),
             written: Instant::now(),
             changed: false,
         });
