@@ -15,18 +15,18 @@
 //!
 //! # let temporary = tempfile::tempdir()?;
 //! # let folder = temporary.path();
-//! // A frame each from four places in a street, 480 x 144 pixels.
-//! let mut scene = rendered::scenes()[3].clone();
+//! // Four frames of a cabinet with little texture.
+//! let mut scene = rendered::scenes()[2].clone();
 //! scene.frames = 4;
 //! let paths = rendered::ensure_scenes(&folder.join("scenes"), &[scene], &|_| {})?;
 //! let datasets = [Dataset::open(&paths[0])?];
 //!
 //! let contenders = Contender::from_ids(&["sift".into(), "orb".into()], &["best".into()], &Default::default())?;
-//! let run = Run::new(&datasets, &contenders, &folder.join("run"));
-//! let summary = run.execute(&Silent, &Cancel::default())?;
+//! let out = folder.join("run");
+//! let summary = Run::new(&datasets, &contenders, &out).execute(&Silent, &Cancel::default())?;
 //! assert!(summary.is_complete());
 //!
-//! let results = load(&folder.join("run"), None)?;
+//! let results = load(&out, None)?;
 //! let scores: Vec<Summary> = results.iter().map(|set| Summary::new(set, &Bootstrap::default())).collect();
 //! println!("{}", render(Format::Table, &scores));
 //! # assert!(render(Format::Table, &scores).contains("orb"));
