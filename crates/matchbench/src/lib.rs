@@ -53,6 +53,7 @@
 //! Records are equal bit for bit for any number of threads, apart from the times. Work is done by the rayon pool that
 //! the caller is in.
 
+mod arrays;
 pub mod cache;
 pub mod config;
 pub mod datasets;

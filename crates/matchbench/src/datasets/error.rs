@@ -3,6 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::arrays::ArrayError;
+
 /// Something wrong with one file of a dataset.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}{}: {what}; {remedy}", .file.display(), .line.map(|n| format!(":{n}")).unwrap_or_default())]
@@ -39,6 +41,12 @@ impl DatasetError {
             line: Some(line),
             ..self
         }
+    }
+
+    /// Something is wrong with a file of arrays.
+    pub(super) fn of_array(error: ArrayError) -> Self {
+        let what = error.what();
+        Self::new(error.file, what, error.remedy)
     }
 
     /// The system could not read or write `file`.

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use crate::arrays::ArrayError;
 use crate::datasets::DatasetError;
 
 /// Something wrong with a file of matches.
@@ -72,6 +73,17 @@ impl ExchangeError {
             error,
             "check the folder, its permissions and the free space",
         )
+    }
+}
+
+impl From<ArrayError> for ExchangeError {
+    fn from(error: ArrayError) -> Self {
+        Self {
+            file: error.file,
+            place: error.array.map(|name| format!("array `{name}`")),
+            what: error.what,
+            remedy: error.remedy.into(),
+        }
     }
 }
 

@@ -11,11 +11,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::hdf5::{Hdf5, Hdf5Out};
 use super::names::PairName;
 use super::probe::{Content, Probe};
 use super::sparse::matched;
 use super::{Contents, ExchangeError, Export, Format, RawMatches, ReadOptions, Source};
+use crate::arrays::{Hdf5, Hdf5Out};
 
 pub(super) const GLUE_FACTORY: Format = Format {
     id: "glue-factory",
@@ -83,7 +83,9 @@ impl Source for GlueFactory {
             &array("matches0")?,
             scores.as_ref(),
         )
-        .map_err(|what| self.file.damaged(what).at(format!("group `{pair}`")))
+        .map_err(|what| {
+            ExchangeError::damaged(self.file.path(), what).at(format!("group `{pair}`"))
+        })
     }
 }
 
@@ -115,6 +117,6 @@ fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeErr
         }
     }
     let path = folder.join("predictions.h5");
-    out.write(&path)?;
+    (out.write(&path)).map_err(|error| ExchangeError::unwritable(&path, error))?;
     Ok(vec![path])
 }

@@ -15,11 +15,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::export::numbered;
-use super::hdf5::{Hdf5, Hdf5Out};
 use super::names::PairName;
 use super::probe::{Content, Probe};
 use super::sparse::{matched, row_by_row};
 use super::{Contents, ExchangeError, Export, Format, RawMatches, ReadOptions, Source};
+use crate::arrays::{Hdf5, Hdf5Out};
 
 pub(super) const HLOC: Format = Format {
     id: "hloc",
@@ -145,7 +145,7 @@ impl Source for Hloc {
             Some(features) => {
                 let [a, b] = features.of_pair(pair).ok_or_else(|| {
                     let what = format!("it lacks the keypoints of an image of `{pair}`");
-                    features.file.damaged(what)
+                    ExchangeError::damaged(features.file.path(), what)
                 })?;
                 let keypoints = |image| features.file.array(&format!("{image}/keypoints"));
                 matched(
@@ -156,7 +156,9 @@ impl Source for Hloc {
                 )
             }
         };
-        matches.map_err(|what| self.matches.damaged(what).at(format!("group `{pair}`")))
+        matches.map_err(|what| {
+            ExchangeError::damaged(self.file(index), what).at(format!("group `{pair}`"))
+        })
     }
 }
 
@@ -196,7 +198,8 @@ fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeErr
         matches.doubles(format!("{group}/matching_scores0"), &[count], &scores);
     }
     let paths = [folder.join("features.h5"), folder.join("matches.h5")];
-    features.write(&paths[0])?;
-    matches.write(&paths[1])?;
+    for (out, path) in [features, matches].into_iter().zip(&paths) {
+        (out.write(path)).map_err(|error| ExchangeError::unwritable(path, error))?;
+    }
     Ok(paths.into())
 }

@@ -6,12 +6,11 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use super::array::Array;
-use super::hdf5::Hdf5;
 use super::names::PairName;
 use super::probe::{Content, Probe};
 use super::sparse::columns;
 use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source};
+use crate::arrays::{Array, Hdf5};
 
 pub(super) const IMC: Format = Format {
     id: "imc",
@@ -93,11 +92,12 @@ impl Source for Imc {
         let pair = &self.pairs[index];
         let [a, b] = split(pair, |name| self.images.contains(name)).ok_or_else(|| {
             let what = format!("it lacks the keypoints of an image of `{pair}`");
-            self.keypoints.damaged(what)
+            ExchangeError::damaged(self.keypoints.path(), what)
         })?;
         let (a, b) = (self.keypoints.array(a)?, self.keypoints.array(b)?);
-        indexed(&a, &b, &self.matches.array(pair)?)
-            .map_err(|what| self.matches.damaged(what).at(format!("array `{pair}`")))
+        indexed(&a, &b, &self.matches.array(pair)?).map_err(|what| {
+            ExchangeError::damaged(self.file(index), what).at(format!("array `{pair}`"))
+        })
     }
 }
 

@@ -14,21 +14,17 @@
 //! to 0 as s grows. Without scores all matches have ambiguity 0, and estimators that sort by it
 //! take them in the order of the file.
 
-mod array;
 mod colmap;
 mod error;
 mod export;
 mod glue_factory;
-mod hdf5;
 mod hloc;
 mod imc;
 mod names;
 mod npz;
-mod numpy;
 mod packed;
 mod probe;
 mod read;
-mod regular;
 mod source;
 mod sparse;
 mod superglue;
@@ -39,6 +35,7 @@ mod understood;
 
 use std::path::{Path, PathBuf};
 
+use crate::arrays::Element;
 use crate::config::{self, UnknownName};
 
 pub use error::ExchangeError;
@@ -48,7 +45,6 @@ pub use read::{FileMatches, MatchFiles, ReadOptions, Survey};
 pub use source::MatchSource;
 pub use understood::{FileRead, Scores, Understood};
 
-use array::Element;
 use names::PairName;
 use probe::Probe;
 

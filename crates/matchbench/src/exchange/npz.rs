@@ -6,11 +6,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::array::Array;
 use super::names::PairName;
-use super::numpy::{Archive, archive};
 use super::probe::{Content, Probe};
 use super::{Contents, ExchangeError, Export, Format, Rating, RawMatches, ReadOptions, Source};
+use crate::arrays::{self, Array};
 use crate::files::write_whole;
 
 pub(super) const NPZ: Format = Format {
@@ -52,7 +51,7 @@ impl Source for Npz {
 
     fn read(&self, index: usize) -> Result<RawMatches, ExchangeError> {
         let path = &self.files[index];
-        let mut file = Archive::open(path)?;
+        let mut file = arrays::Npz::open(path)?;
         let (a, b, score) = (file.array("a")?, file.array("b")?, file.find("score")?);
         matches(&a, &b, score.as_ref()).map_err(|what| ExchangeError::damaged(path, what))
     }
@@ -82,7 +81,7 @@ fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeErr
         let [a, b] = (pair.coordinates())
             .map(|coordinates| coordinates.into_iter().flat_map(f32::to_le_bytes).collect());
         let score = pair.scores().flat_map(f64::to_le_bytes).collect();
-        let bytes = archive(&[
+        let bytes = arrays::npz(&[
             ("a", &[count, 2], "<f4", a),
             ("b", &[count, 2], "<f4", b),
             ("score", &[count], "<f8", score),

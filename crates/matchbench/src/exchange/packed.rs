@@ -5,11 +5,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::array::Array;
 use super::names::PairName;
-use super::numpy::{Archive, archive};
 use super::probe::{Content, Probe};
 use super::{Contents, ExchangeError, Export, Format, Rating, RawMatches, ReadOptions, Source};
+use crate::arrays::{Array, Npz, npz};
 use crate::files::write_whole;
 
 pub(super) const PACKED: Format = Format {
@@ -37,7 +36,7 @@ fn open(probe: Probe, _: &ReadOptions) -> Result<Contents, ExchangeError> {
         let what = format!("{} files where there is to be one", probe.files.len());
         return Err(ExchangeError::new(&probe.files[0], what, "name one file"));
     };
-    let mut file = Archive::open(path)?;
+    let mut file = Npz::open(path)?;
     let (pairs, offsets, xy) = (
         file.array("pairs")?,
         file.array("offsets")?,
@@ -133,7 +132,7 @@ fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeErr
         }
         offsets.push((xy.len() / 5) as i64);
     }
-    let bytes = archive(&[
+    let bytes = npz(&[
         (
             "pairs",
             &[export.pairs.len(), 2],

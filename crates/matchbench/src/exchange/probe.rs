@@ -6,9 +6,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::ExchangeError;
-use super::hdf5::Hdf5;
-use super::numpy::Archive;
-use super::regular::open_regular;
+use crate::arrays::{Hdf5, Npz};
+use crate::files::open_file;
 
 /// Endings of files that may hold matches; a folder's other files (logs, images) are passed over.
 const ENDINGS: [&str; 7] = ["npz", "txt", "h5", "hdf5", "db", "sqlite", "sqlite3"];
@@ -69,7 +68,7 @@ impl Probe {
             }
         }
         let content = match found {
-            "npz" => Content::Npz(Archive::open(first)?.names()),
+            "npz" => Content::Npz(Npz::open(first)?.names()),
             "hdf5" => Content::Hdf5(opened(&files)?),
             "sqlite" => Content::Sqlite,
             _ if first.extension() == Some(OsStr::new("txt")) => Content::Text,
@@ -114,7 +113,8 @@ fn magic(path: &Path) -> Result<Option<(&'static [u8], &'static str)>, ExchangeE
         (b"SQLite format 3\0", "sqlite"),
     ];
     let mut start = Vec::new();
-    (open_regular(path)?.take(16).read_to_end(&mut start))
+    open_file(path)
+        .and_then(|file| file.take(16).read_to_end(&mut start))
         .map_err(|error| ExchangeError::unreadable(path, error))?;
     Ok(KNOWN
         .into_iter()

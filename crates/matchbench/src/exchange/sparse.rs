@@ -2,8 +2,8 @@
 //! that hloc, glue-factory and SuperGlue share. -1 means none; a score stands beside each keypoint
 //! of the first image, matched or not.
 
-use super::array::Array;
 use super::{Rating, RawMatches};
+use crate::arrays::Array;
 
 /// The matches of a pair, in the order of the first image's keypoints.
 ///

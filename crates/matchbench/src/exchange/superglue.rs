@@ -7,10 +7,10 @@
 use std::path::{Path, PathBuf};
 
 use super::names::PairName;
-use super::numpy::Archive;
 use super::probe::{Content, Probe};
 use super::sparse::matched;
 use super::{Contents, ExchangeError, Format, RawMatches, ReadOptions, Source};
+use crate::arrays::Npz;
 
 pub(super) const SUPERGLUE: Format = Format {
     id: "superglue",
@@ -58,7 +58,7 @@ impl Source for SuperGlue {
 
     fn read(&self, index: usize) -> Result<RawMatches, ExchangeError> {
         let path = &self.files[index];
-        let mut file = Archive::open(path)?;
+        let mut file = Npz::open(path)?;
         let [a, b, matches] = ["keypoints0", "keypoints1", "matches"].map(|name| file.array(name));
         let confidence = file.find("match_confidence")?;
         matched(&a?, &b?, &matches?, confidence.as_ref())

@@ -366,7 +366,7 @@ fn what_is_no_file_of_matches_is_refused() {
         let error = MatchFiles::open(&[path], &sequence, &ReadOptions::default()).err();
         error.unwrap().to_string()
     };
-    assert!(open("/dev/null".into()).contains("no regular file"));
+    assert!(open("/dev/null".into()).contains("where a file is needed"));
     assert!(open(folder.path().join("nothing")).contains("check the path"));
     assert!(open(folder.path().join("images/db/one.png")).contains("no .npz, HDF5, SQLite"));
     assert!(open(folder.path().join("images")).contains("no file of matches"));

@@ -5,11 +5,11 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::array::{Element, Kind, MOST_BYTES};
 use super::names::PairName;
 use super::probe::{Content, Probe};
-use super::regular::open_regular;
 use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source};
+use crate::arrays::{Element, Kind, MOST_BYTES};
+use crate::files::open_file;
 
 pub(super) const TEXT: Format = Format {
     id: "text",
@@ -46,10 +46,9 @@ impl Source for Text {
     fn read(&self, index: usize) -> Result<RawMatches, ExchangeError> {
         let path = &self.files[index];
         let mut bytes = Vec::new();
-        (open_regular(path)?
-            .take(MOST_BYTES + 1)
-            .read_to_end(&mut bytes))
-        .map_err(|error| ExchangeError::unreadable(path, error))?;
+        open_file(path)
+            .and_then(|file| file.take(MOST_BYTES + 1).read_to_end(&mut bytes))
+            .map_err(|error| ExchangeError::unreadable(path, error))?;
         if bytes.len() as u64 > MOST_BYTES {
             return Err(ExchangeError::damaged(path, "it is larger than 1 GiB"));
         }

@@ -3,7 +3,6 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -11,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ExchangeError;
 use super::names::NamedBy;
-use super::regular::open_regular;
+use crate::files::open_file;
 
 /// Files that are listed one by one; more of them are one line.
 const LISTED: usize = 4;
@@ -143,7 +142,8 @@ fn name(path: &Path) -> String {
 
 fn hash(path: &Path) -> Result<String, ExchangeError> {
     let mut hasher = blake3::Hasher::new();
-    let mut file: File = open_regular(path)?;
-    io::copy(&mut file, &mut hasher).map_err(|error| ExchangeError::unreadable(path, error))?;
+    open_file(path)
+        .and_then(|mut file| io::copy(&mut file, &mut hasher))
+        .map_err(|error| ExchangeError::unreadable(path, error))?;
     Ok(hasher.finalize().to_hex().to_string())
 }

@@ -10,7 +10,6 @@
 //!
 //! Bytes without `hamming` are real values, as in COLMAP's SIFT.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use matchbench_vision::features::{BinaryRows, Descriptors, Features, FloatRows, Keypoint};
@@ -18,7 +17,7 @@ use matchbench_vision::image::Size;
 use nalgebra::Point2;
 
 use super::answer::is_inside;
-use super::npz::{Array, read_npz};
+use crate::arrays::{Array, ArrayError, Npz};
 
 /// Most features of an image.
 const MOST_FEATURES: usize = 1_000_000;
@@ -38,8 +37,9 @@ pub(super) fn read_features(
     pixel_center: f32,
     hamming: bool,
 ) -> Result<Features, String> {
-    let file = read_npz(path).map_err(|wrong| format!("its file of features {wrong}"))?;
-    if let Some(unknown) = file.keys().find(|name| !KNOWN.contains(&name.as_str())) {
+    let wrong = |error: ArrayError| format!("its file of features: {}", error.what());
+    let mut file = Npz::open(path).map_err(wrong)?;
+    if let Some(unknown) = (file.names().iter()).find(|name| !KNOWN.contains(&name.as_str())) {
         let known = KNOWN.join(", ");
         return Err(format!("it wrote an array `{unknown}`; there are {known}"));
     }
@@ -48,8 +48,8 @@ pub(super) fn read_features(
             "it promises {count} features; {MOST_FEATURES} are the most"
         ));
     }
-    let points = array(&file, "keypoints", &[count, 2])?.ok_or("it wrote no `keypoints`")?;
-    let column = |name: &str| array(&file, name, &[count]);
+    let points = array(&mut file, "keypoints", &[count, 2])?.ok_or("it wrote no `keypoints`")?;
+    let mut column = |name: &str| array(&mut file, name, &[count]);
     let (scales, angles, scores) = (column("scales")?, column("angles")?, column("scores")?);
     let keypoint = |index: usize| {
         let [x, y] = [2 * index, 2 * index + 1].map(|at| points[at] - pixel_center);
@@ -69,25 +69,24 @@ pub(super) fn read_features(
         })
     };
     let keypoints = (0..count).map(keypoint).collect::<Result<_, _>>()?;
-    let descriptors = file.get("descriptors").ok_or("it wrote no `descriptors`")?;
+    let descriptors = file.find("descriptors").map_err(wrong)?;
+    let descriptors = descriptors.ok_or("it wrote no `descriptors`")?;
     Ok(Features::new(
         size,
         keypoints,
-        read_descriptors(descriptors, count, hamming)?,
+        read_descriptors(&descriptors, count, hamming)?,
     ))
 }
 
 /// The values of an array, if it is there: of this shape, and all finite.
-fn array(
-    file: &BTreeMap<String, Array>,
-    name: &str,
-    shape: &[usize],
-) -> Result<Option<Vec<f32>>, String> {
-    let Some(array) = file.get(name) else {
+fn array(file: &mut Npz, name: &str, shape: &[usize]) -> Result<Option<Vec<f32>>, String> {
+    let found = file.find(name);
+    let Some(array) = found.map_err(|error| format!("its file of features: {}", error.what()))?
+    else {
         return Ok(None);
     };
-    if array.shape != shape {
-        let found = &array.shape;
+    if array.shape() != shape {
+        let found = array.shape();
         return Err(format!(
             "its `{name}` have the shape {found:?}, not {shape:?}"
         ));
@@ -100,10 +99,10 @@ fn array(
 }
 
 fn read_descriptors(array: &Array, count: usize, hamming: bool) -> Result<Descriptors, String> {
-    let &[rows, length] = array.shape.as_slice() else {
+    let &[rows, length] = array.shape() else {
         return Err(format!(
             "its `descriptors` have the shape {:?}",
-            array.shape
+            array.shape()
         ));
     };
     if rows != count || !(1..=LONGEST_DESCRIPTOR).contains(&length) {
@@ -116,7 +115,7 @@ fn read_descriptors(array: &Array, count: usize, hamming: bool) -> Result<Descri
         let bytes = array.as_bytes().ok_or_else(|| {
             format!(
                 "its `descriptors` are {}, but bits (`hamming`) come as uint8",
-                array.kind
+                array.element()
             )
         })?;
         let words = bytes.chunks_exact(length).flat_map(|row| {
@@ -140,8 +139,8 @@ fn read_descriptors(array: &Array, count: usize, hamming: bool) -> Result<Descri
 
 #[cfg(test)]
 mod tests {
-    use super::super::npz::testing::{floats, npy, write_npz};
     use super::*;
+    use crate::arrays::testing::{floats, npy, write_npz};
 
     const SIZE: Size = Size::new(640, 480);
 

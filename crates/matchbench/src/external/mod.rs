@@ -48,7 +48,6 @@ mod log;
 mod manifest;
 mod message;
 mod nearest;
-mod npz;
 mod pool;
 mod process;
 mod source;

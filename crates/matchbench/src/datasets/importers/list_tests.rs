@@ -3,7 +3,6 @@
 //! here as numpy's are.
 
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::Camera;
@@ -11,6 +10,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::tests::source;
 use super::{ImportOptions, Imported, import, read_source};
+use crate::arrays::testing::{npy, write_npz};
 use crate::datasets::{DatasetError, Pair, Sequence, Turn, export, testing, validate};
 
 /// Names, turns, K_0, K_1, T_0to1: a turn of 0.1 radians about y and a step.
@@ -143,22 +143,6 @@ fn turns_of_a_superglue_list_are_applied_to_pixels_k_and_t() {
     assert_eq!(again.frames[1].turn, Turn::ThreeQuarters);
 }
 
-fn npy(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {
-    let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}\n");
-    let length = (header.len() as u16).to_le_bytes();
-    [b"\x93NUMPY\x01\x00", &length[..], header.as_bytes(), data].concat()
-}
-
-fn npz(path: &Path, arrays: &[(&str, Vec<u8>)]) {
-    let mut zip = zip::ZipWriter::new(fs::File::create(path).unwrap());
-    for (name, array) in arrays {
-        let how = zip::write::SimpleFileOptions::default();
-        zip.start_file(format!("{name}.npy"), how).unwrap();
-        zip.write_all(array).unwrap();
-    }
-    zip.finish().unwrap();
-}
-
 /// The same two pairs, in LoFTR's form (poses in single precision, K for small images) and in
 /// SuperGlue's.
 #[test]
@@ -183,11 +167,11 @@ fn scannet_and_superglue_lists_give_the_same_dataset() {
     };
     let poses = [pose(-0.03968), pose(0.91886)].concat();
     let test = src.join("test.npz");
-    npz(
+    write_npz(
         &test,
         &[
-            ("name", npy("<u2", "2, 4", &names)),
-            ("rel_pose", npy("<f4", "2, 12", &poses)),
+            ("name", npy("<u2", "(2, 4)", &names)),
+            ("rel_pose", npy("<f4", "(2, 12)", &poses)),
         ],
     );
     let k = [
@@ -203,9 +187,9 @@ fn scannet_and_superglue_lists_give_the_same_dataset() {
         .iter()
         .flat_map(|value: &f64| value.to_le_bytes())
         .collect();
-    npz(
+    write_npz(
         &src.join("intrinsics.npz"),
-        &[("scene0707_00", npy("<f8", "3, 3", &k))],
+        &[("scene0707_00", npy("<f8", "(3, 3)", &k))],
     );
 
     let ours = read("scannet", &test).unwrap();
@@ -233,11 +217,11 @@ fn scannet_and_superglue_lists_give_the_same_dataset() {
     };
     let error = read_source("scannet", &test, &intrinsics).unwrap_err();
     assert!(error.remedy.contains("--intrinsics"), "{error}");
-    npz(
+    write_npz(
         &test,
         &[
-            ("name", npy("<u2", "2, 4", &names)),
-            ("rel_pose", npy("<f4", "1, 12", &pose(1.))),
+            ("name", npy("<u2", "(2, 4)", &names)),
+            ("rel_pose", npy("<f4", "(1, 12)", &pose(1.))),
         ],
     );
     assert!(
@@ -246,11 +230,11 @@ fn scannet_and_superglue_lists_give_the_same_dataset() {
             .what
             .contains("2 names for 1 poses")
     );
-    npz(
+    write_npz(
         &test,
         &[
-            ("name", npy("<u2", "1, 4", &names[..8])),
-            ("rel_pose", npy("<f4", "1, 12", &pose(f32::NAN))),
+            ("name", npy("<u2", "(1, 4)", &names[..8])),
+            ("rel_pose", npy("<f4", "(1, 12)", &pose(f32::NAN))),
         ],
     );
     assert!(

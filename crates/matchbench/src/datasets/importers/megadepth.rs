@@ -150,7 +150,7 @@ impl<'a> Listing<'a> {
             return Err(wrong());
         };
         let numbers: Vec<f64> = match info.first().map(|&id| self.pickled.value(id)) {
-            Some(Value::Array(array)) => array.values.clone(),
+            Some(Value::Array(array)) => array.to_vec(),
             Some(Value::List(items)) => (items.iter())
                 .filter_map(|&id| match self.pickled.value(id) {
                     Value::Number(number) => Some(*number),
@@ -183,12 +183,12 @@ impl<'a> Listing<'a> {
         ) else {
             return Err(format!("image {image} has no path, K or pose"));
         };
-        if k.shape != [3, 3] || pose.shape != [4, 4] {
+        if k.shape() != [3, 3] || pose.shape() != [4, 4] {
             return Err(format!("K or pose of image {image} has another shape"));
         }
-        let pose: &[f64; 16] = pose.values[..].try_into().expect("4 x 4 numbers");
-        let pose = text::rigid_motion_4x4(pose);
-        let camera = camera(&k.values);
+        let pose: [f64; 16] = (pose.to_decimals().try_into()).expect("4 x 4 numbers");
+        let pose = text::rigid_motion_4x4(&pose);
+        let camera = camera(&k.to_decimals());
         let of_image = |what: String| format!("image {name}: {what}");
         let camera_from_world = pose.map_err(of_image)?;
         let camera = from_corner(camera.map_err(of_image)?);

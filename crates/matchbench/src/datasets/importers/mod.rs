@@ -13,7 +13,6 @@ mod imc;
 mod kitti;
 mod list;
 mod megadepth;
-mod npz;
 mod options;
 mod oxford;
 mod pickle;

@@ -12,7 +12,7 @@
 //! TUPLE2 TUPLE3 EMPTY_DICT SETITEM SETITEMS GLOBAL STACK_GLOBAL REDUCE BUILD. Functions: numpy's
 //! `ndarray`, `dtype`, `_reconstruct` and `scalar`.
 
-use super::npz::Array;
+use crate::arrays::{Array, Element};
 
 /// Number of a value in the store.
 pub(super) type Id = usize;
@@ -364,8 +364,8 @@ impl Machine<'_> {
                 Ok(Value::Kind(kind.clone()))
             }
             (Value::Known(Known::Scalar), Some(Value::Kind(kind)), Some(Value::Bytes(bytes))) => {
-                let one = Array::new(kind, vec![1], false, bytes)?;
-                Ok(Value::Number(one.values[0]))
+                let one = Array::new(vec![1], element(kind)?, bytes.clone())?;
+                Ok(Value::Number(one.to_decimals()[0]))
             }
             _ => Err("a function is called in a way that is not known".to_owned()),
         }
@@ -399,7 +399,12 @@ impl Machine<'_> {
                 let shape = sides.iter().map(side).collect::<Result<Vec<_>, String>>()?;
                 match part(4)? {
                     Value::Bytes(data) => {
-                        Ok(Value::Array(Array::new(kind, shape, *by_columns, data)?))
+                        let array = if *by_columns {
+                            Array::by_columns
+                        } else {
+                            Array::new
+                        };
+                        Ok(Value::Array(array(shape, element(kind)?, data.clone())?))
                     }
                     Value::List(items) if shape == [items.len()] => {
                         Ok(Value::Objects(items.clone()))
@@ -424,6 +429,10 @@ fn known(module: &str, name: &str) -> Result<Known, String> {
             "the pickle calls {module}.{name}, which no list of pairs needs; it was not executed"
         )),
     }
+}
+
+fn element(kind: &str) -> Result<Element, String> {
+    Element::of_numpy(kind).ok_or_else(|| format!("numbers of type `{kind}` are not read"))
 }
 
 /// A whole number of up to eight bytes, little end first, in two's complement.

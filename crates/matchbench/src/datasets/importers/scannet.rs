@@ -20,8 +20,8 @@ use matchbench_vision::geometry::Camera;
 use nalgebra::Isometry3;
 
 use super::list::{NamedFrames, camera};
-use super::npz::Npz;
 use super::{ImportOption, ImportOptions, Imported, base_name};
+use crate::arrays::{Array, Npz};
 use crate::datasets::text;
 use crate::datasets::{DatasetError, Pair, Turn, read_size};
 
@@ -40,24 +40,29 @@ struct Name {
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let fail = |what: String| DatasetError::new(src, what, "give LoFTR's test.npz of ScanNet");
-    let mut list = Npz::open(src)?;
-    let (names, poses) = (list.array("name")?, list.array("rel_pose")?);
-    let names = names
-        .rows(4)
-        .map_err(|what| fail(format!("name: {what}")))?;
-    let poses = poses
-        .rows(12)
-        .map_err(|what| fail(format!("rel_pose: {what}")))?;
-    if names.len() != poses.len() {
-        let what = format!("{} names for {} poses", names.len(), poses.len());
+    let mut list = Npz::open(src).map_err(DatasetError::of_array)?;
+    let [names, poses] =
+        ["name", "rel_pose"].map(|name| list.array(name).map_err(DatasetError::of_array));
+    let (names, poses) = (names?, poses?);
+    let table = |name: &str, array: &Array, columns: usize| {
+        let rows = array.rows(columns);
+        rows.map_err(|what| fail(format!("array `{name}`: {what}")))
+    };
+    let counts = (table("name", &names, 4)?, table("rel_pose", &poses, 12)?);
+    if counts.0 != counts.1 {
+        let what = format!("{} names for {} poses", counts.0, counts.1);
         return Err(fail(what));
     }
-    let rows = (names.zip(poses).enumerate())
-        .map(|(index, (name, pose))| {
-            let row = name_of(name).and_then(|name| Ok((name, motion(pose)?)));
-            row.map_err(|what| fail(format!("row {index}: {what}")))
-        })
-        .collect::<Result<Vec<_>, _>>()?;
+    let (names, poses) = (names.to_vec(), poses.to_decimals());
+    let rows = (names
+        .chunks_exact(4)
+        .zip(poses.chunks_exact(12))
+        .enumerate())
+    .map(|(index, (name, pose))| {
+        let row = name_of(name).and_then(|name| Ok((name, motion(pose)?)));
+        row.map_err(|what| fail(format!("row {index}: {what}")))
+    })
+    .collect::<Result<Vec<_>, _>>()?;
 
     let beside = src.parent().unwrap_or(Path::new(""));
     let intrinsics = (options.intrinsics.clone()).unwrap_or_else(|| beside.join("intrinsics.npz"));
@@ -66,7 +71,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             "give LoFTR's intrinsics.npz by {}",
             ImportOption::Intrinsics
         ),
-        ..error
+        ..DatasetError::of_array(error)
     })?;
     let root = options.root(beside);
     let layout = layout(&root, &rows);
@@ -148,13 +153,16 @@ fn layout(root: &Path, rows: &[(Name, Isometry3<f64>)]) -> Layout {
 
 /// The camera of ScanNet's own images.
 fn original(intrinsics: &mut Npz, scan: &str) -> Result<Camera, DatasetError> {
-    let k = intrinsics.array(scan)?;
-    let small = if k.shape == [3, 3] {
-        camera(&k.values)
+    let k = (intrinsics.array(scan)).map_err(DatasetError::of_array)?;
+    let small = if k.shape() == [3, 3] {
+        camera(&k.to_decimals())
     } else {
-        Err(format!("the shape is {:?}, not 3 x 3", k.shape))
+        Err(format!("the shape is {:?}, not 3 x 3", k.shape()))
     };
-    let small = small.map_err(|what| intrinsics.error(format!("{scan}: {what}")))?;
+    let small = small.map_err(|what| {
+        let remedy = "give the file as its authors publish it";
+        DatasetError::new(intrinsics.path(), format!("array `{scan}`: {what}"), remedy)
+    })?;
     // What the division by 2.025 left behind is beyond the ninth decimal.
     let undo = |value: f64, by: f64| (value * by * 1e9).round() / 1e9;
     let (x, y) = (COLOR.0 / SMALL.0, COLOR.1 / SMALL.1);

@@ -19,12 +19,12 @@ use std::sync::Mutex;
 
 use rusqlite::{Connection, OpenFlags, OptionalExtension};
 
-use super::array::{Array, Element, Kind};
 use super::names::PairName;
 use super::probe::{Content, Probe};
-use super::regular::open_regular;
 use super::sparse::columns;
 use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source};
+use crate::arrays::{Array, Element, Kind};
+use crate::files::open_file;
 
 pub(super) const COLMAP: Format = Format {
     id: "colmap",
@@ -84,7 +84,7 @@ struct Database {
 
 /// Opens the database for reading and nothing else: nothing is created beside it.
 fn connect(path: &Path) -> Result<Connection, ExchangeError> {
-    open_regular(path)?;
+    open_file(path).map_err(|error| ExchangeError::unreadable(path, error))?;
     let mut log = path.as_os_str().to_owned();
     log.push("-wal");
     if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {

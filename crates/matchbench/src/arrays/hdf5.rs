@@ -5,6 +5,7 @@
 //! Links to other files are not followed. Only what exchange formats use is read: arrays of
 //! numbers in nested groups. Attributes are ignored.
 
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -13,9 +14,9 @@ use hdf5_reader::storage::FileStorage;
 use hdf5_reader::{ByteOrder, Datatype, Hdf5File as Reader, OpenOptions};
 use hdf5_writer::{DatasetBuilder, Hdf5Builder, WriteOptions};
 
-use super::ExchangeError;
+use super::ArrayError;
 use super::array::{Array, Element, Kind, MOST_BYTES};
-use crate::files::write_whole;
+use crate::files::{open_file, write_whole};
 
 /// The most arrays of a file: each costs memory for its name. A hundred thousand pairs have a
 /// million.
@@ -24,7 +25,7 @@ const MOST_ARRAYS: usize = 4_000_000;
 const DEEPEST: usize = 24;
 
 /// An opened file.
-pub(super) struct Hdf5 {
+pub(crate) struct Hdf5 {
     path: PathBuf,
     file: Reader,
 }
@@ -34,21 +35,22 @@ impl Hdf5 {
     ///
     /// # Errors
     /// If it cannot be read or is no HDF5 file.
-    pub(super) fn open(path: &Path) -> Result<Self, ExchangeError> {
-        let storage = FileStorage::from_file(super::regular::open_regular(path)?)
-            .map_err(|error| ExchangeError::unreadable(path, error))?;
+    pub(crate) fn open(path: &Path) -> Result<Self, ArrayError> {
+        let file = open_file(path).map_err(|error| ArrayError::unreadable(path, error))?;
+        let storage =
+            FileStorage::from_file(file).map_err(|error| ArrayError::unreadable(path, error))?;
         let options = OpenOptions::default()
             .with_max_read_bytes(MOST_BYTES as usize)
             .with_max_object_header_bytes(16 << 20);
         let file = Reader::from_storage_with_options(Arc::new(storage), options)
-            .map_err(|error| ExchangeError::damaged(path, format!("no HDF5 file ({error})")))?;
+            .map_err(|error| ArrayError::damaged(path, format!("no HDF5 file ({error})")))?;
         Ok(Self {
             path: path.into(),
             file,
         })
     }
 
-    pub(super) fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
@@ -56,7 +58,7 @@ impl Hdf5 {
     ///
     /// # Errors
     /// If a group cannot be read, or there are absurdly many.
-    pub(super) fn arrays(&self) -> Result<Vec<String>, ExchangeError> {
+    pub(crate) fn arrays(&self) -> Result<Vec<String>, ArrayError> {
         let mut paths = Vec::new();
         let root = self
             .file
@@ -72,7 +74,7 @@ impl Hdf5 {
         prefix: &str,
         depth: usize,
         paths: &mut Vec<String>,
-    ) -> Result<(), ExchangeError> {
+    ) -> Result<(), ArrayError> {
         if depth > DEEPEST {
             return Err(self.damaged(format!("groups are nested deeper than {DEEPEST}")));
         }
@@ -92,7 +94,7 @@ impl Hdf5 {
     ///
     /// # Errors
     /// If it is missing, cannot be read, or is no array of numbers.
-    pub(super) fn array(&self, path: &str) -> Result<Array, ExchangeError> {
+    pub(crate) fn array(&self, path: &str) -> Result<Array, ArrayError> {
         let array = || {
             let dataset = self.file.dataset(path).map_err(|error| error.to_string())?;
             let shape = (dataset.shape().iter())
@@ -105,12 +107,11 @@ impl Hdf5 {
                 .map_err(|error| error.to_string())?;
             Array::new(shape, element, bytes)
         };
-        array().map_err(|what| self.damaged(what).at(format!("array `{path}`")))
+        array().map_err(|what| self.damaged(what).of(path))
     }
 
-    /// An error about the content of this file.
-    pub(super) fn damaged(&self, what: impl std::fmt::Display) -> ExchangeError {
-        ExchangeError::damaged(&self.path, what)
+    fn damaged(&self, what: impl std::fmt::Display) -> ArrayError {
+        ArrayError::damaged(&self.path, what)
     }
 }
 
@@ -132,23 +133,23 @@ fn element(datatype: &Datatype) -> Option<Element> {
 
 /// A file to be written.
 #[derive(Default)]
-pub(super) struct Hdf5Out(Hdf5Builder);
+pub(crate) struct Hdf5Out(Hdf5Builder);
 
 impl Hdf5Out {
     /// Adds an array of 32-bit floats at `path`; its groups come with it.
-    pub(super) fn floats(&mut self, path: String, shape: &[usize], values: &[f32]) {
+    pub(crate) fn floats(&mut self, path: String, shape: &[usize], values: &[f32]) {
         let array = DatasetBuilder::typed_data(path, sides(shape), values);
         self.add(array.expect("as many values as the shape says"));
     }
 
     /// Adds an array of 64-bit floats.
-    pub(super) fn doubles(&mut self, path: String, shape: &[usize], values: &[f64]) {
+    pub(crate) fn doubles(&mut self, path: String, shape: &[usize], values: &[f64]) {
         let array = DatasetBuilder::typed_data(path, sides(shape), values);
         self.add(array.expect("as many values as the shape says"));
     }
 
     /// Adds an array of 32-bit integers.
-    pub(super) fn integers(&mut self, path: String, shape: &[usize], values: &[i32]) {
+    pub(crate) fn integers(&mut self, path: String, shape: &[usize], values: &[i32]) {
         let array = DatasetBuilder::typed_data(path, sides(shape), values);
         self.add(array.expect("as many values as the shape says"));
     }
@@ -161,11 +162,11 @@ impl Hdf5Out {
     ///
     /// # Errors
     /// If it cannot be written, or two arrays have one name.
-    pub(super) fn write(self, path: &Path) -> Result<(), ExchangeError> {
+    pub(crate) fn write(self, path: &Path) -> io::Result<()> {
         let bytes = (self.0.into_plan())
             .and_then(|plan| plan.encode(WriteOptions::default()))
-            .map_err(|error| ExchangeError::unwritable(path, error))?;
-        write_whole(path, &bytes).map_err(|error| ExchangeError::unwritable(path, error))
+            .map_err(io::Error::other)?;
+        write_whole(path, &bytes)
     }
 }
 
@@ -198,8 +199,11 @@ mod tests {
             [1.0, -1.0, 70_000.0]
         );
         assert_eq!(file.array("empty").unwrap().length(), Ok(0));
-        let message = file.array("a/y").err().unwrap().to_string();
-        assert!(message.contains("m.h5, array `a/y`"), "{message}");
+        let error = file.array("a/y").err().unwrap();
+        assert!(
+            error.file == path && error.what().starts_with("array `a/y`: "),
+            "{error:?}"
+        );
     }
 
     #[test]
@@ -217,7 +221,7 @@ mod tests {
             for array in file.arrays()? {
                 file.array(&array)?;
             }
-            Ok::<_, ExchangeError>(())
+            Ok::<_, ArrayError>(())
         };
         assert!(read_all(&whole).is_ok());
         for length in (0..whole.len()).step_by(3) {

@@ -1,17 +1,19 @@
-//! Arrays of numbers as numpy and HDF5 store them: bytes, a shape, and a type of element.
+//! An array of numbers as numpy and HDF5 store it: bytes, a shape, and a type of element.
 //!
 //! The bytes stay as they are in the file and each element is converted when it is asked for, so
 //! that an array costs no more memory than its file. Half precision (float16), which hloc writes
 //! by default, is decoded here: 1 sign bit, 5 bits of exponent (bias 15), 10 bits of fraction
 //! (IEEE 754-2008, binary16).
 
+use std::fmt;
+
 /// The most bytes that one array may have. Ten million matches with two points each take 160 MB;
 /// what claims more than this is damaged or hostile.
-pub(super) const MOST_BYTES: u64 = 1 << 30;
+pub(crate) const MOST_BYTES: u64 = 1 << 30;
 
 /// An array in row-major order.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Array {
+pub(crate) struct Array {
     shape: Vec<usize>,
     element: Element,
     bytes: Vec<u8>,
@@ -19,15 +21,15 @@ pub(super) struct Array {
 
 /// How an element is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Element {
-    pub(super) kind: Kind,
+pub(crate) struct Element {
+    pub(crate) kind: Kind,
     /// Bytes of an element: 1, 2, 4 or 8; not 1 for [`Kind::Float`].
-    pub(super) size: usize,
-    pub(super) big_endian: bool,
+    pub(crate) size: usize,
+    pub(crate) big_endian: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     Float,
     Signed,
     Unsigned,
@@ -35,7 +37,7 @@ pub(super) enum Kind {
 
 impl Element {
     /// An element of that kind and size, if there is such a one.
-    pub(super) fn new(kind: Kind, size: usize, big_endian: bool) -> Option<Self> {
+    pub(crate) fn new(kind: Kind, size: usize, big_endian: bool) -> Option<Self> {
         let exists = matches!(
             (kind, size),
             (_, 2 | 4 | 8) | (Kind::Signed | Kind::Unsigned, 1)
@@ -47,9 +49,27 @@ impl Element {
         })
     }
 
+    /// The element that numpy calls `descr`, for example `<f4` or, without an order, `u1`; a truth value
+    /// (`b1`) is a byte.
+    pub(crate) fn of_numpy(descr: &str) -> Option<Self> {
+        let big_endian = descr.starts_with('>');
+        let mut letters = descr
+            .strip_prefix(['<', '>', '|', '='])
+            .unwrap_or(descr)
+            .chars();
+        let kind = match letters.next()? {
+            'f' => Kind::Float,
+            'i' => Kind::Signed,
+            'u' => Kind::Unsigned,
+            'b' if letters.as_str() == "1" => Kind::Unsigned,
+            _ => return None,
+        };
+        Self::new(kind, letters.as_str().parse().ok()?, big_endian)
+    }
+
     /// How far a number of magnitude up to `most` may have been moved by storing it: half the
     /// distance of neighbouring floats; nothing for integers.
-    pub(super) fn rounding(self, most: f64) -> f64 {
+    pub(crate) fn rounding(self, most: f64) -> f64 {
         let digits = match (self.kind, self.size) {
             (Kind::Float, 2) => 11,
             (Kind::Float, 4) => 24,
@@ -60,12 +80,24 @@ impl Element {
     }
 }
 
+impl fmt::Display for Element {
+    /// The name of numpy and of everybody else: `float32`, `uint8`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kind = match self.kind {
+            Kind::Float => "float",
+            Kind::Signed => "int",
+            Kind::Unsigned => "uint",
+        };
+        write!(f, "{kind}{}", 8 * self.size)
+    }
+}
+
 impl Array {
     /// The array of that `shape` in `bytes`.
     ///
     /// # Errors
     /// If the shape asks for another number of bytes.
-    pub(super) fn new(shape: Vec<usize>, element: Element, bytes: Vec<u8>) -> Result<Self, String> {
+    pub(crate) fn new(shape: Vec<usize>, element: Element, bytes: Vec<u8>) -> Result<Self, String> {
         if bytes_of(&shape, element) != Some(bytes.len() as u64) {
             return Err(format!(
                 "its shape {shape:?} of {} bytes each does not fit its {} bytes",
@@ -80,16 +112,46 @@ impl Array {
         })
     }
 
+    /// The array of that `shape` in `bytes` that stand column by column, as Fortran and transposed views
+    /// of numpy have them.
+    ///
+    /// # Errors
+    /// As [`Array::new`]; if it has more than two dimensions.
+    pub(crate) fn by_columns(
+        shape: Vec<usize>,
+        element: Element,
+        bytes: Vec<u8>,
+    ) -> Result<Self, String> {
+        let stored = Self::new(shape, element, bytes)?;
+        let (rows, columns) = match stored.shape[..] {
+            [rows, columns] => (rows, columns),
+            _ if stored.shape.len() < 2 || stored.len() == 0 => return Ok(stored),
+            _ => {
+                return Err(
+                    "it is stored column by column; write numpy.ascontiguousarray of it".into(),
+                );
+            }
+        };
+        let size = element.size;
+        let mut bytes = Vec::with_capacity(stored.bytes.len());
+        for row in 0..rows {
+            for column in 0..columns {
+                bytes.extend(&stored.bytes[(column * rows + row) * size..][..size]);
+            }
+        }
+        Ok(Self { bytes, ..stored })
+    }
+
     /// Number of elements.
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.bytes.len() / self.element.size
     }
 
-    pub(super) fn shape(&self) -> &[usize] {
+    pub(crate) fn shape(&self) -> &[usize] {
         &self.shape
     }
 
-    pub(super) fn element(&self) -> Element {
+    pub(crate) fn element(&self) -> Element {
         self.element
     }
 
@@ -98,7 +160,7 @@ impl Array {
     ///
     /// # Errors
     /// If it is shaped otherwise.
-    pub(super) fn rows(&self, columns: usize) -> Result<usize, String> {
+    pub(crate) fn rows(&self, columns: usize) -> Result<usize, String> {
         match self.shape[..] {
             [rows, found] if found == columns => Ok(rows),
             _ if self.len() == 0 => Ok(0),
@@ -110,7 +172,7 @@ impl Array {
     ///
     /// # Errors
     /// If it has another number of dimensions.
-    pub(super) fn length(&self) -> Result<usize, String> {
+    pub(crate) fn length(&self) -> Result<usize, String> {
         match self.shape[..] {
             [length] => Ok(length),
             _ if self.len() == 0 => Ok(0),
@@ -122,7 +184,7 @@ impl Array {
     ///
     /// # Panics
     /// If there is none.
-    pub(super) fn get(&self, index: usize) -> f64 {
+    pub(crate) fn get(&self, index: usize) -> f64 {
         let Element {
             kind,
             size,
@@ -147,7 +209,7 @@ impl Array {
     }
 
     /// The first two numbers of row `row`, where each row has so many `columns`.
-    pub(super) fn point(&self, row: usize, columns: usize) -> [f64; 2] {
+    pub(crate) fn point(&self, row: usize, columns: usize) -> [f64; 2] {
         let first = row * columns;
         [self.get(first), self.get(first + 1)]
     }
@@ -156,7 +218,7 @@ impl Array {
     ///
     /// # Errors
     /// If it is neither.
-    pub(super) fn index(&self, index: usize, end: usize) -> Result<Option<usize>, String> {
+    pub(crate) fn index(&self, index: usize, end: usize) -> Result<Option<usize>, String> {
         let value = self.get(index);
         if value == -1.0 {
             return Ok(None);
@@ -170,8 +232,33 @@ impl Array {
     }
 
     /// All elements.
-    pub(super) fn to_vec(&self) -> Vec<f64> {
+    pub(crate) fn to_vec(&self) -> Vec<f64> {
         (0..self.len()).map(|index| self.get(index)).collect()
+    }
+
+    /// All elements in single precision.
+    pub(crate) fn to_f32(&self) -> Vec<f32> {
+        (0..self.len())
+            .map(|index| self.get(index) as f32)
+            .collect()
+    }
+
+    /// All elements, those of single precision as the shortest decimals that round to them: what was
+    /// printed with a few digits comes back as it was printed.
+    pub(crate) fn to_decimals(&self) -> Vec<f64> {
+        let mut values = self.to_vec();
+        if self.element.kind == Kind::Float && self.element.size == 4 {
+            for value in &mut values {
+                *value = (*value as f32).to_string().parse().unwrap_or(f64::NAN);
+            }
+        }
+        values
+    }
+
+    /// The bytes, if that is what its elements are.
+    pub(crate) fn as_bytes(&self) -> Option<&[u8]> {
+        let Element { kind, size, .. } = self.element;
+        ((kind, size) == (Kind::Unsigned, 1)).then_some(&self.bytes)
     }
 }
 
@@ -244,6 +331,42 @@ mod tests {
             [200.0, 255.0]
         );
         assert_eq!(array(Kind::Unsigned, 2, false, &[255, 255]).get(0), 65535.0);
+    }
+
+    #[test]
+    fn types_are_named_as_numpy_names_them() {
+        for (descr, named) in [
+            ("<f4", "float32"),
+            (">f8", "float64"),
+            ("f2", "float16"),
+            ("|u1", "uint8"),
+            ("=i2", "int16"),
+            ("|b1", "uint8"),
+        ] {
+            assert_eq!(Element::of_numpy(descr).unwrap().to_string(), named);
+        }
+        for descr in ["|O", "<f1", "<f16", "<U4", "", "<", "b2", "<c8"] {
+            assert_eq!(Element::of_numpy(descr), None, "{descr}");
+        }
+    }
+
+    #[test]
+    fn columns_become_rows() {
+        let element = Element::new(Kind::Unsigned, 2, false).unwrap();
+        let bytes: Vec<u8> = (0..6_u16).flat_map(u16::to_le_bytes).collect();
+        let of = |shape: &[usize]| Array::by_columns(shape.to_vec(), element, bytes.clone());
+        assert_eq!(of(&[2, 3]).unwrap().to_f32(), [0., 2., 4., 1., 3., 5.]);
+        assert_eq!(of(&[6]).unwrap().to_vec(), [0., 1., 2., 3., 4., 5.]);
+        assert!(of(&[1, 2, 3]).unwrap_err().contains("column by column"));
+        assert!(of(&[2, 2]).is_err());
+    }
+
+    #[test]
+    fn single_precision_comes_back_as_it_was_printed() {
+        let bytes = [0.97598_f32, -0.05925].map(f32::to_le_bytes).concat();
+        let single = array(Kind::Float, 4, false, &bytes);
+        assert_eq!(single.to_decimals(), [0.97598, -0.05925]);
+        assert_ne!(single.to_vec(), [0.97598, -0.05925]);
     }
 
     #[test]
