@@ -41,6 +41,16 @@ pub(crate) enum Ending {
     Stopped,
 }
 
+impl Ending {
+    /// The same, where `all` matchers could be started; one that was left out is a failure.
+    pub(crate) fn unless_absent(self, all: bool) -> Self {
+        match self {
+            Self::Done if !all => Self::SomeFailed,
+            ending => ending,
+        }
+    }
+}
+
 /// Does what `arguments` ask, the first of which is the name of the program, and returns the exit code: 0
 /// when everything was done, 1 after an error, which is printed, 2 where some tasks failed, 130 where the
 /// user stopped it. Takes over the signals by which users do that.

@@ -15,7 +15,8 @@ use crate::estimators;
 use crate::metrics::{Angle, ResultsError, SuccessCurve, load_run};
 use crate::records::{FolderError, RunFolder, Settings, Tuned, TunedOn};
 use crate::run::{
-    Cancel, Contender, ContenderError, Dataset, Observer, Run, RunError, RunSummary, Variant,
+    Cancel, Contender, ContenderError, Dataset, Observer, Outside, Run, RunError, RunSummary,
+    Variant,
 };
 
 /// What is tuned, and on what.
@@ -23,7 +24,7 @@ use crate::run::{
 pub struct Tuning<'a> {
     /// The datasets; none of them may be reported on later.
     pub datasets: &'a [Dataset],
-    /// Ids of the matchers whose matches are used, or `all`.
+    /// The matchers whose matches are used: ids, manifests of matchers from outside, or `all`.
     pub matchers: &'a [String],
     /// The parameter, `ESTIMATOR.NAME`.
     pub parameter: &'a str,
@@ -110,7 +111,12 @@ fn variants(tuning: &Tuning<'_>) -> Result<Vec<Contender>, TuneError> {
         return Err(TuneError::Parameter(reason));
     }
     let (id, changes) = ([id.to_owned()], tuning.changes);
-    let mut contenders = Contender::from_ids(tuning.matchers, &id, changes)?;
+    let outside = Outside {
+        logs: &tuning.folder.join("logs"),
+        cache: tuning.cache,
+    };
+    // Without one of them the mean would be another.
+    let mut contenders = Contender::all_of(tuning.matchers, &id, changes, Some(&outside))?;
     let [id] = id;
     let mut params = match changes.of(&id) {
         Some(Value::Object(params)) => params.clone(),

@@ -149,6 +149,7 @@ mod tests {
             ("README.md", 2),
             ("crates/cli/README.md", 2),
             ("docs/tutorial.md", 8),
+            ("docs/matchers.md", 9),
             ("docs/estimators.md", 2),
         ] {
             let text = std::fs::read_to_string(format!("{repository}/{page}"));

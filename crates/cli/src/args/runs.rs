@@ -9,7 +9,7 @@ use crate::threads::Threads;
 
 #[derive(Debug, Args)]
 pub(crate) struct DemoArgs {
-    /// Matchers, separated by commas, or `all`, which takes several minutes
+    /// Matchers, separated by commas, or `all`, which takes several minutes; a path is a manifest
     #[arg(
         long,
         value_name = "IDS",
@@ -121,7 +121,7 @@ pub(crate) struct TuneArgs {
     /// Dataset folders; none of them may be reported on later
     #[arg(value_name = "DATASET", required = true)]
     pub datasets: Vec<PathBuf>,
-    /// Matchers whose matches are used, separated by commas
+    /// Matchers whose matches are used, separated by commas; a path is the manifest of a matcher from outside
     #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
     pub matchers: Vec<String>,
     /// The parameter (see `matchbench list estimators`)
@@ -172,7 +172,7 @@ pub(crate) struct ShowArgs {
     /// Second image of the pair
     #[arg(value_name = "B")]
     pub b: u32,
-    /// The matcher (see `matchbench list matchers`)
+    /// The matcher (see `matchbench list matchers`); a path is the manifest of a matcher from outside
     #[arg(long, value_name = "ID")]
     pub matcher: String,
     /// The pose estimator [default: the one that belongs to the matcher]
@@ -207,7 +207,7 @@ pub(crate) struct TimeArgs {
     /// The dataset folder
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
-    /// Matchers, separated by commas, or `all`
+    /// Matchers of `matchbench list matchers`, separated by commas, or `all`
     #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
     pub matchers: Vec<String>,
     /// The first N pairs, or all where there are fewer

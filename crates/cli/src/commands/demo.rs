@@ -9,16 +9,23 @@ use indicatif::{ProgressBar, ProgressStyle};
 use matchbench::datasets::rendered;
 use matchbench::records::Settings;
 use matchbench::report::ReportOptions;
-use matchbench::run::Contender;
 
-use super::job::{Job, changes, open};
+use super::job::{Job, cache, changes, check_names, contenders, open};
 use super::{eval, report};
 use crate::Ending;
 use crate::args::DemoArgs;
 
 pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
+    check_names(&args.matchers)?;
     let datasets = open(&scenes()?)?;
-    let contenders = Contender::from_ids(&args.matchers, &[], &changes(&[])?)?;
+    let (contenders, all_started) = contenders(
+        &args.matchers,
+        Vec::new(),
+        &[],
+        &changes(&[])?,
+        &args.out,
+        &cache(None, &args.out),
+    )?;
     let ending = Job {
         datasets: &datasets,
         contenders: &contenders,
@@ -43,7 +50,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
     )?;
     writeln!(out, "Next: matchbench import --help")?;
     writeln!(out, "Open {}", page.display())?;
-    Ok(ending)
+    Ok(ending.unless_absent(all_started))
 }
 
 /// The folders of the built-in scenes, rendered if this is the first time.

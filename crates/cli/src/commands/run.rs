@@ -57,8 +57,5 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     } else {
         writeln!(out, "\nNext: matchbench report {}", args.out.display())?;
     }
-    Ok(match ending {
-        Ending::Done if !all_started => Ending::SomeFailed,
-        ending => ending,
-    })
+    Ok(ending.unless_absent(all_started))
 }

@@ -4,13 +4,17 @@ use std::io::Write;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
+use matchbench::cache::FeatureCache;
 use matchbench::matchers::ImageFiles;
 use matchbench::metrics::PairResult;
 use matchbench::records::Outcome;
 use matchbench::report::{Thumbnail, picture_png, picture_svg, sentence, view};
-use matchbench::run::{Contender, Dataset, ImagePair, evaluate, pair_seed};
+use matchbench::run::{
+    Contender, ContenderError, Dataset, ImagePair, Outside, check_turns, evaluate, pair_seed,
+};
+use tempfile::TempDir;
 
-use super::job::changes;
+use super::job::{changes, check_names};
 use crate::Ending;
 use crate::args::ShowArgs;
 use crate::output::{is_standard_output, write_result};
@@ -33,13 +37,9 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
             args.out.display()
         ),
     };
-    let estimators: Vec<String> = args.estimator.iter().cloned().collect();
-    let matcher = std::slice::from_ref(&args.matcher);
-    let contenders = Contender::from_ids(matcher, &estimators, &changes(&args.set)?)?;
-    let [contender] = &contenders[..] else {
-        bail!("--matcher takes one matcher");
-    };
+    let (_beside, contender) = contender(args)?;
     let Dataset { sequence, .. } = Dataset::open(&args.dataset)?;
+    check_turns(&sequence, &contender)?;
     let mut pairs = sequence.pairs.iter();
     let pair = (pairs.find(|pair| (pair.a, pair.b) == (args.a, args.b))).with_context(|| {
         format!(
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         0,
     );
     let evaluation = evaluate(
-        contender,
+        &contender,
         &ImagePair {
             images: gray.each_ref(),
             cameras: [&frame_a.camera, &frame_b.camera],
@@ -119,4 +119,32 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         args.out.display()
     )?;
     Ok(Ending::Done)
+}
+
+/// The folder of what a matcher from outside leaves behind, which has to outlive it, and the matcher with
+/// its estimator.
+fn contender(args: &ShowArgs) -> Result<(TempDir, Contender)> {
+    let matcher = std::slice::from_ref(&args.matcher);
+    check_names(matcher)?;
+    let estimators: Vec<String> = args.estimator.iter().cloned().collect();
+    let folder = tempfile::Builder::new()
+        .prefix("matchbench-show-")
+        .tempdir()?;
+    let outside = Outside {
+        logs: folder.path(),
+        cache: &FeatureCache::new(folder.path().join("cache")),
+    };
+    match Contender::all_of(matcher, &estimators, &changes(&args.set)?, Some(&outside)) {
+        Ok(contenders) => match contenders.into_iter().next() {
+            Some(contender) if args.matcher != "all" => Ok((folder, contender)),
+            _ => bail!("--matcher takes one matcher"),
+        },
+        Err(error) => {
+            if let ContenderError::Start(_) = error {
+                // It names the log.
+                let _ = folder.keep();
+            }
+            Err(error.into())
+        }
+    }
 }

@@ -2,7 +2,8 @@
 
 use std::io::Write;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
+use matchbench::external::Manifest;
 use matchbench::metrics::Quartiles;
 use matchbench::report::{MatcherTimes, times_as_csv, times_as_latex};
 use matchbench::run::{Contender, Dataset};
@@ -10,13 +11,20 @@ use matchbench::time::{machine, time};
 
 use crate::Ending;
 use crate::args::TimeArgs;
-use crate::commands::job::changes;
+use crate::commands::job::{changes, check_names};
 use crate::output::{say, write_result};
 use crate::progress::cancel_on_ctrl_c;
 
 pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
+    check_names(&args.matchers)?;
+    if let Some(path) = args.matchers.iter().find(|name| Manifest::is_path(name)) {
+        bail!(
+            "{path}: a program from outside keeps to neither one thread nor the clock here; `matchbench \
+             run` records its own times and what the host saw, and the report shows both"
+        );
+    }
     let dataset = Dataset::open(&args.dataset)?;
-    let contenders = Contender::from_ids(&args.matchers, &[], &changes(&args.set)?)?;
+    let contenders = Contender::all_of(&args.matchers, &[], &changes(&args.set)?, None)?;
     let cancel = cancel_on_ctrl_c("stopping")?;
     let mut out = std::io::stdout().lock();
     let about = format!(

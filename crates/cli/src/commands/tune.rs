@@ -9,12 +9,13 @@ use matchbench::records::{Settings, Tuned};
 use matchbench::tune::{Tuning, tune};
 use serde_json::Value;
 
-use super::job::{AFTER_PAIRS, cache, changes, open, tell};
+use super::job::{AFTER_PAIRS, cache, changes, check_names, open, tell};
 use crate::Ending;
 use crate::args::TuneArgs;
 use crate::progress::{Bar, cancel_on_ctrl_c};
 
 pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
+    check_names(&args.matchers)?;
     let values: Vec<Value> = args.values.iter().map(|text| parse_value(text)).collect();
     let tuning = Tuning {
         datasets: &open(&args.datasets)?,

@@ -49,6 +49,9 @@ pub enum ContenderError {
     /// The manifest of a matcher from outside is wrong.
     #[error(transparent)]
     Manifest(#[from] ManifestError),
+    /// A matcher from outside cannot be started, where none may be missing.
+    #[error(transparent)]
+    Start(#[from] StartError),
     /// No log can be written for a matcher from outside.
     #[error(transparent)]
     Log(#[from] io::Error),
@@ -78,28 +81,36 @@ impl Contender {
         }
     }
 
-    /// The matchers called `ids` (`all` alone for all), each with the estimators called `estimators`,
+    /// The matchers of these names, none of which may be missing; see [`Contender::from_names`].
+    ///
+    /// # Errors
+    /// As [`Contender::from_names`]; if a matcher from outside does not start.
+    pub fn all_of(
+        names: &[String],
+        estimators: &[String],
+        changes: &Changes,
+        outside: Option<&Outside<'_>>,
+    ) -> Result<Vec<Self>, ContenderError> {
+        let (contenders, absent) =
+            Self::from_names(names, Vec::new(), estimators, changes, outside)?;
+        match absent.into_iter().next() {
+            Some(error) => Err(error.into()),
+            None => Ok(contenders),
+        }
+    }
+
+    /// The matchers called `names` (`all` alone for all), each with the estimators called `estimators`,
     /// or with its own where that is empty; what `changes` does not name keeps its default.
+    ///
+    /// A name may also be the path of a manifest (see [`external`](crate::external)): its program is
+    /// started, which may take its time. Matchers that do not start are left out, and returned with the
+    /// reason. After them come the `sources` of matched points, such as files; their own estimator is
+    /// `best`.
     ///
     /// # Errors
     /// If a name or a parameter is unknown, a value is out of range, or `changes` names what is not
-    /// asked for.
-    pub fn from_ids(
-        ids: &[String],
-        estimators: &[String],
-        changes: &Changes,
-    ) -> Result<Vec<Self>, ContenderError> {
-        Ok(Self::from_names(ids, Vec::new(), estimators, changes, None)?.0)
-    }
-
-    /// The same, where a name may also be the path of a manifest (see [`external`](crate::external)): its
-    /// program is started, which may take its time. Matchers that do not start are left out, and
-    /// returned with the reason. After them come the `sources` of matched points, such as files; their
-    /// own estimator is `best`.
-    ///
-    /// # Errors
-    /// As [`Contender::from_ids`]; if a manifest is wrong or a log cannot be written; without an
-    /// `outside`, if there is a path.
+    /// asked for; if a manifest is wrong or a log cannot be written; without an `outside`, if there is
+    /// a path.
     pub fn from_names(
         names: &[String],
         sources: Vec<BuiltPointSource>,
@@ -191,7 +202,7 @@ mod tests {
     #[test]
     fn a_setting_for_nobody_is_an_error() {
         let changes = Changes::parse(&["surf.ratio=0.7".to_owned()]).unwrap();
-        let error = Contender::from_ids(&["sift".into()], &[], &changes).err();
+        let error = Contender::all_of(&["sift".into()], &[], &changes, None).err();
         let message = error.unwrap().to_string();
         assert!(message.contains("`surf`") && message.contains("takes no part"));
     }

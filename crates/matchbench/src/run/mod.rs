@@ -41,7 +41,7 @@ pub use error::RunError;
 pub use evaluate::{Evaluation, EvaluationError, ImagePair, evaluate};
 pub use frame::Decode;
 pub use observer::{Cancel, Observer, RunSummary, Silent};
-pub use plan::plan;
+pub use plan::{check_turns, plan};
 pub use seeds::{estimation_seed, pair_seed, selection_seed};
 
 use std::collections::{BTreeMap, BTreeSet};

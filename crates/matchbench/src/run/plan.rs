@@ -38,7 +38,7 @@ pub fn plan(
     }
     for dataset in datasets {
         check_pairs(&dataset.sequence)?;
-        check_turns(&dataset.sequence, contenders)?;
+        (contenders.iter()).try_for_each(|one| check_turns(&dataset.sequence, one))?;
     }
     Ok(Plan {
         format: FORMAT,
@@ -104,19 +104,22 @@ fn check_names<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(
     Ok(())
 }
 
-/// A source of points sees the files, whose pixels are not those of frames that are turned.
-fn check_turns(sequence: &Sequence, contenders: &[Contender]) -> Result<(), RunError> {
-    let outside = |contender: &&Contender| contender.source.matcher().is_none();
-    let turned = sequence.frames.iter().any(|frame| !frame.turn.is_none());
-    match contenders.iter().find(outside) {
-        Some(contender) if turned => contradiction(format!(
+/// Whether a contender sees the images as the dataset means them: a source of points sees the files,
+/// whose pixels are not those of frames that are turned.
+///
+/// # Errors
+/// [`RunError::Contradiction`] if it does not.
+pub fn check_turns(sequence: &Sequence, contender: &Contender) -> Result<(), RunError> {
+    let outside = contender.source.matcher().is_none();
+    if outside && sequence.frames.iter().any(|frame| !frame.turn.is_none()) {
+        return contradiction(format!(
             "dataset `{}` turns some of its images, which `{}` would see as they are stored; turn the files \
              themselves and import them again",
             sequence.name,
             contender.source.id(),
-        )),
-        _ => Ok(()),
+        ));
     }
+    Ok(())
 }
 
 fn check_pairs(sequence: &Sequence) -> Result<(), RunError> {

@@ -1,0 +1,237 @@
+//! Matchers from outside at the command line: a manifest wherever an id is, and what is left when its
+//! program breaks or is stopped.
+#![cfg(unix)]
+
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use common::{dataset, matchbench};
+
+/// A program in the language of the shell: every pair has the matches of `matches.f32`, unless there is
+/// a file `break`, whose text it runs instead.
+const PROGRAM: &str = r#"
+echo $$ >> started
+while read -r line; do
+    case $line in
+    *'"type":"hello"'*)
+        echo "loading"
+        echo '{"type":"ready","protocol":1,"name":"toy","version":"'"$(cat version)"'","pixel_center":0}' ;;
+    *'"type":"match"'*)
+        if test -e break; then . ./break; fi
+        pair=${line#*\"pair\":}; out=${line##*\"out\":\"}
+        cp matches.f32 "${out%\"\}}"
+        echo '{"type":"matched","pair":'"${pair%%]*}"'],"count":60,"device":"abacus"}' ;;
+    *'"type":"bye"'*) exit 0 ;;
+    esac
+done
+"#;
+
+/// A manifest in a folder of its own, and that folder.
+fn toy(folder: &Path) -> (PathBuf, PathBuf) {
+    let home = folder.join("toy");
+    fs::create_dir_all(&home).expect("writable");
+    let mut rows = Vec::new();
+    for i in 0..60_u8 {
+        let (x, y) = (
+            f32::from(i % 10) * 14.0 + 10.0,
+            f32::from(i / 10) * 17.0 + 8.0,
+        );
+        for value in [x, y, x - 5.0, y, 0.1] {
+            rows.extend(value.to_le_bytes());
+        }
+    }
+    fs::write(home.join("matches.f32"), rows).expect("writable");
+    fs::write(home.join("version"), "1.0").expect("writable");
+    fs::write(home.join("toy.sh"), PROGRAM).expect("writable");
+    let manifest = home.join("toy.toml");
+    let text = "name = \"toy\"\ncommand = [\"sh\", \"toy.sh\"]\ntimeout_s = 20\n";
+    fs::write(&manifest, text).expect("writable");
+    (manifest, home)
+}
+
+fn output(arguments: &[&str], paths: &[&Path]) -> Output {
+    let mut command = matchbench();
+    command.args(arguments).args(paths);
+    command.output().expect("the program starts")
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn lines(path: &Path) -> usize {
+    fs::read_to_string(path).map_or(0, |text| text.lines().count())
+}
+
+/// The programs that were started end within some seconds; whoever is to reap those that outlived the
+/// host may never do it.
+fn assert_all_gone(home: &Path) {
+    let is_there = |number: &str| {
+        let asked = Command::new("kill")
+            .args(["-0", number])
+            .stderr(Stdio::null())
+            .status();
+        let state = fs::read_to_string(format!("/proc/{number}/stat"));
+        let is_zombie = state.is_ok_and(|state| state.contains(") Z "));
+        asked.expect("kill is everywhere").success() && !is_zombie
+    };
+    let started = fs::read_to_string(home.join("started")).expect("it was started");
+    let patience = Instant::now() + Duration::from_secs(20);
+    for number in started.lines() {
+        while is_there(number) {
+            assert!(Instant::now() < patience, "{number} is still there");
+            sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+#[test]
+fn a_manifest_is_used_wherever_an_id_is() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 3);
+    let (manifest, home) = toy(folder.path());
+    let (toy, run) = (manifest.to_str().expect("UTF-8"), folder.path().join("run"));
+
+    let both = format!("sift,{toy}");
+    let asked = [
+        "run",
+        "--matchers",
+        &both,
+        "--estimator",
+        "ransac-e",
+        "--out",
+    ];
+    let done = output(&asked, &[&run, &wall]);
+    assert_eq!(done.status.code(), Some(0), "{}", said(&done));
+    let records = run.join("records/wall/toy+ransac-e.jsonl");
+    assert_eq!(lines(&records), 3);
+    let text = fs::read_to_string(&records).expect("it was written");
+    assert_eq!(text.matches("\"device\":\"abacus\"").count(), 3, "{text}");
+    let log = fs::read_to_string(run.join("logs/toy.log")).expect("it was written");
+    assert!(log.contains("loading"), "{log}");
+
+    let picture = folder.path().join("pair.svg");
+    let shown = output(
+        &["show", "--matcher", toy, "--out"],
+        &[&picture, &wall, Path::new("0"), Path::new("1")],
+    );
+    assert_eq!(shown.status.code(), Some(0), "{}", said(&shown));
+    assert!(
+        fs::read_to_string(&picture)
+            .expect("it was written")
+            .contains("<svg")
+    );
+
+    let tuning = folder.path().join("tuning");
+    let values = [
+        "tune",
+        "--matchers",
+        toy,
+        "--parameter",
+        "ransac-e.threshold_px",
+        "--values",
+        "1,2",
+        "--out",
+    ];
+    let tuned = output(&values, &[&tuning, &wall]);
+    assert_eq!(tuned.status.code(), Some(0), "{}", said(&tuned));
+    assert!(tuning.join("tuned.json").is_file());
+
+    let timed = output(&["time", "--matchers", toy], &[&wall]);
+    assert_eq!(timed.status.code(), Some(1));
+    assert!(
+        said(&timed).contains("keeps to neither"),
+        "{}",
+        said(&timed)
+    );
+
+    fs::write(home.join("version"), "2.0").expect("writable");
+    let other = output(&asked, &[&run, &wall]);
+    assert_eq!(
+        other.status.code(),
+        Some(1),
+        "another version is another matcher"
+    );
+    assert!(said(&other).contains("toy"), "{}", said(&other));
+    assert_all_gone(&home);
+}
+
+#[test]
+fn a_program_that_breaks_costs_no_other_matcher() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 4);
+    let (manifest, home) = toy(folder.path());
+    let (toy, run) = (manifest.to_str().expect("UTF-8"), folder.path().join("run"));
+    fs::write(home.join("break"), "echo 'no more memory' >&2; exit 3\n").expect("writable");
+    let both = format!("{toy},sift");
+    let asked = [
+        "run",
+        "--matchers",
+        &both,
+        "--estimator",
+        "ransac-e",
+        "--threads",
+        "1",
+        "--out",
+    ];
+    let broken = output(&asked, &[&run, &wall]);
+    assert_eq!(broken.status.code(), Some(2), "{}", said(&broken));
+    let message = said(&broken);
+    for part in ["3 failures in a row", "no more memory", "logs/toy.log"] {
+        assert!(message.contains(part), "{part}: {message}");
+    }
+    assert_eq!(lines(&run.join("records/wall/sift+ransac-e.jsonl")), 6);
+
+    // Mended, it does what is left and what failed.
+    fs::remove_file(home.join("break")).expect("it was written");
+    let mended = output(&asked, &[&run, &wall]);
+    assert_eq!(mended.status.code(), Some(0), "{}", said(&mended));
+    let eval = output(&["eval", "--format", "csv"], &[&run]);
+    let table = String::from_utf8_lossy(&eval.stdout).into_owned();
+    let row = table
+        .lines()
+        .find(|line| line.contains("toy"))
+        .expect("a row of it");
+    assert!(row.contains(",6,0,"), "six pairs and none failed: {row}");
+    assert_all_gone(&home);
+}
+
+#[test]
+fn ctrl_c_twice_ends_the_program_too() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 3);
+    let (manifest, home) = toy(folder.path());
+    let run = folder.path().join("run");
+    fs::write(home.join("break"), "touch waiting; sleep 600\n").expect("writable");
+    let mut host = matchbench()
+        .args(["run", "--threads", "1", "--matchers"])
+        .arg(&manifest)
+        .arg("--out")
+        .args([&run, &wall])
+        .stderr(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    let patience = Instant::now() + Duration::from_secs(60);
+    while !home.join("waiting").exists() {
+        assert!(
+            Instant::now() < patience,
+            "it was not asked within a minute"
+        );
+        sleep(Duration::from_millis(5));
+    }
+    for _ in 0..2 {
+        let sent = Command::new("kill")
+            .args(["-INT", &host.id().to_string()])
+            .status();
+        assert!(sent.expect("kill is everywhere").success());
+        sleep(Duration::from_millis(300));
+    }
+    assert_eq!(host.wait().expect("it ended").code(), Some(130));
+    assert_all_gone(&home);
+}
