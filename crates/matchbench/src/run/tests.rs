@@ -198,7 +198,7 @@ fn a_torn_file_is_completed_wherever_it_was_torn() {
     // Both ends of each line, and some places in between.
     let at_an_end = |length: &usize| {
         let near = &whole[length.saturating_sub(2)..whole.len().min(length + 2)];
-        near.contains(&b'\n') || length % 23 == 0
+        near.contains(&b'\n') || length.is_multiple_of(23)
     };
     for length in (0..whole.len()).filter(at_an_end) {
         fs::write(&path, &whole[..length]).unwrap();
