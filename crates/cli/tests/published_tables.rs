@@ -56,7 +56,7 @@ fn the_table_of_the_readme_is_what_the_files_say() {
         let [auc, low, high] = ["auc", "auc_low", "auc_high"].map(|column| number(row, column));
         format!("{auc:.3} [{low:.3}, {high:.3}]")
     };
-    let milliseconds = |seconds: f64| match 1000.0 * seconds {
+    let rounded = |ms: f64| match ms {
         ms if ms < 10.0 => format!("{ms:.1}"),
         ms => format!("{ms:.0}"),
     };
@@ -66,9 +66,9 @@ fn the_table_of_the_readme_is_what_the_files_say() {
         assert_eq!(cells[2..4], [auc(id, "ransac-e"), auc(id, "best")], "{id}");
         let row = times.iter().find(|row| row["matcher"] == id);
         let row = row.unwrap_or_else(|| panic!("no times of {id}"));
-        let stage = |name: &str| number(row, &format!("{name}_median"));
-        let pair = stage("search_s") + stage("select_s");
-        let expected = [milliseconds(stage("extract_s")), milliseconds(pair)];
+        let stage = |name: &str| number(row, &format!("{name}_ms_median"));
+        let pair = stage("matching") + stage("selection");
+        let expected = [rounded(stage("detection")), rounded(pair)];
         assert_eq!(cells[4..6], expected, "{id}");
     }
 }
