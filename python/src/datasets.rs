@@ -145,6 +145,7 @@ pub(crate) fn import_dataset(
             image_root,
             intrinsics,
             images,
+            ..ImportOptions::default()
         };
         datasets::import(kind, &source, &out, &options).map_err(error)
     })?;

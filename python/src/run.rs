@@ -112,6 +112,7 @@ pub(crate) fn run(
             repetitions: repeat,
             limit,
             time_budget_ms,
+            ..Settings::default()
         },
         cache: cache.clone(),
         keep_matches,

@@ -41,16 +41,6 @@ pub(crate) enum Ending {
     Stopped,
 }
 
-impl Ending {
-    /// The same, where `all` matchers could be started; one that was left out is a failure.
-    pub(crate) fn unless_absent(self, all: bool) -> Self {
-        match self {
-            Self::Done if !all => Self::SomeFailed,
-            ending => ending,
-        }
-    }
-}
-
 /// Does what `arguments` ask, the first of which is the name of the program, and returns the exit code: 0
 /// when everything was done, 1 after an error, which is printed, 2 where some tasks failed, 130 where the
 /// user stopped it. Takes over the signals by which users do that.
@@ -107,6 +97,7 @@ fn threads(command: &Command) -> Option<NonZeroUsize> {
     let threads = match command {
         Command::Demo(args) => args.threads,
         Command::Run(args) => args.threads,
+        Command::Paper(args) => args.threads,
         Command::Tune(args) => args.threads,
         Command::Eval(args) => args.threads,
         Command::Report(args) => args.threads,
@@ -132,6 +123,7 @@ fn dispatch(command: &Command) -> anyhow::Result<Ending> {
         Command::Import(args) => commands::import::run(args),
         Command::Convert(args) => commands::convert::run(args),
         Command::Run(args) => commands::run::run(args),
+        Command::Paper(args) => commands::paper::run(args),
         Command::Tune(args) => commands::tune::run(args),
         Command::Eval(args) => commands::eval::run(args),
         Command::Report(args) => commands::report::run(args),

@@ -63,7 +63,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let about = About {
         origin: poses.display().to_string(),
-        notes: Vec::new(),
+        ..About::default()
     };
     write_native(out, &sequence, &about, ImageStorage::Reference)?;
 

@@ -65,6 +65,9 @@ pub(crate) struct ImportArgs {
     /// Folder that the image names in SRC start from [default: beside SRC]
     #[arg(long, value_name = "DIR")]
     pub image_root: Option<PathBuf>,
+    /// What the images show, in a few words, for the report: "indoor, office"
+    #[arg(long, value_name = "TEXT")]
+    pub property: Option<String>,
     /// The calibration matrices (ScanNet's intrinsics.npz) [default: beside SRC]
     #[arg(long, value_name = "FILE")]
     pub intrinsics: Option<PathBuf>,

@@ -12,7 +12,9 @@ pub(crate) use data::{ConvertArgs, Images, ImportArgs, ValidateArgs};
 pub(crate) use results::{
     CompareArgs, EvalArgs, ExportArgs, FormatArg, PresetArg, ReportArgs, ScoredArgs,
 };
-pub(crate) use runs::{CheckArgs, DemoArgs, MatchesArgs, RunArgs, ShowArgs, TimeArgs, TuneArgs};
+pub(crate) use runs::{
+    CheckArgs, DemoArgs, MatchesArgs, PaperArgs, RunArgs, ShowArgs, TimeArgs, TuneArgs,
+};
 
 /// Which feature matcher should I use?
 ///
@@ -46,6 +48,8 @@ pub(crate) enum Command {
     Convert(ConvertArgs),
     /// Run matchers on datasets; can be stopped and resumed at any time
     Run(RunArgs),
+    /// Run the paper again: its sequences and matchers, its tables and figures
+    Paper(PaperArgs),
     /// Choose a parameter of an estimator, on scenes other than those that will be reported
     Tune(TuneArgs),
     /// Score a run, or results in the format of the paper's authors

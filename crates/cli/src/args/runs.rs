@@ -25,18 +25,34 @@ pub(crate) struct DemoArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = "\
+A run file says the same in TOML, and also which matchers are run on which dataset and of what
+datasets are imported; options beside it take the place of what it says, and --set comes last.
+docs/formats.md lists its keys:
+
+  out = \"runs/study\"                   # paths start from the folder of the file
+  matchers = [\"sift\", \"orb\"]
+  estimators = [\"ransac-e\", \"best\"]
+  [set]
+  sift.ratio = 0.7
+  [[dataset]]
+  path = \"castle\"                     # imported if it is not there
+  import = { kind = \"strecha\", source = \"castle-P30\", pairs = \"all\" }
+  matchers = [\"sift\"]                 # instead of those above
+
+Examples:
+  matchbench run office --matchers sift,orb --estimator ransac-e,best --out runs/first
+  matchbench run office castle --matchers all --sample 50 --out runs/all
+  matchbench run study.toml
+  matchbench run study.toml --sample 50 --out runs/quick")]
 pub(crate) struct RunArgs {
-    /// Dataset folders (made by `matchbench import`, or in the format of the paper's authors)
+    /// Dataset folders (made by `matchbench import`, or in the format of the paper's authors), or one
+    /// run file, whose name ends in .toml
     #[arg(value_name = "DATASET", required = true)]
     pub datasets: Vec<PathBuf>,
     /// Matchers, separated by commas, or `all` (see `matchbench list matchers`); a path is the manifest of
     /// a matcher from outside (see `matchbench check`)
-    #[arg(
-        long,
-        value_name = "IDS",
-        value_delimiter = ',',
-        required_unless_present = "matches"
-    )]
+    #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub matchers: Vec<String>,
     #[command(flatten)]
     pub files: MatchesArgs,
@@ -47,18 +63,21 @@ pub(crate) struct RunArgs {
     /// Folder of the run; one that is there already is resumed, and may grow by datasets, matchers
     /// and estimators
     #[arg(long, value_name = "RUN")]
-    pub out: PathBuf,
+    pub out: Option<PathBuf>,
     #[command(flatten)]
     pub threads: Threads,
     /// Only the first N pairs of each dataset
     #[arg(long, value_name = "N")]
     pub limit: Option<usize>,
-    /// Root of all random choices
-    #[arg(long, value_name = "S", default_value_t = 0)]
-    pub seed: u64,
-    /// Do every pair N times, each time with other random choices; scores are means
-    #[arg(long, value_name = "N", default_value_t = NonZeroU32::MIN)]
-    pub repeat: NonZeroU32,
+    /// Only N pairs of each dataset (of the first ones with --limit), evenly spread over them
+    #[arg(long, value_name = "N")]
+    pub sample: Option<usize>,
+    /// Root of all random choices [default: 0]
+    #[arg(long, value_name = "S")]
+    pub seed: Option<u64>,
+    /// Do every pair N times, each time with other random choices; scores are means [default: 1]
+    #[arg(long, value_name = "N")]
+    pub repeat: Option<NonZeroU32>,
     /// Change a parameter, for example --set sift.ratio=0.7 (repeatable; see `matchbench list`)
     #[arg(long, value_name = "ID.NAME=VALUE")]
     pub set: Vec<String>,
@@ -84,6 +103,45 @@ pub(crate) struct RunArgs {
     /// Write RUN/report when done
     #[arg(long)]
     pub report: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+DATA holds what was downloaded, under the names that it has where it is published; --where lists it.
+What is there is imported, what is not is said and left out. OUT/index.html shows Tables 1 to 3 and Figures 1 to
+3 with the published numbers beside ours; tables/ and figures/ have each as a file, report/ the complete
+report, run/ the run, and paper.tex all of it for LaTeX. The same command goes on where it was stopped.
+
+--quick takes 60 pairs of each sequence, evenly spread, without GAIM, CODE and RepMatch, and times 10 pairs, into
+OUT/quick. It shares datasets and features with the whole run.
+
+A copy of the run file behind it is a study of your own: crates/matchbench/src/paper/paper.toml.
+
+Examples:
+  matchbench paper --where
+  matchbench paper downloads --out paper --quick
+  matchbench paper downloads --out paper --sequences 05,06")]
+pub(crate) struct PaperArgs {
+    /// Folder of what was downloaded
+    #[arg(value_name = "DATA", required_unless_present = "where_to_find")]
+    pub data: Option<PathBuf>,
+    /// Folder for everything that comes of it
+    #[arg(long, value_name = "DIR", required_unless_present = "where_to_find")]
+    pub out: Option<PathBuf>,
+    /// Only these sequences, 01 to 08 [default: all]
+    #[arg(long, value_name = "NN", value_delimiter = ',')]
+    pub sequences: Vec<String>,
+    /// A quick look: some pairs of each sequence, without the slow matchers
+    #[arg(long)]
+    pub quick: bool,
+    /// Change a parameter (repeatable)
+    #[arg(long, value_name = "ID.NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Say what to download, how large it is, and where it goes
+    #[arg(long = "where", exclusive = true)]
+    pub where_to_find: bool,
+    #[command(flatten)]
+    pub threads: Threads,
 }
 
 /// Matches from the files of another tool.

@@ -7,36 +7,21 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use matchbench::datasets::rendered;
-use matchbench::records::Settings;
 use matchbench::report::ReportOptions;
+use matchbench::study::{Study, StudyDataset};
 
-use super::job::{Job, cache, changes, check_names, contenders, open};
+use super::job::execute;
 use super::{eval, report};
 use crate::Ending;
 use crate::args::DemoArgs;
 
 pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
-    check_names(&args.matchers)?;
-    let datasets = open(&scenes()?)?;
-    let (contenders, all_started) = contenders(
-        &args.matchers,
-        Vec::new(),
-        &[],
-        &changes(&[])?,
-        &args.out,
-        &cache(None, &args.out),
-    )?;
-    let ending = Job {
-        datasets: &datasets,
-        contenders: &contenders,
-        settings: Settings::default(),
-        tuned: &[],
-        folder: &args.out,
-        cache: None,
-        keep_matches: true,
-        retry_failed: false,
-    }
-    .execute()?;
+    let (ending, _) = execute(&Study {
+        datasets: scenes()?.into_iter().map(StudyDataset::at).collect(),
+        matchers: args.matchers.clone(),
+        out: Some(args.out.clone()),
+        ..Study::default()
+    })?;
     if ending == Ending::Stopped {
         return Ok(ending);
     }
@@ -50,7 +35,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
     )?;
     writeln!(out, "Next: matchbench import --help")?;
     writeln!(out, "Open {}", page.display())?;
-    Ok(ending.unless_absent(all_started))
+    Ok(ending)
 }
 
 /// The folders of the built-in scenes, rendered if this is the first time.

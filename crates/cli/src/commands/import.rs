@@ -19,6 +19,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<Ending> {
         interpolate: args.interpolate,
         image_root: args.image_root.clone(),
         intrinsics: args.intrinsics.clone(),
+        property: args.property.clone(),
         images: match args.images {
             Images::Reference => ImageStorage::Reference,
             Images::Link => ImageStorage::Link,

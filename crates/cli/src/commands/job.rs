@@ -1,15 +1,17 @@
 //! A run as it is asked for on the command line: with a progress bar, stopped by Ctrl-C.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use matchbench::cache::FeatureCache;
 use matchbench::config::{Changes, ConfigError, UnknownName};
 use matchbench::external::Manifest;
-use matchbench::matchers::{self, BuiltPointSource};
-use matchbench::records::{RunFolder, Settings, Tuned};
-use matchbench::run::{Contender, Dataset, Outside, Run, RunSummary};
+use matchbench::matchers;
+use matchbench::records::RunFolder;
+use matchbench::run::{Cancel, Dataset, RunSummary};
+use matchbench::study::{News, Prepared, Study};
 
+use super::matches::describe;
 use crate::Ending;
 use crate::output::say;
 use crate::progress::{Bar, cancel_on_ctrl_c};
@@ -17,34 +19,40 @@ use crate::progress::{Bar, cancel_on_ctrl_c};
 /// Said when Ctrl-C stops a run.
 pub(crate) const AFTER_PAIRS: &str = "stopping after the pairs in flight; again to stop at once";
 
-/// What is run, and where.
-pub(crate) struct Job<'a> {
-    pub(crate) datasets: &'a [Dataset],
-    pub(crate) contenders: &'a [Contender],
-    pub(crate) settings: Settings,
-    pub(crate) tuned: &'a [Tuned],
-    pub(crate) folder: &'a Path,
-    pub(crate) cache: Option<&'a Path>,
-    pub(crate) keep_matches: bool,
-    pub(crate) retry_failed: bool,
+/// Does what is left of a study, until it is done or stopped, says how it ended, and returns that with the
+/// folder of its run.
+pub(crate) fn execute(study: &Study) -> Result<(Ending, PathBuf)> {
+    let (ending, prepared) = execute_until(study, &cancel_on_ctrl_c(AFTER_PAIRS)?)?;
+    Ok((ending, prepared.folder))
 }
 
-impl Job<'_> {
-    /// Does what is left, until it is done or stopped, and says how it ended.
-    pub(crate) fn execute(&self) -> Result<Ending> {
-        let run = Run {
-            settings: self.settings,
-            tuned: self.tuned,
-            cache: cache(self.cache, self.folder),
-            keep_matches: self.keep_matches,
-            retry_failed: self.retry_failed,
-            ..Run::new(self.datasets, self.contenders, self.folder)
-        };
-        let cancel = cancel_on_ctrl_c(AFTER_PAIRS)?;
-        let bar = Bar::new();
-        let summary = run.execute(&bar, &cancel);
-        bar.finish();
-        Ok(tell(&summary?, self.folder))
+/// The same where Ctrl-C is listened for already; returns what was run.
+pub(crate) fn execute_until(study: &Study, cancel: &Cancel) -> Result<(Ending, Prepared)> {
+    let prepared = study.prepare(&tell_news)?;
+    for error in &prepared.absent {
+        say!("error: {error}");
+    }
+    let bar = Bar::new();
+    let summary = prepared.run().execute(&bar, cancel);
+    bar.finish();
+    let ending = match tell(&summary?, &prepared.folder) {
+        Ending::Done if !prepared.absent.is_empty() => Ending::SomeFailed,
+        ending => ending,
+    };
+    Ok((ending, prepared))
+}
+
+/// Says what happens while a study is prepared.
+pub(crate) fn tell_news(news: News<'_>) {
+    match news {
+        News::Imported(folder, report) => {
+            let (frames, pairs) = (report.frames, report.pairs);
+            say!("{}: {frames} images, {pairs} pairs", folder.display());
+            for note in &report.notes {
+                say!("  note: {note}");
+            }
+        }
+        News::Matches(name, source) => describe(name, source),
     }
 }
 
@@ -69,29 +77,6 @@ pub(crate) fn check_names(names: &[String]) -> Result<(), UnknownName> {
 pub(crate) fn cache(asked: Option<&Path>, folder: &Path) -> FeatureCache {
     let default = || RunFolder::default_cache_at(folder);
     FeatureCache::new(asked.map_or_else(default, Path::to_path_buf))
-}
-
-/// The contenders of these names, manifests of matchers from outside among them, for a run in `folder`;
-/// and whether all could be started.
-pub(crate) fn contenders(
-    names: &[String],
-    sources: Vec<BuiltPointSource>,
-    estimators: &[String],
-    changes: &Changes,
-    folder: &Path,
-    cache: &FeatureCache,
-) -> Result<(Vec<Contender>, bool)> {
-    let outside = Outside {
-        logs: &folder.join("logs"),
-        cache,
-    };
-    let (contenders, absent) =
-        Contender::from_names(names, sources, estimators, changes, Some(&outside))?;
-    for error in &absent {
-        say!("error: {error}");
-    }
-    ensure!(!contenders.is_empty(), "no matcher could be started");
-    Ok((contenders, absent.is_empty()))
 }
 
 /// Says how a run ended.

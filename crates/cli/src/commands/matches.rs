@@ -1,12 +1,10 @@
 //! `--matches NAME=PATH`: matches from the files of another tool, and what was understood of them.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
-use matchbench::exchange::{Format, MatchSource, ReadOptions};
-use matchbench::matchers::BuiltPointSource;
-use matchbench::run::Dataset;
+use matchbench::exchange::MatchSource;
+use matchbench::study::MatchesFrom;
 
 use crate::args::MatchesArgs;
 use crate::output::say;
@@ -14,39 +12,31 @@ use crate::output::say;
 /// Absent pairs that are named; more of them are counted.
 const NAMED: usize = 10;
 
-/// The sources that are asked for, read once and described on standard error.
-pub(crate) fn sources(args: &MatchesArgs, datasets: &[Dataset]) -> Result<Vec<BuiltPointSource>> {
-    let format = args
-        .matches_format
-        .as_deref()
-        .map(Format::find)
-        .transpose()?;
-    let options = ReadOptions {
-        format,
-        pixel_center: args.pixel_center,
-        resized: args.resized,
-        verified: args.verified,
-        notes: notes(&args.note)?,
-    };
-    let sequences: Vec<_> = datasets.iter().map(|dataset| &dataset.sequence).collect();
+/// The matches that are asked for.
+pub(crate) fn asked(args: &MatchesArgs) -> Result<Vec<MatchesFrom>> {
+    let notes = notes(&args.note)?;
     (args.matches.iter())
         .map(|asked| {
-            let (name, paths) = asked.split_once('=').unwrap_or_default();
+            let (name, files) = asked.split_once('=').unwrap_or_default();
             ensure!(
-                !name.is_empty() && !paths.is_empty(),
+                !name.is_empty() && !files.is_empty(),
                 "--matches {asked}: expected NAME=PATH or NAME=PATH,PATH"
             );
-            let paths: Vec<PathBuf> = paths.split(',').map(PathBuf::from).collect();
-            let source = MatchSource::open(&paths, &sequences, &options)
-                .with_context(|| format!("--matches {name}"))?;
-            describe(name, &source);
-            Ok(source.build(name))
+            Ok(MatchesFrom {
+                name: name.to_owned(),
+                files: files.split(',').map(Into::into).collect(),
+                format: args.matches_format.clone(),
+                pixel_center: args.pixel_center,
+                resized: args.resized,
+                verified: args.verified,
+                notes: notes.clone(),
+            })
         })
         .collect()
 }
 
 /// Says what was read and what is missing or looks wrong.
-fn describe(name: &str, source: &MatchSource) {
+pub(crate) fn describe(name: &str, source: &MatchSource) {
     for (dataset, files) in source.datasets() {
         let survey = files.survey();
         say!("{name} on {dataset}: {}", files.understood());

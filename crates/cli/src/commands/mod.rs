@@ -12,6 +12,7 @@ pub(crate) mod job;
 pub(crate) mod list;
 pub(crate) mod man;
 pub(crate) mod matches;
+pub(crate) mod paper;
 pub(crate) mod report;
 pub(crate) mod run;
 pub(crate) mod show;

@@ -1,61 +1,74 @@
-//! `matchbench run`: matchers on datasets, resumable.
+//! `matchbench run`: matchers on datasets, resumable, as arguments or a run file ask for it.
 
 use std::io::Write;
 
-use anyhow::Result;
-use matchbench::records::{Settings, Tuned};
+use anyhow::{Result, ensure};
 use matchbench::report::ReportOptions;
+use matchbench::study::{Study, StudyDataset};
 
-use super::job::{Job, cache, changes, check_names, contenders, open};
+use super::job::{changes, execute};
 use super::{eval, matches, report};
 use crate::Ending;
 use crate::args::RunArgs;
 
 pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
-    let tuned = (args.tuned.iter().map(|path| Tuned::read(path))).collect::<Result<Vec<_>, _>>()?;
-    // What is set by hand comes last and wins.
-    let settings = tuned.iter().map(|tuned| tuned.setting.clone());
-    let settings: Vec<String> = settings.chain(args.set.iter().cloned()).collect();
-    check_names(&args.matchers)?;
-    let datasets = open(&args.datasets)?;
-    let (contenders, all_started) = contenders(
-        &args.matchers,
-        matches::sources(&args.files, &datasets)?,
-        &args.estimator,
-        &changes(&settings)?,
-        &args.out,
-        &cache(args.cache.as_deref(), &args.out),
-    )?;
-    let ending = Job {
-        datasets: &datasets,
-        contenders: &contenders,
-        settings: Settings {
-            seed: args.seed,
-            repetitions: args.repeat,
-            limit: args.limit,
-            time_budget_ms: args.time_budget,
-        },
-        tuned: &tuned,
-        folder: &args.out,
-        cache: args.cache.as_deref(),
-        keep_matches: !args.no_matches,
-        retry_failed: args.retry_failed,
-    }
-    .execute()?;
+    let study = study(args)?;
+    let (ending, folder) = execute(&study)?;
     if ending == Ending::Stopped {
         return Ok(ending);
     }
-    eval::print(&args.out)?;
+    eval::print(&folder)?;
     let mut out = std::io::stdout();
-    if args.report {
+    if study.report {
         let options = ReportOptions {
-            cache: args.cache.as_deref(),
+            cache: study.cache.as_deref(),
             ..ReportOptions::default()
         };
-        let page = report::write(&args.out, &options)?;
+        let page = report::write(&folder, &options)?;
         writeln!(out, "\nreport: {}", page.display())?;
     } else {
-        writeln!(out, "\nNext: matchbench report {}", args.out.display())?;
+        writeln!(out, "\nNext: matchbench report {}", folder.display())?;
     }
-    Ok(ending.unless_absent(all_started))
+    Ok(ending)
+}
+
+/// What is asked for: what the run file says, if there is one, and the arguments over it.
+fn study(args: &RunArgs) -> Result<Study> {
+    let mut study = match &args.datasets[..] {
+        [file] if Study::is_file(file) => Study::read(file)?,
+        datasets => {
+            let file = datasets.iter().find(|path| Study::is_file(path));
+            ensure!(
+                file.is_none(),
+                "a run file stands alone; name datasets in it, or leave it out"
+            );
+            Study {
+                datasets: datasets.iter().map(StudyDataset::at).collect(),
+                ..Study::default()
+            }
+        }
+    };
+    if !args.matchers.is_empty() {
+        study.matchers.clone_from(&args.matchers);
+        for dataset in &mut study.datasets {
+            dataset.matchers = None;
+        }
+    }
+    if !args.estimator.is_empty() {
+        study.estimators.clone_from(&args.estimator);
+    }
+    study.matches.extend(matches::asked(&args.files)?);
+    study.out = args.out.clone().or(study.out);
+    study.cache = args.cache.clone().or(study.cache);
+    study.limit = args.limit.or(study.limit);
+    study.sample = args.sample.or(study.sample);
+    study.seed = args.seed.unwrap_or(study.seed);
+    study.repeat = args.repeat.unwrap_or(study.repeat);
+    study.time_budget = args.time_budget.or(study.time_budget);
+    study.set = study.set.with(changes(&args.set)?);
+    study.tuned.extend(args.tuned.iter().cloned());
+    study.keep_matches &= !args.no_matches;
+    study.retry_failed = args.retry_failed;
+    study.report |= args.report;
+    Ok(study)
 }

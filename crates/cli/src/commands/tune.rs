@@ -27,7 +27,7 @@ pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
             seed: args.seed,
             repetitions: args.repeat,
             limit: args.limit,
-            time_budget_ms: None,
+            ..Settings::default()
         },
         folder: &args.out,
         cache: &cache(args.cache.as_deref(), &args.out),

@@ -1,11 +1,13 @@
 //! Parameters as a user changes them: `ID.NAME=VALUE`.
 
+use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use super::ConfigError;
+use super::{ConfigError, merge};
 
 /// Changed parameters: id of a matcher or estimator, to a JSON object for it.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(transparent)]
 pub struct Changes(Map<String, Value>);
 
 impl Changes {
@@ -20,6 +22,17 @@ impl Changes {
             insert(&mut changes, setting).map_err(|reason| ConfigError::new(setting, reason))?;
         }
         Ok(Self(changes))
+    }
+
+    /// These, and `others` where they name the same.
+    #[must_use]
+    pub fn with(self, others: Self) -> Self {
+        let mut all = Value::Object(self.0);
+        merge(&mut all, Value::Object(others.0));
+        match all {
+            Value::Object(all) => Self(all),
+            _ => unreachable!("an object stays one"),
+        }
     }
 
     /// The parameters of the matcher or estimator `id`, if any were changed.
@@ -75,6 +88,18 @@ mod tests {
             Value::Object(changes.0),
             json!({"sift": {"ratio": 0.7, "extractor": {"sigma": 1.2}}, "gms": {"budget": "authors"}})
         );
+    }
+
+    #[test]
+    fn others_win_where_they_name_the_same() {
+        let parse = |settings: &[&str]| {
+            let settings: Vec<String> = settings.iter().map(|text| (*text).to_owned()).collect();
+            Changes::parse(&settings).unwrap()
+        };
+        let one = parse(&["sift.ratio=0.7", "sift.extractor.sigma=1.2"]);
+        let other = parse(&["sift.extractor.sigma=2", "orb.ratio=0.9"]);
+        let both = ["sift.ratio=0.7", "sift.extractor.sigma=2", "orb.ratio=0.9"];
+        assert_eq!(one.with(other), parse(&both));
     }
 
     #[test]

@@ -33,7 +33,8 @@ pub use decode::{
 pub use error::DatasetError;
 pub use exporters::{EXPORTS, Export, export};
 pub use importers::{
-    ImportOption, ImportOptions, ImportReport, Imported, KINDS, Kind, import, read_source,
+    ImportOption, ImportOptions, ImportReport, Imported, KINDS, Kind, import, import_once,
+    read_source,
 };
 pub use native::{describe, read_pairs, read_poses_of_pairs};
 pub use pairs::{PairRule, PairRuleError, relative_pose};

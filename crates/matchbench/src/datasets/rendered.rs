@@ -89,6 +89,7 @@ pub fn ensure_scenes(
                     scene.description
                 ),
                 notes: Vec::new(),
+                ..About::default()
             };
             let out = folder(scene);
             let storage = ImageStorage::Pixels(&pixels);

@@ -52,6 +52,7 @@ pub(super) fn dataset() -> (TempDir, PathBuf) {
     let about = About {
         origin: "a test".into(),
         notes: Vec::new(),
+        ..About::default()
     };
     write_native(&dir, &sequence(4), &about, ImageStorage::Pixels(&pixels)).unwrap();
     (folder, dir)

@@ -28,6 +28,8 @@ const INFALLIBLE: &str = "writing to a string cannot fail";
 pub struct About {
     /// Where the data come from, in one line.
     pub origin: String,
+    /// What the images show, in a few words; empty where nobody said.
+    pub property: String,
     /// What a user of the data should know.
     pub notes: Vec<String>,
 }
@@ -166,6 +168,7 @@ fn describe(sequence: &Sequence, about: &About) -> Manifest {
     };
     Manifest {
         origin: Some(about.origin.clone()),
+        property: (!about.property.is_empty()).then(|| about.property.clone()),
         notes: about.notes.clone(),
         distortion: first.filter(|_| shared).and_then(|c| c.distortion),
         frames,

@@ -1,6 +1,6 @@
 //! What each stage cost: median and quartiles over the pairs that were timed.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::records::StageTimes;
 
@@ -8,7 +8,7 @@ use super::bootstrap::quantile;
 use super::{Failure, PairResult};
 
 /// Quartiles and mean of a set of numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quartiles {
     /// A quarter lies below.
     pub lower: f64,
@@ -36,7 +36,7 @@ impl Quartiles {
 
 /// Features per image and seconds per stage, each where it was recorded: stages that came from a
 /// cache have no time.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageQuartiles {
     /// Features of an image.
     pub features: Option<Quartiles>,

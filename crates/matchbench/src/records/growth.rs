@@ -9,11 +9,18 @@ use super::Plan;
 use super::earlier_plans::modernized;
 
 /// Where `plan` first differs from the plan that was `written` before, in words; `None` if a run of
-/// one goes on with a run of the other. A run may grow: by datasets, matchers and estimators of a
-/// matcher, and by a higher limit. It cannot lose any. A dataset may move, and notes, which say in
+/// one goes on with a run of the other. A run may grow: by datasets, matchers (of a dataset too) and
+/// estimators of a matcher, and by a higher limit. It cannot lose any. A dataset may move, and notes, which say in
 /// words what other fields hold, may be worded otherwise.
 pub(super) fn difference(written: &Plan, plan: &Plan) -> Option<String> {
-    let (written, mut plan) = (modernized(what_decides(written)), what_decides(plan));
+    let has_own = |plan: &Plan| {
+        plan.datasets
+            .iter()
+            .any(|dataset| dataset.matchers.is_some())
+    };
+    let names_matchers = has_own(written) || has_own(plan);
+    let written = modernized(what_decides(written, names_matchers));
+    let mut plan = what_decides(plan, names_matchers);
     keep_known(&written, &mut plan);
     first_difference(&written, &plan, "")
 }
@@ -36,19 +43,27 @@ fn keep_known(written: &Value, plan: &mut Value) {
         keep_known(known, planned);
     }
     let limit = |plan: &Value| Some(plan.get("settings")?.get("limit")?.as_u64());
+    let is_sampled = |plan: &Value| plan.pointer("/settings/sample").is_some();
+    // Of more pairs, others are the sample.
     if let (Some(Some(before)), Some(now)) = (limit(written), limit(plan))
+        && !is_sampled(plan)
         && now.is_none_or(|now| now > before)
     {
         plan["settings"]["limit"] = before.into();
     }
 }
 
-/// A plan without what no record depends on.
-fn what_decides(plan: &Plan) -> Value {
+/// A plan without what no record depends on. Where one of two plans `names_matchers` of its datasets, so do
+/// both.
+fn what_decides(plan: &Plan, names_matchers: bool) -> Value {
+    let all: Value = plan.matchers.iter().map(|matcher| &*matcher.id).collect();
     let mut plan = plan.to_json();
     if let Some(datasets) = plan.get_mut("datasets").and_then(Value::as_array_mut) {
         for dataset in datasets.iter_mut().filter_map(Value::as_object_mut) {
             dataset.remove("path");
+            if names_matchers {
+                dataset.entry("matchers").or_insert_with(|| all.clone());
+            }
         }
     }
     if let Some(matchers) = plan.get_mut("matchers").and_then(Value::as_array_mut) {
@@ -103,9 +118,8 @@ fn brief(value: &Value) -> String {
     name(value).map_or_else(|| value.to_string(), |name| format!("`{name}`"))
 }
 
-/// By what a dataset, matcher or estimator is called.
+/// By what a dataset, matcher or estimator is called; a name is its own.
 fn name(value: &Value) -> Option<&str> {
-    ["id", "name"]
-        .iter()
-        .find_map(|name| value.get(name)?.as_str())
+    let called = || (["id", "name"].iter()).find_map(|name| value.get(name)?.as_str());
+    value.as_str().or_else(called)
 }

@@ -53,6 +53,9 @@ pub struct Settings {
     pub repetitions: NonZeroU32,
     /// Only so many pairs of each dataset, from the first. Default: all.
     pub limit: Option<usize>,
+    /// Of these only so many, evenly spread over the list. Default: all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sample: Option<usize>,
     /// How long an estimator may draw samples for a pair, in milliseconds. Default: as long as its
     /// own rules say. What is found within a time differs from machine to machine, and from run to
     /// run.
@@ -66,8 +69,18 @@ impl Default for Settings {
             seed: 0,
             repetitions: NonZeroU32::MIN,
             limit: None,
+            sample: None,
             time_budget_ms: None,
         }
+    }
+}
+
+impl Settings {
+    /// Those of so many things in a list that take part, by their places, in order.
+    pub fn chosen(&self, listed: usize) -> impl Iterator<Item = usize> + use<> {
+        let listed = self.limit.unwrap_or(usize::MAX).min(listed);
+        let count = self.sample.unwrap_or(usize::MAX).min(listed);
+        (0..count).map(move |i| (i as u128 * listed as u128 / count as u128) as usize)
     }
 }
 
@@ -85,6 +98,9 @@ pub struct DatasetPlan {
     pub pairs: usize,
     /// Hash of all cameras and of all pairs with their true poses.
     pub fingerprint: String,
+    /// Ids of the matchers that are run on it, in the order of the plan; absent where all are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub matchers: Option<Vec<String>>,
 }
 
 /// A matcher, or whatever else the matches come from, with its parameters.
@@ -124,4 +140,27 @@ pub struct EstimatorPlan {
 
 fn first_format() -> u32 {
     1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_is_spread_over_what_the_limit_leaves() {
+        let chosen = |limit, sample| -> Vec<usize> {
+            let settings = Settings {
+                limit,
+                sample,
+                ..Settings::default()
+            };
+            settings.chosen(10).collect()
+        };
+        assert_eq!(chosen(None, None).len(), 10);
+        assert_eq!(chosen(Some(3), None), [0, 1, 2]);
+        assert_eq!(chosen(None, Some(4)), [0, 2, 5, 7]);
+        assert_eq!(chosen(Some(4), Some(2)), [0, 2]);
+        assert_eq!(chosen(None, Some(99)).len(), 10);
+        assert_eq!(chosen(None, Some(0)), [0_usize; 0]);
+    }
 }

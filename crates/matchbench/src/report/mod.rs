@@ -27,6 +27,7 @@ mod overview;
 mod pair_table;
 mod pair_view;
 mod pairs_csv;
+mod paper;
 mod parquet;
 mod picture;
 mod pictures;
@@ -47,11 +48,12 @@ pub use content::{Content, RunFacts};
 pub use dataset_facts::DatasetFacts;
 pub use folder::write_report;
 pub use of_results::of_results;
-pub use of_run::{ReportError, ReportOptions, Reported, of_run};
+pub use of_run::{ReportError, ReportOptions, Reported, of_run, paper_of_run};
 pub use pair_view::{
     EpipolarLines, MatchView, PairPoses, PairView, Points, Tally, Thumbnail, epipolar_lines,
     evenly, match_views,
 };
+pub use paper::{PaperTimes, write_paper};
 pub use picture::{picture_png, picture_svg};
 pub use pictures::view;
 pub use time_table::{MatcherTimes, times_as_csv, times_as_latex};

@@ -11,6 +11,7 @@ use super::bundle::write_bundle;
 use super::content::{Content, RunFacts};
 use super::dataset_facts::DatasetFacts;
 use super::folder::write_report;
+use super::paper::{PaperTimes, write_paper};
 use super::pictures::{self, Keypoints};
 use crate::cache::FeatureCache;
 use crate::datasets::Sequence;
@@ -72,6 +73,37 @@ pub enum ReportError {
 /// # Errors
 /// If the run cannot be read or the report cannot be written.
 pub fn of_run(run: &RunFolder, options: &ReportOptions<'_>) -> Result<Reported, ReportError> {
+    let (content, notes) = gather(run, options)?;
+    Ok(Reported {
+        page: write(run, options, &content)?,
+        notes,
+    })
+}
+
+/// Writes the report of a run, and into the folder around it the paper's tables and figures, whose page it
+/// returns. What is chosen about the report holds but for its place, `report` in `folder`.
+///
+/// # Errors
+/// As [`of_run`].
+pub fn paper_of_run(
+    run: &RunFolder,
+    options: &ReportOptions<'_>,
+    times: &PaperTimes,
+    folder: &Path,
+) -> Result<Reported, ReportError> {
+    let (content, notes) = gather(run, options)?;
+    write_report(&folder.join("report"), &content)?;
+    Ok(Reported {
+        page: write_paper(folder, &content, times)?,
+        notes,
+    })
+}
+
+/// Everything that stands in the report of a run, and what does not.
+fn gather(
+    run: &RunFolder,
+    options: &ReportOptions<'_>,
+) -> Result<(Content, Vec<String>), ReportError> {
     let results = load_run(run, None)?;
     let mut content = Content::new(results, &Bootstrap::default(), facts(run)?);
     let (sequences, notes) = sequences(run.plan());
@@ -96,13 +128,15 @@ pub fn of_run(run: &RunFolder, options: &ReportOptions<'_>) -> Result<Reported, 
             Some(DatasetFacts::of_sequence(&dataset.path, sequence))
         })
         .collect();
-    let page = if let Some(file) = options.bundle {
-        write_bundle(file, &content)?
-    } else {
-        let out = (options.out).map_or_else(|| run.default_report(), Path::to_path_buf);
-        write_report(&out, &content)?
-    };
-    Ok(Reported { page, notes })
+    Ok((content, notes))
+}
+
+fn write(run: &RunFolder, options: &ReportOptions<'_>, content: &Content) -> io::Result<PathBuf> {
+    if let Some(file) = options.bundle {
+        return write_bundle(file, content);
+    }
+    let out = (options.out).map_or_else(|| run.default_report(), Path::to_path_buf);
+    write_report(&out, content)
 }
 
 fn facts(run: &RunFolder) -> Result<RunFacts, FolderError> {

@@ -6,6 +6,8 @@
 
 use std::fmt::Write as _;
 
+use serde::{Deserialize, Serialize};
+
 use crate::metrics::{Quartiles, StageQuartiles};
 
 use super::csv::{field, number};
@@ -13,7 +15,7 @@ use super::latex::{comment, escape};
 use super::names;
 
 /// The stages of one matcher.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MatcherTimes {
     /// Id of the matcher.
     pub matcher: String,

@@ -67,6 +67,8 @@ pub struct Dataset {
     pub path: PathBuf,
     /// Its frames and pairs.
     pub sequence: Sequence,
+    /// Ids of the contenders that are run on it; all of them where absent.
+    pub matchers: Option<BTreeSet<String>>,
 }
 
 impl Dataset {
@@ -80,7 +82,13 @@ impl Dataset {
         Ok(Self {
             sequence: Sequence::open(&path)?,
             path,
+            matchers: None,
         })
+    }
+
+    /// Whether the contender `id` is run on it.
+    pub fn runs(&self, id: &str) -> bool {
+        (self.matchers.as_ref()).is_none_or(|matchers| matchers.contains(id))
     }
 }
 
@@ -201,6 +209,9 @@ impl Run<'_> {
         for dataset in self.datasets {
             let sequence = &dataset.sequence;
             for contender in self.contenders {
+                if !dataset.runs(contender.source.id()) {
+                    continue;
+                }
                 let retry = self.retry_failed;
                 let progress =
                     MatcherProgress::recover(folder, sequence, contender, self.settings, retry)?;

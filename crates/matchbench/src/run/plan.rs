@@ -38,25 +38,33 @@ pub fn plan(
     }
     for dataset in datasets {
         check_pairs(&dataset.sequence)?;
-        (contenders.iter()).try_for_each(|one| check_turns(&dataset.sequence, one))?;
+        (contenders
+            .iter()
+            .filter(|one| dataset.runs(one.source.id())))
+        .try_for_each(|one| check_turns(&dataset.sequence, one))?;
     }
     Ok(Plan {
         format: FORMAT,
         version: env!("CARGO_PKG_VERSION").into(),
         settings,
-        datasets: datasets.iter().map(dataset_plan).collect(),
+        datasets: (datasets.iter())
+            .map(|dataset| dataset_plan(dataset, contenders))
+            .collect(),
         matchers: contenders.iter().map(matcher_plan).collect(),
     })
 }
 
-fn dataset_plan(dataset: &Dataset) -> DatasetPlan {
+fn dataset_plan(dataset: &Dataset, contenders: &[Contender]) -> DatasetPlan {
     let sequence = &dataset.sequence;
+    let ids = || contenders.iter().map(|contender| contender.source.id());
+    let run = || ids().filter(|id| dataset.runs(id)).map(str::to_owned);
     DatasetPlan {
         name: sequence.name.clone(),
         path: dataset.path.clone(),
         frames: sequence.frames.len(),
         pairs: sequence.pairs.len(),
         fingerprint: sequence.fingerprint(),
+        matchers: (!ids().all(|id| dataset.runs(id))).then(|| run().collect()),
     }
 }
 

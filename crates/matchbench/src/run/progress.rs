@@ -18,7 +18,7 @@ const REWRITTEN: Duration = Duration::from_secs(1);
 pub(super) struct MatcherProgress<'a> {
     pub(super) sequence: &'a Sequence,
     pub(super) contender: &'a Contender,
-    pairs: &'a [Pair],
+    pairs: Vec<&'a Pair>,
     repetitions: u32,
     /// One file of records for each estimator.
     estimators: Vec<EstimatorProgress>,
@@ -64,14 +64,11 @@ impl<'a> MatcherProgress<'a> {
         settings: Settings,
         retry_failed: bool,
     ) -> Result<Self, RunError> {
-        let pairs = settings
-            .limit
-            .unwrap_or(usize::MAX)
-            .min(sequence.pairs.len());
+        let chosen = settings.chosen(sequence.pairs.len());
         let mut progress = Self {
             sequence,
             contender,
-            pairs: &sequence.pairs[..pairs],
+            pairs: chosen.map(|index| &sequence.pairs[index]).collect(),
             repetitions: settings.repetitions.get(),
             estimators: Vec::new(),
         };
@@ -157,7 +154,7 @@ impl<'a> MatcherProgress<'a> {
             .estimators
             .iter()
             .any(|estimator| !estimator.retried.is_empty());
-        let pairs = if any { self.pairs } else { &[] };
+        let pairs = if any { &*self.pairs } else { &[] };
         self.pairs_where(pairs, 0, |estimator, task| {
             estimator.retried.contains(&task)
         })
@@ -176,11 +173,11 @@ impl<'a> MatcherProgress<'a> {
     /// and at most [`MOST_REPETITIONS`] of a pair come at once: their number may be anything.
     fn pairs_where(
         &self,
-        pairs: &'a [Pair],
+        pairs: &[&'a Pair],
         first: usize,
         is_due: impl Fn(&EstimatorProgress, usize) -> bool,
     ) -> impl Iterator<Item = PairTasks<'a>> {
-        let tasks = (pairs.iter().zip(first..)).flat_map(move |(pair, index)| {
+        let tasks = (pairs.iter().copied().zip(first..)).flat_map(move |(pair, index)| {
             (0..self.repetitions)
                 .step_by(MOST_REPETITIONS as usize)
                 .map(move |repetition| (pair, index, repetition))

@@ -2,6 +2,7 @@
 
 mod again;
 mod outside;
+mod share;
 
 use std::fs;
 use std::num::NonZeroU32;

@@ -56,6 +56,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         about: About {
             origin: format!("EuRoC MAV, {}", base_name(src)),
             notes: note_of(&without, &left_out).into_iter().collect(),
+            ..About::default()
         },
         ..Imported::of(frames)
     })

@@ -44,6 +44,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             notes: note_of("images without a pose were left out", &left_out)
                 .into_iter()
                 .collect(),
+            ..About::default()
         },
         ..Imported::of(frames)
     })

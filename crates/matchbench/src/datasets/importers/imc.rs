@@ -74,6 +74,7 @@ fn read_calibrations(src: &Path, options: &ImportOptions<'_>) -> Result<Imported
         about: About {
             origin: format!("Image Matching Challenge, {}", base_name(src)),
             notes: Vec::new(),
+            ..About::default()
         },
         ..Imported::of(frames)
     })
@@ -226,6 +227,7 @@ fn read_labels(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, Data
         about: About {
             origin: format!("Image Matching Challenge 2025, {}/{}", wanted.0, wanted.1),
             notes,
+            ..About::default()
         },
         ..Imported::of(frames)
     })

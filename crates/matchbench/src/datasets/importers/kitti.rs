@@ -60,6 +60,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         about: About {
             origin: format!("KITTI odometry, sequence {number}"),
             notes,
+            ..About::default()
         },
         ..Imported::of(frames)
     })

@@ -13,6 +13,7 @@ mod imc;
 mod kitti;
 mod list;
 mod megadepth;
+mod once;
 mod options;
 mod oxford;
 mod pickle;
@@ -27,6 +28,7 @@ use std::path::Path;
 
 use matchbench_vision::geometry::Camera;
 
+pub use once::import_once;
 pub use options::{ImportOption, ImportOptions};
 
 use super::native::parse_camera;
@@ -210,6 +212,7 @@ impl Imported {
             about: About {
                 origin,
                 notes: Vec::new(),
+                ..About::default()
             },
             frames,
             pairs: Some(pairs),
@@ -242,6 +245,30 @@ pub fn import(
     out: &Path,
     options: &ImportOptions<'_>,
 ) -> Result<ImportReport, DatasetError> {
+    let made = make(kind, src, options)?;
+    write_native(out, &made.sequence, &made.about, options.images)?;
+    Ok(made.report())
+}
+
+/// A dataset that is not yet written.
+struct Made {
+    sequence: Sequence,
+    about: About,
+    rule: Option<PairRule>,
+}
+
+impl Made {
+    fn report(self) -> ImportReport {
+        ImportReport {
+            frames: self.sequence.frames.len(),
+            pairs: self.sequence.pairs.len(),
+            rule: self.rule,
+            notes: self.about.notes,
+        }
+    }
+}
+
+fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, DatasetError> {
     let kind = find(kind)?;
     let imported = read_as(kind, src, options)?;
     let mut about = imported.about.clone();
@@ -260,17 +287,15 @@ pub fn import(
         about.origin = format!("{}; pairs {rule}", about.origin);
     }
     about.notes.extend(missing_images(&frames));
-    let sequence = Sequence {
-        name: String::new(), // the folder's
-        frames,
-        pairs,
-    };
-    write_native(out, &sequence, &about, options.images)?;
-    Ok(ImportReport {
-        frames: sequence.frames.len(),
-        pairs: sequence.pairs.len(),
+    about.property = options.property.clone().unwrap_or_default();
+    Ok(Made {
+        sequence: Sequence {
+            name: String::new(), // the folder's
+            frames,
+            pairs,
+        },
+        about,
         rule: rule.cloned(),
-        notes: about.notes,
     })
 }
 

@@ -406,6 +406,7 @@ fn an_option_that_a_kind_has_not_is_refused_with_those_that_have_it() {
         interpolate: true,
         image_root: Some("r".into()),
         intrinsics: Some("i".into()),
+        property: None,
         images: ImageStorage::Reference,
     };
     for kind in KINDS {

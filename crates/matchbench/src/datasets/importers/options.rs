@@ -65,6 +65,8 @@ pub struct ImportOptions<'a> {
     pub image_root: Option<PathBuf>,
     /// File with the calibration matrices.
     pub intrinsics: Option<PathBuf>,
+    /// What the images show, in a few words; every kind has it.
+    pub property: Option<String>,
     /// Where the images of the dataset will be.
     pub images: ImageStorage<'a>,
 }

@@ -57,6 +57,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         about: About {
             origin: format!("7-Scenes, {}", base_name(&folder)),
             notes,
+            ..About::default()
         },
         ..Imported::of(frames)
     })

@@ -356,3 +356,42 @@ fn damage_found_after_the_import_is_explained() {
     assert_eq!(problems[0].severity, Severity::Error);
     assert!(problems[0].error.file.ends_with("mine/1.png"));
 }
+
+#[test]
+fn what_was_imported_once_must_be_the_same_when_it_is_asked_for_again() {
+    let files = [
+        ("img1.png", ""),
+        ("img2.png", ""),
+        ("img3.png", ""),
+        ("poses.txt", KITTI_POSES),
+        ("K.txt", K),
+    ];
+    let (folder, src) = source("mine", &files);
+    let out = folder.path().join("made");
+    let with = |rule: &str| ImportOptions {
+        pairs: Some(rule.parse().unwrap()),
+        property: Some("indoor".into()),
+        ..ImportOptions::default()
+    };
+    let once = |rule: &str| import_once("folder", &src, &out, &with(rule));
+    assert_eq!(once("all").unwrap().map(|report| report.pairs), Some(3));
+    assert_eq!(crate::datasets::describe(&out).unwrap().1, "indoor");
+    assert_eq!(once("all").unwrap(), None);
+    let other = once("window:1").unwrap_err();
+    assert!(
+        other.what.contains("other pairs") && other.remedy.contains("remove"),
+        "{other}"
+    );
+    fs::write(src.join("K.txt"), K.replace("20 0 12", "21 0 12")).unwrap();
+    assert!(once("all").unwrap_err().what.contains("another camera"));
+    fs::write(src.join("K.txt"), K).unwrap();
+    fs::write(
+        src.join("poses.txt"),
+        KITTI_POSES.replace("1 0 0 2", "1 0 0 3"),
+    )
+    .unwrap();
+    assert!(once("all").unwrap_err().what.contains("true poses"));
+    fs::rename(&src, folder.path().join("moved")).unwrap();
+    let moved = import_once("folder", &folder.path().join("moved"), &out, &with("all"));
+    assert!(moved.is_err());
+}

@@ -12,6 +12,7 @@ mod labels;
 mod pair;
 mod scatter;
 mod series;
+mod sheet;
 mod sp_curves;
 mod strata;
 
@@ -24,6 +25,7 @@ pub(super) use heat_map::heat_map;
 pub(super) use pair::{DISTANCES, data_url, pair};
 pub(super) use scatter::{Dot, scatter};
 pub(super) use series::legend_sample;
+pub(super) use sheet::{gallery, stack};
 pub(super) use sp_curves::sp_curves;
 pub(super) use strata::strata_curves;
 

@@ -92,6 +92,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         about: About {
             origin: format!("COLMAP model {}", base_name(src)),
             notes: Vec::new(),
+            ..About::default()
         },
         frames,
         pairs: None,

@@ -1,0 +1,58 @@
+//! `matchbench paper`: the paper's tables and figures, from the data as their authors publish them.
+
+use std::io::Write;
+
+use anyhow::{Context, Result};
+use matchbench::paper::{Paper, times, where_to_find};
+use matchbench::records::RunFolder;
+use matchbench::report::{ReportOptions, paper_of_run};
+
+use super::job::{AFTER_PAIRS, changes, execute_until, tell_news};
+use crate::Ending;
+use crate::args::PaperArgs;
+use crate::output::say;
+use crate::progress::cancel_on_ctrl_c;
+
+pub(crate) fn run(args: &PaperArgs) -> Result<Ending> {
+    let mut out = std::io::stdout();
+    let (Some(data), Some(folder)) = (&args.data, &args.out) else {
+        write!(out, "{}", where_to_find())?;
+        return Ok(Ending::Done);
+    };
+    let paper = Paper {
+        data: data.clone(),
+        out: folder.clone(),
+        sequences: args.sequences.clone(),
+        quick: args.quick,
+        set: changes(&args.set)?,
+    };
+    let (study, left_out) = paper.study(&tell_news)?;
+    for sequence in &left_out {
+        say!("{} is left out: {}", sequence.sequence, sequence.reason);
+    }
+    let is_broken = left_out.iter().any(|sequence| sequence.is_broken);
+    let cancel = cancel_on_ctrl_c(AFTER_PAIRS)?;
+    let (ending, prepared) = execute_until(&study, &cancel)?;
+    if ending == Ending::Stopped {
+        return Ok(ending);
+    }
+    let file = paper.folder().join("times.json");
+    let timed = |matcher: &str| say!("timing {matcher}");
+    let Some(times) = times(&prepared, &file, paper.timed_pairs(), &cancel, &timed)? else {
+        return Ok(Ending::Stopped);
+    };
+    let options = ReportOptions {
+        cache: study.cache.as_deref(),
+        ..ReportOptions::default()
+    };
+    let run = RunFolder::open(&prepared.folder).context("the run was just done")?;
+    let reported = paper_of_run(&run, &options, &times, &paper.folder())?;
+    for note in &reported.notes {
+        say!("note: {note}");
+    }
+    writeln!(out, "{}", reported.page.display())?;
+    Ok(match ending {
+        Ending::Done if is_broken => Ending::SomeFailed,
+        ending => ending,
+    })
+}

@@ -1,0 +1,122 @@
+//! The paper in one command, on a castle of two small images.
+
+#[expect(dead_code, reason = "its data are folders as they are downloaded")]
+mod common;
+
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+use common::matchbench;
+
+const SIZE: (usize, usize) = (96, 72);
+
+fn paper(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = matchbench();
+    command.arg("paper").args(arguments).current_dir(folder);
+    command.output().expect("the program starts")
+}
+
+/// `castle-P30` as it is published, but for what it shows.
+fn castle(data: &Path) {
+    let (images, cameras) = (
+        data.join("castle-P30/images"),
+        data.join("castle-P30/gt_dense_cameras"),
+    );
+    fs::create_dir_all(&images).expect("writable");
+    fs::create_dir_all(&cameras).expect("writable");
+    for frame in 0..2 {
+        let mut file = format!("P5 {} {} 255\n", SIZE.0, SIZE.1).into_bytes();
+        for y in 0..SIZE.1 {
+            for x in 0..SIZE.0 {
+                let patch = ((x + 5 * frame) / 6) * 7919 + (y / 5) * 104_729;
+                let grey = (patch ^ (patch >> 5)).wrapping_mul(2_654_435_761) >> 13;
+                file.push(40 + (grey % 170) as u8);
+            }
+        }
+        fs::write(images.join(format!("{frame:04}.pgm")), file).expect("writable");
+        let camera = format!(
+            "100 0 47.5\n0 100 35.5\n0 0 1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n{} 0 0\n{} {}\n",
+            0.05 * frame as f64,
+            SIZE.0,
+            SIZE.1
+        );
+        fs::write(cameras.join(format!("{frame:04}.pgm.camera")), camera).expect("writable");
+    }
+}
+
+#[test]
+fn what_is_there_is_run_and_stands_beside_what_was_published() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    castle(&folder.path().join("data"));
+    let arguments = ["data", "--out", "out", "--quick", "--sequences", "04,05"];
+    let output = paper(folder.path(), &arguments);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{told}");
+    assert!(
+        told.contains("04-kitti is left out: there is no data/dataset/sequences/00"),
+        "{told}"
+    );
+    let made = |name: &str| folder.path().join("out/quick").join(name);
+    let auc = fs::read_to_string(made("tables/table2.csv")).expect("a table");
+    let sift = auc.lines().find(|line| line.starts_with("SIFT,\"05\","));
+    let sift: Vec<&str> = sift.expect("a cell").split(',').collect();
+    assert!(
+        sift[2].parse::<f64>().is_ok() && sift[3] == "0.396",
+        "{sift:?}"
+    );
+    let times = fs::read_to_string(made("tables/table3.csv")).expect("a table");
+    let gms = times.lines().find(|line| line.starts_with("GMS,Features,"));
+    assert!(
+        gms.is_some_and(|line| line.ends_with(",9463") && !line.contains(",,")),
+        "{times}"
+    );
+    for file in [
+        "index.html",
+        "paper.tex",
+        "figures/figure1.png",
+        "figures/figure3.svg",
+        "report/index.html",
+    ] {
+        assert!(made(file).is_file(), "{file}");
+    }
+    assert!(
+        !made("figures/figure2.svg").exists(),
+        "no short baselines were run"
+    );
+
+    let again = paper(folder.path(), &arguments);
+    let told = String::from_utf8_lossy(&again.stderr);
+    assert!(
+        told.contains("earlier") && !told.contains("timing"),
+        "{told}"
+    );
+}
+
+#[test]
+fn what_belongs_where_is_said() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let list = String::from_utf8(paper(folder.path(), &["--where"]).stdout).expect("text");
+    for named in [
+        "castle-P30",
+        "dataset/sequences/00",
+        "rgbd_dataset_freiburg3_teddy",
+        "GB",
+    ] {
+        assert!(list.contains(named), "{named}: {list}");
+    }
+    fs::create_dir(folder.path().join("empty")).expect("writable");
+    for (arguments, named) in [
+        (&["empty", "--out", "out"][..], "--where"),
+        (
+            &["empty", "--out", "out", "--sequences", "5"],
+            "did you mean `05`",
+        ),
+        (&["empty"], "--out"),
+    ] {
+        let output = paper(folder.path(), arguments);
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{told}");
+        assert!(told.contains(named), "{named}: {told}");
+    }
+}

@@ -1,0 +1,92 @@
+//! A run file is a run by its arguments, written down.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+use common::{dataset, matchbench};
+
+fn run(arguments: &[&str], folder: &Path) -> Output {
+    let mut command = matchbench();
+    command.arg("run").args(arguments).current_dir(folder);
+    command.output().expect("the program starts")
+}
+
+/// What `folder/run` holds of one matcher, without the times and what follows from them.
+fn poses(run: &Path, dataset: &str, matcher: &str) -> Vec<serde_json::Value> {
+    let file = run.join(format!("records/{dataset}/{matcher}+ransac-e.jsonl"));
+    let text = fs::read_to_string(file).unwrap_or_default();
+    let record = |line: &str| -> serde_json::Value {
+        let record: serde_json::Value = serde_json::from_str(line).expect("a record");
+        serde_json::json!([record["task"], record["outcome"], record["counts"]])
+    };
+    text.lines().map(record).collect()
+}
+
+const STUDY: &str = "out = 'written'\nmatchers = ['sift']\nestimators = ['ransac-e']\nseed = 3\n\
+    [set]\nsift.ratio = 0.7\n\
+    [[dataset]]\npath = 'wall'\n[[dataset]]\npath = 'tower'\nmatchers = ['orb']\n";
+
+#[test]
+fn a_run_file_and_arguments_make_the_same_records() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| folder.path().join(name);
+    dataset(folder.path(), "wall", 4);
+    dataset(folder.path(), "tower", 3);
+    fs::write(at("study.toml"), STUDY).expect("writable");
+    let output = run(&["study.toml"], folder.path());
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let typed = [
+        "wall",
+        "--matchers",
+        "sift",
+        "--estimator",
+        "ransac-e",
+        "--seed",
+        "3",
+    ];
+    let typed = [&typed[..], &["--set", "sift.ratio=0.7", "--out", "typed"]].concat();
+    assert!(run(&typed, folder.path()).status.success());
+    let written = poses(&at("written"), "wall", "sift");
+    assert_eq!(written.len(), 6);
+    assert_eq!(written, poses(&at("typed"), "wall", "sift"));
+    assert_eq!(poses(&at("written"), "tower", "orb").len(), 3);
+    assert!(!at("written/records/tower/sift+ransac-e.jsonl").exists());
+
+    // Arguments take the place of what the file says.
+    let quick = run(
+        &["study.toml", "--sample", "2", "--out", "quick"],
+        folder.path(),
+    );
+    assert!(quick.status.success(), "{quick:?}");
+    assert_eq!(poses(&at("quick"), "wall", "sift").len(), 2);
+    // And the file alone resumes.
+    let again = run(&["study.toml"], folder.path());
+    let told = String::from_utf8_lossy(&again.stderr);
+    assert!(told.contains("9 of them earlier"), "{told}");
+}
+
+#[test]
+fn mistakes_are_told_by_file_and_line() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    dataset(folder.path(), "wall", 3);
+    for (text, told) in [
+        (STUDY.replace("seed", "sead"), "study.toml:4: "),
+        (STUDY.replace("'orb'", "'orbb'"), "study.toml:11: "),
+        (STUDY.replace("ratio", "ratoi"), "study.toml:6: "),
+        (STUDY.replace("out = 'written'\n", ""), "--out"),
+        (STUDY.replace("path = 'wall'", "path = 'absent'"), "absent"),
+    ] {
+        fs::write(folder.path().join("study.toml"), text).expect("writable");
+        let output = run(&["study.toml"], folder.path());
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{message}");
+        assert!(message.contains(told), "{told}: {message}");
+        assert!(!folder.path().join("written").exists(), "nothing was begun");
+    }
+    let both = run(&["wall", "study.toml", "--out", "x"], folder.path());
+    let message = String::from_utf8_lossy(&both.stderr);
+    assert!(message.contains("stands alone"), "{message}");
+}

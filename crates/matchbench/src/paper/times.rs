@@ -1,0 +1,62 @@
+//! What the paper's Table 3 shows, measured matcher by matcher; those that are measured are kept.
+
+use std::path::Path;
+
+use crate::files::{read_text, write_whole};
+use crate::report::{MatcherTimes, PaperTimes};
+use crate::run::Cancel;
+use crate::study::Prepared;
+use crate::time::{machine, time};
+
+use super::PaperError;
+
+/// Times of all matchers of a study on the first `pairs` of its first sequence (the paper's is 01), kept in
+/// `file`. Each matcher is told to `tell` before it is measured. `None` if it was stopped.
+///
+/// # Errors
+/// If a measurement fails, or the file cannot be written. What the file holds of another machine, version,
+/// sequence or number of pairs is measured again.
+pub fn times(
+    study: &Prepared,
+    file: &Path,
+    pairs: usize,
+    cancel: &Cancel,
+    tell: &dyn Fn(&str),
+) -> Result<Option<PaperTimes>, PaperError> {
+    let Some(dataset) = study.datasets.first() else {
+        return Ok(Some(PaperTimes::default()));
+    };
+    let sequence = &dataset.sequence;
+    let mut times = PaperTimes {
+        machine: format!(
+            "matchbench {}, {}, 1 thread",
+            env!("CARGO_PKG_VERSION"),
+            machine()
+        ),
+        sequence: sequence.name.clone(),
+        pairs: pairs.min(sequence.pairs.len()),
+        rows: Vec::new(),
+    };
+    let earlier = read_text(file).ok();
+    let earlier = earlier.and_then(|text| serde_json::from_str::<PaperTimes>(&text).ok());
+    if let Some(earlier) = earlier.filter(|earlier| earlier.is_like(&times)) {
+        times.rows = earlier.rows;
+    }
+    for contender in &study.contenders {
+        let id = contender.source.id();
+        if times.rows.iter().any(|row| row.matcher == id) {
+            continue;
+        }
+        tell(id);
+        let Some(timing) = time(dataset, contender, pairs, cancel)? else {
+            return Ok(None);
+        };
+        times.rows.push(MatcherTimes {
+            matcher: id.to_owned(),
+            stages: timing.stages,
+        });
+        let text = serde_json::to_string_pretty(&times).expect("times are plain JSON");
+        write_whole(file, format!("{text}\n").as_bytes())?;
+    }
+    Ok(Some(times))
+}

@@ -1,0 +1,80 @@
+//! Figures 1 to 3: the sequences, and of each portion the SP curves of its sequences above its AP bars.
+
+use crate::metrics::{Angle, Portion};
+
+use super::super::Content;
+use super::super::figures::{ap_panel_figure, sp_figure};
+use super::super::overview::Overview;
+use super::super::svg::{Target, gallery, stack};
+
+/// Pixels of a PNG for each unit of its drawing.
+pub(super) const PNG_SCALE: f32 = 2.0;
+/// Panels side by side.
+const COLUMNS: usize = 2;
+/// Pictures of sequences side by side.
+const PICTURES: usize = 4;
+
+/// A figure as a drawing.
+pub(super) struct PaperFigure {
+    /// Name of its files.
+    pub(super) name: &'static str,
+    pub(super) caption: String,
+    pub(super) svg: String,
+}
+
+/// The figures for which there is something.
+pub(super) fn all(content: &Content) -> Vec<PaperFigure> {
+    let overview = Overview::new(&content.summaries).in_the_papers_order();
+    let mut figures = Vec::new();
+    if !content.datasets.is_empty() {
+        let pictures: Vec<_> = (content.datasets.iter())
+            .filter_map(|dataset| Some((&*dataset.name, dataset.thumbnail.as_ref()?)))
+            .collect();
+        figures.push(PaperFigure {
+            name: "figure1",
+            caption: "Figure 1: the sequences.".to_owned(),
+            svg: gallery(&pictures, PICTURES),
+        });
+    }
+    for (portion, name, caption) in [
+        (
+            Portion::Short,
+            "figure2",
+            "Figure 2: the short-baseline portion.",
+        ),
+        (
+            Portion::Wide,
+            "figure3",
+            "Figure 3: the wide-baseline portion.",
+        ),
+    ] {
+        let columns =
+            (0..overview.datasets.len()).filter(|&column| overview.portions[column] == portion);
+        let mut panels: Vec<String> = columns
+            .map(|column| sp_figure(&overview, column, Angle::Pose, Target::File))
+            .collect();
+        if panels.is_empty() {
+            continue;
+        }
+        let mut rows: Vec<Vec<String>> = Vec::new();
+        while !panels.is_empty() {
+            let rest = panels.split_off(panels.len().min(COLUMNS));
+            rows.push(panels);
+            panels = rest;
+        }
+        rows.push(
+            ap_panel_figure(&overview, portion, Target::File)
+                .into_iter()
+                .collect(),
+        );
+        figures.push(PaperFigure {
+            name,
+            caption: format!(
+                "{caption} SP curves: the share of pairs below each pose error. AP bars: the mean number of \
+                 correspondences of pairs below 5 degrees."
+            ),
+            svg: stack(&rows),
+        });
+    }
+    figures
+}

@@ -1,0 +1,232 @@
+//! The paper's tables and figures with our numbers, and the published ones beside them.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | `index.html` | a page with all of it |
+//! | `tables/table{1,2,3}.{tex,csv}` | sequences, AUC, times |
+//! | `figures/figure{1,2,3}.{svg,png}` | the sequences; SP curves and AP bars of the two portions |
+//! | `paper.tex` | a document of these, for LaTeX |
+//!
+//! Published curves are only drawn, so figures have ours alone.
+
+mod figures;
+mod latex;
+mod page;
+mod published;
+mod tables;
+
+use std::fmt::Write as _;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::csv::field;
+use super::raster::png;
+use super::{Content, MatcherTimes};
+use crate::files::write_whole;
+
+/// What Table 3 shows, and how it was measured.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PaperTimes {
+    /// The program and the machine, in words.
+    pub machine: String,
+    /// The sequence whose pairs were timed.
+    pub sequence: String,
+    /// How many pairs.
+    pub pairs: usize,
+    /// What was measured so far.
+    pub rows: Vec<MatcherTimes>,
+}
+
+impl PaperTimes {
+    /// Whether `other` was measured on the same machine, sequence and pairs.
+    pub fn is_like(&self, other: &Self) -> bool {
+        (&self.machine, &self.sequence, self.pairs)
+            == (&other.machine, &other.sequence, other.pairs)
+    }
+}
+
+/// A table: ours and the published, cell by cell.
+struct Sheet {
+    /// Name of its files.
+    name: &'static str,
+    caption: String,
+    /// Heads above neighbouring columns, and how many columns each has; behind that of the labels.
+    groups: Vec<(String, usize)>,
+    /// Heads of the columns, that of the labels first.
+    heads: Vec<String>,
+    rows: Vec<SheetRow>,
+    notes: Vec<String>,
+}
+
+struct SheetRow {
+    label: String,
+    is_baseline: bool,
+    cells: Vec<SheetCell>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct SheetCell {
+    /// `None` where nothing was found here.
+    ours: Option<String>,
+    /// `None` where the paper has nothing.
+    published: Option<String>,
+    /// 1, 2 or 3 for the best of ours.
+    rank: Option<u8>,
+    /// Whether ours is above our SIFT.
+    is_above: bool,
+}
+
+/// Shown where there is nothing.
+const NOTHING: &str = "/";
+
+/// Colours of the best three, as the paper has them.
+const RANKS: [&str; 3] = ["red", "green", "blue"];
+
+/// Writes tables, figures, page and document into `folder`, and returns the path of the page. The complete report
+/// of the run is expected beside it, at `report/index.html`.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_paper(folder: &Path, content: &Content, times: &PaperTimes) -> io::Result<PathBuf> {
+    let sheets = [
+        tables::datasets(content),
+        tables::auc(content),
+        tables::speed(times),
+    ];
+    for sheet in &sheets {
+        let file = |ending: &str| folder.join(format!("tables/{}.{ending}", sheet.name));
+        write_whole(&file("tex"), latex::table(sheet).as_bytes())?;
+        write_whole(&file("csv"), csv(sheet).as_bytes())?;
+    }
+    let figures = figures::all(content);
+    figures.par_iter().try_for_each(|figure| {
+        let file = |ending: &str| folder.join(format!("figures/{}.{ending}", figure.name));
+        write_whole(&file("svg"), figure.svg.as_bytes())?;
+        write_whole(&file("png"), &png(&figure.svg, figures::PNG_SCALE)?)
+    })?;
+    write_whole(
+        &folder.join("paper.tex"),
+        latex::document(&sheets, &figures).as_bytes(),
+    )?;
+    let page = folder.join("index.html");
+    write_whole(&page, page::render(&sheets, &figures).as_bytes())?;
+    Ok(page)
+}
+
+/// One line for each cell: row, column, ours, published; what is not there is empty.
+fn csv(sheet: &Sheet) -> String {
+    let mut text = String::from("row,column,ours,published\n");
+    for row in &sheet.rows {
+        for (head, cell) in sheet.heads.iter().skip(1).zip(&row.cells) {
+            let [ours, published] =
+                [&cell.ours, &cell.published].map(|part| value(part.as_deref()));
+            let _ = writeln!(
+                text,
+                "{},{},{ours},{published}",
+                field(&row.label),
+                field(head)
+            );
+        }
+    }
+    text
+}
+
+/// A number as it is, and text as a field.
+fn value(text: Option<&str>) -> String {
+    match text {
+        Some(number) if number.parse::<f64>().is_ok() => number.to_owned(),
+        text => field(text.unwrap_or_default()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::content;
+    use super::*;
+    use crate::metrics::{Quartiles, StageQuartiles};
+
+    fn times() -> PaperTimes {
+        PaperTimes {
+            machine: "a <machine>".into(),
+            sequence: "05-castle".into(),
+            pairs: 200,
+            rows: vec![MatcherTimes {
+                matcher: "sift".into(),
+                stages: StageQuartiles {
+                    features: Quartiles::of([1000.0, 1001.0]),
+                    extract: Quartiles::of([0.05, 0.0564]),
+                    ..StageQuartiles::default()
+                },
+            }],
+        }
+    }
+
+    fn scores() -> Content {
+        content(&[
+            ("05-castle", "sift", 4),
+            ("05-castle", "gms", 6),
+            ("05-castle", "orb", 1),
+        ])
+    }
+
+    #[test]
+    fn ours_stands_beside_the_published() {
+        let sheet = tables::auc(&scores());
+        let text = csv(&sheet);
+        for line in [
+            "SIFT,\"05\",0.400,0.396",
+            "GMS,\"05\",0.600,0.433",
+            "SIFT,\"01\",,0.375",
+            "RepMatch,\"05\",,0.535",
+            "KVLD,\"01\",,",
+        ] {
+            assert!(text.lines().any(|found| found == line), "{line}: {text}");
+        }
+        let table = latex::table(&sheet);
+        assert!(
+            table.contains("\\textbf{\\textcolor{red}{0.600}} \\published{0.433}"),
+            "{table}"
+        );
+        assert!(table.contains("/ \\published{0.535}"), "{table}");
+        let speed = csv(&tables::speed(&times()));
+        assert!(speed.contains("SIFT,Features,1000.5,1082\n"), "{speed}");
+        assert!(speed.contains("CODE,Matching (ms),,(970.1)\n"), "{speed}");
+    }
+
+    #[test]
+    fn times_read_back_and_know_where_they_were_measured() {
+        let times = times();
+        let text = serde_json::to_string(&times).expect("plain JSON");
+        let back: PaperTimes = serde_json::from_str(&text).expect("written just now");
+        assert!(back == times && back.is_like(&times));
+        let other = PaperTimes {
+            pairs: 9,
+            ..times.clone()
+        };
+        assert!(!other.is_like(&times));
+    }
+
+    #[test]
+    fn everything_is_written_and_names_are_text() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let page = write_paper(folder.path(), &scores(), &times()).expect("it is ours");
+        let html = std::fs::read_to_string(page).expect("just written");
+        assert!(html.contains("a &lt;machine&gt;") && !html.contains("<machine>"));
+        for file in [
+            "paper.tex",
+            "tables/table1.tex",
+            "tables/table3.csv",
+            "figures/figure3.png",
+        ] {
+            assert!(folder.path().join(file).is_file(), "{file}");
+        }
+        // There are no short baselines here.
+        assert!(!folder.path().join("figures/figure2.svg").exists());
+        let nothing = write_paper(folder.path(), &Content::default(), &PaperTimes::default());
+        assert!(nothing.is_ok());
+    }
+}

@@ -1,0 +1,59 @@
+//! Why a study cannot be run.
+
+use std::path::PathBuf;
+
+use crate::config::ConfigError;
+use crate::datasets::DatasetError;
+use crate::exchange::ExchangeError;
+use crate::external::ManifestError;
+use crate::records::FolderError;
+use crate::run::ContenderError;
+
+/// Why a study cannot be run.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// A run file is wrong.
+    #[error("{}{}: {what}; correct this file, docs/formats.md lists all keys", .file.display(), .line.map(|n| format!(":{n}")).unwrap_or_default())]
+    File {
+        /// The run file.
+        file: PathBuf,
+        /// The line, counted from 1, where there is one.
+        line: Option<usize>,
+        /// What is wrong.
+        what: String,
+    },
+    /// Something that every run needs was not named.
+    #[error("no {what} is named; give {remedy}")]
+    Incomplete {
+        /// What it is.
+        what: &'static str,
+        /// How to name it.
+        remedy: &'static str,
+    },
+    /// A dataset cannot be opened or imported.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
+    /// A matcher, an estimator or a parameter is wrong.
+    #[error(transparent)]
+    Contender(#[from] ContenderError),
+    /// A setting is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The manifest of a matcher from outside is wrong.
+    #[error(transparent)]
+    Manifest(#[from] ManifestError),
+    /// A file of a tuning cannot be read.
+    #[error(transparent)]
+    Tuned(#[from] FolderError),
+    /// Matches of another tool cannot be read.
+    #[error("matches of {name}: {source}")]
+    Matches {
+        /// The name that they have.
+        name: String,
+        /// What is wrong.
+        source: ExchangeError,
+    },
+    /// No matcher could be started.
+    #[error("no matcher could be started: {0}")]
+    NotStarted(String),
+}

@@ -1,0 +1,172 @@
+//! Reading of a run file: TOML, paths that start from its folder, errors with file and line.
+
+use std::path::{Path, PathBuf};
+
+use super::{Study, StudyError};
+use crate::datasets::PairRule;
+use crate::external::Manifest;
+use crate::files::read_text;
+
+impl Study {
+    /// Whether a path that may be a dataset is that of a run file.
+    pub fn is_file(path: &Path) -> bool {
+        path.extension()
+            .is_some_and(|extension| extension == "toml")
+            && !path.is_dir()
+    }
+
+    /// The study in a run file. Its relative paths start from the folder of the file.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or a key, a name, a parameter or a value in it is wrong.
+    pub fn read(path: &Path) -> Result<Self, StudyError> {
+        let text = read_text(path).map_err(|error| StudyError::File {
+            file: path.to_path_buf(),
+            line: None,
+            what: error.to_string(),
+        })?;
+        let mut study = Self::parse(&text, path)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        study.start_from(folder);
+        Ok(study)
+    }
+
+    /// The study in a text, whose paths stay as they are; `file` is named in errors.
+    ///
+    /// # Errors
+    /// If a key, a name, a parameter or a value is wrong.
+    pub fn parse(text: &str, file: &Path) -> Result<Self, StudyError> {
+        toml::from_str(text).map_err(|error| StudyError::File {
+            file: file.to_path_buf(),
+            line: error.span().map(|span| line_of(text, span.start)),
+            what: error.message().replace('\n', ", "),
+        })
+    }
+
+    /// Lets all relative paths start from `folder`.
+    fn start_from(&mut self, folder: &Path) {
+        let place = |path: &mut PathBuf| *path = folder.join(&path);
+        let place_some = |path: &mut Option<PathBuf>| {
+            if let Some(path) = path {
+                place(path);
+            }
+        };
+        let place_manifests = |names: &mut Vec<String>| {
+            for name in names.iter_mut().filter(|name| Manifest::is_path(name)) {
+                *name = folder.join(&name).to_string_lossy().into_owned();
+            }
+        };
+        place_some(&mut self.out);
+        place_some(&mut self.cache);
+        self.tuned.iter_mut().for_each(place);
+        place_manifests(&mut self.matchers);
+        for dataset in &mut self.datasets {
+            place(&mut dataset.path);
+            dataset.matchers.iter_mut().for_each(place_manifests);
+            if let Some(import) = &mut dataset.import {
+                place(&mut import.source);
+                place_some(&mut import.camera);
+                place_some(&mut import.poses);
+                place_some(&mut import.image_root);
+                place_some(&mut import.intrinsics);
+                if let Some(PairRule::List { file }) = &mut import.pairs {
+                    place(file);
+                }
+            }
+        }
+        for matches in &mut self.matches {
+            matches.files.iter_mut().for_each(place);
+        }
+    }
+}
+
+fn line_of(text: &str, byte: usize) -> usize {
+    text.bytes().take(byte).filter(|&b| b == b'\n').count() + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::StudyDataset;
+    use super::*;
+
+    fn parse(text: &str) -> Result<Study, StudyError> {
+        Study::parse(text, Path::new("study.toml"))
+    }
+
+    #[test]
+    fn what_is_left_out_has_the_defaults_of_the_command_line() {
+        assert_eq!(parse("").unwrap(), Study::default());
+        let study = parse("matchers = ['sift']\nseed = 3\n[[dataset]]\npath = 'office'\n").unwrap();
+        let expected = Study {
+            matchers: vec!["sift".into()],
+            seed: 3,
+            datasets: vec![StudyDataset::at("office")],
+            ..Study::default()
+        };
+        assert_eq!(study, expected);
+    }
+
+    #[test]
+    fn every_mistake_is_named_with_its_line() {
+        for (text, line, named) in [
+            ("seed = 1\ncolour = 3\n", 2, "colour"),
+            ("\nmatchers = ['sift',\n 'srf']\n", 2, "did you mean `surf`"),
+            ("matchers = ['sift', 'sift']\n", 1, "named twice"),
+            ("estimators = ['ransac']\n", 1, "ransac-e"),
+            ("seed = -1\n", 1, "-1"),
+            ("repeat = 0\n", 1, "0"),
+            ("seed = 1\n[set]\nsift.ratoi = 0.7\n", 3, "ratoi"),
+            ("[set.sift]\nratio = 7\n", 1, "7"),
+            ("[set]\nrich.threshold_px = -1\n", 2, "rich"),
+            (
+                "[[dataset]]\nimport = { kind = 'tum', source = 'x' }\n",
+                1,
+                "path",
+            ),
+            ("[[dataset]]\npath = 'x'\nmatchers = ['gsm']\n", 3, "gms"),
+            (
+                "[[dataset]]\npath = 'x'\nimport = { kind = 'tum', source = 'y', pairs = 'few' }\n",
+                3,
+                "unknown pair rule `few`",
+            ),
+            ("matchers = [\n", 1, ""),
+        ] {
+            let Err(StudyError::File {
+                line: found, what, ..
+            }) = parse(text)
+            else {
+                panic!("{text}");
+            };
+            assert_eq!(found, Some(line), "{text}: {what}");
+            assert!(what.contains(named), "{text}: {what}");
+        }
+    }
+
+    #[test]
+    fn paths_start_from_the_folder_of_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("study.toml");
+        let text = "out = 'run'\nmatchers = ['sift', 'mine.toml']\ntuned = ['/t.json']\n\
+            [[dataset]]\npath = 'set'\nimport = { kind = 'folder', source = 'photos', pairs = 'list:p' }\n";
+        std::fs::write(&file, text).unwrap();
+        let study = Study::read(&file).unwrap();
+        let at = |name: &str| folder.path().join(name);
+        assert_eq!(study.out, Some(at("run")));
+        assert_eq!(study.matchers[1], at("mine.toml").to_string_lossy());
+        assert_eq!(study.tuned, [PathBuf::from("/t.json")]);
+        let import = study.datasets[0].import.as_ref().unwrap();
+        assert_eq!(import.source, at("photos"));
+        assert_eq!(import.pairs, Some(PairRule::List { file: at("p") }));
+        let absent = Study::read(&at("absent.toml")).unwrap_err().to_string();
+        assert!(absent.contains("absent.toml"), "{absent}");
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in "(matchers = \\['sift'\\]\n)?(\\[set\\]\n)?.{0,60}") {
+            let _ = parse(&text);
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! A study: what a run is asked for, by the arguments of the command line or by a run file.
+//!
+//! ```toml
+//! # matchbench run study.toml          paths start from this file's folder
+//! out = "runs/study"
+//! matchers = ["sift", "orb", "mine/matcher.toml"]
+//! estimators = ["ransac-e", "best"]    # absent: each matcher's own
+//!
+//! [set]                                # parameters, as `matchbench list` shows them
+//! sift.ratio = 0.7
+//!
+//! [[dataset]]
+//! path = "office"                      # a dataset that is there
+//!
+//! [[dataset]]
+//! path = "datasets/05-castle"          # one that is imported if it is not there
+//! import = { kind = "strecha", source = "castle-P30", pairs = "all" }
+//! matchers = ["sift"]                  # instead of those above
+//! ```
+//!
+//! Both ways fill one [`Study`]; [`Study::prepare`] opens and builds what it names, and the
+//! [`Prepared`] is run as any other. Keys and their defaults are those of [`Study`],
+//! [`StudyDataset`], [`StudyImport`] and [`MatchesFrom`]; an unknown key is an error.
+
+mod error;
+mod file;
+mod names;
+mod prepare;
+
+use std::collections::BTreeMap;
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use crate::config::Changes;
+use crate::datasets::{DatasetError, ImportOptions, PairRule, import_once};
+use crate::records::Settings;
+
+pub use error::StudyError;
+pub use prepare::{News, Prepared};
+
+/// What a run is asked for.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Study {
+    /// The folder of the run; one that is there already is resumed.
+    pub out: Option<PathBuf>,
+    /// The matchers: ids, manifests of matchers from outside, or `all`.
+    #[serde(deserialize_with = "names::matchers")]
+    pub matchers: Vec<String>,
+    /// The estimators that judge each of them; its own where there are none.
+    #[serde(deserialize_with = "names::estimators")]
+    pub estimators: Vec<String>,
+    /// Root of all random choices. Default: 0.
+    pub seed: u64,
+    /// How often every pair is done, each time with other random choices. Default: 1.
+    pub repeat: NonZeroU32,
+    /// Only the first so many pairs of each dataset. Default: all.
+    pub limit: Option<usize>,
+    /// Of these only so many, evenly spread. Default: all.
+    pub sample: Option<usize>,
+    /// Milliseconds that an estimator may draw samples for a pair. Default: as long as its own rules say.
+    pub time_budget: Option<NonZeroU32>,
+    /// Changed parameters, by the id of their matcher or estimator.
+    #[serde(deserialize_with = "names::parameters")]
+    pub set: Changes,
+    /// Files of `matchbench tune` whose choices are taken over; `set` wins over them.
+    pub tuned: Vec<PathBuf>,
+    /// The folder of the feature cache. Default: `cache` in that of the run.
+    pub cache: Option<PathBuf>,
+    /// Whether the selected matches are kept. Default: true.
+    pub keep_matches: bool,
+    /// Whether the report is written when all is done. Default: false.
+    pub report: bool,
+    /// Whether all that failed is done again. No run file says so: it is asked for once.
+    #[serde(skip)]
+    pub retry_failed: bool,
+    /// The datasets, in the order in which they are run.
+    #[serde(rename = "dataset")]
+    pub datasets: Vec<StudyDataset>,
+    /// Matches of other tools, on every dataset.
+    pub matches: Vec<MatchesFrom>,
+}
+
+impl Default for Study {
+    fn default() -> Self {
+        Self {
+            out: None,
+            matchers: Vec::new(),
+            estimators: Vec::new(),
+            seed: 0,
+            repeat: NonZeroU32::MIN,
+            limit: None,
+            sample: None,
+            time_budget: None,
+            set: Changes::default(),
+            tuned: Vec::new(),
+            cache: None,
+            keep_matches: true,
+            report: false,
+            retry_failed: false,
+            datasets: Vec::new(),
+            matches: Vec::new(),
+        }
+    }
+}
+
+impl Study {
+    /// What decides about the records beside datasets, matchers and estimators.
+    pub fn settings(&self) -> Settings {
+        Settings {
+            seed: self.seed,
+            repetitions: self.repeat,
+            limit: self.limit,
+            sample: self.sample,
+            time_budget_ms: self.time_budget,
+        }
+    }
+}
+
+/// A dataset of a study.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StudyDataset {
+    /// Its folder, whose name is its name unless its `dataset.toml` has another.
+    pub path: PathBuf,
+    /// What it is made of where it is not there; what is there must be the same.
+    pub import: Option<StudyImport>,
+    /// The matchers that are run on it, instead of those of the study.
+    #[serde(default, deserialize_with = "names::some_matchers")]
+    pub matchers: Option<Vec<String>>,
+}
+
+impl StudyDataset {
+    /// A dataset that is there.
+    pub fn at(path: impl Into<PathBuf>) -> Self {
+        Self {
+            path: path.into(),
+            ..Self::default()
+        }
+    }
+}
+
+/// What a dataset is made of: the options of `matchbench import`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StudyImport {
+    /// Id of the layout, see [`KINDS`](crate::datasets::KINDS).
+    pub kind: String,
+    /// The data as their authors publish them.
+    pub source: PathBuf,
+    /// Which images are matched. Default: what the paper does with this kind.
+    #[serde(default, deserialize_with = "names::pair_rule")]
+    pub pairs: Option<PairRule>,
+    /// Which sequence, where the source holds several.
+    pub sequence: Option<String>,
+    /// The calibration, where the source has none or another is wanted.
+    pub camera: Option<PathBuf>,
+    /// The poses.
+    pub poses: Option<PathBuf>,
+    /// Largest difference in time between an image and its pose, in seconds.
+    pub tolerance: Option<f64>,
+    /// Interpolate between poses instead of taking the nearest. Default: false.
+    #[serde(default)]
+    pub interpolate: bool,
+    /// Folder that image names start from.
+    pub image_root: Option<PathBuf>,
+    /// The calibration matrices.
+    pub intrinsics: Option<PathBuf>,
+    /// What the images show, in a few words.
+    pub property: Option<String>,
+}
+
+impl StudyImport {
+    /// Makes the dataset in the folder `path` if it is not there, and tells that it was imported; what is
+    /// there must be the same.
+    ///
+    /// # Errors
+    /// As [`import_once`].
+    pub fn once(&self, path: &Path, tell: &dyn Fn(News<'_>)) -> Result<(), DatasetError> {
+        if let Some(report) = import_once(&self.kind, &self.source, path, &self.options())? {
+            tell(News::Imported(path, &report));
+        }
+        Ok(())
+    }
+
+    fn options(&self) -> ImportOptions<'static> {
+        ImportOptions {
+            sequence: self.sequence.clone(),
+            pairs: self.pairs.clone(),
+            camera: self.camera.clone(),
+            poses: self.poses.clone(),
+            tolerance: self.tolerance,
+            interpolate: self.interpolate,
+            image_root: self.image_root.clone(),
+            intrinsics: self.intrinsics.clone(),
+            property: self.property.clone(),
+            ..ImportOptions::default()
+        }
+    }
+}
+
+/// Matches of another tool.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MatchesFrom {
+    /// The name that they have in tables.
+    pub name: String,
+    /// Their files: files, a folder of files, or a folder with one for each dataset.
+    pub files: Vec<PathBuf>,
+    /// Id of the format. Default: recognised by content.
+    pub format: Option<String>,
+    /// Where the centre of the first pixel is, 0 or 0.5. Default: what the format says.
+    pub pixel_center: Option<f64>,
+    /// Width and height of the images that the points are of, where those were resized.
+    pub resized: Option<[u32; 2]>,
+    /// Read the matches that the tool verified. Default: false.
+    #[serde(default)]
+    pub verified: bool,
+    /// What is to be remembered with them.
+    #[serde(default)]
+    pub notes: BTreeMap<String, String>,
+}

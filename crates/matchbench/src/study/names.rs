@@ -1,0 +1,135 @@
+//! Names, parameters and rules of a run file, checked where they stand, so that errors have a line.
+
+use std::fmt;
+use std::marker::PhantomData;
+
+use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, Visitor};
+use serde::{Deserialize, de};
+use serde_json::{Map, Value};
+
+use crate::config::{Changes, ConfigError, UnknownName};
+use crate::datasets::PairRule;
+use crate::estimators::{self, ESTIMATORS};
+use crate::external::Manifest;
+use crate::matchers::{self, MATCHERS};
+
+/// What a name may stand for.
+trait Named {
+    fn check(name: &str) -> Result<(), UnknownName>;
+}
+
+struct Matcher;
+struct Estimator;
+
+impl Named for Matcher {
+    fn check(name: &str) -> Result<(), UnknownName> {
+        if name == "all" || Manifest::is_path(name) {
+            return Ok(());
+        }
+        matchers::find(name).map(drop)
+    }
+}
+
+impl Named for Estimator {
+    fn check(name: &str) -> Result<(), UnknownName> {
+        estimators::find(name).map(drop)
+    }
+}
+
+/// A name of something that there is.
+struct Known<N>(String, PhantomData<N>);
+
+impl<'de, N: Named> Deserialize<'de> for Known<N> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        N::check(&name).map_err(D::Error::custom)?;
+        Ok(Self(name, PhantomData))
+    }
+}
+
+fn known<'de, N: Named, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+    let names = Vec::<Known<N>>::deserialize(deserializer)?;
+    let mut seen: Vec<String> = Vec::with_capacity(names.len());
+    for Known(name, _) in names {
+        if seen.contains(&name) {
+            return Err(D::Error::custom(format!("`{name}` is named twice")));
+        }
+        seen.push(name);
+    }
+    Ok(seen)
+}
+
+pub(super) fn matchers<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Vec<String>, D::Error> {
+    known::<Matcher, D>(deserializer)
+}
+
+pub(super) fn some_matchers<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<Vec<String>>, D::Error> {
+    matchers(deserializer).map(Some)
+}
+
+pub(super) fn estimators<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Vec<String>, D::Error> {
+    known::<Estimator, D>(deserializer)
+}
+
+pub(super) fn pair_rule<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<PairRule>, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    text.parse().map(Some).map_err(D::Error::custom)
+}
+
+/// The table `set`: parameters by the id of their matcher or estimator.
+pub(super) fn parameters<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Changes, D::Error> {
+    deserializer.deserialize_map(Parameters)
+}
+
+struct Parameters;
+
+impl<'de> Visitor<'de> for Parameters {
+    type Value = Changes;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a table of parameters")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Changes, A::Error> {
+        let mut all = Map::new();
+        while let Some(id) = map.next_key::<String>()? {
+            let given = map.next_value_seed(ParametersOf(&id))?;
+            all.insert(id, given);
+        }
+        Changes::deserialize(Value::Object(all)).map_err(de::Error::custom)
+    }
+}
+
+/// The parameters of one matcher or estimator.
+struct ParametersOf<'a>(&'a str);
+
+impl<'de> DeserializeSeed<'de> for ParametersOf<'_> {
+    type Value = Value;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
+        let given = Value::deserialize(deserializer)?;
+        self.check(&given).map_err(D::Error::custom)?;
+        Ok(given)
+    }
+}
+
+impl ParametersOf<'_> {
+    /// A matcher from outside has parameters that its manifest knows.
+    fn check(&self, given: &Value) -> Result<(), ConfigError> {
+        if let Some(entry) = MATCHERS.iter().find(|entry| entry.id() == self.0) {
+            return entry.build(Some(given)).map(drop);
+        }
+        match ESTIMATORS.iter().find(|entry| entry.id() == self.0) {
+            Some(entry) => entry.build(Some(given)).map(drop),
+            None => Ok(()),
+        }
+    }
+}

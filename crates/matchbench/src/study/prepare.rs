@@ -1,0 +1,253 @@
+//! From a study to what is run: datasets opened or imported, matchers built or started.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use super::{MatchesFrom, Study, StudyDataset, StudyError};
+use crate::cache::FeatureCache;
+use crate::config::Changes;
+use crate::datasets::ImportReport;
+use crate::exchange::{Format, MatchSource, ReadOptions};
+use crate::external::{Manifest, StartError};
+use crate::matchers::{self, BuiltPointSource, MATCHERS};
+use crate::records::{RunFolder, Settings, Tuned};
+use crate::run::{Contender, ContenderError, Dataset, Outside, Run, decode, manifest};
+
+/// A study whose datasets are open and whose matchers are ready.
+pub struct Prepared {
+    /// The datasets, each with the matchers that are run on it.
+    pub datasets: Vec<Dataset>,
+    /// The matchers with their estimators.
+    pub contenders: Vec<Contender>,
+    /// Matchers from outside that did not start.
+    pub absent: Vec<StartError>,
+    /// The folder of the run.
+    pub folder: PathBuf,
+    settings: Settings,
+    tuned: Vec<Tuned>,
+    cache: FeatureCache,
+    keep_matches: bool,
+    retry_failed: bool,
+}
+
+/// What happens while a study is prepared.
+pub enum News<'a> {
+    /// A dataset was imported into this folder.
+    Imported(&'a Path, &'a ImportReport),
+    /// Matches of this name were read from files.
+    Matches(&'a str, &'a MatchSource),
+}
+
+impl Prepared {
+    /// The run.
+    pub fn run(&self) -> Run<'_> {
+        Run {
+            datasets: &self.datasets,
+            contenders: &self.contenders,
+            settings: self.settings,
+            tuned: &self.tuned,
+            folder: &self.folder,
+            cache: self.cache.clone(),
+            decode,
+            keep_matches: self.keep_matches,
+            feature_memory: Run::FEATURE_MEMORY,
+            retry_failed: self.retry_failed,
+        }
+    }
+}
+
+impl Study {
+    /// Opens its datasets, imports those that are not there, reads matches from files, builds its
+    /// matchers and starts those from outside. What happens is told to `tell`.
+    ///
+    /// # Errors
+    /// If it names no dataset, no matcher or no folder; if one of them, a parameter or a tuning is
+    /// wrong; if no matcher could be started.
+    pub fn prepare(&self, tell: &dyn Fn(News<'_>)) -> Result<Prepared, StudyError> {
+        let incomplete = |what, remedy| StudyError::Incomplete { what, remedy };
+        let folder = (self.out.as_deref()).ok_or_else(|| {
+            incomplete("folder for the run", "--out RUN, or `out` in the run file")
+        })?;
+        if self.datasets.is_empty() {
+            return Err(incomplete(
+                "dataset",
+                "its folder, or [[dataset]] in the run file",
+            ));
+        }
+        let names = self.all_matchers();
+        if names.is_empty() && self.matches.is_empty() {
+            return Err(incomplete(
+                "matcher",
+                "--matchers or --matches, or `matchers` in the run file",
+            ));
+        }
+        let tuned = (self.tuned.iter())
+            .map(|path| Tuned::read(path))
+            .collect::<Result<Vec<_>, _>>()?;
+        let settings: Vec<String> = tuned.iter().map(|tuned| tuned.setting.clone()).collect();
+        let changes = Changes::parse(&settings)?.with(self.set.clone());
+        for name in names.iter().filter(|name| !Manifest::is_path(name)) {
+            matchers::find(name).map_err(ContenderError::from)?;
+        }
+        let mut datasets = (self.datasets.iter())
+            .map(|dataset| open(dataset, tell))
+            .collect::<Result<Vec<_>, _>>()?;
+        let sources = self.sources(&datasets, tell)?;
+        for (dataset, asked) in datasets.iter_mut().zip(&self.datasets) {
+            dataset.matchers = match &asked.matchers {
+                None if self.datasets.iter().all(|other| other.matchers.is_none()) => None,
+                own => {
+                    let names = expanded(own.as_deref().unwrap_or(&self.matchers));
+                    let ids = names.iter().map(|name| id(name, &changes));
+                    let mut ids = ids.collect::<Result<BTreeSet<_>, _>>()?;
+                    ids.extend(sources.iter().map(|source| source.id.clone()));
+                    Some(ids)
+                }
+            };
+        }
+        let cache = (self.cache.clone()).unwrap_or_else(|| RunFolder::default_cache_at(&folder));
+        let cache = FeatureCache::new(cache);
+        let outside = Outside {
+            logs: &folder.join("logs"),
+            cache: &cache,
+        };
+        let (contenders, absent) =
+            Contender::from_names(&names, sources, &self.estimators, &changes, Some(&outside))?;
+        if contenders.is_empty() {
+            let reasons: Vec<String> = absent.iter().map(ToString::to_string).collect();
+            return Err(StudyError::NotStarted(reasons.join("; ")));
+        }
+        Ok(Prepared {
+            datasets,
+            contenders,
+            absent,
+            folder: folder.to_path_buf(),
+            settings: self.settings(),
+            tuned,
+            cache,
+            keep_matches: self.keep_matches,
+            retry_failed: self.retry_failed,
+        })
+    }
+
+    /// The names of the matchers that are run on any dataset, in the order in which they are named:
+    /// those of the study, unless each dataset has its own, and then what datasets add.
+    pub fn all_matchers(&self) -> Vec<String> {
+        let mut all = Vec::new();
+        if self
+            .datasets
+            .iter()
+            .any(|dataset| dataset.matchers.is_none())
+        {
+            // As they are: a name that stands twice is told by whoever runs them.
+            all = expanded(&self.matchers);
+        }
+        for own in self
+            .datasets
+            .iter()
+            .filter_map(|dataset| dataset.matchers.as_ref())
+        {
+            for name in expanded(own) {
+                if !all.contains(&name) {
+                    all.push(name);
+                }
+            }
+        }
+        all
+    }
+
+    fn sources(
+        &self,
+        datasets: &[Dataset],
+        tell: &dyn Fn(News<'_>),
+    ) -> Result<Vec<BuiltPointSource>, StudyError> {
+        let sequences: Vec<_> = datasets.iter().map(|dataset| &dataset.sequence).collect();
+        (self.matches.iter())
+            .map(|from| {
+                let error = |source| StudyError::Matches {
+                    name: from.name.clone(),
+                    source,
+                };
+                let options = from.options()?;
+                let source = MatchSource::open(&from.files, &sequences, &options).map_err(error)?;
+                tell(News::Matches(&from.name, &source));
+                Ok(source.build(&from.name))
+            })
+            .collect()
+    }
+}
+
+impl MatchesFrom {
+    fn options(&self) -> Result<ReadOptions, StudyError> {
+        let format = self.format.as_deref().map(Format::find).transpose();
+        Ok(ReadOptions {
+            format: format.map_err(ContenderError::from)?,
+            pixel_center: self.pixel_center,
+            resized: self.resized,
+            verified: self.verified,
+            notes: self.notes.clone(),
+        })
+    }
+}
+
+/// The dataset, which is imported first if it is not there.
+fn open(asked: &StudyDataset, tell: &dyn Fn(News<'_>)) -> Result<Dataset, StudyError> {
+    if let Some(import) = &asked.import {
+        import.once(&asked.path, tell)?;
+    }
+    Ok(Dataset::open(&asked.path)?)
+}
+
+/// The names, and all matchers where one of them is `all`.
+fn expanded(names: &[String]) -> Vec<String> {
+    let all = || MATCHERS.iter().map(|entry| entry.id().to_owned());
+    (names.iter())
+        .flat_map(|name| match &**name {
+            "all" => all().collect(),
+            _ => vec![name.clone()],
+        })
+        .collect()
+}
+
+/// The id that a matcher of this name has in a run.
+fn id(name: &str, changes: &Changes) -> Result<String, StudyError> {
+    if Manifest::is_path(name) {
+        return Ok(manifest(Path::new(name), changes)?.name);
+    }
+    Ok(name.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn matchers_of_a_dataset_take_the_place_of_those_of_the_study() {
+        let study = |text: &str| Study::parse(text, Path::new("study.toml")).unwrap();
+        let text = "matchers = ['sift', 'orb']\n[[dataset]]\npath = 'a'\n\
+            [[dataset]]\npath = 'b'\nmatchers = ['orb', 'gms']\n";
+        assert_eq!(study(text).all_matchers(), ["sift", "orb", "gms"]);
+        let text = "matchers = ['sift']\n[[dataset]]\npath = 'b'\nmatchers = ['orb']\n";
+        assert_eq!(study(text).all_matchers(), ["orb"]);
+        let all = study("matchers = ['all']\n[[dataset]]\npath = 'b'\n").all_matchers();
+        assert_eq!(all.len(), MATCHERS.len());
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let prepare = |study: &Study| match study.prepare(&|_| {}) {
+            Ok(_) => panic!("something is missing"),
+            Err(error) => error.to_string(),
+        };
+        let mut study = Study::default();
+        assert!(prepare(&study).contains("--out"));
+        study.out = Some("run".into());
+        assert!(prepare(&study).contains("[[dataset]]"));
+        study.datasets = vec![StudyDataset::at("absent")];
+        assert!(prepare(&study).contains("--matchers"));
+        study.matchers = vec!["srf".into()];
+        assert!(prepare(&study).contains("surf"));
+        study.matchers = vec!["sift".into()];
+        assert!(prepare(&study).contains("absent"));
+    }
+}
