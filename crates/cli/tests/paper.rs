@@ -1,4 +1,4 @@
-//! The paper in one command, on a castle of two small images.
+//! The paper in one command, on a castle of three small images.
 
 #[expect(dead_code, reason = "its data are folders as they are downloaded")]
 mod common;
@@ -25,7 +25,7 @@ fn castle(data: &Path) {
     );
     fs::create_dir_all(&images).expect("writable");
     fs::create_dir_all(&cameras).expect("writable");
-    for frame in 0..2 {
+    for frame in 0..3 {
         let mut file = format!("P5 {} {} 255\n", SIZE.0, SIZE.1).into_bytes();
         for y in 0..SIZE.1 {
             for x in 0..SIZE.0 {

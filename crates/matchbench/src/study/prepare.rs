@@ -105,7 +105,7 @@ impl Study {
                 }
             };
         }
-        let cache = (self.cache.clone()).unwrap_or_else(|| RunFolder::default_cache_at(&folder));
+        let cache = (self.cache.clone()).unwrap_or_else(|| RunFolder::default_cache_at(folder));
         let cache = FeatureCache::new(cache);
         let outside = Outside {
             logs: &folder.join("logs"),
