@@ -8,7 +8,8 @@ A matcher of pairs, and one that describes images first (they are described once
     serve(describe=d)            d(image, params)         -> keypoints, descriptors[, {"scales": ..}]
                                                              for a manifest of kind = "features"
 
-`a`, `b` and `image` are `Image`s. `image.gray(n)` and `image.rgb(n)` are its pixels, at most n wide and
+`prepare(params)`, if there is one, loads what takes its time, before the first pair is waited for and
+timed. `a`, `b` and `image` are `Image`s. `image.gray(n)` and `image.rgb(n)` are its pixels, at most n wide and
 high; points are pixels of that, with the centre of the first pixel at 0, and `serve` brings them back to
 the original image. Certainty is from 0 to 1, higher is better. What a function prints goes to the log;
 what it raises is the reason why this pair failed. `params` is what the function `defaults` gives, changed
@@ -24,6 +25,7 @@ import queue
 import sys
 import threading
 import time
+import traceback
 from collections import OrderedDict
 
 import numpy as np
@@ -63,7 +65,8 @@ class Image:
         return np.clip(np.rint(shrunk), 0, 255).astype(np.uint8)
 
 
-def serve(match=None, extract=None, describe=None, name=None, version="", defaults=None, keep=64):
+def serve(match=None, extract=None, describe=None, prepare=None, name=None, version="", defaults=None,
+          keep=64):
     """Serves until the host says goodbye or goes away, then ends. `keep` images are remembered."""
     answers = _take_standard_output()
     requests = queue.Queue()
@@ -76,6 +79,11 @@ def serve(match=None, extract=None, describe=None, name=None, version="", defaul
     if unknown := set(hello["params"]) - set(params):
         return say(type="refused", reason=f"unknown: {sorted(unknown)}; there are {sorted(params)}")
     params.update(hello["params"])
+    try:
+        prepare and prepare(params)
+    except Exception as error:
+        traceback.print_exc()
+        return say(type="refused", reason=f"{type(error).__name__}: {error}")
     known, device = OrderedDict(), params.get("device", "cpu")
 
     def timed(stage, seconds, function, *arguments):
@@ -128,7 +136,6 @@ def serve(match=None, extract=None, describe=None, name=None, version="", defaul
             answer = (described if request["type"] == "describe" else matches)(request, seconds)
             say(**answer, seconds=seconds, device=str(device))
         except Exception as error:  # whatever a matcher raises costs this pair and no other
-            import traceback
             traceback.print_exc()
             say(type="failed", reason=f"{type(error).__name__}: {error}", **about)
     sys.stderr.flush()

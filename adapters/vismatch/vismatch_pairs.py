@@ -15,7 +15,7 @@ DEFAULTS = {"model": "superpoint-lightglue", "max_keypoints": 2048, "max_size": 
 
 
 def load(params):
-    """The matcher, loaded for the first pair."""
+    """The matcher, loaded once."""
     if load.matcher is None:
         from vismatch import get_matcher
         load.matcher = get_matcher(params["model"], params["device"], params["max_keypoints"])
@@ -34,4 +34,5 @@ def match(a, b, params):
     return points_a, points_b, np.ones(len(points_a)) if certainty is None else certainty
 
 
-serve(match=match, name="vismatch", version=version("vismatch"), defaults=DEFAULTS)
+serve(match=match, prepare=load, name="vismatch", version=version("vismatch"),
+      defaults=DEFAULTS)
