@@ -491,7 +491,7 @@ fn a_child_goes_when_its_host_is_killed() {
 fn the_protocol_takes_below_two_milliseconds_a_pair() {
     let bench = Bench::new("");
     assert_eq!(bench.ask(0), Ok(2));
-    // The fastest tenth: on a busy machine most pairs wait for a processor, which is no cost of the protocol.
+    // The fastest tenth: other programs of the machine may take most of these pairs for themselves.
     let mut seconds: Vec<f64> = (0..400)
         .map(|b| {
             let start = Instant::now();
@@ -500,8 +500,8 @@ fn the_protocol_takes_below_two_milliseconds_a_pair() {
         })
         .collect();
     seconds.sort_by(f64::total_cmp);
-    let fastest = 1e3 * seconds[seconds.len() / 10];
-    println!("{fastest:.3} ms a pair");
+    let [fastest, median] = [10, 2].map(|part| 1e3 * seconds[seconds.len() / part]);
+    println!("{fastest:.3} ms a pair, median {median:.3} ms");
     assert!(fastest < 2.0, "{fastest:.3} ms a pair");
     assert!(bench.log().contains("loading weights"));
 }

@@ -201,6 +201,18 @@ fn verified_matches_are_those_of_the_two_view_geometries() {
     assert!(files.understood().to_string().contains("verified matches"));
     let error = MatchFiles::open(&[folder.path().join("hloc")], &sequence, &verified).err();
     assert!(error.unwrap().to_string().contains("leave --verified out"));
+
+    let database = fs::read_dir(folder.path().join("colmap")).unwrap().next();
+    let database = database.unwrap().unwrap().path();
+    let connection = rusqlite::Connection::open(&database).unwrap();
+    (connection.execute("DELETE FROM two_view_geometries", [])).unwrap();
+    drop(connection);
+    let error = MatchFiles::open(&[database], &sequence, &verified).err();
+    let message = error.unwrap().to_string();
+    assert!(
+        message.contains("`two_view_geometries` is empty; leave --verified out"),
+        "{message}"
+    );
 }
 
 #[test]

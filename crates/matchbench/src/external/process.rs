@@ -196,7 +196,13 @@ impl Process {
 impl Drop for Process {
     fn drop(&mut self) {
         let said_goodbye = self.requests.is_none();
-        self.end(if said_goodbye { GRACE } else { Duration::ZERO });
+        if self
+            .end(if said_goodbye { GRACE } else { Duration::ZERO })
+            .is_some()
+        {
+            // What it said last is to be in the log before the host goes on, and perhaps ends.
+            let _ = self.errors.recv_timeout(LAST_WORDS);
+        }
     }
 }
 

@@ -57,6 +57,15 @@ fn open(probe: Probe, options: &ReadOptions) -> Result<Contents, ExchangeError> 
     };
     let images = database.images()?;
     let pairs = database.pair_ids()?;
+    if pairs.is_empty() {
+        let what = format!("its table `{}` is empty", database.table);
+        let remedy = if options.verified {
+            "leave --verified out, or let COLMAP verify the matches first"
+        } else {
+            "match the images first"
+        };
+        return Err(ExchangeError::new(path, what, remedy));
+    }
     let names = (pairs.iter())
         .map(|&[first, second]| {
             let name = |id| {
