@@ -48,6 +48,9 @@ pub struct StageQuartiles {
     pub select: Option<Quartiles>,
     /// Pose estimation of a pair, in seconds.
     pub estimate: Option<Quartiles>,
+    /// All before the pose of a pair as it was waited for, where a matcher from outside did it: its other
+    /// times are its own word. In seconds.
+    pub outside: Option<Quartiles>,
 }
 
 impl StageQuartiles {
@@ -58,6 +61,8 @@ impl StageQuartiles {
         let features = (pairs.iter())
             .filter(|pair| pair.outcome != Err(Failure::Broken))
             .filter_map(|pair| pair.counts)
+            // Matches that come from outside may come without the number of features.
+            .filter(|counts| counts.selected == 0 || counts.features_a + counts.features_b > 0)
             .flat_map(|counts| [counts.features_a, counts.features_b]);
         Self {
             features: Quartiles::of(features.map(f64::from)),
@@ -65,6 +70,7 @@ impl StageQuartiles {
             search: Quartiles::of(stage(|t| t.search)),
             select: Quartiles::of(stage(|t| t.select)),
             estimate: Quartiles::of(stage(|t| t.estimate)),
+            outside: Quartiles::of(stage(|t| t.outside)),
         }
     }
 

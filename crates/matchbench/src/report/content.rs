@@ -35,6 +35,9 @@ pub struct Content {
     /// How each matcher gets its features, by its id. Those with the same text have the same features,
     /// and the run extracts and times them once.
     pub extractions: BTreeMap<String, String>,
+    /// What is known of the matchers that are not built in, in a few words, by their ids: `from outside,
+    /// cuda, 1024 pixels`.
+    pub outside: BTreeMap<String, String>,
     /// Pairs to be looked at.
     pub views: Vec<PairView>,
     /// The run.

@@ -139,6 +139,7 @@ pub(super) fn stages_of(content: &Content, summary: &Summary) -> StageQuartiles 
         extract: stage(|stages| stages.extract).or_else(extract),
         search: stage(|stages| stages.search),
         select: stage(|stages| stages.select),
+        outside: stage(|stages| stages.outside),
         ..summary.stages
     }
 }

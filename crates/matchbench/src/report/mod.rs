@@ -23,6 +23,7 @@ mod names;
 mod numbers;
 mod of_results;
 mod of_run;
+mod outside;
 mod overview;
 mod pair_table;
 mod pair_view;

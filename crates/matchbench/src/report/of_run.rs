@@ -11,6 +11,7 @@ use super::bundle::write_bundle;
 use super::content::{Content, RunFacts};
 use super::dataset_facts::DatasetFacts;
 use super::folder::write_report;
+use super::outside::outside;
 use super::paper::{PaperTimes, write_paper};
 use super::pictures::{self, Keypoints};
 use crate::cache::FeatureCache;
@@ -118,6 +119,7 @@ fn gather(
             Some((matcher.id.clone(), text))
         })
         .collect();
+    content.outside = outside(run)?;
     let cache = (options.cache).map_or_else(|| run.default_cache(), Path::to_path_buf);
     let keypoints = Keypoints::new(run.plan(), FeatureCache::new(cache));
     let count = options.pictures;

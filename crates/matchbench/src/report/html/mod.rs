@@ -4,6 +4,7 @@
 //! they are. What the page shows is computed here, what it looks like stands in `page.html`,
 //! `style.css` and `script.js`.
 
+mod auc_table;
 mod pair_list;
 mod pair_pages;
 mod times;
@@ -11,7 +12,6 @@ mod times;
 pub(super) use pair_pages::pair_pages;
 
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -26,8 +26,8 @@ use super::figures::{
     sp_figure, time_figure, untimed,
 };
 use super::method;
-use super::numbers::{self, NONE, interval, ratio};
-use super::overview::{Cell, Overview, REFERENCE, Row, Subject};
+use super::numbers::{self, interval};
+use super::overview::{Overview, REFERENCE, Row, Subject};
 use super::svg::{Target, data_url, legend_sample};
 use super::words::{definitions, leads_in_words};
 
@@ -90,7 +90,7 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
             .map(|(column, name)| context! { name => *name, pairs => overview.pairs(column) })
             .collect::<Vec<_>>(),
         overviews => ANGLES.map(|(name, angle)| {
-            let rows = overview_rows(&Overview::of(summaries, angle), angle);
+            let rows = auc_table::rows(content, &Overview::of(summaries, angle), angle);
             context! { name, rows }
         }).to_vec(),
         legend => legend(&overview),
@@ -117,6 +117,7 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         scores => summaries.iter().map(scores).collect::<Vec<_>>(),
         failures => summaries.iter().map(failures).collect::<Vec<_>>(),
         times => times::times(content, &overview),
+        outside => !content.outside.is_empty(),
         has_estimators => summaries.iter().any(|s| !s.estimator.is_empty()),
         facts => (facts.facts.iter())
             .map(|(name, value)| context! { name, value })
@@ -183,42 +184,6 @@ fn headline(overview: &Overview<'_>) -> Option<Value> {
         None => return None,
     };
     Some(context! { names, several => winners.len() > 1, most })
-}
-
-fn overview_rows(overview: &Overview<'_>, angle: Angle) -> Vec<Value> {
-    (overview.rows.iter())
-        .map(|row| {
-            let cells: Vec<Value> = row.cells.iter().map(|c| auc(c.as_ref(), angle)).collect();
-            let mean = (row.cells.len() > 1).then(|| ratio(row.mean()));
-            context! { label => &row.label, baseline => row.is_baseline, cells, mean }
-        })
-        .collect()
-}
-
-fn auc(cell: Option<&Cell<'_>>, angle: Angle) -> Value {
-    let Some(cell) = cell else {
-        return context! { text => NONE };
-    };
-    let s = cell.summary;
-    let mut tip = format!("95 %: {}", interval(&cell.auc, ratio));
-    if angle == Angle::Pose {
-        let _ = write!(
-            tip,
-            "\nrotation {}, translation {}\n{} of {} pairs failed",
-            ratio(s.auc_of(Angle::Rotation).value),
-            ratio(s.auc_of(Angle::Translation).value),
-            s.failed,
-            s.pairs
-        );
-    }
-    let group = (angle == Angle::Pose).then_some(&*s.group);
-    context! {
-        text => ratio(cell.auc.value),
-        rank => cell.rank,
-        above => cell.above_baseline,
-        group,
-        tip,
-    }
 }
 
 /// What is compared, counted or named: `8 matchers with 3 estimators`, `8 matchers with ransac-e`.

@@ -71,10 +71,40 @@ fn time_row(content: &Content, first: &Summary, poses: &[Option<&Summary>]) -> V
     cells.extend(
         [stages.extract, stages.search, stages.select].map(|time| quartiles(time, milliseconds)),
     );
+    if !content.outside.is_empty() {
+        cells.push(quartiles(stages.outside, milliseconds));
+    }
     let poses_in = poses.iter().map(|own| own.and_then(|s| s.stages.estimate));
     cells.extend(poses_in.map(|pose| quartiles(pose, milliseconds)));
     if let [Some(only)] = poses {
         cells.push(context! { text => milliseconds(seconds_for_a_pair(content, only)) });
     }
-    context! { matcher => &first.matcher, cells }
+    let outside = content.outside.get(&first.matcher);
+    context! { matcher => &first.matcher, outside, cells }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::tests::content;
+    use super::super::render;
+    use super::*;
+
+    #[test]
+    fn what_is_not_built_in_is_marked_in_every_table_of_methods() {
+        let mut content = content(&[("room", "mine", 4), ("room", "orb", 2)]);
+        assert!(!render(&content).contains("Waited"));
+        content.summaries[0].stages.outside = Quartiles::of([1.5]);
+        content.summaries[0].stages.search = Quartiles::of([1.25]);
+        let words = "from outside, cuda, 1024 pixels";
+        content.outside.insert("mine".into(), words.into());
+        let page = render(&content);
+        let mark = format!("mine<small class=\"quiet\">{words}</small>");
+        // One table of AUC for each angle, and that of times.
+        assert_eq!(page.matches(&mark).count(), 4);
+        assert!(page.contains("Waited") && page.contains("its pairs took as seen from here"));
+        assert!(
+            page.contains(">1500") && page.contains(">1250"),
+            "milliseconds"
+        );
+    }
 }

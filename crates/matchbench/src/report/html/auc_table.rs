@@ -1,0 +1,49 @@
+//! The table of AUC at the head of the page: methods are rows, datasets columns.
+
+use std::fmt::Write as _;
+
+use minijinja::{Value, context};
+
+use crate::metrics::Angle;
+
+use super::super::content::Content;
+use super::super::numbers::{NONE, interval, ratio};
+use super::super::overview::{Cell, Overview};
+
+/// A method a row, with the AUC of `angle` on each dataset.
+pub(super) fn rows(content: &Content, overview: &Overview<'_>, angle: Angle) -> Vec<Value> {
+    (overview.rows.iter())
+        .map(|row| {
+            let cells: Vec<Value> = row.cells.iter().map(|c| auc(c.as_ref(), angle)).collect();
+            let mean = (row.cells.len() > 1).then(|| ratio(row.mean()));
+            let outside = content.outside.get(row.matcher);
+            context! { label => &row.label, outside, baseline => row.is_baseline, cells, mean }
+        })
+        .collect()
+}
+
+fn auc(cell: Option<&Cell<'_>>, angle: Angle) -> Value {
+    let Some(cell) = cell else {
+        return context! { text => NONE };
+    };
+    let s = cell.summary;
+    let mut tip = format!("95 %: {}", interval(&cell.auc, ratio));
+    if angle == Angle::Pose {
+        let _ = write!(
+            tip,
+            "\nrotation {}, translation {}\n{} of {} pairs failed",
+            ratio(s.auc_of(Angle::Rotation).value),
+            ratio(s.auc_of(Angle::Translation).value),
+            s.failed,
+            s.pairs
+        );
+    }
+    let group = (angle == Angle::Pose).then_some(&*s.group);
+    context! {
+        text => ratio(cell.auc.value),
+        rank => cell.rank,
+        above => cell.above_baseline,
+        group,
+        tip,
+    }
+}
