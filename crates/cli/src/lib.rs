@@ -13,7 +13,7 @@ mod progress;
 mod threads;
 
 use std::ffi::OsString;
-use std::num::NonZeroUsize;
+use std::num::{NonZeroU64, NonZeroUsize};
 use std::thread::available_parallelism;
 
 use anyhow::Context;
@@ -53,7 +53,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             return u8::from(error.use_stderr());
         }
     };
-    let ending = limits().and_then(|()| in_pool(&cli.command));
+    let ending = environment().and_then(|()| in_pool(&cli.command));
     match ending {
         Ok(Ending::Done) => 0,
         Ok(Ending::SomeFailed) => 2,
@@ -66,15 +66,40 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-/// Sets the limits that the environment asks for.
-fn limits() -> anyhow::Result<()> {
-    const PIXELS: &str = "MATCHBENCH_MAX_PIXELS";
-    if let Some(asked) = std::env::var_os(PIXELS).filter(|asked| !asked.is_empty()) {
-        let most = asked.to_str().and_then(|asked| asked.parse().ok());
-        let most = most.with_context(|| format!("{PIXELS} is no number of pixels from 1"))?;
+/// Sets the limits that the environment asks for, and refuses what it asks for in vain.
+fn environment() -> anyhow::Result<()> {
+    if let Some(most) = asked("MATCHBENCH_MAX_PIXELS", |text| text.parse().ok())? {
         matchbench::datasets::limit_pixels(most);
     }
+    if let Some(most) = asked("MATCHBENCH_MAX_MEMORY", bytes)? {
+        matchbench::memory::limit_memory(most);
+    }
+    matchbench::InstructionSet::asked_for()?;
     Ok(())
+}
+
+/// What a variable asks for, if it is set to something.
+fn asked<T>(variable: &str, parse: impl Fn(&str) -> Option<T>) -> anyhow::Result<Option<T>> {
+    let Some(text) = std::env::var_os(variable).filter(|text| !text.is_empty()) else {
+        return Ok(None);
+    };
+    let number = text.to_str().and_then(parse);
+    number.map(Some).with_context(|| {
+        let text = text.display();
+        format!(
+            "{variable} is `{text}`, but must be a whole number from 1, of bytes also 800M or 8G"
+        )
+    })
+}
+
+/// A number of bytes, of millions (`M`) or of billions (`G`) of them.
+fn bytes(text: &str) -> Option<NonZeroU64> {
+    let (number, unit) = match text.as_bytes() {
+        [.., b'M'] => (&text[..text.len() - 1], 1_000_000),
+        [.., b'G'] => (&text[..text.len() - 1], 1_000_000_000),
+        _ => (text, 1),
+    };
+    NonZeroU64::new(number.parse::<u64>().ok()?.checked_mul(unit)?)
 }
 
 /// Does the command in the one pool of threads that all of it shares: decoding, extraction, scoring,

@@ -31,6 +31,25 @@ pub(crate) fn write_result(path: &Path, bytes: &[u8]) -> io::Result<()> {
     write_whole(path, bytes)
 }
 
+/// Standard output for lines of text: as [`harmless`] has them.
+pub(crate) fn stdout() -> impl Write {
+    Harmless(io::stdout())
+}
+
+struct Harmless(io::Stdout);
+
+impl Write for Harmless {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let text = String::from_utf8_lossy(bytes);
+        self.0.write_all(harmless(&text).as_bytes())?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
+    }
+}
+
 /// Whether a file is `-`, or the name that Unix systems give standard output.
 pub(crate) fn is_standard_output(path: &Path) -> bool {
     path == Path::new("-") || path == Path::new("/dev/stdout")

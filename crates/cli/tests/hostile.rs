@@ -216,3 +216,206 @@ fn more_threads_than_are_useful_are_not_started() {
     let output = go(&["eval", "--threads", "1024"], &[&run]);
     assert_eq!(output.status.code(), Some(0), "{}", message(&output));
 }
+
+#[test]
+fn an_image_for_which_there_is_no_memory_fails_with_numbers_and_what_to_do() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (wall, run) = (dataset(folder.path(), "wall", 2), folder.path().join("run"));
+    // A smooth image of 1.8 megapixels, for which SIFT takes more than is given.
+    let image = [&b"P5 1500 1200 255\n"[..], &vec![90; 1500 * 1200]].concat();
+    for name in ["0000.pgm", "0001.pgm"] {
+        fs::write(wall.join("Images").join(name), &image).expect("writable");
+    }
+    let camera = "1000 0 749.5 0 1000 599.5 0 0 1";
+    fs::write(wall.join("camera.txt"), camera).expect("writable");
+    let start = |limit: &str| {
+        let output = (matchbench().env("MATCHBENCH_MAX_MEMORY", limit))
+            .args(["run", "--matchers", "sift", "--out"])
+            .args([&run, &wall])
+            .output();
+        output.expect("the program starts")
+    };
+    let output = start("20M");
+    assert_eq!(output.status.code(), Some(2), "{}", message(&output));
+    let records = run.join("records/wall/sift+ransac-e.jsonl");
+    let text = fs::read_to_string(&records).expect("readable");
+    for named in [
+        "0000.pgm",
+        "1500x1200",
+        "max_size",
+        "--threads",
+        "MATCHBENCH_MAX_MEMORY",
+        " MB",
+    ] {
+        assert!(text.contains(named), "{named}: {text}");
+    }
+    // There is more another time.
+    assert_eq!(start("8G").status.code(), Some(0), "{}", message(&output));
+    for wrong in ["0", "much", "-1", "99999999999999999999G"] {
+        refused(&start(wrong), "MATCHBENCH_MAX_MEMORY");
+    }
+}
+
+#[test]
+fn instructions_that_there_are_not_are_an_error_at_the_start() {
+    let output = matchbench()
+        .env("MATCHBENCH_SIMD", "mmx")
+        .arg("list")
+        .output();
+    refused(
+        &output.expect("the program starts"),
+        "MATCHBENCH_SIMD is `mmx`",
+    );
+}
+
+#[test]
+fn an_export_keeps_what_is_not_its_own() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (_, run) = run_of(folder.path());
+    for format in ["authors", "colmap", "hloc", "glue-factory", "npz", "packed"] {
+        let out = folder.path().join(format);
+        let export = || go(&["export", "--format", format], &[&run, &out]);
+        assert_eq!(export().status.code(), Some(0), "{format}");
+        let again = export();
+        assert_eq!(
+            again.status.code(),
+            Some(0),
+            "{format}: {}",
+            message(&again)
+        );
+        let file = files(&out).pop().expect("something was written");
+        fs::write(&file, "mine").expect("writable");
+        refused(&export(), "already");
+        assert_eq!(fs::read(&file).expect("readable"), b"mine", "{format}");
+    }
+}
+
+/// The files below a folder.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).expect("readable") {
+        let path = entry.expect("readable").path();
+        if path.is_dir() {
+            found.append(&mut files(&path));
+        } else {
+            found.push(path);
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn a_report_keeps_a_page_that_is_not_its_own_and_goes_to_standard_output() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (_, run) = run_of(folder.path());
+    let site = folder.path().join("site");
+    fs::create_dir(&site).expect("writable");
+    fs::write(site.join("index.html"), "<p>mine</p>").expect("writable");
+    refused(&go(&["report", "--out"], &[&site, &run]), "is no report");
+    let page = fs::read_to_string(site.join("index.html")).expect("readable");
+    assert_eq!(page, "<p>mine</p>");
+    let out = folder.path().join("out");
+    for _ in 0..2 {
+        assert_eq!(
+            go(&["report", "--out"], &[&out, &run]).status.code(),
+            Some(0)
+        );
+    }
+    let printed = go(&["report", "--bundle", "-"], &[&run]);
+    assert!(printed.stdout.starts_with(b"<!DOCTYPE html>"));
+}
+
+#[test]
+fn names_that_control_a_terminal_or_are_too_long_are_refused_by_validate_and_run() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for name in ["a\nb", "a\u{1b}[31m", &"x".repeat(230)] {
+        let wall = dataset(folder.path(), name, 2);
+        let run = folder.path().join("run");
+        for output in [
+            go(&["validate"], &[&wall]),
+            go(&["run", "--matchers", "orb", "--out"], &[&run, &wall]),
+        ] {
+            let said = [output.stdout, output.stderr].concat();
+            assert_eq!(output.status.code(), Some(1));
+            assert!(!said.contains(&0x1b));
+            assert!(String::from_utf8_lossy(&said).contains("the dataset's name"));
+        }
+    }
+}
+
+#[test]
+fn leftovers_of_killed_processes_go_with_the_next_run_and_report() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (wall, run) = run_of(folder.path());
+    assert_eq!(go(&["report"], &[&run]).status.code(), Some(0));
+    let places = ["", "records/wall", "cache/00", "report", "report/tables"];
+    let old = std::time::SystemTime::now() - std::time::Duration::from_secs(60);
+    let left = places.map(|place| run.join(place).join(".matchbench-left"));
+    for file in &left {
+        fs::create_dir_all(file.parent().expect("it has a folder")).expect("writable");
+        let file = File::create(file).expect("writable");
+        file.set_modified(old).expect("it is ours");
+    }
+    assert_eq!(
+        go(&["run", "--matchers", "sift", "--out"], &[&run, &wall])
+            .status
+            .code(),
+        Some(0)
+    );
+    assert_eq!(go(&["report"], &[&run]).status.code(), Some(0));
+    for file in left {
+        assert!(!file.exists(), "{}", file.display());
+    }
+}
+
+#[test]
+fn nothing_waits_for_a_pipe_that_nobody_writes_into() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let pipe = folder.path().join("pipe");
+    let made = Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.expect("mkfifo is part of every system").success());
+    let kinds = [
+        "tum",
+        "kitti",
+        "strecha",
+        "7scenes",
+        "folder",
+        "superglue",
+        "scannet",
+        "megadepth",
+        "colmap",
+        "imc",
+        "euroc",
+        "zeb",
+        "hpatches",
+        "oxford",
+        "evd",
+    ];
+    for kind in kinds {
+        let out = folder.path().join(kind);
+        let mut child = matchbench()
+            .args(["import", kind])
+            .args([&pipe, &out])
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the program starts");
+        let start = std::time::Instant::now();
+        let ended = loop {
+            match child.try_wait().expect("it can be asked") {
+                Some(status) => break Some(status),
+                None if start.elapsed().as_secs() > 60 => break None,
+                None => std::thread::sleep(std::time::Duration::from_millis(5)),
+            }
+        };
+        if ended.is_none() {
+            child.kill().expect("it is ours");
+            child.wait().expect("it was killed");
+        }
+        assert_eq!(
+            ended.and_then(|status| status.code()),
+            Some(1),
+            "{kind} waits"
+        );
+    }
+}

@@ -62,6 +62,7 @@ pub mod exchange;
 pub mod external;
 pub mod files;
 pub mod matchers;
+pub mod memory;
 pub mod metrics;
 pub mod paper;
 pub mod records;
@@ -70,3 +71,5 @@ pub mod run;
 pub mod study;
 pub mod time;
 pub mod tune;
+
+pub use matchbench_vision::InstructionSet;

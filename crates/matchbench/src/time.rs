@@ -14,6 +14,7 @@ use std::thread::available_parallelism;
 
 use rayon::ThreadPoolBuilder;
 
+use crate::memory;
 use crate::metrics::{PairResult, Quartiles, ResultSet, ResultsError, StageQuartiles, load_run};
 use crate::records::{FolderError, RunFolder, Settings, StageTimes};
 use crate::run::{Cancel, Contender, Dataset, Run, RunError, Silent};
@@ -74,7 +75,7 @@ pub fn time(
         let Some(_) = measure(PROBES)? else {
             return Ok(None);
         };
-        forget_peak_memory();
+        memory::forget_peak();
         let (Some(probe), Some(all), Some(again)) =
             (measure(PROBES)?, measure(pairs)?, measure(PROBES)?)
         else {
@@ -82,7 +83,7 @@ pub fn time(
         };
         Ok(Some(Timing {
             stages: StageQuartiles::new(&all.pairs),
-            peak_memory: peak_memory(),
+            peak_memory: memory::peak().map(|bytes| bytes as f64),
             noise: noise(&probe, &all, &again).collect(),
         }))
     })
@@ -214,19 +215,6 @@ fn instructions() -> &'static str {
         return " with AVX2 and FMA";
     }
     ""
-}
-
-/// From here on [`peak_memory`] counts anew, where the system can do that (Linux).
-fn forget_peak_memory() {
-    let _ = fs::write("/proc/self/clear_refs", "5");
-}
-
-/// The most memory that this process has had, in bytes, where the system tells it.
-fn peak_memory() -> Option<f64> {
-    let text = fs::read_to_string("/proc/self/status").ok()?;
-    let kibibytes = field(&text, "VmHWM")?;
-    let kibibytes: f64 = kibibytes.split_whitespace().next()?.parse().ok()?;
-    Some(kibibytes * 1024.0)
 }
 
 fn field(text: &str, name: &str) -> Option<String> {

@@ -97,7 +97,8 @@ pub(crate) struct ReportArgs {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Write the report as one page of at most 5 MB instead, to be mailed: tables, figures, the list
-    /// of pairs, as many pictures as there is room for, and the tables as files to be saved
+    /// of pairs, as many pictures as there is room for, and the tables as files to be saved; `-` is
+    /// standard output
     #[arg(long, value_name = "FILE.html", conflicts_with = "out")]
     pub bundle: Option<PathBuf>,
     /// Pairs of each dataset that have pictures, in the page as far as it has room and in the folder

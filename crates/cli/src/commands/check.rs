@@ -10,6 +10,7 @@ use matchbench::run::manifest;
 use crate::Ending;
 use crate::args::CheckArgs;
 use crate::commands::job::changes;
+use crate::output::stdout;
 
 pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
     let changes = changes(&args.set)?;
@@ -19,7 +20,7 @@ pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
     }
     let dataset = (args.dataset.as_deref()).map(Sequence::open).transpose()?;
     let log = std::env::temp_dir().join(format!("matchbench-check-{}.log", manifest.name));
-    let mut out = std::io::stdout();
+    let mut out = stdout();
     let mut worst = Verdict::Good;
     let mut printed = Ok(());
     external::check(

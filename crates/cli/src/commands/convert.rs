@@ -7,12 +7,13 @@ use matchbench::datasets::{Sequence, export};
 
 use crate::Ending;
 use crate::args::ConvertArgs;
+use crate::output::stdout;
 
 pub(crate) fn run(args: &ConvertArgs) -> Result<Ending> {
     let sequence = Sequence::open(&args.dataset)?;
     let root = export(&args.format, &sequence, &args.out)?;
     writeln!(
-        std::io::stdout(),
+        stdout(),
         "{}: {} frames, {} pairs; image names start from {}",
         args.out.display(),
         sequence.frames.len(),

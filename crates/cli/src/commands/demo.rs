@@ -14,8 +14,12 @@ use super::job::execute;
 use super::{eval, report};
 use crate::Ending;
 use crate::args::DemoArgs;
+use crate::output::stdout;
 
 pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
+    // Before minutes are spent on images.
+    std::fs::create_dir_all(&args.out)
+        .with_context(|| format!("cannot make the folder {}", args.out.display()))?;
     let (ending, _) = execute(&Study {
         datasets: scenes()?.into_iter().map(StudyDataset::at).collect(),
         matchers: args.matchers.clone(),
@@ -28,7 +32,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
     eval::print(&args.out)?;
     let page = report::write(&args.out, &ReportOptions::default())?;
     let page = std::path::absolute(page)?;
-    let mut out = std::io::stdout();
+    let mut out = stdout();
     writeln!(
         out,
         "\nThese scenes are rendered: a test of the tool, no substitute for your own images."

@@ -10,6 +10,7 @@ use matchbench::records::{MatcherPlan, RunFolder, authors};
 
 use crate::Ending;
 use crate::args::ExportArgs;
+use crate::output::stdout;
 
 pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
     let run = RunFolder::open(&args.run)?;
@@ -25,7 +26,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
             args.run.display()
         );
         for file in authors::write(&args.out, &records)? {
-            writeln!(std::io::stdout(), "{}", file.display())?;
+            writeln!(stdout(), "{}", file.display())?;
         }
         return Ok(Ending::Done);
     }
@@ -90,11 +91,11 @@ fn write(
         [] => bail!("there is no match to be written"),
         files if files.len() > 4 => {
             let (count, folder) = (files.len(), folder.display());
-            writeln!(std::io::stdout(), "{folder} ({count} files)")?;
+            writeln!(stdout(), "{folder} ({count} files)")?;
         }
         files => {
             for file in files {
-                writeln!(std::io::stdout(), "{}", file.display())?;
+                writeln!(stdout(), "{}", file.display())?;
             }
         }
     }

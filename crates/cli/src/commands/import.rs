@@ -7,7 +7,7 @@ use matchbench::datasets::{ImageStorage, ImportOptions, import};
 
 use crate::Ending;
 use crate::args::{Images, ImportArgs};
-use crate::output::say;
+use crate::output::{say, stdout};
 
 pub(crate) fn run(args: &ImportArgs) -> Result<Ending> {
     let options = ImportOptions {
@@ -35,7 +35,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<Ending> {
         None => "as listed".to_owned(),
     };
     writeln!(
-        std::io::stdout(),
+        stdout(),
         "{}: {} frames, {} pairs ({pairs})",
         args.out.display(),
         report.frames,

@@ -10,6 +10,7 @@ use super::job::{changes, execute};
 use super::{eval, matches, report};
 use crate::Ending;
 use crate::args::RunArgs;
+use crate::output::stdout;
 
 pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     let study = study(args)?;
@@ -18,7 +19,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
         return Ok(ending);
     }
     eval::print(&folder)?;
-    let mut out = std::io::stdout();
+    let mut out = stdout();
     if study.report {
         let options = ReportOptions {
             cache: study.cache.as_deref(),

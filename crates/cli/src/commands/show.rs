@@ -17,7 +17,7 @@ use tempfile::TempDir;
 use super::job::{changes, check_names};
 use crate::Ending;
 use crate::args::ShowArgs;
-use crate::output::{is_standard_output, write_result};
+use crate::output::{is_standard_output, stdout, write_result};
 
 /// Longest side of an image in the picture, and its JPEG quality.
 const DRAWN: (u32, u8) = (1600, 88);
@@ -109,7 +109,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
     }
     let counts = matches.counts;
     writeln!(
-        std::io::stdout(),
+        stdout(),
         "{caption}\n{} and {} features, {} putative and {} selected matches, {} of them agree with the estimate\n{}",
         counts.features_a,
         counts.features_b,

@@ -12,7 +12,7 @@ use matchbench::time::{machine, time};
 use crate::Ending;
 use crate::args::TimeArgs;
 use crate::commands::job::{changes, check_names};
-use crate::output::{say, write_result};
+use crate::output::{say, stdout, write_result};
 use crate::progress::cancel_on_ctrl_c;
 
 pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
@@ -26,7 +26,7 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
     let dataset = Dataset::open(&args.dataset)?;
     let contenders = Contender::all_of(&args.matchers, &[], &changes(&args.set)?, None)?;
     let cancel = cancel_on_ctrl_c("stopping")?;
-    let mut out = std::io::stdout().lock();
+    let mut out = stdout();
     let about = format!(
         "matchbench {}, {}; 1 thread, no cache; first {} pairs of {}",
         env!("CARGO_PKG_VERSION"),

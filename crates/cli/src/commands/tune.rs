@@ -12,6 +12,7 @@ use serde_json::Value;
 use super::job::{AFTER_PAIRS, cache, changes, check_names, open, tell};
 use crate::Ending;
 use crate::args::TuneArgs;
+use crate::output::stdout;
 use crate::progress::{Bar, cancel_on_ctrl_c};
 
 pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
@@ -45,7 +46,7 @@ pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
 }
 
 fn print(tuned: &Tuned, parameter: &str, folder: &Path) -> Result<()> {
-    let mut out = std::io::stdout().lock();
+    let mut out = stdout();
     writeln!(out, "{parameter}: mean AUC over datasets and matchers")?;
     let chosen = |value: &Value| tuned.setting == format!("{parameter}={value}");
     let best = tuned.auc.iter().find(|(value, _)| chosen(value));

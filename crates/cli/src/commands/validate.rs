@@ -7,11 +7,11 @@ use matchbench::datasets::{Severity, validate};
 
 use crate::Ending;
 use crate::args::ValidateArgs;
-use crate::output::plain;
+use crate::output::{plain, stdout};
 
 pub(crate) fn run(args: &ValidateArgs) -> Result<Ending> {
     let problems = validate(&args.dataset);
-    let mut out = std::io::stdout().lock();
+    let mut out = stdout();
     for problem in &problems {
         let label = match problem.severity {
             Severity::Error => "error",

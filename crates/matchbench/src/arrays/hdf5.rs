@@ -16,7 +16,7 @@ use hdf5_writer::{DatasetBuilder, Hdf5Builder, WriteOptions};
 
 use super::ArrayError;
 use super::array::{Array, Element, Kind, MOST_BYTES};
-use crate::files::{open_file, write_whole};
+use crate::files::{open_file, write_new};
 
 /// The most arrays of a file: each costs memory for its name. A hundred thousand pairs have a
 /// million.
@@ -166,7 +166,7 @@ impl Hdf5Out {
         let bytes = (self.0.into_plan())
             .and_then(|plan| plan.encode(WriteOptions::default()))
             .map_err(io::Error::other)?;
-        write_whole(path, &bytes)
+        write_new(path, &bytes)
     }
 }
 

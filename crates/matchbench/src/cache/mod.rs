@@ -12,7 +12,7 @@ use matchbench_vision::features::{Features, Keypoint};
 
 pub use key::Key;
 
-use crate::files::{read_file, write_whole};
+use crate::files::{read_file, remove_leftovers_below, write_whole};
 use crate::matchers::Extraction;
 
 /// A folder of features. Any number of runs may share one at the same time; it can be deleted
@@ -28,6 +28,11 @@ impl FeatureCache {
         Self {
             folder: folder.into(),
         }
+    }
+
+    /// Removes what killed processes left half written.
+    pub(crate) fn remove_leftovers(&self) {
+        remove_leftovers_below(&self.folder, 1);
     }
 
     /// The features of an image file, turned by so many quarters, if they are in the cache: for

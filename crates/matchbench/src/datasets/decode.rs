@@ -21,23 +21,26 @@ use std::num::NonZeroUsize;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use image::{DynamicImage, ImageFormat, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use matchbench_vision::image::{GrayImage, Size};
 use zune_core::bytestream::{ZByteReaderTrait, ZCursor};
 use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
-use super::{DatasetError, exif, jpeg};
+use super::jpeg::{self, JpegError};
+use super::{DatasetError, exif};
 use crate::files::{open_file, read_file};
+use crate::memory::{TooMuch, reserve};
 
 /// Most pixels that an image may have unless another limit is asked for, 2^27 (e.g. 11,585 x 11,585):
 /// what claims more is a damaged header or an attack, and its memory is never asked for.
 pub const MOST_PIXELS: usize = 1 << 27;
 /// Most bytes that a decoder may ask for besides the pixels: colour profiles, comments, its own rows.
 const BESIDE_PIXELS: u64 = 64 << 20;
-/// JPEGs of at most so many pixels are decoded twice, see [`jpeg`].
-const TWICE_DECODED: usize = 1 << 20;
+/// Bytes for each pixel that the decoder of JPEG takes at most, measured: the coefficients of a
+/// progressive file in colour, its pixels and what is known of its blocks.
+const JPEG_BYTES: usize = 9;
 /// Longest side of an image; the most that JPEG can say.
 const MAX_SIDE: usize = 65_535;
 const JPEG_MAGIC: [u8; 3] = [0xff, 0xd8, 0xff];
@@ -90,6 +93,9 @@ pub enum DecodeError {
     /// The header claims more pixels than are allowed.
     #[error("the header claims {0} pixels, more than the limit of {limit}", limit = most_pixels())]
     TooLarge(Size),
+    /// There is not the memory to decode it.
+    #[error("it has {0} pixels, for which {1}")]
+    NoMemory(Size, TooMuch),
 }
 
 impl DecodeError {
@@ -101,6 +107,7 @@ impl DecodeError {
             Self::TooLarge(_) => {
                 "check the file, scale the image down, or raise MATCHBENCH_MAX_PIXELS"
             }
+            Self::NoMemory(..) => "scale the image down, or set MATCHBENCH_MAX_MEMORY",
         }
     }
 
@@ -171,7 +178,8 @@ pub fn gray_of_rgb(size: Size, rgb: &[u8]) -> GrayImage {
 fn decode_jpeg(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
     let decoder = jpeg_header(ZCursor::new(bytes))?;
     let size = checked(jpeg_size(&decoder))?;
-    let frame = jpeg::frame(bytes).ok_or(DecodeError::Truncated)?;
+    let _memory = reserve(size.area() * JPEG_BYTES)
+        .map_err(|missing| DecodeError::NoMemory(size, missing))?;
     let stored = decoder
         .input_colorspace()
         .expect("the headers were decoded");
@@ -180,22 +188,15 @@ fn decode_jpeg(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
         ColorSpace::RGB => ColorSpace::RGB,
         other => return Err(DecodeError::Unsupported(format!("{other:?}"))),
     };
-    let pixels = |file: &[u8]| -> Result<Vec<u8>, DecodeError> {
-        let mut decoder = jpeg_header(ZCursor::new(file))?;
-        decoder.set_options(jpeg_options().jpeg_set_out_colorspace(gray));
-        decoder.decode().map_err(|error| jpeg_error(&error))
-    };
-    let filled = [&bytes[..frame.end], &jpeg::FILL].concat();
-    let data = if frame.progressive || size.area() <= TWICE_DECODED {
-        let data = pixels(bytes)?;
-        let filled = [&filled[..], &[0xff, 0xd9]].concat();
-        if pixels(&filled)? != data {
-            return Err(DecodeError::Truncated);
+    jpeg::check(bytes).map_err(|error| match error {
+        JpegError::Truncated => DecodeError::Truncated,
+        JpegError::Damaged(what) => {
+            DecodeError::Damaged(format!("a JPEG with {what} that are none"))
         }
-        data
-    } else {
-        pixels(&filled)?
-    };
+    })?;
+    let mut decoder = jpeg_header(ZCursor::new(bytes))?;
+    decoder.set_options(jpeg_options().jpeg_set_out_colorspace(gray));
+    let data = decoder.decode().map_err(|error| jpeg_error(&error))?;
     Ok(match gray {
         ColorSpace::Luma => GrayImage::from_vec(size, data),
         _ => to_gray(size, &data, 3, LIBJPEG),
@@ -237,17 +238,22 @@ fn jpeg_error(error: &zune_jpeg::errors::DecodeErrors) -> DecodeError {
 
 fn decode_other(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
     let size = checked(size_of_other(Cursor::new(bytes))?)?;
+    // 16 bits of red, green, blue and alpha are the most that a pixel has.
+    let most = 8 * size.area();
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|_| DecodeError::UnknownFormat)?;
-    // The size was checked; 16 bits of red, green, blue and alpha are the most that a pixel has.
-    reader.limits(limits(8 * size.area() as u64));
+    reader.limits(limits(most as u64));
     let rule = match reader.format() {
         Some(ImageFormat::Png) => LIBPNG,
         Some(ImageFormat::WebP) => CVT_COLOR,
         _ => IMGCODECS,
     };
-    let image = reader.decode().map_err(|error| other_error(&error))?;
+    let stored = reader.into_decoder().map_err(|error| other_error(&error))?;
+    let a_pixel = usize::from(stored.color_type().bytes_per_pixel()) + 1;
+    let _memory =
+        reserve(size.area() * a_pixel).map_err(|missing| DecodeError::NoMemory(size, missing))?;
+    let image = DynamicImage::from_decoder(stored).map_err(|error| other_error(&error))?;
     Ok(match image {
         DynamicImage::ImageLuma8(gray) => GrayImage::from_vec(size, gray.into_raw()),
         DynamicImage::ImageLumaA8(gray) => to_gray(size, &gray, 2, rule),
@@ -419,35 +425,61 @@ mod tests {
         assert!(read_gray(&folder.path().join("none.png")).is_err());
     }
 
+    const JPEGS: [&str; 5] = [
+        "color.jpg",
+        "gray.jpg",
+        "progressive.jpg",
+        "restarts.jpg",
+        "progressive-restarts.jpg",
+    ];
+
     #[test]
     fn a_jpeg_cut_anywhere_is_refused_also_with_an_end_marker_put_on() {
-        for name in ["color.jpg", "gray.jpg", "progressive.jpg"] {
+        for name in JPEGS {
             let whole = fixture(name);
-            let end = jpeg::frame(&whole).expect("it is whole").end;
-            let pixels = decode_gray(&whole).expect("it is whole");
-            let mut accepted = 0;
+            assert!(decode_gray(&whole).is_ok(), "{name}");
+            let end = whole.windows(2).rposition(|m| m == [0xff, 0xd9]);
+            let end = end.expect("it is whole");
             for length in 0..end {
-                let cut = [&whole[..length], &[0xff, 0xd9]].concat();
-                // Bits that only fill up the last byte, and colours, which are not looked at, may go; and
-                // within the last block of pixels a decoder cannot tell where the data should end.
-                if let Ok(found) = decode_gray(&cut) {
-                    let last_block = |x: usize, y: usize| x >= 16 && y >= 16;
-                    for (x, y) in (0..17).flat_map(|y| (0..24).map(move |x| (x, y))) {
-                        assert!(
-                            last_block(x, y) || found.at(x, y) == pixels.at(x, y),
-                            "{name} cut to {length} of {end} bytes: pixel {x} {y}"
-                        );
-                    }
-                    accepted += 1;
+                for put_on in [
+                    &[0xff, 0xd9][..],
+                    &[0xff, 0xff, 0xff, 0xd9],
+                    &[0xff, 0xd0, 0xff, 0xd9],
+                ] {
+                    let cut = [&whole[..length], put_on].concat();
+                    assert!(
+                        decode_gray(&cut).is_err(),
+                        "{name} cut to {length} of {end}"
+                    );
                 }
             }
-            assert!(accepted < 60, "{name}: {accepted} of {end}");
+        }
+    }
+
+    #[test]
+    fn a_jpeg_with_more_data_than_pixels_or_a_part_left_out_is_refused() {
+        for name in JPEGS {
+            let mut lower = fixture(name);
+            let at = (lower.windows(2)).position(|m| m[0] == 0xff && (0xc0..=0xc2).contains(&m[1]));
+            let at = at.expect("a frame has a header");
+            lower[at + 5..at + 7].copy_from_slice(&[0, 8]);
+            assert!(decode_gray(&lower).is_err(), "{name}: 8 rows");
+        }
+        // Between two restarts, from marker to marker: whole intervals that are missing.
+        let whole = fixture("restarts.jpg");
+        let markers: Vec<usize> = (1..whole.len())
+            .filter(|&at| whole[at - 1] == 0xff && (0xd0..0xd8).contains(&whole[at]))
+            .collect();
+        assert!(markers.len() >= 2);
+        for ends in markers.windows(2) {
+            let cut = [&whole[..ends[0]], &whole[ends[1]..]].concat();
+            assert!(decode_gray(&cut).is_err(), "without {ends:?}");
         }
     }
 
     #[test]
     fn a_small_file_that_claims_a_large_image_is_refused() {
-        for name in ["color.jpg", "gray.jpg", "progressive.jpg"] {
+        for name in JPEGS {
             let mut bytes = fixture(name);
             let at = (bytes.windows(2)).position(|m| m[0] == 0xff && (0xc0..=0xc2).contains(&m[1]));
             let at = at.expect("a frame has a header");

@@ -27,6 +27,7 @@ use super::pairs::pair_indices;
 use super::sequence::Truth;
 use super::text::{self, TextFile};
 use super::{DatasetError, Frame, Pair, Problem, Sequence, Severity};
+use crate::files::check_name;
 
 pub(super) const POSES: &str = "pose.txt";
 pub(super) const CAMERA: &str = "camera.txt";
@@ -181,6 +182,11 @@ impl Contents {
             ..pinhole
         });
 
+        if let Err(wrong) = check_name(&name) {
+            let what = format!("the dataset's name, `{}`, {wrong}", text::brief(&name));
+            let remedy = "rename the folder, or give `name` in dataset.toml";
+            problems.push(DatasetError::new(dir, what, remedy).into());
+        }
         let wrong = check_manifest(dir, &manifest, camera.as_ref());
         problems.extend(wrong.into_iter().map(Problem::from));
         let images = frame_images(dir, &manifest, problems);

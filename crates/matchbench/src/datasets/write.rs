@@ -19,7 +19,7 @@ use super::manifest::{self, Manifest, ManifestFrame};
 use super::native::{CAMERA, HOMOGRAPHIES, PAIRS, POSES};
 use super::text::matrix_rows;
 use super::{DatasetError, Frame, Sequence};
-use crate::files::{HELD, PREFIX, hold, remove_leftovers};
+use crate::files::{HELD, PREFIX, hold, open_file, remove_leftovers};
 
 const INFALLIBLE: &str = "writing to a string cannot fail";
 
@@ -238,7 +238,10 @@ fn bring_images(
             .join(format!("{index:04}"))
             .with_extension(extension.to_ascii_lowercase());
         match how {
-            ImageStorage::Copy => fs::copy(&source, &target).map(drop),
+            ImageStorage::Copy => {
+                // A pipe would be waited for.
+                open_file(&source).and_then(|_| fs::copy(&source, &target).map(drop))
+            }
             _ => link(&source, &target),
         }
         .map_err(|error| DatasetError::io(&target, &error))?;

@@ -10,7 +10,7 @@ use super::names::PairName;
 use super::probe::{Content, Probe};
 use super::{Contents, ExchangeError, Export, Format, Rating, RawMatches, ReadOptions, Source};
 use crate::arrays::{self, Array};
-use crate::files::write_whole;
+use crate::files::write_new;
 
 pub(super) const NPZ: Format = Format {
     id: "npz",
@@ -88,7 +88,7 @@ fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeErr
         ]);
         let (a, b) = pair.frames;
         let path = folder.join(format!("{a}_{b}.npz"));
-        write_whole(&path, &bytes).map_err(|error| ExchangeError::unwritable(&path, error))?;
+        write_new(&path, &bytes).map_err(|error| ExchangeError::unwritable(&path, error))?;
         files.push(path);
     }
     Ok(files)

@@ -9,7 +9,7 @@ use super::names::PairName;
 use super::probe::{Content, Probe};
 use super::{Contents, ExchangeError, Export, Format, Rating, RawMatches, ReadOptions, Source};
 use crate::arrays::{Array, Npz, npz};
-use crate::files::write_whole;
+use crate::files::write_new;
 
 pub(super) const PACKED: Format = Format {
     id: "packed",
@@ -153,6 +153,6 @@ fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeErr
         ),
     ]);
     let path = folder.join(FILE);
-    write_whole(&path, &bytes).map_err(|error| ExchangeError::unwritable(&path, error))?;
+    write_new(&path, &bytes).map_err(|error| ExchangeError::unwritable(&path, error))?;
     Ok(vec![path])
 }

@@ -30,6 +30,19 @@ pub fn remove_leftovers(folder: &Path) {
     }
 }
 
+/// The same in a folder and those below it, so many levels down; links are not followed.
+pub fn remove_leftovers_below(folder: &Path, levels: usize) {
+    remove_leftovers(folder);
+    let Some(levels) = levels.checked_sub(1) else {
+        return;
+    };
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        if entry.file_type().is_ok_and(|what| what.is_dir()) {
+            remove_leftovers_below(&entry.path(), levels);
+        }
+    }
+}
+
 /// Errors are of no concern: what cannot be removed stays what it is, hidden and in nobody's way.
 fn remove_if_left(path: &Path) {
     let Ok(metadata) = fs::symlink_metadata(path) else {
@@ -58,6 +71,26 @@ mod tests {
     use std::time::SystemTime;
 
     use super::*;
+
+    #[test]
+    fn leftovers_are_found_below_and_links_are_not_followed() {
+        let (folder, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let old = SystemTime::now() - Duration::from_secs(60);
+        let leave = |place: &Path| {
+            fs::create_dir_all(place).unwrap();
+            let file = place.join(".matchbench-left");
+            File::create(&file).unwrap().set_modified(old).unwrap();
+            file
+        };
+        let [near, far] = ["a", "a/b"].map(|place| leave(&folder.path().join(place)));
+        let theirs = leave(other.path());
+        #[cfg(unix)]
+        std::os::unix::fs::symlink(other.path(), folder.path().join("link")).unwrap();
+        remove_leftovers_below(folder.path(), 1);
+        assert!(!near.exists() && far.exists());
+        remove_leftovers_below(folder.path(), 2);
+        assert!(!far.exists() && theirs.exists());
+    }
 
     #[test]
     fn what_is_held_or_young_or_another_s_stays() {

@@ -4,6 +4,8 @@ use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::Path;
 
+use super::calls::{Call, before};
+
 /// Most bytes of a file that is read as a whole, 4 GiB: what is longer is no file of ours, and its
 /// memory is never asked for.
 const MOST_BYTES: u64 = 4 << 30;
@@ -13,6 +15,7 @@ const MOST_BYTES: u64 = 4 << 30;
 /// # Errors
 /// What the system says, or that it is a folder, a device or a pipe.
 pub fn open_file(path: &Path) -> io::Result<File> {
+    before(Call::Open, path)?;
     // Looked at before it is opened: opening a pipe waits for somebody who writes.
     regular(&fs::metadata(path)?)?;
     let file = File::open(path)?;
@@ -28,6 +31,7 @@ pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     let file = open_file(path)?;
     let length = file.metadata()?.len();
     let mut bytes = Vec::new();
+    before(Call::Read, path)?;
     if length > MOST_BYTES || bytes.try_reserve_exact(length as usize).is_err() {
         return Err(io::Error::new(
             io::ErrorKind::FileTooLarge,

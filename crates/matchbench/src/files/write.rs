@@ -4,6 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use super::calls::{Call, before, sync, write_all};
 use super::{PREFIX, hold};
 
 /// Writes `contents` beside `path` and renames it into place, so that whoever reads `path` finds
@@ -23,15 +24,32 @@ pub fn write_whole(path: &Path, contents: &[u8]) -> io::Result<()> {
     })
 }
 
+/// As [`write_whole`]; but where there is a file with other content, that is somebody's, and stays.
+///
+/// # Errors
+/// As [`write_whole`]; [`io::ErrorKind::AlreadyExists`] for such a file.
+pub(crate) fn write_new(path: &Path, contents: &[u8]) -> io::Result<()> {
+    if super::read_file(path).is_ok_and(|there| there != contents) {
+        return Err(io::Error::new(
+            io::ErrorKind::AlreadyExists,
+            format!(
+                "{} has other content already; delete it, or write into another folder",
+                path.display()
+            ),
+        ));
+    }
+    write_whole(path, contents)
+}
+
 fn write(path: &Path, contents: &[u8]) -> io::Result<()> {
-    let before = match fs::metadata(path) {
+    let earlier = match fs::metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => None,
         metadata => Some(metadata?),
     };
-    if let Some(before) = &before {
+    if let Some(earlier) = &earlier {
         // A file that must not be written to must not be replaced either.
         let mut there = OpenOptions::new().write(true).open(path)?;
-        if !before.is_file() {
+        if !earlier.is_file() {
             return there.write_all(contents);
         }
     }
@@ -40,7 +58,8 @@ fn write(path: &Path, contents: &[u8]) -> io::Result<()> {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    fs::create_dir_all(folder)?;
+    make_folder(folder)?;
+    before(Call::Open, path)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX);
     // Temporary files are private to their owner; this one becomes an ordinary file.
@@ -48,14 +67,31 @@ fn write(path: &Path, contents: &[u8]) -> io::Result<()> {
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let mut beside = builder.tempfile_in(folder)?;
     hold(beside.as_file());
-    beside.write_all(contents)?;
-    if let Some(before) = &before {
-        keep_owner(beside.as_file(), before);
-        beside.as_file().set_permissions(before.permissions())?;
+    write_all(beside.as_file_mut(), path, contents)?;
+    if let Some(earlier) = &earlier {
+        keep_owner(beside.as_file(), earlier);
+        beside.as_file().set_permissions(earlier.permissions())?;
     }
-    beside.as_file().sync_data()?;
+    sync(beside.as_file(), path)?;
+    before(Call::Rename, path)?;
     beside.persist(path).map_err(|error| error.error)?;
     Ok(())
+}
+
+/// Makes a folder and those above it, where they are not there.
+pub(crate) fn make_folder(folder: &Path) -> io::Result<()> {
+    before(Call::MakeFolder, folder)?;
+    fs::create_dir_all(folder)
+}
+
+/// Makes the name of a file as safe from the power supply as its content, where the system can do that.
+pub(crate) fn sync_folder_of(path: &Path) {
+    if let Some(folder) = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+    {
+        let _ = File::open(folder).and_then(|open| sync(&open, folder));
+    }
 }
 
 /// Where `path` leads: the end of a chain of links, whether there is something or not.

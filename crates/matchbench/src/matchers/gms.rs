@@ -5,7 +5,7 @@
 //! 640x480 pixels, 100,000 with FAST threshold 5 above.
 
 use matchbench_vision::features::{DescriptorKind, Extractor, Features, Orb, OrbParams};
-use matchbench_vision::image::GrayImage;
+use matchbench_vision::image::{GrayImage, Size};
 use matchbench_vision::matching::{Gms, GmsParams, NearestNeighbours, Pipeline};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -95,6 +95,10 @@ impl Extractor for BudgetOrb {
             Some(large) if image.data().len() > SMALL => large.extract(image),
             _ => self.small.extract(image),
         }
+    }
+
+    fn memory(&self, size: Size) -> usize {
+        self.small.memory(size)
     }
 }
 

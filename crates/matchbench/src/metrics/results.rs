@@ -144,8 +144,8 @@ fn complete(set: &mut ResultSet, listed: &BTreeSet<(u32, u32)>) {
 fn read_records(file: &Path) -> Result<Option<ResultSet>, ResultsError> {
     let mut set: Option<ResultSet> = None;
     let mut lines = BTreeMap::new();
-    for (index, record) in store::read(file)?.iter().enumerate() {
-        let (line, task) = (index + 1, &record.task);
+    store::for_each(file, |line, record| {
+        let task = &record.task;
         if let Some(first) = lines.insert((task.a, task.b, task.repetition), line) {
             return Err(twice(file, line, (task.a, task.b), first));
         }
@@ -182,8 +182,9 @@ fn read_records(file: &Path) -> Result<Option<ResultSet>, ResultsError> {
             });
         }
         set.repetitions = set.repetitions.max(task.repetition + 1);
-        set.pairs.push(PairResult::from(record));
-    }
+        set.pairs.push(PairResult::from(&record));
+        Ok(())
+    })?;
     Ok(set)
 }
 

@@ -25,7 +25,7 @@
 //! A folder of a later format is refused by name. What is added so that older programs need not know
 //! it, a field that is left out where it is not needed, does not change the number.
 
-use std::fs::{self, File, TryLockError};
+use std::fs::{File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -35,7 +35,10 @@ use super::growth::difference;
 use super::images::ImageNotes;
 use super::store::RecordWriter;
 use super::{FolderError, MatchesFile, Plan, RunRecord, StoreError, Tuned, matches, store};
-use crate::files::{read_file, read_text, write_whole};
+use crate::files::{
+    make_folder, read_file, read_text, remove_leftovers, remove_leftovers_below, sync_folder_of,
+    write_whole,
+};
 
 /// Version of the format of run folders that this program writes, and the last that it reads.
 pub const FORMAT: u32 = 2;
@@ -117,6 +120,25 @@ impl RunFolder {
         }
     }
 
+    /// Hands over what [`RunFolder::records_of`] returns, one record after the other.
+    ///
+    /// # Errors
+    /// As [`RunFolder::records`].
+    pub(crate) fn for_each_of(
+        &self,
+        [dataset, matcher, estimator]: [&str; 3],
+        mut each: impl FnMut(RunRecord),
+    ) -> Result<(), StoreError> {
+        let file = store::path(&self.path, dataset, matcher, estimator);
+        if file.exists() {
+            store::for_each(&file, |_, record| {
+                each(record);
+                Ok::<_, StoreError>(())
+            })?;
+        }
+        Ok(())
+    }
+
     /// The files of records, in the order of [`RunFolder::records`].
     ///
     /// # Errors
@@ -183,8 +205,11 @@ impl RunWriter {
     /// # Errors
     /// If it has another plan, is in use, damaged, or cannot be written to.
     pub fn start(path: &Path, plan: Plan) -> Result<Self, FolderError> {
-        fs::create_dir_all(path).map_err(FolderError::io("make the folder", path))?;
+        make_folder(path).map_err(FolderError::io("make the folder", path))?;
         let locks = lock(path)?;
+        // Nobody else writes here now: records that were rewritten, two folders down.
+        remove_leftovers(path);
+        remove_leftovers_below(&path.join(store::FOLDER), 1);
         let plan_file = path.join(PLAN);
         let written = read_plan(&plan_file)?;
         match &written {
@@ -227,20 +252,19 @@ impl RunWriter {
         write_json(&self.folder.path.join(TUNING), &tuned)
     }
 
-    /// What earlier processes recorded of one matcher with one estimator on one dataset; a torn last
-    /// line is cut off. Returns the file too, for errors that name it.
+    /// The file of what earlier processes recorded of one matcher with one estimator on one dataset; a torn
+    /// last line is cut off, and each record is handed over with the number of its line.
     ///
     /// # Errors
-    /// If the file cannot be read or cut, or has a line that is not a record.
-    pub(crate) fn recover(
+    /// If the file cannot be read or cut, or has a line that is not a record; whatever `each` does not want.
+    pub(crate) fn recover<E: From<StoreError>>(
         &self,
-        dataset: &str,
-        matcher: &str,
-        estimator: &str,
-    ) -> Result<(PathBuf, Vec<RunRecord>), StoreError> {
+        [dataset, matcher, estimator]: [&str; 3],
+        each: impl FnMut(usize, RunRecord) -> Result<(), E>,
+    ) -> Result<PathBuf, E> {
         let file = store::path(&self.folder.path, dataset, matcher, estimator);
-        let records = store::recover(&file)?;
-        Ok((file, records))
+        store::recover_each(&file, each)?;
+        Ok(file)
     }
 
     /// The images of a dataset that earlier processes worked with.
@@ -328,5 +352,7 @@ fn read_plan(path: &Path) -> Result<Option<Plan>, FolderError> {
 
 fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), FolderError> {
     let text = serde_json::to_string_pretty(value).expect("what a run writes is plain JSON");
-    Ok(write_whole(path, format!("{text}\n").as_bytes())?)
+    write_whole(path, format!("{text}\n").as_bytes())?;
+    sync_folder_of(path);
+    Ok(())
 }

@@ -7,15 +7,14 @@
 //! would be of two images, and an estimator that is added later would judge matches of another one.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use blake3::Hash;
 use rayon::prelude::*;
 
 use super::FolderError;
-use crate::files::{read_file, read_text};
+use crate::files::{Appender, read_file, read_text};
 
 /// The folder of these files within the folder of a run.
 const FOLDER: &str = "images";
@@ -29,7 +28,7 @@ pub(crate) struct ImageNotes {
     known: BTreeMap<u32, Hash>,
     /// Length of the whole lines of the file.
     end: u64,
-    writer: Option<File>,
+    writer: Option<Appender>,
 }
 
 impl ImageNotes {
@@ -107,22 +106,24 @@ impl ImageNotes {
             return Ok(());
         }
         let line = format!("{frame} {}\n", hash.to_hex());
-        let written = self
-            .writer()
-            .and_then(|file| file.write_all(line.as_bytes()));
+        let written = self.writer().and_then(|file| file.append(line.as_bytes()));
         written.map_err(FolderError::io("append to", &self.path))?;
         self.known.insert(frame, hash);
         Ok(())
     }
 
-    fn writer(&mut self) -> io::Result<&mut File> {
+    /// Makes what was noted safe from the power supply: to be done before there are records of it.
+    ///
+    /// # Errors
+    /// If the system cannot.
+    pub(crate) fn sync(&mut self) -> Result<(), FolderError> {
+        let synced = self.writer.as_mut().map_or(Ok(()), Appender::sync);
+        synced.map_err(FolderError::io("write", &self.path))
+    }
+
+    fn writer(&mut self) -> io::Result<&mut Appender> {
         if self.writer.is_none() {
-            self.path.parent().map_or(Ok(()), fs::create_dir_all)?;
-            let mut options = OpenOptions::new();
-            let file = options.create(true).append(true).open(&self.path)?;
-            // Drops what a killed process left unfinished.
-            file.set_len(self.end)?;
-            self.writer = Some(file);
+            self.writer = Some(Appender::open(&self.path, Some(self.end))?);
         }
         Ok(self.writer.as_mut().expect("it was just made"))
     }
@@ -144,6 +145,8 @@ fn parse(line: &str) -> Option<(u32, Hash)> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

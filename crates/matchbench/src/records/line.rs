@@ -20,7 +20,34 @@ pub(super) fn to_line(record: &RunRecord) -> Vec<u8> {
     line
 }
 
-/// Reads the lines of a file one after the other.
+/// A line that holds a record.
+#[derive(Debug)]
+pub(super) struct Line {
+    record: RunRecord,
+    has_checksum: bool,
+}
+
+/// What a line holds, or what is wrong with it; lines can be parsed in any order.
+pub(super) fn parse(line: &[u8]) -> Result<Line, String> {
+    let line = line.trim_ascii_end();
+    let (parsed, has_checksum) = match split(line) {
+        Some((body, stated)) => {
+            if check(body).as_bytes() != stated {
+                return Err("its checksum is not that of its content".into());
+            }
+            (serde_json::from_slice(&[body, b"}"].concat()), true)
+        }
+        None => (serde_json::from_slice(line), false),
+    };
+    let record: RunRecord = parsed.map_err(|error| error.to_string())?;
+    record.check()?;
+    Ok(Line {
+        record,
+        has_checksum,
+    })
+}
+
+/// Looks at the lines of a file one after the other.
 #[derive(Debug, Default)]
 pub(super) struct LineReader {
     /// Whether a line before had a checksum.
@@ -29,22 +56,13 @@ pub(super) struct LineReader {
 
 impl LineReader {
     /// The record of the next line; or what is wrong with it.
-    pub(super) fn next(&mut self, line: &[u8]) -> Result<RunRecord, String> {
-        let line = line.trim_ascii_end();
-        let parsed = match split(line) {
-            Some((body, stated)) => {
-                if check(body).as_bytes() != stated {
-                    return Err("its checksum is not that of its content".into());
-                }
-                self.checked = true;
-                serde_json::from_slice(&[body, b"}"].concat())
-            }
-            None if self.checked => return Err("it has no checksum".into()),
-            None => serde_json::from_slice(line),
-        };
-        let record: RunRecord = parsed.map_err(|error| error.to_string())?;
-        record.check()?;
-        Ok(record)
+    pub(super) fn accept(&mut self, line: Result<Line, String>) -> Result<RunRecord, String> {
+        let line = line?;
+        if self.checked && !line.has_checksum {
+            return Err("it has no checksum".into());
+        }
+        self.checked = line.has_checksum;
+        Ok(line.record)
     }
 }
 
@@ -97,7 +115,7 @@ mod tests {
         for bit in 0..8 * ends {
             let mut flipped = line.clone();
             flipped[bit / 8] ^= 1 << (bit % 8);
-            assert!(LineReader::default().next(&flipped).is_err(), "bit {bit}");
+            assert!(parse(&flipped).is_err(), "bit {bit}");
         }
     }
 
@@ -106,9 +124,14 @@ mod tests {
         let record = record([0.1, 0.0, 0.0], [0.0, 0.0, 1.0]);
         let old = serde_json::to_vec(&record).unwrap();
         let mut lines = LineReader::default();
-        assert_eq!(lines.next(&old).as_ref(), Ok(&record));
-        assert_eq!(lines.next(&to_line(&record)).as_ref(), Ok(&record));
-        assert!(lines.next(&old).unwrap_err().contains("no checksum"));
+        assert_eq!(lines.accept(parse(&old)).as_ref(), Ok(&record));
+        assert_eq!(lines.accept(parse(&to_line(&record))).as_ref(), Ok(&record));
+        assert!(
+            lines
+                .accept(parse(&old))
+                .unwrap_err()
+                .contains("no checksum")
+        );
     }
 
     #[test]
@@ -152,7 +175,7 @@ mod tests {
         ] {
             assert!(line.contains(from), "{from}: {line}");
             let text = line.replacen(from, to, 1);
-            let reason = LineReader::default().next(text.as_bytes()).unwrap_err();
+            let reason = parse(text.as_bytes()).unwrap_err();
             assert!(reason.contains(named), "{to}: {reason}");
         }
     }
@@ -165,14 +188,14 @@ mod tests {
         ) {
             prop_assume!(motion != [0.0; 3]);
             let record = record(turn, motion);
-            let read = LineReader::default().next(&to_line(&record));
+            let read = parse(&to_line(&record)).map(|line| line.record);
             prop_assert_eq!(read, Ok(record));
         }
 
         #[test]
         fn what_is_accepted_holds(text in "\\{.{0,80}\\}|.{0,40}") {
-            if let Ok(record) = LineReader::default().next(text.as_bytes()) {
-                prop_assert!(record.check().is_ok());
+            if let Ok(line) = parse(text.as_bytes()) {
+                prop_assert!(line.record.check().is_ok());
             }
         }
     }

@@ -18,15 +18,14 @@
 //! appends next.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::MatchedPoints;
 use nalgebra::Point2;
 
 use super::{Counts, StoreError};
-use crate::files::open_file;
+use crate::files::{Appender, open_file};
 
 /// First bytes of every file.
 const MAGIC: [u8; 8] = *b"mbmatch1";
@@ -76,7 +75,10 @@ pub struct MatchesFile {
     entries: BTreeMap<MatchesKey, u64>,
     /// Where the last whole entry ends.
     end: u64,
-    writer: Option<File>,
+    writer: Option<Appender>,
+    /// The pair whose entries were appended last, and where they are: what is appended is not looked for
+    /// later, so that a long run needs no more memory than a short one.
+    last: ((u32, u32), BTreeMap<u32, u64>),
 }
 
 /// Where the matches of one dataset and matcher stand in the folder of a `run`.
@@ -97,6 +99,7 @@ impl MatchesFile {
             entries: BTreeMap::new(),
             end: 0,
             writer: None,
+            last: Default::default(),
         };
         let file = match open_file(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(this),
@@ -141,9 +144,18 @@ impl MatchesFile {
         Ok(())
     }
 
-    /// Whether these matches are there.
+    /// Whether these matches were there when the file was opened, or are of the pair that was appended to
+    /// it last.
     pub fn contains(&self, key: MatchesKey) -> bool {
-        self.entries.contains_key(&key)
+        self.place(key).is_some()
+    }
+
+    fn place(&self, (a, b, repetition): MatchesKey) -> Option<u64> {
+        let (pair, last) = &self.last;
+        let appended = last.get(&repetition).filter(|_| *pair == (a, b));
+        appended
+            .or_else(|| self.entries.get(&(a, b, repetition)))
+            .copied()
     }
 
     /// The matches of a pair, if they are there. May be called from many threads.
@@ -151,7 +163,7 @@ impl MatchesFile {
     /// # Errors
     /// If the file cannot be read, or the entry is damaged.
     pub fn read(&self, key: MatchesKey) -> Result<Option<SelectedMatches>, StoreError> {
-        let Some(&start) = self.entries.get(&key) else {
+        let Some(start) = self.place(key) else {
             return Ok(None);
         };
         let io = |error| StoreError::io("read", &self.path)(error);
@@ -179,41 +191,42 @@ impl MatchesFile {
         let (a, b, repetition) = key;
         let before = repetition.checked_sub(1).map(|before| (a, b, before));
         let same = match before {
-            Some(before) if self.read(before)?.as_ref() == Some(matches) => {
-                self.entries.get(&before).copied()
-            }
+            Some(before) if self.read(before)?.as_ref() == Some(matches) => self.place(before),
             _ => None,
         };
         let entry = to_bytes(key, matches, same.is_some());
         let start = self.write(&entry)?;
-        self.entries.insert(key, same.unwrap_or(start));
+        let (pair, last) = &mut self.last;
+        if *pair != (a, b) {
+            *pair = (a, b);
+            last.clear();
+        }
+        last.insert(repetition, same.unwrap_or(start));
         Ok(())
+    }
+
+    /// Makes what was appended safe from the power supply: to be done before the records are that follow
+    /// from it.
+    ///
+    /// # Errors
+    /// If the system cannot.
+    pub fn sync(&mut self) -> Result<(), StoreError> {
+        let synced = self.writer.as_mut().map_or(Ok(()), Appender::sync);
+        synced.map_err(StoreError::io("write", &self.path))
     }
 
     /// Writes at the end, and says where that was.
     fn write(&mut self, entry: &[u8]) -> Result<u64, StoreError> {
         let io = |error| StoreError::io("append to", &self.path)(error);
-        let file = match &mut self.writer {
-            Some(file) => file,
-            none => {
-                if let Some(folder) = self.path.parent() {
-                    fs::create_dir_all(folder).map_err(io)?;
-                }
-                let file = (OpenOptions::new().create(true).truncate(false).write(true))
-                    .open(&self.path)
-                    .map_err(io)?;
-                // Drops what a killed process left unfinished.
-                file.set_len(self.end).map_err(io)?;
-                none.insert(file)
-            }
-        };
-        file.seek(SeekFrom::Start(self.end)).map_err(io)?;
+        if self.writer.is_none() {
+            self.writer = Some(Appender::open(&self.path, Some(self.end)).map_err(io)?);
+        }
+        let file = self.writer.as_mut().expect("it was just made");
         if self.end == 0 {
-            file.write_all(&MAGIC).map_err(io)?;
+            file.append(&MAGIC).map_err(io)?;
             self.end = MAGIC.len() as u64;
         }
-        file.write_all(entry).map_err(io)?;
-        let start = self.end;
+        let start = file.append(entry).map_err(io)?;
         self.end += entry.len() as u64;
         Ok(start)
     }
@@ -291,6 +304,10 @@ fn from_bytes(entry: &[u8]) -> Option<SelectedMatches> {
             let bytes = row.as_chunks().0[index];
             f32::from_le_bytes(bytes)
         };
+        // Whoever forges matches can forge their checksum.
+        if !(0..4).all(|index| at(index).is_finite()) {
+            return None;
+        }
         let point = |x: f32, y: f32| Point2::new(x, y).cast();
         (matches.points).push(point(at(0), at(1)), point(at(2), at(3)), at(4));
     }
@@ -299,6 +316,8 @@ fn from_bytes(entry: &[u8]) -> Option<SelectedMatches> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn matches(count: u32) -> SelectedMatches {

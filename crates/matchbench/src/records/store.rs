@@ -8,18 +8,21 @@
 //!
 //! # When power fails
 //! A killed process loses nothing that was appended: the operating system has it. A machine that loses
-//! power loses what the system had not written yet. It is asked to write with the first record that is
-//! appended a second or more after the last time, and when the file is closed; so at most the records of
-//! one second are lost, and done again.
+//! power loses what the system had not written yet. A run asks it to write ([`RecordWriter::sync`]) with
+//! the first record that is appended a second or more after the last time, and when it ends; so at most
+//! the records of one second are lost, and done again. What records refer to, the images that they are of
+//! and the matches that they follow from, is brought to the disk before them.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write};
+use std::fs;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use rayon::prelude::*;
 
 use super::RunRecord;
-use super::line::{LineReader, to_line};
-use crate::files::{read_file, write_whole};
+use super::line::{LineReader, parse, to_line};
+use crate::files::{Appender, open_file, write_whole};
 
 /// Why records cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -87,9 +90,65 @@ pub fn path(run: &Path, dataset: &str, matcher: &str, estimator: &str) -> PathBu
 /// # Errors
 /// If the file cannot be read or has a line that is not a record.
 pub fn read(path: &Path) -> Result<Vec<RunRecord>, StoreError> {
-    let bytes = read_file(path).map_err(StoreError::io("read", path))?;
-    parse(path, &bytes[..whole_lines(&bytes)])
+    let mut records = Vec::new();
+    for_each(path, |_, record| {
+        records.push(record);
+        Ok::<_, StoreError>(())
+    })?;
+    Ok(records)
 }
+
+/// Hands over the records of one file in their order, each with the number of its line, without having
+/// them all in memory; all threads of the current pool parse. Returns the length of the whole lines: a
+/// last line without an end is left out.
+///
+/// # Errors
+/// As [`read`], and whatever `each` does not want.
+pub(crate) fn for_each<E: From<StoreError>>(
+    path: &Path,
+    mut each: impl FnMut(usize, RunRecord) -> Result<(), E>,
+) -> Result<u64, E> {
+    let io = |error| StoreError::io("read", path)(error);
+    let corrupt = |line, reason| StoreError::Corrupt {
+        path: path.into(),
+        line,
+        reason,
+    };
+    let mut file = open_file(path).map_err(io)?;
+    let (mut bytes, mut whole, mut number) = (Vec::new(), 0, 0);
+    let mut lines = LineReader::default();
+    loop {
+        let read = (&mut file)
+            .take(BLOCK)
+            .read_to_end(&mut bytes)
+            .map_err(io)?;
+        let end = whole_lines(&bytes);
+        let block: Vec<&[u8]> = bytes[..end]
+            .split_inclusive(|&byte| byte == b'\n')
+            .collect();
+        let parsed: Vec<_> = (block.par_iter().with_min_len(64))
+            .map(|line| parse(line))
+            .collect();
+        for line in parsed {
+            number += 1;
+            let record = lines
+                .accept(line)
+                .map_err(|reason| corrupt(number, reason))?;
+            each(number, record)?;
+        }
+        whole += end as u64;
+        if read == 0 {
+            return Ok(whole);
+        }
+        bytes.drain(..end);
+        if bytes.len() as u64 > BLOCK {
+            return Err(corrupt(number + 1, format!("it has no end within {BLOCK} bytes")).into());
+        }
+    }
+}
+
+/// Bytes that are read at a time: the longest line.
+const BLOCK: u64 = 8 << 20;
 
 /// All records in the folder of a `run`, ordered by dataset, then by matcher and estimator, then
 /// as they were written.
@@ -125,18 +184,32 @@ pub fn files(run: &Path) -> Result<Vec<PathBuf>, StoreError> {
 /// # Errors
 /// As [`read`]; or if the file cannot be cut.
 pub fn recover(path: &Path) -> Result<Vec<RunRecord>, StoreError> {
-    let bytes = match read_file(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-        read => read.map_err(StoreError::io("read", path))?,
+    let mut records = Vec::new();
+    recover_each(path, |_, record| {
+        records.push(record);
+        Ok::<_, StoreError>(())
+    })?;
+    Ok(records)
+}
+
+/// As [`recover`], and the records are handed over as [`for_each`] does.
+///
+/// # Errors
+/// As [`recover`], and whatever `each` does not want.
+pub(crate) fn recover_each<E: From<StoreError>>(
+    path: &Path,
+    each: impl FnMut(usize, RunRecord) -> Result<(), E>,
+) -> Result<(), E> {
+    let length = match fs::metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        metadata => metadata.map_err(StoreError::io("read", path))?.len(),
     };
-    let whole = whole_lines(&bytes);
-    let records = parse(path, &bytes[..whole])?;
-    if whole < bytes.len() {
-        (OpenOptions::new().write(true).open(path))
-            .and_then(|file| file.set_len(whole as u64))
+    let whole = for_each(path, each)?;
+    if whole < length {
+        Appender::open(path, Some(whole))
             .map_err(StoreError::io("cut the torn last line of", path))?;
     }
-    Ok(records)
+    Ok(())
 }
 
 /// Writes all records of a file anew.
@@ -151,16 +224,15 @@ pub(crate) fn rewrite(path: &Path, records: &[RunRecord]) -> Result<(), StoreErr
     write_whole(path, &text).map_err(StoreError::io("write", path))
 }
 
+/// How long records may be known to the operating system alone; tests do not wait for it.
+pub(crate) const UNSYNCED: Duration = Duration::from_secs(if cfg!(test) { 0 } else { 1 });
+
 /// Appends records to one file.
 #[derive(Debug)]
 pub struct RecordWriter {
     path: PathBuf,
-    file: File,
-    synced: Instant,
+    file: Appender,
 }
-
-/// How long records may be known to the operating system alone.
-pub(super) const UNSYNCED: Duration = Duration::from_secs(1);
 
 impl RecordWriter {
     /// A writer at the end of the file, which is made if it is not there, as is its folder. Call
@@ -169,15 +241,9 @@ impl RecordWriter {
     /// # Errors
     /// If the file cannot be opened.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder).map_err(StoreError::io("create the folder", folder))?;
-        }
-        let file = (OpenOptions::new().append(true).create(true).open(path))
-            .map_err(StoreError::io("open", path))?;
         Ok(Self {
             path: path.into(),
-            file,
-            synced: Instant::now(),
+            file: Appender::open(path, None).map_err(StoreError::io("open", path))?,
         })
     }
 
@@ -186,38 +252,24 @@ impl RecordWriter {
     /// # Errors
     /// If it cannot be written (a full disk). The file may then end in a torn line.
     pub fn append(&mut self, record: &RunRecord) -> Result<(), StoreError> {
-        (self.file.write_all(&to_line(record))).map_err(StoreError::io("append to", &self.path))?;
-        if self.synced.elapsed() >= UNSYNCED {
-            (self.file.sync_data()).map_err(StoreError::io("write", &self.path))?;
-            self.synced = Instant::now();
-        }
-        Ok(())
+        let appended = self.file.append(&to_line(record));
+        appended
+            .map(drop)
+            .map_err(StoreError::io("append to", &self.path))
     }
-}
 
-impl Drop for RecordWriter {
-    fn drop(&mut self) {
-        // There is nobody to tell; the records are written, only not yet safe from the power supply.
-        let _ = self.file.sync_data();
+    /// Makes what was appended safe from the power supply.
+    ///
+    /// # Errors
+    /// If the system cannot.
+    pub fn sync(&mut self) -> Result<(), StoreError> {
+        (self.file.sync()).map_err(StoreError::io("write", &self.path))
     }
 }
 
 /// Length of the part of a file that consists of whole lines.
 fn whole_lines(bytes: &[u8]) -> usize {
     (bytes.iter().rposition(|&byte| byte == b'\n')).map_or(0, |end| end + 1)
-}
-
-fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<RunRecord>, StoreError> {
-    let mut lines = LineReader::default();
-    (bytes.split_inclusive(|&byte| byte == b'\n').enumerate())
-        .map(|(index, line)| {
-            lines.next(line).map_err(|reason| StoreError::Corrupt {
-                path: path.into(),
-                line: index + 1,
-                reason,
-            })
-        })
-        .collect()
 }
 
 /// What is in a folder, sorted by name; nothing if there is no such folder.

@@ -21,7 +21,16 @@ pub const MOST_BUNDLED: usize = 5_000_000;
 /// # Errors
 /// A file that cannot be written, or scores and figures alone that are too large.
 pub fn write_bundle(file: &Path, content: &Content) -> io::Result<PathBuf> {
-    let page = bundle(content, MOST_BUNDLED).ok_or_else(|| {
+    write_whole(file, bundled(content)?.as_bytes())?;
+    Ok(file.to_path_buf())
+}
+
+/// The file's content.
+///
+/// # Errors
+/// Scores and figures alone that are too large.
+pub fn bundled(content: &Content) -> io::Result<String> {
+    bundle(content, MOST_BUNDLED).ok_or_else(|| {
         io::Error::new(
             io::ErrorKind::FileTooLarge,
             format!(
@@ -29,9 +38,7 @@ pub fn write_bundle(file: &Path, content: &Content) -> io::Result<PathBuf> {
                  write a folder with --out"
             ),
         )
-    })?;
-    write_whole(file, page.as_bytes())?;
-    Ok(file.to_path_buf())
+    })
 }
 
 /// The fullest page that has at most so many bytes.

@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 use serde_json::Value;
 
-use crate::files::{read_text, remove_leftovers, write_whole};
+use crate::files::{read_text, remove_leftovers_below, write_whole};
 use crate::metrics::{Angle, Portion};
 
 use super::content::Content;
@@ -37,7 +37,7 @@ const PNG_SCALE: f32 = 2.0;
 /// # Errors
 /// A file or folder that cannot be written.
 pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
-    let out = Pages::new(folder);
+    let out = Pages::new(folder)?;
     let summaries = &content.summaries;
     let overview = Overview::new(summaries);
     let tables = Path::new("tables");
@@ -103,12 +103,21 @@ struct Pages<'a> {
 }
 
 impl<'a> Pages<'a> {
-    fn new(folder: &'a Path) -> Self {
-        remove_leftovers(folder);
-        Self {
+    /// Refuses a folder whose page is no report: it would be overwritten.
+    fn new(folder: &'a Path) -> io::Result<Self> {
+        let page = folder.join("index.html");
+        let is_report = |page: String| page.contains("matchbench");
+        if !folder.join(LIST).exists() && read_text(&page).is_ok_and(|page| !is_report(page)) {
+            return Err(io::Error::new(
+                io::ErrorKind::AlreadyExists,
+                format!("{} is no report; write into another folder", page.display()),
+            ));
+        }
+        remove_leftovers_below(folder, 2);
+        Ok(Self {
             folder,
             written: Mutex::default(),
-        }
+        })
     }
 
     /// Writes one file, which is named from the folder on.

@@ -44,12 +44,12 @@ use std::str::FromStr;
 
 use crate::metrics::Summary;
 
-pub use bundle::{MOST_BUNDLED, write_bundle};
+pub use bundle::{MOST_BUNDLED, bundled, write_bundle};
 pub use content::{Content, RunFacts};
 pub use dataset_facts::DatasetFacts;
 pub use folder::write_report;
 pub use of_results::of_results;
-pub use of_run::{ReportError, ReportOptions, Reported, of_run, paper_of_run};
+pub use of_run::{ReportError, ReportOptions, Reported, content_of_run, of_run, paper_of_run};
 pub use pair_view::{
     EpipolarLines, MatchView, PairPoses, PairView, Points, Tally, Thumbnail, epipolar_lines,
     evenly, match_views,

@@ -74,7 +74,7 @@ pub enum ReportError {
 /// # Errors
 /// If the run cannot be read or the report cannot be written.
 pub fn of_run(run: &RunFolder, options: &ReportOptions<'_>) -> Result<Reported, ReportError> {
-    let (content, notes) = gather(run, options)?;
+    let (content, notes) = content_of_run(run, options)?;
     Ok(Reported {
         page: write(run, options, &content)?,
         notes,
@@ -92,7 +92,7 @@ pub fn paper_of_run(
     times: &PaperTimes,
     folder: &Path,
 ) -> Result<Reported, ReportError> {
-    let (content, notes) = gather(run, options)?;
+    let (content, notes) = content_of_run(run, options)?;
     write_report(&folder.join("report"), &content)?;
     Ok(Reported {
         page: write_paper(folder, &content, times)?,
@@ -100,8 +100,11 @@ pub fn paper_of_run(
     })
 }
 
-/// Everything that stands in the report of a run, and what does not.
-fn gather(
+/// What a report of a run shows, and what is missing in it, and why, in sentences.
+///
+/// # Errors
+/// If the run cannot be read.
+pub fn content_of_run(
     run: &RunFolder,
     options: &ReportOptions<'_>,
 ) -> Result<(Content, Vec<String>), ReportError> {

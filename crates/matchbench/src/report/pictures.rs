@@ -40,11 +40,14 @@ pub(super) fn sample(
         let mut of_dataset = Vec::new();
         for set in &sets {
             let file = run.matches_of(name, &set.matcher)?;
-            let records = run.records_of(name, &set.matcher, &set.estimator)?;
-            let outcomes: BTreeMap<_, _> = (records.iter())
-                .filter(|record| record.task.repetition == 0)
-                .map(|record| ((record.task.a, record.task.b), &record.outcome))
-                .collect();
+            let shown: BTreeSet<_> = pairs.iter().map(|pair| (pair.a, pair.b)).collect();
+            let mut outcomes = BTreeMap::new();
+            run.for_each_of([name, &set.matcher, &set.estimator], |record| {
+                let pair = (record.task.a, record.task.b);
+                if record.task.repetition == 0 && shown.contains(&pair) {
+                    outcomes.insert(pair, record.outcome);
+                }
+            })?;
             for (rank, pair) in pairs.iter().enumerate() {
                 let (Some(a), Some(b)) = (images.get(&pair.a), images.get(&pair.b)) else {
                     continue;

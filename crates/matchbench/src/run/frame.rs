@@ -13,6 +13,7 @@ use crate::cache::{FeatureCache, Key};
 use crate::datasets::Frame;
 use crate::files::read_file;
 use crate::matchers::BuiltMatcher;
+use crate::memory::{Reserved, reserve};
 use crate::records::images::ImageNotes;
 
 /// Turns the bytes of an image file into pixels, or says why it cannot.
@@ -75,6 +76,10 @@ impl FrameStage<'_> {
             Ok(image) => image,
             Err(reason) => return Ok(Err(reason)),
         };
+        let _memory = match self.memory_for(frame, &image) {
+            Ok(reserved) => reserved,
+            Err(reason) => return Ok(Err(reason)),
+        };
         let what = format_args!("extraction from {}", frame.image.display());
         let shared = self.matcher.detection.as_ref();
         let shared = shared.map(|detection| Key::new(file, frame.turn.into(), detection));
@@ -89,6 +94,22 @@ impl FrameStage<'_> {
             self.cache.save(key, features)?;
         }
         Ok(features.map_err(Broken::from))
+    }
+}
+
+impl FrameStage<'_> {
+    /// The memory that the extraction will take; there may be more another time.
+    fn memory_for(&self, frame: &Frame, image: &GrayImage) -> Result<Reserved<'static>, Broken> {
+        let needed = self.matcher.matcher.extraction_memory(image.size());
+        reserve(needed).map_err(|missing| {
+            let id = &self.matcher.id;
+            Broken::for_now(format!(
+                "extraction from {} ({} pixels) was not begun: {missing}; use smaller images (--set \
+                 {id}.extractor.max_size=N) or fewer --threads, free memory, or set MATCHBENCH_MAX_MEMORY",
+                frame.image.display(),
+                image.size(),
+            ))
+        })
     }
 }
 

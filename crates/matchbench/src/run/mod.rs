@@ -47,17 +47,19 @@ pub use seeds::{estimation_seed, pair_seed, selection_seed};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::cache::FeatureCache;
 use crate::datasets::{DatasetError, Sequence, decode_gray};
 use crate::matchers::{BuiltMatcher, Source};
+use crate::memory;
 use crate::records::images::ImageNotes;
-use crate::records::{MatchesFile, RunFolder, RunRecord, RunWriter, Settings, Tuned};
-use frame::FrameStage;
+use crate::records::store::{self, RecordWriter};
+use crate::records::{MatchesFile, RunFolder, RunRecord, RunWriter, Settings, StoreError, Tuned};
+use frame::{FrameStage, lock};
 use ordered::each_in_order;
 use pair::{PairDone, PairStages};
-use progress::{MatcherProgress, PairTasks};
+use progress::{MatcherProgress, PairTasks, Replacement};
 use resident::Resident;
 
 /// A dataset and where it came from.
@@ -172,6 +174,7 @@ impl Run<'_> {
         let plan = plan(self.datasets, self.contenders, self.settings)?;
         (self.tuned.iter()).try_for_each(|tuned| tuned.check(&plan))?;
         let folder = RunWriter::start(self.folder, plan)?;
+        self.cache.remove_leftovers();
         if !self.tuned.is_empty() {
             folder.note_tuned(self.tuned)?;
         }
@@ -257,18 +260,14 @@ impl Run<'_> {
         let matches_of = || {
             (folder.folder()).matches_of(&progress.sequence.name, progress.contender.source.id())
         };
-        let mut matches_file = matches_of()?;
         let mut told = |record: &RunRecord| {
             summary.add(record);
             observer.on_record(record);
         };
-        let mut keep = |done: &PairDone| -> Result<(), RunError> {
-            if self.keep_matches {
-                for (key, matches) in &done.matches {
-                    matches_file.append(*key, matches)?;
-                }
-            }
-            Ok(())
+        let kept = Kept {
+            matches: self.keep_matches.then(&matches_of).transpose()?,
+            images,
+            synced: Instant::now(),
         };
         let work = Work {
             run: self,
@@ -284,38 +283,95 @@ impl Run<'_> {
             cancel,
         };
 
-        let mut replacements = progress.replacements();
-        let retried = work.all(progress.failed_pairs(), |done| {
-            keep(&done)?;
+        let mut retried = Retried {
+            replacements: progress.replacements(),
+            kept,
+        };
+        let done = work.all(progress.failed_pairs(), |done| {
+            retried.kept.keep(&done)?;
             for (estimator, record) in done.records {
                 told(&record);
-                replacements[estimator].put(record)?;
+                retried.replacements[estimator].put(record);
+            }
+            if retried.kept.is_time() {
+                retried.write()?;
             }
             Ok(())
         });
-        for replacement in &mut replacements {
-            replacement.write()?;
-        }
-        retried?;
-        drop(replacements);
+        retried.write()?;
+        done?;
 
         let (dataset, matcher) = (&progress.sequence.name, progress.contender.source.id());
+        let mut kept = retried.kept;
         let mut writers = (progress.contender.estimators.iter())
             .map(|variant| folder.append_to(dataset, matcher, &variant.name))
             .collect::<Result<Vec<_>, _>>()?;
-        work.all(progress.pending_pairs(), |done| {
-            keep(&done)?;
+        let done = work.all(progress.pending_pairs(), |done| {
+            kept.keep(&done)?;
             for (estimator, record) in done.records {
                 writers[estimator].append(&record)?;
                 told(&record);
             }
+            if kept.is_time() {
+                kept.sync()?;
+                writers.iter_mut().try_for_each(RecordWriter::sync)?;
+            }
             Ok(())
-        })
+        });
+        kept.sync()?;
+        writers.iter_mut().try_for_each(RecordWriter::sync)?;
+        done
     }
 
     fn time_budget(&self) -> Option<Duration> {
         let milliseconds = self.settings.time_budget_ms?;
         Some(Duration::from_millis(milliseconds.get().into()))
+    }
+}
+
+/// What records refer to, which is brought to the disk before them.
+struct Kept<'a> {
+    /// The selected matches, if they are kept.
+    matches: Option<MatchesFile>,
+    images: &'a Mutex<ImageNotes>,
+    synced: Instant,
+}
+
+impl Kept<'_> {
+    /// Keeps what records follow from that are written next.
+    fn keep(&mut self, done: &PairDone) -> Result<(), RunError> {
+        // Seldom: once for each image.
+        lock(self.images).sync()?;
+        if let Some(file) = &mut self.matches {
+            for (key, matches) in &done.matches {
+                file.append(*key, matches)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether records have been known to the operating system alone for long enough.
+    fn is_time(&self) -> bool {
+        self.synced.elapsed() >= store::UNSYNCED
+    }
+
+    /// To be followed by the records.
+    fn sync(&mut self) -> Result<(), StoreError> {
+        self.synced = Instant::now();
+        self.matches.as_mut().map_or(Ok(()), MatchesFile::sync)
+    }
+}
+
+/// Records that take the place of earlier ones.
+struct Retried<'a> {
+    replacements: Vec<Replacement>,
+    kept: Kept<'a>,
+}
+
+impl Retried<'_> {
+    fn write(&mut self) -> Result<(), StoreError> {
+        self.kept.sync()?;
+        (self.replacements.iter_mut()).try_for_each(Replacement::write)
     }
 }
 
@@ -337,7 +393,9 @@ impl Work<'_> {
         mut pairs: impl Iterator<Item = PairTasks<'u>>,
         mut append: impl FnMut(PairDone) -> Result<(), RunError> + Send,
     ) -> Result<(), RunError> {
-        let mut resident = Resident::new(self.run.feature_memory);
+        let left = memory::left().map_or(u64::MAX, |left| left.bytes);
+        let half = usize::try_from(left / 2).unwrap_or(usize::MAX);
+        let mut resident = Resident::new(self.run.feature_memory.min(half));
         loop {
             let some: Vec<PairTasks<'u>> = pairs.by_ref().take(PAIRS_AT_ONCE).collect();
             if some.is_empty() || self.cancel.is_set() {

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::{Contender, Dataset, RunError};
 use crate::datasets::Sequence;
+use crate::files::check_name;
 use crate::matchers::Source;
 use crate::records::{DatasetPlan, EstimatorPlan, FORMAT, MatcherPlan, Plan, Settings};
 
@@ -98,9 +99,9 @@ fn matcher_plan(contender: &Contender) -> MatcherPlan {
 fn check_names<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(), RunError> {
     let mut seen = BTreeSet::new();
     for name in names {
-        if name.is_empty() || name.starts_with('.') || name.contains(['/', '\\', '\0']) {
+        if let Err(wrong) = check_name(name) {
             return contradiction(format!(
-                "`{name}` cannot be the name of a {what}: it is to be the name of a file"
+                "`{name}` cannot be the name of a {what}: it {wrong}"
             ));
         }
         if !seen.insert(name) {

@@ -2,8 +2,7 @@
 
 use std::collections::{BTreeSet, VecDeque};
 use std::mem;
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::path::PathBuf;
 
 use super::{Contender, RunError, RunSummary};
 use crate::datasets::{Pair, Sequence};
@@ -11,8 +10,6 @@ use crate::records::{Outcome, RunRecord, RunWriter, Settings, StoreError, Task, 
 
 /// Most repetitions of a pair that are done together, with one search for all of them.
 const MOST_REPETITIONS: u32 = 128;
-/// How long records that were done again are not yet in the file.
-const REWRITTEN: Duration = Duration::from_secs(1);
 
 /// One matcher on one dataset, and how far it has come.
 pub(super) struct MatcherProgress<'a> {
@@ -73,46 +70,63 @@ impl<'a> MatcherProgress<'a> {
             estimators: Vec::new(),
         };
         for variant in &contender.estimators {
-            let matcher = contender.source.id();
-            let (file, records) = folder.recover(&sequence.name, matcher, &variant.name)?;
-            progress.check(&file, &variant.name, &records)?;
-            let mut estimator = EstimatorProgress {
-                file,
-                done: records.len(),
-                failed: 0,
-                retried: BTreeSet::new(),
-                records: Vec::new(),
-            };
-            for (index, record) in records.iter().enumerate() {
-                match record.outcome {
-                    Outcome::Failed { may_pass, .. } if may_pass || retry_failed => {
-                        estimator.retried.insert(index);
-                    }
-                    Outcome::Failed { .. } => estimator.failed += 1,
-                    _ => {}
-                }
-            }
-            if !estimator.retried.is_empty() {
-                estimator.records = records;
-            }
+            let names = [&*sequence.name, contender.source.id(), &*variant.name];
+            let estimator = progress.recorded(folder, names, retry_failed)?;
             progress.estimators.push(estimator);
         }
         Ok(progress)
     }
 
-    /// Each record must be that of the task whose turn it was.
-    fn check(&self, file: &Path, estimator: &str, records: &[RunRecord]) -> Result<(), StoreError> {
-        let mut tasks = self.pairs.iter().flat_map(|pair| {
-            (0..self.repetitions).map(|repetition| self.task(pair, estimator, repetition))
-        });
-        let foreign =
-            (records.iter()).position(|record| tasks.next().as_ref() != Some(&record.task));
-        foreign.map_or(Ok(()), |index| {
-            Err(StoreError::Corrupt {
-                path: file.into(),
-                line: index + 1,
+    /// What is recorded of the estimator of these `names`; each record must be that of the task whose turn
+    /// it was.
+    fn recorded(
+        &self,
+        folder: &RunWriter,
+        names: [&str; 3],
+        retry_failed: bool,
+    ) -> Result<EstimatorProgress, StoreError> {
+        let (mut done, mut failed, mut retried) = (0, 0, BTreeSet::new());
+        let mut foreign = None;
+        let mut tasks = (self.pairs.iter())
+            .flat_map(|pair| (0..self.repetitions).map(move |repetition| (pair, repetition)));
+        let file = folder.recover(names, |line, record| {
+            let is_next = tasks.next().is_some_and(|(pair, repetition)| {
+                let RunRecord { task, .. } = &record;
+                (task.a, task.b, task.repetition) == (pair.a, pair.b, repetition)
+                    && [&*task.dataset, &*task.matcher, &*task.estimator] == names
+            });
+            if !is_next {
+                foreign.get_or_insert(line);
+            }
+            match record.outcome {
+                Outcome::Failed { may_pass, .. } if may_pass || retry_failed => {
+                    retried.insert(done);
+                }
+                Outcome::Failed { .. } => failed += 1,
+                _ => {}
+            }
+            done += 1;
+            Ok::<_, StoreError>(())
+        })?;
+        if let Some(line) = foreign {
+            return Err(StoreError::Corrupt {
+                path: file,
+                line,
                 reason: "the plan has another task here".into(),
-            })
+            });
+        }
+        // All of them are needed only to write the file anew.
+        let records = if retried.is_empty() {
+            Vec::new()
+        } else {
+            store::read(&file)?
+        };
+        Ok(EstimatorProgress {
+            file,
+            done,
+            failed,
+            retried,
+            records,
         })
     }
 
@@ -208,7 +222,6 @@ impl<'a> MatcherProgress<'a> {
             file: estimator.file.clone(),
             records: estimator.records.clone(),
             due: estimator.retried.iter().copied().collect(),
-            written: Instant::now(),
             changed: false,
         });
         replacement.collect()
@@ -221,34 +234,24 @@ pub(super) struct Replacement {
     records: Vec<RunRecord>,
     /// The places of those that are still to come.
     due: VecDeque<usize>,
-    written: Instant,
     changed: bool,
 }
 
 impl Replacement {
-    /// Puts a record in the place of one that failed; they come in the order of the tasks. The file is
-    /// written anew once a second, and by [`Replacement::write`].
-    ///
-    /// # Errors
-    /// If the file cannot be written; the earlier records are then still there.
-    pub(super) fn put(&mut self, record: RunRecord) -> Result<(), StoreError> {
+    /// Puts a record in the place of one that failed; they come in the order of the tasks.
+    pub(super) fn put(&mut self, record: RunRecord) {
         let place = (self.due.pop_front()).filter(|&place| self.records[place].task == record.task);
         self.records[place.expect("tasks are done in their order")] = record;
         self.changed = true;
-        if self.written.elapsed() >= REWRITTEN {
-            self.write()?;
-        }
-        Ok(())
     }
 
-    /// Writes what was replaced.
+    /// Writes the file anew, if something was replaced.
     ///
     /// # Errors
-    /// As [`Replacement::put`].
+    /// If it cannot be written; the earlier records are then still there.
     pub(super) fn write(&mut self) -> Result<(), StoreError> {
         if mem::take(&mut self.changed) {
             store::rewrite(&self.file, &self.records)?;
-            self.written = Instant::now();
         }
         Ok(())
     }

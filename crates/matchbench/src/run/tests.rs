@@ -1,6 +1,7 @@
 //! What a run promises, tried on a toy.
 
 mod again;
+mod faults;
 mod outside;
 mod share;
 

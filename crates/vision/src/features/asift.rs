@@ -31,9 +31,9 @@
 
 use std::f64::consts::{PI, SQRT_2};
 
-use super::simulation::{SimulatedView, extract_views, shrink_to};
+use super::simulation::{SimulatedView, extract_views, shrink_to, shrunk, views_memory};
 use super::{DescriptorKind, Extractor, Features};
-use crate::image::GrayImage;
+use crate::image::{GrayImage, Size};
 use crate::params::ParamError;
 
 /// Parameters of [`Asift`].
@@ -134,6 +134,11 @@ impl<E: Extractor> Extractor for Asift<E> {
             &small,
             image.size(),
         )
+    }
+
+    fn memory(&self, size: Size) -> usize {
+        let small = shrunk(size, self.params.max_pixels);
+        size.area() + views_memory(&self.extractor, self.views().len(), small)
     }
 }
 

@@ -31,13 +31,16 @@
 //! The table: it is learned again, on other scenes. The patch is taken from an octave of the image
 //! that fits its size, where theirs is interpolated in the full image.
 
-use super::{BinaryRows, Describer, DescriptorKind, Descriptors, Keypoint, PatchSource};
-use crate::image::GrayImage;
+use super::{BinaryRows, Describer, DescriptorKind, Descriptors, Keypoint, PatchSource, memory_of};
+use crate::image::{GrayImage, Size};
 use crate::params::ParamError;
 use crate::simd::{
     DIRECTIONS, PATCHES_AT_ONCE, box_responses, integrate_spread, spread_gradients, vote,
 };
 use crate::tables::BINBOOST;
+
+/// Bytes for each pixel of the image, measured: the blurred image.
+const BYTES_A_PIXEL: usize = 5;
 
 pub use crate::simd::WeakLearner;
 
@@ -290,6 +293,10 @@ impl Describer for BinBoost {
             source.rectify(&keypoint, self.params.scale_factor, SIDE, patch);
         });
         Descriptors::Binary(rows)
+    }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, self.kind())
     }
 }
 

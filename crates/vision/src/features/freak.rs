@@ -32,11 +32,14 @@
 
 use std::f64::consts::TAU;
 
-use super::{BinaryRows, Describer, DescriptorKind, Descriptors, Keypoint};
+use super::{BinaryRows, Describer, DescriptorKind, Descriptors, Keypoint, memory_of};
 use crate::image::{GrayImage, IntegralImage, Size};
 use crate::params::ParamError;
 use crate::simd::{Fields, compare_means, field_means};
 use crate::tables::FREAK_PAIRS;
+
+/// Bytes for each pixel of the image, measured: the integral image.
+const BYTES_A_PIXEL: usize = 5;
 
 /// Number of bits of a descriptor.
 const BITS: usize = 512;
@@ -279,6 +282,10 @@ impl Describer for Freak {
             }
         }
         Descriptors::Binary(BinaryRows::from_vec(BITS, words))
+    }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, self.kind())
     }
 }
 

@@ -32,11 +32,14 @@
 //! OpenCV rounds the weights of the blur to 256ths, which turns 1 bit of 2000. Keypoints that lie exactly half a pixel within the border are dropped where OpenCV reads beyond
 //! the image.
 
-use super::{BinaryRows, Describer, DescriptorKind, Descriptors, Keypoint};
+use super::{BinaryRows, Describer, DescriptorKind, Descriptors, Keypoint, memory_of};
 use crate::image::{GrayImage, Size, gaussian_blur_u8};
 use crate::params::ParamError;
 use crate::simd::{WINDOW, compare_patches, turn_places};
 use crate::tables::LATCH_TRIPLETS;
+
+/// Bytes for each pixel of the image, measured: the blurred image.
+const BYTES_A_PIXEL: usize = 3;
 
 /// Number of bits of a descriptor.
 const BITS: usize = 256;
@@ -196,6 +199,10 @@ impl Describer for Latch {
             }
         }
         Descriptors::Binary(BinaryRows::from_vec(BITS, words))
+    }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, self.kind())
     }
 }
 

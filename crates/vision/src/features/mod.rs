@@ -45,12 +45,17 @@ pub use sheared::{Sheared, ShearedParams};
 pub use sift::{Sift, SiftParams};
 pub use surf::{Surf, SurfParams};
 
-use crate::image::GrayImage;
+use crate::image::{GrayImage, Size};
 
 /// Finds keypoints.
 pub trait Detector: Send + Sync {
     /// The keypoints of `image`, in an order that depends on the image alone.
     fn detect(&self, image: &GrayImage) -> Vec<Keypoint>;
+
+    /// As [`Extractor::memory`], for [`Detector::detect`].
+    fn memory(&self, _size: Size) -> usize {
+        0
+    }
 }
 
 /// Describes given keypoints.
@@ -61,6 +66,11 @@ pub trait Describer: Send + Sync {
     /// One descriptor for each keypoint. Keypoints that cannot be described (too near the border)
     /// are removed, and an orientation may be written into the others.
     fn describe(&self, image: &GrayImage, keypoints: &mut Vec<Keypoint>) -> Descriptors;
+
+    /// As [`Extractor::memory`], for [`Describer::describe`].
+    fn memory(&self, _size: Size) -> usize {
+        0
+    }
 }
 
 /// Finds and describes keypoints at once, in one shared scale space.
@@ -76,6 +86,27 @@ pub trait Extractor: Send + Sync {
     fn extract_sharing(&self, image: &GrayImage, _detections: &mut dyn Detections) -> Features {
         self.extract(image)
     }
+
+    /// About how many bytes [`Extractor::extract`] takes for an image of this `size`, its features among
+    /// them and the image not: as measured on a wall of small patches, which has more features than
+    /// photographs do. 0 where nobody has said.
+    fn memory(&self, _size: Size) -> usize {
+        0
+    }
+}
+
+/// Pixels for each feature of a wall of small patches.
+const PIXELS_A_FEATURE: usize = 80;
+
+/// The memory of an algorithm that takes so many bytes `a_pixel`, and of features with descriptors of
+/// this `kind`, whose vectors may be twice as long as they must be.
+fn memory_of(size: Size, a_pixel: usize, kind: DescriptorKind) -> usize {
+    let descriptor = match kind {
+        DescriptorKind::Float { dim } => dim * size_of::<f32>(),
+        DescriptorKind::Binary { bits } => bits.div_ceil(8),
+    };
+    let features = size.area() / PIXELS_A_FEATURE;
+    size.area() * a_pixel + 2 * features * (size_of::<Keypoint>() + descriptor)
 }
 
 /// The keypoints of one image and one detector, kept by a caller that runs several extractors on it.
@@ -119,6 +150,10 @@ impl<E: Extractor + ?Sized> Extractor for Box<E> {
     fn extract_sharing(&self, image: &GrayImage, detections: &mut dyn Detections) -> Features {
         (**self).extract_sharing(image, detections)
     }
+
+    fn memory(&self, size: Size) -> usize {
+        (**self).memory(size)
+    }
 }
 
 /// A [`Detector`] followed by a [`Describer`]: the usual way to combine two papers.
@@ -144,12 +179,15 @@ impl<K: Detector, D: Describer> Extractor for DetectThenDescribe<K, D> {
         let descriptors = self.describer.describe(image, &mut keypoints);
         Features::new(image.size(), keypoints, descriptors)
     }
+
+    fn memory(&self, size: Size) -> usize {
+        (self.detector.memory(size)).max(self.describer.memory(size))
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
     use crate::seed::Seed;
     use crate::simd::InstructionSet;
 

@@ -40,11 +40,14 @@ use std::f32::consts::TAU;
 use nalgebra::Point2;
 
 use super::fast::{Corner, corners};
-use super::{BinaryRows, DescriptorKind, Descriptors, Extractor, Features, Keypoint};
+use super::{BinaryRows, DescriptorKind, Descriptors, Extractor, Features, Keypoint, memory_of};
 use crate::image::{GrayImage, Size, gaussian_blur_u8, resize};
 use crate::params::ParamError;
 use crate::simd::{PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments, turns};
 use crate::tables::ORB_PAIRS;
+
+/// Bytes for each pixel of the image, measured: scores and smaller images.
+const BYTES_A_PIXEL: usize = 3;
 
 /// Number of bits of a descriptor.
 const BITS: usize = 256;
@@ -225,6 +228,10 @@ impl Extractor for Orb {
         }
         let descriptors = Descriptors::Binary(BinaryRows::from_vec(BITS, words));
         Features::new(image.size(), keypoints, descriptors)
+    }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, self.kind())
     }
 }
 

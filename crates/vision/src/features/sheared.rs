@@ -28,7 +28,7 @@
 
 use nalgebra::Matrix2;
 
-use super::simulation::{SimulatedView, extract_views, shrink_to};
+use super::simulation::{SimulatedView, extract_views, shrink_to, shrunk, views_memory};
 use super::{DescriptorKind, Extractor, Features};
 use crate::image::{GrayImage, Size, resize};
 use crate::params::ParamError;
@@ -134,17 +134,33 @@ impl<E: Extractor> Sheared<E> {
 
     /// The image with a diagonal of [`ShearedParams::diagonal_px`], give or take rounding.
     fn resample(&self, image: &GrayImage) -> GrayImage {
-        let (width, height) = (image.width() as f64, image.height() as f64);
+        match self.change(image.size()) {
+            Change::None => image.clone(),
+            Change::ShrunkTo(max_pixels) => shrink_to(image, Some(max_pixels)),
+            Change::EnlargedTo(size) => resize(image, size),
+        }
+    }
+
+    /// How an image of this `size` comes to that diagonal.
+    fn change(&self, size: Size) -> Change {
+        let (width, height) = (size.width as f64, size.height as f64);
         let share = self.params.diagonal_px / (width * width + height * height).sqrt();
-        if image.size().area() == 0 || share > MAX_ENLARGEMENT {
-            return image.clone();
+        if size.area() == 0 || share > MAX_ENLARGEMENT {
+            return Change::None;
         }
         if share <= 1.0 {
-            return shrink_to(image, Some((share * share * width * height) as usize));
+            return Change::ShrunkTo((share * share * width * height) as usize);
         }
-        let size = Size::new((share * width) as usize, (share * height) as usize);
-        resize(image, size)
+        let length = |length: f64| (share * length) as usize;
+        Change::EnlargedTo(Size::new(length(width), length(height)))
     }
+}
+
+/// What becomes of an image before it is looked at.
+enum Change {
+    None,
+    ShrunkTo(usize),
+    EnlargedTo(Size),
 }
 
 /// Smaller images are not enlarged at all: there is nothing to be seen in them.
@@ -163,6 +179,15 @@ impl<E: Extractor> Extractor for Sheared<E> {
             &self.resample(image),
             image.size(),
         )
+    }
+
+    fn memory(&self, size: Size) -> usize {
+        let shown = match self.change(size) {
+            Change::None => size,
+            Change::ShrunkTo(max_pixels) => shrunk(size, Some(max_pixels)),
+            Change::EnlargedTo(size) => size,
+        };
+        size.area() + views_memory(&self.extractor, self.views().len(), shown)
     }
 }
 

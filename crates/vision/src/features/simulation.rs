@@ -17,7 +17,7 @@
 use nalgebra::{Matrix2, Point2, Vector2};
 use rayon::prelude::*;
 
-use super::{Descriptors, Extractor, Features, Keypoint};
+use super::{Descriptors, Extractor, Features, Keypoint, memory_of};
 use crate::image::{FloatImage, GrayImage, Size, shrink_u8};
 
 /// A simulated view: the image turned, then compressed.
@@ -55,6 +55,16 @@ pub(super) fn extract_views<E: Extractor>(
         .collect();
     let features = keep_strongest(&views, limit, extractor);
     features.in_pixels_of(image.size(), size)
+}
+
+/// The memory of [`extract_views`] on an image of this `size`: as many views at a time as there are
+/// threads, and the features of all.
+pub(super) fn views_memory<E: Extractor>(extractor: &E, views: usize, size: Size) -> usize {
+    // A turned image has up to twice the pixels, as numbers of four bytes before it is compressed.
+    let simulated = 2 * 4 * size.area();
+    let at_once = rayon::current_num_threads().min(views);
+    at_once * (simulated + extractor.memory(size))
+        + views * memory_of(size, 0, extractor.kind()) / 2
 }
 
 /// The features of one view, in pixels of `image`.
@@ -225,22 +235,31 @@ fn compress(image: &FloatImage, size: Size, tilt: f64) -> GrayImage {
 /// The image itself, or a smaller one of about `max_pixels`.
 pub(super) fn shrink_to(image: &GrayImage, max_pixels: Option<usize>) -> GrayImage {
     let mut small = image.clone();
-    let Some(max_pixels) = max_pixels else {
-        return small;
-    };
-    while small.size().area() > max_pixels {
-        let share = (max_pixels as f64 / small.size().area() as f64).sqrt();
-        // No more than to the half at a time; very thin images keep one pixel.
-        let length =
-            |length: usize| ((length as f64 * share.max(0.5)) as usize).max(length.div_ceil(3));
-        let size = Size::new(length(small.width()), length(small.height()));
-        if size == small.size() {
-            break;
-        }
+    while let Some(size) = smaller(small.size(), max_pixels) {
         small = shrink_u8(&small, size);
     }
     small
 }
+
+/// The size of what [`shrink_to`] makes of an image of this `size`.
+pub(super) fn shrunk(mut size: Size, max_pixels: Option<usize>) -> Size {
+    while let Some(smaller) = smaller(size, max_pixels) {
+        size = smaller;
+    }
+    size
+}
+
+/// The next size on the way to `max_pixels`; `None` at the end.
+fn smaller(size: Size, max_pixels: Option<usize>) -> Option<Size> {
+    let max_pixels = max_pixels.filter(|&max_pixels| size.area() > max_pixels)?;
+    let share = (max_pixels as f64 / size.area() as f64).sqrt();
+    // No more than to the half at a time; very thin images keep one pixel.
+    let length =
+        |length: usize| ((length as f64 * share.max(0.5)) as usize).max(length.div_ceil(3));
+    let next = Size::new(length(size.width), length(size.height));
+    (next != size).then_some(next)
+}
+
 /// All features, or the `limit` strongest, view after view; earlier ones first among equals.
 fn keep_strongest<E: Extractor>(
     views: &[Features],

@@ -103,16 +103,16 @@ impl Camera {
         camera.check().map(|()| camera)
     }
 
-    /// Whether these are numbers that a camera can have: all finite, focal lengths positive, nothing
-    /// beyond [`Camera::MOST_PIXELS`], coefficients of the lens not beyond [`Camera::MOST_DISTORTION`].
+    /// Whether these are numbers that a camera can have: all finite, focal lengths positive and not below
+    /// [`Camera::LEAST_FOCAL`], nothing beyond [`Camera::MOST_PIXELS`], coefficients of the lens not beyond [`Camera::MOST_DISTORTION`].
     ///
     /// # Errors
     /// The first number that cannot be.
     pub fn check(&self) -> Result<(), CameraError> {
         let Self { fx, fy, cx, cy, .. } = *self;
-        if fx <= 0.0 || fy <= 0.0 {
+        if fx < Self::LEAST_FOCAL || fy < Self::LEAST_FOCAL {
             return Err(CameraError(format!(
-                "focal lengths must be positive, found fx {fx} and fy {fy}"
+                "focal lengths must be positive, found fx {fx:?} and fy {fy:?}"
             )));
         }
         let pixels = [("fx", fx), ("fy", fy), ("cx", cx), ("cy", cy)]
@@ -131,6 +131,8 @@ impl Camera {
         }
     }
 
+    /// Least focal length in pixels: the rays of pixels are to be numbers that can be squared.
+    pub const LEAST_FOCAL: f64 = 1e-3;
     /// Largest focal length and coordinate of the principal point, in pixels.
     pub const MOST_PIXELS: f64 = 1e7;
     /// Largest coefficient of lens distortion; those of real lenses are below 10.

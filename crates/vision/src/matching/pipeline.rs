@@ -4,7 +4,7 @@ use super::{
     Correspondences, Matcher, MatcherError, NearestNeighbours, RatioTest, Search, Selector, View,
 };
 use crate::features::{Detections, Extractor, Features};
-use crate::image::GrayImage;
+use crate::image::{GrayImage, Size};
 use crate::seed::Seed;
 
 /// Extraction, search and any number of selectors one after the other: nearly every matcher is
@@ -74,5 +74,9 @@ impl Matcher for Pipeline {
 
     fn selects_by_pixels(&self) -> bool {
         self.selectors.iter().any(|selector| selector.by_pixels())
+    }
+
+    fn extraction_memory(&self, size: Size) -> usize {
+        self.extractor.memory(size)
     }
 }

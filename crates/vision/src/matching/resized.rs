@@ -86,6 +86,11 @@ impl Matcher for Resized {
     fn selects_by_pixels(&self) -> bool {
         self.matcher.selects_by_pixels()
     }
+
+    fn extraction_memory(&self, size: Size) -> usize {
+        // The image is copied, and halved, before it is small.
+        2 * size.area() + self.matcher.extraction_memory(self.size_for(size))
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use super::{Correspondences, MatcherError};
 use crate::features::{Detections, Features};
 use crate::geometry::{Camera, MatchedPoints};
-use crate::image::GrayImage;
+use crate::image::{GrayImage, Size};
 use crate::seed::Seed;
 
 /// One image as the selection sees it.
@@ -63,6 +63,12 @@ pub trait Matcher: Send + Sync {
     /// for each pair.
     fn selects_by_pixels(&self) -> bool {
         false
+    }
+
+    /// About how many bytes [`Matcher::extract`] takes for an image of this `size`, so that an image which
+    /// would not fit into memory is refused beforehand; 0 where nobody has said.
+    fn extraction_memory(&self, _size: Size) -> usize {
+        0
     }
 
     /// All stages on two images: for callers with one pair, who need not keep features. The `cameras` of

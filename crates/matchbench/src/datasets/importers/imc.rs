@@ -26,6 +26,7 @@ use super::oxford::image;
 use super::{ImportOption, ImportOptions, Imported, base_name, given_camera, list, note_of};
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{About, DatasetError, Frame, read_size};
+use crate::files::read_file;
 
 /// Most bytes that a matrix of a calibration may claim.
 const MAX_BYTES: usize = 1 << 16;
@@ -105,7 +106,7 @@ fn calibration(path: &Path) -> Result<(Camera, Isometry3<f64>), String> {
     let options = OpenOptions::default()
         .with_max_read_bytes(MAX_BYTES)
         .with_max_chunk_bytes(MAX_BYTES);
-    let bytes = fs::read(path).map_err(|error| error.to_string())?;
+    let bytes = read_file(path).map_err(|error| error.to_string())?;
     let file = Hdf5File::from_bytes_with_options(&bytes, options)
         .map_err(|error| format!("this is no HDF5: {error}"))?;
     let numbers = |name: &str, count: usize| {

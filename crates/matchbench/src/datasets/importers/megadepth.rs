@@ -29,6 +29,7 @@ use super::{ImportOptions, Imported, base_name};
 use crate::datasets::pairs::relative_pose;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{DatasetError, Frame, Pair, Turn};
+use crate::files::read_file;
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let views = if src.is_dir() {
@@ -57,7 +58,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let mut frames = NamedFrames::default();
     let mut pairs = Vec::new();
     for file in &files {
-        let bytes = fs::read(file).map_err(|error| DatasetError::io(file, &error))?;
+        let bytes = read_file(file).map_err(|error| DatasetError::io(file, &error))?;
         let fail = |what: String| {
             DatasetError::new(
                 file,

@@ -14,7 +14,7 @@ use rusqlite::{Connection, MAIN_DB, params};
 use super::super::export::{TwoView, numbered};
 use super::super::{ExchangeError, Export};
 use super::{CENTER, MOST_IMAGES};
-use crate::files::write_whole;
+use crate::files::write_new;
 
 const SCHEMA: &str = "
 CREATE TABLE cameras (
@@ -70,7 +70,7 @@ pub(super) fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, 
     let path = folder.join("database.db");
     let unwritable = |error: &dyn std::fmt::Display| ExchangeError::unwritable(&path, error);
     let bytes = database(export).map_err(|error| unwritable(&error))?;
-    write_whole(&path, &bytes).map_err(|error| unwritable(&error))?;
+    write_new(&path, &bytes).map_err(|error| unwritable(&error))?;
     Ok(vec![path])
 }
 

@@ -39,13 +39,18 @@ mod descriptor;
 
 use nalgebra::Point2;
 
-use super::{BinaryRows, DescriptorKind, Descriptors, Detector, Extractor, Features, Keypoint};
+use super::{
+    BinaryRows, DescriptorKind, Descriptors, Detector, Extractor, Features, Keypoint, memory_of,
+};
 use crate::image::diffusion::{diffuse, fed_steps};
 use crate::image::hessian::{Flat, LevelPass, LevelRows, contrast};
 use crate::image::{FloatImage, GrayImage, RowBuffer, Size, gaussian_blur_within, shrink};
 use crate::params::ParamError;
 use candidates::{Candidate, Candidates};
 use descriptor::{BITS, Described, Orientations, describe};
+
+/// Bytes for each pixel of the image, measured: levels with their derivatives.
+const BYTES_A_PIXEL: usize = 28;
 
 /// Blur of the first level.
 const SIGMA: f32 = 1.6;
@@ -331,6 +336,10 @@ impl Detector for Akaze {
     fn detect(&self, image: &GrayImage) -> Vec<Keypoint> {
         self.run(image, Found::default()).keypoints
     }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, Extractor::kind(self))
+    }
 }
 
 impl Extractor for Akaze {
@@ -346,6 +355,10 @@ impl Extractor for Akaze {
         let Found { keypoints, words } = self.run(image, with_words);
         let rows = BinaryRows::from_vec(BITS, words.unwrap_or_default());
         Features::new(image.size(), keypoints, Descriptors::Binary(rows))
+    }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, self.kind())
     }
 }
 

@@ -36,11 +36,14 @@ mod refine;
 
 use nalgebra::Point2;
 
-use super::{BinaryRows, DescriptorKind, Descriptors, Extractor, Features, Keypoint};
-use crate::image::{GrayImage, IntegralImage};
+use super::{BinaryRows, DescriptorKind, Descriptors, Extractor, Features, Keypoint, memory_of};
+use crate::image::{GrayImage, IntegralImage, Size};
 use crate::params::ParamError;
 use layers::ScaleLayers;
 use pattern::{BITS, Pattern, Sampler};
+
+/// Bytes for each pixel of the image, measured: layers, their scores and the integral image.
+const BYTES_A_PIXEL: usize = 8;
 
 /// Size of a keypoint at scale 1, in pixels.
 const BASIC_SIZE: f32 = 12.0;
@@ -136,6 +139,10 @@ impl Extractor for Brisk {
         }
         let descriptors = Descriptors::Binary(BinaryRows::from_vec(BITS, words));
         Features::new(image.size(), keypoints, descriptors)
+    }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, self.kind())
     }
 }
 

@@ -39,12 +39,15 @@
 mod columns;
 mod row_weights;
 
-use super::{Describer, DescriptorKind, Descriptors, FloatRows, Keypoint};
+use super::{Describer, DescriptorKind, Descriptors, FloatRows, Keypoint, memory_of};
 use crate::image::{GaussianKernel, GrayImage, Size};
 use crate::params::ParamError;
 use crate::simd::{DAISY_COLUMNS as BLOCK, DAISY_MAPS as MAPS, add_between};
 use columns::Columns;
 use row_weights::RowWeights;
+
+/// Bytes for each pixel of the image, measured: blurred gradients of a few columns.
+const BYTES_A_PIXEL: usize = 12;
 
 /// Directions of a histogram.
 const DIRECTIONS: usize = 8;
@@ -205,6 +208,10 @@ impl Describer for Daisy {
         }
         let dim = self.flower.len() * DIRECTIONS;
         Descriptors::Float(FloatRows::from_vec(dim, histograms.into_flattened()))
+    }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, self.kind())
     }
 }
 

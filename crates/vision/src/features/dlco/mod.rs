@@ -38,11 +38,14 @@ mod table;
 pub use regions::{Pooling, Ring};
 pub use table::DlcoTable;
 
-use super::{Describer, DescriptorKind, Descriptors, FloatRows, Keypoint, PatchSource};
-use crate::image::GrayImage;
+use super::{Describer, DescriptorKind, Descriptors, FloatRows, Keypoint, PatchSource, memory_of};
+use crate::image::{GrayImage, Size};
 use crate::params::ParamError;
 use crate::simd::{DIRECTIONS, VECTORS_AT_ONCE, project};
 use crate::tables::DLCO;
+
+/// Bytes for each pixel of the image, measured: the blurred image.
+const BYTES_A_PIXEL: usize = 5;
 
 /// Width and height of the described patch.
 pub const SIDE: usize = 64;
@@ -184,6 +187,10 @@ impl Describer for Dlco {
             source.rectify(&keypoint, self.params.scale_factor, SIDE, patch);
         });
         Descriptors::Float(rows)
+    }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, self.kind())
     }
 }
 

@@ -40,13 +40,18 @@ mod extrema;
 
 use nalgebra::Point2;
 
-use super::{DescriptorKind, Descriptors, Detector, Extractor, Features, FloatRows, Keypoint};
+use super::{
+    DescriptorKind, Descriptors, Detector, Extractor, Features, FloatRows, Keypoint, memory_of,
+};
 use crate::image::diffusion::{diffuse, fed_steps};
 use crate::image::hessian::{Flat, LevelPass, LevelRows, contrast};
 use crate::image::{FloatImage, GrayImage, RowBuffer, Size, gaussian_blur_within};
 use crate::params::ParamError;
 use descriptor::{Gradients, LENGTH};
 use extrema::{Maximum, Strongest, find_maxima};
+
+/// Bytes for each pixel of the image, measured: four levels with their derivatives.
+const BYTES_A_PIXEL: usize = 50;
 
 /// Blur of the first level.
 const SIGMA: f32 = 1.6;
@@ -295,6 +300,10 @@ impl Detector for Kaze {
     fn detect(&self, image: &GrayImage) -> Vec<Keypoint> {
         self.run(image, Found::default()).keypoints
     }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, Extractor::kind(self))
+    }
 }
 
 impl Extractor for Kaze {
@@ -310,6 +319,10 @@ impl Extractor for Kaze {
         let Found { keypoints, values } = self.run(image, with_values);
         let rows = FloatRows::from_vec(LENGTH, values.unwrap_or_default());
         Features::new(image.size(), keypoints, Descriptors::Float(rows))
+    }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, self.kind())
     }
 }
 

@@ -45,12 +45,16 @@ use nalgebra::Point2;
 
 use super::{
     Describer, DescriptorKind, Descriptors, Detector, Extractor, Features, FloatRows, Keypoint,
+    memory_of,
 };
-use crate::image::{GrayImage, Octave, ScaleSpaceShape};
+use crate::image::{GrayImage, Octave, ScaleSpaceShape, Size};
 use crate::params::ParamError;
 use descriptor::LENGTH;
 use extrema::Extremum;
 use passes::{Description, Detection};
+
+/// Bytes for each pixel of the image, measured: bases of two octaves, one of them doubled.
+const BYTES_A_PIXEL: usize = 6;
 
 /// Parameters of [`Sift`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -217,6 +221,10 @@ impl Detector for Sift {
     fn detect(&self, image: &GrayImage) -> Vec<Keypoint> {
         self.detect_on_the_way(image, false).0
     }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, Extractor::kind(self))
+    }
 }
 
 impl Describer for Sift {
@@ -231,6 +239,10 @@ impl Describer for Sift {
         self.shape().visit(image, &mut pass);
         Descriptors::Float(FloatRows::from_vec(LENGTH, pass.descriptors))
     }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, Describer::kind(self))
+    }
 }
 
 /// Keypoints are neither recalled nor remembered for other extractors: they are described while the
@@ -243,6 +255,10 @@ impl Extractor for Sift {
     fn extract(&self, image: &GrayImage) -> Features {
         let (keypoints, descriptors) = self.detect_on_the_way(image, true);
         Features::new(image.size(), keypoints, Descriptors::Float(descriptors))
+    }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, Extractor::kind(self))
     }
 }
 

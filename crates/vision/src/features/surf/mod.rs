@@ -49,13 +49,16 @@ use nalgebra::Point2;
 
 use super::{
     DescriptorKind, Descriptors, Detections, Detector, Extractor, Features, FloatRows, Keypoint,
-    Unshared,
+    Unshared, memory_of,
 };
-use crate::image::{GrayImage, IntegralImage};
+use crate::image::{GrayImage, IntegralImage, Size};
 use crate::params::ParamError;
 use blobs::{Blob, find_blobs};
 use descriptor::Describer;
 use orientation::Orientation;
+
+/// Bytes for each pixel of the image, measured: the integral image and an octave.
+const BYTES_A_PIXEL: usize = 7;
 
 /// Standard deviation of the Gaussian that a filter of side 1 stands for: 1.2 for side 9.
 const SCALE: f32 = 1.2 / 9.0;
@@ -148,6 +151,10 @@ impl Detector for Surf {
     fn detect(&self, image: &GrayImage) -> Vec<Keypoint> {
         self.keypoints(&IntegralImage::new(image), image)
     }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, Extractor::kind(self))
+    }
 }
 
 impl Extractor for Surf {
@@ -170,6 +177,10 @@ impl Extractor for Surf {
         let dim = if self.params.extended { 128 } else { 64 };
         let descriptors = Descriptors::Float(FloatRows::from_vec(dim, values));
         Features::new(image.size(), keypoints, descriptors)
+    }
+
+    fn memory(&self, size: Size) -> usize {
+        memory_of(size, BYTES_A_PIXEL, self.kind())
     }
 }
 

@@ -8,12 +8,12 @@
 //!
 //! No count is believed: what it counts is read one by one until the file ends.
 
-use std::fs;
 use std::path::Path;
 
 use super::{Cameras, Photograph, distinct, lens};
 use crate::datasets::DatasetError;
 use crate::datasets::text;
+use crate::files::read_file;
 
 pub(super) fn cameras(path: &Path) -> Result<Cameras, DatasetError> {
     parse(path, |bytes| {
@@ -70,7 +70,7 @@ fn parse<T>(
     path: &Path,
     read: impl FnOnce(&mut Bytes<'_>) -> Result<T, String>,
 ) -> Result<T, DatasetError> {
-    let data = fs::read(path).map_err(|error| DatasetError::io(path, &error))?;
+    let data = read_file(path).map_err(|error| DatasetError::io(path, &error))?;
     let mut bytes = Bytes { rest: &data };
     let parsed = read(&mut bytes).and_then(|parsed| match bytes.rest.len() {
         0 => Ok(parsed),

@@ -1,0 +1,191 @@
+//! Whether a JPEG is all there.
+//!
+//! Decoders fill what is missing with gray and say nothing, so half a file shows half an image, and a
+//! small one may claim any size. Here the file is walked from marker to marker, and the data of each scan
+//! (`scan`) symbol by symbol (`bits`), without making a pixel of them:
+//!
+//! - Each scan must have every bit of every block that its frame promises, and nothing more but filling.
+//!   Where the data end is thereby known to the bit, whatever somebody put behind them.
+//! - The scans together must bring every coefficient of every component to its last bit. A progressive
+//!   file that was cut between two scans and given an end marker shows a blurred image.
+//!
+//! The format is that of ITU-T T.81: Huffman codes, sequential and progressive, 8 bits. What is not
+//! looked at is whether the coefficients make a sensible picture: a file whose bits were changed and
+//! still fit their codes is another image, and nothing in the format tells.
+
+mod bits;
+mod scan;
+
+use bits::Codes;
+use scan::{Component, Scan, ScanComponent};
+
+/// Most scans of a file, as for the decoder: each costs time in proportion to the size that is claimed.
+const MOST_SCANS: usize = 100;
+
+/// Checks that the image is whole, up to its end marker.
+///
+/// # Errors
+/// If data are missing, or are no such data.
+pub(super) fn check(bytes: &[u8]) -> Result<(), JpegError> {
+    let mut file = File::default();
+    let mut at = 2; // behind the marker that every file begins with
+    loop {
+        while *bytes.get(at).ok_or(JpegError::Truncated)? != 0xff {
+            // Behind a scan there would be data that no scan has read.
+            if file.scans > 0 {
+                return Err(damaged("data behind its pixels"));
+            }
+            at += 1;
+        }
+        while *bytes.get(at).ok_or(JpegError::Truncated)? == 0xff {
+            at += 1;
+        }
+        let marker = bytes[at];
+        at += 1;
+        match marker {
+            0xd9 => return file.complete(),
+            // Markers without a length, which mean nothing here.
+            0x00 | 0x01 | 0xd0..=0xd8 => continue,
+            _ => {}
+        }
+        let (segment, rest) = segment(bytes, at).ok_or(JpegError::Truncated)?;
+        at = rest;
+        match marker {
+            0xc4 => file.codes(segment)?,
+            0xc0..=0xc2 => file.frame(segment, marker == 0xc2)?,
+            0xdd => {
+                let [high, low] = *segment.first_chunk().ok_or_else(|| damaged("restarts"))?;
+                file.restart = usize::from(u16::from_be_bytes([high, low]));
+            }
+            0xda => at += file.scan(segment, &bytes[at..])?,
+            _ => {}
+        }
+    }
+}
+
+/// Why a file is no whole image.
+#[derive(Debug)]
+pub(super) enum JpegError {
+    /// Data are missing.
+    Truncated,
+    /// It has such things that are none.
+    Damaged(&'static str),
+}
+
+fn damaged(what: &'static str) -> JpegError {
+    JpegError::Damaged(what)
+}
+
+/// The content of the segment whose length stands at `at`, and where what follows begins.
+fn segment(bytes: &[u8], at: usize) -> Option<(&[u8], usize)> {
+    let length = u16::from_be_bytes(*bytes.get(at..)?.first_chunk()?);
+    let end = at + usize::from(length).max(2);
+    Some((bytes.get(at + 2..end)?, end))
+}
+
+/// What the segments have said so far.
+#[derive(Default)]
+struct File {
+    progressive: bool,
+    components: Vec<Component>,
+    /// How many low bits of each of the 64 coefficients of each component are missing still.
+    missing: Vec<[u8; 64]>,
+    /// Codes of first coefficients, then of all others.
+    tables: [[Option<Codes>; 4]; 2],
+    /// Units of a scan between two restarts; 0 without restarts.
+    restart: usize,
+    scans: usize,
+}
+
+impl File {
+    fn complete(&self) -> Result<(), JpegError> {
+        let whole = self.missing.iter().flatten().all(|&bits| bits == 0);
+        let whole = whole && !self.missing.is_empty();
+        whole.then_some(()).ok_or(JpegError::Truncated)
+    }
+
+    /// Codes of Huffman: any number of tables in one segment.
+    fn codes(&mut self, mut segment: &[u8]) -> Result<(), JpegError> {
+        let none = || damaged("Huffman codes");
+        while let Some((&place, rest)) = segment.split_first() {
+            let (counts, rest) = rest.split_first_chunk::<16>().ok_or_else(none)?;
+            let symbols = counts.iter().map(|&count| usize::from(count)).sum();
+            let (symbols, rest) = rest.split_at_checked(symbols).ok_or_else(none)?;
+            let class = self.tables.get_mut(usize::from(place >> 4));
+            let table = class.and_then(|class| class.get_mut(usize::from(place & 0x0f)));
+            *table.ok_or_else(none)? = Some(Codes::new(counts, symbols).ok_or_else(none)?);
+            segment = rest;
+        }
+        Ok(())
+    }
+
+    fn frame(&mut self, segment: &[u8], progressive: bool) -> Result<(), JpegError> {
+        let none = || damaged("frames");
+        let (&[_, h0, h1, w0, w1, count], rest) = segment.split_first_chunk().ok_or_else(none)?;
+        let [height, width] = [[h0, h1], [w0, w1]].map(u16::from_be_bytes);
+        let stated = rest.as_chunks::<3>().0;
+        if !self.components.is_empty() || stated.len() != usize::from(count) || count > 4 {
+            return Err(none());
+        }
+        self.components =
+            Component::of_frame([width, height].map(usize::from), stated).ok_or_else(none)?;
+        self.missing = vec![[u8::MAX; 64]; self.components.len()];
+        self.progressive = progressive;
+        Ok(())
+    }
+
+    /// Walks the data of a scan and says how many bytes they take.
+    fn scan(&mut self, segment: &[u8], data: &[u8]) -> Result<usize, JpegError> {
+        let none = || damaged("scans");
+        self.scans += 1;
+        if self.scans > MOST_SCANS {
+            return Err(none());
+        }
+        let (&count, rest) = segment.split_first().ok_or_else(none)?;
+        let (stated, rest) = (rest.split_at_checked(2 * usize::from(count))).ok_or_else(none)?;
+        let &[from, to, bits] = rest.first_chunk().ok_or_else(none)?;
+        let (high, low) = (bits >> 4, bits & 0x0f);
+        let band = usize::from(from)..=usize::from(to);
+        let sequential = !self.progressive && (from, to, bits) == (0, 63, 0);
+        let progressive = self.progressive
+            && band.start() <= band.end()
+            && *band.end() < 64
+            && (from > 0 || to == 0)
+            && (from == 0 || count == 1)
+            && (high == 0 || high == low + 1);
+        if !(sequential || progressive) || !(1..=4).contains(&count) {
+            return Err(none());
+        }
+        let mut components = Vec::new();
+        for &[id, tables] in stated.as_chunks::<2>().0 {
+            let place = self.components.iter().position(|other| other.id == id);
+            let place = place.ok_or_else(none)?;
+            if components
+                .iter()
+                .any(|other: &ScanComponent| other.place == place)
+            {
+                return Err(none());
+            }
+            // A refinement continues what an earlier scan brought, bit by bit.
+            let missing = &mut self.missing[place][band.clone()];
+            if high > 0 && missing.iter().any(|&bits| bits != high) {
+                return Err(none());
+            }
+            missing.fill(low);
+            components.push(ScanComponent {
+                place,
+                first: usize::from(tables >> 4),
+                others: usize::from(tables & 0x0f),
+            });
+        }
+        let scan = Scan {
+            components: &components,
+            tables: &self.tables,
+            progressive: self.progressive,
+            band,
+            refines: high > 0,
+            restart: self.restart,
+        };
+        scan.walk(&mut self.components, data)
+    }
+}

@@ -1,0 +1,107 @@
+//! Files that grow.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use super::calls::{Call, before, sync, write_all};
+use super::{make_folder, sync_folder_of};
+
+/// A file that is only ever appended to.
+///
+/// What was appended is with the operating system: a process that is killed loses none of it, and leaves
+/// at most one part of a last piece behind, which the next one cuts off. A machine that loses power
+/// keeps what was [synced](Self::sync).
+#[derive(Debug)]
+pub(crate) struct Appender {
+    path: PathBuf,
+    file: File,
+    end: u64,
+    is_synced: bool,
+}
+
+impl Appender {
+    /// Opens the file to be appended to from byte `end` on; what lies behind it was left unfinished and
+    /// is cut off. Without an `end` it is the length of the file. The file is made if it is not there,
+    /// as is its folder.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub(crate) fn open(path: &Path, end: Option<u64>) -> io::Result<Self> {
+        let is_new = !path.exists();
+        if let Some(folder) = path.parent() {
+            make_folder(folder)?;
+        }
+        before(Call::Open, path)?;
+        let file = (OpenOptions::new().create(true).truncate(false).write(true)).open(path)?;
+        if is_new {
+            sync_folder_of(path);
+        }
+        let length = file.metadata()?.len();
+        let mut appender = Self {
+            path: path.into(),
+            file,
+            end: end.unwrap_or(length).min(length),
+            is_synced: true,
+        };
+        if appender.end < length {
+            before(Call::Cut, path)?;
+            appender.file.set_len(appender.end)?;
+        }
+        appender.file.seek(SeekFrom::Start(appender.end))?;
+        Ok(appender)
+    }
+
+    /// Appends a piece, and says where it begins. After an error a part of it may be there; the next
+    /// piece takes its place.
+    ///
+    /// # Errors
+    /// What the system says (a full disk).
+    pub(crate) fn append(&mut self, piece: &[u8]) -> io::Result<u64> {
+        self.is_synced = false;
+        if let Err(error) = write_all(&mut self.file, &self.path, piece) {
+            let _ = self.file.seek(SeekFrom::Start(self.end));
+            return Err(error);
+        }
+        let start = self.end;
+        self.end += piece.len() as u64;
+        Ok(start)
+    }
+
+    /// Waits until what was appended is safe from the power supply.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub(crate) fn sync(&mut self) -> io::Result<()> {
+        if !self.is_synced {
+            sync(&self.file, &self.path)?;
+            self.is_synced = true;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn pieces_follow_each_other_and_what_was_left_unfinished_is_cut_off() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("below/file");
+        let mut file = Appender::open(&path, None).unwrap();
+        assert_eq!(file.append(b"one").unwrap(), 0);
+        assert_eq!(file.append(b"two").unwrap(), 3);
+        file.sync().unwrap();
+        drop(file);
+        assert_eq!(fs::read(&path).unwrap(), b"onetwo");
+        let mut file = Appender::open(&path, Some(4)).unwrap();
+        assert_eq!(file.append(b"!").unwrap(), 4);
+        assert_eq!(fs::read(&path).unwrap(), b"onet!");
+        let mut file = Appender::open(&path, None).unwrap();
+        assert_eq!(file.append(b"?").unwrap(), 5);
+        assert_eq!(fs::read(&path).unwrap(), b"onet!?");
+    }
+}

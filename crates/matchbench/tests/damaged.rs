@@ -1,0 +1,317 @@
+//! Damaged files at every door: refused, or as promised.
+
+mod doors;
+
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use doors::{CAMERA, DOORS, Doors, PAIRS, offer};
+use matchbench::records::store::RecordWriter;
+use matchbench::records::{
+    Counts, MatchesFile, Outcome, RunRecord, SelectedMatches, StageTimes, Task,
+};
+use matchbench_vision::geometry::{MatchedPoints, RelativePose};
+use matchbench_vision::seed::{Rng, Seed};
+use nalgebra::{Isometry3, Point2, Vector3};
+
+/// Sound files for a door.
+fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
+    let text = |texts: &[&str]| texts.iter().map(|text| text.as_bytes().to_vec()).collect();
+    match door {
+        "image" => {
+            let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/images");
+            let files = fs::read_dir(folder).expect("fixtures are part of the repository");
+            let mut paths: Vec<_> = files.map(|file| file.expect("readable").path()).collect();
+            paths.sort();
+            paths
+                .iter()
+                .map(|path| fs::read(path).expect("readable"))
+                .collect()
+        }
+        "records" => vec![records(doors)],
+        "matches" => vec![matches(doors)],
+        "plan" => text(&[PLAN]),
+        "results" => text(&[
+            "0 1 50 1 0 0 -0.05 0 1 0 0 0 0 1 0\n1 2 30 0 -1 0 1 1 0 0 2 0 0 1 3\n",
+            "0 2 0 1 0 0 0 0 1 0 0 0 0 1 0\r\n",
+        ]),
+        "pairs" => text(&[PAIRS, "\u{feff}0 1 1 0 0 0 0 1 0 0 0 0 1 0\n# a word\n"]),
+        "camera" => text(&[CAMERA, "4 0 1.5 0 4 1 0 0 1\n0.1 0.01 0 0 0.001\n"]),
+        "dataset.toml" => text(&[
+            "version = 1\norigin = \"a\"\nnotes = [\"b\"]\n\
+             distortion = { k1 = 0.1, k2 = -0.2, p1 = 0.0, p2 = 0.0, k3 = 0.1 }\n",
+            "version = 1\nname = \"other\"\nimage_root = \"Images\"\n[[frames]]\nimage = \"0000.pgm\"\n\
+             camera = { fx = 4.0, fy = 4.0, cx = 1.5, cy = 1.0 }\n[[frames]]\nimage = \"0001.pgm\"\n\
+             [[frames]]\nimage = \"0002.pgm\"\n",
+        ]),
+        "pose.txt" => text(&[POSES_KITTI]),
+        "homographies" => text(&["0 1 1 0 2 0 1 3 0 0 1\n1 2 1 0.1 2 0.2 1 3 0.001 0 1\n"]),
+        "poses" => text(&[
+            POSES_KITTI,
+            "0 0 0 0 0 0 0 1\n1 1 0 0 0 0 0.6 0.8\n2 1 2 3 1 0 0 0\n",
+        ]),
+        "superglue" => text(&[
+            "0000.pgm 0001.pgm 0 0 4 0 1.5 0 4 1 0 0 1 4 0 1.5 0 4 1 0 0 1 1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1\n",
+            "0001.pgm 0002.pgm 1 2 4 0 1.5 0 4 1 0 0 1 4 0 1.5 0 4 1 0 0 1 1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1\n",
+        ]),
+        "imc" => text(&["dataset,scene,image,rotation_matrix,translation_vector\n\
+             d,s,0000.pgm,1;0;0;0;1;0;0;0;1,0;0;0\nd,s,0001.pgm,1;0;0;0;1;0;0;0;1,1;0;0\n"]),
+        "scannet" | "megadepth" => vec![npz("name", &[7; 16]), npz("T_0to1", &[0; 64])],
+        "colmap text" => text(&[
+            "# Image list\n1 1 0 0 0 0 0 0 1 0000.pgm\n1.5 1 7 2 2 -1\n2 0.6 0.8 0 0 1 0 0 1 0001.pgm\n1 1 7\n",
+        ]),
+        "colmap binary" => vec![colmap_images()],
+        "matches of others" => text(&["1 1 2 2\n2 1 3 2\n", "# x y x y score\n1.5,1,2,2,0.5\n"])
+            .into_iter()
+            .chain([npz("keypoints0", &[0; 32])])
+            .collect(),
+        "manifest" => text(&[
+            "name = \"mine\"\nsummary = \"mine\"\nreference = \"a paper\"\n\
+             command = [\"mine\", \"--flag\"]\n\n[params]\nmax_size = 640\n",
+        ]),
+        other => panic!("{other} has no corpus"),
+    }
+}
+
+const PLAN: &str = r#"{"format":2,"version":"0.1.0","settings":{"seed":0,"repetitions":1,"limit":null},
+    "datasets":[{"name":"room","path":"/room","frames":3,"pairs":3,"fingerprint":"00"}],
+    "matchers":[{"id":"sift","params":{},"extraction":null,
+    "estimators":[{"id":"ransac-e","params":{"threshold_px":1.0}}]}]}"#;
+const POSES_KITTI: &str =
+    "1 0 0 0 0 1 0 0 0 0 1 0\n0 -1 0 1 1 0 0 2 0 0 1 3\n1 0 0 5 0 1 0 0 0 0 1 0\n";
+
+fn records(doors: &Doors) -> Vec<u8> {
+    let path = doors.at("corpus.jsonl");
+    let _ = fs::remove_file(&path);
+    let mut writer = RecordWriter::open(&path).expect("writable");
+    let motion = Isometry3::new(Vector3::new(1.0, 0.5, 0.0), Vector3::new(0.1, 0.2, 0.3));
+    let pose = RelativePose::from_isometry(&motion).expect("it moves");
+    let judged = Outcome::judged(&pose, &Isometry3::translation(1.0, 0.0, 0.0), 9, 12, 100);
+    let failed = Outcome::Failed {
+        reason: "cannot read x".into(),
+        may_pass: true,
+    };
+    for (b, outcome) in [(1, judged), (2, failed)] {
+        let record = RunRecord {
+            task: Task {
+                dataset: "room".into(),
+                matcher: "sift".into(),
+                estimator: "ransac-e".into(),
+                a: 0,
+                b,
+                repetition: 0,
+            },
+            counts: Counts::default(),
+            outcome,
+            times: StageTimes {
+                search: Some(0.25),
+                ..StageTimes::default()
+            },
+            device: None,
+        };
+        writer.append(&record).expect("writable");
+    }
+    fs::read(path).expect("readable")
+}
+
+fn matches(doors: &Doors) -> Vec<u8> {
+    let path = doors.at("corpus.bin");
+    let _ = fs::remove_file(&path);
+    let mut file = MatchesFile::open(&path).expect("there is none");
+    let points = |by: f64| {
+        (0..3)
+            .map(|i| Point2::new(by * f64::from(i), 1.0))
+            .collect()
+    };
+    let points = MatchedPoints::new(points(1.5), points(0.1), vec![0.5; 3]);
+    let counts = Counts {
+        selected: 3,
+        ..Counts::default()
+    };
+    let matches = SelectedMatches::new(counts, &points);
+    for key in [(0, 1, 0), (0, 1, 1), (0, 2, 0)] {
+        file.append(key, &matches).expect("writable");
+    }
+    fs::read(path).expect("readable")
+}
+
+/// An archive with one array of doubles, stored without compression or a checksum that counts.
+fn npz(name: &str, data: &[u8]) -> Vec<u8> {
+    let header = format!(
+        "{{'descr': '<f8', 'fortran_order': False, 'shape': ({},), }}\n",
+        data.len() / 8
+    );
+    let mut array = b"\x93NUMPY\x01\x00".to_vec();
+    array.extend((header.len() as u16).to_le_bytes());
+    array.extend(header.as_bytes());
+    array.extend(data);
+    let name = format!("{name}.npy");
+    let mut common = vec![20, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+    common.extend((array.len() as u32).to_le_bytes());
+    common.extend((array.len() as u32).to_le_bytes());
+    common.extend((name.len() as u16).to_le_bytes());
+    common.extend([0, 0]);
+    let mut file = b"PK\x03\x04".to_vec();
+    file.extend(&common);
+    file.extend(name.as_bytes());
+    file.extend(&array);
+    let directory = file.len() as u32;
+    file.extend(b"PK\x01\x02\x14\x00");
+    file.extend(&common);
+    file.extend([0; 14]);
+    file.extend(name.as_bytes());
+    let length = file.len() as u32 - directory;
+    file.extend(b"PK\x05\x06\x00\x00\x00\x00\x01\x00\x01\x00");
+    file.extend(length.to_le_bytes());
+    file.extend(directory.to_le_bytes());
+    file.extend([0, 0]);
+    file
+}
+
+/// `images.bin` of COLMAP with two images.
+fn colmap_images() -> Vec<u8> {
+    let mut file = 2_u64.to_le_bytes().to_vec();
+    for (id, name) in [(1_u32, "0000.pgm"), (2, "0001.pgm")] {
+        file.extend(id.to_le_bytes());
+        for number in [1.0, 0.0, 0.0, 0.0, f64::from(id), 0.0, 0.0] {
+            file.extend(number.to_le_bytes());
+        }
+        file.extend(1_u32.to_le_bytes());
+        file.extend(name.as_bytes());
+        file.push(0);
+        file.extend(1_u64.to_le_bytes());
+        file.extend(1.5_f64.to_le_bytes());
+        file.extend(1.0_f64.to_le_bytes());
+        file.extend(7_u64.to_le_bytes());
+    }
+    file
+}
+
+/// Words that have broken parsers.
+const WORDS: [&[u8]; 24] = [
+    b"nan",
+    b"inf",
+    b"-inf",
+    b"1e308",
+    b"-1e308",
+    b"1e154",
+    b"1e999",
+    b"1e-320",
+    b"-0",
+    b"-1",
+    b"4294967295",
+    b"4294967296",
+    b"18446744073709551615",
+    b"0x10",
+    b"\xef\xbb\xbf",
+    b"\0",
+    b"\n",
+    b"\r\n",
+    b"\"",
+    b"[[",
+    b"\xff\xff\xff\xff",
+    b"\x7f\xff\xff\xff",
+    b"\x1b[2J",
+    b" ",
+];
+
+/// One to four damages to a file.
+fn damaged(sound: &[u8], rng: &mut Rng) -> Vec<u8> {
+    let mut bytes = sound.to_vec();
+    for _ in 0..=rng.below(4) {
+        let at = rng.below(bytes.len() as u32 + 1) as usize;
+        let to = (at + rng.below(9) as usize).min(bytes.len());
+        match rng.below(7) {
+            0 => bytes.truncate(at),
+            1 if at < bytes.len() => bytes[at] ^= 1 << rng.below(8),
+            2 if at < bytes.len() => bytes[at] = rng.below(256) as u8,
+            3 => drop(bytes.splice(at..to, WORDS[rng.below(24) as usize].iter().copied())),
+            4 => drop(bytes.drain(at..to)),
+            5 => {
+                let part = bytes[at..to].repeat(1 + rng.below(3) as usize);
+                drop(bytes.splice(at..at, part));
+            }
+            _ => {
+                // A word of the file becomes another.
+                let is_space = |byte: &u8| byte.is_ascii_whitespace() || *byte == b',';
+                let from = bytes[..at]
+                    .iter()
+                    .rposition(is_space)
+                    .map_or(0, |space| space + 1);
+                let end = bytes[from..].iter().position(is_space);
+                let end = end.map_or(bytes.len(), |length| from + length);
+                drop(bytes.splice(from..end, WORDS[rng.below(24) as usize].iter().copied()));
+            }
+        }
+    }
+    bytes
+}
+
+/// Offers so many damaged files to a door; returns how many it accepted.
+fn try_door(name: &str, count: u64) -> u64 {
+    let corpus = corpus(&Doors::new(), name);
+    let mut accepted = 0;
+    for number in 0..count {
+        let mut rng = Seed(18).child(name).number(number).rng();
+        let sound = &corpus[rng.below(corpus.len() as u32) as usize];
+        let bytes = match corpus.get(number as usize) {
+            Some(sound) => sound.clone(),
+            None => damaged(sound, &mut rng),
+        };
+        match catch_unwind(AssertUnwindSafe(|| offer(name, &bytes))) {
+            Ok(true) => accepted += 1,
+            Ok(false) => {}
+            Err(_) => panic!(
+                "{name}, input {number}: {:?}",
+                String::from_utf8_lossy(&bytes)
+            ),
+        }
+    }
+    accepted
+}
+
+#[test]
+fn what_any_door_lets_pass_is_as_promised() {
+    // Nothing is sound at the doors whose files have many parts: what is there is a part.
+    const PARTS: [&str; 3] = ["scannet", "megadepth", "imc"];
+    for (name, _) in DOORS {
+        let accepted = try_door(name, 300);
+        assert!(
+            accepted > 0 || PARTS.contains(name),
+            "{name} accepts nothing"
+        );
+    }
+}
+
+/// `MATCHBENCH_INPUTS` says how many, `MATCHBENCH_DOOR` where, if not everywhere.
+#[test]
+#[ignore = "takes as long as is asked for"]
+fn many_more() {
+    let count = std::env::var("MATCHBENCH_INPUTS")
+        .ok()
+        .and_then(|count| count.parse().ok());
+    let only = std::env::var("MATCHBENCH_DOOR").ok();
+    for (name, _) in DOORS {
+        if only.as_ref().is_none_or(|only| only == name) {
+            let count = count.unwrap_or(10_000);
+            println!("{name}: {count} inputs, {} accepted", try_door(name, count));
+        }
+    }
+}
+
+/// Writes the sound files of every door into a folder of `MATCHBENCH_CORPUS`, for a fuzzer.
+#[test]
+#[ignore = "writes where it is asked to"]
+fn corpus_for_a_fuzzer() {
+    let Some(folder) = std::env::var_os("MATCHBENCH_CORPUS") else {
+        return;
+    };
+    for (name, _) in DOORS {
+        let folder = Path::new(&folder).join(name.replace([' ', '.'], "_"));
+        fs::create_dir_all(&folder).expect("writable");
+        for (number, sound) in corpus(&Doors::new(), name).iter().enumerate() {
+            fs::write(folder.join(number.to_string()), sound).expect("writable");
+        }
+    }
+}

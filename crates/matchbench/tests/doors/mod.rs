@@ -1,0 +1,362 @@
+//! The doors by which bytes of others come in, and what must be true of whatever they let pass.
+//!
+//! Each door takes any bytes as the content of one file, offers it to the library as a command would, and
+//! panics if what was accepted is not as promised. `tests/damaged.rs` tries them with damaged files, and
+//! `fuzz/` with whatever a fuzzer comes upon. An error is always right; a panic or a promise that does not
+//! hold never is.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use matchbench::datasets::{
+    ImportOptions, Imported, Pair, Sequence, Truth, decode_gray, read_pairs, read_source,
+};
+use matchbench::exchange::{MatchFiles, ReadOptions};
+use matchbench::external::Manifest;
+use matchbench::metrics::load;
+use matchbench::records::store::{self, RecordWriter};
+use matchbench::records::{MatchesFile, RunFolder, authors};
+use matchbench_vision::geometry::Camera;
+use nalgebra::{Isometry3, Matrix3};
+
+/// A door: its name, and what it does with bytes. It says whether they were accepted.
+pub(crate) type Door = (&'static str, fn(&Doors, &[u8]) -> bool);
+
+/// Offers bytes to a door, and says whether they were accepted.
+pub(crate) fn offer(name: &str, bytes: &[u8]) -> bool {
+    thread_local! {
+        static HERE: Doors = Doors::new();
+    }
+    let (_, door) = DOORS
+        .iter()
+        .find(|(other, _)| *other == name)
+        .expect("it is listed");
+    HERE.with(|doors| door(doors, bytes))
+}
+
+/// All doors.
+pub(crate) const DOORS: &[Door] = &[
+    ("image", Doors::image),
+    ("records", Doors::records),
+    ("matches", Doors::matches),
+    ("plan", Doors::plan),
+    ("results", Doors::results),
+    ("pairs", Doors::pairs),
+    ("camera", |doors, bytes| doors.dataset("camera.txt", bytes)),
+    ("dataset.toml", |doors, bytes| {
+        doors.dataset("dataset.toml", bytes)
+    }),
+    ("pose.txt", |doors, bytes| {
+        doors.dataset("Images/pose.txt", bytes)
+    }),
+    ("homographies", |doors, bytes| {
+        doors.dataset("homographies.txt", bytes)
+    }),
+    ("poses", Doors::poses),
+    ("superglue", |doors, bytes| {
+        doors.import("superglue", "list.txt", bytes)
+    }),
+    ("scannet", |doors, bytes| {
+        doors.import("scannet", "test.npz", bytes)
+    }),
+    ("megadepth", |doors, bytes| {
+        doors.import("megadepth", "0015.npz", bytes)
+    }),
+    ("imc", |doors, bytes| {
+        doors.import("imc", "train_labels.csv", bytes)
+    }),
+    ("colmap text", |doors, bytes| {
+        doors.model("text", "images.txt", bytes)
+    }),
+    ("colmap binary", |doors, bytes| {
+        doors.model("binary", "images.bin", bytes)
+    }),
+    ("matches of others", Doors::exchange),
+    ("manifest", Doors::manifest),
+];
+
+/// A folder with a dataset and room for files.
+pub(crate) struct Doors {
+    folder: tempfile::TempDir,
+}
+
+impl Doors {
+    /// Files go into memory where there is such a place.
+    pub(crate) fn new() -> Self {
+        let memory = Path::new("/dev/shm");
+        let folder = if memory.is_dir() {
+            tempfile::tempdir_in(memory)
+        } else {
+            tempfile::tempdir()
+        };
+        let doors = Self {
+            folder: folder.expect("a temporary folder"),
+        };
+        for dataset in ["sound", "changed", "truth/sound"] {
+            let at = |file: &str| doors.at(&format!("{dataset}/{file}"));
+            fs::create_dir_all(at("Images")).expect("writable");
+            for image in ["0000.pgm", "0001.pgm", "0002.pgm"] {
+                let pixels = [&b"P5 4 3 255\n"[..], &[7; 12]].concat();
+                fs::write(at(&format!("Images/{image}")), pixels).expect("writable");
+            }
+            fs::write(at("camera.txt"), CAMERA).expect("writable");
+            fs::write(at("pairs.txt"), PAIRS).expect("writable");
+        }
+        for folder in ["run", "text", "binary", "results/sound", "source"] {
+            fs::create_dir_all(doors.at(folder)).expect("writable");
+        }
+        fs::write(doors.at("text/cameras.txt"), MODEL_CAMERAS).expect("writable");
+        fs::write(doors.at("binary/cameras.bin"), binary_cameras()).expect("writable");
+        doors
+    }
+
+    pub(crate) fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// The path of a file with this content.
+    fn file(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = self.at(name);
+        fs::write(&path, bytes).expect("writable");
+        path
+    }
+
+    fn image(&self, bytes: &[u8]) -> bool {
+        let Ok(image) = decode_gray(bytes) else {
+            return false;
+        };
+        let size = image.size();
+        assert_eq!(image.data().len(), size.area());
+        let header = format!("P5 {} {} 255\n", size.width, size.height);
+        let plain = [header.as_bytes(), image.data()].concat();
+        if size.area() > 0 {
+            assert!(decode_gray(&plain).is_ok_and(|again| again == image));
+        }
+        true
+    }
+
+    fn records(&self, bytes: &[u8]) -> bool {
+        let Ok(records) = store::read(&self.file("records.jsonl", bytes)) else {
+            return false;
+        };
+        let again = self.at("again.jsonl");
+        let _ = fs::remove_file(&again);
+        let mut writer = RecordWriter::open(&again).expect("writable");
+        for record in &records {
+            record.check().expect("what is read was checked");
+            if let Some(pose) = record.outcome.pose() {
+                assert!((pose.direction.norm() - 1.0).abs() < 1e-9);
+            }
+            writer.append(record).expect("writable");
+        }
+        assert_eq!(store::read(&again).expect("it was written"), records);
+        !records.is_empty()
+    }
+
+    fn matches(&self, bytes: &[u8]) -> bool {
+        let Ok(file) = MatchesFile::open(&self.file("sift.bin", bytes)) else {
+            return false;
+        };
+        let mut any = false;
+        for key in [(0, 1, 0), (0, 1, 1), (0, 2, 0), (1, 2, 0)] {
+            let Ok(Some(matches)) = file.read(key) else {
+                continue;
+            };
+            any = true;
+            let points = &matches.points;
+            assert!(points.a.len() == points.b.len() && points.a.len() == points.ambiguity.len());
+            for point in points.a.iter().chain(&points.b) {
+                assert!(point.x.is_finite() && point.y.is_finite());
+            }
+            let again = self.at("again.bin");
+            let _ = fs::remove_file(&again);
+            let mut written = MatchesFile::open(&again).expect("there is none");
+            written.append(key, &matches).expect("writable");
+            let read = MatchesFile::open(&again).and_then(|file| file.read(key));
+            assert_eq!(read.expect("it was written").as_ref(), Some(&matches));
+        }
+        any
+    }
+
+    fn plan(&self, bytes: &[u8]) -> bool {
+        self.file("run/plan.json", bytes);
+        let Ok(run) = RunFolder::open(&self.at("run")) else {
+            return false;
+        };
+        assert_eq!(run.records().expect("there are none"), []);
+        true
+    }
+
+    fn results(&self, bytes: &[u8]) -> bool {
+        let file = self.file("results/sound/x.txt", bytes);
+        for row in authors::read(&file).unwrap_or_default() {
+            if let Some(pose) = row.b_from_a {
+                assert!((pose.direction.norm() - 1.0).abs() < 1e-9, "{row:?}");
+                assert!((pose.rotation.norm() - 1.0).abs() < 1e-9, "{row:?}");
+            }
+        }
+        let Ok(sets) = load(&self.at("results"), Some(&self.at("truth"))) else {
+            return false;
+        };
+        for pair in sets.iter().flat_map(|set| &set.pairs) {
+            let Ok(error) = pair.outcome else { continue };
+            for angle in [Some(error.rotation), error.translation]
+                .into_iter()
+                .flatten()
+            {
+                assert!((0.0..=180.0).contains(&angle), "{pair:?}");
+            }
+        }
+        true
+    }
+
+    fn pairs(&self, bytes: &[u8]) -> bool {
+        let Ok(pairs) = read_pairs(&self.file("changed/pairs.txt", bytes)) else {
+            return false;
+        };
+        check_pairs(&pairs);
+        if let Ok(sequence) = Sequence::open(&self.at("changed")) {
+            check_sequence(&sequence);
+        }
+        true
+    }
+
+    /// A sound dataset but for one file.
+    fn dataset(&self, name: &str, bytes: &[u8]) -> bool {
+        let path = self.at("sound").join(name);
+        let before = fs::read(&path).ok();
+        fs::write(&path, bytes).expect("writable");
+        let opened = Sequence::open(&self.at("sound"));
+        match before {
+            Some(before) => fs::write(&path, before).expect("writable"),
+            None => fs::remove_file(&path).expect("it was just written"),
+        }
+        let Ok(sequence) = opened else { return false };
+        check_sequence(&sequence);
+        true
+    }
+
+    fn poses(&self, bytes: &[u8]) -> bool {
+        let options = ImportOptions {
+            poses: Some(self.file("poses.txt", bytes)),
+            camera: Some(self.at("truth/sound/camera.txt")),
+            ..ImportOptions::default()
+        };
+        let source = self.at("truth/sound/Images");
+        check_imported(read_source("folder", &source, &options).ok())
+    }
+
+    fn import(&self, kind: &str, name: &str, bytes: &[u8]) -> bool {
+        let source = self.file(&format!("source/{name}"), bytes);
+        let options = ImportOptions {
+            image_root: Some(self.at("truth/sound/Images")),
+            ..ImportOptions::default()
+        };
+        check_imported(read_source(kind, &source, &options).ok())
+    }
+
+    /// A model whose cameras are sound.
+    fn model(&self, folder: &str, name: &str, bytes: &[u8]) -> bool {
+        self.file(&format!("{folder}/{name}"), bytes);
+        let options = ImportOptions {
+            image_root: Some(self.at("truth/sound/Images")),
+            ..ImportOptions::default()
+        };
+        check_imported(read_source("colmap", &self.at(folder), &options).ok())
+    }
+
+    fn exchange(&self, bytes: &[u8]) -> bool {
+        let sequence = Sequence::open(&self.at("truth/sound")).expect("it is sound");
+        let paths = [self.file("0_1.txt", bytes)];
+        let options = ReadOptions {
+            pixel_center: Some(0.0),
+            ..ReadOptions::default()
+        };
+        let Ok(files) = MatchFiles::open(&paths, &sequence, &options) else {
+            return false;
+        };
+        for pair in &sequence.pairs {
+            let Ok(Some(matches)) = files.matches(pair.a, pair.b) else {
+                continue;
+            };
+            let points = matches.points;
+            for point in points.a.iter().chain(&points.b) {
+                assert!(point.x.is_finite() && point.y.is_finite());
+            }
+        }
+        true
+    }
+
+    fn manifest(&self, bytes: &[u8]) -> bool {
+        let text = String::from_utf8_lossy(bytes);
+        Manifest::parse(&self.at("matcher.toml"), &text, &["sift"]).is_ok()
+    }
+}
+
+fn check_imported(imported: Option<Imported>) -> bool {
+    let Some(imported) = imported else {
+        return false;
+    };
+    for frame in &imported.frames {
+        check_camera(&frame.camera);
+        if let Some(pose) = &frame.world_from_camera {
+            check_pose(pose);
+        }
+    }
+    check_pairs(imported.pairs.as_deref().unwrap_or_default());
+    true
+}
+
+fn check_sequence(sequence: &Sequence) {
+    for frame in &sequence.frames {
+        check_camera(&frame.camera);
+    }
+    for pair in &sequence.pairs {
+        assert!((pair.a.max(pair.b) as usize) < sequence.frames.len());
+    }
+    check_pairs(&sequence.pairs);
+}
+
+fn check_pairs(pairs: &[Pair]) {
+    for pair in pairs {
+        assert_ne!(pair.a, pair.b);
+        if let Some(pose) = pair.pose() {
+            check_pose(pose);
+        }
+        if let Truth::Homography(homography) | Truth::Both { homography, .. } = &pair.truth {
+            assert!(homography.iter().all(|x| x.is_finite()));
+        }
+    }
+}
+
+fn check_camera(camera: &Camera) {
+    camera.check().expect("what is read was checked");
+}
+
+/// Finite, a rotation, and a translation whose length is a number.
+fn check_pose(pose: &Isometry3<f64>) {
+    let rotation = pose.rotation.to_rotation_matrix().into_inner();
+    let off = rotation * rotation.transpose() - Matrix3::identity();
+    assert!(off.iter().all(|x| x.abs() < 1e-9), "{pose:?}");
+    assert!(rotation.determinant() > 0.0, "{pose:?}");
+    assert!(pose.translation.vector.norm().is_finite(), "{pose:?}");
+}
+
+pub(crate) const CAMERA: &str = "4 0 1.5\n0 4 1\n0 0 1\n";
+pub(crate) const PAIRS: &str = "0 1 1 0 0 -0.05 0 1 0 0 0 0 1 0\n0 2 1 0 0 -0.1 0 1 0 0 0 0 1 0\n1 2 0 -1 0 1 1 0 0 2 0 0 1 3\n";
+pub(crate) const MODEL_CAMERAS: &str =
+    "1 PINHOLE 4 3 4 4 1.5 1\n2 SIMPLE_RADIAL 4 3 4 1.5 1 0.01\n";
+
+/// The first of [`MODEL_CAMERAS`] as COLMAP's other form has it.
+fn binary_cameras() -> Vec<u8> {
+    let mut file = 1_u64.to_le_bytes().to_vec();
+    file.extend(1_u32.to_le_bytes());
+    file.extend(1_i32.to_le_bytes());
+    file.extend([4_u64, 3].iter().flat_map(|side| side.to_le_bytes()));
+    file.extend(
+        [4.0_f64, 4.0, 1.5, 1.0]
+            .iter()
+            .flat_map(|x| x.to_le_bytes()),
+    );
+    file
+}
