@@ -3,7 +3,7 @@
 mod doors;
 
 use std::fs;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
 
 use doors::{CAMERA, DOORS, Doors, PAIRS, offer};
@@ -262,10 +262,13 @@ fn try_door(name: &str, count: u64) -> u64 {
         match catch_unwind(AssertUnwindSafe(|| offer(name, &bytes))) {
             Ok(true) => accepted += 1,
             Ok(false) => {}
-            Err(_) => panic!(
-                "{name}, input {number}: {:?}",
-                String::from_utf8_lossy(&bytes)
-            ),
+            Err(panic) => {
+                println!(
+                    "{name}, input {number}: {:?}",
+                    String::from_utf8_lossy(&bytes)
+                );
+                resume_unwind(panic);
+            }
         }
     }
     accepted

@@ -36,7 +36,7 @@ pub(crate) fn offer(name: &str, bytes: &[u8]) -> bool {
 
 /// All doors.
 pub(crate) const DOORS: &[Door] = &[
-    ("image", Doors::image),
+    ("image", |_, bytes| image(bytes)),
     ("records", Doors::records),
     ("matches", Doors::matches),
     ("plan", Doors::plan),
@@ -119,20 +119,6 @@ impl Doors {
         let path = self.at(name);
         fs::write(&path, bytes).expect("writable");
         path
-    }
-
-    fn image(&self, bytes: &[u8]) -> bool {
-        let Ok(image) = decode_gray(bytes) else {
-            return false;
-        };
-        let size = image.size();
-        assert_eq!(image.data().len(), size.area());
-        let header = format!("P5 {} {} 255\n", size.width, size.height);
-        let plain = [header.as_bytes(), image.data()].concat();
-        if size.area() > 0 {
-            assert!(decode_gray(&plain).is_ok_and(|again| again == image));
-        }
-        true
     }
 
     fn records(&self, bytes: &[u8]) -> bool {
@@ -291,6 +277,20 @@ impl Doors {
         let text = String::from_utf8_lossy(bytes);
         Manifest::parse(&self.at("matcher.toml"), &text, &["sift"]).is_ok()
     }
+}
+
+fn image(bytes: &[u8]) -> bool {
+    let Ok(image) = decode_gray(bytes) else {
+        return false;
+    };
+    let size = image.size();
+    assert_eq!(image.data().len(), size.area());
+    let header = format!("P5 {} {} 255\n", size.width, size.height);
+    let plain = [header.as_bytes(), image.data()].concat();
+    if size.area() > 0 {
+        assert!(decode_gray(&plain).is_ok_and(|again| again == image));
+    }
+    true
 }
 
 fn check_imported(imported: Option<Imported>) -> bool {
