@@ -1,15 +1,16 @@
 //! The paper in one command, on a castle of three small images.
 
-#[expect(dead_code, reason = "its data are folders as they are downloaded")]
 mod common;
 
 use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use common::matchbench;
+use common::{dataset, matchbench};
 
-const SIZE: (usize, usize) = (96, 72);
+/// Size of an image of the wall, and of the part that is taken of it.
+const WALL: (usize, usize) = (160, 120);
+const SIZE: (usize, usize) = (64, 48);
 
 fn paper(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = matchbench();
@@ -25,18 +26,18 @@ fn castle(data: &Path) {
     );
     fs::create_dir_all(&images).expect("writable");
     fs::create_dir_all(&cameras).expect("writable");
+    let wall = dataset(data, "wall", 3).join("Images");
     for frame in 0..3 {
+        let name = format!("{frame:04}.pgm");
+        let whole = fs::read(wall.join(&name)).expect("just written");
+        let rows = whole[whole.len() - WALL.0 * WALL.1..].chunks(WALL.0);
         let mut file = format!("P5 {} {} 255\n", SIZE.0, SIZE.1).into_bytes();
-        for y in 0..SIZE.1 {
-            for x in 0..SIZE.0 {
-                let patch = ((x + 5 * frame) / 6) * 7919 + (y / 5) * 104_729;
-                let grey = (patch ^ (patch >> 5)).wrapping_mul(2_654_435_761) >> 13;
-                file.push(40 + (grey % 170) as u8);
-            }
+        for row in rows.take(SIZE.1) {
+            file.extend_from_slice(&row[..SIZE.0]);
         }
-        fs::write(images.join(format!("{frame:04}.pgm")), file).expect("writable");
+        fs::write(images.join(name), file).expect("writable");
         let camera = format!(
-            "100 0 47.5\n0 100 35.5\n0 0 1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n{} 0 0\n{} {}\n",
+            "100 0 31.5\n0 100 23.5\n0 0 1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n{} 0 0\n{} {}\n",
             0.05 * frame as f64,
             SIZE.0,
             SIZE.1

@@ -155,6 +155,7 @@ mod tests {
             ("docs/tutorial.md", 8),
             ("docs/matchers.md", 9),
             ("docs/estimators.md", 2),
+            ("docs/paper.md", 4),
         ] {
             let text = std::fs::read_to_string(format!("{repository}/{page}"));
             let text = text.expect("it is part of the repository");

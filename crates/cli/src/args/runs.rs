@@ -108,8 +108,8 @@ pub(crate) struct RunArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 DATA holds what was downloaded, under the names that it has where it is published; --where lists it.
-What is there is imported, what is not is said and left out. OUT/index.html shows Tables 1 to 3 and Figures 1 to
-3 with the published numbers beside ours; tables/ and figures/ have each as a file, report/ the complete
+What is there is imported, what is not is said and left out. OUT/index.html shows Tables 1 to 3 and
+Figures 1 to 3 with the published numbers beside ours; tables/ and figures/ have each as a file, report/ the complete
 report, run/ the run, and paper.tex all of it for LaTeX. The same command goes on where it was stopped.
 
 --quick takes 60 pairs of each sequence, evenly spread, without GAIM, CODE and RepMatch, and times 10 pairs, into

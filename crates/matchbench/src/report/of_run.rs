@@ -133,6 +133,12 @@ pub fn content_of_run(
             Some(DatasetFacts::of_sequence(&dataset.path, sequence))
         })
         .collect();
+    // Of some pairs alone the portion cannot be told.
+    for summary in &mut content.summaries {
+        if let Some(facts) = (content.datasets.iter()).find(|facts| facts.name == summary.dataset) {
+            summary.portion = facts.portion;
+        }
+    }
     Ok((content, notes))
 }
 

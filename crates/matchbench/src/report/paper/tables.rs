@@ -94,7 +94,8 @@ pub(super) fn auc(content: &Content) -> Sheet {
             cells: cells.collect(),
         }
     };
-    let mut notes: Vec<String> = overview.footnote(title).into_iter().collect();
+    let estimators = overview.footnote(title);
+    let mut notes: Vec<String> = estimators.iter().map(|note| format!("{note}.")).collect();
     notes.push(
         "FREAK describes SURF's keypoints in the paper's text and SIFT's in its authors' program; both rows have \
          the published numbers beside them."
