@@ -12,7 +12,7 @@ use matchbench::cache::FeatureCache;
 use matchbench::config::Changes;
 use matchbench::estimators::{self, BuiltEstimator};
 use matchbench::external;
-use matchbench::records::{RunFolder, Settings};
+use matchbench::records::{KeepMatches, RunFolder, Settings};
 use matchbench::run::{Cancel, Contender, Outside, Run, RunSummary, pair_seed as seed_of_pair};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -81,7 +81,7 @@ pub(crate) fn run(
     repeat: NonZeroU32,
     limit: Option<usize>,
     time_budget_ms: Option<NonZeroU32>,
-    keep_matches: bool,
+    keep_matches: &str,
     retry_failed: bool,
     cache: Option<PathBuf>,
     threads: Option<NonZeroUsize>,
@@ -115,7 +115,15 @@ pub(crate) fn run(
             ..Settings::default()
         },
         cache: cache.clone(),
-        keep_matches,
+        keep_matches: match keep_matches {
+            "all" => KeepMatches::All,
+            "inliers" => KeepMatches::Inliers,
+            "none" => KeepMatches::None,
+            other => {
+                let expected = "keep_matches is \"all\", \"inliers\" or \"none\"";
+                return Err(value_error(format!("{expected}, not {other:?}")));
+            }
+        },
         retry_failed,
         ..Run::new(&datasets, &contenders, &out)
     };

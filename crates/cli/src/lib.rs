@@ -123,6 +123,7 @@ fn threads(command: &Command) -> Option<NonZeroUsize> {
         Command::Demo(args) => args.threads,
         Command::Run(args) => args.threads,
         Command::Paper(args) => args.threads,
+        Command::Work(args) => args.threads,
         Command::Tune(args) => args.threads,
         Command::Eval(args) => args.threads,
         Command::Report(args) => args.threads,
@@ -130,6 +131,8 @@ fn threads(command: &Command) -> Option<NonZeroUsize> {
         Command::Validate(args) => args.threads,
         // One pair, one thread, or nothing to share out.
         Command::Import(_)
+        | Command::Plan(_)
+        | Command::Merge(_)
         | Command::Show(_)
         | Command::Time(_)
         | Command::Export(_)
@@ -149,6 +152,9 @@ fn dispatch(command: &Command) -> anyhow::Result<Ending> {
         Command::Convert(args) => commands::convert::run(args),
         Command::Run(args) => commands::run::run(args),
         Command::Paper(args) => commands::paper::run(args),
+        Command::Plan(args) => commands::plan::run(args),
+        Command::Work(args) => commands::work::run(args),
+        Command::Merge(args) => commands::merge::run(args),
         Command::Tune(args) => commands::tune::run(args),
         Command::Eval(args) => commands::eval::run(args),
         Command::Report(args) => commands::report::run(args),

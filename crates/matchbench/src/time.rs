@@ -16,7 +16,7 @@ use rayon::ThreadPoolBuilder;
 
 use crate::memory;
 use crate::metrics::{PairResult, Quartiles, ResultSet, ResultsError, StageQuartiles, load_run};
-use crate::records::{FolderError, RunFolder, Settings, StageTimes};
+use crate::records::{FolderError, KeepMatches, RunFolder, Settings, StageTimes};
 use crate::run::{Cancel, Contender, Dataset, Run, RunError, Silent};
 
 /// Pairs that are run to warm up, and again at the end.
@@ -114,7 +114,7 @@ fn measure(
             limit: Some(pairs),
             ..Settings::default()
         },
-        keep_matches: false,
+        keep_matches: KeepMatches::None,
         ..Run::new(
             slice::from_ref(dataset),
             slice::from_ref(contender),

@@ -245,7 +245,7 @@ def run(
     repeat: int,
     limit: int | None,
     time_budget_ms: int | None,
-    keep_matches: bool,
+    keep_matches: str,
     retry_failed: bool,
     cache: _Path | None,
     threads: int | None,

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ._matchers import Matcher
 from ._native import Dataset, Estimator
@@ -47,7 +47,7 @@ def run(
     repeat: int = 1,
     limit: int | None = None,
     time_budget_ms: int | None = None,
-    keep_matches: bool = True,
+    keep_matches: Literal["all", "inliers", "none"] = "all",
     retry_failed: bool = False,
     cache: _Path | None = None,
     threads: int | None = None,
@@ -67,6 +67,9 @@ def run(
     in Python has "best". `settings` are as on the command line: ["sift.ratio=0.7"]. In tables, names come
     first, then matchers written in Python, then what `matcher(...)` returned. `progress` may be a function of
     (done, total, dataset, matcher).
+
+    `keep_matches` says which matches stay on disk, at 20 bytes each: "all" that were selected, from which
+    estimators that are added later start, the "inliers" of each estimator, or "none".
 
     Ctrl-C finishes the pairs in flight and is then raised; the same call goes on from there.
     """

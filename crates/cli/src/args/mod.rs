@@ -13,7 +13,8 @@ pub(crate) use results::{
     CompareArgs, EvalArgs, ExportArgs, FormatArg, PresetArg, ReportArgs, ScoredArgs,
 };
 pub(crate) use runs::{
-    CheckArgs, DemoArgs, MatchesArgs, PaperArgs, RunArgs, ShowArgs, TimeArgs, TuneArgs,
+    CheckArgs, ChoiceArgs, DemoArgs, MatchesArgs, MergeArgs, PaperArgs, PlanArgs, RunArgs,
+    ShowArgs, TimeArgs, TuneArgs, WorkArgs,
 };
 
 /// Which feature matcher should I use?
@@ -50,6 +51,12 @@ pub(crate) enum Command {
     Run(RunArgs),
     /// Run the paper again: its sequences and matchers, its tables and figures
     Paper(PaperArgs),
+    /// Cut a run into shards, for many machines
+    Plan(PlanArgs),
+    /// Do one shard of a plan; can be stopped and resumed at any time
+    Work(WorkArgs),
+    /// Make one run of all shards of a plan
+    Merge(MergeArgs),
     /// Choose a parameter of an estimator, on scenes other than those that will be reported
     Tune(TuneArgs),
     /// Score a run, or results in the format of the paper's authors
@@ -156,6 +163,7 @@ mod tests {
             ("docs/matchers.md", 9),
             ("docs/estimators.md", 2),
             ("docs/paper.md", 4),
+            ("docs/scale.md", 5),
         ] {
             let text = std::fs::read_to_string(format!("{repository}/{page}"));
             let text = text.expect("it is part of the repository");

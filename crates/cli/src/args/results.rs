@@ -80,7 +80,8 @@ The folder opens from disk without a network and can be mailed:
   tables/     scores.csv .json .md, auc.tex (the paper's Table 2), pairs.csv .parquet
   cite/       how a paper would say what was run, and the BibTeX of all papers that took part
 
-Pictures need the dataset where it was, and the matches of the run (not run with --no-matches).
+Pictures need the dataset where it was, and the matches of the run (not of one with --keep-matches none; with
+`inliers` they show these alone).
 
 Examples:
   matchbench report runs/first

@@ -3,7 +3,8 @@
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
+use matchbench::records::KeepMatches;
 
 use crate::threads::Threads;
 
@@ -56,22 +57,39 @@ pub(crate) struct RunArgs {
     pub matchers: Vec<String>,
     #[command(flatten)]
     pub files: MatchesArgs,
-    /// Pose estimators, separated by commas [default: the one that belongs to each matcher; best
-    /// for matches from files]
-    #[arg(long, value_name = "IDS", value_delimiter = ',')]
-    pub estimator: Vec<String>,
     /// Folder of the run; one that is there already is resumed, and may grow by datasets, matchers
     /// and estimators
     #[arg(long, value_name = "RUN")]
     pub out: Option<PathBuf>,
     #[command(flatten)]
     pub threads: Threads,
-    /// Only the first N pairs of each dataset
-    #[arg(long, value_name = "N")]
-    pub limit: Option<usize>,
+    #[command(flatten)]
+    pub choices: ChoiceArgs,
     /// Only N pairs of each dataset (of the first ones with --limit), evenly spread over them
     #[arg(long, value_name = "N")]
     pub sample: Option<usize>,
+    /// Folder of the feature cache [default: RUN/cache]
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
+    /// Do again whatever failed. Without it only that is tried again which another try may do better:
+    /// where a file could not be read, or a matcher from outside gave up
+    #[arg(long)]
+    pub retry_failed: bool,
+    /// Write RUN/report when done
+    #[arg(long)]
+    pub report: bool,
+}
+
+/// What decides about the records of a run, besides its datasets and matchers.
+#[derive(Debug, Args)]
+pub(crate) struct ChoiceArgs {
+    /// Pose estimators, separated by commas [default: the one that belongs to each matcher; best
+    /// for matches from files]
+    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    pub estimator: Vec<String>,
+    /// Only the first N pairs of each dataset
+    #[arg(long, value_name = "N")]
+    pub limit: Option<usize>,
     /// Root of all random choices [default: 0]
     #[arg(long, value_name = "S")]
     pub seed: Option<u64>,
@@ -89,20 +107,127 @@ pub(crate) struct RunArgs {
     /// (repeatable)
     #[arg(long, value_name = "FILE")]
     pub tuned: Vec<PathBuf>,
-    /// Folder of the feature cache [default: RUN/cache]
+    /// Which matches stay in RUN, at 20 bytes each [default: all]
+    #[arg(long, value_enum, value_name = "WHICH")]
+    pub keep_matches: Option<KeepArg>,
+    /// The same as --keep-matches none
+    #[arg(long, hide = true, conflicts_with = "keep_matches")]
+    pub no_matches: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+A plan is cut into shards, which any number of machines do in any order; merged, they are the run that
+one machine would have written, bit for bit but for the times.
+
+PLAN/plan.json says what is run (with a hash that every shard names) and which pairs belong to which
+shard: equally many to each, so chosen that few images are extracted by more than one.
+
+Examples:
+  matchbench plan castle office --matchers sift,orb --estimator best --shards 16 --out plans/both
+  matchbench work plans/both --shard 1       # on any machine; and 2 to 16
+  matchbench merge plans/both --out runs/both")]
+pub(crate) struct PlanArgs {
+    /// Dataset folders
+    #[arg(value_name = "DATASET", required = true)]
+    pub datasets: Vec<PathBuf>,
+    /// Matchers, separated by commas, or `all` (see `matchbench list matchers`); a path is the manifest of
+    /// a matcher from outside, which every machine must have at the same path
+    #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
+    pub matchers: Vec<String>,
+    #[command(flatten)]
+    pub choices: ChoiceArgs,
+    /// How many shards; several for each machine even out machines of different speed
+    #[arg(long, value_name = "N")]
+    pub shards: NonZeroU32,
+    /// Folder of the plan, in which the shards are written unless another place is asked for
+    #[arg(long, value_name = "PLAN")]
+    pub out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+A shard that was stopped or killed goes on with the same command; one that is done is left as it is. A
+folder of another plan is refused, and so are other datasets, matchers or versions than those planned.
+
+Machines with a shared folder need nothing else. Without one, copy PLAN to each machine, and the folders
+PLAN/shards/K back to one place, or name the copies to `matchbench merge`.
+
+Examples:
+  matchbench work plans/both --shard 3
+  matchbench work plans/both --shard 3 --data /local/castle --data /local/office --cache /tmp/features")]
+pub(crate) struct WorkArgs {
+    /// The folder of a plan, or its plan.json
+    #[arg(value_name = "PLAN")]
+    pub plan: PathBuf,
+    /// Which shard, from 1
+    #[arg(long, value_name = "K")]
+    pub shard: u32,
+    /// Folder of the shard [default: PLAN/shards/K]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// A dataset folder, where it is not where it was planned; all of them then (repeatable)
+    #[arg(long, value_name = "DATASET")]
+    pub data: Vec<PathBuf>,
+    /// Folder of the feature cache, which shards may share [default: PLAN/cache]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
-    /// Do not write the selected matches to RUN/matches (20 bytes each). Without them another
-    /// estimator starts from the features again, and the report shows no matches
-    #[arg(long)]
-    pub no_matches: bool,
-    /// Do again whatever failed. Without it only that is tried again which another try may do better:
-    /// where a file could not be read, or a matcher from outside gave up
+    #[command(flatten)]
+    pub threads: Threads,
+    /// Do again whatever failed, see `matchbench run`
     #[arg(long)]
     pub retry_failed: bool,
-    /// Write RUN/report when done
-    #[arg(long)]
-    pub report: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Shards that are missing or not done are named, and nothing is written before all are there. A shard that
+is there twice must have come to the same.
+
+Examples:
+  matchbench merge plans/both --out runs/both
+  matchbench merge plans/both node1/both node2/both --out runs/both")]
+pub(crate) struct MergeArgs {
+    /// The folder of a plan, or its plan.json
+    #[arg(value_name = "PLAN")]
+    pub plan: PathBuf,
+    /// Copies of that folder, or folders of shards, from other machines
+    #[arg(value_name = "COPY")]
+    pub copies: Vec<PathBuf>,
+    /// Folder of the run
+    #[arg(long, value_name = "RUN")]
+    pub out: PathBuf,
+}
+
+/// What `--keep-matches` takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum KeepArg {
+    /// All that were selected: another estimator starts from them, and the report draws them
+    All,
+    /// Those that agree with the estimated pose; another estimator starts from the features again
+    Inliers,
+    /// None; the report draws none, and another estimator starts from the features again
+    None,
+}
+
+impl ChoiceArgs {
+    /// Which matches stay on disk, if that is said.
+    pub(crate) fn kept(&self) -> Option<KeepMatches> {
+        if self.no_matches {
+            return Some(KeepMatches::None);
+        }
+        self.keep_matches.map(KeepMatches::from)
+    }
+}
+
+impl From<KeepArg> for KeepMatches {
+    fn from(keep: KeepArg) -> Self {
+        match keep {
+            KeepArg::All => Self::All,
+            KeepArg::Inliers => Self::Inliers,
+            KeepArg::None => Self::None,
+        }
+    }
 }
 
 #[derive(Debug, Args)]

@@ -72,17 +72,26 @@ fn write(
         .params
         .get("threshold_px")
         .and_then(serde_json::Value::as_f64);
-    let mut export = Export::of_run(sequence, &matches, &records, threshold.unwrap_or(1.0))?;
+    let threshold = threshold.unwrap_or(1.0);
+    let mut export = Export::of_run(sequence, &matches, &records, threshold)?;
+    let mut are_inliers = false;
+    if args.inliers.is_some() && export.pairs.is_empty() {
+        let inliers = run.inliers_of(&sequence.name, &matcher.id, &estimator.id)?;
+        export = Export::of_run(sequence, &inliers, &records, threshold)?;
+        are_inliers = true;
+    }
     ensure!(
         !export.pairs.is_empty(),
-        "{} holds no matches of `{}` on `{}`; run it without --no-matches",
+        "{} holds no matches of `{}` on `{}`; run it with --keep-matches all",
         args.run.display(),
         matcher.id,
         sequence.name
     );
     let mut folder = matcher.id.clone();
     if args.inliers.is_some() {
-        export = export.inliers_alone();
+        if !are_inliers {
+            export = export.inliers_alone();
+        }
         folder = format!("{folder}+{}", estimator.id);
     }
     let folder = args.out.join(folder).join(&sequence.name);

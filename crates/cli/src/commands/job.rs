@@ -1,18 +1,20 @@
 //! A run as it is asked for on the command line: with a progress bar, stopped by Ctrl-C.
 
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use matchbench::cache::FeatureCache;
 use matchbench::config::{Changes, ConfigError, UnknownName};
 use matchbench::external::Manifest;
-use matchbench::matchers;
-use matchbench::records::RunFolder;
-use matchbench::run::{Cancel, Dataset, RunSummary};
+use matchbench::matchers::{self, BuiltPointSource};
+use matchbench::records::{RunFolder, Settings, Tuned};
+use matchbench::run::{Cancel, Contender, Dataset, Outside, Run, RunSummary};
 use matchbench::study::{News, Prepared, Study};
 
 use super::matches::describe;
 use crate::Ending;
+use crate::args::ChoiceArgs;
 use crate::output::say;
 use crate::progress::{Bar, cancel_on_ctrl_c};
 
@@ -32,14 +34,19 @@ pub(crate) fn execute_until(study: &Study, cancel: &Cancel) -> Result<(Ending, P
     for error in &prepared.absent {
         say!("error: {error}");
     }
-    let bar = Bar::new();
-    let summary = prepared.run().execute(&bar, cancel);
-    bar.finish();
-    let ending = match tell(&summary?, &prepared.folder) {
+    let ending = match execute_run(&prepared.run(), cancel)? {
         Ending::Done if !prepared.absent.is_empty() => Ending::SomeFailed,
         ending => ending,
     };
     Ok((ending, prepared))
+}
+
+/// Does what is left of a run, until it is done or stopped, and says how it ended.
+pub(crate) fn execute_run(run: &Run<'_>, cancel: &Cancel) -> Result<Ending> {
+    let bar = Bar::new();
+    let summary = run.execute(&bar, cancel);
+    bar.finish();
+    Ok(tell(&summary?, run.folder))
 }
 
 /// Says what happens while a study is prepared.
@@ -62,6 +69,27 @@ pub(crate) fn open(folders: &[impl AsRef<Path>]) -> Result<Vec<Dataset>> {
     Ok(datasets.collect::<Result<_, _>>()?)
 }
 
+/// What decides about all tasks.
+pub(crate) fn settings(choices: &ChoiceArgs) -> Settings {
+    Settings {
+        seed: choices.seed.unwrap_or(0),
+        repetitions: choices.repeat.unwrap_or(NonZeroU32::MIN),
+        limit: choices.limit,
+        sample: None,
+        time_budget_ms: choices.time_budget,
+    }
+}
+
+/// The choices of tuning that are taken over, and all changes of parameters; what is set by hand comes
+/// last and wins.
+pub(crate) fn tuned(choices: &ChoiceArgs) -> Result<(Vec<Tuned>, Vec<String>)> {
+    let tuned = choices.tuned.iter().map(|path| Tuned::read(path));
+    let tuned = tuned.collect::<Result<Vec<_>, _>>()?;
+    let settings = tuned.iter().map(|tuned| tuned.setting.clone());
+    let settings = settings.chain(choices.set.iter().cloned()).collect();
+    Ok((tuned, settings))
+}
+
 /// What `--set` changes.
 pub(crate) fn changes(settings: &[String]) -> Result<Changes, ConfigError> {
     Changes::parse(settings)
@@ -77,6 +105,29 @@ pub(crate) fn check_names(names: &[String]) -> Result<(), UnknownName> {
 pub(crate) fn cache(asked: Option<&Path>, folder: &Path) -> FeatureCache {
     let default = || RunFolder::default_cache_at(folder);
     FeatureCache::new(asked.map_or_else(default, Path::to_path_buf))
+}
+
+/// The contenders of these names, manifests of matchers from outside among them, for a run in `folder`;
+/// and whether all could be started.
+pub(crate) fn contenders(
+    names: &[String],
+    sources: Vec<BuiltPointSource>,
+    estimators: &[String],
+    changes: &Changes,
+    folder: &Path,
+    cache: &FeatureCache,
+) -> Result<(Vec<Contender>, bool)> {
+    let outside = Outside {
+        logs: &folder.join("logs"),
+        cache,
+    };
+    let (contenders, absent) =
+        Contender::from_names(names, sources, estimators, changes, Some(&outside))?;
+    for error in &absent {
+        say!("error: {error}");
+    }
+    ensure!(!contenders.is_empty(), "no matcher could be started");
+    Ok((contenders, absent.is_empty()))
 }
 
 /// Says how a run ended.

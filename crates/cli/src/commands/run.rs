@@ -55,20 +55,20 @@ fn study(args: &RunArgs) -> Result<Study> {
             dataset.matchers = None;
         }
     }
-    if !args.estimator.is_empty() {
-        study.estimators.clone_from(&args.estimator);
+    if !args.choices.estimator.is_empty() {
+        study.estimators.clone_from(&args.choices.estimator);
     }
     study.matches.extend(matches::asked(&args.files)?);
     study.out = args.out.clone().or(study.out);
     study.cache = args.cache.clone().or(study.cache);
-    study.limit = args.limit.or(study.limit);
+    study.limit = args.choices.limit.or(study.limit);
     study.sample = args.sample.or(study.sample);
-    study.seed = args.seed.unwrap_or(study.seed);
-    study.repeat = args.repeat.unwrap_or(study.repeat);
-    study.time_budget = args.time_budget.or(study.time_budget);
-    study.set = study.set.with(changes(&args.set)?);
-    study.tuned.extend(args.tuned.iter().cloned());
-    study.keep_matches &= !args.no_matches;
+    study.seed = args.choices.seed.unwrap_or(study.seed);
+    study.repeat = args.choices.repeat.unwrap_or(study.repeat);
+    study.time_budget = args.choices.time_budget.or(study.time_budget);
+    study.set = study.set.with(changes(&args.choices.set)?);
+    study.tuned.extend(args.choices.tuned.iter().cloned());
+    study.keep_matches = args.choices.kept().unwrap_or(study.keep_matches);
     study.retry_failed = args.retry_failed;
     study.report |= args.report;
     Ok(study)

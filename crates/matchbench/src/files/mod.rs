@@ -20,5 +20,6 @@ pub(crate) use leftovers::{HELD, PREFIX, hold};
 pub use leftovers::{remove_leftovers, remove_leftovers_below};
 pub(crate) use names::check_name;
 pub use read::{open_file, read_file, read_text};
+pub(crate) use write::WholeFile;
 pub use write::write_whole;
 pub(crate) use write::{make_folder, sync_folder_of, write_new};

@@ -1,8 +1,10 @@
 //! Writing of whole files.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write};
+use std::fs::{self, File, Metadata, OpenOptions};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
 
 use super::calls::{Call, before, sync, write_all};
 use super::{PREFIX, hold};
@@ -16,12 +18,74 @@ use super::{PREFIX, hold};
 /// What the file system says, with the path named; if a folder is there, or a file that may not be
 /// written to.
 pub fn write_whole(path: &Path, contents: &[u8]) -> io::Result<()> {
-    write(path, contents).map_err(|error| {
-        io::Error::new(
-            error.kind(),
-            format!("cannot write {}: {error}", path.display()),
-        )
-    })
+    write(path, contents).map_err(named(path))
+}
+
+/// A file that is written bit by bit, and takes its place whole; see [`write_whole`]. One that is
+/// dropped before its end leaves nothing.
+#[derive(Debug)]
+pub(crate) struct WholeFile {
+    beside: BufWriter<NamedTempFile>,
+    /// Where it is to be.
+    path: PathBuf,
+    /// What is there.
+    earlier: Option<Metadata>,
+}
+
+impl WholeFile {
+    /// The beginning of a file at `path`.
+    ///
+    /// # Errors
+    /// As [`write_whole`].
+    pub(crate) fn create(path: &Path) -> io::Result<Self> {
+        let create = || {
+            let earlier = earlier(path)?.map(|(earlier, _)| earlier);
+            let path = followed(path)?;
+            let beside = BufWriter::new(beside(&path)?);
+            Ok(Self {
+                beside,
+                path,
+                earlier,
+            })
+        };
+        create().map_err(named(path))
+    }
+
+    /// Puts what was written into its place.
+    ///
+    /// # Errors
+    /// As [`write_whole`].
+    pub(crate) fn finish(self) -> io::Result<()> {
+        let Self {
+            beside,
+            path,
+            earlier,
+        } = self;
+        let finish = || {
+            let beside = beside
+                .into_inner()
+                .map_err(io::IntoInnerError::into_error)?;
+            put(beside, &path, earlier.as_ref())
+        };
+        finish().map_err(named(&path))
+    }
+}
+
+impl Write for WholeFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.beside.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.beside.flush()
+    }
+}
+
+fn named(path: &Path) -> impl FnOnce(io::Error) -> io::Error {
+    move |error| {
+        let message = format!("cannot write {}: {error}", path.display());
+        io::Error::new(error.kind(), message)
+    }
 }
 
 /// As [`write_whole`]; but where there is a file with other content, that is somebody's, and stays.
@@ -42,18 +106,28 @@ pub(crate) fn write_new(path: &Path, contents: &[u8]) -> io::Result<()> {
 }
 
 fn write(path: &Path, contents: &[u8]) -> io::Result<()> {
-    let earlier = match fs::metadata(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
-        metadata => Some(metadata?),
+    let earlier = match earlier(path)? {
+        Some((earlier, mut there)) if !earlier.is_file() => return there.write_all(contents),
+        earlier => earlier.map(|(earlier, _)| earlier),
     };
-    if let Some(earlier) = &earlier {
-        // A file that must not be written to must not be replaced either.
-        let mut there = OpenOptions::new().write(true).open(path)?;
-        if !earlier.is_file() {
-            return there.write_all(contents);
-        }
-    }
     let path = &followed(path)?;
+    let mut beside = beside(path)?;
+    write_all(beside.as_file_mut(), path, contents)?;
+    put(beside, path, earlier.as_ref())
+}
+
+/// What is at `path`, opened: a file that must not be written to must not be replaced either.
+fn earlier(path: &Path) -> io::Result<Option<(Metadata, File)>> {
+    let earlier = match fs::metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        metadata => metadata?,
+    };
+    let there = OpenOptions::new().write(true).open(path)?;
+    Ok(Some((earlier, there)))
+}
+
+/// An empty file in the folder of `path`, which is made if it is not there.
+fn beside(path: &Path) -> io::Result<NamedTempFile> {
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
@@ -65,10 +139,14 @@ fn write(path: &Path, contents: &[u8]) -> io::Result<()> {
     // Temporary files are private to their owner; this one becomes an ordinary file.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut beside = builder.tempfile_in(folder)?;
+    let beside = builder.tempfile_in(folder)?;
     hold(beside.as_file());
-    write_all(beside.as_file_mut(), path, contents)?;
-    if let Some(earlier) = &earlier {
+    Ok(beside)
+}
+
+/// Puts the file into the place of what was there earlier.
+fn put(beside: NamedTempFile, path: &Path, earlier: Option<&Metadata>) -> io::Result<()> {
+    if let Some(earlier) = earlier {
         keep_owner(beside.as_file(), earlier);
         beside.as_file().set_permissions(earlier.permissions())?;
     }

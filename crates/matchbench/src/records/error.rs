@@ -14,6 +14,15 @@ pub enum FolderError {
         /// The folder.
         folder: PathBuf,
     },
+    /// The folder is that of a run in parts, which is no run yet.
+    #[error(
+        "{} is the plan of shards and not that of a run; `matchbench merge` makes a run of them",
+        path.display()
+    )]
+    OfShards {
+        /// The plan.
+        path: PathBuf,
+    },
     /// The folder was written by a later program.
     #[error(
         "{} is of format {format}, and this program knows formats up to {known}; use a newer matchbench",

@@ -5,6 +5,7 @@
 //! | `plan.json` | the [`Plan`], with the version of this format |
 //! | `records/<dataset>/<matcher>+<estimator>.jsonl` | a [`RunRecord`] a line, see [`store`] |
 //! | `matches/<dataset>/<matcher>.bin` | selected matches, see [`matches`]; absent if they were not kept |
+//! | `inliers/<dataset>/<matcher>+<estimator>.bin` | their inliers, where these alone were kept |
 //! | `images/<dataset>.txt` | the content of the images that the records are of, see `images` |
 //! | `tuning.json` | a list of [`Tuned`], if settings were taken over from tuning |
 //! | `tuned.json` | a [`Tuned`], in the folder of a tuning |
@@ -153,6 +154,20 @@ impl RunFolder {
     /// If the file cannot be read, or is something else.
     pub fn matches_of(&self, dataset: &str, matcher: &str) -> Result<MatchesFile, StoreError> {
         MatchesFile::open(&matches::path(&self.path, dataset, matcher))
+    }
+
+    /// The inliers of one matcher with one estimator on one dataset; none where they were not kept.
+    ///
+    /// # Errors
+    /// As [`RunFolder::matches_of`].
+    pub fn inliers_of(
+        &self,
+        dataset: &str,
+        matcher: &str,
+        estimator: &str,
+    ) -> Result<MatchesFile, StoreError> {
+        let path = matches::inliers_path(&self.path, dataset, matcher, estimator);
+        MatchesFile::open(&path)
     }
 
     /// The settings that the run took over from tuning.
@@ -328,6 +343,8 @@ fn lock(folder: &Path) -> Result<Locks, FolderError> {
 #[derive(Deserialize)]
 struct FormatOf {
     format: Option<u64>,
+    /// What the plan of shards has and no other.
+    cut: Option<serde::de::IgnoredAny>,
 }
 
 fn read_plan(path: &Path) -> Result<Option<Plan>, FolderError> {
@@ -339,7 +356,10 @@ fn read_plan(path: &Path) -> Result<Option<Plan>, FolderError> {
         path: path.into(),
         reason: format!("not a plan ({error})"),
     };
-    let FormatOf { format } = serde_json::from_slice(&text).map_err(damaged)?;
+    let FormatOf { format, cut } = serde_json::from_slice(&text).map_err(damaged)?;
+    if cut.is_some() {
+        return Err(FolderError::OfShards { path: path.into() });
+    }
     match format {
         Some(format) if format > FORMAT.into() => Err(FolderError::Newer {
             path: path.into(),

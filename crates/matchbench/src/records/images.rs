@@ -80,6 +80,11 @@ impl ImageNotes {
         changed.map_or(Ok(()), Err)
     }
 
+    /// What is noted of each frame.
+    pub(crate) fn known(&self) -> &BTreeMap<u32, Hash> {
+        &self.known
+    }
+
     /// Whether the content of an image is known.
     pub(crate) fn is_noted(&self, frame: u32) -> bool {
         self.known.contains_key(&frame)

@@ -4,6 +4,9 @@
 //! They are what estimators start from, so another estimator costs only itself, and what a report
 //! draws. An entry is appended before the records that follow from it.
 //!
+//! Where [`KeepMatches::Inliers`] are kept alone they stand in `inliers/<dataset>/<matcher>+<estimator>.bin`,
+//! for the pairs with a pose: another estimator must not start from what one has chosen.
+//!
 //! All numbers are little-endian. The file begins with `mbmatch1`; an entry is
 //!
 //! | bytes | what |
@@ -23,17 +26,31 @@ use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::MatchedPoints;
 use nalgebra::Point2;
+use serde::{Deserialize, Serialize};
 
 use super::{Counts, StoreError};
 use crate::files::{Appender, open_file};
 
 /// First bytes of every file.
-const MAGIC: [u8; 8] = *b"mbmatch1";
+pub(super) const MAGIC: [u8; 8] = *b"mbmatch1";
 /// Number of matches of an entry that repeats the one before.
 const AS_BEFORE: u32 = u32::MAX;
-const HEADER: usize = 4 * 7;
+pub(super) const HEADER: usize = 4 * 7;
 const MATCH: usize = 4 * 5;
-const CHECKSUM: usize = 8;
+pub(super) const CHECKSUM: usize = 8;
+
+/// Which matches of a run stay on disk.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum KeepMatches {
+    /// All that were selected: other estimators start from them, reports draw them.
+    #[default]
+    All,
+    /// Those that agree with the pose of each estimator; reports draw them.
+    Inliers,
+    /// None.
+    None,
+}
 
 /// The matches of a pair that are left after the selection, as the estimators see them.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -62,6 +79,21 @@ impl SelectedMatches {
             ),
         }
     }
+
+    /// Those with these indices; what is none is left out.
+    pub(crate) fn of_indices(&self, indices: &[u32]) -> Self {
+        let mut chosen = Self {
+            counts: self.counts,
+            ..Self::default()
+        };
+        let MatchedPoints { a, b, ambiguity } = &self.points;
+        let indices = indices.iter().map(|&index| index as usize);
+        for index in indices.filter(|&index| index < a.len()) {
+            (chosen.points).push(a[index], b[index], ambiguity[index]);
+        }
+        chosen.counts.selected = u32::try_from(chosen.points.len()).unwrap_or(u32::MAX);
+        chosen
+    }
 }
 
 /// Whose matches: frames a and b, and the repetition.
@@ -86,6 +118,13 @@ pub fn path(run: &Path, dataset: &str, matcher: &str) -> PathBuf {
     run.join("matches")
         .join(dataset)
         .join(format!("{matcher}.bin"))
+}
+
+/// Where the inliers of one dataset, matcher and estimator stand in the folder of a `run`.
+pub fn inliers_path(run: &Path, dataset: &str, matcher: &str, estimator: &str) -> PathBuf {
+    run.join("inliers")
+        .join(dataset)
+        .join(format!("{matcher}+{estimator}.bin"))
 }
 
 impl MatchesFile {
@@ -248,6 +287,18 @@ fn entry_length(count: u32) -> usize {
     HEADER + matches * MATCH + CHECKSUM
 }
 
+/// Whose matches an entry with this header has, and the length of the entry in bytes.
+pub(super) fn key_and_length(header: &[u8; HEADER]) -> (MatchesKey, usize) {
+    let [a, b, repetition, .., count] = numbers(header);
+    ((a, b, repetition), entry_length(count))
+}
+
+/// Whether the checksum of a whole entry is that of its content.
+pub(super) fn is_sound(entry: &[u8]) -> bool {
+    (entry.split_last_chunk::<CHECKSUM>())
+        .is_some_and(|(content, stated)| blake3::hash(content).as_bytes()[..CHECKSUM] == *stated)
+}
+
 fn numbers(header: &[u8; HEADER]) -> [u32; 7] {
     let mut numbers = [0; 7];
     for (number, bytes) in numbers.iter_mut().zip(header.as_chunks().0) {
@@ -284,10 +335,10 @@ fn to_bytes((a, b, repetition): MatchesKey, matches: &SelectedMatches, same: boo
 }
 
 fn from_bytes(entry: &[u8]) -> Option<SelectedMatches> {
-    let (content, checksum) = entry.split_at(entry.len() - CHECKSUM);
-    if blake3::hash(content).as_bytes()[..CHECKSUM] != *checksum {
+    if !is_sound(entry) {
         return None;
     }
+    let content = &entry[..entry.len() - CHECKSUM];
     let (header, rows) = content.split_first_chunk()?;
     let [_, _, _, features_a, features_b, putative, selected] = numbers(header);
     let mut matches = SelectedMatches {

@@ -1,5 +1,6 @@
 //! What a run leaves behind: its folder ([`RunFolder`]), with the plan, one record per task, appended
-//! as soon as it is known, and the selected matches.
+//! as soon as it is known, and the selected matches. A run that many machines share is cut into
+//! [`shards`], each a run folder of its own, which are merged.
 
 pub mod authors;
 mod earlier_plans;
@@ -11,13 +12,15 @@ mod line;
 pub mod matches;
 mod plan;
 mod record;
+pub mod shards;
 pub mod store;
 mod tuned;
 
 pub use error::FolderError;
 pub use folder::{FORMAT, RunFolder, RunWriter};
-pub use matches::{MatchesFile, SelectedMatches};
-pub use plan::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, Settings};
+pub use matches::{KeepMatches, MatchesFile, SelectedMatches};
+pub use plan::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, Settings, ShardOf};
 pub use record::{Counts, MIN_MATCHES, MIN_SUPPORT, Outcome, RunRecord, StageTimes, Task};
+pub use shards::{ShardError, ShardPlan};
 pub use store::StoreError;
 pub use tuned::{Tuned, TunedOn};

@@ -29,6 +29,19 @@ pub struct Plan {
     pub datasets: Vec<DatasetPlan>,
     /// The matchers, in the order in which they are run on each dataset.
     pub matchers: Vec<MatcherPlan>,
+    /// Which part of a larger run this is, if it is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shard: Option<ShardOf>,
+}
+
+/// One part of a run that many machines share, see [`ShardPlan`](super::ShardPlan).
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShardOf {
+    /// Hash of the plan of all shards.
+    pub plan: String,
+    /// Its number, from 1.
+    pub number: u32,
 }
 
 impl Plan {

@@ -39,7 +39,8 @@ pub(super) fn sample(
         let images = thumbnails(sequence, &pairs);
         let mut of_dataset = Vec::new();
         for set in &sets {
-            let file = run.matches_of(name, &set.matcher)?;
+            let all = run.matches_of(name, &set.matcher)?;
+            let inliers = run.inliers_of(name, &set.matcher, &set.estimator)?;
             let shown: BTreeSet<_> = pairs.iter().map(|pair| (pair.a, pair.b)).collect();
             let mut outcomes = BTreeMap::new();
             run.for_each_of([name, &set.matcher, &set.estimator], |record| {
@@ -55,7 +56,9 @@ pub(super) fn sample(
                 let Some(outcome) = outcomes.get(&(pair.a, pair.b)) else {
                     continue;
                 };
-                let Some(selected) = file.read((pair.a, pair.b, 0))? else {
+                let key = (pair.a, pair.b, 0);
+                let file = if all.contains(key) { &all } else { &inliers };
+                let Some(selected) = file.read(key)? else {
                     continue;
                 };
                 let images = [Arc::clone(a), Arc::clone(b)];

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use crate::records::{FolderError, StoreError};
+use crate::records::{FolderError, ShardError, StoreError};
 
 /// Why a run cannot start or go on. What was recorded stays recorded.
 #[derive(Debug, thiserror::Error)]
@@ -13,6 +13,9 @@ pub enum RunError {
     /// The folder of the run cannot be opened, read or written.
     #[error(transparent)]
     Folder(#[from] FolderError),
+    /// It is not the part of a run that was planned.
+    #[error(transparent)]
+    Shard(#[from] ShardError),
     /// A source of matches will give no more.
     #[error("{id} has ended: {reason}")]
     SourceEnded {

@@ -78,7 +78,10 @@ pub fn evaluate(
         if outcomes.is_empty() {
             times.estimate = own.estimate;
         }
-        outcomes.push(outcome.unwrap_or_else(|reason| Broken::from(reason).outcome()));
+        outcomes.push(outcome.map_or_else(
+            |reason| Broken::from(reason).outcome(),
+            |judged| judged.outcome,
+        ));
     }
     Ok(Evaluation {
         features,

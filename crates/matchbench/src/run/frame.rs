@@ -36,6 +36,8 @@ pub(super) struct Extracted {
     /// How long the extraction took, if it was done: also the part of it, the detection, that an
     /// earlier matcher did.
     pub(super) seconds: Option<f64>,
+    /// The content of the image, where there are features: it is to be noted.
+    pub(super) hash: Option<blake3::Hash>,
 }
 
 impl FrameStage<'_> {
@@ -45,7 +47,7 @@ impl FrameStage<'_> {
     /// If the cache cannot be written, or the image is another than the run has worked with. An image
     /// that cannot be read is not an error.
     pub(super) fn extract(&self, index: u32, frame: &Frame) -> Result<Extracted, RunError> {
-        let mut seconds = None;
+        let (mut seconds, mut noted) = (None, None);
         let features = match read(&frame.image) {
             Err(reason) => Err(reason),
             Ok(file) => {
@@ -56,13 +58,15 @@ impl FrameStage<'_> {
                     Some(features) => Ok(features),
                     None => self.compute(frame, &file, key, &mut seconds)?,
                 };
-                if features.is_ok() {
-                    lock(self.images).note(index, &frame.image, hash)?;
-                }
+                noted = features.is_ok().then_some(hash);
                 features
             }
         };
-        Ok(Extracted { features, seconds })
+        Ok(Extracted {
+            features,
+            seconds,
+            hash: noted,
+        })
     }
 
     fn compute(

@@ -29,6 +29,7 @@ mod plan;
 mod progress;
 mod resident;
 mod seeds;
+mod shards;
 mod sourcing;
 #[cfg(test)]
 mod testing;
@@ -43,6 +44,7 @@ pub use frame::Decode;
 pub use observer::{Cancel, Observer, RunSummary, Silent};
 pub use plan::{check_turns, plan};
 pub use seeds::{estimation_seed, pair_seed, selection_seed};
+pub use shards::{Shard, images_of_one, plan_shards};
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -50,12 +52,14 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use crate::cache::FeatureCache;
-use crate::datasets::{DatasetError, Sequence, decode_gray};
+use crate::datasets::{DatasetError, Frame, Sequence, decode_gray};
 use crate::matchers::{BuiltMatcher, Source};
 use crate::memory;
 use crate::records::images::ImageNotes;
 use crate::records::store::{self, RecordWriter};
-use crate::records::{MatchesFile, RunFolder, RunRecord, RunWriter, Settings, StoreError, Tuned};
+use crate::records::{
+    KeepMatches, MatchesFile, RunFolder, RunRecord, RunWriter, Settings, StoreError, Tuned,
+};
 use frame::{FrameStage, lock};
 use ordered::each_in_order;
 use pair::{PairDone, PairStages};
@@ -119,13 +123,14 @@ pub struct Run<'a> {
     pub cache: FeatureCache,
     /// How an image file becomes pixels; [`decode`] serves well.
     pub decode: Decode,
-    /// Whether the selected matches are written into the folder, so that other estimators can
-    /// start from them and reports can draw them.
-    pub keep_matches: bool,
+    /// Which matches are written into the folder.
+    pub keep_matches: KeepMatches,
     /// How many bytes of features are kept in memory; [`Run::FEATURE_MEMORY`] serves well.
     pub feature_memory: usize,
     /// Whether all that failed is done again, and not only what another try may do better.
     pub retry_failed: bool,
+    /// The part that is done, where many machines share the run.
+    pub shard: Option<Shard<'a>>,
 }
 
 /// Pairs that are listed at a time: enough to keep what is in memory in use, few enough that millions
@@ -152,9 +157,10 @@ impl Run<'_> {
             folder,
             cache: FeatureCache::new(RunFolder::default_cache_at(folder)),
             decode,
-            keep_matches: true,
+            keep_matches: KeepMatches::All,
             feature_memory: Run::FEATURE_MEMORY,
             retry_failed: false,
+            shard: None,
         }
     }
 
@@ -171,15 +177,21 @@ impl Run<'_> {
         observer: &dyn Observer,
         cancel: &Cancel,
     ) -> Result<RunSummary, RunError> {
-        let plan = plan(self.datasets, self.contenders, self.settings)?;
+        let mut plan = plan(self.datasets, self.contenders, self.settings)?;
         (self.tuned.iter()).try_for_each(|tuned| tuned.check(&plan))?;
+        let part;
+        let mut datasets = self.datasets;
+        if let Some(shard) = self.shard {
+            (plan, part) = shard.of(plan, self.datasets)?;
+            datasets = &part;
+        }
         let folder = RunWriter::start(self.folder, plan)?;
         self.cache.remove_leftovers();
         if !self.tuned.is_empty() {
             folder.note_tuned(self.tuned)?;
         }
-        let progresses = self.progresses(&folder)?;
-        let images = self.images(&progresses, &folder)?;
+        let progresses = self.progresses(datasets, &folder)?;
+        let images = images(datasets, &progresses, &folder)?;
 
         let mut summary: RunSummary = progresses.iter().map(MatcherProgress::summary).sum();
         observer.on_plan(folder.folder().plan(), summary);
@@ -207,9 +219,13 @@ impl Run<'_> {
     }
 
     /// Each matcher on each dataset, and how far it has come.
-    fn progresses(&self, folder: &RunWriter) -> Result<Vec<MatcherProgress<'_>>, RunError> {
+    fn progresses<'p>(
+        &'p self,
+        datasets: &'p [Dataset],
+        folder: &RunWriter,
+    ) -> Result<Vec<MatcherProgress<'p>>, RunError> {
         let mut progresses = Vec::new();
-        for dataset in self.datasets {
+        for dataset in datasets {
             let sequence = &dataset.sequence;
             for contender in self.contenders {
                 if !dataset.runs(contender.source.id()) {
@@ -222,28 +238,6 @@ impl Run<'_> {
             }
         }
         Ok(progresses)
-    }
-
-    /// The images that earlier processes worked with on each dataset of which something is left to be
-    /// done; they must be the same still.
-    fn images(
-        &self,
-        progresses: &[MatcherProgress<'_>],
-        folder: &RunWriter,
-    ) -> Result<BTreeMap<&str, Mutex<ImageNotes>>, RunError> {
-        let mut images = BTreeMap::new();
-        for dataset in self.datasets {
-            let Sequence { name, frames, .. } = &dataset.sequence;
-            let is_left = |progress: &MatcherProgress<'_>| {
-                progress.sequence.name == *name && !progress.is_done()
-            };
-            if progresses.iter().any(is_left) {
-                let notes = folder.images_of(name)?;
-                notes.verify(|frame| Some(&*frames.get(frame as usize)?.image))?;
-                images.insert(&**name, Mutex::new(notes));
-            }
-        }
-        Ok(images)
     }
 
     /// Does what is left of one matcher on one dataset: first, what failed and may do better now, whose records take the
@@ -265,7 +259,11 @@ impl Run<'_> {
             observer.on_record(record);
         };
         let kept = Kept {
-            matches: self.keep_matches.then(&matches_of).transpose()?,
+            matches: (self.keep_matches == KeepMatches::All)
+                .then(&matches_of)
+                .transpose()?,
+            inliers: self.inliers_files(progress, folder)?,
+            frames: &progress.sequence.frames,
             images,
             synced: Instant::now(),
         };
@@ -277,6 +275,7 @@ impl Run<'_> {
                 root: self.settings.seed,
                 time_budget: self.time_budget(),
                 images,
+                keep: self.keep_matches,
             },
             stored: matches_of()?,
             observer,
@@ -323,6 +322,22 @@ impl Run<'_> {
         done
     }
 
+    /// The files of inliers, one for each estimator, if these are kept.
+    fn inliers_files(
+        &self,
+        progress: &MatcherProgress<'_>,
+        folder: &RunWriter,
+    ) -> Result<Vec<MatchesFile>, RunError> {
+        if self.keep_matches != KeepMatches::Inliers {
+            return Ok(Vec::new());
+        }
+        let (dataset, matcher) = (&progress.sequence.name, progress.contender.source.id());
+        let estimators = progress.contender.estimators.iter();
+        let open =
+            |variant: &Variant| (folder.folder()).inliers_of(dataset, matcher, &variant.name);
+        Ok(estimators.map(open).collect::<Result<_, _>>()?)
+    }
+
     fn time_budget(&self) -> Option<Duration> {
         let milliseconds = self.settings.time_budget_ms?;
         Some(Duration::from_millis(milliseconds.get().into()))
@@ -333,6 +348,9 @@ impl Run<'_> {
 struct Kept<'a> {
     /// The selected matches, if they are kept.
     matches: Option<MatchesFile>,
+    /// The inliers of each estimator, if these are kept.
+    inliers: Vec<MatchesFile>,
+    frames: &'a [Frame],
     images: &'a Mutex<ImageNotes>,
     synced: Instant,
 }
@@ -340,8 +358,14 @@ struct Kept<'a> {
 impl Kept<'_> {
     /// Keeps what records follow from that are written next.
     fn keep(&mut self, done: &PairDone) -> Result<(), RunError> {
+        for &(frame, hash) in &done.images {
+            lock(self.images).note(frame, &self.frames[frame as usize].image, hash)?;
+        }
         // Seldom: once for each image.
         lock(self.images).sync()?;
+        for (estimator, key, inliers) in &done.inliers {
+            self.inliers[*estimator].append(*key, inliers)?;
+        }
         if let Some(file) = &mut self.matches {
             for (key, matches) in &done.matches {
                 file.append(*key, matches)?;
@@ -358,7 +382,7 @@ impl Kept<'_> {
     /// To be followed by the records.
     fn sync(&mut self) -> Result<(), StoreError> {
         self.synced = Instant::now();
-        self.matches.as_mut().map_or(Ok(()), MatchesFile::sync)
+        (self.matches.iter_mut().chain(&mut self.inliers)).try_for_each(MatchesFile::sync)
     }
 }
 
@@ -373,6 +397,27 @@ impl Retried<'_> {
         self.kept.sync()?;
         (self.replacements.iter_mut()).try_for_each(Replacement::write)
     }
+}
+
+/// The images that earlier processes worked with on each dataset of which something is left to be
+/// done; they must be the same still.
+fn images<'d>(
+    datasets: &'d [Dataset],
+    progresses: &[MatcherProgress<'_>],
+    folder: &RunWriter,
+) -> Result<BTreeMap<&'d str, Mutex<ImageNotes>>, RunError> {
+    let mut images = BTreeMap::new();
+    for dataset in datasets {
+        let Sequence { name, frames, .. } = &dataset.sequence;
+        let is_left =
+            |progress: &MatcherProgress<'_>| progress.sequence.name == *name && !progress.is_done();
+        if progresses.iter().any(is_left) {
+            let notes = folder.images_of(name)?;
+            notes.verify(|frame| Some(&*frames.get(frame as usize)?.image))?;
+            images.insert(&**name, Mutex::new(notes));
+        }
+    }
+    Ok(images)
 }
 
 /// Work of one matcher on one dataset.
@@ -439,6 +484,11 @@ impl Work<'_> {
                 &missing,
                 |&frame| Ok((frame, frame_stage.extract(frame, &frames[frame as usize])?)),
                 |(frame, features)| {
+                    // In order, so that the notes are the same for any number of threads.
+                    if let Some(hash) = features.hash {
+                        let image = &frames[frame as usize].image;
+                        lock(self.stages.images).note(frame, image, hash)?;
+                    }
                     self.observer.on_frame(frame, features.seconds.is_some());
                     resident.insert(frame, features);
                     Ok(())

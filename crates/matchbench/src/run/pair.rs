@@ -23,7 +23,9 @@ use crate::datasets::Pair;
 use crate::matchers::{BuiltMatcher, BuiltPointSource, ImageFiles};
 use crate::records::images::ImageNotes;
 use crate::records::matches::MatchesKey;
-use crate::records::{Counts, MatchesFile, RunRecord, SelectedMatches, StageTimes, StoreError};
+use crate::records::{
+    Counts, KeepMatches, MatchesFile, Outcome, RunRecord, SelectedMatches, StageTimes, StoreError,
+};
 
 /// The stages that are done once per pair.
 pub(super) struct PairStages<'a> {
@@ -35,6 +37,8 @@ pub(super) struct PairStages<'a> {
     pub(super) time_budget: Option<Duration>,
     /// The images that the records of the run are of.
     pub(super) images: &'a Mutex<ImageNotes>,
+    /// Which matches are handed over.
+    pub(super) keep: KeepMatches,
 }
 
 /// What is known of a pair after the search.
@@ -50,8 +54,12 @@ struct Searched<'a> {
 pub(super) struct PairDone {
     /// The records of the tasks that were due, each with the index of its estimator.
     pub(super) records: Vec<(usize, RunRecord)>,
-    /// The selected matches of each repetition that was computed.
+    /// The selected matches of each repetition that was computed, if all are kept.
     pub(super) matches: Vec<(MatchesKey, SelectedMatches)>,
+    /// The inliers of each pose that was estimated, with the index of its estimator, if these are kept.
+    pub(super) inliers: Vec<(usize, MatchesKey, SelectedMatches)>,
+    /// The images that a source read, which are to be noted, and their content.
+    pub(super) images: Vec<(u32, blake3::Hash)>,
 }
 
 impl PairDone {
@@ -60,13 +68,8 @@ impl PairDone {
         Self {
             records: Vec::with_capacity(tasks),
             matches: Vec::new(),
-        }
-    }
-
-    /// Keeps the matches of a repetition that was computed.
-    fn keep(&mut self, pair: &Pair, repetition: u32, selected: Result<SelectedMatches, Broken>) {
-        if let Ok(matches) = selected {
-            self.matches.push(((pair.a, pair.b, repetition), matches));
+            inliers: Vec::new(),
+            images: Vec::new(),
         }
     }
 }
@@ -94,7 +97,7 @@ impl PairStages<'_> {
             // Whoever comes next finds these results ready, and so without a time.
             let times = mem::take(&mut times);
             self.estimate_all(job.pair, due, &selected, counts, times, &mut done);
-            done.keep(job.pair, repetition, selected);
+            self.keep(job.pair, repetition, selected, &mut done);
         }
         done
     }
@@ -102,7 +105,7 @@ impl PairStages<'_> {
     /// Does all tasks that are due of a pair of images that a `source` matches.
     ///
     /// # Errors
-    /// If the source ended, or an image is another than the run has worked with.
+    /// If the source ended, or an image that it reads is another than the run has worked with.
     pub(super) fn source(
         &self,
         source: &BuiltPointSource,
@@ -127,11 +130,9 @@ impl PairStages<'_> {
             // Beside the times of the same record.
             done.records[first].1.device = device;
             if selected.is_ok() {
-                for (frame, hash) in &hashes {
-                    lock(self.images).note(*frame, image(*frame), *hash)?;
-                }
+                done.images.clone_from(&hashes);
             }
-            done.keep(pair, repetition, selected);
+            self.keep(pair, repetition, selected, &mut done);
         }
         Ok(done)
     }
@@ -189,8 +190,15 @@ impl PairStages<'_> {
         for due in due {
             let variant = &self.progress.contender.estimators[due.estimator];
             let outcome = (selected.as_ref().map_err(Clone::clone)).and_then(|selected| {
-                let outcome = trial.evaluate(&selected.points, &variant.estimator, &mut times);
-                outcome.map_err(Broken::from)
+                let judged = trial.evaluate(&selected.points, &variant.estimator, &mut times)?;
+                if self.keep == KeepMatches::Inliers
+                    && matches!(judged.outcome, Outcome::Pose { .. })
+                {
+                    let key = (pair.a, pair.b, due.repetition);
+                    let inliers = selected.of_indices(&judged.inliers);
+                    done.inliers.push((due.estimator, key, inliers));
+                }
+                Ok::<_, Broken>(judged.outcome)
             });
             let record = RunRecord {
                 task: self.progress.task(pair, &variant.name, due.repetition),
@@ -200,6 +208,19 @@ impl PairStages<'_> {
                 device: None,
             };
             done.records.push((due.estimator, record));
+        }
+    }
+
+    /// Keeps the matches of a repetition that was computed.
+    fn keep(
+        &self,
+        pair: &Pair,
+        repetition: u32,
+        selected: Result<SelectedMatches, Broken>,
+        done: &mut PairDone,
+    ) {
+        if let (KeepMatches::All, Ok(matches)) = (self.keep, selected) {
+            done.matches.push(((pair.a, pair.b, repetition), matches));
         }
     }
 

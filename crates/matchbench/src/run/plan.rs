@@ -52,6 +52,7 @@ pub fn plan(
             .map(|dataset| dataset_plan(dataset, contenders))
             .collect(),
         matchers: contenders.iter().map(matcher_plan).collect(),
+        shard: None,
     })
 }
 

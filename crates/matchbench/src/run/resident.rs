@@ -182,6 +182,7 @@ mod tests {
         Extracted {
             features: Ok(features),
             seconds: Some(0.5),
+            hash: None,
         }
     }
 

@@ -3,6 +3,7 @@
 mod again;
 mod faults;
 mod outside;
+mod shards;
 mod share;
 
 use std::fs;

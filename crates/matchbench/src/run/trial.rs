@@ -31,6 +31,20 @@ pub(super) struct Trial<'a> {
     pub(super) time_budget: Option<Duration>,
 }
 
+/// What an estimator came to.
+pub(super) struct Judged {
+    pub(super) outcome: Outcome,
+    /// The indices of the matches that agree with the pose; none where there is no pose.
+    pub(super) inliers: Vec<u32>,
+}
+
+impl From<Outcome> for Judged {
+    fn from(outcome: Outcome) -> Self {
+        let inliers = Vec::new();
+        Self { outcome, inliers }
+    }
+}
+
 impl Trial<'_> {
     /// One estimator on the matched points, compared with the truth.
     ///
@@ -41,12 +55,12 @@ impl Trial<'_> {
         points: &MatchedPoints,
         estimator: &BuiltEstimator,
         times: &mut StageTimes,
-    ) -> Result<Outcome, String> {
+    ) -> Result<Judged, String> {
         let found = points.len();
         if found < MIN_MATCHES {
             let needed = MIN_MATCHES;
             let reason = NoPose::TooFewMatches { found, needed };
-            return Ok(Outcome::NoPose { reason });
+            return Ok(Outcome::NoPose { reason }.into());
         }
         let [camera_a, camera_b] = self.cameras;
         let views = TwoViews {
@@ -69,22 +83,24 @@ impl Trial<'_> {
             })
         })?;
         let estimate = match estimated {
-            Err(reason) => return Ok(Outcome::NoPose { reason }),
+            Err(reason) => return Ok(Outcome::NoPose { reason }.into()),
             Ok(estimate) => estimate,
         };
         if estimate.support < MIN_SUPPORT {
             let (found, needed) = (estimate.support, MIN_SUPPORT);
             let reason = NoPose::NoSupport { found, needed };
-            return Ok(Outcome::NoPose { reason });
+            return Ok(Outcome::NoPose { reason }.into());
         }
         guard(what, || {
-            Ok::<_, MatcherError>(Outcome::judged(
+            let outcome = Outcome::judged(
                 &estimate.b_from_a,
                 self.b_from_a,
                 count(estimate.inliers.len()),
                 count(estimate.support),
                 count(estimate.iterations),
-            ))
+            );
+            let inliers = estimate.inliers;
+            Ok::<_, MatcherError>(Judged { outcome, inliers })
         })
     }
 }

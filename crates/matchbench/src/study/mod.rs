@@ -35,7 +35,7 @@ use serde::Deserialize;
 
 use crate::config::Changes;
 use crate::datasets::{DatasetError, ImportOptions, PairRule, import_once};
-use crate::records::Settings;
+use crate::records::{KeepMatches, Settings};
 
 pub use error::StudyError;
 pub use prepare::{News, Prepared};
@@ -69,8 +69,8 @@ pub struct Study {
     pub tuned: Vec<PathBuf>,
     /// The folder of the feature cache. Default: `cache` in that of the run.
     pub cache: Option<PathBuf>,
-    /// Whether the selected matches are kept. Default: true.
-    pub keep_matches: bool,
+    /// Which matches are kept: `all`, `inliers` or `none`. Default: all.
+    pub keep_matches: KeepMatches,
     /// Whether the report is written when all is done. Default: false.
     pub report: bool,
     /// Whether all that failed is done again. No run file says so: it is asked for once.
@@ -97,7 +97,7 @@ impl Default for Study {
             set: Changes::default(),
             tuned: Vec::new(),
             cache: None,
-            keep_matches: true,
+            keep_matches: KeepMatches::All,
             report: false,
             retry_failed: false,
             datasets: Vec::new(),

@@ -10,8 +10,8 @@ use crate::datasets::ImportReport;
 use crate::exchange::{Format, MatchSource, ReadOptions};
 use crate::external::{Manifest, StartError};
 use crate::matchers::{self, BuiltPointSource, MATCHERS};
-use crate::records::{RunFolder, Settings, Tuned};
-use crate::run::{Contender, ContenderError, Dataset, Outside, Run, decode, manifest};
+use crate::records::{KeepMatches, RunFolder, Settings, Tuned};
+use crate::run::{Contender, ContenderError, Dataset, Outside, Run, manifest};
 
 /// A study whose datasets are open and whose matchers are ready.
 pub struct Prepared {
@@ -26,7 +26,7 @@ pub struct Prepared {
     settings: Settings,
     tuned: Vec<Tuned>,
     cache: FeatureCache,
-    keep_matches: bool,
+    keep_matches: KeepMatches,
     retry_failed: bool,
 }
 
@@ -42,16 +42,12 @@ impl Prepared {
     /// The run.
     pub fn run(&self) -> Run<'_> {
         Run {
-            datasets: &self.datasets,
-            contenders: &self.contenders,
             settings: self.settings,
             tuned: &self.tuned,
-            folder: &self.folder,
             cache: self.cache.clone(),
-            decode,
             keep_matches: self.keep_matches,
-            feature_memory: Run::FEATURE_MEMORY,
             retry_failed: self.retry_failed,
+            ..Run::new(&self.datasets, &self.contenders, &self.folder)
         }
     }
 }

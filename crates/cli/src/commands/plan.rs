@@ -1,0 +1,94 @@
+//! `matchbench plan`: a run, cut into shards for many machines.
+
+use std::io::Write;
+use std::path::{Path, absolute};
+
+use anyhow::{Result, ensure};
+use matchbench::external::Manifest;
+use matchbench::records::ShardPlan;
+use matchbench::records::shards::{Asked, Part};
+use matchbench::run::{images_of_one, plan_shards};
+
+use super::job::{cache, changes, check_names, contenders, open, settings, tuned};
+use crate::Ending;
+use crate::args::PlanArgs;
+use crate::output::stdout;
+
+pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
+    let (tuned, changed) = tuned(&args.choices)?;
+    check_names(&args.matchers)?;
+    let datasets = open(&args.datasets)?;
+    let asked = Asked {
+        matchers: args.matchers.iter().map(from_anywhere).collect(),
+        estimators: args.choices.estimator.clone(),
+        settings: changed,
+    };
+    let (contenders, all_started) = contenders(
+        &asked.matchers,
+        Vec::new(),
+        &asked.estimators,
+        &changes(&asked.settings)?,
+        &args.out,
+        &cache(None, &args.out),
+    )?;
+    ensure!(
+        all_started,
+        "every matcher must start here, since its version and parameters belong to the plan"
+    );
+    let settings = settings(&args.choices);
+    let plan = plan_shards(
+        &datasets,
+        &contenders,
+        settings,
+        args.shards.get(),
+        asked,
+        args.choices.kept().unwrap_or_default(),
+        &tuned,
+    )?;
+    plan.write(&args.out)?;
+    tell(&plan, images_of_one(&datasets, settings), &args.out)?;
+    Ok(Ending::Done)
+}
+
+/// A manifest by a path that leads to it from every folder; any other name as it is.
+fn from_anywhere(name: &String) -> String {
+    let path = Manifest::is_path(name)
+        .then(|| absolute(name).ok())
+        .flatten();
+    let path = path.and_then(|path| path.into_os_string().into_string().ok());
+    path.unwrap_or_else(|| name.clone())
+}
+
+fn tell(plan: &ShardPlan, of_one: u64, folder: &Path) -> Result<()> {
+    let parts = &plan.cut().parts;
+    let range = |count: fn(&Part) -> u64| {
+        let counts = parts.iter().map(count);
+        let (least, most) = (counts.clone().min(), counts.max());
+        let (least, most) = (least.unwrap_or(0), most.unwrap_or(0));
+        if least == most {
+            least.to_string()
+        } else {
+            format!("{least} to {most}")
+        }
+    };
+    let images: u64 = parts.iter().map(|part| part.images).sum();
+    let mut out = stdout();
+    let (shards, folder) = (plan.shards(), folder.display());
+    writeln!(
+        out,
+        "{shards} shards, each of {} pairs and {} images",
+        range(|part| part.pairs),
+        range(|part| part.images)
+    )?;
+    writeln!(
+        out,
+        "{images} extractions in all for each matcher, {of_one} on one machine ({:.2} times as many)",
+        images as f64 / of_one.max(1) as f64
+    )?;
+    writeln!(
+        out,
+        "\nNext: matchbench work {folder} --shard K, on any machine, for each K from 1 to {shards}"
+    )?;
+    writeln!(out, "Then: matchbench merge {folder} --out RUN")?;
+    Ok(())
+}

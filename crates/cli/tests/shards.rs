@@ -1,0 +1,201 @@
+//! A plan, its shards and their merging, as they are typed; and the script for Slurm, whose body is run
+//! as an array of jobs runs it.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use common::{dataset, matchbench};
+
+fn done(command: &mut Command) -> Output {
+    let output = command.output().expect("the program starts");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{command:?}: {said}");
+    output
+}
+
+/// The files of a run but for those that are not results, and records without their times.
+fn results(run: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![run.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).expect("it is ours") {
+            let path = entry.expect("it can be listed").path();
+            let inside = path.strip_prefix(run).expect("inside").to_path_buf();
+            if ["cache", ".lock"]
+                .iter()
+                .any(|other| inside.starts_with(other))
+            {
+                continue;
+            }
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            let mut bytes = fs::read(&path).expect("readable");
+            if inside.starts_with("records") {
+                let text = String::from_utf8(bytes).expect("JSON");
+                let records = text.lines().map(|line| {
+                    let mut record: serde_json::Value = serde_json::from_str(line).expect("JSON");
+                    let record = record.as_object_mut().expect("a record");
+                    record.remove("times");
+                    record.remove("check");
+                    serde_json::to_string(record).expect("JSON") + "\n"
+                });
+                bytes = records.collect::<String>().into_bytes();
+            }
+            found.insert(inside, bytes);
+        }
+    }
+    found
+}
+
+/// A folder with two datasets, a run of both, and a plan of it in so many shards.
+fn planned(shards: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| folder.path().join(name);
+    let datasets = [
+        dataset(folder.path(), "wall", 8),
+        dataset(folder.path(), "other", 5),
+    ];
+    let what = [
+        "--matchers",
+        "sift,orb",
+        "--estimator",
+        "ransac-e,best",
+        "--repeat",
+        "2",
+    ];
+    done(
+        matchbench()
+            .arg("run")
+            .args(&datasets)
+            .args(what)
+            .arg("--out")
+            .arg(at("single")),
+    );
+    let plan = || {
+        let mut plan = matchbench();
+        plan.arg("plan").args(&datasets).args(what);
+        plan.args(["--shards", shards, "--out"]).arg(at("plan"));
+        plan
+    };
+    let output = done(&mut plan());
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains("13 on one machine"), "{said}");
+    done(&mut plan()); // the same plan again is no other plan
+    let refused = plan().args(["--seed", "7"]).output().expect("it ran");
+    assert_eq!(refused.status.code(), Some(1));
+    folder
+}
+
+#[test]
+fn the_script_for_slurm_does_what_one_machine_does() {
+    let folder = planned("3");
+    let at = |name: &str| folder.path().join(name);
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/scale/slurm.sh");
+    let program = Path::new(env!("CARGO_BIN_EXE_matchbench"))
+        .parent()
+        .expect("a folder");
+    let path = format!(
+        "{}:{}",
+        program.display(),
+        std::env::var("PATH").unwrap_or_default()
+    );
+    if Command::new("bash").arg("--version").output().is_err() {
+        return; // no shell, no Slurm
+    }
+    for task in ["3", "1"] {
+        let mut job = Command::new("bash");
+        job.arg(&script).arg(at("plan")).env("PATH", &path);
+        done(
+            job.env("SLURM_ARRAY_TASK_ID", task)
+                .env("SLURM_CPUS_PER_TASK", "2"),
+        );
+    }
+    let merge = || {
+        let mut merge = matchbench();
+        merge
+            .arg("merge")
+            .arg(at("plan"))
+            .arg("--out")
+            .arg(at("merged"));
+        merge
+    };
+    let gap = merge().output().expect("it ran");
+    let said = String::from_utf8_lossy(&gap.stderr).into_owned();
+    assert_eq!(gap.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("2 (not begun)") && !at("merged").exists(),
+        "{said}"
+    );
+    let mut job = Command::new("bash");
+    job.arg(&script).arg(at("plan")).env("PATH", &path);
+    done(
+        job.env("SLURM_ARRAY_TASK_ID", "2")
+            .env_remove("SLURM_CPUS_PER_TASK"),
+    );
+    done(&mut merge());
+    assert!(results(&at("merged")) == results(&at("single")));
+    done(matchbench().arg("eval").arg(at("merged")));
+}
+
+#[test]
+fn a_killed_shard_goes_on_and_copied_folders_serve() {
+    let folder = planned("2");
+    let at = |name: &str| folder.path().join(name);
+    // Another machine: a copy of the plan, the datasets at another place.
+    fs::create_dir_all(at("node/data")).expect("writable");
+    fs::copy(at("plan/plan.json"), at("node/plan.json")).expect("writable");
+    for name in ["wall", "other"] {
+        fs::rename(at(name), at("node/data").join(name)).expect("writable");
+    }
+    let lost = (matchbench()
+        .arg("work")
+        .arg(at("plan"))
+        .args(["--shard", "1"])
+        .output())
+    .expect("it ran");
+    let said = String::from_utf8_lossy(&lost.stderr).into_owned();
+    assert!(
+        lost.status.code() == Some(1) && said.contains("--data"),
+        "{said}"
+    );
+    let work = |place: &str, shard: &str| {
+        let mut work = matchbench();
+        work.arg("work")
+            .arg(at(place))
+            .args(["--shard", shard, "--threads", "1"]);
+        for name in ["other", "wall"] {
+            work.arg("--data").arg(at("node/data").join(name));
+        }
+        work
+    };
+    let records = at("node/shards/2/records");
+    let mut child = work("node", "2").spawn().expect("the program starts");
+    let patience = Instant::now() + Duration::from_secs(60);
+    let begun = |folder: &Path| folder.is_dir() && !results(folder).values().all(Vec::is_empty);
+    while !begun(&records) {
+        assert!(Instant::now() < patience, "no record within a minute");
+        sleep(Duration::from_millis(1));
+    }
+    child.kill().expect("it can be killed");
+    child.wait().expect("it ended");
+    done(&mut work("node", "2"));
+    let again = done(&mut work("node", "2"));
+    let said = String::from_utf8_lossy(&again.stderr).into_owned();
+    assert!(said.contains("earlier"), "{said}");
+    done(work("plan", "1").arg("--out").arg(at("elsewhere")));
+    let mut merge = matchbench();
+    merge
+        .arg("merge")
+        .arg(at("plan/plan.json"))
+        .args([at("node"), at("elsewhere")]);
+    done(merge.arg("--out").arg(at("merged")));
+    assert!(results(&at("merged")) == results(&at("single")));
+}

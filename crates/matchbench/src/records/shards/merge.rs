@@ -1,0 +1,365 @@
+//! From the folders of all shards to that of one run.
+//!
+//! Every file is read from its beginning to its end and written the same way, in the order of the pairs;
+//! what is held is the cut, a line and an entry of matches, and a number for each image. Nothing is
+//! written before all shards are known to be done, and a file only takes its place whole, so that
+//! merging again does no harm.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::super::images::ImageNotes;
+use super::super::matches::{self, MAGIC};
+use super::super::{
+    DatasetPlan, EstimatorPlan, KeepMatches, MIN_MATCHES, MatcherPlan, Outcome, RunRecord,
+    RunWriter, Task, store,
+};
+use super::entry_file::EntryFile;
+use super::folders::gather;
+use super::record_file::RecordFile;
+use super::{PairsHash, ShardError, ShardPlan, Stretches};
+use crate::files::WholeFile;
+
+/// Most shards whose files are open at a time: two files each, and systems allow some 256.
+const MOST_OPEN: usize = 64;
+
+/// What was merged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Merged {
+    /// Tasks, all of them recorded.
+    pub tasks: u64,
+    /// Those that failed.
+    pub failed: u64,
+}
+
+/// Merges the shards of a `plan`, whose folder is `home`, into a run in the folder `out`: the same records,
+/// matches, notes of images and plan that one machine would have written, but for the times. Shards that
+/// were worked elsewhere are looked for in `copies`, each a copy of `home` or the folder of a shard.
+///
+/// # Errors
+/// If a shard is missing, not done, not of this plan, damaged, or there twice with different results;
+/// if `out` holds another run, or cannot be written to.
+pub fn merge(
+    plan: &ShardPlan,
+    home: &Path,
+    copies: &[PathBuf],
+    out: &Path,
+) -> Result<Merged, ShardError> {
+    let folders = gather(plan, home, copies)?;
+    let writer = RunWriter::start(out, plan.plan().clone())?;
+    if !plan.tuned().is_empty() {
+        writer.note_tuned(plan.tuned())?;
+    }
+    let merging = Merging {
+        plan,
+        folders: &folders,
+        out,
+    };
+    let mut merged = Merged::default();
+    let mut frames = vec![Frames::default(); plan.plan().datasets.len()];
+    for matcher in &plan.plan().matchers {
+        for (index, estimator) in matcher.estimators.iter().enumerate() {
+            let files = Files {
+                matcher,
+                estimator,
+                is_first: index == 0,
+            };
+            let done = merging.records(&files, &mut frames)?;
+            merged.tasks += done.tasks;
+            merged.failed += done.failed;
+        }
+    }
+    for (dataset, frames) in plan.plan().datasets.iter().zip(&frames) {
+        merging.images(&writer, dataset, frames)?;
+    }
+    Ok(merged)
+}
+
+/// The shards and where they go.
+struct Merging<'a> {
+    plan: &'a ShardPlan,
+    folders: &'a [PathBuf],
+    out: &'a Path,
+}
+
+/// Whose files are merged.
+struct Files<'a> {
+    matcher: &'a MatcherPlan,
+    estimator: &'a EstimatorPlan,
+    /// Whether the estimator is the first of the matcher, beside whose records the matches are read.
+    is_first: bool,
+}
+
+/// Frames in the order of their first use.
+#[derive(Clone, Default)]
+struct Frames {
+    seen: BTreeSet<u32>,
+    order: Vec<u32>,
+}
+
+impl Frames {
+    fn see(&mut self, frame: u32) {
+        if self.seen.insert(frame) {
+            self.order.push(frame);
+        }
+    }
+}
+
+impl Merging<'_> {
+    /// The records of a matcher with an estimator on all datasets, and what was kept of their matches.
+    fn records(&self, files: &Files<'_>, frames: &mut [Frames]) -> Result<Merged, ShardError> {
+        let mut merged = Merged::default();
+        let mut hashes = vec![PairsHash::default(); self.folders.len()];
+        let datasets = &self.plan.plan().datasets;
+        for (index, (dataset, stretches)) in
+            datasets.iter().zip(&self.plan.cut().datasets).enumerate()
+        {
+            let mut sink = Sink {
+                hashes: &mut hashes,
+                frames: &mut frames[index],
+                dataset: index,
+            };
+            let done = self.dataset(files, dataset, stretches, &mut sink)?;
+            merged.tasks += done.tasks;
+            merged.failed += done.failed;
+        }
+        for (shard, (hash, part)) in hashes.iter().zip(&self.plan.cut().parts).enumerate() {
+            if hash.text() != part.hash {
+                return Err(self.broken(shard, "its records are of other pairs"));
+            }
+        }
+        Ok(merged)
+    }
+
+    fn dataset(
+        &self,
+        files: &Files<'_>,
+        dataset: &DatasetPlan,
+        stretches: &Stretches,
+        sink: &mut Sink<'_>,
+    ) -> Result<Merged, ShardError> {
+        let (matcher, estimator) = (&files.matcher.id, &files.estimator.id);
+        let record_path = |folder: &Path| store::path(folder, &dataset.name, matcher, estimator);
+        let entry_path = |folder: &Path| match self.plan.keep_matches() {
+            KeepMatches::All => matches::path(folder, &dataset.name, matcher),
+            _ => matches::inliers_path(folder, &dataset.name, matcher, estimator),
+        };
+        let has_entries = match self.plan.keep_matches() {
+            KeepMatches::All => files.is_first,
+            KeepMatches::Inliers => true,
+            KeepMatches::None => false,
+        };
+        let mut shards = Shards::new(self.folders.iter().map(|folder| Shard {
+            records: RecordFile::new(record_path(folder)),
+            entries: has_entries.then(|| EntryFile::new(entry_path(folder))),
+        }));
+        let mut records = Output::new(record_path(self.out), b"");
+        let mut entries = Output::new(entry_path(self.out), &MAGIC);
+        let repetitions = self.plan.plan().settings.repetitions.get();
+        let mut merged = Merged::default();
+        for stretch in stretches.iter() {
+            let index = stretch.shard as usize - 1;
+            let shard = shards.open(index);
+            for _ in 0..stretch.pairs {
+                let mut pair = None;
+                for repetition in 0..repetitions {
+                    let Some((line, record)) = shard.records.next()? else {
+                        return Err(self.broken(index, "a record went away while it was merged"));
+                    };
+                    let (a, b) = *pair.get_or_insert((record.task.a, record.task.b));
+                    let task = Task {
+                        dataset: dataset.name.clone(),
+                        matcher: matcher.clone(),
+                        estimator: estimator.clone(),
+                        a,
+                        b,
+                        repetition,
+                    };
+                    if record.task != task {
+                        return Err(self.broken(index, "a record is of another task"));
+                    }
+                    records.write(line)?;
+                    merged.tasks += 1;
+                    merged.failed += u64::from(has_failed(&record));
+                    if let Some(file) = &mut shard.entries {
+                        self.entry(index, file, &record, &mut entries)?;
+                    }
+                }
+                if let Some((a, b)) = pair {
+                    sink.see(index, a, b);
+                }
+            }
+        }
+        for (index, shard) in shards.all.iter_mut().enumerate() {
+            if let Some(entries) = &mut shard.entries
+                && entries.has_more()?
+            {
+                return Err(self.broken(index, "it has matches of pairs without a record"));
+            }
+            shard.close();
+        }
+        records.finish()?;
+        entries.finish()?;
+        Ok(merged)
+    }
+
+    /// Writes the matches that belong to a record, if it has any.
+    fn entry(
+        &self,
+        shard: usize,
+        file: &mut EntryFile,
+        record: &RunRecord,
+        out: &mut Output,
+    ) -> Result<(), ShardError> {
+        let must_be = match (self.plan.keep_matches(), &record.outcome) {
+            // Without a selection there are none, and an estimator only breaks on enough of them.
+            (KeepMatches::All, Outcome::Failed { .. }) => false,
+            (KeepMatches::All, _) | (_, Outcome::Pose { .. }) => true,
+            _ => return Ok(()),
+        };
+        let is_likely = must_be || record.counts.selected as usize >= MIN_MATCHES;
+        let Task {
+            a, b, repetition, ..
+        } = record.task;
+        match file.take((a, b, repetition), is_likely)? {
+            Some(entry) => Ok(out.write(&entry)?),
+            None if must_be => {
+                Err(self.broken(shard, &format!("it has lost the matches of {a} {b}")))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// The notes of the images of a dataset, in the order of their first use.
+    fn images(
+        &self,
+        writer: &RunWriter,
+        dataset: &DatasetPlan,
+        frames: &Frames,
+    ) -> Result<(), ShardError> {
+        let mut hashes = BTreeMap::new();
+        for (shard, folder) in self.folders.iter().enumerate() {
+            for (&frame, &hash) in ImageNotes::open(folder, &dataset.name)?.known() {
+                let (first, known) = *hashes.entry(frame).or_insert((shard, hash));
+                if known != hash {
+                    return Err(ShardError::OtherImage {
+                        dataset: dataset.name.clone(),
+                        frame,
+                        folders: [self.folders[first].clone(), folder.clone()],
+                    });
+                }
+            }
+        }
+        let mut notes = writer.images_of(&dataset.name)?;
+        for frame in &frames.order {
+            if let Some((shard, hash)) = hashes.get(frame) {
+                notes.note(*frame, &self.folders[*shard], *hash)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn broken(&self, shard: usize, reason: &str) -> ShardError {
+        ShardError::Broken {
+            number: u32::try_from(shard + 1).unwrap_or(u32::MAX),
+            folder: self.folders[shard].clone(),
+            reason: reason.into(),
+        }
+    }
+}
+
+fn has_failed(record: &RunRecord) -> bool {
+    matches!(record.outcome, Outcome::Failed { .. })
+}
+
+/// Who is told of every pair.
+struct Sink<'a> {
+    hashes: &'a mut [PairsHash],
+    frames: &'a mut Frames,
+    dataset: usize,
+}
+
+impl Sink<'_> {
+    fn see(&mut self, shard: usize, a: u32, b: u32) {
+        self.hashes[shard].add(self.dataset, a, b);
+        self.frames.see(a);
+        self.frames.see(b);
+    }
+}
+
+/// What is read of a shard.
+struct Shard {
+    records: RecordFile,
+    entries: Option<EntryFile>,
+}
+
+impl Shard {
+    fn close(&mut self) {
+        self.records.close();
+        if let Some(entries) = &mut self.entries {
+            entries.close();
+        }
+    }
+}
+
+/// All shards, few of which have their files open.
+struct Shards {
+    all: Vec<Shard>,
+    open: VecDeque<usize>,
+}
+
+impl Shards {
+    fn new(all: impl Iterator<Item = Shard>) -> Self {
+        Self {
+            all: all.collect(),
+            open: VecDeque::new(),
+        }
+    }
+
+    /// A shard that may have its files open; the one that was opened first is closed for it.
+    fn open(&mut self, index: usize) -> &mut Shard {
+        if !self.open.contains(&index) {
+            if self.open.len() == MOST_OPEN
+                && let Some(first) = self.open.pop_front()
+            {
+                self.all[first].close();
+            }
+            self.open.push_back(index);
+        }
+        &mut self.all[index]
+    }
+}
+
+/// A file that begins with the first bytes that are written, and is not there without any.
+struct Output {
+    path: PathBuf,
+    head: &'static [u8],
+    file: Option<WholeFile>,
+}
+
+impl Output {
+    fn new(path: PathBuf, head: &'static [u8]) -> Self {
+        Self {
+            path,
+            head,
+            file: None,
+        }
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<()> {
+        let file = match &mut self.file {
+            Some(file) => file,
+            none => {
+                let file = none.insert(WholeFile::create(&self.path)?);
+                file.write_all(self.head)?;
+                file
+            }
+        };
+        file.write_all(bytes)
+    }
+
+    fn finish(self) -> std::io::Result<()> {
+        self.file.map_or(Ok(()), WholeFile::finish)
+    }
+}

@@ -1,0 +1,230 @@
+//! A run in parts: who does which pairs, such that images are extracted as rarely as possible.
+//!
+//! The cost of a shard is that of its pairs, of which all have equally many, and of their images, which
+//! every shard extracts anew. Few images belong to many pairs where the pairs are a square of the table of
+//! all images with all others. So the pairs are halved again and again, by their first image or by their
+//! second, whichever leaves fewer images in both halves together: tiles where all images are matched
+//! with all, runs of neighbours where they follow each other.
+
+use super::{Contender, Dataset, RunError, plan};
+use crate::datasets::{Pair, Sequence};
+use crate::records::shards::{Asked, Cut, PairsHash, Part, ShardPlan, Stretches, part_of};
+use crate::records::{KeepMatches, Plan, Settings, Tuned};
+
+/// Which part of a run is done.
+#[derive(Clone, Copy, Debug)]
+pub struct Shard<'a> {
+    /// The plan of all shards.
+    pub plan: &'a ShardPlan,
+    /// The number of this one, from 1.
+    pub number: u32,
+}
+
+/// The plan to run all `contenders` on all `datasets` in so many `shards`; `asked` is how the contenders
+/// were made, for whoever does a shard.
+///
+/// # Errors
+/// [`RunError::Contradiction`] as [`plan`]; if there are fewer pairs than shards, none or too many of
+/// them; if a dataset has a pair twice, which two shards could not share.
+pub fn plan_shards(
+    datasets: &[Dataset],
+    contenders: &[Contender],
+    settings: Settings,
+    shards: u32,
+    asked: Asked,
+    keep_matches: KeepMatches,
+    tuned: &[Tuned],
+) -> Result<ShardPlan, RunError> {
+    let plan = plan(datasets, contenders, settings)?;
+    (tuned.iter()).try_for_each(|tuned| tuned.check(&plan))?;
+    let cut = cut(datasets, settings, shards)?;
+    Ok(ShardPlan::new(
+        plan,
+        asked,
+        keep_matches,
+        tuned.to_vec(),
+        cut,
+    ))
+}
+
+/// How many images have to be extracted by one machine, for each matcher.
+pub fn images_of_one(datasets: &[Dataset], settings: Settings) -> u64 {
+    Images::of(datasets).count(&items(datasets, settings))
+}
+
+impl Shard<'_> {
+    /// The plan of this part of the run that `plan` is of, and the pairs that belong to it.
+    ///
+    /// # Errors
+    /// If something else was planned, or there is no such shard.
+    pub(super) fn of(
+        self,
+        mut plan: Plan,
+        datasets: &[Dataset],
+    ) -> Result<(Plan, Vec<Dataset>), RunError> {
+        self.plan.check(&plan)?;
+        plan.shard = Some(self.plan.shard(self.number)?);
+        let parts = datasets.iter().zip(&self.plan.cut().datasets);
+        let parts = parts.map(|(dataset, stretches)| Dataset {
+            path: dataset.path.clone(),
+            sequence: Sequence {
+                name: dataset.sequence.name.clone(),
+                frames: dataset.sequence.frames.clone(),
+                pairs: part_of(&dataset.sequence.pairs, stretches, self.number),
+            },
+            matchers: dataset.matchers.clone(),
+        });
+        Ok((plan, parts.collect()))
+    }
+}
+
+/// A pair and where it stands.
+#[derive(Clone, Copy)]
+struct Item {
+    dataset: u32,
+    a: u32,
+    b: u32,
+    index: u32,
+}
+
+fn items(datasets: &[Dataset], settings: Settings) -> Vec<Item> {
+    let limit = settings.limit.unwrap_or(usize::MAX);
+    let mut items = Vec::new();
+    for (dataset, number) in datasets.iter().zip(0..) {
+        let pairs = (dataset.sequence.pairs.iter().take(limit)).zip(0..);
+        items.extend(pairs.map(|(&Pair { a, b, .. }, index)| Item {
+            dataset: number,
+            a,
+            b,
+            index,
+        }));
+    }
+    items
+}
+
+/// Shares the pairs out.
+fn cut(datasets: &[Dataset], settings: Settings, shards: u32) -> Result<Cut, RunError> {
+    let contradiction = |reason: String| Err(RunError::Contradiction(reason));
+    let mut items = items(datasets, settings);
+    if shards == 0 || shards as usize > items.len() {
+        let pairs = items.len();
+        return contradiction(format!(
+            "{pairs} pairs make 1 to {pairs} shards, not {shards}"
+        ));
+    }
+    let by_a = |item: &Item| (item.dataset, item.a, item.b);
+    items.sort_unstable_by_key(by_a);
+    if let Some(twice) = items.windows(2).find(|two| by_a(&two[0]) == by_a(&two[1])) {
+        let Item { dataset, a, b, .. } = twice[0];
+        let name = &datasets[dataset as usize].sequence.name;
+        return contradiction(format!(
+            "dataset `{name}` has the pair {a} {b} twice; leave one out"
+        ));
+    }
+    let mut images = Images::of(datasets);
+    let mut halving = Halving {
+        images: &mut images,
+        shard_of: (datasets.iter())
+            .map(|dataset| vec![0; dataset.sequence.pairs.len()])
+            .collect(),
+        parts: Vec::new(),
+    };
+    halving.split(&mut items, shards);
+    let (shard_of, mut parts) = (halving.shard_of, halving.parts);
+    let mut hashes = vec![PairsHash::default(); parts.len()];
+    let mut stretches = Vec::new();
+    let limit = settings.limit.unwrap_or(usize::MAX);
+    for (index, (dataset, shards)) in datasets.iter().zip(&shard_of).enumerate() {
+        for (pair, shard) in dataset.sequence.pairs.iter().zip(shards).take(limit) {
+            hashes[*shard as usize - 1].add(index, pair.a, pair.b);
+        }
+        stretches.push(Stretches::of(shards.iter().copied().take(limit)));
+    }
+    for (part, hash) in parts.iter_mut().zip(&hashes) {
+        part.hash = hash.text();
+    }
+    Ok(Cut {
+        datasets: stretches,
+        parts,
+    })
+}
+
+/// Pairs on their way to their shards.
+struct Halving<'a> {
+    images: &'a mut Images,
+    /// Of each dataset, the shard of each pair.
+    shard_of: Vec<Vec<u32>>,
+    /// The shards that are known so far.
+    parts: Vec<Part>,
+}
+
+impl Halving<'_> {
+    /// Shares `items` out among the next so many `shards`.
+    fn split(&mut self, items: &mut [Item], shards: u32) {
+        if shards == 1 {
+            self.parts.push(Part {
+                pairs: items.len() as u64,
+                images: self.images.count(items),
+                hash: String::new(),
+            });
+            let number = u32::try_from(self.parts.len()).expect("as many as were asked for");
+            for item in items {
+                self.shard_of[item.dataset as usize][item.index as usize] = number;
+            }
+            return;
+        }
+        let left = shards / 2;
+        // Both factors have at most 32 bits.
+        let middle = (items.len() as u64 * u64::from(left) / u64::from(shards)) as usize;
+        let by_a = |item: &Item| (item.dataset, item.a, item.b);
+        let by_b = |item: &Item| (item.dataset, item.b, item.a);
+        items.select_nth_unstable_by_key(middle, by_b);
+        let of_b = self.images.count(&items[..middle]) + self.images.count(&items[middle..]);
+        items.select_nth_unstable_by_key(middle, by_a);
+        let of_a = self.images.count(&items[..middle]) + self.images.count(&items[middle..]);
+        if of_b < of_a {
+            items.select_nth_unstable_by_key(middle, by_b);
+        }
+        let (first, second) = items.split_at_mut(middle);
+        self.split(first, left);
+        self.split(second, shards - left);
+    }
+}
+
+/// Counts the images of pairs.
+struct Images {
+    /// Where the frames of each dataset begin.
+    begins: Vec<usize>,
+    /// When each was last seen.
+    seen: Vec<u64>,
+    now: u64,
+}
+
+impl Images {
+    fn of(datasets: &[Dataset]) -> Self {
+        let mut begins = Vec::new();
+        let mut frames = 0;
+        for dataset in datasets {
+            begins.push(frames);
+            frames += dataset.sequence.frames.len();
+        }
+        Self {
+            begins,
+            seen: vec![0; frames],
+            now: 0,
+        }
+    }
+
+    fn count(&mut self, items: &[Item]) -> u64 {
+        self.now += 1;
+        let mut count = 0;
+        for item in items {
+            for frame in [item.a, item.b] {
+                let seen = &mut self.seen[self.begins[item.dataset as usize] + frame as usize];
+                count += u64::from(*seen < self.now);
+                *seen = self.now;
+            }
+        }
+        count
+    }
+}
