@@ -25,7 +25,8 @@ pub struct Shard<'a> {
 ///
 /// # Errors
 /// [`RunError::Contradiction`] as [`plan`]; if there are fewer pairs than shards, none or too many of
-/// them; if a dataset has a pair twice, which two shards could not share.
+/// them; if a dataset has a pair twice, which two shards could not share; if only a sample of the pairs is
+/// asked for.
 pub fn plan_shards(
     datasets: &[Dataset],
     contenders: &[Contender],
@@ -35,6 +36,10 @@ pub fn plan_shards(
     keep_matches: KeepMatches,
     tuned: &[Tuned],
 ) -> Result<ShardPlan, RunError> {
+    if settings.sample.is_some() {
+        let reason = "a sample of the pairs is not cut into shards; list its pairs in a dataset of their own";
+        return Err(RunError::Contradiction(reason.into()));
+    }
     let plan = plan(datasets, contenders, settings)?;
     (tuned.iter()).try_for_each(|tuned| tuned.check(&plan))?;
     let cut = cut(datasets, settings, shards)?;

@@ -458,4 +458,13 @@ fn what_cannot_be_cut_is_refused() {
         assert!(error.contains(named), "{error}");
     }
     assert!(cut(&[(0, 1), (1, 2)], 2).is_ok());
+    let settings = Settings {
+        sample: Some(1),
+        ..Settings::default()
+    };
+    let datasets = [table("street", 5, [(0, 1), (1, 2)].into_iter())];
+    let (contenders, asked) = (two_by_two(), Asked::default());
+    let keep = KeepMatches::All;
+    let error = plan_shards(&datasets, &contenders, settings, 1, asked, keep, &[]);
+    assert!(error.unwrap_err().to_string().contains("sample"));
 }
