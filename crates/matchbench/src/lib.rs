@@ -21,7 +21,7 @@
 //! let paths = rendered::ensure_scenes(&folder.join("scenes"), &[scene], &|_| {})?;
 //! let datasets = [Dataset::open(&paths[0])?];
 //!
-//! let contenders = Contender::from_ids(&["sift".into(), "orb".into()], &["best".into()], &Default::default())?;
+//! let contenders = Contender::all_of(&["sift".into(), "orb".into()], &["best".into()], &Default::default(), None)?;
 //! let out = folder.join("run");
 //! let summary = Run::new(&datasets, &contenders, &out).execute(&Silent, &Cancel::default())?;
 //! assert!(summary.is_complete());
