@@ -3,7 +3,7 @@
 //! Whoever names a file may name anything: a pipe that nobody writes into, a device without an end, a
 //! link to one. Reading refuses all but regular files ([`read_file`]), so that nothing waits for ever
 //! or fills the memory. Writing ([`write_whole`]) replaces regular files and writes through to
-//! whatever else a name leads to; files that grow do so by an [`Appender`]. What a killed process left half written is found and removed by
+//! whatever else a name leads to; files that grow do so by an `Appender`. What a killed process left half written is found and removed by
 //! [`remove_leftovers`].
 
 mod append;

@@ -1,7 +1,7 @@
 //! Memory: what is left of it, and who may take much of it at once.
 //!
 //! An allocation that fails ends the process without a word, and so does a system that has no more to
-//! give. So work on images, whose need is known from their size, asks first. [`reserve`] compares the need
+//! give. So work on images, whose need is known from their size, asks first. `reserve` compares the need
 //! with what is left ([`left`]); where others have asked and not ended yet, it waits for them; where the
 //! need is more than there is, it says so, and nothing was begun. What is small is not asked for.
 //!

@@ -5,11 +5,11 @@ use std::path::Path;
 use super::{ImportOptions, ImportReport, make};
 use crate::datasets::{DatasetError, Frame, Pair, Sequence, write_native};
 
-/// Imports as [`import`] does, unless the dataset is there already: then it must be the one that this
+/// Imports as [`import`](super::import) does, unless the dataset is there already: then it must be the one that this
 /// import would make, and `None` says so.
 ///
 /// # Errors
-/// As [`import`]; if another dataset is there.
+/// As [`import`](super::import); if another dataset is there.
 pub fn import_once(
     kind: &str,
     src: &Path,
