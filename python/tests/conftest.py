@@ -1,10 +1,14 @@
 """What the tests share: a small rendered dataset, a run of the command line on it."""
 
+import signal
 import subprocess
 import sys
 
 import matchbench as mb
 import pytest
+
+# A shell that starts programs in the background lets them ignore Ctrl-C; tests of it need Python's own handler.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 MATCHERS = ["sift", "orb"]
 ESTIMATORS = ["ransac-e", "best"]

@@ -213,6 +213,7 @@ def test_ctrl_c_from_the_outside(dataset, tmp_path):
     script = f"""
 import os, signal, sys, time
 import matchbench as mb
+signal.signal(signal.SIGINT, signal.default_int_handler)
 calls = []
 def slow(a, b):
     calls.append(a)
