@@ -14,17 +14,30 @@ pub struct MutualCheck;
 
 impl Selector for MutualCheck {
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, _seed: Seed) {
-        let mut matched: Vec<u32> = matches.iter().map(|m| m.b).collect();
-        matched.sort_unstable();
-        matched.dedup();
-
-        let queries = (b.features.descriptors).select(matched.iter().map(|&b| b as usize));
-        let mut nearest_in_a = vec![None; b.features.len()];
-        for reverse in two_nearest(&queries, &a.features.descriptors) {
-            nearest_in_a[matched[reverse.a as usize] as usize] = Some(reverse.b);
-        }
-        matches.retain(|m| nearest_in_a[m.b as usize] == Some(m.a));
+        keep_mutual(a, b, matches, |_| ());
     }
+}
+
+/// Keeps a match if its feature of `a` is the nearest to its feature of `b` among the matches from `b` to `a` that
+/// `select` leaves.
+pub(super) fn keep_mutual(
+    a: View<'_>,
+    b: View<'_>,
+    matches: &mut Correspondences,
+    select: impl FnOnce(&mut Correspondences),
+) {
+    let mut matched: Vec<u32> = matches.iter().map(|m| m.b).collect();
+    matched.sort_unstable();
+    matched.dedup();
+
+    let queries = (b.features.descriptors).select(matched.iter().map(|&b| b as usize));
+    let mut back = two_nearest(&queries, &a.features.descriptors);
+    select(&mut back);
+    let mut nearest_in_a = vec![None; b.features.len()];
+    for reverse in back {
+        nearest_in_a[matched[reverse.a as usize] as usize] = Some(reverse.b);
+    }
+    matches.retain(|m| nearest_in_a[m.b as usize] == Some(m.a));
 }
 
 #[cfg(test)]

@@ -9,7 +9,8 @@
 //! | --- | --- | --- | --- |
 //! | - | [`SymmetricRatioTest::ratio`] | 0.8 | as [`RatioTest`] |
 
-use super::{Correspondences, RatioTest, Selector, View, two_nearest};
+use super::mutual::keep_mutual;
+use super::{Correspondences, RatioTest, Selector, View};
 use crate::params::ParamError;
 use crate::seed::Seed;
 
@@ -34,18 +35,7 @@ impl SymmetricRatioTest {
 impl Selector for SymmetricRatioTest {
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, seed: Seed) {
         self.one_way.select(a, b, matches, seed);
-        let mut matched: Vec<u32> = matches.iter().map(|m| m.b).collect();
-        matched.sort_unstable();
-        matched.dedup();
-
-        let queries = (b.features.descriptors).select(matched.iter().map(|&b| b as usize));
-        let mut back = two_nearest(&queries, &a.features.descriptors);
-        self.one_way.select(b, a, &mut back, seed);
-        let mut clearly_nearest = vec![None; b.features.len()];
-        for reverse in back {
-            clearly_nearest[matched[reverse.a as usize] as usize] = Some(reverse.b);
-        }
-        matches.retain(|m| clearly_nearest[m.b as usize] == Some(m.a));
+        keep_mutual(a, b, matches, |back| self.one_way.select(b, a, back, seed));
     }
 }
 
