@@ -4,10 +4,11 @@
 //! (`frame`); pairs are searched and selected (`matching`), or matched by a source outside
 //! (`sourcing`); matched points are estimated and compared with the truth (`trial`); all tasks of a
 //! pair together (`pair`) are appended to the [folder of the run](crate::records::RunFolder). Around
-//! them: what is run ([`plan`]), what is left to do (`progress`), which features are in memory
-//! (`resident`), which keypoints are shared by matchers (`detections`), which seed a task has
-//! ([`pair_seed`]), who is told ([`Observer`]) and who may stop it ([`Cancel`]). [`evaluate`] does the
-//! same for one pair, without a disk.
+//! them: what is run ([`plan`]), what is left to do (`progress`) and how it is gone through (`work`),
+//! what stays beside the records (`kept`), which features are in memory (`resident`), which keypoints
+//! are shared by matchers (`detections`), which seed a task has ([`pair_seed`]), who is told
+//! ([`Observer`]) and who may stop it ([`Cancel`]). [`evaluate`] does the same for one pair, without a
+//! disk.
 //!
 //! Threads are used in one place of a run (`ordered`): over the frames, then over the pairs of a
 //! window. They are those of the rayon pool that the caller is in: whoever wants so many threads
@@ -16,11 +17,11 @@
 
 mod contender;
 mod detections;
-
 mod error;
 mod evaluate;
 mod frame;
 mod guard;
+mod kept;
 mod matching;
 mod observer;
 mod ordered;
@@ -36,6 +37,7 @@ mod testing;
 #[cfg(test)]
 mod tests;
 mod trial;
+mod work;
 
 pub use contender::{Contender, ContenderError, Outside, Variant, manifest};
 pub use error::RunError;
@@ -49,22 +51,17 @@ pub use shards::{Shard, images_of_one, plan_shards};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crate::cache::FeatureCache;
-use crate::datasets::{DatasetError, Frame, Sequence, decode_gray};
-use crate::matchers::{BuiltMatcher, Source};
-use crate::memory;
+use crate::datasets::{DatasetError, Sequence, decode_gray};
 use crate::records::images::ImageNotes;
-use crate::records::store::{self, RecordWriter};
-use crate::records::{
-    KeepMatches, MatchesFile, RunFolder, RunRecord, RunWriter, Settings, StoreError, Tuned,
-};
-use frame::{FrameStage, lock};
-use ordered::each_in_order;
-use pair::{PairDone, PairStages};
-use progress::{MatcherProgress, PairTasks, Replacement};
-use resident::Resident;
+use crate::records::store::RecordWriter;
+use crate::records::{KeepMatches, RunFolder, RunRecord, RunWriter, Settings, Tuned};
+use kept::{Kept, Retried};
+use pair::PairStages;
+use progress::MatcherProgress;
+use work::Work;
 
 /// A dataset and where it came from.
 #[derive(Clone, Debug)]
@@ -132,10 +129,6 @@ pub struct Run<'a> {
     /// The part that is done, where many machines share the run.
     pub shard: Option<Shard<'a>>,
 }
-
-/// Pairs that are listed at a time: enough to keep what is in memory in use, few enough that millions
-/// of pairs take no more of it.
-const PAIRS_AT_ONCE: usize = 1 << 16;
 
 impl Run<'_> {
     /// 512 MiB. The 30 images of castle at full resolution take 160 MB with SIFT; what does not
@@ -251,22 +244,12 @@ impl Run<'_> {
         cancel: &Cancel,
         summary: &mut RunSummary,
     ) -> Result<(), RunError> {
-        let matches_of = || {
-            (folder.folder()).matches_of(&progress.sequence.name, progress.contender.source.id())
-        };
+        let (dataset, matcher) = (&progress.sequence.name, progress.contender.source.id());
         let mut told = |record: &RunRecord| {
             summary.add(record);
             observer.on_record(record);
         };
-        let kept = Kept {
-            matches: (self.keep_matches == KeepMatches::All)
-                .then(&matches_of)
-                .transpose()?,
-            inliers: self.inliers_files(progress, folder)?,
-            frames: &progress.sequence.frames,
-            images,
-            synced: Instant::now(),
-        };
+        let kept = Kept::open(self.keep_matches, progress, folder, images)?;
         let work = Work {
             run: self,
             stages: PairStages {
@@ -277,7 +260,7 @@ impl Run<'_> {
                 images,
                 keep: self.keep_matches,
             },
-            stored: matches_of()?,
+            stored: folder.folder().matches_of(dataset, matcher)?,
             observer,
             cancel,
         };
@@ -300,7 +283,6 @@ impl Run<'_> {
         retried.write()?;
         done?;
 
-        let (dataset, matcher) = (&progress.sequence.name, progress.contender.source.id());
         let mut kept = retried.kept;
         let mut writers = (progress.contender.estimators.iter())
             .map(|variant| folder.append_to(dataset, matcher, &variant.name))
@@ -322,80 +304,9 @@ impl Run<'_> {
         done
     }
 
-    /// The files of inliers, one for each estimator, if these are kept.
-    fn inliers_files(
-        &self,
-        progress: &MatcherProgress<'_>,
-        folder: &RunWriter,
-    ) -> Result<Vec<MatchesFile>, RunError> {
-        if self.keep_matches != KeepMatches::Inliers {
-            return Ok(Vec::new());
-        }
-        let (dataset, matcher) = (&progress.sequence.name, progress.contender.source.id());
-        let estimators = progress.contender.estimators.iter();
-        let open =
-            |variant: &Variant| (folder.folder()).inliers_of(dataset, matcher, &variant.name);
-        Ok(estimators.map(open).collect::<Result<_, _>>()?)
-    }
-
     fn time_budget(&self) -> Option<Duration> {
         let milliseconds = self.settings.time_budget_ms?;
         Some(Duration::from_millis(milliseconds.get().into()))
-    }
-}
-
-/// What records refer to, which is brought to the disk before them.
-struct Kept<'a> {
-    /// The selected matches, if they are kept.
-    matches: Option<MatchesFile>,
-    /// The inliers of each estimator, if these are kept.
-    inliers: Vec<MatchesFile>,
-    frames: &'a [Frame],
-    images: &'a Mutex<ImageNotes>,
-    synced: Instant,
-}
-
-impl Kept<'_> {
-    /// Keeps what records follow from that are written next.
-    fn keep(&mut self, done: &PairDone) -> Result<(), RunError> {
-        for &(frame, hash) in &done.images {
-            lock(self.images).note(frame, &self.frames[frame as usize].image, hash)?;
-        }
-        // Seldom: once for each image.
-        lock(self.images).sync()?;
-        for (estimator, key, inliers) in &done.inliers {
-            self.inliers[*estimator].append(*key, inliers)?;
-        }
-        if let Some(file) = &mut self.matches {
-            for (key, matches) in &done.matches {
-                file.append(*key, matches)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Whether records have been known to the operating system alone for long enough.
-    fn is_time(&self) -> bool {
-        self.synced.elapsed() >= store::UNSYNCED
-    }
-
-    /// To be followed by the records.
-    fn sync(&mut self) -> Result<(), StoreError> {
-        self.synced = Instant::now();
-        (self.matches.iter_mut().chain(&mut self.inliers)).try_for_each(MatchesFile::sync)
-    }
-}
-
-/// Records that take the place of earlier ones.
-struct Retried<'a> {
-    replacements: Vec<Replacement>,
-    kept: Kept<'a>,
-}
-
-impl Retried<'_> {
-    fn write(&mut self) -> Result<(), StoreError> {
-        self.kept.sync()?;
-        (self.replacements.iter_mut()).try_for_each(Replacement::write)
     }
 }
 
@@ -418,103 +329,4 @@ fn images<'d>(
         }
     }
     Ok(images)
-}
-
-/// Work of one matcher on one dataset.
-struct Work<'a> {
-    run: &'a Run<'a>,
-    stages: PairStages<'a>,
-    /// Matches that were there before.
-    stored: MatchesFile,
-    observer: &'a dyn Observer,
-    cancel: &'a Cancel,
-}
-
-impl Work<'_> {
-    /// Does `pairs`, as many at a time as memory should hold, and hands over what came of each in their
-    /// order.
-    fn all<'u>(
-        &self,
-        mut pairs: impl Iterator<Item = PairTasks<'u>>,
-        mut append: impl FnMut(PairDone) -> Result<(), RunError> + Send,
-    ) -> Result<(), RunError> {
-        let left = memory::left().map_or(u64::MAX, |left| left.bytes);
-        let half = usize::try_from(left / 2).unwrap_or(usize::MAX);
-        let mut resident = Resident::new(self.run.feature_memory.min(half));
-        loop {
-            let some: Vec<PairTasks<'u>> = pairs.by_ref().take(PAIRS_AT_ONCE).collect();
-            if some.is_empty() || self.cancel.is_set() {
-                return Ok(());
-            }
-            let (matched, unmatched) = some.split_at(selected_before(&some, &self.stored));
-            let estimate = |tasks: &PairTasks<'_>| Ok(self.stages.estimate(tasks, &self.stored)?);
-            each_in_order(self.cancel, matched, estimate, &mut append)?;
-            match &self.stages.progress.contender.source {
-                Source::Matcher(matcher) => {
-                    self.extract_and_match(matcher, unmatched, &mut resident, &mut append)?;
-                }
-                Source::Points(source) => {
-                    let matched = |tasks: &PairTasks<'_>| self.stages.source(source, tasks);
-                    each_in_order(self.cancel, unmatched, matched, &mut append)?;
-                }
-            }
-        }
-    }
-
-    /// Does these `pairs` from their images on, window by window.
-    fn extract_and_match(
-        &self,
-        matcher: &BuiltMatcher,
-        mut pairs: &[PairTasks<'_>],
-        resident: &mut Resident,
-        append: &mut (impl FnMut(PairDone) -> Result<(), RunError> + Send),
-    ) -> Result<(), RunError> {
-        let frame_stage = FrameStage {
-            matcher,
-            cache: &self.run.cache,
-            decode: self.run.decode,
-            images: self.stages.images,
-        };
-        let frames = &self.stages.progress.sequence.frames;
-        while !pairs.is_empty() && !self.cancel.is_set() {
-            let (window, later) = pairs.split_at(resident.window(pairs));
-            let missing = resident.make_room(window);
-            each_in_order(
-                self.cancel,
-                &missing,
-                |&frame| Ok((frame, frame_stage.extract(frame, &frames[frame as usize])?)),
-                |(frame, features)| {
-                    // In order, so that the notes are the same for any number of threads.
-                    if let Some(hash) = features.hash {
-                        let image = &frames[frame as usize].image;
-                        lock(self.stages.images).note(frame, image, hash)?;
-                    }
-                    self.observer.on_frame(frame, features.seconds.is_some());
-                    resident.insert(frame, features);
-                    Ok(())
-                },
-            )?;
-            if self.cancel.is_set() {
-                break;
-            }
-            let jobs = resident.jobs(window);
-            each_in_order(
-                self.cancel,
-                &jobs,
-                |job| Ok(self.stages.run(matcher, job)),
-                &mut *append,
-            )?;
-            pairs = later;
-        }
-        Ok(())
-    }
-}
-
-/// How many of the first `pairs` need an estimation alone, since their matches are `stored`.
-fn selected_before(pairs: &[PairTasks<'_>], stored: &MatchesFile) -> usize {
-    let is_stored = |tasks: &&PairTasks<'_>| {
-        let mut repetitions = tasks.due.iter().map(|due| due.repetition);
-        repetitions.all(|repetition| stored.contains((tasks.pair.a, tasks.pair.b, repetition)))
-    };
-    pairs.iter().take_while(is_stored).count()
 }

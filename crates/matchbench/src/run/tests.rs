@@ -19,6 +19,7 @@ use tempfile::TempDir;
 use super::testing::{Toy, Trouble, dataset, decode};
 use super::*;
 use crate::datasets::{Pair, Turn};
+use crate::matchers::Source;
 use crate::records::{MIN_MATCHES, MIN_SUPPORT, Outcome, Plan, RunRecord, StageTimes, store};
 
 /// A folder with two datasets and room for runs.

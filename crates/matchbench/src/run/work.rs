@@ -1,0 +1,114 @@
+//! The work of one matcher on one dataset: what is listed at a time, what is in memory, which threads do it.
+
+use super::frame::{FrameStage, lock};
+use super::ordered::each_in_order;
+use super::pair::{PairDone, PairStages};
+use super::progress::PairTasks;
+use super::resident::Resident;
+use super::{Cancel, Observer, Run, RunError};
+use crate::matchers::{BuiltMatcher, Source};
+use crate::memory;
+use crate::records::MatchesFile;
+
+/// Pairs that are listed at a time: enough to keep what is in memory in use, few enough that millions
+/// of pairs take no more of it.
+const PAIRS_AT_ONCE: usize = 1 << 16;
+
+/// Work of one matcher on one dataset.
+pub(super) struct Work<'a> {
+    pub(super) run: &'a Run<'a>,
+    pub(super) stages: PairStages<'a>,
+    /// Matches that were there before.
+    pub(super) stored: MatchesFile,
+    pub(super) observer: &'a dyn Observer,
+    pub(super) cancel: &'a Cancel,
+}
+
+impl Work<'_> {
+    /// Does `pairs`, as many at a time as memory should hold, and hands over what came of each in their
+    /// order.
+    pub(super) fn all<'u>(
+        &self,
+        mut pairs: impl Iterator<Item = PairTasks<'u>>,
+        mut append: impl FnMut(PairDone) -> Result<(), RunError> + Send,
+    ) -> Result<(), RunError> {
+        let left = memory::left().map_or(u64::MAX, |left| left.bytes);
+        let half = usize::try_from(left / 2).unwrap_or(usize::MAX);
+        let mut resident = Resident::new(self.run.feature_memory.min(half));
+        loop {
+            let some: Vec<PairTasks<'u>> = pairs.by_ref().take(PAIRS_AT_ONCE).collect();
+            if some.is_empty() || self.cancel.is_set() {
+                return Ok(());
+            }
+            let (matched, unmatched) = some.split_at(selected_before(&some, &self.stored));
+            let estimate = |tasks: &PairTasks<'_>| Ok(self.stages.estimate(tasks, &self.stored)?);
+            each_in_order(self.cancel, matched, estimate, &mut append)?;
+            match &self.stages.progress.contender.source {
+                Source::Matcher(matcher) => {
+                    self.extract_and_match(matcher, unmatched, &mut resident, &mut append)?;
+                }
+                Source::Points(source) => {
+                    let matched = |tasks: &PairTasks<'_>| self.stages.source(source, tasks);
+                    each_in_order(self.cancel, unmatched, matched, &mut append)?;
+                }
+            }
+        }
+    }
+
+    /// Does these `pairs` from their images on, window by window.
+    fn extract_and_match(
+        &self,
+        matcher: &BuiltMatcher,
+        mut pairs: &[PairTasks<'_>],
+        resident: &mut Resident,
+        append: &mut (impl FnMut(PairDone) -> Result<(), RunError> + Send),
+    ) -> Result<(), RunError> {
+        let frame_stage = FrameStage {
+            matcher,
+            cache: &self.run.cache,
+            decode: self.run.decode,
+            images: self.stages.images,
+        };
+        let frames = &self.stages.progress.sequence.frames;
+        while !pairs.is_empty() && !self.cancel.is_set() {
+            let (window, later) = pairs.split_at(resident.window(pairs));
+            let missing = resident.make_room(window);
+            each_in_order(
+                self.cancel,
+                &missing,
+                |&frame| Ok((frame, frame_stage.extract(frame, &frames[frame as usize])?)),
+                |(frame, features)| {
+                    // In order, so that the notes are the same for any number of threads.
+                    if let Some(hash) = features.hash {
+                        let image = &frames[frame as usize].image;
+                        lock(self.stages.images).note(frame, image, hash)?;
+                    }
+                    self.observer.on_frame(frame, features.seconds.is_some());
+                    resident.insert(frame, features);
+                    Ok(())
+                },
+            )?;
+            if self.cancel.is_set() {
+                break;
+            }
+            let jobs = resident.jobs(window);
+            each_in_order(
+                self.cancel,
+                &jobs,
+                |job| Ok(self.stages.run(matcher, job)),
+                &mut *append,
+            )?;
+            pairs = later;
+        }
+        Ok(())
+    }
+}
+
+/// How many of the first `pairs` need an estimation alone, since their matches are `stored`.
+fn selected_before(pairs: &[PairTasks<'_>], stored: &MatchesFile) -> usize {
+    let is_stored = |tasks: &&PairTasks<'_>| {
+        let mut repetitions = tasks.due.iter().map(|due| due.repetition);
+        repetitions.all(|repetition| stored.contains((tasks.pair.a, tasks.pair.b, repetition)))
+    };
+    pairs.iter().take_while(is_stored).count()
+}
