@@ -1,15 +1,15 @@
 //! A run as it is asked for on the command line: with a progress bar, stopped by Ctrl-C.
 
-use std::num::NonZeroU32;
+use std::mem;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use matchbench::cache::FeatureCache;
 use matchbench::config::{Changes, ConfigError, UnknownName};
 use matchbench::external::Manifest;
-use matchbench::matchers::{self, BuiltPointSource};
-use matchbench::records::{RunFolder, Settings, Tuned};
-use matchbench::run::{Cancel, Contender, Dataset, Outside, Run, RunSummary};
+use matchbench::matchers;
+use matchbench::records::RunFolder;
+use matchbench::run::{Cancel, Dataset, Run, RunSummary};
 use matchbench::study::{News, Prepared, Study};
 
 use super::matches::describe;
@@ -69,25 +69,19 @@ pub(crate) fn open(folders: &[impl AsRef<Path>]) -> Result<Vec<Dataset>> {
     Ok(datasets.collect::<Result<_, _>>()?)
 }
 
-/// What decides about all tasks.
-pub(crate) fn settings(choices: &ChoiceArgs) -> Settings {
-    Settings {
-        seed: choices.seed.unwrap_or(0),
-        repetitions: choices.repeat.unwrap_or(NonZeroU32::MIN),
-        limit: choices.limit,
-        sample: None,
-        time_budget_ms: choices.time_budget,
+/// Puts what the arguments choose over what `study` says.
+pub(crate) fn choose(study: &mut Study, choices: &ChoiceArgs) -> Result<()> {
+    if !choices.estimator.is_empty() {
+        study.estimators.clone_from(&choices.estimator);
     }
-}
-
-/// The choices of tuning that are taken over, and all changes of parameters; what is set by hand comes
-/// last and wins.
-pub(crate) fn tuned(choices: &ChoiceArgs) -> Result<(Vec<Tuned>, Vec<String>)> {
-    let tuned = choices.tuned.iter().map(|path| Tuned::read(path));
-    let tuned = tuned.collect::<Result<Vec<_>, _>>()?;
-    let settings = tuned.iter().map(|tuned| tuned.setting.clone());
-    let settings = settings.chain(choices.set.iter().cloned()).collect();
-    Ok((tuned, settings))
+    study.limit = choices.limit.or(study.limit);
+    study.seed = choices.seed.unwrap_or(study.seed);
+    study.repeat = choices.repeat.unwrap_or(study.repeat);
+    study.time_budget = choices.time_budget.or(study.time_budget);
+    study.set = mem::take(&mut study.set).with(changes(&choices.set)?);
+    study.tuned.extend(choices.tuned.iter().cloned());
+    study.keep_matches = choices.kept().unwrap_or(study.keep_matches);
+    Ok(())
 }
 
 /// What `--set` changes.
@@ -105,29 +99,6 @@ pub(crate) fn check_names(names: &[String]) -> Result<(), UnknownName> {
 pub(crate) fn cache(asked: Option<&Path>, folder: &Path) -> FeatureCache {
     let default = || RunFolder::default_cache_at(folder);
     FeatureCache::new(asked.map_or_else(default, Path::to_path_buf))
-}
-
-/// The contenders of these names, manifests of matchers from outside among them, for a run in `folder`;
-/// and whether all could be started.
-pub(crate) fn contenders(
-    names: &[String],
-    sources: Vec<BuiltPointSource>,
-    estimators: &[String],
-    changes: &Changes,
-    folder: &Path,
-    cache: &FeatureCache,
-) -> Result<(Vec<Contender>, bool)> {
-    let outside = Outside {
-        logs: &folder.join("logs"),
-        cache,
-    };
-    let (contenders, absent) =
-        Contender::from_names(names, sources, estimators, changes, Some(&outside))?;
-    for error in &absent {
-        say!("error: {error}");
-    }
-    ensure!(!contenders.is_empty(), "no matcher could be started");
-    Ok((contenders, absent.is_empty()))
 }
 
 /// Says how a run ended.

@@ -8,45 +8,48 @@ use matchbench::external::Manifest;
 use matchbench::records::ShardPlan;
 use matchbench::records::shards::{Asked, Part};
 use matchbench::run::{images_of_one, plan_shards};
+use matchbench::study::{Study, StudyDataset};
 
-use super::job::{cache, changes, check_names, contenders, open, settings, tuned};
+use super::job::{choose, tell_news};
 use crate::Ending;
 use crate::args::PlanArgs;
-use crate::output::stdout;
+use crate::output::{say, stdout};
 
 pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
-    let (tuned, changed) = tuned(&args.choices)?;
-    check_names(&args.matchers)?;
-    let datasets = open(&args.datasets)?;
-    let asked = Asked {
+    let mut study = Study {
+        datasets: args.datasets.iter().map(StudyDataset::at).collect(),
         matchers: args.matchers.iter().map(from_anywhere).collect(),
-        estimators: args.choices.estimator.clone(),
-        settings: changed,
+        out: Some(args.out.clone()),
+        ..Study::default()
     };
-    let (contenders, all_started) = contenders(
-        &asked.matchers,
-        Vec::new(),
-        &asked.estimators,
-        &changes(&asked.settings)?,
-        &args.out,
-        &cache(None, &args.out),
-    )?;
+    choose(&mut study, &args.choices)?;
+    let prepared = study.prepare(&tell_news)?;
+    for error in &prepared.absent {
+        say!("error: {error}");
+    }
     ensure!(
-        all_started,
+        prepared.absent.is_empty(),
         "every matcher must start here, since its version and parameters belong to the plan"
     );
-    let settings = settings(&args.choices);
+    // What is set by hand comes last and wins.
+    let tuned = prepared.tuned.iter().map(|tuned| tuned.setting.clone());
+    let asked = Asked {
+        settings: tuned.chain(args.choices.set.iter().cloned()).collect(),
+        matchers: study.matchers.clone(),
+        estimators: study.estimators.clone(),
+    };
+    let (datasets, settings) = (&prepared.datasets, prepared.settings);
     let plan = plan_shards(
-        &datasets,
-        &contenders,
+        datasets,
+        &prepared.contenders,
         settings,
         args.shards.get(),
         asked,
-        args.choices.kept().unwrap_or_default(),
-        &tuned,
+        study.keep_matches,
+        &prepared.tuned,
     )?;
     plan.write(&args.out)?;
-    tell(&plan, images_of_one(&datasets, settings), &args.out)?;
+    tell(&plan, images_of_one(datasets, settings), &args.out)?;
     Ok(Ending::Done)
 }
 

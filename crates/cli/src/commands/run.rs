@@ -6,7 +6,7 @@ use anyhow::{Result, ensure};
 use matchbench::report::ReportOptions;
 use matchbench::study::{Study, StudyDataset};
 
-use super::job::{changes, execute};
+use super::job::{choose, execute};
 use super::{eval, matches, report};
 use crate::Ending;
 use crate::args::RunArgs;
@@ -55,20 +55,11 @@ fn study(args: &RunArgs) -> Result<Study> {
             dataset.matchers = None;
         }
     }
-    if !args.choices.estimator.is_empty() {
-        study.estimators.clone_from(&args.choices.estimator);
-    }
+    choose(&mut study, &args.choices)?;
     study.matches.extend(matches::asked(&args.files)?);
     study.out = args.out.clone().or(study.out);
     study.cache = args.cache.clone().or(study.cache);
-    study.limit = args.choices.limit.or(study.limit);
     study.sample = args.sample.or(study.sample);
-    study.seed = args.choices.seed.unwrap_or(study.seed);
-    study.repeat = args.choices.repeat.unwrap_or(study.repeat);
-    study.time_budget = args.choices.time_budget.or(study.time_budget);
-    study.set = study.set.with(changes(&args.choices.set)?);
-    study.tuned.extend(args.choices.tuned.iter().cloned());
-    study.keep_matches = args.choices.kept().unwrap_or(study.keep_matches);
     study.retry_failed = args.retry_failed;
     study.report |= args.report;
     Ok(study)

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
 use matchbench::records::ShardPlan;
-use matchbench::run::{Dataset, Run, Shard};
+use matchbench::run::{Contender, Dataset, Outside, Run, Shard};
 
-use super::job::{AFTER_PAIRS, cache, changes, contenders, execute_run, open};
+use super::job::{AFTER_PAIRS, cache, changes, execute_run, open};
 use crate::Ending;
 use crate::args::WorkArgs;
 use crate::progress::cancel_on_ctrl_c;
@@ -19,19 +19,19 @@ pub(crate) fn run(args: &WorkArgs) -> Result<Ending> {
     let folder = (args.out.clone()).unwrap_or_else(|| ShardPlan::shard_folder(&home, args.shard));
     let features = (args.cache.clone()).unwrap_or_else(|| ShardPlan::default_cache(&home));
     let asked = plan.asked();
-    let (contenders, all_started) = contenders(
-        &asked.matchers,
-        Vec::new(),
-        &asked.estimators,
-        &changes(&asked.settings)?,
-        &folder,
-        &cache(Some(&features), &folder),
-    )?;
-    ensure!(all_started, "a shard needs every matcher of its plan");
+    let cache = cache(Some(&features), &folder);
+    let outside = Outside {
+        logs: &folder.join("logs"),
+        cache: &cache,
+    };
+    let changes = changes(&asked.settings)?;
+    let contenders =
+        Contender::all_of(&asked.matchers, &asked.estimators, &changes, Some(&outside))
+            .context("a shard needs every matcher of its plan")?;
     let run = Run {
         settings: plan.plan().settings,
         tuned: plan.tuned(),
-        cache: cache(Some(&features), &folder),
+        cache,
         keep_matches: plan.keep_matches(),
         retry_failed: args.retry_failed,
         shard: Some(Shard {

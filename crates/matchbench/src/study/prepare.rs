@@ -23,8 +23,10 @@ pub struct Prepared {
     pub absent: Vec<StartError>,
     /// The folder of the run.
     pub folder: PathBuf,
-    settings: Settings,
-    tuned: Vec<Tuned>,
+    /// What else decides about the records.
+    pub settings: Settings,
+    /// The choices of tuning that were taken over.
+    pub tuned: Vec<Tuned>,
     cache: FeatureCache,
     keep_matches: KeepMatches,
     retry_failed: bool,
