@@ -75,25 +75,38 @@ fn what_is_no_file_is_written_into_and_never_replaced() {
 fn results_do_not_depend_on_somebody_who_listens() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (wall, run) = run_of(folder.path());
-    let full = OpenOptions::new()
-        .write(true)
-        .open("/dev/full")
-        .expect("a device of Linux");
-    let (reader, closed) = std::io::pipe().expect("pipes can be made");
-    drop(reader);
-    for (number, error) in [Stdio::from(full), Stdio::from(closed)]
-        .into_iter()
-        .enumerate()
-    {
+    let full = || {
+        Stdio::from(
+            OpenOptions::new()
+                .write(true)
+                .open("/dev/full")
+                .expect("a device of Linux"),
+        )
+    };
+    let closed = || {
+        let (reader, writer) = std::io::pipe().expect("pipes can be made");
+        drop(reader);
+        Stdio::from(writer)
+    };
+    // Where the table goes, where messages go, and how the program ends.
+    let listeners = [
+        (Stdio::piped(), full(), 0),
+        (Stdio::piped(), closed(), 0),
+        (closed(), closed(), 0),
+        (full(), full(), 1),
+    ];
+    for (number, (table, messages, code)) in listeners.into_iter().enumerate() {
         let again = folder.path().join(format!("again{number}"));
         let output = matchbench()
             .args(["run", "--matchers", "sift", "--report", "--out"])
             .args([&again, &wall])
-            .stderr(error)
+            .stdout(table)
+            .stderr(messages)
             .output()
             .expect("the program starts");
-        assert_eq!(output.status.code(), Some(0));
-        assert!(!output.stdout.is_empty() && again.join("report/index.html").is_file());
+        assert_eq!(output.status.code(), Some(code), "{number}");
+        assert_eq!(!output.stdout.is_empty(), number < 2, "{number}");
+        assert!(again.join("report/index.html").is_file(), "{number}");
     }
     assert!(run.join("plan.json").is_file());
 }

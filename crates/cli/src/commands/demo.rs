@@ -29,8 +29,10 @@ pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
     if ending == Ending::Stopped {
         return Ok(ending);
     }
-    eval::print(&args.out)?;
+    let printed = eval::print(&args.out);
+    // Also where the table found no reader: a closed pipe, a full disk.
     let page = report::write(&args.out, &ReportOptions::default())?;
+    printed?;
     let page = std::path::absolute(page)?;
     let mut out = stdout();
     writeln!(

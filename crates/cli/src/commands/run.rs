@@ -18,16 +18,19 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     if ending == Ending::Stopped {
         return Ok(ending);
     }
-    eval::print(&folder)?;
+    let printed = eval::print(&folder);
     let mut out = stdout();
     if study.report {
         let options = ReportOptions {
             cache: study.cache.as_deref(),
             ..ReportOptions::default()
         };
+        // Also where the table found no reader: a closed pipe, a full disk.
         let page = report::write(&folder, &options)?;
+        printed?;
         writeln!(out, "\nreport: {}", page.display())?;
     } else {
+        printed?;
         writeln!(out, "\nNext: matchbench report {}", folder.display())?;
     }
     Ok(ending)

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point2, Vector3};
 use rayon::prelude::*;
 
 use super::decode::{decode_gray, exif_orientation};
@@ -31,6 +31,8 @@ const PRINTED_DIGITS: f64 = 1e-5;
 const CENTRE_TOLERANCE: f64 = 0.15;
 /// Focal lengths that real lenses have, as shares of the image's longer side.
 const FOCAL_RANGE: std::ops::RangeInclusive<f64> = 0.2..=20.0;
+/// How far from itself a corner of the image may come back when its distortion is undone and done, in pixels.
+const LENS_TOLERANCE_PX: f64 = 0.1;
 
 /// All problems of the dataset in the folder `dir`; none if it is sound.
 ///
@@ -175,6 +177,24 @@ fn check_camera(
                 "check that it is in pixels of this image",
             )));
         }
+    }
+    let (right, bottom) = (width - 1.0, height - 1.0);
+    let border = [(0.0, 0.0), (right, 0.0), (0.0, bottom), (right, bottom)];
+    let off = |&(x, y): &(f64, f64)| {
+        let pixel = Point2::new(x, y);
+        let distance = (camera.project(camera.normalize(pixel)) - pixel).norm();
+        distance.is_nan() || distance > LENS_TOLERANCE_PX
+    };
+    let sound = camera.check().is_ok();
+    if let Some((x, y)) = border.iter().find(|pixel| sound && off(pixel)) {
+        problems.push(
+            DatasetError::new(
+                file,
+                format!("the lens distortion cannot be undone at the pixel {x} {y} of {here}"),
+                "check the coefficients and their order, k1 k2 p1 p2 k3",
+            )
+            .into(),
+        );
     }
 }
 
@@ -378,6 +398,12 @@ mod tests {
         assert_eq!(found[0].severity, Severity::Warning);
         let found = with("1000 0 12 0 20 8 0 0 1");
         assert_found(&found, "camera.txt", None, "fx 1000");
+        // A lens that folds the image.
+        let found = spoiled("dataset.toml", |_| {
+            "version = 1\ndistortion = { k1 = -3, k2 = 0, p1 = 0, p2 = 0, k3 = 0 }\n".to_owned()
+        });
+        assert_found(&found, "camera.txt", None, "cannot be undone");
+        assert_eq!(found[0].severity, Severity::Error);
         let found = with("20 3 12 0 20 8 0 0 1");
         assert_found(&found, "camera.txt", None, "skew 3");
         let found = with("20 0 12 0 20");

@@ -53,7 +53,9 @@ pub(super) fn load_published(
         let chosen = choice.of(&dataset)?;
         listed.retain(|pair| chosen(pair.a, pair.b));
         for (stem, file) in files {
-            let (matcher, estimator) = stem.rsplit_once('+').unwrap_or((&stem, ""));
+            let parts =
+                (stem.rsplit_once('+')).filter(|parts| !parts.0.is_empty() && !parts.1.is_empty());
+            let (matcher, estimator) = parts.unwrap_or((&stem, ""));
             sets.push(ResultSet {
                 dataset: dataset.clone(),
                 matcher: matcher.to_owned(),
