@@ -32,6 +32,11 @@ impl IntegralImage {
         &self.sums
     }
 
+    /// Values of a row of [`IntegralImage::sums`].
+    pub(crate) fn stride(&self) -> usize {
+        self.stride
+    }
+
     /// Sums of the pixels above row `y` and to the left of each column, one more than columns.
     #[inline]
     pub fn row(&self, y: usize) -> &[u32] {

@@ -3,6 +3,8 @@
 const LANES: usize = 32;
 
 multiversioned! {
+    #![avx512]
+
     /// The vertical pass: the sum, for each column, of `half[k]` times the two rows at distance
     /// `k` from the middle one, which counts twice for `k = 0`.
     ///

@@ -1,4 +1,4 @@
-//! The direction of the gradient over a sampling pattern of at most 64 points.
+//! Means over the squares of a sampling pattern of at most 64 points, and the direction of the gradient over it.
 
 /// Weights of the pairs of points that tell the direction: for point `i` and an earlier point `j`,
 /// the offset from `i` to `j` over its squared length, in 2048ths; 0 for pairs that do not count.
@@ -10,7 +10,94 @@ pub struct DirectionWeights {
     pub y: Vec<[i32; 64]>,
 }
 
+/// The squares over which the points of a pattern take the mean at one scale; what is beyond its points repeats one.
+#[derive(Clone, Debug)]
+pub struct Squares {
+    /// Distances of the centres from the keypoint, in pixels.
+    pub radii: [f64; 64],
+    /// Cosines and sines of their directions, before the pattern is turned.
+    pub directions: [[f64; 64]; 2],
+    /// Half the side of each, in pixels.
+    pub half_sides: [f32; 64],
+    /// Weight of a whole pixel.
+    pub weights: [i32; 64],
+    /// What a weighted sum is divided by to get 1024ths of a grey level.
+    pub divisors: [i32; 64],
+}
+
+/// First and last pixel of the squares along one direction, and the shares of them that lie within.
+struct Ends {
+    pixels: [[i32; 64]; 2],
+    shares: [[f32; 64]; 2],
+}
+
 multiversioned! {
+    /// Means over squares about `centre`, turned by the angle of this cosine and sine, in 1024ths of a grey level.
+    /// The pixels on the edges of a square count by the share of them that lies within. `sums` are those of an
+    /// integral image, in rows of `stride`.
+    ///
+    /// # Panics
+    /// If a square reaches beyond the image.
+    pub fn square_means(
+        sums: &[u32],
+        stride: usize,
+        squares: &Squares,
+        centre: [f32; 2],
+        cos_sin: [f64; 2],
+        means: &mut [i32; 64],
+    ) {
+        let [cos, sin] = cos_sin;
+        let mut places = [[0.0_f32; 64]; 2];
+        for i in 0..64 {
+            let [x, y] = [squares.directions[0][i], squares.directions[1][i]];
+            places[0][i] = (squares.radii[i] * (cos * x - sin * y)) as f32 + centre[0];
+            places[1][i] = (squares.radii[i] * (sin * x + cos * y)) as f32 + centre[1];
+        }
+        let x = ends(&places[0], &squares.half_sides);
+        let y = ends(&places[1], &squares.half_sides);
+        // Of the nine parts that an edge pixel to each side cuts a square into: what a pixel there counts.
+        let mut shares = [[0_i32; 64]; 9];
+        for i in 0..64 {
+            let weight = squares.weights[i] as f32;
+            let [left, right] = [x.shares[0][i], x.shares[1][i]];
+            let [upper, lower] = [y.shares[0][i], y.shares[1][i]];
+            shares[0][i] = whole(left * upper * weight);
+            shares[1][i] = whole(upper * weight);
+            shares[2][i] = whole(right * upper * weight);
+            shares[3][i] = whole(left * weight);
+            shares[4][i] = squares.weights[i];
+            shares[5][i] = whole(right * weight);
+            shares[6][i] = whole(left * lower * weight);
+            shares[7][i] = whole(lower * weight);
+            shares[8][i] = whole(right * lower * weight);
+        }
+        let mut totals = [0_i32; 64];
+        for i in 0..64 {
+            let [left, right] = [x.pixels[0][i] as usize, x.pixels[1][i] as usize];
+            let [top, bottom] = [y.pixels[0][i] as usize, y.pixels[1][i] as usize];
+            // Sums of the columns' parts above each of the four lines that cut the square.
+            let mut above = [[0; 3]; 4];
+            for (k, line) in [top, top + 1, bottom, bottom + 1].into_iter().enumerate() {
+                let row = &sums[line * stride..][..stride];
+                let ([a, b], [c, d]) = (pair(row, left), pair(row, right));
+                above[k] = [b.wrapping_sub(a), c.wrapping_sub(b), d.wrapping_sub(c)];
+            }
+            let mut total = 0_i32;
+            for part in 0..9 {
+                let (line, column) = (part / 3, part % 3);
+                let sum = above[line + 1][column].wrapping_sub(above[line][column]);
+                total = total.wrapping_add(shares[part][i].wrapping_mul(sum as i32));
+            }
+            totals[i] = total;
+        }
+        for i in 0..64 {
+            let (total, divisor) = (totals[i], squares.divisors[i]);
+            // Quotients of integers of 32 bits are nowhere near enough to the next integer to be rounded to it.
+            let rounded = f64::from(total.wrapping_add(divisor / 2));
+            means[i] = whole_of_double(rounded / f64::from(divisor));
+        }
+    }
+
     /// The sum over all pairs of the difference of their values times their weights, each product
     /// divided by 1024 and cut off. Values are below 2^18.
     pub fn direction(values: &[i32; 64], weights: &DirectionWeights) -> [i32; 2] {
@@ -37,6 +124,44 @@ multiversioned! {
         }
         direction
     }
+}
+
+#[inline(always)]
+fn ends(places: &[f32; 64], half_sides: &[f32; 64]) -> Ends {
+    let mut ends = Ends {
+        pixels: [[0; 64]; 2],
+        shares: [[0.0; 64]; 2],
+    };
+    for i in 0..64 {
+        let (start, end) = (places[i] - half_sides[i], places[i] + half_sides[i]);
+        let first = whole_of_double(f64::from(start) + 0.5);
+        let last = whole_of_double(f64::from(end) + 0.5);
+        ends.pixels[0][i] = first;
+        ends.pixels[1][i] = last;
+        ends.shares[0][i] = first as f32 - start + 0.5;
+        ends.shares[1][i] = end - last as f32 + 0.5;
+    }
+    ends
+}
+
+#[inline(always)]
+fn pair(row: &[u32], x: usize) -> [u32; 2] {
+    *row[x..].first_chunk().expect("a square within the image")
+}
+
+/// The integer part of a number from 0 to below 2^22. Unlike a cast it needs no care for other values: the sum leaves
+/// no place for a fraction.
+#[inline(always)]
+fn whole(x: f32) -> i32 {
+    const NO_FRACTION: f32 = 1.5 * (1 << 23) as f32;
+    ((x.trunc() + NO_FRACTION).to_bits() & 0x003f_ffff) as i32
+}
+
+/// The integer part of a number that an `i32` holds.
+#[inline(always)]
+fn whole_of_double(x: f64) -> i32 {
+    const NO_FRACTION: f64 = 1.5 * (1_u64 << 52) as f64;
+    (x.trunc() + NO_FRACTION).to_bits() as i32
 }
 
 #[cfg(test)]

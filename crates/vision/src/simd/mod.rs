@@ -104,7 +104,7 @@ mod triangulate;
 pub use area::{Cover, cover_columns, cover_rows, halve_rows_u8, integrate_row};
 pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
 pub use blur8::{weigh_along_u8, weigh_rows_u8};
-pub use brisk::{DirectionWeights, direction};
+pub use brisk::{DirectionWeights, Squares, direction, square_means};
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
 pub use daisy::{DAISY_COLUMNS, DAISY_MAPS, DaisyRow, add_between, rectified_gradients};
 pub use diffuse::{Below, NO_FLOWS, diffuse_row};

@@ -131,7 +131,7 @@ impl Extractor for Brisk {
         let mut words = vec![0; keypoints.len() * BITS / 64];
         if !keypoints.is_empty() {
             let integral = IntegralImage::new(image);
-            let sampler = Sampler::new(&self.pattern, image, &integral);
+            let sampler = Sampler::new(&self.pattern, &integral);
             let rows = words.as_chunks_mut().0;
             for i in near_each_other(&keypoints) {
                 rows[i] = sampler.describe(&mut keypoints[i]);

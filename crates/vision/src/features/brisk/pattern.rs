@@ -4,8 +4,8 @@ use std::f64::consts::{PI, TAU};
 
 use super::BASIC_SIZE;
 use crate::features::Keypoint;
-use crate::image::{GrayImage, IntegralImage, Size};
-use crate::simd::{DirectionWeights, direction};
+use crate::image::{IntegralImage, Size};
+use crate::simd::{DirectionWeights, Squares, direction, square_means};
 
 /// Number of bits of a descriptor: pairs of points nearer than [`SHORT`].
 pub(super) const BITS: usize = 512;
@@ -37,8 +37,6 @@ const TURNS: i32 = 1024;
 #[derive(Clone, Debug)]
 pub(super) struct Pattern {
     scales: Vec<PatternScale>,
-    /// Ring, cosine and sine of the place of each point.
-    points: Vec<(usize, [f64; 2])>,
     /// Cosine and sine of each angle.
     turns: Vec<[f64; 2]>,
     short_pairs: Vec<[u8; 2]>,
@@ -48,37 +46,19 @@ pub(super) struct Pattern {
 /// The pattern at one scale.
 #[derive(Clone, Debug)]
 struct PatternScale {
-    /// Radius of each ring and the area of its points.
-    rings: [(f64, Area); 5],
+    squares: Squares,
     /// Distance to the border that its keypoints must keep.
     margin: f32,
 }
 
-/// The square over which a point takes the mean.
-#[derive(Clone, Copy, Debug)]
-struct Area {
-    half_side: f32,
-    /// Weight of a whole pixel, and what the sum is divided by to get 1024ths of a grey level.
-    weight: i32,
-    divisor: i32,
-}
-
 impl Pattern {
     pub(super) fn new() -> Self {
-        let mut points = Vec::with_capacity(POINTS);
-        for (ring, &(_, count)) in RINGS.iter().enumerate() {
-            for i in 0..count {
-                let angle = i as f64 * TAU / count as f64;
-                points.push((ring, [libm::cos(angle), libm::sin(angle)]));
-            }
-        }
         let turns = (0..TURNS)
             .map(|turn| f64::from(turn) * TAU / f64::from(TURNS))
             .map(|angle| [libm::cos(angle), libm::sin(angle)])
             .collect();
         let mut pattern = Self {
             scales: (0..SCALES).map(PatternScale::new).collect(),
-            points,
             turns,
             short_pairs: Vec::with_capacity(BITS),
             direction_weights: DirectionWeights {
@@ -92,8 +72,11 @@ impl Pattern {
 
     /// Tells short and long pairs apart, by their distance in the upright pattern of scale 1.
     fn pair_points(&mut self) {
-        let mut upright = [[0.0; 2]; POINTS];
-        self.place([0.0; 2], 0, 0, &mut upright);
+        let Squares {
+            radii, directions, ..
+        } = &self.scales[0].squares;
+        let upright: [[f32; 2]; POINTS] =
+            std::array::from_fn(|i| directions.map(|along| (radii[i] * along[i]) as f32));
         for i in 1..POINTS {
             for j in 0..i {
                 let dx = upright[j][0] - upright[i][0];
@@ -107,18 +90,6 @@ impl Pattern {
                     self.short_pairs.push([i as u8, j as u8]);
                 }
             }
-        }
-    }
-
-    /// Places of all points of a pattern about `centre`.
-    fn place(&self, centre: [f32; 2], scale: usize, turn: usize, places: &mut [[f32; 2]; POINTS]) {
-        let [cos, sin] = self.turns[turn];
-        for (place, &(ring, [x, y])) in places.iter_mut().zip(&self.points) {
-            let radius = self.scales[scale].rings[ring].0;
-            *place = [
-                (radius * (cos * x - sin * y)) as f32 + centre[0],
-                (radius * (sin * x + cos * y)) as f32 + centre[1],
-            ];
         }
     }
 
@@ -141,8 +112,16 @@ impl PatternScale {
     fn new(index: usize) -> Self {
         let step = LOG_RANGE / SCALES as f32;
         let scale = libm::pow(2.0, f64::from(index as f32 * step)) as f32;
+        let mut squares = Squares {
+            radii: [0.0; 64],
+            directions: [[0.0; 64]; 2],
+            half_sides: [AREA * scale * 0.5; 64],
+            weights: [0; 64],
+            divisors: [0; 64],
+        };
         let mut margin = 0.0_f32;
-        let rings = RINGS.map(|(radius, count)| {
+        let mut point = 0;
+        for (radius, count) in RINGS {
             let half_side = if count == 1 {
                 AREA * scale * 0.5
             } else {
@@ -150,42 +129,34 @@ impl PatternScale {
                 (radius * libm::sin(PI / count as f64)) as f32
             };
             margin = margin.max((scale * radius + half_side).ceil() + 1.0);
-            (f64::from(scale * radius), Area::new(half_side))
-        });
-        Self { rings, margin }
-    }
-}
-
-impl Area {
-    fn new(half_side: f32) -> Self {
-        let area = 4.0 * half_side * half_side;
-        let weight = (4_194_304.0 / f64::from(area)) as i32;
-        Self {
-            half_side,
-            weight,
-            divisor: (f64::from(weight as f32 * area) / 1024.0) as i32,
+            for i in 0..count {
+                let angle = i as f64 * TAU / count as f64;
+                squares.radii[point] = f64::from(scale * radius);
+                squares.directions[0][point] = libm::cos(angle);
+                squares.directions[1][point] = libm::sin(angle);
+                squares.half_sides[point] = half_side;
+                point += 1;
+            }
         }
+        for (i, half_side) in squares.half_sides.into_iter().enumerate() {
+            let area = 4.0 * half_side * half_side;
+            let weight = (4_194_304.0 / f64::from(area)) as i32;
+            squares.weights[i] = weight;
+            squares.divisors[i] = (f64::from(weight as f32 * area) / 1024.0) as i32;
+        }
+        Self { squares, margin }
     }
 }
 
 /// Reads descriptors from one image.
 pub(super) struct Sampler<'a> {
     pattern: &'a Pattern,
-    image: &'a GrayImage,
     integral: &'a IntegralImage,
 }
 
 impl<'a> Sampler<'a> {
-    pub(super) fn new(
-        pattern: &'a Pattern,
-        image: &'a GrayImage,
-        integral: &'a IntegralImage,
-    ) -> Self {
-        Self {
-            pattern,
-            image,
-            integral,
-        }
+    pub(super) fn new(pattern: &'a Pattern, integral: &'a IntegralImage) -> Self {
+        Self { pattern, integral }
     }
 
     /// The descriptor of a keypoint, whose orientation is set.
@@ -223,58 +194,28 @@ impl<'a> Sampler<'a> {
 
     /// Means around all points of the pattern, in 1024ths of a grey level.
     fn sample(&self, centre: [f32; 2], scale: usize, turn: usize, values: &mut [i32; 64]) {
-        let mut places = [[0.0; 2]; POINTS];
-        self.pattern.place(centre, scale, turn, &mut places);
-        let rings = &self.pattern.scales[scale].rings;
-        for ((value, place), &(ring, _)) in values.iter_mut().zip(places).zip(&self.pattern.points)
-        {
-            *value = self.mean(place, rings[ring].1);
-        }
-    }
-
-    /// Mean over the square about `place`, in 1024ths of a grey level. The pixels on its edges
-    /// count by the share of them that lies within.
-    #[inline]
-    fn mean(&self, place: [f32; 2], area: Area) -> i32 {
-        let weight = area.weight as f32;
-        // First and last pixel, and their shares, along each direction.
-        let [x, y] = place.map(|v| {
-            let (start, end) = (v - area.half_side, v + area.half_side);
-            let [first, last] = [start, end].map(|v| (f64::from(v) + 0.5) as i32);
-            let shares = [first as f32 - start + 0.5, end - last as f32 + 0.5];
-            ([first as usize, last as usize], shares)
-        });
-        let ([left, right], [left_share, right_share]) = x;
-        let ([top, bottom], [upper_share, lower_share]) = y;
-        let pixel = |x: usize, y: usize| i32::from(self.image.at(x, y));
-        let corner = |share: f32, x: usize, y: usize| (share * weight) as i32 * pixel(x, y);
-        let sum = |x0: usize, x1: usize, y0: usize, y1: usize| {
-            let at = |x, y| self.integral.at(x, y);
-            let [a, b, c, d] = [at(x1, y1), at(x0, y0), at(x0, y1), at(x1, y0)];
-            a.wrapping_add(b).wrapping_sub(c).wrapping_sub(d) as i32
-        };
-        let part = |share: f32, sum: i32| (share * weight) as i32 * sum;
-        let total = corner(left_share * upper_share, left, top)
-            + corner(right_share * upper_share, right, top)
-            + corner(right_share * lower_share, right, bottom)
-            + corner(left_share * lower_share, left, bottom)
-            + part(upper_share, sum(left + 1, right, top, top + 1))
-            + part(lower_share, sum(left + 1, right, bottom, bottom + 1))
-            + part(left_share, sum(left, left + 1, top + 1, bottom))
-            + part(right_share, sum(right, right + 1, top + 1, bottom))
-            + area.weight * sum(left + 1, right, top + 1, bottom);
-        (total + area.divisor / 2) / area.divisor
+        let squares = &self.pattern.scales[scale].squares;
+        let (sums, stride) = (self.integral.sums(), self.integral.stride());
+        square_means(
+            sums,
+            stride,
+            squares,
+            centre,
+            self.pattern.turns[turn],
+            values,
+        );
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::GrayImage;
 
     #[test]
     fn pairs_are_as_many_as_in_the_paper() {
         let pattern = Pattern::new();
-        assert_eq!(pattern.points.len(), POINTS);
+        assert_eq!(RINGS.iter().map(|ring| ring.1).sum::<usize>(), POINTS);
         assert_eq!(pattern.short_pairs.len(), BITS);
         let weights = &pattern.direction_weights;
         let long = (weights.x.as_flattened().iter())
@@ -288,11 +229,23 @@ mod tests {
         let image = GrayImage::from_fn(Size::new(120, 110), |x, y| (x + y) as u8);
         let integral = IntegralImage::new(&image);
         let pattern = Pattern::new();
-        let sampler = Sampler::new(&pattern, &image, &integral);
-        for (scale, place) in [(0, [50.25, 40.0]), (0, [33.7, 71.4]), (20, [60.1, 50.9])] {
-            for (_, area) in pattern.scales[scale].rings {
-                let value = sampler.mean(place, area) as f32 / 1024.0;
-                let expected = place[0] + place[1];
+        let sampler = Sampler::new(&pattern, &integral);
+        for (scale, turn, centre) in [
+            (0, 0, [50.25, 40.0]),
+            (0, 300, [33.7, 71.4]),
+            (20, 1000, [60.1, 50.9]),
+        ] {
+            let mut values = [0; 64];
+            sampler.sample(centre, scale, turn, &mut values);
+            let Squares {
+                radii, directions, ..
+            } = &pattern.scales[scale].squares;
+            let [cos, sin] = pattern.turns[turn];
+            for (i, value) in values.into_iter().enumerate() {
+                let [x, y] = directions.map(|along| along[i]);
+                let along_both = (cos * x - sin * y) + (sin * x + cos * y);
+                let expected = f64::from(centre[0] + centre[1]) + radii[i] * along_both;
+                let value = f64::from(value) / 1024.0;
                 assert!((value - expected).abs() < 0.2, "{value}, not {expected}");
             }
         }
