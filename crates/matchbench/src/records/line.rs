@@ -99,6 +99,7 @@ mod tests {
                 repetition: 0,
             },
             counts: Counts::default(),
+            correct: None,
             outcome: Outcome::judged(&pose, &Isometry3::translation(1.0, 0.0, 0.0), 9, 12, 100),
             times: StageTimes {
                 search: Some(0.25),
