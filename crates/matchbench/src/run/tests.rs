@@ -2,6 +2,7 @@
 
 mod again;
 mod faults;
+mod homographies;
 mod outside;
 mod shards;
 mod share;
