@@ -10,7 +10,6 @@ same moods. A pose counts if at least 10 matches support it, as in matchbench. N
 
 import argparse
 import pathlib
-import struct
 import subprocess
 import tempfile
 import time
@@ -21,6 +20,7 @@ import poselib
 import pycolmap
 
 from pose import MIN_SUPPORT, POSE, auc, pose_error
+from stored import stored
 
 BEST = "sampler=prosac score=even-msac threshold=2 loss=cauchy min=1000 iterations=20000"
 OURS = {
@@ -36,21 +36,6 @@ OPENCV = {
     "OpenCV USAC_MAGSAC": cv2.USAC_MAGSAC,
 }
 CHUNK = 8
-
-
-def stored(path):
-    """(a, b) and an n x 5 array for each pair of a file of matches (see records/matches.rs)."""
-    data = path.read_bytes()
-    at = 8
-    while at + 28 <= len(data):
-        a, b, repetition, _, _, _, count = struct.unpack_from("<7I", data, at)
-        at += 28
-        if count != 0xFFFFFFFF:
-            matches = np.frombuffer(data, "<f4", 5 * count, at).reshape(-1, 5).astype(float)
-            at += 20 * count
-            if repetition == 0:
-                yield (a, b), matches
-        at += 8
 
 
 def ours(chunk, k, settings, seed):

@@ -1,6 +1,6 @@
 //! Pose estimators by name.
 
-use matchbench::estimators::{self, BuiltEstimator};
+use matchbench::estimators::{self, BuiltEstimator, Estimator as Built};
 use matchbench::run::estimation_seed;
 use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::robust::{self, TwoViews};
@@ -64,35 +64,22 @@ impl Estimator {
         ambiguity: Option<Bound<'_, PyAny>>,
         seed: u64,
     ) -> PyResult<PoseEstimate> {
-        let (a, b) = (points(points_a, "points_a")?, points(points_b, "points_b")?);
-        if a.len() != b.len() {
-            return Err(value_error(format!(
-                "{} points in image a and {} in image b; row i of both is one match",
-                a.len(),
-                b.len()
-            )));
-        }
-        let count = a.len();
-        let ambiguity = match ambiguity {
-            Some(ambiguity) => column(&ambiguity, "ambiguity", count)?,
-            None => vec![0.5; count],
-        };
-        if let Some(row) = ambiguity.iter().position(|x| !(0.0..=1.0).contains(x)) {
+        let Built::Pose(pose) = &self.built.estimator else {
             let message = format!(
-                "`ambiguity` is from 0 (certain) to 1; row {row} is {}",
-                ambiguity[row]
+                "`{}` estimates homographies; call `estimate_homography`",
+                self.built.id
             );
             return Err(value_error(message));
-        }
-        let matches = MatchedPoints::new(a, b, ambiguity);
+        };
+        let matches = matched(points_a, points_b, ambiguity)?;
+        let count = matches.len();
         let found = py.detach(|| {
             let views = TwoViews {
                 points: &matches,
                 camera_a: &camera_a.inner,
                 camera_b: &camera_b.inner,
             };
-            let seed = estimation_seed(Seed(seed), &self.built.id);
-            self.built.estimator.estimate(views, seed)
+            pose.estimate(views, estimation_seed(Seed(seed), &self.built.id))
         });
         match found {
             Ok(inner) => Ok(PoseEstimate { inner, count }),
@@ -100,8 +87,118 @@ impl Estimator {
         }
     }
 
+    /// Whether it estimates homographies, and not poses.
+    #[getter]
+    fn of_homographies(&self) -> bool {
+        matches!(self.built.estimator, Built::Homography(_))
+    }
+
+    #[pyo3(signature = (points_a, points_b, *, ambiguity=None, seed=0))]
+    fn estimate_homography(
+        &self,
+        py: Python<'_>,
+        points_a: &Bound<'_, PyAny>,
+        points_b: &Bound<'_, PyAny>,
+        ambiguity: Option<Bound<'_, PyAny>>,
+        seed: u64,
+    ) -> PyResult<HomographyEstimate> {
+        let Built::Homography(homography) = &self.built.estimator else {
+            let message = format!("`{}` estimates poses; call `estimate`", self.built.id);
+            return Err(value_error(message));
+        };
+        let matches = matched(points_a, points_b, ambiguity)?;
+        let seed = estimation_seed(Seed(seed), &self.built.id);
+        match py.detach(|| homography.estimate(&matches, seed)) {
+            Ok(inner) => Ok(HomographyEstimate {
+                inner,
+                count: matches.len(),
+            }),
+            Err(none) => Err(NoPose::new_err(none.to_string())),
+        }
+    }
+
     fn __repr__(&self) -> String {
         format!("Estimator({:?})", self.built.id)
+    }
+}
+
+/// The matches of two arrays of points, row by row.
+fn matched(
+    points_a: &Bound<'_, PyAny>,
+    points_b: &Bound<'_, PyAny>,
+    ambiguity: Option<Bound<'_, PyAny>>,
+) -> PyResult<MatchedPoints> {
+    let (a, b) = (points(points_a, "points_a")?, points(points_b, "points_b")?);
+    if a.len() != b.len() {
+        return Err(value_error(format!(
+            "{} points in image a and {} in image b; row i of both is one match",
+            a.len(),
+            b.len()
+        )));
+    }
+    let count = a.len();
+    let ambiguity = match ambiguity {
+        Some(ambiguity) => column(&ambiguity, "ambiguity", count)?,
+        None => vec![0.5; count],
+    };
+    if let Some(row) = ambiguity.iter().position(|x| !(0.0..=1.0).contains(x)) {
+        let message = format!(
+            "`ambiguity` is from 0 (certain) to 1; row {row} is {}",
+            ambiguity[row]
+        );
+        return Err(value_error(message));
+    }
+    Ok(MatchedPoints::new(a, b, ambiguity))
+}
+
+/// For each of so many matches whether it is one of the `inliers`.
+fn mask<'py>(py: Python<'py>, inliers: &[u32], count: usize) -> PyResult<Bound<'py, PyAny>> {
+    let mut agree = vec![false; count];
+    for &index in inliers {
+        agree[index as usize] = true;
+    }
+    matrix(py, agree, [count])
+}
+
+/// A homography, and the matches that agree with it.
+#[pyclass(frozen, module = "matchbench")]
+pub(crate) struct HomographyEstimate {
+    inner: robust::HomographyEstimate,
+    /// Matches that were given.
+    count: usize,
+}
+
+#[pymethods]
+impl HomographyEstimate {
+    /// Takes pixels of a, as (x, y, 1), to those of b.
+    #[getter(H)]
+    fn homography<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let rows = self.inner.b_from_a.transpose().as_slice().to_vec();
+        matrix(py, rows, [3, 3])
+    }
+
+    /// For each match whether it agrees.
+    #[getter]
+    fn inliers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        mask(py, &self.inner.inliers, self.count)
+    }
+
+    #[getter]
+    fn num_inliers(&self) -> usize {
+        self.inner.inliers.len()
+    }
+
+    #[getter]
+    fn iterations(&self) -> usize {
+        self.inner.iterations
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "HomographyEstimate({} of {} agree)",
+            self.inner.inliers.len(),
+            self.count
+        )
     }
 }
 
@@ -142,11 +239,7 @@ impl PoseEstimate {
     /// For each match whether it agrees.
     #[getter]
     fn inliers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let mut agree = vec![false; self.count];
-        for &index in &self.inner.inliers {
-            agree[index as usize] = true;
-        }
-        matrix(py, agree, [self.count])
+        mask(py, &self.inner.inliers, self.count)
     }
 
     #[getter]

@@ -34,7 +34,7 @@ mod native {
     #[pymodule_export]
     use crate::errors::{Error, NoPose};
     #[pymodule_export]
-    use crate::estimators::{Estimator, PoseEstimate};
+    use crate::estimators::{Estimator, HomographyEstimate, PoseEstimate};
     #[pymodule_export]
     use crate::features::Features;
     #[pymodule_export]

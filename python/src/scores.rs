@@ -51,7 +51,7 @@ pub(crate) fn evaluate(
             PyArray1::from_vec(py, values.collect())
         };
         columns.set_item(kind.id, column(&|row| scores[row].value))?;
-        if kind.term.is_some() {
+        if kind.has_interval() {
             let interval = |row: usize| scores[row].interval;
             columns.set_item(
                 format!("{}_low", kind.id),

@@ -130,3 +130,22 @@ def test_too_few_matches_are_no_pose():
         mb.estimator("bset")
     with pytest.raises(ValueError, match="treshold"):
         mb.estimator("best", treshold=1)
+
+
+def test_a_homography_is_found_among_wrong_matches():
+    truth = np.array([[0.9, 0.1, 20.0], [-0.1, 1.1, 5.0], [1e-4, -1e-4, 1.0]])
+    rng = np.random.default_rng(0)
+    a = rng.uniform(0, 480, (90, 2))
+    seen = np.column_stack([a, np.ones(90)]) @ truth.T
+    b = seen[:, :2] / seen[:, 2:]
+    b[60:] = rng.uniform(0, 480, (30, 2))
+    best = mb.estimator("best-h")
+    found = best.estimate_homography(a, b, seed=3)
+    assert best.of_homographies and found.num_inliers >= 60 and found.inliers[:60].all()
+    np.testing.assert_allclose(found.H / found.H[2, 2], truth, atol=1e-5)
+    with pytest.raises(ValueError, match="estimate_homography"):
+        best.estimate(a, b, CAMERA, CAMERA)
+    with pytest.raises(ValueError, match="estimates poses"):
+        mb.estimator("best").estimate_homography(a, b)
+    with pytest.raises(mb.NoPose):
+        best.estimate_homography(a[:3], b[:3])

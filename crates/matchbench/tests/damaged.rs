@@ -103,6 +103,7 @@ fn records(doors: &Doors) -> Vec<u8> {
                 repetition: 0,
             },
             counts: Counts::default(),
+            correct: None,
             outcome,
             times: StageTimes {
                 search: Some(0.25),

@@ -9,13 +9,13 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 
 use matchbench::config::ConfigError;
-use matchbench::estimators::ESTIMATORS;
+use matchbench::estimators::{ESTIMATORS, Estimator};
 use matchbench::matchers::{BuiltMatcher, Extraction, MATCHERS};
 use matchbench_vision::features::Features;
 use matchbench_vision::geometry::{Camera, MatchedPoints};
 use matchbench_vision::image::{GrayImage, Size};
 use matchbench_vision::matching::{Correspondences, View};
-use matchbench_vision::robust::{NoPose, PoseEstimate, TwoViews};
+use matchbench_vision::robust::TwoViews;
 use matchbench_vision::seed::Seed;
 use nalgebra::{Point2, Rotation3, Vector3};
 use serde_json::{Value, json};
@@ -238,7 +238,7 @@ fn more_values(id: &str, pointer: &str) -> Vec<Value> {
     match (id, pointer) {
         (_, "/confidence") => vec![json!(0.999_999), json!(0.01)],
         // Just above the least number of samples.
-        (_, "/max_iterations") => vec![json!(1001)],
+        (_, "/max_iterations") => vec![json!(1001), json!(201)],
         (_, "/extractor/views/max_pixels") => vec![json!(5000)],
         (_, "/extractor/views/max_tilt") => vec![json!(1.2)],
         ("gaim", "/selection/collision_px") => vec![json!(50.0)],
@@ -279,6 +279,14 @@ fn matches(
     points
 }
 
+/// Image b seen in a mirror.
+fn mirrored(mut points: MatchedPoints) -> MatchedPoints {
+    for b in &mut points.b {
+        b.x = 640.0 - b.x;
+    }
+    points
+}
+
 #[test]
 fn every_parameter_of_every_estimator_acts() {
     let deep = |_: Point2<f64>, uniform: f64| 3.0 + 6.0 * uniform;
@@ -300,21 +308,23 @@ fn every_parameter_of_every_estimator_acts() {
         (matches(200, 60, 3, wall), 4, whole),
         (matches(200, 60, 3, wall), 5, whole),
         (matches(200, 60, 3, wall), 6, 5),
+        (mirrored(matches(200, 60, 3, wall)), 4, whole),
     ];
     let mut dead = Vec::new();
     for entry in ESTIMATORS {
-        let result = |params: &Value, _: Stage, case: usize| -> Result<PoseEstimate, NoPose> {
-            let estimator = entry
-                .build(Some(params))
-                .expect("it was built before")
-                .estimator;
+        let result = |params: &Value, _: Stage, case: usize| -> String {
+            let built = entry.build(Some(params)).expect("it was built before");
             let (points, seed, most) = &scenes[case];
             let views = TwoViews {
                 points,
                 camera_a: &CAMERA,
                 camera_b: &CAMERA,
             };
-            estimator.estimate_until(views, Seed(*seed), &|drawn: usize| drawn >= *most)
+            let (seed, stop) = (Seed(*seed), |drawn: usize| drawn >= *most);
+            match built.estimator {
+                Estimator::Pose(e) => format!("{:?}", e.estimate_until(views, seed, &stop)),
+                Estimator::Homography(e) => format!("{:?}", e.estimate_until(points, seed, &stop)),
+            }
         };
         let subject = Subject {
             id: entry.id(),

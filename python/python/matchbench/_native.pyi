@@ -172,12 +172,38 @@ class PoseEstimate:
     def iterations(self) -> int:
         """Samples drawn."""
 
+class HomographyEstimate:
+    """A homography, `x_b ~ H x_a` for pixels `(x, y, 1)`, and the matches that agree with it."""
+
+    @property
+    def H(self) -> NDArray[np.float64]:
+        """3 x 3, of norm 1."""
+    @property
+    def inliers(self) -> NDArray[np.bool_]:
+        """For each match whether it agrees."""
+    @property
+    def num_inliers(self) -> int: ...
+    @property
+    def iterations(self) -> int:
+        """Samples drawn."""
+
 class Estimator:
     def __init__(self, id: str, params: str) -> None: ...
     @property
     def id(self) -> str: ...
     @property
     def params_json(self) -> str: ...
+    @property
+    def of_homographies(self) -> bool:
+        """Whether it estimates homographies, and not poses."""
+    def estimate_homography(
+        self,
+        points_a: ArrayLike,
+        points_b: ArrayLike,
+        *,
+        ambiguity: ArrayLike | None = None,
+        seed: int = 0,
+    ) -> HomographyEstimate: ...
     def estimate(
         self,
         points_a: ArrayLike,

@@ -28,9 +28,10 @@ _LOSSES = {"TRUNCATED": "truncated", "CAUCHY": "cauchy"}
 
 
 def estimator(id: str, **params: Any) -> Estimator:
-    """The pose estimator called `id` ("best" is our recommendation; `matchbench list estimators` names all);
-    what `params` leaves out keeps its default. `estimate(points_a, points_b, camera_a, camera_b)` gives a
-    `PoseEstimate` or raises `NoPose`."""
+    """The estimator called `id` ("best" is our recommendation for poses, "best-h" for homographies;
+    `matchbench list estimators` names all); what `params` leaves out keeps its default.
+    `estimate(points_a, points_b, camera_a, camera_b)` gives a `PoseEstimate`, of an estimator of homographies
+    `estimate_homography(points_a, points_b)` a `HomographyEstimate`; both may raise `NoPose`."""
     return Estimator(id, to_json(params))
 
 

@@ -337,14 +337,16 @@ pub(crate) struct TuneArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Lines join the selected matches. Their colour is the distance to the true epipolar line: green below
-1 pixel, blue below 3, orange below 10, red beyond. Solid lines agree with the estimated pose,
-dashed ones do not: red and solid is what misled the estimator. A few epipolar lines are drawn,
+Lines join the selected matches. Their colour is the distance to the true epipolar line, or from where
+the true homography takes the point: green below 1 pixel, blue below 3, orange below 10, red beyond.
+Solid lines agree with the estimate, dashed ones do not: red and solid is what misled the estimator.
+Drawn in image b are a few epipolar lines, or with an estimator of homographies the frame of image a:
 the true ones white, the estimated ones yellow.
 
 Examples:
   matchbench show office 0 7 --matcher sift --out pair.png
-  matchbench show office 0 7 --matcher orb --estimator best --keypoints --out pair.svg")]
+  matchbench show office 0 7 --matcher orb --estimator best --keypoints --out pair.svg
+  matchbench show boat 0 3 --matcher sift --estimator best-h --out pair.png")]
 pub(crate) struct ShowArgs {
     /// The dataset folder
     #[arg(value_name = "DATASET")]

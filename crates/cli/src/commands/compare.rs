@@ -140,7 +140,8 @@ fn table(rows: &[(&ResultSet, Comparison)]) -> String {
     text.push_str(
         "\nchange: of the AUC, on the pairs that both runs have, with the paired interval (reference \
          images resampled);\ngained and lost: pairs below 5 degrees after but not before, and the \
-         reverse; changed: pairs with another result.\n",
+         reverse; changed: pairs with another result.\nOf homographies it is the area under recall up \
+         to 3 pixels of corner error, and pairs are below these.\n",
     );
     text
 }

@@ -63,7 +63,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         &ImagePair {
             images: gray.each_ref(),
             cameras: [&frame_a.camera, &frame_b.camera],
-            b_from_a: pair.pose().context("the pose of the pair is not known")?,
+            truth: &pair.truth,
             files: Some(ImageFiles {
                 dataset: &sequence.name,
                 frames: [pair.a, pair.b],
@@ -78,7 +78,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
     }
     let images = (gray.each_ref()).map(|image| Arc::new(Thumbnail::new(image, DRAWN.0, DRAWN.1)));
     let view = view(&sequence, pair, matches, outcome, images);
-    let mut view = view.context("the pose of the pair is not known")?;
+    let mut view = view.context("what the estimator estimates is not known of this pair")?;
     if args.keypoints {
         for (points, features) in view
             .keypoints

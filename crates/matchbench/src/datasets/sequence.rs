@@ -107,17 +107,29 @@ impl Pair {
 
     /// The true pose `b_from_a`, where it is known.
     pub fn pose(&self) -> Option<&Isometry3<f64>> {
-        match &self.truth {
-            Truth::Pose(b_from_a) | Truth::Both { b_from_a, .. } => Some(b_from_a),
-            Truth::Homography(_) => None,
-        }
+        self.truth.pose()
     }
 
     /// The true homography from `a` to `b`, where it is known.
     pub fn homography(&self) -> Option<&Matrix3<f64>> {
-        match &self.truth {
-            Truth::Homography(homography) | Truth::Both { homography, .. } => Some(homography),
-            Truth::Pose(_) => None,
+        self.truth.homography()
+    }
+}
+
+impl Truth {
+    /// The pose `b_from_a`, where it is known.
+    pub fn pose(&self) -> Option<&Isometry3<f64>> {
+        match self {
+            Self::Pose(b_from_a) | Self::Both { b_from_a, .. } => Some(b_from_a),
+            Self::Homography(_) => None,
+        }
+    }
+
+    /// The homography from `a` to `b`, where it is known.
+    pub fn homography(&self) -> Option<&Matrix3<f64>> {
+        match self {
+            Self::Homography(homography) | Self::Both { homography, .. } => Some(homography),
+            Self::Pose(_) => None,
         }
     }
 }

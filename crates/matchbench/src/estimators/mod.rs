@@ -1,6 +1,7 @@
-//! Every pose estimator that a run can name: one file each, and the list.
+//! Every estimator that a run can name, of poses and of homographies: one file each, and the list.
 
 mod best;
+mod best_h;
 mod lmeds_e;
 mod lmeds_f;
 mod lo_ransac_e;
@@ -9,15 +10,19 @@ mod mlesac_e;
 mod prosac_e;
 mod ransac_e;
 mod ransac_f;
+mod ransac_h;
 mod rich;
 mod usac_f;
 
-use matchbench_vision::robust::{PoseEstimator, SampleConsensus, SampleConsensusParams, Settings};
+use matchbench_vision::robust::{
+    HomographyConsensus, HomographyEstimator, HomographyParams, PoseEstimator, SampleConsensus,
+    SampleConsensusParams, Settings,
+};
 use serde_json::Value;
 
 use crate::config::{self, ConfigError, UnknownName, parse_params, to_json};
 
-/// A pose estimator by name: what it is, and how to make one.
+/// An estimator by name: what it is, and how to make one.
 pub trait EstimatorEntry: Sync {
     /// The name in commands, records and tables; lower case, words joined by `-`.
     fn id(&self) -> &'static str;
@@ -51,7 +56,15 @@ pub struct BuiltEstimator {
     /// Every parameter, also those left at their defaults.
     pub params: Value,
     /// The estimator.
-    pub estimator: Box<dyn PoseEstimator>,
+    pub estimator: Estimator,
+}
+
+/// An estimator, by what it estimates.
+pub enum Estimator {
+    /// The relative pose of two cameras.
+    Pose(Box<dyn PoseEstimator>),
+    /// The homography between two images.
+    Homography(Box<dyn HomographyEstimator>),
 }
 
 /// All estimators, in the order of tables. A new one is a file of this folder and a line here.
@@ -67,6 +80,8 @@ pub const ESTIMATORS: &[&dyn EstimatorEntry] = &[
     &magsac_e::MAGSAC_E,
     &rich::RICH,
     &best::BEST,
+    &ransac_h::RANSAC_H,
+    &best_h::BEST_H,
 ];
 
 /// An entry that is [`SampleConsensus`] with defaults of its own.
@@ -102,7 +117,7 @@ impl EstimatorEntry for Preset {
         Ok(BuiltEstimator {
             id: self.id.into(),
             params: to_json(&params),
-            estimator: Box::new(estimator),
+            estimator: Estimator::Pose(Box::new(estimator)),
         })
     }
 
@@ -116,6 +131,44 @@ impl EstimatorEntry for Preset {
     }
 }
 
+/// An entry that is [`HomographyConsensus`] with defaults of its own.
+struct HomographyPreset {
+    id: &'static str,
+    summary: &'static str,
+    reference: &'static str,
+    defaults: fn() -> HomographyParams,
+}
+
+impl EstimatorEntry for HomographyPreset {
+    fn id(&self) -> &'static str {
+        self.id
+    }
+
+    fn summary(&self) -> &'static str {
+        self.summary
+    }
+
+    fn reference(&self) -> &'static str {
+        self.reference
+    }
+
+    fn defaults(&self) -> Value {
+        to_json(&(self.defaults)())
+    }
+
+    fn build(&self, params: Option<&Value>) -> Result<BuiltEstimator, ConfigError> {
+        let refused = |error| ConfigError::new(self.id, error);
+        let changes: Settings = parse_params(self.id, params)?;
+        let params = (self.defaults)().with(changes).map_err(refused)?;
+        let estimator = HomographyConsensus::new(params).map_err(refused)?;
+        Ok(BuiltEstimator {
+            id: self.id.into(),
+            params: to_json(&params),
+            estimator: Estimator::Homography(Box::new(estimator)),
+        })
+    }
+}
+
 /// The estimator called `id`.
 ///
 /// # Errors
@@ -126,10 +179,12 @@ pub fn find(id: &str) -> Result<&'static dyn EstimatorEntry, UnknownName> {
 
 #[cfg(test)]
 mod tests {
-    use matchbench_vision::geometry::{Camera, MatchedPoints, RelativePose};
-    use matchbench_vision::robust::{NoPose, TwoViews};
+    use matchbench_vision::geometry::{
+        Camera, MatchedPoints, RelativePose, corner_error, transfer,
+    };
+    use matchbench_vision::robust::TwoViews;
     use matchbench_vision::seed::Seed;
-    use nalgebra::{Point2, Point3, Rotation3, UnitVector3, Vector3};
+    use nalgebra::{Matrix3, Point2, Point3, Rotation3, UnitVector3, Vector3};
     use serde_json::json;
 
     use super::*;
@@ -167,8 +222,8 @@ mod tests {
             assert_eq!(implicit.params, explicit.params, "{}", entry.id());
             assert_eq!(implicit.params, entry.defaults(), "{}", entry.id());
             assert_eq!(
-                implicit.estimator.estimate(views(&points), Seed(1)),
-                explicit.estimator.estimate(views(&points), Seed(1)),
+                estimate(&implicit, &points, Seed(1)),
+                estimate(&explicit, &points, Seed(1)),
                 "{}",
                 entry.id()
             );
@@ -200,7 +255,9 @@ mod tests {
             direction: UnitVector3::new_normalize(Vector3::new(1.0, 0.0, 0.1)),
         };
         for entry in ESTIMATORS {
-            let estimator = entry.build(None).unwrap().estimator;
+            let Estimator::Pose(estimator) = entry.build(None).unwrap().estimator else {
+                continue;
+            };
             let found = estimator.estimate(views(&points), Seed(5)).unwrap();
             let degrees = found.b_from_a.error(&truth).max().to_degrees();
             // The scene is shallow, so that wrong matches may pass for right ones if the
@@ -213,6 +270,26 @@ mod tests {
             assert!(degrees < limit, "{}: {degrees} degrees", entry.id());
             // The least median of exact matches is so small that it is sure of half of them only.
             assert!(found.inliers.len() >= 40, "{}", entry.id());
+        }
+    }
+
+    #[test]
+    fn every_estimator_finds_the_homography_among_wrong_matches() {
+        let truth = Matrix3::new(1.1, 0.1, -20.0, -0.1, 0.9, 30.0, 1e-4, 2e-4, 1.0);
+        let mut points = matches();
+        for (i, (&a, b)) in points.a.iter().zip(&mut points.b).enumerate() {
+            if i < 60 {
+                *b = transfer(&truth, a);
+            }
+        }
+        for entry in ESTIMATORS {
+            let Estimator::Homography(estimator) = entry.build(None).unwrap().estimator else {
+                continue;
+            };
+            let found = estimator.estimate(&points, Seed(5)).unwrap();
+            let pixels = corner_error(&found.b_from_a, &truth, (640, 480));
+            assert!(pixels < 1e-6, "{}: {pixels} pixels", entry.id());
+            assert!(found.inliers.len() >= 60, "{}", entry.id());
         }
     }
 
@@ -232,11 +309,11 @@ mod tests {
     fn the_same_seed_gives_the_same_bits_on_every_thread() {
         let points = matches();
         for entry in ESTIMATORS {
-            let estimator = entry.build(None).unwrap().estimator;
-            let estimate = || estimator.estimate(views(&points), Seed(5));
+            let built = entry.build(None).unwrap();
+            let estimate = || estimate(&built, &points, Seed(5));
             let here = estimate();
             let there = std::thread::scope(|scope| scope.spawn(estimate).join());
-            assert!(here.is_ok(), "{}", entry.id());
+            assert!(!here.starts_with("Err"), "{}", entry.id());
             assert_eq!(there.expect("it does not panic"), here, "{}", entry.id());
         }
     }
@@ -244,19 +321,24 @@ mod tests {
     #[test]
     fn nothing_in_is_no_pose_out() {
         for entry in ESTIMATORS {
-            let nothing = entry
-                .build(None)
-                .unwrap()
-                .estimator
-                .estimate(views(&MatchedPoints::default()), Seed(1));
-            assert!(matches!(
-                nothing,
-                Err(NoPose::TooFewMatches { found: 0, .. })
-            ));
+            let built = entry.build(None).unwrap();
+            let nothing = estimate(&built, &MatchedPoints::default(), Seed(1));
+            assert!(
+                nothing.starts_with("Err(TooFewMatches { found: 0"),
+                "{nothing}"
+            );
         }
     }
 
     const CAMERA: Camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
+
+    /// What the estimator says, every digit of it.
+    fn estimate(built: &BuiltEstimator, points: &MatchedPoints, seed: Seed) -> String {
+        match &built.estimator {
+            Estimator::Pose(estimator) => format!("{:?}", estimator.estimate(views(points), seed)),
+            Estimator::Homography(estimator) => format!("{:?}", estimator.estimate(points, seed)),
+        }
+    }
 
     fn views(points: &MatchedPoints) -> TwoViews<'_> {
         TwoViews {

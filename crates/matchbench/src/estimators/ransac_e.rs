@@ -3,7 +3,7 @@
 use matchbench_vision::robust::{Ransac, RansacParams};
 use serde_json::Value;
 
-use super::{BuiltEstimator, EstimatorEntry};
+use super::{BuiltEstimator, Estimator, EstimatorEntry};
 use crate::config::{ConfigError, parse_params, to_json};
 
 const ID: &str = "ransac-e";
@@ -35,7 +35,7 @@ impl EstimatorEntry for RansacE {
         Ok(BuiltEstimator {
             id: ID.into(),
             params: to_json(&params),
-            estimator: Box::new(ransac),
+            estimator: Estimator::Pose(Box::new(ransac)),
         })
     }
 }

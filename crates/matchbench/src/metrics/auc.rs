@@ -11,7 +11,9 @@
 //! The latter two are sign-agnostic: a translation and its opposite count as the same. Failed and
 //! missing pairs count in the denominator here too. A table should say which one it shows.
 
-use super::PairResult;
+use std::collections::BTreeMap;
+
+use super::{Bootstrap, Interval, Model, PairResult};
 
 /// Area under recall over pose error, from 0 to `limit` degrees, divided by `limit`.
 ///
@@ -19,20 +21,72 @@ use super::PairResult;
 /// (trapezoids from the origin), after the last one below the limit as constant. NaN where there
 /// are no pairs.
 pub fn exact_auc(pairs: &[PairResult], limit: f64) -> f64 {
-    let mut errors: Vec<f64> = (pairs.iter())
-        .filter_map(PairResult::sign_agnostic_error)
-        .filter(|&error| error < limit)
-        .collect();
-    errors.sort_by(f64::total_cmp);
-    let mut area = 0.0;
-    let mut from = (0.0, 0.0);
-    for (i, &error) in errors.iter().enumerate() {
-        let to = (error, (i + 1) as f64);
-        area += (to.0 - from.0) * (from.1 + to.1) / 2.0;
-        from = to;
+    let poses = || pairs.iter().filter(|pair| pair.model == Model::Pose);
+    let errors = poses().filter_map(PairResult::sign_agnostic_error);
+    let sorted = sorted_below(errors.map(|error| (error, ())), limit);
+    let area = area_under_recall(sorted.iter().map(|&(error, ())| (error, 1.0)), limit);
+    area / (limit * poses().count() as f64)
+}
+
+/// The same of the corner errors of homographies, up to `limit` pixels: what is reported on HPatches. NaN where
+/// there are none.
+pub fn corner_auc(pairs: &[PairResult], limit: f64) -> f64 {
+    let homographies = || pairs.iter().filter(|pair| pair.model == Model::Homography);
+    let errors = homographies().filter_map(PairResult::corner_error);
+    let sorted = sorted_below(errors.map(|error| (error, ())), limit);
+    let area = area_under_recall(sorted.iter().map(|&(error, ())| (error, 1.0)), limit);
+    area / (limit * homographies().count() as f64)
+}
+
+/// The interval of [`corner_auc`] over the reference images.
+pub(super) fn corner_auc_interval(
+    pairs: &[PairResult],
+    limit: f64,
+    bootstrap: &Bootstrap,
+) -> Option<Interval> {
+    let homographies = || pairs.iter().filter(|pair| pair.model == Model::Homography);
+    let mut images = BTreeMap::<u32, (usize, f64)>::new();
+    for pair in homographies() {
+        let next = images.len();
+        images.entry(pair.a).or_insert((next, 0.0)).1 += 1.0;
     }
-    area += (limit - from.0) * from.1;
-    area / (limit * pairs.len() as f64)
+    let mut sizes = vec![0.0; images.len()];
+    for &(image, size) in images.values() {
+        sizes[image] = size;
+    }
+    let errors = homographies().filter_map(|pair| Some((pair.corner_error()?, images[&pair.a].0)));
+    let sorted = sorted_below(errors, limit);
+    bootstrap.interval_of(images.len(), |times| {
+        let pairs: f64 = sizes
+            .iter()
+            .zip(times)
+            .map(|(size, n)| size * f64::from(*n))
+            .sum();
+        let weighed = sorted
+            .iter()
+            .map(|&(error, image)| (error, f64::from(times[image])));
+        area_under_recall(weighed, limit) / (limit * pairs)
+    })
+}
+
+/// The errors below the limit in their order, each with what comes with it.
+fn sorted_below<T>(errors: impl Iterator<Item = (f64, T)>, limit: f64) -> Vec<(f64, T)> {
+    let mut sorted: Vec<(f64, T)> = errors.filter(|(error, _)| *error < limit).collect();
+    sorted.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+    sorted
+}
+
+/// Area under the number of pairs over the error, up to the limit; each error comes so many times.
+fn area_under_recall(sorted: impl Iterator<Item = (f64, f64)>, limit: f64) -> f64 {
+    let mut area = 0.0;
+    let (mut from, mut recalled) = (0.0, 0.0);
+    for (error, times) in sorted.filter(|(_, times)| *times > 0.0) {
+        // The first of equal errors ends the trapezoid; the others add no area.
+        area += (error - from) * (recalled + 0.5);
+        from = error;
+        recalled += times;
+    }
+    area + (limit - from) * recalled
 }
 
 /// Mean over k = 1, 2, ..., `limit` of the share of pairs with a pose error below k degrees.
@@ -40,14 +94,15 @@ pub fn exact_auc(pairs: &[PairResult], limit: f64) -> f64 {
 /// The challenge counts in histogram bins that are open above, all but the last: an error of
 /// exactly `limit` degrees still counts in it. NaN where there are no pairs.
 pub fn maa(pairs: &[PairResult], limit: u32) -> f64 {
-    let below: usize = (pairs.iter())
+    let poses = || pairs.iter().filter(|pair| pair.model == Model::Pose);
+    let below: usize = poses()
         .filter_map(PairResult::sign_agnostic_error)
         .map(|error| {
             let passed = (1..=limit).filter(|&k| error < f64::from(k)).count();
             passed + usize::from(error == f64::from(limit))
         })
         .sum();
-    below as f64 / (f64::from(limit) * pairs.len() as f64)
+    below as f64 / (f64::from(limit) * poses().count() as f64)
 }
 
 #[cfg(test)]

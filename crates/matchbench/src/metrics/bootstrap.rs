@@ -89,14 +89,47 @@ impl Bootstrap {
                 (denominator > 0.0).then(|| numerator / denominator)
             })
             .collect();
+        self.between_tails(&mut scores)
+    }
+}
+
+impl Bootstrap {
+    /// The interval of a score of so many reference images that is no ratio of sums: `score` is given
+    /// how often each of them was drawn.
+    ///
+    /// `None` as [`Bootstrap::interval`].
+    pub(super) fn interval_of(
+        &self,
+        images: usize,
+        score: impl Fn(&[u32]) -> f64,
+    ) -> Option<Interval> {
+        if images < 2 || self.resamples == 0 {
+            return None;
+        }
+        let mut rng = self.seed.child("bootstrap").rng();
+        let mut scores: Vec<f64> = (0..self.resamples)
+            .map(|_| {
+                let mut times = vec![0; images];
+                for _ in 0..images {
+                    times[rng.below(images as u32) as usize] += 1;
+                }
+                score(&times)
+            })
+            .filter(|score| score.is_finite())
+            .collect();
+        self.between_tails(&mut scores)
+    }
+
+    /// The interval between the tails of resampled scores, if most resamples have one.
+    fn between_tails(&self, scores: &mut [f64]) -> Option<Interval> {
         if scores.len() * 2 < self.resamples {
             return None;
         }
         scores.sort_by(f64::total_cmp);
         let tail = (1.0 - self.level) / 2.0;
         Some(Interval {
-            low: quantile(&scores, tail),
-            high: quantile(&scores, 1.0 - tail),
+            low: quantile(scores, tail),
+            high: quantile(scores, 1.0 - tail),
         })
     }
 }

@@ -6,18 +6,21 @@
 use std::collections::BTreeMap;
 
 use super::average_matches::is_right;
-use super::scores::AP_THRESHOLD;
-use super::success::share_of_thresholds;
-use super::{Angle, Bootstrap, PairResult, ResultSet, Score, SuccessCurve, Term};
+use super::scores::{AP_THRESHOLD, HEADLINE_PX};
+use super::success::gain;
+use super::{
+    Angle, Bootstrap, Model, PairResult, ResultSet, Score, SuccessCurve, Term, corner_auc,
+};
 
 /// What changed from one set of results to another on the pairs that both have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Comparison {
     /// How many pairs (and repetitions) both have.
     pub pairs: usize,
-    /// The paper's AUC before, on these pairs; `None` where there are none.
+    /// The paper's AUC before, on these pairs, or of homographies the area under recall up to 3 pixels;
+    /// `None` where there are none.
     pub before: Option<f64>,
-    /// The paper's AUC after.
+    /// The same after.
     pub after: Option<f64>,
     /// Difference of the AUC, after minus before, with its paired interval.
     pub auc: Score,
@@ -25,9 +28,9 @@ pub struct Comparison {
     pub rotation_auc: Score,
     /// The same of the translation alone.
     pub translation_auc: Score,
-    /// Pairs below 5 degrees now that were not before.
+    /// Pairs below 5 degrees, or a homography's 3 pixels, now that were not before.
     pub gained: usize,
-    /// Pairs below 5 degrees before that are not now.
+    /// Pairs below that before that are not now.
     pub lost: usize,
     /// Pairs with another pose, or another reason for having none.
     pub changed: usize,
@@ -47,11 +50,14 @@ pub fn compare(before: &ResultSet, after: &ResultSet, bootstrap: &Bootstrap) -> 
         let sum: f64 = twins.iter().map(value).sum();
         (!twins.is_empty()).then(|| sum / twins.len() as f64)
     };
-    let right = |pair: &PairResult| is_right(pair, AP_THRESHOLD);
+    let right = |pair: &PairResult| match pair.model {
+        Model::Pose => is_right(pair, AP_THRESHOLD),
+        Model::Homography => pair.corner_error().is_some_and(|error| error < HEADLINE_PX),
+    };
     Comparison {
         pairs: twins.len(),
-        before: mean(&|(before, _)| share_of_thresholds(before.error(Angle::Pose))),
-        after: mean(&|(_, after)| share_of_thresholds(after.error(Angle::Pose))),
+        before: mean(&|(before, _)| gain(before, Angle::Pose)),
+        after: mean(&|(_, after)| gain(after, Angle::Pose)),
         auc: difference(&twins, Angle::Pose, bootstrap),
         rotation_auc: difference(&twins, Angle::Rotation, bootstrap),
         translation_auc: difference(&twins, Angle::Translation, bootstrap),
@@ -88,17 +94,22 @@ pub struct Lead {
 
 /// The best of each dataset against each of the others, in the order of `sets`.
 pub fn leads(sets: &[ResultSet], bootstrap: &Bootstrap) -> Vec<Lead> {
-    let auc = |set: &ResultSet| SuccessCurve::new(&set.pairs, Angle::Pose).auc();
-    let mut best = BTreeMap::<&str, (&ResultSet, f64)>::new();
+    let auc = |set: &ResultSet| match Model::of_all(&set.pairs) {
+        Model::Pose => SuccessCurve::new(&set.pairs, Angle::Pose).auc(),
+        Model::Homography => corner_auc(&set.pairs, HEADLINE_PX),
+    };
+    // Poses and homographies of one dataset are not compared.
+    let key = |set: &ResultSet| (set.dataset.clone(), Model::of_all(&set.pairs));
+    let mut best = BTreeMap::<(String, Model), (&ResultSet, f64)>::new();
     for set in sets.iter().filter(|set| !set.pairs.is_empty()) {
-        let leader = best.entry(&set.dataset).or_insert((set, auc(set)));
+        let leader = best.entry(key(set)).or_insert((set, auc(set)));
         if auc(set) > leader.1 {
             *leader = (set, auc(set));
         }
     }
     let method = |set: &ResultSet| (set.matcher.clone(), set.estimator.clone());
     (sets.iter())
-        .filter_map(|set| Some((best.get(&*set.dataset)?.0, set)))
+        .filter_map(|set| Some((best.get(&key(set))?.0, set)))
         .filter(|&(best, set)| method(best) != method(set))
         .map(|(best, set)| Lead {
             dataset: set.dataset.clone(),
@@ -122,8 +133,7 @@ fn difference(twins: &[(&PairResult, &PairResult)], angle: Angle, bootstrap: &Bo
     let terms: Vec<Term> = (twins.iter())
         .map(|(before, after)| Term {
             cluster: after.a,
-            numerator: share_of_thresholds(after.error(angle))
-                - share_of_thresholds(before.error(angle)),
+            numerator: gain(after, angle) - gain(before, angle),
             denominator: 1.0,
         })
         .collect();

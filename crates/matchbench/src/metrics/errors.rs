@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 use crate::files::read_text;
 
-use super::{AngularError, Failure, PairResult, ResultSet};
+use super::{AngularError, Deviation, Failure, PairResult, ResultSet};
 
 /// Names of the column of rotation errors, in lower case.
 const ROTATION: [&str; 6] = [
@@ -176,10 +176,10 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
             let a = *references.entry(reference).or_insert(next);
             let mut pair = PairResult::failed(a, index, Failure::Unexplained);
             if let Some((rotation, translation)) = errors {
-                pair.outcome = Ok(AngularError {
+                pair.outcome = Ok(Deviation::Pose(AngularError {
                     rotation,
                     translation: Some(translation),
-                });
+                }));
             }
             Ok(pair)
         })

@@ -2,16 +2,16 @@
 
 use matchbench_vision::robust::NoPose;
 
-/// Why there is no pose to compare. Every such pair stays in the denominator of every ratio.
+/// Why there is no estimate to compare. Every such pair stays in the denominator of every ratio.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Failure {
-    /// Not enough matches to estimate a pose.
+    /// Not enough matches for an estimate.
     TooFewMatches,
-    /// No pose that enough matches agree with.
+    /// No pose or homography that enough matches agree with.
     NoSupport,
     /// A stage broke: an unreadable image, an error of a matcher.
     Broken,
-    /// No pose, and the results do not say why (the authors' text format cannot).
+    /// No estimate, and the results do not say why (the authors' text format cannot).
     Unexplained,
     /// The dataset lists the pair, but the results do not have it.
     Missing,

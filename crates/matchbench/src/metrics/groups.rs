@@ -15,8 +15,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::success::share_of_thresholds;
-use super::{Angle, Bootstrap, PairResult, ResultSet};
+use super::success::gain;
+use super::{Angle, Bootstrap, Model, PairResult, ResultSet};
 
 /// What a table says about its letters.
 pub const GROUP_LEVEL_NOTE: &str = "Methods of a dataset that share a letter do not differ significantly \
@@ -29,10 +29,12 @@ const LETTERS: usize = 26;
 /// fewer than two reference images that all sets have, or more groups than letters.
 pub fn groups(sets: &[ResultSet], bootstrap: &Bootstrap) -> Vec<String> {
     let mut letters = vec![String::new(); sets.len()];
-    let datasets: BTreeSet<&str> = sets.iter().map(|set| &*set.dataset).collect();
-    for dataset in datasets {
+    // Poses and homographies of one dataset are not compared.
+    let key = |set: &ResultSet| (set.dataset.clone(), Model::of_all(&set.pairs));
+    let rivals: BTreeSet<(String, Model)> = sets.iter().map(key).collect();
+    for rivals in rivals {
         let mut members: Vec<usize> = (0..sets.len())
-            .filter(|&i| sets[i].dataset == dataset)
+            .filter(|&i| key(&sets[i]) == rivals)
             .collect();
         let samples = samples(members.iter().map(|&i| &sets[i]).collect(), bootstrap);
         let Some(Samples { aucs, resampled }) = samples else {
@@ -88,7 +90,7 @@ fn samples(sets: Vec<&ResultSet>, bootstrap: &Bootstrap) -> Option<Samples> {
         .map(|set| {
             let mut sums = vec![0.0; clusters.len()];
             for pair in set.pairs.iter().filter(|pair| common.contains(&key(pair))) {
-                sums[clusters[&pair.a]] += share_of_thresholds(pair.error(Angle::Pose));
+                sums[clusters[&pair.a]] += gain(pair, Angle::Pose);
             }
             sums
         })

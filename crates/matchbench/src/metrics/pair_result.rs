@@ -1,5 +1,7 @@
 //! What a score needs to know of one pair.
 
+use serde::Serialize;
+
 use crate::records::{Counts, Outcome, RunRecord, StageTimes};
 
 use super::Failure;
@@ -13,14 +15,40 @@ pub struct PairResult {
     pub b: u32,
     /// 0 for the first seed, 1 for the second ...
     pub repetition: u32,
-    /// How far the estimated pose is from the true one, or why there is none.
-    pub outcome: Result<AngularError, Failure>,
-    /// Correspondences that support the pose, 0 where there is none.
+    /// What was to be estimated.
+    pub model: Model,
+    /// How far the estimate is from the truth, or why there is none.
+    pub outcome: Result<Deviation, Failure>,
+    /// Correspondences that support the estimate, 0 where there is none.
     pub correspondences: u32,
+    /// Selected matches within 1, 2, ... 10 pixels of where the true homography takes them; `None`
+    /// where there is none.
+    pub correct: Option<[u32; 10]>,
     /// Numbers of features and matches, where they were recorded.
     pub counts: Option<Counts>,
     /// Stage times, where they were taken.
     pub times: StageTimes,
+}
+
+/// What is estimated from matches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Model {
+    /// The relative pose of two cameras.
+    #[default]
+    Pose,
+    /// The homography between two images.
+    Homography,
+}
+
+/// How far an estimate is from the truth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Deviation {
+    /// Of a pose.
+    Pose(AngularError),
+    /// Of a homography: the mean distance of the corners of image a, in pixels of b; `None` where one
+    /// of them goes to infinity.
+    Corners(Option<f64>),
 }
 
 /// Distance of an estimated pose from the true one, in degrees.
@@ -75,8 +103,10 @@ impl PairResult {
             a,
             b,
             repetition: 0,
+            model: Model::Pose,
             outcome: Err(failure),
             correspondences: 0,
+            correct: None,
             counts: None,
             times: StageTimes::default(),
         }
@@ -84,8 +114,10 @@ impl PairResult {
 
     /// A pair that was judged, without counts and times.
     pub fn of(a: u32, b: u32, outcome: &Outcome) -> Self {
+        let model = Model::of(outcome).unwrap_or_default();
         let (outcome, correspondences) = scored(outcome);
         Self {
+            model,
             outcome,
             correspondences,
             ..Self::failed(a, b, Failure::Missing)
@@ -94,7 +126,7 @@ impl PairResult {
 
     /// One angle of the error, in degrees; `None` where there is no pose, or no true direction.
     pub fn error(&self, angle: Angle) -> Option<f64> {
-        let error = self.outcome.as_ref().ok()?;
+        let error = self.angular_error()?;
         match angle {
             Angle::Pose => error.pose(),
             Angle::Rotation => Some(error.rotation),
@@ -104,12 +136,49 @@ impl PairResult {
 
     /// The sign-agnostic pose error in degrees, where there is one.
     pub fn sign_agnostic_error(&self) -> Option<f64> {
-        self.outcome.as_ref().ok()?.sign_agnostic()
+        self.angular_error()?.sign_agnostic()
+    }
+
+    /// How far the estimated pose is from the true one, where there is one.
+    pub fn angular_error(&self) -> Option<AngularError> {
+        match self.outcome {
+            Ok(Deviation::Pose(error)) => Some(error),
+            _ => None,
+        }
+    }
+
+    /// The corner error of the estimated homography in pixels, where there is one.
+    pub fn corner_error(&self) -> Option<f64> {
+        match self.outcome {
+            Ok(Deviation::Corners(error)) => error,
+            _ => None,
+        }
+    }
+}
+
+impl Model {
+    /// What an outcome is of; a broken task does not say.
+    fn of(outcome: &Outcome) -> Option<Self> {
+        match outcome {
+            Outcome::Pose { .. } | Outcome::NoPose { .. } => Some(Self::Pose),
+            Outcome::Homography { .. } | Outcome::NoHomography { .. } => Some(Self::Homography),
+            Outcome::Failed { .. } => None,
+        }
+    }
+
+    /// What all of these results are of: those of broken tasks do not say.
+    pub(super) fn of_all(pairs: &[PairResult]) -> Self {
+        let homography = |pair: &PairResult| pair.model == Self::Homography;
+        if pairs.iter().any(homography) {
+            Self::Homography
+        } else {
+            Self::Pose
+        }
     }
 }
 
 /// What an outcome comes to, and how many correspondences it counts.
-pub(super) fn scored(outcome: &Outcome) -> (Result<AngularError, Failure>, u32) {
+pub(super) fn scored(outcome: &Outcome) -> (Result<Deviation, Failure>, u32) {
     match outcome {
         Outcome::Pose {
             support,
@@ -121,9 +190,16 @@ pub(super) fn scored(outcome: &Outcome) -> (Result<AngularError, Failure>, u32) 
                 rotation: *rotation_error,
                 translation: *translation_error,
             };
-            (Ok(error), *support)
+            (Ok(Deviation::Pose(error)), *support)
         }
-        Outcome::NoPose { reason } => (Err(Failure::from(reason)), 0),
+        Outcome::Homography {
+            inliers,
+            corner_error,
+            ..
+        } => (Ok(Deviation::Corners(*corner_error)), *inliers),
+        Outcome::NoPose { reason } | Outcome::NoHomography { reason } => {
+            (Err(Failure::from(reason)), 0)
+        }
         Outcome::Failed { .. } => (Err(Failure::Broken), 0),
     }
 }
@@ -135,8 +211,10 @@ impl From<&RunRecord> for PairResult {
             a: record.task.a,
             b: record.task.b,
             repetition: record.task.repetition,
+            model: Model::of(&record.outcome).unwrap_or_default(),
             outcome,
             correspondences,
+            correct: record.correct,
             counts: Some(record.counts),
             times: record.times,
         }
@@ -150,11 +228,28 @@ pub(super) mod tests {
     /// A pair with these errors in degrees and this many correspondences.
     pub(in super::super) fn solved(a: u32, rotation: f64, translation: f64, n: u32) -> PairResult {
         PairResult {
-            outcome: Ok(AngularError {
+            outcome: Ok(Deviation::Pose(AngularError {
                 rotation,
                 translation: Some(translation),
-            }),
+            })),
             correspondences: n,
+            ..PairResult::failed(a, a + 1, Failure::Missing)
+        }
+    }
+
+    /// A pair with this corner error, and all of its `n` matches correct from 2 pixels on.
+    pub(in super::super) fn transferred(a: u32, corner_error: f64, n: u32) -> PairResult {
+        let mut correct = [n; 10];
+        correct[0] = n / 2;
+        PairResult {
+            model: Model::Homography,
+            outcome: Ok(Deviation::Corners(Some(corner_error))),
+            correspondences: n,
+            correct: Some(correct),
+            counts: Some(Counts {
+                selected: n,
+                ..Counts::default()
+            }),
             ..PairResult::failed(a, a + 1, Failure::Missing)
         }
     }
@@ -172,10 +267,10 @@ pub(super) mod tests {
     #[test]
     fn without_a_true_direction_only_the_rotation_is_judged() {
         let mut pair = solved(0, 0.5, 0.0, 30);
-        pair.outcome = Ok(AngularError {
+        pair.outcome = Ok(Deviation::Pose(AngularError {
             rotation: 0.5,
             translation: None,
-        });
+        }));
         assert_eq!(pair.error(Angle::Pose), None);
         assert_eq!(pair.error(Angle::Translation), None);
         assert_eq!(pair.error(Angle::Rotation), Some(0.5));

@@ -23,7 +23,7 @@ use crate::records::store;
 use crate::records::{FolderError, Plan, RunFolder, StoreError};
 
 use super::pair_choice::PairChoice;
-use super::{Failure, PairResult};
+use super::{Failure, Model, PairResult};
 
 /// The results of one matcher with one estimator on one dataset.
 #[derive(Clone, Debug, PartialEq)]
@@ -123,6 +123,7 @@ pub(super) fn of_run(
 /// Brings the pairs of a run into line with the listed ones: others out, missing ones in.
 fn complete(set: &mut ResultSet, listed: &BTreeSet<(u32, u32)>) {
     let found = set.pairs.len();
+    let model = Model::of_all(&set.pairs);
     let mut results: BTreeMap<_, _> = (set.pairs.drain(..))
         .map(|pair| ((pair.a, pair.b, pair.repetition), pair))
         .collect();
@@ -136,6 +137,10 @@ fn complete(set: &mut ResultSet, listed: &BTreeSet<(u32, u32)>) {
                 ..PairResult::failed(a, b, Failure::Missing)
             }));
         }
+    }
+    // Neither missing results nor broken tasks say what they are of.
+    for pair in &mut set.pairs {
+        pair.model = model;
     }
     set.ignored = found - scored;
 }

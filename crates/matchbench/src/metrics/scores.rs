@@ -1,15 +1,19 @@
 //! Every score, defined once: what it is called, what it means, how it is computed and written.
 //!
 //! Tables, CSV, the page and its definitions walk [`SCORES`]; to add a score, add an entry. A score
-//! is a function of the pairs of one [`ResultSet`](super::ResultSet). One that is a ratio of sums
-//! over pairs also says what a pair adds to it ([`Term`]) and thereby has a bootstrap interval.
+//! is a function of the pairs of one [`ResultSet`](super::ResultSet). It is of poses or of homographies, and
+//! unknown where there are no pairs of its model. One that is a ratio of sums over pairs also says what a
+//! pair adds to it ([`Term`]) and thereby has a bootstrap interval.
 
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use super::average_matches::{average_matches, is_right};
 use super::success::share_of_thresholds;
-use super::{Angle, Bootstrap, Interval, PairResult, SuccessCurve, Term, exact_auc, maa};
+use super::{
+    Angle, Bootstrap, Interval, Model, PairResult, SuccessCurve, Term, corner_auc,
+    corner_auc_interval, exact_auc, maa,
+};
 
 /// The threshold at which the paper shows AP, in degrees.
 pub(super) const AP_THRESHOLD: f64 = 5.0;
@@ -19,18 +23,38 @@ pub(super) const AP_THRESHOLD: f64 = 5.0;
 pub struct ScoreKind {
     /// Name of its column in CSV and JSON; never changes its meaning.
     pub id: &'static str,
+    /// What the estimates or the truth that it is about are of.
+    pub model: Model,
     /// Head of its column where people read.
     pub heading: &'static str,
     /// What it is, in full sentences. Neighbours in the list with the same text share it.
     pub definition: &'static str,
     /// The score of all pairs of a set of results; `None` or NaN where it is undefined.
     pub value: fn(&[PairResult]) -> Option<f64>,
-    /// What one pair adds, for the interval; `None` where the score is no ratio of sums.
-    pub term: Option<fn(&PairResult) -> Term>,
+    /// Where its interval comes from.
+    pub spread: Spread,
     /// How the number is written for people.
     pub notation: Notation,
     /// Which tables for people have it; CSV and JSON have every score.
     pub detail: Detail,
+}
+
+/// Where the bootstrap interval of a score comes from.
+#[derive(Clone, Copy, Debug)]
+pub enum Spread {
+    /// There is none.
+    Unknown,
+    /// The score is a ratio of sums over pairs, and this is what one pair adds.
+    Terms(fn(&PairResult) -> Term),
+    /// The score is the AUC of the corner error up to so many pixels.
+    Corners(u32),
+}
+
+impl ScoreKind {
+    /// Whether the score has an interval where there is enough evidence.
+    pub fn has_interval(&self) -> bool {
+        !matches!(self.spread, Spread::Unknown)
+    }
 }
 
 /// How a score is written in tables for people.
@@ -55,96 +79,163 @@ pub enum Detail {
 pub const SCORES: &[ScoreKind] = &[
     ScoreKind {
         id: "auc",
+        model: Model::Pose,
         heading: "AUC",
         definition: "Mean of SP(1) ... SP(15), as in \"MatchBench: An Evaluation of Feature Matchers\".",
         value: |pairs| auc(pairs, Angle::Pose),
-        term: Some(|pair| auc_term(pair, Angle::Pose)),
+        spread: Spread::Terms(|pair| auc_term(pair, Angle::Pose)),
         notation: Notation::Ratio,
         detail: Detail::Glance,
     },
     ScoreKind {
         id: "sp5",
+        model: Model::Pose,
         heading: "SP(5)",
         definition: SP,
         value: |pairs| Some(SuccessCurve::new(pairs, Angle::Pose).at(5)),
-        term: None,
+        spread: Spread::Unknown,
         notation: Notation::Ratio,
         detail: Detail::Glance,
     },
     ScoreKind {
         id: "sp10",
+        model: Model::Pose,
         heading: "SP(10)",
         definition: SP,
         value: |pairs| Some(SuccessCurve::new(pairs, Angle::Pose).at(10)),
-        term: None,
+        spread: Spread::Unknown,
         notation: Notation::Ratio,
         detail: Detail::Complete,
     },
     ScoreKind {
         id: "rotation_auc",
+        model: Model::Pose,
         heading: "AUC rot.",
         definition: ONE_ANGLE,
         value: |pairs| auc(pairs, Angle::Rotation),
-        term: Some(|pair| auc_term(pair, Angle::Rotation)),
+        spread: Spread::Terms(|pair| auc_term(pair, Angle::Rotation)),
         notation: Notation::Ratio,
         detail: Detail::Glance,
     },
     ScoreKind {
         id: "translation_auc",
+        model: Model::Pose,
         heading: "AUC trans.",
         definition: ONE_ANGLE,
         value: |pairs| auc(pairs, Angle::Translation),
-        term: Some(|pair| auc_term(pair, Angle::Translation)),
+        spread: Spread::Terms(|pair| auc_term(pair, Angle::Translation)),
         notation: Notation::Ratio,
         detail: Detail::Glance,
     },
     ScoreKind {
         id: "ap5",
+        model: Model::Pose,
         heading: "AP(5)",
         definition: "Mean number of correspondences of the pairs with a pose error below 5 degrees.",
         value: |pairs| average_matches(pairs, AP_THRESHOLD),
-        term: Some(ap_term),
+        spread: Spread::Terms(ap_term),
         notation: Notation::Count,
         detail: Detail::Glance,
     },
     ScoreKind {
         id: "exact_auc_5",
+        model: Model::Pose,
         heading: "Exact AUC 5°",
         definition: EXACT_AUC,
         value: |pairs| Some(exact_auc(pairs, 5.0)),
-        term: None,
+        spread: Spread::Unknown,
         notation: Notation::Ratio,
         detail: Detail::Complete,
     },
     ScoreKind {
         id: "exact_auc_10",
+        model: Model::Pose,
         heading: "Exact AUC 10°",
         definition: EXACT_AUC,
         value: |pairs| Some(exact_auc(pairs, 10.0)),
-        term: None,
+        spread: Spread::Unknown,
         notation: Notation::Ratio,
         detail: Detail::Complete,
     },
     ScoreKind {
         id: "exact_auc_20",
+        model: Model::Pose,
         heading: "Exact AUC 20°",
         definition: EXACT_AUC,
         value: |pairs| Some(exact_auc(pairs, 20.0)),
-        term: None,
+        spread: Spread::Unknown,
         notation: Notation::Ratio,
         detail: Detail::Complete,
     },
     ScoreKind {
         id: "maa_10",
+        model: Model::Pose,
         heading: "mAA 10°",
         definition: "Mean share of pairs with a pose error below 1, 2, ... 10 degrees, as in the Image \
                      Matching Challenge; a translation and its opposite count as the same.",
         value: |pairs| Some(maa(pairs, 10)),
-        term: None,
+        spread: Spread::Unknown,
         notation: Notation::Ratio,
         detail: Detail::Complete,
     },
+    corners::<1>("auc_h1", "AUC 1 px"),
+    corners::<3>("auc_h3", "AUC 3 px"),
+    corners::<5>("auc_h5", "AUC 5 px"),
+    corners::<10>("auc_h10", "AUC 10 px"),
+    accuracy::<1>("mma1", "MMA 1 px", Detail::Complete),
+    accuracy::<2>("mma2", "MMA 2 px", Detail::Complete),
+    accuracy::<3>("mma3", "MMA 3 px", Detail::Glance),
+    accuracy::<4>("mma4", "MMA 4 px", Detail::Complete),
+    accuracy::<5>("mma5", "MMA 5 px", Detail::Complete),
+    accuracy::<6>("mma6", "MMA 6 px", Detail::Complete),
+    accuracy::<7>("mma7", "MMA 7 px", Detail::Complete),
+    accuracy::<8>("mma8", "MMA 8 px", Detail::Complete),
+    accuracy::<9>("mma9", "MMA 9 px", Detail::Complete),
+    accuracy::<10>("mma10", "MMA 10 px", Detail::Complete),
 ];
+
+/// The AUC of the corner error up to so many pixels.
+const fn corners<const PX: u32>(id: &'static str, heading: &'static str) -> ScoreKind {
+    ScoreKind {
+        id,
+        model: Model::Homography,
+        heading,
+        definition: CORNER_AUC,
+        value: |pairs| Some(corner_auc(pairs, f64::from(PX))),
+        spread: Spread::Corners(PX),
+        notation: Notation::Ratio,
+        detail: Detail::Glance,
+    }
+}
+
+/// The mean matching accuracy within so many pixels.
+const fn accuracy<const PX: usize>(
+    id: &'static str,
+    heading: &'static str,
+    detail: Detail,
+) -> ScoreKind {
+    ScoreKind {
+        id,
+        model: Model::Homography,
+        heading,
+        definition: MMA,
+        value: |pairs| {
+            let sum = |part: fn(&Term) -> f64| -> f64 {
+                pairs
+                    .iter()
+                    .map(|pair| part(&accuracy_term(pair, PX)))
+                    .sum()
+            };
+            Some(sum(|term| term.numerator) / sum(|term| term.denominator))
+        },
+        spread: Spread::Terms(|pair| accuracy_term(pair, PX)),
+        notation: Notation::Ratio,
+        detail,
+    }
+}
+
+/// Pixels at which the AUC of homographies is the one that methods are ranked by.
+pub(super) const HEADLINE_PX: f64 = 3.0;
 
 const SP: &str = "SP(k): share of all listed pairs with a pose error below k degrees, strictly. Pairs \
                   that failed or have no result count as wrong.";
@@ -152,6 +243,12 @@ const ONE_ANGLE: &str =
     "The AUC of one angle alone: of the rotation error, and of the translation error.";
 const EXACT_AUC: &str = "Area under recall over the pose error up to so many degrees, as SuperGlue and its \
                          followers report it; a translation and its opposite count as the same.";
+
+const CORNER_AUC: &str = "AUC k px: area under recall over the corner error up to k pixels, exact, as SuperGlue and its \
+                          followers report it of homographies: the error is the mean distance at which the estimated \
+                          and the true homography see the four corners of the first image.";
+const MMA: &str = "MMA k px: share of the selected matches within k pixels of where the true homography takes them, the mean \
+                   over all pairs that have one; a pair without matches has 0.";
 
 /// The entry of a score.
 ///
@@ -191,7 +288,11 @@ impl Scores {
     pub fn new(pairs: &[PairResult], bootstrap: &Bootstrap) -> Self {
         let score = |kind: &ScoreKind| Score {
             value: (kind.value)(pairs).filter(|value| value.is_finite()),
-            interval: (kind.term).and_then(|term| bootstrap.interval(pairs.iter().map(term))),
+            interval: match kind.spread {
+                Spread::Unknown => None,
+                Spread::Terms(term) => bootstrap.interval(pairs.iter().map(term)),
+                Spread::Corners(limit) => corner_auc_interval(pairs, limit.into(), bootstrap),
+            },
         };
         Self(SCORES.iter().map(score).collect())
     }
@@ -222,9 +323,10 @@ impl Serialize for Scores {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(Some(self.0.len()))?;
         for (kind, score) in self.iter() {
-            match kind.term {
-                Some(_) => map.serialize_entry(kind.id, &score)?,
-                None => map.serialize_entry(kind.id, &score.value)?,
+            if kind.has_interval() {
+                map.serialize_entry(kind.id, &score)?;
+            } else {
+                map.serialize_entry(kind.id, &score.value)?;
             }
         }
         map.end()
@@ -239,7 +341,18 @@ fn auc_term(pair: &PairResult, angle: Angle) -> Term {
     Term {
         cluster: pair.a,
         numerator: share_of_thresholds(pair.error(angle)),
-        denominator: 1.0,
+        denominator: f64::from(u8::from(pair.model == Model::Pose)),
+    }
+}
+
+/// The share of the pair's matches that are correct within so many pixels.
+fn accuracy_term(pair: &PairResult, pixels: usize) -> Term {
+    let selected = pair.counts.map_or(0, |counts| counts.selected);
+    let share = |correct: [u32; 10]| f64::from(correct[pixels - 1]) / f64::from(selected.max(1));
+    Term {
+        cluster: pair.a,
+        numerator: pair.correct.map_or(0.0, share),
+        denominator: f64::from(u8::from(pair.correct.is_some())),
     }
 }
 
@@ -261,7 +374,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::super::Failure;
-    use super::super::pair_result::tests::solved;
+    use super::super::pair_result::tests::{solved, transferred};
     use super::*;
 
     fn pairs() -> Vec<PairResult> {
@@ -271,6 +384,33 @@ mod tests {
             solved(1, 0.1, 12.0, 900),
             PairResult::failed(1, 5, Failure::TooFewMatches),
         ]
+    }
+
+    fn transfers() -> Vec<PairResult> {
+        let failed = PairResult {
+            model: Model::Homography,
+            correct: Some([0; 10]),
+            ..PairResult::failed(1, 5, Failure::TooFewMatches)
+        };
+        vec![
+            transferred(0, 0.5, 100),
+            transferred(0, 2.5, 60),
+            transferred(1, 7.0, 30),
+            failed,
+        ]
+    }
+
+    #[test]
+    fn scores_of_homographies_by_hand() {
+        let scores = Scores::new(&transfers(), &Bootstrap::default());
+        let value = |id| scores.get(id).value.expect("there are pairs");
+        // Up to 3 pixels, in units of pairs: 0.5 * 0.5, 2 * 1.5, 0.5 * 2, of 3 * 4.
+        assert!((value("auc_h3") - 4.25 / 12.0).abs() < 1e-12);
+        // Of four pairs one has no matches; of the others half is within 1 pixel, all within 2.
+        assert!((value("mma1") - 1.5 / 4.0).abs() < 1e-12);
+        assert!((value("mma2") - 0.75).abs() < 1e-12);
+        let interval = scores.get("auc_h3").interval.expect("two images");
+        assert!(interval.low < value("auc_h3") && value("auc_h3") < interval.high);
     }
 
     #[test]
@@ -287,10 +427,16 @@ mod tests {
     }
 
     #[test]
-    fn every_score_is_defined_on_results_and_unknown_without() {
-        let (some, none) = (pairs(), Scores::new(&[], &Bootstrap::default()));
-        let scores = Scores::new(&some, &Bootstrap::default());
-        for (kind, score) in scores.iter() {
+    fn every_score_is_defined_on_results_of_its_model_and_unknown_without() {
+        let none = Scores::new(&[], &Bootstrap::default());
+        let poses = Scores::new(&pairs(), &Bootstrap::default());
+        let homographies = Scores::new(&transfers(), &Bootstrap::default());
+        for ((kind, pose), (_, homography)) in poses.iter().zip(homographies.iter()) {
+            let (score, other) = match kind.model {
+                Model::Pose => (pose, homography),
+                Model::Homography => (homography, pose),
+            };
+            assert_eq!(other, Score::default(), "{}", kind.id);
             let value = score.value.unwrap_or_else(|| panic!("{}", kind.id));
             assert!(value > 0.0, "{}", kind.id);
             assert_eq!(none.get(kind.id), Score::default(), "{}", kind.id);
@@ -303,11 +449,17 @@ mod tests {
     #[test]
     fn what_pairs_add_makes_the_score() {
         for kind in SCORES {
-            let Some(term) = kind.term else { continue };
-            let terms: Vec<Term> = pairs().iter().map(term).collect();
+            let Spread::Terms(term) = kind.spread else {
+                continue;
+            };
+            let pairs = match kind.model {
+                Model::Pose => pairs(),
+                Model::Homography => transfers(),
+            };
+            let terms: Vec<Term> = pairs.iter().map(term).collect();
             let sum = |part: fn(&Term) -> f64| terms.iter().map(part).sum::<f64>();
             let ratio = sum(|term| term.numerator) / sum(|term| term.denominator);
-            let value = (kind.value)(&pairs()).expect("there are pairs");
+            let value = (kind.value)(&pairs).expect("there are pairs");
             assert!((ratio - value).abs() < 1e-12, "{}", kind.id);
         }
     }

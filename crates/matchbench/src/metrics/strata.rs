@@ -1,6 +1,6 @@
 //! Scores of easy and hard pairs apart: AUC over baseline, view angle or overlap.
 
-use super::success::share_of_thresholds;
+use super::success::gain;
 use super::{Angle, DatasetGeometry, PairGeometry, ResultSet};
 
 /// A range of difficulty, with about as many pairs as the others.
@@ -51,7 +51,7 @@ pub fn auc_by_stratum(
         };
         let inside = |stratum: &Stratum| stratum.low <= value && value <= stratum.high;
         if let Some(at) = strata.iter().position(inside) {
-            sums[at].0 += share_of_thresholds(pair.error(Angle::Pose));
+            sums[at].0 += gain(pair, Angle::Pose);
             sums[at].1 += 1;
         }
     }

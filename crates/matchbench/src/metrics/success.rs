@@ -10,7 +10,7 @@ use std::ops::RangeInclusive;
 
 use serde::{Serialize, Serializer};
 
-use super::{Angle, PairResult};
+use super::{Angle, Model, PairResult};
 
 /// The thresholds of the paper, in degrees.
 pub const THRESHOLDS: RangeInclusive<usize> = 1..=15;
@@ -25,15 +25,31 @@ pub struct SuccessCurve {
 }
 
 impl SuccessCurve {
-    /// The curve of one angle of the error.
+    /// The curve of one angle of the error, of the pairs whose pose was to be estimated.
     pub fn new(pairs: &[PairResult], angle: Angle) -> Self {
+        let poses = || pairs.iter().filter(|pair| pair.model == Model::Pose);
+        Self::count(
+            poses().filter_map(|pair| pair.error(angle)),
+            poses().count(),
+        )
+    }
+
+    /// The same of the corner error, in pixels.
+    pub fn of_corners(pairs: &[PairResult]) -> Self {
+        let homographies = || pairs.iter().filter(|pair| pair.model == Model::Homography);
+        Self::count(
+            homographies().filter_map(PairResult::corner_error),
+            homographies().count(),
+        )
+    }
+
+    fn count(errors: impl Iterator<Item = f64>, pairs: usize) -> Self {
         let mut below = [0; 15];
-        for error in pairs.iter().filter_map(|pair| pair.error(angle)) {
+        for error in errors {
             for k in THRESHOLDS {
                 below[k - 1] += usize::from(error < k as f64);
             }
         }
-        let pairs = pairs.len();
         Self { below, pairs }
     }
 
@@ -60,6 +76,22 @@ impl SuccessCurve {
 impl Serialize for SuccessCurve {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         self.values().serialize(serializer)
+    }
+}
+
+/// What a pair adds to the score that methods are compared by: the share of the paper's thresholds that its
+/// pose error is below, or how far its corner error is below 3 pixels, as a share of these. The mean of the
+/// latter is the area under recall over the corner error, without the trapezoids of [`corner_auc`].
+///
+/// [`corner_auc`]: super::corner_auc
+pub(super) fn gain(pair: &PairResult, angle: Angle) -> f64 {
+    match pair.model {
+        Model::Pose => share_of_thresholds(pair.error(angle)),
+        Model::Homography if angle == Angle::Pose => {
+            let below = pair.corner_error().map_or(0.0, |error| 1.0 - error / 3.0);
+            below.max(0.0)
+        }
+        Model::Homography => 0.0,
     }
 }
 

@@ -2,9 +2,10 @@
 
 use serde::Serialize;
 
+use super::scores::HEADLINE_PX;
 use super::{
-    Angle, Bootstrap, Failures, PairResult, Portion, ResultSet, Score, Scores, StageQuartiles,
-    SuccessCurve,
+    Angle, Bootstrap, Failures, Model, PairResult, Portion, ResultSet, SCORES, Score, ScoreKind,
+    Scores, StageQuartiles, SuccessCurve, corner_auc,
 };
 
 /// All scores of one dataset, matcher and estimator. Ratios are in `[0, 1]` and NaN without pairs.
@@ -16,6 +17,8 @@ pub struct Summary {
     pub matcher: String,
     /// Id of the estimator; empty where the results do not name it.
     pub estimator: String,
+    /// What was estimated.
+    pub model: Model,
     /// The denominator of every ratio: pairs that the dataset lists, once per repetition.
     pub pairs: usize,
     /// How often each pair was run with another seed.
@@ -39,6 +42,8 @@ pub struct Summary {
     /// Letters that it shares with those of this dataset that it does not significantly differ
     /// from (see [`groups`](super::groups())); empty where nothing was compared.
     pub group: String,
+    /// The share of pairs with a corner error below 1, 2, ... 15 pixels; the other curves are of poses.
+    pub corner_sp: SuccessCurve,
     /// SP(1) ... SP(15) of the pose error.
     pub sp: SuccessCurve,
     /// The same of the rotation error alone.
@@ -59,6 +64,7 @@ impl Summary {
             dataset: results.dataset.clone(),
             matcher: results.matcher.clone(),
             estimator: results.estimator.clone(),
+            model: Model::of_all(pairs),
             pairs: pairs.len(),
             repetitions: results.repetitions,
             failed: failures.total(),
@@ -69,6 +75,7 @@ impl Summary {
             scores: Scores::new(pairs, bootstrap),
             auc_deviation: auc_deviation(results),
             group: String::new(),
+            corner_sp: SuccessCurve::of_corners(pairs),
             sp: curve(Angle::Pose),
             rotation_sp: curve(Angle::Rotation),
             translation_sp: curve(Angle::Translation),
@@ -89,13 +96,28 @@ impl Summary {
         Self::new(&nothing, &Bootstrap::default())
     }
 
-    /// The paper's AUC.
+    /// The score that it is ranked by: the paper's AUC, or of homographies the AUC at 3 pixels.
     pub fn auc(&self) -> Score {
         self.auc_of(Angle::Pose)
     }
 
-    /// The AUC of one angle of the error.
+    /// The id of that score.
+    pub fn ranked_by(&self) -> &'static str {
+        match self.model {
+            Model::Pose => "auc",
+            Model::Homography => "auc_h3",
+        }
+    }
+
+    /// The AUC of one angle of the error; a homography has none but that of the corner error, which
+    /// stands in for the pose error.
     pub fn auc_of(&self, angle: Angle) -> Score {
+        if self.model == Model::Homography {
+            return match angle {
+                Angle::Pose => self.scores.get(self.ranked_by()),
+                Angle::Rotation | Angle::Translation => Score::default(),
+            };
+        }
         self.scores.get(match angle {
             Angle::Pose => "auc",
             Angle::Rotation => "rotation_auc",
@@ -104,13 +126,33 @@ impl Summary {
     }
 }
 
+/// The scores that a table of these summaries shows: those of poses where any were estimated, and what is
+/// known of homographies.
+pub fn shown_scores(summaries: &[Summary]) -> Vec<&'static ScoreKind> {
+    let poses = summaries.is_empty() || summaries.iter().any(|s| s.model == Model::Pose);
+    let known = |kind: &ScoreKind| {
+        let value = |s: &Summary| s.scores.get(kind.id).value;
+        summaries.iter().any(|s| value(s).is_some())
+    };
+    (SCORES.iter())
+        .filter(|kind| match kind.model {
+            Model::Pose => poses,
+            Model::Homography => known(kind),
+        })
+        .collect()
+}
+
 /// Sample standard deviation of the AUC over the repetitions.
 fn auc_deviation(results: &ResultSet) -> Option<f64> {
     let aucs: Vec<f64> = (0..results.repetitions)
         .map(|repetition| {
             let pairs = results.pairs.iter();
             let pairs = pairs.filter(|pair| pair.repetition == repetition).cloned();
-            SuccessCurve::new(&pairs.collect::<Vec<_>>(), Angle::Pose).auc()
+            let pairs: Vec<PairResult> = pairs.collect();
+            match Model::of_all(&pairs) {
+                Model::Pose => SuccessCurve::new(&pairs, Angle::Pose).auc(),
+                Model::Homography => corner_auc(&pairs, HEADLINE_PX),
+            }
         })
         .collect();
     let mean = aucs.iter().sum::<f64>() / aucs.len() as f64;
@@ -120,7 +162,7 @@ fn auc_deviation(results: &ResultSet) -> Option<f64> {
 }
 
 fn is_undirected(pair: &PairResult) -> bool {
-    (pair.outcome.as_ref()).is_ok_and(|error| error.translation.is_none())
+    (pair.angular_error()).is_some_and(|error| error.translation.is_none())
 }
 
 #[cfg(test)]

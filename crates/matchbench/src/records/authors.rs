@@ -153,9 +153,11 @@ fn push_row(text: &mut String, a: u32, b: u32, outcome: &Outcome) {
             support,
             ..
         } => (*support, *rotation, *translation),
-        Outcome::NoPose { .. } | Outcome::Failed { .. } => {
-            (0, [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], [0.0; 3])
-        }
+        // The layout has no place for a homography.
+        Outcome::NoPose { .. }
+        | Outcome::Homography { .. }
+        | Outcome::NoHomography { .. }
+        | Outcome::Failed { .. } => (0, [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], [0.0; 3]),
     };
     write!(text, "{a} {b} {inliers}").expect("a string takes all");
     for (row, t) in r.chunks_exact(3).zip(t) {
@@ -234,6 +236,7 @@ mod tests {
                 repetition,
             },
             counts: Counts::default(),
+            correct: None,
             outcome,
             times: StageTimes::default(),
             device: None,

@@ -99,6 +99,7 @@ mod tests {
                 repetition: 0,
             },
             counts: Counts::default(),
+            correct: None,
             outcome: Outcome::judged(&pose, &Isometry3::translation(1.0, 0.0, 0.0), 9, 12, 100),
             times: StageTimes {
                 search: Some(0.25),
@@ -171,11 +172,49 @@ mod tests {
                 "translation",
             ),
             ("\"search\":0.25", "\"search\":-0.25", "seconds"),
+            (
+                "\"outcome\":",
+                "\"correct\":[2,1,1,1,1,1,1,1,1,1],\"outcome\":",
+                "correct",
+            ),
+            (
+                "\"outcome\":",
+                "\"correct\":[0,0,0,0,0,0,0,0,0,1],\"outcome\":",
+                "correct",
+            ),
             ("\"b\":4", "\"b\":3", "itself"),
         ] {
             assert!(line.contains(from), "{from}: {line}");
             let text = line.replacen(from, to, 1);
             let reason = parse(text.as_bytes()).unwrap_err();
+            assert!(reason.contains(named), "{to}: {reason}");
+        }
+    }
+
+    #[test]
+    fn homographies_that_no_run_writes_are_refused() {
+        let mut record = record([0.0; 3], [1.0, 0.0, 0.0]);
+        record.outcome = Outcome::Homography {
+            homography: [0.0, 0.6, 0.0, 0.6, 0.0, 0.0, 0.0, 0.0, 0.28_f64.sqrt()],
+            inliers: 40,
+            iterations: 7,
+            corner_error: Some(2.5),
+        };
+        let line = serde_json::to_string(&record).unwrap();
+        assert_eq!(parse(line.as_bytes()).map(|line| line.record), Ok(record));
+        for (from, to, named) in [
+            ("[0.0,0.6", "[0.0,0.7", "norm"),
+            (
+                "[0.0,0.6,0.0,0.6,0.0,0.0,0.0,0.0,",
+                "[0.6,0.6,0.0,0.0,0.0,0.0,0.0,0.0,",
+                "no inverse",
+            ),
+            ("2.5", "-2.5", "corner_error"),
+            ("2.5", "1e999", "number out of range"),
+            ("\"inliers\":40", "\"inliers\":-1", "invalid value"),
+        ] {
+            assert!(line.contains(from), "{from}: {line}");
+            let reason = parse(line.replacen(from, to, 1).as_bytes()).unwrap_err();
             assert!(reason.contains(named), "{to}: {reason}");
         }
     }

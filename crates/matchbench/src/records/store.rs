@@ -303,6 +303,7 @@ mod tests {
                 repetition: 0,
             },
             counts: Counts::default(),
+            correct: None,
             outcome: Outcome::NoPose {
                 reason: NoPose::TooFewMatches {
                     found: 3,

@@ -94,7 +94,7 @@ fn row(summary: &Summary) -> Row {
     for (kind, score) in summary
         .scores
         .iter()
-        .filter(|(kind, _)| kind.term.is_some())
+        .filter(|(kind, _)| kind.has_interval())
     {
         let ends = [
             ("low", score.interval.map(|i| i.low)),
@@ -236,7 +236,7 @@ mod tests {
         let count = |wanted: &str| heads.iter().filter(|head| **head == wanted).count();
         for kind in SCORES {
             assert_eq!(count(kind.id), 1, "{}", kind.id);
-            let ends = usize::from(kind.term.is_some());
+            let ends = usize::from(kind.has_interval());
             assert_eq!(count(&format!("{}_low", kind.id)), ends, "{}", kind.id);
             assert_eq!(count(&format!("{}_high", kind.id)), ends, "{}", kind.id);
         }

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use crate::metrics::{
-    Angle, PairGeometry, Portion, Quartiles, StageQuartiles, Stratum, Summary, auc_by_stratum,
-    strata,
+    Angle, Model, PairGeometry, Portion, Quartiles, StageQuartiles, Stratum, SuccessCurve, Summary,
+    auc_by_stratum, strata,
 };
 
 use super::content::Content;
@@ -12,8 +12,8 @@ use super::latex::sequence_numbers;
 use super::numbers::short;
 use super::overview::{Overview, REFERENCE};
 use super::svg::{
-    ApSeries, Dot, Rival, Target, ap_bars, ap_panel, forest, heat_map, scatter, sp_curves,
-    strata_curves,
+    ApSeries, Axes, Curve, Dot, Rival, Target, ap_bars, ap_panel, forest, heat_map, scatter,
+    sp_curves, strata_curves,
 };
 use super::words::advantage;
 
@@ -270,31 +270,103 @@ pub(super) fn estimator_figure(
     Some(heat_map(target, &title, &matchers, &estimators, &cells))
 }
 
-/// The SP curves of one dataset.
+/// Which curve of a summary shows one angle of the error; of homographies that of the corner error stands
+/// in for the pose's, and the others have none.
+pub(super) fn success_curve(summary: &Summary, angle: Angle) -> Option<&SuccessCurve> {
+    match (summary.model, angle) {
+        (Model::Pose, Angle::Pose) => Some(&summary.sp),
+        (Model::Pose, Angle::Rotation) => Some(&summary.rotation_sp),
+        (Model::Pose, Angle::Translation) => Some(&summary.translation_sp),
+        (Model::Homography, Angle::Pose) => Some(&summary.corner_sp),
+        (Model::Homography, Angle::Rotation | Angle::Translation) => None,
+    }
+}
+
+/// The SP curves of one dataset; of poses, where there are also homographies. `None` where there is nothing
+/// to show.
 pub(super) fn sp_figure(
     overview: &Overview<'_>,
     column: usize,
     angle: Angle,
     target: Target,
-) -> String {
-    let mut curves: Vec<_> = (overview.ranked(column).into_iter())
-        .map(|(row, summary)| {
-            let curve = match angle {
-                Angle::Pose => &summary.sp,
-                Angle::Rotation => &summary.rotation_sp,
-                Angle::Translation => &summary.translation_sp,
-            };
-            (row.series, &*row.label, curve)
+) -> Option<String> {
+    let model = overview.model(column);
+    let mut curves: Vec<Curve<'_>> = (overview.ranked(column).into_iter())
+        .filter(|(_, summary)| summary.model == model)
+        .filter_map(|(row, summary)| {
+            let curve = success_curve(summary, angle)?;
+            Some(Curve {
+                series: row.series,
+                name: &row.label,
+                values: curve.values().to_vec(),
+                number: curve.auc(),
+            })
         })
         .collect();
-    curves.sort_by(|(_, _, one), (_, _, other)| other.auc().total_cmp(&one.auc()));
-    let what = match angle {
-        Angle::Pose => "SP curves",
-        Angle::Rotation => "SP curves of the rotation",
-        Angle::Translation => "SP curves of the translation",
+    if curves.is_empty() {
+        return None;
+    }
+    curves.sort_by(|one, other| other.number.total_cmp(&one.number));
+    let what = match (model, angle) {
+        (Model::Homography, _) => "Corner error",
+        (Model::Pose, Angle::Pose) => "SP curves",
+        (Model::Pose, Angle::Rotation) => "SP curves of the rotation",
+        (Model::Pose, Angle::Translation) => "SP curves of the translation",
+    };
+    let (x, unit) = match model {
+        Model::Pose => ("error threshold (degrees)", "°"),
+        Model::Homography => ("corner error threshold (pixels)", " px"),
+    };
+    let axes = Axes {
+        x,
+        unit,
+        y: "success ratio",
     };
     let title = format!("{what}: {}", named(overview, column));
-    sp_curves(target, &title, &curves)
+    Some(sp_curves(target, &title, &axes, &curves))
+}
+
+/// The mean matching accuracy of each matcher on one dataset, if its true homographies are known.
+pub(super) fn accuracy_figure(
+    overview: &Overview<'_>,
+    column: usize,
+    target: Target,
+) -> Option<String> {
+    let curves: Vec<Curve<'_>> = (accuracies(overview, column).into_iter())
+        .map(|(series, name, values)| Curve {
+            series,
+            name,
+            number: values.iter().sum::<f64>() / values.len() as f64,
+            values,
+        })
+        .collect();
+    let title = format!("Mean matching accuracy: {}", named(overview, column));
+    let axes = Axes {
+        x: "distance threshold (pixels)",
+        unit: " px",
+        y: "share of the matches",
+    };
+    (!curves.is_empty()).then(|| sp_curves(target, &title, &axes, &curves))
+}
+
+/// Number, name and mean matching accuracy within 1, 2, ... 10 pixels of each matcher, once whatever the
+/// estimators, the best first; those of which it is not known are left out.
+pub(super) fn accuracies<'a>(
+    overview: &'a Overview<'_>,
+    column: usize,
+) -> Vec<(usize, &'a str, Vec<f64>)> {
+    let mut seen = BTreeSet::new();
+    let mut rows: Vec<_> = (overview.ranked(column).into_iter())
+        .filter(|(row, _)| seen.insert(row.matcher))
+        .filter_map(|(row, summary)| {
+            let within = |k: usize| summary.scores.get(&format!("mma{k}")).value;
+            let values = (1..=10).map(within).collect::<Option<Vec<f64>>>()?;
+            Some((row.series, row.matcher, values))
+        })
+        .collect();
+    let sum = |values: &[f64]| values.iter().sum::<f64>();
+    rows.sort_by(|(_, _, one), (_, _, other)| sum(other).total_cmp(&sum(one)));
+    rows
 }
 
 /// The paper's panel of AP bars of one portion, if any dataset belongs to it.
@@ -322,14 +394,15 @@ pub(super) fn ap_panel_figure(
     (!columns.is_empty()).then(|| ap_panel(target, &title, &sequences, &series))
 }
 
-/// The AP bars of one dataset.
-pub(super) fn ap_figure(overview: &Overview<'_>, column: usize, target: Target) -> String {
+/// The AP bars of one dataset, if poses were estimated.
+pub(super) fn ap_figure(overview: &Overview<'_>, column: usize, target: Target) -> Option<String> {
     let bars: Vec<_> = (overview.rows.iter())
         .filter_map(|row| {
             let summary = row.cells[column].as_ref()?.summary;
-            Some((row.series, &*row.label, summary.scores.get("ap5")))
+            let of_pose = summary.model == Model::Pose;
+            of_pose.then(|| (row.series, &*row.label, summary.scores.get("ap5")))
         })
         .collect();
     let title = format!("AP bars at 5 degrees: {}", named(overview, column));
-    ap_bars(target, &title, &bars)
+    (!bars.is_empty()).then(|| ap_bars(target, &title, &bars))
 }

@@ -16,8 +16,8 @@ use crate::metrics::{Angle, Portion};
 
 use super::content::Content;
 use super::figures::{
-    Difficulty, ap_figure, ap_panel_figure, difficulty_figure, estimator_figure, lead_figure,
-    sp_figure, time_figure,
+    Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, estimator_figure,
+    lead_figure, sp_figure, time_figure,
 };
 use super::file_names::file_names;
 use super::overview::Overview;
@@ -169,12 +169,18 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
             ("sp-rotation", Angle::Rotation),
             ("sp-translation", Angle::Translation),
         ] {
-            let svg = sp_figure(overview, column, angle, Target::File);
-            let spec = vega::sp(overview, column, angle);
-            figures.push((format!("{prefix}-{name}"), svg, spec));
+            if let Some(svg) = sp_figure(overview, column, angle, Target::File) {
+                let spec = vega::sp(overview, column, angle);
+                figures.push((format!("{prefix}-{name}"), svg, spec));
+            }
         }
-        let svg = ap_figure(overview, column, Target::File);
-        figures.push((format!("ap-{name}"), svg, vega::ap(overview, column)));
+        if let Some(svg) = accuracy_figure(overview, column, Target::File) {
+            let spec = vega::accuracy(overview, column);
+            figures.push((format!("mma-{name}"), svg, spec));
+        }
+        if let Some(svg) = ap_figure(overview, column, Target::File) {
+            figures.push((format!("ap-{name}"), svg, vega::ap(overview, column)));
+        }
         if let Some(svg) = lead_figure(content, overview, column, Target::File) {
             let spec = vega::lead(content, overview, column);
             figures.push((format!("lead-{name}"), svg, spec));

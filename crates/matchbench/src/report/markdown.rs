@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::metrics::{Detail, GROUP_LEVEL_NOTE, SCORES, Summary};
+use crate::metrics::{Detail, GROUP_LEVEL_NOTE, Model, ScoreKind, Summary, shown_scores};
 
 use super::numbers::{NONE, interval, ratio, score};
 use super::overview::{Cell, Overview};
@@ -31,26 +31,33 @@ pub(super) fn render(summaries: &[Summary]) -> String {
     if let Some(note) = overview.footnote(escape) {
         let _ = write!(text, "\n{note}.\n");
     }
-    text.push_str(
-        "\nMean of SP(1) ... SP(15). ①②③: the best three of a dataset; **bold**: above SIFT.",
-    );
+    let of = |model| summaries.iter().any(|s| s.model == model);
+    text.push_str(match (of(Model::Pose), of(Model::Homography)) {
+        (_, false) => "\nMean of SP(1) ... SP(15).",
+        (false, true) => "\nAUC of the corner error at 3 px.",
+        (true, true) => {
+            "\nMean of SP(1) ... SP(15); of homographies the AUC of the corner error at 3 px."
+        }
+    });
+    text.push_str(" ①②③: the best three of a dataset; **bold**: above SIFT.");
     if summaries.iter().any(|summary| !summary.group.is_empty()) {
         let _ = write!(text, " {GROUP_LEVEL_NOTE}");
     }
     text.push_str("\n\n### All scores\n\n");
     let mut heads: Vec<&str> = vec!["dataset", "matcher", "estimator", "pairs", "failed"];
-    for (i, kind) in SCORES.iter().enumerate() {
+    let shown = shown_scores(summaries);
+    for kind in &shown {
         heads.push(kind.heading);
-        if i == 0 {
+        if ranks(kind) {
             heads.push("95 % interval");
         }
     }
     rule_below(&mut text, &heads);
     for summary in summaries {
-        line(&mut text, scores(summary));
+        line(&mut text, scores(summary, &shown));
     }
     text.push('\n');
-    for (heads, definition) in definitions(Detail::Complete) {
+    for (heads, definition) in definitions(&shown, Detail::Complete) {
         let _ = writeln!(text, "- {}: {}", escape(&heads), escape(definition));
     }
     text
@@ -73,7 +80,12 @@ fn auc(cell: Option<&Cell<'_>>) -> String {
     }
 }
 
-fn scores(s: &Summary) -> Vec<String> {
+/// Whether methods are ranked by a score, which then has its interval beside it.
+fn ranks(kind: &ScoreKind) -> bool {
+    ["auc", "auc_h3"].contains(&kind.id)
+}
+
+fn scores(s: &Summary, shown: &[&ScoreKind]) -> Vec<String> {
     let mut cells = vec![
         escape(&s.dataset),
         escape(&s.matcher),
@@ -81,9 +93,10 @@ fn scores(s: &Summary) -> Vec<String> {
         s.pairs.to_string(),
         s.failed.to_string(),
     ];
-    for (i, (kind, value)) in s.scores.iter().enumerate() {
+    for kind in shown {
+        let value = s.scores.get(kind.id);
         cells.push(score(kind.notation, value.value));
-        if i == 0 {
+        if ranks(kind) {
             cells.push(interval(&value, ratio));
         }
     }
@@ -132,8 +145,9 @@ fn escape(name: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::summary;
+    use super::super::tests::{homographies, summary};
     use super::*;
+    use crate::metrics::SCORES;
 
     #[test]
     fn every_line_of_a_table_has_as_many_cells() {
@@ -151,7 +165,7 @@ mod tests {
 
     #[test]
     fn every_score_has_a_column_and_a_definition() {
-        let text = render(&[summary("room", "sift", 6)]);
+        let text = render(&[summary("room", "sift", 6), homographies("boat", "sift")]);
         for kind in SCORES {
             assert!(
                 text.contains(&format!("| {} |", kind.heading)),

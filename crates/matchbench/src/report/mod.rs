@@ -25,6 +25,7 @@ mod of_results;
 mod of_run;
 mod outside;
 mod overview;
+mod pair_homography;
 mod pair_table;
 mod pair_view;
 mod pairs_csv;
@@ -137,7 +138,10 @@ pub fn render_with_mean(format: Format, summaries: &[Summary]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::{Bootstrap, Failure, PairResult, ResultSet};
+    use crate::metrics::{
+        AngularError, Bootstrap, Deviation, Failure, Model, PairResult, ResultSet,
+    };
+    use crate::records::Counts;
 
     /// Results of one matcher with as many right pairs, in ten, as its AUC is to have tenths.
     fn results(dataset: &str, matcher: &str, tenths: u32) -> ResultSet {
@@ -145,10 +149,10 @@ mod tests {
             .map(|a| {
                 let mut pair = PairResult::failed(a, a + 1, Failure::NoSupport);
                 if a < tenths {
-                    pair.outcome = Ok(crate::metrics::AngularError {
+                    pair.outcome = Ok(Deviation::Pose(AngularError {
                         rotation: 0.1,
                         translation: Some(0.2),
-                    });
+                    }));
                     pair.correspondences = 100 + a;
                 }
                 pair
@@ -167,6 +171,23 @@ mod tests {
     /// Scores of such results.
     pub(super) fn summary(dataset: &str, matcher: &str, tenths: u32) -> Summary {
         Summary::new(&results(dataset, matcher, tenths), &Bootstrap::default())
+    }
+
+    /// Scores of homographies that are off by 0, 1, ... 9 pixels.
+    pub(super) fn homographies(dataset: &str, matcher: &str) -> Summary {
+        let mut results = results(dataset, matcher, 0);
+        results.estimator = "best-h".to_owned();
+        for (error, pair) in (0_u8..).zip(&mut results.pairs) {
+            pair.model = Model::Homography;
+            pair.outcome = Ok(Deviation::Corners(Some(error.into())));
+            pair.correspondences = 50;
+            pair.correct = Some([10, 20, 30, 40, 50, 50, 50, 50, 50, 50]);
+            pair.counts = Some(Counts {
+                selected: 100,
+                ..Counts::default()
+            });
+        }
+        Summary::new(&results, &Bootstrap::default())
     }
 
     /// A report on such results.

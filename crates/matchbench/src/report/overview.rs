@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::metrics::{Angle, Portion, Score, Summary};
+use crate::metrics::{Angle, Model, Portion, Score, Summary};
 
 use super::names;
 use super::svg::{COLOURS, DASHES};
@@ -187,6 +187,18 @@ impl<'a> Overview<'a> {
         (ranked.into_iter().map(|(row, cell)| (row, cell.summary))).collect()
     }
 
+    /// What was estimated on a dataset: poses, where there are also homographies.
+    pub(super) fn model(&self, column: usize) -> Model {
+        let cells = self
+            .rows
+            .iter()
+            .filter_map(|row| row.cells[column].as_ref());
+        cells
+            .map(|cell| cell.summary.model)
+            .min()
+            .unwrap_or_default()
+    }
+
     /// How many pairs the numbers of a dataset rest on: `171 pairs`.
     pub(super) fn pairs(&self, column: usize) -> String {
         let Some(summary) = self.first(column) else {
@@ -222,6 +234,9 @@ impl<'a> Overview<'a> {
         };
         if !silent.is_empty() {
             let _ = write!(basis, ", {silent}");
+        }
+        if self.model(column) == Model::Homography {
+            basis.push_str(", AUC at 3 px");
         }
         basis
     }
@@ -284,9 +299,10 @@ fn cell<'a>(
     method: (&str, &str),
     angle: Angle,
 ) -> Option<Cell<'a>> {
-    let rivals = || summaries.iter().filter(|s| s.dataset == dataset);
+    let here = || summaries.iter().filter(|s| s.dataset == dataset);
     let value = |s: &Summary| s.auc_of(angle).value;
-    let summary = rivals().find(|s| (&*s.matcher, &*s.estimator) == method)?;
+    let summary = here().find(|s| (&*s.matcher, &*s.estimator) == method)?;
+    let rivals = || here().filter(|s| s.model == summary.model);
     let auc = value(summary);
     let better = rivals().filter(|s| value(s) > auc).count();
     let scored = rivals().filter(|s| value(s).is_some()).count();

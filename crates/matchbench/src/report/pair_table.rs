@@ -23,7 +23,7 @@ pub(super) enum Values<'a> {
     Number(Vec<Option<f64>>),
 }
 
-/// One row per pair, matcher, estimator and repetition; angles in degrees.
+/// One row per pair, matcher, estimator and repetition; angles in degrees, corner errors in pixels.
 pub(super) fn columns(content: &Content) -> Vec<Column<'_>> {
     let rows: Vec<Row<'_>> = (content.results.iter())
         .flat_map(|set| {
@@ -80,9 +80,14 @@ pub(super) fn columns(content: &Content) -> Vec<Column<'_>> {
         error("pose_error", Angle::Pose),
         error("rotation_error", Angle::Rotation),
         error("translation_error", Angle::Translation),
+        number("corner_error", &|row: &Row<'_>| row.pair.corner_error()),
         index("correspondences", |pair| pair.correspondences),
         count("putative", |pair| pair.counts.map(|counts| counts.putative)),
         count("selected", |pair| pair.counts.map(|counts| counts.selected)),
+        count("within_1px", |pair| Some(pair.correct?[0])),
+        count("within_3px", |pair| Some(pair.correct?[2])),
+        count("within_5px", |pair| Some(pair.correct?[4])),
+        count("within_10px", |pair| Some(pair.correct?[9])),
         text("outcome", |row| outcome(row.pair)),
     ]
 }

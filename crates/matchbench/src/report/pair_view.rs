@@ -1,4 +1,5 @@
-//! A pair to be looked at: both images, the selected matches by their true error, epipolar lines.
+//! A pair to be looked at: both images, the selected matches by their true error, epipolar lines. (What is
+//! different where a homography was estimated is in `pair_homography`.)
 //!
 //! A match is coloured by its distance to the *true* epipolar geometry and stands apart by whether
 //! it agrees with the *estimated* one: wrong matches that agree are what misleads an estimator.
@@ -96,13 +97,14 @@ pub struct MatchView {
     pub a: Point2<f64>,
     /// In image b.
     pub b: Point2<f64>,
-    /// Distance to the true epipolar geometry in pixels; `None` where there is none.
+    /// Distance to the true epipolar geometry, or from where the true homography takes the point, in
+    /// pixels; `None` where there is none.
     pub distance: Option<f64>,
-    /// Whether it agrees with the estimated pose.
+    /// Whether it agrees with the estimate.
     pub agrees: bool,
 }
 
-/// The epipolar lines of a match in image b, each as points in pixels.
+/// The epipolar lines of a match in image b, each as points in pixels; of homographies the frame of image a.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EpipolarLines {
     /// The match: its point in image a.
@@ -126,14 +128,12 @@ pub fn evenly<T: Clone>(items: &[T], most: usize) -> Vec<T> {
         .collect()
 }
 
-/// How many of all selected matches are near to the true epipolar geometry, and how many agree with
-/// the estimated one.
+/// How many of all selected matches are near to the truth, and how many agree with the estimate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     /// All of them.
     pub matches: usize,
-    /// By distance to the true epipolar line: below 1, 3 and 10 pixels, and farther; `None` where
-    /// there is no such line.
+    /// By their distance: below 1, 3 and 10 pixels, and farther; `None` where there is none.
     pub by_distance: Option<[usize; 4]>,
     /// Those that agree with the estimate.
     pub agree: usize,
@@ -181,7 +181,7 @@ pub struct PairView {
     pub matches: Vec<MatchView>,
     /// All of them, counted.
     pub tally: Tally,
-    /// Epipolar lines of a few of them.
+    /// Epipolar lines of a few of them, or the frame of image a in image b.
     pub lines: Vec<EpipolarLines>,
     /// All keypoints of both images, where they are wanted.
     pub keypoints: [Points; 2],

@@ -5,12 +5,13 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::pair_homography::PairHomographies;
 use super::pair_view::{
     PairPoses, PairView, Points, Tally, Thumbnail, epipolar_lines, evenly, match_views,
 };
 use crate::cache::FeatureCache;
 use crate::datasets::{Pair, Sequence};
-use crate::metrics::{Angle, ResultSet};
+use crate::metrics::{Angle, Model, ResultSet};
 use crate::records::{Outcome, Plan, RunFolder, SelectedMatches, StoreError};
 
 /// Longest side of an embedded image in pixels, and its JPEG quality.
@@ -133,7 +134,7 @@ impl<'a> Keypoints<'a> {
 }
 
 /// A pair with its matches; the names of matcher and estimator are left empty, and so are the
-/// keypoints. `None` if its pose is not known.
+/// keypoints. `None` if what the outcome is of is not known.
 pub fn view(
     sequence: &Sequence,
     pair: &Pair,
@@ -142,9 +143,27 @@ pub fn view(
     images: [Arc<Thumbnail>; 2],
 ) -> Option<PairView> {
     let camera = |frame: u32| &sequence.frames[frame as usize].camera;
-    let poses = PairPoses::new(camera(pair.a), camera(pair.b), pair.pose()?, outcome);
-    let matches = match_views(&poses, &selected.points.a, &selected.points.b);
-    let lines = epipolar_lines(&poses, &matches, images[1].original);
+    let (a, b) = (&selected.points.a, &selected.points.b);
+    let of_homography = matches!(
+        outcome,
+        Outcome::Homography { .. } | Outcome::NoHomography { .. }
+    );
+    let (matches, lines) = match (pair.pose(), pair.homography()) {
+        (Some(pose), _) if !of_homography => {
+            let poses = PairPoses::new(camera(pair.a), camera(pair.b), pose, outcome);
+            let matches = match_views(&poses, a, b);
+            let lines = epipolar_lines(&poses, &matches, images[1].original);
+            (matches, lines)
+        }
+        (_, truth) => {
+            let pair = PairHomographies {
+                truth: *truth?,
+                estimate: outcome.homography(),
+            };
+            let outline = pair.outline(images[0].original);
+            (pair.match_views(a, b), vec![outline])
+        }
+    };
     Some(PairView {
         dataset: sequence.name.clone(),
         matcher: String::new(),
@@ -163,7 +182,10 @@ pub fn view(
 fn chosen<'a>(sets: &[&ResultSet], sequence: &'a Sequence, count: usize) -> Vec<&'a Pair> {
     let mut right = BTreeMap::<(u32, u32), u32>::new();
     for pair in sets.iter().flat_map(|set| &set.pairs) {
-        let is_right = pair.error(Angle::Pose).is_some_and(|error| error < 5.0);
+        let is_right = match pair.model {
+            Model::Pose => pair.error(Angle::Pose).is_some_and(|error| error < 5.0),
+            Model::Homography => pair.corner_error().is_some_and(|error| error < 3.0),
+        };
         *right.entry((pair.a, pair.b)).or_default() += u32::from(is_right);
     }
     let mut pairs: Vec<(u32, &Pair)> = (sequence.pairs.iter())
@@ -187,7 +209,7 @@ mod tests {
 
     use super::*;
     use crate::datasets::{Frame, Turn};
-    use crate::metrics::{AngularError, Failure, PairResult};
+    use crate::metrics::{AngularError, Deviation, Failure, PairResult};
 
     /// A dataset of the pairs (0, 1), (0, 2) ... (0, 8).
     fn sequence() -> Sequence {
@@ -210,10 +232,10 @@ mod tests {
         let result = |b: u32| {
             let mut pair = PairResult::failed(0, b, Failure::NoSupport);
             if right.contains(&b) {
-                pair.outcome = Ok(AngularError {
+                pair.outcome = Ok(Deviation::Pose(AngularError {
                     rotation: 0.1,
                     translation: Some(0.2),
-                });
+                }));
             }
             pair
         };

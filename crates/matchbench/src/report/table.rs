@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::metrics::{Detail, SCORES, Summary};
+use crate::metrics::{Detail, SCORES, Summary, shown_scores};
 
 use super::numbers::{interval, ratio, score};
 use super::words::definitions;
@@ -40,16 +40,17 @@ pub(super) fn render(summaries: &[Summary]) -> String {
         number("pairs", &|s| s.pairs.to_string()),
         number("failed", &|s| s.failed.to_string()),
     ]);
-    let shown = SCORES.iter().filter(|kind| kind.detail == Detail::Glance);
-    for (i, kind) in shown.enumerate() {
+    let shown = shown_scores(summaries);
+    for kind in shown.iter().filter(|kind| kind.detail == Detail::Glance) {
         let known = |s: &Summary| s.scores.get(kind.id).value.is_some();
-        if i > 0 && !summaries.iter().any(known) {
+        let ranks = summaries.iter().any(|s| s.ranked_by() == kind.id);
+        if !ranks && !summaries.iter().any(known) {
             continue;
         }
         columns.push(number(kind.heading, &|s| {
             score(kind.notation, s.scores.get(kind.id).value)
         }));
-        if i == 0 {
+        if ranks {
             columns.push(number("95 % interval", &|s| {
                 interval(&s.scores.get(kind.id), ratio)
             }));
@@ -68,7 +69,7 @@ pub(super) fn render(summaries: &[Summary]) -> String {
         text.push_str(&line(&columns, |column| &column.cells[row]));
     }
     text.push('\n');
-    for (heads, definition) in definitions(Detail::Glance) {
+    for (heads, definition) in definitions(&shown, Detail::Glance) {
         let _ = writeln!(text, "{heads}: {definition}");
     }
     for summary in summaries {
@@ -136,15 +137,18 @@ fn printable(name: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::summary;
+    use super::super::tests::{homographies, summary};
     use super::*;
+    use crate::metrics::ScoreKind;
 
     #[test]
     fn every_score_at_a_glance_has_a_column_and_a_definition() {
         let text = render(&[summary("room", "sift", 6)]);
         let (table, below) = text.split_once("\n\n").expect("definitions below");
         let head = table.lines().next().expect("a head");
-        for kind in SCORES.iter().filter(|kind| kind.detail == Detail::Glance) {
+        let glance = |kind: &&&ScoreKind| kind.detail == Detail::Glance;
+        let poses = shown_scores(&[summary("room", "sift", 6)]);
+        for kind in poses.iter().filter(glance) {
             assert!(
                 head.contains(kind.heading) && below.contains(kind.definition),
                 "{}",
@@ -159,6 +163,24 @@ mod tests {
                 .unwrap_or("")
                 .contains("AP(5)")
         );
+    }
+
+    #[test]
+    fn homographies_are_scored_in_pixels() {
+        let text = render(&[homographies("boat", "sift")]);
+        let (table, below) = text.split_once("\n\n").expect("definitions below");
+        let head = table.lines().next().expect("a head");
+        assert!(
+            head.contains("AUC 3 px") && head.contains("MMA 3 px"),
+            "{head}"
+        );
+        assert!(
+            !head.contains("rot.") && !below.contains("degrees"),
+            "{text}"
+        );
+        // A table of both has both.
+        let text = render(&[summary("room", "sift", 6), homographies("boat", "sift")]);
+        assert!(text.contains("AUC rot.") && text.contains("AUC 3 px"));
     }
 
     #[test]

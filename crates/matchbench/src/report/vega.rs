@@ -5,10 +5,10 @@
 
 use serde_json::{Value, json};
 
-use crate::metrics::{Angle, Portion, Score, Summary, THRESHOLDS};
+use crate::metrics::{Angle, Model, Portion, Score, Summary, THRESHOLDS};
 
 use super::content::Content;
-use super::figures::{Difficulty, difficulty_lines, seconds_for_a_pair};
+use super::figures::{Difficulty, accuracies, difficulty_lines, seconds_for_a_pair, success_curve};
 use super::latex::sequence_numbers;
 use super::overview::Overview;
 use super::words::method;
@@ -17,30 +17,50 @@ const SCHEMA: &str = "https://vega.github.io/schema/vega-lite/v5.json";
 
 /// SP curves, one row for each matcher and threshold.
 pub(super) fn sp(overview: &Overview<'_>, column: usize, angle: Angle) -> Value {
+    let model = overview.model(column);
+    let unit = match model {
+        Model::Pose => "degrees",
+        Model::Homography => "pixels",
+    };
     let rows = overview
         .ranked(column)
         .into_iter()
+        .filter(|(_, summary)| summary.model == model)
         .flat_map(|(row, summary)| {
-            let curve = match angle {
-                Angle::Pose => summary.sp,
-                Angle::Rotation => summary.rotation_sp,
-                Angle::Translation => summary.translation_sp,
-            };
-            let point =
-                |(k, sp): (usize, f64)| json!({"matcher": row.label, "degrees": k, "sp": sp});
-            THRESHOLDS
-                .zip(curve.values())
-                .map(point)
+            let point = |(k, sp): (usize, f64)| json!({"matcher": row.label, unit: k, "sp": sp});
+            (success_curve(summary, angle).into_iter())
+                .flat_map(|curve| THRESHOLDS.zip(curve.values()).map(point))
                 .collect::<Vec<_>>()
         });
     let encoding = json!({
-        "x": {"field": "degrees", "type": "quantitative", "title": "error below (degrees)"},
+        "x": {"field": unit, "type": "quantitative", "title": format!("error below ({unit})")},
         "y": {"field": "sp", "type": "quantitative", "title": "share of pairs"},
         "color": {"field": "matcher", "type": "nominal", "sort": null},
         "shape": {"field": "matcher", "type": "nominal", "sort": null},
     });
     figure(
         format!("SP curves: {}", overview.datasets[column]),
+        rows.collect(),
+        json!({"mark": {"type": "line", "point": true}, "encoding": encoding}),
+    )
+}
+
+/// Mean matching accuracy of one dataset, one row for each matcher and threshold.
+pub(super) fn accuracy(overview: &Overview<'_>, column: usize) -> Value {
+    let rows = accuracies(overview, column)
+        .into_iter()
+        .flat_map(|(_, matcher, values)| {
+            let point = |(k, mma)| json!({"matcher": matcher, "pixels": k, "mma": mma});
+            (1..=10).zip(values).map(point).collect::<Vec<Value>>()
+        });
+    let encoding = json!({
+        "x": {"field": "pixels", "type": "quantitative", "title": "distance below (pixels)"},
+        "y": {"field": "mma", "type": "quantitative", "title": "share of the matches"},
+        "color": {"field": "matcher", "type": "nominal", "sort": null},
+        "shape": {"field": "matcher", "type": "nominal", "sort": null},
+    });
+    figure(
+        format!("Mean matching accuracy: {}", overview.datasets[column]),
         rows.collect(),
         json!({"mark": {"type": "line", "point": true}, "encoding": encoding}),
     )

@@ -2,13 +2,14 @@
 
 use std::collections::HashSet;
 
-use crate::metrics::{Angle, Detail, Failure, Lead, PairResult, SCORES, Score};
+use crate::metrics::{Angle, Detail, Deviation, Failure, Lead, PairResult, Score, ScoreKind};
 use crate::records::{MIN_MATCHES, MIN_SUPPORT};
 
 /// In a word or two, for tables.
 pub(super) fn outcome(pair: &PairResult) -> &'static str {
     match pair.outcome {
-        Ok(_) => "pose",
+        Ok(Deviation::Pose(_)) => "pose",
+        Ok(Deviation::Corners(_)) => "homography",
         Err(failure) => name(failure),
     }
 }
@@ -37,15 +38,15 @@ pub(super) fn name(failure: Failure) -> &'static str {
 pub(super) fn reason(failure: Failure) -> String {
     match failure {
         Failure::TooFewMatches => format!(
-            "Too few selected matches to estimate a pose: at least {MIN_MATCHES} are needed."
+            "Too few selected matches: at least {MIN_MATCHES} are needed for a pose, 4 for a homography."
         ),
         Failure::NoSupport => format!(
-            "No pose that enough matches agree with: at least {MIN_SUPPORT} must lie in front of both cameras."
+            "No estimate that enough matches agree with: for a pose at least {MIN_SUPPORT} must lie in front of both cameras."
         ),
         Failure::Broken => {
             "A stage broke: an image that cannot be read, or an error of the matcher. The record says which.".into()
         }
-        Failure::Unexplained => "No pose, and the results do not say why.".into(),
+        Failure::Unexplained => "No estimate, and the results do not say why.".into(),
         Failure::Missing => "The dataset lists this pair, but the results do not have it.".into(),
     }
 }
@@ -54,8 +55,15 @@ pub(super) fn reason(failure: Failure) -> String {
 pub fn sentence(pair: &PairResult) -> String {
     match (&pair.outcome, pair.error(Angle::Pose)) {
         (Err(failure), _) => reason(*failure),
-        (Ok(error), None) => format!("rotation off by {:.2}°; no true direction", error.rotation),
-        (Ok(error), Some(pose)) => format!(
+        (Ok(Deviation::Corners(Some(error))), _) => format!(
+            "corners off by {error:.2} px, {} correspondences",
+            pair.correspondences
+        ),
+        (Ok(Deviation::Corners(None)), _) => "a corner goes to infinity".to_owned(),
+        (Ok(Deviation::Pose(error)), None) => {
+            format!("rotation off by {:.2}°; no true direction", error.rotation)
+        }
+        (Ok(Deviation::Pose(error)), Some(pose)) => format!(
             "pose off by {pose:.2}° (rotation {:.2}°, translation {:.2}°), {} correspondences",
             error.rotation,
             error.translation.unwrap_or(f64::NAN),
@@ -64,10 +72,13 @@ pub fn sentence(pair: &PairResult) -> String {
     }
 }
 
-/// What the scores mean that a table of this detail shows: the heads that share a definition, and it.
-pub(super) fn definitions(detail: Detail) -> Vec<(String, &'static str)> {
+/// What the `shown` scores mean that a table of this detail has: the heads that share a definition, and it.
+pub(super) fn definitions(
+    shown: &[&'static ScoreKind],
+    detail: Detail,
+) -> Vec<(String, &'static str)> {
     let mut definitions: Vec<(String, &'static str)> = Vec::new();
-    for kind in SCORES.iter().filter(|kind| kind.detail <= detail) {
+    for kind in shown.iter().filter(|kind| kind.detail <= detail) {
         match definitions.last_mut() {
             Some((heads, text)) if *text == kind.definition => {
                 heads.push_str(", ");
@@ -156,20 +167,21 @@ const SENTENCES: usize = 12;
 
 #[cfg(test)]
 mod tests {
-    use crate::metrics::Interval;
+    use crate::metrics::{Interval, SCORES};
 
     use super::*;
 
     #[test]
     fn every_score_that_is_shown_is_defined_once() {
+        let all: Vec<&ScoreKind> = SCORES.iter().collect();
         for detail in [Detail::Glance, Detail::Complete] {
-            let heads: Vec<String> = (definitions(detail).into_iter())
+            let heads: Vec<String> = (definitions(&all, detail).into_iter())
                 .flat_map(|(heads, _)| heads.split(", ").map(str::to_owned).collect::<Vec<_>>())
                 .collect();
             let shown = SCORES.iter().filter(|kind| kind.detail <= detail);
             assert_eq!(heads, shown.map(|kind| kind.heading).collect::<Vec<_>>());
         }
-        assert!(definitions(Detail::Complete).len() < SCORES.len());
+        assert!(definitions(&all, Detail::Complete).len() < SCORES.len());
     }
 
     #[test]

@@ -5,13 +5,13 @@ use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::GrayImage;
 use matchbench_vision::matching::View;
 use matchbench_vision::seed::Seed;
-use nalgebra::Isometry3;
 
 use super::Contender;
 use super::guard::{Broken, guard, timed};
 use super::matching::{search, select};
 use super::sourcing::sourced;
 use super::trial::Trial;
+use crate::datasets::Truth;
 use crate::matchers::{BuiltMatcher, BuiltPointSource, ImageFiles, Source};
 use crate::records::{Counts, Outcome, SelectedMatches, StageTimes};
 
@@ -22,8 +22,8 @@ pub struct ImagePair<'a> {
     pub images: [&'a GrayImage; 2],
     /// The cameras that took them.
     pub cameras: [&'a Camera; 2],
-    /// The true pose: takes a point from camera `a` to camera `b`.
-    pub b_from_a: &'a Isometry3<f64>,
+    /// What is known about them, of the kind that the estimators are judged by.
+    pub truth: &'a Truth,
     /// The images as files, for sources that read these themselves; matchers need none.
     pub files: Option<ImageFiles<'a>>,
 }
@@ -67,7 +67,8 @@ pub fn evaluate(
     };
     let trial = Trial {
         cameras: pair.cameras,
-        b_from_a: pair.b_from_a,
+        truth: pair.truth,
+        size_a: &|| Ok(pair.images[0].size()),
         seed,
         time_budget: None,
     };
@@ -78,10 +79,7 @@ pub fn evaluate(
         if outcomes.is_empty() {
             times.estimate = own.estimate;
         }
-        outcomes.push(outcome.map_or_else(
-            |reason| Broken::from(reason).outcome(),
-            |judged| judged.outcome,
-        ));
+        outcomes.push(outcome.map_or_else(Broken::outcome, |judged| judged.outcome));
     }
     Ok(Evaluation {
         features,
@@ -153,7 +151,7 @@ mod tests {
             let image_pair = ImagePair {
                 images: images.each_ref(),
                 cameras: frames.map(|frame| &frame.camera),
-                b_from_a: pair.pose().unwrap(),
+                truth: &pair.truth,
                 files: None,
             };
             for repetition in 0..2 {

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use matchbench_vision::features::Features;
-use matchbench_vision::image::GrayImage;
+use matchbench_vision::image::{GrayImage, Size};
 
 use super::RunError;
 use super::detections::KeptDetections;
@@ -120,6 +120,13 @@ impl FrameStage<'_> {
 /// The pixels of a frame.
 pub(super) fn load(decoder: Decode, frame: &Frame) -> Result<GrayImage, Broken> {
     read(&frame.image).and_then(|file| decode(decoder, frame, &file))
+}
+
+/// How large the image of a frame is.
+pub(super) fn size(frame: &Frame) -> Result<Size, Broken> {
+    frame
+        .size()
+        .map_err(|error| Broken::for_now(error.to_string()))
 }
 
 /// The notes, one thread at a time.

@@ -11,20 +11,20 @@ use matchbench_vision::matching::{Correspondences, View};
 use matchbench_vision::seed::Seed;
 
 use super::RunError;
-use super::frame::{Decode, load, lock, read};
+use super::frame::{Decode, load, lock, read, size};
 use super::guard::Broken;
 use super::matching::{search, select};
 use super::progress::{MatcherProgress, PairTasks, PendingTask};
 use super::resident::{PairJob, Side};
 use super::seeds::pair_seed;
 use super::sourcing::sourced;
-use super::trial::Trial;
+use super::trial::{Trial, correct_matches};
 use crate::datasets::Pair;
 use crate::matchers::{BuiltMatcher, BuiltPointSource, ImageFiles};
 use crate::records::images::ImageNotes;
 use crate::records::matches::MatchesKey;
 use crate::records::{
-    Counts, KeepMatches, MatchesFile, Outcome, RunRecord, SelectedMatches, StageTimes, StoreError,
+    Counts, KeepMatches, MatchesFile, RunRecord, SelectedMatches, StageTimes, StoreError,
 };
 
 /// The stages that are done once per pair.
@@ -56,7 +56,7 @@ pub(super) struct PairDone {
     pub(super) records: Vec<(usize, RunRecord)>,
     /// The selected matches of each repetition that was computed, if all are kept.
     pub(super) matches: Vec<(MatchesKey, SelectedMatches)>,
-    /// The inliers of each pose that was estimated, with the index of its estimator, if these are kept.
+    /// The inliers of each estimate, with the index of its estimator, if these are kept.
     pub(super) inliers: Vec<(usize, MatchesKey, SelectedMatches)>,
     /// The images that a source read, which are to be noted, and their content.
     pub(super) images: Vec<(u32, blake3::Hash)>,
@@ -181,9 +181,13 @@ impl PairStages<'_> {
         mut times: StageTimes,
         done: &mut PairDone,
     ) {
+        let correct = (pair.homography())
+            .zip(selected.as_ref().ok())
+            .map(|(homography, selected)| correct_matches(homography, &selected.points));
         let trial = Trial {
             cameras: [self.camera(pair.a), self.camera(pair.b)],
-            b_from_a: pair.pose().expect("the plan refuses pairs without a pose"),
+            truth: &pair.truth,
+            size_a: &|| size(&self.progress.sequence.frames[pair.a as usize]),
             seed: self.seed(pair, due[0].repetition),
             time_budget: self.time_budget,
         };
@@ -191,9 +195,7 @@ impl PairStages<'_> {
             let variant = &self.progress.contender.estimators[due.estimator];
             let outcome = (selected.as_ref().map_err(Clone::clone)).and_then(|selected| {
                 let judged = trial.evaluate(&selected.points, &variant.estimator, &mut times)?;
-                if self.keep == KeepMatches::Inliers
-                    && matches!(judged.outcome, Outcome::Pose { .. })
-                {
+                if self.keep == KeepMatches::Inliers && judged.outcome.is_estimate() {
                     let key = (pair.a, pair.b, due.repetition);
                     let inliers = selected.of_indices(&judged.inliers);
                     done.inliers.push((due.estimator, key, inliers));
@@ -203,6 +205,7 @@ impl PairStages<'_> {
             let record = RunRecord {
                 task: self.progress.task(pair, &variant.name, due.repetition),
                 counts,
+                correct,
                 outcome: outcome.unwrap_or_else(Broken::outcome),
                 times: mem::take(&mut times),
                 device: None,

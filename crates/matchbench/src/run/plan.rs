@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 
 use super::{Contender, Dataset, RunError};
-use crate::datasets::Sequence;
+use crate::datasets::{Pair, Sequence};
+use crate::estimators::Estimator;
 use crate::files::check_name;
 use crate::matchers::Source;
 use crate::records::{DatasetPlan, EstimatorPlan, FORMAT, MatcherPlan, Plan, Settings};
@@ -13,7 +14,8 @@ use crate::records::{DatasetPlan, EstimatorPlan, FORMAT, MatcherPlan, Plan, Sett
 /// # Errors
 /// [`RunError::Contradiction`] if two datasets, matchers or estimators of a matcher have one name, a
 /// name cannot be that of a file, a matcher has no estimator, a pair names a frame that is not
-/// there, or matches from outside would be those of images that the dataset turns.
+/// there, matches from outside would be those of images that the dataset turns, or a pair lacks the truth
+/// that an estimator is judged by.
 pub fn plan(
     datasets: &[Dataset],
     contenders: &[Contender],
@@ -38,11 +40,14 @@ pub fn plan(
         )?;
     }
     for dataset in datasets {
-        check_pairs(&dataset.sequence)?;
-        (contenders
-            .iter()
-            .filter(|one| dataset.runs(one.source.id())))
-        .try_for_each(|one| check_turns(&dataset.sequence, one))?;
+        let sequence = &dataset.sequence;
+        check_pairs(sequence)?;
+        for contender in contenders {
+            if dataset.runs(contender.source.id()) {
+                check_turns(sequence, contender)?;
+                check_truth(sequence, contender)?;
+            }
+        }
     }
     Ok(Plan {
         format: FORMAT,
@@ -141,14 +146,34 @@ fn check_pairs(sequence: &Sequence) -> Result<(), RunError> {
             sequence.name, pair.a, pair.b
         ));
     }
-    match sequence.pairs.iter().find(|pair| pair.pose().is_none()) {
-        None => Ok(()),
-        Some(pair) => contradiction(format!(
-            "dataset `{}` knows a homography but no pose of the pair {} {}, and estimators of poses \
-             cannot be judged by it",
-            sequence.name, pair.a, pair.b
-        )),
+    Ok(())
+}
+
+/// Whether every pair has the truth that the estimators of a contender are judged by.
+fn check_truth(sequence: &Sequence, contender: &Contender) -> Result<(), RunError> {
+    for variant in &contender.estimators {
+        let of_poses = matches!(variant.estimator.estimator, Estimator::Pose(_));
+        let (known, missing, others) = if of_poses {
+            ("a homography", "pose", "homographies (best-h, ransac-h)")
+        } else {
+            ("a pose", "homography", "poses (best, ransac-e ...)")
+        };
+        let lacks = |pair: &&Pair| {
+            if of_poses {
+                pair.pose().is_none()
+            } else {
+                pair.homography().is_none()
+            }
+        };
+        if let Some(pair) = sequence.pairs.iter().find(lacks) {
+            return contradiction(format!(
+                "dataset `{}` knows {known} but no {missing} of the pair {} {}, which the estimator `{}` \
+                 would be judged by; choose one of {others} with --estimator",
+                sequence.name, pair.a, pair.b, variant.name
+            ));
+        }
     }
+    Ok(())
 }
 
 fn contradiction<T>(reason: String) -> Result<T, RunError> {

@@ -18,7 +18,7 @@ use serde_json::json;
 use super::{Cancel, Contender, Dataset, Run, Silent};
 use crate::cache::FeatureCache;
 use crate::datasets::{Frame, Pair, Sequence, Turn};
-use crate::estimators::BuiltEstimator;
+use crate::estimators::{BuiltEstimator, Estimator};
 use crate::matchers::{BuiltMatcher, Extraction};
 use crate::records::{RunFolder, RunRecord, Settings, StageTimes};
 
@@ -149,7 +149,7 @@ impl Toy {
         BuiltEstimator {
             id: id.into(),
             params: json!({}),
-            estimator: Box::new(self.clone()),
+            estimator: Estimator::Pose(Box::new(self.clone())),
         }
     }
 }

@@ -6,16 +6,18 @@
 
 use std::time::{Duration, Instant};
 
-use matchbench_vision::geometry::{Camera, MatchedPoints};
+use matchbench_vision::geometry::{Camera, MatchedPoints, transfer};
+use matchbench_vision::image::Size;
 use matchbench_vision::matching::MatcherError;
-use matchbench_vision::robust::{NoPose, TwoViews};
+use matchbench_vision::robust::{HomographyEstimator, NoPose, PoseEstimator, TwoViews};
 use matchbench_vision::seed::Seed;
-use nalgebra::Isometry3;
+use nalgebra::Matrix3;
 
-use super::guard::{guard, timed};
+use super::guard::{Broken, guard, timed};
 use super::matching::count;
 use super::seeds::estimation_seed;
-use crate::estimators::BuiltEstimator;
+use crate::datasets::Truth;
+use crate::estimators::{BuiltEstimator, Estimator};
 use crate::records::{MIN_MATCHES, MIN_SUPPORT, Outcome, StageTimes};
 
 /// A pair of images as estimators and the truth see it.
@@ -23,8 +25,10 @@ use crate::records::{MIN_MATCHES, MIN_SUPPORT, Outcome, StageTimes};
 pub(super) struct Trial<'a> {
     /// Cameras of a and b.
     pub(super) cameras: [&'a Camera; 2],
-    /// The true pose.
-    pub(super) b_from_a: &'a Isometry3<f64>,
+    /// What is known of the pair.
+    pub(super) truth: &'a Truth,
+    /// Looks up how large image a is, on whose corners a homography is judged.
+    pub(super) size_a: &'a dyn Fn() -> Result<Size, Broken>,
     /// The seed of the pair and repetition.
     pub(super) seed: Seed,
     /// How long an estimator may draw samples, if not as long as it likes.
@@ -34,7 +38,7 @@ pub(super) struct Trial<'a> {
 /// What an estimator came to.
 pub(super) struct Judged {
     pub(super) outcome: Outcome,
-    /// The indices of the matches that agree with the pose; none where there is no pose.
+    /// The indices of the matches that agree with the estimate; none where there is none.
     pub(super) inliers: Vec<u32>,
 }
 
@@ -49,13 +53,27 @@ impl Trial<'_> {
     /// One estimator on the matched points, compared with the truth.
     ///
     /// # Errors
-    /// If the estimator breaks.
+    /// If the estimator breaks, or the size of image a is needed and cannot be read.
     pub(super) fn evaluate(
         &self,
         points: &MatchedPoints,
         estimator: &BuiltEstimator,
         times: &mut StageTimes,
+    ) -> Result<Judged, Broken> {
+        match &estimator.estimator {
+            Estimator::Pose(pose) => Ok(self.pose(points, &estimator.id, &**pose, times)?),
+            Estimator::Homography(h) => self.homography(points, &estimator.id, &**h, times),
+        }
+    }
+
+    fn pose(
+        &self,
+        points: &MatchedPoints,
+        id: &str,
+        estimator: &dyn PoseEstimator,
+        times: &mut StageTimes,
     ) -> Result<Judged, String> {
+        let truth = (self.truth.pose()).ok_or("the pose of the pair is not known")?;
         let found = points.len();
         if found < MIN_MATCHES {
             let needed = MIN_MATCHES;
@@ -68,19 +86,10 @@ impl Trial<'_> {
             camera_a,
             camera_b,
         };
-        let seed = estimation_seed(self.seed, &estimator.id);
-        let what = format_args!("estimation by {}", estimator.id);
-        let estimated = timed(&mut times.estimate, || {
-            guard(what, || {
-                Ok::<_, MatcherError>(match self.time_budget {
-                    None => estimator.estimator.estimate(views, seed),
-                    Some(budget) => {
-                        let start = Instant::now();
-                        let stop = |_| start.elapsed() >= budget;
-                        estimator.estimator.estimate_until(views, seed, &stop)
-                    }
-                })
-            })
+        let what = format_args!("estimation by {id}");
+        let estimated = self.timed(id, times, |seed, stop| match stop {
+            None => estimator.estimate(views, seed),
+            Some(stop) => estimator.estimate_until(views, seed, stop),
         })?;
         let estimate = match estimated {
             Err(reason) => return Ok(Outcome::NoPose { reason }.into()),
@@ -94,7 +103,7 @@ impl Trial<'_> {
         guard(what, || {
             let outcome = Outcome::judged(
                 &estimate.b_from_a,
-                self.b_from_a,
+                truth,
                 count(estimate.inliers.len()),
                 count(estimate.support),
                 count(estimate.iterations),
@@ -102,5 +111,85 @@ impl Trial<'_> {
             let inliers = estimate.inliers;
             Ok::<_, MatcherError>(Judged { outcome, inliers })
         })
+    }
+
+    fn homography(
+        &self,
+        points: &MatchedPoints,
+        id: &str,
+        estimator: &dyn HomographyEstimator,
+        times: &mut StageTimes,
+    ) -> Result<Judged, Broken> {
+        let unknown = || "the homography of the pair is not known".to_owned();
+        let truth = self.truth.homography().ok_or_else(unknown)?;
+        let size_a = (self.size_a)()?;
+        let estimated = self.timed(id, times, |seed, stop| match stop {
+            None => estimator.estimate(points, seed),
+            Some(stop) => estimator.estimate_until(points, seed, stop),
+        })?;
+        let estimate = match estimated {
+            Err(reason) => return Ok(Outcome::NoHomography { reason }.into()),
+            Ok(estimate) => estimate,
+        };
+        let judged = guard(format_args!("estimation by {id}"), || {
+            let outcome = Outcome::judged_homography(&estimate, truth, size_a);
+            let inliers = estimate.inliers;
+            Ok::<_, MatcherError>(Judged { outcome, inliers })
+        });
+        Ok(judged?)
+    }
+
+    /// Runs an estimator with the seed of its id, for as long as it may, and takes the time.
+    fn timed<T>(
+        &self,
+        id: &str,
+        times: &mut StageTimes,
+        estimate: impl Fn(Seed, Option<&dyn Fn(usize) -> bool>) -> T,
+    ) -> Result<T, String> {
+        let seed = estimation_seed(self.seed, id);
+        timed(&mut times.estimate, || {
+            guard(format_args!("estimation by {id}"), || {
+                Ok::<_, MatcherError>(match self.time_budget {
+                    None => estimate(seed, None),
+                    Some(budget) => {
+                        let start = Instant::now();
+                        estimate(seed, Some(&|_| start.elapsed() >= budget))
+                    }
+                })
+            })
+        })
+    }
+}
+
+/// How many matches lie within 1, 2, ... 10 pixels of where the true homography takes them: what mean matching
+/// accuracy counts (Mikolajczyk, Schmid, "A Performance Evaluation of Local Descriptors", PAMI 27(10), 2005;
+/// Dusmanu et al., "D2-Net", CVPR 2019).
+pub(super) fn correct_matches(homography: &Matrix3<f64>, points: &MatchedPoints) -> [u32; 10] {
+    let mut correct = [0; 10];
+    for (&a, b) in points.a.iter().zip(&points.b) {
+        let distance = (transfer(homography, a) - b).norm();
+        for (k, correct) in (1_u32..).zip(&mut correct) {
+            *correct += u32::from(distance <= f64::from(k));
+        }
+    }
+    correct
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+
+    #[test]
+    fn a_match_is_correct_within_its_distance_from_the_truth() {
+        let mut points = MatchedPoints::default();
+        for off in [0.0, 1.0, 1.1, 4.5, 99.0, f64::NAN] {
+            points.push(Point2::new(7.0, 3.0), Point2::new(14.0 + off, 6.0), 0.5);
+        }
+        let twice = Matrix3::new(2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0);
+        let expected = [2, 3, 3, 3, 4, 4, 4, 4, 4, 4];
+        assert_eq!(correct_matches(&twice, &points), expected);
+        assert_eq!(correct_matches(&twice, &MatchedPoints::default()), [0; 10]);
     }
 }

@@ -133,6 +133,9 @@ impl Doors {
             if let Some(pose) = record.outcome.pose() {
                 assert!((pose.direction.norm() - 1.0).abs() < 1e-9);
             }
+            if let Some(homography) = record.outcome.homography() {
+                assert!(homography.try_inverse().is_some());
+            }
             writer.append(record).expect("writable");
         }
         assert_eq!(store::read(&again).expect("it was written"), records);
@@ -185,7 +188,9 @@ impl Doors {
             return false;
         };
         for pair in sets.iter().flat_map(|set| &set.pairs) {
-            let Ok(error) = pair.outcome else { continue };
+            let Some(error) = pair.angular_error() else {
+                continue;
+            };
             for angle in [Some(error.rotation), error.translation]
                 .into_iter()
                 .flatten()

@@ -6,8 +6,8 @@ use super::{Camera, PointPairs};
 
 /// Matched points of two images: `a[i]` and `b[i]` are taken to show the same scene point.
 ///
-/// The three lists have the same length; [`MatchedPoints::at_depth_1`], which every estimator calls first,
-/// panics where they have not.
+/// The three lists have the same length; [`MatchedPoints::at_depth_1`] and [`MatchedPoints::in_pixels`], one of
+/// which every estimator calls first, panic where they have not.
 ///
 /// ```
 /// use matchbench_vision::geometry::MatchedPoints;
@@ -80,6 +80,15 @@ impl MatchedPoints {
         (self.a.iter().zip(&self.b))
             .map(|(&a, &b)| (camera_a.normalize(a), camera_b.normalize(b)))
             .collect()
+    }
+
+    /// The matches in pixels as they are, coordinate by coordinate.
+    ///
+    /// # Panics
+    /// If the three lists have different lengths.
+    pub fn in_pixels(&self) -> PointPairs {
+        self.check();
+        self.a.iter().copied().zip(self.b.iter().copied()).collect()
     }
 
     fn check(&self) {

@@ -21,9 +21,9 @@ use super::epipolar::row_major;
 use super::{PointPairs, RelativePose, essential_from_pose, squared_sampson_distances};
 use crate::simd;
 
-const FIRST_DAMPING: f64 = 1e-3;
-const LARGEST_DAMPING: f64 = 1e6;
-const DAMPING_FACTOR: f64 = 10.0;
+pub(super) const FIRST_DAMPING: f64 = 1e-3;
+pub(super) const LARGEST_DAMPING: f64 = 1e6;
+pub(super) const DAMPING_FACTOR: f64 = 10.0;
 const SMALLEST_STEP: f64 = 1e-9;
 
 /// What a residual r costs, with c the scale of the loss.
@@ -38,7 +38,7 @@ pub enum Loss {
 }
 
 impl Loss {
-    fn cost(self, squared: &[f64], limit: f64) -> f64 {
+    pub(super) fn cost(self, squared: &[f64], limit: f64) -> f64 {
         match self {
             // `min` ignores NaN.
             Self::Truncated => squared.iter().map(|r| r.min(limit)).sum(),
@@ -50,7 +50,7 @@ impl Loss {
     }
 
     /// Weights of the squared residuals, in their place.
-    fn weigh(self, squared: &mut [f64], limit: f64) {
+    pub(super) fn weigh(self, squared: &mut [f64], limit: f64) {
         for r in squared {
             *r = match self {
                 Self::Truncated => f64::from(u8::from(*r <= limit)),

@@ -44,7 +44,10 @@ pub(super) fn off_the_plane(
     rng: &mut Rng,
 ) -> Option<Matrix3<f64>> {
     let rough = plane_of(f, sample, pairs, WIDER * squared_threshold)?;
-    let plane = HomographyProblem { pairs };
+    let plane = HomographyProblem {
+        pairs,
+        one_side: false,
+    };
     let h = plane
         .refine(&rough, WIDER * squared_threshold, 2)
         .unwrap_or(rough);

@@ -1,6 +1,9 @@
-//! What an estimator is: from matched points and two cameras to a relative pose, or to none.
+//! What an estimator is: from matched points and two cameras to a relative pose, or from matched points
+//! alone to a homography; or to none.
 
 use std::fmt;
+
+use nalgebra::Matrix3;
 
 use crate::geometry::{Camera, MatchedPoints, PointPairs, RelativePose};
 use crate::seed::Seed;
@@ -46,7 +49,19 @@ pub struct PoseEstimate {
     pub iterations: usize,
 }
 
-/// Why there is no pose. The benchmark counts it as an outcome of the pair; a caller that needs the pose
+/// What an estimator of homographies found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HomographyEstimate {
+    /// Takes pixels of a, as `(x, y, 1)`, to those of b; of Frobenius norm 1 and with the sign that gives
+    /// the matches of its first sample a positive third coordinate.
+    pub b_from_a: Matrix3<f64>,
+    /// Indices of the matches that agree with it, ascending.
+    pub inliers: Vec<u32>,
+    /// Number of samples that were drawn.
+    pub iterations: usize,
+}
+
+/// Why there is no pose, or no homography. The benchmark counts it as an outcome of the pair; a caller that needs the pose
 /// may treat it as the error that it implements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -77,7 +92,7 @@ impl fmt::Display for NoPose {
             Self::NoSupport { found, needed } => {
                 write!(
                     f,
-                    "too few matches support the pose: {found}, needed {needed}"
+                    "too few matches support the model: {found}, needed {needed}"
                 )
             }
         }
@@ -105,4 +120,28 @@ pub trait PoseEstimator: Send + Sync {
         seed: Seed,
         stop: &dyn Fn(usize) -> bool,
     ) -> Result<PoseEstimate, NoPose>;
+}
+
+/// Estimates the homography between two images: of a plane, or taken from one place.
+pub trait HomographyEstimator: Send + Sync {
+    /// The homography from a to b; the same seed gives the same bits.
+    ///
+    /// # Errors
+    /// [`NoPose`] where the matches determine none.
+    ///
+    /// # Panics
+    /// If the lists of the matches have different lengths.
+    fn estimate(&self, points: &MatchedPoints, seed: Seed) -> Result<HomographyEstimate, NoPose>;
+
+    /// As [`HomographyEstimator::estimate`], but drawing samples only until `stop` says so, as
+    /// [`PoseEstimator::estimate_until`].
+    ///
+    /// # Errors
+    /// [`NoPose`] where the matches determine none, or the time was too short to find one.
+    fn estimate_until(
+        &self,
+        points: &MatchedPoints,
+        seed: Seed,
+        stop: &dyn Fn(usize) -> bool,
+    ) -> Result<HomographyEstimate, NoPose>;
 }

@@ -3,22 +3,25 @@
 //!
 //! Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2nd edition, 2004, sec. 4.7.
 //!
-//! Local optimisation is the normalised linear algorithm over the inliers (alg. 4.2).
+//! Local optimisation minimises the truncated squared distance ([`refine_homography`]).
 
 use std::ops::Range;
 
-use nalgebra::{Matrix3, SVector};
+use nalgebra::Matrix3;
 
 use super::Problem;
-use super::linear::{Normalised, least_violating, refit};
+use super::consensus::inliers_within;
 use crate::geometry::solvers::{Solutions, homography};
-use crate::geometry::{PointPairs, squared_transfer_distances};
+use crate::geometry::{Loss, PointPairs, refine_homography, squared_transfer_distances};
 
 /// Finds the homography; residuals are squared symmetric transfer distances.
 #[derive(Clone, Copy, Debug)]
 pub struct HomographyProblem<'a> {
     /// The matches, in pixels or at depth 1.
     pub pairs: &'a PointPairs,
+    /// Whether what is seen is seen from one side: samples that would mirror it are refused, and matches
+    /// beyond the line that goes to infinity do not count as inliers.
+    pub one_side: bool,
 }
 
 impl Problem for HomographyProblem<'_> {
@@ -35,7 +38,9 @@ impl Problem for HomographyProblem<'_> {
         let a = std::array::from_fn(|i| point(i).0);
         let b = std::array::from_fn(|i| point(i).1);
         let mut models = Solutions::none();
-        if let Some(model) = homography(&a, &b) {
+        // Of a matrix that keeps points in front, the sign of the determinant tells a mirror.
+        if let Some(model) = homography(&a, &b).filter(|h| !self.one_side || h.determinant() > 0.0)
+        {
             models.push(model);
         }
         models
@@ -45,43 +50,47 @@ impl Problem for HomographyProblem<'_> {
         squared_transfer_distances(model, self.pairs, range, out);
     }
 
+    fn exclude_impossible(
+        &self,
+        model: &Matrix3<f64>,
+        squared_threshold: f64,
+        squared_residuals: &mut [f64],
+    ) -> bool {
+        if !self.one_side {
+            return false;
+        }
+        let mut any = false;
+        for index in inliers_within(squared_residuals, squared_threshold) {
+            let (a, _) = self.pairs.get(index as usize);
+            let behind = (model * a.to_homogeneous()).z < 0.0;
+            if behind {
+                squared_residuals[index as usize] = f64::INFINITY;
+                any = true;
+            }
+        }
+        any
+    }
+
+    /// Minimises the truncated squared distance, from the matches near the model.
     fn refine(
         &self,
         model: &Matrix3<f64>,
         squared_threshold: f64,
         steps: usize,
     ) -> Option<Matrix3<f64>> {
-        refit(
-            self,
-            model,
-            squared_threshold,
-            steps,
-            Self::SAMPLE,
-            |inliers| linear(self.pairs, inliers),
-        )
+        let mut residuals = vec![0.0; self.len()];
+        self.squared_residuals(model, 0..self.len(), &mut residuals);
+        let near: PointPairs = inliers_within(&residuals, NEAR * squared_threshold)
+            .into_iter()
+            .map(|index| self.pairs.get(index as usize))
+            .collect();
+        let refined = refine_homography(model, &near, Loss::Truncated, squared_threshold, steps);
+        Some(refined)
     }
 }
 
-/// The homography that fits the `matches` best in the algebraic sense.
-fn linear(pairs: &PointPairs, matches: &[u32]) -> Option<Matrix3<f64>> {
-    // Two of the equations b x H a = 0, in the rows of H.
-    let Normalised {
-        matrix,
-        from_a,
-        from_b,
-    } = least_violating(pairs, matches, |a, b| {
-        [(0, b.x), (1, b.y)].map(|(row, weight)| {
-            let mut equation = SVector::zeros();
-            for i in 0..3 {
-                equation[3 * row + i] = a[i];
-                equation[6 + i] = -weight * a[i];
-            }
-            equation
-        })
-    })?;
-    let h = from_b.try_inverse()? * matrix * from_a;
-    (h.norm() > 0.0 && h.norm().is_finite()).then(|| h.normalize())
-}
+/// Matches beyond this multiple of the squared threshold are taken to stay outliers.
+const NEAR: f64 = 9.0;
 
 #[cfg(test)]
 mod tests {
@@ -112,7 +121,10 @@ mod tests {
 
     fn find(pairs: &PointPairs) -> Option<Consensus<Matrix3<f64>>> {
         consensus_until(
-            &HomographyProblem { pairs },
+            &HomographyProblem {
+                pairs,
+                one_side: true,
+            },
             &Msac {
                 squared_threshold: 9e-6,
             },
@@ -138,6 +150,51 @@ mod tests {
         let distance = (found.model - truth()).norm();
         let distance = distance.min((found.model + truth()).norm());
         assert!(distance < 2e-3, "{distance}");
+    }
+
+    #[test]
+    fn a_mirrored_plane_is_found_only_where_it_may_be() {
+        let mirrored: PointPairs = (0..20)
+            .map(|i| {
+                let (x, y) = (0.1 * f64::from(i), 0.01 * f64::from(i * i));
+                (Point2::new(x, y), Point2::new(-x, y))
+            })
+            .collect();
+        let models = |one_side| {
+            let pairs = &mirrored;
+            HomographyProblem { pairs, one_side }
+                .solve(&[0, 4, 9, 15])
+                .len()
+        };
+        assert_eq!((models(false), models(true)), (1, 0));
+    }
+
+    #[test]
+    fn what_lies_beyond_the_horizon_supports_nothing() {
+        // z = 1 - x: points with x above 1 are behind.
+        let h = Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 1.0);
+        let pairs: PointPairs = [0.5, -1.0, 3.0]
+            .map(|x: f64| {
+                (
+                    Point2::new(x, 0.2),
+                    Point2::new(x / (1.0 - x), 0.2 / (1.0 - x)),
+                )
+            })
+            .into_iter()
+            .collect();
+        for (one_side, expected) in [(false, [true; 3]), (true, [true, true, false])] {
+            let problem = HomographyProblem {
+                pairs: &pairs,
+                one_side,
+            };
+            let mut residuals = [0.0; 3];
+            problem.squared_residuals(&h, 0..3, &mut residuals);
+            assert_eq!(
+                problem.exclude_impossible(&h, 1e-9, &mut residuals),
+                one_side
+            );
+            assert_eq!(residuals.map(|r| r < 1e-9), expected);
+        }
     }
 
     #[test]

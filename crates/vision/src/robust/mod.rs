@@ -1,10 +1,12 @@
-//! Relative pose from matches of which many are wrong.
+//! Relative pose, or a homography, from matches of which many are wrong.
 //!
 //! A [`PoseEstimator`] takes [`TwoViews`] (matched points and two cameras) and returns a [`PoseEstimate`], or
 //! says why there is [`NoPose`]. Two are here: [`Ransac`], the reference of the benchmark, and
 //! [`SampleConsensus`], put together from parts; [`presets`] has the combinations that have a name.
 //!
-//! Both run the one sample-consensus loop, [`consensus()`], which has three axes: [`Problem`] (what is
+//! A [`HomographyEstimator`] takes matched points alone, and [`HomographyConsensus`] is one.
+//!
+//! All run the one sample-consensus loop, [`consensus()`], which has three axes: [`Problem`] (what is
 //! estimated), [`Scoring`] (which model is best) and [`Sampling`] (which data are tried next).
 //!
 //! ```
@@ -27,11 +29,13 @@ mod estimator;
 mod even_msac;
 mod even_sampler;
 mod fundamental_problem;
+mod homography_consensus;
 mod homography_problem;
 mod linear;
 mod lmeds;
 mod magsac;
 mod mlesac;
+mod parts;
 pub mod presets;
 mod problem;
 mod prosac;
@@ -39,25 +43,30 @@ mod ransac;
 mod sample_consensus;
 mod sampling;
 mod scoring;
+mod search;
+#[cfg(feature = "serde")]
+mod settings;
 mod sprt;
 
 pub use consensus::{Consensus, ConsensusParams, Extras, consensus, consensus_until};
 pub use essential_problem::EssentialProblem;
-pub use estimator::{NoPose, PoseEstimate, PoseEstimator, TwoViews};
+pub use estimator::{
+    HomographyEstimate, HomographyEstimator, NoPose, PoseEstimate, PoseEstimator, TwoViews,
+};
 pub use even_msac::EvenMsac;
 pub use even_sampler::EvenSampler;
 pub use fundamental_problem::FundamentalProblem;
+pub use homography_consensus::{HomographyConsensus, HomographyParams};
 pub use homography_problem::HomographyProblem;
 pub use lmeds::MedianOfSquares;
 pub use magsac::Magsac;
 pub use mlesac::Mlesac;
+pub use parts::{EarlyStop, FinalRefinement, Sampler, Score};
 pub use problem::Problem;
 pub use prosac::Prosac;
 pub use ransac::{Ransac, RansacParams};
-pub use sample_consensus::{
-    EarlyStop, FinalRefinement, Geometry, SampleConsensus, SampleConsensusParams, Sampler, Score,
-};
-#[cfg(feature = "serde")]
-pub use sample_consensus::{GeometryName, SamplerName, ScoreName, Settings};
+pub use sample_consensus::{Geometry, SampleConsensus, SampleConsensusParams};
 pub use sampling::{Sampling, Uniform};
 pub use scoring::{InlierCount, Msac, Scoring, Support};
+#[cfg(feature = "serde")]
+pub use settings::{GeometryName, SamplerName, ScoreName, Settings};

@@ -1,4 +1,5 @@
-//! Combinations of parts that have a name, each as the parameters of a [`SampleConsensus`](super::SampleConsensus).
+//! Combinations of parts that have a name, each as the parameters of a [`SampleConsensus`](super::SampleConsensus)
+//! or, `*_h`, of a [`HomographyConsensus`](super::HomographyConsensus).
 //!
 //! A preset only sets defaults: every field can be changed, and what a choice does not need is not there
 //! to be set. `*_e` estimates an essential matrix from five matches, `*_f` a fundamental matrix from seven.
@@ -13,7 +14,9 @@
 //! # Ok::<(), matchbench_vision::ParamError>(())
 //! ```
 
-use super::{EarlyStop, FinalRefinement, Geometry, SampleConsensusParams, Sampler, Score};
+use super::{
+    EarlyStop, FinalRefinement, Geometry, HomographyParams, SampleConsensusParams, Sampler, Score,
+};
 use crate::geometry::Loss;
 
 /// Our recommendation: progressive samples, a score that crowds of matches do not dominate, local
@@ -159,6 +162,48 @@ pub fn usac_f() -> SampleConsensusParams {
         }),
         local_steps: 4,
         ..plain(5000)
+    }
+}
+
+/// Four-point RANSAC as in OpenCV 4's `findHomography(a, b, RANSAC, 3)`: the homography with the most
+/// inliers, refined over them.
+///
+/// | field | value | source |
+/// | --- | --- | --- |
+/// | `score.threshold_px` | 3 | the usual value; there of the forward distance alone |
+/// | `early_stop.confidence` | 0.995 | OpenCV 4 |
+/// | `max_iterations` | 2000 | OpenCV 4 |
+/// | `final_refinement.steps` | 10 | OpenCV 4 |
+pub fn ransac_h() -> HomographyParams {
+    HomographyParams {
+        score: inlier_count(3.0),
+        early_stop: Some(EarlyStop {
+            confidence: 0.995,
+            min_iterations: 0,
+        }),
+        local_steps: 0,
+        final_refinement: Some(FinalRefinement {
+            loss: Loss::Truncated,
+            steps: 10,
+        }),
+        one_side: false,
+        ..HomographyParams::default()
+    }
+}
+
+/// Our recommendation for homographies: progressive samples, a score that crowds of matches do not dominate,
+/// local optimisation, robust refinement.
+pub fn best_h() -> HomographyParams {
+    HomographyParams {
+        score: EVEN_MSAC_2_PX,
+        sampler: PROSAC,
+        early_stop: at_least(200),
+        max_iterations: 10_000,
+        final_refinement: Some(FinalRefinement {
+            loss: Loss::Cauchy,
+            steps: 25,
+        }),
+        ..HomographyParams::default()
     }
 }
 

@@ -99,6 +99,7 @@ mod sampson;
 mod scharr;
 mod search;
 mod surf;
+mod transfer;
 mod triangulate;
 
 pub use area::{Cover, cover_columns, cover_rows, halve_rows_u8, integrate_row};
@@ -140,4 +141,5 @@ pub use surf::{
     BoxRows, BoxWeights, PATCH_SIDE, PackedWindow, Shares, WAVELETS, WINDOW_SIDE, box_determinants,
     longest_sum_of_degrees, pack_window, sum_patch_gradients, turned_patch,
 };
+pub use transfer::{squared_transfer, transfer_normal_equations};
 pub use triangulate::{ray_depths, triangulate_depths};

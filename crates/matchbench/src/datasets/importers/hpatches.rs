@@ -10,10 +10,9 @@
 //! Many papers leave out eight scenes with large images (those that D2-Net could not process); all
 //! are imported here.
 
-use std::fs;
 use std::path::Path;
 
-use super::oxford::Series;
+use super::oxford::{Series, folders_with};
 use super::{ImportOptions, Imported, base_name};
 use crate::datasets::DatasetError;
 
@@ -32,15 +31,10 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
 
 /// The wanted folders that hold a homography, sorted by name.
 fn folders(src: &Path, wanted: Option<&str>) -> Result<Vec<String>, DatasetError> {
-    let entries = fs::read_dir(src).map_err(|error| DatasetError::io(src, &error))?;
-    let mut found: Vec<String> = entries
-        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-        .filter(|name| src.join(name).join("H_1_2").is_file())
-        .filter(|name| {
-            wanted.is_none_or(|wanted| name == wanted || name.split('_').next() == Some(wanted))
-        })
-        .collect();
-    found.sort();
+    let mut found = folders_with(src, "H_1_2")?;
+    found.retain(|name| {
+        wanted.is_none_or(|wanted| name == wanted || name.split('_').next() == Some(wanted))
+    });
     if found.is_empty() {
         let which = wanted.map_or(String::new(), |wanted| {
             format!(" of the sequence `{wanted}`")

@@ -156,7 +156,7 @@ pub const KINDS: &[Kind] = &[
     },
     Kind {
         id: "oxford",
-        help: "Oxford affine: img1 to img6 (.ppm or .pgm) and H1to2p to H1to6p",
+        help: "Oxford affine: img1 to img6 (.ppm or .pgm) and H1to2p to H1to6p, or folders of these",
         default_pairs: None,
         options: &[],
         read: oxford::read,

@@ -3,8 +3,10 @@
 //!
 //! A folder (`boat`, `leuven` ...) with `img1` to `img6` (`.ppm`, `.pgm` or `.png`) and `H1to2p` to
 //! `H1to6p`, 3x3 each, which take pixels of the first image to the others; pixels count from the
-//! first one's centre. Pairs are the first image with each other one.
+//! first one's centre. Pairs are the first image with each other one. The source is one such folder, or
+//! the folder of several, whose pairs become one dataset.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::list::{self, NamedFrames};
@@ -13,9 +15,31 @@ use crate::datasets::text::{self, TextFile};
 use crate::datasets::{DatasetError, Pair, Turn, read_size};
 
 pub(super) fn read(src: &Path, _: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
+    let name = |k: usize| format!("H1to{k}p");
     let mut series = Series::default();
-    series.add(src, "img", |k| format!("H1to{k}p"))?;
+    let several = if src.join(name(2)).is_file() {
+        Vec::new()
+    } else {
+        folders_with(src, &name(2))?
+    };
+    for folder in &several {
+        series.add(&src.join(folder), "img", name)?;
+    }
+    if several.is_empty() {
+        series.add(src, "img", name)?;
+    }
     Ok(series.finish(format!("Oxford affine, {}", base_name(src))))
+}
+
+/// The names of the folders in `src` that hold a file of this name, sorted.
+pub(super) fn folders_with(src: &Path, file: &str) -> Result<Vec<String>, DatasetError> {
+    let entries = fs::read_dir(src).map_err(|error| DatasetError::io(src, &error))?;
+    let mut found: Vec<String> = entries
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .filter(|name| src.join(name).join(file).is_file())
+        .collect();
+    found.sort();
+    Ok(found)
 }
 
 /// Series of images of planes, the first of each paired with its others.

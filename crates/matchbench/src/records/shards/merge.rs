@@ -215,7 +215,8 @@ impl Merging<'_> {
         let must_be = match (self.plan.keep_matches(), &record.outcome) {
             // Without a selection there are none, and an estimator only breaks on enough of them.
             (KeepMatches::All, Outcome::Failed { .. }) => false,
-            (KeepMatches::All, _) | (_, Outcome::Pose { .. }) => true,
+            (KeepMatches::All, _) => true,
+            (_, outcome) if outcome.is_estimate() => true,
             _ => return Ok(()),
         };
         let is_likely = must_be || record.counts.selected as usize >= MIN_MATCHES;

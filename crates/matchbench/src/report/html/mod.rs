@@ -18,12 +18,12 @@ use base64::engine::general_purpose::STANDARD;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::{AutoEscape, Environment, Template, Value, context};
 
-use crate::metrics::{Angle, Detail, GROUP_LEVEL_NOTE, Portion, SCORES, Score, ScoreKind, Summary};
+use crate::metrics::{Angle, Detail, GROUP_LEVEL_NOTE, Portion, ScoreKind, Summary, shown_scores};
 
 use super::content::Content;
 use super::figures::{
-    Difficulty, ap_figure, ap_panel_figure, difficulty_figure, estimator_figure, lead_figure,
-    sp_figure, time_figure, untimed,
+    Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, estimator_figure,
+    lead_figure, sp_figure, time_figure, untimed,
 };
 use super::method;
 use super::numbers::{self, interval};
@@ -73,6 +73,7 @@ pub(super) fn render(content: &Content) -> String {
 pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
     let (summaries, facts) = (&content.summaries[..], &content.facts);
     let overview = Overview::new(summaries);
+    let shown = shown_scores(summaries);
     let environment = environment();
     let template = template(&environment, "page.html");
     let context = context! {
@@ -98,6 +99,9 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         curves => curves(&overview),
         panels => panels(&overview),
         bars => bars(&overview),
+        accuracies => figures(&overview, |column| {
+            accuracy_figure(&overview, column, Target::Page)
+        }),
         leads => figures(&overview, |column| {
             lead_figure(content, &overview, column, Target::Page)
         }),
@@ -110,11 +114,11 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         pair_list => Value::from_safe_string(pair_list::data(content, &overview, extent)),
         footnote => overview.footnote(str::to_owned),
         group_note => (summaries.iter().any(|s| !s.group.is_empty())).then_some(GROUP_LEVEL_NOTE),
-        score_heads => score_heads(),
-        definitions => (definitions(Detail::Complete).into_iter())
+        score_heads => score_heads(&shown),
+        definitions => (definitions(&shown, Detail::Complete).into_iter())
             .map(|(heads, text)| context! { heads, text })
             .collect::<Vec<_>>(),
-        scores => summaries.iter().map(scores).collect::<Vec<_>>(),
+        scores => summaries.iter().map(|s| scores(s, &shown)).collect::<Vec<_>>(),
         failures => summaries.iter().map(failures).collect::<Vec<_>>(),
         times => times::times(content, &overview),
         outside => !content.outside.is_empty(),
@@ -245,11 +249,12 @@ fn curves(overview: &Overview<'_>) -> Vec<Value> {
     (overview.datasets.iter().enumerate())
         .map(|(column, dataset)| {
             let panels: Vec<Value> = ANGLES
-                .map(|(name, angle)| {
-                    let svg = sp_figure(overview, column, angle, Target::Page);
-                    context! { name, svg => Value::from_safe_string(svg) }
+                .into_iter()
+                .filter_map(|(name, angle)| {
+                    let svg = sp_figure(overview, column, angle, Target::Page)?;
+                    Some(context! { name, svg => Value::from_safe_string(svg) })
                 })
-                .to_vec();
+                .collect();
             context! { dataset => *dataset, basis => overview.basis(column), panels }
         })
         .collect()
@@ -291,9 +296,7 @@ fn panels(overview: &Overview<'_>) -> Vec<Value> {
 }
 
 fn bars(overview: &Overview<'_>) -> Vec<Value> {
-    figures(overview, |column| {
-        Some(ap_figure(overview, column, Target::Page))
-    })
+    figures(overview, |column| ap_figure(overview, column, Target::Page))
 }
 
 /// One figure for each dataset that has one.
@@ -363,24 +366,28 @@ fn row(summary: &Summary, cells: Vec<String>) -> Value {
 }
 
 /// Heads of the table of all scores: each score, and its interval behind it.
-fn score_heads() -> Vec<&'static str> {
-    let heads = |kind: &ScoreKind| match kind.term {
-        Some(_) => vec![kind.heading, "95 % interval"],
-        None => vec![kind.heading],
+fn score_heads(shown: &[&ScoreKind]) -> Vec<&'static str> {
+    let heads = |kind: &&ScoreKind| {
+        if kind.has_interval() {
+            vec![kind.heading, "95 % interval"]
+        } else {
+            vec![kind.heading]
+        }
     };
-    SCORES.iter().flat_map(heads).collect()
+    shown.iter().flat_map(heads).collect()
 }
 
-fn scores(s: &Summary) -> Value {
-    let cells = |(kind, score): (&ScoreKind, Score)| {
+fn scores(s: &Summary, shown: &[&ScoreKind]) -> Value {
+    let cells = |kind: &&ScoreKind| {
+        let score = s.scores.get(kind.id);
         let number = |value: Option<f64>| numbers::score(kind.notation, value);
         let mut cells = vec![number(score.value)];
-        if kind.term.is_some() {
+        if kind.has_interval() {
             cells.push(interval(&score, number));
         }
         cells
     };
-    row(s, s.scores.iter().flat_map(cells).collect())
+    row(s, shown.iter().flat_map(cells).collect())
 }
 
 fn failures(s: &Summary) -> Value {
@@ -401,9 +408,9 @@ fn failures(s: &Summary) -> Value {
 #[cfg(test)]
 mod tests {
     use super::super::RunFacts;
-    use super::super::tests::content;
+    use super::super::tests::{content, homographies};
     use super::*;
-    use crate::metrics::Quartiles;
+    use crate::metrics::{Quartiles, SCORES};
 
     fn page(sets: &[(&str, &str, u32)], title: &str) -> String {
         let mut content = content(sets);
@@ -443,7 +450,9 @@ mod tests {
 
     #[test]
     fn every_score_has_a_column_and_a_definition() {
-        let page = page(&[("room", "sift", 4)], "Report");
+        let mut content = content(&[("room", "sift", 4)]);
+        content.summaries.push(homographies("boat", "sift"));
+        let page = render(&content);
         for kind in SCORES {
             let head = format!("<th scope=\"col\">{}</th>", kind.heading);
             assert!(page.contains(&head), "{}", kind.id);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use crate::metrics::{Angle, PairResult};
+use crate::metrics::{Angle, Model, PairResult};
 
 use super::super::content::Content;
 use super::super::file_names::file_names;
@@ -58,6 +58,9 @@ struct Method<'a> {
     estimator: &'a str,
     /// -1 where there is none.
     rotation: Vec<i32>,
+    /// Of homographies the corner error, in hundredths of a pixel, instead of angles.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    corner: Option<Vec<i32>>,
     translation: Vec<i32>,
     correspondences: Vec<u32>,
     /// -1 where they were not counted.
@@ -185,6 +188,7 @@ fn listed<'a>(
             matcher: &set.matcher,
             estimator: &set.estimator,
             rotation: Vec::with_capacity(count),
+            corner: (summary.model == Model::Homography).then(Vec::new),
             translation: Vec::with_capacity(count),
             correspondences: Vec::with_capacity(count),
             selected: Vec::with_capacity(count),
@@ -254,12 +258,13 @@ impl Listed<'_> {
 
 impl Method<'_> {
     fn push(&mut self, pair: Option<&PairResult>) {
-        let hundredths = |angle| {
-            let error = pair.and_then(|pair| pair.error(angle));
-            error.map_or(-1, |degrees| (degrees * 100.0).round() as i32)
-        };
-        self.rotation.push(hundredths(Angle::Rotation));
-        self.translation.push(hundredths(Angle::Translation));
+        let hundredths = |error: Option<f64>| error.map_or(-1, |e| (e * 100.0).round() as i32);
+        let angle = |angle| hundredths(pair.and_then(|pair| pair.error(angle)));
+        self.rotation.push(angle(Angle::Rotation));
+        self.translation.push(angle(Angle::Translation));
+        if let Some(corner) = &mut self.corner {
+            corner.push(hundredths(pair.and_then(PairResult::corner_error)));
+        }
         self.correspondences
             .push(pair.map_or(0, |pair| pair.correspondences));
         let counts = pair.and_then(|pair| pair.counts);

@@ -74,7 +74,10 @@ fn counts(tally: &Tally, drawn: usize) -> String {
         let classes: Vec<String> = (DISTANCES.iter().zip(counts))
             .map(|((_, name), count)| format!("{name}: {count}"))
             .collect();
-        text = format!("{text}; from the true epipolar line {}", classes.join(", "));
+        text = format!(
+            "{text}; from the true epipolar line or place {}",
+            classes.join(", ")
+        );
     }
     format!("{text}; {} agree with the estimate.", tally.agree)
 }

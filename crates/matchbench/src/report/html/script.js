@@ -93,12 +93,13 @@
   for (const chart of document.querySelectorAll(".chart.sp")) {
     const cursor = chart.querySelector(".cursor");
     const first = Number(cursor.dataset.x1);
-    const step = (Number(cursor.dataset.x15) - first) / 14;
+    const count = Number(cursor.dataset.count);
+    const step = (Number(cursor.dataset.x2) - first) / (count - 1);
     const unit = () => chart.getBoundingClientRect().width / chart.viewBox.baseVal.width;
     let k = 5;
 
     const show = (threshold, y) => {
-      k = Math.max(1, Math.min(15, threshold));
+      k = Math.max(1, Math.min(count, threshold));
       const x = first + (k - 1) * step;
       cursor.setAttribute("x1", x);
       cursor.setAttribute("x2", x);
@@ -110,7 +111,7 @@
       }));
       rows.sort((a, b) => b.value - a.value);
       const head = document.createElement("b");
-      head.textContent = `below ${k}°`;
+      head.textContent = `below ${k}${cursor.dataset.unit}`;
       tip.replaceChildren(head, ...rows.map(({ colour, name, value }) => {
         const row = document.createElement("div");
         row.className = `value ${colour}`;
@@ -176,7 +177,8 @@
       ["Error", (d, m, i) => pose(m, i), 2],
       ["Rotation", (d, m, i) => degrees(m.rotation[i]), 2],
       ["Translation", (d, m, i) => degrees(m.translation[i]), 2],
-      ["Outcome", (d, m, i) => (m.failure[i] < 0 ? "pose" : data.failures[m.failure[i]]), null],
+      ["Corner error (px)", (d, m, i) => (m.corner ? degrees(m.corner[i]) : null), 2],
+      ["Outcome", (d, m, i) => (m.failure[i] < 0 ? (m.corner ? "homography" : "pose") : data.failures[m.failure[i]]), null],
     ];
     let sorted = { column: 0, up: true };
     let order = [];
@@ -206,7 +208,8 @@
     const draw = () => {
       const [d, m] = [dataset(), method()];
       const used = COLUMNS.map((column, index) => ({ column, index }))
-        .filter(({ column: [title] }) => d.baseline.length || !["Baseline", "Angle", "Overlap"].includes(title));
+        .filter(({ column: [title] }) => d.baseline.length || !["Baseline", "Angle", "Overlap"].includes(title))
+        .filter(({ column: [title] }) => !(m.corner ? ["Error", "Rotation", "Translation"] : ["Corner error (px)"]).includes(title));
       const focused = head.contains(document.activeElement) ? document.activeElement.textContent : null;
       head.replaceChildren(...used.map(({ column: [title, , decimals], index }) => {
         const button = make("button", { type: "button", textContent: title });
@@ -349,7 +352,7 @@
       const switches = [
         ["agrees", `${picture.agree} agree with the estimate (solid)`],
         ["differs", `${picture.matches - picture.agree} do not (dashed)`],
-        ["epipolar", "epipolar lines: true white, estimated yellow"],
+        ["epipolar", "epipolar lines, or the frame of the first image: true white, estimated yellow"],
       ];
       const boxes = switches.map(([part, text]) => {
         const box = make("input", { type: "checkbox", checked: true });
@@ -369,7 +372,7 @@
         sample.style.background = colour;
         return make("li", {}, sample, picture.by_distance ? `${text}: ${picture.by_distance[at]}` : text);
       });
-      yield make("ul", { className: "colours" }, ...classes, make("li", { textContent: "from the true epipolar line" }),
+      yield make("ul", { className: "colours" }, ...classes, make("li", { textContent: "from the true epipolar line, or place" }),
         make("li", { textContent: picture.drawn < picture.matches ? `${picture.drawn} of ${picture.matches} matches are drawn` : "all matches are drawn" }));
     }
 

@@ -51,7 +51,7 @@ pub(super) fn all(content: &Content) -> Vec<PaperFigure> {
         let columns =
             (0..overview.datasets.len()).filter(|&column| overview.portions[column] == portion);
         let mut panels: Vec<String> = columns
-            .map(|column| sp_figure(&overview, column, Angle::Pose, Target::File))
+            .filter_map(|column| sp_figure(&overview, column, Angle::Pose, Target::File))
             .collect();
         if panels.is_empty() {
             continue;

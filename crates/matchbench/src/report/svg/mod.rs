@@ -26,7 +26,7 @@ pub(super) use pair::{DISTANCES, data_url, pair};
 pub(super) use scatter::{Dot, scatter};
 pub(super) use series::legend_sample;
 pub(super) use sheet::{gallery, stack};
-pub(super) use sp_curves::sp_curves;
+pub(super) use sp_curves::{Axes, Curve, sp_curves};
 pub(super) use strata::strata_curves;
 
 /// Where a figure is shown.

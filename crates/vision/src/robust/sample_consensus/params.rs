@@ -3,6 +3,8 @@
 
 use crate::geometry::Loss;
 use crate::params::ParamError;
+use crate::robust::parts::{EarlyStop, FinalRefinement, Sampler, Score};
+use crate::robust::search::Search;
 
 /// What two views are taken to have in common.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,111 +22,6 @@ pub enum Geometry {
         /// matches off the plane. Chum, Werner, Matas, CVPR 2005. Default: yes.
         degensac: bool,
     },
-}
-
-/// Which model is best. `threshold_px` is the largest Sampson distance of an inlier, in pixels; `sprt` says
-/// whether bad models are abandoned early by a sequential probability ratio test (Matas, Chum, ICCV 2005),
-/// which only scores that are sums over the matches allow.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Score {
-    /// [`InlierCount`](crate::robust::InlierCount).
-    InlierCount {
-        /// Largest distance of an inlier, in pixels.
-        threshold_px: f64,
-        /// Whether bad models are abandoned early.
-        sprt: bool,
-    },
-    /// [`Msac`](crate::robust::Msac).
-    Msac {
-        /// Largest distance of an inlier, in pixels.
-        threshold_px: f64,
-        /// Whether bad models are abandoned early.
-        sprt: bool,
-    },
-    /// [`EvenMsac`](crate::robust::EvenMsac).
-    EvenMsac {
-        /// Largest distance of an inlier, in pixels.
-        threshold_px: f64,
-        /// Cells across and down of the grid that finds crowds of matches; 1 to 1000.
-        cells: u32,
-        /// Whether bad models are abandoned early.
-        sprt: bool,
-    },
-    /// [`Magsac`](crate::robust::Magsac).
-    Magsac {
-        /// Largest distance of an inlier at the highest noise level, in pixels.
-        threshold_px: f64,
-        /// Whether bad models are abandoned early.
-        sprt: bool,
-    },
-    /// [`Mlesac`](crate::robust::Mlesac).
-    Mlesac {
-        /// Distance below which 95 % of the right matches lie, in pixels.
-        threshold_px: f64,
-    },
-    /// [`MedianOfSquares`](crate::robust::MedianOfSquares), which needs no threshold.
-    Lmeds,
-}
-
-impl Score {
-    /// The threshold, where the score has one.
-    pub fn threshold_px(&self) -> Option<f64> {
-        match *self {
-            Self::InlierCount { threshold_px, .. }
-            | Self::Msac { threshold_px, .. }
-            | Self::EvenMsac { threshold_px, .. }
-            | Self::Magsac { threshold_px, .. }
-            | Self::Mlesac { threshold_px } => Some(threshold_px),
-            Self::Lmeds => None,
-        }
-    }
-
-    /// Whether bad models are abandoned early, where the score allows it.
-    pub fn sprt(&self) -> Option<bool> {
-        match *self {
-            Self::InlierCount { sprt, .. }
-            | Self::Msac { sprt, .. }
-            | Self::EvenMsac { sprt, .. }
-            | Self::Magsac { sprt, .. } => Some(sprt),
-            Self::Mlesac { .. } | Self::Lmeds => None,
-        }
-    }
-}
-
-/// Which matches are tried next.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Sampler {
-    /// [`Uniform`](crate::robust::Uniform): all are equally likely.
-    Uniform,
-    /// [`Prosac`](crate::robust::Prosac): the least ambiguous first.
-    Prosac {
-        /// Samples after which all matches are equally likely; at least 1.
-        horizon: usize,
-    },
-    /// [`EvenSampler`](crate::robust::EvenSampler): sparse parts of the image as often as dense ones.
-    Spread {
-        /// Cells across and down of the grid over image `a`; 1 to 1000.
-        cells: u32,
-    },
-}
-
-/// When fewer samples than the largest number are enough.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EarlyStop {
-    /// Wanted probability that at least one sample was free of wrong matches, in `[0, 1)`.
-    pub confidence: f64,
-    /// Samples drawn at least.
-    pub min_iterations: usize,
-}
-
-/// The refinement of the best model over the matches near it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FinalRefinement {
-    /// What residuals cost. The truncated loss is cut off at the threshold of the score; the scale of
-    /// Cauchy's loss comes from the inliers.
-    pub loss: Loss,
-    /// Steps at most; 1 to 1000.
-    pub steps: usize,
 }
 
 /// Parameters of [`SampleConsensus`](super::SampleConsensus).
@@ -185,68 +82,22 @@ impl Default for SampleConsensusParams {
 }
 
 impl SampleConsensusParams {
+    /// The parts of the search itself.
+    pub(in crate::robust) fn search(&self) -> Search {
+        Search {
+            score: self.score,
+            sampler: self.sampler,
+            early_stop: self.early_stop,
+            max_iterations: self.max_iterations,
+            local_steps: self.local_steps,
+        }
+    }
+
     /// Refuses a parameter that is out of its range; the error calls it as
     /// [`Settings`](crate::robust::Settings) do.
     pub(super) fn check(&self) -> Result<(), ParamError> {
-        if let Some(threshold) = self.score.threshold_px() {
-            ParamError::unless(
-                threshold > 0.0 && threshold.is_finite(),
-                "threshold_px",
-                threshold,
-                "positive and finite",
-            )?;
-        }
-        if let Score::EvenMsac { cells, .. } = self.score {
-            ParamError::unless(
-                (1..=1000).contains(&cells),
-                "score_cells",
-                cells,
-                "1 to 1000",
-            )?;
-        }
-        match self.sampler {
-            Sampler::Uniform => {}
-            Sampler::Prosac { horizon } => {
-                ParamError::unless(horizon > 0, "prosac_horizon", horizon, "at least 1")?;
-            }
-            Sampler::Spread { cells } => {
-                ParamError::unless((1..=1000).contains(&cells), "cells", cells, "1 to 1000")?;
-            }
-        }
-        ParamError::unless(
-            self.max_iterations > 0,
-            "max_iterations",
-            self.max_iterations,
-            "at least 1",
-        )?;
-        if let Some(EarlyStop {
-            confidence,
-            min_iterations,
-        }) = self.early_stop
-        {
-            ParamError::unless(
-                (0.0..1.0).contains(&confidence),
-                "confidence",
-                confidence,
-                "at least 0 and below 1",
-            )?;
-            ParamError::unless(
-                min_iterations <= self.max_iterations,
-                "min_iterations",
-                min_iterations,
-                "at most `max_iterations`",
-            )?;
-        }
-        let local = self.local_steps;
-        ParamError::unless(local <= 1000, "local_steps", local, "0 to 1000")?;
-        if let Some(FinalRefinement { steps, .. }) = self.final_refinement {
-            ParamError::unless(
-                (1..=1000).contains(&steps),
-                "final_steps",
-                steps,
-                "1 to 1000",
-            )?;
-        }
+        self.search().check()?;
+        FinalRefinement::check(self.final_refinement)?;
         ParamError::unless(
             self.max_depth > 0.0,
             "max_depth",

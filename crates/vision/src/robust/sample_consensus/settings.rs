@@ -1,158 +1,18 @@
-//! The parameters of a sample consensus by flat names, as people type them and files keep them.
-//!
-//! `{"score": "msac", "threshold_px": 2}` instead of a tree of choices. A choice (`geometry`, `score`,
-//! `sampler`) decides which of the other names act:
-//!
-//! | name | acts where |
-//! | --- | --- |
-//! | `cheirality` | `geometry` is `essential` |
-//! | `degensac` | `geometry` is `fundamental` |
-//! | `threshold_px` | `score` is not `lmeds` |
-//! | `score_cells` | `score` is `even-msac` |
-//! | `sprt` | `score` is neither `lmeds` nor `mlesac` |
-//! | `prosac_horizon` | `sampler` is `prosac` |
-//! | `cells` | `sampler` is `spread` |
-//! | `min_iterations` | `confidence` is below 1; at 1 all `max_iterations` samples are drawn |
-//! | `final_loss` | `final_steps` is not 0 |
-//!
-//! The others always act. A name that does not act is refused, as an unknown one is.
+//! Parameters of a pose estimator by [flat names](Settings).
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::params::{EarlyStop, FinalRefinement, Geometry, SampleConsensusParams, Sampler, Score};
-use crate::geometry::Loss;
+use super::params::{Geometry, SampleConsensusParams};
 use crate::params::ParamError;
-
-/// Name of a [`Geometry`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[expect(missing_docs, reason = "named as what they choose")]
-pub enum GeometryName {
-    Essential,
-    Fundamental,
-}
-
-/// Name of a [`Score`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[expect(missing_docs, reason = "named as what they choose")]
-pub enum ScoreName {
-    InlierCount,
-    Msac,
-    EvenMsac,
-    Magsac,
-    Mlesac,
-    #[serde(alias = "median")]
-    Lmeds,
-}
-
-/// Name of a [`Sampler`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[expect(missing_docs, reason = "named as what they choose")]
-pub enum SamplerName {
-    Uniform,
-    Prosac,
-    Spread,
-}
-
-macro_rules! settings {
-    ($($(#[$doc:meta])* $name:ident: $type:ty = $default:expr,)*) => {
-        /// Parameters of a [`SampleConsensusParams`] by flat names; `None` for those that are left
-        /// out.
-        #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-        #[serde(default, deny_unknown_fields)]
-        pub struct Settings {
-            $($(#[$doc])* #[serde(skip_serializing_if = "Option::is_none")] pub $name: Option<$type>,)*
-        }
-
-        impl Settings {
-            /// What a name means where neither the user nor the preset says it, since another choice
-            /// made it act.
-            const DEFAULTS: Self = Self { $($name: Some($default),)* };
-
-            /// The names that are given.
-            fn names(&self) -> Vec<&'static str> {
-                let mut names = Vec::new();
-                $(if self.$name.is_some() {
-                    names.push(stringify!($name));
-                })*
-                names
-            }
-
-            /// These, and `others` for what is left out.
-            fn or(self, others: Self) -> Self {
-                Self { $($name: self.$name.or(others.$name),)* }
-            }
-
-            /// Only those that `others` has too.
-            fn among(self, others: &Self) -> Self {
-                Self { $($name: self.$name.filter(|_| others.$name.is_some()),)* }
-            }
-        }
-    };
-}
-
-settings! {
-    /// [`SampleConsensusParams::geometry`].
-    geometry: GeometryName = GeometryName::Essential,
-    /// [`SampleConsensusParams::score`].
-    score: ScoreName = ScoreName::Msac,
-    /// [`SampleConsensusParams::sampler`].
-    sampler: SamplerName = SamplerName::Uniform,
-    /// [`EarlyStop::confidence`]; 1 for no early stop.
-    confidence: f64 = 0.999,
-    /// Largest distance of an inlier, in pixels; see [`Score`].
-    threshold_px: f64 = 1.0,
-    /// [`Geometry::Essential::cheirality`].
-    cheirality: bool = true,
-    /// [`Geometry::Fundamental::degensac`].
-    degensac: bool = true,
-    /// Whether bad models are abandoned early; see [`Score`].
-    sprt: bool = true,
-    /// [`EarlyStop::min_iterations`].
-    min_iterations: usize = 50,
-    /// [`SampleConsensusParams::max_iterations`].
-    max_iterations: usize = 1000,
-    /// [`SampleConsensusParams::local_steps`].
-    local_steps: usize = 10,
-    /// [`FinalRefinement::loss`].
-    final_loss: Loss = Loss::Truncated,
-    /// [`FinalRefinement::steps`]; 0 for no refinement.
-    final_steps: usize = 25,
-    /// [`Sampler::Prosac::horizon`].
-    prosac_horizon: usize = 200_000,
-    /// [`Sampler::Spread::cells`].
-    cells: u32 = 20,
-    /// [`Score::EvenMsac::cells`].
-    score_cells: u32 = 10,
-    /// [`SampleConsensusParams::max_depth`].
-    max_depth: f64 = 50.0,
-}
+use crate::robust::settings::{GeometryName, Settings, have};
 
 impl SampleConsensusParams {
     /// These parameters by flat names: those that act.
     pub fn settings(&self) -> Settings {
         let mut flat = Settings {
-            score: Some(match self.score {
-                Score::InlierCount { .. } => ScoreName::InlierCount,
-                Score::Msac { .. } => ScoreName::Msac,
-                Score::EvenMsac { .. } => ScoreName::EvenMsac,
-                Score::Magsac { .. } => ScoreName::Magsac,
-                Score::Mlesac { .. } => ScoreName::Mlesac,
-                Score::Lmeds => ScoreName::Lmeds,
-            }),
-            threshold_px: self.score.threshold_px(),
-            sprt: self.score.sprt(),
-            confidence: Some(self.early_stop.map_or(1.0, |stop| stop.confidence)),
-            min_iterations: self.early_stop.map(|stop| stop.min_iterations),
-            max_iterations: Some(self.max_iterations),
-            local_steps: Some(self.local_steps),
-            final_loss: self.final_refinement.map(|refinement| refinement.loss),
-            final_steps: Some((self.final_refinement).map_or(0, |refinement| refinement.steps)),
             max_depth: Some(self.max_depth),
-            ..Settings::default()
+            ..Settings::of(&self.search(), self.final_refinement)
         };
         match self.geometry {
             Geometry::Essential { cheirality } => {
@@ -162,20 +22,6 @@ impl SampleConsensusParams {
             Geometry::Fundamental { degensac } => {
                 flat.geometry = Some(GeometryName::Fundamental);
                 flat.degensac = Some(degensac);
-            }
-        }
-        if let Score::EvenMsac { cells, .. } = self.score {
-            flat.score_cells = Some(cells);
-        }
-        match self.sampler {
-            Sampler::Uniform => flat.sampler = Some(SamplerName::Uniform),
-            Sampler::Prosac { horizon } => {
-                flat.sampler = Some(SamplerName::Prosac);
-                flat.prosac_horizon = Some(horizon);
-            }
-            Sampler::Spread { cells } => {
-                flat.sampler = Some(SamplerName::Spread);
-                flat.cells = Some(cells);
             }
         }
         flat
@@ -200,16 +46,8 @@ impl SampleConsensusParams {
     /// If one of the changes does not act beside the choices; the error names those that do.
     pub fn with(&self, changes: Settings) -> Result<Self, ParamError> {
         let changed = changes.over(self);
-        let acting = changed.settings().names();
-        let given = changes.names();
-        match given.iter().find(|name| !acting.contains(name)) {
-            Some(name) => Err(ParamError(format!(
-                "`{name}` does nothing beside the chosen geometry, score, sampler, confidence and \
-                 final_steps; what acts is {}",
-                acting.join(", ")
-            ))),
-            None => Ok(changed),
-        }
+        changes.check_acting(&changed.settings())?;
+        Ok(changed)
     }
 }
 
@@ -227,12 +65,8 @@ impl Settings {
 
     /// `base` with these changes; those that do not act are left out.
     fn over(self, base: &SampleConsensusParams) -> SampleConsensusParams {
-        fn have<T>(value: Option<T>) -> T {
-            value.expect("the defaults have every name")
-        }
         let all = self.or(base.settings()).or(Self::DEFAULTS);
-        let threshold_px = have(all.threshold_px);
-        let sprt = have(all.sprt);
+        let search = all.search();
         SampleConsensusParams {
             geometry: match have(all.geometry) {
                 GeometryName::Essential => Geometry::Essential {
@@ -242,37 +76,12 @@ impl Settings {
                     degensac: have(all.degensac),
                 },
             },
-            score: match have(all.score) {
-                ScoreName::InlierCount => Score::InlierCount { threshold_px, sprt },
-                ScoreName::Msac => Score::Msac { threshold_px, sprt },
-                ScoreName::EvenMsac => Score::EvenMsac {
-                    threshold_px,
-                    cells: have(all.score_cells),
-                    sprt,
-                },
-                ScoreName::Magsac => Score::Magsac { threshold_px, sprt },
-                ScoreName::Mlesac => Score::Mlesac { threshold_px },
-                ScoreName::Lmeds => Score::Lmeds,
-            },
-            sampler: match have(all.sampler) {
-                SamplerName::Uniform => Sampler::Uniform,
-                SamplerName::Prosac => Sampler::Prosac {
-                    horizon: have(all.prosac_horizon),
-                },
-                SamplerName::Spread => Sampler::Spread {
-                    cells: have(all.cells),
-                },
-            },
-            early_stop: (have(all.confidence) != 1.0).then(|| EarlyStop {
-                confidence: have(all.confidence),
-                min_iterations: have(all.min_iterations),
-            }),
-            max_iterations: have(all.max_iterations),
-            local_steps: have(all.local_steps),
-            final_refinement: (have(all.final_steps) > 0).then(|| FinalRefinement {
-                loss: have(all.final_loss),
-                steps: have(all.final_steps),
-            }),
+            score: search.score,
+            sampler: search.sampler,
+            early_stop: search.early_stop,
+            max_iterations: search.max_iterations,
+            local_steps: search.local_steps,
+            final_refinement: all.final_refinement(),
             max_depth: have(all.max_depth),
         }
     }
@@ -294,7 +103,8 @@ impl<'de> Deserialize<'de> for SampleConsensusParams {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robust::presets;
+    use crate::geometry::Loss;
+    use crate::robust::{SamplerName, Score, ScoreName, presets};
 
     #[test]
     fn the_general_defaults_are_one() {

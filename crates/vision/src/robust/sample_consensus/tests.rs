@@ -4,6 +4,7 @@ use nalgebra::{Point2, Rotation3, UnitQuaternion, UnitVector3, Vector3};
 
 use super::*;
 use crate::geometry::{Camera, MatchedPoints};
+use crate::robust::{EarlyStop, FinalRefinement, Sampler, Score};
 
 const CAMERA: Camera = Camera::pinhole(600.0, 610.0, 320.0, 240.0);
 

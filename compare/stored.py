@@ -1,0 +1,20 @@
+"""The matches that a run of matchbench has stored."""
+
+import struct
+
+import numpy as np
+
+
+def stored(path):
+    """(a, b) and an n x 5 array for each pair of a file of matches (see records/matches.rs)."""
+    data = path.read_bytes()
+    at = 8
+    while at + 28 <= len(data):
+        a, b, repetition, _, _, _, count = struct.unpack_from("<7I", data, at)
+        at += 28
+        if count != 0xFFFFFFFF:
+            matches = np.frombuffer(data, "<f4", 5 * count, at).reshape(-1, 5).astype(float)
+            at += 20 * count
+            if repetition == 0:
+                yield (a, b), matches
+        at += 8

@@ -1,0 +1,13 @@
+//! `best-h`: our recommendation for homographies.
+
+use matchbench_vision::robust::presets;
+
+use super::HomographyPreset;
+
+/// Our recommendation for homographies: as `best`, from four matches at a time.
+pub(super) const BEST_H: HomographyPreset = HomographyPreset {
+    id: "best-h",
+    summary: "homography, our recommendation: progressive samples, a score that crowds of matches do not dominate, local optimisation, robust refinement",
+    reference: "Chum, Matas, \"Matching with PROSAC - Progressive Sample Consensus\", CVPR 2005; Lebeda, Matas, Chum, \"Fixing the Locally Optimized RANSAC\", BMVC 2012",
+    defaults: presets::best_h,
+};

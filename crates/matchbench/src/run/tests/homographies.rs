@@ -1,0 +1,99 @@
+//! Runs of datasets that know homographies.
+
+use super::*;
+use crate::datasets::Truth;
+use crate::estimators;
+
+/// A street whose images are files of their own, of which homographies are known, and a toy with these
+/// estimators of the library.
+fn bench(estimators: &[&str]) -> Bench {
+    let mut contender = Toy::default().contender("bright", &[]);
+    contender.estimators = (estimators.iter())
+        .map(|id| estimators::find(id).unwrap().build(None).unwrap().into())
+        .collect();
+    let mut bench = Bench::new(vec![contender]);
+    bench.datasets.truncate(1);
+    let sequence = &mut bench.datasets[0].sequence;
+    for frame in &mut sequence.frames {
+        let pixels = fs::read(&frame.image).unwrap();
+        frame.image.set_extension("pgm");
+        fs::write(&frame.image, [b"P5 8 8 255\n", &pixels[..]].concat()).unwrap();
+    }
+    for pair in &mut sequence.pairs {
+        pair.truth = Truth::Homography(Matrix3::identity());
+    }
+    bench
+}
+
+fn run(bench: &Bench, name: &str) -> Result<RunSummary, RunError> {
+    let folder = bench.path(name);
+    let run = Run::new(&bench.datasets, &bench.contenders, &folder);
+    run.execute(&Silent, &Cancel::default())
+}
+
+#[test]
+fn homographies_are_judged_by_corners_and_matches_by_the_truth() {
+    let both = bench(&["best-h", "ransac-h"]);
+    assert!(run(&both, "run").unwrap().is_complete());
+    let records = both.records("run");
+    assert_eq!(records.len(), 2 * both.datasets[0].sequence.pairs.len());
+    let mut judged = 0;
+    for record in &records {
+        match &record.outcome {
+            Outcome::Homography { corner_error, .. } => {
+                judged += usize::from(corner_error.is_some_and(|error| error > 0.0));
+            }
+            Outcome::NoHomography { .. } => {}
+            other => panic!("{other:?}"),
+        }
+        let correct = record.correct.expect("the truth is a homography");
+        // Images of 8 x 8 pixels are 10 across.
+        assert_eq!(correct[9], record.counts.selected);
+        assert!(correct[0] < correct[4], "{correct:?}");
+    }
+    assert!(judged > 10, "{judged}");
+    // One estimator, and later the other, come to the same.
+    let first = bench(&["best-h"]);
+    run(&first, "run").unwrap();
+    assert_eq!(
+        first.records("run"),
+        (records.into_iter())
+            .filter(|record| record.task.estimator == "best-h")
+            .collect::<Vec<_>>()
+    );
+}
+
+#[test]
+fn an_estimator_without_its_truth_is_refused_before_anything_is_done() {
+    let refused = |bench: &Bench| {
+        let error = run(bench, "run").unwrap_err().to_string();
+        assert!(!bench.path("run").exists());
+        error
+    };
+    let poses = bench(&["best-h", "ransac-e"]);
+    let error = refused(&poses);
+    assert!(
+        error.contains("`ransac-e`") && error.contains("best-h"),
+        "{error}"
+    );
+    let mut homographies = bench(&["best-h"]);
+    homographies.datasets[0].sequence = dataset(homographies.folder.path(), "street", 12).sequence;
+    let error = refused(&homographies);
+    assert!(error.contains("no homography of the pair 0 1"), "{error}");
+    // With both, both are judged.
+    let mut both = bench(&["best-h", "ransac-e"]);
+    let poses = dataset(both.folder.path(), "poses", 12).sequence.pairs;
+    for (pair, other) in both.datasets[0].sequence.pairs.iter_mut().zip(poses) {
+        pair.truth = Truth::Both {
+            b_from_a: *other.pose().unwrap(),
+            homography: Matrix3::identity(),
+        };
+    }
+    assert!(run(&both, "run").unwrap().is_complete());
+    let records = both.records("run");
+    let poses = records
+        .iter()
+        .filter(|record| record.outcome.pose().is_some());
+    assert!(poses.clone().count() > 0);
+    assert!(poses.into_iter().all(|record| record.correct.is_some()));
+}

@@ -1,0 +1,148 @@
+//! The homography of two images, from matches of which many are wrong.
+//!
+//! Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2nd edition, 2004, alg. 4.6; Chum,
+//! Matas, Kittler, "Locally Optimized RANSAC", DAGM 2003; Lebeda, Matas, Chum, "Fixing the Locally
+//! Optimized RANSAC", BMVC 2012.
+//!
+//! 1. [`consensus_until`](super::consensus_until) over samples of four matches finds the best homography
+//!    by symmetric transfer distances in pixels; each new best one is improved by
+//!    [`refine_homography`] with a truncated loss.
+//! 2. A final refinement over the matches near the result, with the loss of choice.
+//!
+//! | symbol | field | default | source |
+//! | --- | --- | --- | --- |
+//! | | `score` | [`Score::Msac`] | Lebeda et al. |
+//! | | `sampler` | [`Sampler::Uniform`] | |
+//! | p | `early_stop.confidence` | 0.999 | as for poses |
+//! | t | `score.threshold_px` | 3.0 | OpenCV 4's `findHomography` |
+//! | | `early_stop.min_iterations` | 50 | Lebeda et al.: the first models are not worth optimising |
+//! | | `max_iterations` | 2000 | OpenCV 4 |
+//! | | `local_steps` | 10 | ours |
+//! | | `final_refinement.loss` | truncated | |
+//! | | `final_refinement.steps` | 25 | ours |
+//! | | `one_side` | yes | see below |
+//!
+//! *Choice*: a camera sees a surface from one side. With `one_side`, samples that would mirror it are
+//! refused, and matches beyond the line that goes to infinity do not count (Chum, Werner, Matas,
+//! "Epipolar Geometry Estimation via RANSAC Benefits from the Oriented Epipolar Constraint", ICPR 2004,
+//! for homographies).
+//!
+//! Cameras take no part: an image that its lens bends is no picture of a plane by a homography, and where
+//! that matters it is to be straightened before.
+
+mod params;
+
+use nalgebra::Matrix3;
+
+pub use params::HomographyParams;
+
+use super::consensus::inliers_within;
+use super::search::{Shuffled, Task, squared_cauchy_scale};
+use super::{
+    Consensus, HomographyEstimate, HomographyEstimator, HomographyProblem, NoPose, Problem,
+};
+use crate::geometry::{Loss, MatchedPoints, PointPairs, refine_homography};
+use crate::params::ParamError;
+use crate::seed::Seed;
+
+/// Sample consensus of chosen parts for homographies: [`presets`](crate::robust::presets) has
+/// combinations with names.
+#[derive(Clone, Copy, Debug)]
+pub struct HomographyConsensus {
+    params: HomographyParams,
+}
+
+impl HomographyConsensus {
+    /// An estimator with these parameters.
+    ///
+    /// # Errors
+    /// If one of them is out of its range.
+    pub fn new(params: HomographyParams) -> Result<Self, ParamError> {
+        params.check()?;
+        Ok(Self { params })
+    }
+
+    /// The refined homography and the matches within the threshold of it.
+    fn finish(
+        &self,
+        problem: &HomographyProblem<'_>,
+        found: Consensus<Matrix3<f64>>,
+    ) -> (Matrix3<f64>, Vec<u32>) {
+        let limit = found.support.squared_threshold;
+        let Some(refinement) = self.params.final_refinement else {
+            return (found.model, found.inliers);
+        };
+        let all = 0..problem.len();
+        let mut residuals = vec![0.0; problem.len()];
+        problem.squared_residuals(&found.model, all.clone(), &mut residuals);
+        let squared_scale = match refinement.loss {
+            Loss::Truncated => limit,
+            Loss::Cauchy => squared_cauchy_scale(&residuals, &found.inliers).min(limit),
+        };
+        let near: PointPairs = inliers_within(&residuals, NEAR * limit)
+            .into_iter()
+            .map(|index| problem.pairs.get(index as usize))
+            .collect();
+        let model = refine_homography(
+            &found.model,
+            &near,
+            refinement.loss,
+            squared_scale,
+            refinement.steps,
+        );
+        problem.squared_residuals(&model, all, &mut residuals);
+        problem.exclude_impossible(&model, limit, &mut residuals);
+        (model, inliers_within(&residuals, limit))
+    }
+}
+
+/// The final refinement takes the matches within this multiple of the squared threshold.
+const NEAR: f64 = 4.0;
+
+impl HomographyEstimator for HomographyConsensus {
+    fn estimate(&self, points: &MatchedPoints, seed: Seed) -> Result<HomographyEstimate, NoPose> {
+        self.estimate_until(points, seed, &|_| false)
+    }
+
+    fn estimate_until(
+        &self,
+        points: &MatchedPoints,
+        seed: Seed,
+        stop: &dyn Fn(usize) -> bool,
+    ) -> Result<HomographyEstimate, NoPose> {
+        let needed = HomographyProblem::SAMPLE;
+        if points.len() < needed {
+            let found = points.len();
+            return Err(NoPose::TooFewMatches { found, needed });
+        }
+        let order = seed.child("order");
+        let matches = Shuffled::new(&points.in_pixels(), &points.ambiguity, order);
+        let problem = HomographyProblem {
+            pairs: &matches.pairs,
+            one_side: self.params.one_side,
+        };
+        let task = Task {
+            search: self.params.search(),
+            matches: &matches,
+            pixels: 1.0,
+            seed,
+            stop,
+        };
+        let found = task.solve(&problem);
+        let found = found.ok_or(NoPose::NoSupport { found: 0, needed })?;
+        let iterations = found.samples;
+        let (b_from_a, inliers) = self.finish(&problem, found);
+        if inliers.len() < needed || b_from_a.try_inverse().is_none() {
+            let found = inliers.len();
+            return Err(NoPose::NoSupport { found, needed });
+        }
+        Ok(HomographyEstimate {
+            b_from_a,
+            inliers: matches.before(&inliers),
+            iterations,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,125 @@
+//! The parts that a search by sample consensus is made of. Each choice carries the parameters that act on it
+//! and no others, so that no parameter can be set without effect.
+
+use crate::geometry::Loss;
+use crate::params::ParamError;
+
+/// Which model is best. `threshold_px` is the largest Sampson distance of an inlier, in pixels; `sprt` says
+/// whether bad models are abandoned early by a sequential probability ratio test (Matas, Chum, ICCV 2005),
+/// which only scores that are sums over the matches allow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Score {
+    /// [`InlierCount`](crate::robust::InlierCount).
+    InlierCount {
+        /// Largest distance of an inlier, in pixels.
+        threshold_px: f64,
+        /// Whether bad models are abandoned early.
+        sprt: bool,
+    },
+    /// [`Msac`](crate::robust::Msac).
+    Msac {
+        /// Largest distance of an inlier, in pixels.
+        threshold_px: f64,
+        /// Whether bad models are abandoned early.
+        sprt: bool,
+    },
+    /// [`EvenMsac`](crate::robust::EvenMsac).
+    EvenMsac {
+        /// Largest distance of an inlier, in pixels.
+        threshold_px: f64,
+        /// Cells across and down of the grid that finds crowds of matches; 1 to 1000.
+        cells: u32,
+        /// Whether bad models are abandoned early.
+        sprt: bool,
+    },
+    /// [`Magsac`](crate::robust::Magsac).
+    Magsac {
+        /// Largest distance of an inlier at the highest noise level, in pixels.
+        threshold_px: f64,
+        /// Whether bad models are abandoned early.
+        sprt: bool,
+    },
+    /// [`Mlesac`](crate::robust::Mlesac).
+    Mlesac {
+        /// Distance below which 95 % of the right matches lie, in pixels.
+        threshold_px: f64,
+    },
+    /// [`MedianOfSquares`](crate::robust::MedianOfSquares), which needs no threshold.
+    Lmeds,
+}
+
+impl Score {
+    /// The threshold, where the score has one.
+    pub fn threshold_px(&self) -> Option<f64> {
+        match *self {
+            Self::InlierCount { threshold_px, .. }
+            | Self::Msac { threshold_px, .. }
+            | Self::EvenMsac { threshold_px, .. }
+            | Self::Magsac { threshold_px, .. }
+            | Self::Mlesac { threshold_px } => Some(threshold_px),
+            Self::Lmeds => None,
+        }
+    }
+
+    /// Whether bad models are abandoned early, where the score allows it.
+    pub fn sprt(&self) -> Option<bool> {
+        match *self {
+            Self::InlierCount { sprt, .. }
+            | Self::Msac { sprt, .. }
+            | Self::EvenMsac { sprt, .. }
+            | Self::Magsac { sprt, .. } => Some(sprt),
+            Self::Mlesac { .. } | Self::Lmeds => None,
+        }
+    }
+}
+
+/// Which matches are tried next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sampler {
+    /// [`Uniform`](crate::robust::Uniform): all are equally likely.
+    Uniform,
+    /// [`Prosac`](crate::robust::Prosac): the least ambiguous first.
+    Prosac {
+        /// Samples after which all matches are equally likely; at least 1.
+        horizon: usize,
+    },
+    /// [`EvenSampler`](crate::robust::EvenSampler): sparse parts of the image as often as dense ones.
+    Spread {
+        /// Cells across and down of the grid over image `a`; 1 to 1000.
+        cells: u32,
+    },
+}
+
+/// When fewer samples than the largest number are enough.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EarlyStop {
+    /// Wanted probability that at least one sample was free of wrong matches, in `[0, 1)`.
+    pub confidence: f64,
+    /// Samples drawn at least.
+    pub min_iterations: usize,
+}
+
+/// The refinement of the best model over the matches near it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FinalRefinement {
+    /// What residuals cost. The truncated loss is cut off at the threshold of the score; the scale of
+    /// Cauchy's loss comes from the inliers.
+    pub loss: Loss,
+    /// Steps at most; 1 to 1000.
+    pub steps: usize,
+}
+
+impl FinalRefinement {
+    /// Refuses one whose steps are out of their range.
+    pub(super) fn check(refinement: Option<Self>) -> Result<(), ParamError> {
+        let Some(Self { steps, .. }) = refinement else {
+            return Ok(());
+        };
+        ParamError::unless(
+            (1..=1000).contains(&steps),
+            "final_steps",
+            steps,
+            "1 to 1000",
+        )
+    }
+}

@@ -1,0 +1,250 @@
+//! A search by sample consensus, put together from parts: what the estimators of poses and of homographies
+//! have in common.
+
+use nalgebra::Matrix3;
+
+use super::parts::{EarlyStop, Sampler, Score};
+use super::{
+    Consensus, ConsensusParams, EvenMsac, EvenSampler, Extras, InlierCount, Magsac,
+    MedianOfSquares, Mlesac, Msac, Problem, Prosac, Sampling, Scoring, Uniform, consensus_until,
+};
+use crate::geometry::PointPairs;
+use crate::params::ParamError;
+use crate::seed::Seed;
+
+/// The parts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Search {
+    pub(super) score: Score,
+    pub(super) sampler: Sampler,
+    pub(super) early_stop: Option<EarlyStop>,
+    pub(super) max_iterations: usize,
+    pub(super) local_steps: usize,
+}
+
+impl Search {
+    /// Refuses a part that is out of its range; the error calls it as
+    /// [`Settings`](crate::robust::Settings) do.
+    pub(super) fn check(&self) -> Result<(), ParamError> {
+        if let Some(threshold) = self.score.threshold_px() {
+            ParamError::unless(
+                threshold > 0.0 && threshold.is_finite(),
+                "threshold_px",
+                threshold,
+                "positive and finite",
+            )?;
+        }
+        if let Score::EvenMsac { cells, .. } = self.score {
+            ParamError::unless(
+                (1..=1000).contains(&cells),
+                "score_cells",
+                cells,
+                "1 to 1000",
+            )?;
+        }
+        match self.sampler {
+            Sampler::Uniform => {}
+            Sampler::Prosac { horizon } => {
+                ParamError::unless(horizon > 0, "prosac_horizon", horizon, "at least 1")?;
+            }
+            Sampler::Spread { cells } => {
+                ParamError::unless((1..=1000).contains(&cells), "cells", cells, "1 to 1000")?;
+            }
+        }
+        ParamError::unless(
+            self.max_iterations > 0,
+            "max_iterations",
+            self.max_iterations,
+            "at least 1",
+        )?;
+        if let Some(EarlyStop {
+            confidence,
+            min_iterations,
+        }) = self.early_stop
+        {
+            ParamError::unless(
+                (0.0..1.0).contains(&confidence),
+                "confidence",
+                confidence,
+                "at least 0 and below 1",
+            )?;
+            ParamError::unless(
+                min_iterations <= self.max_iterations,
+                "min_iterations",
+                min_iterations,
+                "at most `max_iterations`",
+            )?;
+        }
+        let local = self.local_steps;
+        ParamError::unless(local <= 1000, "local_steps", local, "0 to 1000")
+    }
+}
+
+/// Matches in random order: the sequential test wants data so, and what comes from a detector is sorted by
+/// place or by scale.
+pub(super) struct Shuffled {
+    pub(super) pairs: PointPairs,
+    ambiguity: Vec<f32>,
+    /// Their numbers before.
+    order: Vec<u32>,
+}
+
+impl Shuffled {
+    pub(super) fn new(given: &PointPairs, ambiguity: &[f32], seed: Seed) -> Self {
+        let count = u32::try_from(given.len()).expect("matches are numbered by u32");
+        let mut order: Vec<u32> = (0..count).collect();
+        seed.rng().shuffle(&mut order);
+        Self {
+            pairs: order.iter().map(|&i| given.get(i as usize)).collect(),
+            ambiguity: order.iter().map(|&i| ambiguity[i as usize]).collect(),
+            order,
+        }
+    }
+
+    /// The numbers that these matches had before, ascending.
+    pub(super) fn before(&self, matches: &[u32]) -> Vec<u32> {
+        let mut before: Vec<u32> = matches.iter().map(|&i| self.order[i as usize]).collect();
+        before.sort_unstable();
+        before
+    }
+}
+
+/// One search: everything but the problem, the score and the sampler, which are types.
+pub(super) struct Task<'a> {
+    pub(super) search: Search,
+    pub(super) matches: &'a Shuffled,
+    /// Pixels per unit of the residuals.
+    pub(super) pixels: f64,
+    pub(super) seed: Seed,
+    pub(super) stop: &'a dyn Fn(usize) -> bool,
+}
+
+impl Task<'_> {
+    /// The best model by samples.
+    pub(super) fn solve<P>(&self, problem: &P) -> Option<Consensus<Matrix3<f64>>>
+    where
+        P: Problem<Model = Matrix3<f64>>,
+    {
+        let squared = |threshold_px: f64| {
+            let threshold = threshold_px / self.pixels;
+            threshold * threshold
+        };
+        let pairs = &self.matches.pairs;
+        match self.search.score {
+            Score::InlierCount { threshold_px, sprt } => {
+                let squared_threshold = squared(threshold_px);
+                self.sampled(problem, &InlierCount { squared_threshold }, sprt)
+            }
+            Score::Msac { threshold_px, sprt } => {
+                let squared_threshold = squared(threshold_px);
+                self.sampled(problem, &Msac { squared_threshold }, sprt)
+            }
+            Score::EvenMsac {
+                threshold_px,
+                cells,
+                sprt,
+            } => {
+                let score = EvenMsac::new(pairs, cells, squared(threshold_px));
+                self.sampled(problem, &score, sprt)
+            }
+            Score::Magsac { threshold_px, sprt } => {
+                self.sampled(problem, &Magsac::new(squared(threshold_px)), sprt)
+            }
+            Score::Mlesac { threshold_px } => {
+                let score = Mlesac {
+                    squared_threshold: squared(threshold_px),
+                    span: diagonal(pairs).max(f64::MIN_POSITIVE),
+                };
+                self.sampled(problem, &score, false)
+            }
+            Score::Lmeds => self.sampled(problem, &MedianOfSquares { sample: P::SAMPLE }, false),
+        }
+    }
+
+    fn sampled<P>(
+        &self,
+        problem: &P,
+        score: &impl Scoring,
+        sprt: bool,
+    ) -> Option<Consensus<Matrix3<f64>>>
+    where
+        P: Problem<Model = Matrix3<f64>>,
+    {
+        let matches = self.matches;
+        match self.search.sampler {
+            Sampler::Uniform => {
+                self.run(problem, score, sprt, &mut Uniform::new(matches.pairs.len()))
+            }
+            Sampler::Prosac { horizon } => {
+                let mut sampler = Prosac::new(&matches.ambiguity, horizon);
+                self.run(problem, score, sprt, &mut sampler)
+            }
+            Sampler::Spread { cells } => {
+                let mut sampler = EvenSampler::new(&matches.pairs, cells);
+                self.run(problem, score, sprt, &mut sampler)
+            }
+        }
+    }
+
+    fn run<P>(
+        &self,
+        problem: &P,
+        score: &impl Scoring,
+        sprt: bool,
+        sampler: &mut impl Sampling,
+    ) -> Option<Consensus<Matrix3<f64>>>
+    where
+        P: Problem<Model = Matrix3<f64>>,
+    {
+        let max_samples = self.search.max_iterations;
+        // Whatever the confidence, a least number of samples that is the largest one leaves none out.
+        let stop_early = self.search.early_stop.unwrap_or(EarlyStop {
+            confidence: 0.0,
+            min_iterations: max_samples,
+        });
+        consensus_until(
+            problem,
+            score,
+            sampler,
+            ConsensusParams {
+                confidence: stop_early.confidence,
+                max_samples,
+            },
+            Extras {
+                min_samples: stop_early.min_iterations,
+                local_steps: self.search.local_steps,
+                sprt,
+            },
+            &mut self.seed.rng(),
+            self.stop,
+        )
+    }
+}
+
+/// Diagonal of the rectangle around the points in b.
+fn diagonal(pairs: &PointPairs) -> f64 {
+    let span = |values: &[f64]| {
+        let finite = || values.iter().copied().filter(|x| x.is_finite());
+        (finite().fold(f64::MIN, f64::max) - finite().fold(f64::MAX, f64::min)).max(0.0)
+    };
+    let (width, height) = (span(&pairs.b_x), span(&pairs.b_y));
+    (width * width + height * height).sqrt()
+}
+
+/// The square of the scale at which Cauchy's loss keeps 95 % of the efficiency of least squares:
+/// 2.385 standard deviations (Holland, Welsch, "Robust Regression Using Iteratively Reweighted Least-Squares",
+/// Communications in Statistics 6(9), 1977), of which 1.4826 medians of the inliers' distances
+/// are an estimate.
+pub(super) fn squared_cauchy_scale(squared_residuals: &[f64], inliers: &[u32]) -> f64 {
+    let mut squared: Vec<f64> = (inliers.iter())
+        .map(|&index| squared_residuals[index as usize])
+        .collect();
+    if squared.is_empty() {
+        return f64::MIN_POSITIVE;
+    }
+    let middle = squared.len() / 2;
+    let (_, median, _) = squared.select_nth_unstable_by(middle, f64::total_cmp);
+    let factor = 2.385 * 1.4826;
+    // Exact matches have no scale; any positive one will do.
+    (factor * factor * *median).max(f64::MIN_POSITIVE)
+}

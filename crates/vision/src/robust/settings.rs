@@ -1,0 +1,237 @@
+//! The parameters of a sample consensus by flat names, as people type them and files keep them.
+//!
+//! `{"score": "msac", "threshold_px": 2}` instead of a tree of choices. A choice (`geometry`, `score`,
+//! `sampler`) decides which of the other names act:
+//!
+//! | name | acts where |
+//! | --- | --- |
+//! | `geometry`, `max_depth` | a pose is estimated |
+//! | `cheirality` | `geometry` is `essential` |
+//! | `degensac` | `geometry` is `fundamental` |
+//! | `threshold_px` | `score` is not `lmeds` |
+//! | `score_cells` | `score` is `even-msac` |
+//! | `sprt` | `score` is neither `lmeds` nor `mlesac` |
+//! | `prosac_horizon` | `sampler` is `prosac` |
+//! | `cells` | `sampler` is `spread` |
+//! | `min_iterations` | `confidence` is below 1; at 1 all `max_iterations` samples are drawn |
+//! | `final_loss` | `final_steps` is not 0 |
+//! | `one_side` | a homography is estimated |
+//!
+//! The others always act. A name that does not act is refused, as an unknown one is.
+
+use serde::{Deserialize, Serialize};
+
+use super::parts::{EarlyStop, FinalRefinement, Sampler, Score};
+use super::search::Search;
+use crate::geometry::Loss;
+use crate::params::ParamError;
+
+/// Name of a [`Geometry`](super::Geometry).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[expect(missing_docs, reason = "named as what they choose")]
+pub enum GeometryName {
+    Essential,
+    Fundamental,
+}
+
+/// Name of a [`Score`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[expect(missing_docs, reason = "named as what they choose")]
+pub enum ScoreName {
+    InlierCount,
+    Msac,
+    EvenMsac,
+    Magsac,
+    Mlesac,
+    #[serde(alias = "median")]
+    Lmeds,
+}
+
+/// Name of a [`Sampler`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[expect(missing_docs, reason = "named as what they choose")]
+pub enum SamplerName {
+    Uniform,
+    Prosac,
+    Spread,
+}
+
+macro_rules! settings {
+    ($($(#[$doc:meta])* $name:ident: $type:ty = $default:expr,)*) => {
+        /// Parameters of a [`SampleConsensusParams`](super::SampleConsensusParams) or of
+        /// [`HomographyParams`](super::HomographyParams) by flat names; `None` for those that are left out.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+        #[serde(default, deny_unknown_fields)]
+        pub struct Settings {
+            $($(#[$doc])* #[serde(skip_serializing_if = "Option::is_none")] pub $name: Option<$type>,)*
+        }
+
+        impl Settings {
+            /// What a name means where neither the user nor the preset says it, since another choice
+            /// made it act.
+            pub(super) const DEFAULTS: Self = Self { $($name: Some($default),)* };
+
+            /// The names that are given.
+            pub(super) fn names(&self) -> Vec<&'static str> {
+                let mut names = Vec::new();
+                $(if self.$name.is_some() {
+                    names.push(stringify!($name));
+                })*
+                names
+            }
+
+            /// These, and `others` for what is left out.
+            pub(super) fn or(self, others: Self) -> Self {
+                Self { $($name: self.$name.or(others.$name),)* }
+            }
+
+            /// Only those that `others` has too.
+            pub(super) fn among(self, others: &Self) -> Self {
+                Self { $($name: self.$name.filter(|_| others.$name.is_some()),)* }
+            }
+        }
+    };
+}
+
+settings! {
+    /// [`SampleConsensusParams::geometry`](super::SampleConsensusParams::geometry).
+    geometry: GeometryName = GeometryName::Essential,
+    /// [`SampleConsensusParams::score`](super::SampleConsensusParams::score).
+    score: ScoreName = ScoreName::Msac,
+    /// [`SampleConsensusParams::sampler`](super::SampleConsensusParams::sampler).
+    sampler: SamplerName = SamplerName::Uniform,
+    /// [`EarlyStop::confidence`]; 1 for no early stop.
+    confidence: f64 = 0.999,
+    /// Largest distance of an inlier, in pixels; see [`Score`].
+    threshold_px: f64 = 1.0,
+    /// [`Geometry::Essential::cheirality`](super::Geometry::Essential::cheirality).
+    cheirality: bool = true,
+    /// [`Geometry::Fundamental::degensac`](super::Geometry::Fundamental::degensac).
+    degensac: bool = true,
+    /// Whether bad models are abandoned early; see [`Score`].
+    sprt: bool = true,
+    /// [`EarlyStop::min_iterations`].
+    min_iterations: usize = 50,
+    /// [`SampleConsensusParams::max_iterations`](super::SampleConsensusParams::max_iterations).
+    max_iterations: usize = 1000,
+    /// [`SampleConsensusParams::local_steps`](super::SampleConsensusParams::local_steps).
+    local_steps: usize = 10,
+    /// [`FinalRefinement::loss`].
+    final_loss: Loss = Loss::Truncated,
+    /// [`FinalRefinement::steps`]; 0 for no refinement.
+    final_steps: usize = 25,
+    /// [`Sampler::Prosac::horizon`].
+    prosac_horizon: usize = 200_000,
+    /// [`Sampler::Spread::cells`].
+    cells: u32 = 20,
+    /// [`Score::EvenMsac::cells`].
+    score_cells: u32 = 10,
+    /// [`SampleConsensusParams::max_depth`](super::SampleConsensusParams::max_depth).
+    max_depth: f64 = 50.0,
+    /// [`HomographyParams::one_side`](super::HomographyParams::one_side).
+    one_side: bool = true,
+}
+
+/// A value that [`Settings::DEFAULTS`] has filled in.
+pub(super) fn have<T>(value: Option<T>) -> T {
+    value.expect("the defaults have every name")
+}
+
+impl Settings {
+    /// Those of a search and of a refinement, that act.
+    pub(super) fn of(search: &Search, refinement: Option<FinalRefinement>) -> Self {
+        let mut flat = Self {
+            score: Some(match search.score {
+                Score::InlierCount { .. } => ScoreName::InlierCount,
+                Score::Msac { .. } => ScoreName::Msac,
+                Score::EvenMsac { .. } => ScoreName::EvenMsac,
+                Score::Magsac { .. } => ScoreName::Magsac,
+                Score::Mlesac { .. } => ScoreName::Mlesac,
+                Score::Lmeds => ScoreName::Lmeds,
+            }),
+            threshold_px: search.score.threshold_px(),
+            sprt: search.score.sprt(),
+            confidence: Some(search.early_stop.map_or(1.0, |stop| stop.confidence)),
+            min_iterations: search.early_stop.map(|stop| stop.min_iterations),
+            max_iterations: Some(search.max_iterations),
+            local_steps: Some(search.local_steps),
+            final_loss: refinement.map(|refinement| refinement.loss),
+            final_steps: Some(refinement.map_or(0, |refinement| refinement.steps)),
+            ..Self::default()
+        };
+        if let Score::EvenMsac { cells, .. } = search.score {
+            flat.score_cells = Some(cells);
+        }
+        match search.sampler {
+            Sampler::Uniform => flat.sampler = Some(SamplerName::Uniform),
+            Sampler::Prosac { horizon } => {
+                flat.sampler = Some(SamplerName::Prosac);
+                flat.prosac_horizon = Some(horizon);
+            }
+            Sampler::Spread { cells } => {
+                flat.sampler = Some(SamplerName::Spread);
+                flat.cells = Some(cells);
+            }
+        }
+        flat
+    }
+
+    /// The search of these settings, none of which may be left out.
+    pub(super) fn search(&self) -> Search {
+        let threshold_px = have(self.threshold_px);
+        let sprt = have(self.sprt);
+        Search {
+            score: match have(self.score) {
+                ScoreName::InlierCount => Score::InlierCount { threshold_px, sprt },
+                ScoreName::Msac => Score::Msac { threshold_px, sprt },
+                ScoreName::EvenMsac => Score::EvenMsac {
+                    threshold_px,
+                    cells: have(self.score_cells),
+                    sprt,
+                },
+                ScoreName::Magsac => Score::Magsac { threshold_px, sprt },
+                ScoreName::Mlesac => Score::Mlesac { threshold_px },
+                ScoreName::Lmeds => Score::Lmeds,
+            },
+            sampler: match have(self.sampler) {
+                SamplerName::Uniform => Sampler::Uniform,
+                SamplerName::Prosac => Sampler::Prosac {
+                    horizon: have(self.prosac_horizon),
+                },
+                SamplerName::Spread => Sampler::Spread {
+                    cells: have(self.cells),
+                },
+            },
+            early_stop: (have(self.confidence) != 1.0).then(|| EarlyStop {
+                confidence: have(self.confidence),
+                min_iterations: have(self.min_iterations),
+            }),
+            max_iterations: have(self.max_iterations),
+            local_steps: have(self.local_steps),
+        }
+    }
+
+    /// The refinement of these settings, none of which may be left out.
+    pub(super) fn final_refinement(&self) -> Option<FinalRefinement> {
+        (have(self.final_steps) > 0).then(|| FinalRefinement {
+            loss: have(self.final_loss),
+            steps: have(self.final_steps),
+        })
+    }
+
+    /// Refuses changes that do not act, beside the settings that do.
+    pub(super) fn check_acting(&self, acting: &Self) -> Result<(), ParamError> {
+        let acting = acting.names();
+        match self.names().iter().find(|name| !acting.contains(name)) {
+            Some(name) => Err(ParamError(format!(
+                "`{name}` does nothing beside the chosen geometry, score, sampler, confidence and \
+                 final_steps; what acts is {}",
+                acting.join(", ")
+            ))),
+            None => Ok(()),
+        }
+    }
+}
