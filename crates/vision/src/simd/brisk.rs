@@ -38,6 +38,7 @@ multiversioned! {
     ///
     /// # Panics
     /// If a square reaches beyond the image.
+    #[expect(clippy::needless_range_loop, reason = "lanes of many arrays at once")]
     pub fn square_means(
         sums: &[u32],
         stride: usize,
@@ -83,10 +84,10 @@ multiversioned! {
                 above[k] = [b.wrapping_sub(a), c.wrapping_sub(b), d.wrapping_sub(c)];
             }
             let mut total = 0_i32;
-            for part in 0..9 {
+            for (part, share) in shares.iter().enumerate() {
                 let (line, column) = (part / 3, part % 3);
                 let sum = above[line + 1][column].wrapping_sub(above[line][column]);
-                total = total.wrapping_add(shares[part][i].wrapping_mul(sum as i32));
+                total = total.wrapping_add(share[i].wrapping_mul(sum as i32));
             }
             totals[i] = total;
         }
