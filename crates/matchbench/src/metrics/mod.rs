@@ -5,7 +5,7 @@
 //! The definitions stand in one file each: [`SuccessCurve`] (SP and the
 //! paper's AUC), [`exact_auc`] and [`maa`] (what others call AUC and mAA), [`average_matches`] (AP),
 //! [`Bootstrap`] (intervals) and [`Failures`]. [`compare`] sets two sets of results side by side,
-//! pair by pair, [`groups`](groups()) those of a dataset all at once; [`strata`] tells easy pairs from hard ones by their [`PairGeometry`].
+//! pair by pair, [`groups`](groups()) those of a dataset all at once; [`under_protocols`] scores as other benchmarks do; [`strata`] tells easy pairs from hard ones by their [`PairGeometry`].
 
 mod auc;
 mod average_matches;
@@ -20,6 +20,7 @@ mod pair_choice;
 mod pair_geometry;
 mod pair_result;
 mod portion;
+mod protocol_scores;
 mod published;
 mod results;
 mod scores;
@@ -42,6 +43,7 @@ pub use pair_choice::PairChoice;
 pub use pair_geometry::{DatasetGeometry, PairGeometry};
 pub use pair_result::{Angle, AngularError, Deviation, Model, PairResult};
 pub use portion::Portion;
+pub use protocol_scores::{ProtocolScore, ProtocolScores, under_protocols};
 pub use results::{ResultSet, ResultsError};
 pub use scores::{Detail, Notation, SCORES, Score, ScoreKind, Scores, Spread, score_kind};
 pub use strata::{Stratum, auc_by_stratum, strata};
