@@ -1,8 +1,8 @@
-"""SuperGlue's protocol in OpenCV beside ours: SIFT on pairs of ScanNet, in images of 640x480.
+"""SuperGlue's protocol in OpenCV beside ours, on any dataset: images of 640x480, SIFT and ORB with the ratio test.
 
     matchbench import superglue PAIRS.txt scannet --image-root IMAGES
     matchbench run scannet --matchers sift,orb --protocol superglue --repeat 10 --out runs/superglue
-    python compare/protocol.py scannet --out opencv.csv
+    python compare/protocol.py scannet --out opencv.csv          # --every N: only every Nth pair, `run --sample` for ours
     matchbench eval runs/superglue --protocol superglue
 
 OpenCV does what the evaluation of SuperGlue does with its matches: K divided by the ratio of the sizes, a threshold of
@@ -81,11 +81,12 @@ def main():
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--matchers", default="sift,orb")
     parser.add_argument("--runs", type=int, default=10)
+    parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
     images, cameras, pairs = read_dataset(arguments.dataset)
-    truth = read_truth(arguments.dataset)
+    pairs, truth = pairs[:: arguments.every], read_truth(arguments.dataset)
     lines = ["matcher,pairs,exact_auc_5,exact_auc_5_deviation,exact_auc_10,exact_auc_10_deviation,"
              "exact_auc_20,exact_auc_20_deviation"]
     for matcher in arguments.matchers.split(","):
