@@ -5,7 +5,8 @@
 //! The definitions stand in one file each: [`SuccessCurve`] (SP and the
 //! paper's AUC), [`exact_auc`] and [`maa`] (what others call AUC and mAA), [`average_matches`] (AP),
 //! [`Bootstrap`] (intervals) and [`Failures`]. [`compare`] sets two sets of results side by side,
-//! pair by pair, [`groups`](groups()) those of a dataset all at once; [`under_protocols`] scores as other benchmarks do; [`strata`] tells easy pairs from hard ones by their [`PairGeometry`].
+//! pair by pair, [`groups`](groups()) those of a dataset all at once; [`under_protocols`] scores as other benchmarks do; [`strata`] tells easy pairs from hard ones by their [`PairGeometry`],
+//! [`hard_pairs`](hard_pairs()) kinds of hard ones.
 
 mod auc;
 mod average_matches;
@@ -15,6 +16,7 @@ mod errors;
 mod failure;
 mod failures;
 mod groups;
+mod hard_pairs;
 mod load;
 mod pair_choice;
 mod pair_geometry;
@@ -38,6 +40,7 @@ pub use errors::{ErrorTableError, load_errors};
 pub use failure::Failure;
 pub use failures::Failures;
 pub use groups::{GROUP_LEVEL_NOTE, groups};
+pub use hard_pairs::{FAILED_FROM, HardPairs, Hardship, hard_pairs};
 pub use load::{load, load_chosen, load_run};
 pub use pair_choice::PairChoice;
 pub use pair_geometry::{DatasetGeometry, PairGeometry};
