@@ -196,9 +196,10 @@ mod tests {
     fn set(pairs: &[(bool, u32, u32)]) -> ResultSet {
         let pair = |(a, &(right, features, selected)): (usize, &(bool, u32, u32))| {
             let a = a as u32;
-            let pair = match right {
-                true => solved(a, 0.5, 0.5, 50),
-                false => PairResult::failed(a, a + 1, Failure::NoSupport),
+            let pair = if right {
+                solved(a, 0.5, 0.5, 50)
+            } else {
+                PairResult::failed(a, a + 1, Failure::NoSupport)
             };
             let counts = Counts {
                 features_a: 1000,

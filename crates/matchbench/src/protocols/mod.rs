@@ -283,13 +283,14 @@ impl Protocol {
             failure,
             ..
         } = self;
-        let mut text = format!("with fewer than {min_matches} matches");
+        let mut least = vec![format!("{min_matches} matches")];
         if *min_inliers > 0 {
-            text += &format!(", {min_inliers} inliers");
+            least.push(format!("{min_inliers} inliers"));
         }
         if *min_support > 1 {
-            text += &format!(", {min_support} in front of both cameras");
+            least.push(format!("{min_support} in front of both cameras"));
         }
+        let text = format!("with fewer than {}", least.join(", "));
         if failure.is_finite() {
             text + &format!("; its error is {failure} degrees")
         } else {

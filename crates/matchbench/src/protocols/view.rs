@@ -108,8 +108,8 @@ mod tests {
         let ours = (1000.0 + 1100.0 + 1200.0 + 1400.0) / 4.0;
         // 640x480: half of a in both directions, half of b across alone.
         for (protocol, wanted) in [
-            (&SUPERGLUE, (500.0 + 1400.0) / 2.0),
-            (&LOFTR, (1000.0 + 1400.0) / 2.0),
+            (&SUPERGLUE, f64::midpoint(500.0, 1400.0)),
+            (&LOFTR, f64::midpoint(1000.0, 1400.0)),
             (&ROMA, ours * 1200.0 / 1280.0),
             (
                 &GLUE_FACTORY,
