@@ -14,7 +14,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Angle, DatasetGeometry, PairResult, ResultSet};
+use super::{Angle, DatasetGeometry, Model, PairResult, ResultSet};
 
 /// Angle between the optical axes from which on a pair is wide, in degrees.
 pub const WIDE_ANGLE: f64 = 30.0;
@@ -86,7 +86,8 @@ impl HardPairs {
     /// where there are none.
     pub fn right(&self, set: &ResultSet) -> [Option<f64>; 2] {
         let (inside, outside): (Vec<&PairResult>, Vec<_>) =
-            (set.pairs.iter()).partition(|pair| self.pairs.contains(&(pair.a, pair.b)));
+            (set.pairs.iter().filter(|pair| is_of_pose(pair)))
+                .partition(|pair| self.pairs.contains(&(pair.a, pair.b)));
         [inside, outside].map(|pairs| {
             let right = pairs.iter().filter(|pair| is_right(pair)).count();
             (!pairs.is_empty()).then(|| right as f64 / pairs.len() as f64)
@@ -94,16 +95,24 @@ impl HardPairs {
     }
 }
 
+fn is_of_pose(pair: &PairResult) -> bool {
+    pair.model == Model::Pose
+}
+
 fn is_right(pair: &PairResult) -> bool {
     pair.error(Angle::Pose)
         .is_some_and(|error| error < FAILED_FROM)
 }
 
-/// Every kind of hard pairs that a dataset has, from the results of all methods on it; without a `geometry`, those
+/// Every kind of hard pairs that a dataset has, from the poses of all methods on it; without a `geometry`, those
 /// that counts tell.
 pub fn hard_pairs(sets: &[&ResultSet], geometry: Option<&DatasetGeometry>) -> Vec<HardPairs> {
     let mut failed = BTreeMap::<(u32, u32), usize>::new();
-    for pair in sets.iter().flat_map(|set| &set.pairs) {
+    for pair in sets
+        .iter()
+        .flat_map(|set| &set.pairs)
+        .filter(|pair| is_of_pose(pair))
+    {
         *failed.entry((pair.a, pair.b)).or_default() += usize::from(!is_right(pair));
     }
     let [bare, ambiguous] = by_counts(sets);

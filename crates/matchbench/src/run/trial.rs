@@ -68,7 +68,8 @@ impl Trial<'_> {
             Estimator::Homography(h) => self.homography(points, id, &**h, times),
             Estimator::Pose(pose) => {
                 let needs_sizes = protocol.needs_sizes();
-                let sizes = needs_sizes.then(|| Ok::<_, Broken>([(self.size)(0)?, (self.size)(1)?]));
+                let sizes =
+                    needs_sizes.then(|| Ok::<_, Broken>([(self.size)(0)?, (self.size)(1)?]));
                 Ok(match protocol.view(self.cameras, sizes.transpose()?) {
                     None => self.pose(points, id, &**pose, protocol, times)?,
                     Some(view) => {
