@@ -178,7 +178,7 @@ fn contenders(
         })
         .collect();
     let (mut contenders, absent) = py
-        .detach(|| Contender::from_names(&names, sources, &ids, changes, Some(outside)))
+        .detach(|| Contender::from_names(&names, sources, &ids, &[], changes, Some(outside)))
         .map_err(value_error)?;
     for matcher in natives {
         let entry = matchbench::matchers::find(&matcher.id).map_err(value_error)?;

@@ -13,6 +13,7 @@ use crate::cache::FeatureCache;
 use crate::config::{Changes, ConfigError};
 use crate::estimators;
 use crate::metrics::{Angle, ResultsError, SuccessCurve, load_run};
+use crate::protocols::MATCHBENCH;
 use crate::records::{FolderError, RunFolder, Settings, Tuned, TunedOn};
 use crate::run::{
     Cancel, Contender, ContenderError, Dataset, Observer, Outside, Run, RunError, RunSummary,
@@ -133,6 +134,7 @@ fn variants(tuning: &Tuning<'_>) -> Result<Vec<Contender>, TuneError> {
                 Ok::<_, TuneError>(Variant {
                     name: format!("{id}@{}", text(value)),
                     estimator,
+                    protocol: &MATCHBENCH,
                 })
             })
             .collect::<Result<_, _>>()?;

@@ -96,6 +96,8 @@ pub(crate) enum Listed {
     Matchers,
     /// Pose estimators, their papers and parameters
     Estimators,
+    /// Protocols of the field, with all of their small print
+    Protocols,
     /// Built-in datasets, and the kinds that can be imported
     Datasets,
     /// Formats of matches from files
@@ -164,6 +166,7 @@ mod tests {
             ("docs/estimators.md", 2),
             ("docs/paper.md", 4),
             ("docs/scale.md", 5),
+            ("docs/protocol.md", 4),
         ] {
             let text = std::fs::read_to_string(format!("{repository}/{page}"));
             let text = text.expect("it is part of the repository");

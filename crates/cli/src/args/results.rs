@@ -12,7 +12,9 @@ Examples:
   matchbench eval runs/first
   matchbench eval Results --datasets Dataset
   matchbench eval Results --preset paper --format latex
-  matchbench eval --errors zeb/root_sift --format csv")]
+  matchbench eval --errors zeb/root_sift --format csv
+  matchbench eval runs/first --protocol superglue,roma
+  matchbench eval --errors zeb/root_sift --protocol zeb")]
 pub(crate) struct EvalArgs {
     /// A run folder, or a folder with the authors' <sequence>/<matcher>.txt files
     #[arg(value_name = "RESULTS", required_unless_present = "errors")]
@@ -23,6 +25,10 @@ pub(crate) struct EvalArgs {
     /// its columns (CSV, or the tables of ZEB). CSV then ends with a row `mean`
     #[arg(long, value_name = "DIR", conflicts_with_all = ["results", "datasets", "pairs", "preset"])]
     pub errors: Option<PathBuf>,
+    /// Score as another benchmark does, and say what the run did otherwise: a protocol of `matchbench list
+    /// protocols`, or `all`. Several separated by commas
+    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    pub protocol: Vec<String>,
     /// How to write the scores
     #[arg(long, value_enum, default_value_t = FormatArg::Table)]
     pub format: FormatArg,

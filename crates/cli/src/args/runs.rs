@@ -44,6 +44,7 @@ docs/formats.md lists its keys:
 Examples:
   matchbench run office --matchers sift,orb --estimator ransac-e,best --out runs/first
   matchbench run office castle --matchers all --sample 50 --out runs/all
+  matchbench run office --matchers sift --protocol superglue --out runs/superglue
   matchbench run study.toml
   matchbench run study.toml --sample 50 --out runs/quick")]
 pub(crate) struct RunArgs {
@@ -87,13 +88,19 @@ pub(crate) struct ChoiceArgs {
     /// for matches from files]
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub estimator: Vec<String>,
+    /// Protocols of the field, separated by commas, or `all` (see `matchbench list protocols`): size of images,
+    /// estimator, unit of its threshold, repetitions. Several share one set of matches, of images as they are
+    /// [default: matchbench]
+    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    pub protocol: Vec<String>,
     /// Only the first N pairs of each dataset
     #[arg(long, value_name = "N")]
     pub limit: Option<usize>,
     /// Root of all random choices [default: 0]
     #[arg(long, value_name = "S")]
     pub seed: Option<u64>,
-    /// Do every pair N times, each time with other random choices; scores are means [default: 1]
+    /// Do every pair N times, each time with other random choices; scores are means [default: 1, or as
+    /// often as the protocol]
     #[arg(long, value_name = "N")]
     pub repeat: Option<NonZeroU32>,
     /// Change a parameter, for example --set sift.ratio=0.7 (repeatable; see `matchbench list`)

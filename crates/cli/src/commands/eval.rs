@@ -5,9 +5,14 @@ use std::path::Path;
 
 use anyhow::{Result, ensure};
 use matchbench::datasets::PairRule;
-use matchbench::metrics::{Bootstrap, PairChoice, ResultSet, load, load_chosen, load_errors};
+use matchbench::metrics::{
+    Bootstrap, PairChoice, ResultSet, load, load_chosen, load_errors, under_protocols,
+};
+use matchbench::protocols;
 use matchbench::records::RunFolder;
-use matchbench::report::{Content, Format, RunFacts, render, render_with_mean, verdicts};
+use matchbench::report::{
+    Content, Format, RunFacts, render, render_protocols, render_with_mean, verdicts,
+};
 
 use crate::Ending;
 use crate::args::{EvalArgs, FormatArg, PresetArg, ScoredArgs};
@@ -15,6 +20,7 @@ use crate::output::{harmless, write_result};
 
 pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
     let text = match (&args.errors, &args.results) {
+        _ if !args.protocol.is_empty() => by_protocols(args)?,
         (Some(errors), _) => {
             let content = content(load_errors(errors)?);
             render_with_mean(args.format.into(), &content.summaries)
@@ -41,6 +47,24 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
         None => std::io::stdout().write_all(harmless(&text).as_bytes())?,
     }
     Ok(Ending::Done)
+}
+
+/// The scores by protocols of the field.
+fn by_protocols(args: &EvalArgs) -> Result<String> {
+    let asked = protocols::find_all(&args.protocol)?;
+    let (sets, run) = match (&args.errors, &args.results) {
+        (Some(errors), _) => (load_errors(errors)?, None),
+        (None, Some(results)) => {
+            let choice = choice(&args.scored)?;
+            let sets = load_chosen(results, args.scored.datasets.as_deref(), &choice)?;
+            let is_run = RunFolder::is_at(results);
+            (sets, is_run.then(|| RunFolder::open(results)).transpose()?)
+        }
+        (None, None) => unreachable!("one of the two is required"),
+    };
+    let plan = run.as_ref().map(RunFolder::plan);
+    let scores = under_protocols(&sets, plan, &asked);
+    Ok(render_protocols(args.format.into(), &scores))
 }
 
 /// Which of the listed pairs are asked for.

@@ -74,9 +74,12 @@ pub(crate) fn choose(study: &mut Study, choices: &ChoiceArgs) -> Result<()> {
     if !choices.estimator.is_empty() {
         study.estimators.clone_from(&choices.estimator);
     }
+    if !choices.protocol.is_empty() {
+        study.protocols.clone_from(&choices.protocol);
+    }
     study.limit = choices.limit.or(study.limit);
     study.seed = choices.seed.unwrap_or(study.seed);
-    study.repeat = choices.repeat.unwrap_or(study.repeat);
+    study.repeat = choices.repeat.or(study.repeat);
     study.time_budget = choices.time_budget.or(study.time_budget);
     study.set = mem::take(&mut study.set).with(changes(&choices.set)?);
     study.tuned.extend(choices.tuned.iter().cloned());

@@ -8,6 +8,7 @@ use matchbench::datasets::rendered;
 use matchbench::estimators::ESTIMATORS;
 use matchbench::exchange::FORMATS;
 use matchbench::matchers::MATCHERS;
+use matchbench::protocols::PROTOCOLS;
 use serde_json::Value;
 
 use crate::Ending;
@@ -46,6 +47,21 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
                 entry.reference(),
                 &entry.defaults(),
             )?;
+            writeln!(out)?;
+        }
+    }
+    if wanted(Listed::Protocols) {
+        writeln!(
+            out,
+            "Protocols (run --protocol ID,...; eval --protocol ID,...)\n"
+        )?;
+        for protocol in PROTOCOLS {
+            let (id, summary) = (protocol.id, protocol.summary);
+            writeln!(out, "  {id:<14} {summary}\n      {}", protocol.reference)?;
+            writeln!(out, "      read in {}", protocol.source)?;
+            for (what, how) in protocol.in_words() {
+                writeln!(out, "      {what}: {how}")?;
+            }
             writeln!(out)?;
         }
     }

@@ -37,6 +37,7 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
         settings: tuned.chain(args.choices.set.iter().cloned()).collect(),
         matchers: study.matchers.clone(),
         estimators: study.estimators.clone(),
+        protocols: study.protocols.clone(),
     };
     let (datasets, settings) = (&prepared.datasets, prepared.settings);
     let plan = plan_shards(

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
+use matchbench::protocols;
 use matchbench::records::ShardPlan;
 use matchbench::run::{Contender, Dataset, Outside, Run, Shard};
 
@@ -25,9 +26,19 @@ pub(crate) fn run(args: &WorkArgs) -> Result<Ending> {
         cache: &cache,
     };
     let changes = changes(&asked.settings)?;
-    let contenders =
-        Contender::all_of(&asked.matchers, &asked.estimators, &changes, Some(&outside))
-            .context("a shard needs every matcher of its plan")?;
+    let protocols = protocols::find_all(&asked.protocols)?;
+    let (matchers, estimators) = (&asked.matchers, &asked.estimators);
+    let (contenders, absent) = Contender::from_names(
+        matchers,
+        Vec::new(),
+        estimators,
+        &protocols,
+        &changes,
+        Some(&outside),
+    )?;
+    if let Some(error) = absent.into_iter().next() {
+        return Err(error).context("a shard needs every matcher of its plan");
+    }
     let run = Run {
         settings: plan.plan().settings,
         tuned: plan.tuned(),

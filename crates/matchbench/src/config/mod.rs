@@ -92,6 +92,17 @@ where
     P::deserialize(all).map_err(D::Error::custom)
 }
 
+/// Parameters `given` over others, at any depth.
+pub fn together(others: Option<Value>, given: Option<Value>) -> Option<Value> {
+    match (others, given) {
+        (Some(mut all), Some(given)) => {
+            merge(&mut all, given);
+            Some(all)
+        }
+        (one, other) => one.or(other),
+    }
+}
+
 fn merge(all: &mut Value, given: Value) {
     match (all, given) {
         (Value::Object(all), Value::Object(given)) => {

@@ -9,6 +9,7 @@ mod magsac_e;
 mod mlesac_e;
 mod prosac_e;
 mod ransac_e;
+mod ransac_e_inliers;
 mod ransac_f;
 mod ransac_h;
 mod rich;
@@ -70,6 +71,7 @@ pub enum Estimator {
 /// All estimators, in the order of tables. A new one is a file of this folder and a line here.
 pub const ESTIMATORS: &[&dyn EstimatorEntry] = &[
     &ransac_e::RansacE,
+    &ransac_e_inliers::RANSAC_E_INLIERS,
     &lmeds_e::LMEDS_E,
     &ransac_f::RANSAC_F,
     &lmeds_f::LMEDS_F,

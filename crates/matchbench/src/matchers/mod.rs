@@ -25,7 +25,8 @@ mod sift;
 mod source;
 mod surf;
 
-use matchbench_vision::matching::{Matcher, Resized};
+use matchbench_vision::image::Size;
+use matchbench_vision::matching::{ImageSize, Matcher, Resized};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -137,9 +138,10 @@ pub fn find(id: &str) -> Result<&'static dyn MatcherEntry, UnknownName> {
     config::find("matcher", MATCHERS, MatcherEntry::id, id)
 }
 
-/// The matcher of an `entry` with the given parameters: its own, see [`MatcherEntry::build`], and one that
-/// all have, `extractor.max_size`. With it features are found in images that are at most so many pixels
-/// wide and high, see [`Resized`]; without it in the images as they are.
+/// The matcher of an `entry` with the given parameters: its own, see [`MatcherEntry::build`], and one of two that
+/// all have. With `extractor.max_size` features are found in images that are at most so many pixels wide and high,
+/// with `extractor.size`, such as `"640x480"`, in images of that size (see [`Resized`]); without either in the
+/// images as they are.
 ///
 /// # Errors
 /// If a parameter is unknown, would do nothing, or is of another type or out of range.
@@ -147,37 +149,61 @@ pub fn build(
     entry: &dyn MatcherEntry,
     params: Option<&Value>,
 ) -> Result<BuiltMatcher, ConfigError> {
-    let (max_size, own) = take_max_size(params);
+    let (sizes, own) = take_sizes(params);
     let mut built = entry.build(own.as_ref())?;
-    let Some(max_size) = max_size else {
-        return Ok(built);
-    };
     let refused = |reason: String| ConfigError::new(entry.id(), reason);
-    let size = max_size
-        .as_u64()
-        .and_then(|size| usize::try_from(size).ok());
-    let size = size.ok_or_else(|| refused(format!("max_size is {max_size}; give pixels")))?;
+    let (name, given) = match &sizes[..] {
+        [] => return Ok(built),
+        [one] => one,
+        _ => {
+            let both = "`max_size` and `size` say two things of the same images; leave one out";
+            return Err(refused(both.into()));
+        }
+    };
+    let size = image_size(name, given).map_err(refused)?;
     let resized = Resized::new(built.matcher, size).map_err(|error| refused(error.to_string()))?;
     built.matcher = Box::new(resized);
-    built.params["extractor"]["max_size"] = max_size.clone();
+    built.params["extractor"][*name] = given.clone();
     for extraction in [Some(&mut built.extraction), built.detection.as_mut()]
         .into_iter()
         .flatten()
     {
         let own = extraction.params.take();
-        extraction.params = json!({"max_size": max_size, "of": own});
+        extraction.params = json!({*name: given, "of": own});
     }
     Ok(built)
 }
 
-/// `extractor.max_size`, if it is given, and the other parameters.
-fn take_max_size(params: Option<&Value>) -> (Option<Value>, Option<Value>) {
+/// Names of the parameters that say in which size images are looked at.
+pub const SIZES: [&str; 2] = ["max_size", "size"];
+
+/// What a parameter of [`SIZES`] says.
+fn image_size(name: &str, given: &Value) -> Result<ImageSize, String> {
+    if name == "max_size" {
+        let most = given.as_u64().and_then(|most| usize::try_from(most).ok());
+        let most = most.ok_or_else(|| format!("max_size is {given}; give pixels"))?;
+        return Ok(ImageSize::AtMost(most));
+    }
+    let sides = given.as_str().and_then(|text| text.split_once('x'));
+    sides
+        .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)))
+        .map(|(width, height)| ImageSize::Exactly(Size::new(width, height)))
+        .ok_or_else(|| format!("size is {given}; give width and height, for example 640x480"))
+}
+
+/// Those of [`SIZES`] that are given, and the other parameters.
+fn take_sizes(params: Option<&Value>) -> (Vec<(&'static str, Value)>, Option<Value>) {
     let mut own = params.cloned();
     let extractor = own.as_mut().and_then(|own| own.get_mut("extractor"));
     let Some(extractor) = extractor.and_then(Value::as_object_mut) else {
-        return (None, own);
+        return (Vec::new(), own);
     };
-    let max_size = extractor.remove("max_size").filter(|size| !size.is_null());
+    let given = SIZES.map(|name| Some((name, extractor.remove(name)?)));
+    let sizes = given
+        .into_iter()
+        .flatten()
+        .filter(|(_, size)| !size.is_null());
+    let sizes: Vec<_> = sizes.collect();
     // A matcher without such a group of parameters would not know it.
     let is_empty = extractor.is_empty();
     if let Some(own) = own.as_mut().and_then(Value::as_object_mut)
@@ -185,7 +211,7 @@ fn take_max_size(params: Option<&Value>) -> (Option<Value>, Option<Value>) {
     {
         own.remove("extractor");
     }
-    (max_size, own)
+    (sizes, own)
 }
 
 #[cfg(test)]
@@ -196,7 +222,7 @@ mod tests {
 
     use super::*;
     use matchbench_vision::features::{Detections, Features, Keypoint};
-    use matchbench_vision::image::{GrayImage, Size};
+    use matchbench_vision::image::GrayImage;
     use matchbench_vision::matching::{Correspondences, View};
     use matchbench_vision::seed::Seed;
 
@@ -432,6 +458,28 @@ mod tests {
             let unknown = json!({"extractor": {"max_size": 99, "no-such-parameter": 1}});
             assert!(build(*entry, Some(&unknown)).is_err(), "{}", entry.id());
         }
+    }
+
+    #[test]
+    fn images_of_an_exact_size_are_another_extraction() {
+        let entry = find("orb").unwrap();
+        let params = |size: Value| json!({"extractor": {"size": size}});
+        let exact = build(entry, Some(&params(json!("120x90")))).unwrap();
+        assert_eq!(exact.params["extractor"]["size"], "120x90");
+        let image = textured(0);
+        let [found, full] =
+            [exact.matcher, entry.build(None).unwrap().matcher].map(|m| m.extract(&image).unwrap());
+        assert!(found != full && found.size == image.size());
+        assert_eq!(exact.extraction.params["size"], "120x90");
+        for wrong in [json!(640), json!("640"), json!("9x480"), json!("640x-1")] {
+            assert!(
+                build(entry, Some(&params(wrong.clone()))).is_err(),
+                "{wrong}"
+            );
+        }
+        let both = json!({"extractor": {"size": "120x90", "max_size": 100}});
+        let message = build(entry, Some(&both)).err().unwrap().to_string();
+        assert!(message.contains("two things"), "{message}");
     }
 
     #[test]

@@ -5,7 +5,8 @@
 //! The definitions stand in one file each: [`SuccessCurve`] (SP and the
 //! paper's AUC), [`exact_auc`] and [`maa`] (what others call AUC and mAA), [`average_matches`] (AP),
 //! [`Bootstrap`] (intervals) and [`Failures`]. [`compare`] sets two sets of results side by side,
-//! pair by pair, [`groups`](groups()) those of a dataset all at once; [`strata`] tells easy pairs from hard ones by their [`PairGeometry`].
+//! pair by pair, [`groups`](groups()) those of a dataset all at once; [`under_protocols`] scores as other benchmarks do; [`strata`] tells easy pairs from hard ones by their [`PairGeometry`],
+//! [`hard_pairs`](hard_pairs()) kinds of hard ones.
 
 mod auc;
 mod average_matches;
@@ -15,11 +16,13 @@ mod errors;
 mod failure;
 mod failures;
 mod groups;
+mod hard_pairs;
 mod load;
 mod pair_choice;
 mod pair_geometry;
 mod pair_result;
 mod portion;
+mod protocol_scores;
 mod published;
 mod results;
 mod scores;
@@ -37,11 +40,13 @@ pub use errors::{ErrorTableError, load_errors};
 pub use failure::Failure;
 pub use failures::Failures;
 pub use groups::{GROUP_LEVEL_NOTE, groups};
+pub use hard_pairs::{FAILED_FROM, HardPairs, Hardship, LITTLE_OVERLAP, WIDE_ANGLE, hard_pairs};
 pub use load::{load, load_chosen, load_run};
 pub use pair_choice::PairChoice;
 pub use pair_geometry::{DatasetGeometry, PairGeometry};
 pub use pair_result::{Angle, AngularError, Deviation, Model, PairResult};
 pub use portion::Portion;
+pub use protocol_scores::{ProtocolScore, ProtocolScores, under_protocols};
 pub use results::{ResultSet, ResultsError};
 pub use scores::{Detail, Notation, SCORES, Score, ScoreKind, Scores, Spread, score_kind};
 pub use strata::{Stratum, auc_by_stratum, strata};

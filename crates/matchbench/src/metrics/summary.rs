@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::protocols;
+
 use super::scores::HEADLINE_PX;
 use super::{
     Angle, Bootstrap, Failures, Model, PairResult, Portion, ResultSet, SCORES, Score, ScoreKind,
@@ -19,6 +21,8 @@ pub struct Summary {
     pub estimator: String,
     /// What was estimated.
     pub model: Model,
+    /// Id of the protocol that the poses were estimated by; the paper's where the results do not name another.
+    pub protocol: &'static str,
     /// The denominator of every ratio: pairs that the dataset lists, once per repetition.
     pub pairs: usize,
     /// How often each pair was run with another seed.
@@ -65,6 +69,7 @@ impl Summary {
             matcher: results.matcher.clone(),
             estimator: results.estimator.clone(),
             model: Model::of_all(pairs),
+            protocol: protocols::of_estimator(&results.estimator).id,
             pairs: pairs.len(),
             repetitions: results.repetitions,
             failed: failures.total(),

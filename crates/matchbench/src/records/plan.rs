@@ -149,6 +149,9 @@ pub struct EstimatorPlan {
     pub variant_of: Option<String>,
     /// Every parameter.
     pub params: Value,
+    /// The rules of the protocol that it is under; absent where that is the paper's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub protocol: Option<Value>,
 }
 
 fn first_format() -> u32 {

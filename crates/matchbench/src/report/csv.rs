@@ -106,6 +106,7 @@ fn row(summary: &Summary) -> Row {
     push("repetitions", Cell::Constant(summary.repetitions));
     push("auc_deviation", Cell::Number(summary.auc_deviation));
     push("group", Cell::Name(summary.group.clone()));
+    push("protocol", Cell::Name(summary.protocol.to_owned()));
     let Failures {
         too_few_matches,
         no_support,

@@ -6,7 +6,7 @@ use crate::metrics::{Detail, GROUP_LEVEL_NOTE, Model, ScoreKind, Summary, shown_
 
 use super::numbers::{NONE, interval, ratio, score};
 use super::overview::{Cell, Overview};
-use super::words::definitions;
+use super::words::{definitions, protocol_notes};
 
 /// Two tables with a line of explanation each.
 pub(super) fn render(summaries: &[Summary]) -> String {
@@ -52,13 +52,17 @@ pub(super) fn render(summaries: &[Summary]) -> String {
             heads.push("95 % interval");
         }
     }
-    rule_below(&mut text, &heads);
+    let heads: Vec<String> = heads.into_iter().map(str::to_owned).collect();
+    rule_below(&mut text, &heads, 3);
     for summary in summaries {
         line(&mut text, scores(summary, &shown));
     }
     text.push('\n');
     for (heads, definition) in definitions(&shown, Detail::Complete) {
         let _ = writeln!(text, "- {}: {}", escape(&heads), escape(definition));
+    }
+    for note in protocol_notes(summaries) {
+        let _ = writeln!(text, "- {}", escape(&note));
     }
     text
 }
@@ -103,13 +107,13 @@ fn scores(s: &Summary, shown: &[&ScoreKind]) -> Vec<String> {
     cells
 }
 
-/// The head of the table of scores, whose first three columns are names.
-fn rule_below(text: &mut String, heads: &[&str]) {
-    line(text, heads.iter().map(|head| (*head).to_owned()));
-    rule(text, 3, heads.len() - 3);
+/// The head of a table of scores, whose first so many columns are names.
+pub(super) fn rule_below(text: &mut String, heads: &[String], names: usize) {
+    line(text, heads.iter().cloned());
+    rule(text, names, heads.len() - names);
 }
 
-fn line(text: &mut String, cells: impl IntoIterator<Item = String>) {
+pub(super) fn line(text: &mut String, cells: impl IntoIterator<Item = String>) {
     for cell in cells {
         text.push_str("| ");
         text.push_str(&cell);
@@ -125,7 +129,7 @@ fn rule(text: &mut String, names: usize, numbers: usize) {
 }
 
 /// A name as plain text: no markup, no HTML, no new cell or line.
-fn escape(name: &str) -> String {
+pub(super) fn escape(name: &str) -> String {
     let mut text = String::new();
     for c in name.chars() {
         match c {

@@ -12,6 +12,7 @@ use super::citations::{BENCHMARK, TOOL, citations};
 use super::content::Content;
 use super::latex::escape;
 use super::names::{defaults, references, title};
+use super::words::protocol_notes;
 
 /// A piece of text, or keys of papers.
 enum Piece {
@@ -85,9 +86,15 @@ fn pieces(content: &Content) -> Vec<Piece> {
             i,
             matchers.len(),
             name,
-            references(matcher, "")[0],
+            &references(matcher, "")[..1],
         );
     }
+    // Every matcher lists its own; one of a name has the same parameters for all.
+    let planned: Value = (plan["matchers"].as_array().into_iter().flatten())
+        .filter_map(|matcher| matcher["estimators"].as_array())
+        .flatten()
+        .cloned()
+        .collect();
     pieces.push(Piece::Text(". The pose is estimated by ".to_owned()));
     for (i, (estimator, its)) in estimators.iter().enumerate() {
         let mut name = if estimator.is_empty() {
@@ -95,7 +102,7 @@ fn pieces(content: &Content) -> Vec<Piece> {
         } else {
             (*estimator).to_owned()
         };
-        name += &changed(&plan["estimators"], estimator);
+        name += &changed(&planned, estimator);
         if its.len() < matchers.len() {
             let its: Vec<String> = its.iter().map(|id| title(id)).collect();
             let _ = write!(name, " (for {})", its.join(", "));
@@ -105,7 +112,7 @@ fn pieces(content: &Content) -> Vec<Piece> {
             i,
             estimators.len(),
             name,
-            references("", estimator)[1],
+            &references("", estimator)[1..],
         );
     }
     pieces.push(Piece::Text(protocol(content, &plan)));
@@ -113,18 +120,15 @@ fn pieces(content: &Content) -> Vec<Piece> {
 }
 
 /// One of several names, with its papers.
-fn push(pieces: &mut Vec<Piece>, i: usize, count: usize, name: String, reference: Option<&str>) {
+fn push(pieces: &mut Vec<Piece>, i: usize, count: usize, name: String, papers: &[Option<&str>]) {
     let between = match i {
         0 => "",
         _ if i + 1 == count => " and ",
         _ => ", ",
     };
     pieces.push(Piece::Text(format!("{between}{name}")));
-    let keys: Vec<String> = reference
-        .map_or_else(Vec::new, citations)
-        .into_iter()
-        .map(|c| c.key)
-        .collect();
+    let papers = papers.iter().copied().flatten().flat_map(citations);
+    let keys: Vec<String> = papers.map(|paper| paper.key).collect();
     if !keys.is_empty() {
         pieces.push(Piece::Cite(keys));
     }
@@ -219,6 +223,9 @@ fn protocol(content: &Content, plan: &Value) -> String {
         let _ = write!(text, " All random choices follow from the seed {seed}.");
     }
     text.push_str(" Parameters are the defaults of this version where none are named.");
+    for note in protocol_notes(&content.summaries) {
+        let _ = write!(text, " Where an estimator is called {note}.");
+    }
     text
 }
 
@@ -236,7 +243,8 @@ mod tests {
         ]);
         content.summaries[1].estimator = "rich".into();
         content.facts.plan = Some(
-            r#"{"settings": {"seed": 7}, "matchers": [{"id": "sift", "params": {"ratio": 0.7}}]}"#
+            r#"{"settings": {"seed": 7}, "matchers": [{"id": "sift", "params": {"ratio": 0.7},
+                "estimators": [{"id": "ransac-e", "params": {"threshold_px": 3.0}}]}]}"#
                 .into(),
         );
         let text = markdown(&content);
@@ -245,7 +253,7 @@ mod tests {
             "room (10 pairs, wide baselines)",
             "SIFT (ratio = 0.7) [@lowe2004",
             "GMS [@bian2017gms] and mine_2.",
-            "ransac-e (for SIFT, mine_2) [@nist",
+            "ransac-e (threshold_px = 3.0) (for SIFT, mine_2) [@nist",
             "rich (for GMS)",
             "the seed 7",
         ] {

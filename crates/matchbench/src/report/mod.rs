@@ -33,6 +33,7 @@ mod paper;
 mod parquet;
 mod picture;
 mod pictures;
+mod protocol_table;
 mod raster;
 mod svg;
 mod table;
@@ -58,6 +59,7 @@ pub use pair_view::{
 pub use paper::{PaperTimes, write_paper};
 pub use picture::{picture_png, picture_svg};
 pub use pictures::view;
+pub use protocol_table::render_protocols;
 pub use time_table::{MatcherTimes, times_as_csv, times_as_latex};
 pub use verdict::verdicts;
 pub use words::{advantage, leads_in_words, sentence};

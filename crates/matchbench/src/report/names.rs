@@ -5,6 +5,7 @@ use serde_json::Value;
 
 use crate::estimators::ESTIMATORS;
 use crate::matchers::MATCHERS;
+use crate::protocols::{self, without_protocol};
 
 /// How publications write a matcher: `BinBoost`.
 pub(super) fn title(matcher: &str) -> String {
@@ -20,6 +21,7 @@ pub(super) fn place(matcher: &str) -> usize {
 
 /// Every parameter of a matcher or an estimator with its default.
 pub(super) fn defaults(id: &str) -> Option<Value> {
+    let id = without_protocol(id);
     let matcher = MATCHERS.iter().find(|entry| entry.id() == id);
     let estimator = || ESTIMATORS.iter().find(|entry| entry.id() == id);
     matcher
@@ -27,11 +29,14 @@ pub(super) fn defaults(id: &str) -> Option<Value> {
         .or_else(|| estimator().map(|entry| entry.defaults()))
 }
 
-/// The papers of a matcher and of an estimator, as their entries give them.
-pub(super) fn references(matcher: &str, estimator: &str) -> [Option<&'static str>; 2] {
+/// The papers of a matcher, of an estimator and of the protocol that it is under, as their entries give them.
+pub(super) fn references(matcher: &str, estimator: &str) -> [Option<&'static str>; 3] {
+    let protocol = protocols::of_estimator(estimator);
+    let estimator = without_protocol(estimator);
     [
         (MATCHERS.iter().find(|entry| entry.id() == matcher)).map(|entry| entry.reference()),
         (ESTIMATORS.iter().find(|entry| entry.id() == estimator)).map(|entry| entry.reference()),
+        (!protocol.is_ours()).then_some(protocol.reference),
     ]
 }
 
@@ -49,7 +54,11 @@ mod tests {
             (title("mine_2").as_str(), place("mine_2")),
             ("mine_2", MATCHERS.len())
         );
-        assert!(references("sift", "ransac-e").iter().all(Option::is_some));
-        assert_eq!(references("mine_2", ""), [None, None]);
+        assert!(
+            references("sift", "ransac-e@loftr")
+                .iter()
+                .all(Option::is_some)
+        );
+        assert_eq!(references("mine_2", ""), [None; 3]);
     }
 }

@@ -126,7 +126,8 @@ pub fn content_of_run(
     let cache = (options.cache).map_or_else(|| run.default_cache(), Path::to_path_buf);
     let keypoints = Keypoints::new(run.plan(), FeatureCache::new(cache));
     let count = options.pictures;
-    content.views = pictures::sample(run, &content.results, &sequences, keypoints, count)?;
+    let (results, geometry) = (&content.results, &content.geometry);
+    content.views = pictures::sample(run, results, &sequences, geometry, keypoints, count)?;
     content.datasets = (run.plan().datasets.iter())
         .filter_map(|dataset| {
             let sequence = sequences.get(&dataset.name)?;

@@ -11,7 +11,7 @@ use super::pair_view::{
 };
 use crate::cache::FeatureCache;
 use crate::datasets::{Pair, Sequence};
-use crate::metrics::{Angle, Model, ResultSet};
+use crate::metrics::{Angle, DatasetGeometry, Model, ResultSet, hard_pairs};
 use crate::records::{Outcome, Plan, RunFolder, SelectedMatches, StoreError};
 
 /// Longest side of an embedded image in pixels, and its JPEG quality.
@@ -21,7 +21,8 @@ const MOST_MATCHES: usize = 120;
 const MOST_KEYPOINTS: usize = 250;
 
 /// Views of at most `count` pairs of each dataset with every matcher and estimator, pair by pair;
-/// the first few are spread from the easiest to the hardest. Only where the images and the selected
+/// the first few are spread from the easiest to the hardest, and telling ones of each kind of hard pairs are among
+/// them. Only where the images and the selected
 /// matches are at hand.
 ///
 /// # Errors
@@ -30,13 +31,24 @@ pub(super) fn sample(
     run: &RunFolder,
     results: &[ResultSet],
     sequences: &BTreeMap<String, Sequence>,
+    geometry: &BTreeMap<String, DatasetGeometry>,
     mut keypoints: Keypoints<'_>,
     count: usize,
 ) -> Result<Vec<PairView>, StoreError> {
     let mut views = Vec::new();
     for (name, sequence) in sequences {
         let sets: Vec<&ResultSet> = results.iter().filter(|set| set.dataset == *name).collect();
-        let pairs = chosen(&sets, sequence, count);
+        let hard = hard_pairs(&sets, geometry.get(name));
+        let telling: BTreeSet<(u32, u32)> = hard.iter().filter_map(|hard| hard.telling).collect();
+        let telling = sequence
+            .pairs
+            .iter()
+            .filter(|pair| telling.contains(&(pair.a, pair.b)));
+        let telling: Vec<&Pair> = telling.take(count).collect();
+        let mut pairs = chosen(&sets, sequence, count);
+        pairs.retain(|pair| !telling.contains(pair));
+        pairs.truncate(count - telling.len());
+        pairs.extend(telling);
         let images = thumbnails(sequence, &pairs);
         let mut of_dataset = Vec::new();
         for set in &sets {

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::metrics::{Detail, SCORES, Summary, shown_scores};
 
 use super::numbers::{interval, ratio, score};
-use super::words::definitions;
+use super::words::{definitions, protocol_notes};
 
 /// A column: its head, whether it holds names (left-aligned), and its cells.
 struct Column {
@@ -61,16 +61,26 @@ pub(super) fn render(summaries: &[Summary]) -> String {
             }
         }
     }
-    let mut text = line(&columns, |column| column.head);
-    let dashes: Vec<String> = columns.iter().map(|c| "-".repeat(width(c))).collect();
-    text.push_str(dashes.join("  ").trim_end());
-    text.push('\n');
-    for row in 0..summaries.len() {
-        text.push_str(&line(&columns, |column| &column.cells[row]));
-    }
+    let names = columns.iter().filter(|column| column.left).count();
+    let head: Vec<String> = columns
+        .iter()
+        .map(|column| column.head.to_owned())
+        .collect();
+    let rows: Vec<Vec<String>> = (0..summaries.len())
+        .map(|row| {
+            columns
+                .iter()
+                .map(|column| column.cells[row].clone())
+                .collect()
+        })
+        .collect();
+    let mut text = aligned(&head, &rows, names);
     text.push('\n');
     for (heads, definition) in definitions(&shown, Detail::Glance) {
         let _ = writeln!(text, "{heads}: {definition}");
+    }
+    for note in protocol_notes(summaries) {
+        let _ = writeln!(text, "{}", printable(&note));
     }
     for summary in summaries {
         let (missing, ignored) = (summary.failures.missing, summary.ignored);
@@ -111,27 +121,40 @@ pub(super) fn render_with_mean(summaries: &[Summary]) -> String {
     text
 }
 
-fn line<'a>(columns: &'a [Column], cell: impl Fn(&'a Column) -> &'a str) -> String {
-    let cells: Vec<String> = (columns.iter())
-        .map(|column| {
-            let (text, width) = (cell(column), width(column));
-            if column.left {
-                format!("{text:<width$}")
-            } else {
-                format!("{text:>width$}")
-            }
-        })
+/// A head, a rule and rows, in columns of which the first so many hold names.
+pub(super) fn aligned(head: &[String], rows: &[Vec<String>], names: usize) -> String {
+    let lines = || std::iter::once(head).chain(rows.iter().map(Vec::as_slice));
+    let width = |column: usize| lines().map(|line| line[column].chars().count()).max();
+    let widths: Vec<usize> = (0..head.len())
+        .map(|column| width(column).unwrap_or(0))
         .collect();
-    format!("{}\n", cells.join("  ").trim_end())
-}
-
-fn width(column: &Column) -> usize {
-    let cells = column.cells.iter().map(|cell| cell.chars().count());
-    cells.max().unwrap_or(0).max(column.head.chars().count())
+    let mut text = String::new();
+    for (number, line) in lines().enumerate() {
+        let cells = line
+            .iter()
+            .zip(&widths)
+            .enumerate()
+            .map(|(column, (cell, &width))| {
+                let cell = printable(cell);
+                if column < names {
+                    format!("{cell:<width$}")
+                } else {
+                    format!("{cell:>width$}")
+                }
+            });
+        text.push_str(cells.collect::<Vec<_>>().join("  ").trim_end());
+        text.push('\n');
+        if number == 0 {
+            let dashes: Vec<String> = widths.iter().map(|&width| "-".repeat(width)).collect();
+            text.push_str(dashes.join("  ").trim_end());
+            text.push('\n');
+        }
+    }
+    text
 }
 
 /// Without control characters: a name must not be able to move the cursor.
-fn printable(name: &str) -> String {
+pub(super) fn printable(name: &str) -> String {
     name.replace(char::is_control, "\u{fffd}")
 }
 

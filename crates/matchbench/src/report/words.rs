@@ -2,7 +2,10 @@
 
 use std::collections::HashSet;
 
-use crate::metrics::{Angle, Detail, Deviation, Failure, Lead, PairResult, Score, ScoreKind};
+use crate::metrics::{
+    Angle, Detail, Deviation, Failure, Lead, PairResult, Score, ScoreKind, Summary,
+};
+use crate::protocols::PROTOCOLS;
 use crate::records::{MIN_MATCHES, MIN_SUPPORT};
 
 /// In a word or two, for tables.
@@ -88,6 +91,21 @@ pub(super) fn definitions(
         }
     }
     definitions
+}
+
+/// What the names of estimators under a protocol mean, a sentence for each protocol.
+pub(super) fn protocol_notes(summaries: &[Summary]) -> Vec<String> {
+    let under = |id: &str| summaries.iter().any(|summary| summary.protocol == id);
+    (PROTOCOLS.iter())
+        .filter(|protocol| !protocol.is_ours() && under(protocol.id))
+        .map(|protocol| {
+            let (id, summary) = (protocol.id, protocol.summary);
+            format!(
+                "@{id}: poses are estimated by the protocol {id} ({summary}); its own scores: matchbench eval RUN \
+                 --protocol {id}"
+            )
+        })
+        .collect()
 }
 
 /// A matcher with its estimator, where that is known.

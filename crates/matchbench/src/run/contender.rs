@@ -4,10 +4,11 @@ use std::io;
 use std::path::Path;
 
 use crate::cache::FeatureCache;
-use crate::config::{Changes, ConfigError, UnknownName};
+use crate::config::{Changes, ConfigError, UnknownName, together};
 use crate::estimators::{self, BuiltEstimator, ESTIMATORS};
 use crate::external::{External, Log, Manifest, ManifestError, StartError};
-use crate::matchers::{self, BuiltMatcher, BuiltPointSource, MATCHERS, Source};
+use crate::matchers::{self, BuiltMatcher, BuiltPointSource, MATCHERS, SIZES, Source};
+use crate::protocols::{EstimatorRule, MATCHBENCH, Protocol};
 
 /// A source of matches and the estimators that turn its matches into poses.
 pub struct Contender {
@@ -35,6 +36,8 @@ pub struct Variant {
     pub name: String,
     /// The estimator.
     pub estimator: BuiltEstimator,
+    /// How it sees a pair, and when the pair has failed.
+    pub protocol: &'static Protocol,
 }
 
 /// Why names and settings make no contenders.
@@ -65,7 +68,49 @@ impl From<BuiltEstimator> for Variant {
         Self {
             name: estimator.id.clone(),
             estimator,
+            protocol: &MATCHBENCH,
         }
+    }
+}
+
+impl Variant {
+    /// The estimators of a matcher whose own one is called `own`: those of these names, or where there are none
+    /// those that each protocol asks for; under each of the protocols, or without any under the paper's.
+    ///
+    /// # Errors
+    /// If a name or a parameter is unknown, or a value out of range.
+    fn all_of(
+        own: &str,
+        names: &[String],
+        protocols: &[&'static Protocol],
+        changes: &Changes,
+    ) -> Result<Vec<Self>, ContenderError> {
+        let ours = [&MATCHBENCH];
+        let protocols = if protocols.is_empty() {
+            &ours[..]
+        } else {
+            protocols
+        };
+        let mut variants = Vec::new();
+        for &protocol in protocols {
+            let (asked, settings) = match protocol.estimator {
+                EstimatorRule::Own => (own, None),
+                EstimatorRule::Of { id, params } => (id, Some(params())),
+            };
+            let asked = [asked.to_owned()];
+            for id in if names.is_empty() { &asked[..] } else { names } {
+                // The settings are those of the protocol's estimator alone; what the user says comes last.
+                let settings = settings.clone().filter(|_| *id == asked[0]);
+                let params = together(settings, changes.of(id).cloned());
+                let estimator = estimators::find(id)?.build(params.as_ref())?;
+                variants.push(Self {
+                    name: protocol.name_of(id),
+                    estimator,
+                    protocol,
+                });
+            }
+        }
+        Ok(variants)
     }
 }
 
@@ -92,7 +137,7 @@ impl Contender {
         outside: Option<&Outside<'_>>,
     ) -> Result<Vec<Self>, ContenderError> {
         let (contenders, absent) =
-            Self::from_names(names, Vec::new(), estimators, changes, outside)?;
+            Self::from_names(names, Vec::new(), estimators, &[], changes, outside)?;
         match absent.into_iter().next() {
             Some(error) => Err(error.into()),
             None => Ok(contenders),
@@ -101,6 +146,10 @@ impl Contender {
 
     /// The matchers called `names` (`all` alone for all), each with the estimators called `estimators`,
     /// or with its own where that is empty; what `changes` does not name keeps its default.
+    ///
+    /// Under `protocols`, each estimator is there once for each of them, and without `estimators` it is that of the
+    /// protocol. One protocol alone also says in which size native matchers look at images; several share one set of
+    /// matches, of the images as they are. Without any it is the paper's.
     ///
     /// A name may also be the path of a manifest (see [`external`](crate::external)): its program is
     /// started, which may take its time. Matchers that do not start are left out, and returned with the
@@ -115,6 +164,7 @@ impl Contender {
         names: &[String],
         sources: Vec<BuiltPointSource>,
         estimators: &[String],
+        protocols: &[&'static Protocol],
         changes: &Changes,
         outside: Option<&Outside<'_>>,
     ) -> Result<(Vec<Self>, Vec<StartError>), ContenderError> {
@@ -123,17 +173,10 @@ impl Contender {
             [name] if name == "all" => &all,
             names => names,
         };
-        let built = |own: &str| {
-            let own = [own.to_owned()];
-            let ids = match estimators {
-                [] => &own[..],
-                estimators => estimators,
-            };
-            let built = ids.iter().map(|id| {
-                let estimator = estimators::find(id)?.build(changes.of(id))?;
-                Ok(Variant::from(estimator))
-            });
-            built.collect::<Result<Vec<_>, ContenderError>>()
+        let built = |own: &str| Variant::all_of(own, estimators, protocols, changes);
+        let size = match protocols {
+            [one] => one.size.params(),
+            _ => None,
         };
         let (mut contenders, mut absent) = (Vec::new(), Vec::new());
         for name in names {
@@ -154,7 +197,12 @@ impl Contender {
             }
             let entry = matchers::find(name)?;
             let estimators = built(entry.estimator())?;
-            let matcher = matchers::build(entry, changes.of(entry.id()))?;
+            let changes = changes.of(entry.id());
+            let says_size =
+                |size| changes.is_some_and(|given| given["extractor"].get(size).is_some());
+            let size = size.clone().filter(|_| !SIZES.into_iter().any(says_size));
+            let params = together(size, changes.cloned());
+            let matcher = matchers::build(entry, params.as_ref())?;
             contenders.push(Self {
                 source: Source::Matcher(matcher),
                 estimators,

@@ -68,14 +68,14 @@ pub fn evaluate(
     let trial = Trial {
         cameras: pair.cameras,
         truth: pair.truth,
-        size_a: &|| Ok(pair.images[0].size()),
+        size: &|side| Ok(pair.images[side].size()),
         seed,
         time_budget: None,
     };
     let mut outcomes = Vec::with_capacity(contender.estimators.len());
     for variant in &contender.estimators {
         let mut own = StageTimes::default();
-        let outcome = trial.evaluate(&matches.points, &variant.estimator, &mut own);
+        let outcome = trial.evaluate(&matches.points, variant, &mut own);
         if outcomes.is_empty() {
             times.estimate = own.estimate;
         }

@@ -187,14 +187,14 @@ impl PairStages<'_> {
         let trial = Trial {
             cameras: [self.camera(pair.a), self.camera(pair.b)],
             truth: &pair.truth,
-            size_a: &|| size(&self.progress.sequence.frames[pair.a as usize]),
+            size: &|side| size(&self.progress.sequence.frames[[pair.a, pair.b][side] as usize]),
             seed: self.seed(pair, due[0].repetition),
             time_budget: self.time_budget,
         };
         for due in due {
             let variant = &self.progress.contender.estimators[due.estimator];
             let outcome = (selected.as_ref().map_err(Clone::clone)).and_then(|selected| {
-                let judged = trial.evaluate(&selected.points, &variant.estimator, &mut times)?;
+                let judged = trial.evaluate(&selected.points, variant, &mut times)?;
                 if self.keep == KeepMatches::Inliers && judged.outcome.is_estimate() {
                     let key = (pair.a, pair.b, due.repetition);
                     let inliers = selected.of_indices(&judged.inliers);

@@ -80,6 +80,7 @@ fn matcher_plan(contender: &Contender) -> MatcherPlan {
         id: variant.name.clone(),
         variant_of: (variant.name != variant.estimator.id).then(|| variant.estimator.id.clone()),
         params: variant.estimator.params.clone(),
+        protocol: variant.protocol.rules(),
     });
     let (version, params, extraction, notes) = match &contender.source {
         Source::Matcher(matcher) => {

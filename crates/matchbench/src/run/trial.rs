@@ -13,12 +13,14 @@ use matchbench_vision::robust::{HomographyEstimator, NoPose, PoseEstimator, TwoV
 use matchbench_vision::seed::Seed;
 use nalgebra::Matrix3;
 
+use super::Variant;
 use super::guard::{Broken, guard, timed};
 use super::matching::count;
 use super::seeds::estimation_seed;
 use crate::datasets::Truth;
-use crate::estimators::{BuiltEstimator, Estimator};
-use crate::records::{MIN_MATCHES, MIN_SUPPORT, Outcome, StageTimes};
+use crate::estimators::Estimator;
+use crate::protocols::Protocol;
+use crate::records::{Outcome, StageTimes};
 
 /// A pair of images as estimators and the truth see it.
 #[derive(Clone, Copy)]
@@ -27,8 +29,9 @@ pub(super) struct Trial<'a> {
     pub(super) cameras: [&'a Camera; 2],
     /// What is known of the pair.
     pub(super) truth: &'a Truth,
-    /// Looks up how large image a is, on whose corners a homography is judged.
-    pub(super) size_a: &'a dyn Fn() -> Result<Size, Broken>,
+    /// Looks up how large image a (0) or b (1) is: a homography is judged on the corners of a, and protocols
+    /// have pixels of another size.
+    pub(super) size: &'a dyn Fn(usize) -> Result<Size, Broken>,
     /// The seed of the pair and repetition.
     pub(super) seed: Seed,
     /// How long an estimator may draw samples, if not as long as it likes.
@@ -53,16 +56,30 @@ impl Trial<'_> {
     /// One estimator on the matched points, compared with the truth.
     ///
     /// # Errors
-    /// If the estimator breaks, or the size of image a is needed and cannot be read.
+    /// If the estimator breaks, or the size of an image is needed and cannot be read.
     pub(super) fn evaluate(
         &self,
         points: &MatchedPoints,
-        estimator: &BuiltEstimator,
+        variant: &Variant,
         times: &mut StageTimes,
     ) -> Result<Judged, Broken> {
-        match &estimator.estimator {
-            Estimator::Pose(pose) => Ok(self.pose(points, &estimator.id, &**pose, times)?),
-            Estimator::Homography(h) => self.homography(points, &estimator.id, &**h, times),
+        let (id, protocol) = (&variant.estimator.id, variant.protocol);
+        match &variant.estimator.estimator {
+            Estimator::Homography(h) => self.homography(points, id, &**h, times),
+            Estimator::Pose(pose) => {
+                let needs_sizes = protocol.needs_sizes();
+                let sizes =
+                    needs_sizes.then(|| Ok::<_, Broken>([(self.size)(0)?, (self.size)(1)?]));
+                Ok(match protocol.view(self.cameras, sizes.transpose()?) {
+                    None => self.pose(points, id, &**pose, protocol, times)?,
+                    Some(view) => {
+                        let [camera_a, camera_b] = self.cameras.map(|camera| view.camera(camera));
+                        let cameras = [&camera_a, &camera_b];
+                        let seen = Trial { cameras, ..*self };
+                        seen.pose(&view.points(points), id, &**pose, protocol, times)?
+                    }
+                })
+            }
         }
     }
 
@@ -71,12 +88,12 @@ impl Trial<'_> {
         points: &MatchedPoints,
         id: &str,
         estimator: &dyn PoseEstimator,
+        protocol: &Protocol,
         times: &mut StageTimes,
     ) -> Result<Judged, String> {
         let truth = (self.truth.pose()).ok_or("the pose of the pair is not known")?;
-        let found = points.len();
-        if found < MIN_MATCHES {
-            let needed = MIN_MATCHES;
+        let (found, needed) = (points.len(), protocol.min_matches);
+        if found < needed {
             let reason = NoPose::TooFewMatches { found, needed };
             return Ok(Outcome::NoPose { reason }.into());
         }
@@ -95,8 +112,11 @@ impl Trial<'_> {
             Err(reason) => return Ok(Outcome::NoPose { reason }.into()),
             Ok(estimate) => estimate,
         };
-        if estimate.support < MIN_SUPPORT {
-            let (found, needed) = (estimate.support, MIN_SUPPORT);
+        let least = [
+            (estimate.inliers.len(), protocol.min_inliers),
+            (estimate.support, protocol.min_support),
+        ];
+        if let Some((found, needed)) = least.into_iter().find(|(found, needed)| found < needed) {
             let reason = NoPose::NoSupport { found, needed };
             return Ok(Outcome::NoPose { reason }.into());
         }
@@ -122,7 +142,7 @@ impl Trial<'_> {
     ) -> Result<Judged, Broken> {
         let unknown = || "the homography of the pair is not known".to_owned();
         let truth = self.truth.homography().ok_or_else(unknown)?;
-        let size_a = (self.size_a)()?;
+        let size_a = (self.size)(0)?;
         let estimated = self.timed(id, times, |seed, stop| match stop {
             None => estimator.estimate(points, seed),
             Some(stop) => estimator.estimate_until(points, seed, stop),

@@ -117,6 +117,7 @@ mod tests {
             ("estimators = ['ransac']\n", 1, "ransac-e"),
             ("seed = -1\n", 1, "-1"),
             ("repeat = 0\n", 1, "0"),
+            ("protocols = ['superglu']\n", 1, "superglue"),
             ("seed = 1\n[set]\nsift.ratoi = 0.7\n", 3, "ratoi"),
             ("[set.sift]\nratio = 7\n", 1, "7"),
             ("[set]\nrich.threshold_px = -1\n", 2, "rich"),

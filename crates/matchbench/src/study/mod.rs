@@ -33,8 +33,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use crate::config::Changes;
+use crate::config::{Changes, UnknownName};
 use crate::datasets::{DatasetError, ImportOptions, PairRule, import_once};
+use crate::protocols;
 use crate::records::{KeepMatches, Settings};
 
 pub use error::StudyError;
@@ -52,10 +53,14 @@ pub struct Study {
     /// The estimators that judge each of them; its own where there are none.
     #[serde(deserialize_with = "names::estimators")]
     pub estimators: Vec<String>,
+    /// The protocols that they are run under, or `all`; the paper's where there are none.
+    #[serde(deserialize_with = "names::protocols")]
+    pub protocols: Vec<String>,
     /// Root of all random choices. Default: 0.
     pub seed: u64,
-    /// How often every pair is done, each time with other random choices. Default: 1.
-    pub repeat: NonZeroU32,
+    /// How often every pair is done, each time with other random choices. Default: 1, or as often as a protocol
+    /// asks for.
+    pub repeat: Option<NonZeroU32>,
     /// Only the first so many pairs of each dataset. Default: all.
     pub limit: Option<usize>,
     /// Of these only so many, evenly spread. Default: all.
@@ -89,8 +94,9 @@ impl Default for Study {
             out: None,
             matchers: Vec::new(),
             estimators: Vec::new(),
+            protocols: Vec::new(),
             seed: 0,
-            repeat: NonZeroU32::MIN,
+            repeat: None,
             limit: None,
             sample: None,
             time_budget: None,
@@ -108,14 +114,22 @@ impl Default for Study {
 
 impl Study {
     /// What decides about the records beside datasets, matchers and estimators.
-    pub fn settings(&self) -> Settings {
-        Settings {
+    ///
+    /// # Errors
+    /// If there is no protocol of a name.
+    pub fn settings(&self) -> Result<Settings, UnknownName> {
+        let protocols = protocols::find_all(&self.protocols)?;
+        let shuffles = protocols.iter().map(|protocol| protocol.shuffles).max();
+        let shuffles = shuffles
+            .and_then(NonZeroU32::new)
+            .unwrap_or(NonZeroU32::MIN);
+        Ok(Settings {
             seed: self.seed,
-            repetitions: self.repeat,
+            repetitions: self.repeat.unwrap_or(shuffles),
             limit: self.limit,
             sample: self.sample,
             time_budget_ms: self.time_budget,
-        }
+        })
     }
 }
 

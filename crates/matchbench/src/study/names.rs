@@ -12,6 +12,7 @@ use crate::datasets::PairRule;
 use crate::estimators::{self, ESTIMATORS};
 use crate::external::Manifest;
 use crate::matchers::{self, MATCHERS};
+use crate::protocols;
 
 /// What a name may stand for.
 trait Named {
@@ -20,6 +21,7 @@ trait Named {
 
 struct Matcher;
 struct Estimator;
+struct Protocol;
 
 impl Named for Matcher {
     fn check(name: &str) -> Result<(), UnknownName> {
@@ -33,6 +35,15 @@ impl Named for Matcher {
 impl Named for Estimator {
     fn check(name: &str) -> Result<(), UnknownName> {
         estimators::find(name).map(drop)
+    }
+}
+
+impl Named for Protocol {
+    fn check(name: &str) -> Result<(), UnknownName> {
+        if name == "all" {
+            return Ok(());
+        }
+        protocols::find(name).map(drop)
     }
 }
 
@@ -75,6 +86,12 @@ pub(super) fn estimators<'de, D: Deserializer<'de>>(
     deserializer: D,
 ) -> Result<Vec<String>, D::Error> {
     known::<Estimator, D>(deserializer)
+}
+
+pub(super) fn protocols<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Vec<String>, D::Error> {
+    known::<Protocol, D>(deserializer)
 }
 
 pub(super) fn pair_rule<'de, D: Deserializer<'de>>(

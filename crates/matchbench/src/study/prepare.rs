@@ -10,6 +10,7 @@ use crate::datasets::ImportReport;
 use crate::exchange::{Format, MatchSource, ReadOptions};
 use crate::external::{Manifest, StartError};
 use crate::matchers::{self, BuiltPointSource, MATCHERS};
+use crate::protocols;
 use crate::records::{KeepMatches, RunFolder, Settings, Tuned};
 use crate::run::{Contender, ContenderError, Dataset, Outside, Run, manifest};
 
@@ -72,6 +73,10 @@ impl Study {
                 "its folder, or [[dataset]] in the run file",
             ));
         }
+        let (protocols, run_settings) = (
+            protocols::find_all(&self.protocols).map_err(ContenderError::from)?,
+            self.settings().map_err(ContenderError::from)?,
+        );
         let names = self.all_matchers();
         if names.is_empty() && self.matches.is_empty() {
             return Err(incomplete(
@@ -109,8 +114,9 @@ impl Study {
             logs: &folder.join("logs"),
             cache: &cache,
         };
+        let (estimators, outside) = (&self.estimators, Some(&outside));
         let (contenders, absent) =
-            Contender::from_names(&names, sources, &self.estimators, &changes, Some(&outside))?;
+            Contender::from_names(&names, sources, estimators, &protocols, &changes, outside)?;
         if contenders.is_empty() {
             let reasons: Vec<String> = absent.iter().map(ToString::to_string).collect();
             return Err(StudyError::NotStarted(reasons.join("; ")));
@@ -120,7 +126,7 @@ impl Study {
             contenders,
             absent,
             folder: folder.to_path_buf(),
-            settings: self.settings(),
+            settings: run_settings,
             tuned,
             cache,
             keep_matches: self.keep_matches,

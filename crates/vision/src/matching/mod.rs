@@ -30,6 +30,6 @@ pub use pipeline::Pipeline;
 pub use placewise::PlacewiseNeighbours;
 pub use ratio::RatioTest;
 pub use repmatch::{RepMatch, RepMatchParams};
-pub use resized::Resized;
+pub use resized::{ImageSize, Resized};
 pub use stages::{Matcher, Search, Selector, View};
 pub use symmetric_ratio::SymmetricRatioTest;

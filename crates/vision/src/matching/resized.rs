@@ -1,44 +1,76 @@
-//! A matcher that looks at smaller images: its features are found there, and are in pixels of the original.
+//! A matcher that looks at images of another size: its features are found there, and are in pixels of the original.
 //!
 //! The size of the images moves scores as much as the matcher does, so it has to be the same for matchers
-//! that are compared. Pixels of the smaller image are means of areas ([`shrink_u8`]), by halves where it
-//! is much smaller; a point at `x` lies at `(x + 1/2) s - 1/2` of the original, `s` the ratio of the sizes.
+//! that are compared. With a largest size, pixels of the smaller image are means of areas ([`shrink_u8`]), by
+//! halves where it is much smaller. An exact size is that of published protocols, whose programs resample bilinearly
+//! without smoothing ([`resize`], as OpenCV's `resize` does unless told otherwise), whatever becomes of the aspect.
+//! A point at `x` lies at `(x + 1/2) s - 1/2` of the original, `s` the ratio of the sizes.
 
 use super::{Correspondences, Matcher, MatcherError, View};
 use crate::features::{Detections, Features};
-use crate::image::{GrayImage, Size, shrink_u8};
+use crate::image::{GrayImage, Size, resize, shrink_u8};
 use crate::params::ParamError;
 use crate::seed::Seed;
 
-/// A matcher whose features are found in images of at most `max_size`.
+/// The size that images are looked at in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageSize {
+    /// At most so many pixels wide and high, of the same aspect; smaller images are left alone.
+    AtMost(usize),
+    /// This size, whatever the image's own and its aspect.
+    Exactly(Size),
+}
+
+/// A matcher whose features are found in images of another size.
 pub struct Resized {
     matcher: Box<dyn Matcher>,
-    max_size: usize,
+    size: ImageSize,
 }
 
 impl Resized {
-    /// A `matcher` for images that are at most `max_size` pixels wide and high.
+    /// A `matcher` for images of this `size`.
     ///
     /// # Errors
-    /// Unless `max_size` is at least 16.
-    pub fn new(matcher: Box<dyn Matcher>, max_size: usize) -> Result<Self, ParamError> {
-        ParamError::unless(max_size >= 16, "max_size", max_size, "at least 16")?;
-        Ok(Self { matcher, max_size })
+    /// Unless a largest size is at least 16, and an exact one 16 to [`Resized::MOST`] in width and height.
+    pub fn new(matcher: Box<dyn Matcher>, size: ImageSize) -> Result<Self, ParamError> {
+        match size {
+            ImageSize::AtMost(most) => {
+                ParamError::unless(most >= 16, "max_size", most, "at least 16")?;
+            }
+            ImageSize::Exactly(Size { width, height }) => {
+                let in_range = |length| (16..=Self::MOST).contains(&length);
+                let are_in_range = in_range(width) && in_range(height);
+                let what = format!("{width}x{height}");
+                ParamError::unless(are_in_range, "size", what, "16 to 8192 wide and high")?;
+            }
+        }
+        Ok(Self { matcher, size })
     }
 
-    /// The size that an image of `size` is looked at in: its own, if that is small enough.
+    /// Largest width and height of an exact size: a small image may be enlarged to it.
+    pub const MOST: usize = 8192;
+
+    /// The size that an image of `size` is looked at in.
     fn size_for(&self, size: Size) -> Size {
+        let most = match self.size {
+            ImageSize::AtMost(most) => most,
+            ImageSize::Exactly(_) if size.area() == 0 => return size,
+            ImageSize::Exactly(exact) => return exact,
+        };
         let long = size.width.max(size.height);
-        if long <= self.max_size {
+        if long <= most {
             return size;
         }
-        let factor = self.max_size as f64 / long as f64;
+        let factor = most as f64 / long as f64;
         let length = |length: usize| ((length as f64 * factor).round() as usize).max(1);
         Size::new(length(size.width), length(size.height))
     }
 
-    fn shrink(&self, image: &GrayImage) -> GrayImage {
+    fn resized(&self, image: &GrayImage) -> GrayImage {
         let target = self.size_for(image.size());
+        if let ImageSize::Exactly(_) = self.size {
+            return resize(image, target);
+        }
         let mut small = image.clone();
         while small.size() != target {
             let length = |now: usize, then: usize| then.max(now.div_ceil(2));
@@ -54,7 +86,7 @@ impl Resized {
 
 impl Matcher for Resized {
     fn extract(&self, image: &GrayImage) -> Result<Features, MatcherError> {
-        let small = self.shrink(image);
+        let small = self.resized(image);
         let features = self.matcher.extract(&small)?;
         Ok(features.in_pixels_of(small.size(), image.size()))
     }
@@ -64,7 +96,7 @@ impl Matcher for Resized {
         image: &GrayImage,
         detections: &mut dyn Detections,
     ) -> Result<Features, MatcherError> {
-        let small = self.shrink(image);
+        let small = self.resized(image);
         let features = self.matcher.extract_sharing(&small, detections)?;
         Ok(features.in_pixels_of(small.size(), image.size()))
     }
@@ -88,8 +120,9 @@ impl Matcher for Resized {
     }
 
     fn extraction_memory(&self, size: Size) -> usize {
+        let target = self.size_for(size);
         // The image is copied, and halved, before it is small.
-        2 * size.area() + self.matcher.extraction_memory(self.size_for(size))
+        2 * size.area().max(target.area()) + self.matcher.extraction_memory(target)
     }
 }
 
@@ -124,7 +157,7 @@ mod tests {
             squares(Size::new(240, 160), 8),
         );
         let expected = orb().extract(&small).expect("it cannot fail");
-        let found = Resized::new(orb(), 240).expect("in range");
+        let found = Resized::new(orb(), ImageSize::AtMost(240)).expect("in range");
         let found = found.extract(&large).expect("it cannot fail");
         assert!(!found.is_empty() && found.descriptors == expected.descriptors);
         assert_eq!(found.size, large.size());
@@ -137,7 +170,7 @@ mod tests {
 
     #[test]
     fn images_that_are_small_enough_are_left_alone_and_sizes_hold_for_all_others() {
-        let resized = Resized::new(orb(), 100).expect("in range");
+        let resized = Resized::new(orb(), ImageSize::AtMost(100)).expect("in range");
         for (from, to) in [
             ((100, 80), (100, 80)),
             ((0, 0), (0, 0)),
@@ -147,10 +180,27 @@ mod tests {
             ((990, 1234), (80, 100)),
         ] {
             let image = GrayImage::filled(Size::new(from.0, from.1), 9);
-            let small = resized.shrink(&image);
+            let small = resized.resized(&image);
             assert_eq!(small.size(), Size::new(to.0, to.1));
             assert!(small.data().iter().all(|&pixel| pixel == 9));
         }
-        assert!(Resized::new(orb(), 15).is_err());
+        assert!(Resized::new(orb(), ImageSize::AtMost(15)).is_err());
+    }
+
+    #[test]
+    fn an_exact_size_holds_for_every_image_and_is_bilinear() {
+        let exactly =
+            |width, height| Resized::new(orb(), ImageSize::Exactly(Size::new(width, height)));
+        let exact = exactly(120, 160).expect("in range");
+        for from in [(480, 320), (60, 40), (120, 160), (1, 1)] {
+            let image = squares(Size::new(from.0, from.1), 16);
+            assert_eq!(exact.resized(&image), resize(&image, Size::new(120, 160)));
+        }
+        let empty = GrayImage::filled(Size::new(0, 0), 0);
+        assert_eq!(exact.resized(&empty), empty);
+        let image = squares(Size::new(480, 320), 16);
+        let found = exact.extract(&image).expect("it cannot fail");
+        assert!(!found.is_empty() && found.size == image.size());
+        assert!(exactly(15, 160).is_err() && exactly(160, 8193).is_err());
     }
 }

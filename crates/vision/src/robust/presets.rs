@@ -136,6 +136,28 @@ pub fn lmeds_f() -> SampleConsensusParams {
     }
 }
 
+/// Five-point RANSAC as SuperGlue and most learned matchers since call OpenCV for their scores: as
+/// [`Ransac`](super::Ransac), but the inliers alone choose among the four decompositions, at any depth.
+///
+/// | field | value | OpenCV |
+/// | --- | --- | --- |
+/// | `score`, `sampler` | inlier count, uniform | `findEssentialMat(.., RANSAC)` |
+/// | `early_stop.confidence` | 0.99999 | its `prob` |
+/// | `max_iterations` | 1000 | its default |
+/// | `max_depth` | 1e9 | `recoverPose(.., 1e9, mask)` |
+pub fn ransac_e_inliers() -> SampleConsensusParams {
+    SampleConsensusParams {
+        geometry: ESSENTIAL,
+        score: inlier_count(1.0),
+        early_stop: Some(EarlyStop {
+            confidence: 0.99999,
+            min_iterations: 0,
+        }),
+        max_depth: 1e9,
+        ..plain(1000)
+    }
+}
+
 /// Seven-point RANSAC (Hartley, Zisserman, "Multiple View Geometry", 2004, sec. 11.1.2).
 pub fn ransac_f() -> SampleConsensusParams {
     SampleConsensusParams {
@@ -243,9 +265,10 @@ fn plain(max_iterations: usize) -> SampleConsensusParams {
 
 /// Every preset, for tests.
 #[cfg(all(test, feature = "serde"))]
-pub(super) const ALL: [fn() -> SampleConsensusParams; 10] = [
+pub(super) const ALL: [fn() -> SampleConsensusParams; 11] = [
     best,
     rich,
+    ransac_e_inliers,
     lo_ransac_e,
     magsac_e,
     mlesac_e,

@@ -40,6 +40,9 @@ pub struct Asked {
     pub matchers: Vec<String>,
     /// Ids of estimators; none where each matcher has its own.
     pub estimators: Vec<String>,
+    /// Ids of protocols; none where it is the paper's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub protocols: Vec<String>,
     /// Changes of parameters, each `ID.NAME=VALUE`.
     pub settings: Vec<String>,
 }

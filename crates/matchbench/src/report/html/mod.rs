@@ -5,6 +5,7 @@
 //! `style.css` and `script.js`.
 
 mod auc_table;
+mod hard_pairs;
 mod pair_list;
 mod pair_pages;
 mod times;
@@ -18,7 +19,9 @@ use base64::engine::general_purpose::STANDARD;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::{AutoEscape, Environment, Template, Value, context};
 
-use crate::metrics::{Angle, Detail, GROUP_LEVEL_NOTE, Portion, ScoreKind, Summary, shown_scores};
+use crate::metrics::{
+    Angle, Detail, FAILED_FROM, GROUP_LEVEL_NOTE, Portion, ScoreKind, Summary, shown_scores,
+};
 
 use super::content::Content;
 use super::figures::{
@@ -109,6 +112,8 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
             .map(str::to_owned)
             .collect::<Vec<_>>(),
         difficulties => difficulties(content, &overview),
+        hard_pairs => hard_pairs::rows(content, &overview, !extent.files.is_empty()),
+        failed_from => FAILED_FROM,
         scatters => scatters(content, &overview),
         estimators => estimators(summaries, &overview),
         pair_list => Value::from_safe_string(pair_list::data(content, &overview, extent)),

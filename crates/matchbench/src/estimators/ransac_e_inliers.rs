@@ -1,0 +1,14 @@
+//! `ransac-e-inliers`: the calls of OpenCV behind the scores of SuperGlue, LoFTR and RoMa.
+
+use matchbench_vision::robust::presets;
+
+use super::Preset;
+
+/// Five-point RANSAC whose inliers alone choose among the four poses.
+pub(super) const RANSAC_E_INLIERS: Preset = Preset {
+    id: "ransac-e-inliers",
+    summary: "ransac-e as SuperGlue and learned matchers since call it: the inliers alone choose the pose, at any depth",
+    reference: "Nistér, \"An Efficient Solution to the Five-Point Relative Pose Problem\", PAMI 26(6), 2004; \
+                Fischler, Bolles, \"Random Sample Consensus\", CACM 24(6), 1981",
+    defaults: presets::ransac_e_inliers,
+};

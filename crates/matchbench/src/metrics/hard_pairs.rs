@@ -1,0 +1,280 @@
+//! Where methods fail: kinds of hard pairs, the pairs of each kind, and a telling one.
+//!
+//! A kind is told from what is known of a pair besides the outcome: its true pose, and how many features and matches
+//! the matchers found. Counts differ from matcher to matcher, so each is held against the median of its own on this
+//! dataset, and most matchers that count must agree. A pair may be of several kinds; a telling pair is of one alone
+//! where there is such a pair.
+//!
+//! | kind | a pair is of it if |
+//! | --- | --- |
+//! | [`Hardship::WideAngle`] | the optical axes are [`WIDE_ANGLE`] degrees apart, or more |
+//! | [`Hardship::LittleOverlap`] | the upper bound of the overlap is below [`LITTLE_OVERLAP`] |
+//! | [`Hardship::LittleTexture`] | an image has less than half of the usual features |
+//! | [`Hardship::Ambiguous`] | less than half of the usual share of putative matches is selected, although neither angle, overlap nor texture explains it: mostly repeated structure |
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::{Angle, DatasetGeometry, Model, PairResult, ResultSet};
+
+/// Angle between the optical axes from which on a pair is wide, in degrees.
+pub const WIDE_ANGLE: f64 = 30.0;
+/// Upper bound of the overlap below which little is seen twice.
+pub const LITTLE_OVERLAP: f64 = 0.5;
+/// Pose error from which on a pair counts as failed here, in degrees.
+pub const FAILED_FROM: f64 = 10.0;
+
+/// A reason for which a pair may be hard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Hardship {
+    /// The cameras look in different directions.
+    WideAngle,
+    /// The images show little of the same.
+    LittleOverlap,
+    /// There are few features.
+    LittleTexture,
+    /// There are features, and few of their matches can be told from others.
+    Ambiguous,
+}
+
+impl Hardship {
+    /// All of them, in the order in which they are looked for.
+    pub const ALL: [Self; 4] = [
+        Self::WideAngle,
+        Self::LittleOverlap,
+        Self::LittleTexture,
+        Self::Ambiguous,
+    ];
+
+    /// In a few words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::WideAngle => "wide angle",
+            Self::LittleOverlap => "little overlap",
+            Self::LittleTexture => "little texture",
+            Self::Ambiguous => "ambiguous matches",
+        }
+    }
+
+    /// By what it is told, in a sentence without an end.
+    pub fn told_by(self) -> String {
+        match self {
+            Self::WideAngle => format!("optical axes at least {WIDE_ANGLE}° apart"),
+            Self::LittleOverlap => format!("overlap below {LITTLE_OVERLAP} for certain"),
+            Self::LittleTexture => "an image with less than half of the usual features".into(),
+            Self::Ambiguous => {
+                "less than half of the usual share of matches passes the selection, and nothing of \
+                 the others: repeated structure, mostly"
+                    .into()
+            }
+        }
+    }
+}
+
+/// The pairs of a dataset that are of one kind.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HardPairs {
+    /// The kind.
+    pub hardship: Hardship,
+    /// Its pairs.
+    pub pairs: BTreeSet<(u32, u32)>,
+    /// The one that most methods fail on; `None` if none fails on any.
+    pub telling: Option<(u32, u32)>,
+}
+
+impl HardPairs {
+    /// The share of results with a pose error below [`FAILED_FROM`], on these pairs and on all others; `None`
+    /// where there are none.
+    pub fn right(&self, set: &ResultSet) -> [Option<f64>; 2] {
+        let (inside, outside): (Vec<&PairResult>, Vec<_>) =
+            (set.pairs.iter().filter(|pair| is_of_pose(pair)))
+                .partition(|pair| self.pairs.contains(&(pair.a, pair.b)));
+        [inside, outside].map(|pairs| {
+            let right = pairs.iter().filter(|pair| is_right(pair)).count();
+            (!pairs.is_empty()).then(|| right as f64 / pairs.len() as f64)
+        })
+    }
+}
+
+fn is_of_pose(pair: &PairResult) -> bool {
+    pair.model == Model::Pose
+}
+
+fn is_right(pair: &PairResult) -> bool {
+    pair.error(Angle::Pose)
+        .is_some_and(|error| error < FAILED_FROM)
+}
+
+/// Every kind of hard pairs that a dataset has, from the poses of all methods on it; without a `geometry`, those
+/// that counts tell.
+pub fn hard_pairs(sets: &[&ResultSet], geometry: Option<&DatasetGeometry>) -> Vec<HardPairs> {
+    let mut failed = BTreeMap::<(u32, u32), usize>::new();
+    for pair in sets
+        .iter()
+        .flat_map(|set| &set.pairs)
+        .filter(|pair| is_of_pose(pair))
+    {
+        *failed.entry((pair.a, pair.b)).or_default() += usize::from(!is_right(pair));
+    }
+    let [bare, ambiguous] = by_counts(sets);
+    let of_pair = |pair: &(u32, u32)| -> BTreeSet<Hardship> {
+        let known = geometry.and_then(|geometry| geometry.get(pair));
+        let mut found = BTreeSet::new();
+        if known.is_some_and(|known| known.view_angle >= WIDE_ANGLE) {
+            found.insert(Hardship::WideAngle);
+        }
+        if known.is_some_and(|known| known.overlap < LITTLE_OVERLAP) {
+            found.insert(Hardship::LittleOverlap);
+        }
+        if bare.contains(pair) {
+            found.insert(Hardship::LittleTexture);
+        }
+        if found.is_empty() && ambiguous.contains(pair) {
+            found.insert(Hardship::Ambiguous);
+        }
+        found
+    };
+    let kinds: BTreeMap<(u32, u32), BTreeSet<Hardship>> =
+        failed.keys().map(|pair| (*pair, of_pair(pair))).collect();
+    let of_kind = |hardship: Hardship| {
+        let its = kinds.iter().filter(|(_, kinds)| kinds.contains(&hardship));
+        // One of this kind alone, then one that most methods fail on, then the first.
+        let telling = its.clone().filter(|(pair, _)| failed[pair] > 0);
+        let telling = telling.max_by_key(|(pair, kinds)| {
+            (kinds.len() == 1, failed[pair], std::cmp::Reverse(**pair))
+        });
+        HardPairs {
+            hardship,
+            pairs: its.map(|(pair, _)| *pair).collect(),
+            telling: telling.map(|(pair, _)| *pair),
+        }
+    };
+    let all = Hardship::ALL.map(of_kind).into_iter();
+    all.filter(|hard| !hard.pairs.is_empty()).collect()
+}
+
+/// Pairs that most matchers find few features in, and those of which they select few matches.
+fn by_counts(sets: &[&ResultSet]) -> [BTreeSet<(u32, u32)>; 2] {
+    // Estimators of a matcher get the same matches.
+    let mut matchers = BTreeMap::<&str, &ResultSet>::new();
+    for set in sets {
+        matchers.entry(&set.matcher).or_insert(set);
+    }
+    let mut votes = BTreeMap::<(u32, u32), [usize; 2]>::new();
+    let mut voters = 0;
+    for set in matchers.into_values() {
+        let counted: Vec<((u32, u32), f64, f64)> = (set.pairs.iter())
+            .filter(|pair| pair.repetition == 0)
+            .filter_map(|pair| {
+                let counts = pair.counts.filter(|counts| counts.putative > 0)?;
+                let features = counts.features_a.min(counts.features_b);
+                let share = f64::from(counts.selected) / f64::from(counts.putative);
+                Some(((pair.a, pair.b), f64::from(features), share))
+            })
+            .collect();
+        let [features, share] = [
+            counted.iter().map(|(_, features, _)| *features).collect(),
+            counted.iter().map(|(_, _, share)| *share).collect(),
+        ]
+        .map(median);
+        voters += usize::from(!counted.is_empty());
+        for (pair, its_features, its_share) in counted {
+            let votes = votes.entry(pair).or_default();
+            votes[0] += usize::from(its_features < features / 2.0);
+            votes[1] += usize::from(its_share < share / 2.0);
+        }
+    }
+    [0, 1].map(|vote| {
+        let most = votes.iter().filter(|(_, votes)| 2 * votes[vote] > voters);
+        most.map(|(pair, _)| *pair).collect()
+    })
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pair_result::tests::solved;
+    use super::super::{Failure, PairGeometry};
+    use super::*;
+    use crate::records::Counts;
+
+    /// Pairs (a, a + 1) of which each is right or not, with these numbers of features and selected matches of 100.
+    fn set(pairs: &[(bool, u32, u32)]) -> ResultSet {
+        let pair = |(a, &(right, features, selected)): (usize, &(bool, u32, u32))| {
+            let a = a as u32;
+            let pair = if right {
+                solved(a, 0.5, 0.5, 50)
+            } else {
+                PairResult::failed(a, a + 1, Failure::NoSupport)
+            };
+            let counts = Counts {
+                features_a: 1000,
+                features_b: features,
+                putative: 100,
+                selected,
+            };
+            PairResult {
+                counts: Some(counts),
+                ..pair
+            }
+        };
+        ResultSet {
+            dataset: "room".into(),
+            matcher: "sift".into(),
+            estimator: "best".into(),
+            repetitions: 1,
+            pairs: pairs.iter().enumerate().map(pair).collect(),
+            ignored: 0,
+        }
+    }
+
+    #[test]
+    fn each_kind_is_told_by_what_is_known_and_has_a_telling_pair() {
+        let results = set(&[
+            (true, 900, 50),
+            (true, 900, 50),
+            (false, 900, 50), // wide angle alone
+            (false, 100, 50), // wide angle and little texture
+            (false, 900, 5),  // ambiguous
+            (true, 100, 5),   // little texture, which explains the rest
+            (true, 900, 50),
+        ]);
+        let geometry: DatasetGeometry = (0..7)
+            .map(|a| {
+                let known = PairGeometry {
+                    baseline: 1.0,
+                    view_angle: if a == 2 || a == 3 { 40.0 } else { 5.0 },
+                    overlap: 0.9,
+                };
+                ((a, a + 1), known)
+            })
+            .collect();
+        let found = hard_pairs(&[&results], Some(&geometry));
+        let kinds: Vec<_> = found
+            .iter()
+            .map(|hard| (hard.hardship, hard.pairs.len(), hard.telling))
+            .collect();
+        assert_eq!(
+            kinds,
+            [
+                (Hardship::WideAngle, 2, Some((2, 3))),
+                (Hardship::LittleTexture, 2, Some((3, 4))),
+                (Hardship::Ambiguous, 1, Some((4, 5))),
+            ]
+        );
+        assert_eq!(found[0].right(&results), [Some(0.0), Some(0.8)]);
+        // Without the geometry, counts alone.
+        assert_eq!(hard_pairs(&[&results], None).len(), 2);
+        assert_eq!(hard_pairs(&[], None), []);
+    }
+
+    #[test]
+    fn where_nothing_is_counted_nothing_is_said() {
+        let mut results = set(&[(false, 1, 1), (true, 900, 50)]);
+        results.pairs.iter_mut().for_each(|pair| pair.counts = None);
+        assert_eq!(hard_pairs(&[&results], None), []);
+    }
+}

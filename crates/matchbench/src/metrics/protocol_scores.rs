@@ -1,0 +1,403 @@
+//! Results as a protocol of the field scores them, and what their run did otherwise.
+//!
+//! A protocol pools so many repetitions of every pair; where a run has more of them, each such group is a score of
+//! its own, and what is shown is their mean, with the standard deviation. A run with fewer is scored all the same,
+//! and says so.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::{PairResult, ResultSet, ScoreKind, score_kind};
+use crate::estimators;
+use crate::matchers::SIZES;
+use crate::protocols::{self, Centres, EstimatorRule, Protocol, SizeRule};
+use crate::records::{EstimatorPlan, MatcherPlan, Plan};
+
+/// One set of results by the scores of a protocol.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ProtocolScores {
+    /// Id of the protocol.
+    pub protocol: &'static str,
+    /// Name of the dataset, or `mean`: that of the scores over all datasets.
+    pub dataset: String,
+    /// Id of the matcher.
+    pub matcher: String,
+    /// Name of the estimator; empty where the results do not tell.
+    pub estimator: String,
+    /// Pairs, once per repetition.
+    pub pairs: usize,
+    /// Those of them without a pose.
+    pub failed: usize,
+    /// The scores of the protocol, in its order.
+    pub scores: Vec<ProtocolScore>,
+    /// What the run did otherwise than the protocol asks, in sentences without an end.
+    pub otherwise: Vec<String>,
+}
+
+/// A score of a protocol.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ProtocolScore {
+    /// Its id, one of [`SCORES`](super::SCORES).
+    pub id: &'static str,
+    /// The score in `[0, 1]`; `None` without pairs.
+    pub value: Option<f64>,
+    /// Sample standard deviation over groups of repetitions, where there are several.
+    pub deviation: Option<f64>,
+}
+
+impl ProtocolScore {
+    /// Its entry in the list of all scores.
+    pub fn kind(&self) -> &'static ScoreKind {
+        score_kind(self.id)
+    }
+}
+
+/// Scores the `sets` by each of the protocols `asked`: those that were made under it, or, where none was, all of
+/// them. With `plan`, that of their run, they also say what it did otherwise. Of several datasets the mean comes last,
+/// for each method and protocol.
+pub fn under_protocols(
+    sets: &[ResultSet],
+    plan: Option<&Plan>,
+    asked: &[&'static Protocol],
+) -> Vec<ProtocolScores> {
+    let made_under = |set: &ResultSet| protocols::of_estimator(&set.estimator);
+    // A run under several protocols is not scored by those that it was not made under.
+    let is_under_others = sets.iter().any(|set| !made_under(set).is_ours());
+    let mut all = Vec::new();
+    for &protocol in asked {
+        let own = || sets.iter().filter(|set| made_under(set).id == protocol.id);
+        if own().next().is_some() {
+            all.extend(own().map(|set| score(set, plan, protocol)));
+        } else if asked.len() == 1 || !is_under_others {
+            all.extend(sets.iter().map(|set| score(set, plan, protocol)));
+        }
+    }
+    let means = means(&all);
+    all.extend(means);
+    all
+}
+
+fn score(set: &ResultSet, plan: Option<&Plan>, protocol: &'static Protocol) -> ProtocolScores {
+    let groups = groups(set, protocol.shuffles);
+    let scores = protocol.scores.iter().map(|id| {
+        let kind = score_kind(id);
+        let values: Option<Vec<f64>> = (groups.iter())
+            .map(|pairs| (kind.value)(pairs).filter(|value| value.is_finite()))
+            .collect();
+        let values = values.unwrap_or_default();
+        ProtocolScore {
+            id: kind.id,
+            value: (!values.is_empty()).then(|| mean(&values)),
+            deviation: deviation(&values),
+        }
+    });
+    ProtocolScores {
+        protocol: protocol.id,
+        dataset: set.dataset.clone(),
+        matcher: set.matcher.clone(),
+        estimator: set.estimator.clone(),
+        pairs: set.pairs.len(),
+        failed: set
+            .pairs
+            .iter()
+            .filter(|pair| pair.outcome.is_err())
+            .count(),
+        scores: scores.collect(),
+        otherwise: otherwise(set, plan, protocol),
+    }
+}
+
+/// The pairs of as many repetitions at a time as are pooled; what is left over at the end is left out.
+fn groups(set: &ResultSet, pooled: u32) -> Vec<Vec<PairResult>> {
+    let count = (set.repetitions / pooled).max(1);
+    let mut groups = vec![Vec::new(); count as usize];
+    for pair in &set.pairs {
+        if let Some(group) = groups.get_mut((pair.repetition / pooled) as usize) {
+            group.push(pair.clone());
+        }
+    }
+    groups
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+fn deviation(values: &[f64]) -> Option<f64> {
+    let mean = mean(values);
+    let squares: f64 = values
+        .iter()
+        .map(|value| (value - mean) * (value - mean))
+        .sum();
+    (values.len() > 1).then(|| (squares / (values.len() - 1) as f64).sqrt())
+}
+
+/// The mean over datasets of each method under each protocol that has several.
+fn means(all: &[ProtocolScores]) -> Vec<ProtocolScores> {
+    let mut methods = BTreeMap::<_, Vec<&ProtocolScores>>::new();
+    let place = |id| {
+        protocols::PROTOCOLS
+            .iter()
+            .position(|protocol| protocol.id == id)
+    };
+    for one in all {
+        let method = (place(one.protocol), &one.matcher, &one.estimator);
+        methods.entry(method).or_default().push(one);
+    }
+    let several = methods.into_values().filter(|sets| sets.len() > 1);
+    let mean_of = |sets: Vec<&ProtocolScores>| {
+        let scores = (0..sets[0].scores.len()).map(|i| {
+            let values: Option<Vec<f64>> = sets.iter().map(|set| set.scores[i].value).collect();
+            ProtocolScore {
+                value: values.map(|values| mean(&values)),
+                deviation: None,
+                ..sets[0].scores[i]
+            }
+        });
+        ProtocolScores {
+            dataset: "mean".to_owned(),
+            pairs: sets.iter().map(|set| set.pairs).sum(),
+            failed: sets.iter().map(|set| set.failed).sum(),
+            scores: scores.collect(),
+            otherwise: Vec::new(),
+            ..sets[0].clone()
+        }
+    };
+    several.map(mean_of).collect()
+}
+
+/// What the run of a set did otherwise than the protocol asks.
+fn otherwise(set: &ResultSet, plan: Option<&Plan>, protocol: &Protocol) -> Vec<String> {
+    let mut found = Vec::new();
+    let made = protocols::of_estimator(&set.estimator);
+    let matcher = plan.and_then(|plan| plan.matcher(&set.matcher));
+    let estimator = matcher.and_then(|matcher| {
+        let mut estimators = matcher.estimators.iter();
+        estimators.find(|estimator| estimator.id == set.estimator)
+    });
+    match (matcher, estimator) {
+        (Some(matcher), Some(estimator)) => {
+            found.extend(other_size(matcher, protocol.size));
+            found.extend(other_estimator(estimator, protocol.estimator));
+        }
+        _ => found.push("how its poses were estimated is not known here".to_owned()),
+    }
+    if estimator.is_some() {
+        if (made.unit_in_words() != protocol.unit_in_words())
+            && !matches!(protocol.estimator, EstimatorRule::Own)
+        {
+            let (theirs, ours) = (made.unit_in_words(), protocol.unit_in_words());
+            found.push(format!("thresholds were in {theirs}, not in {ours}"));
+        }
+        if made.centres != protocol.centres && protocol.centres == Centres::Scaled {
+            found.push("points were kept where they are when sizes change".to_owned());
+        }
+        let least = |of: &Protocol| [of.min_matches, of.min_inliers, of.min_support];
+        if least(made) != least(protocol) {
+            let text = |least: [usize; 3]| {
+                let [matches, inliers, support] = least;
+                format!(
+                    "{matches} matches, {inliers} inliers or {support} in front of both cameras"
+                )
+            };
+            let (theirs, ours) = (text(least(made)), text(least(protocol)));
+            found.push(format!("a pair failed below {theirs}, not below {ours}"));
+        }
+    }
+    if set.repetitions < protocol.shuffles {
+        let (theirs, ours) = (set.repetitions, protocol.shuffles);
+        found.push(format!(
+            "{theirs} estimation of each pair was pooled, not {ours}"
+        ));
+    }
+    found
+}
+
+fn other_size(matcher: &MatcherPlan, asked: SizeRule) -> Option<String> {
+    if matcher.extraction.is_none() {
+        let words = asked.in_words();
+        return (asked != SizeRule::AsIs)
+            .then(|| format!("matches came from elsewhere, perhaps not of images {words}"));
+    }
+    let extractor = &matcher.params["extractor"];
+    let given = SIZES.map(|name| extractor.get(name).filter(|size| !size.is_null()));
+    let asked_params = asked.params().unwrap_or_default();
+    let wanted = SIZES.map(|name| asked_params["extractor"].get(name));
+    let theirs = match given {
+        _ if given == wanted => return None,
+        [Some(most), _] => format!("of at most {most} pixels"),
+        [_, Some(Value::String(size))] => format!("of {size} pixels"),
+        _ => "as they are".to_owned(),
+    };
+    Some(format!("images were {theirs}, not {}", asked.in_words()))
+}
+
+fn other_estimator(planned: &EstimatorPlan, asked: EstimatorRule) -> Option<String> {
+    let EstimatorRule::Of { id, params } = asked else {
+        return None;
+    };
+    let theirs = planned.variant_of.as_deref().unwrap_or(&planned.id);
+    if theirs != id {
+        return Some(format!("poses are by {theirs}, not by {id}"));
+    }
+    let wanted = estimators::find(id)
+        .ok()?
+        .build(Some(&params()))
+        .ok()?
+        .params;
+    let wanted = wanted.as_object().into_iter().flatten();
+    let others = wanted.filter_map(|(name, ours)| {
+        let theirs = planned.params.get(name).unwrap_or(&Value::Null);
+        (theirs != ours).then(|| format!("{name} was {theirs}, not {ours}"))
+    });
+    let others: Vec<String> = others.collect();
+    (!others.is_empty()).then(|| others.join(" and "))
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::super::pair_result::tests::solved;
+    use super::super::{SCORES, exact_auc};
+    use super::*;
+    use crate::protocols::{MATCHBENCH, PROTOCOLS, ROMA, SUPERGLUE};
+
+    fn set(estimator: &str, errors: &[&[f64]]) -> ResultSet {
+        let pairs = (0..).zip(errors).flat_map(|(repetition, errors)| {
+            (0..).zip(*errors).map(move |(a, error)| PairResult {
+                repetition,
+                ..solved(a, *error, 0.0, 30)
+            })
+        });
+        ResultSet {
+            dataset: "room".into(),
+            matcher: "sift".into(),
+            estimator: estimator.into(),
+            repetitions: errors.len() as u32,
+            pairs: pairs.collect(),
+            ignored: 0,
+        }
+    }
+
+    /// The plan of a run of SIFT with one estimator.
+    fn plan(estimator: Value, extractor: Value) -> Plan {
+        serde_json::from_value(json!({
+            "version": "0.1.0",
+            "settings": {"seed": 0, "repetitions": 1, "limit": null},
+            "datasets": [],
+            "matchers": [{
+                "id": "sift", "params": {"extractor": extractor}, "estimators": [estimator],
+                "extraction": {"extractor": "sift", "params": {}, "revision": 1}
+            }]
+        }))
+        .expect("a plan")
+    }
+
+    #[test]
+    fn every_score_of_a_protocol_is_on_the_list() {
+        for protocol in PROTOCOLS {
+            for id in protocol.scores {
+                assert!(
+                    SCORES.iter().any(|kind| kind.id == *id),
+                    "{}: {id}",
+                    protocol.id
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn repetitions_are_pooled_or_averaged_as_the_protocol_says() {
+        let runs: [&[f64]; 5] = [
+            &[1.0, 9.0],
+            &[2.0, 8.0],
+            &[3.0, 7.0],
+            &[4.0, 6.0],
+            &[0.5, 4.5],
+        ];
+        let set = set("ransac-e", &runs);
+        let aucs: Vec<f64> = (0..5)
+            .map(|repetition| {
+                let pairs = set
+                    .pairs
+                    .iter()
+                    .filter(|pair| pair.repetition == repetition);
+                exact_auc(&pairs.cloned().collect::<Vec<_>>(), 10.0)
+            })
+            .collect();
+        let [superglue, roma] =
+            [&SUPERGLUE, &ROMA].map(|protocol| score(&set, None, protocol).scores[1]);
+        assert!((superglue.value.unwrap() - mean(&aucs)).abs() < 1e-15);
+        assert_eq!(superglue.deviation, deviation(&aucs));
+        assert!((roma.value.unwrap() - exact_auc(&set.pairs, 10.0)).abs() < 1e-15);
+        assert!(roma.deviation.is_none() && roma.value != superglue.value);
+    }
+
+    #[test]
+    fn sets_are_scored_by_the_protocol_that_they_were_made_under() {
+        let sets = [
+            set("ransac-e-inliers@superglue", &[&[1.0]]),
+            set("ransac-e", &[&[2.0]]),
+        ];
+        let ids = |sets: &[ResultSet], asked: &[&'static Protocol]| -> Vec<(String, &str)> {
+            let scores = under_protocols(sets, None, asked).into_iter();
+            scores.map(|one| (one.estimator, one.protocol)).collect()
+        };
+        let own = [
+            ("ransac-e".to_owned(), "matchbench"),
+            ("ransac-e-inliers@superglue".to_owned(), "superglue"),
+        ];
+        assert_eq!(ids(&sets, PROTOCOLS), own);
+        assert_eq!(ids(&sets, &[&SUPERGLUE]), own[1..]);
+        // Poses of one run under all definitions.
+        assert_eq!(ids(&sets[1..], PROTOCOLS).len(), PROTOCOLS.len());
+        assert_eq!(ids(&sets, &[&ROMA]).len(), 2);
+    }
+
+    #[test]
+    fn the_mean_is_over_datasets() {
+        let mut sets = [
+            set("ransac-e", &[&[0.5, 20.0]]),
+            set("ransac-e", &[&[0.5, 0.5]]),
+        ];
+        sets[1].dataset = "hall".into();
+        let scores = under_protocols(&sets, None, &[&MATCHBENCH]);
+        assert_eq!(
+            (scores.len(), &*scores[2].dataset, scores[2].pairs),
+            (3, "mean", 4)
+        );
+        assert_eq!(scores[2].scores[0].value, Some(0.75));
+    }
+
+    #[test]
+    fn what_a_run_did_otherwise_is_said() {
+        let results = set("ransac-e", &[&[1.0]]);
+        let ours = plan(json!({"id": "ransac-e", "params": {}}), json!({}));
+        assert_eq!(score(&results, Some(&ours), &MATCHBENCH).otherwise, [""; 0]);
+        let said = score(&results, Some(&ours), &ROMA).otherwise.join("; ");
+        for text in [
+            "images were as they are, not of 1200 pixels along the longer side",
+            "poses are by ransac-e, not by ransac-e-inliers",
+            "thresholds were in pixels of the images as they are",
+            "below 20 matches",
+            "1 estimation of each pair was pooled, not 5",
+        ] {
+            assert!(said.contains(text), "{text}: {said}");
+        }
+        let results = set("ransac-e-inliers@superglue", &[&[1.0]]);
+        let built = estimators::find("ransac-e-inliers").unwrap();
+        let mut params = built.build(None).unwrap().params;
+        let theirs = |params: &Value| json!({"id": "ransac-e-inliers@superglue", "variant_of": "ransac-e-inliers", "params": params});
+        let under = plan(theirs(&params), json!({"size": "640x480"}));
+        assert_eq!(score(&results, Some(&under), &SUPERGLUE).otherwise, [""; 0]);
+        params["threshold_px"] = json!(2.0);
+        let under = plan(theirs(&params), json!({"size": "640x480"}));
+        let said = score(&results, Some(&under), &SUPERGLUE).otherwise;
+        assert_eq!(said, ["threshold_px was 2.0, not 1.0"]);
+        let unknown = score(&results, None, &SUPERGLUE).otherwise.join("; ");
+        assert!(unknown.contains("not known"), "{unknown}");
+    }
+}

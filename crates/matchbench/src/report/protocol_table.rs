@@ -1,0 +1,254 @@
+//! Results by the scores of protocols of the field: a row for each set of results and protocol, what each protocol
+//! is, and what the run did otherwise. In every form of a table.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+use crate::metrics::{ProtocolScore, ProtocolScores, SCORES, ScoreKind};
+use crate::protocols;
+
+use super::numbers::score;
+use super::{Format, csv, latex, markdown, table};
+
+/// The scores as text, ending in a line end.
+pub fn render_protocols(format: Format, scores: &[ProtocolScores]) -> String {
+    match format {
+        Format::Table => as_table(scores),
+        Format::Csv => as_csv(scores),
+        Format::Json => {
+            let text = serde_json::to_string_pretty(scores);
+            text.expect("names and numbers can be written") + "\n"
+        }
+        Format::Markdown => as_markdown(scores),
+        Format::Latex => as_latex(scores),
+    }
+}
+
+/// The scores that any of the protocols has, in the order of the list.
+fn kinds(scores: &[ProtocolScores]) -> Vec<&'static ScoreKind> {
+    let ids: BTreeSet<&str> = (scores.iter())
+        .flat_map(|one| one.scores.iter().map(|score| score.id))
+        .collect();
+    SCORES.iter().filter(|kind| ids.contains(kind.id)).collect()
+}
+
+const NAMES: [&str; 4] = ["dataset", "matcher", "estimator", "protocol"];
+
+fn names(one: &ProtocolScores) -> [&str; 4] {
+    [&one.dataset, &one.matcher, &one.estimator, one.protocol]
+}
+
+fn of(one: &ProtocolScores, kind: &ScoreKind) -> Option<ProtocolScore> {
+    one.scores.iter().find(|score| score.id == kind.id).copied()
+}
+
+/// A score for people, with its deviation; nothing where the protocol has no such score.
+fn cell(one: &ProtocolScores, kind: &ScoreKind) -> String {
+    let Some(found) = of(one, kind) else {
+        return String::new();
+    };
+    let value = score(kind.notation, found.value);
+    match found.deviation {
+        Some(deviation) => format!("{value} ± {}", score(kind.notation, deviation)),
+        None => value,
+    }
+}
+
+/// The head of a table for people, and its rows.
+fn cells(scores: &[ProtocolScores]) -> (Vec<String>, Vec<Vec<String>>) {
+    let kinds = kinds(scores);
+    let head = NAMES.into_iter().chain(["pairs", "failed"]);
+    let head = head
+        .chain(kinds.iter().map(|kind| kind.heading))
+        .map(str::to_owned);
+    let rows = scores.iter().map(|one| {
+        let counts = [one.pairs, one.failed].map(|count| count.to_string());
+        let values = kinds.iter().map(|kind| cell(one, kind));
+        let names = names(one).map(str::to_owned).into_iter();
+        names.chain(counts).chain(values).collect()
+    });
+    (head.collect(), rows.collect())
+}
+
+/// Below a table: what its scores mean, what each protocol is, and what was done otherwise; a line each.
+fn notes(scores: &[ProtocolScores]) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    let mut defined = None;
+    for kind in kinds(scores) {
+        match lines.last_mut() {
+            Some(line) if defined == Some(kind.definition) => {
+                let (heads, text) = line.split_once(": ").expect("written just now");
+                *line = format!("{heads}, {}: {text}", kind.heading);
+            }
+            _ => lines.push(format!("{}: {}", kind.heading, kind.definition)),
+        }
+        defined = Some(kind.definition);
+    }
+    if scores
+        .iter()
+        .flat_map(|one| &one.scores)
+        .any(|score| score.deviation.is_some())
+    {
+        lines.push("±: standard deviation over repetitions.".to_owned());
+    }
+    let shown = |id: &str| scores.iter().any(|one| one.protocol == id);
+    for protocol in protocols::PROTOCOLS
+        .iter()
+        .filter(|protocol| shown(protocol.id))
+    {
+        let words = protocol
+            .in_words()
+            .into_iter()
+            .filter(|(what, _)| *what != "scores");
+        let words: Vec<String> = words
+            .map(|(what, how)| match what {
+                "note" => how.trim_end_matches('.').to_owned(),
+                what => format!("{what}: {how}"),
+            })
+            .collect();
+        let (id, summary) = (protocol.id, protocol.summary);
+        lines.push(format!("{id}: {summary}. {}.", words.join("; ")));
+    }
+    let mut said = BTreeSet::new();
+    for one in scores.iter().filter(|one| !one.otherwise.is_empty()) {
+        let [_, matcher, estimator, protocol] = names(one);
+        let of = super::words::method(matcher, estimator);
+        let text = format!(
+            "{of} is not as {protocol} asks: {}.",
+            one.otherwise.join("; ")
+        );
+        if said.insert(text.clone()) {
+            lines.push(text);
+        }
+    }
+    lines
+}
+
+fn as_table(scores: &[ProtocolScores]) -> String {
+    if scores.is_empty() {
+        return "no results\n".to_owned();
+    }
+    let (head, rows) = cells(scores);
+    let mut text = table::aligned(&head, &rows, NAMES.len());
+    for note in notes(scores) {
+        let _ = write!(text, "\n{}", table::printable(&note));
+    }
+    text + "\n"
+}
+
+fn as_markdown(scores: &[ProtocolScores]) -> String {
+    if scores.is_empty() {
+        return "No results.\n".to_owned();
+    }
+    let (head, rows) = cells(scores);
+    let mut text = String::new();
+    markdown::rule_below(&mut text, &head, NAMES.len());
+    for row in rows {
+        markdown::line(&mut text, row.iter().map(|cell| markdown::escape(cell)));
+    }
+    text.push('\n');
+    for note in notes(scores) {
+        let _ = writeln!(text, "- {}", markdown::escape(&note));
+    }
+    text
+}
+
+fn as_latex(scores: &[ProtocolScores]) -> String {
+    let (head, rows) = cells(scores);
+    let mut text = String::from("% Needs \\usepackage{booktabs}.\n");
+    for note in notes(scores) {
+        let _ = writeln!(text, "% {}", note.replace(char::is_control, " "));
+    }
+    let numbers = head.len() - NAMES.len();
+    let _ = writeln!(
+        text,
+        "\\begin{{tabular}}{{{}{}}}",
+        "l".repeat(NAMES.len()),
+        "r".repeat(numbers)
+    );
+    let line = |cells: &[String]| {
+        let cells: Vec<String> = cells.iter().map(|cell| latex::escape(cell)).collect();
+        format!("{} \\\\\n", cells.join(" & "))
+    };
+    let _ = write!(text, "\\toprule\n{}\\midrule\n", line(&head));
+    for row in &rows {
+        text.push_str(&line(row));
+    }
+    text + "\\bottomrule\n\\end{tabular}\n"
+}
+
+/// One row for each set and protocol; scores that a protocol does not have are empty.
+fn as_csv(scores: &[ProtocolScores]) -> String {
+    let kinds = kinds(scores);
+    let mut text = NAMES.join(",") + ",pairs,failed";
+    for kind in &kinds {
+        let _ = write!(text, ",{0},{0}_deviation", kind.id);
+    }
+    text.push_str(",otherwise\n");
+    for one in scores {
+        let mut row: Vec<String> = names(one).map(csv::field).to_vec();
+        row.extend([one.pairs, one.failed].map(|count| count.to_string()));
+        for kind in &kinds {
+            let score = of(one, kind);
+            row.push(csv::number(score.and_then(|score| score.value)));
+            row.push(csv::number(score.and_then(|score| score.deviation)));
+        }
+        row.push(csv::field(&one.otherwise.join("; ")));
+        text += &(row.join(",") + "\n");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::content;
+    use super::*;
+    use crate::metrics::under_protocols;
+    use crate::protocols::{IMC, PROTOCOLS, SUPERGLUE};
+
+    fn scores() -> Vec<ProtocolScores> {
+        let results = content(&[("ro_om", "sift", 6), ("hall", "sift", 3)]).results;
+        under_protocols(&results, None, PROTOCOLS)
+    }
+
+    #[test]
+    fn every_form_has_every_row_and_takes_none() {
+        let scores = scores();
+        assert_eq!(scores.len(), 3 * PROTOCOLS.len());
+        for format in Format::ALL {
+            let text = render_protocols(format, &scores);
+            assert!(
+                text.ends_with('\n') && !text.ends_with("\n\n"),
+                "{format:?}"
+            );
+            for protocol in PROTOCOLS {
+                assert!(text.contains(protocol.id), "{format:?}: {text}");
+            }
+            assert!(render_protocols(format, &[]).ends_with('\n'));
+        }
+        let csv = render_protocols(Format::Csv, &scores);
+        let columns = csv.lines().next().map(|line| line.split(',').count());
+        assert_eq!(columns, Some(4 + 2 + 2 * 5 + 1));
+    }
+
+    #[test]
+    fn what_a_protocol_does_not_print_is_empty() {
+        let results = content(&[("room", "sift", 6)]).results;
+        let text = as_csv(&under_protocols(&results, None, &[&SUPERGLUE]));
+        assert!(text.starts_with("dataset,matcher,estimator,protocol,pairs,failed,exact_auc_5,"));
+        let text = as_table(&under_protocols(&results, None, &[&IMC]));
+        assert!(
+            text.contains("mAA 10°: Mean share") && !text.contains("Exact AUC"),
+            "{text}"
+        );
+        assert!(
+            text.contains("sift + ransac-e is not as imc asks"),
+            "{text}"
+        );
+        let text = as_latex(&scores());
+        assert!(
+            text.contains("ro\\_om") && !text.contains("ro_om"),
+            "{text}"
+        );
+    }
+}
