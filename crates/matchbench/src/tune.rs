@@ -12,7 +12,7 @@ use serde_json::{Map, Value};
 use crate::cache::FeatureCache;
 use crate::config::{Changes, ConfigError};
 use crate::estimators;
-use crate::metrics::{Angle, ResultsError, SuccessCurve, load_run};
+use crate::metrics::{ResultsError, load_run, ranking_auc};
 use crate::protocols::MATCHBENCH;
 use crate::records::{FolderError, RunFolder, Settings, Tuned, TunedOn};
 use crate::run::{
@@ -156,7 +156,7 @@ fn choose(
     let mean_auc = |variant: &Variant| {
         let aucs: Vec<f64> = (sets.iter())
             .filter(|set| set.estimator == variant.name && !set.pairs.is_empty())
-            .map(|set| SuccessCurve::new(&set.pairs, Angle::Pose).auc())
+            .map(|set| ranking_auc(&set.pairs))
             .collect();
         (!aucs.is_empty()).then(|| aucs.iter().sum::<f64>() / aucs.len() as f64)
     };

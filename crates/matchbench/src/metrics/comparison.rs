@@ -8,9 +8,7 @@ use std::collections::BTreeMap;
 use super::average_matches::is_right;
 use super::scores::{AP_THRESHOLD, HEADLINE_PX};
 use super::success::gain;
-use super::{
-    Angle, Bootstrap, Model, PairResult, ResultSet, Score, SuccessCurve, Term, corner_auc,
-};
+use super::{Angle, Bootstrap, Model, PairResult, ResultSet, Score, Term, ranking_auc};
 
 /// What changed from one set of results to another on the pairs that both have.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,10 +92,7 @@ pub struct Lead {
 
 /// The best of each dataset against each of the others, in the order of `sets`.
 pub fn leads(sets: &[ResultSet], bootstrap: &Bootstrap) -> Vec<Lead> {
-    let auc = |set: &ResultSet| match Model::of_all(&set.pairs) {
-        Model::Pose => SuccessCurve::new(&set.pairs, Angle::Pose).auc(),
-        Model::Homography => corner_auc(&set.pairs, HEADLINE_PX),
-    };
+    let auc = |set: &ResultSet| ranking_auc(&set.pairs);
     // Poses and homographies of one dataset are not compared.
     let key = |set: &ResultSet| (set.dataset.clone(), Model::of_all(&set.pairs));
     let mut best = BTreeMap::<(String, Model), (&ResultSet, f64)>::new();

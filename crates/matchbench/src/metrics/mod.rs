@@ -48,7 +48,9 @@ pub use pair_result::{Angle, AngularError, Deviation, Model, PairResult};
 pub use portion::Portion;
 pub use protocol_scores::{ProtocolScore, ProtocolScores, under_protocols};
 pub use results::{ResultSet, ResultsError};
-pub use scores::{Detail, Notation, SCORES, Score, ScoreKind, Scores, Spread, score_kind};
+pub use scores::{
+    Detail, Notation, SCORES, Score, ScoreKind, Scores, Spread, ranking_auc, score_kind,
+};
 pub use strata::{Stratum, auc_by_stratum, strata};
 pub use success::{SuccessCurve, THRESHOLDS};
 pub use summary::{Summary, shown_scores};

@@ -237,6 +237,15 @@ const fn accuracy<const PX: usize>(
 /// Pixels at which the AUC of homographies is the one that methods are ranked by.
 pub(super) const HEADLINE_PX: f64 = 3.0;
 
+/// The score that methods are ranked by: of poses the paper's AUC, of homographies that of the corner error at
+/// 3 pixels. NaN where there are no pairs.
+pub fn ranking_auc(pairs: &[PairResult]) -> f64 {
+    match Model::of_all(pairs) {
+        Model::Pose => SuccessCurve::new(pairs, Angle::Pose).auc(),
+        Model::Homography => corner_auc(pairs, HEADLINE_PX),
+    }
+}
+
 const SP: &str = "SP(k): share of all listed pairs with a pose error below k degrees, strictly. Pairs \
                   that failed or have no result count as wrong.";
 const ONE_ANGLE: &str =

@@ -4,10 +4,9 @@ use serde::Serialize;
 
 use crate::protocols;
 
-use super::scores::HEADLINE_PX;
 use super::{
     Angle, Bootstrap, Failures, Model, PairResult, Portion, ResultSet, SCORES, Score, ScoreKind,
-    Scores, StageQuartiles, SuccessCurve, corner_auc,
+    Scores, StageQuartiles, SuccessCurve, ranking_auc,
 };
 
 /// All scores of one dataset, matcher and estimator. Ratios are in `[0, 1]` and NaN without pairs.
@@ -153,11 +152,7 @@ fn auc_deviation(results: &ResultSet) -> Option<f64> {
         .map(|repetition| {
             let pairs = results.pairs.iter();
             let pairs = pairs.filter(|pair| pair.repetition == repetition).cloned();
-            let pairs: Vec<PairResult> = pairs.collect();
-            match Model::of_all(&pairs) {
-                Model::Pose => SuccessCurve::new(&pairs, Angle::Pose).auc(),
-                Model::Homography => corner_auc(&pairs, HEADLINE_PX),
-            }
+            ranking_auc(&pairs.collect::<Vec<_>>())
         })
         .collect();
     let mean = aucs.iter().sum::<f64>() / aucs.len() as f64;

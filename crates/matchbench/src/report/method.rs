@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use serde_json::Value;
 
-use crate::metrics::{Bootstrap, Portion};
+use crate::metrics::{Bootstrap, Model, Portion};
 use crate::records::{MIN_MATCHES, MIN_SUPPORT};
 
 use super::citations::{BENCHMARK, TOOL, citations};
@@ -95,7 +95,13 @@ fn pieces(content: &Content) -> Vec<Piece> {
         .flatten()
         .cloned()
         .collect();
-    pieces.push(Piece::Text(". The pose is estimated by ".to_owned()));
+    let of = |model| summaries.iter().any(|s| s.model == model);
+    let estimated = match (of(Model::Pose), of(Model::Homography)) {
+        (_, false) => "pose",
+        (false, true) => "homography",
+        (true, true) => "pose or homography",
+    };
+    pieces.push(Piece::Text(format!(". The {estimated} is estimated by ")));
     for (i, (estimator, its)) in estimators.iter().enumerate() {
         let mut name = if estimator.is_empty() {
             "an estimator that the results do not name".to_owned()
@@ -204,11 +210,27 @@ fn protocol(content: &Content, plan: &Value) -> String {
         .map(|s| s.repetitions)
         .max()
         .unwrap_or(1);
-    let mut text = format!(
-        ". A pair fails with fewer than {MIN_MATCHES} selected matches, or fewer than {MIN_SUPPORT} in front \
-         of both cameras; failed and missing pairs stay in every denominator. The pose error is the \
-         larger of the angles of rotation and of (signed) translation; SP(k) is the share of pairs below \
-         k degrees, and the AUC is the mean of SP(1) to SP(15). Intervals are {:.0} % percentile intervals \
+    let of = |model| content.summaries.iter().any(|s| s.model == model);
+    let mut text = String::from(". ");
+    if of(Model::Pose) {
+        let _ = write!(
+            text,
+            "A pair fails with fewer than {MIN_MATCHES} selected matches, or fewer than {MIN_SUPPORT} in front \
+             of both cameras. The pose error is the larger of the angles of rotation and of (signed) \
+             translation; SP(k) is the share of pairs below k degrees, and the AUC is the mean of SP(1) to \
+             SP(15). "
+        );
+    }
+    if of(Model::Homography) {
+        text.push_str(
+            "The error of a homography is the mean distance at which it and the true one see the four corners \
+             of the first image, and its AUC at k pixels the exact area under recall over this error up to k \
+             pixels. ",
+        );
+    }
+    let _ = write!(
+        text,
+        "Failed and missing pairs stay in every denominator. Intervals are {:.0} % percentile intervals \
          of {} bootstrap resamples of the reference images with all of their pairs; differences are paired.",
         bootstrap.level * 100.0,
         bootstrap.resamples
