@@ -12,6 +12,7 @@ mod daisy;
 mod dlco;
 mod freak;
 mod freak_sift;
+mod from_files;
 mod gaim;
 mod gms;
 mod gms_s;
@@ -30,6 +31,7 @@ use matchbench_vision::matching::{ImageSize, Matcher, Resized};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+pub use from_files::MatchesFrom;
 pub use source::{
     BuiltPointSource, ImageFiles, PointSource, Source, SourceError, SourceSeconds, SourcedMatches,
 };
@@ -316,7 +318,7 @@ mod tests {
                     .unwrap()
                     .replace('_', "-")
             })
-            .filter(|stem| !["mod", "local-features", "source"].contains(&&**stem))
+            .filter(|stem| !["mod", "from-files", "local-features", "source"].contains(&&**stem))
             .collect();
         let ids: BTreeSet<String> = MATCHERS.iter().map(|entry| entry.id().into()).collect();
         assert_eq!(
