@@ -22,6 +22,7 @@ mod latch;
 mod local_features;
 mod orb;
 mod repmatch;
+mod rootsift;
 mod sift;
 mod source;
 mod surf;
@@ -41,6 +42,7 @@ use crate::config::{self, ConfigError, UnknownName};
 /// All matchers, in the order of tables: that of the paper, variants after their originals.
 pub const MATCHERS: &[&dyn MatcherEntry] = &[
     &sift::SIFT,
+    &rootsift::ROOTSIFT,
     &surf::SURF,
     &orb::ORB,
     &brisk::BRISK,
