@@ -199,3 +199,80 @@ fn a_killed_shard_goes_on_and_copied_folders_serve() {
     done(merge.arg("--out").arg(at("merged")));
     assert!(results(&at("merged")) == results(&at("single")));
 }
+
+#[test]
+fn matches_from_files_are_shared_out_too() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| folder.path().join(name);
+    let wall = dataset(folder.path(), "wall", 5);
+    // Scores beyond 1 stand in the last pair alone, and say how those of all others are read; one pair is absent.
+    for (index, (a, b)) in [(0, 1), (0, 2), (1, 3), (2, 3), (0, 4), (3, 4)]
+        .into_iter()
+        .enumerate()
+    {
+        let score = if index == 5 { "7.5" } else { "0.25" };
+        let shift = 5 * (b - a);
+        let rows = (0..60).map(|i| (12 * (i % 8) + 30, 14 * (i / 8) + 10 + i % 3));
+        let rows = rows.map(|(x, y)| format!("{x} {y} {} {y} {score}", x - shift));
+        fs::create_dir_all(at("mine")).expect("writable");
+        fs::write(
+            at("mine").join(format!("{a}_{b}.txt")),
+            rows.collect::<Vec<_>>().join("\n"),
+        )
+        .expect("writable");
+    }
+    let asked = |command: &str| {
+        let mut asked = matchbench();
+        asked.arg(command).arg(&wall).arg("--matches");
+        asked.arg(format!("mine={}", at("mine").display()));
+        asked.args(["--pixel-center", "0", "--estimator", "best"]);
+        asked
+    };
+    let single = (asked("run").arg("--out").arg(at("single")).output()).expect("it ran");
+    assert_eq!(
+        single.status.code(),
+        Some(2),
+        "absent pairs count as failed"
+    );
+    done(
+        asked("plan")
+            .args(["--shards", "3", "--out"])
+            .arg(at("plan")),
+    );
+    // On another machine they are elsewhere, in a folder of the same name.
+    fs::create_dir(at("node")).expect("writable");
+    fs::rename(at("mine"), at("node/mine")).expect("writable");
+    let work = |shard: &str, matches: &Path| {
+        let mut work = matchbench();
+        work.arg("work").arg(at("plan")).args(["--shard", shard]);
+        work.arg("--matches")
+            .arg(format!("mine={}", matches.display()));
+        work.output().expect("it ran")
+    };
+    for shard in ["1", "2", "3"] {
+        let output = work(shard, &at("node/mine"));
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(matches!(output.status.code(), Some(0 | 2)), "{said}");
+    }
+    let mut merge = matchbench();
+    merge
+        .arg("merge")
+        .arg(at("plan"))
+        .arg("--out")
+        .arg(at("merged"));
+    assert_eq!(merge.output().expect("it ran").status.code(), Some(2));
+    assert!(results(&at("merged")) == results(&at("single")));
+    // Other files are another plan.
+    let file = at("node/mine/0_1.txt");
+    let changed = fs::read_to_string(&file)
+        .expect("readable")
+        .replacen("30 10", "31 10", 1);
+    fs::write(&file, changed).expect("writable");
+    fs::remove_dir_all(at("plan/shards")).expect("ours");
+    let refused = work("1", &at("node/mine"));
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(
+        refused.status.code() == Some(1) && said.contains("blake3"),
+        "{said}"
+    );
+}

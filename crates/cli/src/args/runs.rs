@@ -133,15 +133,23 @@ shard: equally many to each, so chosen that few images are extracted by more tha
 Examples:
   matchbench plan castle office --matchers sift,orb --estimator best --shards 16 --out plans/both
   matchbench work plans/both --shard 1       # on any machine; and 2 to 16
-  matchbench merge plans/both --out runs/both")]
+  matchbench merge plans/both --out runs/both
+  matchbench plan castle --matches mine=mine/matches --shards 16 --out plans/mine")]
 pub(crate) struct PlanArgs {
     /// Dataset folders
     #[arg(value_name = "DATASET", required = true)]
     pub datasets: Vec<PathBuf>,
     /// Matchers, separated by commas, or `all` (see `matchbench list matchers`); a path is the manifest of
     /// a matcher from outside, which every machine must have at the same path
-    #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
+    #[arg(
+        long,
+        value_name = "IDS",
+        value_delimiter = ',',
+        required_unless_present = "matches"
+    )]
     pub matchers: Vec<String>,
+    #[command(flatten)]
+    pub files: MatchesArgs,
     #[command(flatten)]
     pub choices: ChoiceArgs,
     /// How many shards; several for each machine even out machines of different speed
@@ -176,6 +184,9 @@ pub(crate) struct WorkArgs {
     /// A dataset folder, where it is not where it was planned; all of them then (repeatable)
     #[arg(long, value_name = "DATASET")]
     pub data: Vec<PathBuf>,
+    /// Where the files of planned matches are, if not where they were planned (repeatable)
+    #[arg(long, value_name = "NAME=PATH[,PATH]")]
+    pub matches: Vec<String>,
     /// Folder of the feature cache, which shards may share [default: PLAN/cache]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,

@@ -1,6 +1,7 @@
 //! `--matches NAME=PATH`: matches from the files of another tool, and what was understood of them.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
 use matchbench::exchange::MatchSource;
@@ -17,14 +18,10 @@ pub(crate) fn asked(args: &MatchesArgs) -> Result<Vec<MatchesFrom>> {
     let notes = notes(&args.note)?;
     (args.matches.iter())
         .map(|asked| {
-            let (name, files) = asked.split_once('=').unwrap_or_default();
-            ensure!(
-                !name.is_empty() && !files.is_empty(),
-                "--matches {asked}: expected NAME=PATH or NAME=PATH,PATH"
-            );
+            let (name, files) = named_files(asked)?;
             Ok(MatchesFrom {
-                name: name.to_owned(),
-                files: files.split(',').map(Into::into).collect(),
+                name,
+                files,
                 format: args.matches_format.clone(),
                 pixel_center: args.pixel_center,
                 resized: args.resized,
@@ -33,6 +30,16 @@ pub(crate) fn asked(args: &MatchesArgs) -> Result<Vec<MatchesFrom>> {
             })
         })
         .collect()
+}
+
+/// `NAME=PATH[,PATH]`.
+pub(crate) fn named_files(asked: &str) -> Result<(String, Vec<PathBuf>)> {
+    let (name, files) = asked.split_once('=').unwrap_or_default();
+    ensure!(
+        !name.is_empty() && !files.is_empty(),
+        "--matches {asked}: expected NAME=PATH or NAME=PATH,PATH"
+    );
+    Ok((name.to_owned(), files.split(',').map(Into::into).collect()))
 }
 
 /// Says what was read and what is missing or looks wrong.

@@ -11,6 +11,7 @@ use matchbench::run::{images_of_one, plan_shards};
 use matchbench::study::{Study, StudyDataset};
 
 use super::job::{choose, tell_news};
+use super::matches;
 use crate::Ending;
 use crate::args::PlanArgs;
 use crate::output::{say, stdout};
@@ -23,6 +24,17 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
         ..Study::default()
     };
     choose(&mut study, &args.choices)?;
+    study.matches = matches::asked(&args.files)?;
+    for from in &mut study.matches {
+        for file in &mut from.files {
+            *file = absolute(&file)?;
+            ensure!(
+                file.to_str().is_some(),
+                "{}: a plan holds paths as text; rename the file",
+                file.display()
+            );
+        }
+    }
     let prepared = study.prepare(&tell_news)?;
     for error in &prepared.absent {
         say!("error: {error}");
@@ -38,6 +50,7 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
         matchers: study.matchers.clone(),
         estimators: study.estimators.clone(),
         protocols: study.protocols.clone(),
+        matches: study.matches.clone(),
     };
     let (datasets, settings) = (&prepared.datasets, prepared.settings);
     let plan = plan_shards(

@@ -3,11 +3,14 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
+use matchbench::datasets::Unpaired;
 use matchbench::protocols;
 use matchbench::records::ShardPlan;
 use matchbench::run::{Contender, Dataset, Outside, Run, Shard};
+use matchbench::study::{MatchesFrom, sources_as_planned};
 
-use super::job::{AFTER_PAIRS, cache, changes, execute_run, open};
+use super::job::{AFTER_PAIRS, cache, changes, execute_run};
+use super::matches::named_files;
 use crate::Ending;
 use crate::args::WorkArgs;
 use crate::progress::cancel_on_ctrl_c;
@@ -16,10 +19,16 @@ pub(crate) fn run(args: &WorkArgs) -> Result<Ending> {
     let home = ShardPlan::folder(&args.plan);
     let plan = ShardPlan::open(&home)?;
     plan.shard(args.shard)?;
-    let datasets = datasets(args, &plan)?;
+    let shard = Shard {
+        plan: &plan,
+        number: args.shard,
+    };
+    let datasets = datasets(args, shard)?;
     let folder = (args.out.clone()).unwrap_or_else(|| ShardPlan::shard_folder(&home, args.shard));
     let features = (args.cache.clone()).unwrap_or_else(|| ShardPlan::default_cache(&home));
     let asked = plan.asked();
+    let sources = sources_as_planned(&matches(args, &plan)?, &datasets, plan.plan())
+        .context("matches from files are not as planned; say where they are with --matches")?;
     let cache = cache(Some(&features), &folder);
     let outside = Outside {
         logs: &folder.join("logs"),
@@ -27,11 +36,10 @@ pub(crate) fn run(args: &WorkArgs) -> Result<Ending> {
     };
     let changes = changes(&asked.settings)?;
     let protocols = protocols::find_all(&asked.protocols)?;
-    let (matchers, estimators) = (&asked.matchers, &asked.estimators);
     let (contenders, absent) = Contender::from_names(
-        matchers,
-        Vec::new(),
-        estimators,
+        &asked.matchers,
+        sources,
+        &asked.estimators,
         &protocols,
         &changes,
         Some(&outside),
@@ -45,39 +53,55 @@ pub(crate) fn run(args: &WorkArgs) -> Result<Ending> {
         cache,
         keep_matches: plan.keep_matches(),
         retry_failed: args.retry_failed,
-        shard: Some(Shard {
-            plan: &plan,
-            number: args.shard,
-        }),
+        shard: Some(shard),
         ..Run::new(&datasets, &contenders, &folder)
     };
     execute_run(&run, &cancel_on_ctrl_c(AFTER_PAIRS)?)
 }
 
-/// The datasets of the plan, in its order, where they are on this machine.
-fn datasets(args: &WorkArgs, plan: &ShardPlan) -> Result<Vec<Dataset>> {
-    let planned = &plan.plan().datasets;
+/// The datasets of the plan, in its order, where they are on this machine, with the pairs of the shard.
+fn datasets(args: &WorkArgs, shard: Shard<'_>) -> Result<Vec<Dataset>> {
+    let planned = &shard.plan.plan().datasets;
+    let open = |folders: &[PathBuf]| -> Result<Vec<Unpaired>> {
+        let opened = folders.iter().map(|folder| Unpaired::open(folder));
+        Ok(opened.collect::<Result<_, _>>()?)
+    };
+    let mut unpaired = Vec::new();
     if args.data.is_empty() {
         let folders: Vec<PathBuf> = planned.iter().map(|dataset| dataset.path.clone()).collect();
-        return open(&folders)
-            .context("the datasets are not where they were planned; say where with --data");
+        unpaired = open(&folders)
+            .context("the datasets are not where they were planned; say where with --data")?;
+    } else {
+        let mut given = open(&args.data)?;
+        for dataset in planned {
+            let index = given.iter().position(|given| given.name() == dataset.name);
+            let index = index.with_context(|| {
+                format!(
+                    "--data names no dataset called {}, which the plan has",
+                    dataset.name
+                )
+            })?;
+            unpaired.push(given.swap_remove(index));
+        }
+        ensure!(
+            given.is_empty(),
+            "--data names {}, which the plan does not have",
+            given[0].name()
+        );
     }
-    let mut given = open(&args.data)?;
-    let mut datasets = Vec::new();
-    for dataset in planned {
-        let index = (given.iter()).position(|given| given.sequence.name == dataset.name);
-        let index = index.with_context(|| {
-            format!(
-                "--data names no dataset called {}, which the plan has",
-                dataset.name
-            )
-        })?;
-        datasets.push(given.swap_remove(index));
+    let parts = unpaired.into_iter().map(|dataset| shard.part(dataset));
+    Ok(parts.collect::<Result<_, _>>()?)
+}
+
+/// The matches from files that were planned, where they are on this machine.
+fn matches(args: &WorkArgs, plan: &ShardPlan) -> Result<Vec<MatchesFrom>> {
+    let mut planned = plan.asked().matches.clone();
+    for moved in &args.matches {
+        let (name, files) = named_files(moved)?;
+        let from = planned.iter_mut().find(|from| from.name == name);
+        let from =
+            from.with_context(|| format!("--matches names {name}, which the plan does not have"))?;
+        from.files = files;
     }
-    ensure!(
-        given.is_empty(),
-        "--data names {}, which the plan does not have",
-        given[0].sequence.name
-    );
-    Ok(datasets)
+    Ok(planned)
 }

@@ -2,19 +2,43 @@
 
 use matchbench_vision::geometry::Camera;
 
-use super::Sequence;
+use super::{Frame, Pair, Sequence};
+
+/// What a dataset asks, where few of its pairs are in memory.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Whole {
+    /// Number of its pairs.
+    pub pairs: usize,
+    /// Its [`Sequence::fingerprint`].
+    pub fingerprint: String,
+}
 
 impl Sequence {
+    /// What is known of it where it is not at hand.
+    pub fn whole(&self) -> Whole {
+        Whole {
+            pairs: self.pairs.len(),
+            fingerprint: self.fingerprint(),
+        }
+    }
+
     /// Hash of what a dataset asks and of its truth. The images are not in it: reading them all would
     /// delay every start, and their features are found by their content.
     pub fn fingerprint(&self) -> String {
-        let mut hasher = blake3::Hasher::new();
-        let mut numbers = |numbers: &[f64]| {
-            for number in numbers {
-                hasher.update(&number.to_le_bytes());
-            }
-        };
-        for frame in &self.frames {
+        let mut fingerprint = Fingerprint::of(&self.frames);
+        (self.pairs.iter()).for_each(|pair| fingerprint.add(pair));
+        fingerprint.text(&self.frames)
+    }
+}
+
+/// The fingerprint of a dataset whose pairs are gone through.
+pub(super) struct Fingerprint(blake3::Hasher);
+
+impl Fingerprint {
+    /// That of a dataset with these frames and no pairs yet.
+    pub(super) fn of(frames: &[Frame]) -> Self {
+        let mut this = Self(blake3::Hasher::new());
+        for frame in frames {
             let Camera {
                 fx,
                 fy,
@@ -22,28 +46,41 @@ impl Sequence {
                 cy,
                 distortion,
             } = frame.camera;
-            numbers(&[fx, fy, cx, cy]);
+            this.numbers(&[fx, fy, cx, cy]);
             match distortion {
-                None => numbers(&[0.0; 5]),
-                Some(lens) => numbers(&[lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]),
+                None => this.numbers(&[0.0; 5]),
+                Some(lens) => this.numbers(&[lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]),
             }
         }
-        for pair in &self.pairs {
-            numbers(&[f64::from(pair.a), f64::from(pair.b)]);
-            if let Some(b_from_a) = pair.pose() {
-                numbers(b_from_a.rotation.coords.as_slice());
-                numbers(b_from_a.translation.vector.as_slice());
-            }
-            if let Some(homography) = pair.homography() {
-                numbers(homography.as_slice());
-            }
+        this
+    }
+
+    /// Adds the next pair.
+    pub(super) fn add(&mut self, pair: &Pair) {
+        self.numbers(&[f64::from(pair.a), f64::from(pair.b)]);
+        if let Some(b_from_a) = pair.pose() {
+            self.numbers(b_from_a.rotation.coords.as_slice());
+            self.numbers(b_from_a.translation.vector.as_slice());
         }
+        if let Some(homography) = pair.homography() {
+            self.numbers(homography.as_slice());
+        }
+    }
+
+    /// The fingerprint, once all pairs were added.
+    pub(super) fn text(mut self, frames: &[Frame]) -> String {
         // What few datasets have is hashed only where it is, so that the hashes of others stay.
-        for (index, frame) in self.frames.iter().enumerate() {
+        for (index, frame) in frames.iter().enumerate() {
             if !frame.turn.is_none() {
-                numbers(&[index as f64, f64::from(u8::from(frame.turn))]);
+                self.numbers(&[index as f64, f64::from(u8::from(frame.turn))]);
             }
         }
-        hasher.finalize().to_hex().to_string()
+        self.0.finalize().to_hex().to_string()
+    }
+
+    fn numbers(&mut self, numbers: &[f64]) {
+        for number in numbers {
+            self.0.update(&number.to_le_bytes());
+        }
     }
 }

@@ -13,6 +13,7 @@ mod fingerprint;
 mod images;
 mod importers;
 mod jpeg;
+mod listed;
 mod manifest;
 mod native;
 mod pairs;
@@ -32,11 +33,12 @@ pub use decode::{
 };
 pub use error::DatasetError;
 pub use exporters::{EXPORTS, Export, export};
+pub use fingerprint::Whole;
 pub use importers::{
     ImportOption, ImportOptions, ImportReport, Imported, KINDS, Kind, import, import_once,
     read_source,
 };
-pub use native::{describe, read_pairs, read_poses_of_pairs};
+pub use native::{Unpaired, describe, read_pairs, read_poses_of_pairs};
 pub use pairs::{PairRule, PairRuleError, relative_pose};
 pub use problem::{Problem, Severity};
 pub use sequence::{Frame, Pair, Sequence, Truth};

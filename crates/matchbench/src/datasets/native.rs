@@ -11,22 +11,22 @@
 //! ```
 //!
 //! One reader serves two callers: it goes on after an error and notes it, [`Sequence::open`]
-//! stops at the first one, `validate` reports all.
+//! stops at the first one, `validate` reports all. The lists of pairs may be longer than memory, see `listed`.
 
-use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::{Camera, Distortion};
 use nalgebra::{Isometry3, Matrix3};
 
+use super::fingerprint::Fingerprint;
 use super::images::{IMAGES, frame_images};
+use super::listed::{
+    Listed, each_pair, has_one_twice, is_there, listed, parse_homography, parse_pose,
+};
 use super::manifest::{self, Manifest};
-use super::pairs::pair_indices;
-use super::sequence::Truth;
 use super::text::{self, TextFile};
-use super::{DatasetError, Frame, Pair, Problem, Sequence, Severity};
+use super::{DatasetError, Frame, Pair, Problem, Sequence, Severity, Whole};
 use crate::files::check_name;
 
 pub(super) const POSES: &str = "pose.txt";
@@ -40,21 +40,38 @@ impl Sequence {
     /// # Errors
     /// The first thing that is wrong with its text files, or an image that is not there.
     pub fn open(dir: &Path) -> Result<Self, DatasetError> {
-        let mut problems = Vec::new();
-        let contents = Contents::read(dir, &mut problems);
-        if let Some(problem) = problems
-            .into_iter()
-            .find(|problem| problem.severity == Severity::Error)
-        {
-            return Err(problem.error);
+        let unpaired = Unpaired::open(dir)?;
+        let mut pairs = Vec::new();
+        unpaired.each_pair(|pair| pairs.push(pair))?;
+        if has_one_twice(&pairs) {
+            // Whoever notes everything knows in which lines.
+            let mut problems = Vec::new();
+            Contents::read(dir, &mut problems);
+            first_error(problems)?;
         }
+        Ok(unpaired.with(pairs))
+    }
+}
+
+/// A dataset whose pairs are still in their files, for whoever needs few of millions.
+#[derive(Clone, Debug)]
+pub struct Unpaired {
+    dir: PathBuf,
+    name: String,
+    frames: Vec<Frame>,
+}
+
+impl Unpaired {
+    /// Opens the dataset in the folder `dir` as [`Sequence::open`], but for its pairs.
+    ///
+    /// # Errors
+    /// The first thing that is wrong with what is read, or an image that is not there.
+    pub fn open(dir: &Path) -> Result<Self, DatasetError> {
+        let mut problems = Vec::new();
+        let contents = Contents::without_pairs(dir, &mut problems);
+        first_error(problems)?;
         let cameras = contents.cameras();
-        let pairs = contents.pairs();
-        let frames = contents
-            .images
-            .into_iter()
-            .zip(cameras)
-            .enumerate()
+        let frames = (contents.images.into_iter().zip(cameras).enumerate())
             .map(|(index, (image, camera))| Frame {
                 image,
                 turn: contents.manifest.turn(index),
@@ -63,10 +80,71 @@ impl Sequence {
             })
             .collect();
         Ok(Self {
+            dir: dir.into(),
             name: contents.name,
             frames,
-            pairs,
         })
+    }
+
+    /// Its folder.
+    pub fn folder(&self) -> &Path {
+        &self.dir
+    }
+
+    /// The name of the dataset.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The dataset with those of its pairs that `keep` asks for, in their order, and what all of them are. That
+    /// no pair stands twice is not looked at: nobody knows the fingerprint of such a list.
+    ///
+    /// # Errors
+    /// The first thing that is wrong with the lists of pairs.
+    pub fn part(
+        self,
+        mut keep: impl FnMut(&Pair) -> bool,
+    ) -> Result<(Sequence, Whole), DatasetError> {
+        let mut fingerprint = Fingerprint::of(&self.frames);
+        let (mut count, mut pairs) = (0, Vec::new());
+        self.each_pair(|pair| {
+            fingerprint.add(&pair);
+            count += 1;
+            if keep(&pair) {
+                pairs.push(pair);
+            }
+        })?;
+        let whole = Whole {
+            pairs: count,
+            fingerprint: fingerprint.text(&self.frames),
+        };
+        Ok((self.with(pairs), whole))
+    }
+
+    /// Hands over the pairs, in the order of [`Sequence::pairs`].
+    fn each_pair(&self, see: impl FnMut(Pair)) -> Result<(), DatasetError> {
+        each_pair(
+            &self.dir.join(PAIRS),
+            &self.dir.join(HOMOGRAPHIES),
+            self.frames.len(),
+            see,
+        )
+    }
+
+    fn with(self, pairs: Vec<Pair>) -> Sequence {
+        Sequence {
+            name: self.name,
+            frames: self.frames,
+            pairs,
+        }
+    }
+}
+
+fn first_error(problems: Vec<Problem>) -> Result<(), DatasetError> {
+    let is_error = |problem: &Problem| problem.severity == Severity::Error;
+    match problems.into_iter().find(is_error) {
+        Some(problem) => Err(problem.error),
+        None => Ok(()),
     }
 }
 
@@ -76,11 +154,10 @@ impl Sequence {
 /// If the file cannot be read or a line is wrong.
 pub fn read_pairs(file: &Path) -> Result<Vec<Pair>, DatasetError> {
     let mut problems = Vec::new();
-    let listed = parse_listed(&TextFile::read(file)?, None, parse_pose, &mut problems);
-    match problems.into_iter().next() {
-        Some(problem) => Err(problem.error),
-        None => Ok(paired(&listed, &[])),
-    }
+    let listed = listed(file, None, parse_pose, &mut problems);
+    first_error(problems)?;
+    let pair = |row: Listed<_>| Pair::with_pose(row.a, row.b, row.truth);
+    Ok(listed.into_iter().map(pair).collect())
 }
 
 /// Where the data of the dataset in `dir` come from and what they show, as its `dataset.toml` says;
@@ -121,15 +198,6 @@ pub fn read_poses_of_pairs(file: &Path, pairs: &[(u32, u32)]) -> Result<Vec<Pair
         .collect()
 }
 
-/// A pair as a file lists it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Listed<T> {
-    pub(super) line: usize,
-    pub(super) a: u32,
-    pub(super) b: u32,
-    pub(super) truth: T,
-}
-
 /// Everything the text files of a dataset say, each item with its line.
 #[derive(Debug, Default)]
 pub(super) struct Contents {
@@ -147,6 +215,23 @@ pub(super) struct Contents {
 
 impl Contents {
     pub(super) fn read(dir: &Path, problems: &mut Vec<Problem>) -> Self {
+        let mut contents = Self::without_pairs(dir, problems);
+        if !dir.is_dir() {
+            return contents;
+        }
+        // Without images every row would be out of range; one error is enough.
+        let count = (!contents.images.is_empty()).then_some(contents.images.len());
+        let (pairs, homographies) = (dir.join(PAIRS), dir.join(HOMOGRAPHIES));
+        if is_there(&pairs) || !is_there(&homographies) {
+            contents.posed = listed(&pairs, count, parse_pose, problems);
+        }
+        if is_there(&homographies) {
+            contents.mapped = listed(&homographies, count, parse_homography, problems);
+        }
+        contents
+    }
+
+    fn without_pairs(dir: &Path, problems: &mut Vec<Problem>) -> Self {
         if !dir.is_dir() {
             problems.push(
                 DatasetError::new(dir, "no such folder", "give the folder of a dataset").into(),
@@ -199,30 +284,15 @@ impl Contents {
                 Vec::new()
             }
         };
-        // Without images every row would be out of range; one error is enough.
-        let count = (!images.is_empty()).then_some(images.len());
-        let homographies = optional(&dir.join(HOMOGRAPHIES));
-        let pairs_file = dir.join(PAIRS);
-        let pairs = match &homographies {
-            Ok(Some(_)) => optional(&pairs_file),
-            _ => TextFile::read(&pairs_file).map(Some),
-        };
-        let posed = listed(pairs, count, parse_pose, problems);
-        let mapped = listed(homographies, count, parse_homography, problems);
         Self {
             name,
             manifest,
             camera,
             images,
             poses,
-            posed,
-            mapped,
+            posed: Vec::new(),
+            mapped: Vec::new(),
         }
-    }
-
-    /// The pairs of both files, those of `pairs.txt` first.
-    pub(super) fn pairs(&self) -> Vec<Pair> {
-        paired(&self.posed, &self.mapped)
     }
 
     /// The camera of every frame; `None` where neither the manifest nor `camera.txt` has one.
@@ -244,8 +314,7 @@ fn folder_name(dir: &Path) -> String {
 }
 
 fn optional(path: &Path) -> Result<Option<TextFile>, DatasetError> {
-    // A link that leads nowhere is something that is there.
-    if path.symlink_metadata().is_ok() {
+    if is_there(path) {
         TextFile::read(path).map(Some)
     } else {
         Ok(None)
@@ -320,102 +389,6 @@ fn parse_poses(
             (line, pose)
         })
         .collect()
-}
-
-/// The rows of a file, if there is one and it can be read.
-fn listed<T>(
-    file: Result<Option<TextFile>, DatasetError>,
-    frames: Option<usize>,
-    parse: fn(&str) -> Result<T, String>,
-    problems: &mut Vec<Problem>,
-) -> Vec<Listed<T>> {
-    match file {
-        Ok(Some(file)) => parse_listed(&file, frames, parse, problems),
-        Ok(None) => Vec::new(),
-        Err(error) => {
-            problems.push(error.into());
-            Vec::new()
-        }
-    }
-}
-
-/// Rows that begin with two frames, whose truth `parse` reads from the whole row.
-fn parse_listed<T>(
-    file: &TextFile,
-    frames: Option<usize>,
-    parse: fn(&str) -> Result<T, String>,
-    problems: &mut Vec<Problem>,
-) -> Vec<Listed<T>> {
-    let mut first_line = BTreeMap::new();
-    let mut pairs = Vec::new();
-    for (line, row) in file.rows() {
-        let parsed = pair_indices(row, frames).and_then(|(a, b)| {
-            let truth = parse(row)?;
-            Ok(Listed { line, a, b, truth })
-        });
-        match parsed {
-            Err(what) => problems.push(file.error_at(line, what).into()),
-            Ok(pair) => match first_line.entry((pair.a, pair.b)) {
-                Entry::Occupied(first) => {
-                    let what = format!(
-                        "the pair {} {} stands in line {} already",
-                        pair.a,
-                        pair.b,
-                        first.get()
-                    );
-                    problems.push(file.error_at(line, what).into());
-                }
-                Entry::Vacant(place) => {
-                    place.insert(line);
-                    pairs.push(pair);
-                }
-            },
-        }
-    }
-    if file.rows().next().is_none() {
-        problems.push(
-            file.error("there are no pairs", "list the pairs to be matched")
-                .into(),
-        );
-    }
-    pairs
-}
-
-fn parse_pose(row: &str) -> Result<Isometry3<f64>, String> {
-    let numbers: [f64; 14] = text::exactly(row)?;
-    let motion = numbers[2..].try_into().expect("12 of 14 numbers are left");
-    text::rigid_motion(&motion)
-}
-
-fn parse_homography(row: &str) -> Result<Matrix3<f64>, String> {
-    let numbers: [f64; 11] = text::exactly(row)?;
-    text::homography(&numbers[2..])
-}
-
-/// Joins what two files know about the same pairs.
-fn paired(posed: &[Listed<Isometry3<f64>>], mapped: &[Listed<Matrix3<f64>>]) -> Vec<Pair> {
-    let mut homographies: BTreeMap<(u32, u32), Matrix3<f64>> = (mapped.iter())
-        .map(|row| ((row.a, row.b), row.truth))
-        .collect();
-    let mut pairs = Vec::with_capacity(posed.len());
-    for row in posed {
-        let b_from_a = row.truth;
-        let truth = match homographies.remove(&(row.a, row.b)) {
-            None => Truth::Pose(b_from_a),
-            Some(homography) => Truth::Both {
-                b_from_a,
-                homography,
-            },
-        };
-        let (a, b) = (row.a, row.b);
-        pairs.push(Pair { a, b, truth });
-    }
-    let alone = mapped.iter().filter_map(|row| {
-        let homography = homographies.get(&(row.a, row.b))?;
-        Some(Pair::with_homography(row.a, row.b, *homography))
-    });
-    pairs.extend(alone);
-    pairs
 }
 
 #[cfg(test)]
@@ -542,8 +515,6 @@ mod tests {
             let mut problems = Vec::new();
             let _ = parse_camera(&file);
             parse_poses(&file, 2, &mut problems);
-            parse_listed(&file, Some(2), parse_pose, &mut problems);
-            parse_listed(&file, None, parse_homography, &mut problems);
         }
     }
 }

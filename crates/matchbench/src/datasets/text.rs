@@ -42,11 +42,7 @@ impl TextFile {
 
     /// Lines that hold something, trimmed, with their numbers (from 1).
     pub(super) fn rows(&self) -> impl Iterator<Item = (usize, &str)> {
-        self.text
-            .lines()
-            .enumerate()
-            .map(|(index, line)| (index + 1, line.trim()))
-            .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
+        (self.text.lines().zip(1..)).filter_map(|(text, line)| Some((line, row(text)?)))
     }
 
     /// All numbers of the file, however they are broken into lines.
@@ -65,9 +61,19 @@ impl TextFile {
 
     /// An error in one line whose remedy is to correct that line.
     pub(super) fn error_at(&self, line: usize, what: impl Into<String>) -> DatasetError {
-        self.error(what, "correct this line or take it out")
-            .at(line)
+        error_at(&self.path, line, what)
     }
+}
+
+/// An error in one line of the file at `path`, whose remedy is to correct that line.
+pub(super) fn error_at(path: &Path, line: usize, what: impl Into<String>) -> DatasetError {
+    DatasetError::new(path, what, "correct this line or take it out").at(line)
+}
+
+/// What a line holds, if it holds something: neither white space nor a comment.
+pub(super) fn row(line: &str) -> Option<&str> {
+    let row = line.trim();
+    (!row.is_empty() && !row.starts_with('#')).then_some(row)
 }
 
 /// The finite numbers of a row.

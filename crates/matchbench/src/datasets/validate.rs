@@ -14,7 +14,8 @@ use rayon::prelude::*;
 
 use super::decode::{decode_gray, exif_orientation};
 use super::images::IMAGES;
-use super::native::{CAMERA, Contents, HOMOGRAPHIES, Listed, PAIRS, POSES};
+use super::listed::Listed;
+use super::native::{CAMERA, Contents, HOMOGRAPHIES, PAIRS, POSES};
 use super::{DatasetError, Problem, manifest, relative_pose};
 use crate::files::read_file;
 

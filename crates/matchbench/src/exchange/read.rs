@@ -16,7 +16,9 @@ use nalgebra::Point2;
 use super::names::{NamedBy, Names};
 use super::probe::Probe;
 use super::{ExchangeError, FORMATS, Format, Rating, RawMatches, Scores, Source, Understood};
+use crate::config::UnknownName;
 use crate::datasets::Sequence;
+use crate::matchers::MatchesFrom;
 
 /// Points that fill less of the image's width and height than this, in all pairs, are warned about.
 const FILLED: f64 = 0.6;
@@ -36,6 +38,22 @@ pub struct ReadOptions {
     pub verified: bool,
     /// What is to be remembered with the matches.
     pub notes: BTreeMap<String, String>,
+}
+
+impl ReadOptions {
+    /// As matches were asked for.
+    ///
+    /// # Errors
+    /// If there is no such format.
+    pub fn of(asked: &MatchesFrom) -> Result<Self, UnknownName> {
+        Ok(Self {
+            format: asked.format.as_deref().map(Format::find).transpose()?,
+            pixel_center: asked.pixel_center,
+            resized: asked.resized,
+            verified: asked.verified,
+            notes: asked.notes.clone(),
+        })
+    }
 }
 
 /// Matches of a dataset in files.
@@ -87,6 +105,29 @@ impl MatchFiles {
         sequence: &Sequence,
         options: &ReadOptions,
     ) -> Result<Self, ExchangeError> {
+        Self::open_as(paths, sequence, options, None)
+    }
+
+    /// The same for a `part` of a dataset, all of which was `known` before: scores are read as they were
+    /// understood then, and files that have none of these pairs may be right.
+    ///
+    /// # Errors
+    /// As [`MatchFiles::open`].
+    pub fn open_part(
+        paths: &[PathBuf],
+        part: &Sequence,
+        options: &ReadOptions,
+        known: &Understood,
+    ) -> Result<Self, ExchangeError> {
+        Self::open_as(paths, part, options, Some(known))
+    }
+
+    fn open_as(
+        paths: &[PathBuf],
+        sequence: &Sequence,
+        options: &ReadOptions,
+        known: Option<&Understood>,
+    ) -> Result<Self, ExchangeError> {
         let probe = Probe::new(paths, &sequence.name)?;
         let files = probe.files.clone();
         let format = recognised(&probe, options.format)?;
@@ -127,7 +168,13 @@ impl MatchFiles {
             },
             survey: Survey::default(),
         };
-        this.assign(&found, contents.pairs.len(), sequence, &files)?;
+        this.assign(&found, contents.pairs.len(), sequence)?;
+        if this.pairs.is_empty() && !sequence.pairs.is_empty() && known.is_none() {
+            let name = &sequence.name;
+            let what = format!("none of its pairs is one of the dataset `{name}`");
+            let remedy = "name images as the dataset does, or frames by number";
+            return Err(ExchangeError::new(&files[0], what, remedy));
+        }
         if doubtful {
             this.survey.warnings.push(
                 match named_by {
@@ -141,7 +188,7 @@ impl MatchFiles {
                 .into(),
             );
         }
-        this.read_all()?;
+        this.read_all(known.map(|known| known.scores))?;
         Ok(this)
     }
 
@@ -187,7 +234,6 @@ impl MatchFiles {
         found: &BTreeMap<(u32, u32), usize>,
         count: usize,
         sequence: &Sequence,
-        files: &[PathBuf],
     ) -> Result<(), ExchangeError> {
         for pair in &sequence.pairs {
             let (a, b) = (pair.a, pair.b);
@@ -208,27 +254,19 @@ impl MatchFiles {
         self.survey.found = self.pairs.len();
         let used: BTreeSet<usize> = self.pairs.values().map(|(index, _)| *index).collect();
         self.survey.others = count - used.len();
-        if self.pairs.is_empty() && !sequence.pairs.is_empty() {
-            return Err(ExchangeError::new(
-                &files[0],
-                format!(
-                    "none of its pairs is one of the dataset `{}`",
-                    sequence.name
-                ),
-                "name images as the dataset does, or frames by number",
-            ));
-        }
         Ok(())
     }
 
-    /// Reads every pair once: checks it, and learns what scores look like and how far points reach.
-    fn read_all(&mut self) -> Result<(), ExchangeError> {
-        let mut scores = Scores::None;
+    /// Reads every pair once: checks it, and learns what scores look like, unless that is `known`, and how far
+    /// points reach.
+    fn read_all(&mut self, known: Option<Scores>) -> Result<(), ExchangeError> {
+        let mut scores = known.unwrap_or(Scores::None);
         let mut filled: f64 = 0.0;
         for (&(a, b), &(index, swapped)) in &self.pairs {
             let raw = self.raw(index, swapped, (a, b))?;
             self.survey.matches += raw.a.len() as u64;
             scores = match (&raw.rating, scores) {
+                (_, scores) if known.is_some() => scores,
                 (Rating::None, scores) => scores,
                 (Rating::Ambiguity(_), _) => Scores::Ambiguity,
                 (Rating::Score(values), Scores::None | Scores::Unit)

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use matchbench_vision::seed::Seed;
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::{ExchangeError, MatchFiles, ReadOptions};
+use super::{ExchangeError, MatchFiles, ReadOptions, Understood};
 use crate::config::to_json;
 use crate::datasets::Sequence;
 use crate::matchers::{BuiltPointSource, ImageFiles, PointSource, SourceError, SourcedMatches};
@@ -19,7 +19,8 @@ pub struct MatchSource {
 
 impl MatchSource {
     /// The matches at `paths` for each of the datasets; for several, `paths` must be one folder that
-    /// has a folder for each.
+    /// has a folder for each. Where datasets have but some of their pairs, `planned` are the parameters of the source of
+    /// all of them.
     ///
     /// # Errors
     /// As [`MatchFiles::open`]; or if several datasets would share files.
@@ -27,6 +28,7 @@ impl MatchSource {
         paths: &[PathBuf],
         datasets: &[&Sequence],
         options: &ReadOptions,
+        planned: Option<&Value>,
     ) -> Result<Self, ExchangeError> {
         let mut found = BTreeMap::new();
         for sequence in datasets {
@@ -40,10 +42,12 @@ impl MatchSource {
                     "for several datasets name one folder that has a folder of files for each",
                 ));
             }
-            found.insert(
-                sequence.name.clone(),
-                MatchFiles::open(paths, sequence, options)?,
-            );
+            let known = planned.and_then(|params| understood(params, &sequence.name));
+            let files = match known {
+                Some(known) => MatchFiles::open_part(paths, sequence, options, &known)?,
+                None => MatchFiles::open(paths, sequence, options)?,
+            };
+            found.insert(sequence.name.clone(), files);
         }
         Ok(Self { datasets: found })
     }
@@ -83,6 +87,15 @@ impl MatchSource {
             source: Box::new(self),
         }
     }
+}
+
+/// How the files of a dataset were understood, by the parameters of their source.
+fn understood(params: &Value, dataset: &str) -> Option<Understood> {
+    let datasets = params.get("datasets")?.as_array()?.iter();
+    let mut named = datasets.filter(|files| files["name"] == dataset);
+    let mut files = named.next()?.as_object()?.clone();
+    files.remove("name");
+    serde_json::from_value(files.into()).ok()
 }
 
 impl PointSource for MatchSource {

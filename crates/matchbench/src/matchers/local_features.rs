@@ -8,7 +8,9 @@
 //! | parameter | default | source |
 //! | --- | --- | --- |
 //! | `extractor` | the extractor's | OpenCV's, as in the paper's evaluation |
-//! | `ratio` | 0.8 | Lowe, section 7.1; the paper's evaluation |
+//! | `selection` | `ratio` | which matches are kept: `ratio`, Lowe's test, as in the paper's evaluation; `mutual`, nearest of each other; `smnn`, Lowe's test in both directions; `fginn`, Lowe's test with the second neighbour of another place |
+//! | `ratio` | 0.8 | Lowe, section 7.1; refused with `mutual`, which has none |
+//! | `radius_px` | 10 | Mishkin et al. 2015; refused but with `fginn` |
 //! | `search` | `exact` | `kdforest` is the paper's evaluation (FLANN), for real-valued descriptors |
 //! | `kdforest` | 4 trees, 32 checks | FLANN; refused where the search is exact |
 //!
@@ -18,7 +20,8 @@
 use matchbench_vision::ParamError;
 use matchbench_vision::features::{DescriptorKind, Extractor};
 use matchbench_vision::matching::{
-    KdForest, KdForestParams, NearestNeighbours, Pipeline, RatioTest, Search,
+    Fginn, KdForest, KdForestParams, MutualCheck, NearestNeighbours, Pipeline, RatioTest, Search,
+    Selector, SymmetricRatioTest,
 };
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -55,9 +58,26 @@ pub(super) struct LocalFeatures<P> {
 )]
 struct Params<P> {
     extractor: P,
+    selection: SelectionName,
     ratio: f32,
+    radius_px: f32,
     search: SearchName,
     kdforest: KdForestParams,
+}
+
+/// Which of the nearest neighbours are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum SelectionName {
+    /// Those clearly nearer than the second.
+    #[default]
+    Ratio,
+    /// Those that are each other's nearest.
+    Mutual,
+    /// Those that are so clearly, seen from either image.
+    Smnn,
+    /// Those clearly nearer than the first of another place.
+    Fginn,
 }
 
 /// How the nearest neighbours are searched.
@@ -75,10 +95,34 @@ impl<P: Default> Default for Params<P> {
     fn default() -> Self {
         Self {
             extractor: P::default(),
+            selection: SelectionName::default(),
             ratio: RatioTest::default().ratio,
+            radius_px: Fginn::default().radius_px,
             search: SearchName::default(),
             kdforest: KdForestParams::default(),
         }
+    }
+}
+
+impl SelectionName {
+    /// The selector, or why there is none.
+    fn build(self, ratio: f32, radius_px: f32) -> Result<Box<dyn Selector>, ParamError> {
+        let test = RatioTest::new(ratio)?;
+        if self == Self::Mutual && test != RatioTest::default() {
+            let message =
+                "`ratio` is set, but `selection` is \"mutual\", which has none; set it to \"smnn\"";
+            return Err(ParamError(message.into()));
+        }
+        if self != Self::Fginn && radius_px != Fginn::default().radius_px {
+            let message = "`radius_px` is set, but `selection` is not \"fginn\"; set it so";
+            return Err(ParamError(message.into()));
+        }
+        Ok(match self {
+            Self::Ratio => Box::new(test),
+            Self::Mutual => Box::new(MutualCheck),
+            Self::Smnn => Box::new(SymmetricRatioTest::new(ratio)?),
+            Self::Fginn => Box::new(Fginn::new(test, radius_px)?),
+        })
     }
 }
 
@@ -132,13 +176,20 @@ impl<P: Serialize + DeserializeOwned + Default> MatcherEntry for LocalFeatures<P
                 part.remove(*name);
             }
         }
+        // Before there was a choice, all matchers did what is the default of these.
+        if let (Some(params), Value::Object(defaults)) = (params.as_object_mut(), self.defaults()) {
+            for name in ["selection", "radius_px"] {
+                params.entry(name).or_insert_with(|| defaults[name].clone());
+            }
+        }
         params
     }
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {
         let params: Params<P> = parse_params(self.id, params)?;
         let refused = |error| ConfigError::new(self.id, error);
-        let ratio = RatioTest::new(params.ratio).map_err(refused)?;
+        let selector = params.selection.build(params.ratio, params.radius_px);
+        let selector = selector.map_err(refused)?;
         let json = to_json(&params);
         let extraction = Extraction {
             extractor: self.id.into(),
@@ -156,7 +207,7 @@ impl<P: Serialize + DeserializeOwned + Default> MatcherEntry for LocalFeatures<P
             matcher: Box::new(Pipeline {
                 extractor,
                 search: search.map_err(refused)?,
-                selectors: vec![Box::new(ratio)],
+                selectors: vec![selector],
             }),
         })
     }
@@ -164,7 +215,10 @@ impl<P: Serialize + DeserializeOwned + Default> MatcherEntry for LocalFeatures<P
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use matchbench_vision::image::{GrayImage, Size};
+    use matchbench_vision::matching::View;
     use matchbench_vision::seed::Seed;
     use serde_json::json;
 
@@ -202,6 +256,10 @@ mod tests {
                 "checks",
             ),
             (json!({"kdforest": {"trees": 8}}), "kdforest"),
+            (json!({"selection": "lowe"}), "lowe"),
+            (json!({"selection": "mutual", "ratio": 0.9}), "ratio"),
+            (json!({"radius_px": 5}), "radius_px"),
+            (json!({"selection": "fginn", "radius_px": -1}), "radius_px"),
         ] {
             let message = SIFT
                 .build(Some(&params))
@@ -212,6 +270,53 @@ mod tests {
                 message.contains(named) && message.contains("sift"),
                 "{message}"
             );
+        }
+    }
+
+    #[test]
+    fn every_feature_has_every_selection_and_each_parameter_of_it_acts() {
+        let image = |shift: usize| {
+            GrayImage::from_fn(Size::new(160, 120), |x, y| {
+                let patch = Seed(6)
+                    .number(((x + shift) / 9) as u64)
+                    .number((y / 7) as u64);
+                let noise = Seed(shift as u64).number(x as u64).number(y as u64);
+                (patch.rng().below(240) + noise.rng().below(16)) as u8
+            })
+        };
+        let images = [image(0), image(4)];
+        for entry in [&SIFT as &dyn MatcherEntry, &ORB] {
+            let selected = |params: Value| {
+                let matcher = entry.build(Some(&params)).unwrap().matcher;
+                let [a, b] = [0, 1].map(|index| matcher.extract(&images[index]).unwrap());
+                let putative = matcher.search(&a, &b).unwrap();
+                let [a, b] = [&a, &b].map(|features| View {
+                    features,
+                    image: None,
+                    camera: None,
+                });
+                let selected = matcher.select(a, b, putative, Seed(0)).unwrap();
+                selected.iter().map(|m| (m.a, m.b)).collect::<BTreeSet<_>>()
+            };
+            let [ratio, mutual, smnn, fginn] = ["ratio", "mutual", "smnn", "fginn"]
+                .map(|name| selected(json!({"selection": name})));
+            assert!(smnn.is_subset(&ratio) && smnn.is_subset(&mutual) && smnn.len() > 10);
+            assert!(ratio.is_subset(&fginn) && ratio.len() < fginn.len());
+            assert!(mutual != ratio && mutual != fginn);
+            for changed in [
+                json!({"selection": "smnn", "ratio": 0.5}),
+                json!({"selection": "fginn", "ratio": 0.5}),
+                json!({"selection": "fginn", "radius_px": 2}),
+            ] {
+                let with = |name: &str| json!({"selection": name});
+                let before = selected(with(changed["selection"].as_str().unwrap()));
+                assert_ne!(
+                    selected(changed.clone()),
+                    before,
+                    "{}: {changed}",
+                    entry.id()
+                );
+            }
         }
     }
 

@@ -12,6 +12,7 @@ mod daisy;
 mod dlco;
 mod freak;
 mod freak_sift;
+mod from_files;
 mod gaim;
 mod gms;
 mod gms_s;
@@ -21,6 +22,7 @@ mod latch;
 mod local_features;
 mod orb;
 mod repmatch;
+mod rootsift;
 mod sift;
 mod source;
 mod surf;
@@ -30,6 +32,7 @@ use matchbench_vision::matching::{ImageSize, Matcher, Resized};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+pub use from_files::MatchesFrom;
 pub use source::{
     BuiltPointSource, ImageFiles, PointSource, Source, SourceError, SourceSeconds, SourcedMatches,
 };
@@ -39,6 +42,7 @@ use crate::config::{self, ConfigError, UnknownName};
 /// All matchers, in the order of tables: that of the paper, variants after their originals.
 pub const MATCHERS: &[&dyn MatcherEntry] = &[
     &sift::SIFT,
+    &rootsift::ROOTSIFT,
     &surf::SURF,
     &orb::ORB,
     &brisk::BRISK,
@@ -316,7 +320,7 @@ mod tests {
                     .unwrap()
                     .replace('_', "-")
             })
-            .filter(|stem| !["mod", "local-features", "source"].contains(&&**stem))
+            .filter(|stem| !["mod", "from-files", "local-features", "source"].contains(&&**stem))
             .collect();
         let ids: BTreeSet<String> = MATCHERS.iter().map(|entry| entry.id().into()).collect();
         assert_eq!(

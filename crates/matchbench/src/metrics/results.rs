@@ -12,9 +12,10 @@
 //! counted, listed pairs without a row are failures, and a second row for the same pair is an
 //! error: nobody could say which one counts.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs;
 use std::io;
+use std::mem;
 use std::path::{Path, PathBuf};
 
 use crate::datasets::{DatasetError, Pair, read_pairs};
@@ -98,7 +99,7 @@ pub(super) fn of_run(
     }
     sort(&mut sets);
     order_as_planned(&mut sets, run.plan());
-    let mut listed = BTreeMap::<String, BTreeSet<(u32, u32)>>::new();
+    let mut listed = BTreeMap::<String, Vec<(u32, u32)>>::new();
     for set in &sets {
         let pairs = listed.entry(set.dataset.clone()).or_default();
         match datasets {
@@ -109,6 +110,8 @@ pub(super) fn of_run(
             Some(_) => {}
             None => pairs.extend(set.pairs.iter().map(|pair| (pair.a, pair.b))),
         }
+        pairs.sort_unstable();
+        pairs.dedup();
     }
     for (dataset, pairs) in &mut listed {
         let chosen = choice.of(dataset)?;
@@ -120,27 +123,35 @@ pub(super) fn of_run(
     Ok(sets)
 }
 
-/// Brings the pairs of a run into line with the listed ones: others out, missing ones in.
-fn complete(set: &mut ResultSet, listed: &BTreeSet<(u32, u32)>) {
-    let found = set.pairs.len();
-    let model = Model::of_all(&set.pairs);
-    let mut results: BTreeMap<_, _> = (set.pairs.drain(..))
-        .map(|pair| ((pair.a, pair.b, pair.repetition), pair))
-        .collect();
-    let mut scored = 0;
-    for &(a, b) in listed {
-        for repetition in 0..set.repetitions {
-            let result = results.remove(&(a, b, repetition));
-            scored += usize::from(result.is_some());
-            set.pairs.push(result.unwrap_or_else(|| PairResult {
-                repetition,
-                ..PairResult::failed(a, b, Failure::Missing)
-            }));
-        }
-    }
+/// Brings the pairs of a run into line with the listed ones, which are sorted: others out, missing ones in.
+fn complete(set: &mut ResultSet, listed: &[(u32, u32)]) {
+    let task = |pair: &PairResult| (pair.a, pair.b, pair.repetition);
+    set.pairs.sort_unstable_by_key(task);
     // Neither missing results nor broken tasks say what they are of.
-    for pair in &mut set.pairs {
-        pair.model = model;
+    let model = Model::of_all(&set.pairs);
+    (set.pairs.iter_mut()).for_each(|pair| pair.model = model);
+    let repetitions = set.repetitions;
+    let expected =
+        || (listed.iter()).flat_map(move |&(a, b)| (0..repetitions).map(move |r| (a, b, r)));
+    // Millions of pairs are not copied where none is missing.
+    if expected().eq(set.pairs.iter().map(task)) {
+        return;
+    }
+    let found = set.pairs.len();
+    let mut results = mem::take(&mut set.pairs).into_iter().peekable();
+    let mut scored = 0;
+    for (a, b, repetition) in expected() {
+        while results
+            .next_if(|other| task(other) < (a, b, repetition))
+            .is_some()
+        {}
+        let result = results.next_if(|result| task(result) == (a, b, repetition));
+        scored += usize::from(result.is_some());
+        set.pairs.push(result.unwrap_or_else(|| PairResult {
+            repetition,
+            model,
+            ..PairResult::failed(a, b, Failure::Missing)
+        }));
     }
     set.ignored = found - scored;
 }
@@ -148,25 +159,10 @@ fn complete(set: &mut ResultSet, listed: &BTreeSet<(u32, u32)>) {
 /// The records of one file; none where nothing has been recorded yet.
 fn read_records(file: &Path) -> Result<Option<ResultSet>, ResultsError> {
     let mut set: Option<ResultSet> = None;
-    let mut lines = BTreeMap::new();
+    let mut lines = Vec::new();
     store::for_each(file, |line, record| {
         let task = &record.task;
-        if let Some(first) = lines.insert((task.a, task.b, task.repetition), line) {
-            return Err(twice(file, line, (task.a, task.b), first));
-        }
-        // A run does them in their order, so a number stands for that many records.
-        if let Some(before) = task.repetition.checked_sub(1)
-            && !lines.contains_key(&(task.a, task.b, before))
-        {
-            return Err(ResultsError::Line {
-                path: file.to_path_buf(),
-                line,
-                problem: format!(
-                    "repetition {} of the pair {} {} without the one before it; delete this line",
-                    task.repetition, task.a, task.b
-                ),
-            });
-        }
+        lines.push(([task.a, task.b, task.repetition], line));
         let set = set.get_or_insert_with(|| ResultSet {
             dataset: task.dataset.clone(),
             matcher: task.matcher.clone(),
@@ -186,11 +182,39 @@ fn read_records(file: &Path) -> Result<Option<ResultSet>, ResultsError> {
                     .to_owned(),
             });
         }
-        set.repetitions = set.repetitions.max(task.repetition + 1);
+        set.repetitions = set.repetitions.max(task.repetition.saturating_add(1));
         set.pairs.push(PairResult::from(&record));
         Ok(())
     })?;
+    check_tasks(file, lines)?;
     Ok(set)
+}
+
+/// Whether no task, a pair and a repetition of it, stands in two lines, and none without the repetition before it.
+fn check_tasks(file: &Path, mut lines: Vec<([u32; 3], usize)>) -> Result<(), ResultsError> {
+    lines.sort_unstable();
+    let mut before = None;
+    for &(task, line) in &lines {
+        let [a, b, repetition] = task;
+        if let Some((same, first)) = before
+            && same == task
+        {
+            return Err(twice(file, line, (a, b), first));
+        }
+        // A run does them in their order, so a number stands for that many records.
+        let follows = |(other, earlier)| other == [a, b, repetition - 1] && earlier < line;
+        if repetition > 0 && !before.is_some_and(follows) {
+            return Err(ResultsError::Line {
+                path: file.to_path_buf(),
+                line,
+                problem: format!(
+                    "repetition {repetition} of the pair {a} {b} without the one before it; delete this line"
+                ),
+            });
+        }
+        before = Some((task, line));
+    }
+    Ok(())
 }
 
 pub(super) fn listed_pairs(datasets: &Path, dataset: &str) -> Result<Vec<Pair>, ResultsError> {
@@ -342,6 +366,15 @@ mod tests {
         let sets = load(run.path(), Some(&run.path().join("datasets"))).expect("in order");
         assert_eq!((sets[0].pairs.len(), sets[0].ignored), (2, 1));
         assert_eq!(sets[0].pairs[1].outcome, Err(Failure::Missing));
+    }
+
+    #[test]
+    fn pairs_come_in_their_order_whatever_that_of_the_records() {
+        let text = [(2, 3), (0, 9), (0, 4)].map(|(a, b)| line("sift", a, b, 0));
+        let sets = load(run_folder(&[("sift", text.concat())]).path(), None).expect("in order");
+        let pairs: Vec<_> = sets[0].pairs.iter().map(|pair| (pair.a, pair.b)).collect();
+        assert_eq!(pairs, [(0, 4), (0, 9), (2, 3)]);
+        assert!(sets[0].pairs.iter().all(|pair| pair.outcome.is_ok()));
     }
 
     #[test]

@@ -54,7 +54,7 @@ use std::sync::Mutex;
 use std::time::Duration;
 
 use crate::cache::FeatureCache;
-use crate::datasets::{DatasetError, Sequence, decode_gray};
+use crate::datasets::{DatasetError, Sequence, Whole, decode_gray};
 use crate::records::images::ImageNotes;
 use crate::records::store::RecordWriter;
 use crate::records::{KeepMatches, RunFolder, RunRecord, RunWriter, Settings, Tuned};
@@ -72,6 +72,8 @@ pub struct Dataset {
     pub sequence: Sequence,
     /// Ids of the contenders that are run on it; all of them where absent.
     pub matchers: Option<BTreeSet<String>>,
+    /// What it is a part of, where only the pairs of one shard are held, see [`Shard::part`].
+    pub whole: Option<Whole>,
 }
 
 impl Dataset {
@@ -86,6 +88,7 @@ impl Dataset {
             sequence: Sequence::open(&path)?,
             path,
             matchers: None,
+            whole: None,
         })
     }
 

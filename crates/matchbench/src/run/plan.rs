@@ -65,12 +65,14 @@ fn dataset_plan(dataset: &Dataset, contenders: &[Contender]) -> DatasetPlan {
     let sequence = &dataset.sequence;
     let ids = || contenders.iter().map(|contender| contender.source.id());
     let run = || ids().filter(|id| dataset.runs(id)).map(str::to_owned);
+    let whole = dataset.whole.clone();
+    let whole = whole.unwrap_or_else(|| sequence.whole());
     DatasetPlan {
         name: sequence.name.clone(),
         path: dataset.path.clone(),
         frames: sequence.frames.len(),
-        pairs: sequence.pairs.len(),
-        fingerprint: sequence.fingerprint(),
+        pairs: whole.pairs,
+        fingerprint: whole.fingerprint,
         matchers: (!ids().all(|id| dataset.runs(id))).then(|| run().collect()),
     }
 }

@@ -7,9 +7,9 @@
 //! with all, runs of neighbours where they follow each other.
 
 use super::{Contender, Dataset, RunError, plan};
-use crate::datasets::{Pair, Sequence};
+use crate::datasets::{DatasetError, Pair, Sequence, Unpaired};
 use crate::records::shards::{Asked, Cut, PairsHash, Part, ShardPlan, Stretches, part_of};
-use crate::records::{KeepMatches, Plan, Settings, Tuned};
+use crate::records::{KeepMatches, Plan, Settings, ShardError, Tuned};
 
 /// Which part of a run is done.
 #[derive(Clone, Copy, Debug)]
@@ -58,10 +58,33 @@ pub fn images_of_one(datasets: &[Dataset], settings: Settings) -> u64 {
 }
 
 impl Shard<'_> {
+    /// A dataset of the plan with the pairs of this shard alone: of millions of others none is ever held.
+    ///
+    /// # Errors
+    /// If its pairs cannot be read.
+    pub fn part(self, dataset: Unpaired) -> Result<Dataset, DatasetError> {
+        let planned = self.plan.plan().datasets.iter();
+        let place = planned.zip(&self.plan.cut().datasets);
+        let stretches = place
+            .filter(|(planned, _)| planned.name == dataset.name())
+            .map(|(_, stretches)| stretches)
+            .next();
+        let mut shards = stretches.into_iter().flat_map(Stretches::shards);
+        let folder = dataset.folder();
+        let path = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
+        let (sequence, whole) = dataset.part(|_| shards.next() == Some(self.number))?;
+        Ok(Dataset {
+            path,
+            sequence,
+            matchers: None,
+            whole: Some(whole),
+        })
+    }
+
     /// The plan of this part of the run that `plan` is of, and the pairs that belong to it.
     ///
     /// # Errors
-    /// If something else was planned, or there is no such shard.
+    /// If something else was planned, or there is no such shard; if the datasets are parts of another.
     pub(super) fn of(
         self,
         mut plan: Plan,
@@ -70,16 +93,40 @@ impl Shard<'_> {
         self.plan.check(&plan)?;
         plan.shard = Some(self.plan.shard(self.number)?);
         let parts = datasets.iter().zip(&self.plan.cut().datasets);
-        let parts = parts.map(|(dataset, stretches)| Dataset {
+        let parts: Vec<Dataset> = (parts)
+            .map(|(dataset, stretches)| self.cut(dataset, stretches))
+            .collect();
+        let mut hash = PairsHash::default();
+        for (index, part) in parts.iter().enumerate() {
+            (part.sequence.pairs.iter()).for_each(|pair| hash.add(index, pair.a, pair.b));
+        }
+        if hash.text() != self.plan.cut().parts[self.number as usize - 1].hash {
+            let difference = format!("the pairs are not those of shard {}", self.number);
+            return Err(ShardError::NotAsPlanned { difference }.into());
+        }
+        Ok((plan, parts))
+    }
+
+    /// The pairs of this shard, of a dataset that has either all pairs or these.
+    fn cut(self, dataset: &Dataset, stretches: &Stretches) -> Dataset {
+        if dataset.whole.is_some() {
+            return dataset.clone();
+        }
+        let Sequence {
+            name,
+            frames,
+            pairs,
+        } = &dataset.sequence;
+        Dataset {
             path: dataset.path.clone(),
             sequence: Sequence {
-                name: dataset.sequence.name.clone(),
-                frames: dataset.sequence.frames.clone(),
-                pairs: part_of(&dataset.sequence.pairs, stretches, self.number),
+                name: name.clone(),
+                frames: frames.clone(),
+                pairs: part_of(pairs, stretches, self.number),
             },
             matchers: dataset.matchers.clone(),
-        });
-        Ok((plan, parts.collect()))
+            whole: Some(dataset.sequence.whole()),
+        }
     }
 }
 

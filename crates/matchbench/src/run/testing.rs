@@ -60,6 +60,7 @@ pub(super) fn dataset(folder: &Path, name: &str, frames: u32) -> Dataset {
     Dataset {
         path: images.clone(),
         matchers: None,
+        whole: None,
         sequence: Sequence {
             name: name.into(),
             frames: (0..frames).map(frame).collect(),

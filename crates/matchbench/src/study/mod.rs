@@ -27,7 +27,6 @@ mod file;
 mod names;
 mod prepare;
 
-use std::collections::BTreeMap;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
@@ -38,8 +37,9 @@ use crate::datasets::{DatasetError, ImportOptions, PairRule, import_once};
 use crate::protocols;
 use crate::records::{KeepMatches, Settings};
 
+pub use crate::matchers::MatchesFrom;
 pub use error::StudyError;
-pub use prepare::{News, Prepared};
+pub use prepare::{News, Prepared, sources_as_planned};
 
 /// What a run is asked for.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -213,26 +213,4 @@ impl StudyImport {
             ..ImportOptions::default()
         }
     }
-}
-
-/// Matches of another tool.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MatchesFrom {
-    /// The name that they have in tables.
-    pub name: String,
-    /// Their files: files, a folder of files, or a folder with one for each dataset.
-    pub files: Vec<PathBuf>,
-    /// Id of the format. Default: recognised by content.
-    pub format: Option<String>,
-    /// Where the centre of the first pixel is, 0 or 0.5. Default: what the format says.
-    pub pixel_center: Option<f64>,
-    /// Width and height of the images that the points are of, where those were resized.
-    pub resized: Option<[u32; 2]>,
-    /// Read the matches that the tool verified. Default: false.
-    #[serde(default)]
-    pub verified: bool,
-    /// What is to be remembered with them.
-    #[serde(default)]
-    pub notes: BTreeMap<String, String>,
 }

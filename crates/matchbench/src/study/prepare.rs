@@ -3,15 +3,17 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use serde_json::Value;
+
 use super::{MatchesFrom, Study, StudyDataset, StudyError};
 use crate::cache::FeatureCache;
 use crate::config::Changes;
-use crate::datasets::ImportReport;
-use crate::exchange::{Format, MatchSource, ReadOptions};
+use crate::datasets::{ImportReport, Sequence};
+use crate::exchange::{MatchSource, ReadOptions};
 use crate::external::{Manifest, StartError};
 use crate::matchers::{self, BuiltPointSource, MATCHERS};
 use crate::protocols;
-use crate::records::{KeepMatches, RunFolder, Settings, Tuned};
+use crate::records::{KeepMatches, Plan, RunFolder, Settings, Tuned};
 use crate::run::{Contender, ContenderError, Dataset, Outside, Run, manifest};
 
 /// A study whose datasets are open and whose matchers are ready.
@@ -168,12 +170,7 @@ impl Study {
         let sequences: Vec<_> = datasets.iter().map(|dataset| &dataset.sequence).collect();
         (self.matches.iter())
             .map(|from| {
-                let error = |source| StudyError::Matches {
-                    name: from.name.clone(),
-                    source,
-                };
-                let options = from.options()?;
-                let source = MatchSource::open(&from.files, &sequences, &options).map_err(error)?;
+                let source = open_matches(from, &sequences, None)?;
                 tell(News::Matches(&from.name, &source));
                 Ok(source.build(&from.name))
             })
@@ -181,17 +178,36 @@ impl Study {
     }
 }
 
-impl MatchesFrom {
-    fn options(&self) -> Result<ReadOptions, StudyError> {
-        let format = self.format.as_deref().map(Format::find).transpose();
-        Ok(ReadOptions {
-            format: format.map_err(ContenderError::from)?,
-            pixel_center: self.pixel_center,
-            resized: self.resized,
-            verified: self.verified,
-            notes: self.notes.clone(),
+/// Matches from files for `datasets` that have some of the pairs of a `plan`, read as it understood all of them.
+///
+/// # Errors
+/// If files cannot be read or their matches are wrong; other files than those planned are another plan.
+pub fn sources_as_planned(
+    matches: &[MatchesFrom],
+    datasets: &[Dataset],
+    plan: &Plan,
+) -> Result<Vec<BuiltPointSource>, StudyError> {
+    let sequences: Vec<_> = datasets.iter().map(|dataset| &dataset.sequence).collect();
+    (matches.iter())
+        .map(|from| {
+            let planned = plan.matcher(&from.name).map(|matcher| &matcher.params);
+            Ok(open_matches(from, &sequences, planned)?.build(&from.name))
         })
-    }
+        .collect()
+}
+
+fn open_matches(
+    from: &MatchesFrom,
+    sequences: &[&Sequence],
+    planned: Option<&Value>,
+) -> Result<MatchSource, StudyError> {
+    let options = ReadOptions::of(from).map_err(ContenderError::from)?;
+    MatchSource::open(&from.files, sequences, &options, planned).map_err(|source| {
+        StudyError::Matches {
+            name: from.name.clone(),
+            source,
+        }
+    })
 }
 
 /// The dataset, which is imported first if it is not there.

@@ -3,6 +3,7 @@
 pub mod code;
 mod correspondence;
 mod error;
+mod fginn;
 pub mod gaim;
 mod gms;
 mod kdforest;
@@ -20,6 +21,7 @@ mod symmetric_ratio;
 pub use code::{Code, CodeParams};
 pub use correspondence::{Correspondence, Correspondences};
 pub use error::MatcherError;
+pub use fginn::Fginn;
 pub use gaim::{CandidateLabels, Gaim, GaimParams};
 pub use gms::{Gms, GmsParams};
 pub use kdforest::{KdForest, KdForestParams};

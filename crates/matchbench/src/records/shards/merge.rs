@@ -163,6 +163,8 @@ impl Merging<'_> {
             let shard = shards.open(index);
             for _ in 0..stretch.pairs {
                 let mut pair = None;
+                // Frames are noted as they are extracted; what matches files, notes those that it had matches of.
+                let mut is_noted = files.matcher.extraction.is_some();
                 for repetition in 0..repetitions {
                     let Some((line, record)) = shard.records.next()? else {
                         return Err(self.broken(index, "a record went away while it was merged"));
@@ -182,12 +184,13 @@ impl Merging<'_> {
                     records.write(line)?;
                     merged.tasks += 1;
                     merged.failed += u64::from(has_failed(&record));
+                    is_noted |= !has_failed(&record) || record.counts.selected > 0;
                     if let Some(file) = &mut shard.entries {
                         self.entry(index, file, &record, &mut entries)?;
                     }
                 }
                 if let Some((a, b)) = pair {
-                    sink.see(index, a, b);
+                    sink.see(index, a, b, is_noted);
                 }
             }
         }
@@ -282,10 +285,12 @@ struct Sink<'a> {
 }
 
 impl Sink<'_> {
-    fn see(&mut self, shard: usize, a: u32, b: u32) {
+    fn see(&mut self, shard: usize, a: u32, b: u32, is_noted: bool) {
         self.hashes[shard].add(self.dataset, a, b);
-        self.frames.see(a);
-        self.frames.see(b);
+        if is_noted {
+            self.frames.see(a);
+            self.frames.see(b);
+        }
     }
 }
 

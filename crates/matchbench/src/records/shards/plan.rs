@@ -9,6 +9,7 @@ use super::super::growth::difference;
 use super::super::{KeepMatches, Plan, ShardOf, Tuned};
 use super::{Cut, ShardError};
 use crate::files::{read_file, write_whole};
+use crate::matchers::MatchesFrom;
 
 /// Version of the format of plans of shards that this program writes, and the only one that it reads.
 pub const SHARDS_FORMAT: u32 = 1;
@@ -33,7 +34,7 @@ pub struct ShardPlan {
 }
 
 /// How the matchers and estimators of a plan were asked for, so that another machine can make the same.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Asked {
     /// Ids of matchers and paths of manifests.
@@ -45,6 +46,9 @@ pub struct Asked {
     pub protocols: Vec<String>,
     /// Changes of parameters, each `ID.NAME=VALUE`.
     pub settings: Vec<String>,
+    /// Matches of other tools.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub matches: Vec<MatchesFrom>,
 }
 
 impl ShardPlan {

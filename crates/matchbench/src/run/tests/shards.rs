@@ -181,6 +181,26 @@ fn a_shard_that_was_stopped_torn_and_mended_elsewhere_comes_to_the_same() {
 }
 
 #[test]
+fn pairs_of_another_shard_are_refused() {
+    let bench = bench();
+    let plan = bench.plan("plan", 3, KeepMatches::None);
+    let [first, second] = [1, 2].map(|number| Shard {
+        plan: &plan,
+        number,
+    });
+    let (run, parts) = first.of(plan.plan().clone(), &bench.datasets).unwrap();
+    assert_eq!(run.shard, Some(plan.shard(1).unwrap()));
+    let pairs: usize = parts.iter().map(|part| part.sequence.pairs.len()).sum();
+    assert_eq!(pairs as u64, plan.cut().parts[0].pairs);
+    assert!(first.of(plan.plan().clone(), &parts).is_ok());
+    let error = second.of(plan.plan().clone(), &parts).unwrap_err();
+    assert!(
+        error.to_string().contains("not those of shard 2"),
+        "{error}"
+    );
+}
+
+#[test]
 fn what_is_missing_is_named_and_nothing_is_written() {
     let bench = bench();
     let plan = bench.plan("plan", 4, KeepMatches::All);
