@@ -33,50 +33,121 @@ fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
     (row[column].parse()).unwrap_or_else(|_| panic!("{column}: {}", row[column]))
 }
 
-/// The cells of README's row that begins with this id.
-fn readme_row<'a>(readme: &'a str, id: &str) -> Vec<&'a str> {
-    let start = format!("| `{id}` |");
-    let row = readme.lines().find(|line| line.starts_with(&start));
-    let row = row.unwrap_or_else(|| panic!("README.md has no row {start}"));
+/// The cells of the row that begins with this id, in the first table of `text` below the line `heading`.
+fn cells<'a>(text: &'a str, heading: &str, id: &str) -> Vec<&'a str> {
+    let below = text.lines().skip_while(|line| *line != heading);
+    let row = below
+        .skip(1)
+        .find(|line| line.starts_with(&format!("| `{id}` |")));
+    let row = row.unwrap_or_else(|| panic!("no row of {id} below `{heading}`"));
     row.trim_matches('|').split('|').map(str::trim).collect()
+}
+
+/// Scores by matcher and estimator, as `docs/results/<name>/scores.csv` has them.
+struct Scores(Vec<BTreeMap<String, String>>);
+
+impl Scores {
+    fn of(name: &str) -> Self {
+        let scores = rows(&format!("docs/results/{name}/scores.csv"));
+        assert!(scores.len() >= 57, "{name}: {} rows", scores.len());
+        Self(scores)
+    }
+
+    /// Columns of a row; `None` where the file has no such run.
+    fn get<const N: usize>(
+        &self,
+        matcher: &str,
+        estimator: &str,
+        columns: [&str; N],
+    ) -> Option<[f64; N]> {
+        let is_wanted = |row: &&BTreeMap<String, String>| {
+            row["matcher"] == matcher && row["estimator"] == estimator
+        };
+        let row = self.0.iter().find(is_wanted)?;
+        Some(columns.map(|column| number(row, column)))
+    }
+
+    /// As tables print it.
+    fn auc(&self, matcher: &str, estimator: &str) -> String {
+        let auc = self.get(matcher, estimator, ["auc"]);
+        auc.map_or_else(|| UNKNOWN.to_owned(), |[auc]| format!("{auc:.3}"))
+    }
+}
+
+/// What tables print where a file has no row.
+const UNKNOWN: &str = "–";
+
+/// Milliseconds as the tables print them.
+fn rounded(ms: f64) -> String {
+    match ms {
+        ms if ms < 10.0 => format!("{ms:.1}"),
+        ms => format!("{ms:.0}"),
+    }
+}
+
+/// Times of the stages of a matcher together, medians in milliseconds, as tables print them.
+fn time(matcher: &str, stages: &[&str]) -> String {
+    let times = rows("docs/results/times-amd-avx2/times.csv");
+    let row = times.iter().find(|row| row["matcher"] == matcher);
+    let sum = |row| {
+        stages
+            .iter()
+            .map(|stage| number(row, &format!("{stage}_ms_median")))
+            .sum()
+    };
+    row.map_or_else(|| UNKNOWN.to_owned(), |row| rounded(sum(row)))
 }
 
 #[test]
 fn the_table_of_the_readme_is_what_the_files_say() {
-    let readme = text("README.md");
-    let (scores, times) = (
-        rows("docs/results/castle/scores.csv"),
-        rows("docs/results/times-amd-avx2/times.csv"),
-    );
-    let auc = |matcher: &str, estimator: &str| {
-        let row = scores.iter().find(|row| {
-            row["dataset"] == "castle" && row["matcher"] == matcher && row["estimator"] == estimator
-        });
-        let row = row?;
-        let [auc, low, high] = ["auc", "auc_low", "auc_high"].map(|column| number(row, column));
-        Some(format!("{auc:.3} [{low:.3}, {high:.3}]"))
-    };
-    let rounded = |ms: f64| match ms {
-        ms if ms < 10.0 => format!("{ms:.1}"),
-        ms => format!("{ms:.0}"),
-    };
-    assert!(scores.len() >= 36, "{} rows", scores.len());
+    let (readme, castle) = (text("README.md"), Scores::of("castle"));
     for entry in MATCHERS {
         let id = entry.id();
-        let cells = readme_row(&readme, id);
+        let cells = cells(&readme, "## Matchers", id);
         for (cell, estimator) in [(cells[2], "ransac-e"), (cells[3], "best")] {
-            match auc(id, estimator) {
-                Some(expected) => assert_eq!(cell, expected, "{id} + {estimator}"),
-                // No run of it is kept: then there is no interval either.
-                None => assert!(!cell.contains('['), "{id} + {estimator}: {cell}"),
-            }
+            let interval = castle.get(id, estimator, ["auc_low", "auc_high"]);
+            let interval = interval.map(|[low, high]| format!(" [{low:.3}, {high:.3}]"));
+            let expected = castle.auc(id, estimator) + &interval.unwrap_or_default();
+            assert_eq!(cell, expected, "{id} + {estimator}");
         }
-        let row = times.iter().find(|row| row["matcher"] == id);
-        let row = row.unwrap_or_else(|| panic!("no times of {id}"));
-        let stage = |name: &str| number(row, &format!("{name}_ms_median"));
-        let pair = stage("matching") + stage("selection");
-        let expected = [rounded(stage("detection")), rounded(pair)];
+        let expected = [
+            time(id, &["detection"]),
+            time(id, &["matching", "selection"]),
+        ];
         assert_eq!(cells[4..6], expected, "{id}");
+    }
+}
+
+#[test]
+fn the_tables_of_results_are_what_the_files_say() {
+    let book = text("docs/results.md");
+    let [castle, kitti, tum, kitchen] = ["castle", "kitti", "tum", "kitchen"].map(Scores::of);
+    for entry in MATCHERS {
+        let id = entry.id();
+        let marks = ['*', '†', ' '];
+        let reference = cells(&book, "## Matchers with the reference estimator", id);
+        let expected = [&castle, &kitti, &tum, &kitchen].map(|scene| scene.auc(id, "ransac-e"));
+        let found = [2, 3, 4, 5].map(|column| reference[column].trim_end_matches(marks));
+        assert_eq!(found, expected, "{id}");
+        let matches = castle.get(id, "ransac-e", ["ap5"]);
+        let matches = matches.map_or_else(|| UNKNOWN.to_owned(), |[ap5]| format!("{ap5:.0}"));
+        assert_eq!(reference[6], matches, "{id}");
+        let others = cells(&book, "## Matchers with other estimators", id);
+        for (cell, scene) in others[1..].iter().zip([&castle, &tum, &kitchen]) {
+            let expected = ["ransac-e", "rich", "best"].map(|estimator| scene.auc(id, estimator));
+            assert_eq!(cell.trim_end_matches(marks), expected.join(" / "), "{id}");
+        }
+    }
+}
+
+#[test]
+fn the_times_of_speed_are_what_the_files_say() {
+    let book = text("docs/speed.md");
+    for entry in MATCHERS {
+        let id = entry.id();
+        let cells = cells(&book, "## Times of the matchers", id);
+        let expected = ["detection", "matching", "selection"].map(|stage| time(id, &[stage]));
+        assert_eq!(cells[2..5], expected, "{id}");
     }
 }
 

@@ -366,10 +366,10 @@ mod tests {
         for frame in &mut sequence.frames {
             frame.camera.distortion = Some(matchbench_vision::geometry::Distortion {
                 k1: 0.1,
-                k2: 0.2,
-                p1: 0.3,
-                p2: 0.4,
-                k3: 0.5,
+                k2: 0.02,
+                p1: 0.03,
+                p2: 0.04,
+                k3: 0.05,
             });
         }
         let cameras = |sequence: &Sequence| -> Vec<Camera> {

@@ -104,7 +104,7 @@ impl<'de> Deserialize<'de> for SampleConsensusParams {
 mod tests {
     use super::*;
     use crate::geometry::Loss;
-    use crate::robust::{SamplerName, Score, ScoreName, presets};
+    use crate::robust::{Score, ScoreName, presets};
 
     #[test]
     fn the_general_defaults_are_one() {
