@@ -239,6 +239,8 @@ fn more_values(id: &str, pointer: &str) -> Vec<Value> {
         (_, "/confidence") => vec![json!(0.999_999), json!(0.01)],
         // Just above the least number of samples.
         (_, "/max_iterations") => vec![json!(1001), json!(201)],
+        // Its default is beyond all scenes.
+        ("ransac-e-inliers", "/max_depth") => vec![json!(5.0)],
         (_, "/extractor/views/max_pixels") => vec![json!(5000)],
         (_, "/extractor/views/max_tilt") => vec![json!(1.2)],
         ("gaim", "/selection/collision_px") => vec![json!(50.0)],
