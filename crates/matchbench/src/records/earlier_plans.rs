@@ -108,9 +108,8 @@ mod tests {
             .filter(|entry| entry.id() != "lmeds-e" && entry.id() != "lmeds-f")
         {
             let params = match entry.id() {
-                "ransac-e" => entry.defaults(),
-                // There were none.
-                "ransac-h" | "best-h" => entry.defaults(),
+                // Of homographies there were none.
+                "ransac-e" | "ransac-h" | "best-h" => entry.defaults(),
                 _ => over(&every_parameter(), entry.defaults()),
             };
             let list = plan["matchers"][0]["estimators"].as_array_mut().unwrap();
