@@ -144,7 +144,8 @@ def test_a_homography_is_found_among_wrong_matches():
     assert best.of_homographies and found.num_inliers >= 60 and found.inliers[:60].all()
     np.testing.assert_allclose(found.H / found.H[2, 2], truth, atol=1e-5)
     with pytest.raises(ValueError, match="estimate_homography"):
-        best.estimate(a, b, CAMERA, CAMERA)
+        camera = mb.Camera(500.0, 500.0, 320.0, 240.0)
+        best.estimate(a, b, camera, camera)
     with pytest.raises(ValueError, match="estimates poses"):
         mb.estimator("best").estimate_homography(a, b)
     with pytest.raises(mb.NoPose):
