@@ -140,7 +140,9 @@ def _work(number: int, home: str, cpus: int, *more: str) -> _Files:
 
 def _end_with_the_worker() -> None:
     """Ends this process when nobody holds the other end of its standard input any more."""
-    sys.stdin.buffer.read()
+    # Not by `sys.stdin`, whose lock the interpreter wants at its end.
+    while os.read(0, 4096):
+        pass
     os._exit(1)
 
 
