@@ -1,11 +1,11 @@
 //! `best-h`: our recommendation for homographies.
 
-use matchbench_vision::robust::presets;
+use matchbench_vision::robust::{HomographyParams, presets};
 
-use super::HomographyPreset;
+use super::Preset;
 
 /// Our recommendation for homographies: as `best`, from four matches at a time.
-pub(super) const BEST_H: HomographyPreset = HomographyPreset {
+pub(super) const BEST_H: Preset<HomographyParams> = Preset {
     id: "best-h",
     summary: "homography, our recommendation: progressive samples, a score that crowds of matches do not dominate, local optimisation, robust refinement",
     reference: "Chum, Matas, \"Matching with PROSAC - Progressive Sample Consensus\", CVPR 2005; Lebeda, Matas, Chum, \"Fixing the Locally Optimized RANSAC\", BMVC 2012",

@@ -15,10 +15,12 @@ mod ransac_h;
 mod rich;
 mod usac_f;
 
+use matchbench_vision::ParamError;
 use matchbench_vision::robust::{
     HomographyConsensus, HomographyEstimator, HomographyParams, PoseEstimator, SampleConsensus,
     SampleConsensusParams, Settings,
 };
+use serde::Serialize;
 use serde_json::Value;
 
 use crate::config::{self, ConfigError, UnknownName, parse_params, to_json};
@@ -86,15 +88,56 @@ pub const ESTIMATORS: &[&dyn EstimatorEntry] = &[
     &best_h::BEST_H,
 ];
 
-/// An entry that is [`SampleConsensus`] with defaults of its own.
-struct Preset {
+/// An entry that is an estimator by sample consensus with defaults of its own.
+struct Preset<P = SampleConsensusParams> {
     id: &'static str,
     summary: &'static str,
     reference: &'static str,
-    defaults: fn() -> SampleConsensusParams,
+    defaults: fn() -> P,
 }
 
-impl EstimatorEntry for Preset {
+/// Parameters of an estimator by sample consensus.
+trait PresetParams: Serialize {
+    /// These, with the `changes`.
+    fn changed(self, changes: Settings) -> Result<Self, ParamError>
+    where
+        Self: Sized;
+
+    /// The estimator that has them.
+    fn estimator(&self) -> Result<Estimator, ParamError>;
+
+    /// The settings `written` by an earlier version for defaults like these, without those that did nothing.
+    fn of_earlier_version(&self, written: Settings) -> Settings {
+        written
+    }
+}
+
+impl PresetParams for SampleConsensusParams {
+    fn changed(self, changes: Settings) -> Result<Self, ParamError> {
+        self.with(changes)
+    }
+
+    fn estimator(&self) -> Result<Estimator, ParamError> {
+        Ok(Estimator::Pose(Box::new(SampleConsensus::new(*self)?)))
+    }
+
+    fn of_earlier_version(&self, written: Settings) -> Settings {
+        written.of_earlier_version(self)
+    }
+}
+
+impl PresetParams for HomographyParams {
+    fn changed(self, changes: Settings) -> Result<Self, ParamError> {
+        self.with(changes)
+    }
+
+    fn estimator(&self) -> Result<Estimator, ParamError> {
+        let estimator = HomographyConsensus::new(*self)?;
+        Ok(Estimator::Homography(Box::new(estimator)))
+    }
+}
+
+impl<P: PresetParams> EstimatorEntry for Preset<P> {
     fn id(&self) -> &'static str {
         self.id
     }
@@ -114,12 +157,11 @@ impl EstimatorEntry for Preset {
     fn build(&self, params: Option<&Value>) -> Result<BuiltEstimator, ConfigError> {
         let refused = |error| ConfigError::new(self.id, error);
         let changes: Settings = parse_params(self.id, params)?;
-        let params = (self.defaults)().with(changes).map_err(refused)?;
-        let estimator = SampleConsensus::new(params).map_err(refused)?;
+        let params = (self.defaults)().changed(changes).map_err(refused)?;
         Ok(BuiltEstimator {
             id: self.id.into(),
+            estimator: params.estimator().map_err(refused)?,
             params: to_json(&params),
-            estimator: Estimator::Pose(Box::new(estimator)),
         })
     }
 
@@ -128,46 +170,9 @@ impl EstimatorEntry for Preset {
             return written.clone();
         };
         let base = (self.defaults)();
-        let params = base.with(settings.of_earlier_version(&base));
+        let settings = base.of_earlier_version(settings);
+        let params = base.changed(settings);
         params.map_or_else(|_| written.clone(), |params| to_json(&params))
-    }
-}
-
-/// An entry that is [`HomographyConsensus`] with defaults of its own.
-struct HomographyPreset {
-    id: &'static str,
-    summary: &'static str,
-    reference: &'static str,
-    defaults: fn() -> HomographyParams,
-}
-
-impl EstimatorEntry for HomographyPreset {
-    fn id(&self) -> &'static str {
-        self.id
-    }
-
-    fn summary(&self) -> &'static str {
-        self.summary
-    }
-
-    fn reference(&self) -> &'static str {
-        self.reference
-    }
-
-    fn defaults(&self) -> Value {
-        to_json(&(self.defaults)())
-    }
-
-    fn build(&self, params: Option<&Value>) -> Result<BuiltEstimator, ConfigError> {
-        let refused = |error| ConfigError::new(self.id, error);
-        let changes: Settings = parse_params(self.id, params)?;
-        let params = (self.defaults)().with(changes).map_err(refused)?;
-        let estimator = HomographyConsensus::new(params).map_err(refused)?;
-        Ok(BuiltEstimator {
-            id: self.id.into(),
-            params: to_json(&params),
-            estimator: Estimator::Homography(Box::new(estimator)),
-        })
     }
 }
 

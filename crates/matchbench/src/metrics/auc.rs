@@ -21,21 +21,23 @@ use super::{Bootstrap, Interval, Model, PairResult};
 /// (trapezoids from the origin), after the last one below the limit as constant. NaN where there
 /// are no pairs.
 pub fn exact_auc(pairs: &[PairResult], limit: f64) -> f64 {
-    let poses = || pairs.iter().filter(|pair| pair.model == Model::Pose);
-    let errors = poses().filter_map(PairResult::sign_agnostic_error);
-    let sorted = sorted_below(errors.map(|error| (error, ())), limit);
-    let area = area_under_recall(sorted.iter().map(|&(error, ())| (error, 1.0)), limit);
-    area / (limit * poses().count() as f64)
+    let poses = pairs.iter().filter(|pair| pair.model == Model::Pose);
+    auc_of(poses.map(PairResult::sign_agnostic_error), limit)
 }
 
 /// The same of the corner errors of homographies, up to `limit` pixels: what is reported on HPatches. NaN where
 /// there are none.
 pub fn corner_auc(pairs: &[PairResult], limit: f64) -> f64 {
-    let homographies = || pairs.iter().filter(|pair| pair.model == Model::Homography);
-    let errors = homographies().filter_map(PairResult::corner_error);
-    let sorted = sorted_below(errors.map(|error| (error, ())), limit);
+    let homographies = pairs.iter().filter(|pair| pair.model == Model::Homography);
+    auc_of(homographies.map(PairResult::corner_error), limit)
+}
+
+/// Area under recall over the errors of all pairs; a pair without one is not recalled.
+fn auc_of(errors: impl Iterator<Item = Option<f64>> + Clone, limit: f64) -> f64 {
+    let pairs = errors.clone().count() as f64;
+    let sorted = sorted_below(errors.flatten().map(|error| (error, ())), limit);
     let area = area_under_recall(sorted.iter().map(|&(error, ())| (error, 1.0)), limit);
-    area / (limit * homographies().count() as f64)
+    area / (limit * pairs)
 }
 
 /// The interval of [`corner_auc`] over the reference images.

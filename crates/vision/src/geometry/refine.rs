@@ -1,65 +1,16 @@
 //! Refinement of a relative pose: the least robust sum of squared Sampson distances.
 //!
-//! Levenberg, "A Method for the Solution of Certain Non-Linear Problems in Least Squares",
-//! Quarterly of Applied Mathematics 2, 1944; Marquardt, "An Algorithm for Least-Squares Estimation of
-//! Nonlinear Parameters", SIAM Journal 11, 1963. Losses: Huber, Ronchetti, "Robust Statistics", 2nd
-//! edition, 2009; as iteratively reweighted least squares.
-//!
 //! A pose has five degrees of freedom. A step moves it on its tangent space: the rotation by a
 //! vector `w` (Cayley's map, `R <- R q(1, w / 2)`, which needs no trigonometry), the direction along
-//! two vectors perpendicular to it. The residual of a match is its signed Sampson distance.
-//!
-//! | constant | value | source |
-//! | --- | --- | --- |
-//! | `FIRST_DAMPING` | 1e-3, times the diagonal | Marquardt |
-//! | `DAMPING_FACTOR` | 10 | Marquardt |
-//! | `SMALLEST_STEP` | 1e-9 rad | ours |
+//! two vectors perpendicular to it. The residual of a match is its signed Sampson distance. Steps are
+//! those of Levenberg and Marquardt, in radians.
 
-use nalgebra::{Matrix3, Matrix5, Quaternion, UnitQuaternion, UnitVector3, Vector3, Vector5};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, UnitVector3, Vector3, Vector5};
 
 use super::epipolar::row_major;
+use super::levenberg_marquardt::{LeastSquares, Loss, NormalEquations, minimise};
 use super::{PointPairs, RelativePose, essential_from_pose, squared_sampson_distances};
 use crate::simd;
-
-pub(super) const FIRST_DAMPING: f64 = 1e-3;
-pub(super) const LARGEST_DAMPING: f64 = 1e6;
-pub(super) const DAMPING_FACTOR: f64 = 10.0;
-const SMALLEST_STEP: f64 = 1e-9;
-
-/// What a residual r costs, with c the scale of the loss.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
-pub enum Loss {
-    /// `min(r^2, c^2)`: outliers have no influence.
-    Truncated,
-    /// `c^2 log(1 + r^2 / c^2)`: the influence of outliers fades.
-    Cauchy,
-}
-
-impl Loss {
-    pub(super) fn cost(self, squared: &[f64], limit: f64) -> f64 {
-        match self {
-            // `min` ignores NaN.
-            Self::Truncated => squared.iter().map(|r| r.min(limit)).sum(),
-            Self::Cauchy => (squared.iter())
-                .filter(|r| r.is_finite())
-                .map(|r| limit * libm::log1p(r / limit))
-                .sum(),
-        }
-    }
-
-    /// Weights of the squared residuals, in their place.
-    pub(super) fn weigh(self, squared: &mut [f64], limit: f64) {
-        for r in squared {
-            *r = match self {
-                Self::Truncated => f64::from(u8::from(*r <= limit)),
-                Self::Cauchy if r.is_finite() => limit / (limit + *r),
-                Self::Cauchy => 0.0,
-            };
-        }
-    }
-}
 
 /// The pose after at most `max_steps` steps from `start`: never one that costs more. The scale of
 /// the `loss` is given squared, in the squared unit of the points.
@@ -70,46 +21,36 @@ pub fn refine_pose(
     squared_scale: f64,
     max_steps: usize,
 ) -> RelativePose {
-    let mut residuals = vec![0.0; pairs.len()];
-    let mut trial = vec![0.0; pairs.len()];
-    let squared = |pose: &RelativePose, out: &mut [f64]| {
-        squared_sampson_distances(&essential_from_pose(pose), pairs, 0..pairs.len(), out);
-        loss.cost(out, squared_scale)
-    };
-    let mut pose = *start;
-    let mut cost = squared(&pose, &mut residuals);
-    let mut damping = FIRST_DAMPING;
-    let mut equations = None;
-    for _ in 0..max_steps {
-        let (normal, gradient) = *equations.get_or_insert_with(|| {
-            loss.weigh(&mut residuals, squared_scale);
-            normal_equations(&pose, pairs, &residuals)
-        });
-        let mut damped: Matrix5<f64> = normal;
-        for i in 0..5 {
-            damped[(i, i)] *= 1.0 + damping;
-        }
-        let Some(cholesky) = damped.cholesky() else {
-            break;
-        };
-        let step: Vector5<f64> = -cholesky.solve(&gradient);
-        let moved = step_from(&pose, &step);
-        let moved_cost = squared(&moved, &mut trial);
-        if moved_cost < cost {
-            (pose, cost) = (moved, moved_cost);
-            std::mem::swap(&mut residuals, &mut trial);
-            equations = None;
-            damping /= DAMPING_FACTOR;
-        } else {
-            damping *= DAMPING_FACTOR;
-        }
-        // The damping bounds the number of vain trials. A step of NaN is none.
-        let moves = step.norm() > SMALLEST_STEP;
-        if !moves || damping > LARGEST_DAMPING {
-            break;
-        }
+    minimise(
+        &SampsonDistances(pairs),
+        *start,
+        loss,
+        squared_scale,
+        max_steps,
+    )
+}
+
+/// The Sampson distances of matches under a relative pose.
+struct SampsonDistances<'a>(&'a PointPairs);
+
+impl LeastSquares<5> for SampsonDistances<'_> {
+    type Model = RelativePose;
+
+    fn len(&self) -> usize {
+        self.0.len()
     }
-    pose
+
+    fn squared_residuals(&self, pose: &RelativePose, out: &mut [f64]) {
+        squared_sampson_distances(&essential_from_pose(pose), self.0, 0..self.0.len(), out);
+    }
+
+    fn normal_equations(&self, pose: &RelativePose, weights: &[f64]) -> Option<NormalEquations<5>> {
+        Some(normal_equations(pose, self.0, weights))
+    }
+
+    fn moved(&self, pose: &RelativePose, step: &Vector5<f64>) -> RelativePose {
+        step_from(pose, step)
+    }
 }
 
 /// Two directions perpendicular to a direction and to each other.
@@ -136,12 +77,11 @@ fn step_from(pose: &RelativePose, step: &Vector5<f64>) -> RelativePose {
     }
 }
 
-/// `J^T W J` and `J^T W r` for the weights W.
 fn normal_equations(
     pose: &RelativePose,
     pairs: &PointPairs,
     weights: &[f64],
-) -> (Matrix5<f64>, Vector5<f64>) {
+) -> NormalEquations<5> {
     let rotation: Matrix3<f64> = *pose.rotation.to_rotation_matrix().matrix();
     let essential = essential_from_pose(pose);
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
@@ -153,16 +93,7 @@ fn normal_equations(
         [&pairs.a_x, &pairs.a_y, &pairs.b_x, &pairs.b_y],
         weights,
     );
-    let mut normal = Matrix5::zeros();
-    let mut next = 0;
-    for i in 0..5 {
-        for j in 0..=i {
-            normal[(i, j)] = sums[next];
-            normal[(j, i)] = sums[next];
-            next += 1;
-        }
-    }
-    (normal, Vector5::from_column_slice(&sums[15..]))
+    NormalEquations::from_sums(&sums)
 }
 
 #[cfg(test)]
@@ -231,7 +162,10 @@ mod tests {
         for i in 0..pairs.len() {
             let mut weights = vec![0.0; pairs.len()];
             weights[i] = 1.0;
-            let (normal, gradient) = normal_equations(&pose, &pairs, &weights);
+            let NormalEquations {
+                matrix: normal,
+                gradient,
+            } = normal_equations(&pose, &pairs, &weights);
             for k in 0..5 {
                 let step = Vector5::ith(k, 1e-6);
                 let slope = (signed(&step_from(&pose, &step), i)

@@ -8,20 +8,14 @@
 //! their centroid at 0 and a mean distance of sqrt 2 from it (sec. 4.4): in pixels, the columns of a
 //! homography differ by a factor of the image's size. Distances are pixels all the same.
 //!
-//! | constant | value | source |
-//! | --- | --- | --- |
-//! | `SMALLEST_STEP` | 1e-9 of the matrix's norm | ours |
-//!
-//! The damping is that of [`refine_pose`](super::refine_pose).
+//! Steps are those of Levenberg and Marquardt, as shares of the matrix's norm.
 
-use nalgebra::{Matrix3, SMatrix, SVector};
+use nalgebra::{Matrix3, SVector};
 
 use super::epipolar::row_major;
-use super::refine::{DAMPING_FACTOR, FIRST_DAMPING, LARGEST_DAMPING};
-use super::{Loss, PointPairs, squared_transfer_distances};
+use super::levenberg_marquardt::{LeastSquares, Loss, NormalEquations, minimise};
+use super::{PointPairs, normalisation, squared_transfer_distances};
 use crate::simd;
-
-const SMALLEST_STEP: f64 = 1e-9;
 
 /// The homography after at most `max_steps` steps from `start`, of Frobenius norm 1 and with the sign of
 /// `start`: never one that costs more. The scale of the `loss` is given squared, in squared pixels.
@@ -35,57 +29,57 @@ pub fn refine_homography(
     let Some(frames) = Frames::around(pairs, start) else {
         return *start;
     };
-    let mut residuals = vec![0.0; pairs.len()];
-    let mut trial = vec![0.0; pairs.len()];
-    let squared = |h: &Matrix3<f64>, out: &mut [f64]| {
-        squared_transfer_distances(&frames.in_pixels(h), pairs, 0..pairs.len(), out);
-        loss.cost(out, squared_scale)
-    };
-    let mut h = frames.normalised(start);
-    let mut cost = squared(&h, &mut residuals);
-    let mut damping = FIRST_DAMPING;
-    let mut equations = None;
-    for _ in 0..max_steps {
-        if equations.is_none() {
-            loss.weigh(&mut residuals, squared_scale);
-            equations = frames.normal_equations(&h, pairs, &residuals);
-        }
-        let Some((normal, gradient, directions)) = &equations else {
-            break;
-        };
-        let mut damped = *normal;
-        for i in 0..8 {
-            damped[(i, i)] *= 1.0 + damping;
-        }
-        let Some(cholesky) = damped.cholesky() else {
-            break;
-        };
-        let step: SVector<f64, 8> = -cholesky.solve(gradient);
-        let moved = directions
-            .iter()
-            .zip(&step)
-            .fold(h, |h, (direction, by)| h + direction * *by);
-        let moved = moved.normalize();
-        let moved_cost = squared(&moved, &mut trial);
-        if moved_cost < cost {
-            (h, cost) = (moved, moved_cost);
-            std::mem::swap(&mut residuals, &mut trial);
-            equations = None;
-            damping /= DAMPING_FACTOR;
-        } else {
-            damping *= DAMPING_FACTOR;
-        }
-        // The damping bounds the number of vain trials. A step of NaN is none.
-        let moves = step.norm() > SMALLEST_STEP;
-        if !moves || damping > LARGEST_DAMPING {
-            break;
-        }
-    }
-    let refined = frames.in_pixels(&h).normalize();
+    let distances = TransferDistances { frames, pairs };
+    let from = distances.frames.normalised(start);
+    let h = minimise(&distances, from, loss, squared_scale, max_steps);
+    let refined = distances.frames.in_pixels(&h).normalize();
     if refined.iter().all(|x| x.is_finite()) {
         refined
     } else {
         *start
+    }
+}
+
+/// The symmetric transfer distances of matches, in pixels, under a homography between normalised coordinates.
+struct TransferDistances<'a> {
+    frames: Frames,
+    pairs: &'a PointPairs,
+}
+
+impl LeastSquares<8> for TransferDistances<'_> {
+    type Model = Matrix3<f64>;
+
+    fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    fn squared_residuals(&self, h: &Matrix3<f64>, out: &mut [f64]) {
+        let in_pixels = self.frames.in_pixels(h);
+        squared_transfer_distances(&in_pixels, self.pairs, 0..self.pairs.len(), out);
+    }
+
+    /// Along the directions [`perpendicular`] to `h`; `None` where the homography has no inverse.
+    fn normal_equations(&self, h: &Matrix3<f64>, weights: &[f64]) -> Option<NormalEquations<8>> {
+        let (frames, pairs) = (&self.frames, self.pairs);
+        let there = frames.in_pixels(h);
+        let back = there.try_inverse()?;
+        let there_by = perpendicular(h).map(|direction| frames.in_pixels(&direction));
+        // The derivative of an inverse.
+        let back_by = there_by.map(|direction| row_major(&-(back * direction * back)));
+        let sums = simd::transfer_normal_equations(
+            (&row_major(&there), &there_by.map(|d| row_major(&d))),
+            (&row_major(&back), &back_by),
+            [&pairs.a_x, &pairs.a_y, &pairs.b_x, &pairs.b_y],
+            weights,
+        );
+        Some(NormalEquations::from_sums(&sums))
+    }
+
+    fn moved(&self, h: &Matrix3<f64>, step: &SVector<f64, 8>) -> Matrix3<f64> {
+        let along = perpendicular(h);
+        let along = along.iter().zip(step);
+        let moved = along.fold(*h, |h, (direction, by)| h + direction * *by);
+        moved.normalize()
     }
 }
 
@@ -96,13 +90,16 @@ struct Frames {
     from_b: Matrix3<f64>,
 }
 
-type Equations = (SMatrix<f64, 8, 8>, SVector<f64, 8>, [Matrix3<f64>; 8]);
-
 impl Frames {
     /// `None` where there are no points, or all of an image are one.
     fn around(pairs: &PointPairs, h: &Matrix3<f64>) -> Option<Self> {
-        let from_a = normalisation(&pairs.a_x, &pairs.a_y)?;
-        let from_b = normalisation(&pairs.b_x, &pairs.b_y)?;
+        let of = |x: &[f64], y: &[f64]| {
+            let points = x.iter().zip(y).map(|(x, y)| (*x, *y));
+            let frame = normalisation(points.filter(|(x, y)| x.is_finite() && y.is_finite()));
+            (frame.iter().all(|x| x.is_finite()) && frame[0] > 0.0).then_some(frame)
+        };
+        let from_a = of(&pairs.a_x, &pairs.a_y)?;
+        let from_b = of(&pairs.b_x, &pairs.b_y)?;
         let sound = h.norm() > 0.0 && h.iter().all(|x| x.is_finite());
         Some(Self {
             from_a,
@@ -119,64 +116,6 @@ impl Frames {
         let a_to_pixels = (self.from_a.try_inverse()).expect("a similarity has an inverse");
         (self.from_b * h * a_to_pixels).normalize()
     }
-
-    /// `J^T W J` and `J^T W r` for the weights W, and the directions that they are along; `None` where
-    /// the homography has no inverse.
-    fn normal_equations(
-        &self,
-        h: &Matrix3<f64>,
-        pairs: &PointPairs,
-        weights: &[f64],
-    ) -> Option<Equations> {
-        let there = self.in_pixels(h);
-        let back = there.try_inverse()?;
-        let directions = perpendicular(h);
-        let there_by = directions.map(|direction| self.in_pixels(&direction));
-        // The derivative of an inverse.
-        let back_by = there_by.map(|direction| row_major(&-(back * direction * back)));
-        let sums = simd::transfer_normal_equations(
-            (&row_major(&there), &there_by.map(|d| row_major(&d))),
-            (&row_major(&back), &back_by),
-            [&pairs.a_x, &pairs.a_y, &pairs.b_x, &pairs.b_y],
-            weights,
-        );
-        let mut normal = SMatrix::zeros();
-        let mut next = 0;
-        for i in 0..8 {
-            for j in 0..=i {
-                normal[(i, j)] = sums[next];
-                normal[(j, i)] = sums[next];
-                next += 1;
-            }
-        }
-        Some((normal, SVector::from_column_slice(&sums[36..]), directions))
-    }
-}
-
-/// Moves the centroid of the finite points to the origin and their mean distance from it to sqrt 2;
-/// `None` where they have no such distance.
-fn normalisation(x: &[f64], y: &[f64]) -> Option<Matrix3<f64>> {
-    let finite = || (x.iter().zip(y)).filter(|(x, y)| x.is_finite() && y.is_finite());
-    let count = finite().count() as f64;
-    let (sum_x, sum_y) = finite().fold((0.0, 0.0), |sums, (x, y)| (sums.0 + x, sums.1 + y));
-    let (mean_x, mean_y) = (sum_x / count, sum_y / count);
-    let distances = finite().map(|(x, y)| {
-        let (dx, dy) = (x - mean_x, y - mean_y);
-        (dx * dx + dy * dy).sqrt()
-    });
-    let scale = std::f64::consts::SQRT_2 * count / distances.sum::<f64>();
-    let frame = Matrix3::new(
-        scale,
-        0.0,
-        -scale * mean_x,
-        0.0,
-        scale,
-        -scale * mean_y,
-        0.0,
-        0.0,
-        1.0,
-    );
-    (frame.iter().all(|x| x.is_finite()) && scale > 0.0).then_some(frame)
 }
 
 /// Eight matrices of norm 1 perpendicular to `h`, of norm 1, and to each other: the columns but the first
@@ -268,17 +207,20 @@ mod tests {
         let pairs = matches(5, 5, 2.0);
         let frames = Frames::around(&pairs, &truth()).expect("points apart");
         let h = frames.normalised(&disturbed(3.0));
+        let distances = TransferDistances {
+            frames,
+            pairs: &pairs,
+        };
         let half_cost = |h: &Matrix3<f64>| {
             let mut squared = vec![0.0; pairs.len()];
-            squared_transfer_distances(&frames.in_pixels(h), &pairs, 0..pairs.len(), &mut squared);
+            distances.squared_residuals(h, &mut squared);
             // The distance is the mean of both squares, the residuals are all four.
             squared.iter().sum::<f64>()
         };
         let weights = vec![1.0; pairs.len()];
-        let (_, gradient, directions) = frames
-            .normal_equations(&h, &pairs, &weights)
-            .expect("invertible");
-        for (slope, direction) in gradient.iter().zip(&directions) {
+        let equations = distances.normal_equations(&h, &weights);
+        let NormalEquations { gradient, .. } = equations.expect("invertible");
+        for (slope, direction) in gradient.iter().zip(&perpendicular(&h)) {
             let step = direction * 1e-6;
             let difference = (half_cost(&(h + step)) - half_cost(&(h - step))) / 2e-6;
             let scale = gradient.norm();

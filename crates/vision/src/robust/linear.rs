@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::Problem;
 use super::consensus::inliers_within;
-use crate::geometry::PointPairs;
+use crate::geometry::{PointPairs, normalisation};
 
 /// Matches that a local optimisation looks at, at most.
 const REFIT_MATCHES: usize = 2000;
@@ -60,8 +60,11 @@ pub(super) fn least_violating<const N: usize>(
     matches: &[u32],
     equations: impl Fn(Vector3<f64>, Vector3<f64>) -> [SVector<f64, 9>; N],
 ) -> Option<Normalised> {
-    let from_a = normalisation(&pairs.a_x, &pairs.a_y, matches);
-    let from_b = normalisation(&pairs.b_x, &pairs.b_y, matches);
+    let points = |x: &[f64], y: &[f64]| {
+        normalisation(matches.iter().map(|&i| (x[i as usize], y[i as usize])))
+    };
+    let from_a = points(&pairs.a_x, &pairs.a_y);
+    let from_b = points(&pairs.b_x, &pairs.b_y);
     let mut moments = SMatrix::<f64, 9, 9>::zeros();
     for &index in matches {
         let (a, b) = pairs.get(index as usize);
@@ -79,27 +82,4 @@ pub(super) fn least_violating<const N: usize>(
         from_a,
         from_b,
     })
-}
-
-/// Moves the centroid of the points to the origin and their mean distance from it to sqrt 2.
-fn normalisation(x: &[f64], y: &[f64], matches: &[u32]) -> Matrix3<f64> {
-    let count = matches.len() as f64;
-    let mean = |values: &[f64]| matches.iter().map(|&i| values[i as usize]).sum::<f64>() / count;
-    let (mean_x, mean_y) = (mean(x), mean(y));
-    let distances = matches.iter().map(|&i| {
-        let (dx, dy) = (x[i as usize] - mean_x, y[i as usize] - mean_y);
-        (dx * dx + dy * dy).sqrt()
-    });
-    let scale = std::f64::consts::SQRT_2 * count / distances.sum::<f64>().max(f64::MIN_POSITIVE);
-    Matrix3::new(
-        scale,
-        0.0,
-        -scale * mean_x,
-        0.0,
-        scale,
-        -scale * mean_y,
-        0.0,
-        0.0,
-        1.0,
-    )
 }

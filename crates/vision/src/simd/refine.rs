@@ -21,18 +21,7 @@ multiversioned! {
         assert!(points.iter().all(|p| p.len() == n), "one entry for each match");
         let mut sums = [[0.0; LANES]; 20];
         for start in (0..n).step_by(LANES) {
-            let end = n.min(start + LANES);
-            // Empty lanes and matches without weight: any finite point, with weight 0.
-            let mut lanes = [[0.0; LANES]; 4];
-            let mut weight = [0.0; LANES];
-            for (lane, i) in (start..end).enumerate() {
-                if weights[i] > 0.0 {
-                    weight[lane] = weights[i];
-                    for (to, from) in lanes.iter_mut().zip(points) {
-                        to[lane] = from[i];
-                    }
-                }
-            }
+            let (lanes, mut weight) = weighted_lanes::<LANES>(points, weights, start);
             if weight == [0.0; LANES] {
                 continue;
             }
@@ -92,4 +81,25 @@ multiversioned! {
         }
         sums.map(|lanes| (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]))
     }
+}
+
+/// The matches from `start` on, one in each lane, and their weights. Empty lanes and matches without weight
+/// hold a finite point, with weight 0.
+#[inline(always)]
+pub(super) fn weighted_lanes<const L: usize>(
+    points: [&[f64]; 4],
+    weights: &[f64],
+    start: usize,
+) -> ([[f64; L]; 4], [f64; L]) {
+    let mut lanes = [[0.0; L]; 4];
+    let mut weight = [0.0; L];
+    for (lane, i) in (start..weights.len().min(start + L)).enumerate() {
+        if weights[i] > 0.0 {
+            weight[lane] = weights[i];
+            for (to, from) in lanes.iter_mut().zip(points) {
+                to[lane] = from[i];
+            }
+        }
+    }
+    (lanes, weight)
 }

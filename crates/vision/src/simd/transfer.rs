@@ -1,5 +1,7 @@
 //! Transfer distances of many matches under a homography, and their normal equations.
 
+use super::refine::weighted_lanes;
+
 /// Matches at once: two registers of doubles.
 const LANES: usize = 4;
 
@@ -49,18 +51,7 @@ multiversioned! {
         assert!(points.iter().all(|p| p.len() == n), "one entry for each match");
         let mut sums = [[0.0; LANES]; TRANSFER_SUMS];
         for start in (0..n).step_by(LANES) {
-            let end = n.min(start + LANES);
-            // Empty lanes and matches without weight: any finite point, with weight 0.
-            let mut lanes = [[0.0; LANES]; 4];
-            let mut weight = [0.0; LANES];
-            for (lane, i) in (start..end).enumerate() {
-                if weights[i] > 0.0 {
-                    weight[lane] = weights[i];
-                    for (to, from) in lanes.iter_mut().zip(points) {
-                        to[lane] = from[i];
-                    }
-                }
-            }
+            let (lanes, weight) = weighted_lanes::<LANES>(points, weights, start);
             if weight == [0.0; LANES] {
                 continue;
             }

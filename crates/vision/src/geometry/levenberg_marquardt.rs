@@ -1,0 +1,153 @@
+//! Least robust sums of squares, by damped steps.
+//!
+//! Levenberg, "A Method for the Solution of Certain Non-Linear Problems in Least Squares",
+//! Quarterly of Applied Mathematics 2, 1944; Marquardt, "An Algorithm for Least-Squares Estimation of
+//! Nonlinear Parameters", SIAM Journal 11, 1963. Losses: Huber, Ronchetti, "Robust Statistics", 2nd
+//! edition, 2009; as iteratively reweighted least squares.
+//!
+//! A model with N degrees of freedom moves on its tangent space. A step solves the weighted normal equations, whose
+//! diagonal is made larger by the damping; one that costs less is taken and damped less afterwards, one that costs
+//! more is not taken, and the next is damped more.
+//!
+//! | constant | value | source |
+//! | --- | --- | --- |
+//! | `FIRST_DAMPING` | 1e-3, times the diagonal | Marquardt |
+//! | `DAMPING_FACTOR` | 10 | Marquardt |
+//! | `SMALLEST_STEP` | 1e-9, in the unit of the tangent space | ours |
+
+use nalgebra::{SMatrix, SVector};
+
+const FIRST_DAMPING: f64 = 1e-3;
+const LARGEST_DAMPING: f64 = 1e6;
+const DAMPING_FACTOR: f64 = 10.0;
+const SMALLEST_STEP: f64 = 1e-9;
+
+/// What a residual r costs, with c the scale of the loss.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
+pub enum Loss {
+    /// `min(r^2, c^2)`: outliers have no influence.
+    Truncated,
+    /// `c^2 log(1 + r^2 / c^2)`: the influence of outliers fades.
+    Cauchy,
+}
+
+impl Loss {
+    fn cost(self, squared: &[f64], limit: f64) -> f64 {
+        match self {
+            // `min` ignores NaN.
+            Self::Truncated => squared.iter().map(|r| r.min(limit)).sum(),
+            Self::Cauchy => (squared.iter())
+                .filter(|r| r.is_finite())
+                .map(|r| limit * libm::log1p(r / limit))
+                .sum(),
+        }
+    }
+
+    /// Weights of the squared residuals, in their place.
+    fn weigh(self, squared: &mut [f64], limit: f64) {
+        for r in squared {
+            *r = match self {
+                Self::Truncated => f64::from(u8::from(*r <= limit)),
+                Self::Cauchy if r.is_finite() => limit / (limit + *r),
+                Self::Cauchy => 0.0,
+            };
+        }
+    }
+}
+
+/// What is refined, a model of N degrees of freedom.
+pub(super) trait LeastSquares<const N: usize> {
+    type Model: Copy;
+
+    /// Number of matches.
+    fn len(&self) -> usize;
+
+    /// The squared residual of each match.
+    fn squared_residuals(&self, model: &Self::Model, out: &mut [f64]);
+
+    /// The normal equations about a model for the `weights` of the matches; `None` where there are none.
+    fn normal_equations(&self, model: &Self::Model, weights: &[f64]) -> Option<NormalEquations<N>>;
+
+    /// The model moved by a step on its tangent space.
+    fn moved(&self, model: &Self::Model, step: &SVector<f64, N>) -> Self::Model;
+}
+
+/// `J^T W J` and `J^T W r` for the weights W, the derivatives J of the residuals r.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NormalEquations<const N: usize> {
+    pub(super) matrix: SMatrix<f64, N, N>,
+    pub(super) gradient: SVector<f64, N>,
+}
+
+impl<const N: usize> NormalEquations<N> {
+    /// From the lower triangle of the matrix, row after row, and then the gradient.
+    pub(super) fn from_sums(sums: &[f64]) -> Self {
+        let mut matrix = SMatrix::zeros();
+        let mut next = 0;
+        for i in 0..N {
+            for j in 0..=i {
+                matrix[(i, j)] = sums[next];
+                matrix[(j, i)] = sums[next];
+                next += 1;
+            }
+        }
+        let gradient = SVector::from_column_slice(&sums[next..]);
+        Self { matrix, gradient }
+    }
+}
+
+/// The model after at most `max_steps` steps from `start`: never one that costs more. The scale of the `loss` is
+/// given squared, in the unit of the squared residuals.
+pub(super) fn minimise<const N: usize, P: LeastSquares<N>>(
+    problem: &P,
+    start: P::Model,
+    loss: Loss,
+    squared_scale: f64,
+    max_steps: usize,
+) -> P::Model {
+    let mut residuals = vec![0.0; problem.len()];
+    let mut trial = vec![0.0; problem.len()];
+    let squared = |model: &P::Model, out: &mut [f64]| {
+        problem.squared_residuals(model, out);
+        loss.cost(out, squared_scale)
+    };
+    let mut model = start;
+    let mut cost = squared(&model, &mut residuals);
+    let mut damping = FIRST_DAMPING;
+    let mut equations = None;
+    for _ in 0..max_steps {
+        if equations.is_none() {
+            loss.weigh(&mut residuals, squared_scale);
+            equations = problem.normal_equations(&model, &residuals);
+        }
+        let Some(NormalEquations { matrix, gradient }) = equations else {
+            break;
+        };
+        let mut damped = matrix;
+        for i in 0..N {
+            damped[(i, i)] *= 1.0 + damping;
+        }
+        let Some(cholesky) = damped.cholesky() else {
+            break;
+        };
+        let step: SVector<f64, N> = -cholesky.solve(&gradient);
+        let moved = problem.moved(&model, &step);
+        let moved_cost = squared(&moved, &mut trial);
+        if moved_cost < cost {
+            (model, cost) = (moved, moved_cost);
+            std::mem::swap(&mut residuals, &mut trial);
+            equations = None;
+            damping /= DAMPING_FACTOR;
+        } else {
+            damping *= DAMPING_FACTOR;
+        }
+        // The damping bounds the number of vain trials. A step of NaN is none.
+        let moves = step.norm() > SMALLEST_STEP;
+        if !moves || damping > LARGEST_DAMPING {
+            break;
+        }
+    }
+    model
+}
