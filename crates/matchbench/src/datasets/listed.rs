@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
-use std::io::{BufRead, BufReader, Read};
+use std::io::Read;
 use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3};
@@ -11,10 +11,10 @@ use nalgebra::{Isometry3, Matrix3};
 use super::pairs::pair_indices;
 use super::text;
 use super::{DatasetError, Pair, Problem, Truth};
-use crate::files::open_file;
+use crate::files::{LineBlock, LineBlocks, LineError, open_file};
 
 /// The longest line of a list, in bytes; a pair takes some 250.
-const LONGEST_LINE: u64 = 1 << 20;
+const LONGEST_LINE: usize = 1 << 20;
 
 /// A pair as a file lists it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,7 +88,7 @@ pub(super) fn has_one_twice(pairs: &[Pair]) -> bool {
 
 /// All rows of a list, whose truth `parse` reads from the whole row; what is wrong is noted among the
 /// `problems`.
-pub(super) fn listed<T>(
+pub(super) fn listed<T: Send>(
     path: &Path,
     frames: Option<usize>,
     parse: fn(&str) -> Result<T, String>,
@@ -118,57 +118,72 @@ pub(super) fn listed<T>(
 }
 
 /// Hands over every row of a list, or what is wrong with it.
-fn each_listed<T>(
+fn each_listed<T: Send>(
     path: &Path,
     frames: Option<usize>,
     parse: fn(&str) -> Result<T, String>,
     each: impl FnMut(Result<Listed<T>, DatasetError>) -> Result<(), DatasetError>,
 ) -> Result<(), DatasetError> {
     let file = open_file(path).map_err(|error| DatasetError::io(path, &error))?;
-    each_row(path, BufReader::new(file), frames, parse, each)
+    each_row(path, file, frames, parse, each)
 }
 
 /// The same, of what `reader` reads of the file.
-fn each_row<T>(
+fn each_row<T: Send>(
     path: &Path,
-    mut reader: impl BufRead,
+    reader: impl Read,
     frames: Option<usize>,
     parse: fn(&str) -> Result<T, String>,
     mut each: impl FnMut(Result<Listed<T>, DatasetError>) -> Result<(), DatasetError>,
 ) -> Result<(), DatasetError> {
-    let (mut bytes, mut any) = (Vec::new(), false);
-    for line in 1.. {
-        bytes.clear();
-        let read = (&mut reader)
-            .take(LONGEST_LINE)
-            .read_until(b'\n', &mut bytes);
-        if read.map_err(|error| DatasetError::io(path, &error))? == 0 {
-            break;
-        }
-        if bytes.len() as u64 == LONGEST_LINE {
+    let failed = |error| match error {
+        LineError::Io(error) => DatasetError::io(path, &error),
+        LineError::TooLong { line } => {
             let what = format!("the line has more than {LONGEST_LINE} bytes");
-            return Err(text::error_at(path, line, what));
+            text::error_at(path, line, what)
         }
-        let text = String::from_utf8_lossy(&bytes);
-        let text = match line {
-            1 => text.strip_prefix('\u{feff}').unwrap_or(&text),
-            _ => &text,
-        };
-        let Some(row) = text::row(text) else {
-            continue;
-        };
-        any = true;
-        let parsed = pair_indices(row, frames).and_then(|(a, b)| {
-            let truth = parse(row)?;
-            Ok(Listed { line, a, b, truth })
-        });
-        each(parsed.map_err(|what| text::error_at(path, line, what)))?;
+    };
+    let mut any = false;
+    let mut see = |block: LineBlock<'_>| {
+        let rows = block.parsed(|line, bytes| parse_row(line, bytes, frames, parse));
+        for (line, row) in rows {
+            if let Some(row) = row.transpose() {
+                any = true;
+                each(row.map_err(|what| text::error_at(path, line, what)))?;
+            }
+        }
+        Ok(())
+    };
+    let mut blocks = LineBlocks::new(reader, LONGEST_LINE);
+    while let Some(block) = blocks.next_block().map_err(failed)? {
+        see(block)?;
     }
+    blocks.rest().map_or(Ok(()), see)?;
     if !any {
         let remedy = "list the pairs to be matched";
         each(Err(DatasetError::new(path, "there are no pairs", remedy)))?;
     }
     Ok(())
+}
+
+/// What a line lists, if it lists something.
+fn parse_row<T>(
+    line: usize,
+    bytes: &[u8],
+    frames: Option<usize>,
+    parse: fn(&str) -> Result<T, String>,
+) -> Result<Option<Listed<T>>, String> {
+    let text = String::from_utf8_lossy(bytes);
+    let text = match line {
+        1 => text.strip_prefix('\u{feff}').unwrap_or(&text),
+        _ => &text,
+    };
+    let Some(row) = text::row(text) else {
+        return Ok(None);
+    };
+    let (a, b) = pair_indices(row, frames)?;
+    let truth = parse(row)?;
+    Ok(Some(Listed { line, a, b, truth }))
 }
 
 pub(super) fn parse_pose(row: &str) -> Result<Isometry3<f64>, String> {
@@ -235,13 +250,7 @@ mod tests {
     #[test]
     fn a_line_without_end_takes_no_memory() {
         let endless = std::io::repeat(b'1');
-        let error = each_row(
-            Path::new("t"),
-            BufReader::new(endless),
-            None,
-            parse_pose,
-            |_| Ok(()),
-        );
+        let error = each_row(Path::new("t"), endless, None, parse_pose, |_| Ok(()));
         assert_eq!(error.unwrap_err().line, Some(1));
     }
 

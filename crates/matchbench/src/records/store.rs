@@ -14,15 +14,13 @@
 //! and the matches that they follow from, is brought to the disk before them.
 
 use std::fs;
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use rayon::prelude::*;
-
 use super::RunRecord;
 use super::line::{LineReader, parse, to_line};
-use crate::files::{Appender, open_file, write_whole};
+use crate::files::{Appender, LineBlocks, LineError, open_file, write_whole};
 
 /// Why records cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -114,41 +112,27 @@ pub(crate) fn for_each<E: From<StoreError>>(
         line,
         reason,
     };
-    let mut file = open_file(path).map_err(io)?;
-    let (mut bytes, mut whole, mut number) = (Vec::new(), 0, 0);
+    let failed = |error| match error {
+        LineError::Io(error) => io(error),
+        LineError::TooLong { line } => {
+            corrupt(line, format!("it has no end within {LONGEST_LINE} bytes"))
+        }
+    };
+    let mut blocks = LineBlocks::new(open_file(path).map_err(io)?, LONGEST_LINE);
+    let mut whole = 0;
     let mut lines = LineReader::default();
-    loop {
-        let read = (&mut file)
-            .take(BLOCK)
-            .read_to_end(&mut bytes)
-            .map_err(io)?;
-        let end = whole_lines(&bytes);
-        let block: Vec<&[u8]> = bytes[..end]
-            .split_inclusive(|&byte| byte == b'\n')
-            .collect();
-        let parsed: Vec<_> = (block.par_iter().with_min_len(64))
-            .map(|line| parse(line))
-            .collect();
-        for line in parsed {
-            number += 1;
-            let record = lines
-                .accept(line)
-                .map_err(|reason| corrupt(number, reason))?;
-            each(number, record)?;
+    while let Some(block) = blocks.next_block().map_err(failed)? {
+        for (number, line) in block.parsed(|_, line| parse(line)) {
+            let record = lines.accept(line);
+            each(number, record.map_err(|reason| corrupt(number, reason))?)?;
         }
-        whole += end as u64;
-        if read == 0 {
-            return Ok(whole);
-        }
-        bytes.drain(..end);
-        if bytes.len() as u64 > BLOCK {
-            return Err(corrupt(number + 1, format!("it has no end within {BLOCK} bytes")).into());
-        }
+        whole += block.bytes() as u64;
     }
+    Ok(whole)
 }
 
-/// Bytes that are read at a time: the longest line.
-const BLOCK: u64 = 8 << 20;
+/// In bytes.
+const LONGEST_LINE: usize = 8 << 20;
 
 /// All records in the folder of a `run`, ordered by dataset, then by matcher and estimator, then
 /// as they were written.
@@ -265,11 +249,6 @@ impl RecordWriter {
     pub fn sync(&mut self) -> Result<(), StoreError> {
         (self.file.sync()).map_err(StoreError::io("write", &self.path))
     }
-}
-
-/// Length of the part of a file that consists of whole lines.
-fn whole_lines(bytes: &[u8]) -> usize {
-    (bytes.iter().rposition(|&byte| byte == b'\n')).map_or(0, |end| end + 1)
 }
 
 /// What is in a folder, sorted by name; nothing if there is no such folder.

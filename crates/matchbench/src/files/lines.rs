@@ -1,0 +1,218 @@
+//! Lines of a file that may be longer than memory, parsed by all threads.
+//!
+//! The file is read a block at a time. A block ends with the end of a line; what comes after it begins the
+//! next one. The lines of a block are parsed by the threads of the current pool and come back in their order,
+//! so that whoever reads sees the same for any number of threads.
+
+use std::io::{self, Read};
+
+use memchr::{memchr_iter, memrchr};
+use rayon::prelude::*;
+
+/// Bytes that are read at a time: work for all threads, and little memory.
+const BLOCK: u64 = 1 << 20;
+
+/// Lines that a thread parses at least, so that it does not wait for others more than it works.
+const LEAST_LINES: usize = 64;
+
+/// Why lines cannot be read.
+#[derive(Debug)]
+pub(crate) enum LineError {
+    /// The file system refused.
+    Io(io::Error),
+    /// A line that is longer than it may be.
+    TooLong {
+        /// Which, from 1.
+        line: usize,
+    },
+}
+
+/// Whole lines that stand one after the other, and what came before them.
+#[derive(Debug)]
+pub(crate) struct LineBlocks<R> {
+    reader: R,
+    /// Bytes that a line has at most.
+    longest: usize,
+    bytes: Vec<u8>,
+    /// How many of these were handed over.
+    seen: usize,
+    /// Lines that were handed over before.
+    lines: usize,
+    is_at_end: bool,
+}
+
+/// Lines of a file, each with its end.
+#[derive(Debug)]
+pub(crate) struct LineBlock<'a> {
+    bytes: &'a [u8],
+    /// Number of the first line, from 1.
+    first: usize,
+}
+
+impl<R: Read> LineBlocks<R> {
+    /// The lines of what `reader` reads, of at most `longest` bytes each.
+    pub(crate) fn new(reader: R, longest: usize) -> Self {
+        Self {
+            reader,
+            longest,
+            bytes: Vec::new(),
+            seen: 0,
+            lines: 0,
+            is_at_end: false,
+        }
+    }
+
+    /// The next lines that have an end; `None` where there are no more.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or a line is too long.
+    pub(crate) fn next_block(&mut self) -> Result<Option<LineBlock<'_>>, LineError> {
+        self.bytes.drain(..self.seen);
+        self.seen = 0;
+        let end = loop {
+            let new = self.bytes.len();
+            if !self.is_at_end {
+                let mut part = (&mut self.reader).take(BLOCK);
+                let read = part.read_to_end(&mut self.bytes).map_err(LineError::Io)?;
+                self.is_at_end = read == 0;
+            }
+            if let Some(last) = memrchr(b'\n', &self.bytes[new..]) {
+                break new + last + 1;
+            }
+            if self.bytes.len() > self.longest {
+                let line = self.lines + 1;
+                return Err(LineError::TooLong { line });
+            }
+            if self.is_at_end {
+                return Ok(None);
+            }
+        };
+        self.seen = end;
+        let block = LineBlock {
+            bytes: &self.bytes[..end],
+            first: self.lines + 1,
+        };
+        for (number, line) in block.lines() {
+            if line.len() > self.longest {
+                return Err(LineError::TooLong { line: number });
+            }
+            self.lines = number;
+        }
+        Ok(Some(block))
+    }
+
+    /// What stands after the last line that has an end, once there are no more of them; `None` if nothing does.
+    pub(crate) fn rest(&self) -> Option<LineBlock<'_>> {
+        let bytes = &self.bytes[self.seen..];
+        (!bytes.is_empty()).then_some(LineBlock {
+            bytes,
+            first: self.lines + 1,
+        })
+    }
+}
+
+impl LineBlock<'_> {
+    /// How long its lines are together.
+    pub(crate) fn bytes(&self) -> usize {
+        self.bytes.len()
+    }
+
+    /// What `parse` makes of the number of each line, from 1, and its bytes, with that number.
+    pub(crate) fn parsed<T: Send>(
+        &self,
+        parse: impl Fn(usize, &[u8]) -> T + Sync,
+    ) -> impl Iterator<Item = (usize, T)> {
+        let lines: Vec<(usize, &[u8])> = self.lines().collect();
+        let parsed: Vec<(usize, T)> = (lines.par_iter().with_min_len(LEAST_LINES))
+            .map(|&(number, line)| (number, parse(number, line)))
+            .collect();
+        parsed.into_iter()
+    }
+
+    /// Its lines with their numbers; the last may have no end.
+    fn lines(&self) -> impl Iterator<Item = (usize, &[u8])> {
+        let after_ends = memchr_iter(b'\n', self.bytes).map(|end| end + 1);
+        let rest = (!self.bytes.ends_with(b"\n")).then_some(self.bytes.len());
+        let mut start = 0;
+        (after_ends.chain(rest).zip(self.first..)).map(move |(end, number)| {
+            let line = &self.bytes[start..end];
+            start = end;
+            (number, line)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// A reader that gives few bytes at a time, as pipes do.
+    struct Sips<'a>(&'a [u8], usize);
+
+    impl Read for Sips<'_> {
+        fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+            let (sip, rest) = self.0.split_at(self.0.len().min(self.1).min(to.len()));
+            to[..sip.len()].copy_from_slice(sip);
+            self.0 = rest;
+            Ok(sip.len())
+        }
+    }
+
+    fn lines(text: &[u8], sip: usize) -> (Vec<(usize, Vec<u8>)>, Option<Vec<u8>>, usize) {
+        let mut blocks = LineBlocks::new(Sips(text, sip), 100);
+        let (mut found, mut bytes) = (Vec::new(), 0);
+        while let Some(block) = blocks.next_block().expect("short lines") {
+            bytes += block.bytes();
+            found.extend(block.parsed(|number, line| (number, line.to_vec())).map(
+                |(number, line)| {
+                    assert_eq!(number, line.0);
+                    line
+                },
+            ));
+        }
+        (found, blocks.rest().map(|rest| rest.bytes.to_vec()), bytes)
+    }
+
+    proptest! {
+        #[test]
+        fn lines_are_what_they_are(text in "([a-c]{0,30}\n){0,20}[a-c]{0,30}", sip in 1_usize..50) {
+            let (found, rest, bytes) = lines(text.as_bytes(), sip);
+            let end = text.rfind('\n').map_or(0, |end| end + 1);
+            prop_assert_eq!(bytes, end);
+            let expected: Vec<(usize, Vec<u8>)> = (1..)
+                .zip(text[..end].split_inclusive('\n').map(|line| line.as_bytes().to_vec()))
+                .collect();
+            prop_assert_eq!(found, expected);
+            prop_assert_eq!(rest.unwrap_or_default(), text[end..].as_bytes());
+        }
+    }
+
+    #[test]
+    fn a_line_may_be_longer_than_a_block_and_not_longer_than_it_may_be() {
+        let long = [vec![b'x'; 5 << 19], vec![b'\n'; 1]].concat();
+        let text = [b"short\n".to_vec(), long.clone(), b"short\n".to_vec()].concat();
+        let mut blocks = LineBlocks::new(&text[..], long.len());
+        let mut lengths = Vec::new();
+        while let Some(block) = blocks.next_block().expect("as long as it may be") {
+            lengths.extend(block.parsed(|_, line| line.len()));
+        }
+        assert_eq!(lengths, [(1, 6), (2, long.len()), (3, 6)]);
+        for reader in [&text[..], &text[..text.len() - 7]] {
+            let mut blocks = LineBlocks::new(reader, long.len() - 2);
+            let error = loop {
+                match blocks.next_block() {
+                    Ok(block) => assert!(block.is_some(), "the second line is too long"),
+                    Err(error) => break error,
+                }
+            };
+            assert!(matches!(error, LineError::TooLong { line: 2 }), "{error:?}");
+        }
+        let mut endless = LineBlocks::new(io::repeat(b'1'), 1 << 20);
+        assert!(matches!(
+            endless.next_block(),
+            Err(LineError::TooLong { line: 1 })
+        ));
+    }
+}
