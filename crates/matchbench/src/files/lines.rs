@@ -160,32 +160,24 @@ mod tests {
         }
     }
 
-    fn lines(text: &[u8], sip: usize) -> (Vec<(usize, Vec<u8>)>, Option<Vec<u8>>, usize) {
-        let mut blocks = LineBlocks::new(Sips(text, sip), 100);
-        let (mut found, mut bytes) = (Vec::new(), 0);
-        while let Some(block) = blocks.next_block().expect("short lines") {
-            bytes += block.bytes();
-            found.extend(block.parsed(|number, line| (number, line.to_vec())).map(
-                |(number, line)| {
-                    assert_eq!(number, line.0);
-                    line
-                },
-            ));
-        }
-        (found, blocks.rest().map(|rest| rest.bytes.to_vec()), bytes)
-    }
-
     proptest! {
         #[test]
         fn lines_are_what_they_are(text in "([a-c]{0,30}\n){0,20}[a-c]{0,30}", sip in 1_usize..50) {
-            let (found, rest, bytes) = lines(text.as_bytes(), sip);
-            let end = text.rfind('\n').map_or(0, |end| end + 1);
+            let text = text.as_bytes();
+            let end = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
+            let mut expected = (1..).zip(text[..end].split_inclusive(|&byte| byte == b'\n'));
+            let mut blocks = LineBlocks::new(Sips(text, sip), 100);
+            let mut bytes = 0;
+            while let Some(block) = blocks.next_block().expect("short lines") {
+                bytes += block.bytes();
+                for (number, (told, line)) in block.parsed(|told, line| (told, line.to_vec())) {
+                    prop_assert_eq!(expected.next(), Some((number, &*line)));
+                    prop_assert_eq!(told, number);
+                }
+            }
+            prop_assert_eq!(expected.next(), None);
             prop_assert_eq!(bytes, end);
-            let expected: Vec<(usize, Vec<u8>)> = (1..)
-                .zip(text[..end].split_inclusive('\n').map(|line| line.as_bytes().to_vec()))
-                .collect();
-            prop_assert_eq!(found, expected);
-            prop_assert_eq!(rest.unwrap_or_default(), text[end..].as_bytes());
+            prop_assert_eq!(blocks.rest().map_or(&[][..], |rest| rest.bytes), &text[end..]);
         }
     }
 
