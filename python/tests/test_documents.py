@@ -19,7 +19,8 @@ def test_the_notebook_runs():
     for cell in cells:
         exec(compile(cell, path.name, "exec"), names)
     assert names["scores"]["matcher"] == ["sift", "orb", "gms", "akaze_smnn"]
-    assert names["scores"]["auc"].max() > 0 and names["picture"].stat().st_size > 640 * 240
+    assert names["scores"]["auc"].max() > 0
+    assert names["picture"].png.startswith(b"\x89PNG") and len(names["picture"].png) > 10_000
 
 
 def test_the_notebook_runs_in_jupyter():
@@ -30,7 +31,7 @@ def test_the_notebook_runs_in_jupyter():
     notebook = nbformat.read(PYTHON / "notebooks" / "which_matcher.ipynb", as_version=4)
     nbclient.NotebookClient(notebook, timeout=300).execute()
     shown = json.dumps(notebook)
-    assert "akaze_smnn" in shown and "<table>" in shown
+    assert "akaze_smnn" in shown and "<table>" in shown and '"image/png"' in shown
 
 
 def test_the_scripts_of_the_readme_run(tmp_path):

@@ -231,3 +231,16 @@ except KeyboardInterrupt:
     files = list((tmp_path / "run").glob("records/*/*.jsonl"))
     recorded = sum(len(path.read_text().splitlines()) for path in files)
     assert recorded == 2 < len(dataset.pairs), "the pair in flight is finished, and no other begun"
+
+
+def test_a_pair_is_drawn(dataset, tmp_path):
+    a, b = dataset.pairs[0].tolist()
+    picture = mb.show(dataset, a, b, "sift", "best", settings=["sift.ratio=0.7"])
+    assert picture.png.startswith(b"\x89PNG") and picture._repr_png_() == picture.png
+    assert picture.save(tmp_path / "pair.png").read_bytes() == picture.png
+    assert mb.show(dataset, a, b, "sift", "best", settings=["sift.ratio=0.7"]).png == picture.png
+    assert mb.show(dataset.path, a, b, "sift", "best", keypoints=True).png != picture.png
+    with pytest.raises(mb.Error, match="no pair 0 0"):
+        mb.show(dataset, 0, 0)
+    with pytest.raises(mb.Error, match="did you mean|sift"):
+        mb.show(dataset, a, b, "shift")

@@ -51,6 +51,7 @@ from ._pose import CameraPose, estimate_relative_pose, estimator
 from ._runs import Run, report, run
 from ._scores import Scores, evaluate
 from ._selectors import code, gaim, gms, kvld, repmatch
+from ._show import Picture, show
 
 __all__ = [
     "AKAZE",
@@ -81,6 +82,7 @@ __all__ = [
     "NoPose",
     "ORB",
     "ORB_create",
+    "Picture",
     "PoseEstimate",
     "Run",
     "SIFT",
@@ -105,4 +107,5 @@ __all__ = [
     "repmatch",
     "report",
     "run",
+    "show",
 ]
