@@ -35,7 +35,7 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
             );
         }
     }
-    let prepared = study.prepare(&tell_news)?;
+    let prepared = study.prepare_plan(&tell_news)?;
     for error in &prepared.absent {
         say!("error: {error}");
     }

@@ -21,7 +21,7 @@ mod problem;
 pub mod rendered;
 mod sequence;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 mod text;
 mod trajectory;
 mod turn;

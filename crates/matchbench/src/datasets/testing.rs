@@ -46,7 +46,7 @@ pub(super) fn sequence(count: usize) -> Sequence {
 }
 
 /// A sound dataset of four frames on disk.
-pub(super) fn dataset() -> (TempDir, PathBuf) {
+pub(crate) fn dataset() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path().join("small");
     let about = About {

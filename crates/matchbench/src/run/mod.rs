@@ -49,12 +49,13 @@ pub use seeds::{estimation_seed, pair_seed, selection_seed};
 pub use shards::{Shard, images_of_one, plan_shards};
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::mem;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Duration;
 
 use crate::cache::FeatureCache;
-use crate::datasets::{DatasetError, Sequence, Whole, decode_gray};
+use crate::datasets::{DatasetError, Sequence, Unpaired, Whole, decode_gray};
 use crate::records::images::ImageNotes;
 use crate::records::store::RecordWriter;
 use crate::records::{KeepMatches, RunFolder, RunRecord, RunWriter, Settings, Tuned};
@@ -72,8 +73,10 @@ pub struct Dataset {
     pub sequence: Sequence,
     /// Ids of the contenders that are run on it; all of them where absent.
     pub matchers: Option<BTreeSet<String>>,
-    /// What it is a part of, where only the pairs of one shard are held, see [`Shard::part`].
+    /// What it is a part of, where few of its pairs are held, see [`Shard::part`] and [`Dataset::survey`].
     pub whole: Option<Whole>,
+    /// The frames of all its pairs, where [`Dataset::survey`] holds few of them with their truth.
+    pub pair_frames: Option<Vec<(u32, u32)>>,
 }
 
 impl Dataset {
@@ -89,7 +92,40 @@ impl Dataset {
             path,
             matchers: None,
             whole: None,
+            pair_frames: None,
         })
+    }
+
+    /// The dataset in a folder as [`plan_shards`] needs it, where a list of pairs may be long: the frames of
+    /// every pair, and with its truth the first pair alone that has a pose, a homography, or both.
+    ///
+    /// # Errors
+    /// If it cannot be read, see [`Unpaired::part`].
+    pub fn survey(folder: &Path) -> Result<Self, DatasetError> {
+        let unpaired = Unpaired::open(folder)?;
+        let (mut pair_frames, mut kinds) = (Vec::new(), Vec::new());
+        let (sequence, whole) = unpaired.part(|pair| {
+            pair_frames.push((pair.a, pair.b));
+            let kind = mem::discriminant(&pair.truth);
+            let is_first = !kinds.contains(&kind);
+            kinds.extend(is_first.then_some(kind));
+            is_first
+        })?;
+        Ok(Self {
+            path: std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf()),
+            sequence,
+            matchers: None,
+            whole: Some(whole),
+            pair_frames: Some(pair_frames),
+        })
+    }
+
+    /// The frames of every pair, in their order.
+    pub(crate) fn pair_frames(&self) -> Box<dyn Iterator<Item = (u32, u32)> + '_> {
+        match &self.pair_frames {
+            Some(frames) => Box::new(frames.iter().copied()),
+            None => Box::new(self.sequence.pairs.iter().map(|pair| (pair.a, pair.b))),
+        }
     }
 
     /// Whether the contender `id` is run on it.

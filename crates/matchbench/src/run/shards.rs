@@ -7,7 +7,7 @@
 //! with all, runs of neighbours where they follow each other.
 
 use super::{Contender, Dataset, RunError, plan};
-use crate::datasets::{DatasetError, Pair, Sequence, Unpaired};
+use crate::datasets::{DatasetError, Sequence, Unpaired};
 use crate::records::shards::{Asked, Cut, PairsHash, Part, ShardPlan, Stretches, part_of};
 use crate::records::{KeepMatches, Plan, Settings, ShardError, Tuned};
 
@@ -78,6 +78,7 @@ impl Shard<'_> {
             sequence,
             matchers: None,
             whole: Some(whole),
+            pair_frames: None,
         })
     }
 
@@ -126,6 +127,7 @@ impl Shard<'_> {
             },
             matchers: dataset.matchers.clone(),
             whole: Some(dataset.sequence.whole()),
+            pair_frames: None,
         }
     }
 }
@@ -143,8 +145,8 @@ fn items(datasets: &[Dataset], settings: Settings) -> Vec<Item> {
     let limit = settings.limit.unwrap_or(usize::MAX);
     let mut items = Vec::new();
     for (dataset, number) in datasets.iter().zip(0..) {
-        let pairs = (dataset.sequence.pairs.iter().take(limit)).zip(0..);
-        items.extend(pairs.map(|(&Pair { a, b, .. }, index)| Item {
+        let pairs = dataset.pair_frames().take(limit).zip(0..);
+        items.extend(pairs.map(|((a, b), index)| Item {
             dataset: number,
             a,
             b,
@@ -177,7 +179,7 @@ fn cut(datasets: &[Dataset], settings: Settings, shards: u32) -> Result<Cut, Run
     let mut halving = Halving {
         images: &mut images,
         shard_of: (datasets.iter())
-            .map(|dataset| vec![0; dataset.sequence.pairs.len()])
+            .map(|dataset| vec![0; dataset.pair_frames().count()])
             .collect(),
         parts: Vec::new(),
     };
@@ -187,8 +189,8 @@ fn cut(datasets: &[Dataset], settings: Settings, shards: u32) -> Result<Cut, Run
     let mut stretches = Vec::new();
     let limit = settings.limit.unwrap_or(usize::MAX);
     for (index, (dataset, shards)) in datasets.iter().zip(&shard_of).enumerate() {
-        for (pair, shard) in dataset.sequence.pairs.iter().zip(shards).take(limit) {
-            hashes[*shard as usize - 1].add(index, pair.a, pair.b);
+        for ((a, b), shard) in dataset.pair_frames().zip(shards).take(limit) {
+            hashes[*shard as usize - 1].add(index, a, b);
         }
         stretches.push(Stretches::of(shards.iter().copied().take(limit)));
     }

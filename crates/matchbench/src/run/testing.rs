@@ -61,6 +61,7 @@ pub(super) fn dataset(folder: &Path, name: &str, frames: u32) -> Dataset {
         path: images.clone(),
         matchers: None,
         whole: None,
+        pair_frames: None,
         sequence: Sequence {
             name: name.into(),
             frames: (0..frames).map(frame).collect(),

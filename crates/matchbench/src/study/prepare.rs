@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::{MatchesFrom, Study, StudyDataset, StudyError};
 use crate::cache::FeatureCache;
 use crate::config::Changes;
-use crate::datasets::{ImportReport, Sequence};
+use crate::datasets::{DatasetError, ImportReport, Sequence};
 use crate::exchange::{MatchSource, ReadOptions};
 use crate::external::{Manifest, StartError};
 use crate::matchers::{self, BuiltPointSource, MATCHERS};
@@ -65,6 +65,29 @@ impl Study {
     /// If it names no dataset, no matcher or no folder; if one of them, a parameter or a tuning is
     /// wrong; if no matcher could be started.
     pub fn prepare(&self, tell: &dyn Fn(News<'_>)) -> Result<Prepared, StudyError> {
+        self.prepare_with(Dataset::open, tell)
+    }
+
+    /// The same for [`plan_shards`](crate::run::plan_shards): of datasets with many pairs, few are held.
+    ///
+    /// # Errors
+    /// As [`Study::prepare`].
+    pub fn prepare_plan(&self, tell: &dyn Fn(News<'_>)) -> Result<Prepared, StudyError> {
+        // Which file is of which pair is understood from all of them.
+        let needs_pairs = !self.matches.is_empty();
+        let open = if needs_pairs {
+            Dataset::open
+        } else {
+            Dataset::survey
+        };
+        self.prepare_with(open, tell)
+    }
+
+    fn prepare_with(
+        &self,
+        open_dataset: fn(&Path) -> Result<Dataset, DatasetError>,
+        tell: &dyn Fn(News<'_>),
+    ) -> Result<Prepared, StudyError> {
         let incomplete = |what, remedy| StudyError::Incomplete { what, remedy };
         let folder = (self.out.as_deref()).ok_or_else(|| {
             incomplete("folder for the run", "--out RUN, or `out` in the run file")
@@ -95,7 +118,7 @@ impl Study {
             matchers::find(name).map_err(ContenderError::from)?;
         }
         let mut datasets = (self.datasets.iter())
-            .map(|dataset| open(dataset, tell))
+            .map(|dataset| open(dataset, open_dataset, tell))
             .collect::<Result<Vec<_>, _>>()?;
         let sources = self.sources(&datasets, tell)?;
         for (dataset, asked) in datasets.iter_mut().zip(&self.datasets) {
@@ -211,11 +234,15 @@ fn open_matches(
 }
 
 /// The dataset, which is imported first if it is not there.
-fn open(asked: &StudyDataset, tell: &dyn Fn(News<'_>)) -> Result<Dataset, StudyError> {
+fn open(
+    asked: &StudyDataset,
+    open_dataset: fn(&Path) -> Result<Dataset, DatasetError>,
+    tell: &dyn Fn(News<'_>),
+) -> Result<Dataset, StudyError> {
     if let Some(import) = &asked.import {
         import.once(&asked.path, tell)?;
     }
-    Ok(Dataset::open(&asked.path)?)
+    Ok(open_dataset(&asked.path)?)
 }
 
 /// The names, and all matchers where one of them is `all`.

@@ -1,6 +1,7 @@
 //! Shards, merged, are the run of one machine.
 
 use super::*;
+use crate::datasets::DatasetError;
 use crate::records::shards::{Asked, Merged, Part, merge};
 use crate::records::{KeepMatches, ShardError, ShardPlan};
 
@@ -487,4 +488,31 @@ fn what_cannot_be_cut_is_refused() {
     let keep = KeepMatches::All;
     let error = plan_shards(&datasets, &contenders, settings, 1, asked, keep, &[]);
     assert!(error.unwrap_err().to_string().contains("sample"));
+}
+
+#[test]
+fn what_is_surveyed_is_planned_as_what_is_opened() {
+    let (_folder, dir) = crate::datasets::testing::dataset();
+    let planned = |dataset: Result<Dataset, DatasetError>, limit| {
+        let settings = Settings {
+            limit,
+            ..Settings::default()
+        };
+        let (datasets, contenders) = ([dataset.unwrap()], two_by_two());
+        let (asked, keep) = (Asked::default(), KeepMatches::All);
+        let plan = plan_shards(&datasets, &contenders, settings, 2, asked, keep, &[]);
+        plan.map_err(|error| error.to_string())
+    };
+    for limit in [None, Some(2)] {
+        let plan = planned(Dataset::open(&dir), limit);
+        assert_eq!(planned(Dataset::survey(&dir), limit), plan);
+        assert!(plan.is_ok());
+    }
+    assert_eq!(Dataset::survey(&dir).unwrap().sequence.pairs.len(), 1);
+    // The last pair has a homography alone, which no pose is judged by.
+    let homographies = "0 1 1 0 5 0 1 -3 0 0 1\n3 0 2 0 0 0 2 0 0 0 2\n";
+    fs::write(dir.join("homographies.txt"), homographies).unwrap();
+    let refused = planned(Dataset::open(&dir), None).unwrap_err();
+    assert!(refused.contains("no pose of the pair 3 0"), "{refused}");
+    assert_eq!(planned(Dataset::survey(&dir), None), Err(refused));
 }
