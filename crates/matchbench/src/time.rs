@@ -12,6 +12,7 @@ use std::io;
 use std::slice;
 use std::thread::available_parallelism;
 
+use matchbench_vision::InstructionSet;
 use rayon::ThreadPoolBuilder;
 
 use crate::memory;
@@ -210,11 +211,11 @@ fn processor() -> String {
 
 /// What the kernels make use of, where there is a choice.
 fn instructions() -> &'static str {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
-        return " with AVX2 and FMA";
+    match InstructionSet::in_use() {
+        InstructionSet::Portable => "",
+        InstructionSet::Avx2 => " with AVX2 and FMA",
+        InstructionSet::Avx512 => " with AVX-512",
     }
-    ""
 }
 
 fn field(text: &str, name: &str) -> Option<String> {

@@ -315,7 +315,8 @@ fn cell<'a>(
     Some(Cell {
         summary,
         auc: summary.auc_of(angle),
-        rank: (auc.is_some() && scored > 1 && better < 3).then_some(better as u8 + 1),
+        // Where nobody solved a pair, nobody is best.
+        rank: (auc > Some(0.0) && scored > 1 && better < 3).then_some(better as u8 + 1),
         above_baseline: baseline.is_some() && auc > baseline,
     })
 }

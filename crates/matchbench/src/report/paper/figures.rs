@@ -4,8 +4,10 @@ use crate::metrics::{Angle, Portion};
 
 use super::super::Content;
 use super::super::figures::{ap_panel_figure, sp_figure};
+use super::super::latex::sequence_numbers;
 use super::super::overview::Overview;
 use super::super::svg::{Target, gallery, stack};
+use super::published::{SEQUENCES, SHORT};
 
 /// Pixels of a PNG for each unit of its drawing.
 pub(super) const PNG_SCALE: f32 = 2.0;
@@ -24,7 +26,7 @@ pub(super) struct PaperFigure {
 
 /// The figures for which there is something.
 pub(super) fn all(content: &Content) -> Vec<PaperFigure> {
-    let overview = Overview::new(&content.summaries).in_the_papers_order();
+    let overview = in_the_papers_portions(Overview::new(&content.summaries));
     let mut figures = Vec::new();
     if !content.datasets.is_empty() {
         let pictures: Vec<_> = (content.datasets.iter())
@@ -77,4 +79,17 @@ pub(super) fn all(content: &Content) -> Vec<PaperFigure> {
         });
     }
     figures
+}
+
+/// The overview in the order of the paper. A sequence of the paper belongs to the portion that it has there: of few
+/// of its pairs it could not be told.
+fn in_the_papers_portions(mut overview: Overview<'_>) -> Overview<'_> {
+    let numbers = sequence_numbers(&overview.datasets);
+    for (portion, number) in overview.portions.iter_mut().zip(&numbers) {
+        let place = SEQUENCES.iter().position(|known| known.number == number);
+        if let Some(place) = place {
+            *portion = Portion::ALL[usize::from(place >= SHORT)];
+        }
+    }
+    overview.in_the_papers_order()
 }

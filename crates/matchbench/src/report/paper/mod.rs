@@ -226,6 +226,10 @@ mod tests {
         }
         // There are no short baselines here.
         assert!(!folder.path().join("figures/figure2.svg").exists());
+        // A sequence of the paper has its portion there, whatever pairs of it were run.
+        let short = content(&[("01-office", "sift", 4), ("my-01", "sift", 4)]);
+        let names = |content| figures::all(content).into_iter().map(|figure| figure.name);
+        assert!(names(&short).eq(["figure2", "figure3"]));
         let nothing = write_paper(folder.path(), &Content::default(), &PaperTimes::default());
         assert!(nothing.is_ok());
     }
