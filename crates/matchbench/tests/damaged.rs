@@ -104,6 +104,7 @@ fn records(doors: &Doors) -> Vec<u8> {
             },
             counts: Counts::default(),
             correct: None,
+            repeated: None,
             outcome,
             times: StageTimes {
                 search: Some(0.25),

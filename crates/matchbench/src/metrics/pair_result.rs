@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::records::{Counts, Outcome, RunRecord, StageTimes};
+use crate::records::{Counts, Outcome, Repeated, RunRecord, StageTimes};
 
 use super::Failure;
 
@@ -24,6 +24,8 @@ pub struct PairResult {
     /// Selected matches within 1, 2, ... 10 pixels of where the true homography takes them; `None`
     /// where there is none.
     pub correct: Option<[u32; 10]>,
+    /// Keypoints that were found in both images, where the true homography tells.
+    pub repeated: Option<Repeated>,
     /// Numbers of features and matches, where they were recorded.
     pub counts: Option<Counts>,
     /// Stage times, where they were taken.
@@ -107,6 +109,7 @@ impl PairResult {
             outcome: Err(failure),
             correspondences: 0,
             correct: None,
+            repeated: None,
             counts: None,
             times: StageTimes::default(),
         }
@@ -215,6 +218,7 @@ impl From<&RunRecord> for PairResult {
             outcome,
             correspondences,
             correct: record.correct,
+            repeated: record.repeated,
             counts: Some(record.counts),
             times: record.times,
         }
@@ -246,6 +250,10 @@ pub(super) mod tests {
             outcome: Ok(Deviation::Corners(Some(corner_error))),
             correspondences: n,
             correct: Some(correct),
+            repeated: Some(Repeated {
+                visible: [4 * n, 5 * n],
+                within: [1, 1, 2, 2, 2, 2, 2, 2, 2, 2].map(|times| times * n),
+            }),
             counts: Some(Counts {
                 selected: n,
                 ..Counts::default()

@@ -192,6 +192,26 @@ pub const SCORES: &[ScoreKind] = &[
     accuracy::<8>("mma8", "MMA 8 px", Detail::Complete),
     accuracy::<9>("mma9", "MMA 9 px", Detail::Complete),
     accuracy::<10>("mma10", "MMA 10 px", Detail::Complete),
+    ScoreKind {
+        id: "repeatability",
+        model: Model::Homography,
+        heading: "Repeatability",
+        definition: FOUND_AGAIN,
+        value: |pairs| Some(mean_of_terms(pairs, repeatability_term)),
+        spread: Spread::Terms(repeatability_term),
+        notation: Notation::Ratio,
+        detail: Detail::Glance,
+    },
+    ScoreKind {
+        id: "matching_score",
+        model: Model::Homography,
+        heading: "Matching score",
+        definition: FOUND_AGAIN,
+        value: |pairs| Some(mean_of_terms(pairs, matching_term)),
+        spread: Spread::Terms(matching_term),
+        notation: Notation::Ratio,
+        detail: Detail::Glance,
+    },
 ];
 
 /// The AUC of the corner error up to so many pixels.
@@ -219,15 +239,7 @@ const fn accuracy<const PX: usize>(
         model: Model::Homography,
         heading,
         definition: MMA,
-        value: |pairs| {
-            let sum = |part: fn(&Term) -> f64| -> f64 {
-                pairs
-                    .iter()
-                    .map(|pair| part(&accuracy_term(pair, PX)))
-                    .sum()
-            };
-            Some(sum(|term| term.numerator) / sum(|term| term.denominator))
-        },
+        value: |pairs| Some(mean_of_terms(pairs, |pair| accuracy_term(pair, PX))),
         spread: Spread::Terms(|pair| accuracy_term(pair, PX)),
         notation: Notation::Ratio,
         detail,
@@ -258,6 +270,9 @@ const CORNER_AUC: &str = "AUC k px: area under recall over the corner error up t
                           and the true homography see the four corners of the first image.";
 const MMA: &str = "MMA k px: share of the selected matches within k pixels of where the true homography takes them, the mean \
                    over all pairs that have one; a pair without matches has 0.";
+const FOUND_AGAIN: &str = "Repeatability: of the keypoints in the part of the scene that both images show (the smaller number of \
+                           both), the share with one of the other image within 3 pixels of where the true homography takes \
+                           them, one to one; matching score: the share that was matched within 3 pixels; means over pairs.";
 
 /// The entry of a score.
 ///
@@ -365,6 +380,39 @@ fn accuracy_term(pair: &PairResult, pixels: usize) -> Term {
     }
 }
 
+/// Pixels within which a keypoint is repeated, and a match is correct, in the scores of detectors.
+const FOUND_PX: usize = 3;
+
+/// The share of the keypoints that both images can show which were found in both.
+fn repeatability_term(pair: &PairResult) -> Term {
+    share_of_visible(pair, |pair| Some(pair.repeated?.within[FOUND_PX - 1]))
+}
+
+/// The share of the same keypoints that were matched correctly.
+fn matching_term(pair: &PairResult) -> Term {
+    share_of_visible(pair, |pair| Some(pair.correct?[FOUND_PX - 1]))
+}
+
+fn share_of_visible(pair: &PairResult, found: fn(&PairResult) -> Option<u32>) -> Term {
+    let known = pair.repeated.zip(found(pair));
+    Term {
+        cluster: pair.a,
+        numerator: known.map_or(0.0, |(repeated, found)| {
+            // Matches of one place with several orientations are several.
+            (f64::from(found) / f64::from(repeated.least_visible().max(1))).min(1.0)
+        }),
+        denominator: f64::from(u8::from(known.is_some())),
+    }
+}
+
+/// The ratio of the sums of what pairs add to a score.
+fn mean_of_terms(pairs: &[PairResult], term: impl Fn(&PairResult) -> Term) -> f64 {
+    let (numerator, denominator) = pairs.iter().map(term).fold((0.0, 0.0), |sums, term| {
+        (sums.0 + term.numerator, sums.1 + term.denominator)
+    });
+    numerator / denominator
+}
+
 fn ap_term(pair: &PairResult) -> Term {
     let right = is_right(pair, AP_THRESHOLD);
     Term {
@@ -418,6 +466,9 @@ mod tests {
         // Of four pairs one has no matches; of the others half is within 1 pixel, all within 2.
         assert!((value("mma1") - 1.5 / 4.0).abs() < 1e-12);
         assert!((value("mma2") - 0.75).abs() < 1e-12);
+        // Half of the visible keypoints were found again, a quarter of them matched; nothing is known of the pair that failed.
+        assert!((value("repeatability") - 0.5).abs() < 1e-12);
+        assert!((value("matching_score") - 0.25).abs() < 1e-12);
         let interval = scores.get("auc_h3").interval.expect("two images");
         assert!(interval.low < value("auc_h3") && value("auc_h3") < interval.high);
     }

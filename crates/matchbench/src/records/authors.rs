@@ -237,6 +237,7 @@ mod tests {
             },
             counts: Counts::default(),
             correct: None,
+            repeated: None,
             outcome,
             times: StageTimes::default(),
             device: None,

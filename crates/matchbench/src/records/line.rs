@@ -100,6 +100,7 @@ mod tests {
             },
             counts: Counts::default(),
             correct: None,
+            repeated: None,
             outcome: Outcome::judged(&pose, &Isometry3::translation(1.0, 0.0, 0.0), 9, 12, 100),
             times: StageTimes {
                 search: Some(0.25),
@@ -181,6 +182,16 @@ mod tests {
                 "\"outcome\":",
                 "\"correct\":[0,0,0,0,0,0,0,0,0,1],\"outcome\":",
                 "correct",
+            ),
+            (
+                "\"outcome\":",
+                "\"repeated\":{\"visible\":[7,9],\"within\":[0,1,2,3,4,5,6,7,7,8]},\"outcome\":",
+                "repeated",
+            ),
+            (
+                "\"outcome\":",
+                "\"repeated\":{\"visible\":[7,9],\"within\":[2,1,2,3,4,5,6,7,7,7]},\"outcome\":",
+                "repeated",
             ),
             ("\"b\":4", "\"b\":3", "itself"),
         ] {

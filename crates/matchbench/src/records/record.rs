@@ -17,6 +17,10 @@ pub struct RunRecord {
     /// there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correct: Option<[u32; 10]>,
+    /// Keypoints that were found in both images; absent where the true homography is not known, or the
+    /// features were not at hand: matches from outside, or of an earlier process.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repeated: Option<Repeated>,
     /// What came out.
     pub outcome: Outcome,
     /// How long each stage took.
@@ -43,6 +47,7 @@ impl RunRecord {
             }
         }
         self.check_correct()?;
+        self.repeated.as_ref().map_or(Ok(()), Repeated::check)?;
         self.outcome.check()
     }
 
@@ -56,6 +61,35 @@ impl RunRecord {
                 "`correct` is {correct:?}, and counts of {} matches within more and more pixels do not \
                  fall or exceed them",
                 self.counts.selected
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Keypoints in the part of the scene that both images of a pair show, by the true homography; those at one place
+/// count once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Repeated {
+    /// Those of images `a` and `b`.
+    pub visible: [u32; 2],
+    /// Pairs of them that are each other's nearest and lie within 1, 2, ... 10 pixels of image `b`.
+    pub within: [u32; 10],
+}
+
+impl Repeated {
+    /// The smaller number of keypoints that could be found again.
+    pub fn least_visible(&self) -> u32 {
+        self.visible[0].min(self.visible[1])
+    }
+
+    /// Whether the numbers can be counts.
+    fn check(&self) -> Result<(), String> {
+        if !self.within.is_sorted() || self.within[9] > self.least_visible() {
+            return Err(format!(
+                "`repeated` has {:?} pairs within more and more pixels, of {:?} keypoints",
+                self.within, self.visible
             ));
         }
         Ok(())
@@ -163,6 +197,7 @@ mod tests {
             },
             counts: Counts::default(),
             correct: None,
+            repeated: None,
             outcome: Outcome::judged(
                 &estimate,
                 &Isometry3::translation(1.0, 2.0, 0.1),

@@ -283,6 +283,7 @@ mod tests {
             },
             counts: Counts::default(),
             correct: None,
+            repeated: None,
             outcome: Outcome::NoPose {
                 reason: NoPose::TooFewMatches {
                     found: 3,

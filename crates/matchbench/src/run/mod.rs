@@ -28,6 +28,7 @@ mod ordered;
 mod pair;
 mod plan;
 mod progress;
+mod repeatability;
 mod resident;
 mod seeds;
 mod shards;

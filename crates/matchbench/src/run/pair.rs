@@ -15,6 +15,7 @@ use super::frame::{Decode, load, lock, read, size};
 use super::guard::Broken;
 use super::matching::{search, select};
 use super::progress::{MatcherProgress, PairTasks, PendingTask};
+use super::repeatability::repeated;
 use super::resident::{PairJob, Side};
 use super::seeds::pair_seed;
 use super::sourcing::sourced;
@@ -87,6 +88,9 @@ impl PairStages<'_> {
             ..StageTimes::default()
         };
         let searched = self.search(matcher, job, &mut counts, &mut times);
+        let repeated = (job.pair.homography())
+            .zip(searched.as_ref().ok())
+            .and_then(|(homography, searched)| repeated(homography, searched.a, searched.b));
         let mut done = PairDone::of(job.due.len());
         for due in by_repetition(job.due) {
             let repetition = due[0].repetition;
@@ -96,7 +100,11 @@ impl PairStages<'_> {
             });
             // Whoever comes next finds these results ready, and so without a time.
             let times = mem::take(&mut times);
+            let first = done.records.len();
             self.estimate_all(job.pair, due, &selected, counts, times, &mut done);
+            for (_, record) in &mut done.records[first..] {
+                record.repeated = repeated;
+            }
             self.keep(job.pair, repetition, selected, &mut done);
         }
         done
@@ -206,6 +214,7 @@ impl PairStages<'_> {
                 task: self.progress.task(pair, &variant.name, due.repetition),
                 counts,
                 correct,
+                repeated: None,
                 outcome: outcome.unwrap_or_else(Broken::outcome),
                 times: mem::take(&mut times),
                 device: None,
