@@ -57,7 +57,7 @@ fn places(features: &Features) -> Vec<Point2<f64>> {
         (one.y.total_cmp(&other.y)).then_with(|| one.x.total_cmp(&other.x))
     });
     places.dedup();
-    places.iter().map(Point2::cast).collect()
+    places.iter().map(|place| place.cast::<f64>()).collect()
 }
 
 /// Whether a place lies on the image, from the centre of its first pixel to that of its last.
