@@ -1,0 +1,152 @@
+"""Everything that is faster or slower than OpenCV, in one table with the processor's name.
+
+    cargo build --release --workspace
+    python compare/speed.py SMALL_A SMALL_B LARGE_A LARGE_B --dataset FOLDER [--out FOLDER] [--repeats 5]
+
+SMALL and LARGE are two images each of one scene, say 640 x 480 and 3072 x 2048; the dataset is one as `matchbench
+import` makes it. What is run: the features (`features.py`), the exact searches (`search.py`), and the whole protocol
+with SIFT from files to scores, ours and that of `opencv_run.py` with FLANN. Each part runs both sides by turns, checks the
+answers in the same run and stops with an error where they differ. OUT gets table.md, machine.txt and what the
+parts printed. Nothing else should run meanwhile: the load at the beginning stands in machine.txt.
+"""
+
+import argparse
+import os
+import platform
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import cv2
+
+HERE = Path(__file__).resolve().parent
+PROGRAMS = HERE.parent / "target/release"
+FEATURES = ["sift", "orb", "brisk", "akaze", "kaze", "latch", "daisy", "freak-sift"]
+# Of the keypoints of either side, the least share with a twin on the other.
+LEAST_TWINS = 97.0
+# An AUC of another implementation differs by this much at most.
+AUC_TOLERANCE = 0.03
+
+
+def processor():
+    """Its name, family and widest instructions; Linux tells them."""
+    text = Path("/proc/cpuinfo").read_text()
+
+    def field(name):
+        found = re.search(rf"^{name}\s*: (.*)$", text, re.MULTILINE)
+        return found[1].strip() if found else "unknown"
+
+    widest = next((name for name in ("avx512f", "avx2") if f" {name} " in text), "portable")
+    return f"{field('model name')}, family {field('cpu family')} model {field('model')}, {widest}"
+
+
+def printed(command, out, **options):
+    """What a part prints, which is kept; its own words are shown as they come."""
+    run = subprocess.run([str(word) for word in command], stdout=subprocess.PIPE, text=True, **options)
+    out.write_text(run.stdout)
+    if run.returncode != 0:
+        sys.exit(f"{' '.join(map(str, command))}: exit status {run.returncode}, see {out}")
+    return run.stdout
+
+
+def features(images, repeats, out):
+    """Rows of the table: each feature on each image."""
+    rows = []
+    for name in FEATURES:
+        script = [sys.executable, HERE / "features.py", name, *images, "--repeats", repeats]
+        text = printed(script, out / f"features-{name}.txt")
+        heads, *lines = [line.split(" | ") for line in text.splitlines() if " | " in line]
+        for line in lines:
+            row = dict(zip(heads, line))
+            # Description on keypoints of their own is compared where detectors are: twins of SIFT's.
+            twins = min(float(row["theirs>ours %"]), float(row["ours>theirs %"]))
+            if twins < LEAST_TWINS:
+                sys.exit(f"{name} on {row['image']}: {twins:.1f} % of the keypoints have a twin")
+            rows.append(
+                f"| `{name}` | {row['pixels']} | {float(row['ours ms']):.1f} | {float(row['theirs ms']):.1f} | "
+                f"{float(row['speed-up']):.1f} x | {twins:.1f} % | {float(row['ours MiB']):.0f}, {float(row['theirs MiB']):.0f} |"
+            )
+            print(rows[-1], flush=True)
+    return rows
+
+
+def searches(images, repeats, out):
+    """Rows of the table: each search at each size."""
+    text = printed([sys.executable, HERE / "search.py", *images, "--rounds", repeats], out / "search.txt")
+    rows = []
+    line = re.compile(r"(\w+) +(\d+) x +(\d+): ours +([\d.]+) ms, BFMatcher +([\d.]+) ms \( *([\d.]+) x\)(?:.*?FLANN +[\d.]+ ms \( *([\d.]+) x)?")
+    for name, a, b, ours, theirs, ratio, flann in line.findall(text):
+        beside = f", {float(flann):.1f} x FLANN" if flann else ""
+        rows.append(f"| {name} | {a} x {b} | {float(ours):.2f} | {float(theirs):.1f} | {float(ratio):.1f} x{beside} |")
+        print(rows[-1], flush=True)
+    return rows
+
+
+def protocol(dataset, threads, out):
+    """Rows of the table: the whole run with SIFT, ours on one thread and on all, and OpenCV's on one."""
+    rows = []
+
+    def timed(label, command, results, *also):
+        start = time.perf_counter()
+        printed(command, out / f"run-{label}.txt", stderr=subprocess.DEVNULL)
+        seconds = time.perf_counter() - start
+        scored = [PROGRAMS / "matchbench", "eval", results, *also, "--format", "csv"]
+        heads, values = printed(scored, out / f"run-{label}.csv").splitlines()
+        auc = float(dict(zip(heads.split(","), values.split(",")))["auc"])
+        rows.append((label, seconds, auc))
+        print(label, f"{seconds:.1f} s, AUC {auc:.3f}", flush=True)
+
+    with tempfile.TemporaryDirectory() as scratch:
+        for number in sorted({1, threads}):
+            run = Path(scratch) / str(number)
+            command = [PROGRAMS / "matchbench", "run", dataset, "--matchers", "sift", "--estimator", "ransac-e"]
+            timed(f"ours, {number} threads", [*command, "--threads", number, "--out", run], run)
+        command = [sys.executable, HERE / "opencv_run.py", dataset, "--matchers", "sift", "--search", "flann"]
+        theirs = Path(scratch) / "opencv"
+        timed("OpenCV with FLANN, 1 thread", [*command, "--out", theirs], theirs, "--datasets", dataset.resolve().parent)
+    if max(auc for *_, auc in rows) - min(auc for *_, auc in rows) > AUC_TOLERANCE:
+        sys.exit("the protocols come to different scores")
+    slowest = rows[-1][1]
+    return [f"| {label} | {seconds:.1f} | {auc:.3f} | {slowest / seconds:.1f} x |" for label, seconds, auc in rows]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("images", nargs=4, metavar="IMAGE", type=Path)
+    parser.add_argument("--dataset", required=True, type=Path)
+    parser.add_argument("--out", type=Path, default=Path("speed"))
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--threads", type=int, default=os.cpu_count())
+    arguments = parser.parse_args()
+    out = arguments.out
+    out.mkdir(parents=True, exist_ok=True)
+    version = subprocess.run([PROGRAMS / "matchbench", "--version"], capture_output=True, text=True, check=True).stdout
+    machine = (
+        f"{processor()}\n{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} at the beginning, {platform.system()}\n"
+        f"{version.strip()}, OpenCV {cv2.__version__}, medians of {arguments.repeats} repetitions by turns\n"
+    )
+    (out / "machine.txt").write_text(machine)
+    print(machine, flush=True)
+    small, large = arguments.images[:2], arguments.images[2:]
+    parts = [
+        "| features, one thread | image | ours, ms | OpenCV, ms | speed | twins | MiB, ours and OpenCV's |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: |",
+        *features([small[0], large[0]], arguments.repeats, out),
+        "",
+        "| exact search, one thread | descriptors | ours, ms | `BFMatcher`, ms | speed |",
+        "| --- | --- | ---: | ---: | ---: |",
+        *searches(large, arguments.repeats, out),
+        "",
+        "| SIFT, from files to poses | s | AUC | speed |",
+        "| --- | ---: | ---: | ---: |",
+        *protocol(arguments.dataset, arguments.threads, out),
+    ]
+    (out / "table.md").write_text("\n".join([*machine.splitlines(), "", *parts]) + "\n")
+    print(f"\n{out / 'table.md'}")
+
+
+if __name__ == "__main__":
+    main()
