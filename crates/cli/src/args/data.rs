@@ -18,6 +18,7 @@ Examples:
   matchbench import megadepth 0015_0.1_0.3.npz st-peters --image-root MegaDepth
   matchbench import colmap sparse/0 church --image-root images --pairs covisible:0.1..0.7
   matchbench import oxford boat oxford-boat
+  matchbench import rendered office office
 
 Which options a KIND has: matchbench list datasets. Where images are not there, the dataset names
 where they belong, and `matchbench validate` says which are missing.
@@ -31,7 +32,7 @@ The pairs of the paper, and more:
   covisible:0.1..0.7  pairs that share such a part of their points (COLMAP models)")]
 pub(crate) struct ImportArgs {
     /// What SRC is: tum, kitti, strecha, 7scenes, folder, superglue, scannet, megadepth, colmap,
-    /// imc, euroc, zeb, hpatches, oxford or evd
+    /// imc, euroc, zeb, hpatches, oxford, evd or rendered
     #[arg(value_name = "KIND")]
     pub kind: String,
     /// The data as their authors publish them: a folder, a list, a model

@@ -155,6 +155,91 @@ mod tests {
             .count()
     }
 
+    /// The words of a line as a shell has them, which knows single quotes here.
+    fn words(line: &str) -> Vec<String> {
+        let mut words = vec![String::new()];
+        let (mut quoted, mut characters) = (false, line.chars());
+        while let Some(c) = characters.next() {
+            let word = words.last_mut().expect("there is one from the start");
+            match c {
+                '\'' => quoted = !quoted,
+                '\\' if !quoted => word.extend(characters.next()),
+                ' ' if !quoted => words.push(String::new()),
+                c => word.push(c),
+            }
+        }
+        assert!(!quoted, "{line}");
+        words
+    }
+
+    #[test]
+    fn commands_that_a_report_prints_are_understood() {
+        use matchbench::metrics::Bootstrap;
+        use matchbench::report::{Content, DatasetFacts, RunFacts, bundled, write_report};
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let plan = include_str!("../../tests/plans/every_origin.json");
+        let facts = |plan: Option<&str>, results: &[&str]| RunFacts {
+            plan: plan.map(str::to_owned),
+            results: results.iter().map(|word| (*word).to_owned()).collect(),
+            ..RunFacts::default()
+        };
+        for (facts, least) in [
+            (facts(Some(plan), &[]), 12),
+            (
+                facts(
+                    None,
+                    &["my results", "--datasets", "it's", "--pairs", "window:9"],
+                ),
+                2,
+            ),
+        ] {
+            let mut content = Content::new(Vec::new(), &Bootstrap::default(), facts);
+            content.datasets.push(DatasetFacts {
+                name: "it's; rm x".into(),
+                portion: matchbench::metrics::Portion::Wide,
+                frames: 3,
+                pairs: 3,
+                resolution: None,
+                origin: "a\nmatchbench nonsense".into(),
+                property: String::new(),
+                import: ["tum", "my desk", "--pairs", "all"]
+                    .map(String::from)
+                    .to_vec(),
+                thumbnail: None,
+            });
+            write_report(folder.path(), &content).expect("it is ours");
+            let script = std::fs::read_to_string(folder.path().join("cite/commands.sh"));
+            let script = script.expect("it was written");
+            let mut found = Vec::new();
+            for line in script.lines() {
+                let Some(at) = line
+                    .find("matchbench ")
+                    .filter(|_| !line.contains("fingerprint"))
+                else {
+                    continue;
+                };
+                let is_command = !line.starts_with('#') || line[..at].ends_with(": ");
+                if is_command {
+                    let words = words(&line[at..]);
+                    if let Err(error) = Cli::try_parse_from(&words) {
+                        panic!("{line}\n{words:?}\n{error}");
+                    }
+                    found.push(line[at..].to_owned());
+                }
+            }
+            assert!(found.len() >= least, "{script}");
+            // The page prints the same.
+            let page = bundled(&content).expect("it is small");
+            let page = page
+                .replace("&#x27;", "'")
+                .replace("&#x2f;", "/")
+                .replace("&quot;", "\"");
+            for command in found {
+                assert!(page.contains(&command), "{command}");
+            }
+        }
+    }
+
     #[test]
     fn commands_in_the_readme_and_in_the_book_are_understood() {
         let repository = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
@@ -167,6 +252,7 @@ mod tests {
             ("docs/paper.md", 4),
             ("docs/scale.md", 5),
             ("docs/protocol.md", 4),
+            ("docs/report.md", 3),
         ] {
             let text = std::fs::read_to_string(format!("{repository}/{page}"));
             let text = text.expect("it is part of the repository");

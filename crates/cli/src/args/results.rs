@@ -84,7 +84,8 @@ The folder opens from disk without a network and can be mailed:
   pairs/      a page for each pair with pictures, all matchers on it
   figures/    every figure as SVG, PNG and Vega-Lite specification
   tables/     scores.csv .json .md, auc.tex (the paper's Table 2), pairs.csv .parquet
-  cite/       how a paper would say what was run, and the BibTeX of all papers that took part
+  cite/       how a paper would say what was run, the BibTeX of all papers that took part, and the
+              commands that compute all of it again
 
 Pictures need the dataset where it was, and the matches of the run (not of one with --keep-matches none; with
 `inliers` they show these alone).

@@ -1,9 +1,10 @@
-//! `matchbench validate`: every problem of a dataset, by file and line, with its remedy.
+//! `matchbench validate`: every problem of a dataset, by file and line, with its remedy; of a sound one the
+//! fingerprint, by which plans and reports name it.
 
 use std::io::Write;
 
 use anyhow::Result;
-use matchbench::datasets::{Severity, validate};
+use matchbench::datasets::{Sequence, Severity, validate};
 
 use crate::Ending;
 use crate::args::ValidateArgs;
@@ -32,5 +33,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<Ending> {
     if errors > 0 {
         anyhow::bail!("{} cannot be used as it is", args.dataset.display());
     }
+    let fingerprint = Sequence::open(&args.dataset)?.fingerprint();
+    writeln!(out, "fingerprint {fingerprint}")?;
     Ok(Ending::Done)
 }

@@ -4,6 +4,7 @@
 //! version = 1
 //! origin = "TUM RGB-D, rgbd_dataset_freiburg1_desk; pairs fragments:15"
 //! property = "indoor, office"          # what the images show, for the report
+//! import = ["tum", "rgbd_dataset_freiburg1_desk", "--pairs", "fragments:15"]   # of what `matchbench import` made it
 //! notes = ["2 images without a pose were left out: ..."]
 //! image_root = "/data/rgbd_dataset_freiburg1_desk"   # the one line to change if images move
 //! distortion = { k1 = 0.2624, k2 = -0.9531, p1 = -0.0054, p2 = 0.0026, k3 = 1.1633 }
@@ -48,6 +49,9 @@ pub(super) struct Manifest {
     /// What the images show, in a few words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) property: Option<String>,
+    /// The arguments by which it was imported, see [`About::import`](super::About::import).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) import: Vec<String>,
     /// What the importer had to say.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) notes: Vec<String>,
@@ -77,6 +81,38 @@ pub(super) struct ManifestFrame {
     pub(super) turn: Turn,
 }
 
+/// What `dataset.toml` says about a dataset as a whole.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct About {
+    /// Where the data come from, in one line.
+    pub origin: String,
+    /// What the images show, in a few words; empty where nobody said.
+    pub property: String,
+    /// The arguments of `matchbench import` that make the same of the same data: kind, source, options, and
+    /// no name of the dataset; paths without the folders above, which are nobody else's. Empty where nobody said.
+    pub import: Vec<String>,
+    /// What a user of the data should know.
+    pub notes: Vec<String>,
+}
+
+/// What the `dataset.toml` of the dataset in `dir` says about it as a whole; nothing where there is none.
+///
+/// # Errors
+/// If that file cannot be read.
+pub fn describe(dir: &Path) -> Result<About, DatasetError> {
+    let path = dir.join(FILE);
+    if !path.exists() {
+        return Ok(About::default());
+    }
+    let manifest = Manifest::parse(&TextFile::read(&path)?)?;
+    Ok(About {
+        origin: manifest.origin.unwrap_or_default(),
+        property: manifest.property.unwrap_or_default(),
+        import: manifest.import,
+        notes: manifest.notes,
+    })
+}
+
 impl Default for Manifest {
     fn default() -> Self {
         Self {
@@ -84,6 +120,7 @@ impl Default for Manifest {
             name: None,
             origin: None,
             property: None,
+            import: Vec::new(),
             notes: Vec::new(),
             image_root: None,
             distortion: None,

@@ -38,11 +38,12 @@ pub use importers::{
     ImportOption, ImportOptions, ImportReport, Imported, KINDS, Kind, import, import_once,
     read_source,
 };
-pub use native::{Unpaired, describe, read_pairs, read_poses_of_pairs};
+pub use manifest::{About, describe};
+pub use native::{Unpaired, read_pairs, read_poses_of_pairs};
 pub use pairs::{PairRule, PairRuleError, relative_pose};
 pub use problem::{Problem, Severity};
 pub use sequence::{Frame, Pair, Sequence, Truth};
 pub use trajectory::Association;
 pub use turn::Turn;
 pub use validate::validate;
-pub use write::{About, ImageStorage, write_native};
+pub use write::{ImageStorage, write_native};

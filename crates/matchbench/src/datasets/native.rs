@@ -160,22 +160,6 @@ pub fn read_pairs(file: &Path) -> Result<Vec<Pair>, DatasetError> {
     Ok(listed.into_iter().map(pair).collect())
 }
 
-/// Where the data of the dataset in `dir` come from and what they show, as its `dataset.toml` says;
-/// empty where it does not.
-///
-/// # Errors
-/// If that file cannot be read.
-pub fn describe(dir: &Path) -> Result<(String, String), DatasetError> {
-    let Some(file) = optional(&dir.join(manifest::FILE))? else {
-        return Ok(Default::default());
-    };
-    let manifest = Manifest::parse(&file)?;
-    Ok((
-        manifest.origin.unwrap_or_default(),
-        manifest.property.unwrap_or_default(),
-    ))
-}
-
 /// Reads the true poses of `pairs` from a file with one row of 12 numbers for each, in their order.
 ///
 /// # Errors
@@ -395,7 +379,7 @@ fn parse_poses(
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::testing;
+    use super::super::{describe, testing};
     use super::*;
 
     #[test]
@@ -457,7 +441,8 @@ mod tests {
         fs::write(dir.join("dataset.toml"), manifest).unwrap();
         let sequence = Sequence::open(&dir).unwrap();
         assert_eq!(sequence.name, "other");
-        assert_eq!(describe(&dir), Ok((String::new(), "indoor".into())));
+        let about = describe(&dir).unwrap();
+        assert_eq!((&*about.origin, &*about.property), ("", "indoor"));
         assert_eq!(sequence.frames[3].image, dir.join("last.png"));
         assert_eq!(
             sequence.frames[3].camera,

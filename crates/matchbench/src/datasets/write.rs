@@ -18,21 +18,10 @@ use super::images::IMAGES;
 use super::manifest::{self, Manifest, ManifestFrame};
 use super::native::{CAMERA, HOMOGRAPHIES, PAIRS, POSES};
 use super::text::matrix_rows;
-use super::{DatasetError, Frame, Sequence};
+use super::{About, DatasetError, Frame, Sequence};
 use crate::files::{HELD, PREFIX, hold, open_file, remove_leftovers};
 
 const INFALLIBLE: &str = "writing to a string cannot fail";
-
-/// What `dataset.toml` says about a dataset as a whole.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct About {
-    /// Where the data come from, in one line.
-    pub origin: String,
-    /// What the images show, in a few words; empty where nobody said.
-    pub property: String,
-    /// What a user of the data should know.
-    pub notes: Vec<String>,
-}
 
 /// Where the images of a new dataset are.
 #[derive(Clone, Copy, Default)]
@@ -169,6 +158,7 @@ fn describe(sequence: &Sequence, about: &About) -> Manifest {
     Manifest {
         origin: Some(about.origin.clone()),
         property: (!about.property.is_empty()).then(|| about.property.clone()),
+        import: about.import.clone(),
         notes: about.notes.clone(),
         distortion: first.filter(|_| shared).and_then(|c| c.distortion),
         frames,

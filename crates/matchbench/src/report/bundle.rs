@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use crate::files::write_whole;
 
+use super::again::Again;
 use super::content::Content;
 use super::html::{Extent, render_extent};
 use super::pair_table::columns;
@@ -44,8 +45,9 @@ pub fn bundled(content: &Content) -> io::Result<String> {
 /// The fullest page that has at most so many bytes.
 fn bundle(content: &Content, most: usize) -> Option<String> {
     let summaries = &content.summaries;
+    let again = Again::of(content);
     let small = || {
-        vec![
+        [
             ("scores.csv", render(Format::Csv, summaries)),
             ("scores.md", render(Format::Markdown, summaries)),
             ("auc.tex", render(Format::Latex, summaries)),
@@ -53,6 +55,9 @@ fn bundle(content: &Content, most: usize) -> Option<String> {
             ("method.tex", method::latex(content)),
             ("cite.bib", citations::render(summaries)),
         ]
+        .into_iter()
+        .chain((!again.is_empty()).then(|| ("commands.sh", again.script())))
+        .collect::<Vec<_>>()
     };
     let all = || {
         let mut files = small();

@@ -17,6 +17,9 @@ pub struct RunFacts {
     pub facts: Vec<(String, String)>,
     /// The plan of the run as text.
     pub plan: Option<String>,
+    /// The arguments of `matchbench eval` that score the same again, where results came from files and not from
+    /// a run: their folder, and which pairs count.
+    pub results: Vec<String>,
 }
 
 /// Everything that stands in a report.

@@ -27,6 +27,8 @@ pub struct DatasetFacts {
     pub origin: String,
     /// What it shows, in a few words; empty where it does not say.
     pub property: String,
+    /// The arguments by which it was imported; empty where it does not say.
+    pub import: Vec<String>,
     /// The first image of its pair in the middle, where it can be read.
     pub thumbnail: Option<Thumbnail>,
 }
@@ -35,7 +37,7 @@ impl DatasetFacts {
     /// The facts of a dataset that was opened from the folder `dir`. What cannot be read is left
     /// out: a report can do without.
     pub fn of_sequence(dir: &Path, sequence: &Sequence) -> Self {
-        let (origin, property) = describe(dir).unwrap_or_default();
+        let about = describe(dir).unwrap_or_default();
         let pairs: Vec<PairResult> = (sequence.pairs.iter())
             .map(|pair| PairResult::failed(pair.a, pair.b, crate::metrics::Failure::Missing))
             .collect();
@@ -53,8 +55,9 @@ impl DatasetFacts {
             frames: sequence.frames.len(),
             pairs: sequence.pairs.len(),
             resolution: size.map(|size| (size.width, size.height)),
-            origin,
-            property,
+            origin: about.origin,
+            property: about.property,
+            import: about.import,
             thumbnail: picture
                 .and_then(|frame| read_gray(&frame.image).ok())
                 .map(|image| Thumbnail::new(&image, EMBEDDED.0, EMBEDDED.1)),

@@ -59,6 +59,7 @@ mod tests {
             resolution: Some((3072, 2048)),
             origin: "Strecha & others".into(),
             property: String::new(),
+            import: Vec::new(),
             thumbnail: None,
         };
         let text = latex(&[dataset("05", Portion::Wide), dataset("04", Portion::Short)]);

@@ -1,6 +1,6 @@
 //! The report as a folder that opens from disk and can be mailed: `index.html`,
 //! `figures/*.{svg,png,vl.json}`, `pairs/*/*.html`, `tables/*.{csv,parquet,json,md,tex}`, and for a paper
-//! `cite/method.{md,tex}` with `cite/cite.bib`.
+//! `cite/method.{md,tex}` with `cite/cite.bib`, and `cite/commands.sh`, which computes it again.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -14,6 +14,7 @@ use serde_json::Value;
 use crate::files::{read_text, remove_leftovers_below, write_whole};
 use crate::metrics::{Angle, Portion};
 
+use super::again::Again;
 use super::content::Content;
 use super::figures::{
     Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, estimator_figure,
@@ -60,6 +61,10 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
         ("cite.bib", citations::render(summaries)),
     ] {
         out.write(&cite.join(name), text.as_bytes())?;
+    }
+    let again = Again::of(content);
+    if !again.is_empty() {
+        out.write(&cite.join("commands.sh"), again.script().as_bytes())?;
     }
     if !content.datasets.is_empty() {
         let table = dataset_table::latex(&content.datasets);

@@ -4,9 +4,11 @@
 //! mail ([`write_report`] for other [`Content`]). Every exporter is a pure function, the same scores give the same bytes, and names from data are
 //! escaped for the format they are written in.
 
+mod again;
 mod booktabs;
 mod bundle;
 mod citations;
+mod command_line;
 mod content;
 mod csv;
 mod dataset_facts;

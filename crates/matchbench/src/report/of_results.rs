@@ -34,6 +34,7 @@ pub fn of_results(
         title: "matchbench report".to_owned(),
         facts,
         plan: None,
+        results: arguments(results, datasets, choice),
     };
     let mut content = Content::new(sets, &Bootstrap::default(), run);
     let mut names: Vec<String> = content
@@ -61,4 +62,18 @@ pub fn of_results(
         }
     }
     Ok(content)
+}
+
+/// The arguments by which these results are scored.
+fn arguments(results: &Path, datasets: Option<&Path>, choice: &PairChoice) -> Vec<String> {
+    let mut words = vec![results.display().to_string()];
+    if let Some(datasets) = datasets {
+        words.extend(["--datasets".to_owned(), datasets.display().to_string()]);
+    }
+    match choice {
+        PairChoice::Listed => {}
+        PairChoice::Rule(rule) => words.extend(["--pairs".to_owned(), rule.to_string()]),
+        PairChoice::Paper => words.extend(["--preset".to_owned(), "paper".to_owned()]),
+    }
+    words
 }

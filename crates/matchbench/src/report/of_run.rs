@@ -175,6 +175,7 @@ fn facts(run: &RunFolder) -> Result<RunFacts, FolderError> {
         title: "matchbench report".into(),
         facts,
         plan: Some(run.plan_text()?),
+        results: Vec::new(),
     })
 }
 

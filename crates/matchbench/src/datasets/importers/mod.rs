@@ -17,6 +17,7 @@ mod once;
 mod options;
 mod oxford;
 mod pickle;
+mod rendered;
 mod scannet;
 mod seven_scenes;
 mod strecha;
@@ -33,8 +34,9 @@ pub use options::{ImportOption, ImportOptions};
 
 use super::native::parse_camera;
 use super::pairs::{covisible, with_poses};
+use super::rendered::Scene;
 use super::text::TextFile;
-use super::{About, DatasetError, Frame, Pair, PairRule, Sequence, write_native};
+use super::{About, DatasetError, Frame, ImageStorage, Pair, PairRule, Sequence, write_native};
 use ImportOption as Has;
 
 /// A layout that can be imported.
@@ -168,6 +170,13 @@ pub const KINDS: &[Kind] = &[
         options: &[],
         read: evd::read,
     },
+    Kind {
+        id: rendered::ID,
+        help: "a built-in scene by its name, whose images are rendered into the dataset",
+        default_pairs: None,
+        options: &[],
+        read: rendered::read,
+    },
 ];
 
 /// A source as it was read, before pairs are chosen.
@@ -246,7 +255,7 @@ pub fn import(
     options: &ImportOptions<'_>,
 ) -> Result<ImportReport, DatasetError> {
     let made = make(kind, src, options)?;
-    write_native(out, &made.sequence, &made.about, options.images)?;
+    made.write(out, options.images)?;
     Ok(made.report())
 }
 
@@ -255,9 +264,18 @@ struct Made {
     sequence: Sequence,
     about: About,
     rule: Option<PairRule>,
+    /// Where the images are yet to be made.
+    scene: Option<&'static Scene>,
 }
 
 impl Made {
+    fn write(&self, out: &Path, images: ImageStorage<'_>) -> Result<(), DatasetError> {
+        match self.scene {
+            Some(scene) => rendered::write(out, scene, &self.sequence, &self.about, images),
+            None => write_native(out, &self.sequence, &self.about, images),
+        }
+    }
+
     fn report(self) -> ImportReport {
         ImportReport {
             frames: self.sequence.frames.len(),
@@ -286,8 +304,12 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
     if let Some(rule) = rule {
         about.origin = format!("{}; pairs {rule}", about.origin);
     }
-    about.notes.extend(missing_images(&frames));
+    let scene = rendered::scene(kind, src);
+    if scene.is_none() {
+        about.notes.extend(missing_images(&frames));
+    }
     about.property = options.property.clone().unwrap_or_default();
+    about.import = options.words(kind, &source_name(src, scene), rule);
     Ok(Made {
         sequence: Sequence {
             name: String::new(), // the folder's
@@ -296,6 +318,7 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
         },
         about,
         rule: rule.cloned(),
+        scene,
     })
 }
 
@@ -324,7 +347,7 @@ fn find(id: &str) -> Result<&'static Kind, DatasetError> {
 
 fn read_as(kind: &Kind, src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     options.check(kind)?;
-    if !src.exists() {
+    if kind.id != rendered::ID && !src.exists() {
         return Err(DatasetError::new(
             src,
             "no such file or folder",
@@ -370,6 +393,20 @@ fn base_name(path: &Path) -> String {
     let real = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     real.file_name()
         .map_or_else(String::new, |name| name.to_string_lossy().into())
+}
+
+/// What a source is called without the folders above it, which are nobody else's.
+fn source_name(path: &Path, scene: Option<&Scene>) -> String {
+    if let Some(scene) = scene {
+        return scene.name.to_owned();
+    }
+    let name = base_name(path);
+    let parent = path.parent().map(base_name).unwrap_or_default();
+    // COLMAP numbers its models.
+    if !parent.is_empty() && name.chars().all(|c| c.is_ascii_digit()) {
+        return format!("{parent}/{name}");
+    }
+    name
 }
 
 /// "`what`: a, b, c ... (12 in all)", short enough for a note.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{ImportOptions, ImportReport, make};
-use crate::datasets::{DatasetError, Frame, Pair, Sequence, write_native};
+use crate::datasets::{DatasetError, Frame, Pair, Sequence};
 
 /// Imports as [`import`](super::import) does, unless the dataset is there already: then it must be the one that this
 /// import would make, and `None` says so.
@@ -19,7 +19,7 @@ pub fn import_once(
     let made = make(kind, src, options)?;
     let is_there = std::fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some());
     if !is_there {
-        write_native(out, &made.sequence, &made.about, options.images)?;
+        made.write(out, options.images)?;
         return Ok(Some(made.report()));
     }
     let there = Sequence::open(out)?;
@@ -46,7 +46,9 @@ fn difference(there: &Sequence, made: &Sequence) -> Option<String> {
     }
     let image = |frame: &Frame| std::fs::canonicalize(&frame.image).unwrap_or(frame.image.clone());
     for (there, made) in there.frames.iter().zip(&made.frames) {
-        if image(there) != image(made) {
+        // Of a scene that is rendered the images are nowhere else.
+        let is_made = made.image.as_os_str().is_empty();
+        if !is_made && image(there) != image(made) {
             return Some(format!(
                 "its images are elsewhere, {}",
                 there.image.display()

@@ -108,6 +108,46 @@ impl ImportOptions<'_> {
         ))
     }
 
+    /// The arguments that ask for the same of a source of this name, see [`About::import`].
+    ///
+    /// [`About::import`]: crate::datasets::About::import
+    pub(super) fn words(&self, kind: &Kind, source: &str, rule: Option<&PairRule>) -> Vec<String> {
+        let name = |path: &PathBuf| {
+            let name = path.file_name().unwrap_or(path.as_os_str());
+            name.to_string_lossy().into_owned()
+        };
+        let rule = rule.map(|rule| match rule {
+            PairRule::List { file } => format!("list:{}", name(file)),
+            rule => rule.to_string(),
+        });
+        let mut words = vec![kind.id.to_owned(), source.to_owned()];
+        for (option, value) in [
+            (ImportOption::Sequence, self.sequence.clone()),
+            (ImportOption::Pairs, rule),
+            (ImportOption::Camera, self.camera.as_ref().map(name)),
+            (ImportOption::Poses, self.poses.as_ref().map(name)),
+            (
+                ImportOption::Tolerance,
+                self.tolerance.map(|seconds| seconds.to_string()),
+            ),
+            (ImportOption::ImageRoot, self.image_root.as_ref().map(name)),
+            (ImportOption::Intrinsics, self.intrinsics.as_ref().map(name)),
+        ] {
+            words.extend(
+                value
+                    .into_iter()
+                    .flat_map(|value| [option.to_string(), value]),
+            );
+        }
+        if self.interpolate {
+            words.push(ImportOption::Interpolate.to_string());
+        }
+        if let Some(property) = &self.property {
+            words.extend(["--property".to_owned(), property.clone()]);
+        }
+        words
+    }
+
     fn given(&self) -> impl Iterator<Item = ImportOption> {
         [
             (ImportOption::Sequence, self.sequence.is_some()),

@@ -375,7 +375,11 @@ fn what_was_imported_once_must_be_the_same_when_it_is_asked_for_again() {
     };
     let once = |rule: &str| import_once("folder", &src, &out, &with(rule));
     assert_eq!(once("all").unwrap().map(|report| report.pairs), Some(3));
-    assert_eq!(crate::datasets::describe(&out).unwrap().1, "indoor");
+    assert_eq!(crate::datasets::describe(&out).unwrap().property, "indoor");
+    assert_eq!(
+        crate::datasets::describe(&out).unwrap().import,
+        ["folder", "mine", "--pairs", "all", "--property", "indoor"]
+    );
     assert_eq!(once("all").unwrap(), None);
     let other = once("window:1").unwrap_err();
     assert!(

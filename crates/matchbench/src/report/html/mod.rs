@@ -4,6 +4,7 @@
 //! they are. What the page shows is computed here, what it looks like stands in `page.html`,
 //! `style.css` and `script.js`.
 
+mod again;
 mod auc_table;
 mod hard_pairs;
 mod pair_list;
@@ -23,6 +24,7 @@ use crate::metrics::{
     Angle, Detail, FAILED_FROM, GROUP_LEVEL_NOTE, Portion, ScoreKind, Summary, shown_scores,
 };
 
+use super::again::Again;
 use super::content::Content;
 use super::figures::{
     Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, estimator_figure,
@@ -79,7 +81,10 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
     let shown = shown_scores(summaries);
     let environment = environment();
     let template = template(&environment, "page.html");
+    let again = Again::of(content);
     let context = context! {
+        again => again::commands(&again),
+        anchors => again::anchors(&again),
         title => &facts.title,
         style => include_str!("style.css"),
         script => include_str!("script.js"),
@@ -157,6 +162,8 @@ fn environment() -> Environment<'static> {
     environment.set_syntax(syntax);
     environment.set_auto_escape_callback(|_| AutoEscape::Html);
     for (name, text) in [
+        ("head.html", include_str!("head.html")),
+        ("choices.html", include_str!("choices.html")),
         ("page.html", include_str!("page.html")),
         ("pair.html", include_str!("pair.html")),
     ] {
@@ -423,6 +430,7 @@ mod tests {
             title: title.to_owned(),
             facts: vec![("seed".to_owned(), "<7>".to_owned())],
             plan: Some("{\"threads\": 2} </script>".to_owned()),
+            results: Vec::new(),
         };
         render(&content)
     }

@@ -1,0 +1,416 @@
+//! Commands as they are typed: from the plan of a run to the arguments that ask for the same again.
+//!
+//! Seeds belong to tasks, so one matcher with one estimator on one dataset comes alone to the records that it
+//! has among others. What a plan says that is not the default of this version is named by `--set`, the rest
+//! by the option that it came from. Words that a shell would take apart are quoted for it: names come from
+//! plans and datasets of anybody.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+
+use serde_json::Value;
+
+use super::names::defaults;
+use crate::config::{parse_value, together};
+use crate::matchers::MATCHERS;
+use crate::protocols::{self, EstimatorRule, MATCHBENCH, Protocol, without_protocol};
+use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan};
+
+/// A command: its words, the program's first.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct CommandLine(Vec<String>);
+
+impl CommandLine {
+    /// `matchbench` with these words.
+    pub(super) fn new<W: Into<String>>(words: impl IntoIterator<Item = W>) -> Self {
+        let words = words.into_iter().map(Into::into);
+        Self(
+            [String::from("matchbench")]
+                .into_iter()
+                .chain(words)
+                .collect(),
+        )
+    }
+
+    fn push(&mut self, option: &str, value: impl Into<String>) {
+        self.0.extend([option.to_owned(), value.into()]);
+    }
+}
+
+impl fmt::Display for CommandLine {
+    /// As a shell takes it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let words: Vec<String> = self.0.iter().map(|word| quoted(word)).collect();
+        f.write_str(&words.join(" "))
+    }
+}
+
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-+@%=:,./".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', r"'\''"))
+}
+
+/// The folder of a dataset where its name is its folder, which no program takes for an option.
+pub(super) fn folder(dataset: &str) -> String {
+    if dataset.starts_with('-') {
+        format!("./{dataset}")
+    } else {
+        dataset.to_owned()
+    }
+}
+
+/// Where matches come from, as far as a plan can tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Origin {
+    /// A matcher of this program.
+    Native,
+    /// Files of another tool.
+    Files,
+    /// A program, or a function in Python.
+    Outside,
+}
+
+impl Origin {
+    /// Where the matches of a planned matcher come from.
+    pub(super) fn of(matcher: &MatcherPlan) -> Self {
+        match (&matcher.extraction, &matcher.version) {
+            (Some(_), _) => Self::Native,
+            (None, None) => Self::Files,
+            (None, Some(_)) => Self::Outside,
+        }
+    }
+}
+
+/// The command that runs a planned matcher with one of its estimators on one dataset, into the folder `out`.
+/// `None` where no command can: the plan is that of a shard, or an estimator is not of this program.
+pub(super) fn cell(
+    plan: &Plan,
+    dataset: &DatasetPlan,
+    (matcher, estimator): (&MatcherPlan, &EstimatorPlan),
+    out: &str,
+) -> Option<CommandLine> {
+    let variant = Variant::of(matcher, estimator)?;
+    let protocols = variant.protocols();
+    let estimators = [variant.id.to_owned()];
+    run(
+        plan,
+        &[dataset],
+        &[matcher],
+        (&estimators, &protocols),
+        variant.settings(),
+        out,
+    )
+}
+
+/// The command that runs all that is planned on these datasets. `None` where no single command can.
+pub(super) fn whole(plan: &Plan, datasets: &[&DatasetPlan], out: &str) -> Option<CommandLine> {
+    let matchers = matchers_on(plan, datasets.first()?);
+    if (datasets.iter()).any(|dataset| matchers_on(plan, dataset) != matchers) {
+        return None;
+    }
+    let variants = (matchers.iter())
+        .flat_map(|matcher| (matcher.estimators.iter()).map(move |e| Variant::of(matcher, e)))
+        .collect::<Option<Vec<_>>>()?;
+    let mut protocols: Vec<&'static Protocol> = Vec::new();
+    for variant in &variants {
+        if !(protocols.iter()).any(|known| known.id == variant.protocol.id) {
+            protocols.push(variant.protocol);
+        }
+    }
+    let mut first: Vec<String> = Vec::new();
+    for variant in &variants {
+        if variant.matcher.id == matchers.first()?.id && !first.iter().any(|id| id == variant.id) {
+            first.push(variant.id.to_owned());
+        }
+    }
+    let estimators = [Vec::new(), first]
+        .into_iter()
+        .find(|names| (matchers.iter()).all(|matcher| runs_with(matcher, names, &protocols)))?;
+    if protocols.len() == 1 && variants.iter().any(|variant| variant.protocols().len() > 1) {
+        protocols.insert(0, &MATCHBENCH);
+    }
+    // One estimator has one set of parameters in a command.
+    let mut settings = Settings::new();
+    for variant in &variants {
+        for (name, value) in variant.settings() {
+            if settings.get(&name).is_some_and(|known| *known != value) {
+                return None;
+            }
+            settings.insert(name, value);
+        }
+    }
+    let agrees = |variant: &Variant<'_>| {
+        let its = format!("{}.", variant.id);
+        (settings
+            .iter()
+            .filter_map(|(name, value)| Some((name.strip_prefix(&its)?, value))))
+        .all(|(path, value)| at(&variant.estimator.params, path) == Some(value))
+    };
+    if !variants.iter().all(agrees) {
+        return None;
+    }
+    run(
+        plan,
+        datasets,
+        &matchers,
+        (&estimators, &protocols),
+        settings,
+        out,
+    )
+}
+
+/// The matchers that are run on a dataset.
+pub(super) fn matchers_on<'a>(plan: &'a Plan, dataset: &DatasetPlan) -> Vec<&'a MatcherPlan> {
+    let runs = |matcher: &&MatcherPlan| {
+        (dataset.matchers.as_ref()).is_none_or(|ids| ids.contains(&matcher.id))
+    };
+    plan.matchers.iter().filter(runs).collect()
+}
+
+/// The command that measures how long the native matchers of a plan take.
+pub(super) fn time(plan: &Plan, dataset: &DatasetPlan) -> Option<CommandLine> {
+    let native = |matcher: &&MatcherPlan| Origin::of(matcher) == Origin::Native;
+    let matchers: Vec<_> = matchers_on(plan, dataset)
+        .into_iter()
+        .filter(native)
+        .collect();
+    let ids: Vec<&str> = matchers.iter().map(|matcher| &*matcher.id).collect();
+    if ids.is_empty() {
+        return None;
+    }
+    let mut line = CommandLine::new(["time".to_owned(), folder(&dataset.name)]);
+    line.push("--matchers", ids.join(","));
+    for (name, value) in matchers.iter().flat_map(|matcher| of_matcher(matcher)) {
+        line.push("--set", setting(&name, &value));
+    }
+    Some(line)
+}
+
+/// `ID.NAME` of parameters, and their values.
+type Settings = BTreeMap<String, Value>;
+
+/// An estimator as a matcher is planned with it.
+struct Variant<'a> {
+    matcher: &'a MatcherPlan,
+    estimator: &'a EstimatorPlan,
+    id: &'a str,
+    protocol: &'static Protocol,
+}
+
+impl<'a> Variant<'a> {
+    fn of(matcher: &'a MatcherPlan, estimator: &'a EstimatorPlan) -> Option<Self> {
+        let id =
+            (estimator.variant_of.as_deref()).unwrap_or_else(|| without_protocol(&estimator.id));
+        defaults(id)?;
+        Some(Self {
+            matcher,
+            estimator,
+            id,
+            protocol: protocols::of_estimator(&estimator.id),
+        })
+    }
+
+    /// The protocols that are asked for: its own, and the paper's where its own alone would have images resized
+    /// that the run took as they are.
+    fn protocols(&self) -> Vec<&'static Protocol> {
+        let size = self.protocol.size.params();
+        let resized = size.is_none_or(|size| {
+            let (name, size) = (size["extractor"].as_object())
+                .and_then(|sizes| sizes.iter().next())
+                .expect("a size has a name");
+            let params = &self.matcher.params["extractor"];
+            Origin::of(self.matcher) != Origin::Native || params.get(name) == Some(size)
+        });
+        if resized {
+            vec![self.protocol]
+        } else {
+            vec![&MATCHBENCH, self.protocol]
+        }
+    }
+
+    /// Its parameters that are not those that its protocol has it run with.
+    fn settings(&self) -> Settings {
+        let of_protocol = match self.protocol.estimator {
+            EstimatorRule::Of { id, params } if id == self.id => Some(params()),
+            _ => None,
+        };
+        let usual = together(defaults(self.id), of_protocol).unwrap_or_default();
+        let mut settings = Settings::new();
+        differences(self.id, &self.estimator.params, &usual, &mut settings);
+        settings
+    }
+}
+
+/// Whether a command that names these estimators and protocols gives a matcher those that it is planned with.
+fn runs_with(matcher: &MatcherPlan, names: &[String], protocols: &[&'static Protocol]) -> bool {
+    let own = match Origin::of(matcher) {
+        Origin::Native => (MATCHERS.iter())
+            .find(|entry| entry.id() == matcher.id)
+            .map(|entry| entry.estimator()),
+        Origin::Files => Some("best"),
+        // Its manifest says so.
+        Origin::Outside => None,
+    };
+    let planned: BTreeSet<&str> = (matcher.estimators.iter()).map(|e| &*e.id).collect();
+    let mut given = BTreeSet::new();
+    for protocol in protocols {
+        let asked = match protocol.estimator {
+            EstimatorRule::Of { id, .. } => Some(id),
+            EstimatorRule::Own => own,
+        };
+        match (names, asked) {
+            ([], None) => return planned.len() == protocols.len(),
+            ([], Some(id)) => drop(given.insert(protocol.name_of(id))),
+            (names, _) => given.extend(names.iter().map(|id| protocol.name_of(id))),
+        }
+    }
+    given.iter().map(String::as_str).eq(planned)
+}
+
+/// `matchbench run` on these datasets.
+fn run(
+    plan: &Plan,
+    datasets: &[&DatasetPlan],
+    matchers: &[&MatcherPlan],
+    (estimators, protocols): (&[String], &[&'static Protocol]),
+    of_estimators: Settings,
+    out: &str,
+) -> Option<CommandLine> {
+    if plan.shard.is_some() {
+        return None;
+    }
+    let folders = datasets.iter().map(|dataset| folder(&dataset.name));
+    let mut line = CommandLine::new(["run".to_owned()].into_iter().chain(folders));
+    let mut ids: Vec<String> = Vec::new();
+    let mut settings = of_estimators;
+    // The options of files are those of all of them.
+    let files = matchers
+        .iter()
+        .filter(|matcher| Origin::of(matcher) == Origin::Files);
+    if files.count() > 1 {
+        return None;
+    }
+    for matcher in matchers {
+        match Origin::of(matcher) {
+            Origin::Native => ids.push(matcher.id.clone()),
+            Origin::Outside => ids.push(format!("{}.toml", matcher.id)),
+            Origin::Files => from_files(matcher, datasets, &mut line)?,
+        }
+        settings.extend(of_matcher(matcher));
+    }
+    if !ids.is_empty() {
+        line.push("--matchers", ids.join(","));
+    }
+    if !estimators.is_empty() {
+        line.push("--estimator", estimators.join(","));
+    }
+    let ours = protocols.iter().all(|protocol| protocol.is_ours());
+    if !ours {
+        let ids: Vec<&str> = protocols.iter().map(|protocol| protocol.id).collect();
+        line.push("--protocol", ids.join(","));
+    }
+    for (name, value) in &settings {
+        line.push("--set", setting(name, value));
+    }
+    let chosen = plan.settings;
+    for (option, number) in [
+        ("--limit", chosen.limit),
+        ("--sample", chosen.sample),
+        (
+            "--time-budget",
+            chosen.time_budget_ms.map(|ms| ms.get() as usize),
+        ),
+    ] {
+        if let Some(number) = number {
+            line.push(option, number.to_string());
+        }
+    }
+    let repetitions = chosen.repetitions.get();
+    if repetitions > 1 || !ours {
+        line.push("--repeat", repetitions.to_string());
+    }
+    line.push("--seed", chosen.seed.to_string());
+    line.push("--out", out);
+    Some(line)
+}
+
+/// Parameters of a matcher that are not its defaults; of one from outside, whose defaults are elsewhere, all.
+fn of_matcher(matcher: &MatcherPlan) -> Settings {
+    let mut settings = Settings::new();
+    match Origin::of(matcher) {
+        Origin::Native => {
+            if let Some(entry) = MATCHERS.iter().find(|entry| entry.id() == matcher.id) {
+                let params = entry.modernized(&matcher.params);
+                differences(&matcher.id, &params, &entry.defaults(), &mut settings);
+            }
+        }
+        Origin::Outside => {
+            differences(&matcher.id, &matcher.params, &Value::Null, &mut settings);
+        }
+        Origin::Files => {}
+    }
+    settings
+}
+
+/// Matches from files, by the names of the files; of several datasets, by that of the folder of all.
+fn from_files(matcher: &MatcherPlan, of: &[&DatasetPlan], line: &mut CommandLine) -> Option<()> {
+    let datasets = matcher.params.get("datasets")?.as_array()?;
+    let its = datasets.iter().find(|its| its["name"] == of[0].name)?;
+    let files: Vec<&str> = match of {
+        [_] => (its["files"].as_array()?.iter())
+            .filter_map(|file| file["name"].as_str())
+            .collect(),
+        _ => vec![&matcher.id],
+    };
+    line.push("--matches", format!("{}={}", matcher.id, files.join(",")));
+    line.push("--matches-format", its["format"].as_str()?);
+    line.push("--pixel-center", its["pixel_center"].to_string());
+    if let Some([width, height]) = its["resized"].as_array().map(Vec::as_slice) {
+        line.push("--resized", format!("{width}x{height}"));
+    }
+    if its["verified"] == true {
+        line.0.push("--verified".to_owned());
+    }
+    for (key, value) in its["notes"].as_object().into_iter().flatten() {
+        line.push("--note", format!("{key}={}", value.as_str()?));
+    }
+    Some(())
+}
+
+/// What is different in `params`, by `ID.NAME`; lists are values.
+fn differences(name: &str, params: &Value, usual: &Value, found: &mut Settings) {
+    match params {
+        Value::Object(fields) => {
+            for (field, value) in fields {
+                let usual = usual.get(field).unwrap_or(&Value::Null);
+                differences(&format!("{name}.{field}"), value, usual, found);
+            }
+        }
+        value if value != usual => {
+            found.insert(name.to_owned(), value.clone());
+        }
+        _ => {}
+    }
+}
+
+/// `ID.NAME=VALUE`, which `--set` reads as this value.
+fn setting(name: &str, value: &Value) -> String {
+    let plain = value
+        .as_str()
+        .filter(|text| !text.is_empty() && parse_value(text) == Value::String((*text).to_owned()));
+    plain.map_or_else(
+        || format!("{name}={value}"),
+        |text| format!("{name}={text}"),
+    )
+}
+
+fn at<'a>(params: &'a Value, path: &str) -> Option<&'a Value> {
+    path.split('.')
+        .try_fold(params, |value, name| value.get(name))
+}
+
+#[cfg(test)]
+mod tests;

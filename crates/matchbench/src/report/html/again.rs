@@ -1,0 +1,49 @@
+//! The commands by which a reader computes again what the page shows.
+
+use std::collections::BTreeMap;
+
+use minijinja::{Value, context};
+
+use super::super::again::{Again, DatasetAgain};
+
+/// Where the page says how a dataset is computed again, and what shows it at last, by its name.
+pub(super) fn anchors(again: &Again) -> BTreeMap<String, Value> {
+    (again.datasets.iter().enumerate())
+        .map(|(number, dataset)| {
+            let anchor = format!("again-{number}");
+            let report = dataset.whole.last();
+            (dataset.name.clone(), context! { anchor, report })
+        })
+        .collect()
+}
+
+/// The commands by which all is computed again; none where they are not known.
+pub(super) fn commands(again: &Again) -> Option<Value> {
+    let dataset = |dataset: &DatasetAgain| {
+        let cells = dataset.cells.iter();
+        let cells: Vec<Value> = cells
+            .map(|cell| context! { method => &cell.method, run => &cell.run, note => &cell.note })
+            .collect();
+        context! {
+            name => &dataset.name,
+            pairs => dataset.pairs,
+            fingerprint => &dataset.fingerprint,
+            origin => &dataset.origin,
+            import => &dataset.import,
+            whole => &dataset.whole,
+            time => &dataset.time,
+            cells,
+        }
+    };
+    (!again.is_empty()).then(|| {
+        context! {
+            version => &again.version,
+            varies => again.varies,
+            datasets => again.datasets.iter().map(dataset).collect::<Vec<_>>(),
+            all => &again.all,
+            finish => again.finish(),
+            finish_of_cell => Again::finish_of_cell(),
+            scoring => &again.scoring,
+        }
+    })
+}
