@@ -127,6 +127,7 @@ fn threads(command: &Command) -> Option<NonZeroUsize> {
         Command::Tune(args) => args.threads,
         Command::Eval(args) => args.threads,
         Command::Report(args) => args.threads,
+        Command::Leaderboard(args) => args.threads,
         Command::Compare(args) => args.threads,
         Command::Validate(args) => args.threads,
         // One pair, one thread, or nothing to share out.
@@ -158,6 +159,7 @@ fn dispatch(command: &Command) -> anyhow::Result<Ending> {
         Command::Tune(args) => commands::tune::run(args),
         Command::Eval(args) => commands::eval::run(args),
         Command::Report(args) => commands::report::run(args),
+        Command::Leaderboard(args) => commands::leaderboard::run(args),
         Command::Show(args) => commands::show::run(args),
         Command::Time(args) => commands::time::run(args),
         Command::Compare(args) => commands::compare::run(args),

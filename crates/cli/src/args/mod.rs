@@ -10,7 +10,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 pub(crate) use data::{ConvertArgs, Images, ImportArgs, ValidateArgs};
 pub(crate) use results::{
-    CompareArgs, EvalArgs, ExportArgs, FormatArg, PresetArg, ReportArgs, ScoredArgs,
+    CompareArgs, EvalArgs, ExportArgs, FormatArg, LeaderboardArgs, PresetArg, ReportArgs,
+    ScoredArgs,
 };
 pub(crate) use runs::{
     CheckArgs, ChoiceArgs, DemoArgs, MatchesArgs, MergeArgs, PaperArgs, PlanArgs, RunArgs,
@@ -63,6 +64,8 @@ pub(crate) enum Command {
     Eval(EvalArgs),
     /// Write the report of a run: a page to look at, figures and tables
     Report(ReportArgs),
+    /// Rank the runs and results of many people on one page, with intervals
+    Leaderboard(LeaderboardArgs),
     /// Draw one pair: both images, the matches by their true error, epipolar lines
     Show(ShowArgs),
     /// Measure how long matchers take, by the paper's protocol
@@ -253,6 +256,7 @@ mod tests {
             ("docs/scale.md", 5),
             ("docs/protocol.md", 4),
             ("docs/report.md", 3),
+            ("docs/leaderboard.md", 2),
         ] {
             let text = std::fs::read_to_string(format!("{repository}/{page}"));
             let text = text.expect("it is part of the repository");

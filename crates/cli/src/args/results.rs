@@ -122,6 +122,42 @@ pub(crate) struct ReportArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
+ENTRIES may hold, at any depth, folders of runs and folders with the authors' <sequence>/<matcher>.txt
+files, of anybody. Every score is computed from the records and files; no table is believed. What is
+damaged, not finished or not what it says is listed with the reason, stops no other, and makes the exit
+code 2. Links are not followed.
+
+Results are ranked together if they are of one dataset (name and fingerprint), of the same pairs of it
+and of one protocol, with 95 % intervals and letters: methods that share one do not differ
+significantly. Where the dataset of a run is at hand, the errors that its records state are computed
+again from their poses.
+
+SITE opens from disk without a network, and any server of files can show it:
+  index.html        a table and figures of each group, the hash of what each row was computed from, and
+                    the commands that do it again
+  leaderboard.csv   the same with all scores at full precision
+  leaderboard.json
+
+Examples:
+  matchbench leaderboard entries --out site
+  matchbench leaderboard entries --datasets data --out site")]
+pub(crate) struct LeaderboardArgs {
+    /// The folder below which runs and results lie
+    #[arg(value_name = "ENTRIES")]
+    pub entries: PathBuf,
+    /// Folder of the page
+    #[arg(long, value_name = "SITE")]
+    pub out: PathBuf,
+    /// Folder that holds the datasets, by their names: for results without a groundtruth.txt, and to
+    /// compute the errors of records again [default: where each run had its dataset]
+    #[arg(long, value_name = "DIR")]
+    pub datasets: Option<PathBuf>,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
 For each matcher with each estimator on each dataset that both runs have, on the pairs that both have:
 the AUC before and after, the change with its paired 95 % interval (both runs see the same resampled
 images, so the interval is that of the change), the pairs gained and lost at 5 degrees, and a

@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::records::RunFolder;
 
 use super::pair_choice::PairChoice;
-use super::published::load_published;
-use super::results::{self, ResultSet, ResultsError};
+use super::published::{each_published, load_published};
+use super::results::{self, FileResults, ResultSet, ResultsError};
 
 /// Reads every set of results in a folder, with all pairs that are listed: see [`load_chosen`].
 ///
@@ -48,6 +48,19 @@ pub fn load_chosen(
         });
     }
     Ok(sets)
+}
+
+/// Reads every file of results in a folder by itself, so that one that is damaged stops no other. Files
+/// without any record are left out.
+///
+/// # Errors
+/// If the folder is neither that of a run nor one in the authors' layout, or cannot be listed.
+pub fn load_each(folder: &Path, datasets: Option<&Path>) -> Result<Vec<FileResults>, ResultsError> {
+    if RunFolder::is_at(folder) {
+        results::each_of_run(&RunFolder::open(folder)?)
+    } else {
+        each_published(folder, datasets)
+    }
 }
 
 /// Every set of results of a run, in the order of its plan; what the plan does not name comes last.

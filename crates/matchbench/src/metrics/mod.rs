@@ -41,13 +41,13 @@ pub use failure::Failure;
 pub use failures::Failures;
 pub use groups::{GROUP_LEVEL_NOTE, groups};
 pub use hard_pairs::{FAILED_FROM, HardPairs, Hardship, LITTLE_OVERLAP, WIDE_ANGLE, hard_pairs};
-pub use load::{load, load_chosen, load_run};
+pub use load::{load, load_chosen, load_each, load_run};
 pub use pair_choice::PairChoice;
 pub use pair_geometry::{DatasetGeometry, PairGeometry};
 pub use pair_result::{Angle, AngularError, Deviation, Model, PairResult};
 pub use portion::Portion;
 pub use protocol_scores::{ProtocolScore, ProtocolScores, under_protocols};
-pub use results::{ResultSet, ResultsError};
+pub use results::{FileResults, ResultSet, ResultsError};
 pub use scores::{
     Detail, Notation, SCORES, Score, ScoreKind, Scores, Spread, ranking_auc, score_kind,
 };

@@ -170,7 +170,7 @@ impl Model {
     }
 
     /// What all of these results are of: those of broken tasks do not say.
-    pub(super) fn of_all(pairs: &[PairResult]) -> Self {
+    pub(crate) fn of_all(pairs: &[PairResult]) -> Self {
         let homography = |pair: &PairResult| pair.model == Self::Homography;
         if pairs.iter().any(homography) {
             Self::Homography

@@ -7,16 +7,16 @@
 //! a dataset says which pairs count, a truth only what is true.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use crate::datasets::{Pair, read_pairs, read_poses_of_pairs};
+use crate::datasets::{Pair, Sequence, read_pairs, read_poses_of_pairs};
 use crate::files::read_text;
 use crate::records::authors::{self, Row};
 
 use super::pair_choice::PairChoice;
 use super::pair_result::scored;
 use super::results::{files, folders, listed_pairs, sort, twice};
-use super::{Failure, PairResult, ResultSet, ResultsError};
+use super::{Failure, FileResults, PairResult, ResultSet, ResultsError};
 
 /// Stem of the file of true poses.
 const TRUTH: &str = "groundtruth";
@@ -29,39 +29,16 @@ pub(super) fn load_published(
 ) -> Result<Vec<ResultSet>, ResultsError> {
     let mut sets = Vec::new();
     for (dataset, folder) in folders(results)? {
-        let mut files = files(&folder, "txt")?;
-        let truth = (files.iter().position(|(stem, _)| stem == TRUTH)).map(|i| files.remove(i).1);
-        if files.is_empty() {
+        let Some(Judged {
+            mut listed, files, ..
+        }) = judged(results, &dataset, &folder, datasets)?
+        else {
             continue;
-        }
-        let mut listed = match (datasets, truth) {
-            (Some(datasets), truth) if truth.is_none() || is_dataset(datasets, &dataset) => {
-                listed_pairs(datasets, &dataset)?
-            }
-            (_, Some(truth)) => read_truth(&truth, &files[0].1)?,
-            _ => {
-                return Err(ResultsError::Layout {
-                    path: results.to_path_buf(),
-                    problem:
-                        "not a run folder (no plan.json); for results in the authors' layout, \
-                              name the folder that holds <sequence>/pairs.txt with --datasets, or \
-                              put a groundtruth.txt beside the results"
-                            .to_owned(),
-                });
-            }
         };
         let chosen = choice.of(&dataset)?;
         listed.retain(|pair| chosen(pair.a, pair.b));
         for (stem, file) in files {
-            let parts =
-                (stem.rsplit_once('+')).filter(|parts| !parts.0.is_empty() && !parts.1.is_empty());
-            let (matcher, estimator) = parts.unwrap_or((&stem, ""));
-            sets.push(ResultSet {
-                dataset: dataset.clone(),
-                matcher: matcher.to_owned(),
-                estimator: estimator.to_owned(),
-                ..score_rows(&file, &listed)?
-            });
+            sets.push(set_of(&dataset, &stem, &file, &listed)?);
         }
     }
     if sets.is_empty() {
@@ -72,6 +49,117 @@ pub(super) fn load_published(
     }
     sort(&mut sets);
     Ok(sets)
+}
+
+/// The results in each file of a folder in the authors' layout by themselves.
+pub(super) fn each_published(
+    results: &Path,
+    datasets: Option<&Path>,
+) -> Result<Vec<FileResults>, ResultsError> {
+    let mut each = Vec::new();
+    for (dataset, folder) in folders(results)? {
+        match judged(results, &dataset, &folder, datasets) {
+            Ok(None) => {}
+            Err(error) => each.push(FileResults {
+                file: folder,
+                truth: None,
+                results: Err(error),
+            }),
+            Ok(Some(Judged {
+                listed,
+                of_dataset,
+                files,
+            })) => {
+                let fingerprint = |pairs: &[Pair]| {
+                    let pairs = pairs.to_vec();
+                    let (name, frames) = (String::new(), Vec::new());
+                    Sequence {
+                        name,
+                        frames,
+                        pairs,
+                    }
+                    .fingerprint()
+                };
+                let whole = of_dataset.and_then(|dir| Sequence::open(&dir).ok());
+                let truth = match whole {
+                    Some(sequence) => sequence.fingerprint(),
+                    None => fingerprint(&listed),
+                };
+                for (stem, file) in files {
+                    let results = set_of(&dataset, &stem, &file, &listed);
+                    let truth = Some(truth.clone());
+                    each.push(FileResults {
+                        file,
+                        truth,
+                        results,
+                    });
+                }
+            }
+        }
+    }
+    Ok(each)
+}
+
+/// The results of a sequence, and by what they are judged.
+struct Judged {
+    /// The pairs that count, with their truth.
+    listed: Vec<Pair>,
+    /// The folder of the dataset that lists them, if they are not those of a truth beside the results.
+    of_dataset: Option<PathBuf>,
+    /// Files, with their names without ending.
+    files: Vec<(String, PathBuf)>,
+}
+
+/// The results of the sequence `dataset` in its `folder` of `results`; `None` where there are none.
+fn judged(
+    results: &Path,
+    dataset: &str,
+    folder: &Path,
+    datasets: Option<&Path>,
+) -> Result<Option<Judged>, ResultsError> {
+    let mut files = files(folder, "txt")?;
+    let truth = (files.iter().position(|(stem, _)| stem == TRUTH)).map(|i| files.remove(i).1);
+    if files.is_empty() {
+        return Ok(None);
+    }
+    let (listed, of_dataset) = match (datasets, truth) {
+        (Some(datasets), truth) if truth.is_none() || is_dataset(datasets, dataset) => {
+            let dir = datasets.join(dataset);
+            (listed_pairs(datasets, dataset)?, Some(dir))
+        }
+        (_, Some(truth)) => (read_truth(&truth, &files[0].1)?, None),
+        _ => {
+            return Err(ResultsError::Layout {
+                path: results.to_path_buf(),
+                problem: "not a run folder (no plan.json); for results in the authors' layout, \
+                          name the folder that holds <sequence>/pairs.txt with --datasets, or \
+                          put a groundtruth.txt beside the results"
+                    .to_owned(),
+            });
+        }
+    };
+    Ok(Some(Judged {
+        listed,
+        of_dataset,
+        files,
+    }))
+}
+
+/// The results in one file, whose name tells the matcher.
+fn set_of(
+    dataset: &str,
+    stem: &str,
+    file: &Path,
+    listed: &[Pair],
+) -> Result<ResultSet, ResultsError> {
+    let parts = (stem.rsplit_once('+')).filter(|parts| !parts.0.is_empty() && !parts.1.is_empty());
+    let (matcher, estimator) = parts.unwrap_or((stem, ""));
+    Ok(ResultSet {
+        dataset: dataset.to_owned(),
+        matcher: matcher.to_owned(),
+        estimator: estimator.to_owned(),
+        ..score_rows(file, listed)?
+    })
 }
 
 fn is_dataset(datasets: &Path, name: &str) -> bool {

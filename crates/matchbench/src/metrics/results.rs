@@ -43,6 +43,19 @@ pub struct ResultSet {
     pub ignored: usize,
 }
 
+/// One file of records, or of results in the authors' layout: what stands in it, or why that cannot be scored.
+#[derive(Debug)]
+pub struct FileResults {
+    /// The file; a folder of files where none of them can be scored.
+    pub file: PathBuf,
+    /// Hash of the true poses that results in the authors' layout were judged by: of a dataset that is at hand
+    /// its [fingerprint](crate::datasets::Sequence::fingerprint), else that of the listed pairs alone. A run has
+    /// it in its plan.
+    pub truth: Option<String>,
+    /// What stands in it.
+    pub results: Result<ResultSet, ResultsError>,
+}
+
 /// Why results cannot be scored.
 #[derive(Debug, thiserror::Error)]
 pub enum ResultsError {
@@ -99,6 +112,36 @@ pub(super) fn of_run(
     }
     sort(&mut sets);
     order_as_planned(&mut sets, run.plan());
+    complete_all(sets.iter_mut(), datasets, choice)?;
+    Ok(sets)
+}
+
+/// The results in each file of records of a run by themselves; none of a file without records.
+pub(super) fn each_of_run(run: &RunFolder) -> Result<Vec<FileResults>, ResultsError> {
+    let mut each = Vec::new();
+    for file in run.record_files()? {
+        if let Some(results) = read_records(&file).transpose() {
+            each.push(FileResults {
+                file,
+                truth: None,
+                results,
+            });
+        }
+    }
+    let sound = each
+        .iter_mut()
+        .filter_map(|file| file.results.as_mut().ok());
+    complete_all(sound, None, &PairChoice::Listed)?;
+    Ok(each)
+}
+
+/// Brings sets of results into line with the pairs that count of their datasets.
+fn complete_all<'a>(
+    sets: impl Iterator<Item = &'a mut ResultSet>,
+    datasets: Option<&Path>,
+    choice: &PairChoice,
+) -> Result<(), ResultsError> {
+    let sets: Vec<&mut ResultSet> = sets.collect();
     let mut listed = BTreeMap::<String, Vec<(u32, u32)>>::new();
     for set in &sets {
         let pairs = listed.entry(set.dataset.clone()).or_default();
@@ -117,10 +160,10 @@ pub(super) fn of_run(
         let chosen = choice.of(dataset)?;
         pairs.retain(|&(a, b)| chosen(a, b));
     }
-    for set in &mut sets {
+    for set in sets {
         complete(set, &listed[&set.dataset]);
     }
-    Ok(sets)
+    Ok(())
 }
 
 /// Brings the pairs of a run into line with the listed ones, which are sorted: others out, missing ones in.

@@ -8,7 +8,7 @@ use crate::metrics::{Failures, Quartiles, SCORES, SuccessCurve, Summary, THRESHO
 pub(super) const UNKNOWN: &str = "NaN";
 
 /// One field of a row.
-enum Cell {
+pub(super) enum Cell {
     Name(String),
     /// The same number in every row of a run.
     Constant(u32),
@@ -36,9 +36,11 @@ pub(super) fn render_with_mean(summaries: &[Summary]) -> String {
     table(rows)
 }
 
-type Row = Vec<(String, Cell)>;
+/// Fields under their heads.
+pub(super) type Row = Vec<(String, Cell)>;
 
-fn table(rows: Vec<Row>) -> String {
+/// A header line and one line for each row; all have the same heads.
+pub(super) fn table(rows: Vec<Row>) -> String {
     let header: Vec<String> = match rows.first() {
         Some(row) => row.iter().map(|(head, _)| head.clone()).collect(),
         None => row(&Summary::empty())
@@ -72,7 +74,8 @@ fn is_nothing(cell: &Cell) -> bool {
     }
 }
 
-fn row(summary: &Summary) -> Row {
+/// All that is known, in the order of columns.
+pub(super) fn row(summary: &Summary) -> Row {
     let mut row = Row::new();
     let mut push = |head: &str, cell| row.push((head.to_owned(), cell));
     push("dataset", Cell::Name(summary.dataset.clone()));

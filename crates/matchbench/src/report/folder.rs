@@ -102,14 +102,14 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
 const LIST: &str = ".files";
 
 /// The files of a report as they are written.
-struct Pages<'a> {
+pub(super) struct Pages<'a> {
     folder: &'a Path,
     written: Mutex<BTreeSet<String>>,
 }
 
 impl<'a> Pages<'a> {
     /// Refuses a folder whose page is no report: it would be overwritten.
-    fn new(folder: &'a Path) -> io::Result<Self> {
+    pub(super) fn new(folder: &'a Path) -> io::Result<Self> {
         let page = folder.join("index.html");
         let is_report = |page: String| page.contains("matchbench");
         if !folder.join(LIST).exists() && read_text(&page).is_ok_and(|page| !is_report(page)) {
@@ -126,7 +126,7 @@ impl<'a> Pages<'a> {
     }
 
     /// Writes one file, which is named from the folder on.
-    fn write(&self, name: &Path, contents: &[u8]) -> io::Result<()> {
+    pub(super) fn write(&self, name: &Path, contents: &[u8]) -> io::Result<()> {
         write_whole(&self.folder.join(name), contents)?;
         let name = name.to_string_lossy().replace('\\', "/");
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
@@ -136,7 +136,7 @@ impl<'a> Pages<'a> {
 
     /// Removes the files of the report before that this one has not: pages of pairs that are shown no
     /// more. What no report listed is somebody else's, and stays.
-    fn remove_earlier(self) -> io::Result<()> {
+    pub(super) fn remove_earlier(self) -> io::Result<()> {
         let written = self
             .written
             .into_inner()

@@ -19,6 +19,8 @@ mod folder;
 mod html;
 mod json;
 mod latex;
+mod leaderboard;
+mod leaderboard_files;
 mod markdown;
 mod method;
 mod names;
@@ -52,6 +54,8 @@ pub use bundle::{MOST_BUNDLED, bundled, write_bundle};
 pub use content::{Content, RunFacts};
 pub use dataset_facts::DatasetFacts;
 pub use folder::write_report;
+pub use leaderboard::{Group, Leaderboard, Refused, Row, Source, leaderboard};
+pub use leaderboard_files::write_leaderboard;
 pub use of_results::of_results;
 pub use of_run::{ReportError, ReportOptions, Reported, content_of_run, of_run, paper_of_run};
 pub use pair_view::{

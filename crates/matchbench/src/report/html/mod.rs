@@ -7,10 +7,12 @@
 mod again;
 mod auc_table;
 mod hard_pairs;
+mod leaderboard;
 mod pair_list;
 mod pair_pages;
 mod times;
 
+pub(super) use leaderboard::leaderboard_page;
 pub(super) use pair_pages::pair_pages;
 
 use std::collections::BTreeSet;
@@ -166,6 +168,7 @@ fn environment() -> Environment<'static> {
         ("choices.html", include_str!("choices.html")),
         ("page.html", include_str!("page.html")),
         ("pair.html", include_str!("pair.html")),
+        ("leaderboard.html", include_str!("leaderboard.html")),
     ] {
         environment
             .add_template(name, text)

@@ -1,0 +1,50 @@
+//! `matchbench leaderboard`: the runs and results below a folder, ranked on one page.
+
+use std::io::Write;
+
+use anyhow::{Context, Result, ensure};
+use matchbench::report::{leaderboard, write_leaderboard};
+
+use crate::Ending;
+use crate::args::LeaderboardArgs;
+use crate::output::{is_standard_output, say, stdout};
+
+pub(crate) fn run(args: &LeaderboardArgs) -> Result<Ending> {
+    ensure!(
+        !is_standard_output(&args.out),
+        "--out takes a folder: a leaderboard is a page and its tables"
+    );
+    let board = leaderboard(&args.entries, args.datasets.as_deref())
+        .with_context(|| format!("cannot list {}", args.entries.display()))?;
+    for refused in &board.refused {
+        say!("refused: {}: {}", refused.place, refused.reason);
+    }
+    let rows: usize = board.groups.iter().map(|group| group.rows.len()).sum();
+    ensure!(
+        rows > 0,
+        "{} holds no results that can be ranked: neither runs nor <sequence>/<matcher>.txt with their truth",
+        args.entries.display()
+    );
+    let page = write_leaderboard(&args.out, &board)?;
+    let mut out = stdout();
+    for group in &board.groups {
+        let best = &group.rows[0];
+        let auc = best.summary.auc_of(matchbench::metrics::Angle::Pose).value;
+        writeln!(
+            out,
+            "{}, {} pairs, {}: {} of {} methods, AUC {}",
+            group.dataset,
+            group.pairs[0],
+            group.protocol,
+            best.label,
+            group.rows.len(),
+            auc.map_or_else(|| "unknown".to_owned(), |auc| format!("{auc:.3}"))
+        )?;
+    }
+    writeln!(out, "{}", page.display())?;
+    Ok(if board.refused.is_empty() {
+        Ending::Done
+    } else {
+        Ending::SomeFailed
+    })
+}

@@ -1,0 +1,290 @@
+//! A leaderboard of runs and results of many people, some of them damaged, some of them not honest.
+
+mod common;
+mod steps;
+
+use std::fs;
+use std::path::Path;
+
+use common::dataset;
+use serde_json::Value;
+use steps::{go, succeeds};
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).expect("writable");
+    for entry in fs::read_dir(from).expect("readable") {
+        let path = entry.expect("readable").path();
+        let to = to.join(path.file_name().expect("it has a name"));
+        if path.is_dir() {
+            copy(&path, &to);
+        } else {
+            fs::copy(&path, &to).expect("writable");
+        }
+    }
+}
+
+/// Rewrites the records of a run.
+fn rewrite(run: &Path, change: impl Fn(String) -> String) {
+    let file = run.join("records/wall/sift+ransac-e.jsonl");
+    let text = fs::read_to_string(&file).expect("readable");
+    fs::write(&file, change(text)).expect("writable");
+}
+
+/// Two runs, results in the authors' layout, a dataset of the same name with another truth; a damaged run, an
+/// unfinished one, one that praises itself.
+fn entries(folder: &Path) {
+    dataset(folder, "data/wall", 4);
+    dataset(folder, "elsewhere/wall", 3);
+    let run = |data: &str, matchers: &str, more: &[&str], out: &str| {
+        let words = ["run", data, "--matchers", matchers, "--out", out];
+        succeeds(folder, &[&words[..], more].concat());
+    };
+    run("data/wall", "sift,orb", &[], "entries/anna");
+    run(
+        "data/wall",
+        "sift",
+        &["--set", "sift.ratio=0.6"],
+        "entries/ben/strict",
+    );
+    run("elsewhere/wall", "sift", &[], "entries/other");
+    run("data/wall", "sift", &["--limit", "3"], "entries/short");
+    succeeds(folder, &["export", "entries/anna", "entries/files"]);
+    fs::copy(
+        folder.join("data/wall/pairs.txt"),
+        folder.join("entries/files/wall/groundtruth.txt"),
+    )
+    .expect("writable");
+    fs::write(
+        folder.join("entries/files/wall/broken.txt"),
+        "0 1 nonsense\n",
+    )
+    .expect("writable");
+    let ben = folder.join("entries/ben/strict");
+    for name in ["damaged", "unfinished", "praised"] {
+        copy(&ben, &folder.join("entries").join(name));
+    }
+    rewrite(&folder.join("entries/damaged"), |text| {
+        text.replacen("\"inliers\":1", "\"inliers\":2", 1)
+    });
+    rewrite(&folder.join("entries/unfinished"), |text| {
+        text.split_inclusive('\n').take(4).collect()
+    });
+    // Without a checksum, as those of the first format.
+    rewrite(&folder.join("entries/praised"), |text| {
+        let mut praised = String::new();
+        for line in text.lines() {
+            let (body, _) = line.split_once(",\"check\"").expect("it has one");
+            let mut record: Value = serde_json::from_str(&format!("{body}}}")).expect("a record");
+            record["outcome"]["rotation_error"] = 12.5.into();
+            praised.extend([record.to_string(), "\n".to_owned()]);
+        }
+        praised
+    });
+    fs::create_dir_all(folder.join("entries/<img src=x>")).expect("writable");
+    fs::write(folder.join("entries/<img src=x>/plan.json"), "{}").expect("writable");
+}
+
+/// The leaderboard of all entries, which refuses some.
+fn board(folder: &Path) -> Value {
+    entries(folder);
+    let words = [
+        "leaderboard",
+        "entries",
+        "--datasets",
+        "data",
+        "--out",
+        "site",
+    ];
+    let output = go(folder, &words);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    let json = fs::read_to_string(folder.join("site/leaderboard.json")).expect("it was written");
+    serde_json::from_str(&json).expect("JSON")
+}
+
+fn list(value: &Value) -> &[Value] {
+    value.as_array().expect("a list")
+}
+
+fn text(value: &Value) -> &str {
+    value.as_str().expect("a text")
+}
+
+#[test]
+fn what_is_wrong_is_refused_with_the_reason_and_stops_no_other() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let site = folder.join("site");
+    fs::create_dir(&site).expect("writable");
+    fs::write(site.join("mine.txt"), "mine").expect("writable");
+    let board = board(folder);
+    let refused: Vec<(&str, &str)> = (list(&board["refused"]).iter())
+        .map(|it| (text(&it["place"]), text(&it["reason"])))
+        .collect();
+    for (place, reason) in [
+        ("<img src=x>", "not a plan"),
+        ("damaged/records/wall/sift+ransac-e.jsonl", "checksum"),
+        ("files/wall/broken.txt", "broken.txt:1"),
+        (
+            "praised/records/wall/sift+ransac-e.jsonl",
+            "states errors of 12.5000",
+        ),
+        (
+            "unfinished/records/wall/sift+ransac-e.jsonl",
+            "4 of 6 planned",
+        ),
+    ] {
+        let found = (refused.iter()).any(|(at, why)| *at == place && why.contains(reason));
+        assert!(found, "{place}: {refused:?}");
+    }
+    assert_eq!(refused.len(), 5, "{refused:?}");
+    let page = fs::read_to_string(site.join("index.html")).expect("it was written");
+    assert!(!page.contains("<img src=x") && page.contains("&lt;img src=x&gt;"));
+    assert!(page.contains("of this name</strong>") && page.contains("Refused"));
+    for outside in ["src=\"http", "href=\"http", "<link", "fetch("] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    assert!(site.join("mine.txt").is_file(), "files of others stay");
+}
+
+#[test]
+fn what_can_be_compared_is_ranked_and_can_be_computed_again() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let board = board(folder);
+    let groups = list(&board["groups"]);
+    let of = |pairs: u64, listed: u64| {
+        (groups.iter()).find(|group| group["pairs"] == pairs && group["listed_pairs"] == listed)
+    };
+    let all = of(6, 6).expect("the whole dataset");
+    let rows = list(&all["rows"]);
+    let mut names: Vec<String> = (rows.iter())
+        .map(|row| {
+            format!(
+                "{} {}",
+                text(&row["entry"]),
+                text(&row["scores"]["matcher"])
+            )
+        })
+        .collect();
+    names.sort();
+    let expected = [
+        "anna orb",
+        "anna sift",
+        "ben/strict sift",
+        "files orb",
+        "files sift",
+    ];
+    assert_eq!(names, expected);
+    // The wall of three frames is another dataset of the same name, and three of six pairs are another group.
+    assert!(all["others_of_this_name"] == 1 && of(3, 3).is_some() && of(3, 6).is_some());
+    let auc = |row: &Value| row["scores"]["auc"]["value"].as_f64().expect("a number");
+    assert!(rows.iter().map(auc).is_sorted_by(|one, other| one >= other));
+    for row in rows {
+        assert_eq!(text(&row["blake3"]).len(), 64);
+        assert_eq!(row["errors_checked"], true);
+    }
+    let csv = fs::read_to_string(folder.join("site/leaderboard.csv")).expect("it was written");
+    let count: usize = groups.iter().map(|group| list(&group["rows"]).len()).sum();
+    assert_eq!(csv.lines().count(), 1 + count);
+
+    let ben = rows
+        .iter()
+        .find(|row| row["entry"] == "ben/strict")
+        .expect("it is there");
+    let command = text(&ben["commands"][0]);
+    assert!(command.contains("--set sift.ratio=0.6"), "{command}");
+    let words: Vec<&str> = command.split_whitespace().skip(1).collect();
+    let data = folder.join("data");
+    succeeds(&data, &words);
+    let scores = succeeds(&data, &["eval", "again", "--format", "json"]);
+    let scores: Value = serde_json::from_str(&scores).expect("JSON");
+    assert_eq!(scores[0]["auc"], ben["scores"]["auc"]);
+}
+
+#[test]
+fn who_hands_in_the_file_of_another_is_told() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "data/wall", 3);
+    let run = [
+        "run",
+        "data/wall",
+        "--matchers",
+        "sift",
+        "--out",
+        "entries/a",
+    ];
+    succeeds(folder, &run);
+    copy(&folder.join("entries/a"), &folder.join("entries/b"));
+    succeeds(folder, &["leaderboard", "entries", "--out", "site"]);
+    let json = fs::read_to_string(folder.join("site/leaderboard.json")).expect("it was written");
+    assert!(
+        json.contains("the same file, to the byte, as that of b"),
+        "{json}"
+    );
+}
+
+#[test]
+fn a_folder_without_results_is_an_error_and_so_is_a_page_of_somebody_else() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "data/wall", 3);
+    let none = go(folder, &["leaderboard", "data", "--out", "site"]);
+    assert_eq!(none.status.code(), Some(1));
+    assert!(!folder.join("site").exists());
+    succeeds(
+        folder,
+        &[
+            "run",
+            "data/wall",
+            "--matchers",
+            "sift",
+            "--out",
+            "entries/a",
+        ],
+    );
+    fs::create_dir(folder.join("mine")).expect("writable");
+    fs::write(folder.join("mine/index.html"), "my page").expect("writable");
+    let refused = go(folder, &["leaderboard", "entries", "--out", "mine"]);
+    assert_eq!(refused.status.code(), Some(1));
+    let page = fs::read_to_string(folder.join("mine/index.html")).expect("it is there");
+    assert_eq!(page, "my page");
+    succeeds(folder, &["leaderboard", "entries", "--out", "site"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn links_are_not_followed() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "data/wall", 3);
+    succeeds(
+        folder,
+        &[
+            "run",
+            "data/wall",
+            "--matchers",
+            "sift",
+            "--out",
+            "entries/a",
+        ],
+    );
+    copy(&folder.join("entries/a"), &folder.join("entries/b"));
+    let records = folder.join("entries/b/records/wall/sift+ransac-e.jsonl");
+    fs::remove_file(&records).expect("it is there");
+    std::os::unix::fs::symlink("/etc/hostname", &records).expect("writable");
+    std::os::unix::fs::symlink(folder.join("entries/a"), folder.join("entries/c"))
+        .expect("writable");
+    let output = go(folder, &["leaderboard", "entries", "--out", "site"]);
+    assert_eq!(output.status.code(), Some(2));
+    let json = fs::read_to_string(folder.join("site/leaderboard.json")).expect("it was written");
+    let board: Value = serde_json::from_str(&json).expect("JSON");
+    assert_eq!(board["groups"][0]["rows"].as_array().map(Vec::len), Some(1));
+    assert_eq!(board["refused"].as_array().map(Vec::len), Some(1));
+    assert!(
+        board["refused"][0]["reason"]
+            .as_str()
+            .is_some_and(|reason| reason.contains("is a link"))
+    );
+}

@@ -1,0 +1,338 @@
+//! What lies below a folder: runs and results in the authors' layout, each file read by itself.
+//!
+//! Entries are anybody's. Links are not followed, since they lead out of the folder to what is nobody else's
+//! concern; a plan must name what its records are of; a run that is not finished, a tuning and a shard are no
+//! results yet. Whatever is wrong is said of the file that it is wrong of.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::files::open_file;
+use crate::metrics::{Failure, FileResults, Model, ResultSet, load_each};
+use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, RunFolder};
+
+use super::super::command_line::{self, CommandLine, Origin};
+use super::truth::{Truths, check};
+use super::{Refused, Source};
+
+/// All that was found.
+#[derive(Debug, Default)]
+pub(super) struct Entries {
+    pub(super) scored: Vec<Scored>,
+    pub(super) refused: Vec<Refused>,
+}
+
+/// One method on one dataset.
+#[derive(Debug)]
+pub(super) struct Scored {
+    pub(super) set: ResultSet,
+    pub(super) fingerprint: String,
+    /// How many pairs the dataset lists.
+    pub(super) listed: usize,
+    pub(super) source: Source,
+}
+
+/// Everything below `folder`, in the order of names.
+///
+/// # Errors
+/// If `folder` cannot be listed.
+pub(super) fn below(folder: &Path, datasets: Option<&Path>) -> io::Result<Entries> {
+    let mut reader = Reader {
+        root: folder,
+        datasets,
+        truths: Truths::default(),
+        found: Entries::default(),
+    };
+    reader.read(folder, &listed(folder)?);
+    Ok(reader.found)
+}
+
+struct Reader<'a> {
+    root: &'a Path,
+    datasets: Option<&'a Path>,
+    truths: Truths,
+    found: Entries,
+}
+
+impl Reader<'_> {
+    /// A folder with these files and folders in it: an entry, or a folder of entries.
+    fn read(&mut self, folder: &Path, inside: &[Inside]) {
+        let has = |name: &str| inside.iter().any(|it| it.name == name);
+        let what = if has("plan.json") {
+            self.run(folder)
+        } else if is_of_results(inside, self.datasets) {
+            self.results(folder)
+        } else {
+            Ok(())
+        };
+        if let Err(reason) = what {
+            self.refuse(folder, reason);
+        }
+        if has("plan.json") {
+            return; // features, reports and shards of a run are no entries
+        }
+        for it in inside.iter().filter(|it| it.is_folder) {
+            // What cannot be listed is refused by its name; what is below goes on.
+            match listed(&it.path) {
+                Ok(inside) => self.read(&it.path, &inside),
+                Err(error) => self.refuse(&it.path, error.to_string()),
+            }
+        }
+    }
+
+    fn run(&mut self, folder: &Path) -> Result<(), String> {
+        no_links(folder, &["plan.json", "tuned.json", "records"])?;
+        let run = RunFolder::open(folder).map_err(|error| error.to_string())?;
+        if run.plan().shard.is_some() {
+            return Err("a shard of a larger run; merge it first".to_owned());
+        }
+        if run.tuned_file().exists() {
+            return Err("a tuning: its scores chose a parameter and are no results".to_owned());
+        }
+        let each = load_each(folder, None).map_err(|error| error.to_string())?;
+        if each.is_empty() {
+            return Err("the run has no records yet".to_owned());
+        }
+        let mut seen = Vec::new();
+        for file in each {
+            let path = file.file.clone();
+            match self.records(&run, file, &mut seen) {
+                Ok(scored) => self.found.scored.push(scored),
+                Err(reason) => self.refuse(&path, reason),
+            }
+        }
+        Ok(())
+    }
+
+    /// One file of records.
+    fn records(
+        &mut self,
+        run: &RunFolder,
+        FileResults { file, results, .. }: FileResults,
+        seen: &mut Vec<[String; 3]>,
+    ) -> Result<Scored, String> {
+        let mut set = results.map_err(|error| error.to_string())?;
+        let (dataset, matcher, estimator) = planned(run.plan(), &set)?;
+        let names = [&set.dataset, &set.matcher, &set.estimator].map(String::clone);
+        if seen.contains(&names) {
+            return Err("another file of this run holds the same".to_owned());
+        }
+        seen.push(names);
+        is_finished(run.plan(), dataset, &set)?;
+        // What is missing now is only in other files, which do not say what is planned.
+        set.pairs
+            .retain(|pair| pair.outcome != Err(Failure::Missing));
+        let truth = self.truths.of(dataset, self.datasets);
+        let checked = Model::of_all(&set.pairs) == Model::Pose && truth.is_some();
+        if let Some(truth) = truth.filter(|_| checked) {
+            check(run, [&set.dataset, &set.matcher, &set.estimator], truth)?;
+        }
+        let again = command_line::cell(run.plan(), dataset, (matcher, estimator), "again");
+        let note = match (&again, Origin::of(matcher)) {
+            (None, _) => "no command asks for it; its plan says what was run".to_owned(),
+            (_, Origin::Native) => String::new(),
+            (_, Origin::Files) => "needs the files of its matches".to_owned(),
+            (_, Origin::Outside) => format!(
+                "needs the program {}",
+                matcher.version.as_deref().unwrap_or_default()
+            ),
+        };
+        let entry = self.place(run.path());
+        let rescore = CommandLine::new(["eval", &*entry, "--format", "csv"]);
+        Ok(Scored {
+            fingerprint: dataset.fingerprint.clone(),
+            listed: dataset.pairs,
+            source: Source {
+                file: below_folder(run.path(), &file),
+                blake3: hash(&file)?,
+                version: run.plan().version.clone(),
+                checked,
+                commands: again
+                    .into_iter()
+                    .chain([rescore])
+                    .map(|line| line.to_string())
+                    .collect(),
+                note,
+                entry,
+            },
+            set,
+        })
+    }
+
+    fn results(&mut self, folder: &Path) -> Result<(), String> {
+        no_links(folder, &[""])?;
+        for file in load_each(folder, self.datasets).map_err(|error| error.to_string())? {
+            let path = file.file.clone();
+            match self.published(folder, file) {
+                Ok(scored) => self.found.scored.push(scored),
+                Err(reason) => self.refuse(&path, reason),
+            }
+        }
+        Ok(())
+    }
+
+    /// One file of results.
+    fn published(
+        &self,
+        folder: &Path,
+        FileResults {
+            file,
+            truth,
+            results,
+        }: FileResults,
+    ) -> Result<Scored, String> {
+        let set = results.map_err(|error| error.to_string())?;
+        if set
+            .pairs
+            .iter()
+            .all(|pair| pair.outcome == Err(Failure::Missing))
+        {
+            return Err("no row is of a pair that counts".to_owned());
+        }
+        let entry = self.place(folder);
+        let mut words = vec!["eval".to_owned(), entry.clone()];
+        if let Some(datasets) = self.datasets {
+            words.extend(["--datasets".to_owned(), datasets.display().to_string()]);
+        }
+        words.extend(["--format", "csv"].map(str::to_owned));
+        Ok(Scored {
+            fingerprint: truth.unwrap_or_default(),
+            listed: set.pairs.len(),
+            source: Source {
+                file: below_folder(folder, &file),
+                blake3: hash(&file)?,
+                version: String::new(),
+                checked: true,
+                commands: vec![CommandLine::new(words).to_string()],
+                note: "result files: their scoring can be done again".to_owned(),
+                entry,
+            },
+            set,
+        })
+    }
+
+    fn refuse(&mut self, path: &Path, reason: String) {
+        let place = self.place(path);
+        // What is said of a file names it as it is on this machine.
+        let root = format!("{}/", self.root.display());
+        let reason = reason.replace(&root, "");
+        self.found.refused.push(Refused { place, reason });
+    }
+
+    fn place(&self, path: &Path) -> String {
+        match &*below_folder(self.root, path) {
+            "" => ".".to_owned(),
+            place => place.to_owned(),
+        }
+    }
+}
+
+/// Something in a folder.
+struct Inside {
+    name: String,
+    path: PathBuf,
+    is_folder: bool,
+}
+
+/// What is in a folder, sorted; hidden files and links are left out.
+fn listed(folder: &Path) -> io::Result<Vec<Inside>> {
+    let mut inside = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let (what, name) = (entry.file_type()?, entry.file_name());
+        let name = name.to_string_lossy().into_owned();
+        if !what.is_symlink() && !name.starts_with('.') {
+            inside.push(Inside {
+                name,
+                path: entry.path(),
+                is_folder: what.is_dir(),
+            });
+        }
+    }
+    inside.sort_by(|one, other| one.name.cmp(&other.name));
+    Ok(inside)
+}
+
+/// Whether folders in a folder hold results, which are files of text with a truth beside them or in `datasets`.
+/// The files of a dataset are none.
+fn is_of_results(inside: &[Inside], datasets: Option<&Path>) -> bool {
+    inside.iter().filter(|it| it.is_folder).any(|sequence| {
+        let has = |name: &str| sequence.path.join(name).is_file();
+        let known = datasets
+            .is_some_and(|datasets| datasets.join(&sequence.name).join("pairs.txt").is_file());
+        !has("pairs.txt") && !has("plan.json") && (has("groundtruth.txt") || known)
+    })
+}
+
+/// Refuses an entry in whose parts of these names links lead elsewhere; no name stands for the entry itself.
+fn no_links(entry: &Path, parts: &[&str]) -> Result<(), String> {
+    fn first(path: &Path, levels: usize) -> Option<PathBuf> {
+        let what = fs::symlink_metadata(path).ok()?.file_type();
+        if what.is_symlink() {
+            return Some(path.to_path_buf());
+        }
+        let levels = levels.checked_sub(1).filter(|_| what.is_dir())?;
+        let mut inside = fs::read_dir(path).ok()?.flatten();
+        inside.find_map(|entry| first(&entry.path(), levels))
+    }
+    match parts.iter().find_map(|part| first(&entry.join(part), 3)) {
+        Some(link) => Err(format!(
+            "{} is a link, and links are not followed",
+            link.display()
+        )),
+        None => Ok(()),
+    }
+}
+
+/// What the plan says of results.
+fn planned<'a>(
+    plan: &'a Plan,
+    set: &ResultSet,
+) -> Result<(&'a DatasetPlan, &'a MatcherPlan, &'a EstimatorPlan), String> {
+    let dataset = plan
+        .datasets
+        .iter()
+        .find(|dataset| dataset.name == set.dataset);
+    let matcher = plan.matcher(&set.matcher);
+    let estimator = matcher.and_then(|matcher| {
+        matcher
+            .estimators
+            .iter()
+            .find(|planned| planned.id == set.estimator)
+    });
+    match (dataset, matcher, estimator) {
+        (Some(dataset), Some(matcher), Some(estimator)) => Ok((dataset, matcher, estimator)),
+        _ => Err(
+            "its plan does not name the dataset, matcher and estimator of these records".to_owned(),
+        ),
+    }
+}
+
+/// Refuses what is not done yet, which would count what is missing as wrong, or not at all.
+fn is_finished(plan: &Plan, dataset: &DatasetPlan, set: &ResultSet) -> Result<(), String> {
+    let settings = plan.settings;
+    let most = [settings.limit, settings.sample].into_iter().flatten();
+    let pairs = most.fold(dataset.pairs, usize::min);
+    let tasks = pairs.saturating_mul(settings.repetitions.get() as usize);
+    let missing = |pair: &&crate::metrics::PairResult| pair.outcome == Err(Failure::Missing);
+    let done = set.pairs.len() - set.pairs.iter().filter(missing).count();
+    if done == tasks {
+        Ok(())
+    } else {
+        Err(format!("{done} of {tasks} planned tasks are recorded"))
+    }
+}
+
+fn below_folder(folder: &Path, path: &Path) -> String {
+    let below = path.strip_prefix(folder).unwrap_or(path);
+    below.to_string_lossy().replace('\\', "/")
+}
+
+fn hash(file: &Path) -> Result<String, String> {
+    let mut hasher = blake3::Hasher::new();
+    open_file(file)
+        .and_then(|mut file| io::copy(&mut file, &mut hasher))
+        .map_err(|error| error.to_string())?;
+    Ok(hasher.finalize().to_hex().to_string())
+}

@@ -1,0 +1,230 @@
+//! A leaderboard: runs and result files of many people on one page, every score computed from their records.
+//!
+//! 1. `entries` finds what lies below a folder and reads every file by itself: what is damaged or is not what
+//!    it says is refused with the reason, and stops no other.
+//! 2. What can be compared is one group: the same dataset by name and fingerprint, the same pairs of it, the
+//!    same protocol. Scores over other truths or other pairs never stand in one table.
+//! 3. A group is scored and compared as the methods of a report are ([`Content`]): intervals by the bootstrap
+//!    over images, letters by Holm's test.
+
+mod entries;
+mod truth;
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::Path;
+
+use crate::metrics::{Bootstrap, Model, ResultSet, Summary};
+
+use super::content::{Content, RunFacts};
+use entries::{Entries, Scored};
+
+/// All that was found, in groups that can be compared.
+#[derive(Clone, Debug, Default)]
+pub struct Leaderboard {
+    /// By the names of datasets and protocols.
+    pub groups: Vec<Group>,
+    /// What was refused, in the order in which it was found.
+    pub refused: Vec<Refused>,
+}
+
+/// Something that is not on the leaderboard.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refused {
+    /// Where it is, from the folder of all on.
+    pub place: String,
+    /// Why.
+    pub reason: String,
+}
+
+/// Methods that can be compared: judged on the same pairs by the same truth and protocol.
+#[derive(Clone, Debug)]
+pub struct Group {
+    /// Name of the dataset.
+    pub dataset: String,
+    /// Hash of its cameras and pairs with their truth; of result files whose dataset is not at hand, of the
+    /// pairs with their truth alone.
+    pub fingerprint: String,
+    /// Id of the protocol.
+    pub protocol: &'static str,
+    /// How many of its pairs count, and how many it lists.
+    pub pairs: [usize; 2],
+    /// How many datasets of this name there are with other fingerprints.
+    pub namesakes: usize,
+    /// The methods, the highest AUC first.
+    pub rows: Vec<Row>,
+    /// The same for figures, each method under a name of its own.
+    pub(super) content: Content,
+}
+
+/// One method of somebody.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// Its place: one more than there are better ones.
+    pub rank: usize,
+    /// Its name in the group: the matcher, with the entry where several have it.
+    pub label: String,
+    /// Its scores.
+    pub summary: Summary,
+    /// What it comes from.
+    pub source: Source,
+}
+
+/// What a row was computed from.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Source {
+    /// The run, or folder of results, from the folder of all on.
+    pub entry: String,
+    /// Its file of records or results, from the entry on.
+    pub file: String,
+    /// BLAKE3 hash of that file.
+    pub blake3: String,
+    /// The version of matchbench that ran it; empty where it was another program.
+    pub version: String,
+    /// Whether the errors that it states were computed again from its poses and the truth; those of result
+    /// files always are.
+    pub checked: bool,
+    /// The commands that compute it again.
+    pub commands: Vec<String>,
+    /// What they need, in words; may be empty.
+    pub note: String,
+}
+
+/// Gathers what lies below `folder`: folders of runs, and of results in the authors' layout. `datasets` is the
+/// folder with the datasets, by which errors are computed again, and results without a truth beside them judged.
+/// Links are not followed. Threads of the current rayon pool are used, and change nothing.
+///
+/// # Errors
+/// If `folder` cannot be listed; what is wrong below it is refused and no error.
+pub fn leaderboard(folder: &Path, datasets: Option<&Path>) -> io::Result<Leaderboard> {
+    let Entries { scored, refused } = entries::below(folder, datasets)?;
+    let mut groups = BTreeMap::<Key, Vec<Scored>>::new();
+    for scored in scored {
+        groups.entry(Key::of(&scored)).or_default().push(scored);
+    }
+    let keys: Vec<Key> = groups.keys().cloned().collect();
+    Ok(Leaderboard {
+        groups: (groups.into_iter())
+            .map(|(key, scored)| group(key, scored, &keys))
+            .collect(),
+        refused,
+    })
+}
+
+/// What results must share to be compared.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Key {
+    dataset: String,
+    fingerprint: String,
+    model: Model,
+    protocol: &'static str,
+    /// Hash of the pairs that count.
+    pairs: String,
+}
+
+impl Key {
+    fn of(scored: &Scored) -> Self {
+        let set = &scored.set;
+        let mut pairs: Vec<(u32, u32)> = set.pairs.iter().map(|pair| (pair.a, pair.b)).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        let mut hasher = blake3::Hasher::new();
+        for (a, b) in pairs {
+            hasher.update(&a.to_le_bytes());
+            hasher.update(&b.to_le_bytes());
+        }
+        Self {
+            dataset: set.dataset.clone(),
+            fingerprint: scored.fingerprint.clone(),
+            model: Model::of_all(&set.pairs),
+            protocol: crate::protocols::of_estimator(&set.estimator).id,
+            pairs: hasher.finalize().to_hex().to_string(),
+        }
+    }
+}
+
+fn group(key: Key, scored: Vec<Scored>, keys: &[Key]) -> Group {
+    let mut fingerprints: Vec<&str> = (keys.iter())
+        .filter(|other| other.dataset == key.dataset && other.fingerprint != key.fingerprint)
+        .map(|other| &*other.fingerprint)
+        .collect();
+    fingerprints.sort_unstable();
+    fingerprints.dedup();
+    let namesakes = fingerprints.len();
+    let called = |set: &ResultSet| (set.matcher.clone(), set.estimator.clone());
+    let names: Vec<_> = scored.iter().map(|scored| called(&scored.set)).collect();
+    let listed = scored.iter().map(|scored| scored.listed).max().unwrap_or(0);
+    let (mut sets, mut sources) = (Vec::new(), Vec::new());
+    for scored in scored {
+        let name = called(&scored.set);
+        let mut set = scored.set;
+        if names.iter().filter(|other| **other == name).count() > 1 {
+            set.matcher = format!("{} ({})", set.matcher, scored.source.entry);
+        }
+        sets.push(set);
+        sources.push((name.0, scored.source));
+    }
+    let content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+    let mut rows: Vec<Row> = (content.summaries.iter().zip(sources))
+        .map(|(summary, (matcher, source))| Row {
+            rank: 0,
+            label: super::words::method(&summary.matcher, &summary.estimator),
+            summary: Summary {
+                matcher,
+                ..summary.clone()
+            },
+            source,
+        })
+        .collect();
+    let auc = |row: &Row| {
+        let auc = row.summary.auc_of(crate::metrics::Angle::Pose).value;
+        auc.unwrap_or(f64::NEG_INFINITY)
+    };
+    rows.sort_by(|one, other| auc(other).total_cmp(&auc(one)));
+    let aucs: Vec<f64> = rows.iter().map(auc).collect();
+    for row in &mut rows {
+        let own = auc(row);
+        row.rank = 1 + aucs.iter().filter(|auc| **auc > own).count();
+    }
+    say_what_is_twice(&mut rows);
+    let repetitions = |summary: &Summary| summary.repetitions.max(1) as usize;
+    let pairs =
+        (content.summaries.first()).map_or(0, |summary| summary.pairs / repetitions(summary));
+    Group {
+        dataset: key.dataset,
+        fingerprint: key.fingerprint,
+        protocol: key.protocol,
+        pairs: [pairs, listed.max(pairs)],
+        namesakes,
+        rows,
+        content,
+    }
+}
+
+/// Notes of every file that is that of another row too, to the byte.
+fn say_what_is_twice(rows: &mut [Row]) {
+    let files: Vec<(String, String)> = (rows.iter())
+        .map(|row| (row.source.blake3.clone(), row.source.entry.clone()))
+        .collect();
+    for (index, row) in rows.iter_mut().enumerate() {
+        let same = |(other, (hash, _)): &(usize, &(String, String))| {
+            *other != index && *hash == row.source.blake3
+        };
+        let others: Vec<&str> = (files.iter().enumerate())
+            .filter(same)
+            .map(|(_, (_, entry))| &**entry)
+            .collect();
+        if !others.is_empty() {
+            let same = format!(
+                "the same file, to the byte, as that of {}",
+                others.join(", ")
+            );
+            let note = &mut row.source.note;
+            *note = if note.is_empty() {
+                same
+            } else {
+                format!("{same}; {note}")
+            };
+        }
+    }
+}
