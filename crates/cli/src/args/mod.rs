@@ -70,7 +70,7 @@ pub(crate) enum Command {
     Show(ShowArgs),
     /// Measure how long matchers take, by the paper's protocol
     Time(TimeArgs),
-    /// Say what changed between two runs, with intervals
+    /// Say what changed between two runs, or how two methods differ, with intervals and pictures
     Compare(CompareArgs),
     /// Write a run's poses in the format of the paper's authors, or its matches for other tools
     Export(ExportArgs),
@@ -255,7 +255,7 @@ mod tests {
             ("docs/paper.md", 4),
             ("docs/scale.md", 5),
             ("docs/protocol.md", 4),
-            ("docs/report.md", 3),
+            ("docs/report.md", 5),
             ("docs/leaderboard.md", 2),
         ] {
             let text = std::fs::read_to_string(format!("{repository}/{page}"));

@@ -163,16 +163,34 @@ the AUC before and after, the change with its paired 95 % interval (both runs se
 images, so the interval is that of the change), the pairs gained and lost at 5 degrees, and a
 verdict in words: better, worse, not certain, or the same.
 
-Example:
+With --matchers two methods are compared instead, of one run or the first of BEFORE with the second of
+AFTER; a name is a matcher, compared with each estimator that both have, or MATCHER+ESTIMATOR.
+
+--out writes a page of the pairs where they differ most: both side by side, with errors and matches, and
+pairs.csv with all pairs.
+
+Examples:
   matchbench run office --matchers sift --set sift.ratio=0.7 --out runs/strict
-  matchbench compare runs/first runs/strict")]
+  matchbench compare runs/first runs/strict
+  matchbench compare runs/first runs/strict --out strict
+  matchbench compare runs/first --matchers sift,orb --out sift-orb
+  matchbench compare runs/first --matchers sift+ransac-e,sift+best")]
 pub(crate) struct CompareArgs {
     /// The run before
     #[arg(value_name = "BEFORE")]
     pub before: PathBuf,
     /// The run after
-    #[arg(value_name = "AFTER")]
-    pub after: PathBuf,
+    #[arg(value_name = "AFTER", required_unless_present = "matchers")]
+    pub after: Option<PathBuf>,
+    /// Two methods that are compared with each other, separated by a comma
+    #[arg(long, value_name = "FIRST,SECOND", value_delimiter = ',', num_args = 1)]
+    pub matchers: Vec<String>,
+    /// Folder of the page of the pairs where they differ most
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Pairs of each dataset on the page that either of the two wins
+    #[arg(long, value_name = "N", default_value_t = 6, requires = "out")]
+    pub pairs: usize,
     #[command(flatten)]
     pub threads: Threads,
 }

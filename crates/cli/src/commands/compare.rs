@@ -1,22 +1,134 @@
-//! `matchbench compare`: what changed between two runs.
+//! `matchbench compare`: what changed between two runs, or how two methods of one differ.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 use matchbench::metrics::{Bootstrap, Comparison, ResultSet, Score, compare, load};
 use matchbench::records::{DatasetPlan, RunFolder};
-use matchbench::report::advantage;
+use matchbench::report::{Duel, Side, advantage, write_differences};
 
 use crate::Ending;
 use crate::args::CompareArgs;
-use crate::output::harmless;
+use crate::output::{harmless, is_standard_output, say, stdout};
 
 pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
-    let before = load(&args.before, None)?;
-    let after = load(&args.after, None)?;
-    same_truth(&args.before, &args.after)?;
+    let after = args.after.as_ref().unwrap_or(&args.before);
+    let sets = [load(&args.before, None)?, load(after, None)?];
+    same_truth(&args.before, after)?;
+    let (matches, alone) = match &args.matchers[..] {
+        [] => same_methods(&sets),
+        [first, second] => (
+            methods(&sets, [first, second], args.before == *after)?,
+            Vec::new(),
+        ),
+        _ => bail!("--matchers takes two methods, separated by a comma"),
+    };
+    ensure!(
+        !matches.is_empty(),
+        "{} and {} have no matcher with the same estimator on the same dataset in common",
+        args.before.display(),
+        after.display()
+    );
+    let bootstrap = Bootstrap::default();
+    let rows: Vec<Row<'_>> = (matches.into_iter())
+        .map(|[before, after]| Row {
+            sets: [before, after],
+            comparison: compare(before, after, &bootstrap),
+        })
+        .collect();
+    let runs = [&args.before, after];
+    let mut text = table(&rows);
+    text.push('\n');
+    for row in &rows {
+        let [before, after] = row.names(runs, !args.matchers.is_empty());
+        let set = row.sets[1];
+        let on = match &args.matchers[..] {
+            [] => format!("{} with {}", set.dataset, method(set)),
+            _ => set.dataset.clone(),
+        };
+        let _ = writeln!(
+            text,
+            "{}",
+            advantage(&after, &before, &on, &row.comparison.auc)
+        );
+    }
+    for (set, side) in alone {
+        let _ = writeln!(
+            text,
+            "{} with {} on {} is only in {}",
+            set.matcher,
+            set.estimator,
+            set.dataset,
+            runs[side].display()
+        );
+    }
+    std::io::stdout().write_all(harmless(&text).as_bytes())?;
+    if let Some(out) = &args.out {
+        ensure!(
+            !is_standard_output(out),
+            "--out takes a folder: a comparison is a page with its pictures"
+        );
+        write_page(out, args, runs, &rows)?;
+    }
+    Ok(Ending::Done)
+}
+
+/// Writes the page of the pairs where they differ most.
+fn write_page(out: &Path, args: &CompareArgs, runs: [&PathBuf; 2], rows: &[Row<'_>]) -> Result<()> {
+    let [before, after] = runs.map(|run| RunFolder::open(run));
+    let folders = [before?, after?];
+    let names: Vec<[String; 2]> = (rows.iter())
+        .map(|row| row.names(runs, !args.matchers.is_empty()))
+        .collect();
+    let duels: Vec<Duel<'_>> = (rows.iter().zip(&names))
+        .map(|(row, names)| Duel {
+            sides: [0, 1].map(|side| Side {
+                name: &names[side],
+                run: &folders[side],
+                results: row.sets[side],
+            }),
+            comparison: row.comparison,
+        })
+        .collect();
+    let written = write_differences(out, &duels, args.pairs)?;
+    for note in &written.notes {
+        say!("note: {note}");
+    }
+    writeln!(stdout(), "{}", written.page.display())?;
+    Ok(())
+}
+
+/// Two sets of results of one dataset.
+struct Row<'a> {
+    sets: [&'a ResultSet; 2],
+    comparison: Comparison,
+}
+
+impl Row<'_> {
+    /// What the two are called: by their methods, their runs, or both, as far as these differ.
+    fn names(&self, runs: [&PathBuf; 2], by_method: bool) -> [String; 2] {
+        [0, 1].map(|side| {
+            let (set, run) = (self.sets[side], runs[side].display());
+            match (by_method, runs[0] == runs[1]) {
+                (false, _) => run.to_string(),
+                (true, true) => method(set),
+                (true, false) => format!("{} of {run}", method(set)),
+            }
+        })
+    }
+}
+
+fn method(set: &ResultSet) -> String {
+    match &*set.estimator {
+        "" => set.matcher.clone(),
+        estimator => format!("{} + {estimator}", set.matcher),
+    }
+}
+
+/// The sets that both have, before and after, and those that only one has, with its number.
+fn same_methods(sets: &[Vec<ResultSet>; 2]) -> (Vec<[&ResultSet; 2]>, Vec<(&ResultSet, usize)>) {
     let name = |set: &ResultSet| {
         (
             set.dataset.clone(),
@@ -24,44 +136,94 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
             set.estimator.clone(),
         )
     };
-    let mut rows = Vec::new();
+    let [before, after] = sets;
+    let twin = |set: &ResultSet, others: &'_ [ResultSet]| {
+        others.iter().position(|other| name(other) == name(set))
+    };
+    let mut both = Vec::new();
     let mut alone = Vec::new();
-    for set in &after {
-        match before.iter().find(|other| name(other) == name(set)) {
-            Some(other) => rows.push((set, compare(other, set, &Bootstrap::default()))),
-            None => alone.push((set, &args.after)),
+    for set in after {
+        match twin(set, before) {
+            Some(i) => both.push([&before[i], set]),
+            None => alone.push((set, 1)),
         }
     }
-    for set in &before {
-        if !after.iter().any(|other| name(other) == name(set)) {
-            alone.push((set, &args.before));
+    alone.extend(
+        (before.iter())
+            .filter(|set| twin(set, after).is_none())
+            .map(|set| (set, 0)),
+    );
+    (both, alone)
+}
+
+/// The sets of two methods on each dataset that both were run on: with each estimator that both have, or where
+/// both have one, with these.
+fn methods<'a>(
+    sets: &'a [Vec<ResultSet>; 2],
+    named: [&str; 2],
+    same_run: bool,
+) -> Result<Vec<[&'a ResultSet; 2]>> {
+    let mut found = [Vec::new(), Vec::new()];
+    for ((found, sets), name) in found.iter_mut().zip(sets).zip(named) {
+        let is_it = |set: &&ResultSet| {
+            set.matcher == name || format!("{}+{}", set.matcher, set.estimator) == name
+        };
+        found.extend(sets.iter().filter(is_it));
+        ensure!(
+            !found.is_empty(),
+            "no results of `{name}`; there are {}",
+            known(sets).join(", ")
+        );
+    }
+    let [first, second] = &found;
+    let mut pairs = Vec::new();
+    let mut datasets: Vec<&str> = first.iter().map(|set| &*set.dataset).collect();
+    datasets.dedup();
+    for dataset in datasets {
+        let on = |sets: &[&'a ResultSet]| -> Vec<&'a ResultSet> {
+            sets.iter()
+                .filter(|set| set.dataset == dataset)
+                .copied()
+                .collect()
+        };
+        let (first, second) = (on(first), on(second));
+        if let ([one], [other]) = (&first[..], &second[..]) {
+            pairs.push([*one, *other]);
+            continue;
+        }
+        for one in &first {
+            let same = second.iter().find(|other| other.estimator == one.estimator);
+            pairs.extend(same.map(|other| [*one, *other]));
         }
     }
     ensure!(
-        !rows.is_empty(),
-        "{} and {} have no matcher with the same estimator on the same dataset in common",
-        args.before.display(),
-        args.after.display()
+        !pairs.is_empty(),
+        "{} and {} have no dataset with the same estimator in common; name their estimators, as in {}+ESTIMATOR",
+        named[0],
+        named[1],
+        named[0]
     );
-    let mut text = table(&rows);
-    text.push('\n');
-    let [before, after] = [&args.before, &args.after].map(|run| run.display().to_string());
-    for (set, comparison) in &rows {
-        let on = format!("{} with {} + {}", set.dataset, set.matcher, set.estimator);
-        let _ = writeln!(text, "{}", advantage(&after, &before, &on, &comparison.auc));
+    ensure!(
+        !same_run
+            || pairs
+                .iter()
+                .all(|[one, other]| method(one) != method(other)),
+        "{} is compared with itself; name two methods",
+        named[0]
+    );
+    Ok(pairs)
+}
+
+/// The names of methods, each once.
+fn known(sets: &[ResultSet]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for set in sets {
+        let name = format!("{}+{}", set.matcher, set.estimator);
+        if !names.contains(&name) {
+            names.push(name);
+        }
     }
-    for (set, run) in alone {
-        let _ = writeln!(
-            text,
-            "{} with {} on {} is only in {}",
-            set.matcher,
-            set.estimator,
-            set.dataset,
-            run.display()
-        );
-    }
-    std::io::stdout().write_all(harmless(&text).as_bytes())?;
-    Ok(Ending::Done)
+    names
 }
 
 /// Errors about other truths are not compared: datasets of one name must be one dataset.
@@ -86,7 +248,7 @@ fn same_truth(before: &Path, after: &Path) -> Result<()> {
 }
 
 /// One line for each matcher, estimator and dataset that both runs have.
-fn table(rows: &[(&ResultSet, Comparison)]) -> String {
+fn table(rows: &[Row<'_>]) -> String {
     let heads = [
         "dataset",
         "matcher",
@@ -104,12 +266,21 @@ fn table(rows: &[(&ResultSet, Comparison)]) -> String {
         "",
     ];
     let mut lines = vec![heads.map(str::to_owned)];
-    lines.extend(rows.iter().map(|(set, c)| {
+    let both = |row: &Row<'_>, name: fn(&ResultSet) -> &String| {
+        let [before, after] = row.sets.map(name);
+        if before == after {
+            before.clone()
+        } else {
+            format!("{before}, {after}")
+        }
+    };
+    lines.extend(rows.iter().map(|row| {
+        let c = &row.comparison;
         let number = |value: Option<f64>| value.map_or_else(|| "–".into(), |v| format!("{v:.3}"));
         [
-            set.dataset.clone(),
-            set.matcher.clone(),
-            set.estimator.clone(),
+            row.sets[1].dataset.clone(),
+            both(row, |set| &set.matcher),
+            both(row, |set| &set.estimator),
             c.pairs.to_string(),
             number(c.before),
             number(c.after),

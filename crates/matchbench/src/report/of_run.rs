@@ -180,7 +180,7 @@ fn facts(run: &RunFolder) -> Result<RunFacts, FolderError> {
 }
 
 /// The datasets of a run that are still where they were, and a note for each of the others.
-fn sequences(plan: &Plan) -> (BTreeMap<String, Sequence>, Vec<String>) {
+pub(super) fn sequences(plan: &Plan) -> (BTreeMap<String, Sequence>, Vec<String>) {
     let (mut sequences, mut notes) = (BTreeMap::new(), Vec::new());
     for dataset in &plan.datasets {
         match Sequence::open(&dataset.path) {

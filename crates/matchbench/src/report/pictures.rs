@@ -52,39 +52,14 @@ pub(super) fn sample(
         let images = thumbnails(sequence, &pairs);
         let mut of_dataset = Vec::new();
         for set in &sets {
-            let all = run.matches_of(name, &set.matcher)?;
-            let inliers = run.inliers_of(name, &set.matcher, &set.estimator)?;
-            let shown: BTreeSet<_> = pairs.iter().map(|pair| (pair.a, pair.b)).collect();
-            let mut outcomes = BTreeMap::new();
-            run.for_each_of([name, &set.matcher, &set.estimator], |record| {
-                let pair = (record.task.a, record.task.b);
-                if record.task.repetition == 0 && shown.contains(&pair) {
-                    outcomes.insert(pair, record.outcome);
-                }
-            })?;
-            for (rank, pair) in pairs.iter().enumerate() {
-                let (Some(a), Some(b)) = (images.get(&pair.a), images.get(&pair.b)) else {
-                    continue;
-                };
-                let Some(outcome) = outcomes.get(&(pair.a, pair.b)) else {
-                    continue;
-                };
-                let key = (pair.a, pair.b, 0);
-                let file = if all.contains(key) { &all } else { &inliers };
-                let Some(selected) = file.read(key)? else {
-                    continue;
-                };
-                let images = [Arc::clone(a), Arc::clone(b)];
-                let Some(mut view) = view(sequence, pair, &selected, outcome, images) else {
-                    continue;
-                };
-                view.matches = evenly(&view.matches, MOST_MATCHES);
-                view.matcher.clone_from(&set.matcher);
-                view.estimator.clone_from(&set.estimator);
-                view.keypoints =
-                    [pair.a, pair.b].map(|frame| keypoints.of(&set.matcher, sequence, frame));
-                of_dataset.push((rank, view));
-            }
+            of_dataset.extend(views_of(
+                run,
+                set,
+                sequence,
+                &pairs,
+                &images,
+                &mut keypoints,
+            )?);
         }
         of_dataset.sort_by_key(|(rank, _)| *rank);
         views.extend(of_dataset.into_iter().map(|(_, view)| view));
@@ -92,8 +67,58 @@ pub(super) fn sample(
     Ok(views)
 }
 
+/// Views of `pairs` with the matches that a run kept of one method, each with its place among them; what is not at
+/// hand is left out.
+///
+/// # Errors
+/// If records or matches cannot be read.
+pub(super) fn views_of(
+    run: &RunFolder,
+    set: &ResultSet,
+    sequence: &Sequence,
+    pairs: &[&Pair],
+    images: &BTreeMap<u32, Arc<Thumbnail>>,
+    keypoints: &mut Keypoints<'_>,
+) -> Result<Vec<(usize, PairView)>, StoreError> {
+    let name = &set.dataset;
+    let mut views = Vec::new();
+    let all = run.matches_of(name, &set.matcher)?;
+    let inliers = run.inliers_of(name, &set.matcher, &set.estimator)?;
+    let shown: BTreeSet<_> = pairs.iter().map(|pair| (pair.a, pair.b)).collect();
+    let mut outcomes = BTreeMap::new();
+    run.for_each_of([name, &set.matcher, &set.estimator], |record| {
+        let pair = (record.task.a, record.task.b);
+        if record.task.repetition == 0 && shown.contains(&pair) {
+            outcomes.insert(pair, record.outcome);
+        }
+    })?;
+    for (rank, pair) in pairs.iter().enumerate() {
+        let (Some(a), Some(b)) = (images.get(&pair.a), images.get(&pair.b)) else {
+            continue;
+        };
+        let Some(outcome) = outcomes.get(&(pair.a, pair.b)) else {
+            continue;
+        };
+        let key = (pair.a, pair.b, 0);
+        let file = if all.contains(key) { &all } else { &inliers };
+        let Some(selected) = file.read(key)? else {
+            continue;
+        };
+        let images = [Arc::clone(a), Arc::clone(b)];
+        let Some(mut view) = view(sequence, pair, &selected, outcome, images) else {
+            continue;
+        };
+        view.matches = evenly(&view.matches, MOST_MATCHES);
+        view.matcher.clone_from(&set.matcher);
+        view.estimator.clone_from(&set.estimator);
+        view.keypoints = [pair.a, pair.b].map(|frame| keypoints.of(&set.matcher, sequence, frame));
+        views.push((rank, view));
+    }
+    Ok(views)
+}
+
 /// The images of some pairs, made small; what cannot be read is left out.
-fn thumbnails(sequence: &Sequence, pairs: &[&Pair]) -> BTreeMap<u32, Arc<Thumbnail>> {
+pub(super) fn thumbnails(sequence: &Sequence, pairs: &[&Pair]) -> BTreeMap<u32, Arc<Thumbnail>> {
     let frames: BTreeSet<u32> = pairs.iter().flat_map(|pair| [pair.a, pair.b]).collect();
     (frames.into_par_iter())
         .filter_map(|frame| {

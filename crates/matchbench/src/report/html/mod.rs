@@ -6,12 +6,14 @@
 
 mod again;
 mod auc_table;
+mod difference;
 mod hard_pairs;
 mod leaderboard;
 mod pair_list;
 mod pair_pages;
 mod times;
 
+pub(super) use difference::{Chapter, Shown, difference_page};
 pub(super) use leaderboard::leaderboard_page;
 pub(super) use pair_pages::pair_pages;
 
@@ -168,6 +170,7 @@ fn environment() -> Environment<'static> {
         ("choices.html", include_str!("choices.html")),
         ("page.html", include_str!("page.html")),
         ("pair.html", include_str!("pair.html")),
+        ("difference.html", include_str!("difference.html")),
         ("leaderboard.html", include_str!("leaderboard.html")),
     ] {
         environment

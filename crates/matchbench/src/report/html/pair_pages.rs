@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use minijinja::{Value, context};
 
-use crate::metrics::ResultSet;
+use crate::metrics::{PairGeometry, ResultSet};
 
 use super::super::content::Content;
 use super::super::file_names::file_names;
@@ -42,23 +42,14 @@ pub(in super::super) fn pair_pages(
             }
             let facts = (content.geometry.get(*dataset))
                 .and_then(|geometry| geometry.get(&(a, b)))
-                .map(|known| {
-                    format!(
-                        "Baseline {}, angle between the optical axes {:.1}°, overlap at most {:.2}.",
-                        short(known.baseline),
-                        known.view_angle,
-                        known.overlap
-                    )
-                });
+                .map(facts);
             let panels: Vec<Value> = views.iter().map(|view| panel(content, view)).collect();
             let page = template.render(context! {
                 title => format!("{dataset}: {a} – {b}"),
                 style => include_str!("style.css"),
                 facts,
                 panels,
-                colours => DISTANCES
-                    .map(|(colour, text)| context! { colour, text })
-                    .to_vec(),
+                colours => colours(),
             });
             let page = page.expect("the template only uses what it is given");
             files.push((format!("pairs/{folder}/{a}-{b}.html"), page.into_bytes()));
@@ -82,6 +73,23 @@ fn counts(tally: &Tally, drawn: usize) -> String {
     format!("{text}; {} agree with the estimate.", tally.agree)
 }
 
+/// How hard a pair is by its cameras alone, in a sentence.
+pub(super) fn facts(known: &PairGeometry) -> String {
+    format!(
+        "Baseline {}, angle between the optical axes {:.1}°, overlap at most {:.2}.",
+        short(known.baseline),
+        known.view_angle,
+        known.overlap
+    )
+}
+
+/// What the colours of matches mean.
+pub(super) fn colours() -> Vec<Value> {
+    DISTANCES
+        .map(|(colour, text)| context! { colour, text })
+        .to_vec()
+}
+
 /// One matcher on the pair.
 fn panel(content: &Content, view: &PairView) -> Value {
     let is_its = |set: &&ResultSet| {
@@ -92,6 +100,12 @@ fn panel(content: &Content, view: &PairView) -> Value {
         let mut pairs = set.pairs.iter();
         pairs.find(|pair| (pair.a, pair.b) == view.frames && pair.repetition == 0)
     });
+    let label = method(&view.matcher, &view.estimator);
+    picture(&label, result.map(sentence), view)
+}
+
+/// The images of a pair with the matches of one matcher over them.
+pub(super) fn picture(label: &str, words: Option<String>, view: &PairView) -> Value {
     let total: usize = view.images.iter().map(|image| image.original.0).sum();
     let images: Vec<Value> = ([view.frames.0, view.frames.1].iter().zip(&view.images))
         .map(|(frame, image)| {
@@ -101,8 +115,8 @@ fn panel(content: &Content, view: &PairView) -> Value {
         .collect();
     let drawing = pair(Target::Page, view, "matches", MOST_MATCHES);
     context! {
-        label => method(&view.matcher, &view.estimator),
-        words => result.map(sentence),
+        label,
+        words,
         images,
         drawing => Value::from_safe_string(drawing),
         counts => counts(&view.tally, view.matches.len().min(MOST_MATCHES)),

@@ -1,0 +1,163 @@
+//! Two methods side by side: of one run, of two runs, and the page of the pairs where they differ most.
+
+mod common;
+mod steps;
+
+use std::fs;
+use std::path::Path;
+
+use common::dataset;
+use steps::{go, succeeds};
+
+fn refused(folder: &Path, words: &[&str]) -> String {
+    let output = go(folder, words);
+    assert_eq!(output.status.code(), Some(1), "{words:?}");
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn two_matchers_of_one_run_are_compared_and_shown_side_by_side() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 6);
+    let run = [
+        "run",
+        "wall",
+        "--estimator",
+        "ransac-e",
+        "--out",
+        "both",
+        "--matchers",
+        "sift,orb",
+    ];
+    // So few matches that some pairs fail.
+    let few = ["--set", "orb.extractor.features=40"];
+    succeeds(folder, &[&run[..], &few].concat());
+    let said = succeeds(
+        folder,
+        &["compare", "both", "--matchers", "orb,sift", "--out", "page"],
+    );
+    let row = said
+        .lines()
+        .find(|line| line.starts_with("wall"))
+        .expect("a row");
+    assert!(row.contains("orb, sift") && row.contains("15"), "{said}");
+    assert!(
+        said.contains("sift + ransac-e") && said.trim_end().ends_with("page/index.html"),
+        "{said}"
+    );
+
+    let page = fs::read_to_string(folder.join("page/index.html")).expect("it was written");
+    assert!(
+        page.contains("Where orb + ransac-e is better")
+            && page.contains("Where sift + ransac-e is better")
+    );
+    let images = page.matches("<img src=\"images").count();
+    let pictures = page.matches("class=\"picture\"").count();
+    assert!(
+        pictures > 0 && images == 2 * pictures,
+        "{images} {pictures}"
+    );
+    for image in page.split("<img src=\"").skip(1) {
+        let path = image
+            .split('"')
+            .next()
+            .expect("it ends")
+            .replace("&#x2f;", "/");
+        assert!(folder.join("page").join(&path).is_file(), "{path}");
+    }
+    let csv = fs::read_to_string(folder.join("page/pairs.csv")).expect("it was written");
+    assert_eq!(csv.lines().count(), 16, "{csv}");
+    assert!(
+        csv.starts_with("dataset,first,second,a,b,first_error,second_error,"),
+        "{csv}"
+    );
+
+    // The other way round each side wins what it won.
+    succeeds(
+        folder,
+        &[
+            "compare",
+            "both",
+            "--matchers",
+            "sift,orb",
+            "--out",
+            "turned",
+            "--pairs",
+            "3",
+        ],
+    );
+    let turned = fs::read_to_string(folder.join("turned/index.html")).expect("it was written");
+    assert!(turned.matches("<article>").count() <= page.matches("<article>").count());
+    let rows = |page: &str| -> Vec<String> {
+        let csv = fs::read_to_string(folder.join(page).join("pairs.csv")).expect("it was written");
+        csv.lines()
+            .skip(1)
+            .map(|line| line.split(',').nth(5).unwrap_or_default().to_owned())
+            .collect()
+    };
+    let second = csv
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').nth(6).unwrap_or_default().to_owned());
+    assert_eq!(rows("turned"), second.collect::<Vec<_>>());
+}
+
+#[test]
+fn two_runs_are_compared_as_before_and_their_pairs_shown() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 4);
+    let run = |out: &str, more: &[&str]| {
+        let words = ["run", "wall", "--matchers", "sift", "--out", out];
+        succeeds(folder, &[&words[..], more].concat());
+    };
+    run("first", &[]);
+    run(
+        "strict",
+        &["--set", "sift.ratio=0.5", "--keep-matches", "none"],
+    );
+    let said = succeeds(folder, &["compare", "first", "strict"]);
+    assert!(said.contains("wall with sift + ransac-e"), "{said}");
+    let said = succeeds(folder, &["compare", "first", "strict", "--out", "page"]);
+    assert!(said.trim_end().ends_with("page/index.html"), "{said}");
+    assert!(folder.join("page/pairs.csv").is_file());
+    let said = succeeds(
+        folder,
+        &["compare", "first", "strict", "--matchers", "sift,sift"],
+    );
+    assert!(
+        said.contains("sift + ransac-e of first") && said.contains("sift + ransac-e of strict"),
+        "{said}"
+    );
+}
+
+#[test]
+fn what_cannot_be_compared_is_refused_in_words() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 3);
+    succeeds(
+        folder,
+        &["run", "wall", "--matchers", "sift,orb", "--out", "run"],
+    );
+    for (words, said) in [
+        (&["compare", "run"][..], "<AFTER>"),
+        (&["compare", "run", "--matchers", "sift"], "takes two"),
+        (
+            &["compare", "run", "--matchers", "sift,sift"],
+            "with itself",
+        ),
+        (
+            &["compare", "run", "--matchers", "sift,surf"],
+            "no results of `surf`; there are sift+ransac-e",
+        ),
+        (
+            &["compare", "run", "--matchers", "sift,orb", "--pairs", "3"],
+            "--out",
+        ),
+    ] {
+        let message = refused(folder, words);
+        assert!(message.contains(said), "{words:?}: {message}");
+    }
+}

@@ -1,0 +1,145 @@
+//! Two methods side by side on the pairs where they differ most: two matchers of one run, or one before and after a
+//! change.
+//!
+//! A pair counts for how far the errors are apart below 15 degrees (of homographies 15 pixels), where the AUC looks; a
+//! pair without an estimate is as wrong as can be. Of each side the pairs are shown that it wins by most.
+
+use std::collections::BTreeMap;
+
+use crate::metrics::{Angle, Comparison, Model, PairResult, ResultSet};
+use crate::records::RunFolder;
+
+/// The error from which the AUC sees no difference, in degrees or pixels.
+const SEEN_BELOW: f64 = 15.0;
+/// The error of a pair without an estimate.
+const WORST: f64 = 180.0;
+
+/// One of two methods that are compared.
+#[derive(Clone, Copy, Debug)]
+pub struct Side<'a> {
+    /// What it is called on the page.
+    pub name: &'a str,
+    /// The run that it is of.
+    pub run: &'a RunFolder,
+    /// Its results.
+    pub results: &'a ResultSet,
+}
+
+/// Two methods on the same dataset.
+#[derive(Clone, Copy, Debug)]
+pub struct Duel<'a> {
+    /// The first and the second.
+    pub sides: [Side<'a>; 2],
+    /// What changes from the first to the second.
+    pub comparison: Comparison,
+}
+
+/// A pair with the results of both.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Twin<'a> {
+    pub(super) frames: (u32, u32),
+    pub(super) results: [&'a PairResult; 2],
+}
+
+impl Twin<'_> {
+    /// The errors of both: degrees of the pose, pixels of the corners.
+    pub(super) fn errors(&self) -> [Option<f64>; 2] {
+        self.results.map(|pair| match pair.model {
+            Model::Pose => pair.error(Angle::Pose),
+            Model::Homography => pair.corner_error(),
+        })
+    }
+
+    /// By how much the first is worse than the second: as far as the AUC looks, and at all.
+    fn lead(&self) -> [f64; 2] {
+        [SEEN_BELOW, WORST].map(|most| {
+            let [first, second] = self.errors().map(|error| error.unwrap_or(WORST).min(most));
+            first - second
+        })
+    }
+}
+
+/// The pairs that both have, once each, in the order of the first.
+pub(super) fn twins<'a>(duel: &Duel<'a>) -> Vec<Twin<'a>> {
+    let [first, second] = duel.sides.map(|side| side.results.pairs.iter());
+    let of_once = |pair: &&PairResult| pair.repetition == 0;
+    let second: BTreeMap<(u32, u32), &PairResult> = (second.filter(of_once))
+        .map(|pair| ((pair.a, pair.b), pair))
+        .collect();
+    (first.filter(of_once))
+        .filter_map(|pair| {
+            let frames = (pair.a, pair.b);
+            Some(Twin {
+                frames,
+                results: [pair, second.get(&frames)?],
+            })
+        })
+        .collect()
+}
+
+/// Of each side at most so many pairs that it wins, by most first.
+pub(super) fn won<'a>(twins: &[Twin<'a>], most: usize) -> [Vec<Twin<'a>>; 2] {
+    [-1.0, 1.0].map(|sign| {
+        let lead = |twin: &Twin<'_>| twin.lead().map(|lead| sign * lead);
+        let mut won: Vec<Twin<'a>> = (twins.iter())
+            .filter(|twin| lead(twin)[0] > 0.0)
+            .copied()
+            .collect();
+        won.sort_by(|one, other| {
+            let [seen, all] = lead(other);
+            let [own_seen, own_all] = lead(one);
+            (seen.total_cmp(&own_seen))
+                .then(all.total_cmp(&own_all))
+                .then(one.frames.cmp(&other.frames))
+        });
+        won.truncate(most);
+        won
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::{AngularError, Deviation, Failure};
+
+    fn result(b: u32, error: Option<f64>) -> PairResult {
+        let mut pair = PairResult::failed(0, b, Failure::NoSupport);
+        if let Some(error) = error {
+            pair.outcome = Ok(Deviation::Pose(AngularError {
+                rotation: error,
+                translation: Some(0.0),
+            }));
+        }
+        pair
+    }
+
+    #[test]
+    fn each_side_shows_the_pairs_that_it_wins_by_most() {
+        let cases = [
+            (1, Some(1.0), Some(2.0)),
+            (2, Some(1.0), None),
+            (3, Some(1.0), Some(20.0)),
+            (4, Some(9.0), Some(1.0)),
+            // Both are beyond what the AUC sees.
+            (5, Some(20.0), Some(90.0)),
+            (6, Some(3.0), Some(3.0)),
+        ];
+        let pairs = cases.map(|(b, first, second)| [result(b, first), result(b, second)]);
+        let twins: Vec<Twin<'_>> = (pairs.iter())
+            .map(|[first, second]| Twin {
+                frames: (first.a, first.b),
+                results: [first, second],
+            })
+            .collect();
+        let frames =
+            |won: &[Twin<'_>]| -> Vec<u32> { won.iter().map(|twin| twin.frames.1).collect() };
+        let [first, second] = won(&twins, 9);
+        assert_eq!(
+            frames(&first),
+            [2, 3, 1],
+            "of equal leads the larger at all"
+        );
+        assert_eq!(frames(&second), [4]);
+        assert_eq!(frames(&won(&twins, 2)[0]), [2, 3]);
+    }
+}

@@ -1,0 +1,147 @@
+//! Two methods side by side as a folder: `index.html`, `pairs.csv` and the images of the pairs that are shown.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use crate::cache::FeatureCache;
+use crate::datasets::{Pair, Sequence};
+use crate::metrics::PairGeometry;
+
+use super::csv::{self, Cell};
+use super::difference::{Duel, Twin, twins, won};
+use super::file_names::file_names;
+use super::folder::Pages;
+use super::html::{Chapter, Shown, difference_page};
+use super::of_run::{ReportError, Reported, sequences};
+use super::pictures::{Keypoints, thumbnails, views_of};
+use super::words::outcome;
+use super::{PairView, Thumbnail};
+
+/// Writes the page of some methods, two by two, with at most `most` pairs that each of them wins. Pictures are there
+/// where a run's dataset is where it was, and its matches were kept. Files of an earlier comparison are replaced, those
+/// of others stay.
+///
+/// # Errors
+/// If a run cannot be read or a file not be written.
+pub fn write_differences(
+    folder: &Path,
+    duels: &[Duel<'_>],
+    most: usize,
+) -> Result<Reported, ReportError> {
+    let out = Pages::new(folder)?;
+    let mut notes = BTreeSet::new();
+    let mut known = BTreeMap::new();
+    for side in duels.iter().flat_map(|duel| &duel.sides) {
+        let (found, missing) = sequences(side.run.plan());
+        notes.extend(missing);
+        known.extend(found);
+    }
+    let names: Vec<String> = (duels.iter())
+        .map(|duel| {
+            format!(
+                "{} {} {}",
+                duel.sides[0].results.dataset, duel.sides[0].name, duel.sides[1].name
+            )
+        })
+        .collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let mut chapters = Vec::new();
+    let mut rows = Vec::new();
+    for (duel, name) in duels.iter().zip(file_names(&names)) {
+        let twins = twins(duel);
+        rows.extend(twins.iter().map(|twin| row(duel, twin)));
+        let sequence = known.get(&duel.sides[0].results.dataset);
+        let won = won(&twins, most);
+        let (won, images) = shown(duel, won, sequence)?;
+        let folder = format!("images/{name}");
+        for (frame, image) in images {
+            out.write(Path::new(&format!("{folder}/{frame}.jpg")), &image.jpeg)?;
+        }
+        chapters.push(Chapter {
+            duel: *duel,
+            images: folder,
+            won,
+        });
+    }
+    out.write(Path::new("pairs.csv"), csv::table(rows).as_bytes())?;
+    out.write(
+        Path::new("index.html"),
+        difference_page(&chapters).as_bytes(),
+    )?;
+    out.remove_earlier()?;
+    Ok(Reported {
+        page: folder.join("index.html"),
+        notes: notes.into_iter().collect(),
+    })
+}
+
+/// Small images by their frames.
+type Images = BTreeMap<u32, std::sync::Arc<Thumbnail>>;
+
+/// The pairs as they are shown, and their images.
+fn shown<'a>(
+    duel: &Duel<'a>,
+    won: [Vec<Twin<'a>>; 2],
+    sequence: Option<&Sequence>,
+) -> Result<([Vec<Shown<'a>>; 2], Images), ReportError> {
+    let frames: BTreeSet<(u32, u32)> = won.iter().flatten().map(|twin| twin.frames).collect();
+    let pairs: Vec<&Pair> = (sequence.iter())
+        .flat_map(|sequence| &sequence.pairs)
+        .filter(|pair| frames.contains(&(pair.a, pair.b)))
+        .collect();
+    let (mut views, mut images) = (BTreeMap::new(), Images::new());
+    let geometry = sequence.map(PairGeometry::of_sequence).unwrap_or_default();
+    if let Some(sequence) = sequence {
+        images = thumbnails(sequence, &pairs);
+        for (side, method) in duel.sides.iter().enumerate() {
+            let cache = FeatureCache::new(method.run.default_cache());
+            let mut keypoints = Keypoints::new(method.run.plan(), cache);
+            let set = method.results;
+            let found = views_of(method.run, set, sequence, &pairs, &images, &mut keypoints)?;
+            views.extend(
+                found
+                    .into_iter()
+                    .map(|(_, view)| ((view.frames, side), view)),
+            );
+        }
+    }
+    let mut of = |twin: Twin<'a>| {
+        let mut view = |side: usize| -> Option<PairView> { views.remove(&(twin.frames, side)) };
+        Shown {
+            views: [view(0), view(1)],
+            geometry: geometry.get(&twin.frames).copied(),
+            twin,
+        }
+    };
+    Ok((
+        won.map(|won| won.into_iter().map(&mut of).collect()),
+        images,
+    ))
+}
+
+/// A pair in the table of all.
+fn row(duel: &Duel<'_>, twin: &Twin<'_>) -> csv::Row {
+    let name = |head: &str, text: &str| (head.to_owned(), Cell::Name(text.to_owned()));
+    let count = |head: String, count: u32| (head, Cell::Count(count as usize));
+    let mut row = vec![
+        name("dataset", &duel.sides[0].results.dataset),
+        name("first", duel.sides[0].name),
+        name("second", duel.sides[1].name),
+        count("a".to_owned(), twin.frames.0),
+        count("b".to_owned(), twin.frames.1),
+    ];
+    for (side, error) in ["first", "second"].iter().zip(twin.errors()) {
+        row.push((format!("{side}_error"), Cell::Number(error)));
+    }
+    for (side, result) in ["first", "second"].iter().zip(twin.results) {
+        row.push((
+            format!("{side}_outcome"),
+            Cell::Name(outcome(result).to_owned()),
+        ));
+        row.push(count(
+            format!("{side}_correspondences"),
+            result.correspondences,
+        ));
+    }
+    row
+}
