@@ -4,7 +4,7 @@ mod common;
 mod steps;
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use common::dataset;
 use serde_json::Value;
@@ -59,6 +59,10 @@ fn entries(folder: &Path) {
         "0 1 nonsense\n",
     )
     .expect("writable");
+    // Nobody knows the truth of a street.
+    fs::create_dir_all(folder.join("entries/untold/street")).expect("writable");
+    let unknown = folder.join("entries/untold/street/sift.txt");
+    fs::copy(results_of_sift(folder), unknown).expect("writable");
     let ben = folder.join("entries/ben/strict");
     for name in ["damaged", "unfinished", "praised"] {
         copy(&ben, &folder.join("entries").join(name));
@@ -82,6 +86,14 @@ fn entries(folder: &Path) {
     });
     fs::create_dir_all(folder.join("entries/<img src=x>")).expect("writable");
     fs::write(folder.join("entries/<img src=x>/plan.json"), "{}").expect("writable");
+}
+
+/// A file of results that was exported.
+fn results_of_sift(folder: &Path) -> PathBuf {
+    let files = fs::read_dir(folder.join("entries/files/wall")).expect("it was exported");
+    let mut paths = files.map(|file| file.expect("listed").path());
+    let is_sift = |path: &PathBuf| path.to_string_lossy().contains("sift");
+    paths.find(is_sift).expect("sift was run")
 }
 
 /// The leaderboard of all entries, which refuses some.
@@ -125,6 +137,7 @@ fn what_is_wrong_is_refused_with_the_reason_and_stops_no_other() {
         ("<img src=x>", "not a plan"),
         ("damaged/records/wall/sift+ransac-e.jsonl", "checksum"),
         ("files/wall/broken.txt", "broken.txt:1"),
+        ("untold", "without a truth"),
         (
             "praised/records/wall/sift+ransac-e.jsonl",
             "states errors of 12.5000",
@@ -137,7 +150,7 @@ fn what_is_wrong_is_refused_with_the_reason_and_stops_no_other() {
         let found = (refused.iter()).any(|(at, why)| *at == place && why.contains(reason));
         assert!(found, "{place}: {refused:?}");
     }
-    assert_eq!(refused.len(), 5, "{refused:?}");
+    assert_eq!(refused.len(), 6, "{refused:?}");
     let page = fs::read_to_string(site.join("index.html")).expect("it was written");
     assert!(!page.contains("<img src=x") && page.contains("&lt;img src=x&gt;"));
     assert!(page.contains("of this name</strong>") && page.contains("Refused"));

@@ -5,7 +5,7 @@
 //! results yet. Whatever is wrong is said of the file that it is wrong of.
 
 use std::fs;
-use std::io;
+use std::io::{self, BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use crate::files::open_file;
@@ -63,6 +63,12 @@ impl Reader<'_> {
             self.run(folder)
         } else if is_of_results(inside, self.datasets) {
             self.results(folder)
+        } else if lacks_truth(inside) {
+            Err(
+                "results without a truth: put groundtruth.txt beside them, or name the folder of the datasets with \
+                 --datasets"
+                    .to_owned(),
+            )
         } else {
             Ok(())
         };
@@ -263,6 +269,30 @@ fn is_of_results(inside: &[Inside], datasets: Option<&Path>) -> bool {
             .is_some_and(|datasets| datasets.join(&sequence.name).join("pairs.txt").is_file());
         !has("pairs.txt") && !has("plan.json") && (has("groundtruth.txt") || known)
     })
+}
+
+/// Whether a folder in a folder has files of text that begin with a row of results: two frames, a count and the
+/// twelve numbers of a pose.
+fn lacks_truth(inside: &[Inside]) -> bool {
+    let sequences = inside.iter().filter(|it| it.is_folder);
+    let mut files = sequences.filter_map(|sequence| listed(&sequence.path).ok());
+    files.any(|files| {
+        let mut texts = files
+            .iter()
+            .filter(|file| file.name.ends_with(".txt") && !file.is_folder);
+        // Those of a dataset are in one folder with these.
+        let is_dataset = files.iter().any(|file| file.name == "pairs.txt");
+        !is_dataset && texts.any(|text| begins_with_a_result(&text.path).unwrap_or(false))
+    })
+}
+
+fn begins_with_a_result(file: &Path) -> io::Result<bool> {
+    /// A row has some 250 bytes.
+    const LONGEST_ROW: u64 = 4096;
+    let mut row = String::new();
+    BufReader::new(open_file(file)?.take(LONGEST_ROW)).read_line(&mut row)?;
+    let numbers: Result<Vec<f64>, _> = row.split_whitespace().map(str::parse).collect();
+    Ok(numbers.is_ok_and(|numbers| numbers.len() == 15))
 }
 
 /// Refuses an entry in whose parts of these names links lead elsewhere; no name stands for the entry itself.
