@@ -76,9 +76,9 @@ window.addEventListener("load", () => {
 </script>
 "##;
 
-/// The report on a telephone: nothing but tables in their boxes may be wider than it.
+/// A page on a telephone: nothing but tables in their boxes may be wider than it.
 const NARROW: &str = r#"
-<iframe id="page" width="390" height="800" style="border: 0" src="run/report/index.html"></iframe>
+<iframe id="page" width="390" height="800" style="border: 0" src="PAGE"></iframe>
 <script>
 window.addEventListener("load", () => {
   const width = document.getElementById("page").contentDocument.documentElement.scrollWidth;
@@ -110,10 +110,35 @@ fn page_works_in_a_browser() {
         "{found}\n{log}"
     );
     assert!(!log.contains("CONSOLE"), "{log}");
-    let narrow = folder.path().join("narrow.html");
-    fs::write(&narrow, NARROW).expect("writable");
-    let (dom, log) = look(&browser, folder.path(), &narrow);
-    assert_eq!(found_in(&dom), "fits", "{log}");
+    for words in [
+        &["leaderboard", ".", "--out", "site"][..],
+        &[
+            "compare",
+            "run",
+            "--matchers",
+            "sift,orb",
+            "--out",
+            "differ",
+        ],
+    ] {
+        let done = (matchbench().args(words).current_dir(folder.path())).status();
+        assert!(done.expect("the program starts").success(), "{words:?}");
+    }
+    for page in [
+        "run/report/index.html",
+        "site/index.html",
+        "differ/index.html",
+    ] {
+        let narrow = folder.path().join("narrow.html");
+        fs::write(&narrow, NARROW.replace("PAGE", page)).expect("writable");
+        let (dom, log) = look(&browser, folder.path(), &narrow);
+        assert_eq!(found_in(&dom), "fits", "{page}: {log}");
+        let (dom, log) = look(&browser, folder.path(), &folder.path().join(page));
+        assert!(
+            !log.contains("CONSOLE") && !dom.contains("<img src=\"x\""),
+            "{page}: {log}"
+        );
+    }
     let pages = run.join("report/pairs").join(FOLDER);
     let beside = fs::read_to_string(pages.join("0-1.html")).expect("all are few");
     assert!(beside.contains("images/0.jpg") && pages.join("images/0.jpg").is_file());

@@ -76,7 +76,8 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
     if let Outcome::Failed { reason, .. } = outcome {
         bail!("{reason}");
     }
-    let images = (gray.each_ref()).map(|image| Arc::new(Thumbnail::new(image, DRAWN.0, DRAWN.1)));
+    let planes = [frame_a.planes()?, frame_b.planes()?];
+    let images = planes.map(|planes| Arc::new(Thumbnail::new(&planes, DRAWN.0, DRAWN.1)));
     let view = view(&sequence, pair, matches, outcome, images);
     let mut view = view.context("what the estimator estimates is not known of this pair")?;
     if args.keypoints {

@@ -41,13 +41,15 @@ const BESIDE_PIXELS: u64 = 64 << 20;
 /// Bytes for each pixel that the decoder of JPEG takes at most, measured: the coefficients of a
 /// progressive file in colour, its pixels and what is known of its blocks.
 const JPEG_BYTES: usize = 9;
+/// The same for red, green and blue, interleaved and as planes.
+pub(super) const COLOUR_BYTES: usize = 6;
 /// Longest side of an image; the most that JPEG can say.
 const MAX_SIDE: usize = 65_535;
-const JPEG_MAGIC: [u8; 3] = [0xff, 0xd8, 0xff];
+pub(super) const JPEG_MAGIC: [u8; 3] = [0xff, 0xd8, 0xff];
 
 /// A fixed-point mean of red, green and blue: `(w . rgb + half) >> bits`.
 #[derive(Clone, Copy)]
-struct GrayRule {
+pub(super) struct GrayRule {
     weights: [u32; 3],
     half: u32,
     bits: u32,
@@ -176,16 +178,31 @@ pub fn gray_of_rgb(size: Size, rgb: &[u8]) -> GrayImage {
 }
 
 fn decode_jpeg(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
+    let (size, channels, data) = jpeg_pixels(bytes, false)?;
+    Ok(match channels {
+        1 => GrayImage::from_vec(size, data),
+        _ => to_gray(size, &data, channels, LIBJPEG),
+    })
+}
+
+/// The pixels of a JPEG and how many channels they have: of one that stores brightness and colour apart, the
+/// brightness alone unless its `colour` is wanted.
+pub(super) fn jpeg_pixels(
+    bytes: &[u8],
+    colour: bool,
+) -> Result<(Size, usize, Vec<u8>), DecodeError> {
     let decoder = jpeg_header(ZCursor::new(bytes))?;
     let size = checked(jpeg_size(&decoder))?;
-    let _memory = reserve(size.area() * JPEG_BYTES)
-        .map_err(|missing| DecodeError::NoMemory(size, missing))?;
+    let a_pixel = JPEG_BYTES + if colour { COLOUR_BYTES } else { 0 };
+    let _memory =
+        reserve(size.area() * a_pixel).map_err(|missing| DecodeError::NoMemory(size, missing))?;
     let stored = decoder
         .input_colorspace()
         .expect("the headers were decoded");
-    let gray = match stored {
-        ColorSpace::Luma | ColorSpace::YCbCr => ColorSpace::Luma,
-        ColorSpace::RGB => ColorSpace::RGB,
+    let (space, channels) = match stored {
+        ColorSpace::RGB => (ColorSpace::RGB, 3),
+        ColorSpace::YCbCr if colour => (ColorSpace::RGB, 3),
+        ColorSpace::Luma | ColorSpace::YCbCr => (ColorSpace::Luma, 1),
         other => return Err(DecodeError::Unsupported(format!("{other:?}"))),
     };
     jpeg::check(bytes).map_err(|error| match error {
@@ -195,12 +212,9 @@ fn decode_jpeg(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
         }
     })?;
     let mut decoder = jpeg_header(ZCursor::new(bytes))?;
-    decoder.set_options(jpeg_options().jpeg_set_out_colorspace(gray));
+    decoder.set_options(jpeg_options().jpeg_set_out_colorspace(space));
     let data = decoder.decode().map_err(|error| jpeg_error(&error))?;
-    Ok(match gray {
-        ColorSpace::Luma => GrayImage::from_vec(size, data),
-        _ => to_gray(size, &data, 3, LIBJPEG),
-    })
+    Ok((size, channels, data))
 }
 
 fn jpeg_options() -> DecoderOptions {
@@ -237,6 +251,16 @@ fn jpeg_error(error: &zune_jpeg::errors::DecodeErrors) -> DecodeError {
 }
 
 fn decode_other(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
+    with_other(bytes, 0, gray_of_other)
+}
+
+/// Does something with the pixels of an image that is no JPEG, as they are stored, for which so many more bytes of
+/// memory are needed for each.
+pub(super) fn with_other<T>(
+    bytes: &[u8],
+    more: usize,
+    then: impl FnOnce(Size, DynamicImage, GrayRule) -> Result<T, DecodeError>,
+) -> Result<T, DecodeError> {
     let size = checked(size_of_other(Cursor::new(bytes))?)?;
     // 16 bits of red, green, blue and alpha are the most that a pixel has.
     let most = 8 * size.area();
@@ -250,10 +274,19 @@ fn decode_other(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
         _ => IMGCODECS,
     };
     let stored = reader.into_decoder().map_err(|error| other_error(&error))?;
-    let a_pixel = usize::from(stored.color_type().bytes_per_pixel()) + 1;
+    let a_pixel = usize::from(stored.color_type().bytes_per_pixel()) + 1 + more;
     let _memory =
         reserve(size.area() * a_pixel).map_err(|missing| DecodeError::NoMemory(size, missing))?;
     let image = DynamicImage::from_decoder(stored).map_err(|error| other_error(&error))?;
+    then(size, image, rule)
+}
+
+/// Pixels of an image of `size` as gray.
+pub(super) fn gray_of_other(
+    size: Size,
+    image: DynamicImage,
+    rule: GrayRule,
+) -> Result<GrayImage, DecodeError> {
     Ok(match image {
         DynamicImage::ImageLuma8(gray) => GrayImage::from_vec(size, gray.into_raw()),
         DynamicImage::ImageLumaA8(gray) => to_gray(size, &gray, 2, rule),

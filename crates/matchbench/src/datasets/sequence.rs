@@ -6,7 +6,7 @@ use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::{GrayImage, Size};
 use nalgebra::{Isometry3, Matrix3};
 
-use super::{DatasetError, Turn, read_gray, read_size};
+use super::{DatasetError, Turn, read_gray, read_planes, read_size};
 
 /// One dataset: frames and the pairs that a matcher is judged on.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,6 +81,15 @@ impl Frame {
     /// If the file cannot be read or is no complete image.
     pub fn pixels(&self) -> Result<GrayImage, DatasetError> {
         Ok(self.turn.pixels(read_gray(&self.image)?))
+    }
+
+    /// Its image for people, turned: a plane of gray, or those of red, green and blue.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is no complete image.
+    pub fn planes(&self) -> Result<Vec<GrayImage>, DatasetError> {
+        let planes = read_planes(&self.image)?.into_iter();
+        Ok(planes.map(|plane| self.turn.pixels(plane)).collect())
     }
 
     /// The size of its image, turned, from the header of the file alone.

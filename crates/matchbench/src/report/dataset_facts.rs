@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::datasets::{Sequence, describe, read_gray, read_size};
+use crate::datasets::{Sequence, describe, read_size};
 use crate::metrics::{PairResult, Portion};
 
 use super::Thumbnail;
@@ -59,8 +59,8 @@ impl DatasetFacts {
             property: about.property,
             import: about.import,
             thumbnail: picture
-                .and_then(|frame| read_gray(&frame.image).ok())
-                .map(|image| Thumbnail::new(&image, EMBEDDED.0, EMBEDDED.1)),
+                .and_then(|frame| frame.planes().ok())
+                .map(|planes| Thumbnail::new(&planes, EMBEDDED.0, EMBEDDED.1)),
         }
     }
 

@@ -7,8 +7,9 @@
 
 use std::sync::Arc;
 
+use image::DynamicImage;
 use image::codecs::jpeg::JpegEncoder;
-use image::imageops::{self, FilterType};
+use image::imageops::FilterType;
 use matchbench_vision::geometry::{
     Camera, PointPairs, RelativePose, essential_from_pose, squared_sampson_distances,
 };
@@ -38,15 +39,30 @@ pub struct Thumbnail {
 }
 
 impl Thumbnail {
-    /// The image with at most so many pixels a side.
-    pub fn new(image: &GrayImage, longest: u32, quality: u8) -> Self {
-        let (width, height) = (image.size().width, image.size().height);
-        let pixels = image::GrayImage::from_raw(width as u32, height as u32, image.data().to_vec())
-            .expect("as many pixels as the size says");
+    /// The image with at most so many pixels a side; of one that has three `planes`, red, green and blue, in
+    /// colour.
+    ///
+    /// # Panics
+    /// If there are neither one nor three planes of one size.
+    pub fn new(planes: &[GrayImage], longest: u32, quality: u8) -> Self {
+        let size = planes[0].size();
+        let (width, height) = (size.width, size.height);
+        let data: Vec<&[u8]> = planes.iter().map(GrayImage::data).collect();
+        let pixels = match data[..] {
+            [gray] => image::GrayImage::from_raw(width as u32, height as u32, gray.to_vec())
+                .map(DynamicImage::from),
+            [r, g, b] => {
+                let pixels = (0..size.area()).flat_map(|i| [r[i], g[i], b[i]]);
+                image::RgbImage::from_raw(width as u32, height as u32, pixels.collect())
+                    .map(DynamicImage::from)
+            }
+            _ => None,
+        };
+        let pixels = pixels.expect("one plane or three, of as many pixels as the size says");
         let scale = (f64::from(longest) / width.max(height).max(1) as f64).min(1.0);
         let side = |side: usize| ((side as f64 * scale).round() as u32).max(1);
         let small = if scale < 1.0 {
-            imageops::resize(&pixels, side(width), side(height), FilterType::Triangle)
+            pixels.resize_exact(side(width), side(height), FilterType::Triangle)
         } else {
             pixels
         };
@@ -351,7 +367,7 @@ mod tests {
     #[test]
     fn thumbnails_are_small_and_remember_their_size() {
         let image = GrayImage::from_vec(Size::new(40, 20), (0..800).map(|i| i as u8).collect());
-        let small = Thumbnail::new(&image, 10, 60);
+        let small = Thumbnail::new(&[image], 10, 60);
         assert_eq!(small.original, (40, 20));
         let file = image::load_from_memory(&small.jpeg).expect("a JPEG file");
         assert_eq!((file.width(), file.height()), (10, 5));

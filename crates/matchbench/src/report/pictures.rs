@@ -122,8 +122,8 @@ pub(super) fn thumbnails(sequence: &Sequence, pairs: &[&Pair]) -> BTreeMap<u32, 
     let frames: BTreeSet<u32> = pairs.iter().flat_map(|pair| [pair.a, pair.b]).collect();
     (frames.into_par_iter())
         .filter_map(|frame| {
-            let image = sequence.frames[frame as usize].pixels().ok()?;
-            let thumbnail = Thumbnail::new(&image, EMBEDDED.0, EMBEDDED.1);
+            let planes = sequence.frames[frame as usize].planes().ok()?;
+            let thumbnail = Thumbnail::new(&planes, EMBEDDED.0, EMBEDDED.1);
             Some((frame, Arc::new(thumbnail)))
         })
         .collect()
