@@ -8,7 +8,7 @@ use super::super::numbers::{interval, ratio, score};
 use super::super::overview::Overview;
 use super::super::svg::Target;
 use super::super::words::{definitions, protocol_notes};
-use super::{environment, template};
+use super::{environment, legend, template};
 use crate::metrics::{Angle, Detail, GROUP_LEVEL_NOTE, ScoreKind, Summary, shown_scores};
 
 /// The page as text.
@@ -68,6 +68,7 @@ fn group_of(group: &Group, number: usize) -> Value {
         namesakes => group.namesakes,
         heads => shown.iter().map(|kind| kind.heading).collect::<Vec<_>>(),
         rows => group.rows.iter().map(|row| row_of(row, &shown)).collect::<Vec<_>>(),
+        legend => legend(&overview),
         figures => figures.into_iter().flatten().collect::<Vec<_>>(),
     }
 }
