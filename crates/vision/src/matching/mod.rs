@@ -1,5 +1,6 @@
 //! From two sets of features to correspondences: search, selection, and the two together.
 
+mod adalam;
 pub mod code;
 mod correspondence;
 mod error;
@@ -18,6 +19,7 @@ mod resized;
 mod stages;
 mod symmetric_ratio;
 
+pub use adalam::{Adalam, AdalamParams};
 pub use code::{Code, CodeParams};
 pub use correspondence::{Correspondence, Correspondences};
 pub use error::MatcherError;
