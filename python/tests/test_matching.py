@@ -65,6 +65,7 @@ def test_selectors_keep_some_of_what_they_are_given(features, images, dataset):
         mb.kvld(a, b, putative, images=tuple(images)),
         mb.code(a, b, putative),
         mb.repmatch(a, b, putative, cameras=cameras),
+        mb.adalam(a, b, putative),
     ]:
         assert {tuple(pair) for pair in kept.indices.tolist()} <= given and len(kept.indices) > 0
     # Its candidates are several for each feature, so it makes them itself.

@@ -116,6 +116,7 @@ def test_stages_are_the_matcher(images):
         ("sift", mb.SIFT().extract, lambda a, b: mb.match(a, b, "ratio")),
         ("gms", mb.matcher("gms").extract, mb.gms),
         ("kvld", mb.SIFT().extract, lambda a, b: mb.kvld(a, b, images=tuple(images))),
+        ("adalam", mb.matcher("adalam").extract, mb.adalam),
     ]:
         whole = mb.matcher(name).match(*images)
         a, b = map(extract, images)

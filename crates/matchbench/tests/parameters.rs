@@ -244,6 +244,8 @@ fn more_values(id: &str, pointer: &str) -> Vec<Value> {
         (_, "/extractor/views/max_pixels") => vec![json!(5000)],
         (_, "/extractor/views/max_tilt") => vec![json!(1.2)],
         ("gaim", "/selection/collision_px") => vec![json!(50.0)],
+        // The maps of the scene are far from these limits.
+        ("adalam", "/selection/max_stretch" | "/selection/max_growth") => vec![json!(1.01)],
         (_, pointer) if pointer.ends_with("/max_aspect") => vec![json!(1.01)],
         _ => Vec::new(),
     }
@@ -433,6 +435,8 @@ fn every_parameter_of_every_matcher_acts() {
             "gms" | "gms-s" => (&[0, 4], &[3, 1, 2]),
             "akaze" | "freak" => (&[0, 4], &[3]),
             "gaim" => (&[0], &[3, 2]),
+            // Matches that are not mutual, and yet clear, are rare.
+            "adalam" => (&[0], &[3, 2, 1]),
             _ => (&[0], &[3]),
         };
         let result = |params: &Value, stage: Stage, case: usize| -> Matched {
@@ -491,6 +495,8 @@ fn always(id: &str) -> Value {
             "selection": {"labels": {"nodes": 100, "labels": 10}}
         }),
         "daisy" | "dlco" | "binboost" => json!({"extractor": {"sift": {"limit": 60}}}),
+        // With more seeds, some are not mutual.
+        "adalam" => json!({"selection": {"seed_ratio": 1.0, "min_inliers": 3}}),
         // Abandoning good models is so rare that only one sample in a thousand more is drawn for it.
         "ransac-f" => json!({"max_iterations": 5000, "confidence": 0.999_999}),
         _ => json!({}),

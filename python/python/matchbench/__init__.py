@@ -50,7 +50,7 @@ from ._native import (
 from ._pose import CameraPose, estimate_relative_pose, estimator
 from ._runs import Run, report, run
 from ._scores import Scores, evaluate
-from ._selectors import code, gaim, gms, kvld, repmatch
+from ._selectors import adalam, code, gaim, gms, kvld, repmatch
 from ._show import Picture, show
 
 __all__ = [
@@ -91,6 +91,7 @@ __all__ = [
     "SURF_create",
     "Scores",
     "ShearedSURF",
+    "adalam",
     "code",
     "estimate_relative_pose",
     "estimator",

@@ -1,4 +1,4 @@
-"""Selectors: what GMS, KVLD, CODE, RepMatch and GAIM keep of putative matches.
+"""Selectors: what GMS, KVLD, CODE, RepMatch, GAIM and AdaLAM keep of putative matches.
 
 Each takes features of two images and putative matches (as `match` returns them; the matcher's own search if
 they are left out) and returns those that it keeps. Parameters are those of the matcher of the same name.
@@ -63,6 +63,12 @@ def gaim(
     """Candidates chosen together by affine neighbourhoods (Collins, Mesejo, Bartoli, ECCV 2014). Its own
     search gives several candidates for each feature; leave `matches` out to have them."""
     return _select("gaim", {"selection": params}, a, b, matches, seed=seed)
+
+
+def adalam(a: Features, b: Features, matches: Correspondences | None = None, **params: Any) -> Correspondences:
+    """Those of significant local affine maps around clear ones (Cavalli et al., ECCV 2020). `matches` are all
+    nearest neighbours, before any ratio test."""
+    return _select("adalam", {"selection": params}, a, b, matches)
 
 
 def _select(

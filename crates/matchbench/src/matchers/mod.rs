@@ -3,6 +3,7 @@
 //! To add one: write a file with an [`MatcherEntry`], add it to [`MATCHERS`]. The tests below walk the
 //! list and hold every entry to the same promises.
 
+mod adalam;
 mod akaze;
 mod asift;
 mod binboost;
@@ -61,6 +62,7 @@ pub const MATCHERS: &[&dyn MatcherEntry] = &[
     &repmatch::RepMatchEntry,
     &gms::GMS,
     &gms_s::GMS_S,
+    &adalam::AdalamEntry,
 ];
 
 /// A matcher that can be asked for by name.
