@@ -279,7 +279,7 @@ fn lacks_truth(inside: &[Inside]) -> bool {
     files.any(|files| {
         let mut texts = files
             .iter()
-            .filter(|file| file.name.ends_with(".txt") && !file.is_folder);
+            .filter(|file| file.path.extension() == Some("txt".as_ref()) && !file.is_folder);
         // Those of a dataset are in one folder with these.
         let is_dataset = files.iter().any(|file| file.name == "pairs.txt");
         !is_dataset && texts.any(|text| begins_with_a_result(&text.path).unwrap_or(false))
