@@ -199,6 +199,8 @@ pub struct PairView {
     pub tally: Tally,
     /// Epipolar lines of a few of them, or the frame of image a in image b.
     pub lines: Vec<EpipolarLines>,
+    /// The homography that was estimated, if one was: it takes pixels of image a to image b.
+    pub homography: Option<Matrix3<f64>>,
     /// All keypoints of both images, where they are wanted.
     pub keypoints: [Points; 2],
 }

@@ -210,6 +210,7 @@ pub fn view(
         tally: Tally::of(&matches),
         matches,
         lines,
+        homography: outcome.homography(),
         keypoints: [Vec::new(), Vec::new()],
     })
 }

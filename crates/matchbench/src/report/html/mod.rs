@@ -12,6 +12,7 @@ mod leaderboard;
 mod pair_list;
 mod pair_pages;
 mod times;
+mod warp;
 
 pub(super) use difference::{Chapter, Shown, difference_page};
 pub(super) use leaderboard::leaderboard_page;

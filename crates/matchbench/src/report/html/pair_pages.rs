@@ -14,6 +14,7 @@ use super::super::overview::Overview;
 use super::super::svg::{DISTANCES, Target, pair};
 use super::super::words::{method, sentence};
 use super::super::{PairView, Tally};
+use super::warp::warp;
 use super::{environment, template};
 
 /// Most matches drawn of a pair.
@@ -120,5 +121,6 @@ pub(super) fn picture(label: &str, words: Option<String>, view: &PairView) -> Va
         images,
         drawing => Value::from_safe_string(drawing),
         counts => counts(&view.tally, view.matches.len().min(MOST_MATCHES)),
+        warp => warp(view),
     }
 }
