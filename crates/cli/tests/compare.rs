@@ -161,3 +161,27 @@ fn what_cannot_be_compared_is_refused_in_words() {
         assert!(message.contains(said), "{words:?}: {message}");
     }
 }
+
+#[test]
+fn a_run_that_is_not_finished_is_compared_with_a_warning() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 4);
+    succeeds(
+        folder,
+        &["run", "wall", "--matchers", "sift,orb", "--out", "both"],
+    );
+    let compared = || go(folder, &["compare", "both", "--matchers", "orb,sift"]);
+    assert!(compared().stderr.is_empty());
+    let records = folder.join("both/records/wall/sift+ransac-e.jsonl");
+    let text = fs::read_to_string(&records).expect("it was written");
+    let first: String = text.split_inclusive('\n').take(2).collect();
+    fs::write(&records, first).expect("writable");
+    let said = compared();
+    let warning = String::from_utf8_lossy(&said.stderr);
+    assert!(said.status.success(), "{warning}");
+    assert_eq!(
+        warning.trim_end(),
+        "warning: both: 4 of 6 pairs of wall have no result with sift + ransac-e and count as wrong"
+    );
+}

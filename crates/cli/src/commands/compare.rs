@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
-use matchbench::metrics::{Bootstrap, Comparison, ResultSet, Score, compare, load};
+use matchbench::metrics::{Bootstrap, Comparison, Failure, ResultSet, Score, compare, load};
 use matchbench::records::{DatasetPlan, RunFolder};
 use matchbench::report::{Duel, Side, advantage, write_differences};
 
@@ -41,6 +41,20 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
     let runs = [&args.before, after];
     let mut text = table(&rows);
     text.push('\n');
+    for (set, run) in rows.iter().flat_map(|row| row.sets.into_iter().zip(runs)) {
+        let missing = set.pairs.iter();
+        let missing = missing.filter(|pair| pair.outcome == Err(Failure::Missing));
+        match missing.count() {
+            0 => {}
+            missing => say!(
+                "warning: {}: {missing} of {} pairs of {} have no result with {} and count as wrong",
+                run.display(),
+                set.pairs.len(),
+                set.dataset,
+                method(set)
+            ),
+        }
+    }
     for row in &rows {
         let [before, after] = row.names(runs, !args.matchers.is_empty());
         let set = row.sets[1];
