@@ -89,12 +89,12 @@ def protocol(dataset, threads, out):
     """Rows of the table: the whole run with SIFT, ours on one thread and on all, and OpenCV's on one."""
     rows = []
 
-    def timed(label, command, results, *also):
+    def timed(label, name, command, results, *also):
         start = time.perf_counter()
-        printed(command, out / f"run-{label}.txt", stderr=subprocess.DEVNULL)
+        printed(command, out / f"run-{name}.txt", stderr=subprocess.DEVNULL)
         seconds = time.perf_counter() - start
         scored = [PROGRAMS / "matchbench", "eval", results, *also, "--format", "csv"]
-        heads, values = printed(scored, out / f"run-{label}.csv").splitlines()
+        heads, values = printed(scored, out / f"run-{name}.csv").splitlines()
         auc = float(dict(zip(heads.split(","), values.split(",")))["auc"])
         rows.append((label, seconds, auc))
         print(label, f"{seconds:.1f} s, AUC {auc:.3f}", flush=True)
@@ -103,10 +103,12 @@ def protocol(dataset, threads, out):
         for number in sorted({1, threads}):
             run = Path(scratch) / str(number)
             command = [PROGRAMS / "matchbench", "run", dataset, "--matchers", "sift", "--estimator", "ransac-e"]
-            timed(f"ours, {number} threads", [*command, "--threads", number, "--out", run], run)
+            label = f"ours, {number} thread{'s' if number > 1 else ''}"
+            timed(label, f"ours-{number}", [*command, "--threads", number, "--out", run], run)
         command = [sys.executable, HERE / "opencv_run.py", dataset, "--matchers", "sift", "--search", "flann"]
         theirs = Path(scratch) / "opencv"
-        timed("OpenCV with FLANN, 1 thread", [*command, "--out", theirs], theirs, "--datasets", dataset.resolve().parent)
+        also = ["--datasets", dataset.resolve().parent]
+        timed("OpenCV with FLANN, 1 thread", "opencv", [*command, "--out", theirs], theirs, *also)
     if max(auc for *_, auc in rows) - min(auc for *_, auc in rows) > AUC_TOLERANCE:
         sys.exit("the protocols come to different scores")
     slowest = rows[-1][1]
@@ -144,7 +146,7 @@ def main():
         "| --- | ---: | ---: | ---: |",
         *protocol(arguments.dataset, arguments.threads, out),
     ]
-    (out / "table.md").write_text("\n".join([*machine.splitlines(), "", *parts]) + "\n")
+    (out / "table.md").write_text("\n".join(["# Beside OpenCV", "", *machine.splitlines(), "", *parts]) + "\n")
     print(f"\n{out / 'table.md'}")
 
 

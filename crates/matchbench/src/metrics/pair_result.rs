@@ -2,9 +2,12 @@
 
 use serde::Serialize;
 
-use crate::records::{Counts, Outcome, Repeated, RunRecord, StageTimes};
+use crate::records::{Counts, Outcome, RunRecord, StageTimes};
 
 use super::Failure;
+
+/// Pixels within which a keypoint is found again, and a match is correct, in the scores of detectors.
+pub(super) const FOUND_PX: usize = 3;
 
 /// The result of one pair, whoever computed it.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,8 +27,9 @@ pub struct PairResult {
     /// Selected matches within 1, 2, ... 10 pixels of where the true homography takes them; `None`
     /// where there is none.
     pub correct: Option<[u32; 10]>,
-    /// Keypoints that were found in both images, where the true homography tells.
-    pub repeated: Option<Repeated>,
+    /// Keypoints that could be found in both images, the smaller number of both, and those that were, within
+    /// [`FOUND_PX`] pixels; where the true homography tells.
+    pub found_again: Option<(u32, u32)>,
     /// Numbers of features and matches, where they were recorded.
     pub counts: Option<Counts>,
     /// Stage times, where they were taken.
@@ -109,7 +113,7 @@ impl PairResult {
             outcome: Err(failure),
             correspondences: 0,
             correct: None,
-            repeated: None,
+            found_again: None,
             counts: None,
             times: StageTimes::default(),
         }
@@ -218,7 +222,8 @@ impl From<&RunRecord> for PairResult {
             outcome,
             correspondences,
             correct: record.correct,
-            repeated: record.repeated,
+            found_again: (record.repeated)
+                .map(|repeated| (repeated.least_visible(), repeated.within[FOUND_PX - 1])),
             counts: Some(record.counts),
             times: record.times,
         }
@@ -250,10 +255,7 @@ pub(super) mod tests {
             outcome: Ok(Deviation::Corners(Some(corner_error))),
             correspondences: n,
             correct: Some(correct),
-            repeated: Some(Repeated {
-                visible: [4 * n, 5 * n],
-                within: [1, 1, 2, 2, 2, 2, 2, 2, 2, 2].map(|times| times * n),
-            }),
+            found_again: Some((4 * n, 2 * n)),
             counts: Some(Counts {
                 selected: n,
                 ..Counts::default()

@@ -9,6 +9,7 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use super::average_matches::{average_matches, is_right};
+use super::pair_result::FOUND_PX;
 use super::success::share_of_thresholds;
 use super::{
     Angle, Bootstrap, Interval, Model, PairResult, SuccessCurve, Term, corner_auc,
@@ -380,12 +381,9 @@ fn accuracy_term(pair: &PairResult, pixels: usize) -> Term {
     }
 }
 
-/// Pixels within which a keypoint is repeated, and a match is correct, in the scores of detectors.
-const FOUND_PX: usize = 3;
-
 /// The share of the keypoints that both images can show which were found in both.
 fn repeatability_term(pair: &PairResult) -> Term {
-    share_of_visible(pair, |pair| Some(pair.repeated?.within[FOUND_PX - 1]))
+    share_of_visible(pair, |pair| Some(pair.found_again?.1))
 }
 
 /// The share of the same keypoints that were matched correctly.
@@ -394,12 +392,12 @@ fn matching_term(pair: &PairResult) -> Term {
 }
 
 fn share_of_visible(pair: &PairResult, found: fn(&PairResult) -> Option<u32>) -> Term {
-    let known = pair.repeated.zip(found(pair));
+    let known = pair.found_again.zip(found(pair));
     Term {
         cluster: pair.a,
-        numerator: known.map_or(0.0, |(repeated, found)| {
+        numerator: known.map_or(0.0, |((visible, _), found)| {
             // Matches of one place with several orientations are several.
-            (f64::from(found) / f64::from(repeated.least_visible().max(1))).min(1.0)
+            (f64::from(found) / f64::from(visible.max(1))).min(1.0)
         }),
         denominator: f64::from(u8::from(known.is_some())),
     }

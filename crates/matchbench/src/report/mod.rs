@@ -153,7 +153,7 @@ mod tests {
     use crate::metrics::{
         AngularError, Bootstrap, Deviation, Failure, Model, PairResult, ResultSet,
     };
-    use crate::records::{Counts, Repeated};
+    use crate::records::Counts;
 
     /// Results of one matcher with as many right pairs, in ten, as its AUC is to have tenths.
     fn results(dataset: &str, matcher: &str, tenths: u32) -> ResultSet {
@@ -194,10 +194,7 @@ mod tests {
             pair.outcome = Ok(Deviation::Corners(Some(error.into())));
             pair.correspondences = 50;
             pair.correct = Some([10, 20, 30, 40, 50, 50, 50, 50, 50, 50]);
-            pair.repeated = Some(Repeated {
-                visible: [200, 250],
-                within: [60, 80, 90, 100, 100, 100, 100, 100, 100, 100],
-            });
+            pair.found_again = Some((200, 90));
             pair.counts = Some(Counts {
                 selected: 100,
                 ..Counts::default()
