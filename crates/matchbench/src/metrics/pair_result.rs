@@ -28,7 +28,7 @@ pub struct PairResult {
     /// where there is none.
     pub correct: Option<[u32; 10]>,
     /// Keypoints that could be found in both images, the smaller number of both, and those that were, within
-    /// [`FOUND_PX`] pixels; where the true homography tells.
+    /// 3 pixels; where the true homography tells.
     pub found_again: Option<(u32, u32)>,
     /// Numbers of features and matches, where they were recorded.
     pub counts: Option<Counts>,
