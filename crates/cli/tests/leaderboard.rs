@@ -96,6 +96,19 @@ fn results_of_sift(folder: &Path) -> PathBuf {
     paths.find(is_sift).expect("sift was run")
 }
 
+/// SIFT on the wall, as the only entry.
+fn one_run(folder: &Path) {
+    let words = [
+        "run",
+        "data/wall",
+        "--matchers",
+        "sift",
+        "--out",
+        "entries/a",
+    ];
+    succeeds(folder, &words);
+}
+
 /// The leaderboard of all entries, which refuses some.
 fn board(folder: &Path) -> Value {
     entries(folder);
@@ -246,17 +259,7 @@ fn a_folder_without_results_is_an_error_and_so_is_a_page_of_somebody_else() {
     let none = go(folder, &["leaderboard", "data", "--out", "site"]);
     assert_eq!(none.status.code(), Some(1));
     assert!(!folder.join("site").exists());
-    succeeds(
-        folder,
-        &[
-            "run",
-            "data/wall",
-            "--matchers",
-            "sift",
-            "--out",
-            "entries/a",
-        ],
-    );
+    one_run(folder);
     fs::create_dir(folder.join("mine")).expect("writable");
     fs::write(folder.join("mine/index.html"), "my page").expect("writable");
     let refused = go(folder, &["leaderboard", "entries", "--out", "mine"]);
@@ -272,17 +275,7 @@ fn links_are_not_followed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     dataset(folder, "data/wall", 3);
-    succeeds(
-        folder,
-        &[
-            "run",
-            "data/wall",
-            "--matchers",
-            "sift",
-            "--out",
-            "entries/a",
-        ],
-    );
+    one_run(folder);
     copy(&folder.join("entries/a"), &folder.join("entries/b"));
     let records = folder.join("entries/b/records/wall/sift+ransac-e.jsonl");
     fs::remove_file(&records).expect("it is there");
