@@ -1,8 +1,8 @@
-//! Rendered scenes with exact poses and depth: a small ray caster and eight sequences taken with it.
+//! Rendered scenes with exact poses and depth: a small ray caster and ten sequences taken with it.
 //!
 //! An office, an object that is not planar, a cabinet with little texture and a drive through a
 //! street for short baselines; a castle-like facade and the first three places again, sub-sampled,
-//! for wide ones. They are a self-test and a demonstration that needs no download; they do not
+//! for wide ones; a painted wall and a tiled one, which are plane, for homographies. They are a self-test and a demonstration that needs no download; they do not
 //! replace photographs.
 //!
 //! ```
@@ -62,7 +62,7 @@ struct Readme;
 /// rendered again.
 pub const REVISION: u32 = 1;
 
-/// The scenes, in the order of the paper's eight sequences.
+/// The scenes: eight in the order of the paper's sequences, then two that are plane.
 pub fn scenes() -> &'static [Scene] {
     &table::SCENES
 }
@@ -71,6 +71,7 @@ pub fn scenes() -> &'static [Scene] {
 mod tests {
     use std::sync::OnceLock;
 
+    use matchbench_vision::geometry::transfer;
     use matchbench_vision::image::{FloatImage, Size};
     use nalgebra::{Matrix3, Point2, Point3};
 
@@ -109,6 +110,8 @@ mod tests {
             ("cabinet", "0ebe0314de347c0a"),
             ("street", "baaeae39729b02b3"),
             ("facade", "533561c5f03652eb"),
+            ("mural", "d5d877544623e344"),
+            ("tiling", "2007698d02160925"),
         ];
         let rendered = golden.map(|(name, _)| {
             let scene = small(name);
@@ -180,6 +183,28 @@ mod tests {
             depths.iter().fold(f64::INFINITY, |a, &b| a.min(b)),
             depths.iter().fold(0.0, |a, &b| a.max(b)),
         ))
+    }
+
+    #[test]
+    fn the_homography_takes_pixels_where_their_rays_meet_the_wall() {
+        for name in ["mural", "tiling"] {
+            let scene = small(name);
+            let camera = scene.camera();
+            let depth = world(scene.place).depth(&scene, 6);
+            let b_from_a = scene.world_from_camera(9).inverse() * scene.world_from_camera(6);
+            let homography = scene.homography(6, 9).expect("a plane scene");
+            for y in (0..scene.size.height).step_by(11) {
+                for x in (0..scene.size.width).step_by(11) {
+                    let (pixel, z) = (Point2::new(x as f64, y as f64), f64::from(depth.at(x, y)));
+                    let ray = camera.normalize(pixel);
+                    let in_b = b_from_a * Point3::new(ray.x * z, ray.y * z, z);
+                    let seen = camera.project(Point2::new(in_b.x / in_b.z, in_b.y / in_b.z));
+                    let off = (transfer(&homography, pixel) - seen).norm();
+                    assert!(off < 1e-3, "{name} {x} {y}: {off} pixels, depth {z}");
+                }
+            }
+        }
+        assert_eq!(small("office").homography(0, 1), None);
     }
 
     #[test]

@@ -259,7 +259,7 @@ fn blocks(u: f32, v: f32, rows: i32, columns: i32, seed: u32) -> f32 {
 }
 
 /// 1 on letters, 0 beside them: `rows` lines of `columns` places over the unit square.
-fn letters(s: f32, t: f32, columns: i32, rows: i32, seed: u32) -> f32 {
+pub(super) fn letters(s: f32, t: f32, columns: i32, rows: i32, seed: u32) -> f32 {
     let (x, y) = (s * columns as f32, t * rows as f32);
     let (column, row) = (floor(x), floor(y));
     let (fx, fy) = ((x - x.floor()) / 0.82, (y - y.floor()) / 0.66);
@@ -281,7 +281,7 @@ fn glyph(s: f32, t: f32, id: u32) -> f32 {
 }
 
 /// Patches of flat tone with sharp borders.
-fn mosaic(s: f32, t: f32, cells: i32, seed: u32) -> f32 {
+pub(super) fn mosaic(s: f32, t: f32, cells: i32, seed: u32) -> f32 {
     0.1 + 0.75 * (worley(s, t, cells, seed).id >> 24) as f32 / 255.0
 }
 
@@ -309,7 +309,7 @@ fn photograph(s: f32, t: f32, seed: u32) -> f32 {
 }
 
 /// 1 in round spots, 0 elsewhere; spots up to `size` wide where `cells` is 1, sizes vary.
-fn speckle(u: f32, v: f32, cells: i32, size: f32, seed: u32) -> f32 {
+pub(super) fn speckle(u: f32, v: f32, cells: i32, size: f32, seed: u32) -> f32 {
     let spot = worley(u, v, cells, seed);
     let radius = size * (0.3 + (spot.id % 97) as f32 / 60.0);
     let present = spot.id % 5 < 3;

@@ -3,17 +3,27 @@
 use matchbench_vision::seed::Seed;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-/// Where the camera is and what it looks at.
+/// Where the camera is, what it looks at and how it is turned around that direction.
 #[derive(Clone, Copy)]
 pub(super) struct Station {
     eye: [f64; 3],
     target: [f64; 3],
+    roll: f64,
 }
 
 impl Station {
     /// At `eye`, in metres, with `target` in the middle of the image.
     pub(super) const fn new(eye: [f64; 3], target: [f64; 3]) -> Self {
-        Self { eye, target }
+        Self {
+            eye,
+            target,
+            roll: 0.0,
+        }
+    }
+
+    /// The same with the camera turned clockwise by so many radians, as its holder sees it.
+    pub(super) const fn rolled(self, roll: f64) -> Self {
+        Self { roll, ..self }
     }
 }
 
@@ -38,6 +48,13 @@ impl Path {
             Translation3::from(eye),
             UnitQuaternion::from_rotation_matrix(&axes),
         );
+        let roll = self.along(time, |station| [station.roll, 0.0, 0.0]).x;
+        // Turning by nothing could change the sign of a zero.
+        let steady = if roll == 0.0 {
+            steady
+        } else {
+            steady * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), roll)
+        };
         let seed = Seed(self.seed);
         steady
             * Isometry3::new(
@@ -100,5 +117,20 @@ mod tests {
             let up = pose.inverse() * Vector3::z();
             assert!(up.y < 0.0, "up in the world is up in the image");
         }
+    }
+
+    #[test]
+    fn a_camera_that_is_turned_clockwise_sees_up_on_its_left() {
+        const PATH: Path = Path {
+            stations: &[
+                Station::new([0.0, 0.0, 1.0], [5.0, 0.0, 1.0]),
+                Station::new([0.0, 0.0, 1.0], [5.0, 0.0, 1.0]).rolled(0.5),
+            ],
+            shake: [0.0, 0.0],
+            seed: 0,
+        };
+        let up = PATH.world_from_camera(1.0).inverse() * Vector3::z();
+        let expected = Vector3::new(-libm::sin(0.5), -libm::cos(0.5), 0.0);
+        assert!((up - expected).norm() < 1e-12, "{up}");
     }
 }

@@ -2,7 +2,7 @@
 
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use crate::path::Path;
 use crate::places::Place;
@@ -69,6 +69,28 @@ impl Scene {
     /// Pose of the camera (camera-to-world, metres) in the middle of the frame's exposure.
     pub fn world_from_camera(&self, frame: u32) -> Isometry3<f64> {
         self.path().world_from_camera(self.time(frame))
+    }
+
+    /// Takes the pixels of frame `a`, as `(x, y, 1)`, to those of frame `b`, where all that is seen is plane; of
+    /// Frobenius norm 1.
+    ///
+    /// A point X of the plane `n . X = d` in camera a is at `(R + t n^T / d) X` in camera b (Hartley, Zisserman,
+    /// "Multiple View Geometry in Computer Vision", 2nd edition, 2004, sec. 13.1).
+    pub fn homography(&self, a: u32, b: u32) -> Option<Matrix3<f64>> {
+        if !self.place.is_plane() {
+            return None;
+        }
+        let [world_from_a, world_from_b] = [a, b].map(|frame| self.world_from_camera(frame));
+        let b_from_a = world_from_b.inverse() * world_from_a;
+        let normal = world_from_a.rotation.inverse() * Vector3::y();
+        let distance = -world_from_a.translation.vector.y;
+        let turned = b_from_a.rotation.to_rotation_matrix().into_inner();
+        let moved = b_from_a.translation.vector * normal.transpose() / distance;
+        let k = self.camera().matrix();
+        let back = k
+            .try_inverse()
+            .expect("the matrix of a camera has an inverse");
+        Some((k * (turned + moved) * back).normalize())
     }
 
     pub(crate) fn path(&self) -> &'static Path {

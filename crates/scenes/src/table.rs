@@ -32,6 +32,22 @@ const OUTDOORS: Sensor = Sensor {
     read_noise: 12.0,
 };
 
+/// Lamps that are switched on and off, and a slow shutter.
+const FLICKER: Sensor = Sensor {
+    shutter: 0.025,
+    white: 0.9,
+    wander: 1.2,
+    full_well: 1800.0,
+    ..INDOORS
+};
+
+/// Fragments of six frames, as in the Oxford affine set: the first with the other five.
+const GROWING: Timing = Timing::Fragments {
+    length: 6,
+    rate: 1.0,
+    every: 8.0,
+};
+
 const SHORT: Timing = Timing::Fragments {
     length: 10,
     rate: 20.0,
@@ -39,7 +55,7 @@ const SHORT: Timing = Timing::Fragments {
 };
 
 /// See [`crate::scenes`].
-pub(crate) static SCENES: [Scene; 8] = [
+pub(crate) static SCENES: [Scene; 10] = [
     Scene {
         name: "office",
         description: "a cluttered desk, hand-held; text and repeated shapes",
@@ -131,5 +147,27 @@ pub(crate) static SCENES: [Scene; 8] = [
         focal: 265.0,
         timing: Timing::Every(0.75),
         sensor: DIM,
+    },
+    Scene {
+        name: "mural",
+        description: "a painted wall; growing changes of viewpoint, distance and rotation",
+        place: Place::Mural,
+        size: Size::new(480, 360),
+        frames: 24,
+        pairing: Pairing::Fragments { length: 6 },
+        focal: 420.0,
+        timing: GROWING,
+        sensor: OUTDOORS,
+    },
+    Scene {
+        name: "tiling",
+        description: "a wall of two kinds of tiles; repetition, changing light and motion blur",
+        place: Place::Tiling,
+        size: Size::new(480, 360),
+        frames: 24,
+        pairing: Pairing::Fragments { length: 6 },
+        focal: 420.0,
+        timing: GROWING,
+        sensor: FLICKER,
     },
 ];

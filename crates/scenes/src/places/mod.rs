@@ -2,9 +2,11 @@
 
 mod cabinet;
 mod facade;
+mod mural;
 mod object;
 mod office;
 mod street;
+mod tiling;
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
@@ -26,16 +28,22 @@ pub enum Place {
     Street,
     /// The court of a stone building.
     Facade,
+    /// A painted wall, which is plane.
+    Mural,
+    /// A wall of ornamental tiles, which is plane.
+    Tiling,
 }
 
 impl Place {
     /// All places.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 7] = [
         Self::Office,
         Self::Object,
         Self::Cabinet,
         Self::Street,
         Self::Facade,
+        Self::Mural,
+        Self::Tiling,
     ];
 
     pub(crate) fn model(self) -> Model {
@@ -45,14 +53,16 @@ impl Place {
             Self::Cabinet => cabinet::model(),
             Self::Street => street::model(),
             Self::Facade => facade::model(),
+            Self::Mural => mural::model(),
+            Self::Tiling => tiling::model(),
         }
     }
 
     /// How far away, in metres, the things are that show motion blur first.
     pub(crate) fn distance(self) -> f64 {
         match self {
-            Self::Office | Self::Object | Self::Cabinet => 1.5,
-            Self::Street => 6.0,
+            Self::Office | Self::Object | Self::Cabinet | Self::Tiling => 1.5,
+            Self::Street | Self::Mural => 6.0,
             Self::Facade => 12.0,
         }
     }
@@ -64,7 +74,14 @@ impl Place {
             Self::Cabinet => &cabinet::PATH,
             Self::Street => &street::PATH,
             Self::Facade => &facade::PATH,
+            Self::Mural => &mural::PATH,
+            Self::Tiling => &tiling::PATH,
         }
+    }
+
+    /// Whether all that can be seen lies in the plane y = 0 of the world.
+    pub(crate) fn is_plane(self) -> bool {
+        matches!(self, Self::Mural | Self::Tiling)
     }
 }
 
@@ -97,6 +114,11 @@ fn hang(mesh: &mut Mesh, surface: Surface, upper_left: [f64; 3], yaw: f64, size:
     let corner = frame * Point3::new(0.0, 0.0, -size[1]);
     let u = frame * (Vector3::x() * size[0]);
     mesh.sheet(corner, u, Vector3::z() * size[1], surface);
+}
+
+/// A wall in the plane y = 0, so large that no camera sees its end, for those who look along +y.
+fn wall(mesh: &mut Mesh, surface: Surface) {
+    hang(mesh, surface, [-60.0, 0.0, 60.0], 0.0, [120.0, 120.0]);
 }
 
 /// A lumpy ellipsoid: a bush, a cushion.
