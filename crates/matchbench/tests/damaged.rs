@@ -9,7 +9,7 @@ use std::path::Path;
 use doors::{CAMERA, DOORS, Doors, PAIRS, offer};
 use matchbench::records::store::RecordWriter;
 use matchbench::records::{
-    Counts, MatchesFile, Outcome, RunRecord, SelectedMatches, StageTimes, Task,
+    ByDepth, Counts, MatchesFile, Outcome, RunRecord, SelectedMatches, StageTimes, Task,
 };
 use matchbench_vision::geometry::{MatchedPoints, RelativePose};
 use matchbench_vision::seed::{Rng, Seed};
@@ -29,6 +29,11 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
                 .map(|path| fs::read(path).expect("readable"))
                 .collect()
         }
+        "depth" => vec![
+            [b"P5 4 3 65535\n".to_vec(), [3, 232].repeat(12)].concat(),
+            [b"P5 8 6 65535\n".to_vec(), [0, 7, 4, 0].repeat(24)].concat(),
+            depth_png(),
+        ],
         "records" => vec![records(doors)],
         "matches" => vec![matches(doors)],
         "plan" => text(&[PLAN]),
@@ -43,6 +48,9 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
              distortion = { k1 = 0.1, k2 = -0.2, p1 = 0.0, p2 = 0.0, k3 = 0.1 }\n",
             "version = 1\nname = \"other\"\nimage_root = \"Images\"\n[[frames]]\nimage = \"0000.pgm\"\n\
              camera = { fx = 4.0, fy = 4.0, cx = 1.5, cy = 1.0 }\n[[frames]]\nimage = \"0001.pgm\"\n\
+             [[frames]]\nimage = \"0002.pgm\"\n",
+            "version = 1\nimage_root = \"Images\"\ndepth = { per_unit = 5000, invalid = 65535 }\n[[frames]]\n\
+             image = \"0000.pgm\"\ndepth = \"0000.pgm\"\n[[frames]]\nimage = \"0001.pgm\"\n\
              [[frames]]\nimage = \"0002.pgm\"\n",
         ]),
         "pose.txt" => text(&[POSES_KITTI]),
@@ -81,6 +89,14 @@ const PLAN: &str = r#"{"format":2,"version":"0.1.0","settings":{"seed":0,"repeti
 const POSES_KITTI: &str =
     "1 0 0 0 0 1 0 0 0 0 1 0\n0 -1 0 1 1 0 0 2 0 0 1 3\n1 0 0 5 0 1 0 0 0 0 1 0\n";
 
+fn depth_png() -> Vec<u8> {
+    let mut png = std::io::Cursor::new(Vec::new());
+    let stored: Vec<u8> = (1..13_u16).flat_map(|i| (100 * i).to_ne_bytes()).collect();
+    let (kind, format) = (image::ExtendedColorType::L16, image::ImageFormat::Png);
+    image::write_buffer_with_format(&mut png, &stored, 4, 3, kind, format).expect("in memory");
+    png.into_inner()
+}
+
 fn records(doors: &Doors) -> Vec<u8> {
     let path = doors.at("corpus.jsonl");
     let _ = fs::remove_file(&path);
@@ -105,6 +121,12 @@ fn records(doors: &Doors) -> Vec<u8> {
             counts: Counts::default(),
             correct: None,
             repeated: None,
+            by_depth: Some(ByDepth {
+                overlap: Some(0.5),
+                judged: 0,
+                within: [0; 10],
+                repeated: None,
+            }),
             outcome,
             times: StageTimes {
                 search: Some(0.25),

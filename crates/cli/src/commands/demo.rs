@@ -1,4 +1,5 @@
-//! `matchbench demo`: quick matchers on the built-in scenes, and a report within a minute.
+//! `matchbench demo`: quick matchers on the built-in scenes, and a report within a minute: of poses, and in a run of
+//! its own of homographies, on the scenes that are plane.
 
 use std::env;
 use std::io::Write;
@@ -10,42 +11,63 @@ use matchbench::datasets::rendered;
 use matchbench::report::ReportOptions;
 use matchbench::study::{Study, StudyDataset};
 
-use super::job::execute;
+use super::job::{AFTER_PAIRS, execute_until};
 use super::{eval, report};
 use crate::Ending;
 use crate::args::DemoArgs;
 use crate::output::stdout;
+use crate::progress::cancel_on_ctrl_c;
 
 pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
     // Before minutes are spent on images.
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot make the folder {}", args.out.display()))?;
-    let (ending, _) = execute(&Study {
-        datasets: scenes()?.into_iter().map(StudyDataset::at).collect(),
+    let (plane, others): (Vec<_>, Vec<_>) =
+        scenes()?.into_iter().partition(|(_, is_plane)| *is_plane);
+    let study = |scenes: Vec<(PathBuf, bool)>, estimators: &[&str], out: PathBuf| Study {
+        datasets: (scenes.into_iter())
+            .map(|(folder, _)| StudyDataset::at(folder))
+            .collect(),
         matchers: args.matchers.clone(),
-        out: Some(args.out.clone()),
+        estimators: estimators.iter().map(ToString::to_string).collect(),
+        out: Some(out),
         ..Study::default()
-    })?;
-    if ending == Ending::Stopped {
-        return Ok(ending);
+    };
+    let homographies = args.out.join("homographies");
+    let studies = [
+        study(others, &[], args.out.clone()),
+        study(plane, &["ransac-h", "best-h"], homographies.clone()),
+    ];
+    let cancel = cancel_on_ctrl_c(AFTER_PAIRS)?;
+    let mut ending = Ending::Done;
+    for study in &studies {
+        match execute_until(study, &cancel)?.0 {
+            Ending::Stopped => return Ok(Ending::Stopped),
+            Ending::Done => {}
+            Ending::SomeFailed => ending = Ending::SomeFailed,
+        }
     }
-    let printed = eval::print(&args.out);
+    let printed = eval::print(&args.out).and_then(|()| {
+        writeln!(stdout(), "\nPlane scenes, by homographies:\n")?;
+        eval::print(&homographies)
+    });
     // Also where the table found no reader: a closed pipe, a full disk.
-    let page = report::write(&args.out, &ReportOptions::default())?;
+    let pages = [&args.out, &homographies].map(|run| report::write(run, &ReportOptions::default()));
     printed?;
-    let page = std::path::absolute(page)?;
     let mut out = stdout();
     writeln!(
         out,
         "\nThese scenes are rendered: a test of the tool, no substitute for your own images."
     )?;
     writeln!(out, "Next: matchbench import --help")?;
-    writeln!(out, "Open {}", page.display())?;
+    for (page, what) in pages.into_iter().zip(["", " (homographies)"]) {
+        writeln!(out, "Open {}{what}", std::path::absolute(page?)?.display())?;
+    }
     Ok(ending)
 }
 
-/// The folders of the built-in scenes, rendered if this is the first time.
-fn scenes() -> Result<Vec<PathBuf>> {
+/// The folders of the built-in scenes and whether each is plane, rendered if this is the first time.
+fn scenes() -> Result<Vec<(PathBuf, bool)>> {
     let cache = cache_folder().join("scenes");
     let bar = ProgressBar::new(0);
     let style = "rendering the built-in scenes  {bar:30} {pos}/{len} images  {eta} left";
@@ -56,7 +78,8 @@ fn scenes() -> Result<Vec<PathBuf>> {
     })
     .context("set MATCHBENCH_CACHE to a folder that can be written to");
     bar.finish_and_clear();
-    folders
+    let plane = (rendered::scenes().iter()).map(|scene| scene.homography(0, 1).is_some());
+    Ok(folders?.into_iter().zip(plane).collect())
 }
 
 /// Where things are kept between runs: `MATCHBENCH_CACHE`, else the user's cache folder.

@@ -22,7 +22,7 @@ impl Sequence {
         }
     }
 
-    /// Hash of what a dataset asks and of its truth. The images are not in it: reading them all would
+    /// Hash of what a dataset asks and of its truth. The images are not in it, nor their depth, but that it is there: reading them all would
     /// delay every start, and their features are found by their content.
     pub fn fingerprint(&self) -> String {
         let mut fingerprint = Fingerprint::of(&self.frames);
@@ -73,6 +73,10 @@ impl Fingerprint {
         for (index, frame) in frames.iter().enumerate() {
             if !frame.turn.is_none() {
                 self.numbers(&[index as f64, f64::from(u8::from(frame.turn))]);
+            }
+            if let Some(depth) = &frame.depth {
+                let invalid = depth.unit.invalid.map_or(0.0, f64::from);
+                self.numbers(&[index as f64, depth.unit.per_unit, invalid]);
             }
         }
         self.0.finalize().to_hex().to_string()

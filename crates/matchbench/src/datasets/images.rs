@@ -60,6 +60,16 @@ pub(super) fn frame_images(
     images
 }
 
+/// What `dataset.toml` names as depth and is not there.
+pub(super) fn missing_depth(dir: &Path, manifest: &Manifest) -> Vec<Problem> {
+    let files = (0..manifest.frames.len()).filter_map(|index| manifest.depth(dir, index));
+    let missing = files.filter(|file| !file.path.is_file()).map(|file| {
+        let remedy = "put it there, or take `depth` of this frame out of dataset.toml";
+        DatasetError::new(file.path, "the depth is missing", remedy).into()
+    });
+    missing.collect()
+}
+
 /// Why there is no image at this place, if there is none; what is there is not read.
 fn not_there(image: &Path, remedy: &str) -> Option<Problem> {
     let what = match fs::metadata(image) {

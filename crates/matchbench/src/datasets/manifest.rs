@@ -8,9 +8,12 @@
 //! notes = ["2 images without a pose were left out: ..."]
 //! image_root = "/data/rgbd_dataset_freiburg1_desk"   # the one line to change if images move
 //! distortion = { k1 = 0.2624, k2 = -0.9531, p1 = -0.0054, p2 = 0.0026, k3 = 1.1633 }
+//! depth = { per_unit = 5000, invalid = 65535 }       # stored values in the poses' unit of length, and one that,
+//!                                                    # as 0 does, says that nothing was measured
 //!
 //! [[frames]]                       # one per frame, in order
 //! image = "rgb/1305031452.791720.png"
+//! depth = "depth/1305031452.809301.png"
 //! camera = { fx = 517.3, fy = 516.5, cx = 318.6, cy = 255.3 }   # where it has its own
 //! turn = 1                         # quarter turns counterclockwise before it is looked at;
 //!                                  # camera, pose and pairs are those of the turned image
@@ -24,7 +27,7 @@ use matchbench_vision::geometry::{Camera, Distortion};
 use serde::{Deserialize, Serialize};
 
 use super::text::TextFile;
-use super::{DatasetError, Turn};
+use super::{DatasetError, DepthFile, DepthUnit, Turn};
 
 /// File name of the manifest.
 pub(super) const FILE: &str = "dataset.toml";
@@ -61,6 +64,9 @@ pub(super) struct Manifest {
     /// Lens distortion of the camera in `camera.txt`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) distortion: Option<Distortion>,
+    /// How the depth of frames is stored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) depth: Option<DepthUnit>,
     /// One entry per frame, or none at all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) frames: Vec<ManifestFrame>,
@@ -73,6 +79,9 @@ pub(super) struct ManifestFrame {
     /// Its image, if it is not `Images/%04d.*`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) image: Option<PathBuf>,
+    /// Its depth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) depth: Option<PathBuf>,
     /// Its camera, if it is not that of `camera.txt`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) camera: Option<Camera>,
@@ -124,6 +133,7 @@ impl Default for Manifest {
             notes: Vec::new(),
             image_root: None,
             distortion: None,
+            depth: None,
             frames: Vec::new(),
         }
     }
@@ -195,7 +205,16 @@ impl Manifest {
         Some(self.image_root(dataset).join(image))
     }
 
-    /// The folder that relative image paths start from.
+    /// Where the depth of frame `index` is, if the manifest says so.
+    pub(super) fn depth(&self, dataset: &Path, index: usize) -> Option<DepthFile> {
+        let depth = self.frames.get(index)?.depth.as_ref()?;
+        Some(DepthFile {
+            path: self.image_root(dataset).join(depth),
+            unit: self.depth?,
+        })
+    }
+
+    /// The folder that relative paths of images and depth start from.
     pub(super) fn image_root(&self, dataset: &Path) -> PathBuf {
         dataset.join(self.image_root.as_deref().unwrap_or(Path::new("")))
     }
@@ -282,6 +301,10 @@ mod tests {
             name: Some("desk".into()),
             notes: vec!["a \"quoted\" note".into()],
             image_root: Some("/data/with space".into()),
+            depth: Some(DepthUnit {
+                per_unit: 5000.0,
+                invalid: Some(7),
+            }),
             distortion: Some(Distortion {
                 k1: 0.1 + 0.2,
                 k2: -1e-17,
@@ -291,6 +314,7 @@ mod tests {
             }),
             frames: vec![ManifestFrame {
                 image: Some("rgb/1.5.png".into()),
+                depth: Some("depth/1.4.png".into()),
                 camera: Some(Camera::pinhole(1.0 / 3.0, 2.0, 3.0, 4.0)),
                 turn: Turn::ThreeQuarters,
             }],
@@ -303,6 +327,9 @@ mod tests {
             Some("/data/with space/rgb/1.5.png".into())
         );
         assert_eq!(manifest.image(Path::new("set"), 1), None);
+        let depth = manifest.depth(Path::new("set"), 0).unwrap();
+        assert_eq!(depth.path, Path::new("/data/with space/depth/1.4.png"));
+        assert_eq!(depth.unit.per_unit, 5000.0);
     }
 
     proptest! {

@@ -7,6 +7,7 @@
 
 mod colour;
 mod decode;
+mod depth;
 mod error;
 mod exif;
 mod exporters;
@@ -33,6 +34,7 @@ pub use colour::{decode_planes, read_planes};
 pub use decode::{
     DecodeError, MOST_PIXELS, decode_gray, gray_of_rgb, limit_pixels, read_gray, read_size,
 };
+pub use depth::{Depth, DepthFile, DepthUnit, decode_depth};
 pub use error::DatasetError;
 pub use exporters::{EXPORTS, Export, export};
 pub use fingerprint::Whole;

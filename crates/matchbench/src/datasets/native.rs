@@ -20,7 +20,7 @@ use matchbench_vision::geometry::{Camera, Distortion};
 use nalgebra::{Isometry3, Matrix3};
 
 use super::fingerprint::Fingerprint;
-use super::images::{IMAGES, frame_images};
+use super::images::{IMAGES, frame_images, missing_depth};
 use super::listed::{
     Listed, each_pair, has_one_twice, is_there, listed, parse_homography, parse_pose,
 };
@@ -77,6 +77,7 @@ impl Unpaired {
                 turn: contents.manifest.turn(index),
                 camera: camera.expect("a frame without a camera is an error"),
                 world_from_camera: contents.poses.get(index).map(|&(_, pose)| pose),
+                depth: contents.manifest.depth(dir, index),
             })
             .collect();
         Ok(Self {
@@ -259,6 +260,7 @@ impl Contents {
         let wrong = check_manifest(dir, &manifest, camera.as_ref());
         problems.extend(wrong.into_iter().map(Problem::from));
         let images = frame_images(dir, &manifest, problems);
+        problems.extend(missing_depth(dir, &manifest));
         let poses_file = dir.join(IMAGES).join(POSES);
         let poses = match optional(&poses_file) {
             Ok(Some(file)) => parse_poses(&file, images.len(), problems),
@@ -336,7 +338,7 @@ pub(super) fn parse_camera(file: &TextFile) -> Result<Camera, DatasetError> {
     }
 }
 
-/// Why the cameras that the manifest gives are none, each once.
+/// Why the cameras that the manifest gives, and its unit of depth, are none, each once.
 fn check_manifest(dir: &Path, manifest: &Manifest, camera: Option<&Camera>) -> Vec<DatasetError> {
     let own = manifest.frames.iter().filter_map(|frame| frame.camera);
     let shared = camera.filter(|_| manifest.distortion.is_some()).copied();
@@ -344,7 +346,15 @@ fn check_manifest(dir: &Path, manifest: &Manifest, camera: Option<&Camera>) -> V
         .filter_map(|camera| Some(camera.check().err()?.to_string()))
         .collect();
     wrong.dedup();
-    let error = |what| DatasetError::new(dir.join(manifest::FILE), what, "correct the camera");
+    match manifest.depth {
+        Some(unit) => wrong.extend(unit.check().err()),
+        None if manifest.frames.iter().any(|frame| frame.depth.is_some()) => wrong.push(
+            "frames have depth, and nothing says how it is stored: depth = { per_unit = 1000 } is for millimetres"
+                .to_owned(),
+        ),
+        None => {}
+    }
+    let error = |what| DatasetError::new(dir.join(manifest::FILE), what, "correct this number");
     wrong.into_iter().map(error).collect()
 }
 

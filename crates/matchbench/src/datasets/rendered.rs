@@ -1,26 +1,68 @@
 //! The built-in dataset: the scenes of `matchbench-scenes` as sequences, rendered into files on first use.
 //!
 //! A sequence appears under its name when it is complete ([`write_native`]), so a process that is
-//! killed leaves nothing half-written. Each [`REVISION`] of the renderer has a folder of its own.
+//! killed leaves nothing half-written. Each [`REVISION`] of the renderer has a folder of its own, and so has each
+//! [`CONTENTS`] of what is written beside the pictures.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 pub use matchbench_scenes::{Pairing, Place, REVISION, Scene, World, scenes};
 
-use super::{About, DatasetError, Frame, ImageStorage, PairRule, Sequence, write_native};
+use super::{
+    About, DatasetError, DepthFile, DepthUnit, Frame, ImageStorage, PairRule, Sequence, Truth,
+    write_native,
+};
 
-/// The frames and pairs of a scene with their true poses; the images are made by [`World::render`].
+/// Raised with every change of the files of a sequence that is none of its pictures: 2 has depth.
+const CONTENTS: u32 = 2;
+
+/// The folder in `cache` of all sequences as they are written now.
+fn folder_of_now(cache: &Path) -> PathBuf {
+    cache.join(format!("revision-{REVISION}.{CONTENTS}"))
+}
+
+/// The frames and pairs of a scene with their true poses, and homographies where it is plane; the images are made by [`World::render`].
 pub fn sequence(scene: &Scene) -> Sequence {
+    let depth = DepthFile {
+        path: PathBuf::new(),
+        unit: depth_unit(scene),
+    };
     let frames = (0..scene.frames)
-        .map(|frame| Frame::with_pose("", scene.camera(), scene.world_from_camera(frame)))
+        .map(|frame| {
+            let pose = scene.world_from_camera(frame);
+            Frame::with_pose("", scene.camera(), pose).with_depth(Some(depth.clone()))
+        })
         .collect();
-    let (frames, pairs) = (PairRule::from(scene.pairing).apply(frames))
+    let (frames, mut pairs) = (PairRule::from(scene.pairing).apply(frames))
         .expect("all frames have poses, and no rule reads a file");
+    for pair in &mut pairs {
+        if let (Truth::Pose(b_from_a), Some(homography)) =
+            (pair.truth, scene.homography(pair.a, pair.b))
+        {
+            pair.truth = Truth::Both {
+                b_from_a,
+                homography,
+            };
+        }
+    }
     Sequence {
         name: scene.name.into(),
         frames,
         pairs,
+    }
+}
+
+/// How the depth of a scene is stored, as fine as 16 bits allow: to a fifth of a millimetre up to 13 metres, or to one
+/// up to 65.
+fn depth_unit(scene: &Scene) -> DepthUnit {
+    let per_unit = match scene.place {
+        Place::Street | Place::Facade => 1000.0,
+        Place::Office | Place::Object | Place::Cabinet | Place::Mural | Place::Tiling => 5000.0,
+    };
+    DepthUnit {
+        per_unit,
+        invalid: None,
     }
 }
 
@@ -66,7 +108,7 @@ pub fn ensure_scenes(
     scenes: &[Scene],
     observer: &(dyn Fn(Progress) + Sync),
 ) -> Result<Vec<PathBuf>, DatasetError> {
-    let folder = |scene: &Scene| cache.join(format!("revision-{REVISION}")).join(scene.name);
+    let folder = |scene: &Scene| folder_of_now(cache).join(scene.name);
     let missing: Vec<&Scene> = scenes
         .iter()
         .filter(|scene| !folder(scene).exists())
@@ -92,7 +134,11 @@ pub fn ensure_scenes(
                 ..About::default()
             };
             let out = folder(scene);
-            let storage = ImageStorage::Pixels(&pixels);
+            let depth = |frame: usize| world.depth(scene, frame as u32);
+            let storage = ImageStorage::Rendered {
+                pixels: &pixels,
+                depth: &depth,
+            };
             write_native(&out, &sequence(scene), &about, storage)
                 // Another process may have been faster; both render the same bits.
                 .or_else(|error| if out.exists() { Ok(()) } else { Err(error) })?;
@@ -135,7 +181,7 @@ mod tests {
         let scenes = tiny_scenes();
         assert_eq!(rendered(cache.path(), &scenes), 6);
         assert_eq!(rendered(cache.path(), &scenes), 0);
-        let folder = cache.path().join(format!("revision-{REVISION}"));
+        let folder = folder_of_now(cache.path());
         let image = folder.join("cabinet/Images/0001.png");
         let first = fs::read(&image).expect("an image");
         fs::remove_dir_all(folder.join("cabinet")).expect("it is there");
@@ -186,6 +232,8 @@ mod tests {
         assert_eq!(ends("office")[8..10], [(0, 9), (10, 11)]);
         assert_eq!(ends("street").len(), 5 * 4);
         assert_eq!(ends("facade").len(), 12 * 11 / 2);
+        assert_eq!(ends("mural").len(), 4 * 5);
+        assert_eq!(ends("tiling")[4..6], [(0, 5), (6, 7)]);
         assert_eq!(ends("office-wide").len(), 14 * 4 - 10);
         assert_eq!(ends("office-wide").last(), Some(&(12, 13)));
     }

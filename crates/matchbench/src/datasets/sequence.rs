@@ -6,7 +6,7 @@ use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::{GrayImage, Size};
 use nalgebra::{Isometry3, Matrix3};
 
-use super::{DatasetError, Turn, read_gray, read_planes, read_size};
+use super::{DatasetError, Depth, DepthFile, Turn, read_gray, read_planes, read_size};
 
 /// One dataset: frames and the pairs that a matcher is judged on.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,6 +30,8 @@ pub struct Frame {
     pub camera: Camera,
     /// Pose of the (turned) camera, camera-to-world, where the dataset gives it.
     pub world_from_camera: Option<Isometry3<f64>>,
+    /// Its depth, where the dataset has it.
+    pub depth: Option<DepthFile>,
 }
 
 /// Two frames and the truth about them.
@@ -72,7 +74,14 @@ impl Frame {
             turn: Turn::None,
             camera,
             world_from_camera: Some(world_from_camera),
+            depth: None,
         }
+    }
+
+    /// The same with its depth, if there is one.
+    #[must_use]
+    pub fn with_depth(self, depth: Option<DepthFile>) -> Self {
+        Self { depth, ..self }
     }
 
     /// The pixels of its image, turned.
@@ -90,6 +99,17 @@ impl Frame {
     pub fn planes(&self) -> Result<Vec<GrayImage>, DatasetError> {
         let planes = read_planes(&self.image)?.into_iter();
         Ok(planes.map(|plane| self.turn.pixels(plane)).collect())
+    }
+
+    /// Its depth, turned; `None` where the dataset has none.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is no depth, or not that of its image; or if the size of the image cannot be read.
+    pub fn read_depth(&self) -> Result<Option<Depth>, DatasetError> {
+        let Some(depth) = &self.depth else {
+            return Ok(None);
+        };
+        depth.read(read_size(&self.image)?, self.turn).map(Some)
     }
 
     /// The size of its image, turned, from the header of the file alone.

@@ -27,6 +27,7 @@ pub(super) fn frames(count: usize) -> Vec<Frame> {
             turn: Turn::None,
             camera: CAMERA,
             world_from_camera: Some(pose(index)),
+            depth: None,
         })
         .collect()
 }

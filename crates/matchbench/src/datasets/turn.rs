@@ -7,7 +7,7 @@
 //! `w` to `(y, w - 1 - x)`, and so the ray `(X, Y, Z)` to `(Y, -X, Z)`.
 
 use matchbench_vision::geometry::{Camera, Distortion};
-use matchbench_vision::image::{GrayImage, Size};
+use matchbench_vision::image::{Image, Size};
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -76,13 +76,13 @@ impl Turn {
 
     /// The image, turned.
     #[must_use]
-    pub fn pixels(self, image: GrayImage) -> GrayImage {
+    pub fn pixels<T: Copy>(self, image: Image<T>) -> Image<T> {
         let (right, down) = (
             image.width().saturating_sub(1),
             image.height().saturating_sub(1),
         );
         let turned = |before: fn(usize, usize, usize, usize) -> (usize, usize)| {
-            GrayImage::from_fn(self.size(image.size()), |x, y| {
+            Image::from_fn(self.size(image.size()), |x, y| {
                 let (x, y) = before(x, y, right, down);
                 image.at(x, y)
             })
@@ -128,6 +128,8 @@ impl Turn {
 #[cfg(test)]
 mod tests {
     use nalgebra::Point2;
+
+    use matchbench_vision::image::GrayImage;
 
     use super::*;
 

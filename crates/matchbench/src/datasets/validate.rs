@@ -47,6 +47,7 @@ pub fn validate(dir: &Path) -> Vec<Problem> {
     }
     check_name(dir, &contents, &mut problems);
     let sizes = check_images(&contents, &mut problems);
+    check_depth(dir, &contents, &sizes, &mut problems);
     check_cameras(dir, &contents, &sizes, &mut problems);
     check_pairs(dir, &contents, &mut problems);
     check_homographies(dir, &contents, &sizes, &mut problems);
@@ -102,6 +103,33 @@ fn check_images(contents: &Contents, problems: &mut Vec<Problem>) -> Vec<Option<
             size
         })
         .collect()
+}
+
+/// Reads the depth of every frame that has it, as runs do.
+fn check_depth(
+    dir: &Path,
+    contents: &Contents,
+    sizes: &[Option<Size>],
+    problems: &mut Vec<Problem>,
+) {
+    let checked: Vec<Option<Problem>> = (sizes.par_iter().enumerate())
+        .map(|(index, size)| {
+            let turn = contents.manifest.turn(index);
+            let file = contents.manifest.depth(dir, index);
+            let file = file.filter(|file| file.path.is_file())?; // else told before
+            // The size is that after the turn.
+            match file.read(turn.inverse().size((*size)?), turn) {
+                Err(error) => Some(error.into()),
+                Ok(depth) if depth.coverage() == 0.0 => {
+                    let what = "nothing is measured in it";
+                    let remedy = "check `per_unit` and `invalid` of depth in dataset.toml";
+                    Some(Problem::warning(DatasetError::new(file.path, what, remedy)))
+                }
+                Ok(_) => None,
+            }
+        })
+        .collect();
+    problems.extend(checked.into_iter().flatten());
 }
 
 fn check_cameras(

@@ -11,9 +11,10 @@ use std::path::{Path, PathBuf};
 
 use image::ExtendedColorType;
 use matchbench_vision::geometry::Camera;
-use matchbench_vision::image::GrayImage;
+use matchbench_vision::image::{FloatImage, GrayImage};
 use rayon::prelude::*;
 
+use super::depth::{DepthUnit, stored_value};
 use super::images::IMAGES;
 use super::manifest::{self, Manifest, ManifestFrame};
 use super::native::{CAMERA, HOMOGRAPHIES, PAIRS, POSES};
@@ -36,7 +37,18 @@ pub enum ImageStorage<'a> {
     /// `Images/%04d.png` are made by this function of the frame's index; the frames' own paths
     /// are not looked at.
     Pixels(&'a (dyn Fn(usize) -> GrayImage + Sync)),
+    /// `Images/%04d.png` and `Depth/%04d.png` are made by these functions of the frame's index: pixels, and depth
+    /// in the unit of length of the poses, infinite where nothing is there. Paths of frames are not looked at.
+    Rendered {
+        /// The image of a frame.
+        pixels: &'a (dyn Fn(usize) -> GrayImage + Sync),
+        /// The depth of a frame.
+        depth: &'a (dyn Fn(usize) -> FloatImage + Sync),
+    },
 }
+
+/// The folder of numbered depth files in a dataset.
+const DEPTH: &str = "Depth";
 
 impl std::fmt::Debug for ImageStorage<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -45,6 +57,7 @@ impl std::fmt::Debug for ImageStorage<'_> {
             Self::Link => "Link",
             Self::Copy => "Copy",
             Self::Pixels(_) => "Pixels(..)",
+            Self::Rendered { .. } => "Rendered(..)",
         })
     }
 }
@@ -100,13 +113,35 @@ fn write_files(
     let folder = dir.join(IMAGES);
     fs::create_dir_all(&folder).map_err(|error| DatasetError::io(&folder, &error))?;
     let mut manifest = describe(sequence, about);
+    let depth = dir.join(DEPTH);
+    manifest.depth = depth_unit(sequence, dir)?;
+    if manifest.depth.is_some() && !matches!(images, ImageStorage::Reference) {
+        fs::create_dir_all(&depth).map_err(|error| DatasetError::io(&depth, &error))?;
+    }
     match images {
         ImageStorage::Reference => refer_to_images(&mut manifest, sequence)?,
-        ImageStorage::Link | ImageStorage::Copy => bring_images(&folder, sequence, images)?,
-        ImageStorage::Pixels(pixels) => {
+        ImageStorage::Link | ImageStorage::Copy => {
+            for (index, frame) in sequence.frames.iter().enumerate() {
+                bring(&frame.image, &folder, index, images)?;
+                if let Some(file) = &frame.depth {
+                    let name = bring(&file.path, &depth, index, images)?;
+                    manifest.frames[index].depth = Some(Path::new(DEPTH).join(name));
+                }
+            }
+        }
+        ImageStorage::Pixels(pixels) | ImageStorage::Rendered { pixels, .. } => {
             (0..sequence.frames.len())
                 .into_par_iter()
                 .try_for_each(|i| save_png(&folder.join(format!("{i:04}.png")), &pixels(i)))?;
+        }
+    }
+    if let (ImageStorage::Rendered { depth: make, .. }, Some(unit)) = (images, manifest.depth) {
+        let name = |index: usize| format!("{index:04}.png");
+        (0..sequence.frames.len())
+            .into_par_iter()
+            .try_for_each(|i| save_depth(&depth.join(name(i)), &make(i), unit))?;
+        for (index, frame) in manifest.frames.iter_mut().enumerate() {
+            frame.depth = Some(Path::new(DEPTH).join(name(index)));
         }
     }
     if let Some(first) = sequence.frames.first() {
@@ -145,11 +180,13 @@ fn write_files(
 fn describe(sequence: &Sequence, about: &About) -> Manifest {
     let first = sequence.frames.first().map(|frame| frame.camera);
     let shared = sequence.frames.iter().all(|f| Some(f.camera) == first);
-    let frames = if shared && sequence.frames.iter().all(|f| f.turn.is_none()) {
+    let plain = |frame: &Frame| frame.turn.is_none() && frame.depth.is_none();
+    let frames = if shared && sequence.frames.iter().all(plain) {
         Vec::new()
     } else {
         let own = |frame: &Frame| ManifestFrame {
             image: None,
+            depth: None,
             camera: (!shared).then_some(frame.camera),
             turn: frame.turn,
         };
@@ -172,13 +209,28 @@ fn refer_to_images(manifest: &mut Manifest, sequence: &Sequence) -> Result<(), D
         .iter()
         .map(|frame| real_path(&frame.image))
         .collect::<Result<Vec<_>, _>>()?;
-    let root = common_folder(&images);
+    let depths = (sequence.frames.iter())
+        .map(|frame| {
+            frame
+                .depth
+                .as_ref()
+                .map(|file| real_path(&file.path))
+                .transpose()
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    let all: Vec<PathBuf> = images
+        .iter()
+        .chain(depths.iter().flatten())
+        .cloned()
+        .collect();
+    let root = common_folder(&all);
     manifest
         .frames
         .resize(images.len(), ManifestFrame::default());
-    for (frame, image) in manifest.frames.iter_mut().zip(&images) {
-        let relative = image.strip_prefix(&root).unwrap_or(image);
-        frame.image = Some(relative.to_owned());
+    let relative = |path: &PathBuf| path.strip_prefix(&root).unwrap_or(path).to_owned();
+    for (frame, (image, depth)) in manifest.frames.iter_mut().zip(images.iter().zip(&depths)) {
+        frame.image = Some(relative(image));
+        frame.depth = depth.as_ref().map(relative);
     }
     manifest.image_root = Some(root);
     Ok(())
@@ -215,28 +267,41 @@ pub(super) fn common_folder(files: &[PathBuf]) -> PathBuf {
     folder.to_owned()
 }
 
-fn bring_images(
+/// Links or copies a file of frame `index` into `folder`; returns what it is called there.
+fn bring(
+    file: &Path,
     folder: &Path,
-    sequence: &Sequence,
+    index: usize,
     how: ImageStorage<'_>,
-) -> Result<(), DatasetError> {
-    for (index, frame) in sequence.frames.iter().enumerate() {
-        let source = fs::canonicalize(&frame.image)
-            .map_err(|error| DatasetError::io(&frame.image, &error))?;
-        let extension = frame.image.extension().unwrap_or_default();
-        let target = folder
-            .join(format!("{index:04}"))
-            .with_extension(extension.to_ascii_lowercase());
-        match how {
-            ImageStorage::Copy => {
-                // A pipe would be waited for.
-                open_file(&source).and_then(|_| fs::copy(&source, &target).map(drop))
-            }
-            _ => link(&source, &target),
+) -> Result<PathBuf, DatasetError> {
+    let source = fs::canonicalize(file).map_err(|error| DatasetError::io(file, &error))?;
+    let extension = file.extension().unwrap_or_default();
+    let name = Path::new(&format!("{index:04}")).with_extension(extension.to_ascii_lowercase());
+    let target = folder.join(&name);
+    match how {
+        ImageStorage::Copy => {
+            // A pipe would be waited for.
+            open_file(&source).and_then(|_| fs::copy(&source, &target).map(drop))
         }
-        .map_err(|error| DatasetError::io(&target, &error))?;
+        _ => link(&source, &target),
     }
-    Ok(())
+    .map_err(|error| DatasetError::io(&target, &error))?;
+    Ok(name)
+}
+
+/// How the depth of a sequence is stored, where it has any.
+fn depth_unit(sequence: &Sequence, dir: &Path) -> Result<Option<DepthUnit>, DatasetError> {
+    let mut units = (sequence.frames.iter()).filter_map(|frame| Some(frame.depth.as_ref()?.unit));
+    let first = units.next();
+    if units.all(|unit| Some(unit) == first) {
+        return Ok(first);
+    }
+    let what = "the depth of its frames is stored in different ways";
+    Err(DatasetError::new(
+        dir,
+        what,
+        "make datasets of one way each",
+    ))
 }
 
 #[cfg(unix)]
@@ -252,6 +317,15 @@ fn link(source: &Path, target: &Path) -> std::io::Result<()> {
 fn save_png(path: &Path, image: &GrayImage) -> Result<(), DatasetError> {
     let (width, height) = (image.width() as u32, image.height() as u32);
     image::save_buffer(path, image.data(), width, height, ExtendedColorType::L8)
+        .map_err(|error| DatasetError::new(path, error.to_string(), "check the disk and try again"))
+}
+
+fn save_depth(path: &Path, depth: &FloatImage, unit: DepthUnit) -> Result<(), DatasetError> {
+    let (width, height) = (depth.width() as u32, depth.height() as u32);
+    let stored: Vec<u8> = (depth.data().iter())
+        .flat_map(|&depth| stored_value(depth, unit).to_ne_bytes())
+        .collect();
+    image::save_buffer(path, &stored, width, height, ExtendedColorType::L16)
         .map_err(|error| DatasetError::new(path, error.to_string(), "check the disk and try again"))
 }
 

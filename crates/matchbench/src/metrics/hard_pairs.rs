@@ -119,7 +119,10 @@ pub fn hard_pairs(sets: &[&ResultSet], geometry: Option<&DatasetGeometry>) -> Ve
     let of_pair = |pair: &(u32, u32)| -> BTreeSet<Hardship> {
         let known = geometry.and_then(|geometry| geometry.get(pair));
         let mut found = BTreeSet::new();
-        if known.is_some_and(|known| known.view_angle >= WIDE_ANGLE) {
+        if known
+            .and_then(|known| known.view_angle)
+            .is_some_and(|angle| angle >= WIDE_ANGLE)
+        {
             found.insert(Hardship::WideAngle);
         }
         if known.is_some_and(|known| known.overlap < LITTLE_OVERLAP) {
@@ -245,9 +248,10 @@ mod tests {
         let geometry: DatasetGeometry = (0..7)
             .map(|a| {
                 let known = PairGeometry {
-                    baseline: 1.0,
-                    view_angle: if a == 2 || a == 3 { 40.0 } else { 5.0 },
+                    baseline: Some(1.0),
+                    view_angle: Some(if a == 2 || a == 3 { 40.0 } else { 5.0 }),
                     overlap: 0.9,
+                    is_measured: false,
                 };
                 ((a, a + 1), known)
             })

@@ -12,6 +12,7 @@ mod auc;
 mod average_matches;
 mod bootstrap;
 mod comparison;
+mod depth_scores;
 mod errors;
 mod failure;
 mod failures;
@@ -25,6 +26,7 @@ mod portion;
 mod protocol_scores;
 mod published;
 mod results;
+mod score_kind;
 mod scores;
 mod strata;
 mod success;
@@ -48,9 +50,8 @@ pub use pair_result::{Angle, AngularError, Deviation, Model, PairResult};
 pub use portion::Portion;
 pub use protocol_scores::{ProtocolScore, ProtocolScores, under_protocols};
 pub use results::{FileResults, ResultSet, ResultsError};
-pub use scores::{
-    Detail, Notation, SCORES, Score, ScoreKind, Scores, Spread, ranking_auc, score_kind,
-};
+pub use score_kind::{Detail, Notation, ScoreKind, Spread, Subject};
+pub use scores::{SCORES, Score, Scores, ranking_auc, score_kind};
 pub use strata::{Stratum, auc_by_stratum, strata};
 pub use success::{SuccessCurve, THRESHOLDS};
 pub use summary::{Summary, shown_scores};

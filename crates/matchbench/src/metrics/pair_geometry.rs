@@ -1,6 +1,7 @@
 //! How hard a pair is, told from its true pose and cameras alone: baseline, angle, overlap.
 //!
-//! Without a depth map nobody knows how much of image `a` is seen in image `b`. What can be known
+//! With depth a run measures how much of each image the other shows, and records it ([`PairGeometry::measure`]).
+//! Without, nobody knows how much of image `a` is seen in image `b`. What can be known then
 //! is an upper bound: were all that `a` sees at one depth, so many of its rays would end in `b`.
 //! [`PairGeometry::overlap`] takes the depth at which most do, from [`DEPTHS`] (in baselines, and
 //! infinity), each time the lesser of both directions. Images that look past each other have 0,
@@ -13,6 +14,7 @@ use std::collections::BTreeMap;
 use matchbench_vision::geometry::Camera;
 use nalgebra::{Isometry3, Point2, Vector3};
 
+use super::ResultSet;
 use crate::datasets::Sequence;
 
 /// Depths that are tried, in baselines; 0 stands for infinity.
@@ -23,12 +25,14 @@ const RAYS: (u32, u32) = (12, 9);
 /// What the true pose says about a pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairGeometry {
-    /// Distance of the two cameras, in the dataset's unit of length.
-    pub baseline: f64,
-    /// Angle between the optical axes, in degrees.
-    pub view_angle: f64,
-    /// Upper bound of the share of one image that is seen in the other, in `[0, 1]`.
+    /// Distance of the two cameras, in the dataset's unit of length; `None` where the dataset is not at hand.
+    pub baseline: Option<f64>,
+    /// Angle between the optical axes, in degrees; `None` where the dataset is not at hand.
+    pub view_angle: Option<f64>,
+    /// Share of one image that is seen in the other, in `[0, 1]`, or an upper bound of it.
     pub overlap: f64,
+    /// Whether the overlap was measured by depth.
+    pub is_measured: bool,
 }
 
 /// The geometry of every pair `(a, b)` of one dataset.
@@ -43,9 +47,10 @@ impl PairGeometry {
             .map(|&depth| share_seen(a, b, b_from_a, depth).min(share_seen(b, a, &back, depth)))
             .fold(0.0, f64::max);
         Self {
-            baseline: b_from_a.translation.vector.norm(),
-            view_angle: libm::acos(axis.z.clamp(-1.0, 1.0)).to_degrees(),
+            baseline: Some(b_from_a.translation.vector.norm()),
+            view_angle: Some(libm::acos(axis.z.clamp(-1.0, 1.0)).to_degrees()),
             overlap,
+            is_measured: false,
         }
     }
 
@@ -58,6 +63,23 @@ impl PairGeometry {
                 Some(((pair.a, pair.b), geometry))
             })
             .collect()
+    }
+
+    /// Puts the overlaps that the records of `results` hold in the place of bounds; of pairs whose poses are not
+    /// known they are all that is.
+    pub fn measure(geometry: &mut DatasetGeometry, results: &ResultSet) {
+        for pair in &results.pairs {
+            let Some(overlap) = pair.by_depth.and_then(|by_depth| by_depth.overlap) else {
+                continue;
+            };
+            let known = geometry.entry((pair.a, pair.b)).or_insert(Self {
+                baseline: None,
+                view_angle: None,
+                overlap,
+                is_measured: true,
+            });
+            (known.overlap, known.is_measured) = (overlap, true);
+        }
     }
 }
 
@@ -100,7 +122,9 @@ mod tests {
 
     use nalgebra::{Translation3, UnitQuaternion};
 
+    use super::super::{Failure, PairResult};
     use super::*;
+    use crate::records::ByDepth;
 
     const CAMERA: Camera = Camera::pinhole(320.0, 320.0, 320.0, 240.0);
 
@@ -115,16 +139,46 @@ mod tests {
     #[test]
     fn without_motion_all_is_seen() {
         let same = geometry(0.0, [0.0; 3]);
-        assert_eq!((same.baseline, same.overlap), (0.0, 1.0));
-        assert!(same.view_angle < 1e-6);
+        assert_eq!((same.baseline, same.overlap), (Some(0.0), 1.0));
+        assert!(same.view_angle.unwrap() < 1e-6);
     }
 
     #[test]
     fn cameras_that_look_away_share_nothing() {
         let away = geometry(PI, [0.0, 0.0, 1.0]);
-        assert!((away.view_angle - 180.0).abs() < 1e-4);
+        assert!((away.view_angle.unwrap() - 180.0).abs() < 1e-4);
         // Back to back: the ray along the axis meets at no depth.
         assert_eq!(geometry(PI, [0.0, 0.0, -1.0]).overlap, 0.0);
+    }
+
+    #[test]
+    fn measured_overlaps_take_the_place_of_bounds() {
+        let by_depth = |overlap| {
+            Some(ByDepth {
+                overlap,
+                judged: 0,
+                within: [0; 10],
+                repeated: None,
+            })
+        };
+        let result = |b, overlap| PairResult {
+            by_depth: by_depth(overlap),
+            ..PairResult::failed(0, b, Failure::NoSupport)
+        };
+        let results = ResultSet {
+            dataset: "room".into(),
+            matcher: "sift".into(),
+            estimator: "best".into(),
+            repetitions: 1,
+            ignored: 0,
+            pairs: vec![result(1, Some(0.25)), result(2, Some(0.5)), result(3, None)],
+        };
+        let same = geometry(0.0, [0.0; 3]);
+        let mut known: DatasetGeometry = [((0, 1), same), ((0, 3), same)].into();
+        PairGeometry::measure(&mut known, &results);
+        let overlap = |b| (known[&(0, b)].overlap, known[&(0, b)].is_measured);
+        assert_eq!([overlap(1), overlap(3)], [(0.25, true), (1.0, false)]);
+        assert_eq!((overlap(2), known[&(0, 2)].baseline), ((0.5, true), None));
     }
 
     #[test]
@@ -132,7 +186,7 @@ mod tests {
         // The field of view is 90 degrees: turned by 45, the middle comes to the edge.
         let turned = geometry(PI / 4.0, [0.0; 3]);
         assert!((turned.overlap - 0.5).abs() < 0.1, "{turned:?}");
-        assert!((turned.view_angle - 45.0).abs() < 1e-9);
+        assert!((turned.view_angle.unwrap() - 45.0).abs() < 1e-9);
         // A step to the side that keeps an object in view.
         let around = geometry(PI / 4.0, [-1.0, 0.0, 0.4]);
         assert!(around.overlap > turned.overlap + 0.2, "{around:?}");

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::records::{Counts, Outcome, RunRecord, StageTimes};
+use crate::records::{ByDepth, Counts, Outcome, RunRecord, StageTimes};
 
 use super::Failure;
 
@@ -30,6 +30,8 @@ pub struct PairResult {
     /// Keypoints that could be found in both images, the smaller number of both, and those that were, within
     /// 3 pixels; where the true homography tells.
     pub found_again: Option<(u32, u32)>,
+    /// What the depth of both images says; `None` where there is none.
+    pub by_depth: Option<ByDepth>,
     /// Numbers of features and matches, where they were recorded.
     pub counts: Option<Counts>,
     /// Stage times, where they were taken.
@@ -114,6 +116,7 @@ impl PairResult {
             correspondences: 0,
             correct: None,
             found_again: None,
+            by_depth: None,
             counts: None,
             times: StageTimes::default(),
         }
@@ -151,6 +154,15 @@ impl PairResult {
         match self.outcome {
             Ok(Deviation::Pose(error)) => Some(error),
             _ => None,
+        }
+    }
+
+    /// The error that the pair is judged by, where there is one: of poses that of the pose in degrees, of
+    /// homographies that of the corners in pixels.
+    pub fn judged_error(&self) -> Option<f64> {
+        match self.model {
+            Model::Pose => self.error(Angle::Pose),
+            Model::Homography => self.corner_error(),
         }
     }
 
@@ -224,6 +236,7 @@ impl From<&RunRecord> for PairResult {
             correct: record.correct,
             found_again: (record.repeated)
                 .map(|repeated| (repeated.least_visible(), repeated.within[FOUND_PX - 1])),
+            by_depth: record.by_depth,
             counts: Some(record.counts),
             times: record.times,
         }
@@ -233,6 +246,7 @@ impl From<&RunRecord> for PairResult {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::records::Repeated;
 
     /// A pair with these errors in degrees and this many correspondences.
     pub(in super::super) fn solved(a: u32, rotation: f64, translation: f64, n: u32) -> PairResult {
@@ -242,6 +256,19 @@ pub(super) mod tests {
                 translation: Some(translation),
             })),
             correspondences: n,
+            by_depth: Some(ByDepth {
+                overlap: Some(0.5),
+                judged: n,
+                within: [n / 2; 10],
+                repeated: Some(Repeated {
+                    visible: [4 * n, 5 * n],
+                    within: [2 * n; 10],
+                }),
+            }),
+            counts: Some(Counts {
+                selected: n,
+                ..Counts::default()
+            }),
             ..PairResult::failed(a, a + 1, Failure::Missing)
         }
     }

@@ -1,15 +1,17 @@
 //! Every score, defined once: what it is called, what it means, how it is computed and written.
 //!
 //! Tables, CSV, the page and its definitions walk [`SCORES`]; to add a score, add an entry. A score
-//! is a function of the pairs of one [`ResultSet`](super::ResultSet). It is of poses or of homographies, and
-//! unknown where there are no pairs of its model. One that is a ratio of sums over pairs also says what a
+//! is a function of the pairs of one [`ResultSet`](super::ResultSet). It is about poses, homographies or depth, and
+//! unknown where there are no pairs that have these. One that is a ratio of sums over pairs also says what a
 //! pair adds to it ([`Term`]) and thereby has a bootstrap interval.
 
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use super::average_matches::{average_matches, is_right};
+use super::depth_scores;
 use super::pair_result::FOUND_PX;
+use super::score_kind::{Detail, Notation, ScoreKind, Spread, Subject, mean_of_terms, share_term};
 use super::success::share_of_thresholds;
 use super::{
     Angle, Bootstrap, Interval, Model, PairResult, SuccessCurve, Term, corner_auc,
@@ -19,68 +21,11 @@ use super::{
 /// The threshold at which the paper shows AP, in degrees.
 pub(super) const AP_THRESHOLD: f64 = 5.0;
 
-/// A score as a function of results, and everything that is said about it.
-#[derive(Clone, Copy, Debug)]
-pub struct ScoreKind {
-    /// Name of its column in CSV and JSON; never changes its meaning.
-    pub id: &'static str,
-    /// What the estimates or the truth that it is about are of.
-    pub model: Model,
-    /// Head of its column where people read.
-    pub heading: &'static str,
-    /// What it is, in full sentences. Neighbours in the list with the same text share it.
-    pub definition: &'static str,
-    /// The score of all pairs of a set of results; `None` or NaN where it is undefined.
-    pub value: fn(&[PairResult]) -> Option<f64>,
-    /// Where its interval comes from.
-    pub spread: Spread,
-    /// How the number is written for people.
-    pub notation: Notation,
-    /// Which tables for people have it; CSV and JSON have every score.
-    pub detail: Detail,
-}
-
-/// Where the bootstrap interval of a score comes from.
-#[derive(Clone, Copy, Debug)]
-pub enum Spread {
-    /// There is none.
-    Unknown,
-    /// The score is a ratio of sums over pairs, and this is what one pair adds.
-    Terms(fn(&PairResult) -> Term),
-    /// The score is the AUC of the corner error up to so many pixels.
-    Corners(u32),
-}
-
-impl ScoreKind {
-    /// Whether the score has an interval where there is enough evidence.
-    pub fn has_interval(&self) -> bool {
-        !matches!(self.spread, Spread::Unknown)
-    }
-}
-
-/// How a score is written in tables for people.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Notation {
-    /// A share in `[0, 1]`: three decimals.
-    Ratio,
-    /// A mean number of things: one decimal.
-    Count,
-}
-
-/// How closely somebody looks who sees a score.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Detail {
-    /// In the table of a terminal too.
-    Glance,
-    /// In the complete tables of the report only.
-    Complete,
-}
-
 /// All scores, in the order of tables; the first is the paper's.
 pub const SCORES: &[ScoreKind] = &[
     ScoreKind {
         id: "auc",
-        model: Model::Pose,
+        about: Subject::Poses,
         heading: "AUC",
         definition: "Mean of SP(1) ... SP(15), as in \"MatchBench: An Evaluation of Feature Matchers\".",
         value: |pairs| auc(pairs, Angle::Pose),
@@ -90,7 +35,7 @@ pub const SCORES: &[ScoreKind] = &[
     },
     ScoreKind {
         id: "sp5",
-        model: Model::Pose,
+        about: Subject::Poses,
         heading: "SP(5)",
         definition: SP,
         value: |pairs| Some(SuccessCurve::new(pairs, Angle::Pose).at(5)),
@@ -100,7 +45,7 @@ pub const SCORES: &[ScoreKind] = &[
     },
     ScoreKind {
         id: "sp10",
-        model: Model::Pose,
+        about: Subject::Poses,
         heading: "SP(10)",
         definition: SP,
         value: |pairs| Some(SuccessCurve::new(pairs, Angle::Pose).at(10)),
@@ -110,7 +55,7 @@ pub const SCORES: &[ScoreKind] = &[
     },
     ScoreKind {
         id: "rotation_auc",
-        model: Model::Pose,
+        about: Subject::Poses,
         heading: "AUC rot.",
         definition: ONE_ANGLE,
         value: |pairs| auc(pairs, Angle::Rotation),
@@ -120,7 +65,7 @@ pub const SCORES: &[ScoreKind] = &[
     },
     ScoreKind {
         id: "translation_auc",
-        model: Model::Pose,
+        about: Subject::Poses,
         heading: "AUC trans.",
         definition: ONE_ANGLE,
         value: |pairs| auc(pairs, Angle::Translation),
@@ -130,7 +75,7 @@ pub const SCORES: &[ScoreKind] = &[
     },
     ScoreKind {
         id: "ap5",
-        model: Model::Pose,
+        about: Subject::Poses,
         heading: "AP(5)",
         definition: "Mean number of correspondences of the pairs with a pose error below 5 degrees.",
         value: |pairs| average_matches(pairs, AP_THRESHOLD),
@@ -140,7 +85,7 @@ pub const SCORES: &[ScoreKind] = &[
     },
     ScoreKind {
         id: "exact_auc_5",
-        model: Model::Pose,
+        about: Subject::Poses,
         heading: "Exact AUC 5°",
         definition: EXACT_AUC,
         value: |pairs| Some(exact_auc(pairs, 5.0)),
@@ -150,7 +95,7 @@ pub const SCORES: &[ScoreKind] = &[
     },
     ScoreKind {
         id: "exact_auc_10",
-        model: Model::Pose,
+        about: Subject::Poses,
         heading: "Exact AUC 10°",
         definition: EXACT_AUC,
         value: |pairs| Some(exact_auc(pairs, 10.0)),
@@ -160,7 +105,7 @@ pub const SCORES: &[ScoreKind] = &[
     },
     ScoreKind {
         id: "exact_auc_20",
-        model: Model::Pose,
+        about: Subject::Poses,
         heading: "Exact AUC 20°",
         definition: EXACT_AUC,
         value: |pairs| Some(exact_auc(pairs, 20.0)),
@@ -170,7 +115,7 @@ pub const SCORES: &[ScoreKind] = &[
     },
     ScoreKind {
         id: "maa_10",
-        model: Model::Pose,
+        about: Subject::Poses,
         heading: "mAA 10°",
         definition: "Mean share of pairs with a pose error below 1, 2, ... 10 degrees, as in the Image \
                      Matching Challenge; a translation and its opposite count as the same.",
@@ -195,7 +140,7 @@ pub const SCORES: &[ScoreKind] = &[
     accuracy::<10>("mma10", "MMA 10 px", Detail::Complete),
     ScoreKind {
         id: "repeatability",
-        model: Model::Homography,
+        about: Subject::Homographies,
         heading: "Repeatability",
         definition: FOUND_AGAIN,
         value: |pairs| Some(mean_of_terms(pairs, repeatability_term)),
@@ -205,7 +150,7 @@ pub const SCORES: &[ScoreKind] = &[
     },
     ScoreKind {
         id: "matching_score",
-        model: Model::Homography,
+        about: Subject::Homographies,
         heading: "Matching score",
         definition: FOUND_AGAIN,
         value: |pairs| Some(mean_of_terms(pairs, matching_term)),
@@ -213,13 +158,18 @@ pub const SCORES: &[ScoreKind] = &[
         notation: Notation::Ratio,
         detail: Detail::Glance,
     },
+    depth_scores::precision::<1>("precision_1px", "Precision 1 px", Detail::Complete),
+    depth_scores::precision::<3>("precision_3px", "Precision 3 px", Detail::Glance),
+    depth_scores::precision::<5>("precision_5px", "Precision 5 px", Detail::Complete),
+    depth_scores::REPEATABILITY,
+    depth_scores::MATCHING_SCORE,
 ];
 
 /// The AUC of the corner error up to so many pixels.
 const fn corners<const PX: u32>(id: &'static str, heading: &'static str) -> ScoreKind {
     ScoreKind {
         id,
-        model: Model::Homography,
+        about: Subject::Homographies,
         heading,
         definition: CORNER_AUC,
         value: |pairs| Some(corner_auc(pairs, f64::from(PX))),
@@ -237,7 +187,7 @@ const fn accuracy<const PX: usize>(
 ) -> ScoreKind {
     ScoreKind {
         id,
-        model: Model::Homography,
+        about: Subject::Homographies,
         heading,
         definition: MMA,
         value: |pairs| Some(mean_of_terms(pairs, |pair| accuracy_term(pair, PX))),
@@ -393,22 +343,7 @@ fn matching_term(pair: &PairResult) -> Term {
 
 fn share_of_visible(pair: &PairResult, found: fn(&PairResult) -> Option<u32>) -> Term {
     let known = pair.found_again.zip(found(pair));
-    Term {
-        cluster: pair.a,
-        numerator: known.map_or(0.0, |((visible, _), found)| {
-            // Matches of one place with several orientations are several.
-            (f64::from(found) / f64::from(visible.max(1))).min(1.0)
-        }),
-        denominator: f64::from(u8::from(known.is_some())),
-    }
-}
-
-/// The ratio of the sums of what pairs add to a score.
-fn mean_of_terms(pairs: &[PairResult], term: impl Fn(&PairResult) -> Term) -> f64 {
-    let (numerator, denominator) = pairs.iter().map(term).fold((0.0, 0.0), |sums, term| {
-        (sums.0 + term.numerator, sums.1 + term.denominator)
-    });
-    numerator / denominator
+    share_term(pair, known.map(|((visible, _), found)| (found, visible)))
 }
 
 fn ap_term(pair: &PairResult) -> Term {
@@ -490,9 +425,10 @@ mod tests {
         let poses = Scores::new(&pairs(), &Bootstrap::default());
         let homographies = Scores::new(&transfers(), &Bootstrap::default());
         for ((kind, pose), (_, homography)) in poses.iter().zip(homographies.iter()) {
-            let (score, other) = match kind.model {
-                Model::Pose => (pose, homography),
-                Model::Homography => (homography, pose),
+            let (score, other) = match kind.about {
+                // The pairs with poses have depth here, the others have none.
+                Subject::Poses | Subject::Depth => (pose, homography),
+                Subject::Homographies => (homography, pose),
             };
             assert_eq!(other, Score::default(), "{}", kind.id);
             let value = score.value.unwrap_or_else(|| panic!("{}", kind.id));
@@ -510,9 +446,9 @@ mod tests {
             let Spread::Terms(term) = kind.spread else {
                 continue;
             };
-            let pairs = match kind.model {
-                Model::Pose => pairs(),
-                Model::Homography => transfers(),
+            let pairs = match kind.about {
+                Subject::Poses | Subject::Depth => pairs(),
+                Subject::Homographies => transfers(),
             };
             let terms: Vec<Term> = pairs.iter().map(term).collect();
             let sum = |part: fn(&Term) -> f64| terms.iter().map(part).sum::<f64>();

@@ -13,13 +13,13 @@ pub struct Stratum {
 }
 
 /// Cuts the pairs of a dataset into at most `count` strata of about equal size by `value`; equal
-/// values stay together.
+/// values stay together, and pairs without a value are in none.
 pub fn strata(
     geometry: &DatasetGeometry,
-    value: impl Fn(&PairGeometry) -> f64,
+    value: impl Fn(&PairGeometry) -> Option<f64>,
     count: usize,
 ) -> Vec<Stratum> {
-    let mut values: Vec<f64> = geometry.values().map(value).collect();
+    let mut values: Vec<f64> = geometry.values().filter_map(value).collect();
     values.sort_by(f64::total_cmp);
     let mut strata: Vec<Stratum> = Vec::new();
     let mut start = 0;
@@ -41,12 +41,12 @@ pub fn strata(
 pub fn auc_by_stratum(
     results: &ResultSet,
     geometry: &DatasetGeometry,
-    value: impl Fn(&PairGeometry) -> f64,
+    value: impl Fn(&PairGeometry) -> Option<f64>,
     strata: &[Stratum],
 ) -> Vec<Option<f64>> {
     let mut sums = vec![(0.0, 0_usize); strata.len()];
     for pair in &results.pairs {
-        let Some(value) = geometry.get(&(pair.a, pair.b)).map(&value) else {
+        let Some(value) = geometry.get(&(pair.a, pair.b)).and_then(&value) else {
             continue;
         };
         let inside = |stratum: &Stratum| stratum.low <= value && value <= stratum.high;
@@ -68,9 +68,10 @@ mod tests {
     fn geometry(baselines: &[f64]) -> DatasetGeometry {
         let pair = |(a, &baseline): (usize, &f64)| {
             let geometry = PairGeometry {
-                baseline,
-                view_angle: 0.0,
+                baseline: Some(baseline),
+                view_angle: Some(0.0),
                 overlap: 1.0,
+                is_measured: false,
             };
             ((a as u32, a as u32 + 1), geometry)
         };

@@ -6,7 +6,7 @@ use crate::protocols;
 
 use super::{
     Angle, Bootstrap, Failures, Model, PairResult, Portion, ResultSet, SCORES, Score, ScoreKind,
-    Scores, StageQuartiles, SuccessCurve, ranking_auc,
+    Scores, StageQuartiles, Subject, SuccessCurve, ranking_auc,
 };
 
 /// All scores of one dataset, matcher and estimator. Ratios are in `[0, 1]` and NaN without pairs.
@@ -131,7 +131,7 @@ impl Summary {
 }
 
 /// The scores that a table of these summaries shows: those of poses where any were estimated, and what is
-/// known of homographies.
+/// known of homographies and by depth.
 pub fn shown_scores(summaries: &[Summary]) -> Vec<&'static ScoreKind> {
     let poses = summaries.is_empty() || summaries.iter().any(|s| s.model == Model::Pose);
     let known = |kind: &ScoreKind| {
@@ -139,9 +139,11 @@ pub fn shown_scores(summaries: &[Summary]) -> Vec<&'static ScoreKind> {
         summaries.iter().any(|s| value(s).is_some())
     };
     (SCORES.iter())
-        .filter(|kind| match kind.model {
-            Model::Pose => poses,
-            Model::Homography => known(kind),
+        .filter(|kind| match kind.about {
+            Subject::Poses => poses,
+            Subject::Homographies => known(kind),
+            // The same that a homography tells of a plane, by another way.
+            Subject::Depth => poses && known(kind),
         })
         .collect()
 }

@@ -238,6 +238,7 @@ mod tests {
             counts: Counts::default(),
             correct: None,
             repeated: None,
+            by_depth: None,
             outcome,
             times: StageTimes::default(),
             device: None,

@@ -101,6 +101,7 @@ mod tests {
             counts: Counts::default(),
             correct: None,
             repeated: None,
+            by_depth: None,
             outcome: Outcome::judged(&pose, &Isometry3::translation(1.0, 0.0, 0.0), 9, 12, 100),
             times: StageTimes {
                 search: Some(0.25),
@@ -192,6 +193,21 @@ mod tests {
                 "\"outcome\":",
                 "\"repeated\":{\"visible\":[7,9],\"within\":[2,1,2,3,4,5,6,7,7,7]},\"outcome\":",
                 "repeated",
+            ),
+            (
+                "\"outcome\":",
+                "\"by_depth\":{\"overlap\":1.1,\"judged\":0,\"within\":[0,0,0,0,0,0,0,0,0,0]},\"outcome\":",
+                "overlap",
+            ),
+            (
+                "\"outcome\":",
+                "\"by_depth\":{\"judged\":1,\"within\":[0,0,0,0,0,0,0,0,0,0]},\"outcome\":",
+                "judges 1 of 0",
+            ),
+            (
+                "\"outcome\":",
+                "\"by_depth\":{\"judged\":0,\"within\":[0,0,0,0,0,0,0,0,0,1]},\"outcome\":",
+                "more and more",
             ),
             ("\"b\":4", "\"b\":3", "itself"),
         ] {

@@ -22,7 +22,7 @@ pub use folder::{FORMAT, RunFolder, RunWriter};
 pub use matches::{KeepMatches, MatchesFile, SelectedMatches};
 pub use outcome::{MIN_MATCHES, MIN_SUPPORT, Outcome};
 pub use plan::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, Settings, ShardOf};
-pub use record::{Counts, Repeated, RunRecord, StageTimes, Task};
+pub use record::{ByDepth, Counts, Repeated, RunRecord, StageTimes, Task};
 pub use shards::{ShardError, ShardPlan};
 pub use store::StoreError;
 pub use tuned::{Tuned, TunedOn};

@@ -21,6 +21,9 @@ pub struct RunRecord {
     /// features were not at hand: matches from outside, or of an earlier process.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub repeated: Option<Repeated>,
+    /// What the depth of both images says of them and of the matches; absent where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by_depth: Option<ByDepth>,
     /// What came out.
     pub outcome: Outcome,
     /// How long each stage took.
@@ -48,7 +51,21 @@ impl RunRecord {
         }
         self.check_correct()?;
         self.repeated.as_ref().map_or(Ok(()), Repeated::check)?;
+        self.check_by_depth()?;
         self.outcome.check()
+    }
+
+    fn check_by_depth(&self) -> Result<(), String> {
+        let Some(by_depth) = &self.by_depth else {
+            return Ok(());
+        };
+        if by_depth.judged > self.counts.selected {
+            return Err(format!(
+                "`by_depth` judges {} of {} matches",
+                by_depth.judged, self.counts.selected
+            ));
+        }
+        by_depth.check()
     }
 
     /// Matches within more pixels are more matches, and none are more than all.
@@ -67,8 +84,41 @@ impl RunRecord {
     }
 }
 
-/// Keypoints in the part of the scene that both images of a pair show, by the true homography; those at one place
-/// count once.
+/// What the depth of two images says of them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ByDepth {
+    /// Share of the pixels of one image that the other sees too, the smaller of both; absent where an image has no
+    /// depth at all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub overlap: Option<f64>,
+    /// Selected matches an end of which has depth.
+    pub judged: u32,
+    /// Those of them within 1, 2, ... 10 pixels of where the depth and the true pose take their other end.
+    pub within: [u32; 10],
+    /// Keypoints that were found in both images; absent where the features were not at hand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repeated: Option<Repeated>,
+}
+
+impl ByDepth {
+    /// Whether the numbers can be a share and counts.
+    fn check(&self) -> Result<(), String> {
+        if let Some(overlap) = (self.overlap).filter(|share| !(0.0..=1.0).contains(share)) {
+            return Err(format!("`overlap` is {overlap}, and no share"));
+        }
+        if !self.within.is_sorted() || self.within[9] > self.judged {
+            return Err(format!(
+                "`by_depth` has {:?} matches within more and more pixels, of {}",
+                self.within, self.judged
+            ));
+        }
+        self.repeated.as_ref().map_or(Ok(()), Repeated::check)
+    }
+}
+
+/// Keypoints in the part of the scene that both images of a pair show, by the true homography or by depth; those at
+/// one place count once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Repeated {
@@ -198,6 +248,12 @@ mod tests {
             counts: Counts::default(),
             correct: None,
             repeated: None,
+            by_depth: Some(ByDepth {
+                overlap: Some(0.1 + 0.2),
+                judged: 0,
+                within: [0; 10],
+                repeated: None,
+            }),
             outcome: Outcome::judged(
                 &estimate,
                 &Isometry3::translation(1.0, 2.0, 0.1),

@@ -284,6 +284,7 @@ mod tests {
             counts: Counts::default(),
             correct: None,
             repeated: None,
+            by_depth: None,
             outcome: Outcome::NoPose {
                 reason: NoPose::TooFewMatches {
                     found: 3,

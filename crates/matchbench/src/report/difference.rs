@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::metrics::{Angle, Comparison, Model, PairResult, ResultSet};
+use crate::metrics::{Comparison, PairResult, ResultSet};
 use crate::records::RunFolder;
 
 /// The error from which the AUC sees no difference, in degrees or pixels.
@@ -44,10 +44,7 @@ pub(super) struct Twin<'a> {
 impl Twin<'_> {
     /// The errors of both: degrees of the pose, pixels of the corners.
     pub(super) fn errors(&self) -> [Option<f64>; 2] {
-        self.results.map(|pair| match pair.model {
-            Model::Pose => pair.error(Angle::Pose),
-            Model::Homography => pair.corner_error(),
-        })
+        self.results.map(PairResult::judged_error)
     }
 
     /// By how much the first is worse than the second: as far as the AUC looks, and at all.

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use crate::metrics::{
-    Angle, Model, PairGeometry, Portion, Quartiles, StageQuartiles, Stratum, SuccessCurve, Summary,
-    auc_by_stratum, strata,
+    Angle, DatasetGeometry, Model, PairGeometry, Portion, Quartiles, StageQuartiles, Stratum,
+    SuccessCurve, Summary, auc_by_stratum, strata,
 };
 
 use super::content::Content;
@@ -39,19 +39,22 @@ impl Difficulty {
         }
     }
 
-    fn axis(self) -> &'static str {
+    fn axis(self, geometry: &DatasetGeometry) -> &'static str {
         match self {
             Self::Baseline => "baseline (unit of the dataset)",
             Self::ViewAngle => "angle between the optical axes (degrees)",
+            Self::Overlap if geometry.values().all(|pair| pair.is_measured) => {
+                "overlap (measured by depth)"
+            }
             Self::Overlap => "overlap (upper bound)",
         }
     }
 
-    fn of(self, geometry: &PairGeometry) -> f64 {
+    fn of(self, geometry: &PairGeometry) -> Option<f64> {
         match self {
             Self::Baseline => geometry.baseline,
             Self::ViewAngle => geometry.view_angle,
-            Self::Overlap => geometry.overlap,
+            Self::Overlap => Some(geometry.overlap),
         }
     }
 }
@@ -76,6 +79,9 @@ pub(super) fn difficulty_lines<'a>(
     let geometry = content.geometry.get(dataset)?;
     let value = |geometry: &PairGeometry| difficulty.of(geometry);
     let strata = strata(geometry, value, STRATA);
+    if strata.is_empty() {
+        return None;
+    }
     let label = |stratum: &Stratum| match (short(stratum.low), short(stratum.high)) {
         (low, high) if low == high => low,
         (low, high) => format!("{low}–{high}"),
@@ -107,6 +113,7 @@ pub(super) fn difficulty_figure(
     target: Target,
 ) -> Option<String> {
     let (ranges, lines) = difficulty_lines(content, overview, column, difficulty)?;
+    let geometry = content.geometry.get(overview.datasets[column])?;
     let title = format!(
         "AUC over {}: {}",
         difficulty.name(),
@@ -115,7 +122,7 @@ pub(super) fn difficulty_figure(
     Some(strata_curves(
         target,
         &title,
-        (difficulty.axis(), &ranges),
+        (difficulty.axis(geometry), &ranges),
         &lines,
     ))
 }

@@ -153,7 +153,7 @@ mod tests {
     use crate::metrics::{
         AngularError, Bootstrap, Deviation, Failure, Model, PairResult, ResultSet,
     };
-    use crate::records::Counts;
+    use crate::records::{ByDepth, Counts, Repeated};
 
     /// Results of one matcher with as many right pairs, in ten, as its AUC is to have tenths.
     fn results(dataset: &str, matcher: &str, tenths: u32) -> ResultSet {
@@ -195,6 +195,15 @@ mod tests {
             pair.correspondences = 50;
             pair.correct = Some([10, 20, 30, 40, 50, 50, 50, 50, 50, 50]);
             pair.found_again = Some((200, 90));
+            pair.by_depth = Some(ByDepth {
+                overlap: Some(0.4),
+                judged: 80,
+                within: [20, 30, 40, 50, 50, 50, 50, 50, 50, 50],
+                repeated: Some(Repeated {
+                    visible: [200, 300],
+                    within: [90; 10],
+                }),
+            });
             pair.counts = Some(Counts {
                 selected: 100,
                 ..Counts::default()

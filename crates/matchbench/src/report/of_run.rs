@@ -1,7 +1,7 @@
 //! The whole report of a run, from its folder alone: by anybody, years later.
 //!
 //! What is not in the folder is used where it still is, and named in [`Reported::notes`] where it is
-//! not: the datasets (images, baselines and angles) and the feature cache (keypoints).
+//! not: the datasets (images, baselines and angles; overlaps that were measured by depth are recorded) and the feature cache (keypoints).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -114,6 +114,11 @@ pub fn content_of_run(
     content.geometry = (sequences.iter())
         .map(|(name, sequence)| (name.clone(), PairGeometry::of_sequence(sequence)))
         .collect();
+    for set in &content.results {
+        let geometry = content.geometry.entry(set.dataset.clone()).or_default();
+        PairGeometry::measure(geometry, set);
+    }
+    content.geometry.retain(|_, geometry| !geometry.is_empty());
     leave_out_what_was_not_run(&mut content);
     content.extractions = (run.plan().matchers.iter())
         .filter_map(|matcher| {

@@ -63,8 +63,8 @@ pub(super) fn columns(content: &Content) -> Vec<Column<'_>> {
             .map(|row| get(row).filter(|value| value.is_finite()));
         column(name, Values::Number(values.collect()))
     };
-    let known = |name, get: fn(&PairGeometry) -> f64| {
-        number(name, &move |row: &Row<'_>| row.geometry.map(get))
+    let known = |name, get: fn(&PairGeometry) -> Option<f64>| {
+        number(name, &move |row: &Row<'_>| row.geometry.and_then(get))
     };
     let error = |name, angle| number(name, &move |row: &Row<'_>| row.pair.error(angle));
     vec![
@@ -76,7 +76,10 @@ pub(super) fn columns(content: &Content) -> Vec<Column<'_>> {
         index("repetition", |pair| pair.repetition),
         known("baseline", |geometry| geometry.baseline),
         known("view_angle", |geometry| geometry.view_angle),
-        known("overlap", |geometry| geometry.overlap),
+        known("overlap", |geometry| Some(geometry.overlap)),
+        known("measured_overlap", |geometry| {
+            geometry.is_measured.then_some(geometry.overlap)
+        }),
         error("pose_error", Angle::Pose),
         error("rotation_error", Angle::Rotation),
         error("translation_error", Angle::Translation),
@@ -88,6 +91,10 @@ pub(super) fn columns(content: &Content) -> Vec<Column<'_>> {
         count("within_3px", |pair| Some(pair.correct?[2])),
         count("within_5px", |pair| Some(pair.correct?[4])),
         count("within_10px", |pair| Some(pair.correct?[9])),
+        count("with_depth", |pair| Some(pair.by_depth?.judged)),
+        count("by_depth_1px", |pair| Some(pair.by_depth?.within[0])),
+        count("by_depth_3px", |pair| Some(pair.by_depth?.within[2])),
+        count("by_depth_5px", |pair| Some(pair.by_depth?.within[4])),
         text("outcome", |row| outcome(row.pair)),
     ]
 }

@@ -16,6 +16,7 @@ use matchbench_vision::geometry::{
 use matchbench_vision::image::GrayImage;
 use nalgebra::{Isometry3, Matrix3, Point2, Vector3};
 
+use crate::metrics::Model;
 use crate::records::Outcome;
 
 /// A match agrees with an estimated pose if it is nearer than this to its epipolar geometry, in
@@ -197,6 +198,8 @@ pub struct PairView {
     pub matches: Vec<MatchView>,
     /// All of them, counted.
     pub tally: Tally,
+    /// What the matches are judged by.
+    pub model: Model,
     /// Epipolar lines of a few of them, or the frame of image a in image b.
     pub lines: Vec<EpipolarLines>,
     /// The homography that was estimated, if one was: it takes pixels of image a to image b.

@@ -11,7 +11,7 @@ use super::pair_view::{
 };
 use crate::cache::FeatureCache;
 use crate::datasets::{Pair, Sequence};
-use crate::metrics::{Angle, DatasetGeometry, Model, ResultSet, hard_pairs};
+use crate::metrics::{DatasetGeometry, Model, ResultSet, hard_pairs};
 use crate::records::{Outcome, Plan, RunFolder, SelectedMatches, StoreError};
 
 /// Longest side of an embedded image in pixels, and its JPEG quality.
@@ -185,12 +185,12 @@ pub fn view(
         outcome,
         Outcome::Homography { .. } | Outcome::NoHomography { .. }
     );
-    let (matches, lines) = match (pair.pose(), pair.homography()) {
+    let (matches, lines, model) = match (pair.pose(), pair.homography()) {
         (Some(pose), _) if !of_homography => {
             let poses = PairPoses::new(camera(pair.a), camera(pair.b), pose, outcome);
             let matches = match_views(&poses, a, b);
             let lines = epipolar_lines(&poses, &matches, images[1].original);
-            (matches, lines)
+            (matches, lines, Model::Pose)
         }
         (_, truth) => {
             let pair = PairHomographies {
@@ -198,7 +198,7 @@ pub fn view(
                 estimate: outcome.homography(),
             };
             let outline = pair.outline(images[0].original);
-            (pair.match_views(a, b), vec![outline])
+            (pair.match_views(a, b), vec![outline], Model::Homography)
         }
     };
     Some(PairView {
@@ -210,6 +210,7 @@ pub fn view(
         tally: Tally::of(&matches),
         matches,
         lines,
+        model,
         homography: outcome.homography(),
         keypoints: [Vec::new(), Vec::new()],
     })
@@ -220,10 +221,11 @@ pub fn view(
 fn chosen<'a>(sets: &[&ResultSet], sequence: &'a Sequence, count: usize) -> Vec<&'a Pair> {
     let mut right = BTreeMap::<(u32, u32), u32>::new();
     for pair in sets.iter().flat_map(|set| &set.pairs) {
-        let is_right = match pair.model {
-            Model::Pose => pair.error(Angle::Pose).is_some_and(|error| error < 5.0),
-            Model::Homography => pair.corner_error().is_some_and(|error| error < 3.0),
+        let limit = match pair.model {
+            Model::Pose => 5.0,
+            Model::Homography => 3.0,
         };
+        let is_right = pair.judged_error().is_some_and(|error| error < limit);
         *right.entry((pair.a, pair.b)).or_default() += u32::from(is_right);
     }
     let mut pairs: Vec<(u32, &Pair)> = (sequence.pairs.iter())
@@ -256,6 +258,7 @@ mod tests {
             image: "nowhere.png".into(),
             camera: Camera::pinhole(8.0, 8.0, 3.5, 3.5),
             world_from_camera: None,
+            depth: None,
         };
         let b_from_a = Isometry3::translation(1.0, 0.0, 0.0);
         Sequence {

@@ -255,9 +255,10 @@ mod tests {
     fn every_figure_draws_what_is_in_its_data() {
         let mut content = content(&[("01-room", "sift", 6), ("01-room", "orb", 2)]);
         let known = crate::metrics::PairGeometry {
-            baseline: 0.5,
-            view_angle: 10.0,
+            baseline: Some(0.5),
+            view_angle: Some(10.0),
             overlap: 0.8,
+            is_measured: false,
         };
         let pairs = (0..10).map(|a| ((a, a + 1), known));
         content.geometry.insert("01-room".into(), pairs.collect());

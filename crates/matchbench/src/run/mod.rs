@@ -16,6 +16,7 @@
 //! same order.
 
 mod contender;
+mod depth;
 mod detections;
 mod error;
 mod evaluate;
@@ -60,6 +61,7 @@ use crate::datasets::{DatasetError, Sequence, Unpaired, Whole, decode_gray};
 use crate::records::images::ImageNotes;
 use crate::records::store::RecordWriter;
 use crate::records::{KeepMatches, RunFolder, RunRecord, RunWriter, Settings, Tuned};
+use depth::DepthMaps;
 use kept::{Kept, Retried};
 use pair::PairStages;
 use progress::MatcherProgress;
@@ -299,6 +301,7 @@ impl Run<'_> {
                 time_budget: self.time_budget(),
                 images,
                 keep: self.keep_matches,
+                depth: DepthMaps::default(),
             },
             stored: folder.folder().matches_of(dataset, matcher)?,
             observer,

@@ -11,6 +11,7 @@ use matchbench_vision::matching::{Correspondences, View};
 use matchbench_vision::seed::Seed;
 
 use super::RunError;
+use super::depth::{DepthMaps, PairDepth};
 use super::frame::{Decode, load, lock, read, size};
 use super::guard::Broken;
 use super::matching::{search, select};
@@ -40,6 +41,22 @@ pub(super) struct PairStages<'a> {
     pub(super) images: &'a Mutex<ImageNotes>,
     /// Which matches are handed over.
     pub(super) keep: KeepMatches,
+    /// The depth of frames.
+    pub(super) depth: DepthMaps,
+}
+
+/// What is known of a pair.
+struct PairTruth<'a> {
+    pair: &'a Pair,
+    /// What depth says, where there is any.
+    depth: Result<Option<PairDepth<'a>>, Broken>,
+}
+
+impl PairTruth<'_> {
+    /// The depth, where it is there and can be read.
+    fn readable_depth(&self) -> Option<&PairDepth<'_>> {
+        self.depth.as_ref().ok()?.as_ref()
+    }
 }
 
 /// What is known of a pair after the search.
@@ -88,9 +105,12 @@ impl PairStages<'_> {
             ..StageTimes::default()
         };
         let searched = self.search(matcher, job, &mut counts, &mut times);
+        let truth = self.truth(job.pair);
         let repeated = (job.pair.homography())
             .zip(searched.as_ref().ok())
             .and_then(|(homography, searched)| repeated(homography, searched.a, searched.b));
+        let repeated_by_depth = (truth.readable_depth().zip(searched.as_ref().ok()))
+            .map(|(depth, searched)| depth.repeated(searched.a, searched.b));
         let mut done = PairDone::of(job.due.len());
         for due in by_repetition(job.due) {
             let repetition = due[0].repetition;
@@ -101,9 +121,12 @@ impl PairStages<'_> {
             // Whoever comes next finds these results ready, and so without a time.
             let times = mem::take(&mut times);
             let first = done.records.len();
-            self.estimate_all(job.pair, due, &selected, counts, times, &mut done);
+            self.estimate_all(&truth, due, &selected, counts, times, &mut done);
             for (_, record) in &mut done.records[first..] {
                 record.repeated = repeated;
+                if let Some(by_depth) = &mut record.by_depth {
+                    by_depth.repeated = repeated_by_depth;
+                }
             }
             self.keep(job.pair, repetition, selected, &mut done);
         }
@@ -128,13 +151,14 @@ impl PairStages<'_> {
             images: [image(pair.a), image(pair.b)],
         };
         let hashes = self.hashes(pair)?;
+        let truth = self.truth(pair);
         for due in by_repetition(&tasks.due) {
             let repetition = due[0].repetition;
             let seed = self.seed(pair, repetition);
             let (mut counts, mut times) = (Counts::default(), StageTimes::default());
             let (first, mut device) = (done.records.len(), None);
             let selected = sourced(source, &files, seed, &mut counts, &mut times, &mut device)?;
-            self.estimate_all(pair, due, &selected, counts, times, &mut done);
+            self.estimate_all(&truth, due, &selected, counts, times, &mut done);
             // Beside the times of the same record.
             done.records[first].1.device = device;
             if selected.is_ok() {
@@ -170,11 +194,12 @@ impl PairStages<'_> {
         stored: &MatchesFile,
     ) -> Result<PairDone, StoreError> {
         let mut done = PairDone::of(tasks.due.len());
+        let truth = self.truth(tasks.pair);
         for due in by_repetition(&tasks.due) {
             let matches = stored.read((tasks.pair.a, tasks.pair.b, due[0].repetition))?;
             let matches = matches.expect("the caller saw that they are there");
             let (counts, times) = (matches.counts, StageTimes::default());
-            self.estimate_all(tasks.pair, due, &Ok(matches), counts, times, &mut done);
+            self.estimate_all(&truth, due, &Ok(matches), counts, times, &mut done);
         }
         Ok(done)
     }
@@ -182,16 +207,21 @@ impl PairStages<'_> {
     /// The records of one repetition; the first of them has the `times` of the stages before.
     fn estimate_all(
         &self,
-        pair: &Pair,
+        truth: &PairTruth<'_>,
         due: &[PendingTask],
         selected: &Result<SelectedMatches, Broken>,
         counts: Counts,
         mut times: StageTimes,
         done: &mut PairDone,
     ) {
+        let pair = truth.pair;
+        // A truth that cannot be read would be missed in some scores, and nobody would see it.
+        let selected = truth.depth.as_ref().and(selected.as_ref());
         let correct = (pair.homography())
-            .zip(selected.as_ref().ok())
+            .zip(selected.ok())
             .map(|(homography, selected)| correct_matches(homography, &selected.points));
+        let by_depth = (truth.readable_depth().zip(selected.ok()))
+            .map(|(depth, selected)| depth.judge(&selected.points));
         let trial = Trial {
             cameras: [self.camera(pair.a), self.camera(pair.b)],
             truth: &pair.truth,
@@ -201,7 +231,7 @@ impl PairStages<'_> {
         };
         for due in due {
             let variant = &self.progress.contender.estimators[due.estimator];
-            let outcome = (selected.as_ref().map_err(Clone::clone)).and_then(|selected| {
+            let outcome = (selected.map_err(Clone::clone)).and_then(|selected| {
                 let judged = trial.evaluate(&selected.points, variant, &mut times)?;
                 if self.keep == KeepMatches::Inliers && judged.outcome.is_estimate() {
                     let key = (pair.a, pair.b, due.repetition);
@@ -215,6 +245,7 @@ impl PairStages<'_> {
                 counts,
                 correct,
                 repeated: None,
+                by_depth,
                 outcome: outcome.unwrap_or_else(Broken::outcome),
                 times: mem::take(&mut times),
                 device: None,
@@ -234,6 +265,11 @@ impl PairStages<'_> {
         if let (KeepMatches::All, Ok(matches)) = (self.keep, selected) {
             done.matches.push(((pair.a, pair.b, repetition), matches));
         }
+    }
+
+    fn truth<'p>(&'p self, pair: &'p Pair) -> PairTruth<'p> {
+        let depth = self.depth.of_pair(self.progress.sequence, pair);
+        PairTruth { pair, depth }
     }
 
     fn seed(&self, pair: &Pair, repetition: u32) -> Seed {

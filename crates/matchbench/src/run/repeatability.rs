@@ -1,7 +1,7 @@
-//! Keypoints that a detector finds again in the other image of a pair whose homography is known.
+//! Keypoints that a detector finds again in the other image of a pair whose homography or depth is known.
 //!
 //! Schmid, Mohr, Bauckhage, "Evaluation of Interest Point Detectors", IJCV 37(2), 2000: a keypoint of a is repeated
-//! if the homography takes it to within a few pixels of a keypoint of b. Only the part of the scene that both
+//! if the homography (or its depth and the true pose) takes it to within a few pixels of a keypoint of b. Only the part of the scene that both
 //! images show counts, and a keypoint of b repeats one of a at most: the two are each other's nearest. Places
 //! count, not keypoints, so that a place with several orientations counts once.
 //!
@@ -29,7 +29,12 @@ pub(super) fn repeated(b_from_a: &Matrix3<f64>, a: &Features, b: &Features) -> O
     let of_b: Vec<Point2<f64>> = (places(b).into_iter())
         .filter(|place| is_inside(&transfer(&a_from_b, *place), a.size))
         .collect();
-    let (grid_a, grid_b) = (Grid::new(&in_b, b.size), Grid::new(&of_b, b.size));
+    Some(found_again(&in_b, &of_b, b.size))
+}
+
+/// How many places of a, taken to image b of this size, are places of b; all lie on it.
+pub(super) fn found_again(in_b: &[Point2<f64>], of_b: &[Point2<f64>], size: Size) -> Repeated {
+    let (grid_a, grid_b) = (Grid::new(in_b, size), Grid::new(of_b, size));
     let mut within = [0; 10];
     for (index, place) in of_b.iter().enumerate() {
         let Some((nearest, distance)) = grid_a.nearest(place) else {
@@ -42,14 +47,14 @@ pub(super) fn repeated(b_from_a: &Matrix3<f64>, a: &Features, b: &Features) -> O
             }
         }
     }
-    Some(Repeated {
+    Repeated {
         visible: [count(in_b.len()), count(of_b.len())],
         within,
-    })
+    }
 }
 
 /// Where there are keypoints, each place once.
-fn places(features: &Features) -> Vec<Point2<f64>> {
+pub(super) fn places(features: &Features) -> Vec<Point2<f64>> {
     let mut places: Vec<Point2<f32>> = (features.keypoints.iter())
         .map(|keypoint| keypoint.at)
         .collect();
@@ -61,7 +66,7 @@ fn places(features: &Features) -> Vec<Point2<f64>> {
 }
 
 /// Whether a place lies on the image, from the centre of its first pixel to that of its last.
-fn is_inside(place: &Point2<f64>, size: Size) -> bool {
+pub(super) fn is_inside(place: &Point2<f64>, size: Size) -> bool {
     let inside = |x: f64, length: usize| x >= 0.0 && x <= length as f64 - 1.0;
     inside(place.x, size.width) && inside(place.y, size.height)
 }

@@ -48,6 +48,7 @@ pub(super) fn dataset(folder: &Path, name: &str, frames: u32) -> Dataset {
             turn: Turn::None,
             camera: Camera::pinhole(8.0, 8.0, 3.5, 3.5),
             world_from_camera: None,
+            depth: None,
         }
     };
     let pair = |a, b| {

@@ -185,14 +185,20 @@ impl Trial<'_> {
 /// accuracy counts (Mikolajczyk, Schmid, "A Performance Evaluation of Local Descriptors", PAMI 27(10), 2005;
 /// Dusmanu et al., "D2-Net", CVPR 2019).
 pub(super) fn correct_matches(homography: &Matrix3<f64>, points: &MatchedPoints) -> [u32; 10] {
-    let mut correct = [0; 10];
-    for (&a, b) in points.a.iter().zip(&points.b) {
-        let distance = (transfer(homography, a) - b).norm();
-        for (k, correct) in (1_u32..).zip(&mut correct) {
-            *correct += u32::from(distance <= f64::from(k));
+    let pairs = points.a.iter().zip(&points.b);
+    counts_within(pairs.map(|(&a, b)| (transfer(homography, a) - b).norm())).1
+}
+
+/// How many distances there are, and how many of them are 1, 2, ... 10 pixels or less.
+pub(super) fn counts_within(distances: impl Iterator<Item = f64>) -> (u32, [u32; 10]) {
+    let (mut all, mut within) = (0, [0; 10]);
+    for distance in distances {
+        all += 1;
+        for (k, within) in (1_u32..).zip(&mut within) {
+            *within += u32::from(distance <= f64::from(k));
         }
     }
-    correct
+    (all, within)
 }
 
 #[cfg(test)]

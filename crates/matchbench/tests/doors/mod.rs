@@ -9,7 +9,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use matchbench::datasets::{
-    ImportOptions, Imported, Pair, Sequence, Truth, decode_gray, read_pairs, read_source,
+    DepthFile, DepthUnit, ImportOptions, Imported, Pair, Sequence, Truth, Turn, decode_gray,
+    read_pairs, read_source,
 };
 use matchbench::exchange::{MatchFiles, ReadOptions};
 use matchbench::external::Manifest;
@@ -17,7 +18,8 @@ use matchbench::metrics::load;
 use matchbench::records::store::{self, RecordWriter};
 use matchbench::records::{MatchesFile, RunFolder, authors};
 use matchbench_vision::geometry::Camera;
-use nalgebra::{Isometry3, Matrix3};
+use matchbench_vision::image::Size;
+use nalgebra::{Isometry3, Matrix3, Point2};
 
 /// A door: its name, and what it does with bytes. It says whether they were accepted.
 pub(crate) type Door = (&'static str, fn(&Doors, &[u8]) -> bool);
@@ -37,6 +39,7 @@ pub(crate) fn offer(name: &str, bytes: &[u8]) -> bool {
 /// All doors.
 pub(crate) const DOORS: &[Door] = &[
     ("image", |_, bytes| image(bytes)),
+    ("depth", Doors::depth),
     ("records", Doors::records),
     ("matches", Doors::matches),
     ("plan", Doors::plan),
@@ -225,6 +228,38 @@ impl Doors {
         let Ok(sequence) = opened else { return false };
         check_sequence(&sequence);
         true
+    }
+
+    /// Depth of any size for an image of 4 x 3 pixels, in all four turns.
+    fn depth(&self, bytes: &[u8]) -> bool {
+        let unit = DepthUnit {
+            invalid: Some(7),
+            ..DepthUnit::MILLIMETRES
+        };
+        let file = DepthFile {
+            path: self.file("depth.png", bytes),
+            unit,
+        };
+        let mut any = false;
+        for quarters in 0..4 {
+            let turn = Turn::try_from(quarters).expect("a turn");
+            let Ok(depth) = file.read(Size::new(4, 3), turn) else {
+                continue;
+            };
+            any = true;
+            assert!((0.0..=1.0).contains(&depth.coverage()));
+            for place in [
+                (0.0, 0.0),
+                (1.7, 0.4),
+                (-0.5, 2.5),
+                (3.49, 3.49),
+                (f64::NAN, 1.0),
+            ] {
+                let found = depth.at(Point2::new(place.0, place.1));
+                assert!(found.is_none_or(|z| z > 0.0 && z <= 65.535), "{found:?}");
+            }
+        }
+        any
     }
 
     fn poses(&self, bytes: &[u8]) -> bool {

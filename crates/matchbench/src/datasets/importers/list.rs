@@ -8,7 +8,7 @@ use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Matrix3};
 
-use crate::datasets::{Frame, Turn};
+use crate::datasets::{DepthFile, Frame, Turn};
 
 /// Frames in the order in which a list first names them. One image is one frame, unless the list
 /// gives it several cameras or turns.
@@ -37,9 +37,15 @@ impl NamedFrames {
                     turn,
                     camera,
                     world_from_camera,
+                    depth: None,
                 });
                 frames.len() as u32 - 1
             })
+    }
+
+    /// Says where the depth of a frame is, if anywhere.
+    pub(super) fn set_depth(&mut self, number: u32, depth: Option<DepthFile>) {
+        self.frames[number as usize].depth = depth;
     }
 
     pub(super) fn frame(&self, number: u32) -> &Frame {

@@ -211,6 +211,15 @@ fn scannet_and_superglue_lists_give_the_same_dataset() {
         "{small:?}"
     );
 
+    // Its depth lies beside the folder of colour.
+    let depth = |imported: &Imported| imported.frames[0].depth.clone();
+    assert_eq!(depth(&read("scannet", &test).unwrap()), None);
+    let file = src.join("scene0707_00/depth/15.png");
+    fs::create_dir_all(file.parent().unwrap()).unwrap();
+    fs::write(&file, "").unwrap();
+    let found = depth(&read("scannet", &test).unwrap()).unwrap();
+    assert_eq!((found.path, found.unit.per_unit), (file, 1000.0));
+
     let intrinsics = ImportOptions {
         intrinsics: Some(src.join("none.npz")),
         ..ImportOptions::default()

@@ -49,7 +49,12 @@ pub(super) fn write(
     }
     let world = World::build(scene.place);
     let pixels = |frame: usize| world.render(scene, frame as u32);
-    write_native(out, sequence, about, ImageStorage::Pixels(&pixels))
+    let depth = |frame: usize| world.depth(scene, frame as u32);
+    let storage = ImageStorage::Rendered {
+        pixels: &pixels,
+        depth: &depth,
+    };
+    write_native(out, sequence, about, storage)
 }
 
 fn called(src: &Path) -> Option<&'static Scene> {

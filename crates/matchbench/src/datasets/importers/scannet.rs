@@ -13,6 +13,8 @@
 //!   the dataset is the same as that of SuperGlue's list.
 //! - Images are `scene0707_00/color/15.jpg` under the image root. Where none of them is there but
 //!   SuperGlue's `scans_test/scene0707_00/sens/frame-000015.color.jpg` are, those are taken.
+//! - Depth in millimetres is `scene0707_00/depth/15.png`, or beside SuperGlue's images
+//!   `frame-000015.depth.png` or `.pgm`, where it is there. Its camera stands a little beside that of colour.
 
 use std::path::{Path, PathBuf};
 
@@ -23,7 +25,7 @@ use super::list::{NamedFrames, camera};
 use super::{ImportOption, ImportOptions, Imported, base_name};
 use crate::arrays::{Array, Npz};
 use crate::datasets::text;
-use crate::datasets::{DatasetError, Pair, Turn, read_size};
+use crate::datasets::{DatasetError, DepthFile, DepthUnit, Pair, Turn, read_size};
 
 /// Size of ScanNet's colour images.
 const COLOR: (f64, f64) = (1296.0, 968.0);
@@ -94,7 +96,10 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
                 None
             };
             let size = size.map_or(COLOR, |size| (size.width as f64, size.height as f64));
-            Ok(frames.number(image, Turn::None, scaled(original, size), None))
+            let depth = depth_of(&image);
+            let number = frames.number(image, Turn::None, scaled(original, size), None);
+            frames.set_depth(number, depth);
+            Ok(number)
         };
         let (a, b) = (number(name.frames[0])?, number(name.frames[1])?);
         if a == b {
@@ -149,6 +154,22 @@ fn layout(root: &Path, rows: &[(Name, Isometry3<f64>)]) -> Layout {
         (rows.iter()).any(|&(name, _)| root.join(layout(name, name.frames[0])).is_file())
     };
     LAYOUTS.into_iter().find(there).unwrap_or(LAYOUTS[0])
+}
+
+/// The depth of the image, if it is there.
+fn depth_of(image: &Path) -> Option<DepthFile> {
+    let (folder, name) = (image.parent()?, image.file_name()?.to_str()?);
+    let candidates = if let Some(frame) = name.strip_suffix(".color.jpg") {
+        ["png", "pgm"].map(|end| folder.join(format!("{frame}.depth.{end}")))
+    } else {
+        let depth = folder.with_file_name("depth").join(name);
+        ["png", "pgm"].map(|end| depth.with_extension(end))
+    };
+    let path = candidates.into_iter().find(|file| file.is_file())?;
+    Some(DepthFile {
+        path,
+        unit: DepthUnit::MILLIMETRES,
+    })
 }
 
 /// The camera of ScanNet's own images.

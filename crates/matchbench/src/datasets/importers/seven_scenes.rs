@@ -4,7 +4,9 @@
 //! `frame-000017.color.png` (or jpg) with `frame-000017.pose.txt`, a 4x4 camera-to-world matrix,
 //! in the source folder itself or in its `seq-NN/`. The poses come from KinectFusion and are those
 //! of the depth camera, so they are approximate for colour images. Where a file's pose is not
-//! finite (tracking was lost), the image is reported and left out.
+//! finite (tracking was lost), the image is reported and left out. `frame-000017.depth.png`, where it is there,
+//! is the depth in millimetres, 65535 where nothing was measured; it is that of the depth camera, some centimetres
+//! beside the colour camera, so that it is as approximate as the poses.
 //!
 //! K is not distributed with the colour images. The default, 525 525 320 240, is the Kinect's
 //! nominal colour camera; `camera-intrinsics.txt`, which some copies add, is the depth camera's
@@ -19,10 +21,15 @@ use nalgebra::Isometry3;
 use super::{ImportOptions, Imported, base_name, given_camera, note_of};
 use crate::datasets::images::image_files;
 use crate::datasets::text::{self, TextFile};
-use crate::datasets::{About, DatasetError, Frame};
+use crate::datasets::{About, DatasetError, DepthFile, DepthUnit, Frame};
 
 /// Nominal calibration of the Kinect's colour camera at 640x480.
 const KINECT_COLOR: Camera = Camera::pinhole(525.0, 525.0, 320.0, 240.0);
+
+const DEPTH: DepthUnit = DepthUnit {
+    invalid: Some(65535),
+    ..DepthUnit::MILLIMETRES
+};
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let folder = choose(src, options.sequence.as_deref())?;
@@ -46,7 +53,11 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         let file = folder.join(format!("{stem}.pose.txt"));
         match pose(&TextFile::read(&file)?)? {
             None => left_out.push(name),
-            Some(pose) => frames.push(Frame::with_pose(image, camera, pose)),
+            Some(pose) => {
+                let path = folder.join(format!("{stem}.depth.png"));
+                let depth = path.is_file().then_some(DepthFile { path, unit: DEPTH });
+                frames.push(Frame::with_pose(image, camera, pose).with_depth(depth));
+            }
         }
     }
     notes.extend(note_of(

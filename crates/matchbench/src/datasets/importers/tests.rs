@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use matchbench_vision::image::FloatImage;
+
 use super::super::{Severity, testing, validate};
 use super::*;
 
@@ -70,6 +72,78 @@ fn tum_associates_by_time_and_reports_what_it_leaves_out() {
         (error.line, error.what.as_str()),
         (Some(3), "there is no image rgb/b.png")
     );
+}
+
+/// A rendered place in the layouts of TUM RGB-D and 7-Scenes, with depth as these store it.
+#[test]
+fn depth_that_was_rendered_comes_back_from_the_layouts_that_have_it() {
+    let mut scene = crate::datasets::rendered::scenes()[8].clone();
+    assert_eq!(scene.name, "mural", "which is built soonest");
+    scene.size = matchbench_vision::image::Size::new(60, 45);
+    let world = crate::datasets::rendered::World::build(scene.place);
+    let depths = [0, 1].map(|frame| world.depth(&scene, frame));
+    let (folder, src) = source(
+        "freiburg3",
+        &[("groundtruth.txt", TUM_POSES), ("camera.txt", K)],
+    );
+    let save = |name: &str, per_unit: f32, depth: &FloatImage| {
+        let stored = depth.data().iter().map(|z| (z * per_unit).round() as u16);
+        let stored: Vec<u8> = stored.flat_map(u16::to_ne_bytes).collect();
+        let path = src.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let (width, height) = (depth.width() as u32, depth.height() as u32);
+        let colour = image::ExtendedColorType::L16;
+        image::save_buffer(path, &stored, width, height, colour).unwrap();
+    };
+    let pose = "1 0 0 3\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
+    for (frame, depth) in depths.iter().enumerate() {
+        save(&format!("depth/{frame}.png"), 5000.0, depth);
+        save(&format!("seq-01/frame-{frame}.depth.png"), 1000.0, depth);
+        // Nobody looks at the pixels.
+        save(&format!("rgb/{frame}.png"), 1.0, depth);
+        save(&format!("seq-01/frame-{frame}.color.png"), 1.0, depth);
+        fs::write(src.join("seq-01/camera.txt"), K).unwrap();
+        fs::write(src.join(format!("seq-01/frame-{frame}.pose.txt")), pose).unwrap();
+    }
+    fs::write(src.join("rgb.txt"), "1.0 rgb/0.png\n2.0 rgb/1.png\n").unwrap();
+    // The second is the nearest to 2.0; a third is too far from any, a fourth is not there.
+    let list = "0.99 depth/0.png\n1.5 depth/0.png\n1.99 depth/1.png\n2.0 depth/gone.png\n";
+    fs::write(src.join("depth.txt"), list).unwrap();
+    for (kind, step) in [("tum", 2e-4), ("7scenes", 1e-3)] {
+        for (name, images) in [
+            ("there", ImageStorage::Reference),
+            ("copied", ImageStorage::Copy),
+        ] {
+            let out = folder.path().join(format!("{kind}-{name}"));
+            let options = ImportOptions {
+                images,
+                pairs: Some(PairRule::All),
+                ..ImportOptions::default()
+            };
+            import(kind, &src, &out, &options).unwrap();
+            let problems = validate(&out);
+            let errors = problems.iter().filter(|it| it.severity == Severity::Error);
+            assert_eq!(
+                errors.collect::<Vec<_>>(),
+                Vec::<&crate::datasets::Problem>::new()
+            );
+            let sequence = Sequence::open(&out).unwrap();
+            for (frame, truth) in sequence.frames.iter().zip(&depths) {
+                let read = frame.read_depth().unwrap().expect("it has depth");
+                for (x, y) in [(0, 0), (30, 20), (59, 44)] {
+                    let at = nalgebra::Point2::new(x as f64, y as f64);
+                    let off = read.at(at).expect("measured") - f64::from(truth.at(x, y));
+                    assert!(off.abs() < step, "{kind} {x} {y}: {off}");
+                }
+            }
+        }
+    }
+    let far = ImportOptions {
+        tolerance: Some(0.005),
+        ..ImportOptions::default()
+    };
+    let frames = read_source("tum", &src, &far).unwrap().frames;
+    assert!(frames.iter().all(|frame| frame.depth.is_none()));
 }
 
 #[test]

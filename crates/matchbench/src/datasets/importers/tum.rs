@@ -4,7 +4,8 @@
 //! `rgb.txt` lists times and image files, `groundtruth.txt` times and poses of the colour camera;
 //! an image takes the pose nearest in time ([`Association`](super::Association)). With the default
 //! of 0.02 s this reproduces every digit of the paper's sequence 01. Images without a pose are
-//! reported and left out. The colour cameras' published calibrations, by the folder's name:
+//! reported and left out. Where `depth.txt` is there, an image takes the depth nearest in time, within the same
+//! tolerance, if its file is there; it is registered to the colour image. The colour cameras' published calibrations, by the folder's name:
 //!
 //! | name | fx | fy | cx | cy | k1 | k2 | p1 | p2 | k3 |
 //! | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
@@ -12,20 +13,27 @@
 //! | freiburg2, fr2 | 520.9 | 521.0 | 325.1 | 249.7 | 0.2312 | -0.7849 | -0.0033 | -0.0001 | 0.9172 |
 //! | freiburg3, fr3 | 535.4 | 539.2 | 320.1 | 247.6 | rectified |
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::{Camera, Distortion};
 
 use super::{ImportOptions, Imported, base_name, given_camera, note_of};
 use crate::datasets::text::TextFile;
 use crate::datasets::trajectory::parse_tum;
-use crate::datasets::{About, DatasetError, Frame};
+use crate::datasets::{About, Association, DatasetError, DepthFile, DepthUnit, Frame};
+
+/// "The depth images are scaled by a factor of 5000", in metres; 0 is no measurement.
+const DEPTH: DepthUnit = DepthUnit {
+    per_unit: 5000.0,
+    invalid: None,
+};
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let list = TextFile::read(&src.join("rgb.txt"))?;
     let trajectory = parse_tum(&TextFile::read(&src.join("groundtruth.txt"))?)?;
     let camera = camera(src, options)?;
     let association = options.association()?;
+    let depth = depth(src)?;
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
     for (line, row) in list.rows() {
@@ -37,7 +45,8 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
                 if !image.is_file() {
                     return Err(list.error_at(line, format!("there is no image {name}")));
                 }
-                frames.push(Frame::with_pose(image, camera, pose));
+                let depth = nearest(&depth, time, &association);
+                frames.push(Frame::with_pose(image, camera, pose).with_depth(depth));
             }
         }
     }
@@ -52,6 +61,36 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             ..About::default()
         },
         ..Imported::of(frames)
+    })
+}
+
+/// The files that `depth.txt` lists and that are there, by their times.
+fn depth(src: &Path) -> Result<Vec<(f64, PathBuf)>, DatasetError> {
+    let list = src.join("depth.txt");
+    if !list.exists() {
+        return Ok(Vec::new());
+    }
+    let list = TextFile::read(&list)?;
+    let rows = list.rows().map(|(line, row)| {
+        let (time, name) = timed_name(row).map_err(|what| list.error_at(line, what))?;
+        Ok((time, src.join(name)))
+    });
+    let mut files = rows.collect::<Result<Vec<_>, DatasetError>>()?;
+    files.retain(|(_, file)| file.is_file());
+    files.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+    Ok(files)
+}
+
+/// The depth nearest to `time`, the earlier of two that are equally near.
+fn nearest(depth: &[(f64, PathBuf)], time: f64, association: &Association) -> Option<DepthFile> {
+    let after = depth.partition_point(|(other, _)| *other < time);
+    let around = depth[after.saturating_sub(1)..].iter().take(2);
+    let (off, path) = around
+        .map(|(other, path)| ((other - time).abs(), path))
+        .min_by(|(one, _), (other, _)| one.total_cmp(other))?;
+    (off <= association.tolerance).then(|| DepthFile {
+        path: path.clone(),
+        unit: DEPTH,
     })
 }
 

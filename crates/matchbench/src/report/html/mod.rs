@@ -32,8 +32,8 @@ use crate::metrics::{
 use super::again::Again;
 use super::content::Content;
 use super::figures::{
-    Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, estimator_figure,
-    lead_figure, sp_figure, time_figure, untimed,
+    Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, difficulty_lines,
+    estimator_figure, lead_figure, sp_figure, time_figure, untimed,
 };
 use super::method;
 use super::numbers::{self, interval};
@@ -122,6 +122,7 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
             .map(str::to_owned)
             .collect::<Vec<_>>(),
         difficulties => difficulties(content, &overview),
+        over => known_difficulties(content, &overview),
         hard_pairs => hard_pairs::rows(content, &overview, !extent.files.is_empty()),
         failed_from => FAILED_FROM,
         scatters => scatters(content, &overview),
@@ -359,6 +360,16 @@ fn difficulties(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
         .collect()
 }
 
+/// What is known of any dataset.
+fn known_difficulties(content: &Content, overview: &Overview<'_>) -> Vec<&'static str> {
+    let known = |difficulty: &Difficulty| {
+        let mut columns = 0..overview.datasets.len();
+        columns.any(|column| difficulty_lines(content, overview, column, *difficulty).is_some())
+    };
+    let all = Difficulty::ALL.into_iter().filter(known);
+    all.map(Difficulty::name).collect()
+}
+
 /// Matchers by estimators: the mean over all datasets, then each.
 fn estimators(summaries: &[Summary], overview: &Overview<'_>) -> Vec<Value> {
     let figure = |name: &str, basis: String, dataset| {
@@ -549,9 +560,10 @@ mod tests {
         content.summaries[1].estimator = "lmeds-e".into();
         content.results[1].estimator = "lmeds-e".into();
         let known = crate::metrics::PairGeometry {
-            baseline: 0.5,
-            view_angle: 10.0,
+            baseline: Some(0.5),
+            view_angle: Some(10.0),
             overlap: 0.8,
+            is_measured: false,
         };
         let pairs = (0..10).map(|a| ((a, a + 1), known));
         content.geometry.insert("room".into(), pairs.collect());

@@ -165,13 +165,15 @@ fn listed<'a>(
         listed.b.push(b);
         listed.repetition.push(repetition);
         if let Some(known) = geometry.and_then(|geometry| geometry.get(&(a, b))) {
-            listed.baseline.push(rounded(known.baseline));
-            listed.angle.push(rounded(known.view_angle));
+            listed.baseline.extend(known.baseline.map(rounded));
+            listed.angle.extend(known.view_angle.map(rounded));
             listed.overlap.push(rounded(known.overlap));
         }
     }
-    if listed.baseline.len() < count {
-        (listed.baseline, listed.angle, listed.overlap) = Default::default();
+    for values in [&mut listed.baseline, &mut listed.angle, &mut listed.overlap] {
+        if values.len() < count {
+            values.clear();
+        }
     }
     for row in &overview.rows {
         let Some(summary) = row.cells[column].as_ref().map(|cell| cell.summary) else {

@@ -76,12 +76,15 @@ fn counts(tally: &Tally, drawn: usize) -> String {
 
 /// How hard a pair is by its cameras alone, in a sentence.
 pub(super) fn facts(known: &PairGeometry) -> String {
-    format!(
-        "Baseline {}, angle between the optical axes {:.1}°, overlap at most {:.2}.",
-        short(known.baseline),
-        known.view_angle,
-        known.overlap
-    )
+    let how = if known.is_measured { "" } else { "at most " };
+    let overlap = format!("overlap {how}{:.2}.", known.overlap);
+    match (known.baseline, known.view_angle) {
+        (Some(baseline), Some(angle)) => format!(
+            "Baseline {}, angle between the optical axes {angle:.1}°, {overlap}",
+            short(baseline)
+        ),
+        _ => format!("O{}", &overlap[1..]),
+    }
 }
 
 /// What the colours of matches mean.

@@ -208,7 +208,7 @@
     const draw = () => {
       const [d, m] = [dataset(), method()];
       const used = COLUMNS.map((column, index) => ({ column, index }))
-        .filter(({ column: [title] }) => d.baseline.length || !["Baseline", "Angle", "Overlap"].includes(title))
+        .filter(({ column: [title] }) => ({ Baseline: d.baseline, Angle: d.angle, Overlap: d.overlap })[title]?.length !== 0)
         .filter(({ column: [title] }) => !(m.corner ? ["Error", "Rotation", "Translation"] : ["Corner error (px)"]).includes(title));
       const focused = head.contains(document.activeElement) ? document.activeElement.textContent : null;
       head.replaceChildren(...used.map(({ column: [title, , decimals], index }) => {

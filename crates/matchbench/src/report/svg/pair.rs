@@ -9,11 +9,12 @@ use nalgebra::Point2;
 
 use super::super::pair_view::{MatchView, PairView, Thumbnail, class_of, evenly};
 use super::{MUTED, Target, escape, open, text};
+use crate::metrics::Model;
 
 /// Width of the drawing, and of the gap between the images.
 const WIDTH: f64 = 1000.0;
 const GAP: f64 = 8.0;
-/// Classes of the distance to the true epipolar line: colour and name.
+/// Classes of the true error of a match: colour and name.
 pub(in super::super) const DISTANCES: [(&str, &str); 4] = [
     ("#1f9e89", "below 1 px"),
     ("#56b4e9", "1 to 3 px"),
@@ -230,7 +231,17 @@ fn key(svg: &mut String, top: f64, view: &PairView, limit: usize) {
         sample(svg, (x, top), colour, "none", &format!("{name}{count}"));
     }
     let at = (12.0 + 160.0 * DISTANCES.len() as f64, top);
-    text(svg, "muted", at, "start", "from the true epipolar line");
+    let (error, lines) = match view.model {
+        Model::Pose => (
+            "from the true epipolar line",
+            "circles: matches whose epipolar lines are drawn, true white, estimated yellow; magenta: keypoints",
+        ),
+        Model::Homography => (
+            "transfer error: from the true place",
+            "frame of the first image in the second: true white, estimated yellow; magenta: keypoints",
+        ),
+    };
+    text(svg, "muted", at, "start", error);
     let agree = format!("agree with the estimate: {}", tally.agree);
     sample(svg, (12.0, top + 18.0), MUTED, "none", &agree);
     let others = format!("the others: {}", tally.matches - tally.agree);
@@ -238,7 +249,5 @@ fn key(svg: &mut String, top: f64, view: &PairView, limit: usize) {
     let shown = view.matches.len().min(limit);
     let shown = format!("{shown} of {} matches are drawn", tally.matches);
     text(svg, "muted", (412.0, top + 18.0), "start", &shown);
-    let lines = "circles: matches whose epipolar lines are drawn, true white, estimated yellow; \
-                 magenta: keypoints";
     text(svg, "muted", (12.0, top + 36.0), "start", lines);
 }

@@ -1,0 +1,319 @@
+//! Depth: how far in front of the camera is what each pixel of an image shows.
+//!
+//! A file holds the z coordinate in the camera's frame (not the length of the ray), as 16-bit gray values of PNG
+//! or PGM; 0 says that nothing was measured:
+//!
+//! | data | stored values in a metre | nothing was measured | aligned with the colour image |
+//! | --- | --- | --- | --- |
+//! | TUM RGB-D | 5000 | 0 | yes |
+//! | 7-Scenes | 1000 | 0, 65535 | no: two lenses some centimetres apart, whose difference the poses do not have |
+//! | ScanNet | 1000 | 0 | nearly; smaller than the colour image |
+//! | rendered scenes | 5000, outdoors 1000 | 0 | yes |
+//!
+//! Depth may be of another resolution than its image, but of the same part of the scene: both have the same aspect
+//! ratio, and pixels are scaled about their corners.
+//!
+//! *Choice*: between pixels depth is interpolated where the four around are of one surface, [`SMOOTH`]; elsewhere it
+//! is that of the nearest.
+
+use std::path::PathBuf;
+
+use image::DynamicImage;
+use matchbench_vision::image::{Image, Size};
+use nalgebra::Point2;
+use serde::{Deserialize, Serialize};
+
+use super::decode::{DecodeError, with_other};
+use super::{DatasetError, Turn};
+use crate::files::read_file;
+
+/// Neighbouring depths whose largest is at most this multiple of the smallest are of one surface.
+const SMOOTH: f64 = 1.05;
+/// How much the aspect ratios of an image and its depth may differ, as a share: ScanNet's 1296 x 968 and 640 x 480 do
+/// by 0.4 %.
+const SAME_ASPECT: f64 = 0.01;
+
+/// How depth is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DepthUnit {
+    /// Stored values in one unit of length of the dataset's poses.
+    pub per_unit: f64,
+    /// A stored value that says, as 0 does, that nothing was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub invalid: Option<u16>,
+}
+
+impl DepthUnit {
+    /// Thousandths of a unit of length, as Kinects store them.
+    pub const MILLIMETRES: Self = Self {
+        per_unit: 1000.0,
+        invalid: None,
+    };
+
+    /// Why depth cannot be stored so, if it cannot.
+    pub(super) fn check(self) -> Result<(), String> {
+        let per_unit = self.per_unit;
+        if per_unit.is_finite() && per_unit > 0.0 {
+            return Ok(());
+        }
+        Err(format!(
+            "`per_unit` of depth is {per_unit}; it is greater than 0"
+        ))
+    }
+}
+
+/// Where the depth of a frame is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DepthFile {
+    /// The file.
+    pub path: PathBuf,
+    /// How it is stored.
+    pub unit: DepthUnit,
+}
+
+/// The depth of an image, turned as the image is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Depth {
+    stored: Image<u16>,
+    unit: DepthUnit,
+    /// Pixels of depth in a pixel of the image, along x and y.
+    scale: [f64; 2],
+}
+
+impl DepthFile {
+    /// Reads it, for an image that has this size before it is turned.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is no image of one 16-bit value for each pixel, or shows another part of the scene
+    /// by its aspect ratio.
+    pub fn read(&self, image: Size, turn: Turn) -> Result<Depth, DatasetError> {
+        let bytes = read_file(&self.path).map_err(|error| DatasetError::io(&self.path, &error))?;
+        let stored = decode_depth(&bytes).map_err(|error| error.in_file(&self.path))?;
+        Depth::new(stored, self.unit, image, turn).map_err(|what| {
+            let remedy = "give the depth of the same image, or take `depth` of this frame out of dataset.toml";
+            DatasetError::new(&self.path, what, remedy)
+        })
+    }
+}
+
+/// Decodes the 16-bit values in `bytes`.
+///
+/// # Errors
+/// If they are no complete image of one 16-bit value for each pixel.
+pub fn decode_depth(bytes: &[u8]) -> Result<Image<u16>, DecodeError> {
+    with_other(bytes, 0, |size, image, _| match image {
+        DynamicImage::ImageLuma16(depth) => Ok(Image::from_vec(size, depth.into_raw())),
+        other => Err(DecodeError::Unsupported(format!(
+            "{:?}, and depth is one 16-bit value for each pixel",
+            other.color()
+        ))),
+    })
+}
+
+/// The stored value of a depth, rounded; 0 where it is too large or nothing is there.
+pub(super) fn stored_value(depth: f32, unit: DepthUnit) -> u16 {
+    let value = (f64::from(depth) * unit.per_unit).round();
+    let fits = value >= 1.0 && value <= f64::from(u16::MAX) && unit.invalid != Some(value as u16);
+    if fits { value as u16 } else { 0 }
+}
+
+impl Depth {
+    /// The depth of an image of the given size; both are turned.
+    ///
+    /// # Errors
+    /// If their aspect ratios differ.
+    fn new(stored: Image<u16>, unit: DepthUnit, image: Size, turn: Turn) -> Result<Self, String> {
+        let size = stored.size();
+        let ratio = |own: usize, of: usize| own as f64 / of.max(1) as f64;
+        let scale = [
+            ratio(size.width, image.width),
+            ratio(size.height, image.height),
+        ];
+        let skewed = scale[0].max(scale[1]) > (1.0 + SAME_ASPECT) * scale[0].min(scale[1]);
+        if skewed || size.area() == 0 {
+            return Err(format!("the depth is {size}, the image {image}"));
+        }
+        let is_on_side = turn.size(image) != image;
+        Ok(Self {
+            stored: turn.pixels(stored),
+            unit,
+            scale: if is_on_side {
+                [scale[1], scale[0]]
+            } else {
+                scale
+            },
+        })
+    }
+
+    /// The depth of an image of the same size.
+    #[cfg(test)]
+    pub(crate) fn of_image(stored: Image<u16>, unit: DepthUnit) -> Self {
+        let size = stored.size();
+        Self::new(stored, unit, size, Turn::None).expect("it is of the same size")
+    }
+
+    /// The depth at a pixel of the image, in the unit of the dataset; `None` where nothing was measured, and
+    /// outside the image.
+    pub fn at(&self, pixel: Point2<f64>) -> Option<f64> {
+        let place = |at: f64, scale: f64, length: usize| {
+            let at = (at + 0.5) * scale - 0.5;
+            // Half a pixel beyond the centre of the last one is still on it.
+            let most = length as f64 - 1.0;
+            (at >= -0.5 && at <= most + 0.5).then_some(at.clamp(0.0, most))
+        };
+        let x = place(pixel.x, self.scale[0], self.stored.width())?;
+        let y = place(pixel.y, self.scale[1], self.stored.height())?;
+        let (left, top) = (x as usize, y as usize);
+        let right = (left + 1).min(self.stored.width() - 1);
+        let bottom = (top + 1).min(self.stored.height() - 1);
+        let corners = [(left, top), (right, top), (left, bottom), (right, bottom)];
+        let depths = corners.map(|(x, y)| self.value(x, y));
+        if let [Some(a), Some(b), Some(c), Some(d)] = depths
+            && a.max(b).max(c.max(d)) <= SMOOTH * a.min(b).min(c.min(d))
+        {
+            let (along, down) = (x - left as f64, y - top as f64);
+            let (upper, lower) = (a + along * (b - a), c + along * (d - c));
+            return Some(upper + down * (lower - upper));
+        }
+        self.value((x + 0.5) as usize, (y + 0.5) as usize)
+    }
+
+    /// The share of its pixels where something was measured.
+    pub fn coverage(&self) -> f64 {
+        let size = self.stored.size();
+        let pixels = (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y)));
+        let measured = pixels.filter(|&(x, y)| self.value(x, y).is_some()).count();
+        measured as f64 / size.area() as f64
+    }
+
+    /// The size of the image that it is of, up to rounding.
+    pub(crate) fn image_size(&self) -> [f64; 2] {
+        [
+            self.stored.width() as f64 / self.scale[0],
+            self.stored.height() as f64 / self.scale[1],
+        ]
+    }
+
+    /// Bytes that it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.stored.data())
+    }
+
+    fn value(&self, x: usize, y: usize) -> Option<f64> {
+        let stored = self.stored.at(x, y);
+        let measured = stored != 0 && self.unit.invalid != Some(stored);
+        measured.then(|| f64::from(stored) / self.unit.per_unit)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{ExtendedColorType, ImageFormat};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const UNIT: DepthUnit = DepthUnit {
+        per_unit: 1000.0,
+        invalid: Some(65535),
+    };
+
+    fn depth(width: usize, values: &[u16], image: Size, turn: Turn) -> Depth {
+        let size = Size::new(width, values.len() / width);
+        let stored = Image::from_vec(size, values.to_vec());
+        Depth::new(stored, UNIT, image, turn).unwrap()
+    }
+
+    #[test]
+    fn depth_is_interpolated_on_a_surface_and_never_across_its_edge() {
+        let values = [1000, 1020, 3000, 1010, 1030, 3000, 0, 65535, 3000];
+        let depth = depth(3, &values, Size::new(3, 3), Turn::None);
+        let at = |x, y| depth.at(Point2::new(x, y));
+        assert!((at(0.5, 0.5).unwrap() - 1.015).abs() < 1e-12);
+        assert_eq!((at(1.4, 0.5), at(1.6, 0.5)), (Some(1.03), Some(3.0)));
+        assert_eq!((at(0.0, 2.0), at(1.0, 2.0)), (None, None), "not measured");
+        assert_eq!(
+            (at(-0.6, 0.0), at(2.6, 0.0), at(f64::NAN, 0.0)),
+            (None, None, None)
+        );
+        assert_eq!(at(-0.5, -0.5), Some(1.0));
+        assert!((depth.coverage() - 7.0 / 9.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_smaller_depth_is_scaled_about_the_corners_of_pixels() {
+        let depth = depth(2, &[1000, 1040], Size::new(4, 2), Turn::None);
+        // The first pixel of depth covers those at 0 and 1.
+        let at = |x: f64| depth.at(Point2::new(x, 0.0)).unwrap();
+        assert!((at(0.5) - 1.0).abs() < 1e-12 && (at(2.5) - 1.04).abs() < 1e-12);
+        assert!((at(1.5) - 1.02).abs() < 1e-12);
+        let other = Image::from_vec(Size::new(2, 1), vec![1, 2]);
+        let skewed = Depth::new(other, UNIT, Size::new(4, 4), Turn::None).unwrap_err();
+        assert!(skewed.contains("2x1") && skewed.contains("4x4"), "{skewed}");
+    }
+
+    #[test]
+    fn depth_is_turned_with_its_image() {
+        let turned = depth(2, &[1000, 2000], Size::new(4, 2), Turn::Quarter);
+        // The right end of the image is up.
+        assert_eq!(turned.at(Point2::new(0.0, 0.0)), Some(2.0));
+        assert_eq!(turned.at(Point2::new(0.0, 3.0)), Some(1.0));
+        assert_eq!(turned.image_size(), [2.0, 4.0]);
+    }
+
+    #[test]
+    fn what_is_not_16_bits_of_gray_is_refused() {
+        let mut png = Vec::new();
+        let mut write = |bytes: &[u8], colour| {
+            png.clear();
+            let out = &mut std::io::Cursor::new(&mut png);
+            image::write_buffer_with_format(out, bytes, 2, 1, colour, ImageFormat::Png).unwrap();
+            decode_depth(&png)
+        };
+        let read = write(&[1, 0, 2, 0], ExtendedColorType::L16).unwrap();
+        assert_eq!(
+            read.data(),
+            [u16::from_ne_bytes([1, 0]), u16::from_ne_bytes([2, 0])]
+        );
+        let gray = write(&[1, 2], ExtendedColorType::L8)
+            .unwrap_err()
+            .to_string();
+        assert!(gray.contains("16-bit"), "{gray}");
+        assert!(write(&[1; 6], ExtendedColorType::Rgb8).is_err());
+        assert_eq!(
+            decode_depth(b"P5 2 1 65535\n\0\x01"),
+            Err(DecodeError::Truncated)
+        );
+        assert_eq!(
+            decode_depth(b"P5 2 1 65535\n\0\x01\x01\0").unwrap().data(),
+            [1, 256]
+        );
+    }
+
+    #[test]
+    fn what_does_not_fit_is_not_stored() {
+        let stored = |depth: f32| stored_value(depth, UNIT);
+        assert_eq!([stored(1.2344), stored(65.534)], [1234, 65534]);
+        for nothing in [0.0, -1.0, 0.0004, 65.535, 70.0, f32::INFINITY, f32::NAN] {
+            assert_eq!(stored(nothing), 0, "{nothing}");
+        }
+        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let unit = DepthUnit {
+                per_unit: wrong,
+                invalid: None,
+            };
+            assert!(unit.check().is_err(), "{wrong}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_place_panics(x in -9.0..9.0_f64, y in -9.0..9.0_f64, turn in 0..4_u8) {
+            let turn = Turn::try_from(turn).unwrap();
+            let depth = depth(3, &[5, 0, 7, 9, 11, 13], Size::new(6, 4), turn);
+            let found = depth.at(Point2::new(x, y));
+            prop_assert!(found.is_none_or(|z| z > 0.0 && z < 0.02));
+        }
+    }
+}
