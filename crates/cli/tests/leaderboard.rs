@@ -63,7 +63,13 @@ fn entries(folder: &Path) {
     fs::create_dir_all(folder.join("entries/untold/street")).expect("writable");
     let unknown = folder.join("entries/untold/street/sift.txt");
     fs::copy(results_of_sift(folder), unknown).expect("writable");
+    // What lies below is of the same kind, and is not told again.
+    let deeper = folder.join("entries/untold/street/older");
+    fs::create_dir_all(&deeper).expect("writable");
+    fs::copy(results_of_sift(folder), deeper.join("sift.txt")).expect("writable");
     let ben = folder.join("entries/ben/strict");
+    copy(&ben, &folder.join("entries/planless"));
+    fs::remove_file(folder.join("entries/planless/plan.json")).expect("it is there");
     for name in ["damaged", "unfinished", "praised"] {
         copy(&ben, &folder.join("entries").join(name));
     }
@@ -151,6 +157,7 @@ fn what_is_wrong_is_refused_with_the_reason_and_stops_no_other() {
         ("damaged/records/wall/sift+ransac-e.jsonl", "checksum"),
         ("files/wall/broken.txt", "broken.txt:1"),
         ("untold", "without a truth"),
+        ("planless", "without its plan.json"),
         (
             "praised/records/wall/sift+ransac-e.jsonl",
             "states errors of 12.5000",
@@ -163,7 +170,7 @@ fn what_is_wrong_is_refused_with_the_reason_and_stops_no_other() {
         let found = (refused.iter()).any(|(at, why)| *at == place && why.contains(reason));
         assert!(found, "{place}: {refused:?}");
     }
-    assert_eq!(refused.len(), 6, "{refused:?}");
+    assert_eq!(refused.len(), 7, "{refused:?}");
     let page = fs::read_to_string(site.join("index.html")).expect("it was written");
     assert!(!page.contains("<img src=x") && page.contains("&lt;img src=x&gt;"));
     assert!(page.contains("of this name</strong>") && page.contains("Refused"));
@@ -226,6 +233,56 @@ fn what_can_be_compared_is_ranked_and_can_be_computed_again() {
     let scores = succeeds(&data, &["eval", "again", "--format", "json"]);
     let scores: Value = serde_json::from_str(&scores).expect("JSON");
     assert_eq!(scores[0]["auc"], ben["scores"]["auc"]);
+}
+
+#[test]
+fn corner_errors_are_computed_again_where_the_images_are() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let wall = dataset(folder, "data/wall", 4);
+    let rows: String = [(0, 1), (0, 2), (1, 3)]
+        .map(|(a, b)| format!("{a} {b} 1 0 {} 0 1 0 0 0 1\n", -5 * (b - a)))
+        .concat();
+    fs::remove_file(wall.join("pairs.txt")).expect("it is there");
+    fs::write(wall.join("homographies.txt"), rows).expect("writable");
+    let words = [
+        "run",
+        "data/wall",
+        "--matchers",
+        "sift",
+        "--estimator",
+        "best-h",
+    ];
+    succeeds(folder, &[&words[..], &["--out", "entries/a"]].concat());
+    copy(&folder.join("entries/a"), &folder.join("entries/praised"));
+    let file = folder.join("entries/praised/records/wall/sift+best-h.jsonl");
+    let mut praised = String::new();
+    for line in fs::read_to_string(&file).expect("readable").lines() {
+        let (body, _) = line.split_once(",\"check\"").expect("it has one");
+        let mut record: Value = serde_json::from_str(&format!("{body}}}")).expect("a record");
+        let error = &mut record["outcome"]["corner_error"];
+        *error = (error.as_f64().expect("an estimate") + 0.5).into();
+        praised.extend([record.to_string(), "\n".to_owned()]);
+    }
+    fs::write(&file, praised).expect("writable");
+    let board = |images: bool| -> Value {
+        let output = go(folder, &["leaderboard", "entries", "--out", "site"]);
+        assert_eq!(output.status.code(), Some(if images { 2 } else { 0 }));
+        let json = fs::read_to_string(folder.join("site/leaderboard.json"));
+        serde_json::from_str(&json.expect("it was written")).expect("JSON")
+    };
+    let with_images = board(true);
+    let rows = list(&with_images["groups"][0]["rows"]);
+    assert!(rows.len() == 1 && rows[0]["errors_checked"] == true);
+    let refused = list(&with_images["refused"]);
+    assert!(refused.len() == 1 && text(&refused[0]["reason"]).contains("a corner error of"));
+    // Of what size the images were, nobody knows any more; the dataset can still be opened.
+    for frame in 0..4 {
+        fs::write(wall.join(format!("Images/{frame:04}.pgm")), "").expect("writable");
+    }
+    let without = board(false);
+    let rows = list(&without["groups"][0]["rows"]);
+    assert!(rows.len() == 2 && rows.iter().all(|row| row["errors_checked"] == false));
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::io::{self, BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use crate::files::open_file;
-use crate::metrics::{Failure, FileResults, Model, ResultSet, load_each};
+use crate::metrics::{Failure, FileResults, ResultSet, load_each};
 use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, RunFolder};
 
 use super::super::command_line::{self, CommandLine, Origin};
@@ -59,26 +59,34 @@ impl Reader<'_> {
     /// A folder with these files and folders in it: an entry, or a folder of entries.
     fn read(&mut self, folder: &Path, inside: &[Inside]) {
         let has = |name: &str| inside.iter().any(|it| it.name == name);
+        let is_run = has("plan.json") || has("records");
+        let mut judged = Vec::new();
         let what = if has("plan.json") {
             self.run(folder)
+        } else if is_run {
+            Err("a run without its plan.json, which says what its records are of".to_owned())
         } else if is_of_results(inside, self.datasets) {
             self.results(folder)
-        } else if lacks_truth(inside) {
-            Err(
-                "results without a truth: put groundtruth.txt beside them, or name the folder of the datasets with \
-                 --datasets"
-                    .to_owned(),
-            )
         } else {
-            Ok(())
+            judged = without_truth(inside);
+            if judged.is_empty() {
+                Ok(())
+            } else {
+                Err(
+                    "results without a truth: put groundtruth.txt beside them, or name the folder of the datasets \
+                     with --datasets"
+                        .to_owned(),
+                )
+            }
         };
         if let Err(reason) = what {
             self.refuse(folder, reason);
         }
-        if has("plan.json") {
+        if is_run {
             return; // features, reports and shards of a run are no entries
         }
-        for it in inside.iter().filter(|it| it.is_folder) {
+        let unjudged = |it: &&Inside| it.is_folder && !judged.contains(&&*it.name);
+        for it in inside.iter().filter(unjudged) {
             // What cannot be listed is refused by its name; what is below goes on.
             match listed(&it.path) {
                 Ok(inside) => self.read(&it.path, &inside),
@@ -130,10 +138,8 @@ impl Reader<'_> {
         set.pairs
             .retain(|pair| pair.outcome != Err(Failure::Missing));
         let truth = self.truths.of(dataset, self.datasets);
-        let checked = Model::of_all(&set.pairs) == Model::Pose && truth.is_some();
-        if let Some(truth) = truth.filter(|_| checked) {
-            check(run, [&set.dataset, &set.matcher, &set.estimator], truth)?;
-        }
+        let names = [&*set.dataset, &*set.matcher, &*set.estimator];
+        let checked = truth.map_or(Ok(false), |truth| check(run, names, truth))?;
         let again = command_line::cell(run.plan(), dataset, (matcher, estimator), "again");
         let note = match (&again, Origin::of(matcher)) {
             (None, _) => "no command asks for it; its plan says what was run".to_owned(),
@@ -271,19 +277,21 @@ fn is_of_results(inside: &[Inside], datasets: Option<&Path>) -> bool {
     })
 }
 
-/// Whether a folder in a folder has files of text that begin with a row of results: two frames, a count and the
+/// The folders in a folder that have files of text that begin with a row of results: two frames, a count and the
 /// twelve numbers of a pose.
-fn lacks_truth(inside: &[Inside]) -> bool {
-    let sequences = inside.iter().filter(|it| it.is_folder);
-    let mut files = sequences.filter_map(|sequence| listed(&sequence.path).ok());
-    files.any(|files| {
+fn without_truth(inside: &[Inside]) -> Vec<&str> {
+    let has_results = |sequence: &&Inside| {
+        let files = listed(&sequence.path).unwrap_or_default();
         let mut texts = files
             .iter()
             .filter(|file| file.path.extension() == Some("txt".as_ref()) && !file.is_folder);
         // Those of a dataset are in one folder with these.
         let is_dataset = files.iter().any(|file| file.name == "pairs.txt");
         !is_dataset && texts.any(|text| begins_with_a_result(&text.path).unwrap_or(false))
-    })
+    };
+    let sequences = inside.iter().filter(|it| it.is_folder);
+    let without = sequences.filter(has_results);
+    without.map(|sequence| &*sequence.name).collect()
 }
 
 fn begins_with_a_result(file: &Path) -> io::Result<bool> {

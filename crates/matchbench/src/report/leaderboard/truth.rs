@@ -1,93 +1,155 @@
-//! Whether records state the errors that their poses have.
+//! Whether records state the errors that their poses and homographies have.
 //!
-//! A record holds the pose that was estimated and how far it was from the truth. Who has the dataset need not
-//! believe the second: the error is computed again from the first.
+//! A record holds the pose or homography that was estimated and how far it was from the truth. Who has the dataset
+//! need not believe the second: the error is computed again from the first. That of a homography is of the corners of
+//! the first image, so that its file must be at hand too.
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::Isometry3;
+use matchbench_vision::image::Size;
+use matchbench_vision::robust::HomographyEstimate;
 
-use crate::datasets::Sequence;
+use crate::datasets::{Pair, Sequence};
 use crate::records::{DatasetPlan, Outcome, RunFolder, RunRecord};
 
-/// How far a stated error may be from the one that is computed, in degrees: records are rounded, and small
-/// angles lose half of their digits.
+/// How far a stated error may be from the one that is computed, in degrees or pixels (of many pixels as a share of
+/// them): records are rounded, and small angles lose half of their digits.
 const ROUNDED: f64 = 1e-3;
 
-/// The true poses of the pairs of a dataset.
-type Poses = BTreeMap<(u32, u32), Isometry3<f64>>;
+/// What is known of the pairs of a dataset.
+#[derive(Debug)]
+pub(super) struct Truth {
+    pairs: BTreeMap<(u32, u32), Pair>,
+    sequence: Sequence,
+    /// The size of the image of each frame, once it is asked for.
+    sizes: Vec<OnceCell<Option<Size>>>,
+}
 
-/// The true poses of the datasets that are at hand, by their fingerprints.
+/// The truth of the datasets that are at hand, by their fingerprints.
 #[derive(Debug, Default)]
-pub(super) struct Truths(BTreeMap<String, Option<Poses>>);
+pub(super) struct Truths(BTreeMap<String, Option<Truth>>);
 
 impl Truths {
-    /// Those of a planned dataset: in the folder `datasets`, or where the run had it.
-    pub(super) fn of(&mut self, dataset: &DatasetPlan, datasets: Option<&Path>) -> Option<&Poses> {
+    /// That of a planned dataset: in the folder `datasets`, or where the run had it.
+    pub(super) fn of(&mut self, dataset: &DatasetPlan, datasets: Option<&Path>) -> Option<&Truth> {
         let find = || {
             let named = datasets.map(|datasets| datasets.join(&dataset.name));
             let places = named.iter().map(|path| &**path).chain([&*dataset.path]);
             let mut open = places.filter_map(|path| Sequence::open(path).ok());
             let sequence = open.find(|found| found.fingerprint() == dataset.fingerprint)?;
-            let pose = |pair: &crate::datasets::Pair| Some(((pair.a, pair.b), *pair.pose()?));
-            Some(sequence.pairs.iter().filter_map(pose).collect())
+            let pairs = sequence.pairs.iter().map(|pair| ((pair.a, pair.b), *pair));
+            Some(Truth {
+                pairs: pairs.collect(),
+                sizes: vec![OnceCell::new(); sequence.frames.len()],
+                sequence,
+            })
         };
         let known = self.0.entry(dataset.fingerprint.clone());
         known.or_insert_with(find).as_ref()
     }
 }
 
-/// Computes the errors of all records of one method again.
+impl Truth {
+    /// The size of the image of a frame, if its file is at hand.
+    fn size(&self, frame: u32) -> Option<Size> {
+        let frame = frame as usize;
+        *self.sizes[frame].get_or_init(|| self.sequence.frames[frame].size().ok())
+    }
+
+    /// What an estimate is when it is judged again; `None` if it cannot be. What is no estimate stays.
+    ///
+    /// # Errors
+    /// If the dataset does not list the pair, or does not know what the estimate is of.
+    fn judge(&self, record: &RunRecord) -> Result<Option<Outcome>, String> {
+        let (a, b) = (record.task.a, record.task.b);
+        let pair = (self.pairs.get(&(a, b)))
+            .ok_or_else(|| format!("the dataset does not list the pair {a} {b}"))?;
+        let unknown = |what| format!("the dataset knows no {what} of the pair {a} {b}");
+        if let Some(pose) = record.outcome.pose() {
+            let truth = pair.pose().ok_or_else(|| unknown("pose"))?;
+            return Ok(Some(Outcome::judged(&pose, truth, 0, 0, 0)));
+        }
+        let Some(b_from_a) = record.outcome.homography() else {
+            return Ok(Some(record.outcome.clone()));
+        };
+        let truth = pair.homography().ok_or_else(|| unknown("homography"))?;
+        let estimate = HomographyEstimate {
+            b_from_a,
+            inliers: Vec::new(),
+            iterations: 0,
+        };
+        let judged = |size| Outcome::judged_homography(&estimate, truth, size);
+        Ok(self.size(a).map(judged))
+    }
+}
+
+/// Computes the errors of all records of one method again, and says whether that could be done for each.
 ///
 /// # Errors
 /// The first that states another, in words; the records that cannot be read.
-pub(super) fn check(run: &RunFolder, names: [&str; 3], truth: &Poses) -> Result<(), String> {
-    let mut wrong = None;
+pub(super) fn check(run: &RunFolder, names: [&str; 3], truth: &Truth) -> Result<bool, String> {
+    let (mut wrong, mut all) = (None, true);
     let read = run.for_each_of(names, |record| {
-        if wrong.is_none() {
-            wrong = contradiction(&record, truth);
+        if wrong.is_some() {
+            return;
+        }
+        match truth.judge(&record) {
+            Err(reason) => wrong = Some(reason),
+            Ok(None) => all = false,
+            Ok(Some(judged)) => wrong = contradiction(&record, &judged),
         }
     });
     read.map_err(|error| error.to_string())?;
-    wrong.map_or(Ok(()), Err)
+    wrong.map_or(Ok(all), Err)
 }
 
-/// In what a record contradicts itself, if it does.
-fn contradiction(record: &RunRecord, truth: &Poses) -> Option<String> {
-    let pose = record.outcome.pose()?;
+/// In what a record contradicts what its estimate is when it is judged again, if it does.
+fn contradiction(record: &RunRecord, judged: &Outcome) -> Option<String> {
+    let (stated, found) = (errors(&record.outcome), errors(judged));
+    let of_homography = matches!(judged, Outcome::Homography { .. });
+    let agrees = (stated.iter().zip(found)).all(|(stated, found)| match (stated, found) {
+        (Some(stated), Some(found)) => {
+            let scale = if of_homography { found.max(1.0) } else { 1.0 };
+            (stated - found).abs() <= ROUNDED * scale
+        }
+        (None, None) => true,
+        _ => false,
+    });
     let (a, b) = (record.task.a, record.task.b);
-    let Some(truth) = truth.get(&(a, b)) else {
-        return Some(format!("the dataset does not list the pair {a} {b}"));
+    let words = |errors: [Option<f64>; 2]| {
+        let [first, second] =
+            errors.map(|error| error.map_or("none".to_owned(), |error| format!("{error:.4}")));
+        if of_homography {
+            format!("a corner error of {first}")
+        } else {
+            format!("errors of {first} of the rotation and {second} of the translation")
+        }
     };
-    let errors = |outcome: &Outcome| match *outcome {
+    let (what, unit) = if of_homography {
+        ("homography", "pixels")
+    } else {
+        ("pose", "degrees")
+    };
+    (!agrees).then(|| {
+        format!(
+            "the record of the pair {a} {b} states {}, but its {what} has {} ({unit})",
+            words(stated),
+            words(found)
+        )
+    })
+}
+
+/// The errors that an outcome states: of a pose two angles, of a homography one distance.
+fn errors(outcome: &Outcome) -> [Option<f64>; 2] {
+    match *outcome {
         Outcome::Pose {
             rotation_error,
             translation_error,
             ..
         } => [Some(rotation_error), translation_error],
+        Outcome::Homography { corner_error, .. } => [corner_error, None],
         _ => [None; 2],
-    };
-    let stated = errors(&record.outcome);
-    let found = errors(&Outcome::judged(&pose, truth, 0, 0, 0));
-    let agrees = stated
-        .iter()
-        .zip(found)
-        .all(|(stated, found)| match (stated, found) {
-            (Some(stated), Some(found)) => (stated - found).abs() <= ROUNDED,
-            (None, None) => true,
-            _ => false,
-        });
-    let degrees = |errors: [Option<f64>; 2]| {
-        let [rotation, translation] =
-            errors.map(|error| error.map_or("none".to_owned(), |error| format!("{error:.4}")));
-        format!("{rotation} of the rotation and {translation} of the translation")
-    };
-    (!agrees).then(|| {
-        format!(
-            "the record of the pair {a} {b} states errors of {}, but its pose has {} (degrees)",
-            degrees(stated),
-            degrees(found)
-        )
-    })
+    }
 }
