@@ -3,7 +3,7 @@
     python compare/homography.py RUN DATASET_FOLDER [--matchers sift orb] [--seeds 5] [--program PATH]
 
 RUN is the folder of a `matchbench run` with all matches kept; DATASET_FOLDER is the dataset as it was
-imported, with its `homographies.txt`; its images stand where `dataset.toml` says. Within a pair and seed all estimators come one after the other, so that all see
+imported, with its `homographies.txt`; its images stand where `dataset.toml` says, or in `Images`. Within a pair and seed all estimators come one after the other, so that all see
 the machine in the same moods, each with one thread. OpenCV starts its generator anew for each call, so its
 "seeds" are permutations of the matches, which the others get too. The error of a homography is the mean
 distance of the corners of image a, AUC the exact one (as SuperGlue's). Needs `cargo build --release -p
@@ -94,7 +94,10 @@ def dataset(folder):
     rows = np.loadtxt(folder / "homographies.txt", ndmin=2)
     truth = {(int(r[0]), int(r[1])): r[2:11].reshape(3, 3) for r in rows}
     about = tomllib.loads((folder / "dataset.toml").read_text())
-    images = [pathlib.Path(about["image_root"]) / frame["image"] for frame in about["frames"]]
+    if "image_root" in about:
+        images = [pathlib.Path(about["image_root"]) / frame["image"] for frame in about["frames"]]
+    else:
+        images = sorted((folder / "Images").glob("0*"))
     return truth, {a: cv2.imread(str(images[a]), 0).shape[::-1] for a, _ in truth}
 
 

@@ -7,7 +7,8 @@
 //! 1. [`consensus_until`](super::consensus_until) over samples of four matches finds the best homography
 //!    by symmetric transfer distances in pixels; each new best one is improved by
 //!    [`refine_homography`] with a truncated loss.
-//! 2. A final refinement over the matches near the result, with the loss of choice.
+//! 2. A final refinement over the matches near the result, with the loss of choice. With Cauchy's loss, whose scale
+//!    follows from the distances of the inliers, it is done again from there: the first model has others.
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
@@ -37,7 +38,7 @@ use nalgebra::Matrix3;
 pub use params::HomographyParams;
 
 use super::consensus::inliers_within;
-use super::search::{Shuffled, Task, squared_cauchy_scale};
+use super::search::{DistanceFrom, Shuffled, Task, squared_cauchy_scale};
 use super::{
     Consensus, HomographyEstimate, HomographyEstimator, HomographyProblem, NoPose, Problem,
 };
@@ -74,25 +75,30 @@ impl HomographyConsensus {
         };
         let all = 0..problem.len();
         let mut residuals = vec![0.0; problem.len()];
-        problem.squared_residuals(&found.model, all.clone(), &mut residuals);
-        let squared_scale = match refinement.loss {
-            Loss::Truncated => limit,
-            Loss::Cauchy => squared_cauchy_scale(&residuals, &found.inliers).min(limit),
+        let (mut model, mut inliers) = (found.model, found.inliers);
+        let times = match refinement.loss {
+            Loss::Truncated => 1,
+            Loss::Cauchy => 2,
         };
-        let near: PointPairs = inliers_within(&residuals, NEAR * limit)
-            .into_iter()
-            .map(|index| problem.pairs.get(index as usize))
-            .collect();
-        let model = refine_homography(
-            &found.model,
-            &near,
-            refinement.loss,
-            squared_scale,
-            refinement.steps,
-        );
-        problem.squared_residuals(&model, all, &mut residuals);
-        problem.exclude_impossible(&model, limit, &mut residuals);
-        (model, inliers_within(&residuals, limit))
+        for _ in 0..times {
+            problem.squared_residuals(&model, all.clone(), &mut residuals);
+            let squared_scale = match refinement.loss {
+                Loss::Truncated => limit,
+                Loss::Cauchy => {
+                    squared_cauchy_scale(&residuals, &inliers, DistanceFrom::Point).min(limit)
+                }
+            };
+            let near: PointPairs = inliers_within(&residuals, NEAR * limit)
+                .into_iter()
+                .map(|index| problem.pairs.get(index as usize))
+                .collect();
+            let (loss, steps) = (refinement.loss, refinement.steps);
+            model = refine_homography(&model, &near, loss, squared_scale, steps);
+            problem.squared_residuals(&model, all.clone(), &mut residuals);
+            problem.exclude_impossible(&model, limit, &mut residuals);
+            inliers = inliers_within(&residuals, limit);
+        }
+        (model, inliers)
     }
 }
 

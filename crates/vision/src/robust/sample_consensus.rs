@@ -44,7 +44,7 @@ pub use params::{Geometry, SampleConsensusParams};
 
 use super::consensus::inliers_within;
 use super::essential_problem::near;
-use super::search::{Shuffled, Task, squared_cauchy_scale};
+use super::search::{DistanceFrom, Shuffled, Task, squared_cauchy_scale};
 use super::{
     Consensus, EssentialProblem, FundamentalProblem, NoPose, PoseEstimate, PoseEstimator, Problem,
     TwoViews,
@@ -115,7 +115,9 @@ impl SampleConsensus {
         squared_sampson_distances(&found.model, pairs, 0..pairs.len(), &mut residuals);
         let squared_scale = match refinement.loss {
             Loss::Truncated => limit,
-            Loss::Cauchy => squared_cauchy_scale(&residuals, &found.inliers).min(limit),
+            Loss::Cauchy => {
+                squared_cauchy_scale(&residuals, &found.inliers, DistanceFrom::Line).min(limit)
+            }
         };
         let near = near(pairs, &found.model, NEAR * limit);
         let pose = refine_pose(

@@ -231,11 +231,23 @@ fn diagonal(pairs: &PointPairs) -> f64 {
     (width * width + height * height).sqrt()
 }
 
+/// What the distances of inliers are measured from.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum DistanceFrom {
+    /// From a line: one normal error, half of which lie within 1 / 1.4826 standard deviations.
+    Line,
+    /// From a point: two normal errors, half of which lie within sqrt(2 ln 2) standard deviations (Rayleigh).
+    Point,
+}
+
 /// The square of the scale at which Cauchy's loss keeps 95 % of the efficiency of least squares:
 /// 2.385 standard deviations (Holland, Welsch, "Robust Regression Using Iteratively Reweighted Least-Squares",
-/// Communications in Statistics 6(9), 1977), of which 1.4826 medians of the inliers' distances
-/// are an estimate.
-pub(super) fn squared_cauchy_scale(squared_residuals: &[f64], inliers: &[u32]) -> f64 {
+/// Communications in Statistics 6(9), 1977), which the median of the inliers' distances is an estimate of.
+pub(super) fn squared_cauchy_scale(
+    squared_residuals: &[f64],
+    inliers: &[u32],
+    from: DistanceFrom,
+) -> f64 {
     let mut squared: Vec<f64> = (inliers.iter())
         .map(|&index| squared_residuals[index as usize])
         .collect();
@@ -244,7 +256,10 @@ pub(super) fn squared_cauchy_scale(squared_residuals: &[f64], inliers: &[u32]) -
     }
     let middle = squared.len() / 2;
     let (_, median, _) = squared.select_nth_unstable_by(middle, f64::total_cmp);
-    let factor = 2.385 * 1.4826;
+    let factor = match from {
+        DistanceFrom::Line => 2.385 * 1.4826,
+        DistanceFrom::Point => 2.385 / 1.177_41,
+    };
     // Exact matches have no scale; any positive one will do.
     (factor * factor * *median).max(f64::MIN_POSITIVE)
 }
