@@ -102,6 +102,27 @@ impl<E: Extractor> Asift<E> {
         &self.params
     }
 
+    /// What works on every view.
+    pub(super) fn extractor(&self) -> &E {
+        &self.extractor
+    }
+
+    /// As [`Extractor::extract`], without the image itself.
+    pub(super) fn extract_tilted(&self, image: &GrayImage) -> Features {
+        self.extract_of(&self.views()[1..], image)
+    }
+
+    fn extract_of(&self, views: &[SimulatedView], image: &GrayImage) -> Features {
+        let small = shrink_to(image, self.params.max_pixels);
+        extract_views(
+            &self.extractor,
+            views,
+            self.params.limit,
+            &small,
+            image.size(),
+        )
+    }
+
     /// Every pair of a tilt and a longitude, the image itself first.
     fn views(&self) -> Vec<SimulatedView> {
         let step = self.params.longitude_step_deg.to_radians();
@@ -126,14 +147,7 @@ impl<E: Extractor> Extractor for Asift<E> {
     }
 
     fn extract(&self, image: &GrayImage) -> Features {
-        let small = shrink_to(image, self.params.max_pixels);
-        extract_views(
-            &self.extractor,
-            &self.views(),
-            self.params.limit,
-            &small,
-            image.size(),
-        )
+        self.extract_of(&self.views(), image)
     }
 
     fn memory(&self, size: Size) -> usize {

@@ -78,6 +78,22 @@ impl Features {
         }
     }
 
+    /// These features, then `others` of the same image, each with its frame.
+    ///
+    /// # Panics
+    /// If the two were described by descriptors of different kinds.
+    #[must_use]
+    pub fn followed_by(mut self, others: &Self) -> Self {
+        let frame = |of: &Self, count: usize| (0..count).map(|i| of.frame(i)).collect::<Vec<_>>();
+        let mut frames = frame(&self, self.len());
+        frames.extend(frame(others, others.len()));
+        self.keypoints.extend_from_slice(&others.keypoints);
+        for index in 0..others.len() {
+            self.descriptors.push_from(&others.descriptors, index);
+        }
+        self.with_frames(frames)
+    }
+
     /// The same features, found in an image `from` that an image of `size` was resampled to, in pixels
     /// of the latter.
     #[must_use]

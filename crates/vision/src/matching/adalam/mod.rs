@@ -15,6 +15,9 @@
 //! 5. The map with most inliers is fitted to them, and they are chosen again. With fewer than t_n more than by
 //!    chance the neighbourhood is dropped. What any neighbourhood keeps is kept.
 //!
+//! With `keep_clear`, matches that may be seeds (by ratio, and mutual) are kept as well, also where nothing around them
+//! agrees: in an image of few features a neighbourhood holds too little to tell. This is ours.
+//!
 //! Step 4 is the rule of Benjamini and Hochberg (JRSS B 57(1), 1995), r^2 being the probability that a wrong match
 //! comes as near: the share of wrong ones among the inliers is expected to be at most 1 / t_c.
 //!
@@ -24,6 +27,7 @@
 //! | lambda | `expansion` | 4 | the authors' program |
 //! | | `seed_ratio` | 0.8 | the authors' program |
 //! | | `mutual_seeds` | true | the authors' program |
+//! | | `keep_clear` | false | the paper |
 //! | t_alpha | `max_turn_deg` | 30 | the authors' program |
 //! | t_sigma | `max_growth` | 1.5 | the authors' program |
 //! | | `samples` | 128 | the authors' program |
@@ -69,6 +73,8 @@ pub struct AdalamParams {
     pub max_turn_deg: f64,
     /// How far the ratios of sizes of a match and its seed may differ, as a factor.
     pub max_growth: f64,
+    /// Whether a match that may be a seed is kept in any case.
+    pub keep_clear: bool,
     /// Pairs of matches that are drawn in each neighbourhood.
     pub samples: u32,
     /// How many times more matches than chance brings must agree with the map.
@@ -88,6 +94,7 @@ impl Default for AdalamParams {
             expansion: 4.0,
             seed_ratio: 0.8,
             mutual_seeds: true,
+            keep_clear: false,
             max_turn_deg: 30.0,
             max_growth: 1.5,
             samples: 128,
@@ -164,12 +171,13 @@ impl Adalam {
             .count();
         let radii = [a.size, b.size].map(|size| radius(size, self.params.area_ratio));
         let mut seeds = Vec::new();
+        let mut kept = vec![false; matches.len()];
         for (at, &i) in order[..clear].iter().enumerate() {
             if may_be_seed(i) {
                 seeds.push(at);
+                kept[i] = self.params.keep_clear;
             }
         }
-        let mut kept = vec![false; matches.len()];
         for seed in clearest(&seeds, &candidates, radii[0]) {
             let reach = radii.map(|radius| self.params.expansion * radius);
             let members = self.members(&candidates, seed, reach);

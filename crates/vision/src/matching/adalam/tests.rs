@@ -283,6 +283,28 @@ fn seeds_are_each_others_nearest_unless_that_is_not_asked() {
 }
 
 #[test]
+fn clear_matches_are_kept_without_neighbours_where_that_is_asked() {
+    let scene = Scene::of(300, 900, 1);
+    let params = AdalamParams {
+        keep_clear: true,
+        ..AdalamParams::default()
+    };
+    let (of_maps, kept) = (scene.kept(), scene.kept_with(params, SIZE));
+    let is_clear = |i: usize| scene.ambiguity[i] < params.seed_ratio;
+    let expected: Vec<bool> = (0..1200).map(|i| of_maps[i] || is_clear(i)).collect();
+    assert_eq!(kept, expected);
+    assert!((300..1200).any(|i| kept[i]) && (0..300).any(|i| kept[i] && !is_clear(i)));
+    // What may not be a seed is not clear.
+    let [a, b] = scene.features(SIZE);
+    let adalam = Adalam::new(params).unwrap();
+    let none = vec![false; 1200];
+    assert_eq!(
+        count(&adalam.mask(&a, &b, &scene.matches(), Some(&none))),
+        0
+    );
+}
+
+#[test]
 fn nothing_makes_it_fail() {
     assert_eq!(Scene::default().kept(), [false; 0]);
     let scene = Scene::of(60, 60, 6);
