@@ -65,13 +65,18 @@ impl<'a> ExtremumFinder<'a> {
         }
         let threshold = (0.5 * contrast_threshold / octave_layers as f32 / GREY).floor();
         for (layer, layers) in (1..).zip(strip.layers().windows(4)) {
-            // All rows from one column of the image on.
-            let first = start - 1;
+            // All rows from one column of the image on, the same multiple of a cache line as their buffers.
+            let first = (start - 1) / 16 * 16;
             let rows = [0, 1, 2, 3].map(|l| {
                 [y - 1, y, y + 1].map(|y| &layers[l].row(y)[first - layers[l].columns().start..])
             });
             self.columns.clear();
-            find_extrema_of_differences(&rows, 1..end - first, threshold, &mut self.columns);
+            find_extrema_of_differences(
+                &rows,
+                start - first..end - first,
+                threshold,
+                &mut self.columns,
+            );
             let fit = Fit {
                 params: self.params,
                 layers: strip.layers(),

@@ -1,6 +1,11 @@
 //! Histograms of gradient directions, one for a disc and a grid of them for a patch.
 #![allow(clippy::needless_bitwise_bool)] // a lazy `&&` is a branch, and lanes have none
 
+#[cfg(target_arch = "x86_64")]
+mod wide;
+
+#[cfg(target_arch = "x86_64")]
+use super::InstructionSet;
 use super::gradient::turns;
 
 /// Bins of a patch histogram, as two histograms whose sum counts: `[half][row][column][direction]`
@@ -93,6 +98,12 @@ multiversioned! {
                 directions: &gradients.directions[start..][..span.count],
             };
             start += span.count;
+            #[cfg(target_arch = "x86_64")]
+            if InstructionSet::in_use() == InstructionSet::Avx512 {
+                // SAFETY: what is in use was detected on this processor.
+                unsafe { wide::add_row(grid, &row, histogram) };
+                continue;
+            }
             let mut x = 0;
             while x + 8 <= span.count {
                 patch_block::<8>(grid, &row, x, histogram);
@@ -105,6 +116,9 @@ multiversioned! {
         }
     }
 }
+
+/// Centres of the cells are at 0, 1, 2, 3; the middle of the patch lies between 1 and 2.
+const MIDDLE: f32 = 1.5;
 
 /// Gradients along one row.
 struct PatchRow<'a> {
@@ -138,17 +152,34 @@ fn measure(window: &Window<'_>, gradients: &mut Gradients) {
         let [above, here, below] = [0, 1, 2].map(|k| window.rows[i + k]);
         let (left, right) = (&here[x - 1..][..count], &here[x + 1..][..count]);
         let (above, below) = (&above[x..][..count], &below[x..][..count]);
-        directions.extend(right.iter().zip(left).map(|(right, left)| right - left));
-        rises.extend(above.iter().zip(below).map(|(above, below)| above - below));
         let weight = window.weights[(y + window.radius) as usize];
         let weights = &window.weights[(span.first + window.radius) as usize..][..count];
-        values.extend(weights.iter().map(|along| weight * along));
+        extend(directions, right, left, |right, left| right - left);
+        extend(rises, above, below, |above, below| above - below);
+        extend(values, weights, weights, |along, _| weight * along);
     }
     let all = directions.iter_mut().zip(&*rises).zip(values);
     for ((direction, &dy), value) in all {
         let dx = *direction;
         *value *= dx.mul_add(dx, dy * dy).sqrt();
         *direction = turns(dy, dx);
+    }
+}
+
+/// Appends what `f` makes of two rows of one length; rows are mostly whole blocks of eight.
+#[inline(always)]
+fn extend(out: &mut Vec<f32>, a: &[f32], b: &[f32], f: impl Fn(f32, f32) -> f32) {
+    let start = out.len();
+    out.resize(start + a.len(), 0.0);
+    let (blocks, last) = out[start..].as_chunks_mut::<8>();
+    let ((a, last_a), (b, last_b)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    for ((out, a), b) in blocks.iter_mut().zip(a).zip(b) {
+        for i in 0..8 {
+            out[i] = f(a[i], b[i]);
+        }
+    }
+    for ((out, a), b) in last.iter_mut().zip(last_a).zip(last_b) {
+        *out = f(*a, *b);
     }
 }
 
@@ -159,8 +190,6 @@ fn patch_block<const L: usize>(
     start: usize,
     histogram: &mut PatchHistogram,
 ) {
-    /// Centres of the cells are at 0, 1, 2, 3; the middle of the patch lies between 1 and 2.
-    const MIDDLE: f32 = 1.5;
     let values = lanes::<L>(row.values, start);
     let directions = lanes::<L>(row.directions, start);
     let mut cells = [0_u32; L];
@@ -214,11 +243,13 @@ const UNITS: [f32; 15] = [
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
 ];
 
-/// The integer nearest to `x` (even if there are two) modulo 2^22, for `|x|` below 2^21. The sum
-/// leaves no place for a fraction, and unlike a cast it needs no care for other values.
+/// A sum with this leaves no place for a fraction, and the integer in the lowest bits.
+const NO_FRACTION: f32 = 1.5 * (1 << 23) as f32;
+
+/// The integer nearest to `x` (even if there are two) modulo 2^22, for `|x|` below 2^21. Unlike
+/// a cast it needs no care for other values.
 #[inline(always)]
 fn whole(x: f32) -> u32 {
-    const NO_FRACTION: f32 = 1.5 * (1 << 23) as f32;
     (x + NO_FRACTION).to_bits() & 0x003f_ffff
 }
 
@@ -230,6 +261,8 @@ fn lanes<const L: usize>(row: &[f32], x: usize) -> &[f32; L] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::seed::Seed;
+    use crate::simd::InstructionSet;
 
     #[test]
     fn whole_numbers() {
@@ -261,6 +294,35 @@ mod tests {
             weights: &vec![1.0; 2 * radius as usize + 1],
             radius,
         });
+    }
+
+    #[test]
+    fn all_sets_of_instructions_give_the_same_bits() {
+        let mut rng = Seed(12).rng();
+        for count in [1, 8, 15, 24, 47] {
+            let mut value = || rng.normal() as f32;
+            let differences: Vec<[f32; 2]> = (0..count).map(|_| [value(), value()]).collect();
+            let grid = PatchGrid {
+                cos: 0.11,
+                sin: -0.07,
+                direction: 0.8,
+            };
+            let mut all: Vec<(PatchHistogram, [f32; 36])> = Vec::new();
+            with_row(-20, &differences, |window| {
+                InstructionSet::for_each(|_| {
+                    let gradients = &mut Gradients::default();
+                    let (mut patch, mut directions) = ([0.0; 1024], [0.0; 36]);
+                    // Twice, so that there are sums to be added to.
+                    for _ in 0..2 {
+                        add_patch(window, &grid, gradients, &mut patch);
+                        add_directions(window, gradients, &mut directions);
+                    }
+                    all.push((patch, directions));
+                });
+            });
+            assert!(all[0].0.iter().any(|&sum| sum > 0.0));
+            assert!(all.iter().all(|sums| *sums == all[0]), "{count} pixels");
+        }
     }
 
     #[test]

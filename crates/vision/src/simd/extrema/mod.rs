@@ -1,10 +1,40 @@
 //! Extrema among the 26 neighbours in three layers of a scale space, or the 8 in one layer.
 #![allow(clippy::needless_bitwise_bool)] // a lazy `&&` is a branch, and lanes have none
 
+#[cfg(target_arch = "x86_64")]
+mod wide;
+
 use std::ops::Range;
+
+#[cfg(target_arch = "x86_64")]
+use super::InstructionSet;
 
 /// Three neighbouring rows of one layer.
 pub type ThreeRows<'a> = [&'a [f32]; 3];
+
+/// [`find_extrema`] in three differences that are stored nowhere: difference `d` is layer `d + 1`
+/// minus layer `d`.
+///
+/// # Panics
+/// If `columns` does not leave a column free on each side in every row.
+pub fn find_extrema_of_differences(
+    layers: &[ThreeRows<'_>; 4],
+    columns: Range<usize>,
+    threshold: f32,
+    found: &mut Vec<u32>,
+) {
+    #[cfg(target_arch = "x86_64")]
+    if InstructionSet::in_use() == InstructionSet::Avx512 {
+        let mut rows = layers.as_flattened().iter();
+        assert!(
+            columns.start > 0 && rows.all(|row| columns.end < row.len()),
+            "a column on each side"
+        );
+        // SAFETY: what is in use was detected on this processor.
+        return unsafe { wide::find(layers, columns, threshold, found) };
+    }
+    search_differences(layers, columns, threshold, found);
+}
 
 multiversioned! {
     #![avx512]
@@ -19,12 +49,8 @@ multiversioned! {
         search(layers, columns, threshold, found);
     }
 
-    /// [`find_extrema`] in three differences that are stored nowhere: difference `d` is layer `d + 1`
-    /// minus layer `d`.
-    ///
-    /// # Panics
-    /// If `columns` does not leave a column free on each side in every row.
-    pub fn find_extrema_of_differences(layers: &[ThreeRows<'_>; 4], columns: Range<usize>, threshold: f32, found: &mut Vec<u32>) {
+    /// The definition of [`find_extrema_of_differences`].
+    fn search_differences(layers: &[ThreeRows<'_>; 4], columns: Range<usize>, threshold: f32, found: &mut Vec<u32>) -> () {
         search(layers, columns, threshold, found);
     }
 
@@ -91,12 +117,7 @@ fn block<const LAYERS: usize, const L: usize, const WIDTH: usize>(
     threshold: f32,
     found: &mut Vec<u32>,
 ) {
-    let mut windows: Windows<'_, LAYERS, WIDTH> = [[lanes(layers[0][0], x - 1); 3]; LAYERS];
-    for (windows, rows) in windows.iter_mut().zip(layers) {
-        for (window, row) in windows.iter_mut().zip(rows) {
-            *window = lanes(row, x - 1);
-        }
-    }
+    let windows: Windows<'_, LAYERS, WIDTH> = windows(layers, x - 1);
     let mut strong = 0;
     for i in 0..L {
         strong |= u32::from(value(&windows, 1, 1, i + 1).abs() > threshold);
@@ -104,8 +125,7 @@ fn block<const LAYERS: usize, const L: usize, const WIDTH: usize>(
     if strong == 0 {
         return;
     }
-    let mut candidates = [0_u32; L];
-    let mut some = 0;
+    let mut candidates = [0_u8; L];
     for (i, candidate) in candidates.iter_mut().enumerate() {
         let at = |row: usize, dx: usize| value(&windows, 1, row, i + dx);
         let centre = at(1, 1);
@@ -124,17 +144,37 @@ fn block<const LAYERS: usize, const L: usize, const WIDTH: usize>(
         }
         let top = (centre > threshold) & (centre >= high);
         let bottom = (centre < -threshold) & (centre <= low);
-        *candidate = u32::from(top | bottom);
-        some |= *candidate;
+        *candidate = u8::from(top | bottom);
     }
-    if some == 0 {
-        return;
-    }
-    for (i, &candidate) in candidates.iter().enumerate().skip(done) {
-        if candidate != 0 && beats_other_layers(&windows, i) {
-            found.push((x + i) as u32);
+    candidates[..done].fill(0);
+    // Few columns of a block are candidates: eight are looked at together.
+    let (eights, rest) = candidates.as_chunks::<8>();
+    let last = rest.iter().map(|&candidate| u64::from(candidate));
+    let words = eights.iter().map(|eight| u64::from_le_bytes(*eight));
+    for (start, mut left) in (0..).step_by(8).zip(words.chain(last)) {
+        while left != 0 {
+            let i = start + left.trailing_zeros() as usize / 8;
+            left &= left - 1;
+            if beats_other_layers(&windows, i) {
+                found.push((x + i) as u32);
+            }
         }
     }
+}
+
+/// The columns from `x` on.
+#[inline(always)]
+fn windows<'a, const LAYERS: usize, const WIDTH: usize>(
+    layers: &[ThreeRows<'a>; LAYERS],
+    x: usize,
+) -> Windows<'a, LAYERS, WIDTH> {
+    let mut windows = [[lanes(layers[0][0], x); 3]; LAYERS];
+    for (windows, rows) in windows.iter_mut().zip(layers) {
+        for (window, row) in windows.iter_mut().zip(rows) {
+            *window = lanes(row, x);
+        }
+    }
+    windows
 }
 
 /// Column `i` of a row in the windows.
@@ -236,6 +276,7 @@ fn lanes<const L: usize>(row: &[f32], x: usize) -> &[f32; L] {
 mod tests {
     use super::*;
     use crate::seed::{Rng, Seed};
+    use crate::simd::InstructionSet;
 
     #[test]
     fn blocks_find_what_the_definition_finds() {
@@ -274,9 +315,17 @@ mod tests {
         }
         let layers: [ThreeRows<'_>; 4] =
             std::array::from_fn(|l| std::array::from_fn(|y| sums[3 * l + y].as_slice()));
-        found.clear();
-        find_extrema_of_differences(&layers, 1..width - 1, 2.0, &mut found);
-        assert_eq!(found, expected);
+        InstructionSet::for_each(|set| {
+            found.clear();
+            find_extrema_of_differences(&layers, 1..width - 1, 2.0, &mut found);
+            assert_eq!(found, expected, "{set:?}");
+            found.clear();
+            find_extrema_of_differences(&layers, width / 3..width / 2, 2.0, &mut found);
+            let some = expected
+                .iter()
+                .filter(|&&x| (width / 3..width / 2).contains(&(x as usize)));
+            assert!(found.iter().eq(some), "{set:?}");
+        });
     }
 
     #[test]

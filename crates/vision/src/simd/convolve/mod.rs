@@ -1,18 +1,58 @@
 //! Weighted sums of rows and along rows: the two passes of a separable filter.
 
+#[cfg(target_arch = "x86_64")]
+use super::InstructionSet;
+
+#[cfg(target_arch = "x86_64")]
+mod wide;
+
 /// Rows that [`weigh_rows`] makes at most, so that a row is loaded once for several sums.
 pub const ROWS_AT_ONCE: usize = 4;
+
+/// The vertical pass: `out[r][x]` is the sum over k of `taps[k] * rows[r + k][x]`, for up to
+/// [`ROWS_AT_ONCE`] neighbouring rows.
+///
+/// # Panics
+/// If there are not `taps.len() + out.len() - 1` rows, or if one is shorter than an output.
+pub fn weigh_rows(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) {
+    assert_eq!(rows.len() + 1, taps.len() + out.len(), "a row for each tap");
+    #[cfg(target_arch = "x86_64")]
+    if InstructionSet::in_use() == InstructionSet::Avx512
+        && out.len() == ROWS_AT_ONCE
+        && taps.len() >= ROWS_AT_ONCE
+    {
+        // SAFETY: what is in use was detected on this processor.
+        return unsafe { wide::weigh_rows(rows, taps, out) };
+    }
+    weigh_some_rows(rows, taps, out);
+}
+
+/// The horizontal pass with symmetric taps: `out[x]` is the sum over k of
+/// `taps[k] * padded[x + k]`, from the outermost pair of taps to the middle.
+///
+/// # Panics
+/// If the number of taps is even, or `padded` not `taps.len() - 1` longer than `out`.
+pub fn weigh_symmetric(padded: &[f32], taps: &[f32], out: &mut [f32]) {
+    assert!(taps.len() % 2 == 1, "one tap in the middle");
+    assert_eq!(
+        padded.len() + 1,
+        out.len() + taps.len(),
+        "padding for the taps"
+    );
+    #[cfg(target_arch = "x86_64")]
+    if InstructionSet::in_use() == InstructionSet::Avx512 && taps.len() / 2 <= wide::LARGEST_RADIUS
+    {
+        // SAFETY: what is in use was detected on this processor.
+        return unsafe { wide::weigh_symmetric(padded, taps, out) };
+    }
+    weigh_with_symmetric(padded, taps, out);
+}
 
 multiversioned! {
     #![avx512]
 
-    /// The vertical pass: `out[r][x]` is the sum over k of `taps[k] * rows[r + k][x]`, for up to
-    /// [`ROWS_AT_ONCE`] neighbouring rows.
-    ///
-    /// # Panics
-    /// If there are not `taps.len() + out.len() - 1` rows, or if one is shorter than an output.
-    pub fn weigh_rows(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) {
-        assert_eq!(rows.len() + 1, taps.len() + out.len(), "a row for each tap");
+    /// The definition of [`weigh_rows`].
+    fn weigh_some_rows(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) -> () {
         let mut first = 0;
         while first < out.len() {
             let (rows, out) = (&rows[first..], &mut out[first..]);
@@ -24,15 +64,9 @@ multiversioned! {
         }
     }
 
-    /// The horizontal pass with symmetric taps: `out[x]` is the sum over k of
-    /// `taps[k] * padded[x + k]`, from the outermost pair of taps to the middle.
-    ///
-    /// # Panics
-    /// If the number of taps is even, or `padded` not `taps.len() - 1` longer than `out`.
-    pub fn weigh_symmetric(padded: &[f32], taps: &[f32], out: &mut [f32]) {
+    /// The definition of [`weigh_symmetric`].
+    fn weigh_with_symmetric(padded: &[f32], taps: &[f32], out: &mut [f32]) -> () {
         const LANES: usize = 64;
-        assert!(taps.len() % 2 == 1, "one tap in the middle");
-        assert_eq!(padded.len() + 1, out.len() + taps.len(), "padding for the taps");
         let mut x = 0;
         while x + LANES <= out.len() {
             symmetric_block::<LANES>(padded, taps, out, x);
@@ -137,6 +171,7 @@ fn add_scaled<const L: usize>(sum: &mut [f32; L], values: &[f32; L], scale: f32)
 mod tests {
     use super::*;
     use crate::seed::Seed;
+    use crate::simd::InstructionSet;
 
     fn random_row(width: usize, seed: u64) -> Vec<f32> {
         let mut rng = Seed(seed).rng();
@@ -172,6 +207,27 @@ mod tests {
                     .collect();
                 assert_eq!(some, expected, "{width} columns, {count} taps, row {y}");
             }
+        }
+    }
+
+    #[test]
+    fn all_sets_of_instructions_give_the_same_bits() {
+        for (width, radius) in [(1, 1), (15, 5), (64, 13), (80, 16), (147, 8), (203, 17)] {
+            let taps = random_row(2 * radius + 1, 4);
+            let padded = random_row(width + 2 * radius, 5);
+            let rows: Vec<_> = (0..taps.len() + ROWS_AT_ONCE - 1)
+                .map(|y| random_row(width, y as u64))
+                .collect();
+            let rows: Vec<&[f32]> = rows.iter().map(Vec::as_slice).collect();
+            let mut all = Vec::new();
+            InstructionSet::for_each(|_| {
+                let mut out = vec![0.0; (1 + ROWS_AT_ONCE) * width];
+                let mut parts: Vec<_> = out.chunks_mut(width).collect();
+                weigh_symmetric(&padded, &taps, parts[0]);
+                weigh_rows(&rows, &taps, &mut parts[1..]);
+                all.push(out);
+            });
+            assert!(all.iter().all(|out| *out == all[0]), "{width}, {radius}");
         }
     }
 
