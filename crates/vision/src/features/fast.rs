@@ -90,14 +90,16 @@ pub(crate) fn corners(image: &GrayImage, threshold: u8, margin: usize) -> Vec<Co
     if width <= 2 * margin || height <= 2 * margin {
         return corners;
     }
-    // Scores of three rows, those of row y at y % 3.
-    let mut scores = [vec![0; width], vec![0; width], vec![0; width]];
-    let mut columns = Vec::new();
+    // Scores of three rows, those of row y at y % 3; of the columns that a corner's neighbours lie in, and
+    // three more to each side, which have none.
     let (first, last) = (margin - 1, height - margin);
+    let looked_at = first.saturating_sub(3)..width.min(width - first + 3);
+    let mut scores = [(); 3].map(|()| vec![0; looked_at.len()]);
+    let mut columns = Vec::new();
     for y in first..=last {
         let row = &mut scores[y % 3];
         if (3..height - 3).contains(&y) {
-            let around = std::array::from_fn(|i| image.row(y + i - 3));
+            let around = std::array::from_fn(|i| &image.row(y + i - 3)[looked_at.clone()]);
             segment_scores(around, threshold, row);
         } else {
             row.fill(0);
@@ -109,12 +111,11 @@ pub(crate) fn corners(image: &GrayImage, threshold: u8, margin: usize) -> Vec<Co
         let rows = [middle - 1, middle, middle + 1].map(|y| &scores[y % 3][..]);
         columns.clear();
         strict_maxima(rows, &mut columns);
-        let inside = columns
-            .iter()
-            .filter(|&&x| margin <= x && x < width - margin);
-        corners.extend(inside.map(|&x| Corner {
+        let inside = columns.iter().map(|&x| (looked_at.start + x, rows[1][x]));
+        let inside = inside.filter(|&(x, _)| margin <= x && x < width - margin);
+        corners.extend(inside.map(|(x, score)| Corner {
             at: [x as u32, middle as u32],
-            score: rows[1][x],
+            score,
         }));
     }
     corners

@@ -41,9 +41,11 @@ use nalgebra::Point2;
 
 use super::fast::{Corner, corners};
 use super::{BinaryRows, DescriptorKind, Descriptors, Extractor, Features, Keypoint, memory_of};
-use crate::image::{GrayImage, Size, gaussian_blur_u8, resize};
+use crate::image::{GrayImage, Size, gaussian_blur_u8_inside, resize};
 use crate::params::ParamError;
-use crate::simd::{PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments, turns};
+use crate::simd::{
+    PAIR_REACH, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments, turns,
+};
 use crate::tables::ORB_PAIRS;
 
 /// Bytes for each pixel of the image, measured: scores and smaller images.
@@ -193,7 +195,7 @@ impl Orb {
                 }),
         );
 
-        let smooth = gaussian_blur_u8(image, 3, 2.0);
+        let smooth = gaussian_blur_u8_inside(image, 3, 2.0, MARGIN - PAIR_REACH);
         let pixels = Pixels {
             data: smooth.data(),
             width: smooth.width(),

@@ -14,6 +14,19 @@ use crate::simd::{weigh_along_u8, weigh_rows_u8};
 /// # Panics
 /// If `sigma` is not positive and finite.
 pub fn gaussian_blur_u8(image: &GrayImage, radius: usize, sigma: f64) -> GrayImage {
+    gaussian_blur_u8_inside(image, radius, sigma, 0)
+}
+
+/// [`gaussian_blur_u8`] of the pixels that are at least `margin` from the border; the others are black.
+///
+/// # Panics
+/// If `sigma` is not positive and finite.
+pub fn gaussian_blur_u8_inside(
+    image: &GrayImage,
+    radius: usize,
+    sigma: f64,
+    margin: usize,
+) -> GrayImage {
     assert!(
         sigma > 0.0 && sigma.is_finite(),
         "a Gaussian of standard deviation {sigma}"
@@ -21,24 +34,28 @@ pub fn gaussian_blur_u8(image: &GrayImage, radius: usize, sigma: f64) -> GrayIma
     let half = half_kernel(radius, sigma);
     let (width, height) = (image.width(), image.height());
     let mut blurred = GrayImage::filled(image.size(), 0);
-    if image.size().area() == 0 {
+    if width <= 2 * margin || height <= 2 * margin {
         return blurred;
     }
     let mut padded = vec![0.0; width + 2 * radius];
     let mut rows = Vec::with_capacity(2 * radius + 1);
-    for y in 0..height {
+    // The columns that are read along rows; mirrored ones stand where there are none.
+    let read = margin.saturating_sub(radius)..width.min(width - margin + radius);
+    for y in margin..height - margin {
         rows.clear();
         rows.extend(
             (0..=2 * radius)
-                .map(|i| image.row(mirror(y as isize + i as isize - radius as isize, height))),
+                .map(|i| image.row(mirror(y as isize + i as isize - radius as isize, height)))
+                .map(|row| &row[read.clone()]),
         );
-        weigh_rows_u8(&rows, &half, &mut padded[radius..][..width]);
-        for i in 1..=radius {
+        weigh_rows_u8(&rows, &half, &mut padded[radius..][read.clone()]);
+        for i in 1..=radius.saturating_sub(margin) {
             padded[radius - i] = padded[radius + mirror(-(i as isize), width)];
             let right = mirror((width - 1 + i) as isize, width);
             padded[radius + width - 1 + i] = padded[radius + right];
         }
-        weigh_along_u8(&padded, &half, blurred.row_mut(y));
+        let out = &mut blurred.row_mut(y)[margin..width - margin];
+        weigh_along_u8(&padded[margin..width - margin + 2 * radius], &half, out);
     }
     blurred
 }

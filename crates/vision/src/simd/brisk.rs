@@ -32,6 +32,8 @@ struct Ends {
 }
 
 multiversioned! {
+    #![avx512]
+
     /// Means over squares about `centre`, turned by the angle of this cosine and sine, in 1024ths of a grey level.
     /// The pixels on the edges of a square count by the share of them that lies within. `sums` are those of an
     /// integral image, in rows of `stride`.
@@ -99,6 +101,9 @@ multiversioned! {
         }
     }
 
+}
+
+multiversioned! {
     /// The sum over all pairs of the difference of their values times their weights, each product
     /// divided by 1024 and cut off. Values are below 2^18.
     pub fn direction(values: &[i32; 64], weights: &DirectionWeights) -> [i32; 2] {

@@ -1,6 +1,8 @@
 //! The segment test on rows of pixels.
 
-/// Columns looked at together.
+use super::InstructionSet;
+
+/// Columns looked at together; twice as many where vectors hold them.
 const LANES: usize = 32;
 
 /// The circle of radius 3, clockwise from its top: column relative to the centre plus 3, and row.
@@ -24,6 +26,8 @@ const CIRCLE: [(usize, usize); 16] = [
 ];
 
 multiversioned! {
+    #![avx512]
+
     /// FAST scores of the middle one of seven rows of equal length. The score of a pixel is the
     /// largest `t` for which nine neighbours in a row on the circle of radius 3 all differ from it
     /// by more than `t`, in the same direction; it is written where it is at least `threshold`,
@@ -36,6 +40,13 @@ multiversioned! {
         assert!(rows.iter().all(|row| row.len() == width), "rows of one length");
         scores.fill(0);
         let mut x = 0;
+        if InstructionSet::in_use() == InstructionSet::Avx512 {
+            while x + 2 * LANES + 6 <= width {
+                let block = score_block::<{ 2 * LANES }>(rows, x, threshold);
+                scores[x + 3..][..2 * LANES].copy_from_slice(&block);
+                x += 2 * LANES;
+            }
+        }
         while x + LANES + 6 <= width {
             scores[x + 3..][..LANES].copy_from_slice(&score_block::<LANES>(rows, x, threshold));
             x += LANES;
@@ -75,19 +86,14 @@ fn maxima(rows: [&[u8]; 3], least: u8, found: &mut Vec<usize>, wanted: impl Fn(u
     );
     assert!(least > 0, "0 is no score");
     let mut x = 1;
-    while x + LANES < width {
-        // Most of a picture is without corners.
-        let here = lanes::<LANES>(rows[1], x);
-        if zip(here, &[least - 1; LANES], u8::saturating_sub) != [0; LANES] {
-            let is_maximum = maxima_block::<LANES>(rows, x, least, &wanted);
-            for (i, eight) in is_maximum.as_chunks::<8>().0.iter().enumerate() {
-                let mut left = u64::from_le_bytes(*eight);
-                while left != 0 {
-                    found.push(x + 8 * i + left.trailing_zeros() as usize / 8);
-                    left &= left - 1;
-                }
-            }
+    if InstructionSet::in_use() == InstructionSet::Avx512 {
+        while x + 2 * LANES < width {
+            find_in_block::<{ 2 * LANES }>(rows, x, least, found, &wanted);
+            x += 2 * LANES;
         }
+    }
+    while x + LANES < width {
+        find_in_block::<LANES>(rows, x, least, found, &wanted);
         x += LANES;
     }
     while x + 1 < width {
@@ -98,53 +104,105 @@ fn maxima(rows: [&[u8]; 3], least: u8, found: &mut Vec<usize>, wanted: impl Fn(u
     }
 }
 
-/// Scores of the pixels `x + 3 .. x + 3 + L`.
-#[inline(always)]
-fn score_block<const L: usize>(rows: [&[u8]; 7], x: usize, threshold: u8) -> [u8; L] {
-    let centre = lanes::<L>(rows[3], x + 3);
-    let neighbour = |k: usize| lanes::<L>(rows[CIRCLE[k].1], x + CIRCLE[k].0);
-    let brighter = |k: usize| zip(neighbour(k), centre, u8::saturating_sub);
-    let darker = |k: usize| zip(centre, neighbour(k), u8::saturating_sub);
-
-    // Nine of sixteen in a row contain two neighbours among the four that lie on the axes.
-    let most = zip(&axes(brighter), &axes(darker), u8::max);
-    if zip(&most, &[threshold; L], u8::saturating_sub) == [0; L] {
-        return [0; L];
-    }
-    let most = zip(&best_arc(brighter), &best_arc(darker), u8::max);
-    zip(&most, &[threshold; L], |most, threshold| {
-        if most > threshold { most - 1 } else { 0 }
-    })
-}
-
-/// The largest value that two neighbours among four points on the axes both reach.
-#[inline(always)]
-fn axes<const L: usize>(value: impl Fn(usize) -> [u8; L]) -> [u8; L] {
-    let vertical = zip(&value(0), &value(8), u8::max);
-    let horizontal = zip(&value(4), &value(12), u8::max);
-    zip(&vertical, &horizontal, u8::min)
-}
-
 /// An array of results, call by call: a loop is not always unrolled, and these results belong into
 /// registers.
 macro_rules! unrolled {
     ($call:expr; $($i:literal)*) => { [$($call($i)),*] };
 }
 
-/// The largest value that nine points in a row all reach. The arcs that start at an even point and
-/// at the next one share eight points, so their minimum is taken once.
+/// The columns of a block.
 #[inline(always)]
-fn best_arc<const L: usize>(value: impl Fn(usize) -> [u8; L]) -> [u8; L] {
-    let values = unrolled!(value; 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15);
-    let two = |i: usize| zip(&values[2 * i + 1], &values[(2 * i + 2) % 16], u8::min);
+fn find_in_block<const L: usize>(
+    rows: [&[u8]; 3],
+    x: usize,
+    least: u8,
+    found: &mut Vec<usize>,
+    wanted: &impl Fn(u8, u8) -> bool,
+) {
+    // Most of a picture is without corners.
+    let here = lanes::<L>(rows[1], x);
+    if zip(here, &[least - 1; L], u8::saturating_sub) == [0; L] {
+        return;
+    }
+    let is_maximum = maxima_block::<L>(rows, x, least, wanted);
+    if is_maximum == [0; L] {
+        return;
+    }
+    for (i, eight) in is_maximum.as_chunks::<8>().0.iter().enumerate() {
+        let mut left = u64::from_le_bytes(*eight);
+        while left != 0 {
+            found.push(x + 8 * i + left.trailing_zeros() as usize / 8);
+            left &= left - 1;
+        }
+    }
+}
+
+/// Scores of the pixels `x + 3 .. x + 3 + L`.
+///
+/// The least difference from the centre over an arc is that of the arc's least point, so arcs are
+/// searched for their points alone and the centre is subtracted once.
+#[inline(always)]
+fn score_block<const L: usize>(rows: [&[u8]; 7], x: usize, threshold: u8) -> [u8; L] {
+    let centre = lanes::<L>(rows[3], x + 3);
+    let point = |k: usize| lanes::<L>(rows[CIRCLE[k].1], x + CIRCLE[k].0);
+    let score = |bright: &[u8; L], dark: &[u8; L]| {
+        let brighter = zip(bright, centre, u8::saturating_sub);
+        zip(&brighter, &zip(centre, dark, u8::saturating_sub), u8::max)
+    };
+
+    // Nine of sixteen in a row contain two neighbours among the four that lie on the axes.
+    let axes = unrolled!(point; 0 8 4 12);
+    let most = score(
+        &axes_reach(&axes, u8::min, u8::max),
+        &axes_reach(&axes, u8::max, u8::min),
+    );
+    if zip(&most, &[threshold; L], u8::saturating_sub) == [0; L] {
+        return [0; L];
+    }
+    let points = unrolled!(point; 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15);
+    let most = score(
+        &best_arc(&points, u8::min, u8::max),
+        &best_arc(&points, u8::max, u8::min),
+    );
+    zip(&most, &[threshold; L], |most, threshold| {
+        if most > threshold { most - 1 } else { 0 }
+    })
+}
+
+/// The best value that two neighbours among four points on the axes both reach.
+#[inline(always)]
+fn axes_reach<const L: usize>(
+    axes: &[&[u8; L]; 4],
+    worse: impl Fn(u8, u8) -> u8,
+    better: impl Fn(u8, u8) -> u8 + Copy,
+) -> [u8; L] {
+    let vertical = zip(axes[0], axes[1], better);
+    let horizontal = zip(axes[2], axes[3], better);
+    zip(&vertical, &horizontal, worse)
+}
+
+/// The best value that nine points in a row all reach. The arcs that start at an even point and
+/// at the next one share eight points, so the worst of these is taken once.
+#[inline(always)]
+fn best_arc<const L: usize>(
+    points: &[&[u8; L]; 16],
+    worse: impl Fn(u8, u8) -> u8 + Copy,
+    better: impl Fn(u8, u8) -> u8 + Copy,
+) -> [u8; L] {
+    let two = |i: usize| zip(points[2 * i + 1], points[(2 * i + 2) % 16], worse);
     let two = unrolled!(two; 0 1 2 3 4 5 6 7);
-    let four = |i: usize| zip(&two[i], &two[(i + 1) % 8], u8::min);
+    let four = |i: usize| zip(&two[i], &two[(i + 1) % 8], worse);
     let four = unrolled!(four; 0 1 2 3 4 5 6 7);
     let mut best = [0; L];
     for i in 0..8 {
-        let eight = zip(&four[i], &four[(i + 2) % 8], u8::min);
-        let either_end = zip(&values[2 * i], &values[(2 * i + 9) % 16], u8::max);
-        best = zip(&best, &zip(&eight, &either_end, u8::min), u8::max);
+        let eight = zip(&four[i], &four[(i + 2) % 8], worse);
+        let either_end = zip(points[2 * i], points[(2 * i + 9) % 16], better);
+        let arc = zip(&eight, &either_end, worse);
+        best = if i == 0 {
+            arc
+        } else {
+            zip(&best, &arc, better)
+        };
     }
     best
 }

@@ -119,7 +119,7 @@ pub use histogram::{
 pub use instructions::InstructionSet;
 pub use latch::{WINDOW, compare_patches, turn_places};
 pub use normalize::normalize_to_bytes;
-pub use orb::{PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments};
+pub use orb::{PAIR_REACH, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments};
 pub use pooling::{
     PATCHES_AT_ONCE, VECTORS_AT_ONCE, WeakLearner, box_responses, integrate_spread, pool, project,
     vote,

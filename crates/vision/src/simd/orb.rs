@@ -39,12 +39,14 @@ pub struct PairTable {
     pub second: [[f32; 256]; 2],
 }
 
-/// Rows and columns of the square that holds every turned place: `2 * 19 + 1`, and the size of
-/// the rows of its copy.
-const REACH: usize = 19;
+/// Pixels that turned places reach to each side: they lie in a square of `2 * 19 + 1` rows and columns.
+pub const PAIR_REACH: usize = 19;
+/// Size of the rows of a copy of that square.
 const COPY_ROW: usize = 64;
 
 multiversioned! {
+    #![avx512]
+
     /// Harris corner strength `(det - 0.04 trace^2)` of the second-moment matrix of the Sobel
     /// gradients, summed over 7 x 7 pixels and scaled to intensities in `[0, 1]`, at each centre.
     /// Centres must be at least 20 pixels from the border; nearer to it, pixels from the other end of the row
@@ -91,9 +93,9 @@ multiversioned! {
         let mut first = [0; 256];
         let mut second = [0; 256];
         for (&centre, &turn) in centres.iter().zip(turns) {
-            for (y, row) in copy.chunks_exact_mut(COPY_ROW).take(2 * REACH + 1).enumerate() {
-                let down = y as isize - REACH as isize;
-                row[..40].copy_from_slice(pixels.run::<40>(centre, REACH, down));
+            for (y, row) in copy.chunks_exact_mut(COPY_ROW).take(2 * PAIR_REACH + 1).enumerate() {
+                let down = y as isize - PAIR_REACH as isize;
+                row[..40].copy_from_slice(pixels.run::<40>(centre, PAIR_REACH, down));
             }
             turn_places(&pairs.first, turn, &mut first);
             turn_places(&pairs.second, turn, &mut second);
@@ -208,8 +210,8 @@ fn turn_places(places: &[[f32; 256]; 2], turn: [f32; 2], out: &mut [u16; 256]) {
         let turned_x = (x * cos - y * sin + ROUND).to_bits() as u16;
         let turned_y = (x * sin + y * cos + ROUND).to_bits() as u16;
         let (row, column) = (
-            turned_y.wrapping_add(REACH as u16),
-            turned_x.wrapping_add(REACH as u16),
+            turned_y.wrapping_add(PAIR_REACH as u16),
+            turned_x.wrapping_add(PAIR_REACH as u16),
         );
         *out = row.wrapping_mul(COPY_ROW as u16).wrapping_add(column);
     }
