@@ -71,7 +71,7 @@ fn overlap_is_measured_and_matches_are_judged_by_where_depth_takes_them() {
     let page = fs::read_to_string(folder.join("run/report/index.html")).expect("it was written");
     assert!(page.contains("Precision 3 px") && page.contains("overlap (measured by depth)"));
     assert!(
-        !page.contains("value=\"baseline\""),
+        !page.contains("<span>Baseline</span>") && page.contains("<span>Overlap</span>"),
         "nothing is known of it"
     );
     let pairs = fs::read_to_string(folder.join("run/report/pairs.csv")).expect("it was written");

@@ -7,6 +7,7 @@
 mod again;
 mod auc_table;
 mod difference;
+mod difficulty;
 mod hard_pairs;
 mod leaderboard;
 mod pair_list;
@@ -32,8 +33,8 @@ use crate::metrics::{
 use super::again::Again;
 use super::content::Content;
 use super::figures::{
-    Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, difficulty_lines,
-    estimator_figure, lead_figure, sp_figure, time_figure, untimed,
+    accuracy_figure, ap_figure, ap_panel_figure, estimator_figure, lead_figure, sp_figure,
+    time_figure, untimed,
 };
 use super::method;
 use super::numbers::{self, interval};
@@ -121,8 +122,8 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         verdicts => (leads_in_words(&content.leads).lines())
             .map(str::to_owned)
             .collect::<Vec<_>>(),
-        difficulties => difficulties(content, &overview),
-        over => known_difficulties(content, &overview),
+        difficulties => difficulty::figures(content, &overview),
+        over => difficulty::known(content, &overview),
         hard_pairs => hard_pairs::rows(content, &overview, !extent.files.is_empty()),
         failed_from => FAILED_FROM,
         scatters => scatters(content, &overview),
@@ -343,31 +344,6 @@ fn scatters(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
             })
         })
         .collect()
-}
-
-fn difficulties(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
-    (overview.datasets.iter().enumerate())
-        .filter_map(|(column, dataset)| {
-            let panel = |difficulty: Difficulty| {
-                let svg = difficulty_figure(content, overview, column, difficulty, Target::Page)?;
-                Some(context! { name => difficulty.name(), svg => Value::from_safe_string(svg) })
-            };
-            let panels: Vec<Value> = Difficulty::ALL.into_iter().filter_map(panel).collect();
-            (!panels.is_empty()).then(|| {
-                context! { dataset => *dataset, basis => overview.basis(column), panels }
-            })
-        })
-        .collect()
-}
-
-/// What is known of any dataset.
-fn known_difficulties(content: &Content, overview: &Overview<'_>) -> Vec<&'static str> {
-    let known = |difficulty: &Difficulty| {
-        let mut columns = 0..overview.datasets.len();
-        columns.any(|column| difficulty_lines(content, overview, column, *difficulty).is_some())
-    };
-    let all = Difficulty::ALL.into_iter().filter(known);
-    all.map(Difficulty::name).collect()
 }
 
 /// Matchers by estimators: the mean over all datasets, then each.
