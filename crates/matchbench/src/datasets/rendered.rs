@@ -2,7 +2,7 @@
 //!
 //! A sequence appears under its name when it is complete ([`write_native`]), so a process that is
 //! killed leaves nothing half-written. Each [`REVISION`] of the renderer has a folder of its own, and so has each
-//! [`CONTENTS`] of what is written beside the pictures.
+//! change of the files beside the pictures.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
