@@ -21,7 +21,7 @@ pub fn gaussian_blur_u8(image: &GrayImage, radius: usize, sigma: f64) -> GrayIma
 ///
 /// # Panics
 /// If `sigma` is not positive and finite.
-pub fn gaussian_blur_u8_inside(
+pub(crate) fn gaussian_blur_u8_inside(
     image: &GrayImage,
     radius: usize,
     sigma: f64,

@@ -17,7 +17,8 @@ use std::fmt;
 
 pub(crate) use blur::gaussian_blur_within;
 pub use blur::{GaussianKernel, gaussian_blur};
-pub use blur8::{gaussian_blur_u8, gaussian_blur_u8_inside};
+pub use blur8::gaussian_blur_u8;
+pub(crate) use blur8::gaussian_blur_u8_inside;
 pub use integral::IntegralImage;
 pub use resize::resize;
 pub use rows::RowBuffer;

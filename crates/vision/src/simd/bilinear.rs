@@ -72,13 +72,16 @@ impl BlendColumns {
             self.positions.len(),
             "one pixel for each position"
         );
-        let mut done = 0;
         #[cfg(target_arch = "x86_64")]
-        if InstructionSet::in_use() >= InstructionSet::Avx2 {
+        let done = if InstructionSet::in_use() >= InstructionSet::Avx2 {
             // SAFETY: what is in use was detected on this processor.
             unsafe { avx2::blend(&self.blocks, row, out) };
-            done = 8 * self.blocks.len();
-        }
+            8 * self.blocks.len()
+        } else {
+            0
+        };
+        #[cfg(not(target_arch = "x86_64"))]
+        let done = 0;
         blend_scalar(&self.positions[done..], row, &mut out[done..]);
     }
 }

@@ -6,8 +6,9 @@
 //! change a result: every version gives the same bits.
 //!
 //! "AVX-512" means what Intel's Ice Lake (2019) and AMD's Zen 4 (2022) brought: the base of x86-64-v4,
-//! and products of bytes (VNNI) and counts of bits (VPOPCNTDQ). Processors that have less of it clock
-//! down so far for vectors of 64 bytes that those of 32 are as fast, so they use AVX2.
+//! products of bytes (VNNI), counts of bits (VPOPCNTDQ) and permutations of bytes (VBMI). Processors that
+//! have less of it clock down so far for vectors of 64 bytes that those of 32 are as fast, so they use
+//! AVX2.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -20,7 +21,7 @@ pub enum InstructionSet {
     Portable = 1,
     /// Vectors of 32 bytes and fused multiply-add.
     Avx2,
-    /// Vectors of 64 bytes, products of bytes and counts of bits.
+    /// Vectors of 64 bytes, products and permutations of bytes, counts of bits.
     Avx512,
 }
 
@@ -51,7 +52,7 @@ impl InstructionSet {
             }
             if has!("avx2" "fma") {
                 let wider = has!("avx512f" "avx512bw" "avx512cd" "avx512dq" "avx512vl")
-                    && has!("avx512vnni" "avx512vpopcntdq");
+                    && has!("avx512vnni" "avx512vpopcntdq" "avx512vbmi");
                 return if wider { Avx512 } else { Avx2 };
             }
         }

@@ -1,5 +1,5 @@
-//! How fast the main extractors and searches are with each set of instructions, and whether all give
-//! the same answers.
+//! How fast features, searches, solvers and an estimator are with each set of instructions, and whether
+//! all give the same answers.
 //!
 //! ```text
 //! cargo bench -p matchbench-vision [-- NAME]
@@ -12,17 +12,23 @@
 //! status is a failure if one differs. Times of one run on a machine at rest are comparable; nothing
 //! fails because of them.
 
+mod data;
+
 use std::collections::BTreeMap;
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
 use matchbench_vision::InstructionSet;
 use matchbench_vision::features::{
-    Akaze, AkazeParams, BinaryRows, Brisk, BriskParams, Descriptors, Extractor, Features,
-    FloatRows, Orb, OrbParams, Sift, SiftParams,
+    Akaze, AkazeParams, BinBoost, BinBoostParams, Brisk, BriskParams, Daisy, DaisyParams,
+    Descriptors, DetectThenDescribe, Dlco, DlcoParams, Extractor, Features, Freak, FreakParams,
+    Kaze, KazeParams, Latch, LatchParams, Orb, OrbParams, Sift, SiftParams, Surf, SurfParams,
 };
-use matchbench_vision::image::{GrayImage, Size};
-use matchbench_vision::matching::{Correspondence, two_nearest};
+use matchbench_vision::geometry::solvers::{five_point, homography, seven_point};
+use matchbench_vision::image::{Size, gaussian_blur};
+use matchbench_vision::matching::two_nearest;
+use matchbench_vision::nalgebra::{Matrix3, Point2};
+use matchbench_vision::robust::{PoseEstimator, SampleConsensus, TwoViews, presets};
 use matchbench_vision::seed::Seed;
 
 /// Times that every process is started for each set.
@@ -44,26 +50,8 @@ fn main() -> ExitCode {
 
 /// Prints `name milliseconds hash` for each chosen kernel.
 fn measure(chosen: &impl Fn(&str) -> bool) {
-    let image = texture(Size::new(640, 480));
-    let extractors: [(&str, Box<dyn Extractor>); 4] = [
-        (
-            "sift",
-            Box::new(Sift::new(SiftParams::default()).expect("in range")),
-        ),
-        (
-            "orb",
-            Box::new(Orb::new(OrbParams::default()).expect("in range")),
-        ),
-        (
-            "brisk",
-            Box::new(Brisk::new(BriskParams::default()).expect("in range")),
-        ),
-        (
-            "akaze",
-            Box::new(Akaze::new(AkazeParams::default()).expect("in range")),
-        ),
-    ];
-    for (name, extractor) in extractors.iter().filter(|(name, _)| chosen(name)) {
+    let image = data::texture(Size::new(640, 480));
+    for (name, extractor) in extractors().iter().filter(|(name, _)| chosen(name)) {
         let (milliseconds, features) = shortest(|| extractor.extract(&image));
         assert!(
             features.len() > 100,
@@ -73,15 +61,16 @@ fn measure(chosen: &impl Fn(&str) -> bool) {
         println!("{name} {milliseconds} {:016x}", hash_of_features(&features));
     }
     let searches = [
-        ("hamming-256", bits(256, 3000)),
-        ("hamming-512", bits(512, 3000)),
-        ("l2-128", values(128, 3000)),
+        ("hamming-256", data::bits(256, 3000)),
+        ("hamming-512", data::bits(512, 3000)),
+        ("l2-128", data::values(128, 3000)),
     ];
     for (name, rows) in searches.iter().filter(|(name, _)| chosen(name)) {
         let [a, b] = rows;
         let (milliseconds, matches) = shortest(|| two_nearest(a, b));
         for found in matches.iter().step_by(100) {
-            assert_eq!(*found, defined(a, b, found.a), "{name}: not the definition");
+            let expected = data::defined(a, b, found.a);
+            assert_eq!(*found, expected, "{name}: not the definition");
         }
         let words = matches.iter().flat_map(|m| {
             let distances = [m.distance, m.second].map(f32::to_bits);
@@ -89,6 +78,124 @@ fn measure(chosen: &impl Fn(&str) -> bool) {
         });
         println!("{name} {milliseconds} {:016x}", hash(words));
     }
+    if chosen("blur") {
+        let grey = image.map(|&grey| f32::from(grey));
+        let (milliseconds, blurred) = shortest(|| gaussian_blur(&grey, 1.6));
+        let words = blurred.data().iter().map(|value| value.to_bits());
+        println!("blur {milliseconds} {:016x}", hash(words));
+    }
+    measure_poses(chosen);
+}
+
+/// The same for solvers, a thousand calls each, and for an estimator.
+fn measure_poses(chosen: &impl Fn(&str) -> bool) {
+    let (points, camera) = data::two_views(1000);
+    let pairs = points.at_depth_1(&camera, &camera);
+    let a = |i: usize| Point2::new(pairs.a_x[i % 1000], pairs.a_y[i % 1000]);
+    let b = |i: usize| Point2::new(pairs.b_x[i % 1000], pairs.b_y[i % 1000]);
+    let models: [(&str, Models<'_>); 3] = [
+        (
+            "five-point",
+            Box::new(|i| {
+                let [a, b] = [
+                    std::array::from_fn(|k| a(i + k)),
+                    std::array::from_fn(|k| b(i + k)),
+                ];
+                five_point(&a, &b).to_vec()
+            }),
+        ),
+        (
+            "seven-point",
+            Box::new(|i| {
+                let [a, b] = [
+                    std::array::from_fn(|k| a(i + k)),
+                    std::array::from_fn(|k| b(i + k)),
+                ];
+                seven_point(&a, &b).to_vec()
+            }),
+        ),
+        (
+            "homography",
+            Box::new(|i| {
+                let [a, b] = [
+                    std::array::from_fn(|k| a(i + k)),
+                    std::array::from_fn(|k| b(i + k)),
+                ];
+                homography(&a, &b).into_iter().collect()
+            }),
+        ),
+    ];
+    for (name, solve) in models.iter().filter(|(name, _)| chosen(name)) {
+        let all = || (0..1000).flat_map(|i| solve(i)).collect::<Vec<_>>();
+        let (milliseconds, found) = shortest(all);
+        assert!(found.len() > 100, "{name} finds {} models", found.len());
+        let values = found.iter().flat_map(|model| model.iter().copied());
+        println!(
+            "{name} {milliseconds} {:016x}",
+            hash(values.flat_map(halves))
+        );
+    }
+    if chosen("best") {
+        let estimator = SampleConsensus::new(presets::best()).expect("a preset");
+        let views = TwoViews {
+            points: &points,
+            camera_a: &camera,
+            camera_b: &camera,
+        };
+        let run = || {
+            estimator
+                .estimate(views, Seed(1))
+                .expect("three quarters are right")
+        };
+        let (milliseconds, found) = shortest(run);
+        assert!(found.inliers.len() > 700, "{} inliers", found.inliers.len());
+        let direction = found.b_from_a.direction;
+        let rotation = found.b_from_a.rotation.coords;
+        let values = direction.iter().chain(rotation.iter()).copied();
+        println!("best {milliseconds} {:016x}", hash(values.flat_map(halves)));
+    }
+}
+
+/// A solver at the matches from a number on.
+type Models<'a> = Box<dyn Fn(usize) -> Vec<Matrix3<f64>> + 'a>;
+
+fn halves(value: f64) -> [u32; 2] {
+    let bits = value.to_bits();
+    [bits as u32, (bits >> 32) as u32]
+}
+
+/// Each with its defaults.
+fn extractors() -> Vec<(&'static str, Box<dyn Extractor>)> {
+    macro_rules! by_default {
+        ($($name:literal $new:expr, $params:expr;)*) => {
+            vec![$(($name, Box::new($new($params).expect("defaults are in range")) as Box<dyn Extractor>)),*]
+        };
+    }
+    /// Describers work on the keypoints of SIFT.
+    macro_rules! on_sift {
+        ($($name:literal $new:expr, $params:expr;)*) => {
+            [$(($name, Box::new(DetectThenDescribe {
+                detector: Sift::new(SiftParams::default()).expect("defaults are in range"),
+                describer: $new($params).expect("defaults are in range"),
+            }) as Box<dyn Extractor>)),*]
+        };
+    }
+    let mut all = by_default! {
+        "sift" Sift::new, SiftParams::default();
+        "surf" Surf::new, SurfParams::default();
+        "orb" Orb::new, OrbParams::default();
+        "brisk" Brisk::new, BriskParams::default();
+        "kaze" Kaze::new, KazeParams::default();
+        "akaze" Akaze::new, AkazeParams::default();
+    };
+    all.extend(on_sift! {
+        "freak-sift" Freak::new, FreakParams::default();
+        "latch" Latch::new, LatchParams::default();
+        "daisy" Daisy::new, DaisyParams::default();
+        "dlco" Dlco::new, DlcoParams::default();
+        "binboost" BinBoost::new, BinBoostParams::default();
+    });
+    all
 }
 
 /// Starts the processes that measure, and prints their table.
@@ -164,73 +271,6 @@ fn shortest<T>(mut run: impl FnMut() -> T) -> (f64, T) {
         if begin.elapsed().as_secs_f64() > 0.5 {
             return (least, result);
         }
-    }
-}
-
-/// Boxes and blobs of all sizes over each other, and noise.
-fn texture(size: Size) -> GrayImage {
-    let mut rng = Seed(23).rng();
-    let mut image = GrayImage::filled(size, 128);
-    for _ in 0..1500 {
-        let side = (3.0 / (0.02 + rng.uniform())) as usize;
-        let (x, y) = (rng.below(size.width as u32), rng.below(size.height as u32));
-        let (grey, round) = (rng.below(256) as u8, rng.below(2) == 0);
-        for dy in 0..side.min(size.height - y as usize) {
-            for dx in 0..side.min(size.width - x as usize) {
-                let from_middle = [dx, dy].map(|v| 2.0 * v as f64 / side as f64 - 1.0);
-                if !round || from_middle[0].hypot(from_middle[1]) <= 1.0 {
-                    image.set(x as usize + dx, y as usize + dy, grey);
-                }
-            }
-        }
-    }
-    image.map(|&grey| grey.saturating_add(rng.below(9) as u8))
-}
-
-/// Two sets of random bits, of which each row of the first is near to one of the second.
-fn bits(length: usize, rows: usize) -> [Descriptors; 2] {
-    let mut rng = Seed(24).rng();
-    let mut word = || u64::from(rng.next_u32()) << 32 | u64::from(rng.next_u32());
-    let b: Vec<u64> = (0..rows * length / 64).map(|_| word()).collect();
-    let a = b.iter().map(|b| b ^ (word() & word() & word())).collect();
-    [a, b].map(|data| Descriptors::Binary(BinaryRows::from_vec(length, data)))
-}
-
-/// Two sets of rows of bytes, of which each row of the first is near to one of the second.
-fn values(dim: usize, rows: usize) -> [Descriptors; 2] {
-    let mut rng = Seed(25).rng();
-    let mut draw = |width: f64| (width * rng.uniform()).floor() as f32;
-    let b: Vec<f32> = (0..rows * dim).map(|_| draw(150.0)).collect();
-    let a = b.iter().map(|b| b + draw(40.0)).collect();
-    [a, b].map(|data| Descriptors::Float(FloatRows::from_vec(dim, data)))
-}
-
-/// The definition of a search, for one row of `a`.
-fn defined(a: &Descriptors, b: &Descriptors, row: u32) -> Correspondence {
-    let distances: Vec<f32> = match (a, b) {
-        (Descriptors::Binary(a), Descriptors::Binary(b)) => (0..b.len())
-            .map(|i| {
-                let words = a.row(row as usize).iter().zip(b.row(i));
-                words.map(|(a, b)| (a ^ b).count_ones()).sum::<u32>() as f32
-            })
-            .collect(),
-        (Descriptors::Float(a), Descriptors::Float(b)) => (0..b.len())
-            .map(|i| {
-                let values = a.row(row as usize).iter().zip(b.row(i));
-                values
-                    .fold(0.0_f32, |sum, (a, b)| (a - b).mul_add(a - b, sum))
-                    .sqrt()
-            })
-            .collect(),
-        _ => unreachable!("both are of one kind"),
-    };
-    let mut order: Vec<usize> = (0..distances.len()).collect();
-    order.sort_by(|&i, &j| distances[i].total_cmp(&distances[j]));
-    Correspondence {
-        a: row,
-        b: order[0] as u32,
-        distance: distances[order[0]],
-        second: distances[order[1]],
     }
 }
 

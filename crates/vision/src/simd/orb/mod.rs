@@ -1,5 +1,11 @@
 //! What ORB reads around a keypoint: corner strength, centre of intensity, pairs of intensities.
 
+#[cfg(target_arch = "x86_64")]
+mod wide;
+
+#[cfg(target_arch = "x86_64")]
+use super::InstructionSet;
+
 /// Pixels of an image, row after row, as the kernels below read them.
 #[derive(Clone, Copy, Debug)]
 pub struct Pixels<'a> {
@@ -44,6 +50,44 @@ pub const PAIR_REACH: usize = 19;
 /// Size of the rows of a copy of that square.
 const COPY_ROW: usize = 64;
 
+/// First moments (of x, then of y) of the intensities in the circle of radius 15 about each
+/// centre.
+/// Centres must be at least 20 pixels from the border; nearer to it, pixels from the other end of the row
+/// are read, or it panics.
+pub fn intensity_moments(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<[i32; 2]> {
+    #[cfg(target_arch = "x86_64")]
+    if InstructionSet::in_use() == InstructionSet::Avx512 {
+        // SAFETY: what is in use was detected on this processor.
+        return unsafe { wide::intensity_moments(pixels, centres) };
+    }
+    intensity_moments_by_columns(pixels, centres)
+}
+
+/// 256 bits for each centre: whether the first place of each pair is darker than the second,
+/// all places turned by the angle whose cosine and sine are given, to the nearest pixel.
+/// Centres must be at least 20 pixels from the border; nearer to it, pixels from the other end of the row
+/// are read, or it panics. Turned places must not be farther than [`PAIR_REACH`] along either axis.
+///
+/// # Panics
+/// If there are not as many turns as centres.
+pub fn compare_pairs(
+    pixels: Pixels<'_>,
+    centres: &[[u32; 2]],
+    turns: &[[f32; 2]],
+    pairs: &PairTable,
+) -> Vec<u64> {
+    assert_eq!(centres.len(), turns.len(), "one turn for each centre");
+    #[cfg(target_arch = "x86_64")]
+    if InstructionSet::in_use() == InstructionSet::Avx512 {
+        // SAFETY: what is in use was detected on this processor.
+        return unsafe { wide::compare_pairs(pixels, centres, turns, pairs) };
+    }
+    compare_pair_by_pair(pixels, centres, turns, pairs)
+}
+
+/// Adding this leaves the rounded integer in the lowest bits of the mantissa.
+const ROUND: f32 = 1.5 * (1 << 23) as f32;
+
 multiversioned! {
     #![avx512]
 
@@ -59,11 +103,8 @@ multiversioned! {
         strengths
     }
 
-    /// First moments (of x, then of y) of the intensities in the circle of radius 15 about each
-    /// centre.
-    /// Centres must be at least 20 pixels from the border; nearer to it, pixels from the other end of the row
-    /// are read, or it panics.
-    pub fn intensity_moments(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<[i32; 2]> {
+    /// The definition of [`intensity_moments`].
+    fn intensity_moments_by_columns(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<[i32; 2]> {
         let mut moments = Vec::with_capacity(centres.len());
         for &centre in centres {
             moments.push(intensity_moment(pixels, centre));
@@ -71,20 +112,13 @@ multiversioned! {
         moments
     }
 
-    /// 256 bits for each centre: whether the first place of each pair is darker than the second,
-    /// all places turned by the angle whose cosine and sine are given, to the nearest pixel.
-    /// Centres must be at least 20 pixels from the border; nearer to it, pixels from the other end of the row
-    /// are read, or it panics.
-    ///
-    /// # Panics
-    /// If there are not as many turns as centres.
-    pub fn compare_pairs(
+    /// The definition of [`compare_pairs`].
+    fn compare_pair_by_pair(
         pixels: Pixels<'_>,
         centres: &[[u32; 2]],
         turns: &[[f32; 2]],
         pairs: &PairTable,
     ) -> Vec<u64> {
-        assert_eq!(centres.len(), turns.len(), "one turn for each centre");
         let mut bits = Vec::with_capacity(4 * centres.len());
         // As long as a 16-bit index may reach, so that no access needs a check; only the first
         // rows are used.
@@ -202,8 +236,6 @@ const fn circle_masks() -> [[u8; 32]; MOMENT_RADIUS + 1] {
 /// Places in the copied square, after a turn by the angle of cosine and sine `turn`.
 #[inline(always)]
 fn turn_places(places: &[[f32; 256]; 2], turn: [f32; 2], out: &mut [u16; 256]) {
-    /// Adding this leaves the rounded integer in the lowest bits of the mantissa.
-    const ROUND: f32 = 1.5 * (1 << 23) as f32;
     let [cos, sin] = turn;
     for (i, out) in out.iter_mut().enumerate() {
         let (x, y) = (places[0][i], places[1][i]);
@@ -221,6 +253,7 @@ fn turn_places(places: &[[f32; 256]; 2], turn: [f32; 2], out: &mut [u16; 256]) {
 mod tests {
     use super::*;
     use crate::seed::Seed;
+    use crate::simd::InstructionSet;
 
     const WIDTH: usize = 61;
 
@@ -243,6 +276,10 @@ mod tests {
             data: &data,
             width: WIDTH,
         };
+        InstructionSet::for_each(|set| {
+            let expected = intensity_moments_by_columns(pixels, &CENTRES);
+            assert_eq!(intensity_moments(pixels, &CENTRES), expected, "{set:?}");
+        });
         for (centre, found) in CENTRES.iter().zip(intensity_moments(pixels, &CENTRES)) {
             let mut expected = [0, 0];
             for y in -15..=15_i32 {
@@ -300,6 +337,13 @@ mod tests {
         };
         let turns = [[1.0, 0.0], [0.0, -1.0], [0.8, 0.6]];
         let bits = compare_pairs(pixels, &CENTRES, &turns, &pairs);
+        InstructionSet::for_each(|set| {
+            assert_eq!(
+                compare_pairs(pixels, &CENTRES, &turns, &pairs),
+                bits,
+                "{set:?}"
+            );
+        });
         assert_eq!(bits.len(), 4 * CENTRES.len());
         for (k, (&centre, [cos, sin])) in CENTRES.iter().zip(turns).enumerate() {
             let value = |places: &[[f32; 256]; 2], i: usize| {
