@@ -126,7 +126,7 @@ fn measure_poses(chosen: &impl Fn(&str) -> bool) {
         ),
     ];
     for (name, solve) in models.iter().filter(|(name, _)| chosen(name)) {
-        let all = || (0..1000).flat_map(|i| solve(i)).collect::<Vec<_>>();
+        let all = || (0..1000).flat_map(solve).collect::<Vec<_>>();
         let (milliseconds, found) = shortest(all);
         assert!(found.len() > 100, "{name} finds {} models", found.len());
         let values = found.iter().flat_map(|model| model.iter().copied());

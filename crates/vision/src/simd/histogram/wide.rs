@@ -69,6 +69,9 @@ fn add_block<const N: usize>(
     histogram: &mut PatchHistogram,
 ) {
     const FLOOR: i32 = _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC;
+    // Eight lanes of either vector.
+    const FIRST: i32 = 0b01_00_01_00;
+    const SECOND: i32 = 0b11_10_11_10;
     let whole = |x: __m512| {
         let bits = _mm512_castps_si512(_mm512_add_ps(x, _mm512_set1_ps(NO_FRACTION)));
         _mm512_and_si512(bits, _mm512_set1_epi32(0x003f_ffff))
@@ -112,9 +115,6 @@ fn add_block<const N: usize>(
 
     let places = lanes(_mm512_min_epu32(place, _mm512_set1_epi32(LAST_PLACE)));
     let bins = lanes(_mm512_and_si512(whole(bin0), _mm512_set1_epi32(7)));
-    /// Eight lanes of either vector.
-    const FIRST: i32 = 0b01_00_01_00;
-    const SECOND: i32 = 0b11_10_11_10;
     let shares = Shares {
         above: _mm512_shuffle_f32x4::<FIRST>(above_left, above_right),
         below: _mm512_shuffle_f32x4::<FIRST>(below_left, below_right),

@@ -124,10 +124,10 @@ fn look_up(square: &Square, [low, table]: [__m512i; 2]) -> __m512i {
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
 fn turned(places: &[[f32; 256]; 2], start: usize, turn: [f32; 2]) -> [__m512i; 2] {
-    let (cos, sin) = (_mm512_set1_ps(turn[0]), _mm512_set1_ps(turn[1]));
     // A rounded number is in the lowest bits of a mantissa; the other bits of both wrap around.
     const OFFSET: i32 = (PAIR_REACH * (ROW + 1)) as i32;
     const BITS: i32 = ROUND.to_bits() as i32;
+    let (cos, sin) = (_mm512_set1_ps(turn[0]), _mm512_set1_ps(turn[1]));
     let offset = _mm512_set1_epi32(OFFSET.wrapping_sub(BITS.wrapping_mul(ROW as i32 + 1)));
     let mut words = [_mm512_setzero_si512(); 4];
     for (word, start) in words.iter_mut().zip((start..).step_by(16)) {
