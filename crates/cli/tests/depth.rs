@@ -74,7 +74,8 @@ fn overlap_is_measured_and_matches_are_judged_by_where_depth_takes_them() {
         !page.contains("<span>Baseline</span>") && page.contains("<span>Overlap</span>"),
         "nothing is known of it"
     );
-    let pairs = fs::read_to_string(folder.join("run/report/tables/pairs.csv")).expect("it was written");
+    let pairs =
+        fs::read_to_string(folder.join("run/report/tables/pairs.csv")).expect("it was written");
     let (heads, row) = pairs.split_once('\n').expect("rows");
     let column = heads.split(',').position(|head| head == "measured_overlap");
     let cell = row
