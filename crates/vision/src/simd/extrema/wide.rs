@@ -5,7 +5,7 @@
 //! passes that is one of these, and beats the difference in either other layer at its place too. The few
 //! that do are looked at by the portable text.
 //!
-//! *Benefit*: twice as fast on AMD's Zen 5: six loads for sixteen columns where the portable text has 18, twelve
+//! *Benefit*: 1.3 times as fast on AMD's Zen 5: six loads for sixteen columns where the portable text has 18, twelve
 //! of them across two cache lines. *Correctness*: maxima and comparisons are exact in any order; a test
 //! compares the columns found. Lanes beyond the rows are not read.
 

@@ -6,7 +6,7 @@
 //! permutations: one repeats the shares of two cells eight times each, one puts those of the directions
 //! into their bins and zeros into the other six.
 //!
-//! *Benefit*: a third of the instructions that the compiler makes of the portable text, piece by
+//! *Benefit*: less than half of the instructions that the compiler makes of the portable text, piece by
 //! piece. *Correctness*: products and sums are the same and in the same order, but for products with
 //! zero, which are not taken; a test compares all bits. Places are limited to those of the histogram before they
 //! are used.

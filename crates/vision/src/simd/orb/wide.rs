@@ -6,10 +6,10 @@
 //! tables of 128 bytes. A permutation looks up 64 places in one table; those that lie in it, told by the bits
 //! above the lowest seven, take what was found, and all others wait for their own table.
 //!
-//! *Benefit*: twice the speed of looking up place by place, which takes four instructions for each of
-//! 512 places; a third of the instructions for moments. *Correctness*: places are turned and rounded by
-//! the operations of the portable text in its order, and moments are whole numbers, which no order of sums
-//! changes; a test compares both.
+//! *Benefit*: a tenth of ORB's time at 640 x 480 on AMD's Zen 5; looking up place by place takes four
+//! instructions for each of 512 places. *Correctness*: places are turned and rounded by the operations
+//! of the portable text in its order, and moments are whole numbers, which no order of sums changes; a test
+//! compares both.
 
 use std::arch::x86_64::{
     __m512, __m512i, _mm256_loadu_si256, _mm512_add_epi32, _mm512_add_ps, _mm512_castps_si512,
