@@ -245,7 +245,9 @@ fn more_values(id: &str, pointer: &str) -> Vec<Value> {
         (_, "/extractor/views/max_tilt") => vec![json!(1.2)],
         ("gaim", "/selection/collision_px") => vec![json!(50.0)],
         // The maps of the scene are far from these limits.
-        ("adalam", "/selection/max_stretch" | "/selection/max_growth") => vec![json!(1.01)],
+        ("adalam" | "adalam-asift", "/selection/max_stretch" | "/selection/max_growth") => {
+            vec![json!(1.01)]
+        }
         (_, pointer) if pointer.ends_with("/max_aspect") => vec![json!(1.01)],
         _ => Vec::new(),
     }
@@ -436,7 +438,7 @@ fn every_parameter_of_every_matcher_acts() {
             "akaze" | "freak" => (&[0, 4], &[3]),
             "gaim" => (&[0], &[3, 2]),
             // Matches that are not mutual, and yet clear, are rare.
-            "adalam" => (&[0], &[3, 2, 1]),
+            "adalam" | "adalam-asift" => (&[0], &[3, 2, 1]),
             _ => (&[0], &[3]),
         };
         let result = |params: &Value, stage: Stage, case: usize| -> Matched {
@@ -495,6 +497,10 @@ fn always(id: &str) -> Value {
             "selection": {"labels": {"nodes": 100, "labels": 10}}
         }),
         "daisy" | "dlco" | "binboost" => json!({"extractor": {"sift": {"limit": 60}}}),
+        "adalam-asift" => json!({
+            "extractor": {"views": {"tilts": 2, "limit": 400, "max_pixels": 19200}},
+            "selection": {"seed_ratio": 1.0, "min_inliers": 3, "keep_clear": false}
+        }),
         // With more seeds, some are not mutual.
         "adalam" => json!({"selection": {"seed_ratio": 1.0, "min_inliers": 3}}),
         // Abandoning good models is so rare that only one sample in a thousand more is drawn for it.

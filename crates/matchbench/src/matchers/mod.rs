@@ -4,6 +4,7 @@
 //! list and hold every entry to the same promises.
 
 mod adalam;
+mod adalam_asift;
 mod akaze;
 mod asift;
 mod binboost;
@@ -63,6 +64,7 @@ pub const MATCHERS: &[&dyn MatcherEntry] = &[
     &gms::GMS,
     &gms_s::GMS_S,
     &adalam::AdalamEntry,
+    &adalam_asift::AdalamAsiftEntry,
 ];
 
 /// A matcher that can be asked for by name.

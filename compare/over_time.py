@@ -1,0 +1,190 @@
+"""AUC over time: our estimators and those of PoseLib, OpenCV and COLMAP, each with several budgets of samples.
+
+    python compare/over_time.py RUN DATASET MATCHER --truth DATASET_FOLDER --out FOLDER [--every 6] [--seeds 5]
+
+Arguments are those of `estimators.py`; matches, estimators and the way they take turns are the same. Each estimator
+stands for a curve, each budget for a point of it: the mean AUC over seeds with its deviation, and the median time of an
+estimation on one thread. OpenCV has one seed, so for it the matches are put in another order each time; where an
+order has a meaning (PROSAC of PoseLib and OpenCV) the clearest match comes first, and the seed alone changes.
+`FOLDER` gets `DATASET-MATCHER.csv` and a picture of it, and a `table.md` of all that are there.
+"""
+
+import argparse
+import csv
+import os
+import pathlib
+import statistics
+
+import cv2
+import matplotlib
+import numpy as np
+import poselib
+
+import estimators
+from pose import auc, pose_error
+from stored import stored
+
+matplotlib.use("svg")
+import matplotlib.pyplot as plt  # noqa: E402
+
+plt.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "matchbench"})
+
+CHUNK = 8
+CURVES = {
+    "best": [100, 200, 500, 1000, 2000, 5000, 20000],
+    "ransac-e": [200, 1000, 5000, 20000],
+    "PoseLib": [100, 200, 1000, 5000, 20000],
+    "PoseLib, PROSAC": [100, 200, 1000, 5000, 20000],
+    "OpenCV USAC_MAGSAC": [200, 1000, 5000],
+    "OpenCV USAC_PROSAC": [200, 1000, 5000],
+    "COLMAP": [1000, 5000],
+}
+
+
+def processor():
+    lines = pathlib.Path("/proc/cpuinfo").read_text().splitlines() if os.path.exists("/proc/cpuinfo") else []
+    names = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else "unknown processor"
+
+
+def settings(curve, budget):
+    if curve == "best":
+        least = min(1000, budget)
+        return f"sampler=prosac score=even-msac threshold=2 loss=cauchy min={least} iterations={budget}"
+    return f"iterations={budget}"
+
+
+def usac(matches, k, method, budget, order):
+    """OpenCV's USAC with a budget, timed as the others are."""
+    a, b = np.ascontiguousarray(matches[order, :2]), np.ascontiguousarray(matches[order, 2:4])
+    start = estimators.time.perf_counter()
+    elapsed = lambda: estimators.time.perf_counter() - start  # noqa: E731
+    if len(matches) < 5:
+        return None, elapsed()
+    e, _ = cv2.findEssentialMat(a, b, k, method, 0.999, 1.0, budget)
+    if e is None or e.shape != (3, 3):
+        return None, elapsed()
+    support, r, t, _ = cv2.recoverPose(e, a, b, k)
+    return ((r, t.ravel()) if support >= estimators.MIN_SUPPORT else None), elapsed()
+
+
+def estimate(curve, budget, chunk, k, seed):
+    """A pose and seconds for each pair of the chunk."""
+    if curve in ("best", "ransac-e"):
+        yield from estimators.ours(chunk, k, settings(curve, budget), seed)
+        return
+    for (a, b), matches in chunk:
+        clearest = np.argsort(matches[:, 4], kind="stable") if len(matches) else np.arange(0)
+        shuffled = np.random.default_rng([seed, a, b]).permutation(len(matches))
+        if curve == "PoseLib":
+            options = {"max_iterations": budget, "min_iterations": min(100, budget)}
+            yield estimators.peer_poselib(matches[shuffled], k, options, seed)
+        elif curve == "PoseLib, PROSAC":
+            options = {"max_iterations": budget, "min_iterations": min(100, budget), "progressive_sampling": True}
+            yield estimators.peer_poselib(matches[clearest], k, options, seed)
+        elif curve == "OpenCV USAC_MAGSAC":
+            yield usac(matches, k, cv2.USAC_MAGSAC, budget, shuffled)
+        elif curve == "OpenCV USAC_PROSAC":
+            yield usac(matches, k, cv2.USAC_PROSAC, budget, clearest)
+        else:
+            options = {"max_num_trials": budget, "min_num_trials": min(100, budget), "max_error": 1.0}
+            yield estimators.peer_colmap(matches[shuffled], k, options, seed)
+
+
+def measure(pairs, truth, k, seeds, curves):
+    """Errors and seconds by (curve, budget) and seed."""
+    errors, seconds = {}, {}
+    for seed in range(seeds):
+        for start in range(0, len(pairs), CHUNK):
+            chunk = pairs[start : start + CHUNK]
+            for curve in curves:
+                for budget in CURVES[curve]:
+                    found = estimate(curve, budget, chunk, k, seed)
+                    for ((key, _), (pose, time)) in zip(chunk, found):
+                        r, t = truth[key][:, :3], truth[key][:, 3]
+                        error = 180.0 if pose is None else pose_error(*pose, r, t)
+                        errors.setdefault((curve, budget), [[] for _ in range(seeds)])[seed].append(error)
+                        seconds.setdefault((curve, budget), []).append(time)
+    return errors, seconds
+
+
+def draw(rows, title, path):
+    figure, axes = plt.subplots(figsize=(7, 4.5))
+    for curve in dict.fromkeys(row["estimator"] for row in rows):
+        points = [row for row in rows if row["estimator"] == curve]
+        axes.errorbar(
+            [row["median_ms"] for row in points],
+            [row["auc"] for row in points],
+            yerr=[row["deviation"] for row in points],
+            marker="o",
+            markersize=4,
+            linewidth=2.2 if curve == "best" else 1.2,
+            label=curve,
+        )
+    axes.set(xscale="log", xlabel="median time of an estimation, ms, one thread", ylabel="AUC", title=title)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    figure.tight_layout()
+    figure.savefig(path, metadata={"Date": None})
+
+
+def tabulate(folder):
+    """One table for each file of results in the folder."""
+    with open(folder / "table.md", "w") as table:
+        for path in sorted(folder.glob("*.csv")):
+            about, *lines = path.read_text().splitlines()
+            table.write(f"## {path.stem}\n\n{about.removeprefix('# ')}\n\n")
+            table.write("| estimator | samples | AUC | median ms | ms of 90 % |\n| --- | ---: | ---: | ---: | ---: |\n")
+            for row in csv.DictReader(lines):
+                score = f"{float(row['auc']):.3f} ± {float(row['deviation']):.3f}"
+                times = f"{float(row['median_ms']):.2f} | {float(row['ms_of_90_percent']):.2f}"
+                table.write(f"| {row['estimator']} | {row['samples']} | {score} | {times} |\n")
+            table.write("\n")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("run", type=pathlib.Path)
+    parser.add_argument("dataset")
+    parser.add_argument("matcher")
+    parser.add_argument("--truth", type=pathlib.Path, required=True)
+    parser.add_argument("--out", type=pathlib.Path, required=True)
+    parser.add_argument("--every", type=int, default=1, help="take every n-th pair")
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--only", help="curves, separated by semicolons; all of them otherwise")
+    args = parser.parse_args()
+    cv2.setNumThreads(1)
+    k = np.loadtxt(args.truth / "camera.txt").reshape(-1)[:9].reshape(3, 3)
+    truth = {(int(r[0]), int(r[1])): r[2:14].reshape(3, 4) for r in np.loadtxt(args.truth / "pairs.txt")}
+    pairs = sorted(stored(args.run / "matches" / args.dataset / f"{args.matcher}.bin"), key=lambda p: p[0])
+    pairs = pairs[:: args.every]
+    curves = [curve for curve in CURVES if not args.only or curve in args.only.split(";")]
+    errors, seconds = measure(pairs, truth, k, args.seeds, curves)
+    rows = []
+    for (curve, budget), by_seed in errors.items():
+        scores = [auc(list(found)) for found in by_seed]
+        low, high = np.percentile(np.array(seconds[curve, budget]) * 1e3, [50, 90])
+        row = {
+            "estimator": curve,
+            "samples": budget,
+            "auc": round(statistics.fmean(scores), 4),
+            "deviation": round(statistics.stdev(scores), 4) if len(scores) > 1 else 0.0,
+            "median_ms": round(float(low), 3),
+            "ms_of_90_percent": round(float(high), 3),
+        }
+        rows.append(row)
+        print(f"{curve:20} {budget:6} {row['auc']:.3f} +- {row['deviation']:.3f} {low:9.2f} ms {high:9.2f} ms")
+    args.out.mkdir(parents=True, exist_ok=True)
+    name = f"{args.dataset}-{args.matcher}"
+    with open(args.out / f"{name}.csv", "w", newline="") as file:
+        file.write(f"# {processor()}; {len(pairs)} pairs, {args.seeds} seeds; OpenCV {cv2.__version__}, "
+                   f"PoseLib {poselib.__version__}, COLMAP {estimators.pycolmap.__version__}\n")
+        writer = csv.DictWriter(file, rows[0].keys())
+        writer.writeheader()
+        writer.writerows(rows)
+    tabulate(args.out)
+    draw(rows, f"{args.dataset}, {args.matcher}, {len(pairs)} pairs, {args.seeds} seeds", args.out / f"{name}.svg")
+
+
+if __name__ == "__main__":
+    main()
