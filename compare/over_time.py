@@ -54,20 +54,6 @@ def settings(curve, budget):
     return f"iterations={budget}"
 
 
-def usac(matches, k, method, budget, order):
-    """OpenCV's USAC with a budget, timed as the others are."""
-    a, b = np.ascontiguousarray(matches[order, :2]), np.ascontiguousarray(matches[order, 2:4])
-    start = estimators.time.perf_counter()
-    elapsed = lambda: estimators.time.perf_counter() - start  # noqa: E731
-    if len(matches) < 5:
-        return None, elapsed()
-    e, _ = cv2.findEssentialMat(a, b, k, method, 0.999, 1.0, budget)
-    if e is None or e.shape != (3, 3):
-        return None, elapsed()
-    support, r, t, _ = cv2.recoverPose(e, a, b, k)
-    return ((r, t.ravel()) if support >= estimators.MIN_SUPPORT else None), elapsed()
-
-
 def estimate(curve, budget, chunk, k, seed):
     """A pose and seconds for each pair of the chunk."""
     if curve in ("best", "ransac-e"):
@@ -83,9 +69,9 @@ def estimate(curve, budget, chunk, k, seed):
             options = {"max_iterations": budget, "min_iterations": min(100, budget), "progressive_sampling": True}
             yield estimators.peer_poselib(matches[clearest], k, options, seed)
         elif curve == "OpenCV USAC_MAGSAC":
-            yield usac(matches, k, cv2.USAC_MAGSAC, budget, shuffled)
+            yield estimators.peer_opencv(matches[shuffled], k, cv2.USAC_MAGSAC, budget)
         elif curve == "OpenCV USAC_PROSAC":
-            yield usac(matches, k, cv2.USAC_PROSAC, budget, clearest)
+            yield estimators.peer_opencv(matches[clearest], k, cv2.USAC_PROSAC, budget)
         else:
             options = {"max_num_trials": budget, "min_num_trials": min(100, budget), "max_error": 1.0}
             yield estimators.peer_colmap(matches[shuffled], k, options, seed)
