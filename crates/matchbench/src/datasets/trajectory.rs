@@ -36,29 +36,46 @@ impl Default for Association {
 impl Association {
     /// The pose at `time` from a `trajectory` that is sorted by time.
     pub(super) fn pose_at(&self, trajectory: &[TimedPose], time: f64) -> Option<Isometry3<f64>> {
-        let after = trajectory.partition_point(|pose| pose.time < time);
-        let within = |pose: &&TimedPose| (pose.time - time).abs() <= self.tolerance;
-        let next = trajectory.get(after).filter(within);
-        let previous = after
-            .checked_sub(1)
-            .map(|before| &trajectory[before])
-            .filter(within);
-        if self.interpolate {
-            let next = next?;
-            if next.time == time {
-                return Some(next.world_from_camera);
+        if !self.interpolate {
+            let pose = self.nearest(trajectory, |pose| pose.time, time)?;
+            return Some(pose.world_from_camera);
+        }
+        let [previous, next] = self.around(trajectory, |pose| pose.time, time);
+        let next = next?;
+        if next.time == time {
+            return Some(next.world_from_camera);
+        }
+        let previous = previous?;
+        let share = (time - previous.time) / (next.time - previous.time);
+        (previous.world_from_camera).try_lerp_slerp(&next.world_from_camera, share, 1e-9)
+    }
+
+    /// Which of `timed`, sorted by time, is nearest to `time`, the earlier of two that are equally near.
+    pub(super) fn nearest<'a, T>(
+        &self,
+        timed: &'a [T],
+        time_of: impl Fn(&T) -> f64,
+        time: f64,
+    ) -> Option<&'a T> {
+        match self.around(timed, &time_of, time) {
+            [Some(previous), Some(next)] if time_of(next) - time < time - time_of(previous) => {
+                Some(next)
             }
-            let previous = previous?;
-            let share = (time - previous.time) / (next.time - previous.time);
-            return previous
-                .world_from_camera
-                .try_lerp_slerp(&next.world_from_camera, share, 1e-9);
+            [previous, next] => previous.or(next),
         }
-        match (previous, next) {
-            (Some(p), Some(n)) if n.time - time < time - p.time => Some(n.world_from_camera),
-            (Some(p), _) => Some(p.world_from_camera),
-            (None, n) => n.map(|n| n.world_from_camera),
-        }
+    }
+
+    /// The last before `time` and the first from then on, where they are within the tolerance.
+    fn around<'a, T>(
+        &self,
+        timed: &'a [T],
+        time_of: impl Fn(&T) -> f64,
+        time: f64,
+    ) -> [Option<&'a T>; 2] {
+        let after = timed.partition_point(|it| time_of(it) < time);
+        let previous = after.checked_sub(1).map(|before| &timed[before]);
+        let within = |it: &&T| (time_of(it) - time).abs() <= self.tolerance;
+        [previous.filter(within), timed.get(after).filter(within)]
     }
 }
 

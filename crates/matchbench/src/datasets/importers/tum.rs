@@ -20,7 +20,7 @@ use matchbench_vision::geometry::{Camera, Distortion};
 use super::{ImportOptions, Imported, base_name, given_camera, note_of};
 use crate::datasets::text::TextFile;
 use crate::datasets::trajectory::parse_tum;
-use crate::datasets::{About, Association, DatasetError, DepthFile, DepthUnit, Frame};
+use crate::datasets::{About, DatasetError, DepthFile, DepthUnit, Frame};
 
 /// "The depth images are scaled by a factor of 5000", in metres; 0 is no measurement.
 const DEPTH: DepthUnit = DepthUnit {
@@ -45,7 +45,11 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
                 if !image.is_file() {
                     return Err(list.error_at(line, format!("there is no image {name}")));
                 }
-                let depth = nearest(&depth, time, &association);
+                let depth = association.nearest(&depth, |(time, _)| *time, time);
+                let depth = depth.map(|(_, path)| DepthFile {
+                    path: path.clone(),
+                    unit: DEPTH,
+                });
                 frames.push(Frame::with_pose(image, camera, pose).with_depth(depth));
             }
         }
@@ -79,19 +83,6 @@ fn depth(src: &Path) -> Result<Vec<(f64, PathBuf)>, DatasetError> {
     files.retain(|(_, file)| file.is_file());
     files.sort_by(|(one, _), (other, _)| one.total_cmp(other));
     Ok(files)
-}
-
-/// The depth nearest to `time`, the earlier of two that are equally near.
-fn nearest(depth: &[(f64, PathBuf)], time: f64, association: &Association) -> Option<DepthFile> {
-    let after = depth.partition_point(|(other, _)| *other < time);
-    let around = depth[after.saturating_sub(1)..].iter().take(2);
-    let (off, path) = around
-        .map(|(other, path)| ((other - time).abs(), path))
-        .min_by(|(one, _), (other, _)| one.total_cmp(other))?;
-    (off <= association.tolerance).then(|| DepthFile {
-        path: path.clone(),
-        unit: DEPTH,
-    })
 }
 
 /// `time filename`; the name may contain spaces.
