@@ -62,7 +62,7 @@ pub(super) const MATCHING_SCORE: ScoreKind = ScoreKind {
 fn precision_term(pair: &PairResult, pixels: usize) -> Term {
     let selected = pair.counts.map_or(0, |counts| counts.selected);
     // Of matches none of which has depth nothing is known.
-    let known = (pair.by_depth).filter(|by_depth| by_depth.judged > 0 || selected == 0);
+    let known = (pair.by_depth.as_ref()).filter(|by_depth| by_depth.judged > 0 || selected == 0);
     share_term(
         pair,
         known.map(|by_depth| (by_depth.within[pixels - 1], by_depth.judged)),
@@ -71,14 +71,14 @@ fn precision_term(pair: &PairResult, pixels: usize) -> Term {
 
 /// The share of the keypoints that both images show by depth which were found in both.
 fn repeatability_term(pair: &PairResult) -> Term {
-    let repeated = pair.by_depth.and_then(|by_depth| by_depth.repeated);
+    let repeated = (pair.by_depth.as_ref()).and_then(|by_depth| by_depth.repeated);
     let found = repeated.map(|repeated| (repeated.within[FOUND_PX - 1], repeated.least_visible()));
     share_term(pair, found)
 }
 
 /// The share of the same keypoints that were matched correctly.
 fn matching_term(pair: &PairResult) -> Term {
-    let found = pair.by_depth.and_then(|by_depth| {
+    let found = pair.by_depth.as_ref().and_then(|by_depth| {
         let visible = by_depth.repeated?.least_visible();
         Some((by_depth.within[FOUND_PX - 1], visible))
     });

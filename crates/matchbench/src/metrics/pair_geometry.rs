@@ -69,7 +69,7 @@ impl PairGeometry {
     /// known they are all that is.
     pub fn measure(geometry: &mut DatasetGeometry, results: &ResultSet) {
         for pair in &results.pairs {
-            let Some(overlap) = pair.by_depth.and_then(|by_depth| by_depth.overlap) else {
+            let Some(overlap) = pair.by_depth.as_ref().and_then(|by_depth| by_depth.overlap) else {
                 continue;
             };
             let known = geometry.entry((pair.a, pair.b)).or_insert(Self {
@@ -154,12 +154,12 @@ mod tests {
     #[test]
     fn measured_overlaps_take_the_place_of_bounds() {
         let by_depth = |overlap| {
-            Some(ByDepth {
+            Some(Box::new(ByDepth {
                 overlap,
                 judged: 0,
                 within: [0; 10],
                 repeated: None,
-            })
+            }))
         };
         let result = |b, overlap| PairResult {
             by_depth: by_depth(overlap),

@@ -30,8 +30,8 @@ pub struct PairResult {
     /// Keypoints that could be found in both images, the smaller number of both, and those that were, within
     /// 3 pixels; where the true homography tells.
     pub found_again: Option<(u32, u32)>,
-    /// What the depth of both images says; `None` where there is none.
-    pub by_depth: Option<ByDepth>,
+    /// What the depth of both images says; `None` where there is none, as in most runs, so that it is kept apart.
+    pub by_depth: Option<Box<ByDepth>>,
     /// Numbers of features and matches, where they were recorded.
     pub counts: Option<Counts>,
     /// Stage times, where they were taken.
@@ -236,7 +236,7 @@ impl From<&RunRecord> for PairResult {
             correct: record.correct,
             found_again: (record.repeated)
                 .map(|repeated| (repeated.least_visible(), repeated.within[FOUND_PX - 1])),
-            by_depth: record.by_depth,
+            by_depth: record.by_depth.map(Box::new),
             counts: Some(record.counts),
             times: record.times,
         }
@@ -256,7 +256,7 @@ pub(super) mod tests {
                 translation: Some(translation),
             })),
             correspondences: n,
-            by_depth: Some(ByDepth {
+            by_depth: Some(Box::new(ByDepth {
                 overlap: Some(0.5),
                 judged: n,
                 within: [n / 2; 10],
@@ -264,7 +264,7 @@ pub(super) mod tests {
                     visible: [4 * n, 5 * n],
                     within: [2 * n; 10],
                 }),
-            }),
+            })),
             counts: Some(Counts {
                 selected: n,
                 ..Counts::default()

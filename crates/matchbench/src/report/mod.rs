@@ -195,7 +195,7 @@ mod tests {
             pair.correspondences = 50;
             pair.correct = Some([10, 20, 30, 40, 50, 50, 50, 50, 50, 50]);
             pair.found_again = Some((200, 90));
-            pair.by_depth = Some(ByDepth {
+            pair.by_depth = Some(Box::new(ByDepth {
                 overlap: Some(0.4),
                 judged: 80,
                 within: [20, 30, 40, 50, 50, 50, 50, 50, 50, 50],
@@ -203,7 +203,7 @@ mod tests {
                     visible: [200, 300],
                     within: [90; 10],
                 }),
-            });
+            }));
             pair.counts = Some(Counts {
                 selected: 100,
                 ..Counts::default()

@@ -91,10 +91,16 @@ pub(super) fn columns(content: &Content) -> Vec<Column<'_>> {
         count("within_3px", |pair| Some(pair.correct?[2])),
         count("within_5px", |pair| Some(pair.correct?[4])),
         count("within_10px", |pair| Some(pair.correct?[9])),
-        count("with_depth", |pair| Some(pair.by_depth?.judged)),
-        count("by_depth_1px", |pair| Some(pair.by_depth?.within[0])),
-        count("by_depth_3px", |pair| Some(pair.by_depth?.within[2])),
-        count("by_depth_5px", |pair| Some(pair.by_depth?.within[4])),
+        count("with_depth", |pair| Some(pair.by_depth.as_ref()?.judged)),
+        count("by_depth_1px", |pair| {
+            Some(pair.by_depth.as_ref()?.within[0])
+        }),
+        count("by_depth_3px", |pair| {
+            Some(pair.by_depth.as_ref()?.within[2])
+        }),
+        count("by_depth_5px", |pair| {
+            Some(pair.by_depth.as_ref()?.within[4])
+        }),
         text("outcome", |row| outcome(row.pair)),
     ]
 }
