@@ -88,6 +88,7 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
     let environment = environment();
     let template = template(&environment, "page.html");
     let again = Again::of(content);
+    let (difficulties, over) = difficulty::figures(content, &overview);
     let context = context! {
         again => again::commands(&again),
         anchors => again::anchors(&again),
@@ -122,8 +123,8 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         verdicts => (leads_in_words(&content.leads).lines())
             .map(str::to_owned)
             .collect::<Vec<_>>(),
-        difficulties => difficulty::figures(content, &overview),
-        over => difficulty::known(content, &overview),
+        difficulties,
+        over,
         hard_pairs => hard_pairs::rows(content, &overview, !extent.files.is_empty()),
         failed_from => FAILED_FROM,
         scatters => scatters(content, &overview),

@@ -77,13 +77,13 @@ fn counts(tally: &Tally, drawn: usize) -> String {
 /// How hard a pair is by its cameras alone, in a sentence.
 pub(super) fn facts(known: &PairGeometry) -> String {
     let how = if known.is_measured { "" } else { "at most " };
-    let overlap = format!("overlap {how}{:.2}.", known.overlap);
+    let share = format!("{how}{:.2}", known.overlap);
     match (known.baseline, known.view_angle) {
         (Some(baseline), Some(angle)) => format!(
-            "Baseline {}, angle between the optical axes {angle:.1}°, {overlap}",
+            "Baseline {}, angle between the optical axes {angle:.1}°, overlap {share}.",
             short(baseline)
         ),
-        _ => format!("O{}", &overlap[1..]),
+        _ => format!("Overlap {share}."),
     }
 }
 
