@@ -102,8 +102,8 @@ fn results_of_sift(folder: &Path) -> PathBuf {
     paths.find(is_sift).expect("sift was run")
 }
 
-/// SIFT on the wall, as the only entry.
-fn one_run(folder: &Path) {
+/// SIFT on the wall with these options, as the only entry.
+fn one_run(folder: &Path, options: &[&str]) {
     let words = [
         "run",
         "data/wall",
@@ -112,7 +112,7 @@ fn one_run(folder: &Path) {
         "--out",
         "entries/a",
     ];
-    succeeds(folder, &words);
+    succeeds(folder, &[&words[..], options].concat());
 }
 
 /// The leaderboard of all entries, which refuses some.
@@ -245,15 +245,7 @@ fn corner_errors_are_computed_again_where_the_images_are() {
         .concat();
     fs::remove_file(wall.join("pairs.txt")).expect("it is there");
     fs::write(wall.join("homographies.txt"), rows).expect("writable");
-    let words = [
-        "run",
-        "data/wall",
-        "--matchers",
-        "sift",
-        "--estimator",
-        "best-h",
-    ];
-    succeeds(folder, &[&words[..], &["--out", "entries/a"]].concat());
+    one_run(folder, &["--estimator", "best-h"]);
     copy(&folder.join("entries/a"), &folder.join("entries/praised"));
     let file = folder.join("entries/praised/records/wall/sift+best-h.jsonl");
     let mut praised = String::new();
@@ -290,15 +282,7 @@ fn who_hands_in_the_file_of_another_is_told() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     dataset(folder, "data/wall", 3);
-    let run = [
-        "run",
-        "data/wall",
-        "--matchers",
-        "sift",
-        "--out",
-        "entries/a",
-    ];
-    succeeds(folder, &run);
+    one_run(folder, &[]);
     copy(&folder.join("entries/a"), &folder.join("entries/b"));
     succeeds(folder, &["leaderboard", "entries", "--out", "site"]);
     let json = fs::read_to_string(folder.join("site/leaderboard.json")).expect("it was written");
@@ -316,7 +300,7 @@ fn a_folder_without_results_is_an_error_and_so_is_a_page_of_somebody_else() {
     let none = go(folder, &["leaderboard", "data", "--out", "site"]);
     assert_eq!(none.status.code(), Some(1));
     assert!(!folder.join("site").exists());
-    one_run(folder);
+    one_run(folder, &[]);
     fs::create_dir(folder.join("mine")).expect("writable");
     fs::write(folder.join("mine/index.html"), "my page").expect("writable");
     let refused = go(folder, &["leaderboard", "entries", "--out", "mine"]);
@@ -332,7 +316,7 @@ fn links_are_not_followed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     dataset(folder, "data/wall", 3);
-    one_run(folder);
+    one_run(folder, &[]);
     copy(&folder.join("entries/a"), &folder.join("entries/b"));
     let records = folder.join("entries/b/records/wall/sift+ransac-e.jsonl");
     fs::remove_file(&records).expect("it is there");

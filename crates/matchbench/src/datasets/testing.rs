@@ -55,6 +55,10 @@ pub(crate) fn dataset() -> (TempDir, PathBuf) {
         notes: Vec::new(),
         ..About::default()
     };
-    write_native(&dir, &sequence(4), &about, ImageStorage::Pixels(&pixels)).unwrap();
+    let images = ImageStorage::Rendered {
+        pixels: &pixels,
+        depth: &|_| unreachable!("its frames have none"),
+    };
+    write_native(&dir, &sequence(4), &about, images).unwrap();
     (folder, dir)
 }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use image::ExtendedColorType;
 use matchbench_vision::geometry::Camera;
-use matchbench_vision::image::{FloatImage, GrayImage};
+use matchbench_vision::image::{FloatImage, GrayImage, Size};
 use rayon::prelude::*;
 
 use super::depth::{DepthUnit, stored_value};
@@ -34,15 +34,12 @@ pub enum ImageStorage<'a> {
     Link,
     /// `Images/%04d.*` are copies of them.
     Copy,
-    /// `Images/%04d.png` are made by this function of the frame's index; the frames' own paths
-    /// are not looked at.
-    Pixels(&'a (dyn Fn(usize) -> GrayImage + Sync)),
-    /// `Images/%04d.png` and `Depth/%04d.png` are made by these functions of the frame's index: pixels, and depth
-    /// in the unit of length of the poses, infinite where nothing is there. Paths of frames are not looked at.
+    /// `Images/%04d.png`, and `Depth/%04d.png` where frames have depth, are made by these functions of the frame's
+    /// index; paths of frames are not looked at.
     Rendered {
         /// The image of a frame.
         pixels: &'a (dyn Fn(usize) -> GrayImage + Sync),
-        /// The depth of a frame.
+        /// The depth of a frame in the unit of length of the poses, infinite where nothing is there.
         depth: &'a (dyn Fn(usize) -> FloatImage + Sync),
     },
 }
@@ -56,7 +53,6 @@ impl std::fmt::Debug for ImageStorage<'_> {
             Self::Reference => "Reference",
             Self::Link => "Link",
             Self::Copy => "Copy",
-            Self::Pixels(_) => "Pixels(..)",
             Self::Rendered { .. } => "Rendered(..)",
         })
     }
@@ -129,19 +125,21 @@ fn write_files(
                 }
             }
         }
-        ImageStorage::Pixels(pixels) | ImageStorage::Rendered { pixels, .. } => {
+        ImageStorage::Rendered {
+            pixels,
+            depth: make,
+        } => {
             (0..sequence.frames.len())
                 .into_par_iter()
-                .try_for_each(|i| save_png(&folder.join(format!("{i:04}.png")), &pixels(i)))?;
-        }
-    }
-    if let (ImageStorage::Rendered { depth: make, .. }, Some(unit)) = (images, manifest.depth) {
-        let name = |index: usize| format!("{index:04}.png");
-        (0..sequence.frames.len())
-            .into_par_iter()
-            .try_for_each(|i| save_depth(&depth.join(name(i)), &make(i), unit))?;
-        for (index, frame) in manifest.frames.iter_mut().enumerate() {
-            frame.depth = Some(Path::new(DEPTH).join(name(index)));
+                .try_for_each(|i| save_image(&folder.join(numbered(i)), &pixels(i)))?;
+            if let Some(unit) = manifest.depth {
+                (0..sequence.frames.len())
+                    .into_par_iter()
+                    .try_for_each(|i| save_depth(&depth.join(numbered(i)), &make(i), unit))?;
+                for (index, frame) in manifest.frames.iter_mut().enumerate() {
+                    frame.depth = Some(Path::new(DEPTH).join(numbered(index)));
+                }
+            }
         }
     }
     if let Some(first) = sequence.frames.first() {
@@ -314,18 +312,29 @@ fn link(source: &Path, target: &Path) -> std::io::Result<()> {
     fs::hard_link(source, target)
 }
 
-fn save_png(path: &Path, image: &GrayImage) -> Result<(), DatasetError> {
-    let (width, height) = (image.width() as u32, image.height() as u32);
-    image::save_buffer(path, image.data(), width, height, ExtendedColorType::L8)
-        .map_err(|error| DatasetError::new(path, error.to_string(), "check the disk and try again"))
+/// What the file of a frame is called that is made here.
+fn numbered(index: usize) -> String {
+    format!("{index:04}.png")
+}
+
+fn save_image(path: &Path, image: &GrayImage) -> Result<(), DatasetError> {
+    save_png(path, image.data(), image.size(), ExtendedColorType::L8)
 }
 
 fn save_depth(path: &Path, depth: &FloatImage, unit: DepthUnit) -> Result<(), DatasetError> {
-    let (width, height) = (depth.width() as u32, depth.height() as u32);
     let stored: Vec<u8> = (depth.data().iter())
         .flat_map(|&depth| stored_value(depth, unit).to_ne_bytes())
         .collect();
-    image::save_buffer(path, &stored, width, height, ExtendedColorType::L16)
+    save_png(path, &stored, depth.size(), ExtendedColorType::L16)
+}
+
+fn save_png(
+    path: &Path,
+    bytes: &[u8],
+    size: Size,
+    colour: ExtendedColorType,
+) -> Result<(), DatasetError> {
+    image::save_buffer(path, bytes, size.width as u32, size.height as u32, colour)
         .map_err(|error| DatasetError::new(path, error.to_string(), "check the disk and try again"))
 }
 
