@@ -4,7 +4,7 @@ use matchbench_vision::features::{BinaryRows, Descriptors, FloatRows};
 use matchbench_vision::geometry::{Camera, MatchedPoints};
 use matchbench_vision::image::{GrayImage, Size};
 use matchbench_vision::matching::Correspondence;
-use matchbench_vision::nalgebra::{Point2, Point3, Rotation3, Vector3};
+use matchbench_vision::nalgebra::{Point2, Point3, Rotation3, Vector2, Vector3};
 use matchbench_vision::seed::Seed;
 
 /// Boxes and blobs of all sizes over each other, and noise.
@@ -83,10 +83,7 @@ pub(crate) fn two_views(matches: usize) -> (MatchedPoints, Camera) {
     let step = Vector3::new(1.0, 0.1, 0.2);
     let mut points = MatchedPoints::new(Vec::new(), Vec::new(), Vec::new());
     let pixel = |p: Point3<f64>, noise: [f64; 2]| {
-        Point2::new(
-            600.0 * p.x / p.z + 319.5 + noise[0],
-            600.0 * p.y / p.z + 239.5 + noise[1],
-        )
+        camera.project(Point2::new(p.x / p.z, p.y / p.z)) + Vector2::from(noise)
     };
     for number in 0..matches {
         let mut wide = |width: f64| width * (rng.uniform() - 0.5);

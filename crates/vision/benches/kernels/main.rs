@@ -24,6 +24,7 @@ use matchbench_vision::features::{
     Descriptors, DetectThenDescribe, Dlco, DlcoParams, Extractor, Features, Freak, FreakParams,
     Kaze, KazeParams, Latch, LatchParams, Orb, OrbParams, Sift, SiftParams, Surf, SurfParams,
 };
+use matchbench_vision::geometry::PointPairs;
 use matchbench_vision::geometry::solvers::{five_point, homography, seven_point};
 use matchbench_vision::image::{Size, gaussian_blur};
 use matchbench_vision::matching::two_nearest;
@@ -91,36 +92,25 @@ fn measure(chosen: &impl Fn(&str) -> bool) {
 fn measure_poses(chosen: &impl Fn(&str) -> bool) {
     let (points, camera) = data::two_views(1000);
     let pairs = points.at_depth_1(&camera, &camera);
-    let a = |i: usize| Point2::new(pairs.a_x[i % 1000], pairs.a_y[i % 1000]);
-    let b = |i: usize| Point2::new(pairs.b_x[i % 1000], pairs.b_y[i % 1000]);
     let models: [(&str, Models<'_>); 3] = [
         (
             "five-point",
             Box::new(|i| {
-                let [a, b] = [
-                    std::array::from_fn(|k| a(i + k)),
-                    std::array::from_fn(|k| b(i + k)),
-                ];
+                let [a, b] = sample(&pairs, i);
                 five_point(&a, &b).to_vec()
             }),
         ),
         (
             "seven-point",
             Box::new(|i| {
-                let [a, b] = [
-                    std::array::from_fn(|k| a(i + k)),
-                    std::array::from_fn(|k| b(i + k)),
-                ];
+                let [a, b] = sample(&pairs, i);
                 seven_point(&a, &b).to_vec()
             }),
         ),
         (
             "homography",
             Box::new(|i| {
-                let [a, b] = [
-                    std::array::from_fn(|k| a(i + k)),
-                    std::array::from_fn(|k| b(i + k)),
-                ];
+                let [a, b] = sample(&pairs, i);
                 homography(&a, &b).into_iter().collect()
             }),
         ),
@@ -158,6 +148,15 @@ fn measure_poses(chosen: &impl Fn(&str) -> bool) {
 
 /// A solver at the matches from a number on.
 type Models<'a> = Box<dyn Fn(usize) -> Vec<Matrix3<f64>> + 'a>;
+
+/// The matches from number `first` on, as many as a solver takes; after the last comes the first.
+fn sample<const N: usize>(pairs: &PointPairs, first: usize) -> [[Point2<f64>; N]; 2] {
+    let number = |k: usize| (first + k) % pairs.len();
+    [
+        std::array::from_fn(|k| Point2::new(pairs.a_x[number(k)], pairs.a_y[number(k)])),
+        std::array::from_fn(|k| Point2::new(pairs.b_x[number(k)], pairs.b_y[number(k)])),
+    ]
+}
 
 fn halves(value: f64) -> [u32; 2] {
     let bits = value.to_bits();

@@ -88,6 +88,8 @@ mod gradient;
 mod histogram;
 mod instructions;
 mod latch;
+#[cfg(target_arch = "x86_64")]
+mod masked;
 mod normalize;
 mod orb;
 mod pooling;

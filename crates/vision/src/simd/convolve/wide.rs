@@ -1,6 +1,6 @@
 //! The two passes with vectors of 64 bytes, written by hand.
 //!
-//! *Benefit*: 1.25 times as fast on AMD's Zen 5, both together. The vertical pass keeps eight sums at work, as many as
+//! *Benefit*: the vertical pass keeps eight sums at work, as many as
 //! two units of four cycles need; compiled from the portable text it has four, or, asked for eight,
 //! puts them into memory. In the horizontal pass every vector of 64 bytes that is not aligned lies across
 //! two cache lines and costs two loads; those to the right are put together from registers instead.
@@ -9,14 +9,12 @@
 
 use std::arch::x86_64::{
     __m512, _mm512_add_epi32, _mm512_add_ps, _mm512_fmadd_ps, _mm512_loadu_ps,
-    _mm512_mask_storeu_ps, _mm512_maskz_loadu_ps, _mm512_permutex2var_ps, _mm512_set1_epi32,
-    _mm512_set1_ps, _mm512_setr_epi32, _mm512_setzero_ps, _mm512_storeu_ps,
+    _mm512_mask_storeu_ps, _mm512_permutex2var_ps, _mm512_set1_epi32, _mm512_set1_ps,
+    _mm512_setr_epi32, _mm512_setzero_ps, _mm512_storeu_ps,
 };
 
 use super::ROWS_AT_ONCE;
-
-/// Columns of a vector.
-const LANES: usize = 16;
+use crate::simd::masked::{LANES, first_lanes, load_or_zero};
 
 /// Vectors of a block in the horizontal pass.
 const BLOCK: usize = 4;
@@ -138,9 +136,7 @@ fn load<const FULL: bool>(values: &[f32], x: usize) -> __m512 {
         // SAFETY: 16 values can be read from 16 values.
         return unsafe { _mm512_loadu_ps(values.as_ptr()) };
     }
-    let values = &values[x.min(values.len())..];
-    // SAFETY: lanes beyond the slice are not read.
-    unsafe { _mm512_maskz_loadu_ps(mask(values.len()), values.as_ptr()) }
+    load_or_zero(values, x)
 }
 
 #[inline]
@@ -156,17 +152,7 @@ fn store<const FULL: bool>(values: &mut [f32], x: usize, vector: __m512) {
     let start = x.min(values.len());
     let values = &mut values[start..];
     // SAFETY: lanes beyond the slice are not written.
-    unsafe { _mm512_mask_storeu_ps(values.as_mut_ptr(), mask(values.len()), vector) };
-}
-
-/// The first `count` lanes, or all.
-#[inline(always)]
-fn mask(count: usize) -> u16 {
-    if count < LANES {
-        (1 << count) - 1
-    } else {
-        u16::MAX
-    }
+    unsafe { _mm512_mask_storeu_ps(values.as_mut_ptr(), first_lanes(values.len()), vector) };
 }
 
 #[inline]

@@ -5,22 +5,19 @@
 //! passes that is one of these, and beats the difference in either other layer at its place too. The few
 //! that do are looked at by the portable text.
 //!
-//! *Benefit*: 1.3 times as fast on AMD's Zen 5: six loads for sixteen columns where the portable text has 18, twelve
+//! *Benefit*: six loads for sixteen columns where the portable text has 18, twelve
 //! of them across two cache lines. *Correctness*: maxima and comparisons are exact in any order; a test
 //! compares the columns found. Lanes beyond the rows are not read.
 
 use std::arch::x86_64::{
     __m512, _CMP_GE_OQ, _CMP_GT_OQ, _CMP_LE_OQ, _CMP_LT_OQ, _mm512_alignr_epi32,
     _mm512_castps_si512, _mm512_castsi512_ps, _mm512_cmp_ps_mask, _mm512_loadu_ps,
-    _mm512_mask_cmp_ps_mask, _mm512_maskz_loadu_ps, _mm512_max_ps, _mm512_min_ps, _mm512_set1_ps,
-    _mm512_sub_ps,
+    _mm512_mask_cmp_ps_mask, _mm512_max_ps, _mm512_min_ps, _mm512_set1_ps, _mm512_sub_ps,
 };
 use std::ops::Range;
 
 use super::{ThreeRows, Windows, beats_other_layers, windows};
-
-/// Columns of a vector.
-const LANES: usize = 16;
+use crate::simd::masked::{LANES, load_or_zero};
 
 /// Of each column the largest and the smallest of three differences, and the one in the middle.
 #[derive(Clone, Copy)]
@@ -165,14 +162,7 @@ unsafe fn load<const FULL: bool>(row: &[f32], x: usize) -> __m512 {
         // SAFETY: there are 16 values.
         return unsafe { _mm512_loadu_ps(row.as_ptr().add(x)) };
     }
-    let row = &row[x.min(row.len())..];
-    let mask = if row.len() < LANES {
-        (1 << row.len()) - 1
-    } else {
-        u16::MAX
-    };
-    // SAFETY: lanes beyond the row are not read.
-    unsafe { _mm512_maskz_loadu_ps(mask, row.as_ptr()) }
+    load_or_zero(row, x)
 }
 
 /// Sixteen lanes from lane `N` of `first` on, with `then` behind it.

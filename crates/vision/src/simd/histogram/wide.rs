@@ -6,25 +6,22 @@
 //! permutations: one repeats the shares of two cells eight times each, one puts those of the directions
 //! into their bins and zeros into the other six.
 //!
-//! *Benefit*: less than half of the instructions that the compiler makes of the portable text, piece by
-//! piece. *Correctness*: products and sums are the same and in the same order, but for products with
+//! *Benefit*: two additions of whole vectors for a pixel, where the portable text adds to its bins piece by piece.
+//! *Correctness*: products and sums are the same and in the same order, but for products with
 //! zero, which are not taken; a test compares all bits. Places are limited to those of the histogram before they
 //! are used.
 
 use std::arch::x86_64::{
     __m512, __m512i, _CMP_GT_OQ, _CMP_LT_OQ, _MM_FROUND_NO_EXC, _MM_FROUND_TO_NEG_INF,
     _mm512_add_epi32, _mm512_add_ps, _mm512_and_si512, _mm512_castps_si512, _mm512_cmp_ps_mask,
-    _mm512_fmadd_ps, _mm512_fmsub_ps, _mm512_loadu_ps, _mm512_loadu_si512, _mm512_maskz_loadu_ps,
-    _mm512_maskz_mov_ps, _mm512_min_epu32, _mm512_mul_ps, _mm512_permutex2var_ps,
-    _mm512_permutexvar_ps, _mm512_roundscale_ps, _mm512_set1_epi32, _mm512_set1_ps,
-    _mm512_setr_epi32, _mm512_setr_ps, _mm512_setzero_ps, _mm512_shuffle_f32x4, _mm512_storeu_ps,
-    _mm512_storeu_si512, _mm512_sub_ps,
+    _mm512_fmadd_ps, _mm512_fmsub_ps, _mm512_loadu_ps, _mm512_loadu_si512, _mm512_maskz_mov_ps,
+    _mm512_min_epu32, _mm512_mul_ps, _mm512_permutex2var_ps, _mm512_permutexvar_ps,
+    _mm512_roundscale_ps, _mm512_set1_epi32, _mm512_set1_ps, _mm512_setr_epi32, _mm512_setr_ps,
+    _mm512_setzero_ps, _mm512_shuffle_f32x4, _mm512_storeu_ps, _mm512_storeu_si512, _mm512_sub_ps,
 };
 
 use super::{MIDDLE, NO_FRACTION, PatchGrid, PatchHistogram, PatchRow, patch_block};
-
-/// Pixels of a vector.
-const LANES: usize = 16;
+use crate::simd::masked::{LANES, load_or_zero};
 
 /// Pixels whose shares are permuted together: a vector holds two of each.
 const HALF: usize = 8;
@@ -190,8 +187,7 @@ fn load<const N: usize>(values: &[f32], start: usize) -> __m512 {
         // SAFETY: 16 values can be read from 16 values.
         unsafe { _mm512_loadu_ps(values.as_ptr()) }
     } else {
-        // SAFETY: lanes beyond the values are not read.
-        unsafe { _mm512_maskz_loadu_ps((1 << N) - 1, values.as_ptr()) }
+        load_or_zero(values, 0)
     }
 }
 

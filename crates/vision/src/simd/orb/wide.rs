@@ -6,8 +6,7 @@
 //! tables of 128 bytes. A permutation looks up 64 places in one table; those that lie in it, told by the bits
 //! above the lowest seven, take what was found, and all others wait for their own table.
 //!
-//! *Benefit*: a tenth of ORB's time at 640 x 480 on AMD's Zen 5; looking up place by place takes four
-//! instructions for each of 512 places. *Correctness*: places are turned and rounded by the operations
+//! *Benefit*: looking up place by place takes four instructions for each of 512 places. *Correctness*: places are turned and rounded by the operations
 //! of the portable text in its order, and moments are whole numbers, which no order of sums changes; a test
 //! compares both.
 
