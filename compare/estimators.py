@@ -22,12 +22,15 @@ import pycolmap
 from pose import MIN_SUPPORT, POSE, auc, pose_error
 from stored import stored
 
-BEST = "sampler=prosac score=even-msac threshold=2 loss=cauchy min=1000 iterations=20000"
-OURS = {
-    "ransac-e": "",
-    "best": BEST,
-    "best, 1000 iterations": BEST.replace("iterations=20000", "iterations=1000"),
-}
+
+
+def best(iterations=20000):
+    """The settings of `best`, with at most so many iterations."""
+    least = min(1000, iterations)
+    return f"sampler=prosac score=even-msac threshold=2 loss=cauchy min={least} iterations={iterations}"
+
+
+OURS = {"ransac-e": "", "best": best(), "best, 1000 iterations": best(1000)}
 POSELIB = {"PoseLib": {}, "PoseLib, 1000 iterations": {"max_iterations": 1000}}
 COLMAP = {"COLMAP": {}, "COLMAP, 1 px": {"max_error": 1.0}}
 OPENCV = {
@@ -95,32 +98,44 @@ def peer_opencv(matches, k, method, samples=1000):
     return ((r, t.ravel()) if support >= MIN_SUPPORT else None), time.perf_counter() - start
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def arguments(about, seeds):
+    """The arguments of programs that estimate poses from the matches of a run."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("run", type=pathlib.Path)
     parser.add_argument("dataset")
     parser.add_argument("matcher")
     parser.add_argument("--truth", type=pathlib.Path, required=True)
     parser.add_argument("--every", type=int, default=1, help="take every n-th pair")
-    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--seeds", type=int, default=seeds)
     parser.add_argument("--only", help="names as printed, separated by semicolons; all of them otherwise")
-    args = parser.parse_args()
+    return parser
+
+
+def read(args):
+    """The camera's matrix, the stored matches of the chosen pairs, and how far a pose is from a pair's true one."""
+    k = np.loadtxt(args.truth / "camera.txt").reshape(-1)[:9].reshape(3, 3)
+    truth = {(int(r[0]), int(r[1])): r[2:14].reshape(3, 4) for r in np.loadtxt(args.truth / "pairs.txt")}
+    pairs = sorted(stored(args.run / "matches" / args.dataset / f"{args.matcher}.bin"), key=lambda p: p[0])
+
+    def error(key, pose):
+        return 180.0 if pose is None else pose_error(*pose, truth[key][:, :3], truth[key][:, 3])
+
+    return k, pairs[:: args.every], error
+
+
+def main():
+    args = arguments(__doc__, seeds=1).parse_args()
     chosen = [
         {name: how for name, how in group.items() if not args.only or name in args.only.split(";")}
         for group in (OURS, POSELIB, COLMAP, OPENCV)
     ]
     cv2.setNumThreads(1)
-    k = np.loadtxt(args.truth / "camera.txt").reshape(-1)[:9].reshape(3, 3)
-    truth = {(int(r[0]), int(r[1])): r[2:14].reshape(3, 4) for r in np.loadtxt(args.truth / "pairs.txt")}
-    pairs = sorted(stored(args.run / "matches" / args.dataset / f"{args.matcher}.bin"), key=lambda p: p[0])
-    pairs = pairs[:: args.every]
+    k, pairs, error = read(args)
     results = {}
 
     def note(name, key, outcome):
         pose, seconds = outcome
-        r, t = truth[key][:, :3], truth[key][:, 3]
-        error = 180.0 if pose is None else pose_error(*pose, r, t)
-        results.setdefault(name, []).append((error, seconds))
+        results.setdefault(name, []).append((error(key, pose), seconds))
 
     for seed in range(args.seeds):
         for start in range(0, len(pairs), CHUNK):

@@ -9,7 +9,6 @@ order has a meaning (PROSAC of PoseLib and OpenCV) the clearest match comes firs
 `FOLDER` gets `DATASET-MATCHER.csv` and a picture of it, and a `table.md` of all that are there.
 """
 
-import argparse
 import csv
 import os
 import pathlib
@@ -21,15 +20,13 @@ import numpy as np
 import poselib
 
 import estimators
-from pose import auc, pose_error
-from stored import stored
+from pose import auc
 
 matplotlib.use("svg")
 import matplotlib.pyplot as plt  # noqa: E402
 
 plt.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "matchbench"})
 
-CHUNK = 8
 CURVES = {
     "best": [100, 200, 500, 1000, 2000, 5000, 20000],
     "ransac-e": [200, 1000, 5000, 20000],
@@ -47,17 +44,11 @@ def processor():
     return names[0] if names else "unknown processor"
 
 
-def settings(curve, budget):
-    if curve == "best":
-        least = min(1000, budget)
-        return f"sampler=prosac score=even-msac threshold=2 loss=cauchy min={least} iterations={budget}"
-    return f"iterations={budget}"
-
-
 def estimate(curve, budget, chunk, k, seed):
     """A pose and seconds for each pair of the chunk."""
     if curve in ("best", "ransac-e"):
-        yield from estimators.ours(chunk, k, settings(curve, budget), seed)
+        settings = estimators.best(budget) if curve == "best" else f"iterations={budget}"
+        yield from estimators.ours(chunk, k, settings, seed)
         return
     for (a, b), matches in chunk:
         clearest = np.argsort(matches[:, 4], kind="stable") if len(matches) else np.arange(0)
@@ -77,19 +68,18 @@ def estimate(curve, budget, chunk, k, seed):
             yield estimators.peer_colmap(matches[shuffled], k, options, seed)
 
 
-def measure(pairs, truth, k, seeds, curves):
+def measure(pairs, error, k, seeds, curves):
     """Errors and seconds by (curve, budget) and seed."""
     errors, seconds = {}, {}
     for seed in range(seeds):
-        for start in range(0, len(pairs), CHUNK):
-            chunk = pairs[start : start + CHUNK]
+        for start in range(0, len(pairs), estimators.CHUNK):
+            chunk = pairs[start : start + estimators.CHUNK]
             for curve in curves:
                 for budget in CURVES[curve]:
                     found = estimate(curve, budget, chunk, k, seed)
                     for ((key, _), (pose, time)) in zip(chunk, found):
-                        r, t = truth[key][:, :3], truth[key][:, 3]
-                        error = 180.0 if pose is None else pose_error(*pose, r, t)
-                        errors.setdefault((curve, budget), [[] for _ in range(seeds)])[seed].append(error)
+                        found_errors = errors.setdefault((curve, budget), [[] for _ in range(seeds)])
+                        found_errors[seed].append(error(key, pose))
                         seconds.setdefault((curve, budget), []).append(time)
     return errors, seconds
 
@@ -129,23 +119,13 @@ def tabulate(folder):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("run", type=pathlib.Path)
-    parser.add_argument("dataset")
-    parser.add_argument("matcher")
-    parser.add_argument("--truth", type=pathlib.Path, required=True)
+    parser = estimators.arguments(__doc__, seeds=5)
     parser.add_argument("--out", type=pathlib.Path, required=True)
-    parser.add_argument("--every", type=int, default=1, help="take every n-th pair")
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--only", help="curves, separated by semicolons; all of them otherwise")
     args = parser.parse_args()
     cv2.setNumThreads(1)
-    k = np.loadtxt(args.truth / "camera.txt").reshape(-1)[:9].reshape(3, 3)
-    truth = {(int(r[0]), int(r[1])): r[2:14].reshape(3, 4) for r in np.loadtxt(args.truth / "pairs.txt")}
-    pairs = sorted(stored(args.run / "matches" / args.dataset / f"{args.matcher}.bin"), key=lambda p: p[0])
-    pairs = pairs[:: args.every]
+    k, pairs, error = estimators.read(args)
     curves = [curve for curve in CURVES if not args.only or curve in args.only.split(";")]
-    errors, seconds = measure(pairs, truth, k, args.seeds, curves)
+    errors, seconds = measure(pairs, error, k, args.seeds, curves)
     rows = []
     for (curve, budget), by_seed in errors.items():
         scores = [auc(list(found)) for found in by_seed]
