@@ -79,10 +79,16 @@ impl Estimator {
                 camera_a: &camera_a.inner,
                 camera_b: &camera_b.inner,
             };
-            pose.estimate(views, estimation_seed(Seed(seed), &self.built.id))
+            let estimate = pose.estimate(views, estimation_seed(Seed(seed), &self.built.id))?;
+            let confidence = views.confidence(&estimate.b_from_a);
+            Ok::<_, robust::NoPose>((estimate, confidence))
         });
         match found {
-            Ok(inner) => Ok(PoseEstimate { inner, count }),
+            Ok((inner, confidence)) => Ok(PoseEstimate {
+                inner,
+                count,
+                confidence,
+            }),
             Err(none) => Err(NoPose::new_err(none.to_string())),
         }
     }
@@ -208,6 +214,7 @@ pub(crate) struct PoseEstimate {
     inner: robust::PoseEstimate,
     /// Matches that were given.
     count: usize,
+    confidence: f64,
 }
 
 #[pymethods]
@@ -250,6 +257,11 @@ impl PoseEstimate {
     #[getter]
     fn support(&self) -> usize {
         self.inner.support
+    }
+
+    #[getter]
+    fn confidence(&self) -> f64 {
+        self.confidence
     }
 
     #[getter]

@@ -169,6 +169,9 @@ class PoseEstimate:
     def support(self) -> int:
         """Matches whose point is in front of both cameras and nearer than the largest depth."""
     @property
+    def confidence(self) -> float:
+        """The probability that the pose is within 10 degrees of the truth, as the matches tell."""
+    @property
     def iterations(self) -> int:
         """Samples drawn."""
 

@@ -1,5 +1,6 @@
 //! Every estimator that a run can name, of poses and of homographies: one file each, and the list.
 
+mod adaptive;
 mod best;
 mod best_h;
 mod lmeds_e;
@@ -84,6 +85,7 @@ pub const ESTIMATORS: &[&dyn EstimatorEntry] = &[
     &magsac_e::MAGSAC_E,
     &rich::RICH,
     &best::BEST,
+    &adaptive::ADAPTIVE,
     &ransac_h::RANSAC_H,
     &best_h::BEST_H,
 ];

@@ -24,6 +24,8 @@ pub struct PairResult {
     pub outcome: Result<Deviation, Failure>,
     /// Correspondences that support the estimate, 0 where there is none.
     pub correspondences: u32,
+    /// The probability that the pose is right, as the matches told; `None` where there is no pose, or nobody said.
+    pub confidence: Option<f64>,
     /// Selected matches within 1, 2, ... 10 pixels of where the true homography takes them; `None`
     /// where there is none.
     pub correct: Option<[u32; 10]>,
@@ -114,6 +116,7 @@ impl PairResult {
             model: Model::Pose,
             outcome: Err(failure),
             correspondences: 0,
+            confidence: None,
             correct: None,
             found_again: None,
             by_depth: None,
@@ -125,11 +128,13 @@ impl PairResult {
     /// A pair that was judged, without counts and times.
     pub fn of(a: u32, b: u32, outcome: &Outcome) -> Self {
         let model = Model::of(outcome).unwrap_or_default();
+        let confidence = confidence(outcome);
         let (outcome, correspondences) = scored(outcome);
         Self {
             model,
             outcome,
             correspondences,
+            confidence,
             ..Self::failed(a, b, Failure::Missing)
         }
     }
@@ -223,6 +228,14 @@ pub(super) fn scored(outcome: &Outcome) -> (Result<Deviation, Failure>, u32) {
     }
 }
 
+/// How sure the estimate is of itself, where it says so.
+fn confidence(outcome: &Outcome) -> Option<f64> {
+    match outcome {
+        Outcome::Pose { confidence, .. } => *confidence,
+        _ => None,
+    }
+}
+
 impl From<&RunRecord> for PairResult {
     fn from(record: &RunRecord) -> Self {
         let (outcome, correspondences) = scored(&record.outcome);
@@ -233,6 +246,7 @@ impl From<&RunRecord> for PairResult {
             model: Model::of(&record.outcome).unwrap_or_default(),
             outcome,
             correspondences,
+            confidence: confidence(&record.outcome),
             correct: record.correct,
             found_again: (record.repeated)
                 .map(|repeated| (repeated.least_visible(), repeated.within[FOUND_PX - 1])),

@@ -42,6 +42,11 @@ pub enum Outcome {
         /// where the true translation is zero, which leaves no direction to compare with.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         translation_error: Option<f64>,
+        /// The probability that the pose is right, as the matches tell; see
+        /// [`TwoViews::confidence`](matchbench_vision::robust::TwoViews::confidence). Absent from runs of
+        /// earlier versions and from results of others.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        confidence: Option<f64>,
     },
     /// The matches determine no pose; the pair counts as failed.
     NoPose {
@@ -128,7 +133,24 @@ impl Outcome {
             iterations,
             rotation_error: rotation_error.to_degrees(),
             translation_error: error.map(|error| error.translation.to_degrees()),
+            confidence: None,
         }
+    }
+
+    /// A pose with the probability that it is right.
+    ///
+    /// # Panics
+    /// If that is no probability.
+    #[must_use]
+    pub fn with_confidence(mut self, probability: f64) -> Self {
+        assert!(
+            (0.0..=1.0).contains(&probability),
+            "{probability} is no probability"
+        );
+        if let Self::Pose { confidence, .. } = &mut self {
+            *confidence = Some(probability);
+        }
+        self
     }
 
     /// The estimated homography, judged by the `truth` in an image a of this size.
@@ -178,8 +200,14 @@ impl Outcome {
                 translation,
                 rotation_error,
                 translation_error,
+                confidence,
                 ..
-            } => check_pose(rotation, translation, *rotation_error, *translation_error),
+            } => {
+                if confidence.is_some_and(|p| !(0.0..=1.0).contains(&p)) {
+                    return Err("the confidence is no probability".to_owned());
+                }
+                check_pose(rotation, translation, *rotation_error, *translation_error)
+            }
             Self::Homography {
                 homography,
                 corner_error,

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use crate::metrics::{
-    Angle, DatasetGeometry, Model, PairGeometry, Portion, Quartiles, StageQuartiles, Stratum,
-    SuccessCurve, Summary, auc_by_stratum, strata,
+    Angle, DatasetGeometry, Model, PairGeometry, Portion, Quartiles, Reliability, ResultSet,
+    StageQuartiles, Stratum, SuccessCurve, Summary, auc_by_stratum, strata,
 };
 
 use super::content::Content;
@@ -12,8 +12,8 @@ use super::latex::sequence_numbers;
 use super::numbers::short;
 use super::overview::{Overview, REFERENCE};
 use super::svg::{
-    ApSeries, Axes, Curve, Dot, Rival, Target, ap_bars, ap_panel, forest, heat_map, scatter,
-    sp_curves, strata_curves,
+    ApSeries, Axes, Curve, Dot, Rival, Target, ap_bars, ap_panel, forest, heat_map,
+    reliability_diagram, scatter, sp_curves, strata_curves,
 };
 use super::words::advantage;
 
@@ -89,11 +89,7 @@ pub(super) fn difficulty_lines<'a>(
     let ranges: Vec<String> = strata.iter().map(label).collect();
     let lines = (overview.ranked(column).into_iter())
         .filter_map(|(row, summary)| {
-            let is_its = |set: &&crate::metrics::ResultSet| {
-                (&set.dataset, &set.matcher, &set.estimator)
-                    == (&summary.dataset, &summary.matcher, &summary.estimator)
-            };
-            let set = content.results.iter().find(is_its)?;
+            let set = set_of(content, summary)?;
             Some((
                 row.series,
                 &*row.label,
@@ -125,6 +121,41 @@ pub(super) fn difficulty_figure(
         (difficulty.axis(geometry), &ranges),
         &lines,
     ))
+}
+
+/// What the stated probabilities of each method are worth on one dataset, the best method first; those that state
+/// none are left out.
+pub(super) fn reliabilities<'a>(
+    content: &Content,
+    overview: &'a Overview<'_>,
+    column: usize,
+) -> Vec<(usize, &'a str, Reliability)> {
+    (overview.ranked(column).into_iter())
+        .filter_map(|(row, summary)| {
+            let set = set_of(content, summary)?;
+            Some((row.series, &*row.label, Reliability::of(&set.pairs)?))
+        })
+        .collect()
+}
+
+/// The reliability diagram of one dataset, if probabilities were stated.
+pub(super) fn reliability_figure(
+    content: &Content,
+    overview: &Overview<'_>,
+    column: usize,
+    target: Target,
+) -> Option<String> {
+    let lines = reliabilities(content, overview, column);
+    let title = format!("Reliability: {}", named(overview, column));
+    (!lines.is_empty()).then(|| reliability_diagram(target, &title, &lines))
+}
+
+/// The results behind a summary.
+fn set_of<'a>(content: &'a Content, summary: &Summary) -> Option<&'a ResultSet> {
+    content.results.iter().find(|set| {
+        (&set.dataset, &set.matcher, &set.estimator)
+            == (&summary.dataset, &summary.matcher, &summary.estimator)
+    })
 }
 
 /// The stages of a matcher on a dataset: each is timed with the first estimator alone, since the

@@ -18,7 +18,7 @@ use super::again::Again;
 use super::content::Content;
 use super::figures::{
     Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, estimator_figure,
-    lead_figure, sp_figure, time_figure,
+    lead_figure, reliability_figure, sp_figure, time_figure,
 };
 use super::file_names::file_names;
 use super::overview::Overview;
@@ -196,6 +196,10 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
             if let (Some(svg), Some(spec)) = (svg, spec) {
                 figures.push((format!("{}-{name}", difficulty.name()), svg, spec));
             }
+        }
+        if let Some(svg) = reliability_figure(content, overview, column, Target::File) {
+            let spec = vega::reliability(content, overview, column);
+            figures.push((format!("reliability-{name}"), svg, spec));
         }
         if let Some(svg) = time_figure(content, overview, column, Target::File) {
             let spec = vega::time(content, overview, column);

@@ -101,6 +101,7 @@ pub(super) fn columns(content: &Content) -> Vec<Column<'_>> {
         count("by_depth_5px", |pair| {
             Some(pair.by_depth.as_ref()?.within[4])
         }),
+        number("confidence", &|row: &Row<'_>| row.pair.confidence),
         text("outcome", |row| outcome(row.pair)),
     ]
 }

@@ -5,10 +5,12 @@
 
 use serde_json::{Value, json};
 
-use crate::metrics::{Angle, Model, Portion, Score, Summary, THRESHOLDS};
+use crate::metrics::{Angle, Model, Portion, ReliabilityRange, Score, Summary, THRESHOLDS};
 
 use super::content::Content;
-use super::figures::{Difficulty, accuracies, difficulty_lines, seconds_for_a_pair, success_curve};
+use super::figures::{
+    Difficulty, accuracies, difficulty_lines, reliabilities, seconds_for_a_pair, success_curve,
+};
 use super::latex::sequence_numbers;
 use super::overview::Overview;
 use super::words::method;
@@ -150,6 +152,28 @@ pub(super) fn difficulty(
         rows.collect(),
         json!({"mark": {"type": "line", "point": true}, "encoding": encoding}),
     ))
+}
+
+/// Share of right poses over their stated probability.
+pub(super) fn reliability(content: &Content, overview: &Overview<'_>, column: usize) -> Value {
+    let lines = reliabilities(content, overview, column);
+    let rows = lines.iter().flat_map(|(_, label, reliability)| {
+        let point = |range: &ReliabilityRange| {
+            json!({"matcher": label, "stated": range.stated, "right": range.right, "poses": range.poses})
+        };
+        reliability.ranges.iter().map(point).collect::<Vec<_>>()
+    });
+    let share = |field: &str, title: &str| json!({"field": field, "type": "quantitative", "scale": {"domain": [0, 1]}, "title": title});
+    let encoding = json!({
+        "x": share("stated", "stated probability"),
+        "y": share("right", "share of right poses"),
+        "color": {"field": "matcher", "type": "nominal", "sort": null},
+    });
+    figure(
+        format!("Reliability: {}", overview.datasets[column]),
+        rows.collect(),
+        json!({"mark": {"type": "line", "point": true}, "encoding": encoding}),
+    )
 }
 
 /// Accuracy against time, of those whose time is known.

@@ -66,12 +66,17 @@ pub fn sentence(pair: &PairResult) -> String {
         (Ok(Deviation::Pose(error)), None) => {
             format!("rotation off by {:.2}°; no true direction", error.rotation)
         }
-        (Ok(Deviation::Pose(error)), Some(pose)) => format!(
-            "pose off by {pose:.2}° (rotation {:.2}°, translation {:.2}°), {} correspondences",
-            error.rotation,
-            error.translation.unwrap_or(f64::NAN),
-            pair.correspondences
-        ),
+        (Ok(Deviation::Pose(error)), Some(pose)) => {
+            let stated = (pair.confidence)
+                .map(|probability| format!(", right with probability {probability:.2}"))
+                .unwrap_or_default();
+            format!(
+                "pose off by {pose:.2}° (rotation {:.2}°, translation {:.2}°), {} correspondences{stated}",
+                error.rotation,
+                error.translation.unwrap_or(f64::NAN),
+                pair.correspondences
+            )
+        }
     }
 }
 

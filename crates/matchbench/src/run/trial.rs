@@ -128,6 +128,7 @@ impl Trial<'_> {
                 count(estimate.support),
                 count(estimate.iterations),
             );
+            let outcome = outcome.with_confidence(views.confidence(&estimate.b_from_a));
             let inliers = estimate.inliers;
             Ok::<_, MatcherError>(Judged { outcome, inliers })
         })

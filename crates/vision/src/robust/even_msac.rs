@@ -1,27 +1,11 @@
 //! MSAC in which a crowd of matches does not outvote the rest of the scene.
 //!
-//! Matches that lie close together are not independent witnesses: one repeated or textured surface, or
-//! one corner found at many scales, can outvote everything else for a model that explains nothing else.
-//! So a grid is laid over the points of each view, and a match weighs `1 / sqrt(max(n_a, n_b))`, where
-//! n_a and n_b are the numbers of matches in its cells: n matches in a cell say as much as sqrt(n) lonely
-//! ones, between the n that independent witnesses would be worth and the single one that copies
-//! of each other are. The score is then that of [`Msac`](super::Msac), `sum w max(0, 1 - r^2 / t^2)`, with the
-//! weights scaled to a mean of 1.
-//!
-//! Ours. That the spread of matches tells more than their number is how COLMAP chooses its next image
-//! (Schoenberger, Frahm, "Structure-from-Motion Revisited", CVPR 2016, sec. 4.2).
-//!
-//! | symbol | argument | default | source |
-//! | --- | --- | --- | --- |
-//! | | `cells` | 10 across and down | tuned on the kitchen of 7-Scenes, 6 to 20 |
-//!
-//! *Choice*: on the kitchen, and on the rendered scenes, the exponents 1/2, 0.7 and 1 of n do equally well
-//! over 14 matchers (mean AUC on the kitchen 0.306, 0.307 and 0.306; 0.284 without weights). The mildest of them was
-//! taken, with a side glance at TUM, where 1 loses 0.02 with ORB, AKAZE and DLCO.
+//! The score is that of [`Msac`](super::Msac), but a match counts by its [weight](super::even_weights):
+//! `sum w max(0, 1 - r^2 / t^2)`.
 
 use std::ops::Range;
 
-use super::even_sampler::cells_of;
+use super::even_weights::EvenWeights;
 use super::{Scoring, Support};
 use crate::geometry::PointPairs;
 use crate::simd;
@@ -30,10 +14,7 @@ use crate::simd;
 #[derive(Clone, Debug)]
 pub struct EvenMsac {
     squared_threshold: f64,
-    /// w, in the order of the data.
-    weights: Vec<f64>,
-    /// The sum of the weights from each datum on.
-    most_from: Vec<f64>,
+    weights: EvenWeights,
 }
 
 impl EvenMsac {
@@ -43,42 +24,17 @@ impl EvenMsac {
     /// # Panics
     /// If there are no cells.
     pub fn new(pairs: &PointPairs, cells: u32, squared_threshold: f64) -> Self {
-        assert!(cells > 0, "a grid has cells");
-        let in_a = crowds(&pairs.a_x, &pairs.a_y, cells);
-        let in_b = crowds(&pairs.b_x, &pairs.b_y, cells);
-        let mut weights: Vec<f64> = (in_a.into_iter().zip(in_b))
-            .map(|(a, b)| 1.0 / f64::from(a.max(b)).sqrt())
-            .collect();
-        let scale = weights.len() as f64 / weights.iter().sum::<f64>();
-        for weight in &mut weights {
-            *weight *= scale;
-        }
-        let mut most_from = vec![0.0; weights.len() + 1];
-        for (i, weight) in weights.iter().enumerate().rev() {
-            most_from[i] = most_from[i + 1] + weight;
-        }
         Self {
             squared_threshold,
-            weights,
-            most_from,
+            weights: EvenWeights::new(pairs, cells),
         }
     }
-}
-
-/// How many points are in the cell of each, itself among them.
-fn crowds(x: &[f64], y: &[f64], cells: u32) -> Vec<u32> {
-    let mut crowds = vec![0; cells as usize * cells as usize + 1];
-    let cells = cells_of(x, y, cells);
-    for &cell in &cells {
-        crowds[cell as usize] += 1;
-    }
-    cells.iter().map(|&cell| crowds[cell as usize]).collect()
 }
 
 impl Scoring for EvenMsac {
     fn support(&self, range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
         let limit = self.squared_threshold;
-        let gain = simd::sum_below(squared_residuals, &self.weights[range], limit);
+        let gain = simd::sum_below(squared_residuals, self.weights.of(range), limit);
         Support {
             quality: gain / limit,
             inliers: simd::count_at_most(squared_residuals, limit),
@@ -87,7 +43,7 @@ impl Scoring for EvenMsac {
     }
 
     fn upper_bound(&self, range: Range<usize>) -> Option<f64> {
-        Some(self.most_from[range.start] - self.most_from[range.end])
+        Some(self.weights.sum(range))
     }
 }
 

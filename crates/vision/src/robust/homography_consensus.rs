@@ -88,7 +88,7 @@ impl HomographyConsensus {
                     squared_cauchy_scale(&residuals, &inliers, DistanceFrom::Point).min(limit)
                 }
             };
-            let near: PointPairs = inliers_within(&residuals, NEAR * limit)
+            let near: PointPairs = inliers_within(&residuals, self.params.score.reach() * limit)
                 .into_iter()
                 .map(|index| problem.pairs.get(index as usize))
                 .collect();
@@ -101,9 +101,6 @@ impl HomographyConsensus {
         (model, inliers)
     }
 }
-
-/// The final refinement takes the matches within this multiple of the squared threshold.
-const NEAR: f64 = 4.0;
 
 impl HomographyEstimator for HomographyConsensus {
     fn estimate(&self, points: &MatchedPoints, seed: Seed) -> Result<HomographyEstimate, NoPose> {

@@ -22,12 +22,15 @@
 //! # Ok::<(), matchbench_vision::ParamError>(())
 //! ```
 
+mod confidence;
 mod consensus;
 mod degensac;
 mod essential_problem;
 mod estimator;
+mod even_marginal;
 mod even_msac;
 mod even_sampler;
+mod even_weights;
 mod fundamental_problem;
 mod homography_consensus;
 mod homography_problem;
@@ -35,6 +38,7 @@ mod linear;
 mod lmeds;
 mod magsac;
 mod mlesac;
+mod noise_scale;
 mod parts;
 pub mod presets;
 mod problem;
@@ -48,11 +52,13 @@ mod search;
 mod settings;
 mod sprt;
 
+pub use confidence::RIGHT_POSE;
 pub use consensus::{Consensus, ConsensusParams, Extras, consensus, consensus_until};
 pub use essential_problem::EssentialProblem;
 pub use estimator::{
     HomographyEstimate, HomographyEstimator, NoPose, PoseEstimate, PoseEstimator, TwoViews,
 };
+pub use even_marginal::EvenMarginal;
 pub use even_msac::EvenMsac;
 pub use even_sampler::EvenSampler;
 pub use fundamental_problem::FundamentalProblem;

@@ -32,6 +32,18 @@ pub enum Score {
         /// Whether bad models are abandoned early.
         sprt: bool,
     },
+    /// [`EvenMarginal`](crate::robust::EvenMarginal).
+    EvenMarginal {
+        /// Five times the standard deviation of the distances of right matches, in pixels; where the noise is
+        /// estimated, a first guess of it.
+        threshold_px: f64,
+        /// Samples that are drawn first, to estimate the noise of the pair; 0: the threshold is taken as it is.
+        noise_iterations: usize,
+        /// Cells across and down of the grid that finds crowds of matches; 1 to 1000.
+        cells: u32,
+        /// Whether bad models are abandoned early.
+        sprt: bool,
+    },
     /// [`Magsac`](crate::robust::Magsac).
     Magsac {
         /// Largest distance of an inlier at the highest noise level, in pixels.
@@ -55,9 +67,38 @@ impl Score {
             Self::InlierCount { threshold_px, .. }
             | Self::Msac { threshold_px, .. }
             | Self::EvenMsac { threshold_px, .. }
+            | Self::EvenMarginal { threshold_px, .. }
             | Self::Magsac { threshold_px, .. }
             | Self::Mlesac { threshold_px } => Some(threshold_px),
             Self::Lmeds => None,
+        }
+    }
+
+    /// Cells across and down of the grid that finds crowds of matches, where the score has one.
+    pub fn cells(&self) -> Option<u32> {
+        match *self {
+            Self::EvenMsac { cells, .. } | Self::EvenMarginal { cells, .. } => Some(cells),
+            _ => None,
+        }
+    }
+
+    /// The score with its threshold taken as it is.
+    pub(super) fn at_a_known_noise(mut self) -> Self {
+        if let Self::EvenMarginal {
+            noise_iterations, ..
+        } = &mut self
+        {
+            *noise_iterations = 0;
+        }
+        self
+    }
+
+    /// The final refinement takes the matches within this multiple of the squared threshold: some beyond one
+    /// that is tight, none beyond one of five standard deviations.
+    pub(super) fn reach(&self) -> f64 {
+        match self {
+            Self::EvenMarginal { .. } => 1.0,
+            _ => 4.0,
         }
     }
 
@@ -67,6 +108,7 @@ impl Score {
             Self::InlierCount { sprt, .. }
             | Self::Msac { sprt, .. }
             | Self::EvenMsac { sprt, .. }
+            | Self::EvenMarginal { sprt, .. }
             | Self::Magsac { sprt, .. } => Some(sprt),
             Self::Mlesac { .. } | Self::Lmeds => None,
         }

@@ -44,6 +44,25 @@ pub fn best() -> SampleConsensusParams {
     }
 }
 
+/// No threshold to choose: as [`best`], with a score over many thresholds about five times the noise that is
+/// estimated of each pair.
+///
+/// | field | value | why |
+/// | --- | --- | --- |
+/// | `score` | even marginal | see [`EvenMarginal`](super::EvenMarginal) |
+/// | `score.threshold_px` | 2 | a first guess: the mean AUC on the tuning scenes is the same from 0.5 to 4 |
+pub fn adaptive() -> SampleConsensusParams {
+    SampleConsensusParams {
+        score: Score::EvenMarginal {
+            threshold_px: 2.0,
+            noise_iterations: 100,
+            cells: 10,
+            sprt: true,
+        },
+        ..best()
+    }
+}
+
 /// For tens of thousands of matches: spatially even samples and score. Our substitute for the unpublished
 /// estimator of Lin et al., "RepMatch", ECCV 2016, which the MatchBench paper uses with CODE, RepMatch and
 /// GMS.
@@ -265,8 +284,9 @@ fn plain(max_iterations: usize) -> SampleConsensusParams {
 
 /// Every preset, for tests.
 #[cfg(all(test, feature = "serde"))]
-pub(super) const ALL: [fn() -> SampleConsensusParams; 11] = [
+pub(super) const ALL: [fn() -> SampleConsensusParams; 12] = [
     best,
+    adaptive,
     rich,
     ransac_e_inliers,
     lo_ransac_e,

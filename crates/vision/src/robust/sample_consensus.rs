@@ -119,7 +119,7 @@ impl SampleConsensus {
                 squared_cauchy_scale(&residuals, &found.inliers, DistanceFrom::Line).min(limit)
             }
         };
-        let near = near(pairs, &found.model, NEAR * limit);
+        let near = near(pairs, &found.model, self.params.score.reach() * limit);
         let pose = refine_pose(
             &start,
             &near,
@@ -132,9 +132,6 @@ impl SampleConsensus {
         (model, inliers_within(&residuals, limit))
     }
 }
-
-/// The final refinement takes the matches within this multiple of the squared threshold.
-const NEAR: f64 = 4.0;
 
 /// Number of matches in front of both cameras, nearer than `max_depth`.
 fn support(pose: &RelativePose, pairs: &PointPairs, max_depth: f64) -> usize {

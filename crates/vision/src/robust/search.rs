@@ -3,9 +3,10 @@
 
 use nalgebra::Matrix3;
 
+use super::noise_scale::noise_scale;
 use super::parts::{EarlyStop, Sampler, Score};
 use super::{
-    Consensus, ConsensusParams, EvenMsac, EvenSampler, Extras, InlierCount, Magsac,
+    Consensus, ConsensusParams, EvenMarginal, EvenMsac, EvenSampler, Extras, InlierCount, Magsac,
     MedianOfSquares, Mlesac, Msac, Problem, Prosac, Sampling, Scoring, Uniform, consensus_until,
 };
 use crate::geometry::PointPairs;
@@ -34,7 +35,7 @@ impl Search {
                 "positive and finite",
             )?;
         }
-        if let Score::EvenMsac { cells, .. } = self.score {
+        if let Some(cells) = self.score.cells() {
             ParamError::unless(
                 (1..=1000).contains(&cells),
                 "score_cells",
@@ -109,6 +110,9 @@ impl Shuffled {
     }
 }
 
+/// The threshold, in standard deviations of the noise, where that is estimated.
+const SIGMAS: f64 = 5.0;
+
 /// One search: everything but the problem, the score and the sampler, which are types.
 pub(super) struct Task<'a> {
     pub(super) search: Search,
@@ -147,6 +151,21 @@ impl Task<'_> {
                 let score = EvenMsac::new(pairs, cells, squared(threshold_px));
                 self.sampled(problem, &score, sprt)
             }
+            Score::EvenMarginal {
+                threshold_px,
+                noise_iterations,
+                cells,
+                sprt,
+            } => {
+                let threshold_px = match noise_iterations {
+                    0 => threshold_px,
+                    samples => {
+                        (self.noise(problem, samples)).map_or(threshold_px, |sigma| SIGMAS * sigma)
+                    }
+                };
+                let score = EvenMarginal::new(pairs, cells, squared(threshold_px));
+                self.sampled(problem, &score, sprt)
+            }
             Score::Magsac { threshold_px, sprt } => {
                 self.sampled(problem, &Magsac::new(squared(threshold_px)), sprt)
             }
@@ -159,6 +178,30 @@ impl Task<'_> {
             }
             Score::Lmeds => self.sampled(problem, &MedianOfSquares { sample: P::SAMPLE }, false),
         }
+    }
+
+    /// The noise of the pair in pixels, by the best model of so many samples; `None` where these have none.
+    fn noise<P>(&self, problem: &P, samples: usize) -> Option<f64>
+    where
+        P: Problem<Model = Matrix3<f64>>,
+    {
+        let first = Task {
+            search: Search {
+                score: self.search.score.at_a_known_noise(),
+                early_stop: None,
+                max_iterations: samples,
+                ..self.search
+            },
+            seed: self.seed.child("noise"),
+            ..*self
+        };
+        let found = first.solve(problem)?;
+        let mut squared = vec![0.0; problem.len()];
+        problem.squared_residuals(&found.model, 0..problem.len(), &mut squared);
+        let in_pixels = squared
+            .iter()
+            .map(|squared| squared * self.pixels * self.pixels);
+        Some(noise_scale(in_pixels))
     }
 
     fn sampled<P>(

@@ -9,7 +9,8 @@
 //! | `cheirality` | `geometry` is `essential` |
 //! | `degensac` | `geometry` is `fundamental` |
 //! | `threshold_px` | `score` is not `lmeds` |
-//! | `score_cells` | `score` is `even-msac` |
+//! | `score_cells` | `score` is `even-msac` or `even-marginal` |
+//! | `noise_iterations` | `score` is `even-marginal` |
 //! | `sprt` | `score` is neither `lmeds` nor `mlesac` |
 //! | `prosac_horizon` | `sampler` is `prosac` |
 //! | `cells` | `sampler` is `spread` |
@@ -43,6 +44,7 @@ pub enum ScoreName {
     InlierCount,
     Msac,
     EvenMsac,
+    EvenMarginal,
     Magsac,
     Mlesac,
     #[serde(alias = "median")]
@@ -127,8 +129,10 @@ settings! {
     prosac_horizon: usize = 200_000,
     /// [`Sampler::Spread::cells`].
     cells: u32 = 20,
-    /// [`Score::EvenMsac::cells`].
+    /// [`Score::cells`].
     score_cells: u32 = 10,
+    /// [`Score::EvenMarginal::noise_iterations`].
+    noise_iterations: usize = 100,
     /// [`SampleConsensusParams::max_depth`](super::SampleConsensusParams::max_depth).
     max_depth: f64 = 50.0,
     /// [`HomographyParams::one_side`](super::HomographyParams::one_side).
@@ -148,6 +152,7 @@ impl Settings {
                 Score::InlierCount { .. } => ScoreName::InlierCount,
                 Score::Msac { .. } => ScoreName::Msac,
                 Score::EvenMsac { .. } => ScoreName::EvenMsac,
+                Score::EvenMarginal { .. } => ScoreName::EvenMarginal,
                 Score::Magsac { .. } => ScoreName::Magsac,
                 Score::Mlesac { .. } => ScoreName::Mlesac,
                 Score::Lmeds => ScoreName::Lmeds,
@@ -160,10 +165,14 @@ impl Settings {
             local_steps: Some(search.local_steps),
             final_loss: refinement.map(|refinement| refinement.loss),
             final_steps: Some(refinement.map_or(0, |refinement| refinement.steps)),
+            score_cells: search.score.cells(),
             ..Self::default()
         };
-        if let Score::EvenMsac { cells, .. } = search.score {
-            flat.score_cells = Some(cells);
+        if let Score::EvenMarginal {
+            noise_iterations, ..
+        } = search.score
+        {
+            flat.noise_iterations = Some(noise_iterations);
         }
         match search.sampler {
             Sampler::Uniform => flat.sampler = Some(SamplerName::Uniform),
@@ -189,6 +198,12 @@ impl Settings {
                 ScoreName::Msac => Score::Msac { threshold_px, sprt },
                 ScoreName::EvenMsac => Score::EvenMsac {
                     threshold_px,
+                    cells: have(self.score_cells),
+                    sprt,
+                },
+                ScoreName::EvenMarginal => Score::EvenMarginal {
+                    threshold_px,
+                    noise_iterations: have(self.noise_iterations),
                     cells: have(self.score_cells),
                     sprt,
                 },

@@ -133,7 +133,9 @@ pub use sampling::{
     AROUND, CellSums, Planes, longest_sum_of_slices, longest_sum_of_windows, sum_cells,
     sum_gradients,
 };
-pub use sampson::{count_at_most, squared_sampson, sum_below, sum_truncated};
+pub use sampson::{
+    THRESHOLDS, count_at_most, mean_gain, squared_sampson, sum_below, sum_truncated,
+};
 pub use scharr::{
     Across, Scharr, conductivities, derivatives, determinants, find_largest, gradient_norms,
     weigh_across,

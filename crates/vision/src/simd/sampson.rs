@@ -1,5 +1,8 @@
 //! Squared Sampson distances of many matches.
 
+/// Thresholds of [`mean_gain`].
+pub const THRESHOLDS: usize = 3;
+
 multiversioned! {
     /// Squared Sampson distance (see [`crate::geometry::squared_sampson_distances`]) of each
     /// match to the matrix `e`, in row-major order. Where both epipolar lines vanish, and for
@@ -73,6 +76,33 @@ multiversioned! {
         let rest: f64 = rest.map(|(&value, weight)| weight * below(value)).sum();
         sums.iter().sum::<f64>() + rest
     }
+
+    /// The sum of `weight max(1 - value / limit, 0)`, in the mean over the limits, which are positive; NaN
+    /// counts as a value beyond them.
+    pub fn mean_gain(values: &[f64], weights: &[f64], limits: &[f64; THRESHOLDS]) -> f64 {
+        assert_eq!(values.len(), weights.len(), "a weight for each value");
+        let inverse = limits.map(|limit| 1.0 / limit);
+        let gain = |value: f64| {
+            let mut gain = 0.0;
+            for k in 0..THRESHOLDS {
+                gain += if value < limits[k] { value.mul_add(-inverse[k], 1.0) } else { 0.0 };
+            }
+            gain
+        };
+        let (value_lanes, values) = values.as_chunks::<8>();
+        let (weight_lanes, weights) = weights.as_chunks::<8>();
+        let mut sums = [0.0; 8];
+        for (value_lane, weight_lane) in value_lanes.iter().zip(weight_lanes) {
+            for (sum, (value, weight)) in sums.iter_mut().zip(value_lane.iter().zip(weight_lane)) {
+                *sum = weight.mul_add(gain(*value), *sum);
+            }
+        }
+        let mut sum: f64 = sums.iter().sum();
+        for (value, weight) in values.iter().zip(weights) {
+            sum = weight.mul_add(gain(*value), sum);
+        }
+        sum / THRESHOLDS as f64
+    }
 }
 
 #[cfg(test)]
@@ -108,6 +138,23 @@ mod tests {
             values.extend([f64::NAN, f64::INFINITY]);
             let expected: i32 = (0..n).map(|i| i.min(3)).sum::<i32>() + 6;
             assert_eq!(sum_truncated(&values, 3.0), f64::from(expected));
+        }
+    }
+
+    #[test]
+    fn mean_gains_are_those_of_each_limit() {
+        let limits = [0.5, 2.0, 8.0];
+        for n in 0..40 {
+            let mut values: Vec<f64> = (0..n).map(|i| 0.3 * f64::from(i)).collect();
+            values.extend([f64::NAN, f64::INFINITY]);
+            let weights: Vec<f64> = (1..=n + 2).map(f64::from).collect();
+            let each = limits.map(|limit| sum_below(&values, &weights, limit) / limit);
+            let expected = each.iter().sum::<f64>() / 3.0;
+            let found = mean_gain(&values, &weights, &limits);
+            assert!(
+                (found - expected).abs() <= 1e-12 * expected,
+                "{found} {expected}"
+            );
         }
     }
 

@@ -12,6 +12,7 @@ mod hard_pairs;
 mod leaderboard;
 mod pair_list;
 mod pair_pages;
+mod reliability;
 mod times;
 mod warp;
 
@@ -23,6 +24,7 @@ use std::collections::BTreeSet;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use matchbench_vision::robust::RIGHT_POSE;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::{AutoEscape, Environment, Template, Value, context};
 
@@ -125,6 +127,8 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
             .collect::<Vec<_>>(),
         difficulties,
         over,
+        reliability => reliability::figures(content, &overview),
+        right_pose => RIGHT_POSE,
         hard_pairs => hard_pairs::rows(content, &overview, !extent.files.is_empty()),
         failed_from => FAILED_FROM,
         scatters => scatters(content, &overview),

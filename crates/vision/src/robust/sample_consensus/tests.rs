@@ -4,7 +4,7 @@ use nalgebra::{Point2, Rotation3, UnitQuaternion, UnitVector3, Vector3};
 
 use super::*;
 use crate::geometry::{Camera, MatchedPoints};
-use crate::robust::{EarlyStop, FinalRefinement, Sampler, Score};
+use crate::robust::{EarlyStop, FinalRefinement, Sampler, Score, presets};
 
 const CAMERA: Camera = Camera::pinhole(600.0, 610.0, 320.0, 240.0);
 
@@ -64,6 +64,12 @@ fn every_combination() -> impl Iterator<Item = SampleConsensusParams> {
         Score::Msac { threshold_px, sprt },
         Score::EvenMsac {
             threshold_px,
+            cells: 10,
+            sprt,
+        },
+        Score::EvenMarginal {
+            threshold_px,
+            noise_iterations: 100,
             cells: 10,
             sprt,
         },
@@ -336,5 +342,40 @@ fn parameters_out_of_range_are_named() {
     for (name, params) in wrong {
         let message = SampleConsensus::new(params).unwrap_err().to_string();
         assert!(message.contains(name), "{message}");
+    }
+}
+
+#[test]
+fn no_threshold_need_be_chosen_where_the_noise_is_estimated() {
+    let (cells, sprt) = (10, true);
+    for noise in [0.1, 0.4, 1.5] {
+        let matches = matches(200, 200, noise, deep);
+        let error = |score, params| {
+            let params = SampleConsensusParams { score, ..params };
+            let errors = (0..5).map(|seed| degrees(&estimate(params, &matches, seed)));
+            errors.sum::<f64>() / 5.0
+        };
+        let fixed = [0.5, 1.0, 2.0, 4.0].map(|threshold_px| {
+            let score = Score::EvenMsac {
+                threshold_px,
+                cells,
+                sprt,
+            };
+            error(score, presets::best())
+        });
+        let least = fixed.into_iter().fold(f64::MAX, f64::min);
+        for threshold_px in [0.5, 1.0, 2.0, 4.0] {
+            let score = Score::EvenMarginal {
+                threshold_px,
+                noise_iterations: 100,
+                cells,
+                sprt,
+            };
+            let found = error(score, presets::adaptive());
+            assert!(
+                found < 1.2 * least + 0.02,
+                "{noise} {threshold_px}: {found} {fixed:?}"
+            );
+        }
     }
 }

@@ -1,0 +1,134 @@
+//! Whether the stated probability of a pose to be right is true: of the poses that are right with probability 0.8, 8 of
+//! 10 should be.
+//!
+//! Reliability diagram: Murphy, Winkler, "Reliability of Subjective Probability Forecasts of Precipitation and
+//! Temperature", Applied Statistics 26(1), 1977. Brier score: Brier, "Verification of Forecasts Expressed in Terms of
+//! Probability", Monthly Weather Review 78(1), 1950. Expected calibration error: Naeini, Cooper, Hauskrecht,
+//! "Obtaining Well Calibrated Probabilities Using Bayesian Binning", AAAI 2015.
+
+use matchbench_vision::robust::RIGHT_POSE;
+
+use super::{Angle, PairResult};
+
+/// Ranges of equal width that probabilities are put into.
+const RANGES: usize = 10;
+
+/// Stated probabilities beside what became of the poses. Pairs without a pose state none and do not count.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reliability {
+    /// Poses whose probability was stated and whose error is known.
+    pub poses: usize,
+    /// Share of them that are right: less than 10 degrees from the truth.
+    pub right: f64,
+    /// Mean stated probability.
+    pub stated: f64,
+    /// Brier score, the mean of `(p - y)^2` with y = 1 for right poses and 0 for others; 0 is perfect.
+    pub brier: f64,
+    /// Expected calibration error, the mean distance of stated probability and share over the ranges, each of
+    /// the weight of its poses; 0 is perfect.
+    pub calibration_error: f64,
+    /// The ranges that have poses, ascending.
+    pub ranges: Vec<ReliabilityRange>,
+}
+
+/// Poses of about the same stated probability.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReliabilityRange {
+    /// Number of poses.
+    pub poses: usize,
+    /// Mean stated probability.
+    pub stated: f64,
+    /// Share of right ones.
+    pub right: f64,
+}
+
+impl Reliability {
+    /// What the probabilities of these results are worth; `None` where none was stated.
+    pub fn of(pairs: &[PairResult]) -> Option<Self> {
+        let poses: Vec<(f64, f64)> = (pairs.iter())
+            .filter_map(|pair| {
+                let is_right = pair.error(Angle::Pose)? < RIGHT_POSE;
+                Some((pair.confidence?, f64::from(u8::from(is_right))))
+            })
+            .collect();
+        if poses.is_empty() {
+            return None;
+        }
+        let ranges: Vec<ReliabilityRange> = (0..RANGES)
+            .filter_map(|range| {
+                let here = |p: f64| ((p * RANGES as f64) as usize).min(RANGES - 1) == range;
+                let inside: Vec<_> = poses.iter().copied().filter(|(p, _)| here(*p)).collect();
+                (!inside.is_empty()).then(|| ReliabilityRange {
+                    poses: inside.len(),
+                    stated: mean(inside.iter().map(|(p, _)| *p)),
+                    right: mean(inside.iter().map(|(_, y)| *y)),
+                })
+            })
+            .collect();
+        let off =
+            |range: &ReliabilityRange| range.poses as f64 * (range.stated - range.right).abs();
+        Some(Self {
+            poses: poses.len(),
+            right: mean(poses.iter().map(|(_, y)| *y)),
+            stated: mean(poses.iter().map(|(p, _)| *p)),
+            brier: mean(poses.iter().map(|(p, y)| (p - y) * (p - y))),
+            calibration_error: ranges.iter().map(off).sum::<f64>() / poses.len() as f64,
+            ranges,
+        })
+    }
+}
+
+fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len();
+    values.sum::<f64>() / count as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Failure;
+    use super::super::pair_result::tests::solved;
+    use super::*;
+
+    /// Poses of this stated probability, so many of them right.
+    fn poses(confidence: f64, right: usize, wrong: usize) -> Vec<PairResult> {
+        let errors = std::iter::repeat_n(1.0, right).chain(std::iter::repeat_n(80.0, wrong));
+        (0..)
+            .zip(errors)
+            .map(|(a, error)| PairResult {
+                confidence: Some(confidence),
+                ..solved(a, 0.5, error, 100)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn probabilities_that_come_true_have_no_calibration_error() {
+        let results = [poses(0.75, 75, 25), poses(0.15, 15, 85)].concat();
+        let reliability = Reliability::of(&results).unwrap();
+        assert!(reliability.calibration_error < 1e-12);
+        assert!((reliability.brier - 0.5 * (0.1875 + 0.1275)).abs() < 1e-12);
+        let stated: Vec<f64> = reliability.ranges.iter().map(|range| range.right).collect();
+        assert_eq!(stated, [0.15, 0.75]);
+    }
+
+    #[test]
+    fn sure_and_wrong_is_the_worst() {
+        let reliability = Reliability::of(&poses(1.0, 0, 4)).unwrap();
+        assert_eq!(
+            (reliability.brier, reliability.calibration_error),
+            (1.0, 1.0)
+        );
+        assert_eq!(reliability.ranges.len(), 1);
+    }
+
+    #[test]
+    fn pairs_without_a_pose_or_a_probability_do_not_count() {
+        let silent = [
+            PairResult::failed(0, 1, Failure::Missing),
+            solved(2, 1.0, 1.0, 50),
+        ];
+        assert_eq!(Reliability::of(&silent), None);
+        let results = [silent.to_vec(), poses(0.5, 1, 0)].concat();
+        assert_eq!(Reliability::of(&results).unwrap().poses, 1);
+    }
+}

@@ -1,0 +1,31 @@
+//! Whether methods know when they fail: diagrams, and a table of what their probabilities are worth.
+
+use minijinja::{Value, context};
+
+use super::super::content::Content;
+use super::super::figures::{reliabilities, reliability_figure};
+use super::super::overview::Overview;
+use super::super::svg::Target;
+
+/// Of each dataset with stated probabilities the diagram and a row for each method.
+pub(super) fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
+    (overview.datasets.iter().enumerate())
+        .filter_map(|(column, dataset)| {
+            let svg = reliability_figure(content, overview, column, Target::Page)?;
+            let rows: Vec<Value> = (reliabilities(content, overview, column).into_iter())
+                .map(|(_, name, reliability)| {
+                    context! {
+                        name,
+                        poses => reliability.poses,
+                        stated => format!("{:.3}", reliability.stated),
+                        right => format!("{:.3}", reliability.right),
+                        brier => format!("{:.3}", reliability.brier),
+                        calibration_error => format!("{:.3}", reliability.calibration_error),
+                    }
+                })
+                .collect();
+            let (svg, basis) = (Value::from_safe_string(svg), overview.basis(column));
+            Some(context! { dataset => *dataset, basis, svg, rows })
+        })
+        .collect()
+}

@@ -1,0 +1,106 @@
+//! A reliability diagram: the share of right poses over the stated probability; on the diagonal both agree.
+
+use std::fmt::Write as _;
+
+use super::series::{Legend, marker, open_group, polyline};
+use super::{Target, axis_label, grid, open, text, tick};
+use crate::metrics::Reliability;
+
+const PLOT: f64 = 230.0;
+const LEFT: f64 = 54.0;
+const RIGHT: f64 = 12.0;
+const BOTTOM: f64 = 42.0;
+/// Parts of both axes.
+const TICKS: usize = 5;
+
+/// One figure with one line per `(number of the method in the report, name, reliability)`, in the order of the
+/// legend.
+pub(in super::super) fn reliability_diagram(
+    target: Target,
+    title: &str,
+    lines: &[(usize, &str, Reliability)],
+) -> String {
+    let legend = match target {
+        Target::File => Legend::beside(LEFT + PLOT, lines.iter().map(|(_, name, _)| *name)),
+        Target::Page => Legend::NONE,
+    };
+    let top = if target == Target::File { 34.0 } else { 8.0 };
+    let height = PLOT.max(legend.height);
+    let size = (LEFT + PLOT + RIGHT + legend.width, top + height + BOTTOM);
+    let x = |value: f64| LEFT + PLOT * value;
+    let y = |value: f64| top + height * (1.0 - value);
+    let mut svg = String::new();
+    open(&mut svg, target, "chart reliability", size, title);
+    let step = 1.0 / TICKS as f64;
+    for value in (0..=TICKS).map(|i| i as f64 * step) {
+        grid(&mut svg, (x(0.0), y(value)), (x(1.0), y(value)));
+        let label = tick(value, step);
+        text(
+            &mut svg,
+            "muted",
+            (LEFT - 7.0, y(value) + 3.5),
+            "end",
+            &label,
+        );
+        text(
+            &mut svg,
+            "muted",
+            (x(value), y(0.0) + 16.0),
+            "middle",
+            &label,
+        );
+    }
+    grid(&mut svg, (x(0.0), y(0.0)), (x(1.0), y(1.0)));
+    let below = (x(0.5), y(0.0) + 33.0);
+    text(&mut svg, "muted", below, "middle", "stated probability");
+    axis_label(&mut svg, y(0.5), "share of right poses");
+    // The first lies above the others.
+    for (row, (series, name, reliability)) in lines.iter().enumerate().rev() {
+        let mut tip = (*name).to_owned();
+        for range in &reliability.ranges {
+            let (stated, right, poses) = (range.stated, range.right, range.poses);
+            let _ = write!(tip, "; {stated:.2} stated, {right:.2} right of {poses}");
+        }
+        open_group(&mut svg, target, *series, &tip);
+        let points: Vec<_> = (reliability.ranges.iter())
+            .map(|range| (x(range.stated), y(range.right)))
+            .collect();
+        polyline(&mut svg, *series, &points);
+        for &(px, py) in &points {
+            marker(&mut svg, *series, px, py);
+        }
+        if target == Target::File {
+            legend.entry(&mut svg, (row, top), *series, (name, ""));
+        }
+        svg.push_str("</g>\n");
+    }
+    svg.push_str("</svg>\n");
+    svg
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::ReliabilityRange;
+
+    #[test]
+    fn a_range_is_a_point_at_its_mean() {
+        let range = |stated, right| ReliabilityRange {
+            poses: 4,
+            stated,
+            right,
+        };
+        let reliability = Reliability {
+            poses: 8,
+            right: 0.5,
+            stated: 0.5,
+            brier: 0.1,
+            calibration_error: 0.1,
+            ranges: vec![range(0.25, 0.5), range(0.75, 0.5)],
+        };
+        let svg = reliability_diagram(Target::Page, "room", &[(0, "sift", reliability)]);
+        assert_eq!(svg.matches("<circle").count(), 2);
+        assert!(svg.contains("0.75 stated, 0.50 right of 4"), "{svg}");
+        assert!(!reliability_diagram(Target::File, "room", &[]).contains("NaN"));
+    }
+}

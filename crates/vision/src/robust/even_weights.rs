@@ -1,0 +1,77 @@
+//! Weights of matches, such that a crowd of them does not outvote the rest of the scene.
+//!
+//! Matches that lie close together are not independent witnesses: one repeated or textured surface, or
+//! one corner found at many scales, can outvote everything else for a model that explains nothing else.
+//! So a grid is laid over the points of each view, and a match weighs `1 / sqrt(max(n_a, n_b))`, where
+//! n_a and n_b are the numbers of matches in its cells: n matches in a cell say as much as sqrt(n) lonely
+//! ones, between the n that independent witnesses would be worth and the single one that copies
+//! of each other are. The weights are scaled to a mean of 1.
+//!
+//! Ours. That the spread of matches tells more than their number is how COLMAP chooses its next image
+//! (Schoenberger, Frahm, "Structure-from-Motion Revisited", CVPR 2016, sec. 4.2).
+//!
+//! | symbol | argument | default | source |
+//! | --- | --- | --- | --- |
+//! | | `cells` | 10 across and down | tuned on the kitchen of 7-Scenes, 6 to 20 |
+//!
+//! *Choice*: on the kitchen, and on the rendered scenes, the exponents 1/2, 0.7 and 1 of n do equally well
+//! over 14 matchers (mean AUC on the kitchen 0.306, 0.307 and 0.306; 0.284 without weights). The mildest of them was
+//! taken, with a side glance at TUM, where 1 loses 0.02 with ORB, AKAZE and DLCO.
+
+use std::ops::Range;
+
+use super::even_sampler::cells_of;
+use crate::geometry::PointPairs;
+
+/// A weight for each match.
+#[derive(Clone, Debug)]
+pub(super) struct EvenWeights {
+    /// w, in the order of the data.
+    weights: Vec<f64>,
+    /// The sum of the weights from each datum on.
+    sum_from: Vec<f64>,
+}
+
+impl EvenWeights {
+    /// The weights of these matches, with `cells` x `cells` cells laid over the points of each view.
+    ///
+    /// # Panics
+    /// If there are no cells.
+    pub(super) fn new(pairs: &PointPairs, cells: u32) -> Self {
+        assert!(cells > 0, "a grid has cells");
+        let in_a = crowds(&pairs.a_x, &pairs.a_y, cells);
+        let in_b = crowds(&pairs.b_x, &pairs.b_y, cells);
+        let mut weights: Vec<f64> = (in_a.into_iter().zip(in_b))
+            .map(|(a, b)| 1.0 / f64::from(a.max(b)).sqrt())
+            .collect();
+        let scale = weights.len() as f64 / weights.iter().sum::<f64>();
+        for weight in &mut weights {
+            *weight *= scale;
+        }
+        let mut sum_from = vec![0.0; weights.len() + 1];
+        for (i, weight) in weights.iter().enumerate().rev() {
+            sum_from[i] = sum_from[i + 1] + weight;
+        }
+        Self { weights, sum_from }
+    }
+
+    /// The weights of the data in `range`.
+    pub(super) fn of(&self, range: Range<usize>) -> &[f64] {
+        &self.weights[range]
+    }
+
+    /// Their sum.
+    pub(super) fn sum(&self, range: Range<usize>) -> f64 {
+        self.sum_from[range.start] - self.sum_from[range.end]
+    }
+}
+
+/// How many points are in the cell of each, itself among them.
+fn crowds(x: &[f64], y: &[f64], cells: u32) -> Vec<u32> {
+    let mut crowds = vec![0; cells as usize * cells as usize + 1];
+    let cells = cells_of(x, y, cells);
+    for &cell in &cells {
+        crowds[cell as usize] += 1;
+    }
+    cells.iter().map(|&cell| crowds[cell as usize]).collect()
+}
