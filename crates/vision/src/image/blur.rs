@@ -114,6 +114,19 @@ impl Border {
             return;
         }
         let end = first + padded.len() as isize;
+        let reach = (end - width as isize).max(-first);
+        if self == Self::Mirror && reach < width as isize {
+            // One reflection is enough.
+            let start = (-first).max(0) as usize;
+            for i in 0..start {
+                padded[i] = padded[2 * start - i];
+            }
+            let last = (width as isize - 1 - first) as usize;
+            for i in last + 1..padded.len() {
+                padded[i] = padded[2 * last - i];
+            }
+            return;
+        }
         for column in (first..0).chain(width as isize..end) {
             let inside = self.index(column, width) as isize;
             padded[(column - first) as usize] = padded[(inside - first) as usize];

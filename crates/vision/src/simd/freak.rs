@@ -1,5 +1,7 @@
 //! Means over the receptive fields of FREAK, and comparisons of them.
 
+use super::truncated;
+
 /// Fields read at once; their number is a multiple of this.
 const LANES: usize = 8;
 
@@ -40,10 +42,10 @@ multiversioned! {
             let mut area = [0_u32; LANES];
             for i in 0..LANES {
                 let (x, y) = (x[i] + centre[0], y[i] + centre[1]);
-                let left = (x - radius[i] + 0.5) as i32 as u32;
-                let right = (x + radius[i] + 1.5) as i32 as u32;
-                let top = (y - radius[i] + 0.5) as i32 as u32;
-                let bottom = (y + radius[i] + 1.5) as i32 as u32;
+                let left = truncated(x - radius[i] + 0.5) as u32;
+                let right = truncated(x + radius[i] + 1.5) as u32;
+                let top = truncated(y - radius[i] + 0.5) as u32;
+                let bottom = truncated(y + radius[i] + 1.5) as u32;
                 upper[i] = top.wrapping_mul(stride as u32).wrapping_add(left);
                 lower[i] = bottom.wrapping_mul(stride as u32).wrapping_add(left);
                 width[i] = right.wrapping_sub(left);
@@ -59,7 +61,7 @@ multiversioned! {
             for i in 0..LANES {
                 // Both are exact below 2^24; the quotient may have been rounded up.
                 let total = (total[i] + area[i] / 2) as i32;
-                let mean = (total as f32 / area[i] as i32 as f32) as i32;
+                let mean = truncated(total as f32 / area[i] as i32 as f32);
                 let rounded_up = mean * area[i] as i32 > total;
                 means[i] = (mean - i32::from(rounded_up)) as u8;
             }

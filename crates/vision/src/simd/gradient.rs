@@ -40,8 +40,14 @@ pub fn turns(y: f32, x: f32) -> f32 {
     const P5: f32 = 0.155_578_65 * TURN;
     const P7: f32 = -0.044_326_555 * TURN;
     let (ax, ay) = (x.abs(), y.abs());
+    // As whole numbers, which have the same order: told by one question, both answers to the next would be
+    // computed, division and all, to choose between them.
+    let (bits_x, bits_y) = (ax.to_bits(), ay.to_bits());
+    let (small, large) = (
+        f32::from_bits(bits_x.min(bits_y)),
+        f32::from_bits(bits_x.max(bits_y)),
+    );
     let steep = ay > ax;
-    let (small, large) = if steep { (ax, ay) } else { (ay, ax) };
     let c = small / (large + f64::EPSILON as f32);
     let c2 = c * c;
     let a = P7.mul_add(c2, P5).mul_add(c2, P3).mul_add(c2, P1) * c;

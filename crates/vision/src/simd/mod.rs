@@ -103,6 +103,7 @@ mod search;
 mod surf;
 mod transfer;
 mod triangulate;
+mod truncated;
 
 pub use area::{Cover, cover_columns, cover_rows, halve_rows_u8, integrate_row};
 pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
@@ -123,10 +124,10 @@ pub use latch::{WINDOW, compare_patches, turn_places};
 pub use normalize::normalize_to_bytes;
 pub use orb::{PAIR_REACH, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments};
 pub use pooling::{
-    PATCHES_AT_ONCE, VECTORS_AT_ONCE, WeakLearner, box_responses, integrate_spread, pool, project,
-    vote,
+    PATCHES_AT_ONCE, POOLED_ROWS, PoolStep, PoolUse, VECTORS_AT_ONCE, WeakLearner, box_responses,
+    integrate_spread, pool_rows, project, vote,
 };
-pub use rectify::{DIRECTIONS, Source, sample_line, spread_gradients};
+pub use rectify::{DIRECTIONS, Source, sample_line, spread_and_square, spread_gradients};
 pub use refine::sampson_normal_equations;
 pub use resample::{double_row, halve_row};
 pub use sampling::{
@@ -147,3 +148,4 @@ pub use surf::{
 };
 pub use transfer::{squared_transfer, transfer_normal_equations};
 pub use triangulate::{ray_depths, triangulate_depths};
+use truncated::truncated;

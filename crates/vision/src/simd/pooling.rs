@@ -1,11 +1,15 @@
 //! Sums of gradients over regions of a patch, and what learned descriptors make of them.
 
-use super::DIRECTIONS;
+use std::ops::Range;
+
+use super::{DIRECTIONS, truncated};
 
 /// Patches that [`vote`] looks at together.
 pub const PATCHES_AT_ONCE: usize = 32;
 /// Patches that [`project`] looks at together.
-pub const VECTORS_AT_ONCE: usize = 4;
+pub const VECTORS_AT_ONCE: usize = 8;
+/// Rows that [`pool_rows`] looks at together.
+pub const POOLED_ROWS: usize = 4;
 
 /// What a share of 1 is multiplied by to become a response: shares above 255/400 are alike.
 const RESPONSE: f32 = 400.0;
@@ -21,6 +25,26 @@ pub struct WeakLearner {
     pub threshold: u8,
     /// What yes counts; no counts the opposite.
     pub weight: i8,
+}
+
+/// Columns that some regions share, weighed alike, and the regions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PoolStep {
+    /// The first of the columns.
+    pub left: usize,
+    /// Which of all columns' weights are theirs.
+    pub columns: Range<usize>,
+    /// Which of all uses are those of their sums.
+    pub uses: Range<usize>,
+}
+
+/// What a region makes of the sums along some rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoolUse {
+    /// The region.
+    pub region: usize,
+    /// Weights of the rows; 0 for those outside of it.
+    pub rows: [f32; POOLED_ROWS],
 }
 
 multiversioned! {
@@ -39,7 +63,7 @@ multiversioned! {
         next[0] = sums;
         for ((shares, above), next) in row.iter().zip(&last[1..]).zip(&mut next[1..]) {
             for i in 0..DIRECTIONS {
-                sums[i] += (shares[i] * FRACTION) as i32 as u32;
+                sums[i] += truncated(shares[i] * FRACTION) as u32;
                 next[i] = above[i] + sums[i];
             }
         }
@@ -71,7 +95,7 @@ multiversioned! {
                 + ((sums[2] + sums[6]) + (sums[3] + sums[7]));
             let scale = RESPONSE / total.max(1.0);
             for i in 0..DIRECTIONS {
-                responses[i] = (sums[i] * scale).min(255.0) as i32 as u8;
+                responses[i] = truncated((sums[i] * scale).min(255.0)) as u8;
             }
         }
     }
@@ -100,44 +124,7 @@ multiversioned! {
         bits
     }
 
-    /// The mean of `spread`, whose rows hold `stride` pixels, about the region that begins at
-    /// pixel `first`: weighted by `columns` along rows and by `rows` across them.
-    ///
-    /// # Panics
-    /// If the region reaches beyond `spread`.
-    pub fn pool(
-        spread: &[[f32; DIRECTIONS]],
-        stride: usize,
-        first: usize,
-        columns: &[f32],
-        rows: &[f32],
-    ) -> [f32; DIRECTIONS] {
-        let mut sum = [0.0_f32; DIRECTIONS];
-        for (y, &weight) in rows.iter().enumerate() {
-            let row = &spread[first + y * stride..][..columns.len()];
-            let mut along = [[0.0_f32; DIRECTIONS]; 2];
-            let (pairs, rest) = row.as_chunks::<2>();
-            let (weights, last) = columns.as_chunks::<2>();
-            for (pair, weights) in pairs.iter().zip(weights) {
-                for k in 0..2 {
-                    for i in 0..DIRECTIONS {
-                        along[k][i] = weights[k].mul_add(pair[k][i], along[k][i]);
-                    }
-                }
-            }
-            for (pixel, &weight) in rest.iter().zip(last) {
-                for i in 0..DIRECTIONS {
-                    along[0][i] = weight.mul_add(pixel[i], along[0][i]);
-                }
-            }
-            for i in 0..DIRECTIONS {
-                sum[i] = weight.mul_add(along[0][i] + along[1][i], sum[i]);
-            }
-        }
-        sum
-    }
-
-    /// Four vectors times one matrix, eight columns at a time: adds `vectors[v][i] * matrix[i][j]`
+    /// Eight vectors times one matrix, eight columns at a time: adds `vectors[v][i] * matrix[i][j]`
     /// over all `i` in their order. `matrix` holds blocks of eight columns, one after the other.
     ///
     /// # Panics
@@ -164,6 +151,67 @@ multiversioned! {
                 }
             }
             *products = sums;
+        }
+    }
+}
+
+multiversioned! {
+    #![avx512]
+
+    /// Adds what neighbouring rows of gradients count in regions to `sums`: weighted by columns along a
+    /// row, those of even and of odd number apart, then by the row, from top to bottom.
+    ///
+    /// `steps` name the columns (weights in `columns`) and who uses their sums (in `uses`).
+    ///
+    /// # Panics
+    /// If columns lie beyond the end of a row, or what a step names is not there.
+    pub fn pool_rows(
+        rows: [&[[f32; DIRECTIONS]]; POOLED_ROWS],
+        steps: &[PoolStep],
+        columns: &[f32],
+        uses: &[PoolUse],
+        sums: &mut [[f32; DIRECTIONS]],
+    ) {
+        for step in steps {
+            let columns = &columns[step.columns.clone()];
+            let mut at = rows;
+            for row in &mut at {
+                *row = &row[step.left..][..columns.len()];
+            }
+            let mut along = [[0.0_f32; 2 * DIRECTIONS]; POOLED_ROWS];
+            let (weights, last) = columns.as_chunks::<2>();
+            for (n, pair) in weights.iter().enumerate() {
+                let weights: [f32; 2 * DIRECTIONS] = std::array::from_fn(|i| pair[i / DIRECTIONS]);
+                for (along, row) in along.iter_mut().zip(&at) {
+                    let pair = row[2 * n..].first_chunk::<2>().expect("a column for each weight");
+                    let pair = pair.as_flattened();
+                    for i in 0..2 * DIRECTIONS {
+                        along[i] = weights[i].mul_add(pair[i], along[i]);
+                    }
+                }
+            }
+            if let [weight] = *last {
+                for (along, row) in along.iter_mut().zip(&at) {
+                    let pixel = &row[columns.len() - 1];
+                    for i in 0..DIRECTIONS {
+                        along[i] = weight.mul_add(pixel[i], along[i]);
+                    }
+                }
+            }
+            let mut both = [[0.0_f32; DIRECTIONS]; POOLED_ROWS];
+            for (both, along) in both.iter_mut().zip(&along) {
+                for i in 0..DIRECTIONS {
+                    both[i] = along[i] + along[i + DIRECTIONS];
+                }
+            }
+            for used in &uses[step.uses.clone()] {
+                let sum = &mut sums[used.region];
+                for (weight, both) in used.rows.iter().zip(&both) {
+                    for i in 0..DIRECTIONS {
+                        sum[i] = weight.mul_add(both[i], sum[i]);
+                    }
+                }
+            }
         }
     }
 }
@@ -226,18 +274,44 @@ mod tests {
     #[test]
     fn pooling_weighs_rows_and_columns() {
         let spread: Vec<[f32; DIRECTIONS]> = (0..20).map(|i| [i as f32; DIRECTIONS]).collect();
-        let pooled = pool(&spread, 5, 6, &[1.0, 0.0, 0.5], &[2.0, 1.0]);
-        assert_eq!(pooled, [2.0 * (6.0 + 4.0) + (11.0 + 6.5); DIRECTIONS]);
+        let rows: Vec<&[[f32; DIRECTIONS]]> = spread.chunks(5).collect();
+        let steps = [
+            PoolStep {
+                left: 1,
+                columns: 0..3,
+                uses: 0..2,
+            },
+            PoolStep {
+                left: 3,
+                columns: 1..3,
+                uses: 2..3,
+            },
+        ];
+        let uses = [
+            (2, [0.0, 2.0, 1.0, 0.0]),
+            (0, [0.0, 0.0, 0.0, 1.0]),
+            (0, [1.0; 4]),
+        ];
+        let uses = uses.map(|(region, rows)| PoolUse { region, rows });
+        let mut sums = [[100.0; DIRECTIONS]; 3];
+        let rows = [rows[0], rows[1], rows[2], rows[3]];
+        pool_rows(rows, &steps, &[1.0, 0.0, 0.5], &uses, &mut sums);
+        let expected = [
+            100.0 + (16.0 + 9.0) + 0.5 * (4.0 + 9.0 + 14.0 + 19.0),
+            100.0,
+            100.0 + 2.0 * (6.0 + 4.0) + (11.0 + 6.5),
+        ];
+        assert_eq!(sums, expected.map(|sum| [sum; DIRECTIONS]));
     }
 
     #[test]
     fn products_are_those_of_each_vector() {
-        let vectors: [Vec<f32>; 4] =
+        let vectors: [Vec<f32>; VECTORS_AT_ONCE] =
             std::array::from_fn(|v| (0..5).map(|i| (v * i) as f32).collect());
         let matrix: Vec<[f32; 8]> = (0..10)
             .map(|i| std::array::from_fn(|j| (i + 8 * j) as f32))
             .collect();
-        let mut products = [[[0.0; 8]; 4]; 2];
+        let mut products = [[[0.0; 8]; VECTORS_AT_ONCE]; 2];
         project(vectors.each_ref().map(|v| &v[..]), &matrix, &mut products);
         for (block, products) in products.iter().enumerate() {
             for (v, row) in products.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! Small patches: resampled from an image, and their gradients spread over eight directions.
 
-use super::turns;
+use super::{truncated, turns};
 
 /// Directions that a gradient is spread over.
 pub const DIRECTIONS: usize = 8;
@@ -16,7 +16,12 @@ pub struct Source<'a> {
     pub height: usize,
 }
 
+/// Pixels that are resampled together.
+const SAMPLED: usize = 16;
+
 multiversioned! {
+    #![avx512]
+
     /// Interpolates `row.len()` pixels along a line, `step` apart, the first at `start`; the image
     /// is continued beyond its border by its outermost pixels. Bilinear, rounded half up.
     ///
@@ -24,9 +29,9 @@ multiversioned! {
     /// If the image is smaller than 2 x 2 or `data` does not hold all its rows.
     pub fn sample_line(source: Source<'_>, start: [f32; 2], step: [f32; 2], row: &mut [u8]) {
         let mut i = 0;
-        while i + 8 <= row.len() {
-            sample_block::<8>(source, start, step, i, row);
-            i += 8;
+        while i + SAMPLED <= row.len() {
+            sample_block::<SAMPLED>(source, start, step, i, row);
+            i += SAMPLED;
         }
         while i < row.len() {
             sample_block::<1>(source, start, step, i, row);
@@ -47,16 +52,27 @@ multiversioned! {
         below: &[f32],
         spread: &mut [[f32; DIRECTIONS]],
     ) {
-        let n = spread.len();
-        let mut i = 0;
-        while i + 8 <= n {
-            spread_block::<8>(above, here, below, i, spread);
-            i += 8;
-        }
-        while i < n {
-            spread_block::<1>(above, here, below, i, spread);
-            i += 1;
-        }
+        spread_row(above, here, below, spread, |_| {});
+    }
+
+    /// As [`spread_gradients`]; the squares of the shares are added to `squares`, pixel after pixel.
+    ///
+    /// *Benefit*: each sum waits for the one before, which costs nothing beside what is to be done for
+    /// a pixel here, and more than all of it alone.
+    pub fn spread_and_square(
+        above: &[f32],
+        here: &[f32],
+        below: &[f32],
+        spread: &mut [[f32; DIRECTIONS]],
+        squares: &mut [f32; DIRECTIONS],
+    ) {
+        let mut sums = *squares;
+        spread_row(above, here, below, spread, |shares| {
+            for i in 0..DIRECTIONS {
+                sums[i] = shares[i].mul_add(shares[i], sums[i]);
+            }
+        });
+        *squares = sums;
     }
 }
 
@@ -78,53 +94,108 @@ fn sample_block<const L: usize>(
     let (mut along, mut across) = ([0.0_f32; L], [0.0_f32; L]);
     for i in 0..L {
         let n = (first + i) as f32;
-        let x = n.mul_add(step[0], start[0]).max(0.0).min(right);
-        let y = n.mul_add(step[1], start[1]).max(0.0).min(bottom);
-        let (column, line) = (x.floor().min(right - 1.0), y.floor().min(bottom - 1.0));
-        columns[i] = column as u32;
-        lines[i] = line as u32;
+        let x = within(n.mul_add(step[0], start[0]), right);
+        let y = within(n.mul_add(step[1], start[1]), bottom);
+        let (column, line) = (
+            smaller(x.floor(), right - 1.0),
+            smaller(y.floor(), bottom - 1.0),
+        );
+        columns[i] = truncated(column) as u32;
+        lines[i] = truncated(line) as u32;
         along[i] = x - column;
         across[i] = y - line;
     }
-    let mut corners = [[0.0_f32; L]; 4];
+    // Two neighbours are one load; widening them is left to whole vectors.
+    let (mut upper, mut lower) = ([0_u16; L], [0_u16; L]);
     for i in 0..L {
         let at = lines[i] as usize * width + columns[i] as usize;
-        let (upper, lower) = (&data[at..at + 2], &data[at + width..at + width + 2]);
-        corners[0][i] = f32::from(upper[0]);
-        corners[1][i] = f32::from(upper[1]);
-        corners[2][i] = f32::from(lower[0]);
-        corners[3][i] = f32::from(lower[1]);
+        upper[i] = u16::from_le_bytes([data[at], data[at + 1]]);
+        lower[i] = u16::from_le_bytes([data[at + width], data[at + width + 1]]);
     }
+    let row = row[first..].first_chunk_mut::<L>().expect("a whole block");
     for i in 0..L {
-        let upper = along[i].mul_add(corners[1][i] - corners[0][i], corners[0][i]);
-        let lower = along[i].mul_add(corners[3][i] - corners[2][i], corners[2][i]);
-        row[first + i] = (across[i].mul_add(lower - upper, upper) + 0.5) as u8;
+        let grey = |value: u16| i32::from(value) as f32;
+        let [a, b] = [grey(upper[i] & 255), grey(upper[i] >> 8)];
+        let [c, d] = [grey(lower[i] & 255), grey(lower[i] >> 8)];
+        let (upper, lower) = (along[i].mul_add(b - a, a), along[i].mul_add(d - c, c));
+        row[i] = truncated(across[i].mul_add(lower - upper, upper) + 0.5) as u8;
+    }
+}
+
+/// `value` moved into `0..=last`; 0 if it is no number.
+#[inline(always)]
+fn within(value: f32, last: f32) -> f32 {
+    smaller(if value > 0.0 { value } else { 0.0 }, last)
+}
+
+/// The smaller of two numbers: one instruction, where `f32::min` asks whether they are numbers.
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The shares of a row, those of each pixel given to `each` in turn.
+#[inline(always)]
+fn spread_row(
+    above: &[f32],
+    here: &[f32],
+    below: &[f32],
+    spread: &mut [[f32; DIRECTIONS]],
+    mut each: impl FnMut(&[f32; DIRECTIONS]),
+) {
+    const L: usize = 8;
+    let n = spread.len();
+    let (blocks, rest) = spread.as_chunks_mut::<L>();
+    for (spread, first) in blocks.iter_mut().zip((0..).step_by(L)) {
+        let sides = [block::<L>(here, first), block::<L>(here, first + 2)];
+        spread_block(
+            block::<L>(above, first),
+            sides,
+            block::<L>(below, first),
+            spread,
+            &mut each,
+        );
+    }
+    if !rest.is_empty() {
+        // What completes the block has no gradient.
+        let start = n - rest.len();
+        let complete = |row: &[f32]| {
+            let mut block = [0.0; L];
+            block[..n - start].copy_from_slice(&row[..n - start]);
+            block
+        };
+        let (above, below) = (complete(&above[start..]), complete(&below[start..]));
+        let (left, right) = (complete(&here[start..]), complete(&here[start + 2..]));
+        spread_block(&above, [&left, &right], &below, rest, &mut each);
     }
 }
 
 #[inline(always)]
+fn block<const L: usize>(row: &[f32], first: usize) -> &[f32; L] {
+    row[first..].first_chunk().expect("rows of fitting lengths")
+}
+
+#[inline(always)]
 fn spread_block<const L: usize>(
-    above: &[f32],
-    here: &[f32],
-    below: &[f32],
-    first: usize,
+    above: &[f32; L],
+    [left, right]: [&[f32; L]; 2],
+    below: &[f32; L],
     spread: &mut [[f32; DIRECTIONS]],
+    each: &mut impl FnMut(&[f32; DIRECTIONS]),
 ) {
-    let (above, below) = (&above[first..][..L], &below[first..][..L]);
-    let (left, right) = (&here[first..][..L], &here[first + 2..][..L]);
     let (mut magnitudes, mut directions) = ([0.0_f32; L], [0.0_f32; L]);
     for i in 0..L {
         let (dx, dy) = (right[i] - left[i], above[i] - below[i]);
         magnitudes[i] = dx.mul_add(dx, dy * dy).sqrt();
         directions[i] = DIRECTIONS as f32 * turns(dy, dx);
     }
-    for i in 0..L {
-        let shares = &mut spread[first + i];
+    for (i, shares) in spread.iter_mut().enumerate() {
         for (b, share) in shares.iter_mut().enumerate() {
             let off = (directions[i] - b as f32).abs();
-            let off = off.min(DIRECTIONS as f32 - off);
-            *share = magnitudes[i] * (1.0 - off).max(0.0);
+            let near = 1.0 - smaller(off, DIRECTIONS as f32 - off);
+            *share = magnitudes[i] * if near > 0.0 { near } else { 0.0 };
         }
+        each(shares);
     }
 }
 

@@ -93,7 +93,7 @@ multiversioned! {
     pub fn longest_sum_of_slices(x: &[f32; AROUND], y: &[f32; AROUND]) -> f32 {
         let mut slices = [0_u32; AROUND];
         for i in 0..AROUND {
-            slices[i] = (super::turns(y[i], x[i]) * PLACES as f32) as i32 as u32;
+            slices[i] = super::truncated(super::turns(y[i], x[i]) * PLACES as f32) as u32;
         }
         // The first slices again behind the last, so that a window is one piece.
         let mut sums = [[0.0_f32; 2]; PLACES + WINDOW];
@@ -246,7 +246,7 @@ fn bilinear(corners: &[[f32; LANES]; 4], l: usize, (u, v): (f32, f32)) -> f32 {
 #[inline(always)]
 fn split(position: f32, count: u32) -> (u32, f32) {
     let position = position.max(0.0).min((count - 1) as f32);
-    let first = (position as i32).min(count as i32 - 2);
+    let first = super::truncated(position).min(count as i32 - 2);
     (first as u32, position - first as f32)
 }
 

@@ -1,6 +1,6 @@
 //! What SURF reads: filters of boxes on an integral image, and turned patches.
 
-use super::{Pixels, turns};
+use super::{Pixels, truncated, turns};
 
 /// Samples of Haar wavelets that give an orientation: 113, and 7 zeros.
 pub const WAVELETS: usize = 120;
@@ -175,7 +175,7 @@ multiversioned! {
             let [u, v] = &mut fractions;
             for j in 0..blocks {
                 let (x, y) = (x + j as i32 as f32 * axis[0], y + j as i32 as f32 * axis[1]);
-                let (column, row) = (x as i32, y as i32);
+                let (column, row) = (truncated(x), truncated(y));
                 u[j] = x - column as f32;
                 v[j] = y - row as f32;
                 places[j] = (row as u16).wrapping_mul(window.stride).wrapping_add(column as u16);

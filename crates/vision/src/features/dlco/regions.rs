@@ -1,7 +1,11 @@
 //! Rings of pooling regions, and the gradients of a patch pooled in them (section 3.1).
 
-use crate::image::{FloatImage, Size, gaussian_blur};
-use crate::simd::{DIRECTIONS, pool, spread_gradients};
+use std::ops::Range;
+
+use crate::image::{GaussianKernel, RowBlur, RowBuffer, Size};
+use crate::simd::{
+    DIRECTIONS, POOLED_ROWS, PoolStep, PoolUse, ROWS_AT_ONCE, pool_rows, spread_and_square,
+};
 
 use super::{INNER, SIDE};
 
@@ -52,22 +56,68 @@ impl Ring {
     }
 }
 
-/// A Gaussian region as the rectangle of pixels that it weighs.
-#[derive(Clone, Debug)]
-struct Region {
-    first: usize,
+/// What is to be done with each block of rows of a patch for its regions; columns that several regions
+/// weigh alike are weighed once.
+#[derive(Clone, Debug, Default)]
+struct Plan {
+    /// For each block of [`POOLED_ROWS`] rows.
+    steps: Vec<Vec<PoolStep>>,
     columns: Vec<f32>,
-    rows: Vec<f32>,
+    uses: Vec<PoolUse>,
+    regions: usize,
 }
 
-impl Region {
-    fn new(centre: [f32; 2], sigma: f32) -> Self {
-        let [(left, columns), (top, rows)] = centre.map(|c| weights(c, sigma));
-        Self {
-            first: top * INNER + left,
-            columns,
-            rows,
+impl Plan {
+    fn new(rings: &[Ring]) -> Self {
+        let mut plan = Self::default();
+        // Where the columns start and their weights; their place among all; the regions and their rows.
+        type Strip = (
+            (usize, Vec<f32>),
+            Range<usize>,
+            Vec<(usize, usize, Vec<f32>)>,
+        );
+        let mut strips: Vec<Strip> = Vec::new();
+        for ring in rings {
+            for centre in ring.centres() {
+                let [columns, (top, rows)] = centre.map(|c| weights(c, ring.sigma));
+                let region = (plan.regions, top, rows);
+                plan.regions += 1;
+                if let Some(strip) = strips.iter_mut().find(|strip| strip.0 == columns) {
+                    strip.2.push(region);
+                } else {
+                    let start = plan.columns.len();
+                    plan.columns.extend(&columns.1);
+                    strips.push((columns, start..plan.columns.len(), vec![region]));
+                }
+            }
         }
+        for first in (0..INNER).step_by(POOLED_ROWS) {
+            let mut steps = Vec::new();
+            for ((left, _), columns, regions) in &strips {
+                let start = plan.uses.len();
+                for (region, top, rows) in regions {
+                    let weight = |r: usize| {
+                        let row = (first + r).checked_sub(*top);
+                        row.and_then(|row| rows.get(row)).copied()
+                    };
+                    if (0..POOLED_ROWS).any(|r| weight(r).is_some()) {
+                        plan.uses.push(PoolUse {
+                            region: *region,
+                            rows: std::array::from_fn(|r| weight(r).unwrap_or(0.0)),
+                        });
+                    }
+                }
+                if start < plan.uses.len() {
+                    steps.push(PoolStep {
+                        left: *left,
+                        columns: columns.clone(),
+                        uses: start..plan.uses.len(),
+                    });
+                }
+            }
+            plan.steps.push(steps);
+        }
+        plan
     }
 }
 
@@ -93,36 +143,34 @@ fn weights(centre: f32, sigma: f32) -> (usize, Vec<f32>) {
 /// Pools the gradients of patches in the regions of rings; its buffers are used again and again.
 #[derive(Clone, Debug)]
 pub struct Pooling {
-    regions: Vec<Region>,
+    plan: Plan,
+    pixels: Vec<f32>,
+    blur: RowBlur,
+    blurred: RowBuffer,
+    /// Gradients of a block of rows.
     spread: Vec<[f32; DIRECTIONS]>,
 }
 
 impl Pooling {
     /// Pooling in the regions of `rings`, in their order.
     pub fn new(rings: &[Ring]) -> Self {
-        let regions = rings
-            .iter()
-            .flat_map(|ring| {
-                let centres = ring.centres();
-                centres
-                    .into_iter()
-                    .map(|centre| Region::new(centre, ring.sigma))
-            })
-            .collect();
         Self {
-            regions,
-            spread: vec![[0.0; DIRECTIONS]; INNER * INNER],
+            plan: Plan::new(rings),
+            pixels: vec![0.0; SIDE * SIDE],
+            blur: RowBlur::new(GaussianKernel::new(BLUR), SIDE),
+            blurred: RowBuffer::new(Size::new(SIDE, SIDE), POOLED_ROWS + 2 + ROWS_AT_ONCE),
+            spread: vec![[0.0; DIRECTIONS]; POOLED_ROWS * INNER],
         }
     }
 
     /// Number of regions; each gives eight values.
     pub fn len(&self) -> usize {
-        self.regions.len()
+        self.plan.regions
     }
 
     /// Whether there are no regions.
     pub fn is_empty(&self) -> bool {
-        self.regions.is_empty()
+        self.plan.regions == 0
     }
 
     /// Writes the pooled gradients of a patch, eight directions for each region, in `[0, 1]`.
@@ -130,41 +178,40 @@ impl Pooling {
     /// # Panics
     /// If the patch does not have [`SIDE`] x [`SIDE`] pixels or `pooled` one value per region.
     pub fn compute(&mut self, patch: &[u8], pooled: &mut [[f32; DIRECTIONS]]) {
-        assert_eq!(pooled.len(), self.regions.len(), "one for each region");
-        let patch: Vec<f32> = patch.iter().map(|&v| f32::from(v)).collect();
-        let patch = gaussian_blur(&FloatImage::from_vec(Size::new(SIDE, SIDE), patch), BLUR);
-        for (y, spread) in self.spread.chunks_exact_mut(INNER).enumerate() {
-            spread_gradients(
-                &patch.row(y)[1..=INNER],
-                patch.row(y + 1),
-                &patch.row(y + 2)[1..=INNER],
-                spread,
-            );
+        assert_eq!(patch.len(), SIDE * SIDE, "a patch of {SIDE} x {SIDE}");
+        assert_eq!(pooled.len(), self.len(), "one for each region");
+        for (pixel, &grey) in self.pixels.iter_mut().zip(patch) {
+            *pixel = f32::from(grey);
         }
-        let scale = 1.0 / (CLIP * self.root_mean_square()).max(1e-3);
-        for (region, pooled) in self.regions.iter().zip(pooled) {
-            let values = pool(
-                &self.spread,
-                INNER,
-                region.first,
-                &region.columns,
-                &region.rows,
-            );
-            *pooled = values.map(|value| (value * scale).min(1.0));
-        }
-    }
-
-    /// Root mean square of the patch's gradients.
-    fn root_mean_square(&self) -> f32 {
-        let mut sums = [0.0_f32; DIRECTIONS];
-        for shares in &self.spread {
-            for i in 0..DIRECTIONS {
-                // The magnitude is the sum of the two shares; their product is left out of the
-                // square, which makes directions between two bins count up to half as much.
-                sums[i] = shares[i].mul_add(shares[i], sums[i]);
+        pooled.fill([0.0; DIRECTIONS]);
+        // The magnitude is the sum of the two shares; their product is left out of the square, which
+        // makes directions between two bins count up to half as much.
+        let mut squares = [0.0; DIRECTIONS];
+        self.blurred.restart();
+        for (steps, first) in self.plan.steps.iter().zip((0..).step_by(POOLED_ROWS)) {
+            let end = INNER.min(first + POOLED_ROWS);
+            while self.blurred.made() < end + 2 {
+                let row = |y: usize| &self.pixels[y * SIDE..][..SIDE];
+                self.blur.advance(0, row, &mut self.blurred);
             }
+            for (y, spread) in (first..end).zip(self.spread.chunks_exact_mut(INNER)) {
+                spread_and_square(
+                    &self.blurred.row(y)[1..=INNER],
+                    self.blurred.row(y + 1),
+                    &self.blurred.row(y + 2)[1..=INNER],
+                    spread,
+                    &mut squares,
+                );
+            }
+            // Rows beyond the last have weights of 0, whatever they still hold.
+            let rows = std::array::from_fn(|r| &self.spread[r * INNER..][..INNER]);
+            pool_rows(rows, steps, &self.plan.columns, &self.plan.uses, pooled);
         }
-        (sums.iter().sum::<f32>() / self.spread.len() as f32).sqrt()
+        let mean = squares.iter().sum::<f32>() / (INNER * INNER) as f32;
+        let scale = 1.0 / (CLIP * mean.sqrt()).max(1e-3);
+        for values in pooled {
+            *values = values.map(|value| (value * scale).min(1.0));
+        }
     }
 }
 
