@@ -74,6 +74,7 @@ macro_rules! multiversioned {
     )*};
 }
 
+mod affine;
 mod area;
 mod bilinear;
 mod blur8;
@@ -105,6 +106,10 @@ mod transfer;
 mod triangulate;
 mod truncated;
 
+pub use affine::{
+    CANDIDATE, CANDIDATES_AT_ONCE, Others, PairLimits, add_prediction_errors, costs_beside,
+    nearest_place, pair_costs,
+};
 pub use area::{Cover, cover_columns, cover_rows, halve_rows_u8, integrate_row};
 pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
 pub use blur8::{weigh_along_u8, weigh_rows_u8};

@@ -5,6 +5,8 @@
 
 use nalgebra::{Matrix2, Vector2};
 
+use crate::simd::{CANDIDATE, CANDIDATES_AT_ONCE, PairLimits};
+
 use super::GaimParams;
 use super::graph::neighbours;
 use crate::features::Features;
@@ -86,8 +88,20 @@ impl Problem {
         }
     }
 
+    /// What kernels must know of the costs of pairs.
+    pub(super) fn limits(&self) -> PairLimits {
+        PairLimits {
+            squared_collision: self.collision * self.collision,
+            collision: COLLISION,
+            truncation: self.truncation,
+            unit: UNIT,
+        }
+    }
+
     /// Cost of neighbours `p` and `q` having their candidates `i` and `j`: how far the frame of
-    /// one takes the other from its place, in distances of the nodes.
+    /// one takes the other from its place, in distances of the nodes. The definition of what kernels
+    /// make for many at once.
+    #[cfg(test)]
     pub(super) fn pair(&self, (p, i): (usize, usize), (q, j): (usize, usize)) -> i64 {
         let (from, to) = (&self.labels[p][i], &self.labels[q][j]);
         let moved = to.at - from.at;
@@ -117,6 +131,54 @@ impl Problem {
             }
         }
         cost
+    }
+}
+
+impl Label {
+    /// Its numbers as kernels take them: the place, then the frame row after row.
+    pub(super) fn numbers(&self) -> [f64; CANDIDATE] {
+        let frame = &self.b_from_a;
+        let [xx, xy, yx, yy] = [frame.m11, frame.m12, frame.m21, frame.m22];
+        [self.at.x, self.at.y, xx, xy, yx, yy]
+    }
+}
+
+/// The numbers of all candidates, each kind in one array, so that kernels can go through them.
+#[derive(Clone, Debug)]
+pub(super) struct Columns {
+    /// Where the candidates of each node begin, and the end of the last; whole blocks.
+    starts: Vec<usize>,
+    numbers: [Vec<f64>; CANDIDATE],
+}
+
+impl Columns {
+    pub(super) fn new(labels: &[Vec<Label>]) -> Self {
+        let mut columns = Self {
+            starts: vec![0],
+            numbers: Default::default(),
+        };
+        for own in labels {
+            let end = columns.starts[columns.starts.len() - 1]
+                + own.len().next_multiple_of(CANDIDATES_AT_ONCE);
+            for label in own {
+                for (column, number) in columns.numbers.iter_mut().zip(label.numbers()) {
+                    column.push(number);
+                }
+            }
+            // What fills up a block lies nowhere near.
+            let filler = [f64::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0];
+            for (column, number) in columns.numbers.iter_mut().zip(filler) {
+                column.resize(end, number);
+            }
+            columns.starts.push(end);
+        }
+        columns
+    }
+
+    /// Those of node `p`, and of the filler behind them.
+    pub(super) fn of(&self, p: usize) -> [&[f64]; CANDIDATE] {
+        let range = self.starts[p]..self.starts[p + 1];
+        self.numbers.each_ref().map(|column| &column[range.clone()])
     }
 }
 

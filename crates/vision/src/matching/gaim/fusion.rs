@@ -2,212 +2,282 @@
 //!
 //! V. Lempitsky, C. Rother, S. Roth, A. Blake: "Fusion Moves for Markov Random Field
 //! Optimization", IEEE Transactions on Pattern Analysis and Machine Intelligence 32(8), 2010.
-//! V. Kolmogorov, C. Rother: "Minimizing Nonsubmodular Functions with Graph Cuts - A Review", IEEE
-//! Transactions on Pattern Analysis and Machine Intelligence 29(7), 2007 (QPBO).
 //!
-//! Each node of a proposal may keep its candidate (0) or take the proposed one (1). Where costs of
-//! neighbours are not submodular a cut gives the answer for some of the nodes only: the graph
-//! holds each node and its opposite, and a node is decided if the cut parts the two. Whatever the
-//! others do, the decided ones are never worse than before; the others keep what they have.
+//! Each node of a proposal may keep its candidate (0) or take the proposed one (1); [`quadratic`](super::quadratic)
+//! decides some of the nodes. Whatever the others do, the decided ones are never worse than before; the
+//! others keep what they have.
+//!
+//! What nodes keep is remembered with what it costs beside each neighbour, so that a proposal only asks
+//! for costs in which something proposed has a part.
 
 use super::energy::Problem;
-use super::max_flow::Network;
+use super::quadratic::Quadratic;
+use crate::simd::{CANDIDATE, Others, costs_beside, pair_costs};
 
 /// Mixes proposals into a choice.
 pub(super) struct Fusion<'a> {
     problem: &'a Problem,
     /// The candidate of each node.
     pub(super) choice: Vec<usize>,
+    kept: Kept,
     /// Place of each node in the proposal at work.
-    places: Vec<usize>,
+    places: Vec<u32>,
+    /// How often a choice was changed, and at which of these times last that of each node or of a
+    /// neighbour.
+    time: u64,
+    touched: Vec<u64>,
+    /// For each place the cost of what is proposed to the node beside what the neighbour keeps.
+    beside: Vec<i64>,
+    pairs: Pairs,
+    cut: Quadratic,
 }
 
 /// Not in the proposal.
-const ABSENT: usize = usize::MAX;
+const ABSENT: u32 = u32::MAX;
+
+/// Each node's neighbours side by side, and what they keep: one place for each direction of each pair.
+struct Kept {
+    /// Where the places of each node begin, and the end of the last.
+    starts: Vec<usize>,
+    neighbour: Vec<u32>,
+    /// The place of the other direction.
+    back: Vec<u32>,
+    /// From the node to the neighbour.
+    apart: [Vec<f64>; 2],
+    /// Where the neighbour's candidate lies, and where its frame takes `apart`.
+    at: [Vec<f64>; 2],
+    taken: [Vec<f64>; 2],
+    /// The cost of both candidates.
+    costs: Vec<i64>,
+}
+
+impl Kept {
+    fn new(problem: &Problem) -> Self {
+        let mut starts = vec![0];
+        let mut next = 0;
+        for own in &problem.neighbours {
+            next += own.len();
+            starts.push(next);
+        }
+        let neighbour: Vec<u32> = problem.neighbours.concat();
+        // Neighbours are in rising order, so that nodes come by in the order of each one's places.
+        let mut back = vec![0; neighbour.len()];
+        let mut places = starts.clone();
+        for (place, &q) in neighbour.iter().enumerate() {
+            back[place] = places[q as usize] as u32;
+            places[q as usize] += 1;
+        }
+        let apart = [0, 1].map(|axis| {
+            let from = |p: usize| {
+                let others = &neighbour[starts[p]..starts[p + 1]];
+                let place = |q: usize| problem.nodes[q][axis];
+                others.iter().map(move |&q| place(q as usize) - place(p))
+            };
+            (0..problem.nodes.len()).flat_map(from).collect()
+        });
+        let zeros = || vec![0.0; neighbour.len()];
+        Self {
+            at: [zeros(), zeros()],
+            taken: [zeros(), zeros()],
+            costs: vec![0; neighbour.len()],
+            starts,
+            neighbour,
+            back,
+            apart,
+        }
+    }
+
+    /// Lets the neighbours of `p` know its candidate.
+    fn tell(&mut self, p: usize, [x, y, xx, xy, yx, yy]: [f64; CANDIDATE]) {
+        for place in self.starts[p]..self.starts[p + 1] {
+            let apart = [-self.apart[0][place], -self.apart[1][place]];
+            let back = self.back[place] as usize;
+            self.at[0][back] = x;
+            self.at[1][back] = y;
+            self.taken[0][back] = xx * apart[0] + xy * apart[1];
+            self.taken[1][back] = yx * apart[0] + yy * apart[1];
+        }
+    }
+
+    /// What surrounds node `p`.
+    fn others(&self, p: usize) -> Others<'_> {
+        let range = self.starts[p]..self.starts[p + 1];
+        Others {
+            apart: self.apart.each_ref().map(|column| &column[range.clone()]),
+            at: self.at.each_ref().map(|column| &column[range.clone()]),
+            taken: self.taken.each_ref().map(|column| &column[range.clone()]),
+        }
+    }
+}
+
+/// Neighbours that both are in a proposal.
+#[derive(Default)]
+struct Pairs {
+    /// Their places in the proposal, and that of the second among the first one's neighbours; as many as
+    /// `count` says are in use.
+    places: Vec<[u32; 3]>,
+    count: usize,
+    from: [Vec<f64>; CANDIDATE],
+    to: [Vec<f64>; CANDIDATE],
+    apart: [Vec<f64>; 2],
+    /// The cost of both taking what is proposed.
+    costs: Vec<i64>,
+}
+
+impl Pairs {
+    /// Room for more of them.
+    fn room_for(&mut self, more: usize) -> &mut [[u32; 3]] {
+        if self.places.len() < self.count + more {
+            self.places.resize(2 * (self.count + more), [0; 3]);
+        }
+        &mut self.places[self.count..]
+    }
+}
 
 impl<'a> Fusion<'a> {
     /// Starts from `choice`.
     pub(super) fn new(problem: &'a Problem, choice: Vec<usize>) -> Self {
-        Self {
+        let kept = Kept::new(problem);
+        let mut fusion = Self {
             places: vec![ABSENT; choice.len()],
+            time: 0,
+            touched: vec![0; choice.len()],
+            beside: vec![0; kept.neighbour.len()],
+            pairs: Pairs::default(),
+            cut: Quadratic::default(),
             problem,
             choice,
-        }
+            kept,
+        };
+        let all: Vec<usize> = (0..fusion.choice.len()).collect();
+        fusion.remember(&all);
+        fusion
+    }
+
+    /// How often a choice was changed.
+    pub(super) fn time(&self) -> u64 {
+        self.time
+    }
+
+    /// Whether nothing that `proposal` depends on was changed after `time`: none of its nodes and none
+    /// of their neighbours.
+    pub(super) fn is_as_at(&self, time: u64, proposal: &[(usize, usize)]) -> bool {
+        proposal.iter().all(|&(node, _)| self.touched[node] <= time)
     }
 
     /// Takes what pays of `proposal`, pairs of distinct nodes and candidates; whether anything
     /// was taken.
     pub(super) fn fuse(&mut self, proposal: &[(usize, usize)]) -> bool {
+        let problem = self.problem;
         let proposal: Vec<(usize, usize)> = (proposal.iter().copied())
             .filter(|&(node, label)| self.choice[node] != label)
             .collect();
-        for (place, &(node, _)) in proposal.iter().enumerate() {
-            self.places[node] = place;
+        if proposal.is_empty() {
+            return false;
         }
-        let mut cut = Quadratic::new(proposal.len());
+        let numbers: Vec<[f64; CANDIDATE]> = (proposal.iter())
+            .map(|&(node, label)| problem.labels[node][label].numbers())
+            .collect();
+        for ((place, &(p, _)), own) in (0..).zip(&proposal).zip(&numbers) {
+            self.places[p] = place;
+            let beside = &mut self.beside[self.kept.starts[p]..self.kept.starts[p + 1]];
+            costs_beside(*own, self.kept.others(p), problem.limits(), beside);
+        }
+        self.cut.restart(proposal.len());
+        self.pairs.count = 0;
         for (place, &(p, new)) in proposal.iter().enumerate() {
-            let problem = self.problem;
-            let old = self.choice[p];
-            let mut gain = problem.labels[p][new].unary - problem.labels[p][old].unary;
-            for q in problem.neighbours[p].iter().map(|&q| q as usize) {
-                let (other, kept) = (self.places[q], self.choice[q]);
-                if other == ABSENT {
-                    gain += problem.pair((p, new), (q, kept)) - problem.pair((p, old), (q, kept));
-                } else if p < q {
-                    let taken = proposal[other].1;
-                    let costs = [(old, kept), (old, taken), (new, kept), (new, taken)];
-                    let costs = costs.map(|(i, j)| problem.pair((p, i), (q, j)));
-                    cut.add_pair(place, other, costs);
-                }
+            let labels = &problem.labels[p];
+            let mut gain = labels[new].unary - labels[self.choice[p]].unary;
+            let range = self.kept.starts[p]..self.kept.starts[p + 1];
+            let pairs = self.pairs.room_for(range.len());
+            let mut count = 0;
+            let costs = (self.beside[range.clone()].iter()).zip(&self.kept.costs[range.clone()]);
+            let neighbours = self.kept.neighbour[range.clone()].iter().zip(range);
+            // Who is in the proposal cannot be foretold, so there are no branches.
+            for ((&q, at), (beside, kept)) in neighbours.zip(costs) {
+                let other = self.places[q as usize];
+                gain += if other == ABSENT { beside - kept } else { 0 };
+                pairs[count] = [place as u32, other, at as u32];
+                count += usize::from(other != ABSENT && p < q as usize);
             }
-            cut.add_unary(place, gain);
+            self.pairs.count += count;
+            self.cut.add_unary(place, gain);
         }
-        let mut any = false;
-        for (&(node, label), taken) in proposal.iter().zip(cut.minimise()) {
+        self.add_pairs(&numbers);
+        let mut taken = Vec::new();
+        for (&(node, label), value) in proposal.iter().zip(self.cut.minimise()) {
             self.places[node] = ABSENT;
-            if taken == Some(true) {
+            if *value == Some(true) {
                 self.choice[node] = label;
-                any = true;
+                taken.push(node);
             }
         }
-        any
-    }
-}
-
-/// A quadratic function of variables that are 0 or 1.
-pub(super) struct Quadratic {
-    /// Cost of 1 over that of 0.
-    unary: Vec<i64>,
-    /// Arcs between nodes `2 p`, on the source's side if `p` is 0, and `2 p + 1`, its opposite.
-    arcs: Vec<(usize, usize, i64)>,
-}
-
-impl Quadratic {
-    pub(super) fn new(variables: usize) -> Self {
-        Self {
-            unary: vec![0; variables],
-            arcs: Vec::new(),
-        }
+        self.remember(&taken);
+        !taken.is_empty()
     }
 
-    pub(super) fn add_unary(&mut self, p: usize, cost_of_1: i64) {
-        self.unary[p] += cost_of_1;
-    }
-
-    /// Adds the costs of `(0, 0)`, `(0, 1)`, `(1, 0)` and `(1, 1)`.
-    pub(super) fn add_pair(&mut self, p: usize, q: usize, [c00, c01, c10, c11]: [i64; 4]) {
-        let mixed = c01 + c10 - c00 - c11;
-        self.unary[q] += c11 - c10;
-        if mixed >= 0 {
-            // c00 + (c10 - c00) x + (c11 - c10) y + mixed (1 - x) y
-            self.unary[p] += c10 - c00;
-            self.arcs.push((2 * p, 2 * q, mixed));
-            self.arcs.push((2 * q + 1, 2 * p + 1, mixed));
-        } else {
-            // The same in x and 1 - y: c01 + (c11 - c01) x + (c10 - c11) (1 - y)
-            // - mixed (1 - x) (1 - y)
-            self.unary[p] += c11 - c01;
-            self.arcs.push((2 * p, 2 * q + 1, -mixed));
-            self.arcs.push((2 * q, 2 * p + 1, -mixed));
-        }
-    }
-
-    /// Values of a minimum, as far as they are known.
-    pub(super) fn minimise(self) -> Vec<Option<bool>> {
-        let variables = self.unary.len();
-        let mut network = Network::new(2 * variables, self.arcs.len());
-        for (p, &cost) in self.unary.iter().enumerate() {
-            network.add_terminal(2 * p, cost);
-            network.add_terminal(2 * p + 1, -cost);
-        }
-        for (from, to, capacity) in self.arcs {
-            if capacity > 0 {
-                network.add_arc(from, to, capacity);
+    /// Adds the costs of neighbours that are both in the proposal.
+    fn add_pairs(&mut self, numbers: &[[f64; CANDIDATE]]) {
+        let Pairs {
+            places,
+            count,
+            from,
+            to,
+            apart,
+            costs,
+        } = &mut self.pairs;
+        let places = &places[..*count];
+        for (columns, end) in [(&mut *from, 0), (&mut *to, 1)] {
+            for (k, column) in columns.iter_mut().enumerate() {
+                column.clear();
+                column.extend(places.iter().map(|place| numbers[place[end] as usize][k]));
             }
         }
-        (network.cut().chunks_exact(2))
-            .map(|sides| (sides[0] != sides[1]).then_some(sides[1]))
-            .collect()
+        for (column, all) in apart.iter_mut().zip(&self.kept.apart) {
+            column.clear();
+            column.extend(places.iter().map(|place| all[place[2] as usize]));
+        }
+        costs.resize(places.len(), 0);
+        pair_costs(
+            from.each_ref().map(|column| &column[..]),
+            to.each_ref().map(|column| &column[..]),
+            apart.each_ref().map(|column| &column[..]),
+            self.problem.limits(),
+            costs,
+        );
+        for (&[p, q, at], &both) in places.iter().zip(&*costs) {
+            let at = at as usize;
+            let back = self.kept.back[at] as usize;
+            let costs = [
+                self.kept.costs[at],
+                self.beside[back],
+                self.beside[at],
+                both,
+            ];
+            self.cut.add_pair(p as usize, q as usize, costs);
+        }
     }
-}
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::seed::Seed;
-
-    /// Two variables and their costs together.
-    type Pair = (usize, usize, [i64; 4]);
-
-    /// A random function of few variables.
-    fn random(trial: u64, submodular: bool) -> (Vec<i64>, Vec<Pair>) {
-        let mut rng = Seed(11).number(trial).rng();
-        let variables = 2 + rng.below(6) as usize;
-        let unary = (0..variables).map(|_| i64::from(rng.below(21)) - 10);
-        let unary = unary.collect();
-        let mut pairs = Vec::new();
-        for p in 0..variables {
-            for q in p + 1..variables {
-                let mut costs = [0; 4].map(|_: i64| i64::from(rng.below(9)));
-                if submodular {
-                    costs[3] = costs[3].min(costs[1] + costs[2] - costs[0]);
-                }
-                pairs.push((p, q, costs));
+    /// Remembers the changed choices of some nodes.
+    fn remember(&mut self, changed: &[usize]) {
+        if changed.is_empty() {
+            return;
+        }
+        self.time += 1;
+        let own = |p: usize| self.problem.labels[p][self.choice[p]].numbers();
+        for &p in changed {
+            self.kept.tell(p, own(p));
+        }
+        for &p in changed {
+            let range = self.kept.starts[p]..self.kept.starts[p + 1];
+            let costs = &mut self.beside[range.clone()];
+            costs_beside(own(p), self.kept.others(p), self.problem.limits(), costs);
+            self.touched[p] = self.time;
+            for at in range {
+                self.kept.costs[at] = self.beside[at];
+                self.kept.costs[self.kept.back[at] as usize] = self.beside[at];
+                self.touched[self.kept.neighbour[at] as usize] = self.time;
             }
-        }
-        (unary, pairs)
-    }
-
-    fn value(unary: &[i64], pairs: &[Pair], x: &[bool]) -> i64 {
-        let ones = unary.iter().zip(x).filter(|(_, x)| **x).map(|(u, _)| u);
-        let pairs = (pairs.iter()).map(|&(p, q, c)| c[2 * usize::from(x[p]) + usize::from(x[q])]);
-        ones.sum::<i64>() + pairs.sum::<i64>()
-    }
-
-    fn minimise(unary: &[i64], pairs: &[Pair]) -> Vec<Option<bool>> {
-        let mut quadratic = Quadratic::new(unary.len());
-        for (p, &cost) in unary.iter().enumerate() {
-            quadratic.add_unary(p, cost);
-        }
-        for &(p, q, costs) in pairs {
-            quadratic.add_pair(p, q, costs);
-        }
-        quadratic.minimise()
-    }
-
-    fn assignments(variables: usize) -> impl Iterator<Item = Vec<bool>> {
-        (0..1_usize << variables)
-            .map(move |set| (0..variables).map(|p| set >> p & 1 == 1).collect())
-    }
-
-    #[test]
-    fn decided_variables_improve_every_choice() {
-        let (mut decided, mut all) = (0, 0);
-        for trial in 0..300 {
-            let (unary, pairs) = random(trial, false);
-            let partial = minimise(&unary, &pairs);
-            decided += partial.iter().flatten().count();
-            all += partial.len();
-            for x in assignments(unary.len()) {
-                let mixed: Vec<bool> = (partial.iter().zip(&x))
-                    .map(|(decided, &x)| decided.unwrap_or(x))
-                    .collect();
-                assert!(value(&unary, &pairs, &mixed) <= value(&unary, &pairs, &x));
-            }
-        }
-        assert!(2 * decided > all, "{decided} of {all} are decided");
-    }
-
-    #[test]
-    fn submodular_functions_are_minimised() {
-        for trial in 0..300 {
-            let (unary, pairs) = random(trial, true);
-            // Ties may stay undecided; any value will do for them.
-            let found: Vec<bool> = (minimise(&unary, &pairs).iter())
-                .map(|decided| decided.unwrap_or(false))
-                .collect();
-            let least = assignments(unary.len()).map(|x| value(&unary, &pairs, &x));
-            assert_eq!(value(&unary, &pairs, &found), least.min().unwrap());
         }
     }
 }

@@ -5,38 +5,41 @@
 //! sent along shortest paths until each of them is blocked.
 //!
 //! The source and the sink are not stored: a node holds an excess of what comes from the source
-//! over what may go to the sink.
-
-use std::collections::VecDeque;
+//! over what may go to the sink. The arcs of a node lie side by side.
 
 /// A node without a level: it cannot be reached.
 const UNREACHED: u32 = u32::MAX;
-const NONE: u32 = u32::MAX;
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Arc {
     to: u32,
-    /// The next arc that leaves the same node.
-    next: u32,
+    /// Its reverse.
+    back: u32,
     capacity: i64,
 }
 
-/// A network with capacities. Arcs come in pairs: `i ^ 1` is the reverse of arc `i`.
-#[derive(Clone, Debug)]
+/// A network with capacities; its buffers are used again for the next one.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Network {
-    first: Vec<u32>,
     excess: Vec<i64>,
+    /// From, to and capacity of what was added.
+    added: Vec<(u32, u32, i64)>,
+    /// Where the arcs of each node begin, and the end of the last.
+    starts: Vec<u32>,
     arcs: Vec<Arc>,
+    levels: Vec<u32>,
+    queue: Vec<u32>,
+    /// The next arc to try of each node.
+    current: Vec<u32>,
+    path: Vec<u32>,
 }
 
 impl Network {
-    /// `nodes` nodes and room for `pairs` pairs of arcs.
-    pub(super) fn new(nodes: usize, pairs: usize) -> Self {
-        Self {
-            first: vec![NONE; nodes],
-            excess: vec![0; nodes],
-            arcs: Vec::with_capacity(2 * pairs),
-        }
+    /// Forgets all, and begins with `nodes` nodes without arcs.
+    pub(super) fn restart(&mut self, nodes: usize) {
+        self.excess.clear();
+        self.excess.resize(nodes, 0);
+        self.added.clear();
     }
 
     /// An arc from the source to `node`, or to the sink if `capacity` is negative.
@@ -46,108 +49,145 @@ impl Network {
 
     /// An arc of non-negative `capacity`.
     pub(super) fn add_arc(&mut self, from: usize, to: usize, capacity: i64) {
-        for (from, to, capacity) in [(from, to, capacity), (to, from, 0)] {
-            self.arcs.push(Arc {
-                to: to as u32,
-                next: self.first[from],
-                capacity,
-            });
-            self.first[from] = self.arcs.len() as u32 - 1;
+        self.added.push((from as u32, to as u32, capacity));
+    }
+
+    /// Finds a maximum flow; afterwards [`Self::is_source`] tells the cut.
+    pub(super) fn cut(&mut self) {
+        self.place_arcs();
+        while self.find_levels() {
+            self.block();
         }
     }
 
-    /// Finds a maximum flow; says of each node whether it lies on the source's side of the
-    /// smallest minimum cut.
-    pub(super) fn cut(mut self) -> Vec<bool> {
-        loop {
-            let (levels, sink_reached) = self.levels();
-            if !sink_reached {
-                return levels.iter().map(|&level| level != UNREACHED).collect();
-            }
-            self.block(levels);
+    /// Whether `node` lies on the source's side of the smallest minimum cut, after [`Self::cut`].
+    pub(super) fn is_source(&self, node: usize) -> bool {
+        self.levels[node] != UNREACHED
+    }
+
+    /// Puts what was added and its reverses side by side for each node.
+    fn place_arcs(&mut self) {
+        let nodes = self.excess.len();
+        self.starts.clear();
+        self.starts.resize(nodes + 1, 0);
+        for &(from, to, _) in &self.added {
+            self.starts[from as usize + 1] += 1;
+            self.starts[to as usize + 1] += 1;
+        }
+        for node in 0..nodes {
+            self.starts[node + 1] += self.starts[node];
+        }
+        self.current.clear();
+        self.current.extend_from_slice(&self.starts[..nodes]);
+        self.arcs.clear();
+        self.arcs.resize(2 * self.added.len(), Arc::default());
+        for &(from, to, capacity) in &self.added {
+            let mut next = |node: u32| {
+                let place = &mut self.current[node as usize];
+                *place += 1;
+                *place - 1
+            };
+            let (there, back) = (next(from), next(to));
+            self.arcs[there as usize] = Arc { to, back, capacity };
+            self.arcs[back as usize] = Arc {
+                to: from,
+                back: there,
+                capacity: 0,
+            };
         }
     }
 
-    /// Arcs from the source to each node, and whether the sink can be reached.
-    fn levels(&self) -> (Vec<u32>, bool) {
-        let mut levels = vec![UNREACHED; self.first.len()];
-        let mut queue = VecDeque::new();
-        for (node, level) in levels.iter_mut().enumerate() {
+    /// Finds the number of arcs from the source to each node; whether the sink can be reached.
+    fn find_levels(&mut self) -> bool {
+        self.levels.clear();
+        self.levels.resize(self.excess.len(), UNREACHED);
+        self.queue.clear();
+        for (node, level) in self.levels.iter_mut().enumerate() {
             if self.excess[node] > 0 {
                 *level = 0;
-                queue.push_back(node);
+                self.queue.push(node as u32);
             }
         }
         let mut sink = UNREACHED;
-        while let Some(node) = queue.pop_front() {
+        let mut first = 0;
+        while let Some(&node) = self.queue.get(first) {
+            first += 1;
+            let node = node as usize;
+            let level = self.levels[node];
             if self.excess[node] < 0 {
-                sink = sink.min(levels[node]);
+                sink = sink.min(level);
             }
             // Beyond the sink no shortest path goes on; when none reaches it all must be seen.
-            if levels[node] >= sink {
+            if level >= sink {
                 continue;
             }
-            let mut next = self.first[node];
-            while next != NONE {
-                let arc = self.arcs[next as usize];
-                if arc.capacity > 0 && levels[arc.to as usize] == UNREACHED {
-                    levels[arc.to as usize] = levels[node] + 1;
-                    queue.push_back(arc.to as usize);
+            let arcs = self.starts[node] as usize..self.starts[node + 1] as usize;
+            for arc in &self.arcs[arcs] {
+                let to = &mut self.levels[arc.to as usize];
+                if arc.capacity > 0 && *to == UNREACHED {
+                    *to = level + 1;
+                    self.queue.push(arc.to);
                 }
-                next = arc.next;
             }
         }
-        (levels, sink != UNREACHED)
+        sink != UNREACHED
     }
 
     /// Sends flow along arcs from one level to the next until every such path is blocked.
-    fn block(&mut self, mut levels: Vec<u32>) {
-        let mut current = self.first.clone();
-        let mut path: Vec<u32> = Vec::new();
-        for source in 0..self.first.len() {
-            path.clear();
+    fn block(&mut self) {
+        let nodes = self.excess.len();
+        self.current.clear();
+        self.current.extend_from_slice(&self.starts[..nodes]);
+        for source in 0..nodes {
+            self.path.clear();
             let mut node = source;
             while self.excess[source] > 0 {
                 if self.excess[node] < 0 {
-                    node = self.send(source, node, &mut path);
+                    node = self.send(source, node);
                     continue;
                 }
-                let next = current[node];
-                if next != NONE {
+                let next = self.current[node];
+                if next < self.starts[node + 1] {
                     let arc = self.arcs[next as usize];
-                    if arc.capacity > 0 && levels[arc.to as usize] == levels[node] + 1 {
-                        path.push(next);
+                    if arc.capacity > 0 && self.levels[arc.to as usize] == self.levels[node] + 1 {
+                        self.path.push(next);
                         node = arc.to as usize;
                     } else {
-                        current[node] = arc.next;
+                        self.current[node] = next + 1;
                     }
                     continue;
                 }
                 // Nothing leads on from here.
-                levels[node] = UNREACHED;
-                let Some(last) = path.pop() else { break };
-                node = self.arcs[last as usize ^ 1].to as usize;
+                self.levels[node] = UNREACHED;
+                let Some(last) = self.path.pop() else { break };
+                node = self.start_of(last);
             }
         }
     }
 
-    /// Sends what `path` can carry from `source` to `sink`, a node with a deficit, and gives up
+    /// Sends what the path can carry from `source` to `sink`, a node with a deficit, and gives up
     /// the path from its first full arc on; the node where it now ends.
-    fn send(&mut self, source: usize, sink: usize, path: &mut Vec<u32>) -> usize {
-        let carried = (path.iter())
+    fn send(&mut self, source: usize, sink: usize) -> usize {
+        let carried = (self.path.iter())
             .map(|&arc| self.arcs[arc as usize].capacity)
             .fold(self.excess[source].min(-self.excess[sink]), i64::min);
         self.excess[source] -= carried;
         self.excess[sink] += carried;
-        for &arc in path.iter() {
+        for &arc in &self.path {
+            let back = self.arcs[arc as usize].back;
             self.arcs[arc as usize].capacity -= carried;
-            self.arcs[arc as usize ^ 1].capacity += carried;
+            self.arcs[back as usize].capacity += carried;
         }
-        let full = (path.iter()).position(|&arc| self.arcs[arc as usize].capacity == 0);
+        let full = (self.path.iter()).position(|&arc| self.arcs[arc as usize].capacity == 0);
         let Some(full) = full else { return sink };
-        let node = self.arcs[path[full] as usize ^ 1].to as usize;
-        path.truncate(full);
+        let node = self.start_of(self.path[full]);
+        self.path.truncate(full);
         node
+    }
+
+    /// The node that an arc leaves.
+    fn start_of(&self, arc: u32) -> usize {
+        self.arcs[self.arcs[arc as usize].back as usize].to as usize
     }
 }
 
@@ -158,6 +198,7 @@ mod tests {
 
     #[test]
     fn cuts_are_minimal() {
+        let mut network = Network::default();
         for trial in 0..300 {
             let mut rng = Seed(9).number(trial).rng();
             let nodes = 1 + rng.below(7) as usize;
@@ -168,7 +209,7 @@ mod tests {
                     (node(), node(), i64::from(rng.below(8)))
                 })
                 .collect();
-            let mut network = Network::new(nodes, arcs.len());
+            network.restart(nodes);
             for (node, &capacity) in terminals.iter().enumerate() {
                 network.add_terminal(node, capacity);
             }
@@ -187,13 +228,13 @@ mod tests {
                 (0..nodes).map(terminal).sum::<i64>() + cut.map(|arc| arc.2).sum::<i64>()
             };
             let least = (0..1_usize << nodes).map(|set| value(&|node| set >> node & 1 == 1));
-            let sides = network.cut();
-            assert_eq!(value(&|node| sides[node]), least.min().unwrap());
+            network.cut();
+            assert_eq!(value(&|node| network.is_source(node)), least.min().unwrap());
         }
     }
 
     #[test]
     fn no_nodes_have_no_cut() {
-        assert!(Network::new(0, 0).cut().is_empty());
+        Network::default().cut();
     }
 }

@@ -42,6 +42,7 @@ mod labels;
 mod max_flow;
 mod mismatch;
 mod moves;
+mod quadratic;
 
 pub use labels::CandidateLabels;
 

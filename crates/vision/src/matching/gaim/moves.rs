@@ -9,10 +9,9 @@
 //!    proposes to each node there its candidate nearest to the predicted place.
 //! 3. *Rank*: every node's k-th candidate, for each k.
 
-use nalgebra::Vector2;
-
-use super::energy::{Problem, UNIT};
+use super::energy::{Columns, Label, Problem, UNIT};
 use super::fusion::Fusion;
+use crate::simd::{add_prediction_errors, nearest_place};
 
 /// Nodes that a spreading frame reaches at most.
 const REACHED: usize = 150;
@@ -22,7 +21,8 @@ const SPREAD: usize = 3;
 
 /// A choice of one candidate for each node, of low cost.
 pub(super) fn solve(problem: &Problem, rounds: usize) -> Vec<usize> {
-    let support = supports(problem);
+    let columns = Columns::new(&problem.labels);
+    let support = supports(problem, &columns);
     let by_support: Vec<Vec<usize>> = (support.iter())
         .map(|costs| {
             let mut order: Vec<usize> = (0..costs.len()).collect();
@@ -34,14 +34,25 @@ pub(super) fn solve(problem: &Problem, rounds: usize) -> Vec<usize> {
     let mut fusion = Fusion::new(problem, first);
     let mut seeds: Vec<usize> = (0..problem.nodes.len()).collect();
     seeds.sort_by_key(|&p| (support[p][by_support[p][0]], p));
+    // For each node its candidates that were spread in vain, and when.
+    let mut in_vain = vec![Vec::new(); problem.nodes.len()];
     for round in 0..rounds {
         let mut any = false;
         for &p in &seeds {
-            let current = fusion.choice[p];
-            any |= fusion.fuse(&spread(problem, p, current));
-            if round == 0 {
-                for &label in by_support[p].iter().take(SPREAD) {
-                    any |= fusion.fuse(&spread(problem, p, label));
+            let spread_best = if round == 0 { SPREAD } else { 0 };
+            let best = by_support[p].iter().copied().take(spread_best);
+            let around = around(problem, p);
+            for label in std::iter::once(fusion.choice[p]).chain(best) {
+                let proposal = spread(problem, &columns, &around, (p, label));
+                // Where nothing has changed since, it would be in vain again.
+                let is_vain = |&(other, time)| other == label && fusion.is_as_at(time, &proposal);
+                if in_vain[p].iter().any(is_vain) {
+                    continue;
+                }
+                if fusion.fuse(&proposal) {
+                    any = true;
+                } else {
+                    in_vain[p].push((label, fusion.time()));
                 }
             }
         }
@@ -62,31 +73,37 @@ pub(super) fn solve(problem: &Problem, rounds: usize) -> Vec<usize> {
 
 /// For each candidate its cost by descriptor and by how well its frame predicts a candidate of
 /// each neighbour.
-fn supports(problem: &Problem) -> Vec<Vec<i64>> {
-    (0..problem.nodes.len())
-        .map(|p| {
-            let support = |label: &super::energy::Label| {
-                let pairs = problem.neighbours[p].iter().map(|&q| {
-                    let q = q as usize;
-                    let apart = problem.nodes[q] - problem.nodes[p];
-                    let (_, squared) = nearest(problem, q, label.at + label.b_from_a * apart);
-                    let error = (squared / apart.norm_squared().max(f64::MIN_POSITIVE)).sqrt();
-                    error.min(problem.truncation)
-                });
-                label.unary + (pairs.sum::<f64>() * UNIT) as i64
-            };
-            problem.labels[p].iter().map(support).collect()
-        })
-        .collect()
+fn supports(problem: &Problem, columns: &Columns) -> Vec<Vec<i64>> {
+    let mut errors = Vec::new();
+    let support = |(p, labels): (usize, &Vec<Label>)| {
+        let own = columns.of(p);
+        errors.clear();
+        errors.resize(own[0].len(), 0.0);
+        for q in problem.neighbours[p].iter().map(|&q| q as usize) {
+            let apart = (problem.nodes[q] - problem.nodes[p]).into();
+            let [x, y, ..] = columns.of(q);
+            add_prediction_errors(own, apart, [x, y], problem.truncation, &mut errors);
+        }
+        let costs = labels.iter().zip(&errors);
+        let costs = costs.map(|(label, error)| label.unary + (error * UNIT) as i64);
+        costs.collect()
+    };
+    problem.labels.iter().enumerate().map(support).collect()
 }
 
-/// What `label` of node `p` proposes to the nodes around `p`, itself included.
-fn spread(problem: &Problem, p: usize, label: usize) -> Vec<(usize, usize)> {
+/// What a label of node `p` proposes to the nodes `around` it and to itself.
+fn spread(
+    problem: &Problem,
+    columns: &Columns,
+    around: &[usize],
+    (p, label): (usize, usize),
+) -> Vec<(usize, usize)> {
     let from = problem.labels[p][label];
     let mut proposal = vec![(p, label)];
-    for q in around(problem, p) {
+    for &q in around {
         let apart = problem.nodes[q] - problem.nodes[p];
-        let (nearest, squared) = nearest(problem, q, from.at + from.b_from_a * apart);
+        let [x, y, ..] = columns.of(q);
+        let (nearest, squared) = nearest_place(x, y, (from.at + from.b_from_a * apart).into());
         if squared <= problem.truncation * problem.truncation * apart.norm_squared() {
             proposal.push((q, nearest));
         }
@@ -114,16 +131,4 @@ fn around(problem: &Problem, p: usize) -> Vec<usize> {
         }
     }
     around
-}
-
-/// The candidate of node `q` nearest to `place`, and the squared distance.
-fn nearest(problem: &Problem, q: usize, place: Vector2<f64>) -> (usize, f64) {
-    let mut best = (0, f64::INFINITY);
-    for (index, label) in problem.labels[q].iter().enumerate() {
-        let squared = (label.at - place).norm_squared();
-        if squared < best.1 {
-            best = (index, squared);
-        }
-    }
-    best
 }
