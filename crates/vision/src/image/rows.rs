@@ -20,6 +20,9 @@ pub struct RowBuffer {
     stride: usize,
     capacity: usize,
     made: usize,
+    /// The row that lies first in `data`: a multiple of the capacity, so that nothing need be divided to
+    /// find the others.
+    first: usize,
     data: Vec<f32>,
     /// Where in `data` the first row starts.
     start: usize,
@@ -52,6 +55,7 @@ impl RowBuffer {
             stride,
             capacity,
             made: 0,
+            first: 0,
             data,
             // A place not found costs time only.
             start: start.min(LINE),
@@ -66,6 +70,7 @@ impl RowBuffer {
     /// Forgets all rows, to be filled again.
     pub(crate) fn restart(&mut self) {
         self.made = 0;
+        self.first = 0;
     }
 
     /// Width and height of the finished image.
@@ -100,7 +105,12 @@ impl RowBuffer {
             self.capacity,
             self.made
         );
-        &self.data[self.start + y % self.capacity * self.stride..][..self.columns.len()]
+        let place = if y >= self.first {
+            y - self.first
+        } else {
+            y + self.capacity - self.first
+        };
+        &self.data[self.start + place * self.stride..][..self.columns.len()]
     }
 
     /// The next `count` rows (fewer at the end), to be written at once.
@@ -108,7 +118,10 @@ impl RowBuffer {
     /// # Panics
     /// Unless `count` is a divisor of `ROWS_AT_ONCE`, and the same in each call.
     pub fn append(&mut self, count: usize) -> impl Iterator<Item = &mut [f32]> {
-        let place = self.made % self.capacity;
+        if self.made == self.first + self.capacity {
+            self.first = self.made;
+        }
+        let place = self.made - self.first;
         assert!(place + count <= self.capacity, "{count} rows in one piece");
         let count = count.min(self.size.height - self.made);
         let start = self.start + place * self.stride;

@@ -17,6 +17,11 @@ multiversioned! {
             rows_block::<LANES>(rows, half, out, x);
             x += LANES;
         }
+        if x < out.len() && LANES <= out.len() {
+            // The last block again makes some of what is made.
+            x = out.len();
+            rows_block::<LANES>(rows, half, out, x - LANES);
+        }
         while x < out.len() {
             rows_block::<1>(rows, half, out, x);
             x += 1;
@@ -35,6 +40,10 @@ multiversioned! {
         while x + LANES <= out.len() {
             along_block::<LANES>(padded, half, out, x);
             x += LANES;
+        }
+        if x < out.len() && LANES <= out.len() {
+            x = out.len();
+            along_block::<LANES>(padded, half, out, x - LANES);
         }
         while x < out.len() {
             along_block::<1>(padded, half, out, x);

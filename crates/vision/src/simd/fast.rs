@@ -51,6 +51,11 @@ multiversioned! {
             scores[x + 3..][..LANES].copy_from_slice(&score_block::<LANES>(rows, x, threshold));
             x += LANES;
         }
+        if x + 6 < width && LANES + 6 <= width {
+            // The last block again makes some of what is made.
+            x = width - 6;
+            scores[x + 3 - LANES..][..LANES].copy_from_slice(&score_block::<LANES>(rows, x - LANES, threshold));
+        }
         while x + 6 < width {
             scores[x + 3..][..1].copy_from_slice(&score_block::<1>(rows, x, threshold));
             x += 1;
@@ -88,13 +93,18 @@ fn maxima(rows: [&[u8]; 3], least: u8, found: &mut Vec<usize>, wanted: impl Fn(u
     let mut x = 1;
     if InstructionSet::in_use() == InstructionSet::Avx512 {
         while x + 2 * LANES < width {
-            find_in_block::<{ 2 * LANES }>(rows, x, least, found, &wanted);
+            find_in_block::<{ 2 * LANES }>(rows, x, x, least, found, &wanted);
             x += 2 * LANES;
         }
     }
     while x + LANES < width {
-        find_in_block::<LANES>(rows, x, least, found, &wanted);
+        find_in_block::<LANES>(rows, x, x, least, found, &wanted);
         x += LANES;
+    }
+    if x + 1 < width && LANES + 2 <= width {
+        // The last block has columns that were looked at.
+        find_in_block::<LANES>(rows, width - 1 - LANES, x, least, found, &wanted);
+        x = width - 1;
     }
     while x + 1 < width {
         if maxima_block::<1>(rows, x, least, &wanted) == [1] {
@@ -110,11 +120,12 @@ macro_rules! unrolled {
     ($call:expr; $($i:literal)*) => { [$($call($i)),*] };
 }
 
-/// The columns of a block.
+/// The columns of the block at `x`, from column `first` on.
 #[inline(always)]
 fn find_in_block<const L: usize>(
     rows: [&[u8]; 3],
     x: usize,
+    first: usize,
     least: u8,
     found: &mut Vec<usize>,
     wanted: &impl Fn(u8, u8) -> bool,
@@ -131,7 +142,10 @@ fn find_in_block<const L: usize>(
     for (i, eight) in is_maximum.as_chunks::<8>().0.iter().enumerate() {
         let mut left = u64::from_le_bytes(*eight);
         while left != 0 {
-            found.push(x + 8 * i + left.trailing_zeros() as usize / 8);
+            let column = x + 8 * i + left.trailing_zeros() as usize / 8;
+            if column >= first {
+                found.push(column);
+            }
             left &= left - 1;
         }
     }

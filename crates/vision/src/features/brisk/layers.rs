@@ -170,6 +170,40 @@ impl ScaleLayers {
     }
 }
 
+/// Along one axis the two ends of a square in another layer and the whole pixels between them.
+struct Samples {
+    start: f32,
+    end: f32,
+    count: i32,
+}
+
+impl Samples {
+    /// Those of the square around the place of pixel `v`.
+    fn of(v: i32, step: &Step) -> Self {
+        let at = |half: i32| (step.times * v + step.plus + half) as f32 / step.over;
+        let (start, end) = (at(-step.half), at(step.half));
+        Self {
+            start,
+            end,
+            count: 2 + end as i32 - start as i32,
+        }
+    }
+
+    /// A place, and the pixel that stands for it.
+    fn at(&self, i: i32) -> (f32, i32) {
+        let pixel = self.start as i32 + i.max(1);
+        match i {
+            0 => (self.start, pixel),
+            _ if self.is_inner(i) => (pixel as f32, pixel),
+            _ => (self.end, self.end as i32),
+        }
+    }
+
+    fn is_inner(&self, i: i32) -> bool {
+        0 < i && i + 1 < self.count
+    }
+}
+
 impl Layer {
     fn new(image: GrayImage, scale: f32) -> Self {
         let mut scores = GrayImage::filled(image.size(), 0);
@@ -208,7 +242,8 @@ impl Layer {
     }
 
     fn scores_around(&self, x: i32, y: i32) -> [[i32; 3]; 3] {
-        [y - 1, y, y + 1].map(|y| [x - 1, x, x + 1].map(|x| self.score(x, y)))
+        let row = |y| [self.score(x - 1, y), self.score(x, y), self.score(x + 1, y)];
+        [row(y - 1), row(y), row(y + 1)]
     }
 
     /// Whether of the neighbours with the same score none scores higher after smoothing, and no
@@ -255,28 +290,20 @@ impl Layer {
         centre: i32,
         ties: bool,
     ) -> Option<Neighbour> {
-        // The two ends of the square and the whole pixels between them; for each the pixel that
-        // stands for it.
-        let [columns, rows] = pixel.map(|v| {
-            let at = |half: i32| (step.times * v + step.plus + half) as f32 / step.over;
-            let (start, end) = (at(-step.half), at(step.half));
-            let inner = (start as i32 + 1..=end as i32).map(|i| (i as f32, i));
-            let mut all = vec![(start, start as i32 + 1)];
-            all.extend(inner);
-            all.push((end, end as i32));
-            all
-        });
+        let columns = Samples::of(pixel[0], step);
+        let rows = Samples::of(pixel[1], step);
         let mut most = -1;
         let mut best = [0, 0];
-        for (row, &(y, pixel_y)) in rows.iter().enumerate() {
-            for (column, &(x, pixel_x)) in columns.iter().enumerate() {
-                let is_inner = |i: usize, n: usize| i > 0 && i + 1 < n;
+        for row in 0..rows.count {
+            let (y, pixel_y) = rows.at(row);
+            for column in 0..columns.count {
+                let (x, pixel_x) = columns.at(column);
                 let score = self.score_between(x, y);
                 // The last row cannot exclude the pixel.
-                if score > centre && row + 1 < rows.len() {
+                if score > centre && row + 1 < rows.count {
                     return None;
                 }
-                let is_pixel = is_inner(row, rows.len()) && is_inner(column, columns.len());
+                let is_pixel = rows.is_inner(row) && columns.is_inner(column);
                 let wins_tie = || self.ring(pixel_x, pixel_y) > self.ring(best[0], best[1]);
                 if score > most || (ties && is_pixel && score == most && wins_tie()) {
                     // The first row stands for the second.

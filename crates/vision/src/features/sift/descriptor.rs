@@ -88,5 +88,12 @@ fn columns_inside(grid: &PatchGrid, y: f32) -> RangeInclusive<i32> {
         }
     }
     // Within any image, so that sums of offsets do not overflow.
-    (first.max(-1e6).floor() as i32)..=(last.min(1e6).ceil() as i32)
+    floor(first.max(-1e6))..=-floor(-last.min(1e6))
+}
+
+/// The largest whole number that is not above `value`; `f32::floor` is a call where processors may lack
+/// the instruction.
+fn floor(value: f32) -> i32 {
+    let whole = value as i32;
+    whole - i32::from(whole as f32 > value)
 }

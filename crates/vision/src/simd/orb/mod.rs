@@ -66,7 +66,7 @@ pub fn intensity_moments(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<[i32; 
 /// 256 bits for each centre: whether the first place of each pair is darker than the second,
 /// all places turned by the angle whose cosine and sine are given, to the nearest pixel.
 /// Centres must be at least 20 pixels from the border; nearer to it, pixels from the other end of the row
-/// are read, or it panics. Turned places must not be farther than [`PAIR_REACH`] along either axis.
+/// are read, or it panics. Places must not be farther from it than 18.5 pixels.
 ///
 /// # Panics
 /// If there are not as many turns as centres.

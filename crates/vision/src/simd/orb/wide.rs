@@ -2,33 +2,41 @@
 //! (VNNI), written by hand.
 //!
 //! *How it works.* For moments two rows of a patch fill a vector, whose pixels one instruction
-//! multiplies by their offsets and sums. For comparisons the square about a keypoint is copied into 13
-//! tables of 128 bytes. A permutation looks up 64 places in one table; those that lie in it, told by the bits
-//! above the lowest seven, take what was found, and all others wait for their own table.
+//! multiplies by their offsets and sums. For comparisons the disc about a keypoint is copied, row after row
+//! without gaps, into nine tables of 128 bytes, which registers hold. A permutation looks up 64 places in one
+//! table; those that lie in it, told by the bits above the lowest seven, take what was found, and all others
+//! wait for their own table.
 //!
 //! *Benefit*: looking up place by place takes four instructions for each of 512 places. *Correctness*: places are turned and rounded by the operations
 //! of the portable text in its order, and moments are whole numbers, which no order of sums changes; a test
 //! compares both.
 
 use std::arch::x86_64::{
-    __m512, __m512i, _mm256_loadu_si256, _mm512_add_epi32, _mm512_add_ps, _mm512_castps_si512,
+    __m512, __m512i, _mm256_loadu_si256, _mm512_add_epi16, _mm512_add_ps, _mm512_castps_si512,
     _mm512_castsi256_si512, _mm512_cmpeq_epi8_mask, _mm512_cmplt_epu8_mask, _mm512_dpbusd_epi32,
     _mm512_inserti64x4, _mm512_loadu_ps, _mm512_loadu_si512, _mm512_mask2_permutex2var_epi8,
-    _mm512_mul_ps, _mm512_mullo_epi32, _mm512_permutex2var_epi8, _mm512_permutex2var_epi16,
-    _mm512_reduce_add_epi32, _mm512_set1_epi8, _mm512_set1_epi32, _mm512_set1_ps,
-    _mm512_setzero_si512, _mm512_srli_epi16, _mm512_sub_ps,
+    _mm512_mul_ps, _mm512_permutex2var_epi8, _mm512_permutex2var_epi16, _mm512_reduce_add_epi32,
+    _mm512_set1_epi8, _mm512_set1_ps, _mm512_setzero_si512, _mm512_srli_epi16, _mm512_sub_ps,
 };
 
 use super::{HALF_ROWS, MOMENT_RADIUS, PAIR_REACH, PairTable, Pixels, ROUND};
 
-/// Bytes of a row of the copy, more than the square's 39 columns.
+/// Bytes that are copied of each row: the longest has 39.
 const ROW: usize = 40;
 
 /// Bytes that two vectors hold.
 const TABLE: usize = 128;
 
-/// Tables that hold the rows of the square.
-const TABLES: usize = ((2 * PAIR_REACH + 1) * ROW).div_ceil(TABLE);
+/// Tables that hold the rows of the disc.
+const TABLES: usize = 9;
+
+/// Half the length of the rows that hold pixels to which places within 18.5 pixels are rounded, from the
+/// middle row outwards.
+const HALF_WIDTHS: [usize; PAIR_REACH + 1] = half_widths();
+
+/// Where the pixel in the middle of each row lies in the tables; rows above the centre, whose numbers are
+/// negative, at the end, as the lowest six bits of their numbers say.
+static MIDDLES: [u16; 64] = middles();
 
 /// Places that are looked up together.
 const AT_ONCE: usize = 64;
@@ -41,9 +49,12 @@ static LOW_BYTES: [u8; AT_ONCE] = low_bytes();
 /// the circle. The middle row counts once.
 static OFFSETS: [[[i8; 64]; 2]; MOMENT_RADIUS + 1] = offsets();
 
-/// The square about a keypoint, row after row.
+/// The disc about a keypoint, row after row, and what is copied beyond its last pixel.
 #[repr(align(64))]
-struct Square([[u8; TABLE]; TABLES]);
+struct Disc([u8; TABLES * TABLE + TABLE]);
+
+/// The two halves of each table.
+type Tables = [[__m512i; 2]; TABLES];
 
 /// As the kernel of that name, with as many turns as centres.
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
@@ -54,16 +65,29 @@ pub(super) fn compare_pairs(
     pairs: &PairTable,
 ) -> Vec<u64> {
     let mut bits = Vec::with_capacity(4 * centres.len());
-    let mut square = Square([[0; TABLE]; TABLES]);
+    let mut disc = Disc([0; TABLES * TABLE + TABLE]);
     for (&centre, &turn) in centres.iter().zip(turns) {
-        let rows = square.0.as_flattened_mut().chunks_exact_mut(ROW);
-        for (row, y) in rows.zip(0..=2 * PAIR_REACH) {
-            let down = y as isize - PAIR_REACH as isize;
-            row.copy_from_slice(pixels.run::<ROW>(centre, PAIR_REACH, down));
+        let mut start = 0;
+        // Each row overwrites what was copied beyond the end of the one before.
+        for down in -(PAIR_REACH as isize)..=PAIR_REACH as isize {
+            let half = HALF_WIDTHS[down.unsigned_abs()];
+            disc.0[start..][..ROW].copy_from_slice(pixels.run::<ROW>(centre, half, down));
+            start += 2 * half + 1;
+        }
+        let mut tables: Tables = [[_mm512_setzero_si512(); 2]; TABLES];
+        for (table, bytes) in tables.iter_mut().zip(disc.0.as_chunks::<TABLE>().0) {
+            // SAFETY: 64 bytes can be read from byte 0 and from byte 64 of 128.
+            *table = unsafe {
+                let start = bytes.as_ptr();
+                [
+                    _mm512_loadu_si512(start.cast()),
+                    _mm512_loadu_si512(start.add(TABLE / 2).cast()),
+                ]
+            };
         }
         for start in (0..256).step_by(AT_ONCE) {
-            let first = look_up(&square, turned(&pairs.first, start, turn));
-            let second = look_up(&square, turned(&pairs.second, start, turn));
+            let first = look_up(&tables, turned(&pairs.first, start, turn));
+            let second = look_up(&tables, turned(&pairs.second, start, turn));
             bits.push(_mm512_cmplt_epu8_mask(first, second));
         }
     }
@@ -101,17 +125,9 @@ pub(super) fn intensity_moments(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec
 /// The pixels at 64 places: the low byte of each place, and the place without its seven lowest bits.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
-fn look_up(square: &Square, [low, table]: [__m512i; 2]) -> __m512i {
+fn look_up(tables: &Tables, [low, table]: [__m512i; 2]) -> __m512i {
     let mut pixels = low;
-    for (number, bytes) in square.0.iter().enumerate() {
-        // SAFETY: 64 bytes can be read from byte 0 and from byte 64 of 128.
-        let halves = unsafe {
-            let start = bytes.as_ptr();
-            [
-                _mm512_loadu_si512(start.cast()),
-                _mm512_loadu_si512(start.add(TABLE / 2).cast()),
-            ]
-        };
+    for (number, halves) in tables.iter().enumerate() {
         // Each place lies in one table. It stays as it is until that comes, and what was found stays too.
         let here = _mm512_cmpeq_epi8_mask(table, _mm512_set1_epi8(number as i8));
         pixels = _mm512_mask2_permutex2var_epi8(halves[0], pixels, here, halves[1]);
@@ -119,33 +135,41 @@ fn look_up(square: &Square, [low, table]: [__m512i; 2]) -> __m512i {
     pixels
 }
 
-/// Places `start..start + 64` in the square, turned: see [`look_up`].
+/// Places `start..start + 64` in the disc, turned: see [`look_up`].
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
 fn turned(places: &[[f32; 256]; 2], start: usize, turn: [f32; 2]) -> [__m512i; 2] {
-    // A rounded number is in the lowest bits of a mantissa; the other bits of both wrap around.
-    const OFFSET: i32 = (PAIR_REACH * (ROW + 1)) as i32;
-    const BITS: i32 = ROUND.to_bits() as i32;
     let (cos, sin) = (_mm512_set1_ps(turn[0]), _mm512_set1_ps(turn[1]));
-    let offset = _mm512_set1_epi32(OFFSET.wrapping_sub(BITS.wrapping_mul(ROW as i32 + 1)));
-    let mut words = [_mm512_setzero_si512(); 4];
-    for (word, start) in words.iter_mut().zip((start..).step_by(16)) {
+    let (mut columns, mut rows) = ([_mm512_setzero_si512(); 4], [_mm512_setzero_si512(); 4]);
+    for (i, start) in (start..start + AT_ONCE).step_by(16).enumerate() {
         let (x, y) = (load(&places[0], start), load(&places[1], start));
         let turned_x = _mm512_sub_ps(_mm512_mul_ps(x, cos), _mm512_mul_ps(y, sin));
         let turned_y = _mm512_add_ps(_mm512_mul_ps(x, sin), _mm512_mul_ps(y, cos));
+        // A rounded number is in the lowest bits of a mantissa.
         let rounded = |v: __m512| _mm512_castps_si512(_mm512_add_ps(v, _mm512_set1_ps(ROUND)));
-        let row = _mm512_mullo_epi32(rounded(turned_y), _mm512_set1_epi32(ROW as i32));
-        *word = _mm512_add_epi32(_mm512_add_epi32(row, rounded(turned_x)), offset);
+        columns[i] = rounded(turned_x);
+        rows[i] = rounded(turned_y);
     }
-    // SAFETY: 64 bytes can be read from 32 numbers of two bytes, and from 64 of one.
-    let (halves, bytes) = unsafe {
+    // SAFETY: 64 bytes can be read from 32 numbers of two bytes, twice from 64, and from 64 of one.
+    let (halves, bytes, middles) = unsafe {
         (
             _mm512_loadu_si512(LOW_HALVES.as_ptr().cast()),
             _mm512_loadu_si512(LOW_BYTES.as_ptr().cast()),
+            [
+                _mm512_loadu_si512(MIDDLES.as_ptr().cast()),
+                _mm512_loadu_si512(MIDDLES.as_ptr().add(32).cast()),
+            ],
         )
     };
-    let first = _mm512_permutex2var_epi16(words[0], halves, words[1]);
-    let last = _mm512_permutex2var_epi16(words[2], halves, words[3]);
+    let place = |i: usize| {
+        let row = _mm512_permutex2var_epi16(rows[i], halves, rows[i + 1]);
+        let column = _mm512_permutex2var_epi16(columns[i], halves, columns[i + 1]);
+        _mm512_add_epi16(
+            _mm512_permutex2var_epi16(middles[0], row, middles[1]),
+            column,
+        )
+    };
+    let (first, last) = (place(0), place(2));
     let (high_first, high_last) = (_mm512_srli_epi16::<7>(first), _mm512_srli_epi16::<7>(last));
     [
         _mm512_permutex2var_epi8(first, bytes, last),
@@ -159,6 +183,39 @@ fn load(values: &[f32; 256], start: usize) -> __m512 {
     let values = values[start..].first_chunk::<16>().expect("16 at a time");
     // SAFETY: 16 values can be read from 16 values.
     unsafe { _mm512_loadu_ps(values.as_ptr()) }
+}
+
+/// Whether rounding takes a place of this row and column from within 18.5 pixels: it may be half a pixel
+/// nearer to the middle along either axis.
+const fn is_reached(row: usize, column: usize) -> bool {
+    // Twice the least distances.
+    let nearest = [(2 * row).saturating_sub(1), (2 * column).saturating_sub(1)];
+    nearest[0] * nearest[0] + nearest[1] * nearest[1] <= 37 * 37
+}
+
+const fn half_widths() -> [usize; PAIR_REACH + 1] {
+    let mut widths = [0; PAIR_REACH + 1];
+    let mut row = 0;
+    while row <= PAIR_REACH {
+        while widths[row] < PAIR_REACH && is_reached(row, widths[row] + 1) {
+            widths[row] += 1;
+        }
+        row += 1;
+    }
+    widths
+}
+
+const fn middles() -> [u16; 64] {
+    let mut middles = [0; 64];
+    let (mut start, mut i) = (0, 0);
+    while i <= 2 * PAIR_REACH {
+        let half = HALF_WIDTHS[i.abs_diff(PAIR_REACH)];
+        middles[(i + 64 - PAIR_REACH) % 64] = (start + half) as u16;
+        start += 2 * half + 1;
+        i += 1;
+    }
+    assert!(start <= TABLES * TABLE, "tables for all rows");
+    middles
 }
 
 const fn offsets() -> [[[i8; 64]; 2]; MOMENT_RADIUS + 1] {
