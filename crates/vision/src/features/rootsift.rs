@@ -37,7 +37,8 @@ impl Extractor for RootSift {
     }
 }
 
-fn with_roots(features: Features) -> Features {
+/// Features of SIFT with the roots of their descriptors.
+pub(super) fn with_roots(features: Features) -> Features {
     let Descriptors::Float(rows) = &features.descriptors else {
         unreachable!("those of SIFT are of real values");
     };

@@ -14,7 +14,7 @@ const CELLS: usize = 4;
 /// Directions in a cell.
 const BINS: usize = 8;
 /// Values of a descriptor.
-pub(super) const LENGTH: usize = CELLS * CELLS * BINS;
+pub(in crate::features) const LENGTH: usize = CELLS * CELLS * BINS;
 /// Width of a cell, in scales of the keypoint.
 const CELL_WIDTH: f32 = 3.0;
 /// No value may exceed this share of the norm before the second normalisation.
@@ -24,14 +24,26 @@ const NORM: f32 = 512.0;
 
 /// Describes patches; its buffers are used again and again.
 #[derive(Default)]
-pub(super) struct PatchDescriber {
+pub(in crate::features) struct PatchDescriber {
     patch: Patch,
 }
 
 impl PatchDescriber {
     /// The descriptor of the patch of a keypoint at `at` in pixels of `layer`, with a `scale` in
     /// those pixels and an `angle` in radians from x towards y.
-    pub(super) fn describe(
+    pub(in crate::features) fn describe(
+        &mut self,
+        layer: &RowBuffer,
+        at: Point2<f32>,
+        scale: f32,
+        angle: f32,
+    ) -> [f32; LENGTH] {
+        normalized(self.sums(layer, at, scale, angle))
+    }
+
+    /// The same before it is normalised: sums of differences of grey values over the pixels of the
+    /// layer.
+    pub(in crate::features) fn sums(
         &mut self,
         layer: &RowBuffer,
         at: Point2<f32>,
@@ -56,14 +68,18 @@ impl PatchDescriber {
             |y| columns_inside(&grid, y as f32),
             |window, gradients| add_patch(window, &grid, gradients, &mut histogram),
         );
-        let mut values = std::array::from_fn(|i| {
+        std::array::from_fn(|i| {
             let (row, column, bin) = (i / (CELLS * BINS), i / BINS % CELLS, i % BINS);
             let place = (row + 1) * 64 + (column + 1) * 8 + bin;
             histogram[place] + histogram[512 + place]
-        });
-        normalize_to_bytes(&mut values, CLIP, NORM);
-        values
+        })
     }
+}
+
+/// Sums as a descriptor: normalised, clipped, normalised again and rounded.
+pub(in crate::features) fn normalized(mut sums: [f32; LENGTH]) -> [f32; LENGTH] {
+    normalize_to_bytes(&mut sums, CLIP, NORM);
+    sums
 }
 
 /// Pixels that a patch reaches to each side about the pixel of a keypoint of this `scale`, in an image

@@ -40,6 +40,7 @@ mod extrema;
 mod orientation;
 mod passes;
 mod patch;
+mod places;
 
 use nalgebra::Point2;
 
@@ -49,9 +50,11 @@ use super::{
 };
 use crate::image::{GrayImage, Octave, ScaleSpaceShape, Size};
 use crate::params::ParamError;
-use descriptor::LENGTH;
 use extrema::Extremum;
-use passes::{Description, Detection};
+use passes::Detection;
+
+pub(super) use descriptor::{LENGTH, PatchDescriber, normalized};
+pub(super) use orientation::Orientations;
 
 /// Bytes for each pixel of the image, measured: bases of two octaves, one of them doubled.
 const BYTES_A_PIXEL: usize = 6;
@@ -165,7 +168,7 @@ impl Sift {
         (keypoints, FloatRows::from_vec(LENGTH, data))
     }
 
-    fn shape(&self) -> ScaleSpaceShape {
+    pub(super) fn shape(&self) -> ScaleSpaceShape {
         ScaleSpaceShape {
             double: self.params.double_image,
             intervals: self.params.octave_layers,
@@ -192,7 +195,7 @@ impl Sift {
     }
 
     /// Position and scale of a keypoint in pixels of an octave.
-    fn in_octave(&self, keypoint: &Keypoint, octave: i32) -> (Point2<f32>, f32) {
+    pub(super) fn in_octave(&self, keypoint: &Keypoint, octave: i32) -> (Point2<f32>, f32) {
         let spacing = spacing(octave);
         let at = keypoint.at.map(|v| (v + self.shift()) / spacing);
         (at, 0.5 * keypoint.size / spacing)
@@ -235,9 +238,19 @@ impl Describer for Sift {
     fn describe(&self, image: &GrayImage, keypoints: &mut Vec<Keypoint>) -> Descriptors {
         let is_describable = !self.shape().octaves(image.size()).is_empty();
         keypoints.retain(|keypoint| is_describable && is_inside(keypoint, image));
-        let mut pass = Description::new(self, image, keypoints);
-        self.shape().visit(image, &mut pass);
-        Descriptors::Float(FloatRows::from_vec(LENGTH, pass.descriptors))
+        let (mut describer, mut orientations) =
+            (PatchDescriber::default(), Orientations::default());
+        let mut descriptors = vec![0.0; LENGTH * keypoints.len()];
+        self.look_at(image, keypoints.clone(), |place| {
+            let (layer, at, scale) = (place.layer, place.at, place.scale);
+            let angle = *keypoints[place.index].angle.get_or_insert_with(|| {
+                let pixel = [at.x, at.y].map(|v| v.round_ties_even().max(0.0) as usize);
+                orientations.strongest(layer, pixel, scale)
+            });
+            let descriptor = describer.describe(layer, at, scale, angle);
+            descriptors[LENGTH * place.index..][..LENGTH].copy_from_slice(&descriptor);
+        });
+        Descriptors::Float(FloatRows::from_vec(LENGTH, descriptors))
     }
 
     fn memory(&self, size: Size) -> usize {
@@ -267,7 +280,7 @@ fn spacing(octave: i32) -> f32 {
     libm::scalbnf(1.0, octave)
 }
 
-fn is_inside(keypoint: &Keypoint, image: &GrayImage) -> bool {
+pub(super) fn is_inside(keypoint: &Keypoint, image: &GrayImage) -> bool {
     let within = |v: f32, length: usize| v >= -0.5 && v < length as f32 - 0.5;
     within(keypoint.at.x, image.width())
         && within(keypoint.at.y, image.height())

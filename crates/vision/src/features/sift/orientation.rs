@@ -16,14 +16,19 @@ const PEAK_RATIO: f32 = 0.8;
 
 /// Finds dominant directions; its buffers are used again and again.
 #[derive(Default)]
-pub(super) struct Orientations {
+pub(in crate::features) struct Orientations {
     patch: Patch,
     peaks: Vec<f32>,
 }
 
 impl Orientations {
     /// Angles of the peaks about a pixel, in radians in `[0, 2 pi)` from x towards y.
-    pub(super) fn peaks(&mut self, layer: &RowBuffer, pixel: [usize; 2], scale: f32) -> &[f32] {
+    pub(in crate::features) fn peaks(
+        &mut self,
+        layer: &RowBuffer,
+        pixel: [usize; 2],
+        scale: f32,
+    ) -> &[f32] {
         let histogram = self.histogram(layer, pixel, scale);
         let highest = histogram.iter().copied().fold(0.0, f32::max);
         self.peaks.clear();

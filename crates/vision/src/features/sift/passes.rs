@@ -1,18 +1,16 @@
 //! What is done in a scale space on its way past: keypoints are found, turned and described where they
 //! lie, as long as their surroundings are there.
 
-use std::ops::Range;
-
+use super::Sift;
 use super::descriptor::{LENGTH, PatchDescriber, patch_radius};
 use super::extrema::{self, Extremum, ExtremumFinder};
 use super::orientation::{Orientations, window_radius};
 use super::patch::BEYOND;
-use super::{Sift, is_inside};
 use crate::features::Keypoint;
-use crate::image::{GrayImage, LayerVisitor, Octave, Reach, Strip};
+use crate::image::{LayerVisitor, Octave, Reach, Strip};
 
 /// Pixels by which the place of a keypoint may differ from the pixel it was found at.
-const ROUNDING: usize = 2;
+pub(super) const ROUNDING: usize = 2;
 
 /// Finds the keypoints of an image.
 pub(super) struct Detection<'a> {
@@ -81,112 +79,6 @@ impl LayerVisitor for Detection<'_> {
             self.add(strip, &extremum);
         }
         self.extrema = extrema;
-    }
-}
-
-/// Describes keypoints that are known.
-pub(super) struct Description<'a> {
-    sift: &'a Sift,
-    describer: PatchDescriber,
-    orientations: Orientations,
-    /// Of the octaves from the finest to the last with a keypoint.
-    octaves: Vec<Vec<PatchSite>>,
-    /// The first place of the octave at work that is not in a row before the visitor's.
-    next: usize,
-    keypoints: &'a mut [Keypoint],
-    /// Their descriptors.
-    pub(super) descriptors: Vec<f32>,
-}
-
-/// Where a keypoint is described.
-struct PatchSite {
-    index: usize,
-    layer: usize,
-    column: usize,
-    row: usize,
-    radius: usize,
-}
-
-impl<'a> Description<'a> {
-    /// For keypoints inside of `image`.
-    pub(super) fn new(sift: &'a Sift, image: &GrayImage, keypoints: &'a mut [Keypoint]) -> Self {
-        let octaves = sift.shape().octaves(image.size());
-        let mut places: Vec<Vec<PatchSite>> = Vec::new();
-        for (index, keypoint) in keypoints.iter().enumerate() {
-            debug_assert!(is_inside(keypoint, image), "{keypoint:?}");
-            let (octave, layer) = sift.level(keypoint, &octaves);
-            let Octave { number, size } = octaves[octave];
-            let (at, scale) = sift.in_octave(keypoint, number);
-            let inside = |v: f32, length: usize| (v.round_ties_even() as usize).min(length - 1);
-            places.resize_with(places.len().max(octave + 1), Vec::new);
-            places[octave].push(PatchSite {
-                index,
-                layer,
-                column: inside(at.x, size.width),
-                row: inside(at.y, size.height),
-                radius: patch_radius(size, scale).max(window_radius(size, scale)),
-            });
-        }
-        for places in &mut places {
-            places.sort_by_key(|place| place.row);
-        }
-        Self {
-            sift,
-            describer: PatchDescriber::default(),
-            orientations: Orientations::default(),
-            octaves: places,
-            next: 0,
-            descriptors: vec![0.0; LENGTH * keypoints.len()],
-            keypoints,
-        }
-    }
-
-    /// The places in row `y` of an octave.
-    fn in_row(&mut self, octave: usize, y: usize) -> Range<usize> {
-        let places = &self.octaves[octave];
-        let start = if y == 0 { 0 } else { self.next };
-        let count = places[start..].iter().take_while(|place| place.row == y);
-        self.next = start + count.count();
-        start..self.next
-    }
-
-    fn describe(&mut self, strip: &Strip, &PatchSite { index, layer, .. }: &PatchSite) {
-        let keypoint = &mut self.keypoints[index];
-        let (at, scale) = self.sift.in_octave(keypoint, strip.octave().number);
-        let layer = strip.layer(layer);
-        let angle = *keypoint.angle.get_or_insert_with(|| {
-            let pixel = [at.x, at.y].map(|v| v.round_ties_even().max(0.0) as usize);
-            self.orientations.strongest(layer, pixel, scale)
-        });
-        let descriptor = self.describer.describe(layer, at, scale, angle);
-        self.descriptors[LENGTH * index..][..LENGTH].copy_from_slice(&descriptor);
-    }
-
-    fn index_of(&self, octave: Octave) -> usize {
-        (octave.number - self.sift.finest()) as usize
-    }
-}
-
-impl LayerVisitor for Description<'_> {
-    fn reach(&self, octave: Octave) -> Option<Reach> {
-        let places = self.octaves.get(self.index_of(octave))?;
-        let largest = places.iter().map(|place| place.radius).max();
-        Some(Reach {
-            described: largest.unwrap_or(0) + BEYOND + ROUNDING,
-            all: None,
-        })
-    }
-
-    fn visit(&mut self, strip: &Strip, y: usize) {
-        let octave = self.index_of(strip.octave());
-        let range = self.in_row(octave, y);
-        let places = std::mem::take(&mut self.octaves[octave]);
-        for place in &places[range] {
-            if strip.columns().contains(&place.column) {
-                self.describe(strip, place);
-            }
-        }
-        self.octaves[octave] = places;
     }
 }
 
