@@ -8,7 +8,7 @@ import pytest
 
 EVERY = [
     mb.SIFT, mb.SURF, mb.ORB, mb.BRISK, mb.KAZE, mb.AKAZE, mb.DLCO, mb.FREAK, mb.FREAKOnSIFT, mb.BinBoost,
-    mb.LATCH, mb.DAISY, mb.ASIFT, mb.ShearedSURF,
+    mb.LATCH, mb.DAISY, mb.ASIFT, mb.ShearedSURF, mb.DSPSIFT,
 ]  # fmt: skip
 
 

@@ -39,6 +39,13 @@ class SIFT(Extractor):
     _matcher = "sift"
 
 
+class DSPSIFT(Extractor):
+    """J. Dong, S. Soatto, "Domain-Size Pooling in Local Descriptors: DSP-SIFT", CVPR 2015; with `affine_shape`
+    on ellipses."""
+
+    _matcher = "dsp-sift"
+
+
 class SURF(Extractor):
     """H. Bay, A. Ess, T. Tuytelaars, L. Van Gool, "Speeded-Up Robust Features", CVIU 2008."""
 

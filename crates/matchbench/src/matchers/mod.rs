@@ -12,6 +12,7 @@ mod brisk;
 mod code;
 mod daisy;
 mod dlco;
+mod dsp_sift;
 mod freak;
 mod freak_sift;
 mod from_files;
@@ -45,6 +46,7 @@ use crate::config::{self, ConfigError, UnknownName};
 pub const MATCHERS: &[&dyn MatcherEntry] = &[
     &sift::SIFT,
     &rootsift::ROOTSIFT,
+    &dsp_sift::DSP_SIFT,
     &surf::SURF,
     &orb::ORB,
     &brisk::BRISK,

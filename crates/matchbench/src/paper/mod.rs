@@ -192,13 +192,20 @@ mod tests {
                 .all(|(name, number)| name.starts_with(number))
         );
         assert_eq!(names.len(), NUMBERS.len());
-        // All matchers of the paper; RootSIFT, ASIFT, GMS with scales and AdaLAM, also on ASIFT, are not in it.
+        // All matchers of the paper; RootSIFT, DSP-SIFT, ASIFT, GMS with scales and AdaLAM, also on ASIFT, are not in it.
         let ours: Vec<&str> = (MATCHERS.iter().map(|entry| entry.id()))
             .filter(|id| !study.matchers.iter().any(|name| name == id))
             .collect();
         assert_eq!(
             ours,
-            ["rootsift", "asift", "gms-s", "adalam", "adalam-asift"]
+            [
+                "rootsift",
+                "dsp-sift",
+                "asift",
+                "gms-s",
+                "adalam",
+                "adalam-asift"
+            ]
         );
         for (dataset, short) in study.datasets.iter().zip([true, true, true, true, false]) {
             assert_eq!(dataset.matchers.is_some(), short, "{:?}", dataset.path);

@@ -21,8 +21,9 @@ use std::time::Instant;
 use matchbench_vision::InstructionSet;
 use matchbench_vision::features::{
     Akaze, AkazeParams, BinBoost, BinBoostParams, Brisk, BriskParams, Daisy, DaisyParams,
-    Descriptors, DetectThenDescribe, Dlco, DlcoParams, Extractor, Features, Freak, FreakParams,
-    Kaze, KazeParams, Latch, LatchParams, Orb, OrbParams, Sift, SiftParams, Surf, SurfParams,
+    Descriptors, DetectThenDescribe, Dlco, DlcoParams, DspSift, DspSiftParams, Extractor, Features,
+    Freak, FreakParams, Kaze, KazeParams, Latch, LatchParams, Orb, OrbParams, Sift, SiftParams,
+    Surf, SurfParams,
 };
 use matchbench_vision::geometry::PointPairs;
 use matchbench_vision::geometry::solvers::{five_point, homography, seven_point};
@@ -181,6 +182,7 @@ fn extractors() -> Vec<(&'static str, Box<dyn Extractor>)> {
     }
     let mut all = by_default! {
         "sift" Sift::new, SiftParams::default();
+        "dsp-sift" DspSift::new, DspSiftParams::default();
         "surf" Surf::new, SurfParams::default();
         "orb" Orb::new, OrbParams::default();
         "brisk" Brisk::new, BriskParams::default();

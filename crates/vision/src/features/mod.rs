@@ -5,6 +5,7 @@
 //! [`Detector`] and [`Describer`] where the two halves are separate papers. None of them can fail:
 //! an empty, a one-pixel or a black image has no features, and that is a result.
 
+mod affine;
 pub mod akaze;
 pub mod asift;
 pub mod binboost;
@@ -14,6 +15,7 @@ mod covariance;
 pub mod daisy;
 mod descriptors;
 pub mod dlco;
+pub mod dsp_sift;
 pub mod fast;
 pub mod freak;
 mod image_and_views;
@@ -36,6 +38,7 @@ pub use brisk::{Brisk, BriskParams};
 pub use daisy::{Daisy, DaisyParams};
 pub use descriptors::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
 pub use dlco::{Dlco, DlcoParams};
+pub use dsp_sift::{DspSift, DspSiftParams};
 pub use fast::{Fast, FastParams};
 pub use freak::{Freak, FreakParams};
 pub use image_and_views::ImageAndViews;
@@ -222,8 +225,17 @@ mod tests {
         }
         let sift = || Sift::new(SiftParams::default()).expect("in range");
         let surf = || Surf::new(SurfParams::default()).expect("in range");
-        let extractors: [(&str, Box<dyn Extractor>); 11] = [
+        let pooled = |affine_shape| {
+            let params = DspSiftParams {
+                affine_shape,
+                ..DspSiftParams::default()
+            };
+            DspSift::new(params).expect("in range")
+        };
+        let extractors: [(&str, Box<dyn Extractor>); 13] = [
             ("SIFT", Box::new(sift())),
+            ("DSP-SIFT", Box::new(pooled(false))),
+            ("DSP-SIFT on ellipses", Box::new(pooled(true))),
             ("SURF", Box::new(surf())),
             (
                 "ORB",

@@ -91,6 +91,7 @@ mod instructions;
 mod latch;
 #[cfg(target_arch = "x86_64")]
 mod masked;
+mod moments;
 mod normalize;
 mod orb;
 mod pooling;
@@ -126,13 +127,16 @@ pub use histogram::{
 };
 pub use instructions::InstructionSet;
 pub use latch::{WINDOW, compare_patches, turn_places};
+pub use moments::{GradientProducts, add_gradient_products};
 pub use normalize::normalize_to_bytes;
 pub use orb::{PAIR_REACH, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments};
 pub use pooling::{
     PATCHES_AT_ONCE, POOLED_ROWS, PoolStep, PoolUse, VECTORS_AT_ONCE, WeakLearner, box_responses,
     integrate_spread, pool_rows, project, vote,
 };
-pub use rectify::{DIRECTIONS, Source, sample_line, spread_and_square, spread_gradients};
+pub use rectify::{
+    DIRECTIONS, Source, sample_line, sample_line_of_floats, spread_and_square, spread_gradients,
+};
 pub use refine::sampson_normal_equations;
 pub use resample::{double_row, halve_row};
 pub use sampling::{

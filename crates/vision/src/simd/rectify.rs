@@ -5,11 +5,11 @@ use super::{truncated, turns};
 /// Directions that a gradient is spread over.
 pub const DIRECTIONS: usize = 8;
 
-/// Pixels of an 8-bit image, row after row without gaps.
+/// Pixels of an image, row after row without gaps.
 #[derive(Clone, Copy, Debug)]
-pub struct Source<'a> {
+pub struct Source<'a, P = u8> {
     /// The pixels.
-    pub data: &'a [u8],
+    pub data: &'a [P],
     /// Number of columns, at least 2.
     pub width: usize,
     /// Number of rows, at least 2.
@@ -28,15 +28,15 @@ multiversioned! {
     /// # Panics
     /// If the image is smaller than 2 x 2 or `data` does not hold all its rows.
     pub fn sample_line(source: Source<'_>, start: [f32; 2], step: [f32; 2], row: &mut [u8]) {
-        let mut i = 0;
-        while i + SAMPLED <= row.len() {
-            sample_block::<SAMPLED>(source, start, step, i, row);
-            i += SAMPLED;
-        }
-        while i < row.len() {
-            sample_block::<1>(source, start, step, i, row);
-            i += 1;
-        }
+        sample(source, start, step, row);
+    }
+
+    /// The same of an image of real values, which are not rounded.
+    ///
+    /// # Panics
+    /// As [`sample_line`].
+    pub fn sample_line_of_floats(source: Source<'_, f32>, start: [f32; 2], step: [f32; 2], row: &mut [f32]) {
+        sample(source, start, step, row);
     }
 
     /// Magnitudes of the central differences of a row, each shared between the two of eight
@@ -76,13 +76,79 @@ multiversioned! {
     }
 }
 
+/// A pixel that can be interpolated.
+trait Pixel: Copy {
+    /// Two neighbours in a row: one load, widened later in whole vectors.
+    type Two: Copy + Default;
+
+    /// The pixel `at` an index and the next.
+    fn two(data: &[Self], at: usize) -> Self::Two;
+
+    /// Their values.
+    fn values(two: Self::Two) -> [f32; 2];
+
+    /// The pixel of an interpolated value, which is not negative where pixels are not.
+    fn of(value: f32) -> Self;
+}
+
+impl Pixel for u8 {
+    type Two = u16;
+
+    #[inline(always)]
+    fn two(data: &[u8], at: usize) -> u16 {
+        u16::from_le_bytes([data[at], data[at + 1]])
+    }
+
+    #[inline(always)]
+    fn values(two: u16) -> [f32; 2] {
+        [two & 255, two >> 8].map(|value| i32::from(value) as f32)
+    }
+
+    #[inline(always)]
+    fn of(value: f32) -> u8 {
+        truncated(value + 0.5) as u8
+    }
+}
+
+impl Pixel for f32 {
+    type Two = [f32; 2];
+
+    #[inline(always)]
+    fn two(data: &[f32], at: usize) -> [f32; 2] {
+        [data[at], data[at + 1]]
+    }
+
+    #[inline(always)]
+    fn values(two: [f32; 2]) -> [f32; 2] {
+        two
+    }
+
+    #[inline(always)]
+    fn of(value: f32) -> f32 {
+        value
+    }
+}
+
 #[inline(always)]
-fn sample_block<const L: usize>(
-    source: Source<'_>,
+fn sample<P: Pixel>(source: Source<'_, P>, start: [f32; 2], step: [f32; 2], row: &mut [P]) {
+    let mut i = 0;
+    while i + SAMPLED <= row.len() {
+        sample_block::<SAMPLED, P>(source, start, step, i, row);
+        i += SAMPLED;
+    }
+    while i < row.len() {
+        sample_block::<1, P>(source, start, step, i, row);
+        i += 1;
+    }
+}
+
+#[inline(always)]
+fn sample_block<const L: usize, P: Pixel>(
+    source: Source<'_, P>,
     start: [f32; 2],
     step: [f32; 2],
     first: usize,
-    row: &mut [u8],
+    row: &mut [P],
 ) {
     let Source {
         data,
@@ -105,20 +171,17 @@ fn sample_block<const L: usize>(
         along[i] = x - column;
         across[i] = y - line;
     }
-    // Two neighbours are one load; widening them is left to whole vectors.
-    let (mut upper, mut lower) = ([0_u16; L], [0_u16; L]);
+    let (mut upper, mut lower) = ([P::Two::default(); L], [P::Two::default(); L]);
     for i in 0..L {
         let at = lines[i] as usize * width + columns[i] as usize;
-        upper[i] = u16::from_le_bytes([data[at], data[at + 1]]);
-        lower[i] = u16::from_le_bytes([data[at + width], data[at + width + 1]]);
+        upper[i] = P::two(data, at);
+        lower[i] = P::two(data, at + width);
     }
     let row = row[first..].first_chunk_mut::<L>().expect("a whole block");
     for i in 0..L {
-        let grey = |value: u16| i32::from(value) as f32;
-        let [a, b] = [grey(upper[i] & 255), grey(upper[i] >> 8)];
-        let [c, d] = [grey(lower[i] & 255), grey(lower[i] >> 8)];
+        let ([a, b], [c, d]) = (P::values(upper[i]), P::values(lower[i]));
         let (upper, lower) = (along[i].mul_add(b - a, a), along[i].mul_add(d - c, c));
-        row[i] = truncated(across[i].mul_add(lower - upper, upper) + 0.5) as u8;
+        row[i] = P::of(across[i].mul_add(lower - upper, upper));
     }
 }
 
@@ -216,6 +279,37 @@ mod tests {
         assert_eq!(row, [40, 40, 40, 45, 50, 55, 60, 65, 70, 70, 70]);
         sample_line(source, [1.0, -1.0], [0.0, 0.5], &mut row);
         assert_eq!(row, [10, 10, 10, 30, 50, 70, 90, 90, 90, 90, 90]);
+    }
+
+    #[test]
+    fn real_values_are_interpolated_as_bytes_are() {
+        let data: Vec<u8> = (0..12).map(|i| 17 * i % 251).collect();
+        let floats: Vec<f32> = data.iter().map(|&v| f32::from(v)).collect();
+        let (start, step) = ([-0.7, 1.9], [0.31, -0.17]);
+        let (mut bytes, mut row) = ([0; 19], [0.0; 19]);
+        let (width, height) = (4, 3);
+        sample_line(
+            Source {
+                data: &data,
+                width,
+                height,
+            },
+            start,
+            step,
+            &mut bytes,
+        );
+        sample_line_of_floats(
+            Source {
+                data: &floats,
+                width,
+                height,
+            },
+            start,
+            step,
+            &mut row,
+        );
+        assert_eq!(row.map(|v| (v + 0.5) as u8), bytes);
+        assert!(row.iter().any(|v| v.fract() != 0.0));
     }
 
     #[test]
