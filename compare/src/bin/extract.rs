@@ -5,13 +5,15 @@
 //! ```
 //!
 //! EXTRACTOR is the id of a matcher, whose features these are, or `orb-gms`: those of `gms` in an
-//! image of at most 640x480, whatever its size. IMAGE is a grey PGM or PNG of 8 bits. With
+//! image of at most 640x480, whatever its size. `ID=PARAMS` changes parameters of the extractor, PARAMS being a
+//! JSON object as in `dsp-sift={"affine_shape":true}`. IMAGE is a grey PGM or PNG of 8 bits. With
 //! KEYPOINTS, a file as written to `OUT.keypoints.npy`, EXTRACTOR is a describer and describes those. Each thread (`RAYON_NUM_THREADS` of them, all cores
 //! unless told) works on an image of its own, as in a run; prints the median time of that in
 //! milliseconds, divided by their number. Writes
 //! `OUT.keypoints.npy`, one row `x y size angle_in_degrees response octave` each (an angle of -1
 //! stands for none), and `OUT.descriptors.npy`, one row of values (or of bytes, for binary
-//! descriptors) each. `compare/features.py` reads them.
+//! descriptors) each, and where ellipses are described `OUT.frames.npy`, their frames row after row.
+//! `compare/features.py` reads them.
 
 use std::error::Error;
 use std::path::Path;
@@ -26,7 +28,7 @@ use matchbench_vision::features::{
 };
 use matchbench_vision::image::GrayImage;
 use rayon::prelude::*;
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// What finds the features of an image.
 type Extract = Box<dyn Fn(&GrayImage) -> Features + Sync>;
@@ -85,7 +87,13 @@ fn extract(id: &str, given: Option<Given>) -> Result<Extract, Box<dyn Error>> {
     }
     let built = match id {
         "orb-gms" => matchers::find("gms")?.build(Some(&json!({"budget": "small"})))?,
-        _ => matchers::find(id)?.build(None)?,
+        _ => match id.split_once('=') {
+            None => matchers::find(id)?.build(None)?,
+            Some((id, params)) => {
+                let params: Value = serde_json::from_str(params)?;
+                matchers::find(id)?.build(Some(&json!({"extractor": params})))?
+            }
+        },
     };
     Ok(Box::new(move |image| {
         (built.matcher.extract(image)).expect("the matchers of this project cannot fail")
@@ -143,6 +151,18 @@ fn write(features: &Features, out: &str) -> Result<(), Box<dyn Error>> {
         6,
         &keypoints,
     )?;
+    if let Some(frames) = &features.frames {
+        let frames: Vec<u8> = (frames.iter().flatten())
+            .flat_map(|v| v.to_le_bytes())
+            .collect();
+        write_npy(
+            &format!("{out}.frames.npy"),
+            "<f4",
+            features.len(),
+            4,
+            &frames,
+        )?;
+    }
     let (kind, columns, data): (_, _, Vec<u8>) = match &features.descriptors {
         Descriptors::Float(rows) => (
             "<f4",
