@@ -76,7 +76,7 @@ multiversioned! {
     ) {
         const L: usize = CANDIDATES_AT_ONCE;
         assert!(
-            sums.len() % L == 0 && candidates.iter().all(|numbers| numbers.len() == sums.len()),
+            sums.len().is_multiple_of(L) && candidates.iter().all(|numbers| numbers.len() == sums.len()),
             "whole blocks"
         );
         let squared_apart = (apart[0] * apart[0] + apart[1] * apart[1]).max(f64::MIN_POSITIVE);

@@ -67,15 +67,17 @@ struct Plan {
     regions: usize,
 }
 
+/// Regions of the same columns: where these start and their weights; their place among all; the regions, and where
+/// the rows of each start and their weights.
+type Strip = (
+    (usize, Vec<f32>),
+    Range<usize>,
+    Vec<(usize, usize, Vec<f32>)>,
+);
+
 impl Plan {
     fn new(rings: &[Ring]) -> Self {
         let mut plan = Self::default();
-        // Where the columns start and their weights; their place among all; the regions and their rows.
-        type Strip = (
-            (usize, Vec<f32>),
-            Range<usize>,
-            Vec<(usize, usize, Vec<f32>)>,
-        );
         let mut strips: Vec<Strip> = Vec::new();
         for ring in rings {
             for centre in ring.centres() {

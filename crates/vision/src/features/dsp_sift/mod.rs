@@ -278,9 +278,10 @@ impl Extractor for DspSift {
     }
 
     fn memory(&self, size: Size) -> usize {
-        let octaves = match self.params.affine_shape {
-            true => BYTES_A_PIXEL_OF_OCTAVES,
-            false => 0,
+        let octaves = if self.params.affine_shape {
+            BYTES_A_PIXEL_OF_OCTAVES
+        } else {
+            0
         };
         Extractor::memory(&self.sift, size) + size.area() * (BYTES_A_PIXEL + octaves)
     }
