@@ -1,17 +1,18 @@
 """DSP-SIFT and adapted ellipses beside COLMAP's, which are VLFeat's.
 
-    python compare/dsp_sift.py IMAGE_A IMAGE_B [IMAGE_A IMAGE_B ...] --programs target/release [--rounds 3]
+    python compare/dsp_sift.py IMAGE_A IMAGE_B [IMAGE_A IMAGE_B ...] --programs target/release [--rounds 3] [--smallest 0.1667]
 
 `--programs` has `extract` of this folder. Needs numpy, opencv and pycolmap. Both get the same grey pixels, thresholds and domain
-sizes: COLMAP's ten from 1/6 on, in steps of a tenth of 3 - 1/6, with roots. For circles and for ellipses, a line each:
+sizes: COLMAP's ten from the smallest on, in steps of a tenth of what is left to 3, with roots. For circles and for ellipses, a line each:
 
     theirs, ours        number of keypoints
-    twins               share of each that has one of the other within 1 px, 10 % in size and 10 degrees (ellipses: within 1 px,
-                        a fifth of its size and 15 degrees of angle, as to the shape see below)
+    twins               share of each that has one of the other within 1 px, 10 % in size and 10 degrees (ellipses: within 1 px
+                        and 15 degrees, of any size)
     of one place        the same by the place and the size alone
     desc                median distance of the descriptors of twins, both of length 1; and of a keypoint of theirs to the
                         nearest other one of the same image, as a measure
-    shape               ellipses: median of how far the squared shapes of twins (of one area) differ, as a share
+    adapted             share of theirs and of ours that are no circles: both leave one where none is found
+    shape               median of how far the squared shapes (of one area) of twins that are adapted on both sides differ
     nearest             keypoints of image a with a twin whose nearest neighbour in b is, on both sides, at the same place (3 px)
     ratio 0.8, same     matches of theirs by the ratio test that ours has too, and of ours that theirs has
     speed               median of theirs / ours over the rounds, by turns, one thread each
@@ -27,6 +28,7 @@ import statistics
 import subprocess
 import tempfile
 import time
+from collections import defaultdict
 from pathlib import Path
 
 import cv2
@@ -34,17 +36,17 @@ import numpy as np
 import pycolmap
 
 CONTRAST, EDGE = 0.04, 10.0
-LOW, HIGH, SIZES = 1 / 6, 3.0, 10
+HIGH, SIZES = 3.0, 10
 
 
-def theirs(image, affine):
+def theirs(image, affine, smallest):
     """Places, 2 x 2 frames and descriptors of length 1, and the seconds that it took."""
     options = pycolmap.FeatureExtractionOptions(use_gpu=False, num_threads=1)
     sift = options.sift
     sift.peak_threshold, sift.edge_threshold, sift.max_num_features = CONTRAST / 3, EDGE, 1_000_000
     sift.num_octaves, sift.max_num_orientations = 10, 10
     sift.domain_size_pooling, sift.estimate_affine_shape = True, affine
-    sift.dsp_min_scale, sift.dsp_max_scale, sift.dsp_num_scales = LOW, HIGH, SIZES
+    sift.dsp_min_scale, sift.dsp_max_scale, sift.dsp_num_scales = smallest, HIGH, SIZES
     extractor = pycolmap.FeatureExtractor.create(options, device=pycolmap.Device.cpu)
     start = time.perf_counter()
     keypoints, descriptors = extractor.extract_from_uint8_array(image)
@@ -55,11 +57,11 @@ def theirs(image, affine):
     return places, frames, descriptors / np.linalg.norm(descriptors, axis=1, keepdims=True), seconds
 
 
-def ours(program, image, affine, folder):
+def ours(program, image, affine, smallest, folder):
     """The same; the middles of ten equal parts of a range are COLMAP's sizes."""
-    step = (HIGH - LOW) / SIZES
+    step = (HIGH - smallest) / SIZES
     params = {"affine_shape": affine, "root": True, "domains": SIZES}
-    params |= {"min_domain": LOW - step / 2, "max_domain": HIGH - step / 2}
+    params |= {"min_domain": smallest - step / 2, "max_domain": HIGH - step / 2}
     cv2.imwrite(str(folder / "i.pgm"), image)
     for old in folder.glob("f.*"):
         old.unlink()
@@ -104,22 +106,24 @@ def shapes(frames):
     return squares / np.sqrt(np.linalg.det(squares))[:, None, None]
 
 
+def adapted(frames):
+    long, short = np.linalg.svd(frames, compute_uv=False).T
+    return long > 1.0001 * short
+
+
 def percent(share):
     return f"{100 * np.mean(share):.1f} %" if len(share) else "none"
 
 
 def row(name, pairs, speeds):
-    collected = {key: [] for key in ("theirs", "ours", "place", "desc", "other", "shape", "nearest", "tr", "or")}
+    collected = defaultdict(list)
     counts = [0, 0]
     for sides in pairs:
         for them, us in sides:
             counts[0] += len(them[0])
             counts[1] += len(us[0])
         (them_a, us_a), (them_b, us_b) = sides
-        limits = (0.2, 15) if name == "ellipses" else (0.1, 10)
-        if name == "ellipses":
-            # One area: that of ours at the place.
-            limits = (np.inf, 15)
+        limits = (np.inf, 15) if name == "ellipses" else (0.1, 10)
         twin_a, twin_b = twins(them_a, us_a, *limits), twins(us_a, them_a, *limits)
         collected["theirs"].append(twin_a >= 0)
         collected["ours"].append(twin_b >= 0)
@@ -130,7 +134,11 @@ def row(name, pairs, speeds):
         apart = np.linalg.norm(them_a[0][:, None] - them_a[0][None], axis=2) > 3
         other = np.where(apart, inner, -1).max(axis=1)
         collected["other"].append(np.sqrt(np.maximum(2 - 2 * other, 0)))
-        both = shapes(them_a[1][has]), shapes(us_a[1][twin_a[has]])
+        frames = them_a[1][has], us_a[1][twin_a[has]]
+        are = adapted(frames[0]) & adapted(frames[1])
+        both = [shapes(side[are]) for side in frames]
+        collected["adapted"].append(adapted(them_a[1]))
+        collected["our adapted"].append(adapted(us_a[1]))
         collected["shape"].append(np.linalg.norm(both[0] - both[1], axis=(1, 2)) / np.linalg.norm(both[0], axis=(1, 2)))
         (first_t, clear_t), (first_u, clear_u) = two_nearest(them_a[2], them_b[2]), two_nearest(us_a[2], us_b[2])
         meets = np.linalg.norm(them_b[0][first_t[has]] - us_b[0][first_u[twin_a[has]]], axis=1) < 3
@@ -142,7 +150,9 @@ def row(name, pairs, speeds):
     cells = [name, counts[0], counts[1]]
     cells += [f"{percent(all_of['theirs'])}, {percent(all_of['ours'])}", percent(all_of["place"])]
     cells += [f"{np.median(all_of['desc']):.3f}, {np.median(all_of['other']):.3f}"]
-    cells += [f"{np.median(all_of['shape']):.3f}" if name == "ellipses" else "–"]
+    is_adapted = name == "ellipses"
+    cells += [f"{percent(all_of['adapted'])}, {percent(all_of['our adapted'])}" if is_adapted else "–"]
+    cells += [f"{np.median(all_of['shape']):.3f}" if is_adapted else "–"]
     cells += [percent(all_of["nearest"]), f"{percent(all_of['tr'])}, {percent(all_of['or'])}"]
     cells += [f"{statistics.median(speeds):.1f}"]
     print("| " + " | ".join(str(cell) for cell in cells) + " |")
@@ -153,17 +163,19 @@ def main():
     parser.add_argument("images", nargs="+", type=Path)
     parser.add_argument("--programs", type=Path, default=Path("target/release"))
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--smallest", type=float, default=1 / 6, help="smallest size of a domain")
     arguments = parser.parse_args()
     images = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in arguments.images]
     program = (arguments.programs / "extract").resolve()
-    print("| | theirs | ours | twins of theirs, of ours | of one place | desc, others | shape | nearest | ratio 0.8, same | speed |")
-    print("| --- | " + "---: | " * 9)
+    print("| | theirs | ours | twins of theirs, of ours | of one place | desc, others | adapted | shape | nearest | ratio 0.8, same | speed |")
+    print("| --- | " + "---: | " * 10)
     with tempfile.TemporaryDirectory() as folder:
         for name, affine in (("circles", False), ("ellipses", True)):
             speeds, sides = [], []
             for turn in range(arguments.rounds):
                 for image in images:
-                    them, us = theirs(image, affine), ours(program, image, affine, Path(folder))
+                    them = theirs(image, affine, arguments.smallest)
+                    us = ours(program, image, affine, arguments.smallest, Path(folder))
                     speeds.append(them[3] / us[3])
                     if turn == 0:
                         sides.append((them, us))
