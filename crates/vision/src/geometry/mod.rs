@@ -26,6 +26,7 @@ pub use matched_points::MatchedPoints;
 pub(crate) use normalisation::normalisation;
 pub use point_pairs::PointPairs;
 pub use pose::{PoseError, RelativePose};
+pub(crate) use refine::pose_deviation;
 pub use refine::refine_pose;
 pub use refine_homography::refine_homography;
 pub use triangulation::{ray_depths, triangulate_depths};

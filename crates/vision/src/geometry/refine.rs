@@ -30,6 +30,23 @@ pub fn refine_pose(
     )
 }
 
+/// How sure the matches make a pose: the standard deviation, in radians, of the rotation and direction together along
+/// which they tell least, where each match has a noise of this standard deviation in the unit of the points. It is the
+/// root of the largest eigenvalue of the covariance `noise^2 (J^T J)^-1` (Hartley, Zisserman, "Multiple View Geometry", 2004,
+/// result 5.10), at most `UNKNOWN` where they do not tell it.
+pub(crate) fn pose_deviation(pose: &RelativePose, pairs: &PointPairs, noise: f64) -> f64 {
+    /// No angle is less known than this.
+    const UNKNOWN: f64 = std::f64::consts::PI;
+    let weights = vec![1.0; pairs.len()];
+    let information = normal_equations(pose, pairs, &weights).matrix;
+    let least = information.symmetric_eigenvalues().min();
+    if least > 0.0 {
+        (noise / least.sqrt()).min(UNKNOWN)
+    } else {
+        UNKNOWN
+    }
+}
+
 /// The Sampson distances of matches under a relative pose.
 struct SampsonDistances<'a>(&'a PointPairs);
 
@@ -137,6 +154,28 @@ mod tests {
             let found = refine_pose(&disturbed(0.02), &matches(50, 0, 0.0), loss, 1e-2, 20);
             assert!(found.error(&truth()).max() < 1e-7, "{loss:?}");
         }
+    }
+
+    #[test]
+    fn the_deviation_is_that_of_estimates() {
+        let noise = 1e-3;
+        let pairs = matches(200, 0, noise);
+        let stated = pose_deviation(&truth(), &pairs, noise);
+        let found = refine_pose(&truth(), &pairs, Loss::Truncated, 1.0, 20);
+        let off = found.error(&truth()).max();
+        assert!(off < 3.0 * stated && off > 0.1 * stated, "{off} {stated}");
+        let fewer: PointPairs = (0..50).map(|i| pairs.get(i)).collect();
+        let ratio = pose_deviation(&truth(), &fewer, noise) / stated;
+        assert!(
+            (1.4..3.0).contains(&ratio),
+            "a quarter of the matches, half as sure: {ratio}"
+        );
+    }
+
+    #[test]
+    fn no_matches_tell_nothing() {
+        let stated = pose_deviation(&truth(), &PointPairs::default(), 1e-3);
+        assert!((stated - std::f64::consts::PI).abs() < 1e-12);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::series::{Legend, marker, open_group, polyline};
+use super::series::{Legend, marked_line};
 use super::{Target, axis_label, grid, open, text, tick};
 use crate::metrics::Reliability;
 
@@ -61,18 +61,16 @@ pub(in super::super) fn reliability_diagram(
             let (stated, right, poses) = (range.stated, range.right, range.poses);
             let _ = write!(tip, "; {stated:.2} stated, {right:.2} right of {poses}");
         }
-        open_group(&mut svg, target, *series, &tip);
         let points: Vec<_> = (reliability.ranges.iter())
             .map(|range| (x(range.stated), y(range.right)))
             .collect();
-        polyline(&mut svg, *series, &points);
-        for &(px, py) in &points {
-            marker(&mut svg, *series, px, py);
-        }
-        if target == Target::File {
-            legend.entry(&mut svg, (row, top), *series, (name, ""));
-        }
-        svg.push_str("</g>\n");
+        marked_line(
+            &mut svg,
+            target,
+            (*series, name, &tip),
+            &points,
+            (&legend, row, top),
+        );
     }
     svg.push_str("</svg>\n");
     svg

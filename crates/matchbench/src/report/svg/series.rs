@@ -95,6 +95,26 @@ pub(super) fn polyline(svg: &mut String, series: usize, points: &[(f64, f64)]) {
     let _ = writeln!(svg, r#" points="{}"/>"#, points.join(" "));
 }
 
+/// A line through points with a marker on each: the number of its series, its name and what it says when it is pointed
+/// at; in a file also its entry in the legend, in this row below this edge.
+pub(super) fn marked_line(
+    svg: &mut String,
+    target: Target,
+    (series, name, tip): (usize, &str, &str),
+    points: &[(f64, f64)],
+    (legend, row, top): (&Legend, usize, f64),
+) {
+    open_group(svg, target, series, tip);
+    polyline(svg, series, points);
+    for &(x, y) in points {
+        marker(svg, series, x, y);
+    }
+    if target == Target::File {
+        legend.entry(svg, (row, top), series, (name, ""));
+    }
+    svg.push_str("</g>\n");
+}
+
 /// One of eight shapes around a point, hollow where the colour comes for the second time.
 pub(super) fn marker(svg: &mut String, series: usize, x: f64, y: f64) {
     // Corners in units of the marker's radius; the first shape is a circle.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::super::numbers::ratio;
-use super::series::{Legend, marker, open_group, polyline};
+use super::series::{Legend, marked_line};
 use super::{Target, axis, axis_label, escape, grid, open, text, tick};
 
 const PLOT: (f64, f64) = (350.0, 190.0);
@@ -55,18 +55,16 @@ pub(in super::super) fn strata_curves(
         for (range, value) in ranges.iter().zip(values) {
             let _ = write!(tip, "; {range}: {}", ratio(*value));
         }
-        open_group(&mut svg, target, *series, &tip);
         let points: Vec<_> = (values.iter().enumerate())
             .filter_map(|(i, value)| Some((x(i), y((*value)?))))
             .collect();
-        polyline(&mut svg, *series, &points);
-        for &(px, py) in &points {
-            marker(&mut svg, *series, px, py);
-        }
-        if target == Target::File {
-            legend.entry(&mut svg, (row, top), *series, (name, ""));
-        }
-        svg.push_str("</g>\n");
+        marked_line(
+            &mut svg,
+            target,
+            (*series, name, &tip),
+            &points,
+            (&legend, row, top),
+        );
     }
     svg.push_str("</svg>\n");
     svg
