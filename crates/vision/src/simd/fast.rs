@@ -324,13 +324,15 @@ mod tests {
         for (x, value) in [(1, 5), (10, 7), (11, 7), (33, 9), (40, 3), (78, 2), (79, 1)] {
             row[x] = value;
         }
+        // The last block has this column again.
+        row[60] = 8;
         let mut above = vec![0; 80];
         above[41] = 4;
         let mut found = Vec::new();
         strict_maxima([&above, &row, &[0; 80]], &mut found);
-        assert_eq!(found, [1, 33, 78]);
+        assert_eq!(found, [1, 33, 60, 78]);
         found.clear();
         weak_maxima([&above, &row, &[0; 80]], 5, &mut found);
-        assert_eq!(found, [1, 10, 11, 33]);
+        assert_eq!(found, [1, 10, 11, 33, 60]);
     }
 }
