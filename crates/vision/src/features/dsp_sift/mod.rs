@@ -1,7 +1,7 @@
 //! DSP-SIFT: SIFT whose descriptors are pooled over sizes of their domain, on circles or on adapted ellipses.
 //!
 //! J. Dong, S. Soatto: "Domain-Size Pooling in Local Descriptors: DSP-SIFT", IEEE Conference on Computer Vision and
-//! Pattern Recognition, 2015. Ellipses: see [`AffineShape`].
+//! Pattern Recognition, 2015. Ellipses: see `features/affine/shape.rs`.
 //!
 //! The size of a keypoint is where the detector answers most, and seldom how far the surroundings move as one: beyond
 //! an occlusion they do not. So a descriptor is the mean of those of many sizes (eq. 2).
