@@ -4,10 +4,10 @@ use matchbench_vision::robust::presets;
 
 use super::Preset;
 
-/// As `best`, but the noise of each pair is estimated, and models are scored over many thresholds about it.
+/// As `best`, but the noise of each pair is estimated, and models are scored over several thresholds about it.
 pub(super) const ADAPTIVE: Preset = Preset {
     id: "adaptive",
-    summary: "no threshold to choose: as best, but the noise of each pair is estimated, and models are scored over many thresholds about it",
+    summary: "no threshold to choose: as best, but the noise of each pair is estimated, and models are scored over several thresholds about it",
     reference: "Barath, Noskova, Matas, \"MAGSAC: Marginalizing Sample Consensus\", CVPR 2019; Torr, Zisserman, \"MLESAC\", CVIU 78(1), 2000",
     defaults: presets::adaptive,
 };

@@ -14,14 +14,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use matchbench_vision::robust::RIGHT_POSE;
+
 use super::{Angle, DatasetGeometry, Model, PairResult, ResultSet};
 
 /// Angle between the optical axes from which on a pair is wide, in degrees.
 pub const WIDE_ANGLE: f64 = 30.0;
 /// Upper bound of the overlap below which little is seen twice.
 pub const LITTLE_OVERLAP: f64 = 0.5;
-/// Pose error from which on a pair counts as failed here, in degrees.
-pub const FAILED_FROM: f64 = 10.0;
 
 /// A reason for which a pair may be hard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -82,7 +82,7 @@ pub struct HardPairs {
 }
 
 impl HardPairs {
-    /// The share of results with a pose error below [`FAILED_FROM`], on these pairs and on all others; `None`
+    /// The share of results with a pose error below [`RIGHT_POSE`], on these pairs and on all others; `None`
     /// where there are none.
     pub fn right(&self, set: &ResultSet) -> [Option<f64>; 2] {
         let (inside, outside): (Vec<&PairResult>, Vec<_>) =
@@ -101,7 +101,7 @@ fn is_of_pose(pair: &PairResult) -> bool {
 
 fn is_right(pair: &PairResult) -> bool {
     pair.error(Angle::Pose)
-        .is_some_and(|error| error < FAILED_FROM)
+        .is_some_and(|error| error < RIGHT_POSE)
 }
 
 /// Every kind of hard pairs that a dataset has, from the poses of all methods on it; without a `geometry`, those

@@ -43,7 +43,7 @@ pub use errors::{ErrorTableError, load_errors};
 pub use failure::Failure;
 pub use failures::Failures;
 pub use groups::{GROUP_LEVEL_NOTE, groups};
-pub use hard_pairs::{FAILED_FROM, HardPairs, Hardship, LITTLE_OVERLAP, WIDE_ANGLE, hard_pairs};
+pub use hard_pairs::{HardPairs, Hardship, LITTLE_OVERLAP, WIDE_ANGLE, hard_pairs};
 pub use load::{load, load_chosen, load_each, load_run};
 pub use pair_choice::PairChoice;
 pub use pair_geometry::{DatasetGeometry, PairGeometry};

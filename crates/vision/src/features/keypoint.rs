@@ -32,6 +32,17 @@ impl Keypoint {
     }
 }
 
+/// Angle of a direction as keypoints have it: in radians in `[0, 2 pi)`, from the x axis towards the y axis.
+pub(super) fn angle_of(x: f32, y: f32) -> f32 {
+    const FULL: f32 = std::f32::consts::TAU;
+    let angle = libm::atan2f(y, x);
+    if angle < 0.0 {
+        (angle + FULL).min(FULL.next_down())
+    } else {
+        angle
+    }
+}
+
 /// The keypoints of one image and their descriptors: row `i` describes keypoint `i`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Features {

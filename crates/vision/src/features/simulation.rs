@@ -17,6 +17,7 @@
 use nalgebra::{Matrix2, Point2, Vector2};
 use rayon::prelude::*;
 
+use super::keypoint::angle_of;
 use super::{Descriptors, Extractor, Features, Keypoint, memory_of};
 use crate::image::{FloatImage, GrayImage, Size, shrink_u8};
 
@@ -130,19 +131,10 @@ impl Placement {
         let m = self.image_from_view;
         let [xx, xy, yx, yy] = keypoint.frame();
         let frame = m * Matrix2::new(xx, xy, yx, yy);
-        let turn = |direction: Vector2<f32>| {
-            let angle = libm::atan2f(direction.y, direction.x);
-            let full = 2.0 * std::f32::consts::PI;
-            if angle < 0.0 {
-                (angle + full).min(full.next_down())
-            } else {
-                angle
-            }
-        };
         let keypoint = Keypoint {
             at: self.point(keypoint.at),
             size: keypoint.size * m.determinant().abs().sqrt(),
-            angle: keypoint.angle.map(|_| turn(frame.column(0).into_owned())),
+            angle: keypoint.angle.map(|_| angle_of(frame.m11, frame.m21)),
             ..*keypoint
         };
         (keypoint, [frame.m11, frame.m12, frame.m21, frame.m22])

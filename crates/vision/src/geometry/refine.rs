@@ -39,6 +39,10 @@ pub(crate) fn pose_deviation(pose: &RelativePose, pairs: &PointPairs, noise: f64
     const UNKNOWN: f64 = std::f64::consts::PI;
     let weights = vec![1.0; pairs.len()];
     let information = normal_equations(pose, pairs, &weights).matrix;
+    // Matches too far out for a sum of squares tell nothing, and eigenvalues of what is not finite are looked for without end.
+    if !information.iter().all(|x| x.is_finite()) {
+        return UNKNOWN;
+    }
     let least = information.symmetric_eigenvalues().min();
     if least > 0.0 {
         (noise / least.sqrt()).min(UNKNOWN)
@@ -176,6 +180,19 @@ mod tests {
     fn no_matches_tell_nothing() {
         let stated = pose_deviation(&truth(), &PointPairs::default(), 1e-3);
         assert!((stated - std::f64::consts::PI).abs() < 1e-12);
+    }
+
+    #[test]
+    fn matches_beyond_all_bounds_tell_nothing_and_end() {
+        for far in [1e90, 1e160, 1e300, f64::INFINITY, f64::NAN] {
+            let at = Point2::new(far, 1.0);
+            let pairs: PointPairs = [(at, at); 3].into_iter().collect();
+            let stated = pose_deviation(&truth(), &pairs, 1e-3);
+            assert!(
+                stated > 0.0 && stated <= std::f64::consts::PI,
+                "{far}: {stated}"
+            );
+        }
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub fn best() -> SampleConsensusParams {
     }
 }
 
-/// No threshold to choose: as [`best`], with a score over many thresholds about five times the noise that is
+/// No threshold to choose: as [`best`], with a score over three thresholds about five times the noise that is
 /// estimated of each pair.
 ///
 /// | field | value | why |

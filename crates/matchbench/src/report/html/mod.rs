@@ -28,9 +28,7 @@ use matchbench_vision::robust::RIGHT_POSE;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::{AutoEscape, Environment, Template, Value, context};
 
-use crate::metrics::{
-    Angle, Detail, FAILED_FROM, GROUP_LEVEL_NOTE, Portion, ScoreKind, Summary, shown_scores,
-};
+use crate::metrics::{Angle, Detail, GROUP_LEVEL_NOTE, Portion, ScoreKind, Summary, shown_scores};
 
 use super::again::Again;
 use super::content::Content;
@@ -130,7 +128,6 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         reliability => reliability::figures(content, &overview),
         right_pose => RIGHT_POSE,
         hard_pairs => hard_pairs::rows(content, &overview, !extent.files.is_empty()),
-        failed_from => FAILED_FROM,
         scatters => scatters(content, &overview),
         estimators => estimators(summaries, &overview),
         pair_list => Value::from_safe_string(pair_list::data(content, &overview, extent)),

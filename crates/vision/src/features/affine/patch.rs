@@ -233,15 +233,8 @@ impl AffinePatch {
 
 #[cfg(test)]
 mod tests {
+    use super::super::SHAPE;
     use super::*;
-
-    const SHAPE: ScaleSpaceShape = ScaleSpaceShape {
-        double: true,
-        intervals: 3,
-        sigma: 1.6,
-        input_sigma: 0.5,
-        smallest: 11,
-    };
 
     /// A Gaussian blob on grey whose half axes are those of an ellipse, with as much blur as a camera gives.
     fn blob(size: Size, at: Point2<f32>, ellipse: &Ellipse) -> GrayImage {

@@ -104,16 +104,10 @@ fn is_round(moments: &Matrix2<f64>) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::SHAPE;
     use super::*;
-    use crate::image::{GrayImage, ScaleSpaceShape, Size};
+    use crate::image::{GrayImage, Size};
 
-    const SHAPE: ScaleSpaceShape = ScaleSpaceShape {
-        double: true,
-        intervals: 3,
-        sigma: 1.6,
-        input_sigma: 0.5,
-        smallest: 11,
-    };
     const CENTRE: Point2<f32> = Point2::new(90.0, 80.0);
 
     /// The ellipse found in the middle of an image of grey values by offset.

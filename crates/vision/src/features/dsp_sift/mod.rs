@@ -35,6 +35,7 @@
 use nalgebra::Point2;
 
 use super::affine::{AffinePatch, AffineShape, BlurredOctaves, Ellipse, MIDDLE, SCALE};
+use super::keypoint::angle_of;
 use super::rootsift::with_roots;
 use super::sift::{LENGTH, Orientations, PatchDescriber, Sift, SiftParams, normalized};
 use super::{
@@ -240,17 +241,6 @@ impl EllipsePass {
             self.frames.push(frame);
             self.descriptors.extend(normalized(sums));
         }
-    }
-}
-
-/// Angle of a direction, in radians in `[0, 2 pi)`.
-fn angle_of(x: f32, y: f32) -> f32 {
-    const FULL: f32 = core::f32::consts::TAU;
-    let angle = libm::atan2f(y, x);
-    if angle < 0.0 {
-        (angle + FULL).min(FULL.next_down())
-    } else {
-        angle
     }
 }
 
