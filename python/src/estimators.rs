@@ -214,7 +214,7 @@ pub(crate) struct PoseEstimate {
     inner: robust::PoseEstimate,
     /// Matches that were given.
     count: usize,
-    confidence: f64,
+    confidence: robust::Confidence,
 }
 
 #[pymethods]
@@ -261,7 +261,12 @@ impl PoseEstimate {
 
     #[getter]
     fn confidence(&self) -> f64 {
-        self.confidence
+        self.confidence.right
+    }
+
+    #[getter]
+    fn overlap_probability(&self) -> f64 {
+        self.confidence.overlap
     }
 
     #[getter]

@@ -35,6 +35,7 @@ def test_the_pose_is_near_the_truth(matches, dataset):
     random = np.random.default_rng(0).permutation(len(matches))
     wrong = mb.estimator("best").estimate(matches.points_a, matches.points_b[random], camera, camera)
     assert 0 <= wrong.confidence < pose.confidence / 2 and pose.confidence <= 1
+    assert wrong.overlap_probability < 0.5 < pose.overlap_probability
     w, *xyz = pose.q
     assert abs(2 * np.arccos(min(1, abs(w))) - np.radians(angle(pose.R, np.eye(3)))) < 1e-6 and len(xyz) == 3
 

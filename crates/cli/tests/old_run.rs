@@ -57,6 +57,7 @@ fn records(run: &Path) -> Vec<Value> {
             // Poses of that version did not state one.
             if let Some(outcome) = record["outcome"].as_object_mut() {
                 outcome.remove("confidence");
+                outcome.remove("overlap_probability");
             }
             record
         })

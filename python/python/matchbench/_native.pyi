@@ -172,6 +172,9 @@ class PoseEstimate:
     def confidence(self) -> float:
         """The probability that the pose is within 10 degrees of the truth, as the matches tell."""
     @property
+    def overlap_probability(self) -> float:
+        """The probability that the images overlap and the matches show it; below 0.5 the answer is "no overlap"."""
+    @property
     def iterations(self) -> int:
         """Samples drawn."""
 

@@ -26,6 +26,8 @@ pub struct PairResult {
     pub correspondences: u32,
     /// The probability that the pose is right, as the matches told; `None` where there is no pose, or nobody said.
     pub confidence: Option<f64>,
+    /// The probability that the images overlap and the matches show it; `None` likewise.
+    pub overlap_probability: Option<f64>,
     /// Selected matches within 1, 2, ... 10 pixels of where the true homography takes them; `None`
     /// where there is none.
     pub correct: Option<[u32; 10]>,
@@ -117,6 +119,7 @@ impl PairResult {
             outcome: Err(failure),
             correspondences: 0,
             confidence: None,
+            overlap_probability: None,
             correct: None,
             found_again: None,
             by_depth: None,
@@ -125,16 +128,22 @@ impl PairResult {
         }
     }
 
+    /// Whether the answer is that the images have no overlap, as far as the matches tell: that is more likely than not.
+    pub fn has_no_overlap(&self) -> bool {
+        self.overlap_probability.is_some_and(|p| p < 0.5)
+    }
+
     /// A pair that was judged, without counts and times.
     pub fn of(a: u32, b: u32, outcome: &Outcome) -> Self {
         let model = Model::of(outcome).unwrap_or_default();
-        let confidence = confidence(outcome);
+        let [confidence, overlap_probability] = stated(outcome);
         let (outcome, correspondences) = scored(outcome);
         Self {
             model,
             outcome,
             correspondences,
             confidence,
+            overlap_probability,
             ..Self::failed(a, b, Failure::Missing)
         }
     }
@@ -228,17 +237,22 @@ pub(super) fn scored(outcome: &Outcome) -> (Result<Deviation, Failure>, u32) {
     }
 }
 
-/// How sure the estimate is of itself, where it says so.
-fn confidence(outcome: &Outcome) -> Option<f64> {
+/// The probabilities that the pose is right, and that the images overlap, where they were stated.
+fn stated(outcome: &Outcome) -> [Option<f64>; 2] {
     match outcome {
-        Outcome::Pose { confidence, .. } => *confidence,
-        _ => None,
+        Outcome::Pose {
+            confidence,
+            overlap_probability,
+            ..
+        } => [*confidence, *overlap_probability],
+        _ => [None, None],
     }
 }
 
 impl From<&RunRecord> for PairResult {
     fn from(record: &RunRecord) -> Self {
         let (outcome, correspondences) = scored(&record.outcome);
+        let [confidence, overlap_probability] = stated(&record.outcome);
         Self {
             a: record.task.a,
             b: record.task.b,
@@ -246,7 +260,8 @@ impl From<&RunRecord> for PairResult {
             model: Model::of(&record.outcome).unwrap_or_default(),
             outcome,
             correspondences,
-            confidence: confidence(&record.outcome),
+            confidence,
+            overlap_probability,
             correct: record.correct,
             found_again: (record.repeated)
                 .map(|repeated| (repeated.least_visible(), repeated.within[FOUND_PX - 1])),

@@ -29,6 +29,10 @@ pub struct Reliability {
     pub calibration_error: f64,
     /// The ranges that have poses, ascending.
     pub ranges: Vec<ReliabilityRange>,
+    /// Poses of pairs that are more likely than not said to have [no overlap](PairResult::has_no_overlap).
+    pub no_overlap: usize,
+    /// Those of them that are right all the same.
+    pub no_overlap_right: usize,
 }
 
 /// Poses of about the same stated probability.
@@ -45,11 +49,9 @@ pub struct ReliabilityRange {
 impl Reliability {
     /// What the probabilities of these results are worth; `None` where none was stated.
     pub fn of(pairs: &[PairResult]) -> Option<Self> {
+        let is_right = |pair: &PairResult| Some(pair.error(Angle::Pose)? < RIGHT_POSE);
         let poses: Vec<(f64, f64)> = (pairs.iter())
-            .filter_map(|pair| {
-                let is_right = pair.error(Angle::Pose)? < RIGHT_POSE;
-                Some((pair.confidence?, f64::from(u8::from(is_right))))
-            })
+            .filter_map(|pair| Some((pair.confidence?, f64::from(u8::from(is_right(pair)?)))))
             .collect();
         if poses.is_empty() {
             return None;
@@ -65,6 +67,10 @@ impl Reliability {
                 })
             })
             .collect();
+        let no_overlap: Vec<bool> = (pairs.iter())
+            .filter(|pair| pair.has_no_overlap())
+            .filter_map(is_right)
+            .collect();
         let off =
             |range: &ReliabilityRange| range.poses as f64 * (range.stated - range.right).abs();
         Some(Self {
@@ -74,6 +80,8 @@ impl Reliability {
             brier: mean(poses.iter().map(|(p, y)| (p - y) * (p - y))),
             calibration_error: ranges.iter().map(off).sum::<f64>() / poses.len() as f64,
             ranges,
+            no_overlap: no_overlap.len(),
+            no_overlap_right: no_overlap.iter().filter(|right| **right).count(),
         })
     }
 }
@@ -119,6 +127,17 @@ mod tests {
             (1.0, 1.0)
         );
         assert_eq!(reliability.ranges.len(), 1);
+    }
+
+    #[test]
+    fn no_overlap_is_an_answer_that_may_be_wrong() {
+        let mut results = poses(0.1, 1, 9);
+        for (pair, p) in results.iter_mut().zip([0.2, 0.2, 0.2, 0.6]) {
+            pair.overlap_probability = Some(p);
+        }
+        let reliability = Reliability::of(&results).unwrap();
+        let answers = (reliability.no_overlap, reliability.no_overlap_right);
+        assert_eq!(answers, (3, 1));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use matchbench_vision::geometry::{RelativePose, corner_error};
 use matchbench_vision::image::Size;
-use matchbench_vision::robust::{HomographyEstimate, NoPose};
+use matchbench_vision::robust::{Confidence, HomographyEstimate, NoPose};
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, UnitVector3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -47,6 +47,9 @@ pub enum Outcome {
         /// earlier versions and from results of others.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         confidence: Option<f64>,
+        /// The probability that the images overlap and the matches show it; absent where `confidence` is.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        overlap_probability: Option<f64>,
     },
     /// The matches determine no pose; the pair counts as failed.
     NoPose {
@@ -134,21 +137,28 @@ impl Outcome {
             rotation_error: rotation_error.to_degrees(),
             translation_error: error.map(|error| error.translation.to_degrees()),
             confidence: None,
+            overlap_probability: None,
         }
     }
 
-    /// A pose with the probability that it is right.
+    /// A pose with how far it can be trusted.
     ///
     /// # Panics
-    /// If that is no probability.
+    /// If that holds what is no probability.
     #[must_use]
-    pub fn with_confidence(mut self, probability: f64) -> Self {
-        assert!(
-            (0.0..=1.0).contains(&probability),
-            "{probability} is no probability"
-        );
-        if let Self::Pose { confidence, .. } = &mut self {
-            *confidence = Some(probability);
+    pub fn with_confidence(mut self, stated: Confidence) -> Self {
+        let Confidence { overlap, right } = stated;
+        for p in [overlap, right] {
+            assert!((0.0..=1.0).contains(&p), "{p} is no probability");
+        }
+        if let Self::Pose {
+            confidence,
+            overlap_probability,
+            ..
+        } = &mut self
+        {
+            *confidence = Some(right);
+            *overlap_probability = Some(overlap);
         }
         self
     }
@@ -201,10 +211,17 @@ impl Outcome {
                 rotation_error,
                 translation_error,
                 confidence,
+                overlap_probability,
                 ..
             } => {
-                if confidence.is_some_and(|p| !(0.0..=1.0).contains(&p)) {
-                    return Err("the confidence is no probability".to_owned());
+                let stated = [
+                    ("confidence", confidence),
+                    ("overlap_probability", overlap_probability),
+                ];
+                for (name, p) in stated {
+                    if p.is_some_and(|p| !(0.0..=1.0).contains(&p)) {
+                        return Err(format!("`{name}` is no probability"));
+                    }
                 }
                 check_pose(rotation, translation, *rotation_error, *translation_error)
             }

@@ -102,6 +102,9 @@ pub(super) fn columns(content: &Content) -> Vec<Column<'_>> {
             Some(pair.by_depth.as_ref()?.within[4])
         }),
         number("confidence", &|row: &Row<'_>| row.pair.confidence),
+        number("overlap_probability", &|row: &Row<'_>| {
+            row.pair.overlap_probability
+        }),
         text("outcome", |row| outcome(row.pair)),
     ]
 }

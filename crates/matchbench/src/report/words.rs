@@ -70,8 +70,14 @@ pub fn sentence(pair: &PairResult) -> String {
             let stated = (pair.confidence)
                 .map(|probability| format!(", right with probability {probability:.2}"))
                 .unwrap_or_default();
+            let no_overlap = (pair.overlap_probability)
+                .filter(|_| pair.has_no_overlap())
+                .map(|probability| {
+                    format!("; no overlap seen (probability of one {probability:.2})")
+                })
+                .unwrap_or_default();
             format!(
-                "pose off by {pose:.2}° (rotation {:.2}°, translation {:.2}°), {} correspondences{stated}",
+                "pose off by {pose:.2}° (rotation {:.2}°, translation {:.2}°), {} correspondences{stated}{no_overlap}",
                 error.rotation,
                 error.translation.unwrap_or(f64::NAN),
                 pair.correspondences

@@ -62,11 +62,18 @@ pub(super) fn cells_of(x: &[f64], y: &[f64], cells: u32) -> Vec<u64> {
         .collect()
 }
 
+/// The smallest and the largest finite value; infinity and its negative where none is finite.
+pub(super) fn finite_range(values: &[f64]) -> (f64, f64) {
+    let finite = || values.iter().copied().filter(|x| x.is_finite());
+    (
+        finite().fold(f64::INFINITY, f64::min),
+        finite().fold(f64::NEG_INFINITY, f64::max),
+    )
+}
+
 /// The cell of each value between the smallest and the largest finite one.
 fn index_along(values: &[f64], cells: u32) -> Vec<Option<u32>> {
-    let finite = || values.iter().copied().filter(|x| x.is_finite());
-    let low = finite().fold(f64::INFINITY, f64::min);
-    let high = finite().fold(f64::NEG_INFINITY, f64::max);
+    let (low, high) = finite_range(values);
     // A span of zero makes NaN of the quotient, which becomes cell 0.
     let index = |x: f64| (((x - low) / (high - low) * f64::from(cells)) as u32).min(cells - 1);
     values

@@ -52,7 +52,7 @@ mod search;
 mod settings;
 mod sprt;
 
-pub use confidence::RIGHT_POSE;
+pub use confidence::{Confidence, RIGHT_POSE};
 pub use consensus::{Consensus, ConsensusParams, Extras, consensus, consensus_until};
 pub use essential_problem::EssentialProblem;
 pub use estimator::{

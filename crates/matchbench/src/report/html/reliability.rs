@@ -21,6 +21,8 @@ pub(super) fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Value> 
                         right => format!("{:.3}", reliability.right),
                         brier => format!("{:.3}", reliability.brier),
                         calibration_error => format!("{:.3}", reliability.calibration_error),
+                        no_overlap => reliability.no_overlap,
+                        no_overlap_right => reliability.no_overlap_right,
                     }
                 })
                 .collect();

@@ -95,6 +95,8 @@ mod tests {
             brier: 0.1,
             calibration_error: 0.1,
             ranges: vec![range(0.25, 0.5), range(0.75, 0.5)],
+            no_overlap: 0,
+            no_overlap_right: 0,
         };
         let svg = reliability_diagram(Target::Page, "room", &[(0, "sift", reliability)]);
         assert_eq!(svg.matches("<circle").count(), 2);
