@@ -53,6 +53,20 @@ impl<E: Extractor> Extractor for ImageAndViews<E> {
     }
 }
 
+/// Of the features of an [`ImageAndViews`] those of the image itself: the first ones, up to the first that is tilted.
+pub fn features_of_image(features: &Features) -> Features {
+    /// `t + 1/t` for a tilt that is none: between 2, which rounded sizes of a resized image hardly move, and 2.12 of the
+    /// smallest tilt, the root of 2.
+    const UNTILTED: f32 = 2.05;
+    let is_tilted = |&index: &usize| {
+        let [xx, xy, yx, yy] = features.frame(index);
+        let (sum, area) = (xx * xx + xy * xy + yx * yx + yy * yy, xx * yy - xy * yx);
+        sum > UNTILTED * area.abs()
+    };
+    let count = (0..features.len()).find(is_tilted);
+    features.first(count.unwrap_or(features.len()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -99,6 +113,11 @@ mod tests {
             (alone.len()..features.len()).all(unseen),
             "a view is tilted"
         );
+        let of_image = features_of_image(&features);
+        assert_eq!(of_image.keypoints, alone.keypoints);
+        assert_eq!(of_image.descriptors, alone.descriptors);
+        let resized = features.in_pixels_of(image.size(), Size::new(401, 300));
+        assert_eq!(features_of_image(&resized).len(), alone.len());
     }
 
     #[test]

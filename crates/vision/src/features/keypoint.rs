@@ -105,6 +105,18 @@ impl Features {
         self.with_frames(frames)
     }
 
+    /// The first `count` of these features, or all where there are fewer.
+    #[must_use]
+    pub fn first(&self, count: usize) -> Self {
+        let count = count.min(self.len());
+        Self {
+            size: self.size,
+            keypoints: self.keypoints[..count].to_vec(),
+            descriptors: self.descriptors.select(0..count),
+            frames: (self.frames.as_ref()).map(|frames| frames[..count].to_vec()),
+        }
+    }
+
     /// The same features, found in an image `from` that an image of `size` was resampled to, in pixels
     /// of the latter.
     #[must_use]

@@ -41,7 +41,7 @@ pub use dlco::{Dlco, DlcoParams};
 pub use dsp_sift::{DspSift, DspSiftParams};
 pub use fast::{Fast, FastParams};
 pub use freak::{Freak, FreakParams};
-pub use image_and_views::ImageAndViews;
+pub use image_and_views::{ImageAndViews, features_of_image};
 pub use kaze::{Kaze, KazeParams};
 pub use keypoint::{Features, Keypoint};
 pub use latch::{Latch, LatchParams};

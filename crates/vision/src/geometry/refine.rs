@@ -30,24 +30,30 @@ pub fn refine_pose(
     )
 }
 
-/// How sure the matches make a pose: the standard deviation, in radians, of the rotation and direction together along
-/// which they tell least, where each match has a noise of this standard deviation in the unit of the points. It is the
-/// root of the largest eigenvalue of the covariance `noise^2 (J^T J)^-1` (Hartley, Zisserman, "Multiple View Geometry", 2004,
-/// result 5.10), at most `UNKNOWN` where they do not tell it.
+/// How far a pose may be off as the matches tell, in radians of the rotation and direction together. Where each match has
+/// a noise of this standard deviation in the unit of the points, the pose of least squares has the covariance
+/// `noise^2 (J^T J)^-1` (Hartley, Zisserman, "Multiple View Geometry", 2004, result 5.10); the variance along which they tell
+/// least is its largest eigenvalue. A pose that nobody refined is besides as far from that one as a Gauss-Newton step goes,
+/// `(J^T J)^-1 J^T r`. The root of the two squares together is at most `UNKNOWN`, also where the matches do not tell.
 pub(crate) fn pose_deviation(pose: &RelativePose, pairs: &PointPairs, noise: f64) -> f64 {
     /// No angle is less known than this.
     const UNKNOWN: f64 = std::f64::consts::PI;
     let weights = vec![1.0; pairs.len()];
-    let information = normal_equations(pose, pairs, &weights).matrix;
+    let NormalEquations {
+        matrix: information,
+        gradient,
+    } = normal_equations(pose, pairs, &weights);
     // Matches too far out for a sum of squares tell nothing, and eigenvalues of what is not finite are looked for without end.
     if !information.iter().all(|x| x.is_finite()) {
         return UNKNOWN;
     }
     let least = information.symmetric_eigenvalues().min();
-    if least > 0.0 {
-        (noise / least.sqrt()).min(UNKNOWN)
-    } else {
-        UNKNOWN
+    let step = information
+        .cholesky()
+        .map(|factors| factors.solve(&gradient));
+    match step {
+        Some(step) if least > 0.0 => libm::hypot(noise / least.sqrt(), step.norm()).min(UNKNOWN),
+        _ => UNKNOWN,
     }
 }
 
@@ -174,6 +180,15 @@ mod tests {
             (1.4..3.0).contains(&ratio),
             "a quarter of the matches, half as sure: {ratio}"
         );
+    }
+
+    #[test]
+    fn a_pose_that_is_not_refined_is_as_far_off_as_a_step_takes_it() {
+        let (pairs, start) = (matches(200, 0, 0.0), disturbed(0.01));
+        let stated = pose_deviation(&start, &pairs, 1e-6);
+        let error = start.error(&truth());
+        let off = error.rotation.hypot(error.translation);
+        assert!((stated / off - 1.0).abs() < 0.1, "{stated} {off}");
     }
 
     #[test]

@@ -18,6 +18,7 @@ mod repmatch;
 mod resized;
 mod stages;
 mod symmetric_ratio;
+mod views_on_demand;
 
 pub use adalam::{Adalam, AdalamParams};
 pub use code::{Code, CodeParams};
@@ -37,3 +38,4 @@ pub use repmatch::{RepMatch, RepMatchParams};
 pub use resized::{ImageSize, Resized};
 pub use stages::{Matcher, Search, Selector, View};
 pub use symmetric_ratio::SymmetricRatioTest;
+pub use views_on_demand::ViewsOnDemand;
