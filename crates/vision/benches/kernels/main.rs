@@ -26,7 +26,9 @@ use matchbench_vision::features::{
     Surf, SurfParams,
 };
 use matchbench_vision::geometry::PointPairs;
-use matchbench_vision::geometry::solvers::{five_point, homography, seven_point};
+use matchbench_vision::geometry::solvers::{
+    SAMPLES_AT_ONCE, five_point_of_each, homography, seven_point,
+};
 use matchbench_vision::image::{Size, gaussian_blur};
 use matchbench_vision::matching::two_nearest;
 use matchbench_vision::nalgebra::{Matrix3, Point2};
@@ -96,9 +98,13 @@ fn measure_poses(chosen: &impl Fn(&str) -> bool) {
     let models: [(&str, Models<'_>); 3] = [
         (
             "five-point",
+            // Eight samples at every eighth call.
             Box::new(|i| {
-                let [a, b] = sample(&pairs, i);
-                five_point(&a, &b).to_vec()
+                let samples = (i..i + SAMPLES_AT_ONCE).map(|i| sample(&pairs, i));
+                let samples: Vec<_> = samples.filter(|_| i % SAMPLES_AT_ONCE == 0).collect();
+                let mut found = Vec::new();
+                five_point_of_each(&samples, false, &mut found);
+                found.iter().flat_map(|models| models.to_vec()).collect()
             }),
         ),
         (

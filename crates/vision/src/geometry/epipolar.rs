@@ -67,7 +67,7 @@ pub fn epipole_in_b(e: &Matrix3<f64>) -> Vector3<f64> {
 
 /// What is perpendicular to three vectors of one plane: the cross product of the two that are least
 /// parallel, which determine it best.
-pub(super) fn null_vector([k, l, m]: [Vector3<f64>; 3]) -> Vector3<f64> {
+fn null_vector([k, l, m]: [Vector3<f64>; 3]) -> Vector3<f64> {
     let mut null = k.cross(&l);
     for other in [l.cross(&m), m.cross(&k)] {
         if other.norm_squared() > null.norm_squared() {

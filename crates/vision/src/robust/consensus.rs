@@ -110,15 +110,24 @@ pub fn consensus_until<P: Problem>(
         return None;
     }
     let mut residuals = vec![0.0; problem.len()];
-    let mut sample = vec![0; P::SAMPLE];
+    let mut drawn = vec![0; P::BATCH * P::SAMPLE];
+    let mut models = Vec::with_capacity(P::BATCH);
     let mut best: Option<(P::Model, Support)> = None;
     let mut sprt = extras.sprt.then(Sprt::new);
     let mut needed = params.max_samples;
     let mut samples = 0;
     while samples < needed.max(extras.min_samples).min(params.max_samples) && !stop(samples) {
+        // What is drawn together does not depend on what is found meanwhile, so the last ones may be in vain.
+        let next = samples % P::BATCH;
+        if next == 0 {
+            for sample in drawn.chunks_exact_mut(P::SAMPLE) {
+                sampler.draw(rng, sample);
+            }
+            problem.solve_each(&drawn, &mut models);
+        }
+        let sample = &drawn[next * P::SAMPLE..][..P::SAMPLE];
         samples += 1;
-        sampler.draw(rng, &mut sample);
-        for model in problem.solve(&sample).iter() {
+        for model in models[next].iter() {
             let limit = best
                 .as_ref()
                 .map_or(f64::NEG_INFINITY, |(_, best)| best.quality);
@@ -131,7 +140,7 @@ pub fn consensus_until<P: Problem>(
             }
             let (mut model, mut support) = (model.clone(), support);
             if let Some(other) =
-                problem.resolve_degeneracy(&model, &sample, support.squared_threshold, rng)
+                problem.resolve_degeneracy(&model, sample, support.squared_threshold, rng)
                 && let Some(better) = support_above(
                     support.quality,
                     problem,

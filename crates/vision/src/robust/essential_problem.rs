@@ -6,10 +6,10 @@ use nalgebra::Matrix3;
 
 use super::Problem;
 use super::consensus::inliers_within;
-use crate::geometry::solvers::{Solutions, five_point};
+use crate::geometry::solvers::{FivePoints, SAMPLES_AT_ONCE, Solutions, five_point_of_each};
 use crate::geometry::{
-    Loss, PointPairs, agree_in_orientation, decompose_essential, essential_from_pose, ray_depths,
-    refine_pose, squared_sampson_distances,
+    Loss, PointPairs, decompose_essential, essential_from_pose, ray_depths, refine_pose,
+    squared_sampson_distances,
 };
 
 /// Finds the essential matrix; residuals are squared Sampson distances.
@@ -26,20 +26,27 @@ impl Problem for EssentialProblem<'_> {
     type Model = Matrix3<f64>;
     type Models = Solutions<Matrix3<f64>, 10>;
     const SAMPLE: usize = 5;
+    const BATCH: usize = SAMPLES_AT_ONCE;
 
     fn len(&self) -> usize {
         self.pairs.len()
     }
 
     fn solve(&self, sample: &[u32]) -> Self::Models {
-        let point = |i: usize| self.pairs.get(sample[i] as usize);
-        let a = std::array::from_fn(|i| point(i).0);
-        let b = std::array::from_fn(|i| point(i).1);
-        let mut models = five_point(&a, &b);
-        if self.cheirality {
-            models.retain(|e| agree_in_orientation(e, a.into_iter().zip(b)));
+        let mut models = Vec::with_capacity(1);
+        self.solve_each(sample, &mut models);
+        models[0]
+    }
+
+    fn solve_each(&self, samples: &[u32], models: &mut Vec<Self::Models>) {
+        let count = samples.len() / Self::SAMPLE;
+        let mut points = [FivePoints::default(); Self::BATCH];
+        for (points, sample) in points.iter_mut().zip(samples.chunks_exact(Self::SAMPLE)) {
+            for (i, &index) in sample.iter().enumerate() {
+                (points[0][i], points[1][i]) = self.pairs.get(index as usize);
+            }
         }
-        models
+        five_point_of_each(&points[..count], self.cheirality, models);
     }
 
     fn squared_residuals(&self, model: &Matrix3<f64>, range: Range<usize>, out: &mut [f64]) {

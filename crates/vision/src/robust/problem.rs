@@ -16,6 +16,8 @@ pub trait Problem {
     type Models: Deref<Target = [Self::Model]>;
     /// Data in a minimal sample.
     const SAMPLE: usize;
+    /// Samples that are best solved together.
+    const BATCH: usize = 1;
 
     /// Number of data.
     fn len(&self) -> usize;
@@ -28,6 +30,14 @@ pub trait Problem {
     /// The models that agree with the data of a `sample` of [`Problem::SAMPLE`] distinct numbers;
     /// none where they are degenerate.
     fn solve(&self, sample: &[u32]) -> Self::Models;
+
+    /// As [`Problem::solve`] of at most [`Problem::BATCH`] samples, whose numbers come one after the other, in the place
+    /// of what is in `models`.
+    fn solve_each(&self, samples: &[u32], models: &mut Vec<Self::Models>) {
+        models.clear();
+        let samples = samples.chunks_exact(Self::SAMPLE);
+        models.extend(samples.map(|sample| self.solve(sample)));
+    }
 
     /// Squared residuals of the data in `range`, written to `out`: 0 or larger, infinite or NaN for
     /// data that agree with no model. A range, so that bad models can be abandoned before all data are

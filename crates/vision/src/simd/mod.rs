@@ -84,10 +84,12 @@ mod daisy;
 mod diffuse;
 mod extrema;
 mod fast;
+mod five_point;
 mod freak;
 mod gradient;
 mod histogram;
 mod instructions;
+mod lanes;
 mod latch;
 #[cfg(target_arch = "x86_64")]
 mod masked;
@@ -120,6 +122,7 @@ pub use daisy::{DAISY_COLUMNS, DAISY_MAPS, DaisyRow, add_between, rectified_grad
 pub use diffuse::{Below, NO_FLOWS, diffuse_row};
 pub use extrema::{ThreeRows, find_extrema, find_extrema_of_differences, find_maxima};
 pub use fast::{segment_scores, strict_maxima, weak_maxima};
+pub use five_point::{COORDINATES, FivePointModels, MODELS, SAMPLES, five_point_of_eight};
 pub use freak::{Fields, compare_means, field_means};
 pub use gradient::{polar_gradients, turns};
 pub use histogram::{

@@ -13,7 +13,7 @@ mod seven_point;
 
 use std::ops::{Deref, DerefMut};
 
-pub use five_point::five_point;
+pub use five_point::{FivePoints, SAMPLES_AT_ONCE, five_point, five_point_of_each};
 pub use homography::homography;
 pub use roots::real_roots;
 pub use seven_point::seven_point;
