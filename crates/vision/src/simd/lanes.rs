@@ -255,7 +255,16 @@ pub use wide::{Avx2, Avx512};
 
 #[cfg(target_arch = "x86_64")]
 mod wide {
-    use std::arch::x86_64::*;
+    use std::arch::x86_64::{
+        __m256d, __m512d, _CMP_GE_OQ, _CMP_GT_OQ, _mm256_add_pd, _mm256_and_pd, _mm256_and_si256,
+        _mm256_andnot_pd, _mm256_blendv_pd, _mm256_castsi256_pd, _mm256_cmp_pd, _mm256_cmpeq_epi64,
+        _mm256_div_pd, _mm256_loadu_pd, _mm256_movemask_pd, _mm256_mul_pd, _mm256_or_pd,
+        _mm256_set_epi64x, _mm256_set1_epi64x, _mm256_set1_pd, _mm256_sqrt_pd, _mm256_storeu_pd,
+        _mm256_sub_pd, _mm256_xor_pd, _mm512_abs_pd, _mm512_add_pd, _mm512_and_pd,
+        _mm512_andnot_pd, _mm512_cmp_pd_mask, _mm512_div_pd, _mm512_loadu_pd, _mm512_mask_blend_pd,
+        _mm512_mul_pd, _mm512_or_pd, _mm512_set1_pd, _mm512_sqrt_pd, _mm512_storeu_pd,
+        _mm512_sub_pd, _mm512_xor_pd,
+    };
     use std::ops::{Add, Div, Mul, Neg, Sub};
 
     use super::{LANES, Lanes, Mask};

@@ -122,7 +122,7 @@ pub use daisy::{DAISY_COLUMNS, DAISY_MAPS, DaisyRow, add_between, rectified_grad
 pub use diffuse::{Below, NO_FLOWS, diffuse_row};
 pub use extrema::{ThreeRows, find_extrema, find_extrema_of_differences, find_maxima};
 pub use fast::{segment_scores, strict_maxima, weak_maxima};
-pub use five_point::{COORDINATES, FivePointModels, MODELS, SAMPLES, five_point_of_eight};
+pub use five_point::{COORDINATES, FivePointModels, SAMPLES, five_point_of_eight};
 pub use freak::{Fields, compare_means, field_means};
 pub use gradient::{polar_gradients, turns};
 pub use histogram::{
