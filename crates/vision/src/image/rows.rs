@@ -40,6 +40,17 @@ impl RowBuffer {
     /// # Panics
     /// If the image has fewer columns.
     pub fn strip(size: Size, columns: Range<usize>, keep: usize) -> Self {
+        Self::strip_in(Vec::new(), size, columns, keep)
+    }
+
+    /// As [`Self::strip`], in the memory of a buffer that is no longer needed, of whatever size:
+    /// memory that was never touched costs more than the sums made in it.
+    pub(crate) fn strip_in(
+        memory: Vec<f32>,
+        size: Size,
+        columns: Range<usize>,
+        keep: usize,
+    ) -> Self {
         assert!(columns.end <= size.width, "columns {columns:?} of {size}");
         // Blocks of rows must not wrap around the end of the buffer.
         let capacity = keep
@@ -47,7 +58,14 @@ impl RowBuffer {
             .next_multiple_of(ROWS_AT_ONCE);
         // Rows at a distance of a multiple of 4 KiB would fall into the same places of the cache.
         let stride = columns.len().next_multiple_of(LINE) | LINE;
-        let data = vec![0.0; capacity * stride + LINE];
+        let needed = capacity * stride + LINE;
+        let mut data = memory;
+        if data.capacity() < needed {
+            drop(data);
+            data = vec![0.0; needed];
+        } else {
+            data.resize(needed, 0.0);
+        }
         let start = data.as_ptr().align_offset(LINE * size_of::<f32>());
         Self {
             size,
@@ -65,6 +83,11 @@ impl RowBuffer {
     /// A buffer that keeps all rows.
     pub fn whole(size: Size) -> Self {
         Self::new(size, size.height)
+    }
+
+    /// Its memory, for another buffer.
+    pub(crate) fn into_memory(self) -> Vec<f32> {
+        self.data
     }
 
     /// Forgets all rows, to be filled again.

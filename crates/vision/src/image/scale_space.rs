@@ -87,6 +87,7 @@ impl ScaleSpaceShape {
     /// Makes the scale space of `image` for a visitor.
     pub fn visit(&self, image: &GrayImage, visitor: &mut impl LayerVisitor) {
         let mut base = None;
+        let mut spare = Vec::new();
         for octave in self.octaves(image.size()) {
             let Some(reach) = visitor.reach(octave) else {
                 break;
@@ -98,7 +99,7 @@ impl ScaleSpaceShape {
             let width = width.next_multiple_of(ALIGNED as usize);
             for start in (0..octave.size.width).step_by(width) {
                 let columns = start..octave.size.width.min(start + width);
-                let mut builder = StripBuilder::new(self, octave, columns, reach);
+                let mut builder = StripBuilder::new(self, octave, columns, reach, &mut spare);
                 if let Some(base) = &base {
                     builder.run(&mut Halved(base), &mut next, visitor);
                 } else {
@@ -106,6 +107,8 @@ impl ScaleSpaceShape {
                     let mut base = BlurredImage::new(image, self, &columns);
                     builder.run(&mut base, &mut next, visitor);
                 }
+                let layers = builder.strip.layers.into_iter();
+                spare.extend(layers.map(RowBuffer::into_memory));
             }
             base = Some(next);
         }
@@ -250,7 +253,14 @@ struct StripBuilder {
 }
 
 impl StripBuilder {
-    fn new(shape: &ScaleSpaceShape, octave: Octave, columns: Range<usize>, reach: Reach) -> Self {
+    /// A strip whose layers take the place of those of the strip before, `spare`.
+    fn new(
+        shape: &ScaleSpaceShape,
+        octave: Octave,
+        columns: Range<usize>,
+        reach: Reach,
+        spare: &mut Vec<Vec<f32>>,
+    ) -> Self {
         let size = octave.size;
         let intervals = shape.intervals;
         let mut kernels = shape.kernels();
@@ -283,7 +293,14 @@ impl StripBuilder {
             if let Some(kernel) = layer.checked_sub(1).map(|before| kernels[before].clone()) {
                 blurs.push(RowBlur::of_columns(kernel, &needed_columns, Border::Mirror));
             }
-            layers.push(RowBuffer::strip(size, needed_columns.clone(), keep));
+            // From the last layer to the first, as they were put there.
+            let memory = spare.pop().unwrap_or_default();
+            layers.push(RowBuffer::strip_in(
+                memory,
+                size,
+                needed_columns.clone(),
+                keep,
+            ));
             needed = Some(needed_columns);
         }
         layers.reverse();

@@ -1,18 +1,23 @@
 //! Normalisation of descriptors.
 
+use super::truncated;
+
 multiversioned! {
-    /// Clips values of at least 0 at `clip` times their Euclidean norm, scales the result to the
-    /// norm `norm`, and rounds to integers, at most 255.
-    pub fn normalize_to_bytes(values: &mut [f32; 128], clip: f32, norm: f32) {
-        let limit = clip * euclidean_norm(values);
+    /// Values of at least 0, clipped at `clip` times their Euclidean norm, scaled to the norm `norm` and
+    /// rounded to integers, at most 255.
+    pub fn normalize_to_bytes(values: &[f32; 128], clip: f32, norm: f32) -> [u8; 128] {
+        let mut values = *values;
+        let limit = clip * euclidean_norm(&values);
         for value in values.iter_mut() {
             *value = if *value < limit { *value } else { limit };
         }
-        let scale = norm / euclidean_norm(values).max(f32::EPSILON);
-        for value in values.iter_mut() {
+        let scale = norm / euclidean_norm(&values).max(f32::EPSILON);
+        let mut bytes = [0; 128];
+        for (byte, value) in bytes.iter_mut().zip(&values) {
             let rounded = (*value * scale).round_ties_even();
-            *value = if rounded < 255.0 { rounded } else { 255.0 };
+            *byte = truncated(if rounded < 255.0 { rounded } else { 255.0 }) as u8;
         }
+        bytes
     }
 }
 
@@ -35,11 +40,9 @@ mod tests {
     fn clipped_normalised_rounded() {
         let mut values = [0.0; 128];
         (values[0], values[1], values[2]) = (100.0, 1.0, 0.0);
-        normalize_to_bytes(&mut values, 0.2, 512.0);
         // 100 is clipped to 20.001; 512 / sqrt(20.001^2 + 1) = 25.567.
-        assert_eq!(values[..3], [255.0, 26.0, 0.0]);
-        let mut black = [0.0; 128];
-        normalize_to_bytes(&mut black, 0.2, 512.0);
-        assert_eq!(black, [0.0; 128]);
+        let bytes = normalize_to_bytes(&values, 0.2, 512.0);
+        assert_eq!(bytes[..3], [255, 26, 0]);
+        assert_eq!(normalize_to_bytes(&[0.0; 128], 0.2, 512.0), [0; 128]);
     }
 }

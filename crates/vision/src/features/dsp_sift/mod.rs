@@ -156,8 +156,8 @@ impl DspSift {
                 *sum = weight.mul_add(value, *sum);
             }
         });
-        let descriptors = sums.into_iter().flat_map(normalized).collect();
-        let descriptors = FloatRows::from_vec(LENGTH, descriptors);
+        let descriptors = sums.iter().flat_map(|sums| normalized(sums).map(f32::from));
+        let descriptors = FloatRows::from_vec(LENGTH, descriptors.collect());
         Features::new(image.size(), keypoints, Descriptors::Float(descriptors))
     }
 
@@ -239,7 +239,7 @@ impl EllipsePass {
                 ..*keypoint
             });
             self.frames.push(frame);
-            self.descriptors.extend(normalized(sums));
+            self.descriptors.extend(normalized(&sums).map(f32::from));
         }
     }
 }

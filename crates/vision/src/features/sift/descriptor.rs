@@ -37,8 +37,8 @@ impl PatchDescriber {
         at: Point2<f32>,
         scale: f32,
         angle: f32,
-    ) -> [f32; LENGTH] {
-        normalized(self.sums(layer, at, scale, angle))
+    ) -> [u8; LENGTH] {
+        normalized(&self.sums(layer, at, scale, angle))
     }
 
     /// The same before it is normalised: sums of differences of grey values over the pixels of the
@@ -77,9 +77,8 @@ impl PatchDescriber {
 }
 
 /// Sums as a descriptor: normalised, clipped, normalised again and rounded.
-pub(in crate::features) fn normalized(mut sums: [f32; LENGTH]) -> [f32; LENGTH] {
-    normalize_to_bytes(&mut sums, CLIP, NORM);
-    sums
+pub(in crate::features) fn normalized(sums: &[f32; LENGTH]) -> [u8; LENGTH] {
+    normalize_to_bytes(sums, CLIP, NORM)
 }
 
 /// Pixels that a patch reaches to each side about the pixel of a keypoint of this `scale`, in an image

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Point2, Vector3};
 
 use super::SiftParams;
 use crate::image::{RowBuffer, Strip};
-use crate::simd::find_extrema_of_differences;
+use crate::simd::{ThreeRows, find_extrema_of_differences};
 
 /// No extrema are looked for in so many pixels along the border.
 pub(super) const BORDER: usize = 5;
@@ -64,12 +64,21 @@ impl<'a> ExtremumFinder<'a> {
             return;
         }
         let threshold = (0.5 * contrast_threshold / octave_layers as f32 / GREY).floor();
-        for (layer, layers) in (1..).zip(strip.layers().windows(4)) {
-            // All rows from one column of the image on, the same multiple of a cache line as their buffers.
-            let first = (start - 1) / 16 * 16;
-            let rows = [0, 1, 2, 3].map(|l| {
-                [y - 1, y, y + 1].map(|y| &layers[l].row(y)[first - layers[l].columns().start..])
-            });
+        // All rows from one column of the image on, the same multiple of a cache line as their buffers.
+        let first = (start - 1) / 16 * 16;
+        let mut rows: [ThreeRows<'_>; 4] = [[&[]; 3]; 4];
+        for (number, layer) in strip.layers().iter().enumerate() {
+            let skipped = first - layer.columns().start;
+            let next = |y: usize| &layer.row(y)[skipped..];
+            rows = [
+                rows[1],
+                rows[2],
+                rows[3],
+                [next(y - 1), next(y), next(y + 1)],
+            ];
+            let Some(layer) = number.checked_sub(2).filter(|&layer| layer > 0) else {
+                continue;
+            };
             self.columns.clear();
             find_extrema_of_differences(
                 &rows,
@@ -173,13 +182,13 @@ impl Fit<'_> {
     }
 
     fn derivatives(&self, layer: usize, x: usize, y: usize) -> Derivatives {
-        let layers: [[&[f32; 3]; 3]; 4] = std::array::from_fn(|l| {
-            let layer = &self.layers[layer + l - 1];
-            std::array::from_fn(|dy| {
-                let row = &layer.row(y + dy - 1)[x - 1 - layer.columns().start..];
-                row.first_chunk().expect("a column on each side")
-            })
-        });
+        let mut layers = [[&[0.0; 3]; 3]; 4];
+        for (rows, layer) in layers.iter_mut().zip(&self.layers[layer - 1..]) {
+            for (row, y) in rows.iter_mut().zip(y - 1..) {
+                let pixels = &layer.row(y)[x - 1 - layer.columns().start..];
+                *row = pixels.first_chunk().expect("a column on each side");
+            }
+        }
         let at = |dx: usize, dy: usize, dl: usize| layers[dl + 1][dy][dx] - layers[dl][dy][dx];
         let value = at(1, 1, 1);
         let first = |a: f32, b: f32| 0.5 * GREY * (b - a);

@@ -162,7 +162,7 @@ impl Sift {
         let mut data = Vec::new();
         if described {
             data.reserve_exact(LENGTH * order.len());
-            data.extend(order.iter().flat_map(|&i| descriptors[i]));
+            data.extend(order.iter().flat_map(|&i| descriptors[i].map(f32::from)));
         }
         let keypoints = order.into_iter().map(|i| keypoints[i]).collect();
         (keypoints, FloatRows::from_vec(LENGTH, data))
@@ -248,7 +248,8 @@ impl Describer for Sift {
                 orientations.strongest(layer, pixel, scale)
             });
             let descriptor = describer.describe(layer, at, scale, angle);
-            descriptors[LENGTH * place.index..][..LENGTH].copy_from_slice(&descriptor);
+            descriptors[LENGTH * place.index..][..LENGTH]
+                .copy_from_slice(&descriptor.map(f32::from));
         });
         Descriptors::Float(FloatRows::from_vec(LENGTH, descriptors))
     }

@@ -22,8 +22,8 @@ pub(super) struct Detection<'a> {
     describer: Option<PatchDescriber>,
     /// All keypoints, in no particular order.
     pub(super) keypoints: Vec<Keypoint>,
-    /// Their descriptors, if wanted.
-    pub(super) descriptors: Vec<[f32; LENGTH]>,
+    /// Their descriptors, if wanted: as bytes, a quarter of the memory that grows with each keypoint.
+    pub(super) descriptors: Vec<[u8; LENGTH]>,
 }
 
 impl<'a> Detection<'a> {
