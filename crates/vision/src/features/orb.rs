@@ -35,8 +35,6 @@
 //! leaves the order in which its selection happens to end); all that tie with the last one are
 //! kept, as there.
 
-use std::f32::consts::TAU;
-
 use nalgebra::Point2;
 
 use super::fast::{Corner, corners};
@@ -44,7 +42,7 @@ use super::{BinaryRows, DescriptorKind, Descriptors, Extractor, Features, Keypoi
 use crate::image::{GrayImage, Size, gaussian_blur_u8_inside, resize};
 use crate::params::ParamError;
 use crate::simd::{
-    PAIR_REACH, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments, turns,
+    PAIR_REACH, PairTable, Pixels, compare_pairs, directions, harris_strengths, intensity_moments,
 };
 use crate::tables::ORB_PAIRS;
 
@@ -177,10 +175,7 @@ impl Orb {
         }
 
         let centres: Vec<[u32; 2]> = corners.iter().map(|corner| corner.0.at).collect();
-        let angles: Vec<f32> = intensity_moments(pixels, &centres)
-            .into_iter()
-            .map(|[x, y]| turns(y as f32, x as f32).fract() * TAU)
-            .collect();
+        let angles = directions(&intensity_moments(pixels, &centres));
         let scale = self.scale(level);
         keypoints.extend(
             corners
@@ -255,6 +250,8 @@ fn retain_best<T>(items: &mut Vec<T>, count: usize, value: impl Fn(&T) -> f32) {
 
 #[cfg(test)]
 mod tests {
+    use std::f32::consts::TAU;
+
     use super::*;
     use crate::seed::Seed;
 

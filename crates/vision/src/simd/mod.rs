@@ -132,7 +132,9 @@ pub use instructions::InstructionSet;
 pub use latch::{WINDOW, compare_patches, turn_places};
 pub use moments::{GradientProducts, add_gradient_products};
 pub use normalize::normalize_to_bytes;
-pub use orb::{PAIR_REACH, PairTable, Pixels, compare_pairs, harris_strengths, intensity_moments};
+pub use orb::{
+    PAIR_REACH, PairTable, Pixels, compare_pairs, directions, harris_strengths, intensity_moments,
+};
 pub use pooling::{
     PATCHES_AT_ONCE, POOLED_ROWS, PoolStep, PoolUse, VECTORS_AT_ONCE, WeakLearner, box_responses,
     integrate_spread, pool_rows, project, vote,

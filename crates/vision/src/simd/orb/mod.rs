@@ -3,8 +3,11 @@
 #[cfg(target_arch = "x86_64")]
 mod wide;
 
+use std::f32::consts::TAU;
+
 #[cfg(target_arch = "x86_64")]
 use super::InstructionSet;
+use super::gradient::turns;
 
 /// Pixels of an image, row after row, as the kernels below read them.
 #[derive(Clone, Copy, Debug)]
@@ -101,6 +104,15 @@ multiversioned! {
             strengths.push(harris_strength(pixels, centre));
         }
         strengths
+    }
+
+    /// Directions of vectors in radians in `[0, 2 pi)` from x towards y; 0 for the zero vector.
+    pub fn directions(vectors: &[[i32; 2]]) -> Vec<f32> {
+        let mut angles = vec![0.0; vectors.len()];
+        for (angle, &[x, y]) in angles.iter_mut().zip(vectors) {
+            *angle = turns(y as f32, x as f32).fract() * TAU;
+        }
+        angles
     }
 
     /// The definition of [`intensity_moments`].
@@ -290,6 +302,26 @@ mod tests {
                 }
             }
             assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn directions_are_the_same_bits_in_all_sets() {
+        let mut rng = Seed(33).rng();
+        let mut vectors = vec![[0, 0], [7, 0], [0, 7], [-7, 0], [0, -7], [7, -1]];
+        let mut part = || rng.below(1 << 20) as i32 - (1 << 19);
+        vectors.extend((0..99).map(|_| [part(), part()]));
+        let mut all = Vec::new();
+        InstructionSet::for_each(|_| all.push(directions(&vectors)));
+        assert!(all.iter().all(|angles| *angles == all[0]));
+        for (&[x, y], angle) in vectors.iter().zip(&all[0]) {
+            assert!((0.0..TAU).contains(angle), "{x}, {y}: {angle}");
+            let exact = libm::atan2f(y as f32, x as f32);
+            let error = (angle - exact).rem_euclid(TAU);
+            assert!(
+                error.min(TAU - error) < 2e-4,
+                "{x}, {y}: {angle}, not {exact}"
+            );
         }
     }
 
