@@ -23,14 +23,17 @@ from pose import MIN_SUPPORT, POSE, auc, pose_error
 from stored import stored
 
 
-
-def best(iterations=20000):
-    """The settings of `best`, with at most so many iterations."""
-    least = min(1000, iterations)
-    return f"sampler=prosac score=even-msac threshold=2 loss=cauchy min={least} iterations={iterations}"
+def preset(name, iterations=20000):
+    """The settings of `best` or `adaptive`, with at most so many iterations."""
+    return f"preset={name} min={min(1000, iterations)} iterations={iterations}"
 
 
-OURS = {"ransac-e": "", "best": best(), "best, 1000 iterations": best(1000)}
+OURS = {
+    "ransac-e": "",
+    "best": preset("best"),
+    "best, 1000 iterations": preset("best", 1000),
+    "adaptive": preset("adaptive"),
+}
 POSELIB = {"PoseLib": {}, "PoseLib, 1000 iterations": {"max_iterations": 1000}}
 COLMAP = {"COLMAP": {}, "COLMAP, 1 px": {"max_error": 1.0}}
 OPENCV = {

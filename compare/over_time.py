@@ -4,7 +4,7 @@
 
 Arguments are those of `estimators.py`; matches, estimators and the way they take turns are the same. Each estimator
 stands for a curve, each budget for a point of it: the mean AUC over seeds with its deviation, and the median time of an
-estimation on one thread. OpenCV has one seed, so for it the matches are put in another order each time; where an
+estimation on one thread. `adaptive` draws 100 samples more than its budget, for the noise. OpenCV has one seed, so for it the matches are put in another order each time; where an
 order has a meaning (PROSAC of PoseLib and OpenCV) the clearest match comes first, and the seed alone changes.
 `FOLDER` gets `DATASET-MATCHER.csv` and a picture of it, and a `table.md` of all that are there.
 """
@@ -29,6 +29,7 @@ plt.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "matchbench"})
 
 CURVES = {
     "best": [100, 200, 500, 1000, 2000, 5000, 20000],
+    "adaptive": [100, 200, 500, 1000, 2000, 5000, 20000],
     "ransac-e": [200, 1000, 5000, 20000],
     "PoseLib": [100, 200, 1000, 5000, 20000],
     "PoseLib, PROSAC": [100, 200, 1000, 5000, 20000],
@@ -46,8 +47,8 @@ def processor():
 
 def estimate(curve, budget, chunk, k, seed):
     """A pose and seconds for each pair of the chunk."""
-    if curve in ("best", "ransac-e"):
-        settings = estimators.best(budget) if curve == "best" else f"iterations={budget}"
+    if curve in ("best", "adaptive", "ransac-e"):
+        settings = f"iterations={budget}" if curve == "ransac-e" else estimators.preset(curve, budget)
         yield from estimators.ours(chunk, k, settings, seed)
         return
     for (a, b), matches in chunk:
@@ -94,7 +95,7 @@ def draw(rows, title, path):
             yerr=[row["deviation"] for row in points],
             marker="o",
             markersize=4,
-            linewidth=2.2 if curve == "best" else 1.2,
+            linewidth=2.2 if curve in ("best", "adaptive") else 1.2,
             label=curve,
         )
     axes.set(xscale="log", xlabel="median time of an estimation, ms, one thread", ylabel="AUC", title=title)

@@ -13,8 +13,8 @@
 //! ```
 //!
 //! The estimator is [`Ransac`] with its defaults; where settings follow, it is [`SampleConsensus`] with
-//! those: `sampler=prosac`, `score=even-msac`, `threshold=1.5`, `iterations=10000`, `local=10`,
-//! `final=25`, `loss=cauchy`, `min=50`, `confidence=0.999`.
+//! those: `preset=best` (what the others change), `sampler=prosac`, `score=even-msac`, `threshold=1.5`,
+//! `iterations=10000`, `local=10`, `final=25`, `loss=cauchy`, `min=50`, `confidence=0.999`.
 //!
 //! with `x_b = R x_a + t`, or `NAME seed none microseconds reason` where there is no pose.
 
@@ -24,7 +24,7 @@ use std::{env, error, fs};
 use matchbench_vision::geometry::{Camera, Loss, MatchedPoints};
 use matchbench_vision::robust::{
     GeometryName, PoseEstimator, Ransac, RansacParams, SampleConsensus, SampleConsensusParams,
-    SamplerName, ScoreName, Settings, TwoViews,
+    SamplerName, ScoreName, Settings, TwoViews, presets,
 };
 use matchbench_vision::seed::Seed;
 use nalgebra::Point2;
@@ -83,14 +83,18 @@ fn estimator(settings: &[String]) -> Result<Box<dyn PoseEstimator>, Error> {
     if settings.is_empty() {
         return Ok(Box::new(Ransac::new(RansacParams::default())?));
     }
+    let mut base = SampleConsensusParams::default();
     let mut changes = Settings::default();
     for setting in settings {
         match setting.split_once('=').ok_or("expected NAME=VALUE")? {
+            ("preset", "best") => base = presets::best(),
+            ("preset", "adaptive") => base = presets::adaptive(),
             ("sampler", "uniform") => changes.sampler = Some(SamplerName::Uniform),
             ("sampler", "prosac") => changes.sampler = Some(SamplerName::Prosac),
             ("sampler", "spread") => changes.sampler = Some(SamplerName::Spread),
             ("score", "msac") => changes.score = Some(ScoreName::Msac),
             ("score", "even-msac") => changes.score = Some(ScoreName::EvenMsac),
+            ("plane_poses", value) => changes.plane_poses = Some(value.parse()?),
             ("score_cells", value) => changes.score_cells = Some(value.parse()?),
             ("loss", "truncated") => changes.final_loss = Some(Loss::Truncated),
             ("loss", "cauchy") => changes.final_loss = Some(Loss::Cauchy),
@@ -108,7 +112,7 @@ fn estimator(settings: &[String]) -> Result<Box<dyn PoseEstimator>, Error> {
             _ => return Err(format!("unknown setting `{setting}`").into()),
         }
     }
-    let params = SampleConsensusParams::default().with(changes)?;
+    let params = base.with(changes)?;
     Ok(Box::new(SampleConsensus::new(params)?))
 }
 

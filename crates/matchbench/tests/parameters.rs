@@ -315,6 +315,11 @@ fn every_parameter_of_every_estimator_acts() {
         (matches(200, 60, 3, wall), 5, whole),
         (matches(200, 60, 3, wall), 6, 5),
         (mirrored(matches(200, 60, 3, wall)), 4, whole),
+        (matches(135, 315, 4, wall), 4, whole),
+        (matches(135, 315, 4, wall), 5, 40),
+        (matches(60, 90, 5, wall), 6, 20),
+        (matches(40, 60, 6, wall), 7, whole),
+        (matches(20, 60, 7, deep), 8, whole),
     ];
     let mut dead = Vec::new();
     for entry in ESTIMATORS {

@@ -18,7 +18,8 @@
 //! RANSAC", DAGM 2003), here as Lebeda, Matas, Chum, "Fixing the Locally Optimized RANSAC", BMVC 2012
 //! recommend it: with a truncated quadratic score, and not before the sampling has warmed up.
 //!
-//! A new best model whose sample is degenerate may be replaced ([`Problem::resolve_degeneracy`]), and data
+//! In the end the best model is compared with its rivals ([`Problem::rivals`]). A new best model whose sample is
+//! degenerate may be replaced ([`Problem::resolve_degeneracy`]), and data
 //! that cannot belong to it are excluded by a costlier check ([`Problem::exclude_impossible`]). With `sprt`,
 //! models that look bad are abandoned early (Matas, Chum, "Randomized RANSAC with Sequential Probability
 //! Ratio Test", ICCV 2005), which may lose a good one.
@@ -176,7 +177,17 @@ pub fn consensus_until<P: Problem>(
             best = Some((model, support));
         }
     }
-    let (model, support) = best?;
+    let (mut model, mut support) = best?;
+    for rival in problem.rivals(&model, support.squared_threshold, rng) {
+        let refined = (extras.local_steps > 0)
+            .then(|| problem.refine(&rival, support.squared_threshold, extras.local_steps))
+            .flatten()
+            .unwrap_or(rival);
+        let limit = support.quality;
+        if let Some(better) = support_above(limit, problem, score, &refined, None, &mut residuals) {
+            (model, support) = (refined, better);
+        }
+    }
     problem.squared_residuals(&model, 0..problem.len(), &mut residuals);
     let inliers = inliers_within(&residuals, support.squared_threshold);
     Some(Consensus {

@@ -6,11 +6,13 @@ use nalgebra::Matrix3;
 
 use super::Problem;
 use super::consensus::inliers_within;
+use super::plane_poses::plane_poses;
 use crate::geometry::solvers::{FivePoints, SAMPLES_AT_ONCE, Solutions, five_point_of_each};
 use crate::geometry::{
     Loss, PointPairs, decompose_essential, essential_from_pose, ray_depths, refine_pose,
     squared_sampson_distances,
 };
+use crate::seed::Rng;
 
 /// Finds the essential matrix; residuals are squared Sampson distances.
 #[derive(Clone, Copy, Debug)]
@@ -20,6 +22,8 @@ pub struct EssentialProblem<'a> {
     /// Whether scene points must lie in front of both cameras: models that put a match of their own
     /// sample behind one are dropped, and matches that lie behind one do not count as inliers.
     pub cheirality: bool,
+    /// Whether the poses that a plane of the inliers allows are rivals of the best one.
+    pub plane_poses: bool,
 }
 
 impl Problem for EssentialProblem<'_> {
@@ -60,6 +64,22 @@ impl Problem for EssentialProblem<'_> {
         squared_residuals: &mut [f64],
     ) -> bool {
         self.cheirality && exclude_behind(model, self.pairs, squared_threshold, squared_residuals)
+    }
+
+    fn rivals(
+        &self,
+        model: &Matrix3<f64>,
+        squared_threshold: f64,
+        rng: &mut Rng,
+    ) -> Vec<Matrix3<f64>> {
+        if !self.plane_poses {
+            return Vec::new();
+        }
+        plane_poses(
+            &near(self.pairs, model, squared_threshold),
+            squared_threshold,
+            rng,
+        )
     }
 
     /// Minimises the truncated squared distance over poses, from the matches near the model.
@@ -161,6 +181,7 @@ mod tests {
             let problem = EssentialProblem {
                 pairs: &pairs,
                 cheirality,
+                plane_poses: false,
             };
             problem.squared_residuals(&e, 0..depths.len(), residuals);
             problem.exclude_impossible(&e, 1e-12, residuals)

@@ -40,6 +40,7 @@ mod magsac;
 mod mlesac;
 mod noise_scale;
 mod parts;
+mod plane_poses;
 pub mod presets;
 mod problem;
 mod prosac;

@@ -72,6 +72,17 @@ pub trait Problem {
         false
     }
 
+    /// Models that most of the data that agree with this one may agree with too. Asked once, of the best model in the
+    /// end; each is refined, and the best of all is kept.
+    fn rivals(
+        &self,
+        _model: &Self::Model,
+        _squared_threshold: f64,
+        _rng: &mut Rng,
+    ) -> Vec<Self::Model> {
+        Vec::new()
+    }
+
     /// Another model in place of this one, where the `sample` it comes from does not determine it (most
     /// of its data lie on one plane). Asked of models that would be the best; `None` where the sample is
     /// not degenerate.

@@ -124,6 +124,7 @@ impl PoseEstimator for Ransac {
             &EssentialProblem {
                 pairs: &pairs,
                 cheirality: false,
+                plane_poses: false,
             },
             &InlierCount {
                 squared_threshold: threshold * threshold,

@@ -7,6 +7,7 @@
 //! 1. Matched pixels become points at depth 1, each by its own camera, lens distortion undone.
 //! 2. [`consensus_until`] over minimal samples finds the best essential matrix; each new best one is
 //!    improved on the tangent space of poses, with a truncated loss.
+//!    In the end the best is compared with the poses that a plane of its inliers allows.
 //! 3. A final refinement over the matches near the result, with the loss of choice.
 //! 4. The inliers decide which of the four poses it is ([`choose_pose`]); then all matches in front
 //!    of both cameras are counted as its support.
@@ -18,6 +19,7 @@
 //! | p | `early_stop.confidence` | 0.999 | the benchmark's protocol |
 //! | t | `score.threshold_px` | 1.0 | the benchmark's protocol |
 //! | | `geometry.cheirality` | yes | Chum, Werner, Matas, ICPR 2004; Hartley, Zisserman, sec. 9.6.3 |
+//! | | `geometry.plane_poses` | no | ours |
 //! | | `geometry.degensac` | yes | Chum, Werner, Matas, CVPR 2005 |
 //! | | `score.sprt` | yes | Matas, Chum, ICCV 2005 |
 //! | | `early_stop.min_iterations` | 50 | Lebeda et al.: the first models are not worth optimising |
@@ -89,9 +91,14 @@ impl SampleConsensus {
             stop,
         };
         match self.params.geometry {
-            Geometry::Essential { cheirality } => {
-                task.solve(&EssentialProblem { pairs, cheirality })
-            }
+            Geometry::Essential {
+                cheirality,
+                plane_poses,
+            } => task.solve(&EssentialProblem {
+                pairs,
+                cheirality,
+                plane_poses,
+            }),
             Geometry::Fundamental { degensac } => {
                 task.solve(&FundamentalProblem { pairs, degensac })
             }

@@ -6,7 +6,7 @@
 //! | name | acts where |
 //! | --- | --- |
 //! | `geometry`, `max_depth` | a pose is estimated |
-//! | `cheirality` | `geometry` is `essential` |
+//! | `cheirality`, `plane_poses` | `geometry` is `essential` |
 //! | `degensac` | `geometry` is `fundamental` |
 //! | `threshold_px` | `score` is not `lmeds` |
 //! | `score_cells` | `score` is `even-msac` or `even-marginal` |
@@ -111,6 +111,8 @@ settings! {
     threshold_px: f64 = 1.0,
     /// [`Geometry::Essential::cheirality`](super::Geometry::Essential::cheirality).
     cheirality: bool = true,
+    /// [`Geometry::Essential::plane_poses`](super::Geometry::Essential::plane_poses).
+    plane_poses: bool = false,
     /// [`Geometry::Fundamental::degensac`](super::Geometry::Fundamental::degensac).
     degensac: bool = true,
     /// Whether bad models are abandoned early; see [`Score`].

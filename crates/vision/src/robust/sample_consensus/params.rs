@@ -15,6 +15,9 @@ pub enum Geometry {
         /// that put a match of their own sample behind one are dropped, and matches that the model puts
         /// behind one do not count as its inliers. Chum, Werner, Matas, ICPR 2004. Default: yes.
         cheirality: bool,
+        /// Whether the best pose is compared in the end with the two that a plane of its inliers allows. Default:
+        /// no.
+        plane_poses: bool,
     },
     /// A fundamental matrix, from seven matches: the calibration is used afterwards only.
     Fundamental {
@@ -60,7 +63,10 @@ pub struct SampleConsensusParams {
 impl Default for SampleConsensusParams {
     fn default() -> Self {
         Self {
-            geometry: Geometry::Essential { cheirality: true },
+            geometry: Geometry::Essential {
+                cheirality: true,
+                plane_poses: false,
+            },
             score: Score::Msac {
                 threshold_px: 1.0,
                 sprt: true,

@@ -15,9 +15,13 @@ impl SampleConsensusParams {
             ..Settings::of(&self.search(), self.final_refinement)
         };
         match self.geometry {
-            Geometry::Essential { cheirality } => {
+            Geometry::Essential {
+                cheirality,
+                plane_poses,
+            } => {
                 flat.geometry = Some(GeometryName::Essential);
                 flat.cheirality = Some(cheirality);
+                flat.plane_poses = Some(plane_poses);
             }
             Geometry::Fundamental { degensac } => {
                 flat.geometry = Some(GeometryName::Fundamental);
@@ -71,6 +75,7 @@ impl Settings {
             geometry: match have(all.geometry) {
                 GeometryName::Essential => Geometry::Essential {
                     cheirality: have(all.cheirality),
+                    plane_poses: have(all.plane_poses),
                 },
                 GeometryName::Fundamental => Geometry::Fundamental {
                     degensac: have(all.degensac),

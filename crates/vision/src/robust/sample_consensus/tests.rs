@@ -386,3 +386,98 @@ fn no_threshold_need_be_chosen_where_the_noise_is_estimated() {
         }
     }
 }
+
+/// 400 matches, in a scene of its own for each `seed`: the share that is right, and how many of these are on one plane.
+fn of_a_plane(seed: u64, right: f64, on_the_plane: f64) -> (MatchedPoints, RelativePose) {
+    let mut rng = Seed(seed).rng();
+    let mut direction = || UnitVector3::new_normalize(Vector3::from_fn(|_, _| rng.normal()));
+    let (axis, direction) = (direction(), direction());
+    let pose = RelativePose {
+        rotation: UnitQuaternion::from_axis_angle(&axis, 0.3 * rng.uniform()),
+        direction,
+    };
+    let slope = [0.5 * rng.normal(), 0.3 * rng.normal()];
+    let mut points = MatchedPoints::default();
+    while points.len() < 400 {
+        let mut anywhere = || Point2::new(640.0 * rng.uniform(), 480.0 * rng.uniform());
+        let (a, elsewhere) = (anywhere(), anywhere());
+        let ray = CAMERA.normalize(a);
+        let wall = 5.0 / (1.0 + slope[0] * ray.x + slope[1] * ray.y);
+        let before_or_behind = 0.4 + 0.8 * rng.uniform();
+        let is_on_it = rng.uniform() < on_the_plane;
+        let depth = if is_on_it {
+            wall
+        } else {
+            wall * before_or_behind
+        };
+        let x = pose.rotation * (ray.to_homogeneous() * depth) + pose.direction.into_inner();
+        let b = CAMERA.project(Point2::new(x.x / x.z, x.y / x.z));
+        let seen = depth > 0.0 && x.z > 0.1 && (0.0..640.0).contains(&b.x);
+        if !(seen && (0.0..480.0).contains(&b.y)) {
+            continue;
+        }
+        let is_right = rng.uniform() < right;
+        let b = if is_right { b } else { elsewhere };
+        let mut off =
+            |p: Point2<f64>| Point2::new(p.x + 0.7 * rng.normal(), p.y + 0.7 * rng.normal());
+        let (a, b) = (off(a), off(b));
+        let ambiguity = 0.55 + 0.15 * rng.normal() + if is_right { 0.0 } else { 0.2 };
+        points.push(a, b, ambiguity.clamp(0.0, 0.8) as f32);
+    }
+    (points, pose)
+}
+
+/// Errors of `best` in degrees, ascending, of so many such pairs.
+fn errors_of_planes(pairs: u64, right: f64, on_the_plane: f64, plane_poses: bool) -> Vec<f64> {
+    let params = SampleConsensusParams {
+        geometry: Geometry::Essential {
+            cheirality: true,
+            plane_poses,
+        },
+        max_iterations: 1000,
+        ..presets::best()
+    };
+    let estimator = SampleConsensus::new(params).expect("allowed parameters");
+    let mut errors: Vec<f64> = (0..pairs)
+        .map(|seed| {
+            let (points, truth) = of_a_plane(seed, right, on_the_plane);
+            let views = TwoViews {
+                points: &points,
+                camera_a: &CAMERA,
+                camera_b: &CAMERA,
+            };
+            let found = estimator.estimate(views, Seed(seed)).expect("a pose");
+            found.b_from_a.error(&truth).max().to_degrees()
+        })
+        .collect();
+    errors.sort_by(f64::total_cmp);
+    errors
+}
+
+#[test]
+fn the_poses_of_a_plane_are_tried_where_nearly_everything_is_on_it() {
+    let [without, with] = [false, true].map(|tried| errors_of_planes(40, 0.33, 0.95, tried));
+    let right = |errors: &[f64]| errors.iter().filter(|&&error| error < 3.0).count();
+    assert!(right(&with) > right(&without), "{without:?} {with:?}");
+    assert!(with[20] < 0.8 * without[20], "{without:?} {with:?}");
+}
+
+#[test]
+#[ignore = "measures; run with --release --ignored --nocapture"]
+fn how_much_the_poses_of_a_plane_help() {
+    for (right, on_the_plane) in [
+        (0.7, 0.5),
+        (0.7, 0.9),
+        (0.7, 0.97),
+        (0.3, 0.5),
+        (0.3, 0.9),
+        (0.3, 0.97),
+    ] {
+        let cells = [false, true].map(|tried| {
+            let errors = errors_of_planes(200, right, on_the_plane, tried);
+            let within = errors.iter().filter(|&&error| error < 5.0).count();
+            format!("{within}, {:.2}°", errors[100])
+        });
+        println!("| {right} | {on_the_plane} | {} | {} |", cells[0], cells[1]);
+    }
+}

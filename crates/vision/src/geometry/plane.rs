@@ -1,0 +1,111 @@
+//! The poses that a plane allows.
+//!
+//! Ma, Soatto, Kosecka, Sastry, "An Invitation to 3-D Vision", 2004, sec. 5.3.3; first by Faugeras, Lustman, "Motion and
+//! Structure from Motion in a Piecewise Planar Environment", International Journal of Pattern Recognition and
+//! Artificial Intelligence 2(3), 1988.
+//!
+//! Two calibrated views of a plane are related by `H = R + t n^T / d`, scaled such that its middle singular value is 1.
+//! The vectors that H leaves as long as they are lie in two planes; one of these is the plane of the scene, moved into
+//! the camera, and each tells a rotation and a translation: so a plane alone has two poses, up to the side on which it is. With
+//! `H^T H = V diag(s1^2, 1, s3^2) V^T` they are spanned by `v2` and
+//! `u = (sqrt(1 - s3^2) v1 +- sqrt(s1^2 - 1) v3) / sqrt(s1^2 - s3^2)`, of which R takes the triple `v2, u, v2 x u` to
+//! `H v2, H u, H v2 x H u`; then `t = (H - R) (v2 x u)`. Both cameras are on the same side of the plane, so H has a
+//! positive determinant.
+
+use nalgebra::{Matrix3, SVD};
+
+use super::solvers::Solutions;
+
+/// Enough for the singular values of any 3 x 3 matrix of finite numbers.
+const MAX_SVD_STEPS: usize = 100;
+/// Singular values this close together are those of a rotation, which shows no plane.
+const LEAST_SPAN: f64 = 1e-9;
+
+/// The essential matrices, of Frobenius norm 1 and any sign, of the two poses that explain a homography of points at depth 1
+/// from a to b; its scale and sign do not matter. None where it is that of a rotation, or has no inverse.
+pub fn essentials_of_plane(h: &Matrix3<f64>) -> Solutions<Matrix3<f64>, 2> {
+    let mut found = Solutions::none();
+    if !h.iter().all(|x| x.is_finite()) {
+        return found;
+    }
+    let Some(svd) = SVD::try_new(*h, false, true, f64::EPSILON, MAX_SVD_STEPS) else {
+        return found;
+    };
+    let Some(v_t) = svd.v_t else {
+        return found;
+    };
+    let mut order = [0, 1, 2];
+    order.sort_by(|&i, &j| svd.singular_values[j].total_cmp(&svd.singular_values[i]));
+    let [largest, middle, least] = order.map(|i| svd.singular_values[i]);
+    let [v1, v2, v3] = order.map(|i| v_t.row(i).transpose());
+    let (s1, s3) = (largest / middle, least / middle);
+    let squared_span = s1 * s1 - s3 * s3;
+    if squared_span.is_nan() || squared_span < LEAST_SPAN || least <= 0.0 {
+        return found;
+    }
+    let h = h / middle.copysign(h.determinant());
+    let along = (1.0 - s3 * s3).max(0.0).sqrt();
+    let across = (s1 * s1 - 1.0).max(0.0).sqrt();
+    for sign in [1.0, -1.0] {
+        let u = (v1 * along + v3 * (sign * across)) / squared_span.sqrt();
+        let normal = v2.cross(&u);
+        let (moved_v, moved_u) = (h * v2, h * u);
+        let moved = Matrix3::from_columns(&[moved_v, moved_u, moved_v.cross(&moved_u)]);
+        let rotation = moved * Matrix3::from_columns(&[v2, u, normal]).transpose();
+        let translation = (h - rotation) * normal;
+        let essential = translation.cross_matrix() * rotation;
+        let norm = essential.norm();
+        if norm.is_finite() && norm > LEAST_SPAN {
+            found.push(essential / norm);
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{UnitQuaternion, UnitVector3, Vector3};
+
+    use super::*;
+    use crate::geometry::{RelativePose, essential_defect, essential_from_pose};
+    use crate::seed::Seed;
+
+    #[test]
+    fn one_of_the_two_is_the_pose_that_saw_the_plane() {
+        let mut rng = Seed(4).rng();
+        for round in 0..200 {
+            let mut direction =
+                || UnitVector3::new_normalize(Vector3::from_fn(|_, _| rng.normal()));
+            let (axis, direction, normal) = (direction(), direction(), direction());
+            let pose = RelativePose {
+                rotation: UnitQuaternion::from_axis_angle(&axis, 0.8 * rng.uniform()),
+                direction,
+            };
+            let distance = 1.5 + 5.0 * rng.uniform();
+            let h = pose.rotation.to_rotation_matrix().matrix()
+                + direction.into_inner() * normal.transpose() / distance;
+            let scale = [1.0, 3e-4, -2e5, -1.0][round % 4];
+            let truth = essential_from_pose(&pose).normalize();
+            let found = essentials_of_plane(&(h * scale));
+            let off = |e: &Matrix3<f64>| (e - truth).norm().min((e + truth).norm());
+            assert_eq!(found.len(), 2);
+            assert!(found.iter().all(|e| essential_defect(e) < 1e-9));
+            let nearest = found.iter().map(off).fold(f64::INFINITY, f64::min);
+            assert!(nearest < 1e-6, "{nearest}");
+        }
+    }
+
+    #[test]
+    fn a_rotation_and_what_is_no_homography_have_none() {
+        let rotation = UnitQuaternion::from_euler_angles(0.1, -0.4, 0.2).to_rotation_matrix();
+        let none = [
+            *rotation.matrix(),
+            Matrix3::zeros(),
+            Matrix3::from_element(f64::NAN),
+            Matrix3::from_element(f64::INFINITY),
+        ];
+        for h in none {
+            assert!(essentials_of_plane(&h).is_empty(), "{h}");
+        }
+    }
+}
