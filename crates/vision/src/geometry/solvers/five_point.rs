@@ -31,7 +31,7 @@
 //!
 //! *Measured* (test `failure_rate`): of 100,000 random well-posed problems, 5 come back without
 //! the true matrix within 1e-6; the median error is 7e-15 and the mean number of solutions 4.79.
-//! A sample takes 0.3 times as long as alone with AVX-512, 0.5 times with AVX2.
+//! Of eight at once a sample takes 0.75 microseconds with AVX-512, 1.0 with AVX2 and 2.0 without (AMD Zen 5, fastest batch).
 
 use nalgebra::{Matrix3, Point2};
 
