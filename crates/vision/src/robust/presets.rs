@@ -29,14 +29,9 @@ use crate::geometry::Loss;
 /// | `score.threshold_px` | 2 | tuned on the kitchen of 7-Scenes, 0.7 to 3 |
 /// | `final_refinement.loss` | Cauchy | the same |
 /// | `early_stop.min_iterations` | 1000 | the same, 50 to 1000: an early model with many inliers need not be the best |
-/// | `geometry.plane_poses` | yes | tuned on the kitchen and four rendered scenes: where most is on a plane, samples off it are rare |
 /// | `max_iterations` | 20,000 | hopeless pairs end after about 0.04 s |
 pub fn best() -> SampleConsensusParams {
     SampleConsensusParams {
-        geometry: Geometry::Essential {
-            cheirality: true,
-            plane_poses: true,
-        },
         score: EVEN_MSAC_2_PX,
         sampler: PROSAC,
         early_stop: at_least(1000),
@@ -50,14 +45,19 @@ pub fn best() -> SampleConsensusParams {
 }
 
 /// No threshold to choose: as [`best`], with a score over three thresholds about five times the noise that is
-/// estimated of each pair.
+/// estimated of each pair, and with the poses of a plane.
 ///
 /// | field | value | why |
 /// | --- | --- | --- |
 /// | `score` | even marginal | see [`EvenMarginal`](super::EvenMarginal) |
 /// | `score.threshold_px` | 2 | a first guess: the mean AUC on the tuning scenes is the same from 0.5 to 4 |
+/// | `geometry.plane_poses` | yes | tuned on the kitchen and four rendered scenes: where most is on a plane, samples off it are rare |
 pub fn adaptive() -> SampleConsensusParams {
     SampleConsensusParams {
+        geometry: Geometry::Essential {
+            cheirality: true,
+            plane_poses: true,
+        },
         score: Score::EvenMarginal {
             threshold_px: 2.0,
             noise_iterations: 100,
