@@ -8,7 +8,7 @@ multiversioned! {
     pub fn normalize_to_bytes(values: &[f32; 128], clip: f32, norm: f32) -> [u8; 128] {
         let mut values = *values;
         let limit = clip * euclidean_norm(&values);
-        for value in values.iter_mut() {
+        for value in &mut values {
             *value = if *value < limit { *value } else { limit };
         }
         let scale = norm / euclidean_norm(&values).max(f32::EPSILON);
