@@ -33,10 +33,7 @@ pub(in super::super) fn ap_panel(
     let group = (bars * bar + GAP).max(WIDTH / groups);
     let right = LEFT + groups * group;
     let names = series.iter().map(|(_, name, _)| *name);
-    let legend = match target {
-        Target::File => Legend::beside(right, names),
-        Target::Page => Legend::NONE,
-    };
+    let legend = Legend::beside(target, right, names);
     let (low, high) = decades(series);
     let y = |value: f64| {
         let share = (value.log10() - low) / (high - low);

@@ -20,10 +20,8 @@ pub(in super::super) fn reliability_diagram(
     title: &str,
     lines: &[(usize, &str, Reliability)],
 ) -> String {
-    let legend = match target {
-        Target::File => Legend::beside(LEFT + PLOT, lines.iter().map(|(_, name, _)| *name)),
-        Target::Page => Legend::NONE,
-    };
+    let names = lines.iter().map(|(_, name, _)| *name);
+    let legend = Legend::beside(target, LEFT + PLOT, names);
     let top = if target == Target::File { 34.0 } else { 8.0 };
     let height = PLOT.max(legend.height);
     let size = (LEFT + PLOT + RIGHT + legend.width, top + height + BOTTOM);

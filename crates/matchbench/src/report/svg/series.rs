@@ -44,22 +44,28 @@ pub(super) struct Legend {
 }
 
 impl Legend {
-    pub(super) const NONE: Self = Self {
-        left: 0.0,
-        width: 0.0,
-        height: 0.0,
-    };
     const LINE: f64 = 16.0;
     /// Room for the sample before a name, and for a number behind it.
     const SAMPLE: f64 = 32.0;
     const NUMBER: f64 = 44.0;
 
-    /// With so many names, beside a plot that ends at `right`.
-    pub(super) fn beside<'a>(right: f64, names: impl Iterator<Item = &'a str> + Clone) -> Self {
-        Self {
-            left: right + 24.0,
-            width: 24.0 + Self::SAMPLE + width_of(names.clone()) + Self::NUMBER,
-            height: names.count() as f64 * Self::LINE,
+    /// With so many names, beside a plot that ends at `right`; of a file.
+    pub(super) fn beside<'a>(
+        target: Target,
+        right: f64,
+        names: impl Iterator<Item = &'a str> + Clone,
+    ) -> Self {
+        match target {
+            Target::File => Self {
+                left: right + 24.0,
+                width: 24.0 + Self::SAMPLE + width_of(names.clone()) + Self::NUMBER,
+                height: names.count() as f64 * Self::LINE,
+            },
+            Target::Page => Self {
+                left: 0.0,
+                width: 0.0,
+                height: 0.0,
+            },
         }
     }
 

@@ -46,10 +46,8 @@ pub(in super::super) fn sp_curves(
     let curves: Vec<_> = (curves.iter())
         .filter(|curve| curve.values.iter().all(|value| value.is_finite()))
         .collect();
-    let legend = match target {
-        Target::File => Legend::beside(LEFT + PLOT.0, curves.iter().map(|curve| curve.name)),
-        Target::Page => Legend::NONE,
-    };
+    let names = curves.iter().map(|curve| curve.name);
+    let legend = Legend::beside(target, LEFT + PLOT.0, names);
     let top = if target == Target::File { 34.0 } else { 8.0 };
     let width = LEFT + PLOT.0 + RIGHT + legend.width;
     // A long legend makes the figure higher.

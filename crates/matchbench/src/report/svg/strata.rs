@@ -19,10 +19,8 @@ pub(in super::super) fn strata_curves(
     (what, ranges): (&str, &[String]),
     lines: &[(usize, &str, Vec<Option<f64>>)],
 ) -> String {
-    let legend = match target {
-        Target::File => Legend::beside(LEFT + PLOT.0, lines.iter().map(|(_, name, _)| *name)),
-        Target::Page => Legend::NONE,
-    };
+    let names = lines.iter().map(|(_, name, _)| *name);
+    let legend = Legend::beside(target, LEFT + PLOT.0, names);
     let top = if target == Target::File { 34.0 } else { 8.0 };
     let plot = (PLOT.0, PLOT.1.max(legend.height));
     let size = (LEFT + plot.0 + RIGHT + legend.width, top + plot.1 + BOTTOM);
