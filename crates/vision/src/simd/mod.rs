@@ -122,6 +122,8 @@ pub use daisy::{DAISY_COLUMNS, DAISY_MAPS, DaisyRow, add_between, rectified_grad
 pub use diffuse::{Below, NO_FLOWS, diffuse_row};
 pub use extrema::{ThreeRows, find_extrema, find_extrema_of_differences, find_maxima};
 pub use fast::{segment_scores, strict_maxima, weak_maxima};
+#[cfg(test)]
+pub use five_point::roots_of_each;
 pub use five_point::{COORDINATES, FivePointModels, SAMPLES, five_point_of_eight};
 pub use freak::{Fields, compare_means, field_means};
 pub use gradient::{polar_gradients, turns};

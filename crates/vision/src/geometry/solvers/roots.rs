@@ -170,6 +170,7 @@ fn newton<'a>(
 mod tests {
     use super::*;
     use crate::seed::Seed;
+    use crate::simd::roots_of_each;
 
     /// Coefficients of the product of (z - root).
     fn expand<const N: usize>(roots: &[f64]) -> [f64; N] {
@@ -253,5 +254,33 @@ mod tests {
         let found = sorted(&[1.0, -2.0, 1.0]);
         assert!(matches!(found.len(), 1 | 2), "{found:?}");
         assert!((found[0] - 1.0).abs() < 1e-7);
+    }
+
+    #[test]
+    fn the_kernel_finds_for_eight_polynomials_what_each_has_alone() {
+        let mut rng = Seed(7).rng();
+        for round in 0..500 {
+            let mut polynomials = [[0.0; 11]; 8];
+            for x in polynomials.as_flattened_mut() {
+                *x = rng.normal();
+            }
+            // Ten real roots, a double one, a lower degree, a root of 0, and what has none.
+            let mut known: [f64; 10] = std::array::from_fn(|_| 2.0 * rng.normal());
+            if round % 2 == 0 {
+                (known[0], known[1]) = (0.5, 0.5);
+            }
+            polynomials[0] = expand(&known);
+            polynomials[1][10] = 0.0;
+            polynomials[2][0] = 0.0;
+            polynomials[3] = [0.0; 11];
+            polynomials[4][round % 11] = [f64::NAN, f64::INFINITY][round % 2];
+            for (found, polynomial) in roots_of_each(&polynomials).iter().zip(&polynomials) {
+                assert_eq!(
+                    found[..],
+                    real_roots(polynomial)[..],
+                    "{round}: {polynomial:?}"
+                );
+            }
+        }
     }
 }

@@ -19,6 +19,9 @@ use polish::{Candidate, candidates, polish};
 use polynomials::polynomials;
 use roots::{Root, roots_of_eight};
 
+#[cfg(test)]
+pub use roots::roots_of_each;
+
 /// Samples that are solved together.
 pub const SAMPLES: usize = LANES;
 /// Coordinates of a sample: x and y in view a of its five points, then those in view b.

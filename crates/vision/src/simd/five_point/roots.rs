@@ -334,51 +334,18 @@ fn newton<V: Lanes>(brackets: &[Bracket], polynomials: &[[f64; N]; 2 * LANES]) -
     z
 }
 
+/// The roots of each of eight polynomials, lowest power first, by the portable kernel, for tests.
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::solvers::real_roots;
-    use crate::seed::Seed;
-    use crate::simd::lanes::Portable;
-
-    #[test]
-    fn roots_are_those_of_each_polynomial_alone() {
-        let mut rng = Seed(7).rng();
-        for round in 0..500 {
-            let mut polynomials = [[0.0; N]; LANES];
-            for x in polynomials.as_flattened_mut() {
-                *x = rng.normal();
-            }
-            // Ten real roots, a double one, a lower degree, a root of 0, and what has none.
-            let mut product = [0.0; N];
-            product[0] = 1.0;
-            for degree in 0..N - 1 {
-                let root = if degree == 1 && round % 2 == 0 {
-                    0.5
-                } else {
-                    2.0 * rng.normal()
-                };
-                for i in (0..=degree).rev() {
-                    product[i + 1] += product[i];
-                    product[i] *= -root;
-                }
-            }
-            polynomials[0] = product;
-            polynomials[1][N - 1] = 0.0;
-            polynomials[2][0] = 0.0;
-            polynomials[3] = [0.0; N];
-            polynomials[4][round % N] = [f64::NAN, f64::INFINITY][round % 2];
-            let mut lanes = [[0.0; LANES]; N];
-            for (i, lanes) in lanes.iter_mut().enumerate() {
-                *lanes = std::array::from_fn(|lane| polynomials[lane][i]);
-            }
-            let mut roots = [Root::NONE; MODELS];
-            let count = roots_of_eight::<Portable>(&lanes_of(&lanes), &mut roots);
-            for (lane, polynomial) in polynomials.iter().enumerate() {
-                let of_lane = roots[..count].iter().filter(|r| r.sample == lane as u32);
-                let found: Vec<f64> = of_lane.map(|root| root.z).collect();
-                assert_eq!(found[..], real_roots(polynomial)[..], "{round} {lane}");
-            }
-        }
+pub fn roots_of_each(polynomials: &[[f64; N]; LANES]) -> [Vec<f64>; LANES] {
+    let mut lanes = [[0.0; LANES]; N];
+    for (i, lanes) in lanes.iter_mut().enumerate() {
+        *lanes = std::array::from_fn(|lane| polynomials[lane][i]);
     }
+    let mut roots = [Root::NONE; MODELS];
+    let lanes = lanes_of::<crate::simd::lanes::Portable, N>(&lanes);
+    let count = roots_of_eight(&lanes, &mut roots);
+    std::array::from_fn(|lane| {
+        let of_lane = roots[..count].iter().filter(|r| r.sample == lane as u32);
+        of_lane.map(|root| root.z).collect()
+    })
 }
