@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use nalgebra::{Matrix3, Point2};
+use nalgebra::{Matrix2, Matrix3, Point2};
 
 /// Pinhole camera: `u = fx x + cx`, `v = fy y + cy` for the point (x, y) at depth 1, after lens
 /// distortion. Lengths are in pixels; pixel centres are at integers.
@@ -191,6 +191,23 @@ impl Distortion {
         p
     }
 
+    /// Derivative of [`Distortion::distort`] at `p`.
+    pub fn derivative(&self, p: Point2<f64>) -> Matrix2<f64> {
+        let Self { k1, k2, p1, p2, k3 } = *self;
+        let (x, y) = (p.x, p.y);
+        let r2 = x * x + y * y;
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        // The derivative of the factor is this times (x, y).
+        let slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3));
+        let mixed = slope * x * y + 2.0 * (p1 * x + p2 * y);
+        Matrix2::new(
+            radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x,
+            mixed,
+            mixed,
+            radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x,
+        )
+    }
+
     fn tangential(&self, p: Point2<f64>, r2: f64) -> (f64, f64) {
         (
             2.0 * self.p1 * p.x * p.y + self.p2 * (r2 + 2.0 * p.x * p.x),
@@ -201,6 +218,8 @@ impl Distortion {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector2;
+
     use super::*;
 
     /// The colour camera of TUM's freiburg1, the strongest lens among the supported datasets.
@@ -230,6 +249,20 @@ mod tests {
             let pixel = Point2::new(u, v);
             let back = FREIBURG1.project(FREIBURG1.normalize(pixel));
             assert!((back - pixel).norm() < 1e-9, "{pixel} comes back as {back}");
+        }
+    }
+
+    #[test]
+    fn the_derivative_is_that_of_the_lens() {
+        let lens = FREIBURG1.distortion.expect("a lens");
+        for p in [Point2::new(0.3, -0.4), Point2::new(-0.6, 0.1)] {
+            let derivative = lens.derivative(p);
+            for axis in 0..2 {
+                let mut step = Vector2::zeros();
+                step[axis] = 1e-6;
+                let slope = (lens.distort(p + step) - lens.distort(p - step)) / 2e-6;
+                assert!((derivative.column(axis) - slope).norm() < 1e-8);
+            }
         }
     }
 

@@ -9,7 +9,8 @@
 //! `(b^T E a)^2 / ((E a)_1^2 + (E a)_2^2 + (E^T b)_1^2 + (E^T b)_2^2)`
 //!
 //! in the squared unit of the points: for points at depth 1, multiply by the squared focal length
-//! to get squared pixels.
+//! to get squared pixels. Where a lens distorts, a pixel is not as long everywhere, and squares are `g^T S g` with the
+//! [spread](super::Spreads) `S` of the point (the *tangent Sampson* distance).
 
 use std::ops::Range;
 
@@ -18,7 +19,7 @@ use nalgebra::{Matrix3, Point2, Vector3};
 use super::PointPairs;
 use crate::simd;
 
-/// Squared Sampson distance of each of the matches in `range`, written to `out`; NaN or infinite
+/// Squared Sampson distance of each of the matches in `range`, in units of the image if they have spreads, written to `out`; NaN or infinite
 /// for matches that are not finite.
 ///
 /// # Panics
@@ -29,14 +30,19 @@ pub fn squared_sampson_distances(
     range: Range<usize>,
     out: &mut [f64],
 ) {
-    simd::squared_sampson(
-        &row_major(e),
-        &pairs.a_x[range.clone()],
-        &pairs.a_y[range.clone()],
-        &pairs.b_x[range.clone()],
-        &pairs.b_y[range],
-        out,
-    );
+    let e = row_major(e);
+    let points = [&pairs.a_x, &pairs.a_y, &pairs.b_x, &pairs.b_y].map(|x| &x[range.clone()]);
+    match &pairs.spreads {
+        None => {
+            let [a_x, a_y, b_x, b_y] = points;
+            simd::squared_sampson(&e, a_x, a_y, b_x, b_y, out);
+        }
+        Some(spreads) => {
+            let [a, b] =
+                [&spreads.a, &spreads.b].map(|view| view.each_ref().map(|x| &x[range.clone()]));
+            simd::squared_tangent_sampson(&e, points, [a, b], out);
+        }
+    }
 }
 
 /// Whether all matches lie on the same side of their epipoles: what is left of "in front of both

@@ -2,7 +2,7 @@
 
 use nalgebra::Point2;
 
-use super::{Camera, PointPairs};
+use super::{Camera, PointPairs, Spreads};
 
 /// Matched points of two images: `a[i]` and `b[i]` are taken to show the same scene point.
 ///
@@ -80,6 +80,17 @@ impl MatchedPoints {
         (self.a.iter().zip(&self.b))
             .map(|(&a, &b)| (camera_a.normalize(a), camera_b.normalize(b)))
             .collect()
+    }
+
+    /// As [`MatchedPoints::at_depth_1`], with what noise in the images becomes there, if a lens distorts.
+    ///
+    /// # Panics
+    /// If the three lists have different lengths.
+    pub fn at_depth_1_with_spreads(&self, camera_a: &Camera, camera_b: &Camera) -> PointPairs {
+        let mut pairs = self.at_depth_1(camera_a, camera_b);
+        let lenses = [camera_a, camera_b].map(|camera| camera.distortion.as_ref());
+        pairs.spreads = Spreads::of_lenses(&pairs, lenses[0], lenses[1]);
+        pairs
     }
 
     /// The matches in pixels as they are, coordinate by coordinate.

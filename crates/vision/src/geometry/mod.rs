@@ -15,6 +15,7 @@ mod pose;
 mod refine;
 mod refine_homography;
 pub mod solvers;
+mod spreads;
 mod triangulation;
 
 pub use camera::{Camera, CameraError, Distortion};
@@ -31,4 +32,5 @@ pub use pose::{PoseError, RelativePose};
 pub(crate) use refine::pose_deviation;
 pub use refine::refine_pose;
 pub use refine_homography::refine_homography;
+pub use spreads::Spreads;
 pub use triangulation::{ray_depths, triangulate_depths};

@@ -2,6 +2,8 @@
 
 use nalgebra::Point2;
 
+use super::Spreads;
+
 /// Matched points at depth 1 (see [`Camera::normalize`](super::Camera::normalize)): number `i` of
 /// `a` and number `i` of `b` are taken to show the same scene point. Each coordinate is an array
 /// of its own, so that kernels read several matches at once.
@@ -15,6 +17,8 @@ pub struct PointPairs {
     pub b_x: Vec<f64>,
     /// y in view `b`.
     pub b_y: Vec<f64>,
+    /// What noise in the image becomes at each of the points, where it is not the same everywhere.
+    pub spreads: Option<Spreads>,
 }
 
 impl PointPairs {
@@ -37,6 +41,25 @@ impl PointPairs {
             Point2::new(self.a_x[index], self.a_y[index]),
             Point2::new(self.b_x[index], self.b_y[index]),
         )
+    }
+
+    /// The matches with these numbers, in the order of the numbers, with their spreads.
+    ///
+    /// # Panics
+    /// If there is no such match.
+    #[must_use]
+    pub fn chosen(&self, indices: impl IntoIterator<Item = usize>) -> Self {
+        let mut spreads = self.spreads.as_ref().map(|_| Spreads::default());
+        let points = indices.into_iter().map(|index| {
+            if let (Some(to), Some(from)) = (&mut spreads, &self.spreads) {
+                let [a, b] = from.get(index);
+                to.push(a, b);
+            }
+            self.get(index)
+        });
+        let mut chosen: Self = points.collect();
+        chosen.spreads = spreads;
+        chosen
     }
 }
 

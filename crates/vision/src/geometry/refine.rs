@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, UnitVector3, Vector3, Vector
 
 use super::epipolar::row_major;
 use super::levenberg_marquardt::{LeastSquares, Loss, NormalEquations, minimise};
-use super::{PointPairs, RelativePose, essential_from_pose, squared_sampson_distances};
+use super::{PointPairs, RelativePose, Spreads, essential_from_pose, squared_sampson_distances};
 use crate::simd;
 
 /// The pose after at most `max_steps` steps from `start`: never one that costs more. The scale of
@@ -114,12 +114,27 @@ fn normal_equations(
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
     let [r0, r1, r2] = axes.map(|axis| essential * axis.cross_matrix());
     let [t0, t1] = tangent(&pose.direction).map(|t| t.cross_matrix() * rotation);
-    let sums = simd::sampson_normal_equations(
-        &row_major(&essential),
-        &[r0, r1, r2, t0, t1].map(|d| row_major(&d)),
-        [&pairs.a_x, &pairs.a_y, &pairs.b_x, &pairs.b_y],
-        weights,
+    let essential = row_major(&essential);
+    let directions = [r0, r1, r2, t0, t1].map(|d| row_major(&d));
+    let (a_x, a_y, b_x, b_y) = (
+        &pairs.a_x[..],
+        &pairs.a_y[..],
+        &pairs.b_x[..],
+        &pairs.b_y[..],
     );
+    let sums = match &pairs.spreads {
+        None => {
+            let points = [a_x, a_y, b_x, b_y];
+            simd::sampson_normal_equations(&essential, &directions, points, weights)
+        }
+        Some(Spreads {
+            a: [a0, a1, a2],
+            b: [b0, b1, b2],
+        }) => {
+            let points = [a_x, a_y, b_x, b_y, a0, a1, a2, b0, b1, b2];
+            simd::tangent_sampson_normal_equations(&essential, &directions, points, weights)
+        }
+    };
     NormalEquations::from_sums(&sums)
 }
 
@@ -128,6 +143,7 @@ mod tests {
     use nalgebra::Point2;
 
     use super::*;
+    use crate::geometry::Distortion;
     use crate::seed::Seed;
 
     fn truth() -> RelativePose {
@@ -222,13 +238,32 @@ mod tests {
     #[test]
     fn derivatives_are_those_of_the_distance() {
         let pairs = matches(3, 4, 1e-2);
+        check_derivatives(&pairs);
+        let lens = Distortion {
+            k1: -0.3,
+            k2: 0.05,
+            p1: 0.01,
+            p2: -0.02,
+            k3: 0.0,
+        };
+        check_derivatives(&PointPairs {
+            spreads: Spreads::of_lenses(&pairs, Some(&lens), Some(&lens)),
+            ..pairs
+        });
+    }
+
+    fn check_derivatives(pairs: &PointPairs) {
         let pose = disturbed(0.05);
         let signed = |pose: &RelativePose, i: usize| {
             let e = essential_from_pose(pose);
             let (a, b) = pairs.get(i);
-            let (line, back) = (e * a.to_homogeneous(), e.transpose() * b.to_homogeneous());
-            let lines = line.xy().norm_squared() + back.xy().norm_squared();
-            b.to_homogeneous().dot(&line) / lines.sqrt()
+            let squared = {
+                let mut out = [0.0];
+                squared_sampson_distances(&e, pairs, i..i + 1, &mut out);
+                out[0]
+            };
+            let algebraic = b.to_homogeneous().dot(&(e * a.to_homogeneous()));
+            algebraic.signum() * squared.sqrt()
         };
         for i in 0..pairs.len() {
             let mut weights = vec![0.0; pairs.len()];
@@ -236,7 +271,7 @@ mod tests {
             let NormalEquations {
                 matrix: normal,
                 gradient,
-            } = normal_equations(&pose, &pairs, &weights);
+            } = normal_equations(&pose, pairs, &weights);
             for k in 0..5 {
                 let step = Vector5::ith(k, 1e-6);
                 let slope = (signed(&step_from(&pose, &step), i)

@@ -30,7 +30,9 @@ pub fn triangulate_depths(
     depth_a: &mut [f64],
     depth_b: &mut [f64],
 ) {
-    let PointPairs { a_x, a_y, b_x, b_y } = pairs;
+    let PointPairs {
+        a_x, a_y, b_x, b_y, ..
+    } = pairs;
     let (r, t) = matrices(b_from_a);
     simd::triangulate_depths(&r, &t, a_x, a_y, b_x, b_y, depth_a, depth_b);
 }
@@ -47,7 +49,9 @@ pub fn ray_depths(
     depth_a: &mut [f64],
     depth_b: &mut [f64],
 ) {
-    let PointPairs { a_x, a_y, b_x, b_y } = pairs;
+    let PointPairs {
+        a_x, a_y, b_x, b_y, ..
+    } = pairs;
     let (r, t) = matrices(b_from_a);
     simd::ray_depths(&r, &t, a_x, a_y, b_x, b_y, depth_a, depth_b);
 }

@@ -146,10 +146,7 @@ const NEAR: f64 = 9.0;
 pub(super) fn near(pairs: &PointPairs, model: &Matrix3<f64>, squared: f64) -> PointPairs {
     let mut residuals = vec![0.0; pairs.len()];
     squared_sampson_distances(model, pairs, 0..pairs.len(), &mut residuals);
-    (residuals.iter().enumerate())
-        .filter(|&(_, &residual)| residual <= squared)
-        .map(|(index, _)| pairs.get(index))
-        .collect()
+    pairs.chosen((0..pairs.len()).filter(|&index| residuals[index] <= squared))
 }
 
 #[cfg(test)]

@@ -28,6 +28,15 @@ impl TwoViews<'_> {
         self.points.at_depth_1(self.camera_a, self.camera_b)
     }
 
+    /// As [`TwoViews::at_depth_1`], with what noise in the images becomes there, if a lens distorts.
+    ///
+    /// # Panics
+    /// If the lists of the matches have different lengths.
+    pub fn at_depth_1_with_spreads(&self) -> PointPairs {
+        self.points
+            .at_depth_1_with_spreads(self.camera_a, self.camera_b)
+    }
+
     /// Pixels per unit at depth 1: the mean over both cameras and both axes.
     pub(super) fn mean_focal(&self) -> f64 {
         f64::midpoint(self.camera_a.mean_focal(), self.camera_b.mean_focal())

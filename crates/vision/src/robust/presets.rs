@@ -57,6 +57,7 @@ pub fn adaptive() -> SampleConsensusParams {
         geometry: Geometry::Essential {
             cheirality: true,
             plane_poses: true,
+            tangent_sampson: false,
         },
         score: Score::EvenMarginal {
             threshold_px: 2.0,
@@ -256,6 +257,7 @@ pub fn best_h() -> HomographyParams {
 const ESSENTIAL: Geometry = Geometry::Essential {
     cheirality: false,
     plane_poses: false,
+    tangent_sampson: false,
 };
 const FUNDAMENTAL: Geometry = Geometry::Fundamental { degensac: false };
 const PROSAC: Sampler = Sampler::Prosac { horizon: 200_000 };

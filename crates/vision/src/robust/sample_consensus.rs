@@ -4,7 +4,8 @@
 //! Locally Optimized RANSAC", BMVC 2012; and the papers of the parts (see [`Msac`], [`Prosac`],
 //! [`refine_pose`]).
 //!
-//! 1. Matched pixels become points at depth 1, each by its own camera, lens distortion undone.
+//! 1. Matched pixels become points at depth 1, each by its own camera, lens distortion undone. Distances can be
+//!    measured in units of the image all the same (see [`Spreads`](crate::geometry::Spreads)).
 //! 2. [`consensus_until`] over minimal samples finds the best essential matrix; each new best one is
 //!    improved on the tangent space of poses, with a truncated loss.
 //!    In the end the best is compared with the poses that a plane of its inliers allows.
@@ -20,6 +21,7 @@
 //! | t | `score.threshold_px` | 1.0 | the benchmark's protocol |
 //! | | `geometry.cheirality` | yes | Chum, Werner, Matas, ICPR 2004; Hartley, Zisserman, sec. 9.6.3 |
 //! | | `geometry.plane_poses` | no | ours |
+//! | | `geometry.tangent_sampson` | no | Terekhov, Larsson, ICCV 2023 |
 //! | | `geometry.degensac` | yes | Chum, Werner, Matas, CVPR 2005 |
 //! | | `score.sprt` | yes | Matas, Chum, ICCV 2005 |
 //! | | `early_stop.min_iterations` | 50 | Lebeda et al.: the first models are not worth optimising |
@@ -94,6 +96,7 @@ impl SampleConsensus {
             Geometry::Essential {
                 cheirality,
                 plane_poses,
+                ..
             } => task.solve(&EssentialProblem {
                 pairs,
                 cheirality,
@@ -162,12 +165,16 @@ impl PoseEstimator for SampleConsensus {
         stop: &dyn Fn(usize) -> bool,
     ) -> Result<PoseEstimate, NoPose> {
         let order = seed.child("order");
-        let matches = Shuffled::new(&views.at_depth_1(), &views.points.ambiguity, order);
-        let pairs = &matches.pairs;
-        let needed = match self.params.geometry {
-            Geometry::Essential { .. } => EssentialProblem::SAMPLE,
-            Geometry::Fundamental { .. } => FundamentalProblem::SAMPLE,
+        let (given, needed) = match self.params.geometry {
+            Geometry::Essential {
+                tangent_sampson: true,
+                ..
+            } => (views.at_depth_1_with_spreads(), EssentialProblem::SAMPLE),
+            Geometry::Essential { .. } => (views.at_depth_1(), EssentialProblem::SAMPLE),
+            Geometry::Fundamental { .. } => (views.at_depth_1(), FundamentalProblem::SAMPLE),
         };
+        let matches = Shuffled::new(&given, &views.points.ambiguity, order);
+        let pairs = &matches.pairs;
         if pairs.len() < needed {
             return Err(NoPose::TooFewMatches {
                 found: pairs.len(),

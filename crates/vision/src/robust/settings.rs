@@ -6,7 +6,7 @@
 //! | name | acts where |
 //! | --- | --- |
 //! | `geometry`, `max_depth` | a pose is estimated |
-//! | `cheirality`, `plane_poses` | `geometry` is `essential` |
+//! | `cheirality`, `plane_poses`, `tangent_sampson` | `geometry` is `essential` |
 //! | `degensac` | `geometry` is `fundamental` |
 //! | `threshold_px` | `score` is not `lmeds` |
 //! | `score_cells` | `score` is `even-msac` or `even-marginal` |
@@ -113,6 +113,8 @@ settings! {
     cheirality: bool = true,
     /// [`Geometry::Essential::plane_poses`](super::Geometry::Essential::plane_poses).
     plane_poses: bool = false,
+    /// [`Geometry::Essential::tangent_sampson`](super::Geometry::Essential::tangent_sampson).
+    tangent_sampson: bool = false,
     /// [`Geometry::Fundamental::degensac`](super::Geometry::Fundamental::degensac).
     degensac: bool = true,
     /// Whether bad models are abandoned early; see [`Score`].

@@ -144,14 +144,15 @@ pub use pooling::{
 pub use rectify::{
     DIRECTIONS, Source, sample_line, sample_line_of_floats, spread_and_square, spread_gradients,
 };
-pub use refine::sampson_normal_equations;
+pub use refine::{sampson_normal_equations, tangent_sampson_normal_equations};
 pub use resample::{double_row, halve_row};
 pub use sampling::{
     AROUND, CellSums, Planes, longest_sum_of_slices, longest_sum_of_windows, sum_cells,
     sum_gradients,
 };
 pub use sampson::{
-    THRESHOLDS, count_at_most, mean_gain, squared_sampson, sum_below, sum_truncated,
+    THRESHOLDS, count_at_most, mean_gain, squared_sampson, squared_tangent_sampson, sum_below,
+    sum_truncated,
 };
 pub use scharr::{
     Across, Scharr, conductivities, derivatives, determinants, find_largest, gradient_norms,

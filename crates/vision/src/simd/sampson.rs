@@ -17,16 +17,32 @@ multiversioned! {
             "one entry for each match"
         );
         for i in 0..n {
-            let (ax, ay, bx, by) = (a_x[i], a_y[i], b_x[i], b_y[i]);
-            // E a, and the first two entries of E^T b.
-            let line_x = e[0].mul_add(ax, e[1].mul_add(ay, e[2]));
-            let line_y = e[3].mul_add(ax, e[4].mul_add(ay, e[5]));
-            let line_z = e[6].mul_add(ax, e[7].mul_add(ay, e[8]));
-            let back_x = e[0].mul_add(bx, e[3].mul_add(by, e[6]));
-            let back_y = e[1].mul_add(bx, e[4].mul_add(by, e[7]));
-            let algebraic = line_x.mul_add(bx, line_y.mul_add(by, line_z));
+            let (algebraic, [line_x, line_y], [back_x, back_y]) = epipolar(e, [a_x[i], a_y[i]], [b_x[i], b_y[i]]);
             let lines = line_x.mul_add(line_x, line_y * line_y);
             let backs = back_x.mul_add(back_x, back_y * back_y);
+            out[i] = algebraic * algebraic / (lines + backs);
+        }
+    }
+
+    /// As [`squared_sampson`], in units of the image: where a pixel of noise has the spread S (xx, xy, yy; of
+    /// view a, then of view b), a gradient g has the squared length `g^T S g`.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn squared_tangent_sampson(e: &[f64; 9], points: [&[f64]; 4], spreads: [[&[f64]; 3]; 2], out: &mut [f64]) {
+        let n = out.len();
+        let [a_x, a_y, b_x, b_y] = points;
+        let [[a_xx, a_xy, a_yy], [b_xx, b_xy, b_yy]] = spreads;
+        assert!(
+            points.iter().chain(spreads.as_flattened()).all(|x| x.len() == n),
+            "one entry for each match"
+        );
+        for i in 0..n {
+            let (algebraic, line, back) = epipolar(e, [a_x[i], a_y[i]], [b_x[i], b_y[i]]);
+            let spread_line = spread([b_xx[i], b_xy[i], b_yy[i]], line);
+            let spread_back = spread([a_xx[i], a_xy[i], a_yy[i]], back);
+            let lines = line[0].mul_add(spread_line[0], line[1] * spread_line[1]);
+            let backs = back[0].mul_add(spread_back[0], back[1] * spread_back[1]);
             out[i] = algebraic * algebraic / (lines + backs);
         }
     }
@@ -105,6 +121,28 @@ multiversioned! {
     }
 }
 
+/// The algebraic residual `b^T E a` and its gradients: by b, the first two entries of `E a`, and by a, those of `E^T b`.
+#[inline(always)]
+pub(super) fn epipolar(
+    e: &[f64; 9],
+    [ax, ay]: [f64; 2],
+    [bx, by]: [f64; 2],
+) -> (f64, [f64; 2], [f64; 2]) {
+    let line_x = e[0].mul_add(ax, e[1].mul_add(ay, e[2]));
+    let line_y = e[3].mul_add(ax, e[4].mul_add(ay, e[5]));
+    let line_z = e[6].mul_add(ax, e[7].mul_add(ay, e[8]));
+    let back_x = e[0].mul_add(bx, e[3].mul_add(by, e[6]));
+    let back_y = e[1].mul_add(bx, e[4].mul_add(by, e[7]));
+    let algebraic = line_x.mul_add(bx, line_y.mul_add(by, line_z));
+    (algebraic, [line_x, line_y], [back_x, back_y])
+}
+
+/// `S g` for the symmetric matrix S of these entries xx, xy, yy.
+#[inline(always)]
+pub(super) fn spread([xx, xy, yy]: [f64; 3], [x, y]: [f64; 2]) -> [f64; 2] {
+    [xx.mul_add(x, xy * y), xy.mul_add(x, yy * y)]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -120,6 +158,20 @@ mod tests {
         for (distance, y) in out.iter().zip(&a_y) {
             assert_eq!(*distance, (y - 10.0) * (y - 10.0) / 2.0);
         }
+    }
+
+    #[test]
+    fn where_a_pixel_is_as_long_everywhere_the_distances_are_the_same_bits() {
+        let e = [0.1, -0.5, 0.2, 0.7, 0.05, -0.9, -0.1, 0.8, 0.02];
+        let points: [Vec<f64>; 4] =
+            std::array::from_fn(|k| (0..21).map(|i| (i as f64 * (k + 2) as f64).sin()).collect());
+        let [a_x, a_y, b_x, b_y] = points.each_ref().map(|x| &x[..]);
+        let (one, zero) = ([1.0; 21], [0.0; 21]);
+        let (mut plain, mut tangent) = ([0.0; 21], [0.0; 21]);
+        squared_sampson(&e, a_x, a_y, b_x, b_y, &mut plain);
+        let identities = [[&one[..], &zero, &one]; 2];
+        squared_tangent_sampson(&e, [a_x, a_y, b_x, b_y], identities, &mut tangent);
+        assert_eq!(plain, tangent);
     }
 
     #[test]

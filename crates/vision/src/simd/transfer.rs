@@ -51,7 +51,7 @@ multiversioned! {
         assert!(points.iter().all(|p| p.len() == n), "one entry for each match");
         let mut sums = [[0.0; LANES]; TRANSFER_SUMS];
         for start in (0..n).step_by(LANES) {
-            let (lanes, weight) = weighted_lanes::<LANES>(points, weights, start);
+            let (lanes, weight) = weighted_lanes::<4, LANES>(points, weights, start);
             if weight == [0.0; LANES] {
                 continue;
             }

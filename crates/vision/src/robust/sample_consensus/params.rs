@@ -18,6 +18,10 @@ pub enum Geometry {
         /// Whether the best pose is compared in the end with the two that a plane of its inliers allows. Default:
         /// no.
         plane_poses: bool,
+        /// Whether distances are in units of the image, where a lens distorts, and not of the points at depth 1, which it
+        /// stretches (tangent Sampson distance). Without distortion both are the same. Default:
+        /// no, since wrong matches near the edge agree more often with a model then.
+        tangent_sampson: bool,
     },
     /// A fundamental matrix, from seven matches: the calibration is used afterwards only.
     Fundamental {
@@ -66,6 +70,7 @@ impl Default for SampleConsensusParams {
             geometry: Geometry::Essential {
                 cheirality: true,
                 plane_poses: false,
+                tangent_sampson: false,
             },
             score: Score::Msac {
                 threshold_px: 1.0,

@@ -18,10 +18,12 @@ impl SampleConsensusParams {
             Geometry::Essential {
                 cheirality,
                 plane_poses,
+                tangent_sampson,
             } => {
                 flat.geometry = Some(GeometryName::Essential);
                 flat.cheirality = Some(cheirality);
                 flat.plane_poses = Some(plane_poses);
+                flat.tangent_sampson = Some(tangent_sampson);
             }
             Geometry::Fundamental { degensac } => {
                 flat.geometry = Some(GeometryName::Fundamental);
@@ -76,6 +78,7 @@ impl Settings {
                 GeometryName::Essential => Geometry::Essential {
                     cheirality: have(all.cheirality),
                     plane_poses: have(all.plane_poses),
+                    tangent_sampson: have(all.tangent_sampson),
                 },
                 GeometryName::Fundamental => Geometry::Fundamental {
                     degensac: have(all.degensac),

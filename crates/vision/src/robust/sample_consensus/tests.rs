@@ -3,7 +3,7 @@
 use nalgebra::{Point2, Rotation3, UnitQuaternion, UnitVector3, Vector3};
 
 use super::*;
-use crate::geometry::{Camera, MatchedPoints};
+use crate::geometry::{Camera, Distortion, MatchedPoints};
 use crate::robust::{EarlyStop, FinalRefinement, Sampler, Score, presets};
 
 const CAMERA: Camera = Camera::pinhole(600.0, 610.0, 320.0, 240.0);
@@ -388,7 +388,12 @@ fn no_threshold_need_be_chosen_where_the_noise_is_estimated() {
 }
 
 /// 400 matches, in a scene of its own for each `seed`: the share that is right, and how many of these are on one plane.
-fn of_a_plane(seed: u64, right: f64, on_the_plane: f64) -> (MatchedPoints, RelativePose) {
+fn of_a_plane(
+    seed: u64,
+    right: f64,
+    on_the_plane: f64,
+    camera: &Camera,
+) -> (MatchedPoints, RelativePose) {
     let mut rng = Seed(seed).rng();
     let mut direction = || UnitVector3::new_normalize(Vector3::from_fn(|_, _| rng.normal()));
     let (axis, direction) = (direction(), direction());
@@ -401,7 +406,7 @@ fn of_a_plane(seed: u64, right: f64, on_the_plane: f64) -> (MatchedPoints, Relat
     while points.len() < 400 {
         let mut anywhere = || Point2::new(640.0 * rng.uniform(), 480.0 * rng.uniform());
         let (a, elsewhere) = (anywhere(), anywhere());
-        let ray = CAMERA.normalize(a);
+        let ray = camera.normalize(a);
         let wall = 5.0 / (1.0 + slope[0] * ray.x + slope[1] * ray.y);
         let before_or_behind = 0.4 + 0.8 * rng.uniform();
         let is_on_it = rng.uniform() < on_the_plane;
@@ -411,7 +416,7 @@ fn of_a_plane(seed: u64, right: f64, on_the_plane: f64) -> (MatchedPoints, Relat
             wall * before_or_behind
         };
         let x = pose.rotation * (ray.to_homogeneous() * depth) + pose.direction.into_inner();
-        let b = CAMERA.project(Point2::new(x.x / x.z, x.y / x.z));
+        let b = camera.project(Point2::new(x.x / x.z, x.y / x.z));
         let seen = depth > 0.0 && x.z > 0.1 && (0.0..640.0).contains(&b.x);
         if !(seen && (0.0..480.0).contains(&b.y)) {
             continue;
@@ -429,22 +434,37 @@ fn of_a_plane(seed: u64, right: f64, on_the_plane: f64) -> (MatchedPoints, Relat
 
 /// Errors of `best` in degrees, ascending, of so many such pairs.
 fn errors_of_planes(pairs: u64, right: f64, on_the_plane: f64, plane_poses: bool) -> Vec<f64> {
-    let params = SampleConsensusParams {
+    let best = SampleConsensusParams {
         geometry: Geometry::Essential {
             cheirality: true,
             plane_poses,
+            tangent_sampson: false,
         },
-        max_iterations: 1000,
         ..presets::best()
+    };
+    errors_of(best, pairs, &CAMERA, right, on_the_plane)
+}
+
+/// The same of an estimator with at most 1000 samples.
+fn errors_of(
+    params: SampleConsensusParams,
+    pairs: u64,
+    camera: &Camera,
+    right: f64,
+    on_the_plane: f64,
+) -> Vec<f64> {
+    let params = SampleConsensusParams {
+        max_iterations: 1000,
+        ..params
     };
     let estimator = SampleConsensus::new(params).expect("allowed parameters");
     let mut errors: Vec<f64> = (0..pairs)
         .map(|seed| {
-            let (points, truth) = of_a_plane(seed, right, on_the_plane);
+            let (points, truth) = of_a_plane(seed, right, on_the_plane, camera);
             let views = TwoViews {
                 points: &points,
-                camera_a: &CAMERA,
-                camera_b: &CAMERA,
+                camera_a: camera,
+                camera_b: camera,
             };
             let found = estimator.estimate(views, Seed(seed)).expect("a pose");
             found.b_from_a.error(&truth).max().to_degrees()
@@ -479,5 +499,57 @@ fn how_much_the_poses_of_a_plane_help() {
             format!("{within}, {:.2}°", errors[100])
         });
         println!("| {right} | {on_the_plane} | {} | {} |", cells[0], cells[1]);
+    }
+}
+
+/// Mean errors of `best` in degrees under a wide lens, with distances at depth 1 and in units of the image.
+fn errors_under_a_wide_lens(pairs: u64, right: f64, threshold_px: f64) -> [f64; 2] {
+    let camera = Camera {
+        distortion: Some(Distortion {
+            k1: -0.28,
+            k2: 0.07,
+            p1: 0.0,
+            p2: 0.0,
+            k3: 0.0,
+        }),
+        ..Camera::pinhole(450.0, 450.0, 320.0, 240.0)
+    };
+    [false, true].map(|tangent_sampson| {
+        let best = SampleConsensusParams {
+            geometry: Geometry::Essential {
+                cheirality: true,
+                plane_poses: false,
+                tangent_sampson,
+            },
+            score: Score::EvenMsac {
+                threshold_px,
+                cells: 10,
+                sprt: true,
+            },
+            ..presets::best()
+        };
+        errors_of(best, pairs, &camera, right, 0.0)
+            .iter()
+            .sum::<f64>()
+            / pairs as f64
+    })
+}
+
+#[test]
+fn where_no_match_is_wrong_distances_in_the_image_give_better_poses() {
+    let [at_depth_1, in_the_image] = errors_under_a_wide_lens(100, 1.0, 2.0);
+    assert!(in_the_image < at_depth_1, "{in_the_image} {at_depth_1}");
+}
+
+#[test]
+#[ignore = "measures; run with --release --ignored --nocapture"]
+fn how_much_distances_in_the_image_help() {
+    for right in [1.0, 0.7, 0.3] {
+        for threshold_px in [1.0, 1.5, 2.0] {
+            let [at_depth_1, in_the_image] = errors_under_a_wide_lens(1000, right, threshold_px);
+            println!(
+                "{right} right, {threshold_px} px: {at_depth_1:.3} and {in_the_image:.3} degrees"
+            );
+        }
     }
 }

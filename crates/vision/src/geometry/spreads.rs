@@ -1,0 +1,195 @@
+//! What noise in an image becomes at depth 1, where the lens distorts.
+//!
+//! Terekhov, Larsson, "Tangent Sampson Error: Fast Approximate Two-View Reprojection Error for Central Camera Models",
+//! ICCV 2023.
+//!
+//! Keypoints are off by some pixels of the image, everywhere about as much. Undoing the lens stretches the image, most of all
+//! at its edge, and the noise with it: with `J` the derivative of the point at depth 1 by the place where the lens shows it,
+//! noise of covariance `s^2 I` there has the covariance `s^2 J J^T` at depth 1. The Sampson distance is to tell by how much the
+//! points must move *in the image*, so the gradients of the epipolar equation by the points, which have the squared lengths
+//! `g^T g` where a pixel is as long everywhere, have `(J^T g)^T (J^T g) = g^T (J J^T) g` here. The matrix `J J^T` is called the
+//! *spread* of a point.
+//!
+//! *Choice the paper leaves open*: where the model of the lens folds the image over or stretches it more than fourfold,
+//! as polynomials do beyond the pixels that they were fitted to, it is not believed and the spread is the identity.
+
+use nalgebra::{Matrix2, Point2};
+
+use super::{Distortion, PointPairs};
+
+/// Largest stretch of a length that is taken for what a lens does.
+const MOST_STRETCH: f64 = 4.0;
+
+/// The spread of each point of [`PointPairs`]: the entries xx, xy and yy of a symmetric matrix.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Spreads {
+    /// Of the points in view `a`.
+    pub a: [Vec<f64>; 3],
+    /// Of the points in view `b`.
+    pub b: [Vec<f64>; 3],
+}
+
+impl Spreads {
+    /// Those of points that these lenses show; `None` where neither distorts.
+    pub fn of_lenses(
+        pairs: &PointPairs,
+        lens_a: Option<&Distortion>,
+        lens_b: Option<&Distortion>,
+    ) -> Option<Self> {
+        if lens_a.is_none() && lens_b.is_none() {
+            return None;
+        }
+        let mut spreads = Self::default();
+        for i in 0..pairs.len() {
+            let (a, b) = pairs.get(i);
+            spreads.push(spread(lens_a, a), spread(lens_b, b));
+        }
+        Some(spreads)
+    }
+
+    /// Those of match number `index`, in `a` and in `b`.
+    ///
+    /// # Panics
+    /// If there is no such match.
+    pub fn get(&self, index: usize) -> [[f64; 3]; 2] {
+        [&self.a, &self.b].map(|view| [0, 1, 2].map(|entry| view[entry][index]))
+    }
+
+    /// Appends those of a match.
+    pub fn push(&mut self, a: [f64; 3], b: [f64; 3]) {
+        for (view, spread) in [(&mut self.a, a), (&mut self.b, b)] {
+            for (entries, entry) in view.iter_mut().zip(spread) {
+                entries.push(entry);
+            }
+        }
+    }
+}
+
+/// The spread of a point at depth 1.
+fn spread(lens: Option<&Distortion>, point: Point2<f64>) -> [f64; 3] {
+    const IDENTITY: [f64; 3] = [1.0, 0.0, 1.0];
+    let Some(lens) = lens else {
+        return IDENTITY;
+    };
+    let seen_by_point = lens.derivative(point);
+    // A mirror image, or one turned around: the fold was passed once or twice.
+    if seen_by_point.determinant() <= 0.0 || seen_by_point.trace() <= 0.0 {
+        return IDENTITY;
+    }
+    let spread = seen_by_point
+        .try_inverse()
+        .map(|j: Matrix2<f64>| j * j.transpose());
+    match spread {
+        // The trace is the sum of the squared stretches along the axes of the ellipse; NaN is no stretch.
+        Some(s) if s.trace() <= MOST_STRETCH * MOST_STRETCH => [s.m11, s.m12, s.m22],
+        _ => IDENTITY,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Camera, MatchedPoints, squared_sampson_distances};
+    use nalgebra::Matrix3;
+
+    const LENS: Distortion = Distortion {
+        k1: -0.28,
+        k2: 0.07,
+        p1: 0.002,
+        p2: -0.001,
+        k3: 0.0,
+    };
+
+    fn camera() -> Camera {
+        Camera {
+            distortion: Some(LENS),
+            ..Camera::pinhole(400.0, 400.0, 320.0, 240.0)
+        }
+    }
+
+    #[test]
+    fn the_distance_is_that_of_moves_in_the_image() {
+        let (camera, ideal) = (camera(), Camera::pinhole(300.0, 300.0, 320.0, 240.0));
+        let e = Matrix3::new(0.1, -0.5, 0.2, 0.7, 0.05, -0.9, -0.1, 0.8, 0.02);
+        let matches = MatchedPoints::new(
+            vec![Point2::new(30.0, 20.0), Point2::new(500.0, 400.0)],
+            vec![Point2::new(620.0, 30.0), Point2::new(350.0, 260.0)],
+            vec![0.5; 2],
+        );
+        let algebraic = |i: usize, moves: [f64; 4]| {
+            // Moves are lengths at depth 1 of an ideal camera, as the lens shows them.
+            let at = |camera: &Camera, p: Point2<f64>, dx: f64, dy: f64| {
+                camera.normalize(Point2::new(p.x + camera.fx * dx, p.y + camera.fy * dy))
+            };
+            let a = at(&camera, matches.a[i], moves[0], moves[1]);
+            let b = at(&ideal, matches.b[i], moves[2], moves[3]);
+            b.to_homogeneous().dot(&(e * a.to_homogeneous()))
+        };
+        let pairs = matches.at_depth_1_with_spreads(&camera, &ideal);
+        let mut squared = [0.0; 2];
+        squared_sampson_distances(&e, &pairs, 0..2, &mut squared);
+        for (i, squared) in squared.into_iter().enumerate() {
+            let gradient: f64 = (0..4)
+                .map(|k| {
+                    let mut step = [0.0; 4];
+                    step[k] = 1e-6;
+                    let forth = algebraic(i, step);
+                    step[k] = -1e-6;
+                    ((forth - algebraic(i, step)) / 2e-6).powi(2)
+                })
+                .sum();
+            let expected = algebraic(i, [0.0; 4]).powi(2) / gradient;
+            assert!(
+                (squared / expected - 1.0).abs() < 1e-6,
+                "{squared} {expected}"
+            );
+        }
+        // At the edge it differs from the distance at depth 1.
+        let mut plain = [0.0; 2];
+        let at_depth_1 = matches.at_depth_1(&camera, &ideal);
+        squared_sampson_distances(&e, &at_depth_1, 0..2, &mut plain);
+        assert!(plain[0] > 1.1 * squared[0], "{plain:?} {squared:?}");
+    }
+
+    #[test]
+    fn where_no_lens_distorts_there_are_no_spreads() {
+        let ideal = Camera::pinhole(300.0, 310.0, 320.0, 240.0);
+        let mut matches = MatchedPoints::default();
+        matches.push(Point2::new(3.0, 4.0), Point2::new(5.0, 6.0), 0.1);
+        let pairs = matches.at_depth_1_with_spreads(&ideal, &ideal);
+        assert_eq!(pairs, matches.at_depth_1(&ideal, &ideal));
+        assert_eq!(pairs.spreads, None);
+    }
+
+    #[test]
+    fn a_lens_beyond_belief_spreads_nothing() {
+        // r (1 - 0.5 r^2) has its fold at r = 0.816.
+        let folding = Distortion {
+            k1: -0.5,
+            k2: 0.0,
+            p1: 0.0,
+            p2: 0.0,
+            k3: 0.0,
+        };
+        let stretch = |r: f64| spread(Some(&folding), Point2::new(r, 0.0))[0].sqrt();
+        assert!((stretch(0.5) - 1.0 / 0.625).abs() < 1e-12);
+        for r in [0.8, 0.82, 1.0, 1e9, f64::INFINITY, f64::NAN] {
+            assert_eq!(spread(Some(&folding), Point2::new(r, 0.0)), [1.0, 0.0, 1.0]);
+        }
+    }
+
+    #[test]
+    fn chosen_matches_keep_their_spreads() {
+        let mut matches = MatchedPoints::default();
+        for i in 0..4 {
+            let x = f64::from(100 * i);
+            matches.push(Point2::new(x, 5.0), Point2::new(5.0, x), 0.1);
+        }
+        let pairs = matches.at_depth_1_with_spreads(&camera(), &camera());
+        let chosen = pairs.chosen([3, 1]);
+        assert_eq!((chosen.get(0), chosen.get(1)), (pairs.get(3), pairs.get(1)));
+        let spreads = |pairs: &PointPairs, i| pairs.spreads.as_ref().map(|spreads| spreads.get(i));
+        assert_eq!(spreads(&chosen, 0), spreads(&pairs, 3));
+        assert_eq!(spreads(&chosen, 1), spreads(&pairs, 1));
+    }
+}
