@@ -12,7 +12,7 @@ use matchbench::config::ConfigError;
 use matchbench::estimators::{ESTIMATORS, Estimator};
 use matchbench::matchers::{BuiltMatcher, Extraction, MATCHERS};
 use matchbench_vision::features::Features;
-use matchbench_vision::geometry::{Camera, MatchedPoints};
+use matchbench_vision::geometry::{Camera, Distortion, MatchedPoints};
 use matchbench_vision::image::{GrayImage, Size};
 use matchbench_vision::matching::{Correspondences, View};
 use matchbench_vision::robust::TwoViews;
@@ -254,9 +254,29 @@ fn more_values(id: &str, pointer: &str) -> Vec<Value> {
 }
 
 const CAMERA: Camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
+const WIDE_LENS: Camera = Camera {
+    distortion: Some(Distortion {
+        k1: -0.28,
+        k2: 0.07,
+        p1: 0.0,
+        p2: 0.0,
+        k3: 0.0,
+    }),
+    ..CAMERA
+};
 
 /// Matches of scene points at the depth that `depth` gives for a ray and a random number, and wrong ones.
 fn matches(
+    right: u32,
+    wrong: u32,
+    seed: u64,
+    depth: impl Fn(Point2<f64>, f64) -> f64,
+) -> MatchedPoints {
+    seen_by(&CAMERA, right, wrong, seed, depth)
+}
+
+fn seen_by(
+    camera: &Camera,
     right: u32,
     wrong: u32,
     seed: u64,
@@ -271,10 +291,10 @@ fn matches(
         let mut anywhere =
             || Point2::new(640.0 * size * rng.uniform(), 480.0 * size * rng.uniform());
         let (a, elsewhere) = (anywhere(), anywhere());
-        let ray = CAMERA.normalize(a);
+        let ray = camera.normalize(a);
         let scene = rotation * (ray.to_homogeneous() * depth(ray, rng.uniform()));
         let seen = scene + Vector3::new(0.95, 0.1, 0.3);
-        let b = CAMERA.project(Point2::new(seen.x / seen.z, seen.y / seen.z));
+        let b = camera.project(Point2::new(seen.x / seen.z, seen.y / seen.z));
         let noise = Vector3::from_fn(|_, _| 0.5 * rng.normal()).xy();
         points.push(
             a,
@@ -304,7 +324,7 @@ fn every_parameter_of_every_estimator_acts() {
     // little before it. Most estimators end in the same optimum whatever happened on the way, so some searches
     // are stopped early.
     let whole = usize::MAX;
-    let scenes = [
+    let pinhole = [
         (matches(60, 20, 1, deep), 4, whole),
         (matches(60, 90, 5, deep), 6, whole),
         (matches(60, 90, 5, deep), 6, 60),
@@ -321,15 +341,19 @@ fn every_parameter_of_every_estimator_acts() {
         (matches(40, 60, 6, wall), 7, whole),
         (matches(20, 60, 7, deep), 8, whole),
     ];
+    let scenes: Vec<_> = (pinhole.into_iter())
+        .map(|(points, seed, most)| (points, CAMERA, seed, most))
+        .chain([(seen_by(&WIDE_LENS, 60, 20, 8, deep), WIDE_LENS, 4, whole)])
+        .collect();
     let mut dead = Vec::new();
     for entry in ESTIMATORS {
         let result = |params: &Value, _: Stage, case: usize| -> String {
             let built = entry.build(Some(params)).expect("it was built before");
-            let (points, seed, most) = &scenes[case];
+            let (points, camera, seed, most) = &scenes[case];
             let views = TwoViews {
                 points,
-                camera_a: &CAMERA,
-                camera_b: &CAMERA,
+                camera_a: camera,
+                camera_b: camera,
             };
             let (seed, stop) = (Seed(*seed), |drawn: usize| drawn >= *most);
             match built.estimator {
