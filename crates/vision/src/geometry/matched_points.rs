@@ -89,7 +89,7 @@ impl MatchedPoints {
     pub fn at_depth_1_with_spreads(&self, camera_a: &Camera, camera_b: &Camera) -> PointPairs {
         let mut pairs = self.at_depth_1(camera_a, camera_b);
         let lenses = [camera_a, camera_b].map(|camera| camera.distortion.as_ref());
-        pairs.spreads = Spreads::of_lenses(&pairs, lenses[0], lenses[1]);
+        pairs.spreads = Spreads::of_lenses(pairs.iter(), lenses[0], lenses[1]);
         pairs
     }
 

@@ -43,6 +43,11 @@ impl PointPairs {
         )
     }
 
+    /// The matches, each as its point in `a` and its point in `b`.
+    pub fn iter(&self) -> impl Iterator<Item = (Point2<f64>, Point2<f64>)> + '_ {
+        (0..self.len()).map(|index| self.get(index))
+    }
+
     /// The matches with these numbers, in the order of the numbers, with their spreads.
     ///
     /// # Panics

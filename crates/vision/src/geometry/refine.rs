@@ -247,7 +247,7 @@ mod tests {
             k3: 0.0,
         };
         check_derivatives(&PointPairs {
-            spreads: Spreads::of_lenses(&pairs, Some(&lens), Some(&lens)),
+            spreads: Spreads::of_lenses(pairs.iter(), Some(&lens), Some(&lens)),
             ..pairs
         });
     }

@@ -15,12 +15,12 @@
 
 use nalgebra::{Matrix2, Point2};
 
-use super::{Distortion, PointPairs};
+use super::Distortion;
 
 /// Largest stretch of a length that is taken for what a lens does.
 const MOST_STRETCH: f64 = 4.0;
 
-/// The spread of each point of [`PointPairs`]: the entries xx, xy and yy of a symmetric matrix.
+/// The spread of each point of [`PointPairs`](super::PointPairs): the entries xx, xy and yy of a symmetric matrix.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Spreads {
     /// Of the points in view `a`.
@@ -30,9 +30,9 @@ pub struct Spreads {
 }
 
 impl Spreads {
-    /// Those of points that these lenses show; `None` where neither distorts.
+    /// Those of matched points at depth 1 that these lenses show; `None` where neither distorts.
     pub fn of_lenses(
-        pairs: &PointPairs,
+        pairs: impl IntoIterator<Item = (Point2<f64>, Point2<f64>)>,
         lens_a: Option<&Distortion>,
         lens_b: Option<&Distortion>,
     ) -> Option<Self> {
@@ -40,8 +40,7 @@ impl Spreads {
             return None;
         }
         let mut spreads = Self::default();
-        for i in 0..pairs.len() {
-            let (a, b) = pairs.get(i);
+        for (a, b) in pairs {
             spreads.push(spread(lens_a, a), spread(lens_b, b));
         }
         Some(spreads)
@@ -89,7 +88,7 @@ fn spread(lens: Option<&Distortion>, point: Point2<f64>) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Camera, MatchedPoints, squared_sampson_distances};
+    use crate::geometry::{Camera, MatchedPoints, PointPairs, squared_sampson_distances};
     use nalgebra::Matrix3;
 
     const LENS: Distortion = Distortion {
