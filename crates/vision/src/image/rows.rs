@@ -136,6 +136,31 @@ impl RowBuffer {
         &self.data[self.start + place * self.stride..][..self.columns.len()]
     }
 
+    /// Some rows that follow each other, as [`Self::row`].
+    ///
+    /// # Panics
+    /// If one was not made yet or is forgotten.
+    pub fn rows(&self, range: Range<usize>) -> impl ExactSizeIterator<Item = &[f32]> {
+        assert!(
+            range.end <= self.made && self.made <= range.start + self.capacity,
+            "rows {range:?} are not all among the last {} of {}",
+            self.capacity,
+            self.made
+        );
+        let place = range.start + self.capacity - self.first;
+        let mut start = place % self.capacity * self.stride;
+        let end = self.capacity * self.stride;
+        let data = &self.data[self.start..][..end];
+        range.map(move |_| {
+            let row = &data[start..][..self.columns.len()];
+            start += self.stride;
+            if start == end {
+                start = 0;
+            }
+            row
+        })
+    }
+
     /// The next `count` rows (fewer at the end), to be written at once.
     ///
     /// # Panics

@@ -1,13 +1,12 @@
 //! The 128 values that describe a patch (section 6).
 
 use core::f32::consts::{SQRT_2, TAU};
-use std::ops::RangeInclusive;
 
 use nalgebra::Point2;
 
 use super::patch::Patch;
 use crate::image::{RowBuffer, Size};
-use crate::simd::{PatchGrid, PatchHistogram, add_patch, normalize_to_bytes};
+use crate::simd::{PatchGrid, PatchSums, grid_columns, normalize_to_bytes, patch_sums};
 
 /// Cells of the grid along a side.
 const CELLS: usize = 4;
@@ -49,7 +48,7 @@ impl PatchDescriber {
         at: Point2<f32>,
         scale: f32,
         angle: f32,
-    ) -> [f32; LENGTH] {
+    ) -> PatchSums {
         let cell = CELL_WIDTH * scale;
         let radius = patch_radius(layer.size(), scale) as i32;
         let (sin, cos) = libm::sincosf(angle);
@@ -61,18 +60,14 @@ impl PatchDescriber {
         // A Gaussian of half the width of the grid.
         let deviation = 0.5 * CELLS as f32 * cell;
         self.patch.reset(radius, -0.5 / (deviation * deviation));
-        let mut histogram: PatchHistogram = [0.0; 1024];
+        let mut sums = [0.0; LENGTH];
         self.patch.look(
             layer,
             [at.x, at.y].map(|v| v.round_ties_even() as i32),
-            |y| columns_inside(&grid, y as f32),
-            |window, gradients| add_patch(window, &grid, gradients, &mut histogram),
+            |top, columns| grid_columns(&grid, top, columns),
+            |window, gradients| sums = patch_sums(window, &grid, gradients),
         );
-        std::array::from_fn(|i| {
-            let (row, column, bin) = (i / (CELLS * BINS), i / BINS % CELLS, i % BINS);
-            let place = (row + 1) * 64 + (column + 1) * 8 + bin;
-            histogram[place] + histogram[512 + place]
-        })
+        sums
     }
 }
 
@@ -87,28 +82,4 @@ pub(super) fn patch_radius(size: Size, scale: f32) -> usize {
     // Half a diagonal of the grid and one half cell of interpolation on each side.
     let reach = (CELL_WIDTH * scale * SQRT_2 * (CELLS as f32 + 1.0) * 0.5).round_ties_even();
     reach.min((size.width + size.height) as f32) as usize
-}
-
-/// Offsets x where a row of pixels at offset `y` can lie within the grid and half a cell around
-/// it: `|x cos + y sin| < 2.5` and `|y cos - x sin| < 2.5`, and one more to be safe of rounding.
-fn columns_inside(grid: &PatchGrid, y: f32) -> RangeInclusive<i32> {
-    const HALF: f32 = 0.5 * (CELLS as f32 + 1.0);
-    let mut first = f32::MIN;
-    let mut last = f32::MAX;
-    for (slope, middle) in [(grid.cos, -y * grid.sin), (grid.sin, y * grid.cos)] {
-        if slope.abs() > 1e-9 {
-            let (a, b) = ((middle - HALF) / slope, (middle + HALF) / slope);
-            first = first.max(a.min(b));
-            last = last.min(a.max(b));
-        }
-    }
-    // Within any image, so that sums of offsets do not overflow.
-    floor(first.max(-1e6))..=-floor(-last.min(1e6))
-}
-
-/// The largest whole number that is not above `value`; `f32::floor` is a call where processors may lack
-/// the instruction.
-fn floor(value: f32) -> i32 {
-    let whole = value as i32;
-    whole - i32::from(whole as f32 > value)
 }

@@ -64,7 +64,7 @@ impl Orientations {
         self.patch.look(
             layer,
             pixel.map(|v| v as i32),
-            |_| -radius..=radius,
+            |_, columns| columns.fill([-radius, radius]),
             |window, gradients| add_directions(window, gradients, &mut raw),
         );
         std::array::from_fn(|i| {

@@ -1,7 +1,5 @@
 //! Gradients around a keypoint, with Gaussian weights.
 
-use std::ops::RangeInclusive;
-
 use crate::image::RowBuffer;
 use crate::simd::{Gradients, Span, Window};
 
@@ -18,6 +16,8 @@ pub(super) struct Patch {
     radius: i32,
     /// Weight of offset `i - radius`.
     weights: Vec<f32>,
+    /// The first and the last column that is wanted of each row.
+    columns: Vec<[i32; 2]>,
     spans: Vec<Span>,
     gradients: Gradients,
 }
@@ -37,14 +37,14 @@ impl Patch {
         self.weights.resize(side + BLOCK as usize, 0.0);
     }
 
-    /// Calls `each` with the pixels about pixel (`x`, `y`): of each row from the first to the last of
-    /// the `columns` wanted of the row at that offset. Pixels on the border of the image have no
-    /// gradient.
+    /// Calls `each` with the pixels about pixel (`x`, `y`): of each row from the first to the last
+    /// column that is wanted, as `columns` says of the rows from an offset on. Pixels on the border of the
+    /// image have no gradient.
     pub(super) fn look(
         &mut self,
         layer: &RowBuffer,
         [x, y]: [i32; 2],
-        columns: impl Fn(i32) -> RangeInclusive<i32>,
+        columns: impl FnOnce(i32, &mut [[i32; 2]]),
         each: impl FnOnce(&Window<'_>, &mut Gradients),
     ) {
         let size = layer.size();
@@ -53,11 +53,13 @@ impl Patch {
         if last_row < top {
             return;
         }
+        self.columns.clear();
+        self.columns.resize((last_row - top + 1) as usize, [0; 2]);
+        columns(top, &mut self.columns);
         self.spans.clear();
-        self.spans.extend((top..=last_row).map(|dy| {
-            let wanted = columns(dy);
-            let first = (*wanted.start()).max(-self.radius).max(1 - x);
-            let last = (*wanted.end()).min(self.radius).min(right - x);
+        self.spans.extend(self.columns.iter().map(|&[first, last]| {
+            let first = first.max(-self.radius).max(1 - x);
+            let last = last.min(self.radius).min(right - x);
             if last < first {
                 return Span { first, count: 0 };
             }
@@ -67,8 +69,9 @@ impl Patch {
         }));
         let start = layer.columns().start as i32;
         let left = (-self.radius - 1).max(start - x);
-        let rows: Vec<&[f32]> = (top - 1..=last_row + 1)
-            .map(|dy| &layer.row((y + dy) as usize)[(x + left - start) as usize..])
+        let (first, last) = ((y + top - 1) as usize, (y + last_row + 1) as usize);
+        let rows: Vec<&[f32]> = (layer.rows(first..last + 1))
+            .map(|row| &row[(x + left - start) as usize..])
             .collect();
         let window = Window {
             rows: &rows,

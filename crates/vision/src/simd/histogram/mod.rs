@@ -1,16 +1,18 @@
 //! Histograms of gradient directions, one for a disc and a grid of them for a patch.
 #![allow(clippy::needless_bitwise_bool)] // a lazy `&&` is a branch, and lanes have none
 
+mod gradients;
 #[cfg(target_arch = "x86_64")]
 mod wide;
 
 #[cfg(target_arch = "x86_64")]
 use super::InstructionSet;
-use super::gradient::turns;
+use super::truncated;
+use gradients::{Block, Eight, measure};
+pub use gradients::{Gradients, Span, Window};
 
-/// Bins of a patch histogram, as two histograms whose sum counts: `[half][row][column][direction]`
-/// with 2 x 8 x 8 x 8 places, of which a grid of 4 x 4 cells and its border use 6 x 6 x 8 of each.
-pub type PatchHistogram = [f32; 1024];
+/// Sums of a patch: `[row][column][direction]` of a grid of 4 x 4 cells with 8 directions each.
+pub type PatchSums = [f32; 128];
 
 /// How a rotated grid of 4 x 4 cells lies on the pixels.
 #[derive(Clone, Copy, Debug)]
@@ -23,45 +25,6 @@ pub struct PatchGrid {
     pub direction: f32,
 }
 
-/// The pixels about a keypoint, which offsets are counted from.
-#[derive(Clone, Copy, Debug)]
-pub struct Window<'a> {
-    /// Rows of the image, from the one before the first span to the one after the last, all from the
-    /// same column on.
-    pub rows: &'a [&'a [f32]],
-    /// Offset of that column.
-    pub left: i32,
-    /// Offset of the row of the first span.
-    pub top: i32,
-    /// What counts of each row.
-    pub spans: &'a [Span],
-    /// Weights of the offsets from `-radius` on, of rows and of columns: a pixel has the product.
-    pub weights: &'a [f32],
-    /// See `weights`.
-    pub radius: i32,
-}
-
-/// Neighbouring pixels of a row.
-#[derive(Clone, Copy, Debug)]
-pub struct Span {
-    /// Offset of the first.
-    pub first: i32,
-    /// How many.
-    pub count: usize,
-}
-
-/// Gradients of the pixels of all spans, one after the other; used again and again.
-#[derive(Clone, Debug, Default)]
-pub struct Gradients {
-    /// First the differences along x, then the directions in turns.
-    directions: Vec<f32>,
-    /// Differences along y (upwards).
-    rises: Vec<f32>,
-    /// First the weights, then the magnitudes times weight.
-    values: Vec<f32>,
-    bins: Vec<u32>,
-}
-
 multiversioned! {
     #![avx512]
 
@@ -72,134 +35,103 @@ multiversioned! {
     /// If rows or weights do not reach one pixel beyond the spans.
     pub fn add_directions(window: &Window<'_>, gradients: &mut Gradients, histogram: &mut [f32; 36]) {
         measure(window, gradients);
+        let count = gradients.blocks.len();
         let Gradients { directions, values, bins, .. } = gradients;
-        bins.resize(directions.len(), 0);
-        for (bin, direction) in bins.iter_mut().zip(&*directions) {
-            *bin = whole(*direction * 36.0);
-        }
-        for (&bin, value) in bins.iter().zip(&*values) {
+        let (directions, values) = (&directions[..count], &values[..count]);
+        bins.clear();
+        bins.extend(directions.as_flattened().iter().map(|direction| whole(direction * 36.0)));
+        for (&bin, value) in bins.iter().zip(values.as_flattened()) {
             histogram[if bin < 36 { bin as usize } else { 0 }] += value;
         }
     }
 
     /// Adds the gradient of each pixel to the eight bins around it, by magnitude times weight and the
-    /// distance to the bins' centres in row, column and direction.
+    /// distance to the bins' centres in row, column and direction; what falls beyond the grid is lost.
     ///
     /// # Panics
     /// If rows or weights do not reach one pixel beyond the spans.
-    pub fn add_patch(window: &Window<'_>, grid: &PatchGrid, gradients: &mut Gradients, histogram: &mut PatchHistogram) {
+    pub fn patch_sums(window: &Window<'_>, grid: &PatchGrid, gradients: &mut Gradients) -> PatchSums {
         measure(window, gradients);
-        let mut start = 0;
-        for (span, y) in window.spans.iter().zip(window.top..) {
-            let row = PatchRow {
-                y: y as f32,
-                x: span.first as f32,
-                values: &gradients.values[start..][..span.count],
-                directions: &gradients.directions[start..][..span.count],
-            };
-            start += span.count;
-            #[cfg(target_arch = "x86_64")]
-            if InstructionSet::in_use() == InstructionSet::Avx512 {
-                // SAFETY: what is in use was detected on this processor.
-                unsafe { wide::add_row(grid, &row, histogram) };
-                continue;
+        #[cfg(target_arch = "x86_64")]
+        if InstructionSet::in_use() == InstructionSet::Avx512 {
+            // SAFETY: what is in use was detected on this processor.
+            return unsafe { wide::sums(grid, gradients) };
+        }
+        let mut histogram: PatchHistogram = [0.0; 1024];
+        let Gradients { blocks, directions, values, .. } = gradients;
+        for ((block, directions), values) in blocks.iter().zip(directions).zip(values) {
+            add_block(grid, block, values, directions, &mut histogram);
+        }
+        std::array::from_fn(|i| {
+            let (row, column, bin) = (i / 32, i / 8 % 4, i % 8);
+            let place = (row + 1) * 64 + (column + 1) * 8 + bin;
+            histogram[place] + histogram[512 + place]
+        })
+    }
+
+    /// The first and the last offset x where a row of pixels, each at an offset y from `top` on, can lie
+    /// within the grid and half a cell around it: `|x cos + y sin| < 2.5` and `|y cos - x sin| < 2.5`, and
+    /// one more to be safe of rounding.
+    pub fn grid_columns(grid: &PatchGrid, top: i32, columns: &mut [[i32; 2]]) {
+        const ROWS: usize = 16;
+        const HALF: f32 = 2.5;
+        for (columns, start) in columns.chunks_mut(ROWS).zip((top..).step_by(ROWS)) {
+            let (mut first, mut last) = ([f32::MIN; ROWS], [f32::MAX; ROWS]);
+            for (slope, along) in [(grid.cos, -grid.sin), (grid.sin, grid.cos)] {
+                if slope.abs() > 1e-9 {
+                    for i in 0..ROWS {
+                        let middle = (start + i as i32) as f32 * along;
+                        let (a, b) = ((middle - HALF) / slope, (middle + HALF) / slope);
+                        first[i] = first[i].max(a.min(b));
+                        last[i] = last[i].min(a.max(b));
+                    }
+                }
             }
-            let mut x = 0;
-            while x + 8 <= span.count {
-                patch_block::<8>(grid, &row, x, histogram);
-                x += 8;
+            let mut whole = [[0; ROWS]; 2];
+            for i in 0..ROWS {
+                // Within any image, so that sums of offsets do not overflow.
+                whole[0][i] = floor(first[i].max(-1e6));
+                whole[1][i] = -floor(-last[i].min(1e6));
             }
-            while x < span.count {
-                patch_block::<1>(grid, &row, x, histogram);
-                x += 1;
+            for (i, columns) in columns.iter_mut().enumerate() {
+                *columns = [whole[0][i], whole[1][i]];
             }
         }
     }
 }
+
+/// The largest whole number that is not above `value`; `f32::floor` is a call where processors may lack
+/// the instruction.
+#[inline(always)]
+fn floor(value: f32) -> i32 {
+    let whole = truncated(value);
+    whole - i32::from(whole as f32 > value)
+}
+
+/// Bins of the grid and of a border about it, as two histograms whose sum counts: `[half][row][column][direction]`
+/// with 2 x 8 x 8 x 8 places, of which 4 x 4 cells and their border use 6 x 6 x 8 of each.
+type PatchHistogram = [f32; 1024];
 
 /// Centres of the cells are at 0, 1, 2, 3; the middle of the patch lies between 1 and 2.
 const MIDDLE: f32 = 1.5;
 
-/// Gradients along one row.
-struct PatchRow<'a> {
-    /// Offset of the row.
-    y: f32,
-    /// Offset of the first pixel.
-    x: f32,
-    /// Magnitudes times weight.
-    values: &'a [f32],
-    directions: &'a [f32],
-}
-
-/// Magnitudes and directions of the central differences: all in one go, in which vectors are full.
 #[inline(always)]
-fn measure(window: &Window<'_>, gradients: &mut Gradients) {
-    let Gradients {
-        directions,
-        rises,
-        values,
-        ..
-    } = gradients;
-    for values in [&mut *directions, &mut *rises, &mut *values] {
-        values.clear();
-    }
-    for (i, (span, y)) in window.spans.iter().zip(window.top..).enumerate() {
-        let count = span.count;
-        if count == 0 {
-            continue;
-        }
-        let x = (span.first - window.left) as usize;
-        let [above, here, below] = [0, 1, 2].map(|k| window.rows[i + k]);
-        let (left, right) = (&here[x - 1..][..count], &here[x + 1..][..count]);
-        let (above, below) = (&above[x..][..count], &below[x..][..count]);
-        let weight = window.weights[(y + window.radius) as usize];
-        let weights = &window.weights[(span.first + window.radius) as usize..][..count];
-        extend(directions, right, left, |right, left| right - left);
-        extend(rises, above, below, |above, below| above - below);
-        extend(values, weights, weights, |along, _| weight * along);
-    }
-    let all = directions.iter_mut().zip(&*rises).zip(values);
-    for ((direction, &dy), value) in all {
-        let dx = *direction;
-        *value *= dx.mul_add(dx, dy * dy).sqrt();
-        *direction = turns(dy, dx);
-    }
-}
-
-/// Appends what `f` makes of two rows of one length; rows are mostly whole blocks of eight.
-#[inline(always)]
-fn extend(out: &mut Vec<f32>, a: &[f32], b: &[f32], f: impl Fn(f32, f32) -> f32) {
-    let start = out.len();
-    out.resize(start + a.len(), 0.0);
-    let (blocks, last) = out[start..].as_chunks_mut::<8>();
-    let ((a, last_a), (b, last_b)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
-    for ((out, a), b) in blocks.iter_mut().zip(a).zip(b) {
-        for i in 0..8 {
-            out[i] = f(a[i], b[i]);
-        }
-    }
-    for ((out, a), b) in last.iter_mut().zip(last_a).zip(last_b) {
-        *out = f(*a, *b);
-    }
-}
-
-#[inline(always)]
-fn patch_block<const L: usize>(
+fn add_block(
     grid: &PatchGrid,
-    row: &PatchRow<'_>,
-    start: usize,
+    block: &Block,
+    values: &Eight,
+    directions: &Eight,
     histogram: &mut PatchHistogram,
 ) {
-    let values = lanes::<L>(row.values, start);
-    let directions = lanes::<L>(row.directions, start);
+    const L: usize = 8;
     let mut cells = [0_u32; L];
     let mut bins = [0_u32; L];
     let mut nexts = [0.0_f32; L];
     let mut corners = [[0.0_f32; L]; 4];
     for i in 0..L {
-        let x = row.x + (start + i) as f32;
-        let column = x.mul_add(grid.cos, row.y * grid.sin) + MIDDLE;
-        let line = row.y.mul_add(grid.cos, -(x * grid.sin)) + MIDDLE;
+        let x = block.x + block.step * i as f32;
+        let column = x.mul_add(grid.cos, block.y * grid.sin) + MIDDLE;
+        let line = block.y.mul_add(grid.cos, -(x * grid.sin)) + MIDDLE;
         let inside = (line > -1.0) & (line < 4.0) & (column > -1.0) & (column < 4.0);
         let value = if inside { values[i] } else { 0.0 };
         let column = if inside { column } else { 0.0 };
@@ -253,11 +185,6 @@ fn whole(x: f32) -> u32 {
     (x + NO_FRACTION).to_bits() & 0x003f_ffff
 }
 
-#[inline(always)]
-fn lanes<const L: usize>(row: &[f32], x: usize) -> &[f32; L] {
-    row[x..].first_chunk::<L>().expect("rows of one length")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -307,14 +234,14 @@ mod tests {
                 sin: -0.07,
                 direction: 0.8,
             };
-            let mut all: Vec<(PatchHistogram, [f32; 36])> = Vec::new();
+            let mut all: Vec<(PatchSums, [f32; 36])> = Vec::new();
             with_row(-20, &differences, |window| {
                 InstructionSet::for_each(|_| {
                     let gradients = &mut Gradients::default();
-                    let (mut patch, mut directions) = ([0.0; 1024], [0.0; 36]);
+                    let patch = patch_sums(window, &grid, gradients);
+                    let mut directions = [0.0; 36];
                     // Twice, so that there are sums to be added to.
                     for _ in 0..2 {
-                        add_patch(window, &grid, gradients, &mut patch);
                         add_directions(window, gradients, &mut directions);
                     }
                     all.push((patch, directions));
@@ -355,20 +282,14 @@ mod tests {
             sin: 0.0,
             direction: 0.25,
         };
-        let mut histogram: PatchHistogram = [0.0; 1024];
         // To the right: a quarter turn before the first bin.
         with_row(0, &[[8.0, 0.0]], |window| {
-            add_patch(window, &grid, &mut Gradients::default(), &mut histogram);
+            let sums = patch_sums(window, &grid, &mut Gradients::default());
+            for cell in [5, 6, 9, 10] {
+                assert_eq!(sums[8 * cell..][6..8], [2.0, 0.0]);
+            }
+            assert_eq!(sums.iter().sum::<f32>(), 8.0);
         });
-        for cell in [
-            2 * 64 + 2 * 8,
-            2 * 64 + 3 * 8,
-            3 * 64 + 2 * 8,
-            3 * 64 + 3 * 8,
-        ] {
-            assert_eq!((histogram[cell + 6], histogram[cell + 7]), (2.0, 0.0));
-        }
-        assert_eq!(histogram.iter().sum::<f32>(), 8.0);
     }
 
     #[test]
@@ -382,26 +303,59 @@ mod tests {
         let differences: Vec<[f32; 2]> = (0..n)
             .map(|i| [i as f32 - 20.0, 3.0 * (i % 7) as f32 - 8.0])
             .collect();
-        let mut together: PatchHistogram = [0.0; 1024];
-        with_row(-22, &differences, |window| {
-            add_patch(window, &grid, &mut Gradients::default(), &mut together);
+        let offset = |i: usize| i as i32 - 22;
+        let gradients = &mut Gradients::default();
+        let mut together: PatchSums = [0.0; 128];
+        with_row(offset(0), &differences, |window| {
+            together = patch_sums(window, &grid, gradients);
         });
-        let mut single: PatchHistogram = [0.0; 1024];
-        let mut gradients = Gradients::default();
+        let mut single: PatchSums = [0.0; 128];
         for (i, difference) in differences.iter().enumerate() {
-            with_row(i as i32 - 22, &[*difference], |window| {
-                add_patch(window, &grid, &mut gradients, &mut single);
+            with_row(offset(i), &[*difference], |window| {
+                let sums = patch_sums(window, &grid, gradients);
+                for (sum, more) in single.iter_mut().zip(sums) {
+                    *sum += more;
+                }
             });
         }
-        for i in 0..512 {
-            let sums = [together, single].map(|h| h[i] + h[512 + i]);
-            assert!((sums[0] - sums[1]).abs() < 1e-3);
+        for (a, b) in together.iter().zip(single) {
+            assert!((a - b).abs() < 1e-3);
         }
-        // |0.15 x| < 2.5 and |0.2 x| < 2.5.
+        // Of a pixel less than a cell outside of the outermost centres a part is kept.
+        let kept = |v: f32| (v + 2.5).min(2.5 - v).clamp(0.0, 1.0);
         let inside: f32 = (0..n)
-            .filter(|&i| (i as f32 - 22.0).abs() < 12.5)
-            .map(|i| differences[i][0].hypot(differences[i][1]))
+            .map(|i| {
+                let x = offset(i) as f32;
+                let share = kept(0.15 * x) * kept(-0.2 * x);
+                share * differences[i][0].hypot(differences[i][1])
+            })
             .sum();
         assert!((together.iter().sum::<f32>() - inside).abs() < 0.01);
+    }
+
+    #[test]
+    fn no_pixel_of_the_grid_is_left_out() {
+        for degrees in [0.0, 30.0, 90.0, 200.0_f32] {
+            let (sin, cos) = libm::sincosf(degrees.to_radians());
+            let grid = PatchGrid {
+                cos: cos / 4.7,
+                sin: sin / 4.7,
+                direction: 0.0,
+            };
+            let mut columns = [[0; 2]; 43];
+            grid_columns(&grid, -21, &mut columns);
+            for ([first, last], y) in columns.into_iter().zip(-21..) {
+                let (mut inside, y) = (0, y as f32);
+                for x in -50..50 {
+                    let along = (x as f32 * grid.cos + y * grid.sin).abs();
+                    let across = (y * grid.cos - x as f32 * grid.sin).abs();
+                    if along.max(across) < 2.5 {
+                        inside += 1;
+                        assert!((first..=last).contains(&x), "{degrees}: {x}, {y}");
+                    }
+                }
+                assert!(inside == 0 || last - first < inside + 4, "{degrees}: {y}");
+            }
+        }
     }
 }

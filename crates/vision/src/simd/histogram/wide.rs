@@ -1,81 +1,119 @@
-//! The histograms of a patch with vectors of 64 bytes, written by hand.
+//! The sums of a patch with vectors of 64 bytes, written by hand.
 //!
-//! *How it works.* Sixteen pixels at a time get their cell, their shares of four cells and of two
-//! directions. Then each pixel adds to two vectors, one for the cells above it and one for those below:
-//! the eight bins of two neighbouring cells lie side by side. What it adds is put together by
-//! permutations: one repeats the shares of two cells eight times each, one puts those of the directions
-//! into their bins and zeros into the other six.
+//! *How it works.* A vector holds the 16 cells of the grid for one direction, so that the sums of all
+//! eight directions stay in registers. A pixel has 16 weights, of which a permutation puts the four that
+//! are not zero into the cells around it, and eight shares, of which two are not zero; each sum gets the
+//! product. Weights and shares are made for sixteen pixels at a time.
 //!
-//! *Benefit*: two additions of whole vectors for a pixel, where the portable text adds to its bins piece by piece.
-//! *Correctness*: products and sums are the same and in the same order, but for products with
-//! zero, which are not taken; a test compares all bits. Places are limited to those of the histogram before they
-//! are used.
+//! *Benefit*: no sum waits in memory for the one before, as it did where each pixel added to
+//! its own few bins (16 cycles each), and there is no branch. *Correctness*: the portable text adds the same
+//! products in the same order, but for those with zero, which change no sum; a test compares all bits.
 
 use std::arch::x86_64::{
-    __m512, __m512i, _CMP_GT_OQ, _CMP_LT_OQ, _MM_FROUND_NO_EXC, _MM_FROUND_TO_NEG_INF,
-    _mm512_add_epi32, _mm512_add_ps, _mm512_and_si512, _mm512_castps_si512, _mm512_cmp_ps_mask,
-    _mm512_fmadd_ps, _mm512_fmsub_ps, _mm512_loadu_ps, _mm512_loadu_si512, _mm512_maskz_mov_ps,
-    _mm512_min_epu32, _mm512_mul_ps, _mm512_permutex2var_ps, _mm512_permutexvar_ps,
-    _mm512_roundscale_ps, _mm512_set1_epi32, _mm512_set1_ps, _mm512_setr_epi32, _mm512_setr_ps,
-    _mm512_setzero_ps, _mm512_shuffle_f32x4, _mm512_storeu_ps, _mm512_storeu_si512, _mm512_sub_ps,
+    __m512, _CMP_GT_OQ, _CMP_LT_OQ, _MM_FROUND_NO_EXC, _MM_FROUND_TO_NEG_INF, _mm512_add_epi32,
+    _mm512_add_ps, _mm512_and_si512, _mm512_castpd_ps, _mm512_castps_pd, _mm512_castps_si512,
+    _mm512_cmp_ps_mask, _mm512_cmpeq_epi32_mask, _mm512_fmadd_ps, _mm512_fmsub_ps, _mm512_loadu_ps,
+    _mm512_loadu_si512, _mm512_mask_mov_ps, _mm512_maskz_mov_ps, _mm512_mul_ps,
+    _mm512_permutex2var_ps, _mm512_roundscale_ps, _mm512_set1_epi32, _mm512_set1_ps,
+    _mm512_setr_ps, _mm512_setzero_ps, _mm512_storeu_ps, _mm512_storeu_si512, _mm512_sub_ps,
+    _mm512_unpackhi_pd, _mm512_unpackhi_ps, _mm512_unpacklo_pd, _mm512_unpacklo_ps,
 };
 
-use super::{MIDDLE, NO_FRACTION, PatchGrid, PatchHistogram, PatchRow, patch_block};
+use super::{Block, Gradients, MIDDLE, NO_FRACTION, PatchGrid, PatchSums};
 use crate::simd::masked::{LANES, load_or_zero};
 
-/// Pixels whose shares are permuted together: a vector holds two of each.
-const HALF: usize = 8;
+/// Directions.
+const BINS: usize = 8;
 
-/// The last place from which all four cells lie in the first of the two histograms.
-const LAST_PLACE: i32 = 512 - 80;
+/// Steps that are prepared together.
+const STEPS: usize = 8;
 
-/// Where the shares of two directions go that lie in the first 16 lanes of two vectors: from
-/// lane 8 into the bin of the number, from lane 0 into the next; the other bins get lane 16. For two cells.
-static PLACES: [Lanes; 8] = places();
+/// Which of a pixel's four weights (above left, above right, below left, below right) a cell gets, by the
+/// place of the pixel: five places from the column before the first cell to the last, and as many rows of these.
+/// Lane 16 stands for none.
+static WEIGHTS: [Lanes<u32>; 32] = weights();
 
-/// Sixteen integers, in one cache line.
+/// Sixteen numbers, in one cache line.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-struct Lanes([u32; LANES]);
+struct Lanes<T>([T; LANES]);
 
-/// Adds the gradients of a row to the bins around each pixel.
-#[target_feature(enable = "avx512f")]
-pub(super) fn add_row(grid: &PatchGrid, row: &PatchRow<'_>, histogram: &mut PatchHistogram) {
-    let (blocks, rest) = (row.values.len() / LANES, row.values.len() % LANES);
-    for block in 0..blocks {
-        add_block::<LANES>(grid, row, LANES * block, histogram);
-    }
-    let mut x = LANES * blocks;
-    if rest >= HALF {
-        add_block::<HALF>(grid, row, x, histogram);
-        x += HALF;
-    }
-    while x < row.values.len() {
-        patch_block::<1>(grid, row, x, histogram);
-        x += 1;
-    }
+/// What two blocks add. It goes through memory, since sums get it from there number by number.
+#[derive(Clone, Copy)]
+struct Step {
+    places: Lanes<u32>,
+    /// Vector `i` has the four weights of the pixels `i`, `4 + i`, `8 + i` and `12 + i`.
+    weights: [Lanes<f32>; 4],
+    /// What each direction gets of each pixel.
+    shares: [Lanes<f32>; BINS],
 }
 
-/// Pixels from `start` on, 16 or only the 8 that are `HALF`.
+/// Sums of the pixels at even and at odd places: for each direction those of the 16 cells.
+type Sums = [[__m512; BINS]; 2];
+
+/// The sums of gradients that are measured.
+#[target_feature(enable = "avx512f")]
+pub(super) fn sums(grid: &PatchGrid, gradients: &Gradients) -> PatchSums {
+    let blocks = &gradients.blocks;
+    let values = gradients.values[..blocks.len()].as_flattened();
+    let directions = gradients.directions[..blocks.len()].as_flattened();
+    let mut sums: Sums = [[_mm512_setzero_ps(); BINS]; 2];
+    let mut steps = [Step {
+        places: Lanes([0; LANES]),
+        weights: [Lanes([0.0; LANES]); 4],
+        shares: [Lanes([0.0; LANES]); BINS],
+    }; STEPS];
+    let mut start = 0;
+    for blocks in blocks.chunks(2 * STEPS) {
+        let pairs = blocks.chunks(2);
+        let count = pairs.len();
+        for (step, pair) in steps.iter_mut().zip(pairs) {
+            let value = load_or_zero(values, start);
+            let direction = load_or_zero(directions, start);
+            prepare(
+                grid,
+                [&pair[0], &pair[pair.len() - 1]],
+                value,
+                direction,
+                step,
+            );
+            start += LANES;
+        }
+        for step in &steps[..count] {
+            add(step, &mut sums);
+        }
+    }
+    let mut by_cell = [0.0; 128];
+    for bin in 0..BINS {
+        let mut both = Lanes([0.0; LANES]);
+        store(&mut both, _mm512_add_ps(sums[0][bin], sums[1][bin]));
+        for (cell, sum) in both.0.into_iter().enumerate() {
+            by_cell[BINS * cell + bin] = sum;
+        }
+    }
+    by_cell
+}
+
+/// Weights and shares of the pixels of two blocks.
 #[inline]
 #[target_feature(enable = "avx512f")]
-fn add_block<const N: usize>(
+fn prepare(
     grid: &PatchGrid,
-    row: &PatchRow<'_>,
-    start: usize,
-    histogram: &mut PatchHistogram,
+    [first, second]: [&Block; 2],
+    value: __m512,
+    direction: __m512,
+    step: &mut Step,
 ) {
     const FLOOR: i32 = _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC;
-    // Eight lanes of either vector.
-    const FIRST: i32 = 0b01_00_01_00;
-    const SECOND: i32 = 0b11_10_11_10;
     let whole = |x: __m512| {
         let bits = _mm512_castps_si512(_mm512_add_ps(x, _mm512_set1_ps(NO_FRACTION)));
         _mm512_and_si512(bits, _mm512_set1_epi32(0x003f_ffff))
     };
+    let of_each =
+        |first, second| _mm512_mask_mov_ps(_mm512_set1_ps(first), 0xff00, _mm512_set1_ps(second));
     let (cos, sin) = (_mm512_set1_ps(grid.cos), _mm512_set1_ps(grid.sin));
-    let y = _mm512_set1_ps(row.y);
-    let x = _mm512_add_ps(_mm512_set1_ps(row.x + start as f32), numbers());
+    let (x, y) = (of_each(first.x, second.x), of_each(first.y, second.y));
+    let x = _mm512_fmadd_ps(of_each(first.step, second.step), numbers(), x);
     let middle = _mm512_set1_ps(MIDDLE);
     let column = _mm512_fmadd_ps(x, cos, _mm512_mul_ps(y, sin));
     let column = _mm512_add_ps(column, middle);
@@ -86,22 +124,20 @@ fn add_block<const N: usize>(
         & _mm512_cmp_ps_mask::<_CMP_LT_OQ>(line, most)
         & _mm512_cmp_ps_mask::<_CMP_GT_OQ>(column, least)
         & _mm512_cmp_ps_mask::<_CMP_LT_OQ>(column, most);
-    let value = _mm512_maskz_mov_ps(inside, load::<N>(row.values, start));
+    let value = _mm512_maskz_mov_ps(inside, value);
     let column = _mm512_maskz_mov_ps(inside, column);
     let line = _mm512_maskz_mov_ps(inside, line);
-    let bin = _mm512_sub_ps(
-        load::<N>(row.directions, start),
-        _mm512_set1_ps(grid.direction),
-    );
+    let bin = _mm512_sub_ps(direction, _mm512_set1_ps(grid.direction));
     let bin = _mm512_mul_ps(bin, _mm512_set1_ps(8.0));
     let column0 = _mm512_roundscale_ps::<FLOOR>(column);
     let line0 = _mm512_roundscale_ps::<FLOOR>(line);
     let bin0 = _mm512_roundscale_ps::<FLOOR>(bin);
     let (column1, line1) = (_mm512_sub_ps(column, column0), _mm512_sub_ps(line, line0));
-    let next = _mm512_sub_ps(bin, bin0);
-    let rest = _mm512_sub_ps(_mm512_set1_ps(1.0), next);
-    let place = _mm512_fmadd_ps(column0, _mm512_set1_ps(8.0), _mm512_set1_ps(72.0));
-    let place = whole(_mm512_fmadd_ps(line0, _mm512_set1_ps(64.0), place));
+    let place = _mm512_add_ps(column0, _mm512_set1_ps(6.0));
+    let place = whole(_mm512_fmadd_ps(line0, _mm512_set1_ps(5.0), place));
+    // SAFETY: 64 bytes can be written to 16 integers.
+    unsafe { _mm512_storeu_si512(step.places.0.as_mut_ptr().cast(), place) };
+
     let below = _mm512_mul_ps(value, line1);
     let above = _mm512_sub_ps(value, below);
     let (below_right, above_right) = (_mm512_mul_ps(below, column1), _mm512_mul_ps(above, column1));
@@ -109,105 +145,94 @@ fn add_block<const N: usize>(
         _mm512_sub_ps(below, below_right),
         _mm512_sub_ps(above, above_right),
     );
+    let fours = transposed([above_left, above_right, below_left, below_right]);
+    for (weights, fours) in step.weights.iter_mut().zip(fours) {
+        store(weights, fours);
+    }
 
-    let places = lanes(_mm512_min_epu32(place, _mm512_set1_epi32(LAST_PLACE)));
-    let bins = lanes(_mm512_and_si512(whole(bin0), _mm512_set1_epi32(7)));
-    let shares = Shares {
-        above: _mm512_shuffle_f32x4::<FIRST>(above_left, above_right),
-        below: _mm512_shuffle_f32x4::<FIRST>(below_left, below_right),
-        bins: _mm512_shuffle_f32x4::<FIRST>(next, rest),
-    };
-    shares.add(&places.0[..HALF], &bins.0[..HALF], histogram);
-    if N == LANES {
-        let shares = Shares {
-            above: _mm512_shuffle_f32x4::<SECOND>(above_left, above_right),
-            below: _mm512_shuffle_f32x4::<SECOND>(below_left, below_right),
-            bins: _mm512_shuffle_f32x4::<SECOND>(next, rest),
-        };
-        shares.add(&places.0[HALF..], &bins.0[HALF..], histogram);
+    let bins = _mm512_and_si512(whole(bin0), _mm512_set1_epi32(7));
+    let next = _mm512_sub_ps(bin, bin0);
+    let rest = _mm512_sub_ps(_mm512_set1_ps(1.0), next);
+    let mut before = _mm512_cmpeq_epi32_mask(bins, _mm512_set1_epi32(BINS as i32 - 1));
+    for (bin, shares) in step.shares.iter_mut().enumerate() {
+        let here = _mm512_cmpeq_epi32_mask(bins, _mm512_set1_epi32(bin as i32));
+        let share = _mm512_mask_mov_ps(_mm512_maskz_mov_ps(here, rest), before, next);
+        store(shares, share);
+        before = here;
     }
 }
 
-/// What eight pixels share out, those of the first in lanes 0 and 8, and so on.
-struct Shares {
-    /// To the cells above, left and right.
-    above: __m512,
-    /// To the cells below.
-    below: __m512,
-    /// To the next bin and to the bin itself.
-    bins: __m512,
-}
-
-impl Shares {
-    /// Adds them at places of the two histograms by turns.
-    #[inline]
-    #[target_feature(enable = "avx512f")]
-    fn add(&self, places: &[u32], bins: &[u32], histogram: &mut PatchHistogram) {
-        let pairs = _mm512_setr_epi32(0, 0, 0, 0, 0, 0, 0, 0, 8, 8, 8, 8, 8, 8, 8, 8);
-        for (i, (&place, &bin)) in places.iter().zip(bins).enumerate() {
-            let number = _mm512_set1_epi32(i as i32);
-            let pair = _mm512_add_epi32(pairs, number);
-            let chosen = &PLACES[(bin & 7) as usize];
-            // SAFETY: 64 bytes can be read from 16 integers.
-            let chosen = unsafe { _mm512_loadu_si512(chosen.0.as_ptr().cast()) };
-            let chosen = _mm512_add_epi32(chosen, number);
-            let share = _mm512_permutex2var_ps(self.bins, chosen, _mm512_setzero_ps());
-            let around = &mut histogram[(i & 1) * 512..][..512];
-            let around = around[place.min(LAST_PLACE as u32) as usize..].as_mut_ptr();
-            // SAFETY: 16 values can be read and written at a place and 64 after it: the place is at most
-            // 432 of 512.
-            unsafe {
-                let above = _mm512_permutexvar_ps(pair, self.above);
-                let sum = _mm512_fmadd_ps(above, share, _mm512_loadu_ps(around));
-                _mm512_storeu_ps(around, sum);
-                let around = around.add(64);
-                let below = _mm512_permutexvar_ps(pair, self.below);
-                let sum = _mm512_fmadd_ps(below, share, _mm512_loadu_ps(around));
-                _mm512_storeu_ps(around, sum);
+#[inline]
+#[target_feature(enable = "avx512f")]
+fn add(step: &Step, sums: &mut Sums) {
+    for four in 0..LANES / 4 {
+        let first = _mm512_set1_epi32(4 * four as i32);
+        for (i, weights) in step.weights.iter().enumerate() {
+            let pixel = 4 * four + i;
+            let chosen = &WEIGHTS[(step.places.0[pixel] & 31) as usize];
+            // SAFETY: 64 bytes can be read from 16 numbers, here and there.
+            let (chosen, weights) = unsafe {
+                (
+                    _mm512_loadu_si512(chosen.0.as_ptr().cast()),
+                    _mm512_loadu_ps(weights.0.as_ptr()),
+                )
+            };
+            let chosen = _mm512_add_epi32(chosen, first);
+            let weights = _mm512_permutex2var_ps(weights, chosen, _mm512_setzero_ps());
+            for (sum, shares) in sums[i % 2].iter_mut().zip(&step.shares) {
+                *sum = _mm512_fmadd_ps(weights, _mm512_set1_ps(shares.0[pixel]), *sum);
             }
         }
     }
 }
 
-/// 0 to 15.
+/// Of four vectors the lanes `i`, `4 + i`, `8 + i` and `12 + i` in vector `i`.
+#[inline]
+#[target_feature(enable = "avx512f")]
+fn transposed([a, b, c, d]: [__m512; 4]) -> [__m512; 4] {
+    let pairs = |first, second| {
+        [
+            _mm512_castps_pd(_mm512_unpacklo_ps(first, second)),
+            _mm512_castps_pd(_mm512_unpackhi_ps(first, second)),
+        ]
+    };
+    let ([ab0, ab2], [cd0, cd2]) = (pairs(a, b), pairs(c, d));
+    [
+        _mm512_unpacklo_pd(ab0, cd0),
+        _mm512_unpackhi_pd(ab0, cd0),
+        _mm512_unpacklo_pd(ab2, cd2),
+        _mm512_unpackhi_pd(ab2, cd2),
+    ]
+    .map(|fours| _mm512_castpd_ps(fours))
+}
+
+/// 0 to 7, twice.
 #[inline]
 #[target_feature(enable = "avx512f")]
 fn numbers() -> __m512 {
     _mm512_setr_ps(
-        0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0,
+        0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0,
     )
 }
 
-/// The first `N` lanes from values `start..start + N`; the others are zero.
 #[inline]
 #[target_feature(enable = "avx512f")]
-fn load<const N: usize>(values: &[f32], start: usize) -> __m512 {
-    let values = values[start..].first_chunk::<N>().expect("a block");
-    if N == LANES {
-        // SAFETY: 16 values can be read from 16 values.
-        unsafe { _mm512_loadu_ps(values.as_ptr()) }
-    } else {
-        load_or_zero(values, 0)
-    }
+fn store(lanes: &mut Lanes<f32>, vector: __m512) {
+    // SAFETY: 64 bytes can be written to 16 numbers.
+    unsafe { _mm512_storeu_ps(lanes.0.as_mut_ptr(), vector) };
 }
 
-#[inline]
-#[target_feature(enable = "avx512f")]
-fn lanes(vector: __m512i) -> Lanes {
-    let mut lanes = Lanes([0; LANES]);
-    // SAFETY: 64 bytes can be written to 16 integers.
-    unsafe { _mm512_storeu_si512(lanes.0.as_mut_ptr().cast(), vector) };
-    lanes
-}
-
-const fn places() -> [Lanes; 8] {
-    let mut places = [Lanes([16; LANES]); 8];
-    let mut bin = 0;
-    while bin < 8 {
-        let next = (bin + 1) % 8;
-        [places[bin].0[bin], places[bin].0[bin + 8]] = [8, 8];
-        [places[bin].0[next], places[bin].0[next + 8]] = [0, 0];
-        bin += 1;
+const fn weights() -> [Lanes<u32>; 32] {
+    let mut weights = [Lanes([16; LANES]); 32];
+    let mut cell = 0;
+    while cell < LANES {
+        // Places where the cell is below right, below left, above right and above left of the pixel.
+        let place = cell / 4 * 5 + cell % 4;
+        weights[place].0[cell] = 3;
+        weights[place + 1].0[cell] = 2;
+        weights[place + 5].0[cell] = 1;
+        weights[place + 6].0[cell] = 0;
+        cell += 1;
     }
-    places
+    weights
 }
