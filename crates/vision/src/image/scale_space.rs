@@ -271,25 +271,22 @@ impl StripBuilder {
             let described = (1..=intervals).contains(&layer).then_some(reach.described);
             described.max(reach.all).unwrap_or(0)
         };
-        // Rows by which a layer may be ahead of the next, and of the visitor.
-        let lag = |kernel: &GaussianKernel| kernel.radius() + 2 * ROWS_AT_ONCE;
-        let farthest = reach.described.max(reach.all.unwrap_or(0));
+        let mut ahead = rows_ahead(&kernels, looked_at);
         let mut layers = Vec::new();
         let mut blurs = Vec::new();
-        let mut ahead = farthest + 2 * ROWS_AT_ONCE;
         let mut needed: Option<Range<usize>> = None;
         for layer in (0..=kernels.len()).rev() {
             let looked = around(&columns, looked_at(layer), size.width);
             let (needed_columns, back) = match (&needed, kernels.get(layer)) {
                 (Some(next), Some(kernel)) => {
-                    ahead += lag(kernel);
                     let blurred = around(next, kernel.radius(), size.width);
                     let both = blurred.start.min(looked.start)..blurred.end.max(looked.end);
                     (both, kernel.radius())
                 }
                 _ => (looked, 0),
             };
-            let keep = ahead + looked_at(layer).max(back) + 2 * ROWS_AT_ONCE;
+            let looked_back = ahead.pop().unwrap_or(0) + looked_at(layer);
+            let keep = looked_back.max(2 * back + ROWS_AT_ONCE) + 2 * ROWS_AT_ONCE;
             if let Some(kernel) = layer.checked_sub(1).map(|before| kernels[before].clone()) {
                 blurs.push(RowBlur::of_columns(kernel, &needed_columns, Border::Mirror));
             }
@@ -370,6 +367,24 @@ impl StripBuilder {
         holds(&layers[1..=self.intervals], self.reach.described)
             && self.reach.all.is_none_or(|reach| holds(layers, reach))
     }
+}
+
+/// By how many rows each layer may be ahead of the row that is visited next.
+///
+/// A row is not visited yet because some layer lacks a row that the visitor looks at. The layers before that
+/// one are ahead of it by what their blurs need, and less than a block of rows more; those after it are
+/// behind it by what theirs need, or wait for nothing and hold the visitor up themselves.
+fn rows_ahead(kernels: &[GaussianKernel], looked_at: impl Fn(usize) -> usize) -> Vec<usize> {
+    let mut ahead = vec![looked_at(0)];
+    for (before, kernel) in kernels.iter().enumerate() {
+        let behind = ahead[before].saturating_sub(kernel.radius());
+        ahead.push(behind.max(looked_at(before + 1)));
+    }
+    for (before, kernel) in kernels.iter().enumerate().rev() {
+        let needed = ahead[before + 1] + kernel.radius() + ROWS_AT_ONCE;
+        ahead[before] = ahead[before].max(needed);
+    }
+    ahead
 }
 
 /// `columns` and `margin` more on each side, as far as there are any of `width`, from a multiple of
