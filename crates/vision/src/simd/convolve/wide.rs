@@ -16,7 +16,7 @@ use std::arch::x86_64::{
 use super::ROWS_AT_ONCE;
 use crate::simd::masked::{LANES, first_lanes, load_or_zero};
 
-/// Vectors of a block in the horizontal pass.
+/// Vectors of a block: with as many sums at work no unit waits for the sum before.
 const BLOCK: usize = 4;
 
 /// The largest radius for which [`weigh_symmetric`] works.
@@ -31,19 +31,24 @@ pub(super) fn weigh_rows(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) 
     let rows = &rows[..taps.len() + ROWS_AT_ONCE - 1];
     let out = out.first_chunk_mut().expect("rows were counted");
     let width = out[0].len();
-    for x in (0..width).step_by(2 * LANES) {
-        if x + 2 * LANES <= width {
-            rows_block::<true>(rows, taps, out, x);
-        } else {
-            rows_block::<false>(rows, taps, out, x);
-        }
+    let mut x = 0;
+    while x + BLOCK * LANES <= width {
+        rows_block::<BLOCK, true>(rows, taps, out, x);
+        x += BLOCK * LANES;
+    }
+    while x + LANES <= width {
+        rows_block::<1, true>(rows, taps, out, x);
+        x += LANES;
+    }
+    if x < width {
+        rows_block::<1, false>(rows, taps, out, x);
     }
 }
 
-/// Columns from `x` on, 32 if the block is `FULL`.
+/// `V` vectors of columns from `x` on, or what there is of them unless the block is `FULL`.
 #[inline]
 #[target_feature(enable = "avx512f")]
-fn rows_block<const FULL: bool>(
+fn rows_block<const V: usize, const FULL: bool>(
     rows: &[&[f32]],
     taps: &[f32],
     out: &mut [&mut [f32]; ROWS_AT_ONCE],
@@ -51,9 +56,9 @@ fn rows_block<const FULL: bool>(
 ) {
     const R: usize = ROWS_AT_ONCE;
     let count = taps.len();
-    let mut sums = [[_mm512_setzero_ps(); 2]; R];
+    let mut sums = [[_mm512_setzero_ps(); V]; R];
     for (j, row) in rows[..R - 1].iter().enumerate() {
-        let values = [load::<FULL>(row, x), load::<FULL>(row, x + LANES)];
+        let values = load::<V, FULL>(row, x);
         for r in 0..R {
             if r <= j {
                 add_scaled(&mut sums[r], values, taps[j - r]);
@@ -61,22 +66,21 @@ fn rows_block<const FULL: bool>(
         }
     }
     for (row, taps) in rows[R - 1..count].iter().zip(taps.windows(R)) {
-        let values = [load::<FULL>(row, x), load::<FULL>(row, x + LANES)];
+        let values = load::<V, FULL>(row, x);
         for r in 0..R {
             add_scaled(&mut sums[r], values, taps[R - 1 - r]);
         }
     }
     for (i, row) in rows[count..].iter().enumerate() {
-        let values = [load::<FULL>(row, x), load::<FULL>(row, x + LANES)];
+        let values = load::<V, FULL>(row, x);
         for r in 0..R {
             if r > i {
                 add_scaled(&mut sums[r], values, taps[count + i - r]);
             }
         }
     }
-    for (out, sum) in out.iter_mut().zip(sums) {
-        store::<FULL>(out, x, sum[0]);
-        store::<FULL>(out, x + LANES, sum[1]);
+    for (out, sums) in out.iter_mut().zip(sums) {
+        store::<V, FULL>(out, x, sums);
     }
 }
 
@@ -91,74 +95,93 @@ pub(super) fn weigh_symmetric(padded: &[f32], taps: &[f32], out: &mut [f32]) {
         "a kernel that two vectors hold"
     );
     let width = out.len();
-    for x in (0..width).step_by(BLOCK * LANES) {
-        // Of a full block the vector after the last is read too.
-        if x + (BLOCK + 1) * LANES <= width {
-            symmetric_block::<true>(padded, taps, out, x);
-        } else {
-            symmetric_block::<false>(padded, taps, out, x);
-        }
+    let mut x = 0;
+    while x + BLOCK * LANES <= width {
+        symmetric_block::<BLOCK, true>(padded, taps, out, x);
+        x += BLOCK * LANES;
+    }
+    while x + LANES <= width {
+        symmetric_block::<1, true>(padded, taps, out, x);
+        x += LANES;
+    }
+    if x < width {
+        symmetric_block::<1, false>(padded, taps, out, x);
     }
 }
 
 #[inline]
 #[target_feature(enable = "avx512f")]
-fn symmetric_block<const FULL: bool>(padded: &[f32], taps: &[f32], out: &mut [f32], x: usize) {
+fn symmetric_block<const V: usize, const FULL: bool>(
+    padded: &[f32],
+    taps: &[f32],
+    out: &mut [f32],
+    x: usize,
+) {
     let radius = taps.len() / 2;
     let numbers = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-    // The pixels from `x` on, which the middle tap meets, and a vector to the right.
-    let mut middles = [_mm512_setzero_ps(); BLOCK + 1];
-    for (j, middle) in middles.iter_mut().enumerate() {
-        *middle = load::<FULL>(padded, x + radius + LANES * j);
-    }
-    let mut sums = [_mm512_setzero_ps(); BLOCK];
+    // The pixels from `x` on, which the middle tap meets, and a vector to the right of them.
+    let middles = load::<V, FULL>(padded, x + radius);
+    let beyond = load_or_zero(padded, x + radius + V * LANES);
+    let mut sums = [_mm512_setzero_ps(); V];
     for (k, &tap) in taps[..radius].iter().enumerate() {
         let shift = _mm512_add_epi32(numbers, _mm512_set1_epi32((radius - k) as i32));
-        for j in 0..BLOCK {
-            let left = load::<FULL>(padded, x + k + LANES * j);
-            let right = _mm512_permutex2var_ps(middles[j], shift, middles[j + 1]);
-            let both = _mm512_add_ps(left, right);
+        let lefts = load::<V, FULL>(padded, x + k);
+        for j in 0..V {
+            let next = if j + 1 < V { middles[j + 1] } else { beyond };
+            let right = _mm512_permutex2var_ps(middles[j], shift, next);
+            let both = _mm512_add_ps(lefts[j], right);
             sums[j] = _mm512_fmadd_ps(_mm512_set1_ps(tap), both, sums[j]);
         }
     }
-    for j in 0..BLOCK {
-        let sum = _mm512_fmadd_ps(middles[j], _mm512_set1_ps(taps[radius]), sums[j]);
-        store::<FULL>(out, x + LANES * j, sum);
-    }
+    add_scaled(&mut sums, middles, taps[radius]);
+    store::<V, FULL>(out, x, sums);
 }
 
-/// A vector from place `x` on; what lies beyond the end is zero, and there is nothing if it is `FULL`.
+/// Vectors from place `x` on; what lies beyond the end is zero, and there is nothing if they are `FULL`.
 #[inline]
 #[target_feature(enable = "avx512f")]
-fn load<const FULL: bool>(values: &[f32], x: usize) -> __m512 {
+fn load<const V: usize, const FULL: bool>(values: &[f32], x: usize) -> [__m512; V] {
+    let mut vectors = [_mm512_setzero_ps(); V];
     if FULL {
-        let values = values[x..].first_chunk::<LANES>().expect("a full block");
-        // SAFETY: 16 values can be read from 16 values.
-        return unsafe { _mm512_loadu_ps(values.as_ptr()) };
+        let values = &values[x..][..V * LANES];
+        for (vector, values) in vectors.iter_mut().zip(values.as_chunks::<LANES>().0) {
+            // SAFETY: 16 values can be read from 16 values.
+            *vector = unsafe { _mm512_loadu_ps(values.as_ptr()) };
+        }
+    } else {
+        for (j, vector) in vectors.iter_mut().enumerate() {
+            *vector = load_or_zero(values, x + LANES * j);
+        }
     }
-    load_or_zero(values, x)
+    vectors
 }
 
 #[inline]
 #[target_feature(enable = "avx512f")]
-fn store<const FULL: bool>(values: &mut [f32], x: usize, vector: __m512) {
+fn store<const V: usize, const FULL: bool>(values: &mut [f32], x: usize, vectors: [__m512; V]) {
     if FULL {
-        let values = values[x..]
-            .first_chunk_mut::<LANES>()
-            .expect("a full block");
-        // SAFETY: 16 values can be written to 16 values.
-        return unsafe { _mm512_storeu_ps(values.as_mut_ptr(), vector) };
+        let values = &mut values[x..][..V * LANES];
+        for (values, vector) in values.as_chunks_mut::<LANES>().0.iter_mut().zip(vectors) {
+            // SAFETY: 16 values can be written to 16 values.
+            unsafe { _mm512_storeu_ps(values.as_mut_ptr(), vector) };
+        }
+    } else {
+        for (j, vector) in vectors.into_iter().enumerate() {
+            let start = (x + LANES * j).min(values.len());
+            let values = &mut values[start..];
+            // SAFETY: lanes beyond the slice are not written.
+            unsafe {
+                _mm512_mask_storeu_ps(values.as_mut_ptr(), first_lanes(values.len()), vector);
+            }
+        }
     }
-    let start = x.min(values.len());
-    let values = &mut values[start..];
-    // SAFETY: lanes beyond the slice are not written.
-    unsafe { _mm512_mask_storeu_ps(values.as_mut_ptr(), first_lanes(values.len()), vector) };
 }
 
 #[inline]
 #[target_feature(enable = "avx512f")]
-fn add_scaled(sums: &mut [__m512; 2], values: [__m512; 2], scale: f32) {
+fn add_scaled<const V: usize>(sums: &mut [__m512; V], values: [__m512; V], scale: f32) {
     let scale = _mm512_set1_ps(scale);
-    sums[0] = _mm512_fmadd_ps(values[0], scale, sums[0]);
-    sums[1] = _mm512_fmadd_ps(values[1], scale, sums[1]);
+    for (sum, value) in sums.iter_mut().zip(values) {
+        *sum = _mm512_fmadd_ps(value, scale, *sum);
+    }
 }
