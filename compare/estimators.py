@@ -1,16 +1,18 @@
-"""Our estimators beside those of PoseLib, COLMAP and OpenCV, on the matches that a run of matchbench has stored.
+"""Our estimators beside those of PoseLib, COLMAP, OpenCV and SupeRANSAC, on the matches that a run of matchbench has stored.
 
     python compare/estimators.py RUN DATASET MATCHER --truth DATASET_FOLDER [--every 3] [--seeds 1] [--only "best;COLMAP"]
 
 RUN is the folder of a `matchbench run`; DATASET_FOLDER holds `camera.txt` and `pairs.txt`. Pairs are taken
 in chunks, and within a chunk all estimators one after the other, so that all see the machine in the
 same moods. A pose counts if at least 10 matches support it, as in matchbench. Needs
-`cargo build --release -p matchbench-compare`, and poselib and pycolmap from PyPI (`requirements.txt`).
+`cargo build --release -p matchbench-compare`, and poselib and pycolmap from PyPI (`requirements.txt`); pysuperansac,
+which PyPI has for Python 3.11 on Linux alone, is left out with a word where it is not installed.
 """
 
 import argparse
 import pathlib
 import subprocess
+import sys
 import tempfile
 import time
 
@@ -19,6 +21,7 @@ import numpy as np
 import poselib
 import pycolmap
 
+import superansac
 from pose import MIN_SUPPORT, POSE, auc, pose_error
 from stored import stored
 
@@ -36,6 +39,7 @@ OURS = {
 }
 POSELIB = {"PoseLib": {}, "PoseLib, 1000 iterations": {"max_iterations": 1000}}
 COLMAP = {"COLMAP": {}, "COLMAP, 1 px": {"max_error": 1.0}}
+SUPERANSAC = {"SupeRANSAC": {}, "SupeRANSAC, 1000 iterations": {"max_iterations": 1000}}
 OPENCV = {
     "OpenCV RANSAC": cv2.RANSAC,
     "OpenCV USAC_DEFAULT": cv2.USAC_DEFAULT,
@@ -101,6 +105,21 @@ def peer_opencv(matches, k, method, samples=1000):
     return ((r, t.ravel()) if support >= MIN_SUPPORT else None), time.perf_counter() - start
 
 
+def chosen_names(names, only):
+    """Those that `--only` lists, or all; SupeRANSAC is left out with a word where it is not installed."""
+    chosen = [name for name in names if not only or name in only.split(";")]
+    if superansac.INSTALLED or not any(name.startswith("SupeRANSAC") for name in chosen):
+        return chosen
+    print("SupeRANSAC is left out: pysuperansac is not installed", file=sys.stderr)
+    return [name for name in chosen if not name.startswith("SupeRANSAC")]
+
+
+def versions():
+    """Those of the other libraries, in words."""
+    found = [f"OpenCV {cv2.__version__}", f"PoseLib {poselib.__version__}", f"COLMAP {pycolmap.__version__}"]
+    return ", ".join(found + ([superansac.version()] if superansac.INSTALLED else []))
+
+
 def arguments(about, seeds):
     """The arguments of programs that estimate poses from the matches of a run."""
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -128,10 +147,8 @@ def read(args):
 
 def main():
     args = arguments(__doc__, seeds=1).parse_args()
-    chosen = [
-        {name: how for name, how in group.items() if not args.only or name in args.only.split(";")}
-        for group in (OURS, POSELIB, COLMAP, OPENCV)
-    ]
+    groups = (OURS, POSELIB, COLMAP, OPENCV, SUPERANSAC)
+    chosen = [{name: group[name] for name in chosen_names(group, args.only)} for group in groups]
     cv2.setNumThreads(1)
     k, pairs, error = read(args)
     results = {}
@@ -153,8 +170,9 @@ def main():
                     note(name, key, peer_colmap(matches, k, options, seed))
                 for name, method in chosen[3].items():
                     note(name, key, peer_opencv(matches, k, method))
-    print(f"{args.dataset}, {args.matcher}: {len(pairs)} pairs, {args.seeds} seeds, OpenCV {cv2.__version__}, "
-          f"PoseLib {poselib.__version__}, COLMAP {pycolmap.__version__}")
+                for name, options in chosen[4].items():
+                    note(name, key, superansac.peer(superansac.clearest_first(matches), k, options))
+    print(f"{args.dataset}, {args.matcher}: {len(pairs)} pairs, {args.seeds} seeds, {versions()}")
     print(f"{'':28} {'AUC':>6} {'median ms':>10} {'90 % ms':>10}")
     for name, rows in results.items():
         errors, seconds = np.array(rows).T

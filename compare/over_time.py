@@ -1,11 +1,13 @@
-"""AUC over time: our estimators and those of PoseLib, OpenCV and COLMAP, each with several budgets of samples.
+"""AUC over time: our estimators and those of PoseLib, OpenCV, COLMAP and SupeRANSAC, each with several budgets of samples.
 
     python compare/over_time.py RUN DATASET MATCHER --truth DATASET_FOLDER --out FOLDER [--every 6] [--seeds 5]
 
 Arguments are those of `estimators.py`; matches, estimators and the way they take turns are the same. Each estimator
 stands for a curve, each budget for a point of it: the mean AUC over seeds with its deviation, and the median time of an
-estimation on one thread. `adaptive` draws 100 samples more than its budget, for the noise. OpenCV has one seed, so for it the matches are put in another order each time; where an
-order has a meaning (PROSAC of PoseLib and OpenCV) the clearest match comes first, and the seed alone changes.
+estimation on one thread. `adaptive` draws 100 samples more than its budget, for the noise. OpenCV has one seed, so for it
+the matches are put in another order each time; where an order has a meaning (PROSAC of PoseLib, OpenCV and SupeRANSAC) the
+clearest match comes first, and the seed alone changes. SupeRANSAC takes no seed: 1.0 draws others at every call, later
+sources the same ones. `superansac.py` says how it is called; where it is not installed, it is left out.
 `FOLDER` gets `DATASET-MATCHER.csv` and a picture of it, and a `table.md` of all that are there.
 """
 
@@ -17,9 +19,9 @@ import statistics
 import cv2
 import matplotlib
 import numpy as np
-import poselib
 
 import estimators
+import superansac
 from pose import auc
 
 matplotlib.use("svg")
@@ -36,6 +38,7 @@ CURVES = {
     "OpenCV USAC_MAGSAC": [200, 1000, 5000],
     "OpenCV USAC_PROSAC": [200, 1000, 5000],
     "COLMAP": [1000, 5000],
+    "SupeRANSAC": [200, 1000, 5000, 20000],
 }
 
 
@@ -52,18 +55,21 @@ def estimate(curve, budget, chunk, k, seed):
         yield from estimators.ours(chunk, k, settings, seed)
         return
     for (a, b), matches in chunk:
-        clearest = np.argsort(matches[:, 4], kind="stable") if len(matches) else np.arange(0)
+        clearest = superansac.clearest_first(matches)
         shuffled = np.random.default_rng([seed, a, b]).permutation(len(matches))
         if curve == "PoseLib":
             options = {"max_iterations": budget, "min_iterations": min(100, budget)}
             yield estimators.peer_poselib(matches[shuffled], k, options, seed)
         elif curve == "PoseLib, PROSAC":
             options = {"max_iterations": budget, "min_iterations": min(100, budget), "progressive_sampling": True}
-            yield estimators.peer_poselib(matches[clearest], k, options, seed)
+            yield estimators.peer_poselib(clearest, k, options, seed)
         elif curve == "OpenCV USAC_MAGSAC":
             yield estimators.peer_opencv(matches[shuffled], k, cv2.USAC_MAGSAC, budget)
         elif curve == "OpenCV USAC_PROSAC":
-            yield estimators.peer_opencv(matches[clearest], k, cv2.USAC_PROSAC, budget)
+            yield estimators.peer_opencv(clearest, k, cv2.USAC_PROSAC, budget)
+        elif curve == "SupeRANSAC":
+            options = {"max_iterations": budget, "min_iterations": min(1000, budget)}
+            yield superansac.peer(clearest, k, options)
         else:
             options = {"max_num_trials": budget, "min_num_trials": min(100, budget), "max_error": 1.0}
             yield estimators.peer_colmap(matches[shuffled], k, options, seed)
@@ -125,7 +131,7 @@ def main():
     args = parser.parse_args()
     cv2.setNumThreads(1)
     k, pairs, error = estimators.read(args)
-    curves = [curve for curve in CURVES if not args.only or curve in args.only.split(";")]
+    curves = estimators.chosen_names(CURVES, args.only)
     errors, seconds = measure(pairs, error, k, args.seeds, curves)
     rows = []
     for (curve, budget), by_seed in errors.items():
@@ -144,8 +150,7 @@ def main():
     args.out.mkdir(parents=True, exist_ok=True)
     name = f"{args.dataset}-{args.matcher}"
     with open(args.out / f"{name}.csv", "w", newline="") as file:
-        file.write(f"# {processor()}; {len(pairs)} pairs, {args.seeds} seeds; OpenCV {cv2.__version__}, "
-                   f"PoseLib {poselib.__version__}, COLMAP {estimators.pycolmap.__version__}\n")
+        file.write(f"# {processor()}; {len(pairs)} pairs, {args.seeds} seeds; {estimators.versions()}\n")
         writer = csv.DictWriter(file, rows[0].keys())
         writer.writeheader()
         writer.writerows(rows)
