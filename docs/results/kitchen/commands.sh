@@ -2,6 +2,6 @@
 # 150 consecutive frames of the scene redkitchen of 7-Scenes: every fifteenth, and all pairs of these ten.
 set -e
 matchbench import 7scenes redkitchen kitchen --pairs window:9,stride:15
-matchbench run kitchen --matchers all --estimator ransac-e,rich,best --out runs/kitchen
+matchbench run kitchen --matchers all --estimator ransac-e,rich,best,adaptive --repeat 5 --out runs/kitchen
 matchbench eval runs/kitchen --format csv > scores.csv
 cp runs/kitchen/plan.json plan.json # the paths of datasets in it were shortened by hand
