@@ -105,7 +105,7 @@ fn rounded(ms: f64) -> String {
 
 /// Times of the stages of a matcher together, medians in milliseconds, as tables print them.
 fn time(matcher: &str, stages: &[&str]) -> String {
-    let times = rows("docs/results/times-amd-avx2/times.csv");
+    let times = rows("docs/results/times-amd-avx512/times.csv");
     let row = times.iter().find(|row| row["matcher"] == matcher);
     let sum = |row| {
         stages
