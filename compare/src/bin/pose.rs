@@ -94,7 +94,6 @@ fn estimator(settings: &[String]) -> Result<Box<dyn PoseEstimator>, Error> {
             ("sampler", "spread") => changes.sampler = Some(SamplerName::Spread),
             ("score", "msac") => changes.score = Some(ScoreName::Msac),
             ("score", "even-msac") => changes.score = Some(ScoreName::EvenMsac),
-            ("tangent_sampson", value) => changes.tangent_sampson = Some(value.parse()?),
             ("plane_poses", value) => changes.plane_poses = Some(value.parse()?),
             ("score_cells", value) => changes.score_cells = Some(value.parse()?),
             ("loss", "truncated") => changes.final_loss = Some(Loss::Truncated),

@@ -53,18 +53,18 @@ impl PointPairs {
     /// # Panics
     /// If there is no such match.
     #[must_use]
-    pub fn chosen(&self, indices: impl IntoIterator<Item = usize>) -> Self {
-        let mut spreads = self.spreads.as_ref().map(|_| Spreads::default());
-        let points = indices.into_iter().map(|index| {
-            if let (Some(to), Some(from)) = (&mut spreads, &self.spreads) {
-                let [a, b] = from.get(index);
-                to.push(a, b);
-            }
-            self.get(index)
-        });
-        let mut chosen: Self = points.collect();
-        chosen.spreads = spreads;
-        chosen
+    pub fn chosen(&self, indices: &[u32]) -> Self {
+        let chosen = |values: &[f64]| indices.iter().map(|&i| values[i as usize]).collect();
+        Self {
+            a_x: chosen(&self.a_x),
+            a_y: chosen(&self.a_y),
+            b_x: chosen(&self.b_x),
+            b_y: chosen(&self.b_y),
+            spreads: self.spreads.as_ref().map(|spreads| Spreads {
+                a: spreads.a.each_ref().map(|entry| chosen(entry)),
+                b: spreads.b.each_ref().map(|entry| chosen(entry)),
+            }),
+        }
     }
 }
 

@@ -46,16 +46,8 @@ impl Spreads {
         Some(spreads)
     }
 
-    /// Those of match number `index`, in `a` and in `b`.
-    ///
-    /// # Panics
-    /// If there is no such match.
-    pub fn get(&self, index: usize) -> [[f64; 3]; 2] {
-        [&self.a, &self.b].map(|view| [0, 1, 2].map(|entry| view[entry][index]))
-    }
-
     /// Appends those of a match.
-    pub fn push(&mut self, a: [f64; 3], b: [f64; 3]) {
+    fn push(&mut self, a: [f64; 3], b: [f64; 3]) {
         for (view, spread) in [(&mut self.a, a), (&mut self.b, b)] {
             for (entries, entry) in view.iter_mut().zip(spread) {
                 entries.push(entry);
@@ -185,9 +177,12 @@ mod tests {
             matches.push(Point2::new(x, 5.0), Point2::new(5.0, x), 0.1);
         }
         let pairs = matches.at_depth_1_with_spreads(&camera(), &camera());
-        let chosen = pairs.chosen([3, 1]);
+        let chosen = pairs.chosen(&[3, 1]);
         assert_eq!((chosen.get(0), chosen.get(1)), (pairs.get(3), pairs.get(1)));
-        let spreads = |pairs: &PointPairs, i| pairs.spreads.as_ref().map(|spreads| spreads.get(i));
+        let spreads = |pairs: &PointPairs, i: usize| {
+            let spreads = pairs.spreads.as_ref().expect("lenses that distort");
+            [&spreads.a, &spreads.b].map(|view| view.each_ref().map(|entry| entry[i]))
+        };
         assert_eq!(spreads(&chosen, 0), spreads(&pairs, 3));
         assert_eq!(spreads(&chosen, 1), spreads(&pairs, 1));
     }

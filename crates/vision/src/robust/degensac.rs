@@ -89,7 +89,7 @@ fn plane_of(
     pairs: &PointPairs,
     squared_limit: f64,
 ) -> Option<Matrix3<f64>> {
-    let sampled: PointPairs = sample.iter().map(|&i| pairs.get(i as usize)).collect();
+    let sampled = pairs.chosen(sample);
     let mut residuals = vec![0.0; sampled.len()];
     TRIPLETS.iter().find_map(|triplet| {
         let h = homography_of(f, triplet.map(|i| sampled.get(i)))?;

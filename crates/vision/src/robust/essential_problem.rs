@@ -109,9 +109,7 @@ fn exclude_behind(
         return false;
     };
     let inliers = inliers_within(squared_residuals, squared_threshold);
-    let matches: PointPairs = (inliers.iter())
-        .map(|&index| pairs.get(index as usize))
-        .collect();
+    let matches = pairs.chosen(&inliers);
     // Poses 2 and 3 are 0 and 1 with the direction, hence all depths, reversed.
     let depths = [0, 1].map(|rotation| {
         let mut depths = (vec![0.0; matches.len()], vec![0.0; matches.len()]);
@@ -146,7 +144,7 @@ const NEAR: f64 = 9.0;
 pub(super) fn near(pairs: &PointPairs, model: &Matrix3<f64>, squared: f64) -> PointPairs {
     let mut residuals = vec![0.0; pairs.len()];
     squared_sampson_distances(model, pairs, 0..pairs.len(), &mut residuals);
-    pairs.chosen((0..pairs.len()).filter(|&index| residuals[index] <= squared))
+    pairs.chosen(&inliers_within(&residuals, squared))
 }
 
 #[cfg(test)]

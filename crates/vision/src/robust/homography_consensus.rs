@@ -42,7 +42,7 @@ use super::search::{DistanceFrom, Shuffled, Task, squared_cauchy_scale};
 use super::{
     Consensus, HomographyEstimate, HomographyEstimator, HomographyProblem, NoPose, Problem,
 };
-use crate::geometry::{Loss, MatchedPoints, PointPairs, refine_homography};
+use crate::geometry::{Loss, MatchedPoints, refine_homography};
 use crate::params::ParamError;
 use crate::seed::Seed;
 
@@ -88,10 +88,8 @@ impl HomographyConsensus {
                     squared_cauchy_scale(&residuals, &inliers, DistanceFrom::Point).min(limit)
                 }
             };
-            let near: PointPairs = inliers_within(&residuals, self.params.score.reach() * limit)
-                .into_iter()
-                .map(|index| problem.pairs.get(index as usize))
-                .collect();
+            let reach = self.params.score.reach() * limit;
+            let near = problem.pairs.chosen(&inliers_within(&residuals, reach));
             let (loss, steps) = (refinement.loss, refinement.steps);
             model = refine_homography(&model, &near, loss, squared_scale, steps);
             problem.squared_residuals(&model, all.clone(), &mut residuals);

@@ -80,10 +80,9 @@ impl Problem for HomographyProblem<'_> {
     ) -> Option<Matrix3<f64>> {
         let mut residuals = vec![0.0; self.len()];
         self.squared_residuals(model, 0..self.len(), &mut residuals);
-        let near: PointPairs = inliers_within(&residuals, NEAR * squared_threshold)
-            .into_iter()
-            .map(|index| self.pairs.get(index as usize))
-            .collect();
+        let near = self
+            .pairs
+            .chosen(&inliers_within(&residuals, NEAR * squared_threshold));
         let refined = refine_homography(model, &near, Loss::Truncated, squared_threshold, steps);
         Some(refined)
     }

@@ -186,7 +186,7 @@ impl PoseEstimator for SampleConsensus {
             .ok_or(NoPose::NoSupport { found: 0, needed })?;
         let iterations = found.samples;
         let (model, inliers) = self.finish(found, pairs);
-        let agreeing: PointPairs = inliers.iter().map(|&i| pairs.get(i as usize)).collect();
+        let agreeing = pairs.chosen(&inliers);
         let b_from_a = match choose_pose(&model, &agreeing, self.params.max_depth) {
             Some((pose, support)) if support > 0 => pose,
             // No inlier is near enough: then all matches decide.

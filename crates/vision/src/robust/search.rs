@@ -96,7 +96,7 @@ impl Shuffled {
         let mut order: Vec<u32> = (0..count).collect();
         seed.rng().shuffle(&mut order);
         Self {
-            pairs: given.chosen(order.iter().map(|&i| i as usize)),
+            pairs: given.chosen(&order),
             ambiguity: order.iter().map(|&i| ambiguity[i as usize]).collect(),
             order,
         }
