@@ -1,33 +1,46 @@
 //! How large the noise of the matches of one pair is.
 //!
-//! Distances from a good model are of two kinds: those of right matches are half-normal, with the standard
-//! deviation sigma that is wanted, those of wrong ones uniform, since near an epipolar line no distance is likelier
-//! than another. Expectation maximisation (Dempster, Laird, Rubin, Journal of the Royal Statistical Society B 39,
-//! 1977) finds the share of the right ones and sigma, as MLESAC does for the share alone (Torr, Zisserman, CVIU 78,
-//! 2000, sec. 4), over the distances below 10 pixels:
+//! Distances from a good model are of three kinds. Those of right matches are half-normal, with the standard deviation
+//! sigma that is wanted. Those of matches that are nearly right are half-normal too, but wider: a neighbour that looks
+//! alike was taken, or one that moves with the others, as selectors by motion keep them (GMS, CODE). Those of wrong ones
+//! are uniform, since near an epipolar line no distance is likelier than another. Expectation maximisation (Dempster,
+//! Laird, Rubin, Journal of the Royal Statistical Society B 39, 1977) finds the shares and sigma, as MLESAC does for one
+//! share alone (Torr, Zisserman, CVIU 78, 2000, sec. 4), over the distances below 10 pixels:
 //!
-//! 1. The probability of each match to be right, from the current share and sigma.
-//! 2. Their mean is the new share; the mean of the squared distances with these weights is the new sigma^2.
+//! 1. The probability of each match to be right, nearly right or wrong, from the current shares and sigma.
+//! 2. Their means are the new shares.
+//! 3. The mean of the squared distances of right ones, and of nearly right ones divided by the square of how much wider
+//!    these are, with these weights is the new sigma^2.
+//!
+//! Matches that are all right but far from exact look like nearly right ones of a smaller sigma. So there are at most
+//! twice as many nearly right ones as right ones; and since the rounds may end at either answer, they start twice, from
+//! half a pixel and from the sigma that is found without the nearly right ones, and the likelier end is the answer.
 //!
 //! A few matches tell little of sigma, and a wrong model has no right ones. So 20 matches more, of a standard
-//! deviation of half a pixel, are taken to have been seen (the conjugate prior of a variance).
+//! deviation of half a pixel, are taken to have been seen (the conjugate prior of a variance), and one of each kind.
 //!
 //! | symbol | value | source |
 //! | --- | --- | --- |
-//! | - | 20 matches of 0.5 pixels | tuned on the kitchen of 7-Scenes, KITTI and four rendered scenes: 3 to 100, 0.4 to 0.7 |
+//! | - | nearly right: 5 sigma | tuned on the kitchen of 7-Scenes and four rendered scenes: 3 to 8 |
+//! | - | at most twice as many as right | tuned on these: 1/4 to 2; with 4, noise of 2 pixels is taken for 0.5 |
+//! | - | 20 matches of 0.5 pixels | tuned on these and KITTI, without nearly right ones: 3 to 100, 0.4 to 0.7 |
 //! | - | distances below 10 pixels | 6 does as well |
 //! | sigma | 0.1 to 3.2 pixels | a keypoint is not more exact, a right match not less |
 
 /// Distances from here on say nothing, in pixels.
 const REACH_PX: f64 = 10.0;
+/// How much wider the distances of nearly right matches are, and how many there are at most for each right one.
+const WIDER: f64 = 5.0;
+const MOST_NEARLY_RIGHT: f64 = 2.0;
 /// Matches that are taken to have been seen, and their standard deviation in pixels.
 const PRIOR_MATCHES: f64 = 20.0;
 const PRIOR_PX: f64 = 0.5;
 /// Least and largest sigma in pixels.
 const LEAST_PX: f64 = 0.1;
 const LARGEST_PX: f64 = 3.2;
-/// Rounds of expectation maximisation.
-const ROUNDS: usize = 30;
+/// Rounds of expectation maximisation, without and with nearly right matches.
+const ROUNDS_OF_TWO: usize = 15;
+const ROUNDS_OF_THREE: usize = 30;
 
 /// Standard deviation of the distances of right matches, in pixels, given the squared distances of all from a
 /// model. Those that are not finite are left out.
@@ -35,22 +48,82 @@ pub(super) fn noise_scale(squared_distances_px: impl Iterator<Item = f64>) -> f6
     let near: Vec<f64> = squared_distances_px
         .filter(|&squared| squared < REACH_PX * REACH_PX)
         .collect();
-    let (mut share, mut variance) = (0.5, PRIOR_PX * PRIOR_PX);
-    for _ in 0..ROUNDS {
-        let (mut right, mut sum) = (0.0, 0.0);
-        let at_zero = share * (2.0 / (std::f64::consts::PI * variance)).sqrt();
-        let wrong = (1.0 - share) / REACH_PX;
-        for squared in &near {
-            let density = at_zero * libm::exp(-0.5 * squared / variance);
-            let probability = density / (density + wrong);
-            right += probability;
-            sum += probability * squared;
-        }
-        // Of one match more, half is right, so that no share is 0 or 1.
-        share = (right + 1.0) / (near.len() as f64 + 2.0);
-        variance = (sum + PRIOR_MATCHES * PRIOR_PX * PRIOR_PX) / (right + PRIOR_MATCHES);
+    let from = |right, nearly_right, variance| Mixture {
+        right,
+        nearly_right,
+        variance,
+    };
+    let prior = PRIOR_PX * PRIOR_PX;
+    let two_kinds = from(0.5, 0.0, prior).refined(&near, 0.0, ROUNDS_OF_TWO);
+    let [narrow, wide] = [prior, two_kinds.variance]
+        .map(|start| from(0.4, 0.4, start).refined(&near, MOST_NEARLY_RIGHT, ROUNDS_OF_THREE));
+    let likelier = if narrow.log_likelihood(&near) > wide.log_likelihood(&near) {
+        narrow
+    } else {
+        wide
+    };
+    likelier.variance.sqrt().clamp(LEAST_PX, LARGEST_PX)
+}
+
+/// How the distances are made up.
+#[derive(Clone, Copy)]
+struct Mixture {
+    /// Share of right matches.
+    right: f64,
+    /// Share of nearly right ones; the others are wrong.
+    nearly_right: f64,
+    /// Square of sigma, in square pixels.
+    variance: f64,
+}
+
+impl Mixture {
+    /// Densities of a right, a nearly right and a wrong match at a distance, times their shares.
+    #[inline]
+    fn densities(&self, squared: f64) -> [f64; 3] {
+        let at_zero = (2.0 / (std::f64::consts::PI * self.variance)).sqrt();
+        let half_normal = |squared: f64| libm::exp(-0.5 * squared / self.variance);
+        [
+            self.right * at_zero * half_normal(squared),
+            self.nearly_right * at_zero / WIDER * half_normal(squared / (WIDER * WIDER)),
+            (1.0 - self.right - self.nearly_right) / REACH_PX,
+        ]
     }
-    variance.sqrt().clamp(LEAST_PX, LARGEST_PX)
+
+    /// After so many rounds, where at most `most` matches are nearly right for each that is right.
+    fn refined(mut self, near: &[f64], most: f64, rounds: usize) -> Self {
+        for _ in 0..rounds {
+            let (mut right, mut nearly_right, mut sum) = (0.0, 0.0, 0.0);
+            for &squared in near {
+                let [a, b, c] = self.densities(squared);
+                let density = a + b + c;
+                right += a / density;
+                nearly_right += b / density;
+                sum += (a + b / (WIDER * WIDER)) / density * squared;
+            }
+            self.variance = (sum + PRIOR_MATCHES * PRIOR_PX * PRIOR_PX)
+                / (right + nearly_right + PRIOR_MATCHES);
+            // Of three matches more, one is of each kind, so that no share is 0 or 1.
+            let count = near.len() as f64 + 3.0;
+            (self.right, self.nearly_right) = ((right + 1.0) / count, (nearly_right + 1.0) / count);
+            if self.nearly_right > most * self.right {
+                // The likeliest shares that the limit allows lie on it.
+                let both = self.right + self.nearly_right;
+                self.right = both / (1.0 + most);
+                self.nearly_right = both - self.right;
+            }
+        }
+        self
+    }
+
+    /// Of these distances and of the matches that are taken to have been seen.
+    fn log_likelihood(&self, near: &[f64]) -> f64 {
+        let wrong = 1.0 - self.right - self.nearly_right;
+        let prior = -0.5 * (libm::log(self.variance) + PRIOR_PX * PRIOR_PX / self.variance);
+        let density = |&squared: &f64| libm::log(self.densities(squared).iter().sum());
+        near.iter().map(density).sum::<f64>()
+            + PRIOR_MATCHES * prior
+            + libm::log(self.right * self.nearly_right * wrong)
+    }
 }
 
 #[cfg(test)]
@@ -71,6 +144,16 @@ mod tests {
         for sigma in [0.2, 0.5, 1.0, 2.0] {
             let found = noise_scale(distances(600, sigma, 1400).into_iter());
             assert!((found / sigma - 1.0).abs() < 0.1, "{sigma}: {found}");
+        }
+    }
+
+    #[test]
+    fn matches_that_are_nearly_right_do_not_widen_it() {
+        for sigma in [0.2, 0.5, 1.0] {
+            let mut all = distances(600, sigma, 400);
+            all.extend(distances(300, 5.0 * sigma, 0));
+            let found = noise_scale(all.into_iter());
+            assert!((found / sigma - 1.0).abs() < 0.2, "{sigma}: {found}");
         }
     }
 
