@@ -126,7 +126,7 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         difficulties,
         over,
         reliability => reliability::figures(content, &overview),
-        right_pose => RIGHT_POSE,
+        right_pose => RIGHT_POSE.to_string(), // "10", not "10.0"
         hard_pairs => hard_pairs::rows(content, &overview, !extent.files.is_empty()),
         scatters => scatters(content, &overview),
         estimators => estimators(summaries, &overview),
