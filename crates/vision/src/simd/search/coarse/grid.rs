@@ -24,6 +24,7 @@ pub(super) struct Grid {
 }
 
 /// Rows of bytes.
+#[derive(Clone)]
 pub(super) struct Bytes {
     /// Four bytes in each; the last of a row ends with zeros.
     pub(super) quads: Vec<i32>,
@@ -35,10 +36,11 @@ pub(super) struct Bytes {
 }
 
 impl Grid {
-    /// The finest grid for the queries `a` and the candidates `b`; `None` where a value is not finite
+    /// The finest grid for the queries `a` and the candidates `b`, whose sums of products fit 16 bits unless
+    /// they may be `is_wide`, of 32 bits; `None` where a value is not finite
     /// or the values are all the same or so large or small that squared distances lose digits.
     #[target_feature(enable = "avx2,fma")]
-    pub(super) fn of(a: &[f32], b: &[f32], dim: usize) -> Option<Self> {
+    pub(super) fn of(a: &[f32], b: &[f32], dim: usize, is_wide: bool) -> Option<Self> {
         let mut least = vec![f32::INFINITY; dim];
         let mut most = vec![f32::NEG_INFINITY; dim];
         widen(&mut least, &mut most, a);
@@ -54,8 +56,11 @@ impl Grid {
         if a.is_empty() || b.is_empty() || !(1e-10..1e10).contains(&range) {
             return None;
         }
-        let scale = scale_of_rows(longest(a, &least)?, longest(b, &mean)?, dim);
-        let scale = scale.min(254.0 / range).min(126.0 / half);
+        let mut scale = (254.0 / range).min(126.0 / half);
+        let (longest_a, longest_b) = (longest(a, &least)?, longest(b, &mean)?);
+        if !is_wide {
+            scale = scale.min(scale_of_rows(longest_a, longest_b, dim));
+        }
         let centre = mean.iter().zip(&least);
         let centre = centre.map(|(mean, least)| ((mean - least) * scale + 0.5) as i32);
         Some(Self {
@@ -65,18 +70,18 @@ impl Grid {
         })
     }
 
-    /// The bytes of queries, 0 to 255.
+    /// The bytes of queries, 0 to 255, in an order.
     #[target_feature(enable = "avx2,fma")]
-    pub(super) fn queries(&self, rows: &[f32]) -> Bytes {
-        self.round(rows, |value, centre| {
+    pub(super) fn queries(&self, rows: &[f32], order: &[u32]) -> Bytes {
+        self.round(rows, order, |value, centre| {
             (value, (value - centre) * (value - centre))
         })
     }
 
-    /// The bytes of candidates, -128 to 127.
+    /// The bytes of candidates, -128 to 127, in an order.
     #[target_feature(enable = "avx2,fma")]
-    pub(super) fn candidates(&self, rows: &[f32]) -> Bytes {
-        self.round(rows, |value, centre| {
+    pub(super) fn candidates(&self, rows: &[f32], order: &[u32]) -> Bytes {
+        self.round(rows, order, |value, centre| {
             (value - centre, value * value - centre * centre)
         })
     }
@@ -84,16 +89,18 @@ impl Grid {
     /// Rounds rows; `byte` gives the byte of a rounded value and its part of the norm.
     #[inline]
     #[target_feature(enable = "avx2,fma")]
-    fn round(&self, rows: &[f32], byte: impl Fn(i32, i32) -> (i32, i32)) -> Bytes {
+    fn round(&self, rows: &[f32], order: &[u32], byte: impl Fn(i32, i32) -> (i32, i32)) -> Bytes {
         let dim = self.least.len();
         let (mut scaled, mut rounded) = (vec![0.0; dim], vec![0.0; dim]);
         let mut bytes = vec![0_u8; dim.next_multiple_of(4)];
+        let mut quads = vec![0; dim.div_ceil(4)];
         let mut all = Bytes {
             quads: Vec::with_capacity(rows.len() / dim * dim.div_ceil(4)),
             norms: Vec::with_capacity(rows.len() / dim),
             errors: Vec::with_capacity(rows.len() / dim),
         };
-        for row in rows.chunks_exact(dim) {
+        for &row in order {
+            let row = &rows[row as usize * dim..][..dim];
             for ((scaled, value), least) in scaled.iter_mut().zip(row).zip(&self.least) {
                 *scaled = (value - least) * self.scale;
             }
@@ -106,9 +113,10 @@ impl Grid {
                 *output = byte as u8;
                 norm += part;
             }
-            let quads = bytes.as_chunks().0.iter();
-            all.quads
-                .extend(quads.map(|&quad| i32::from_le_bytes(quad)));
+            for (quad, bytes) in quads.iter_mut().zip(bytes.as_chunks().0) {
+                *quad = i32::from_le_bytes(*bytes);
+            }
+            all.quads.extend_from_slice(&quads);
             all.norms.push(norm);
             all.errors.push(squared_distance(&scaled, &rounded).sqrt());
         }
@@ -217,12 +225,21 @@ mod tests {
         bytes.quads.chunks_exact(dim.div_ceil(4)).map(row).collect()
     }
 
-    /// Checks the bytes of two sets of rows; returns the largest product of the lengths of two rows.
+    /// Checks the bytes of two sets of rows, in both widths; returns the largest product of the lengths of
+    /// two rows of the narrower.
     fn check(a: &[f32], b: &[f32], dim: usize) -> f64 {
+        check_of_width(a, b, dim, true);
+        let longest = check_of_width(a, b, dim, false);
+        assert!(longest < 32_768.0, "{longest}");
+        longest
+    }
+
+    fn check_of_width(a: &[f32], b: &[f32], dim: usize, is_wide: bool) -> f64 {
+        let all = |rows: &[f32]| (0..(rows.len() / dim) as u32).collect::<Vec<u32>>();
         // SAFETY: AVX2 and FMA were detected on this processor.
         let (grid, queries, candidates) = unsafe {
-            let grid = Grid::of(a, b, dim).unwrap();
-            let (queries, candidates) = (grid.queries(a), grid.candidates(b));
+            let grid = Grid::of(a, b, dim, is_wide).unwrap();
+            let (queries, candidates) = (grid.queries(a, &all(a)), grid.candidates(b, &all(b)));
             (grid, queries, candidates)
         };
         let (rows_a, rows_b) = (rows(&queries, dim, false), rows(&candidates, dim, true));
@@ -246,7 +263,6 @@ mod tests {
                 longest = longest.max(length(bytes_a) * length(bytes_b));
             }
         }
-        assert!(longest < 32_768.0, "{longest} at scale {}", grid.scale);
         longest
     }
 

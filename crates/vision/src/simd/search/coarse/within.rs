@@ -1,0 +1,316 @@
+//! Which candidates of a panel may be within the bounds of a block of queries.
+//!
+//! *How it works.* With `|a - b|^2 = |a|^2 + |b|^2 - 2 a.b` a candidate is within the bound of a query if
+//! the products of their bytes sum up to enough. Sums start at minus half of the candidate's part of
+//! the distance, so that all that is left to do is to compare each with one number of its query. A panel
+//! has as many lanes as sums of a whole block fit into the registers of AVX-512: each value of a
+//! query that is loaded serves all lanes, each vector of a panel all queries, so the units that multiply
+//! have no reason to wait. AVX2 has half as many registers of half the size, and takes a quarter of the
+//! lanes at a time.
+
+use std::arch::x86_64::{
+    __m256i, _MM_HINT_T0, _mm_add_epi32, _mm_cvtsi128_si32, _mm_prefetch, _mm_shuffle_epi32,
+    _mm_unpackhi_epi64, _mm256_add_epi16, _mm256_add_epi32, _mm256_castsi256_ps,
+    _mm256_castsi256_si128, _mm256_cmpgt_epi32, _mm256_extracti128_si256, _mm256_loadu_si256,
+    _mm256_madd_epi16, _mm256_maddubs_epi16, _mm256_movemask_ps, _mm256_set1_epi16,
+    _mm256_set1_epi32, _mm256_setzero_si256, _mm512_cmpge_epi32_mask, _mm512_dpbusd_epi32,
+    _mm512_loadu_si512, _mm512_maskz_loadu_epi32, _mm512_reduce_add_epi32, _mm512_set1_epi32,
+    _mm512_setzero_si512,
+};
+
+/// Candidates of a panel: four vectors of sixteen, or eight of eight.
+pub(super) const LANES: usize = 64;
+
+/// Queries of a block: with four vectors each, 24 of 32 registers hold sums; of AVX2, with two vectors
+/// each, twelve of sixteen.
+pub(super) const ROWS: usize = 6;
+
+/// For each query, block by block, one bit for each candidate of a panel, the first lowest: whether the sum of
+/// the products of their bytes and the candidate's of `starts` is at least the query's of `least`.
+#[inline]
+#[target_feature(enable = "avx2,fma")]
+pub(super) fn within(
+    quads: &[i32],
+    least: &[[i32; ROWS]],
+    panel: &[[i32; LANES]],
+    starts: &[i32; LANES],
+    within: &mut [[u64; ROWS]],
+) {
+    let blocks = quads.chunks_exact(ROWS * panel.len());
+    for ((within, least), quads) in within.iter_mut().zip(least).zip(blocks) {
+        *within = block(quads, least, panel, starts);
+    }
+}
+
+#[inline]
+#[target_feature(enable = "avx2,fma")]
+fn block(
+    quads: &[i32],
+    least: &[i32; ROWS],
+    panel: &[[i32; LANES]],
+    starts: &[i32; LANES],
+) -> [u64; ROWS] {
+    let rows = rows(quads, panel.len());
+    let mut within = [0; ROWS];
+    for first in (0..LANES).step_by(16) {
+        // Of each candidate two sums of products that belong together.
+        let mut sums = [[_mm256_setzero_si256(); 2]; ROWS];
+        for (k, candidates) in panel.iter().enumerate() {
+            let candidates = load(candidates, first);
+            for row in 0..ROWS {
+                let query = _mm256_set1_epi32(rows[row][k]);
+                for half in 0..2 {
+                    let products = _mm256_maddubs_epi16(query, candidates[half]);
+                    sums[row][half] = _mm256_add_epi16(sums[row][half], products);
+                }
+            }
+        }
+        let starts = load(starts, first);
+        let ones = _mm256_set1_epi16(1);
+        for row in 0..ROWS {
+            let least = _mm256_set1_epi32(least[row]);
+            for half in 0..2 {
+                let products = _mm256_madd_epi16(sums[row][half], ones);
+                let sums = _mm256_add_epi32(starts[half], products);
+                let far = _mm256_castsi256_ps(_mm256_cmpgt_epi32(least, sums));
+                let near = !_mm256_movemask_ps(far) as u8;
+                within[row] |= u64::from(near) << (first + 8 * half);
+            }
+        }
+    }
+    within
+}
+
+/// [`within`] with one instruction for the products of 64 bytes and their sums.
+///
+/// *Benefit*: a fifth of the instructions. *Correctness*: sums of 32 bits hold what those of 16 bits
+/// hold, so all integers are the same.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
+pub(super) fn within_avx512(
+    quads: &[i32],
+    least: &[[i32; ROWS]],
+    panel: &[[i32; LANES]],
+    starts: &[i32; LANES],
+    within: &mut [[u64; ROWS]],
+) {
+    let blocks = quads.chunks_exact(ROWS * panel.len());
+    for ((within, least), quads) in within.iter_mut().zip(least).zip(blocks) {
+        *within = block_avx512(quads, least, panel, starts);
+    }
+}
+
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
+fn block_avx512(
+    quads: &[i32],
+    least: &[i32; ROWS],
+    panel: &[[i32; LANES]],
+    starts: &[i32; LANES],
+) -> [u64; ROWS] {
+    let rows = rows(quads, panel.len());
+    let quarters = |lanes: &[i32; LANES]| {
+        let start: *const i32 = lanes.as_ptr();
+        // SAFETY: 64 bytes can be read from lanes 0, 16, 32, and 48 of 64 lanes of 4 bytes.
+        unsafe {
+            [
+                _mm512_loadu_si512(start.cast()),
+                _mm512_loadu_si512(start.add(16).cast()),
+                _mm512_loadu_si512(start.add(32).cast()),
+                _mm512_loadu_si512(start.add(48).cast()),
+            ]
+        }
+    };
+    let mut sums = [quarters(starts); ROWS];
+    for (k, candidates) in panel.iter().enumerate() {
+        let candidates = quarters(candidates);
+        for row in 0..ROWS {
+            let query = _mm512_set1_epi32(rows[row][k]);
+            for quarter in 0..4 {
+                sums[row][quarter] =
+                    _mm512_dpbusd_epi32(sums[row][quarter], query, candidates[quarter]);
+            }
+        }
+    }
+    let mut within = [0; ROWS];
+    for row in 0..ROWS {
+        let least = _mm512_set1_epi32(least[row]);
+        for (quarter, &sums) in sums[row].iter().enumerate() {
+            let near = _mm512_cmpge_epi32_mask(sums, least);
+            within[row] |= u64::from(near) << (16 * quarter);
+        }
+    }
+    within
+}
+
+/// A query and a lane of a panel.
+#[derive(Clone, Copy)]
+pub(super) struct Pair(u32);
+
+impl Pair {
+    #[inline]
+    pub(super) fn new(query: usize, lane: usize) -> Self {
+        Self((query * LANES + lane) as u32)
+    }
+
+    #[inline]
+    pub(super) fn query(self) -> usize {
+        self.0 as usize / LANES
+    }
+
+    #[inline]
+    pub(super) fn lane(self) -> usize {
+        self.0 as usize % LANES
+    }
+}
+
+/// Keeps those pairs of a query and a candidate of a panel whose squared distance in bytes, less the
+/// query's part of it, is at most the query's limit; `parts` are those of the candidates.
+#[target_feature(enable = "avx2,fma")]
+pub(super) fn keep(
+    pairs: &mut Vec<Pair>,
+    queries: &[i32],
+    candidates: &[i32],
+    parts: &[i32],
+    limits: &[i32],
+) {
+    keep_by(pairs, queries, candidates, parts, limits, |a, b| {
+        product(a, b)
+    });
+}
+
+/// [`keep`] with one instruction for the products of 64 bytes and their sums.
+///
+/// *Benefit*: half the time. *Correctness*: as of [`within_avx512`].
+#[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
+pub(super) fn keep_avx512(
+    pairs: &mut Vec<Pair>,
+    queries: &[i32],
+    candidates: &[i32],
+    parts: &[i32],
+    limits: &[i32],
+) {
+    keep_by(pairs, queries, candidates, parts, limits, |a, b| {
+        product_avx512(a, b)
+    });
+}
+
+/// [`keep`], given the sum of products. Without branches, whose outcome nobody could predict.
+#[inline(always)]
+fn keep_by(
+    pairs: &mut Vec<Pair>,
+    queries: &[i32],
+    candidates: &[i32],
+    parts: &[i32],
+    limits: &[i32],
+    product: impl Fn(&[i32], &[i32]) -> i32,
+) {
+    let width = candidates.len() / parts.len();
+    let mut kept = 0;
+    for number in 0..pairs.len() {
+        let pair = pairs[number];
+        let query = &queries[pair.query() * width..][..width];
+        let candidate = &candidates[pair.lane() * width..][..width];
+        let distance = parts[pair.lane()] - 2 * product(query, candidate);
+        pairs[kept] = pair;
+        kept += usize::from(distance <= limits[pair.query()]);
+    }
+    pairs.truncate(kept);
+}
+
+/// Asks for values that are read soon.
+#[inline]
+pub(super) fn prefetch(values: &[f32]) {
+    for line in values.chunks(16) {
+        // SAFETY: nothing is read; the address is one of a value.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) };
+    }
+}
+
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
+fn product_avx512(query: &[i32], candidate: &[i32]) -> i32 {
+    let ((query, last_query), (candidate, last)) =
+        (query.as_chunks::<16>(), candidate.as_chunks::<16>());
+    let mut sums = _mm512_setzero_si512();
+    for (query, candidate) in query.iter().zip(candidate) {
+        // SAFETY: 64 bytes can be read from 16 quads.
+        let (query, candidate) = unsafe {
+            (
+                _mm512_loadu_si512(query.as_ptr().cast()),
+                _mm512_loadu_si512(candidate.as_ptr().cast()),
+            )
+        };
+        sums = _mm512_dpbusd_epi32(sums, query, candidate);
+    }
+    if !last.is_empty() {
+        let lanes = (1 << last.len()) - 1;
+        // SAFETY: no more is read than the quads that are left.
+        let (query, candidate) = unsafe {
+            (
+                _mm512_maskz_loadu_epi32(lanes, last_query.as_ptr()),
+                _mm512_maskz_loadu_epi32(lanes, last.as_ptr()),
+            )
+        };
+        sums = _mm512_dpbusd_epi32(sums, query, candidate);
+    }
+    _mm512_reduce_add_epi32(sums)
+}
+
+/// The sum of the products of the bytes of a query and of a candidate.
+#[inline]
+#[target_feature(enable = "avx2,fma")]
+pub(super) fn product(query: &[i32], candidate: &[i32]) -> i32 {
+    let ((query, last_query), (candidate, last)) =
+        (query.as_chunks::<8>(), candidate.as_chunks::<8>());
+    let mut sums = _mm256_setzero_si256();
+    for (query, candidate) in query.iter().zip(candidate) {
+        // SAFETY: 32 bytes can be read from 8 quads.
+        let (query, candidate) = unsafe {
+            (
+                _mm256_loadu_si256(query.as_ptr().cast()),
+                _mm256_loadu_si256(candidate.as_ptr().cast()),
+            )
+        };
+        sums = _mm256_add_epi16(sums, _mm256_maddubs_epi16(query, candidate));
+    }
+    let sums = _mm256_madd_epi16(sums, _mm256_set1_epi16(1));
+    let sums = _mm_add_epi32(
+        _mm256_castsi256_si128(sums),
+        _mm256_extracti128_si256::<1>(sums),
+    );
+    let sums = _mm_add_epi32(sums, _mm_unpackhi_epi64(sums, sums));
+    let sums = _mm_add_epi32(sums, _mm_shuffle_epi32::<1>(sums));
+    let mut sum = _mm_cvtsi128_si32(sums);
+    for (query, candidate) in last_query.iter().zip(last) {
+        let (query, candidate) = (query.to_le_bytes(), candidate.to_le_bytes());
+        for (query, candidate) in query.into_iter().zip(candidate) {
+            sum += i32::from(query) * i32::from(candidate as i8);
+        }
+    }
+    sum
+}
+
+/// The rows of a block.
+#[inline]
+fn rows(quads: &[i32], width: usize) -> [&[i32]; ROWS] {
+    let mut rows = [quads; ROWS];
+    for (number, row) in rows.iter_mut().enumerate() {
+        *row = &quads[number * width..][..width];
+    }
+    rows
+}
+
+/// Two vectors of eight lanes, from lane `first` on.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn load(lanes: &[i32; LANES], first: usize) -> [__m256i; 2] {
+    let start = lanes[first..][..16].as_ptr();
+    // SAFETY: 32 bytes can be read from lane 0 and from lane 8 of 16 lanes of 4 bytes.
+    unsafe {
+        [
+            _mm256_loadu_si256(start.cast()),
+            _mm256_loadu_si256(start.add(8).cast()),
+        ]
+    }
+}
