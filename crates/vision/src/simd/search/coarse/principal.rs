@@ -35,7 +35,7 @@ pub(super) struct Principal {
     pub(super) a: Vec<f32>,
     /// The same of the candidates.
     pub(super) b: Vec<f32>,
-    /// By how much rounding may have changed the distance of a query and a candidate.
+    /// By how much rounding may have changed the distance of a query and a candidate, at most.
     pub(super) rounding: f32,
     /// The largest ratio of a distance of projected rows to that of the rows, but for rounding: nearly 1.
     pub(super) stretch: f32,

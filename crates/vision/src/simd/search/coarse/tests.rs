@@ -1,0 +1,296 @@
+//! Both ways of searching beside the definition.
+
+use super::super::{TwoNearest, two_nearest_among, two_nearest_floats};
+use super::*;
+use crate::seed::{Rng, Seed};
+
+/// The definition.
+fn defined(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {
+    let all: Vec<u32> = (0..(b.len() / dim) as u32).collect();
+    a.chunks_exact(dim)
+        .map(|row| two_nearest_among(row, b, &all))
+        .collect()
+}
+
+/// Rows more or less near to one of a few: like descriptors, much nearer to some than to most.
+fn clustered(rng: &mut Rng, rows: usize, dim: usize, centres: &[f32]) -> Vec<f32> {
+    let mut clustered = Vec::new();
+    for _ in 0..rows {
+        let centre = rng.below((centres.len() / dim) as u32) as usize;
+        let width = 0.5 * rng.uniform() as f32;
+        let centre = &centres[centre * dim..][..dim];
+        clustered.extend(
+            centre
+                .iter()
+                .map(|value| value + width * rng.normal() as f32),
+        );
+    }
+    clustered
+}
+
+/// Rows as mixtures of a few directions, the first of them with most weight, and a little of all others:
+/// like descriptors, whose values hang together.
+fn mixed(rng: &mut Rng, rows: usize, dim: usize, directions: &[f32]) -> Vec<f32> {
+    let mut mixed = Vec::new();
+    for _ in 0..rows {
+        let first = mixed.len();
+        mixed.extend((0..dim).map(|_| 0.05 * rng.normal() as f32));
+        for (number, direction) in directions.chunks_exact(dim).enumerate() {
+            let weight = rng.normal() as f32 / (1.0 + number as f32).sqrt();
+            for (value, direction) in mixed[first..].iter_mut().zip(direction) {
+                *value += weight * direction;
+            }
+        }
+    }
+    mixed
+}
+
+/// [`search`] in two steps if `is_large` and the rows allow it.
+fn near(a: &[f32], b: &[f32], dim: usize, is_large: bool) -> Vec<Vec<u32>> {
+    if dim > MAX_DIM || !has_avx2_and_fma() {
+        return Vec::new();
+    }
+    // SAFETY: AVX2 and FMA were detected on this processor.
+    unsafe { search(a, b, dim, is_large, |_, _| true) }
+}
+
+/// Compares both ways of searching with the definition; returns for how many rows bytes were enough
+/// in one step and in two.
+fn compare(a: &[f32], b: &[f32], dim: usize) -> [usize; 2] {
+    let expected = defined(a, b, dim);
+    assert_eq!(two_nearest_floats(a, b, dim), expected, "{dim} values");
+    [false, true].map(|is_large| {
+        let near = near(a, b, dim, is_large);
+        let found = near.iter().zip(a.chunks_exact(dim));
+        let found: Vec<TwoNearest> = found
+            .map(|(near, row)| two_nearest_among(row, b, near))
+            .collect();
+        assert_eq!(found, expected[..found.len()], "{dim} values, {is_large}");
+        found.len()
+    })
+}
+
+/// Checks rows drawn around 60 places, with all values changed by `change(value, column)`; returns
+/// for how many rows bytes were enough.
+fn check(rows: usize, dim: usize, change: impl Fn(f32, usize) -> f32) -> usize {
+    let mut rng = Seed(3).rng();
+    let centres: Vec<f32> = (0..60 * dim).map(|_| rng.normal() as f32).collect();
+    let [a, b] = [rows, WORTH.div_ceil(dim).max(900)].map(|rows| -> Vec<f32> {
+        let values = clustered(&mut rng, rows, dim, &centres);
+        changed(&values, dim, &change)
+    });
+    let [one_step, two_steps] = compare(&a, &b, dim);
+    assert_eq!(one_step == 0, two_steps == 0, "{dim} values");
+    one_step
+}
+
+/// The same of mixed rows; returns for how many rows two steps were enough.
+fn check_mixed(rows: usize, dim: usize, change: impl Fn(f32, usize) -> f32) -> usize {
+    let mut rng = Seed(4).rng();
+    let directions: Vec<f32> = (0..20 * dim).map(|_| rng.normal() as f32).collect();
+    let [a, b] = [rows, 1_500].map(|rows| -> Vec<f32> {
+        let values = mixed(&mut rng, rows, dim, &directions);
+        changed(&values, dim, &change)
+    });
+    compare(&a, &b, dim)[1]
+}
+
+fn changed(values: &[f32], dim: usize, change: impl Fn(f32, usize) -> f32) -> Vec<f32> {
+    let values = values.iter().zip((0..dim).cycle());
+    values
+        .map(|(&value, column)| change(value, column))
+        .collect()
+}
+
+#[test]
+fn components_are_enough_for_rows_whose_values_hang_together() {
+    let rows = QUERIES + 40;
+    for dim in [33, 64, 128, 203] {
+        InstructionSet::for_each(|set| {
+            let found = check_mixed(rows, dim, |value, _| value);
+            assert!(
+                found == rows || !has_avx2_and_fma(),
+                "{found} of {rows} rows of {dim} with {set:?}"
+            );
+        });
+    }
+}
+
+#[test]
+fn offsets_and_sizes_of_columns_change_no_result_of_components() {
+    InstructionSet::for_each(|_| {
+        check_mixed(200, 128, |value, column| value + 1e4 * column as f32);
+        check_mixed(
+            200,
+            128,
+            |value, column| if column == 7 { 1e5 * value } else { value },
+        );
+        // Values in other columns than a few are rounded away, or lie at a few places.
+        check_mixed(
+            200,
+            128,
+            |value, column| if column < 5 { value } else { 1e-6 * value },
+        );
+        check_mixed(
+            200,
+            128,
+            |value, column| if column < 5 { value } else { 3.0 },
+        );
+        check_mixed(200, 128, |value, _| value.round());
+        check_mixed(200, 128, |value, _| 1e3 + 1e-3 * value);
+        check_mixed(200, 32, |value, _| value);
+    });
+}
+
+#[test]
+fn rows_far_from_all_others_change_no_result_of_components() {
+    let mut rng = Seed(8).rng();
+    let dim = 96;
+    let directions: Vec<f32> = (0..20 * dim).map(|_| rng.normal() as f32).collect();
+    let mut b = mixed(&mut rng, 2_500, dim, &directions);
+    // Of these rows none is in the sample, so their directions are no components.
+    for (row, size) in [(1, 40.0), (3, 1e3), (2_499, 1e6)] {
+        b[row * dim + 5] += size;
+    }
+    let a = b[..300 * dim]
+        .iter()
+        .map(|value| value + 0.01)
+        .collect::<Vec<f32>>();
+    for candidates in [&b[..1_500 * dim], &b] {
+        InstructionSet::for_each(|_| {
+            compare(&a, candidates, dim);
+            compare(candidates, &a, dim);
+        });
+    }
+}
+
+#[test]
+fn what_is_no_number_is_left_to_the_definition() {
+    for other in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30] {
+        for place in [3, 128 * 1_499 + 127] {
+            let mut rng = Seed(9).rng();
+            let directions: Vec<f32> = (0..20 * 128).map(|_| rng.normal() as f32).collect();
+            let mut b = mixed(&mut rng, 1_500, 128, &directions);
+            let a = b[..40 * 128].to_vec();
+            b[place] = other;
+            assert_eq!(compare(&a, &b, 128), [0; 2], "{other}");
+            assert_eq!(compare(&b, &a, 128), [0; 2], "{other}");
+        }
+    }
+    let same = vec![2.5; 500 * 128];
+    assert_eq!(compare(&same[..40 * 128], &same, 128), [0; 2]);
+}
+
+#[test]
+fn all_within_the_bound_are_found_where_two_must_be_apart() {
+    let mut rng = Seed(10).rng();
+    let dim = 128;
+    let directions: Vec<f32> = (0..20 * dim).map(|_| rng.normal() as f32).collect();
+    let [a, b] = [100, 1_500].map(|rows| mixed(&mut rng, rows, dim, &directions));
+    let apart = |i: u32, j: u32| (i / 500) != (j / 500);
+    let distances = |row: &[f32]| -> Vec<f32> {
+        let nearest = |index| two_nearest_among(row, &b, &[index]).nearest;
+        (0..1_500).map(nearest).collect()
+    };
+    InstructionSet::for_each(|_| {
+        for is_large in [false, true] {
+            let near = if has_avx2_and_fma() {
+                // SAFETY: AVX2 and FMA were detected on this processor.
+                unsafe { search(&a, &b, dim, is_large, apart) }
+            } else {
+                return;
+            };
+            assert!(near.len() == 100 || !is_large, "{}", near.len());
+            for (row, near) in a.chunks_exact(dim).zip(near) {
+                let distances = distances(row);
+                let least = |places: &[f32]| places.iter().copied().fold(f32::INFINITY, f32::min);
+                let mut of_places: Vec<f32> = distances.chunks(500).map(least).collect();
+                of_places.sort_by(f32::total_cmp);
+                assert!(near.is_sorted());
+                for (index, &distance) in (0..).zip(&distances) {
+                    assert!(distance > of_places[1] || near.contains(&index));
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn where_components_rule_out_too_little_all_values_are_compared() {
+    // Groups differ in what is no component: it is not in the sample, every second row.
+    let (dim, groups) = (128, 40);
+    let mut rng = Seed(12).rng();
+    let directions: Vec<f32> = (0..3 * dim).map(|_| 0.2 * rng.normal() as f32).collect();
+    let places: Vec<f32> = (0..groups * dim).map(|_| rng.normal() as f32).collect();
+    let [a, b] = [2 * QUERIES, 2_000].map(|rows| -> Vec<f32> {
+        let mut values = mixed(&mut rng, rows, dim, &directions);
+        let odd = values.chunks_exact_mut(dim).skip(1).step_by(2);
+        for (number, row) in odd.enumerate() {
+            let place = places.chunks_exact(dim).nth(number % groups);
+            for (value, place) in row.iter_mut().zip(place.expect("one of them")) {
+                *value += place;
+            }
+        }
+        values
+    });
+    compare(&a, &b, dim);
+}
+
+#[test]
+fn bytes_are_enough_for_rows_like_descriptors() {
+    let rows = QUERIES + 40;
+    for dim in [63, 64, 128, 200] {
+        InstructionSet::for_each(|set| {
+            let found = check(rows, dim, |value, _| value);
+            assert!(
+                found == rows || !has_avx2_and_fma(),
+                "{found} of {rows} rows of {dim} with {set:?}"
+            );
+        });
+    }
+}
+
+#[test]
+fn offsets_and_sizes_of_columns_change_no_result() {
+    check(200, 65, |value, column| value + 1e4 * column as f32);
+    check(
+        200,
+        65,
+        |value, column| if column == 7 { 1e5 * value } else { value },
+    );
+    check(
+        200,
+        65,
+        |value, column| if column == 7 { value } else { 1e-6 * value },
+    );
+    check(200, 3, |value, _| (8.0 * value).round());
+}
+
+#[test]
+fn rows_too_much_alike_are_left_to_the_definition() {
+    // A few values far out make the grid too coarse for the others.
+    let alike = |value: f32, _| if value > 4.0 { 1e3 * value } else { value };
+    assert_eq!(check(QUERIES + 40, 128, alike), 0);
+}
+
+#[test]
+fn what_bytes_cannot_hold_is_left_to_the_definition() {
+    for factor in [0.0, 1e-18, 1e15] {
+        assert_eq!(
+            check(30, 16, |value, _| factor * value),
+            0,
+            "times {factor}"
+        );
+    }
+    for other in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        let change = |value: f32, column: usize| {
+            if column == 3 && value > 2.0 {
+                other
+            } else {
+                value
+            }
+        };
+        assert_eq!(check(30, 16, change), 0, "{other}");
+    }
+    assert_eq!(check(7, MAX_DIM + 1, |value, _| value), 0);
+}
