@@ -9,9 +9,9 @@
 //! 3. A candidate is rejected if even the lower bound of its distance exceeds the second smallest distance so
 //!    far. For the few others the distance is computed in full, which may lower that second smallest.
 //! 4. Large searches look at the first principal components alone first ([`Principal`]), a quarter of
-//!    the bytes of SIFT: of 85,000 candidates these leave about one in 130, of which the bytes of all values
-//!    leave one in eleven (ASIFT, castle). Queries that are near to each other see the candidates near to them first, so small
-//!    distances are known from the start.
+//!    the bytes of SIFT: of 85,000 candidates these leave about one in 160, of which the bytes of all values
+//!    leave one in thirteen (ASIFT, castle, AVX-512). Queries that are near to each other see the candidates near to
+//!    them first, so small distances are known from the start.
 //! 5. The caller compares what is left, mostly the two nearest themselves, by the definition of the
 //!    distance; so the results are those of the search by definition.
 
@@ -50,9 +50,13 @@ const MEASURED_SHARE: usize = 16;
 /// candidates are measured.
 const WORTH: usize = 40_000;
 
-/// Pairs from which on principal components are worth the work of finding them: of SIFT's descriptors 9,800
-/// x 7,500 are faster with them, 5,000 x 5,000 slower.
+/// Pairs from which on principal components are worth the work of finding them: with AVX2 SIFT's 9,800 x 7,500
+/// are faster with them, 5,000 x 5,000 slower.
 const PAIRS: usize = 60_000_000;
+
+/// The same with AVX-512, where products of all values cost less: of SIFT's descriptors 15,900 x 15,300 are
+/// faster with them, 9,800 x 7,800 slower, of ASIFT's 14,000 x 14,000 and 10,000 x 10,000.
+const PAIRS_AVX512: usize = 200_000_000;
 
 /// For the first rows of `a`, as many as bytes help to find, the rows of `b` that may be nearest, in
 /// ascending order. Among them are all that are, by the definition, at most as far as the farther of
@@ -71,13 +75,19 @@ pub(super) fn near_rows(
     if !((1..=MAX_DIM).contains(&dim) && b.len() >= WORTH && has_avx2_and_fma()) {
         return Vec::new();
     }
-    let is_large = (a.len() / dim) * (b.len() / dim) >= PAIRS;
+    let worth = if is_wide() { PAIRS_AVX512 } else { PAIRS };
+    let is_large = (a.len() / dim) * (b.len() / dim) >= worth;
     // SAFETY: AVX2 and FMA were detected on this processor.
     unsafe { search(a, b, dim, is_large, apart) }
 }
 
 fn has_avx2_and_fma() -> bool {
     InstructionSet::in_use() >= InstructionSet::Avx2
+}
+
+/// Whether AVX-512 with products of bytes is in use.
+fn is_wide() -> bool {
+    InstructionSet::in_use() == InstructionSet::Avx512
 }
 
 /// [`near_rows`] without its tests; principal components are tried if the search `is_large`.
@@ -89,7 +99,7 @@ fn search(
     is_large: bool,
     apart: impl Fn(u32, u32) -> bool,
 ) -> Vec<Vec<u32>> {
-    let is_wide = InstructionSet::in_use() == InstructionSet::Avx512;
+    let is_wide = is_wide();
     let principal = is_large.then(|| Principal::of(a, b, dim)).flatten();
     let orders = match &principal {
         Some(principal) => principal.orders(),
@@ -155,7 +165,7 @@ struct Search<'a, Apart> {
     dim: usize,
     orders: &'a [Vec<u32>; 2],
     apart: Apart,
-    /// Whether AVX-512 with products of bytes is in use.
+    /// See [`is_wide`].
     is_wide: bool,
 }
 

@@ -45,13 +45,24 @@ fn mixed(rng: &mut Rng, rows: usize, dim: usize, directions: &[f32]) -> Vec<f32>
     mixed
 }
 
+/// So many rows of values drawn at random.
+fn drawn(rng: &mut Rng, rows: usize, dim: usize) -> Vec<f32> {
+    (0..rows * dim).map(|_| rng.normal() as f32).collect()
+}
+
 /// [`search`] in two steps if `is_large` and the rows allow it.
-fn near(a: &[f32], b: &[f32], dim: usize, is_large: bool) -> Vec<Vec<u32>> {
+fn near(
+    a: &[f32],
+    b: &[f32],
+    dim: usize,
+    is_large: bool,
+    apart: impl Fn(u32, u32) -> bool,
+) -> Vec<Vec<u32>> {
     if dim > MAX_DIM || !has_avx2_and_fma() {
         return Vec::new();
     }
     // SAFETY: AVX2 and FMA were detected on this processor.
-    unsafe { search(a, b, dim, is_large, |_, _| true) }
+    unsafe { search(a, b, dim, is_large, apart) }
 }
 
 /// Compares both ways of searching with the definition; returns for how many rows bytes were enough
@@ -60,7 +71,7 @@ fn compare(a: &[f32], b: &[f32], dim: usize) -> [usize; 2] {
     let expected = defined(a, b, dim);
     assert_eq!(two_nearest_floats(a, b, dim), expected, "{dim} values");
     [false, true].map(|is_large| {
-        let near = near(a, b, dim, is_large);
+        let near = near(a, b, dim, is_large, |_, _| true);
         let found = near.iter().zip(a.chunks_exact(dim));
         let found: Vec<TwoNearest> = found
             .map(|(near, row)| two_nearest_among(row, b, near))
@@ -74,7 +85,7 @@ fn compare(a: &[f32], b: &[f32], dim: usize) -> [usize; 2] {
 /// for how many rows bytes were enough.
 fn check(rows: usize, dim: usize, change: impl Fn(f32, usize) -> f32) -> usize {
     let mut rng = Seed(3).rng();
-    let centres: Vec<f32> = (0..60 * dim).map(|_| rng.normal() as f32).collect();
+    let centres = drawn(&mut rng, 60, dim);
     let [a, b] = [rows, WORTH.div_ceil(dim).max(900)].map(|rows| -> Vec<f32> {
         let values = clustered(&mut rng, rows, dim, &centres);
         changed(&values, dim, &change)
@@ -87,7 +98,7 @@ fn check(rows: usize, dim: usize, change: impl Fn(f32, usize) -> f32) -> usize {
 /// The same of mixed rows; returns for how many rows two steps were enough.
 fn check_mixed(rows: usize, dim: usize, change: impl Fn(f32, usize) -> f32) -> usize {
     let mut rng = Seed(4).rng();
-    let directions: Vec<f32> = (0..20 * dim).map(|_| rng.normal() as f32).collect();
+    let directions = drawn(&mut rng, 20, dim);
     let [a, b] = [rows, 1_500].map(|rows| -> Vec<f32> {
         let values = mixed(&mut rng, rows, dim, &directions);
         changed(&values, dim, &change)
@@ -102,18 +113,25 @@ fn changed(values: &[f32], dim: usize, change: impl Fn(f32, usize) -> f32) -> Ve
         .collect()
 }
 
-#[test]
-fn components_are_enough_for_rows_whose_values_hang_together() {
+/// Checks rows of each of these lengths, more than a tile of them, and that bytes were enough for all.
+fn check_that_all_are_found(dims: [usize; 4], check: impl Fn(usize, usize) -> usize) {
     let rows = QUERIES + 40;
-    for dim in [33, 64, 128, 203] {
+    for dim in dims {
         InstructionSet::for_each(|set| {
-            let found = check_mixed(rows, dim, |value, _| value);
+            let found = check(rows, dim);
             assert!(
                 found == rows || !has_avx2_and_fma(),
                 "{found} of {rows} rows of {dim} with {set:?}"
             );
         });
     }
+}
+
+#[test]
+fn components_are_enough_for_rows_whose_values_hang_together() {
+    check_that_all_are_found([33, 64, 128, 203], |rows, dim| {
+        check_mixed(rows, dim, |value, _| value)
+    });
 }
 
 #[test]
@@ -146,7 +164,7 @@ fn offsets_and_sizes_of_columns_change_no_result_of_components() {
 fn rows_far_from_all_others_change_no_result_of_components() {
     let mut rng = Seed(8).rng();
     let dim = 96;
-    let directions: Vec<f32> = (0..20 * dim).map(|_| rng.normal() as f32).collect();
+    let directions = drawn(&mut rng, 20, dim);
     let mut b = mixed(&mut rng, 2_500, dim, &directions);
     // Of these rows none is in the sample, so their directions are no components.
     for (row, size) in [(1, 40.0), (3, 1e3), (2_499, 1e6)] {
@@ -169,7 +187,7 @@ fn what_is_no_number_is_left_to_the_definition() {
     for other in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30] {
         for place in [3, 128 * 1_499 + 127] {
             let mut rng = Seed(9).rng();
-            let directions: Vec<f32> = (0..20 * 128).map(|_| rng.normal() as f32).collect();
+            let directions = drawn(&mut rng, 20, 128);
             let mut b = mixed(&mut rng, 1_500, 128, &directions);
             let a = b[..40 * 128].to_vec();
             b[place] = other;
@@ -185,7 +203,7 @@ fn what_is_no_number_is_left_to_the_definition() {
 fn all_within_the_bound_are_found_where_two_must_be_apart() {
     let mut rng = Seed(10).rng();
     let dim = 128;
-    let directions: Vec<f32> = (0..20 * dim).map(|_| rng.normal() as f32).collect();
+    let directions = drawn(&mut rng, 20, dim);
     let [a, b] = [100, 1_500].map(|rows| mixed(&mut rng, rows, dim, &directions));
     let apart = |i: u32, j: u32| (i / 500) != (j / 500);
     let distances = |row: &[f32]| -> Vec<f32> {
@@ -194,13 +212,9 @@ fn all_within_the_bound_are_found_where_two_must_be_apart() {
     };
     InstructionSet::for_each(|_| {
         for is_large in [false, true] {
-            let near = if has_avx2_and_fma() {
-                // SAFETY: AVX2 and FMA were detected on this processor.
-                unsafe { search(&a, &b, dim, is_large, apart) }
-            } else {
-                return;
-            };
-            assert!(near.len() == 100 || !is_large, "{}", near.len());
+            let near = near(&a, &b, dim, is_large, apart);
+            let are_all = near.len() == 100 || !is_large || !has_avx2_and_fma();
+            assert!(are_all, "{}", near.len());
             for (row, near) in a.chunks_exact(dim).zip(near) {
                 let distances = distances(row);
                 let least = |places: &[f32]| places.iter().copied().fold(f32::INFINITY, f32::min);
@@ -221,7 +235,7 @@ fn where_components_rule_out_too_little_all_values_are_compared() {
     let (dim, groups) = (128, 40);
     let mut rng = Seed(12).rng();
     let directions: Vec<f32> = (0..3 * dim).map(|_| 0.2 * rng.normal() as f32).collect();
-    let places: Vec<f32> = (0..groups * dim).map(|_| rng.normal() as f32).collect();
+    let places = drawn(&mut rng, groups, dim);
     let [a, b] = [2 * QUERIES, 2_000].map(|rows| -> Vec<f32> {
         let mut values = mixed(&mut rng, rows, dim, &directions);
         let odd = values.chunks_exact_mut(dim).skip(1).step_by(2);
@@ -238,16 +252,9 @@ fn where_components_rule_out_too_little_all_values_are_compared() {
 
 #[test]
 fn bytes_are_enough_for_rows_like_descriptors() {
-    let rows = QUERIES + 40;
-    for dim in [63, 64, 128, 200] {
-        InstructionSet::for_each(|set| {
-            let found = check(rows, dim, |value, _| value);
-            assert!(
-                found == rows || !has_avx2_and_fma(),
-                "{found} of {rows} rows of {dim} with {set:?}"
-            );
-        });
-    }
+    check_that_all_are_found([63, 64, 128, 200], |rows, dim| {
+        check(rows, dim, |value, _| value)
+    });
 }
 
 #[test]

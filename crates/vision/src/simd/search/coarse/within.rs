@@ -36,9 +36,23 @@ pub(super) fn within(
     starts: &[i32; LANES],
     within: &mut [[u64; ROWS]],
 ) {
-    let blocks = quads.chunks_exact(ROWS * panel.len());
+    by_blocks(quads, least, panel.len(), within, |quads, least| {
+        block(quads, least, panel, starts)
+    });
+}
+
+/// Looks at the queries block by block; `width` is that of their rows.
+#[inline(always)]
+fn by_blocks(
+    quads: &[i32],
+    least: &[[i32; ROWS]],
+    width: usize,
+    within: &mut [[u64; ROWS]],
+    block: impl Fn(&[i32], &[i32; ROWS]) -> [u64; ROWS],
+) {
+    let blocks = quads.chunks_exact(ROWS * width);
     for ((within, least), quads) in within.iter_mut().zip(least).zip(blocks) {
-        *within = block(quads, least, panel, starts);
+        *within = block(quads, least);
     }
 }
 
@@ -94,10 +108,9 @@ pub(super) fn within_avx512(
     starts: &[i32; LANES],
     within: &mut [[u64; ROWS]],
 ) {
-    let blocks = quads.chunks_exact(ROWS * panel.len());
-    for ((within, least), quads) in within.iter_mut().zip(least).zip(blocks) {
-        *within = block_avx512(quads, least, panel, starts);
-    }
+    by_blocks(quads, least, panel.len(), within, |quads, least| {
+        block_avx512(quads, least, panel, starts)
+    });
 }
 
 #[inline]
@@ -260,7 +273,7 @@ fn product_avx512(query: &[i32], candidate: &[i32]) -> i32 {
 /// The sum of the products of the bytes of a query and of a candidate.
 #[inline]
 #[target_feature(enable = "avx2,fma")]
-pub(super) fn product(query: &[i32], candidate: &[i32]) -> i32 {
+fn product(query: &[i32], candidate: &[i32]) -> i32 {
     let ((query, last_query), (candidate, last)) =
         (query.as_chunks::<8>(), candidate.as_chunks::<8>());
     let mut sums = _mm256_setzero_si256();
