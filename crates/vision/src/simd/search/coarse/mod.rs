@@ -277,6 +277,10 @@ impl<Apart: Fn(u32, u32) -> bool> Search<'_, Apart> {
     ) -> usize {
         let (panel, starts) = panels.panel(number);
         let quads = panels.bounds.queries_from(tile.first);
+        if let Some(then) = then {
+            // On their way while components are compared.
+            prefetch(then.candidates_of_panel(number).0);
+        }
         if self.is_wide {
             // SAFETY: what is in use was detected on this processor.
             unsafe { within_avx512(quads, &tile.least, panel, starts, &mut tile.within) };
@@ -287,7 +291,7 @@ impl<Apart: Fn(u32, u32) -> bool> Search<'_, Apart> {
         let left = tile.pairs.len();
         if let Some(then) = then {
             let queries = then.queries_from(tile.first);
-            let (candidates, parts) = then.candidates_from(number * LANES);
+            let (candidates, parts) = then.candidates_of_panel(number);
             let (pairs, limits) = (&mut tile.pairs, &tile.limits);
             if self.is_wide {
                 // SAFETY: as before.

@@ -55,10 +55,13 @@ impl Bounds {
         &self.queries.quads[place * self.width..]
     }
 
-    /// The bytes of the candidate at a place and of those that follow it, and their parts of squared distances.
-    pub(super) fn candidates_from(&self, place: usize) -> (&[i32], &[i32]) {
+    /// The bytes of a panel's candidates, one candidate after the other, and their parts of squared distances.
+    pub(super) fn candidates_of_panel(&self, number: usize) -> (&[i32], &[i32]) {
+        let place = number * LANES;
+        let norms = &self.candidates.norms[place..];
+        let norms = &norms[..LANES.min(norms.len())];
         let quads = &self.candidates.quads[place * self.width..];
-        (quads, &self.candidates.norms[place..])
+        (&quads[..norms.len() * self.width], norms)
     }
 
     /// The largest squared distance in bytes, less the query's part of it, of candidates that may be

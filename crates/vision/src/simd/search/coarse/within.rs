@@ -233,9 +233,9 @@ fn keep_by(
 
 /// Asks for values that are read soon.
 #[inline]
-pub(super) fn prefetch(values: &[f32]) {
-    for line in values.chunks(16) {
-        // SAFETY: nothing is read; the address is one of a value.
+pub(super) fn prefetch<T>(values: &[T]) {
+    for line in values.chunks(64 / size_of::<T>()) {
+        // SAFETY: nothing is read; the address is that of a value.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) };
     }
 }
