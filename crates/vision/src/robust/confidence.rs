@@ -31,7 +31,8 @@
 //! has an `overlap` above 0.5.
 
 use super::TwoViews;
-use super::even_sampler::{cells_of, finite_range};
+use super::consensus::inliers_within;
+use super::grid::{cells_of, span};
 use crate::geometry::{
     PointPairs, RelativePose, essential_from_pose, pose_deviation, squared_sampson_distances,
 };
@@ -74,20 +75,14 @@ impl TwoViews<'_> {
         let essential = essential_from_pose(b_from_a);
         squared_sampson_distances(&essential, &pairs, 0..pairs.len(), &mut squared);
         let limit = (NEAR_PX / focal) * (NEAR_PX / focal);
-        let is_near: Vec<bool> = squared.iter().map(|&squared| squared <= limit).collect();
-        let near: PointPairs = (0..pairs.len())
-            .filter(|&i| is_near[i])
-            .map(|i| pairs.get(i))
-            .collect();
-        let sum: f64 = (squared.iter().zip(&is_near))
-            .filter(|(_, is_near)| **is_near)
-            .map(|(squared, _)| squared)
-            .sum();
+        let indices = inliers_within(&squared, limit);
+        let near = pairs.chosen(&indices);
+        let sum: f64 = indices.iter().map(|&i| squared[i as usize]).sum();
         let freedom = near.len().saturating_sub(SAMPLE).max(1);
         let noise = (sum / freedom as f64).sqrt().max(NOISE_PX / focal);
 
         let views = [(&pairs.a_x, &pairs.a_y), (&pairs.b_x, &pairs.b_y)];
-        let cells = views.map(|(x, y)| occupied_cells(x, y, &is_near));
+        let cells = views.map(|(x, y)| occupied_cells(x, y, &indices));
         let chance = views.map(|(x, y)| chance_near(x, y, NEAR_PX / focal));
         let significance = significance(near.len(), pairs.len(), chance[0].max(chance[1]));
         let overlap = probability(
@@ -118,12 +113,10 @@ fn probability<const N: usize, const M: usize>(weights: [f64; M], numbers: [f64;
     1.0 / (1.0 + libm::exp(-logit))
 }
 
-/// Cells of a grid over the points of one view that have a near match.
-fn occupied_cells(x: &[f64], y: &[f64], is_near: &[bool]) -> usize {
-    let mut cells: Vec<u64> = (cells_of(x, y, CELLS).into_iter().zip(is_near))
-        .filter(|(_, is_near)| **is_near)
-        .map(|(cell, _)| cell)
-        .collect();
+/// Cells of a grid over the points of one view that have a match of these.
+fn occupied_cells(x: &[f64], y: &[f64], near: &[u32]) -> usize {
+    let all = cells_of(x, y, CELLS);
+    let mut cells: Vec<u64> = near.iter().map(|&i| all[i as usize]).collect();
     cells.sort_unstable();
     cells.dedup();
     cells.len()
@@ -132,10 +125,6 @@ fn occupied_cells(x: &[f64], y: &[f64], is_near: &[bool]) -> usize {
 /// The probability that a point, evenly spread over where those of one view lie, comes within `near` of a line through
 /// them: at most what a diagonal covers, and at most one half.
 fn chance_near(x: &[f64], y: &[f64], near: f64) -> f64 {
-    let span = |values: &[f64]| {
-        let (low, high) = finite_range(values);
-        high - low
-    };
     let (width, height) = (span(x), span(y));
     let covered = 2.0 * near * libm::hypot(width, height) / (width * height);
     // A single point has no span.
@@ -170,10 +159,9 @@ fn of_usual_parallax(b_from_a: &RelativePose, pairs: &PointPairs) -> PointPairs 
     let mut sorted = all.clone();
     sorted.sort_unstable_by(f64::total_cmp);
     let median = sorted.get(sorted.len() / 2).copied().unwrap_or_default();
-    (0..pairs.len())
-        .filter(|&i| all[i] <= TIMES * median + NOISE)
-        .map(|i| pairs.get(i))
-        .collect()
+    let usual = (0_u32..).zip(&all);
+    let usual = usual.filter(|(_, parallax)| **parallax <= TIMES * median + NOISE);
+    pairs.chosen(&usual.map(|(index, _)| index).collect::<Vec<u32>>())
 }
 
 #[cfg(test)]

@@ -33,6 +33,7 @@
 
 use super::sprt::Sprt;
 use super::{Problem, Sampling, Scoring, Support};
+use crate::geometry::PointPairs;
 use crate::seed::Rng;
 
 /// When to stop.
@@ -207,6 +208,21 @@ pub(super) fn inliers_within(squared_residuals: &[f64], squared_threshold: f64) 
         .collect()
 }
 
+/// Matches beyond this multiple of the squared threshold are taken to stay outliers in a local optimisation.
+pub(super) const NEAR: f64 = 9.0;
+
+/// The `pairs` of a problem whose squared residual is at most `squared`.
+pub(super) fn near<P: Problem>(
+    problem: &P,
+    pairs: &PointPairs,
+    model: &P::Model,
+    squared: f64,
+) -> PointPairs {
+    let mut residuals = vec![0.0; problem.len()];
+    problem.squared_residuals(model, 0..problem.len(), &mut residuals);
+    pairs.chosen(&inliers_within(&residuals, squared))
+}
+
 /// Data whose residuals are computed before it is checked again whether the model can still win.
 const BLOCK: usize = 64;
 
@@ -246,6 +262,10 @@ fn support_above<P: Problem>(
         total = Some(score.support(0..n, residuals));
     }
     let support = total.filter(|support| support.quality > limit)?;
+    if score.upper_bound(0..n).is_none() {
+        // Such a score leaves other values, or another order, in their place.
+        problem.squared_residuals(model, 0..n, residuals);
+    }
     if !problem.exclude_impossible(model, support.squared_threshold, residuals) {
         return Some(support);
     }
@@ -271,7 +291,7 @@ mod tests {
 
     use super::*;
     use crate::geometry::solvers::Solutions;
-    use crate::robust::{InlierCount, Uniform};
+    use crate::robust::{InlierCount, Magsac, MedianOfSquares, Mlesac, Msac, Uniform};
     use crate::seed::Seed;
 
     /// The line y = m x + c through points, by vertical distance.
@@ -336,6 +356,79 @@ mod tests {
         assert_eq!(found.inliers, (30..50).collect::<Vec<u32>>());
         assert_eq!(found.support.inliers, 20);
         assert!(found.samples < 200, "{}", found.samples);
+    }
+
+    /// A line, where data to the left of zero are impossible.
+    struct Right(Line);
+
+    impl Problem for Right {
+        type Model = [f64; 2];
+        type Models = Solutions<[f64; 2], 1>;
+        const SAMPLE: usize = 2;
+
+        fn len(&self) -> usize {
+            self.0.len()
+        }
+
+        fn solve(&self, sample: &[u32]) -> Self::Models {
+            self.0.solve(sample)
+        }
+
+        fn squared_residuals(&self, model: &[f64; 2], range: Range<usize>, out: &mut [f64]) {
+            self.0.squared_residuals(model, range, out);
+        }
+
+        fn exclude_impossible(
+            &self,
+            _: &[f64; 2],
+            squared_threshold: f64,
+            out: &mut [f64],
+        ) -> bool {
+            let mut any = false;
+            for (squared, point) in out.iter_mut().zip(&self.0.0) {
+                if *squared <= squared_threshold && point[0] < 0.0 {
+                    *squared = f64::INFINITY;
+                    any = true;
+                }
+            }
+            any
+        }
+    }
+
+    #[test]
+    fn whatever_the_score_impossible_data_are_no_inliers() {
+        // Of the line y = 0 60 data, 10 of them impossible, and 30 far from it on either side.
+        let points: Vec<[f64; 2]> = (0..90)
+            .map(|i| {
+                let x = f64::from(i % 6) - 0.5;
+                [
+                    x,
+                    if i < 60 {
+                        1e-3 * f64::from(i % 7)
+                    } else {
+                        f64::from(i)
+                    },
+                ]
+            })
+            .collect();
+        let problem = Right(Line(points));
+        let (squared_threshold, span) = (0.01, 100.0);
+        assert_eq!(inliers(&problem, &Msac { squared_threshold }), 50);
+        assert_eq!(inliers(&problem, &Magsac::new(squared_threshold)), 50);
+        let likelihood = Mlesac {
+            squared_threshold,
+            span,
+        };
+        assert_eq!(inliers(&problem, &likelihood), 50);
+        assert_eq!(inliers(&problem, &MedianOfSquares { sample: 2 }), 50);
+    }
+
+    /// Of the line y = 0.
+    fn inliers(problem: &Right, score: &impl Scoring) -> usize {
+        let mut residuals = vec![0.0; problem.len()];
+        let limit = f64::NEG_INFINITY;
+        let support = support_above(limit, problem, score, &[0.0; 2], None, &mut residuals);
+        support.expect("any quality will do").inliers
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::ops::Range;
 use nalgebra::Matrix3;
 
 use super::Problem;
-use super::consensus::inliers_within;
+use super::consensus::{NEAR, inliers_within, near};
 use super::plane_poses::plane_poses;
 use crate::geometry::solvers::{FivePoints, SAMPLES_AT_ONCE, Solutions, five_point_of_each};
 use crate::geometry::{
@@ -76,7 +76,7 @@ impl Problem for EssentialProblem<'_> {
             return Vec::new();
         }
         plane_poses(
-            &near(self.pairs, model, squared_threshold),
+            &near(self, self.pairs, model, squared_threshold),
             squared_threshold,
             rng,
         )
@@ -91,7 +91,7 @@ impl Problem for EssentialProblem<'_> {
     ) -> Option<Matrix3<f64>> {
         // All four poses have the same distances.
         let start = decompose_essential(model)?[0];
-        let near = near(self.pairs, model, NEAR * squared_threshold);
+        let near = near(self, self.pairs, model, NEAR * squared_threshold);
         let refined = refine_pose(&start, &near, Loss::Truncated, squared_threshold, steps);
         Some(essential_from_pose(&refined))
     }
@@ -136,16 +136,6 @@ fn exclude_behind(
 
 /// Depth, in baselines, beyond which noise can flip its sign.
 const FAR: f64 = 50.0;
-
-/// Matches beyond this multiple of the squared threshold are taken to stay outliers.
-const NEAR: f64 = 9.0;
-
-/// The matches whose squared Sampson distance is at most this.
-pub(super) fn near(pairs: &PointPairs, model: &Matrix3<f64>, squared: f64) -> PointPairs {
-    let mut residuals = vec![0.0; pairs.len()];
-    squared_sampson_distances(model, pairs, 0..pairs.len(), &mut residuals);
-    pairs.chosen(&inliers_within(&residuals, squared))
-}
 
 #[cfg(test)]
 mod tests {

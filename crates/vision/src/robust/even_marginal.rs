@@ -49,10 +49,24 @@ impl EvenMarginal {
     pub fn new(pairs: &PointPairs, cells: u32, squared_threshold: f64) -> Self {
         Self {
             squared_threshold,
-            squared_thresholds: MULTIPLES.map(|multiple| multiple * multiple * squared_threshold),
+            squared_thresholds: multiples(squared_threshold),
             weights: EvenWeights::new(pairs, cells),
         }
     }
+
+    /// The same with another threshold.
+    pub(super) fn at(self, squared_threshold: f64) -> Self {
+        Self {
+            squared_threshold,
+            squared_thresholds: multiples(squared_threshold),
+            ..self
+        }
+    }
+}
+
+/// The squared thresholds about this one.
+fn multiples(squared_threshold: f64) -> [f64; THRESHOLDS] {
+    MULTIPLES.map(|multiple| multiple * multiple * squared_threshold)
 }
 
 impl Scoring for EvenMarginal {

@@ -10,6 +10,7 @@
 //! | | `cells` | 20 across and down | GMS's grid |
 
 use super::Sampling;
+use super::grid::cells_of;
 use crate::geometry::PointPairs;
 use crate::seed::Rng;
 
@@ -47,39 +48,6 @@ impl EvenSampler {
             chosen: Vec::new(),
         }
     }
-}
-
-/// The cell of each point in a grid of `cells` x `cells` over all of them, by rows; those whose
-/// coordinates are not finite share one more, the last.
-pub(super) fn cells_of(x: &[f64], y: &[f64], cells: u32) -> Vec<u64> {
-    let rows = index_along(y, cells);
-    let columns = index_along(x, cells);
-    (rows.into_iter().zip(columns))
-        .map(|cell| match cell {
-            (Some(row), Some(column)) => u64::from(row) * u64::from(cells) + u64::from(column),
-            _ => u64::from(cells) * u64::from(cells),
-        })
-        .collect()
-}
-
-/// The smallest and the largest finite value; infinity and its negative where none is finite.
-pub(super) fn finite_range(values: &[f64]) -> (f64, f64) {
-    let finite = || values.iter().copied().filter(|x| x.is_finite());
-    (
-        finite().fold(f64::INFINITY, f64::min),
-        finite().fold(f64::NEG_INFINITY, f64::max),
-    )
-}
-
-/// The cell of each value between the smallest and the largest finite one.
-fn index_along(values: &[f64], cells: u32) -> Vec<Option<u32>> {
-    let (low, high) = finite_range(values);
-    // A span of zero makes NaN of the quotient, which becomes cell 0.
-    let index = |x: f64| (((x - low) / (high - low) * f64::from(cells)) as u32).min(cells - 1);
-    values
-        .iter()
-        .map(|&x| x.is_finite().then(|| index(x)))
-        .collect()
 }
 
 impl Sampling for EvenSampler {

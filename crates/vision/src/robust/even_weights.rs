@@ -20,7 +20,7 @@
 
 use std::ops::Range;
 
-use super::even_sampler::cells_of;
+use super::grid::cells_of;
 use crate::geometry::PointPairs;
 
 /// A weight for each match.

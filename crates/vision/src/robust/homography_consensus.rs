@@ -70,18 +70,18 @@ impl HomographyConsensus {
         found: Consensus<Matrix3<f64>>,
     ) -> (Matrix3<f64>, Vec<u32>) {
         let limit = found.support.squared_threshold;
-        let Some(refinement) = self.params.final_refinement else {
-            return (found.model, found.inliers);
-        };
-        let all = 0..problem.len();
         let mut residuals = vec![0.0; problem.len()];
+        let Some(refinement) = self.params.final_refinement else {
+            let inliers = inliers_of(problem, &found.model, limit, &mut residuals);
+            return (found.model, inliers);
+        };
         let (mut model, mut inliers) = (found.model, found.inliers);
         let times = match refinement.loss {
             Loss::Truncated => 1,
             Loss::Cauchy => 2,
         };
         for _ in 0..times {
-            problem.squared_residuals(&model, all.clone(), &mut residuals);
+            problem.squared_residuals(&model, 0..problem.len(), &mut residuals);
             let squared_scale = match refinement.loss {
                 Loss::Truncated => limit,
                 Loss::Cauchy => {
@@ -92,12 +92,22 @@ impl HomographyConsensus {
             let near = problem.pairs.chosen(&inliers_within(&residuals, reach));
             let (loss, steps) = (refinement.loss, refinement.steps);
             model = refine_homography(&model, &near, loss, squared_scale, steps);
-            problem.squared_residuals(&model, all.clone(), &mut residuals);
-            problem.exclude_impossible(&model, limit, &mut residuals);
-            inliers = inliers_within(&residuals, limit);
+            inliers = inliers_of(problem, &model, limit, &mut residuals);
         }
         (model, inliers)
     }
+}
+
+/// The matches within the squared threshold that can belong to the model; `residuals` has room for all.
+fn inliers_of(
+    problem: &HomographyProblem<'_>,
+    model: &Matrix3<f64>,
+    squared_threshold: f64,
+    residuals: &mut [f64],
+) -> Vec<u32> {
+    problem.squared_residuals(model, 0..problem.len(), residuals);
+    problem.exclude_impossible(model, squared_threshold, residuals);
+    inliers_within(residuals, squared_threshold)
 }
 
 impl HomographyEstimator for HomographyConsensus {

@@ -10,7 +10,7 @@ use std::ops::Range;
 use nalgebra::Matrix3;
 
 use super::Problem;
-use super::consensus::inliers_within;
+use super::consensus::{NEAR, inliers_within, near};
 use crate::geometry::solvers::{Solutions, homography};
 use crate::geometry::{Loss, PointPairs, refine_homography, squared_transfer_distances};
 
@@ -78,18 +78,11 @@ impl Problem for HomographyProblem<'_> {
         squared_threshold: f64,
         steps: usize,
     ) -> Option<Matrix3<f64>> {
-        let mut residuals = vec![0.0; self.len()];
-        self.squared_residuals(model, 0..self.len(), &mut residuals);
-        let near = self
-            .pairs
-            .chosen(&inliers_within(&residuals, NEAR * squared_threshold));
+        let near = near(self, self.pairs, model, NEAR * squared_threshold);
         let refined = refine_homography(model, &near, Loss::Truncated, squared_threshold, steps);
         Some(refined)
     }
 }
-
-/// Matches beyond this multiple of the squared threshold are taken to stay outliers.
-const NEAR: f64 = 9.0;
 
 #[cfg(test)]
 mod tests {

@@ -32,6 +32,7 @@ mod even_msac;
 mod even_sampler;
 mod even_weights;
 mod fundamental_problem;
+mod grid;
 mod homography_consensus;
 mod homography_problem;
 mod linear;

@@ -82,17 +82,6 @@ impl Score {
         }
     }
 
-    /// The score with its threshold taken as it is.
-    pub(super) fn at_a_known_noise(mut self) -> Self {
-        if let Self::EvenMarginal {
-            noise_iterations, ..
-        } = &mut self
-        {
-            *noise_iterations = 0;
-        }
-        self
-    }
-
     /// The final refinement takes the matches within this multiple of the squared threshold: some beyond one
     /// that is tight, none beyond one of five standard deviations.
     pub(super) fn reach(&self) -> f64 {

@@ -61,8 +61,7 @@ pub trait Problem {
 
     /// Looks for data that are within the threshold of the model and still cannot belong to it (a scene
     /// point behind a camera), sets their residuals to infinity, and returns whether there are any. Too
-    /// costly for every model, so it is asked of those that would be the best only. The order of the
-    /// residuals is undefined if there are none.
+    /// costly for every model, so it is asked of those that would be the best only.
     fn exclude_impossible(
         &self,
         _model: &Self::Model,

@@ -47,7 +47,6 @@ use nalgebra::Matrix3;
 pub use params::{Geometry, SampleConsensusParams};
 
 use super::consensus::inliers_within;
-use super::essential_problem::near;
 use super::search::{DistanceFrom, Shuffled, Task, squared_cauchy_scale};
 use super::{
     Consensus, EssentialProblem, FundamentalProblem, NoPose, PoseEstimate, PoseEstimator, Problem,
@@ -129,7 +128,8 @@ impl SampleConsensus {
                 squared_cauchy_scale(&residuals, &found.inliers, DistanceFrom::Line).min(limit)
             }
         };
-        let near = near(pairs, &found.model, self.params.score.reach() * limit);
+        let reach = self.params.score.reach() * limit;
+        let near = pairs.chosen(&inliers_within(&residuals, reach));
         let pose = refine_pose(
             &start,
             &near,

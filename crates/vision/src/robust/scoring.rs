@@ -7,8 +7,9 @@ use crate::simd;
 /// Rates models by their squared residuals. One of the three axes of
 /// [`consensus`](super::consensus).
 pub trait Scoring {
-    /// Quality and inliers of a model over the data in `range`, given their squared residuals. The slice
-    /// may be reordered (a median needs it).
+    /// Quality and inliers of a model over the data in `range`, given their squared residuals. Of a
+    /// score without [upper bounds](Self::upper_bound) the slice may be reordered or overwritten (a median and a
+    /// likelihood need it).
     fn support(&self, range: Range<usize>, squared_residuals: &mut [f64]) -> Support;
 
     /// The most that the data in `range` can add to the quality of any model, where the quality is a sum

@@ -3,6 +3,7 @@
 
 use nalgebra::Matrix3;
 
+use super::grid::span;
 use super::noise_scale::noise_scale;
 use super::parts::{EarlyStop, Sampler, Score};
 use super::{
@@ -157,14 +158,31 @@ impl Task<'_> {
                 cells,
                 sprt,
             } => {
-                let threshold_px = match noise_iterations {
-                    0 => threshold_px,
-                    samples => {
-                        (self.noise(problem, samples)).map_or(threshold_px, |sigma| SIGMAS * sigma)
+                let guess = EvenMarginal::new(pairs, cells, squared(threshold_px));
+                if noise_iterations == 0 {
+                    return self.sampled(problem, &guess, sprt);
+                }
+                let first = self.first(noise_iterations).sampled(problem, &guess, sprt);
+                let drawn = first
+                    .as_ref()
+                    .map_or(noise_iterations, |first| first.samples);
+                let score = match first {
+                    Some(first) => {
+                        let sigma = self.noise_px(problem, &first.model);
+                        guess.at(squared(SIGMAS * sigma))
                     }
+                    None => guess,
                 };
-                let score = EvenMarginal::new(pairs, cells, squared(threshold_px));
-                self.sampled(problem, &score, sprt)
+                let stop = |samples| (self.stop)(drawn + samples);
+                let rest = Task {
+                    stop: &stop,
+                    ..*self
+                };
+                let found = rest.sampled(problem, &score, sprt)?;
+                Some(Consensus {
+                    samples: drawn + found.samples,
+                    ..found
+                })
             }
             Score::Magsac { threshold_px, sprt } => {
                 self.sampled(problem, &Magsac::new(squared(threshold_px)), sprt)
@@ -180,28 +198,27 @@ impl Task<'_> {
         }
     }
 
-    /// The noise of the pair in pixels, by the best model of so many samples; `None` where these have none.
-    fn noise<P>(&self, problem: &P, samples: usize) -> Option<f64>
-    where
-        P: Problem<Model = Matrix3<f64>>,
-    {
-        let first = Task {
+    /// The search of so many samples whose best model tells the noise.
+    fn first(&self, samples: usize) -> Self {
+        Task {
             search: Search {
-                score: self.search.score.at_a_known_noise(),
                 early_stop: None,
                 max_iterations: samples,
                 ..self.search
             },
             seed: self.seed.child("noise"),
             ..*self
-        };
-        let found = first.solve(problem)?;
+        }
+    }
+
+    /// The noise of the pair in pixels, by this model.
+    fn noise_px<P: Problem>(&self, problem: &P, model: &P::Model) -> f64 {
         let mut squared = vec![0.0; problem.len()];
-        problem.squared_residuals(&found.model, 0..problem.len(), &mut squared);
+        problem.squared_residuals(model, 0..problem.len(), &mut squared);
         let in_pixels = squared
             .iter()
             .map(|squared| squared * self.pixels * self.pixels);
-        Some(noise_scale(in_pixels))
+        noise_scale(in_pixels)
     }
 
     fn sampled<P>(
@@ -266,10 +283,6 @@ impl Task<'_> {
 
 /// Diagonal of the rectangle around the points in b.
 fn diagonal(pairs: &PointPairs) -> f64 {
-    let span = |values: &[f64]| {
-        let finite = || values.iter().copied().filter(|x| x.is_finite());
-        (finite().fold(f64::MIN, f64::max) - finite().fold(f64::MAX, f64::min)).max(0.0)
-    };
     let (width, height) = (span(&pairs.b_x), span(&pairs.b_y));
     (width * width + height * height).sqrt()
 }

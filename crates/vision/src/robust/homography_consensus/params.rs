@@ -72,6 +72,17 @@ impl HomographyParams {
     /// Refuses a parameter that is out of its range.
     pub(super) fn check(&self) -> Result<(), ParamError> {
         self.search().check()?;
+        if let Score::EvenMarginal {
+            noise_iterations, ..
+        } = self.score
+        {
+            ParamError::unless(
+                noise_iterations == 0,
+                "noise_iterations",
+                noise_iterations,
+                "0 for homographies: what is known of noise is how far points are from lines",
+            )?;
+        }
         FinalRefinement::check(self.final_refinement)
     }
 }

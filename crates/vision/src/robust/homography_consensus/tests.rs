@@ -2,7 +2,7 @@ use nalgebra::Point2;
 
 use super::*;
 use crate::geometry::{corner_error, transfer};
-use crate::robust::presets;
+use crate::robust::{Score, presets};
 
 const SIZE: (usize, usize) = (640, 480);
 
@@ -142,5 +142,45 @@ fn flat_names_that_do_not_act_are_refused() {
             ..Settings::default()
         };
         assert!(params.with(cheirality).is_err());
+    }
+}
+
+#[test]
+fn noise_of_distances_from_lines_is_refused() {
+    let with = |noise_iterations| {
+        HomographyConsensus::new(HomographyParams {
+            score: Score::EvenMarginal {
+                threshold_px: 2.0,
+                noise_iterations,
+                cells: 10,
+                sprt: true,
+            },
+            ..HomographyParams::default()
+        })
+    };
+    assert!(with(100).is_err_and(|error| error.to_string().contains("noise_iterations")));
+    let found = with(0)
+        .expect("a threshold that is given")
+        .estimate(&matches(80, 80, 0.5, 6), Seed(1));
+    assert!(error(&found.expect("a homography")) < 3.0);
+}
+
+#[test]
+fn what_lies_beyond_the_horizon_is_no_inlier_of_any() {
+    // Points with x above 320 are behind, and all are where the homography takes them.
+    let h = Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0 / 320.0, 0.0, 1.0);
+    let places = (0..60).map(|i| Point2::new(f64::from(37 * i % 640), f64::from(53 * i % 480)));
+    let (a, b): (Vec<_>, Vec<_>) = places.map(|a| (a, transfer(&h, a))).unzip();
+    let in_front = a.iter().filter(|a| a.x < 320.0).count();
+    let points = MatchedPoints::new(a.clone(), b, vec![0.5; 60]);
+    for final_refinement in [None, HomographyParams::default().final_refinement] {
+        let params = HomographyParams {
+            final_refinement,
+            ..HomographyParams::default()
+        };
+        let estimator = HomographyConsensus::new(params).expect("allowed parameters");
+        let found = estimator.estimate(&points, Seed(1)).expect("a homography");
+        assert!(found.inliers.iter().all(|&i| a[i as usize].x < 320.0));
+        assert!(found.inliers.len() >= in_front - 1, "{in_front}");
     }
 }

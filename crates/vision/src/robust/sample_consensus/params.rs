@@ -13,7 +13,7 @@ pub enum Geometry {
     Essential {
         /// Whether scene points must lie in front of both cameras while models are compared: models
         /// that put a match of their own sample behind one are dropped, and matches that the model puts
-        /// behind one do not count as its inliers. Chum, Werner, Matas, ICPR 2004. Default: yes.
+        /// behind one do not count as its inliers in the search. Chum, Werner, Matas, ICPR 2004. Default: yes.
         cheirality: bool,
         /// Whether the best pose is compared in the end with the two that a plane of its inliers allows. Default:
         /// no.
@@ -53,7 +53,7 @@ pub struct SampleConsensusParams {
     pub sampler: Sampler,
     /// When fewer than `max_iterations` samples are enough; `None`: never.
     pub early_stop: Option<EarlyStop>,
-    /// Samples drawn at most; at least 1.
+    /// Samples drawn at most, besides those of [`Score::EvenMarginal::noise_iterations`]; at least 1.
     pub max_iterations: usize,
     /// Steps of each local optimisation at most, 0 to 1000; 0 for none.
     pub local_steps: usize,

@@ -84,6 +84,8 @@ fn every_combination() -> impl Iterator<Item = SampleConsensusParams> {
             cells: 10,
             sprt,
         },
+        Score::Magsac { threshold_px, sprt },
+        Score::Mlesac { threshold_px },
     ];
     let samplers = [
         Sampler::Uniform,
@@ -258,6 +260,15 @@ fn stopping_at_once_finds_nothing_and_stopping_later_takes_no_more_samples() {
     assert!(estimator.estimate_until(views, Seed(1), &|_| true).is_err());
     let found = estimator.estimate_until(views, Seed(1), &|samples| samples >= 60);
     assert!(found.is_ok_and(|found| found.iterations == 60));
+    // The samples that tell the noise count too.
+    let adaptive = SampleConsensus::new(presets::adaptive()).expect("a preset is in range");
+    for most in [60, 160] {
+        let found = adaptive.estimate_until(views, Seed(1), &|samples| samples >= most);
+        assert!(
+            found.map_or(most == 60, |found| found.iterations == most),
+            "{most}"
+        );
+    }
 }
 
 #[test]
