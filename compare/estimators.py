@@ -105,6 +105,13 @@ def peer_opencv(matches, k, method, samples=1000):
     return ((r, t.ravel()) if support >= MIN_SUPPORT else None), time.perf_counter() - start
 
 
+def check_names(names, only):
+    """Ends the program where `--only` lists a name that is none of these."""
+    unknown = set(only.split(";") if only else []) - set(names)
+    if unknown:
+        sys.exit(f"--only: no {', '.join(sorted(unknown))}; there are {'; '.join(names)}")
+
+
 def chosen_names(names, only):
     """Those that `--only` lists, or all; SupeRANSAC is left out with a word where it is not installed."""
     chosen = [name for name in names if not only or name in only.split(";")]
@@ -148,6 +155,7 @@ def read(args):
 def main():
     args = arguments(__doc__, seeds=1).parse_args()
     groups = (OURS, POSELIB, COLMAP, OPENCV, SUPERANSAC)
+    check_names([name for group in groups for name in group], args.only)
     chosen = [{name: group[name] for name in chosen_names(group, args.only)} for group in groups]
     cv2.setNumThreads(1)
     k, pairs, error = read(args)

@@ -131,6 +131,7 @@ def main():
     args = parser.parse_args()
     cv2.setNumThreads(1)
     k, pairs, error = estimators.read(args)
+    estimators.check_names(CURVES, args.only)
     curves = estimators.chosen_names(CURVES, args.only)
     errors, seconds = measure(pairs, error, k, args.seeds, curves)
     rows = []

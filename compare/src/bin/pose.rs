@@ -12,11 +12,12 @@
 //! NAME seed inliers support iterations microseconds r11 r12 ... r33 t1 t2 t3
 //! ```
 //!
-//! The estimator is [`Ransac`] with its defaults; where settings follow, it is [`SampleConsensus`] with
-//! those: `preset=best` (what the others change), `sampler=prosac`, `score=even-msac`, `threshold=1.5`,
-//! `iterations=10000`, `local=10`, `final=25`, `loss=cauchy`, `min=50`, `confidence=0.999`.
-//!
 //! with `x_b = R x_a + t`, or `NAME seed none microseconds reason` where there is no pose.
+//!
+//! The estimator is [`Ransac`] with its defaults; where settings follow, it is [`SampleConsensus`] with
+//! those: `preset` `best` or `adaptive` (what the others change), `sampler` `uniform`, `prosac` or `spread`, `horizon=5000` (PROSAC),
+//! `score` `msac` or `even-msac`, `score_cells=10`, `threshold=1.5`, `sprt=false`, `iterations=10000`, `min=50`, `confidence=0.999`, `local=10`,
+//! `final=25`, `loss` `truncated` or `cauchy`, `geometry=fundamental`, `degensac=false`, `cheirality=false`, `plane_poses=true`.
 
 use std::time::Instant;
 use std::{env, error, fs};

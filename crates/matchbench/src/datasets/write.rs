@@ -34,7 +34,7 @@ pub enum ImageStorage<'a> {
     Link,
     /// `Images/%04d.*` are copies of them.
     Copy,
-    /// `Images/%04d.png`, and `Depth/%04d.png` where frames have depth, are made by these functions of the frame's
+    /// `Images/%04d.png`, and `Depth/%04d.png` of all frames if any has depth, are made by these functions of the frame's
     /// index; paths of frames are not looked at.
     Rendered {
         /// The image of a frame.

@@ -13,8 +13,8 @@ const PRECISION: &str = "Precision k px: share of the selected matches within k 
                          pairs with depth, of which one without matches has 0.";
 const FOUND_BY_DEPTH: &str = "Repeatability and matching score by depth: of the keypoints that the other image shows by the depth of \
                               both (not hidden, consistent within 5 %; the smaller number of both), the share with one of the \
-                              other image within 3 pixels, one to one, and the share that was matched within 3 pixels; means \
-                              over pairs (Mikolajczyk and Schmid, PAMI 2005; DeTone et al., \"SuperPoint\", CVPRW 2018).";
+                              other image within 3 pixels, one to one, and the share that was matched within 3 pixels (matches that \
+                              precision counts as correct, hidden or not, at most all); means over pairs (Mikolajczyk and Schmid, PAMI 2005; DeTone et al., \"SuperPoint\", CVPRW 2018).";
 
 /// The precision of matches within so many pixels, by depth.
 pub(super) const fn precision<const PX: usize>(

@@ -138,16 +138,15 @@ pub(super) fn reliabilities<'a>(
         .collect()
 }
 
-/// The reliability diagram of one dataset, if probabilities were stated.
+/// The reliability diagram of one dataset, if there are [`reliabilities`].
 pub(super) fn reliability_figure(
-    content: &Content,
+    lines: &[(usize, &str, Reliability)],
     overview: &Overview<'_>,
     column: usize,
     target: Target,
 ) -> Option<String> {
-    let lines = reliabilities(content, overview, column);
     let title = format!("Reliability: {}", named(overview, column));
-    (!lines.is_empty()).then(|| reliability_diagram(target, &title, &lines))
+    (!lines.is_empty()).then(|| reliability_diagram(target, &title, lines))
 }
 
 /// The results behind a summary.

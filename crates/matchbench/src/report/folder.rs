@@ -18,7 +18,7 @@ use super::again::Again;
 use super::content::Content;
 use super::figures::{
     Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, estimator_figure,
-    lead_figure, reliability_figure, sp_figure, time_figure,
+    lead_figure, reliabilities, reliability_figure, sp_figure, time_figure,
 };
 use super::file_names::file_names;
 use super::overview::Overview;
@@ -197,8 +197,9 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
                 figures.push((format!("{}-{name}", difficulty.name()), svg, spec));
             }
         }
-        if let Some(svg) = reliability_figure(content, overview, column, Target::File) {
-            let spec = vega::reliability(content, overview, column);
+        let reliabilities = reliabilities(content, overview, column);
+        if let Some(svg) = reliability_figure(&reliabilities, overview, column, Target::File) {
+            let spec = vega::reliability(&reliabilities, overview, column);
             figures.push((format!("reliability-{name}"), svg, spec));
         }
         if let Some(svg) = time_figure(content, overview, column, Target::File) {

@@ -5,12 +5,12 @@
 
 use serde_json::{Value, json};
 
-use crate::metrics::{Angle, Model, Portion, ReliabilityRange, Score, Summary, THRESHOLDS};
+use crate::metrics::{
+    Angle, Model, Portion, Reliability, ReliabilityRange, Score, Summary, THRESHOLDS,
+};
 
 use super::content::Content;
-use super::figures::{
-    Difficulty, accuracies, difficulty_lines, reliabilities, seconds_for_a_pair, success_curve,
-};
+use super::figures::{Difficulty, accuracies, difficulty_lines, seconds_for_a_pair, success_curve};
 use super::latex::sequence_numbers;
 use super::overview::Overview;
 use super::words::method;
@@ -155,8 +155,11 @@ pub(super) fn difficulty(
 }
 
 /// Share of right poses over their stated probability.
-pub(super) fn reliability(content: &Content, overview: &Overview<'_>, column: usize) -> Value {
-    let lines = reliabilities(content, overview, column);
+pub(super) fn reliability(
+    lines: &[(usize, &str, Reliability)],
+    overview: &Overview<'_>,
+    column: usize,
+) -> Value {
     let rows = lines.iter().flat_map(|(_, label, reliability)| {
         let point = |range: &ReliabilityRange| {
             json!({"matcher": label, "stated": range.stated, "right": range.right, "poses": range.poses})

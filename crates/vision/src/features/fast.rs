@@ -9,8 +9,8 @@
 //! (radius 3), are all brighter than it by more than a threshold, or all darker (FAST-9). Its score
 //! is the largest threshold for which that holds; of corners that touch, only those with the
 //! larger score are kept (section 2.3 of the first paper). The papers learn a decision tree that
-//! visits few of the sixteen pixels; here 32 pixels are tested side by side, all sixteen neighbours
-//! of each, unless the four on the axes already exclude every one of the 32.
+//! visits few of the sixteen pixels; here 32 or 64 pixels are tested side by side, all sixteen neighbours
+//! of each, unless the four on the axes already exclude every one of them.
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |

@@ -15,7 +15,7 @@
 
 use super::asift::{Asift, AsiftParams};
 use super::simulation::{SimulatedView, extract_view};
-use super::{DescriptorKind, Extractor, Features};
+use super::{DescriptorKind, Extractor, Features, memory_of};
 use crate::image::{GrayImage, Size};
 use crate::params::ParamError;
 
@@ -49,7 +49,8 @@ impl<E: Extractor> Extractor for ImageAndViews<E> {
 
     fn memory(&self, size: Size) -> usize {
         let of_image = self.views.extractor().memory(size);
-        of_image.max(self.views.memory(size))
+        // The features of the image are kept while views are simulated.
+        of_image.max(self.views.memory(size) + memory_of(size, 0, self.kind()))
     }
 }
 

@@ -11,8 +11,9 @@ use super::super::svg::Target;
 pub(super) fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
     (overview.datasets.iter().enumerate())
         .filter_map(|(column, dataset)| {
-            let svg = reliability_figure(content, overview, column, Target::Page)?;
-            let rows: Vec<Value> = (reliabilities(content, overview, column).into_iter())
+            let lines = reliabilities(content, overview, column);
+            let svg = reliability_figure(&lines, overview, column, Target::Page)?;
+            let rows: Vec<Value> = (lines.into_iter())
                 .map(|(_, name, reliability)| {
                     context! {
                         name,

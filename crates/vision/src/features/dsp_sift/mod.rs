@@ -37,9 +37,12 @@ use nalgebra::Point2;
 use super::affine::{AffinePatch, AffineShape, BlurredOctaves, Ellipse, MIDDLE, SCALE};
 use super::keypoint::angle_of;
 use super::rootsift::with_roots;
-use super::sift::{LENGTH, Orientations, PatchDescriber, Sift, SiftParams, normalized};
+use super::sift::{
+    BYTES_A_PLACE, LENGTH, Orientations, PatchDescriber, Sift, SiftParams, normalized,
+};
 use super::{
-    DescriptorKind, Descriptors, Detections, Extractor, Features, FloatRows, Keypoint, Unshared,
+    DescriptorKind, Descriptors, Detections, Extractor, Features, FloatRows, Keypoint,
+    PIXELS_A_FEATURE, Unshared,
 };
 use crate::image::{GrayImage, Size};
 use crate::params::ParamError;
@@ -273,7 +276,8 @@ impl Extractor for DspSift {
         } else {
             0
         };
-        Extractor::memory(&self.sift, size) + size.area() * (BYTES_A_PIXEL + octaves)
+        let places = size.area() / PIXELS_A_FEATURE * self.params.domains * BYTES_A_PLACE;
+        Extractor::memory(&self.sift, size) + size.area() * (BYTES_A_PIXEL + octaves) + places
     }
 }
 

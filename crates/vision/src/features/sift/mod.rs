@@ -55,6 +55,7 @@ use passes::Detection;
 
 pub(super) use descriptor::{LENGTH, PatchDescriber, normalized};
 pub(super) use orientation::Orientations;
+pub(super) use places::BYTES_A_PLACE;
 
 /// Bytes for each pixel of the image, measured: bases of two octaves, one of them doubled.
 const BYTES_A_PIXEL: usize = 6;

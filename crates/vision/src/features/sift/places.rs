@@ -63,6 +63,9 @@ struct Site {
     radius: usize,
 }
 
+/// Bytes that are kept of a keypoint meanwhile.
+pub(in crate::features) const BYTES_A_PLACE: usize = size_of::<Site>();
+
 impl<F: FnMut(Place<'_>)> Places<F> {
     fn new(
         sift: &Sift,

@@ -1,7 +1,7 @@
 //! Minimal solvers: from as few matches as determine a model to every model they allow.
 //!
-//! A solver is a function from points at depth 1 (see [`Camera::normalize`]) to [`Solutions`]; it
-//! allocates nothing, since sample consensus calls it thousands of times.
+//! A solver is a function from points at depth 1 (see [`Camera::normalize`]) to [`Solutions`], a list of fixed
+//! capacity, since sample consensus calls it thousands of times.
 //!
 //! [`Camera::normalize`]: crate::geometry::Camera::normalize
 

@@ -9,8 +9,8 @@ mod wide;
 /// Rows that [`weigh_rows`] makes at most, so that a row is loaded once for several sums.
 pub const ROWS_AT_ONCE: usize = 4;
 
-/// The vertical pass: `out[r][x]` is the sum over k of `taps[k] * rows[r + k][x]`, for up to
-/// [`ROWS_AT_ONCE`] neighbouring rows.
+/// The vertical pass: `out[r][x]` is the sum over k of `taps[k] * rows[r + k][x]`, for
+/// neighbouring rows.
 ///
 /// # Panics
 /// If there are not `taps.len() + out.len() - 1` rows, or if one is shorter than an output.

@@ -31,6 +31,10 @@ pub(super) fn weigh_rows(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) 
     let rows = &rows[..taps.len() + ROWS_AT_ONCE - 1];
     let out = out.first_chunk_mut().expect("rows were counted");
     let width = out[0].len();
+    assert!(
+        rows.iter().all(|row| row.len() >= width),
+        "rows as long as an output"
+    );
     let mut x = 0;
     while x + BLOCK * LANES <= width {
         rows_block::<BLOCK, true>(rows, taps, out, x);

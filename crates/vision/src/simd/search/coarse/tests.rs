@@ -247,7 +247,11 @@ fn where_components_rule_out_too_little_all_values_are_compared() {
         }
         values
     });
-    compare(&a, &b, dim);
+    if has_avx2_and_fma() {
+        // SAFETY: AVX2 and FMA were detected on this processor.
+        assert!(unsafe { Principal::of(&a, &b, dim) }.is_some());
+        assert_eq!(compare(&a, &b, dim)[1], 2 * QUERIES);
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! What is known of some queries while they are searched for.
 
-use super::within::{LANES, Pair, ROWS};
+use super::within::{Pair, ROWS};
 
 /// By how much two sums of the same squares in another order may differ, generously.
 pub(super) const ROUNDING: f32 = 1e-3;
@@ -46,7 +46,6 @@ impl Tile {
                 within &= within - 1;
             }
         }
-        debug_assert!(self.pairs.len() <= self.queries.len() * LANES);
     }
 }
 
@@ -54,8 +53,9 @@ impl Tile {
 pub(super) struct Query {
     /// Index of the nearest measured so far, and its squared distance.
     nearest: (u32, f32),
-    /// Of two measured candidates that are apart the squared distance to the farther; the least of
-    /// all such two.
+    /// Of two measured candidates that are apart the squared distance to the farther: the least of those two
+    /// of which one was the nearest when the other came. Others may have a smaller one, so it may be too
+    /// large, but never too small.
     pub(super) bound: f32,
     /// Measured candidates that were within the bound when they were, and their squared distances.
     near: Vec<(u32, f32)>,

@@ -243,6 +243,7 @@ pub(super) fn prefetch<T>(values: &[T]) {
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
 fn product_avx512(query: &[i32], candidate: &[i32]) -> i32 {
+    assert_eq!(query.len(), candidate.len(), "rows of one width");
     let ((query, last_query), (candidate, last)) =
         (query.as_chunks::<16>(), candidate.as_chunks::<16>());
     let mut sums = _mm512_setzero_si512();
@@ -274,6 +275,7 @@ fn product_avx512(query: &[i32], candidate: &[i32]) -> i32 {
 #[inline]
 #[target_feature(enable = "avx2,fma")]
 fn product(query: &[i32], candidate: &[i32]) -> i32 {
+    assert_eq!(query.len(), candidate.len(), "rows of one width");
     let ((query, last_query), (candidate, last)) =
         (query.as_chunks::<8>(), candidate.as_chunks::<8>());
     let mut sums = _mm256_setzero_si256();
