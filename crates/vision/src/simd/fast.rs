@@ -139,15 +139,19 @@ fn find_in_block<const L: usize>(
     if is_maximum == [0; L] {
         return;
     }
+    // One bit for each column: with a loop for each eight of them, its end would be hard to predict.
+    let mut left = 0_u64;
     for (i, eight) in is_maximum.as_chunks::<8>().0.iter().enumerate() {
-        let mut left = u64::from_le_bytes(*eight);
-        while left != 0 {
-            let column = x + 8 * i + left.trailing_zeros() as usize / 8;
-            if column >= first {
-                found.push(column);
-            }
-            left &= left - 1;
+        // Brings the lowest bits of eight bytes together in the highest byte.
+        let bits = u64::from_le_bytes(*eight).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+        left |= bits << (8 * i);
+    }
+    while left != 0 {
+        let column = x + left.trailing_zeros() as usize;
+        if column >= first {
+            found.push(column);
         }
+        left &= left - 1;
     }
 }
 
