@@ -6,7 +6,7 @@
 
 use super::GrayImage;
 use super::blur::mirror;
-use crate::simd::{weigh_along_u8, weigh_rows_u8};
+use crate::simd::{weigh_along_u8, weigh_both_u8, weigh_rows_u8};
 
 /// `image` blurred by a Gaussian of standard deviation `sigma` pixels, cut off beyond `radius`
 /// pixels and normalised.
@@ -48,14 +48,19 @@ pub(crate) fn gaussian_blur_u8_inside(
                 .map(|i| image.row(mirror(y as isize + i as isize - radius as isize, height)))
                 .map(|row| &row[read.clone()]),
         );
+        let out = &mut blurred.row_mut(y)[margin..width - margin];
+        let inside = margin..width - margin + 2 * radius;
+        if margin >= radius {
+            weigh_both_u8(&rows, &half, &mut padded[inside], out);
+            continue;
+        }
         weigh_rows_u8(&rows, &half, &mut padded[radius..][read.clone()]);
-        for i in 1..=radius.saturating_sub(margin) {
+        for i in 1..=radius - margin {
             padded[radius - i] = padded[radius + mirror(-(i as isize), width)];
             let right = mirror((width - 1 + i) as isize, width);
             padded[radius + width - 1 + i] = padded[radius + right];
         }
-        let out = &mut blurred.row_mut(y)[margin..width - margin];
-        weigh_along_u8(&padded[margin..width - margin + 2 * radius], &half, out);
+        weigh_along_u8(&padded[inside], &half, out);
     }
     blurred
 }

@@ -115,7 +115,7 @@ pub use affine::{
 };
 pub use area::{Cover, cover_columns, cover_rows, halve_rows_u8, integrate_row};
 pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
-pub use blur8::{weigh_along_u8, weigh_rows_u8};
+pub use blur8::{weigh_along_u8, weigh_both_u8, weigh_rows_u8};
 pub use brisk::{DirectionWeights, Squares, direction, square_means};
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
 pub use daisy::{DAISY_COLUMNS, DAISY_MAPS, DaisyRow, add_between, rectified_gradients};

@@ -1,6 +1,33 @@
 //! Symmetric filters on 8-bit pixels, with sums in single precision.
 
+#[cfg(target_arch = "x86_64")]
+mod wide;
+
+#[cfg(target_arch = "x86_64")]
+use super::InstructionSet;
+
 const LANES: usize = 32;
+
+/// Adding this leaves the rounded integer in the lowest bits of the mantissa.
+const ROUND: f32 = 1.5 * (1 << 23) as f32;
+
+/// [`weigh_rows_u8`] and then [`weigh_along_u8`]: rows have `half.len() - 1` pixels more at each end than `out`.
+/// `between` is for what is between the passes; what it holds afterwards means nothing.
+///
+/// # Panics
+/// If the lengths do not fit.
+pub fn weigh_both_u8(rows: &[&[u8]], half: &[f32], between: &mut [f32], out: &mut [u8]) {
+    #[cfg(target_arch = "x86_64")]
+    if InstructionSet::in_use() == InstructionSet::Avx512
+        && let (Ok(rows), Ok(half)) = (rows.try_into(), half.try_into())
+        && out.len() >= LANES
+    {
+        // SAFETY: what is in use was detected on this processor.
+        return unsafe { wide::weigh_both_u8(rows, half, out) };
+    }
+    weigh_rows_u8(rows, half, between);
+    weigh_along_u8(between, half, out);
+}
 
 multiversioned! {
     #![avx512]
@@ -73,8 +100,6 @@ fn rows_block<const L: usize>(rows: &[&[u8]], half: &[f32], out: &mut [f32], x: 
 
 #[inline(always)]
 fn along_block<const L: usize>(padded: &[f32], half: &[f32], out: &mut [u8], x: usize) {
-    /// Adding this leaves the rounded integer in the lowest bits of the mantissa.
-    const ROUND: f32 = 1.5 * (1 << 23) as f32;
     let radius = half.len() - 1;
     let lanes = |offset: usize| padded[x + offset..].first_chunk::<L>().expect("padding");
     let mut sum = [0.0; L];
@@ -94,6 +119,7 @@ fn along_block<const L: usize>(padded: &[f32], half: &[f32], out: &mut [u8], x: 
 mod tests {
     use super::*;
     use crate::seed::Seed;
+    use crate::simd::InstructionSet;
 
     #[test]
     fn blocks_and_single_pixels_are_the_same_bits() {
@@ -118,6 +144,30 @@ mod tests {
             let middle = half[1].mul_add(p[1] + p[3], inner);
             let sum = half[2].mul_add(p[0] + p[4], middle);
             assert_eq!(f32::from(value), sum.round_ties_even());
+        }
+    }
+
+    #[test]
+    fn both_passes_are_the_same_bits_in_all_sets() {
+        let mut rng = Seed(6).rng();
+        for half in [&[0.08, 0.16, 0.12, 0.14][..], &[0.15, 0.2, 0.15]] {
+            let radius = half.len() - 1;
+            for width in (1..100).chain([200]) {
+                let read = width + 2 * radius;
+                let rows: Vec<Vec<u8>> = (0..=2 * radius)
+                    .map(|_| (0..read).map(|_| rng.below(256) as u8).collect())
+                    .collect();
+                let rows: Vec<&[u8]> = rows.iter().map(Vec::as_slice).collect();
+                let mut between = vec![0.0; read];
+                let mut expected = vec![0; width];
+                weigh_rows_u8(&rows, half, &mut between);
+                weigh_along_u8(&between, half, &mut expected);
+                InstructionSet::for_each(|set| {
+                    let mut out = vec![0; width];
+                    weigh_both_u8(&rows, half, &mut between, &mut out);
+                    assert_eq!(out, expected, "{set:?}, {width} pixels");
+                });
+            }
         }
     }
 }
