@@ -432,3 +432,74 @@ fn nothing_waits_for_a_pipe_that_nobody_writes_into() {
         );
     }
 }
+
+#[test]
+fn records_that_were_edited_moved_or_lost_are_told() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (_, run) = run_of(folder.path());
+    let records = run.join("records/wall");
+    let file = records.join("sift+ransac-e.jsonl");
+    let whole = fs::read_to_string(&file).expect("it was written");
+
+    let unchecked = whole.lines().map(|line| {
+        let (body, _) = line.split_once(",\"check\"").expect("it has one");
+        format!("{body}}}\n")
+    });
+    fs::write(&file, unchecked.collect::<String>()).expect("writable");
+    refused(
+        &go(&["eval"], &[&run]),
+        "sift+ransac-e.jsonl:1: not a record of this version (it has no checksum)",
+    );
+
+    fs::write(&file, &whole).expect("writable");
+    let moved = records.join("orb+best.jsonl");
+    fs::copy(&file, &moved).expect("writable");
+    refused(
+        &go(&["eval"], &[&run]),
+        "orb+best.jsonl:1: this is a record of sift with ransac-e on wall",
+    );
+    fs::remove_file(&moved).expect("it is there");
+
+    let fewer: String = whole.split_inclusive('\n').skip(1).collect();
+    fs::write(&file, fewer).expect("writable");
+    for words in [&["eval"][..], &["report"]] {
+        let told = message(&go(words, &[&run]));
+        assert!(
+            told.contains("sift with ransac-e on wall: 2 of 3 planned tasks"),
+            "{told}"
+        );
+    }
+    let told = message(&go(&["compare"], &[&run, &run]));
+    assert!(told.contains("2 of 3 planned tasks"), "{told}");
+}
+
+#[test]
+fn a_dataset_that_cannot_be_meant_is_told_before_it_is_run() {
+    use std::os::unix::ffi::OsStrExt as _;
+
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 2);
+    let run =
+        |dataset: &Path, out: &Path| go(&["run", "--matchers", "sift", "--out"], &[out, dataset]);
+    refused(&run(&wall, &wall), "a run needs a folder of its own");
+    fs::write(wall.join("camera.txt"), "100 0 300\n0 100 59.5\n0 0 1").expect("writable");
+    let done = run(&wall, &folder.path().join("run"));
+    let told = message(&done);
+    assert!(
+        told.contains("the principal point 300 59.5 is outside"),
+        "{told}"
+    );
+
+    let odd = folder.path().join(std::ffi::OsStr::from_bytes(b"bad\xff"));
+    // Not every system has such names.
+    if fs::rename(&wall, &odd).is_ok() {
+        refused(
+            &run(&odd, &folder.path().join("odd")),
+            "the path is not UTF-8",
+        );
+        refused(
+            &go(&["time", "--matchers", "sift"], &[&odd]),
+            "the path is not UTF-8",
+        );
+    }
+}

@@ -9,6 +9,7 @@ use matchbench::metrics::{Bootstrap, Comparison, Failure, ResultSet, Score, comp
 use matchbench::records::{DatasetPlan, RunFolder};
 use matchbench::report::{Duel, Side, advantage, write_differences};
 
+use super::eval::warn_of_unfinished;
 use crate::Ending;
 use crate::args::CompareArgs;
 use crate::output::{harmless, is_standard_output, say, stdout};
@@ -16,6 +17,10 @@ use crate::output::{harmless, is_standard_output, say, stdout};
 pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
     let after = args.after.as_ref().unwrap_or(&args.before);
     let sets = [load(&args.before, None)?, load(after, None)?];
+    warn_of_unfinished(&args.before, &sets[0])?;
+    if args.before != *after {
+        warn_of_unfinished(after, &sets[1])?;
+    }
     same_truth(&args.before, after)?;
     let (matches, alone) = match &args.matchers[..] {
         [] => same_methods(&sets),

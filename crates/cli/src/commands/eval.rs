@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Result, ensure};
 use matchbench::datasets::PairRule;
 use matchbench::metrics::{
-    Bootstrap, PairChoice, ResultSet, load, load_chosen, load_errors, under_protocols,
+    Bootstrap, PairChoice, ResultSet, load, load_chosen, load_errors, under_protocols, unfinished,
 };
 use matchbench::protocols;
 use matchbench::records::RunFolder;
@@ -16,7 +16,7 @@ use matchbench::report::{
 
 use crate::Ending;
 use crate::args::{EvalArgs, FormatArg, PresetArg, ScoredArgs};
-use crate::output::{harmless, write_result};
+use crate::output::{harmless, say, write_result};
 
 pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
     let text = match (&args.errors, &args.results) {
@@ -28,6 +28,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
         (None, Some(results)) => {
             let choice = choice(&args.scored)?;
             let sets = load_chosen(results, args.scored.datasets.as_deref(), &choice)?;
+            warn_of_unfinished(results, &sets)?;
             match args.format {
                 FormatArg::Table => {
                     let mut text = table(sets);
@@ -57,6 +58,7 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
         (None, Some(results)) => {
             let choice = choice(&args.scored)?;
             let sets = load_chosen(results, args.scored.datasets.as_deref(), &choice)?;
+            warn_of_unfinished(results, &sets)?;
             let is_run = RunFolder::is_at(results);
             (sets, is_run.then(|| RunFolder::open(results)).transpose()?)
         }
@@ -65,6 +67,16 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
     let plan = run.as_ref().map(RunFolder::plan);
     let scores = under_protocols(&sets, plan, &asked);
     Ok(render_protocols(args.format.into(), &scores))
+}
+
+/// Says where the records of a run are fewer or more than it planned.
+pub(super) fn warn_of_unfinished(results: &Path, sets: &[ResultSet]) -> Result<()> {
+    if RunFolder::is_at(results) {
+        for sentence in unfinished(RunFolder::open(results)?.plan(), sets) {
+            say!("warning: {}: {sentence}", results.display());
+        }
+    }
+    Ok(())
 }
 
 /// Which of the listed pairs are asked for.

@@ -59,6 +59,10 @@ pub(crate) fn tell_news(news: News<'_>) {
                 say!("  note: {note}");
             }
         }
+        News::Camera(problem) => say!(
+            "warning: {}; `matchbench validate` says more",
+            problem.error
+        ),
         News::Matches(name, source) => describe(name, source),
     }
 }

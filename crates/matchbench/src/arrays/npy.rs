@@ -11,7 +11,7 @@
 
 use std::io::Read;
 
-use super::array::{Array, Element, MOST_BYTES, bytes_of};
+use super::array::{Array, Element, bytes_of};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 /// numpy itself refuses longer headers.
@@ -45,7 +45,7 @@ pub(super) fn header(descr: &str, shape: &[usize]) -> Vec<u8> {
 ///
 /// # Errors
 /// If it is none, or another one than its header says.
-pub(super) fn read_array(file: &mut impl Read) -> Result<Array, String> {
+pub(super) fn read_array(file: &mut impl Read, most_bytes: u64) -> Result<Array, String> {
     let mut start = [0; 8];
     read(file, &mut start)?;
     if !start.starts_with(MAGIC) {
@@ -76,8 +76,9 @@ pub(super) fn read_array(file: &mut impl Read) -> Result<Array, String> {
         shape,
     } = parse_header(&header)
         .ok_or_else(|| format!("its header `{}` is not understood", header.trim_end()))??;
-    let size = bytes_of(&shape, element).filter(|&bytes| bytes <= MOST_BYTES);
-    let size = size.ok_or_else(|| format!("its shape {shape:?} is larger than 1 GiB"))?;
+    let size = bytes_of(&shape, element).filter(|&bytes| bytes <= most_bytes);
+    let size =
+        size.ok_or_else(|| format!("its shape {shape:?} is larger than {most_bytes} bytes"))?;
     let mut bytes = Vec::new();
     // Memory grows with what is there, not with what is claimed.
     (file.take(size + 1).read_to_end(&mut bytes)).map_err(|error| error.to_string())?;
@@ -133,35 +134,40 @@ fn parse_header(header: &str) -> Option<Result<Header, String>> {
 mod tests {
     use proptest::prelude::*;
 
+    use super::super::array::MOST_BYTES;
     use super::super::testing::npy;
     use super::*;
 
     #[test]
     fn headers_that_lie_are_refused_without_memory() {
         let good = npy("<f4", "(1, 2)", &[0; 8]);
-        assert!(read_array(&mut &good[..]).is_ok());
+        assert!(read_array(&mut &good[..], MOST_BYTES).is_ok());
         for (kind, shape, named) in [
             ("<f4", "(1, 3)", "does not fit"),
             ("<f4", "(1, 1)", "longer"),
-            ("<f4", "(99999999999, 2)", "larger than 1 GiB"),
-            ("<f4", "(18446744073709551615, 99)", "larger than 1 GiB"),
-            ("<f4", "(400000000,)", "larger than 1 GiB"),
+            ("<f4", "(99999999999, 2)", "larger than 1073741824 bytes"),
+            (
+                "<f4",
+                "(18446744073709551615, 99)",
+                "larger than 1073741824 bytes",
+            ),
+            ("<f4", "(400000000,)", "larger than 1073741824 bytes"),
             ("|O", "(1, 2)", "not numbers"),
             ("<f4", "(-1, 2)", "not understood"),
             ("<f4", "(2", "not understood"),
             ("<f4", "(1,1,1,1,1,1,1,1,2)", "not understood"),
         ] {
-            let message = read_array(&mut &npy(kind, shape, &[0; 8])[..]).unwrap_err();
+            let message = read_array(&mut &npy(kind, shape, &[0; 8])[..], MOST_BYTES).unwrap_err();
             assert!(message.contains(named), "{shape}: {message}");
         }
-        let message = read_array(&mut &good[..20]).unwrap_err();
+        let message = read_array(&mut &good[..20], MOST_BYTES).unwrap_err();
         assert!(message.contains("cut off"), "{message}");
         for (bytes, named) in [
             (&b"PK\x03\x04 no array"[..], "no .npy"),
             (b"\x93NUMPY\x04\x00\x00\x00", "version 4"),
             (b"\x93NUMPY\x02\x00\xff\xff\xff\xff", "claims"),
         ] {
-            let message = read_array(&mut &bytes[..]).unwrap_err();
+            let message = read_array(&mut &bytes[..], MOST_BYTES).unwrap_err();
             assert!(message.contains(named), "{message}");
         }
     }
@@ -175,7 +181,7 @@ mod tests {
         columns.extend((text.len() as u16).to_le_bytes());
         columns.extend(text.as_bytes());
         columns.extend(&bytes);
-        let read = |file: &[u8]| read_array(&mut &file[..]).unwrap().to_vec();
+        let read = |file: &[u8]| read_array(&mut &file[..], MOST_BYTES).unwrap().to_vec();
         assert_eq!(read(&rows), [0., 1., 2., 3., 4., 5.]);
         assert_eq!(read(&columns), [0., 2., 4., 1., 3., 5.]);
     }
@@ -187,8 +193,8 @@ mod tests {
             file.extend((header.len() as u16).to_le_bytes());
             file.extend(header.as_bytes());
             file.extend(&tail);
-            let _ = read_array(&mut &file[..]);
-            let _ = read_array(&mut &tail[..]);
+            let _ = read_array(&mut &file[..], MOST_BYTES);
+            let _ = read_array(&mut &tail[..], MOST_BYTES);
         }
     }
 }

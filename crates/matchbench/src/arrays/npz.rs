@@ -10,7 +10,7 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
 use super::ArrayError;
-use super::array::Array;
+use super::array::{Array, MOST_BYTES};
 use super::npy::{header, read_array};
 use crate::files::open_file;
 
@@ -22,6 +22,8 @@ const MOST_MEMBERS: usize = 4096;
 pub(crate) struct Npz {
     path: PathBuf,
     zip: ZipArchive<BufReader<File>>,
+    /// The most that an array may have.
+    most_bytes: u64,
 }
 
 impl Npz {
@@ -40,7 +42,14 @@ impl Npz {
         Ok(Self {
             path: path.into(),
             zip,
+            most_bytes: MOST_BYTES,
         })
+    }
+
+    /// The same, where no array has more bytes than these.
+    pub(crate) fn with_arrays_of(mut self, bytes: usize) -> Self {
+        self.most_bytes = MOST_BYTES.min(bytes as u64);
+        self
     }
 
     /// The file.
@@ -65,8 +74,9 @@ impl Npz {
         if self.zip.index_for_name(&member).is_none() {
             return Ok(None);
         }
+        let most_bytes = self.most_bytes;
         let array = (self.zip.by_name(&member).map_err(|error| error.to_string()))
-            .and_then(|mut file| read_array(&mut file));
+            .and_then(|mut file| read_array(&mut file, most_bytes));
         array
             .map(Some)
             .map_err(|what| ArrayError::damaged(&self.path, what).of(name))
@@ -145,6 +155,9 @@ mod tests {
         assert_eq!(a.rows(2), Ok(3));
         assert_eq!(a.to_vec(), numbers.map(f64::from));
         assert_eq!(archive.array("n").unwrap().to_vec(), [7.0, -1.0]);
+        let mut archive = archive.with_arrays_of(16);
+        assert!(archive.array("n").is_ok());
+        assert!(archive.array("a").unwrap_err().what().contains("is larger"));
         let message = archive.array("c").unwrap_err().what();
         assert!(
             message.contains("no array `c` (there are: a, n)"),

@@ -5,6 +5,7 @@
 //! brought into that layout by [`import`]. Poses are camera-to-world, `b_from_a` takes points of
 //! camera `a` to camera `b`.
 
+mod cameras;
 mod colour;
 mod decode;
 mod depth;
@@ -30,6 +31,7 @@ mod turn;
 mod validate;
 mod write;
 
+pub use cameras::camera_problems;
 pub use colour::{decode_planes, read_planes};
 pub use decode::{
     DecodeError, MOST_PIXELS, decode_gray, gray_of_rgb, limit_pixels, read_gray, read_size,

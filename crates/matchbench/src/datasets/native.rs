@@ -235,6 +235,13 @@ impl Contents {
                 manifest
             })
             .unwrap_or_default();
+        if std::path::absolute(dir).is_ok_and(|path| path.to_str().is_none()) {
+            note(DatasetError::new(
+                dir,
+                "the path is not UTF-8, so no run can name it",
+                "rename the folder",
+            ));
+        }
         let name = manifest.name.clone().unwrap_or_else(|| folder_name(dir));
         let all_have_cameras =
             !manifest.frames.is_empty() && manifest.frames.iter().all(|f| f.camera.is_some());

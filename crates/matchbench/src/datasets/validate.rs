@@ -9,9 +9,10 @@ use std::path::Path;
 
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
-use nalgebra::{Isometry3, Matrix3, Point2, Vector3};
+use nalgebra::{Isometry3, Matrix3, Vector3};
 use rayon::prelude::*;
 
+use super::cameras::check_camera;
 use super::decode::{decode_gray, exif_orientation};
 use super::images::IMAGES;
 use super::listed::Listed;
@@ -27,14 +28,6 @@ const PAIR_TRANSLATION_TOLERANCE: f64 = 0.01;
 /// ... plus what six printed digits leave open, as a share of the cameras' distances from the
 /// origin.
 const PRINTED_DIGITS: f64 = 1e-5;
-/// How far the principal point may be from the image's centre, as a share of width or height,
-/// before it looks like another image's.
-const CENTRE_TOLERANCE: f64 = 0.15;
-/// Focal lengths that real lenses have, as shares of the image's longer side.
-const FOCAL_RANGE: std::ops::RangeInclusive<f64> = 0.2..=20.0;
-/// How far from itself a corner of the image may come back when its distortion is undone and done, in pixels.
-const LENS_TOLERANCE_PX: f64 = 0.1;
-
 /// All problems of the dataset in the folder `dir`; none if it is sound.
 ///
 /// What the text files alone show comes first, then images, cameras, and what contradicts each
@@ -166,64 +159,6 @@ fn check_cameras(
         if let Some(camera) = camera {
             check_camera(&camera, size, &file, image, problems);
         }
-    }
-}
-
-fn check_camera(
-    camera: &Camera,
-    size: Size,
-    file: &Path,
-    image: &Path,
-    problems: &mut Vec<Problem>,
-) {
-    let (width, height) = (size.width as f64, size.height as f64);
-    let Camera { fx, fy, cx, cy, .. } = *camera;
-    let here = format!("the image {} of {size}", image.display());
-    if !(0.0..width).contains(&cx) || !(0.0..height).contains(&cy) {
-        problems.push(
-            DatasetError::new(
-                file,
-                format!("the principal point {cx} {cy} is outside {here}"),
-                "give the camera of images of this size (K scales with the image)",
-            )
-            .into(),
-        );
-    } else if (cx / width - 0.5).abs() > CENTRE_TOLERANCE
-        || (cy / height - 0.5).abs() > CENTRE_TOLERANCE
-    {
-        problems.push(Problem::warning(DatasetError::new(
-            file,
-            format!("the principal point {cx} {cy} is far from the centre of {here}"),
-            "check that K belongs to images of this size and not to scaled ones",
-        )));
-    }
-    let longer = width.max(height);
-    for (name, focal) in [("fx", fx), ("fy", fy)] {
-        if !FOCAL_RANGE.contains(&(focal / longer)) {
-            problems.push(Problem::warning(DatasetError::new(
-                file,
-                format!("the focal length {name} {focal} is implausible for {here}"),
-                "check that it is in pixels of this image",
-            )));
-        }
-    }
-    let (right, bottom) = (width - 1.0, height - 1.0);
-    let border = [(0.0, 0.0), (right, 0.0), (0.0, bottom), (right, bottom)];
-    let off = |&(x, y): &(f64, f64)| {
-        let pixel = Point2::new(x, y);
-        let distance = (camera.project(camera.normalize(pixel)) - pixel).norm();
-        distance.is_nan() || distance > LENS_TOLERANCE_PX
-    };
-    let sound = camera.check().is_ok();
-    if let Some((x, y)) = border.iter().find(|pixel| sound && off(pixel)) {
-        problems.push(
-            DatasetError::new(
-                file,
-                format!("the lens distortion cannot be undone at the pixel {x} {y} of {here}"),
-                "check the coefficients and their order, k1 k2 p1 p2 k3",
-            )
-            .into(),
-        );
     }
 }
 

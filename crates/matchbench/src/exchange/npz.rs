@@ -11,6 +11,7 @@ use super::probe::{Content, Probe};
 use super::{Contents, ExchangeError, Export, Format, Rating, RawMatches, ReadOptions, Source};
 use crate::arrays::{self, Array};
 use crate::files::write_new;
+use crate::matchers::MOST_MATCHES;
 
 pub(super) const NPZ: Format = Format {
     id: "npz",
@@ -21,6 +22,9 @@ pub(super) const NPZ: Format = Format {
     open,
     write: Some(write),
 };
+
+/// Bytes of a point, at most.
+const POINT: usize = 2 * size_of::<f64>();
 
 fn recognises(probe: &Probe) -> bool {
     let has = |names: &[String], name: &str| names.iter().any(|known| known == name);
@@ -51,7 +55,7 @@ impl Source for Npz {
 
     fn read(&self, index: usize) -> Result<RawMatches, ExchangeError> {
         let path = &self.files[index];
-        let mut file = arrays::Npz::open(path)?;
+        let mut file = arrays::Npz::open(path)?.with_arrays_of(MOST_MATCHES * POINT);
         let (a, b, score) = (file.array("a")?, file.array("b")?, file.find("score")?);
         matches(&a, &b, score.as_ref()).map_err(|what| ExchangeError::damaged(path, what))
     }

@@ -18,7 +18,7 @@ use super::probe::Probe;
 use super::{ExchangeError, FORMATS, Format, Rating, RawMatches, Scores, Source, Understood};
 use crate::config::UnknownName;
 use crate::datasets::Sequence;
-use crate::matchers::MatchesFrom;
+use crate::matchers::{MOST_MATCHES, MatchesFrom};
 
 /// Points that fill less of the image's width and height than this, in all pairs, are warned about.
 const FILLED: f64 = 0.6;
@@ -302,6 +302,10 @@ impl MatchFiles {
         (a, b): (u32, u32),
     ) -> Result<RawMatches, ExchangeError> {
         let mut raw = (self.source.read(index)).map_err(|error| error.at(pair_in_words(a, b)))?;
+        if raw.a.len() > MOST_MATCHES {
+            let what = format!("{} matches; {MOST_MATCHES} are the most", raw.a.len());
+            return Err(self.wrong(index, (a, b), what));
+        }
         if swapped {
             std::mem::swap(&mut raw.a, &mut raw.b);
             if let Some(keypoints) = &mut raw.keypoints {

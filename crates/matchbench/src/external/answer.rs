@@ -8,8 +8,8 @@ use std::path::Path;
 use matchbench_vision::features::Features;
 use matchbench_vision::image::Size;
 
-/// Most matches of a pair: a hundred megabytes.
-const MOST_MATCHES: usize = 5_000_000;
+use crate::matchers::MOST_MATCHES;
+
 /// Bytes of a match.
 const ROW: usize = 5 * size_of::<f32>();
 /// How far outside an image a point may lie, for the rounding of points of resized images.

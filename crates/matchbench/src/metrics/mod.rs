@@ -33,6 +33,7 @@ mod strata;
 mod success;
 mod summary;
 mod times;
+mod unfinished;
 
 use auc::corner_auc_interval;
 pub use auc::{corner_auc, exact_auc, maa};
@@ -58,3 +59,5 @@ pub use strata::{Stratum, auc_by_stratum, strata};
 pub use success::{SuccessCurve, THRESHOLDS};
 pub use summary::{Summary, shown_scores};
 pub use times::{Quartiles, StageQuartiles};
+pub(crate) use unfinished::recorded;
+pub use unfinished::unfinished;

@@ -20,7 +20,6 @@ use std::path::{Path, PathBuf};
 
 use crate::datasets::{DatasetError, Pair, read_pairs};
 use crate::records::authors::AuthorsError;
-use crate::records::store;
 use crate::records::{FolderError, Plan, RunFolder, StoreError};
 
 use super::pair_choice::PairChoice;
@@ -108,7 +107,7 @@ pub(super) fn of_run(
 ) -> Result<Vec<ResultSet>, ResultsError> {
     let mut sets = Vec::new();
     for file in run.record_files()? {
-        sets.extend(read_records(&file)?);
+        sets.extend(read_records(run, &file)?);
     }
     sort(&mut sets);
     order_as_planned(&mut sets, run.plan());
@@ -120,7 +119,7 @@ pub(super) fn of_run(
 pub(super) fn each_of_run(run: &RunFolder) -> Result<Vec<FileResults>, ResultsError> {
     let mut each = Vec::new();
     for file in run.record_files()? {
-        if let Some(results) = read_records(&file).transpose() {
+        if let Some(results) = read_records(run, &file).transpose() {
             each.push(FileResults {
                 file,
                 truth: None,
@@ -200,10 +199,10 @@ fn complete(set: &mut ResultSet, listed: &[(u32, u32)]) {
 }
 
 /// The records of one file; none where nothing has been recorded yet.
-fn read_records(file: &Path) -> Result<Option<ResultSet>, ResultsError> {
+fn read_records(run: &RunFolder, file: &Path) -> Result<Option<ResultSet>, ResultsError> {
     let mut set: Option<ResultSet> = None;
     let mut lines = Vec::new();
-    store::for_each(file, |line, record| {
+    run.for_each_in(file, |line, record| {
         let task = &record.task;
         lines.push(([task.a, task.b, task.repetition], line));
         let set = set.get_or_insert_with(|| ResultSet {
@@ -214,20 +213,9 @@ fn read_records(file: &Path) -> Result<Option<ResultSet>, ResultsError> {
             pairs: Vec::new(),
             ignored: 0,
         });
-        if (&set.dataset, &set.matcher, &set.estimator)
-            != (&task.dataset, &task.matcher, &task.estimator)
-        {
-            return Err(ResultsError::Line {
-                path: file.to_path_buf(),
-                line,
-                problem: "another dataset, matcher or estimator than on line 1; do not join files \
-                          of records"
-                    .to_owned(),
-            });
-        }
         set.repetitions = set.repetitions.max(task.repetition.saturating_add(1));
         set.pairs.push(PairResult::from(&record));
-        Ok(())
+        Ok::<_, ResultsError>(())
     })?;
     check_tasks(file, lines)?;
     Ok(set)
@@ -454,7 +442,7 @@ mod tests {
             (line("sift", 0, 1, 0) + "{}\n", ":2: not a record"),
             (
                 line("sift", 0, 1, 0) + &line("orb", 0, 2, 0),
-                ":2: another dataset",
+                ":2: this is a record of orb with ransac-e on",
             ),
             (
                 line("sift", 0, 1, 0) + &line("sift", 0, 1, 0),

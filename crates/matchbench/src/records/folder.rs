@@ -21,7 +21,8 @@
 //! | absent, or 1 | the first | |
 //! | 2 | 0.1.0 | records end with a checksum and say whether a failure may pass; images are noted |
 //!
-//! Folders of the first format are read, and become the second when a run goes on with them.
+//! Folders of the first format are read, and become the second when a run goes on with them: first their records
+//! are given checksums.
 //!
 //! A folder of a later format is refused by name. What is added so that older programs need not know
 //! it, a field that is left out where it is not needed, does not change the number.
@@ -35,14 +36,13 @@ use serde::Deserialize;
 use super::growth::difference;
 use super::images::ImageNotes;
 use super::store::RecordWriter;
-use super::{FolderError, MatchesFile, Plan, RunRecord, StoreError, Tuned, matches, store};
+use super::{
+    FORMAT, FolderError, MatchesFile, Plan, RunRecord, StoreError, Task, Tuned, matches, store,
+};
 use crate::files::{
     make_folder, read_file, read_text, remove_leftovers, remove_leftovers_below, sync_folder_of,
     write_whole,
 };
-
-/// Version of the format of run folders that this program writes, and the last that it reads.
-pub const FORMAT: u32 = 2;
 
 const PLAN: &str = "plan.json";
 const TUNING: &str = "tuning.json";
@@ -99,7 +99,14 @@ impl RunFolder {
     /// # Errors
     /// If a file cannot be read or has a line that is not a record. Without records it has none.
     pub fn records(&self) -> Result<Vec<RunRecord>, StoreError> {
-        store::read_run(&self.path)
+        let mut records = Vec::new();
+        for file in self.record_files()? {
+            self.for_each_in(&file, |_, record| {
+                records.push(record);
+                Ok::<_, StoreError>(())
+            })?;
+        }
+        Ok(records)
     }
 
     /// The records of one matcher with one estimator on one dataset, as they were written; none
@@ -113,12 +120,9 @@ impl RunFolder {
         matcher: &str,
         estimator: &str,
     ) -> Result<Vec<RunRecord>, StoreError> {
-        let file = store::path(&self.path, dataset, matcher, estimator);
-        if file.exists() {
-            store::read(&file)
-        } else {
-            Ok(Vec::new())
-        }
+        let mut records = Vec::new();
+        self.for_each_of([dataset, matcher, estimator], |record| records.push(record))?;
+        Ok(records)
     }
 
     /// Hands over what [`RunFolder::records_of`] returns, one record after the other.
@@ -132,12 +136,46 @@ impl RunFolder {
     ) -> Result<(), StoreError> {
         let file = store::path(&self.path, dataset, matcher, estimator);
         if file.exists() {
-            store::for_each(&file, |_, record| {
+            self.for_each_in(&file, |_, record| {
                 each(record);
                 Ok::<_, StoreError>(())
             })?;
         }
         Ok(())
+    }
+
+    /// Hands over the records of one of its [files](Self::record_files), each with the number of its line.
+    ///
+    /// # Errors
+    /// As [`RunFolder::records`], and whatever `each` does not want.
+    pub(crate) fn for_each_in<E: From<StoreError>>(
+        &self,
+        file: &Path,
+        mut each: impl FnMut(usize, RunRecord) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut names_of_file: Option<[String; 3]> = None;
+        store::for_each(file, self.plan.format, |line, record| {
+            let Task {
+                dataset,
+                matcher,
+                estimator,
+                ..
+            } = &record.task;
+            let names = [dataset, matcher, estimator];
+            if !(names_of_file.iter()).any(|known| known.each_ref() == names) {
+                let names = names.map(Clone::clone);
+                if store::path(&self.path, dataset, matcher, estimator) != file {
+                    return Err(E::from(StoreError::Foreign {
+                        path: file.into(),
+                        line,
+                        names,
+                    }));
+                }
+                names_of_file = Some(names);
+            }
+            each(line, record)
+        })
+        .map(drop)
     }
 
     /// The files of records, in the order of [`RunFolder::records`].
@@ -245,6 +283,9 @@ impl RunWriter {
             None => {}
         }
         if written.as_ref() != Some(&plan) {
+            if let Some(written) = &written {
+                store::add_checksums(path, written.format)?;
+            }
             write_json(&plan_file, &plan)?;
         }
         let path = path.into();

@@ -2,7 +2,7 @@
 //!
 //! The last field of the object, `"check"`, is the beginning of the BLAKE3 hash of all bytes before it,
 //! so a bit that flipped on a disk is found where the number that it changed would pass for another.
-//! Lines of the first format have none; they may only stand before those that have.
+//! Lines of the first format of run folders have none; in a folder of the second every line has one.
 
 use super::RunRecord;
 
@@ -10,6 +10,8 @@ const FIELD: &[u8] = b",\"check\":\"";
 const END: &[u8] = b"\"}";
 /// Hexadecimal digits of the checksum.
 const DIGITS: usize = 16;
+/// The format of run folders from which on all lines have one.
+pub(super) const FIRST_WITH_CHECKSUMS: u32 = 2;
 
 /// The line of a record, with its end.
 pub(super) fn to_line(record: &RunRecord) -> Vec<u8> {
@@ -48,20 +50,27 @@ pub(super) fn parse(line: &[u8]) -> Result<Line, String> {
 }
 
 /// Looks at the lines of a file one after the other.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct LineReader {
-    /// Whether a line before had a checksum.
+    /// Whether a line before had a checksum, or all must have.
     checked: bool,
 }
 
 impl LineReader {
+    /// Of a file in a run folder of this format.
+    pub(super) fn of_format(format: u32) -> Self {
+        Self {
+            checked: format >= FIRST_WITH_CHECKSUMS,
+        }
+    }
+
     /// The record of the next line; or what is wrong with it.
     pub(super) fn accept(&mut self, line: Result<Line, String>) -> Result<RunRecord, String> {
         let line = line?;
         if self.checked && !line.has_checksum {
             return Err("it has no checksum".into());
         }
-        self.checked = line.has_checksum;
+        self.checked |= line.has_checksum;
         Ok(line.record)
     }
 }
@@ -126,7 +135,9 @@ mod tests {
     fn lines_without_a_checksum_come_first_or_not_at_all() {
         let record = record([0.1, 0.0, 0.0], [0.0, 0.0, 1.0]);
         let old = serde_json::to_vec(&record).unwrap();
-        let mut lines = LineReader::default();
+        let mut all_checked = LineReader::of_format(2);
+        assert!(all_checked.accept(parse(&old)).is_err());
+        let mut lines = LineReader::of_format(1);
         assert_eq!(lines.accept(parse(&old)).as_ref(), Ok(&record));
         assert_eq!(lines.accept(parse(&to_line(&record))).as_ref(), Ok(&record));
         assert!(

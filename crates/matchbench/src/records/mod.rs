@@ -18,10 +18,10 @@ pub mod store;
 mod tuned;
 
 pub use error::FolderError;
-pub use folder::{FORMAT, RunFolder, RunWriter};
+pub use folder::{RunFolder, RunWriter};
 pub use matches::{KeepMatches, MatchesFile, SelectedMatches};
 pub use outcome::{MIN_MATCHES, MIN_SUPPORT, Outcome};
-pub use plan::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, Settings, ShardOf};
+pub use plan::{DatasetPlan, EstimatorPlan, FORMAT, MatcherPlan, Plan, Settings, ShardOf};
 pub use record::{ByDepth, Counts, Repeated, RunRecord, StageTimes, Task};
 pub use shards::{ShardError, ShardPlan};
 pub use store::StoreError;

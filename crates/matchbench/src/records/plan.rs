@@ -13,6 +13,9 @@ use serde_json::Value;
 
 use crate::matchers::Extraction;
 
+/// Version of the format of run folders that this program writes, and the last that it reads; see [`folder`](super::folder).
+pub const FORMAT: u32 = 2;
+
 /// Everything that the records of a run depend on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -45,6 +48,16 @@ pub struct ShardOf {
 }
 
 impl Plan {
+    /// Tasks of each method on one of its datasets: its pairs up to the limit, in every repetition.
+    pub fn tasks_on(&self, dataset: &DatasetPlan) -> usize {
+        let Settings { limit, sample, .. } = self.settings;
+        let pairs = [limit, sample]
+            .into_iter()
+            .flatten()
+            .fold(dataset.pairs, usize::min);
+        pairs.saturating_mul(self.settings.repetitions.get() as usize)
+    }
+
     /// The plan as `plan.json` holds it.
     pub fn to_json(&self) -> Value {
         serde_json::to_value(self).expect("a plan is plain JSON")

@@ -18,8 +18,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::RunRecord;
-use super::line::{LineReader, parse, to_line};
+use super::line::{FIRST_WITH_CHECKSUMS, LineReader, parse, to_line};
+use super::{FORMAT, RunRecord};
 use crate::files::{Appender, LineBlocks, LineError, open_file, write_whole};
 
 /// Why records cannot be read or written.
@@ -48,6 +48,20 @@ pub enum StoreError {
         line: usize,
         /// What is wrong with it.
         reason: String,
+    },
+    /// A record of something else than its file is of.
+    #[error(
+        "{}:{line}: this is a record of {} with {} on {}, and the file is not that of these; records stand where a \
+         run wrote them",
+        path.display(), names[1], names[2], names[0]
+    )]
+    Foreign {
+        /// Which file.
+        path: PathBuf,
+        /// Which line, from 1.
+        line: usize,
+        /// Dataset, matcher and estimator.
+        names: [String; 3],
     },
     /// A file of matches that is damaged.
     #[error(
@@ -83,20 +97,20 @@ pub fn path(run: &Path, dataset: &str, matcher: &str, estimator: &str) -> PathBu
 }
 
 /// The records of one file, in their order; a last line without an end is left out. Safe while
-/// another process is appending.
+/// another process is appending. Lines may be those of the first format, without checksums.
 ///
 /// # Errors
 /// If the file cannot be read or has a line that is not a record.
 pub fn read(path: &Path) -> Result<Vec<RunRecord>, StoreError> {
     let mut records = Vec::new();
-    for_each(path, |_, record| {
+    for_each(path, 1, |_, record| {
         records.push(record);
         Ok::<_, StoreError>(())
     })?;
     Ok(records)
 }
 
-/// Hands over the records of one file in their order, each with the number of its line, without having
+/// Hands over the records of one file of a run folder of this `format` in their order, each with the number of its line, without having
 /// them all in memory; all threads of the current pool parse. Returns the length of the whole lines: a
 /// last line without an end is left out.
 ///
@@ -104,6 +118,7 @@ pub fn read(path: &Path) -> Result<Vec<RunRecord>, StoreError> {
 /// As [`read`], and whatever `each` does not want.
 pub(crate) fn for_each<E: From<StoreError>>(
     path: &Path,
+    format: u32,
     mut each: impl FnMut(usize, RunRecord) -> Result<(), E>,
 ) -> Result<u64, E> {
     let io = |error| StoreError::io("read", path)(error);
@@ -120,7 +135,7 @@ pub(crate) fn for_each<E: From<StoreError>>(
     };
     let mut blocks = LineBlocks::new(open_file(path).map_err(io)?, LONGEST_LINE);
     let mut whole = 0;
-    let mut lines = LineReader::default();
+    let mut lines = LineReader::of_format(format);
     while let Some(block) = blocks.next_block().map_err(failed)? {
         for (number, line) in block.parsed(|_, line| parse(line)) {
             let record = lines.accept(line);
@@ -188,10 +203,24 @@ pub(crate) fn recover_each<E: From<StoreError>>(
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
         metadata => metadata.map_err(StoreError::io("read", path))?.len(),
     };
-    let whole = for_each(path, each)?;
+    let whole = for_each(path, FORMAT, each)?;
     if whole < length {
         Appender::open(path, Some(whole))
             .map_err(StoreError::io("cut the torn last line of", path))?;
+    }
+    Ok(())
+}
+
+/// Gives checksums to the records of the folder of a `run` of this `format`, where they need not have any.
+///
+/// # Errors
+/// If a file cannot be read or written, or has a line that is not a record; files after it are as before.
+pub(super) fn add_checksums(run: &Path, format: u32) -> Result<(), StoreError> {
+    if format >= FIRST_WITH_CHECKSUMS {
+        return Ok(());
+    }
+    for file in files(run)? {
+        rewrite(&file, &read(&file)?)?;
     }
     Ok(())
 }

@@ -16,7 +16,7 @@ use super::paper::{PaperTimes, write_paper};
 use super::pictures::{self, Keypoints};
 use crate::cache::FeatureCache;
 use crate::datasets::Sequence;
-use crate::metrics::{Bootstrap, PairGeometry, ResultsError, load_run};
+use crate::metrics::{Bootstrap, PairGeometry, ResultsError, load_run, unfinished};
 use crate::records::{FolderError, Plan, RunFolder, StoreError};
 
 /// What may be chosen about a report.
@@ -110,7 +110,8 @@ pub fn content_of_run(
 ) -> Result<(Content, Vec<String>), ReportError> {
     let results = load_run(run, None)?;
     let mut content = Content::new(results, &Bootstrap::default(), facts(run)?);
-    let (sequences, notes) = sequences(run.plan());
+    let (sequences, mut notes) = sequences(run.plan());
+    notes.extend(unfinished(run.plan(), &content.results));
     content.geometry = (sequences.iter())
         .map(|(name, sequence)| (name.clone(), PairGeometry::of_sequence(sequence)))
         .collect();

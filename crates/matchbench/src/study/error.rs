@@ -33,6 +33,12 @@ pub enum StudyError {
     /// A dataset cannot be opened or imported.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    /// A run would be written into a dataset.
+    #[error("{} is a dataset, and a run needs a folder of its own; give another --out", folder.display())]
+    OutIsDataset {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// A matcher, an estimator or a parameter is wrong.
     #[error(transparent)]
     Contender(#[from] ContenderError),

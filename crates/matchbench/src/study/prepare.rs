@@ -1,6 +1,7 @@
 //! From a study to what is run: datasets opened or imported, matchers built or started.
 
 use std::collections::BTreeSet;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -8,7 +9,7 @@ use serde_json::Value;
 use super::{MatchesFrom, Study, StudyDataset, StudyError};
 use crate::cache::FeatureCache;
 use crate::config::Changes;
-use crate::datasets::{DatasetError, ImportReport, Sequence};
+use crate::datasets::{DatasetError, ImportReport, Problem, Sequence, camera_problems};
 use crate::exchange::{MatchSource, ReadOptions};
 use crate::external::{Manifest, StartError};
 use crate::matchers::{self, BuiltPointSource, MATCHERS};
@@ -39,6 +40,8 @@ pub struct Prepared {
 pub enum News<'a> {
     /// A dataset was imported into this folder.
     Imported(&'a Path, &'a ImportReport),
+    /// The camera of a dataset looks wrong.
+    Camera(&'a Problem),
     /// Matches of this name were read from files.
     Matches(&'a str, &'a MatchSource),
 }
@@ -120,6 +123,16 @@ impl Study {
         let mut datasets = (self.datasets.iter())
             .map(|dataset| open(dataset, open_dataset, tell))
             .collect::<Result<Vec<_>, _>>()?;
+        for dataset in &datasets {
+            if is_same(folder, &dataset.path) {
+                return Err(StudyError::OutIsDataset {
+                    folder: folder.to_path_buf(),
+                });
+            }
+            for problem in camera_problems(&dataset.path, &dataset.sequence) {
+                tell(News::Camera(&problem));
+            }
+        }
         let sources = self.sources(&datasets, tell)?;
         for (dataset, asked) in datasets.iter_mut().zip(&self.datasets) {
             dataset.matchers = match &asked.matchers {
@@ -262,6 +275,11 @@ fn id(name: &str, changes: &Changes) -> Result<String, StudyError> {
         return Ok(manifest(Path::new(name), changes)?.name);
     }
     Ok(name.to_owned())
+}
+
+/// Whether both are one folder that is there.
+fn is_same(a: &Path, b: &Path) -> bool {
+    matches!((fs::canonicalize(a), fs::canonicalize(b)), (Ok(a), Ok(b)) if a == b)
 }
 
 #[cfg(test)]

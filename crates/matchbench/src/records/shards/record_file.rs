@@ -5,7 +5,7 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use super::super::line::{LineReader, parse};
-use super::super::{RunRecord, StoreError};
+use super::super::{FORMAT, RunRecord, StoreError};
 use crate::files::open_file;
 
 /// Longest line that is taken for a record, in bytes.
@@ -30,7 +30,7 @@ impl RecordFile {
             reader: None,
             offset: 0,
             line: 0,
-            lines: LineReader::default(),
+            lines: LineReader::of_format(FORMAT),
             text: Vec::new(),
         }
     }

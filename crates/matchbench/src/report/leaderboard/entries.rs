@@ -9,7 +9,7 @@ use std::io::{self, BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use crate::files::open_file;
-use crate::metrics::{Failure, FileResults, ResultSet, load_each};
+use crate::metrics::{Failure, FileResults, ResultSet, load_each, recorded};
 use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, RunFolder};
 
 use super::super::command_line::{self, CommandLine, Origin};
@@ -349,12 +349,7 @@ fn planned<'a>(
 
 /// Refuses what is not done yet, which would count what is missing as wrong, or not at all.
 fn is_finished(plan: &Plan, dataset: &DatasetPlan, set: &ResultSet) -> Result<(), String> {
-    let settings = plan.settings;
-    let most = [settings.limit, settings.sample].into_iter().flatten();
-    let pairs = most.fold(dataset.pairs, usize::min);
-    let tasks = pairs.saturating_mul(settings.repetitions.get() as usize);
-    let missing = |pair: &&crate::metrics::PairResult| pair.outcome == Err(Failure::Missing);
-    let done = set.pairs.len() - set.pairs.iter().filter(missing).count();
+    let (done, tasks) = (recorded(set), plan.tasks_on(dataset));
     if done == tasks {
         Ok(())
     } else {

@@ -1,0 +1,99 @@
+//! Whether cameras can be those of their images: the commonest mistake is the camera of images of another size.
+
+use std::path::Path;
+
+use matchbench_vision::geometry::Camera;
+use matchbench_vision::image::Size;
+use nalgebra::Point2;
+
+use super::decode::read_size;
+use super::{DatasetError, Problem, Sequence};
+
+/// How far the principal point may be from the image's centre, as a share of width or height,
+/// before it looks like another image's.
+const CENTRE_TOLERANCE: f64 = 0.15;
+/// Focal lengths that real lenses have, as shares of the image's longer side.
+const FOCAL_RANGE: std::ops::RangeInclusive<f64> = 0.2..=20.0;
+/// How far from itself a corner of the image may come back when its distortion is undone and done, in pixels.
+const LENS_TOLERANCE_PX: f64 = 0.1;
+
+/// Cameras that [`camera_problems`] looks at, at most.
+const CAMERAS: usize = 100;
+
+/// What is wrong with the cameras of an opened dataset in the folder `dir`: with each of the first ones, by the
+/// size of the first image that it took. Quick: of images the headers are read, and those that have none are
+/// left to whoever reads their pixels.
+pub fn camera_problems(dir: &Path, sequence: &Sequence) -> Vec<Problem> {
+    let mut problems = Vec::new();
+    let mut judged: Vec<&Camera> = Vec::new();
+    for frame in &sequence.frames {
+        if judged.len() < CAMERAS
+            && !judged.contains(&&frame.camera)
+            && let Ok(size) = read_size(&frame.image)
+        {
+            judged.push(&frame.camera);
+            let size = frame.turn.size(size);
+            check_camera(&frame.camera, size, dir, &frame.image, &mut problems);
+        }
+    }
+    problems
+}
+
+/// Notes what is wrong with a camera of `file` for an image of this size.
+pub(super) fn check_camera(
+    camera: &Camera,
+    size: Size,
+    file: &Path,
+    image: &Path,
+    problems: &mut Vec<Problem>,
+) {
+    let (width, height) = (size.width as f64, size.height as f64);
+    let Camera { fx, fy, cx, cy, .. } = *camera;
+    let here = format!("the image {} of {size}", image.display());
+    if !(0.0..width).contains(&cx) || !(0.0..height).contains(&cy) {
+        problems.push(
+            DatasetError::new(
+                file,
+                format!("the principal point {cx} {cy} is outside {here}"),
+                "give the camera of images of this size (K scales with the image)",
+            )
+            .into(),
+        );
+    } else if (cx / width - 0.5).abs() > CENTRE_TOLERANCE
+        || (cy / height - 0.5).abs() > CENTRE_TOLERANCE
+    {
+        problems.push(Problem::warning(DatasetError::new(
+            file,
+            format!("the principal point {cx} {cy} is far from the centre of {here}"),
+            "check that K belongs to images of this size and not to scaled ones",
+        )));
+    }
+    let longer = width.max(height);
+    for (name, focal) in [("fx", fx), ("fy", fy)] {
+        if !FOCAL_RANGE.contains(&(focal / longer)) {
+            problems.push(Problem::warning(DatasetError::new(
+                file,
+                format!("the focal length {name} {focal} is implausible for {here}"),
+                "check that it is in pixels of this image",
+            )));
+        }
+    }
+    let (right, bottom) = (width - 1.0, height - 1.0);
+    let border = [(0.0, 0.0), (right, 0.0), (0.0, bottom), (right, bottom)];
+    let off = |&(x, y): &(f64, f64)| {
+        let pixel = Point2::new(x, y);
+        let distance = (camera.project(camera.normalize(pixel)) - pixel).norm();
+        distance.is_nan() || distance > LENS_TOLERANCE_PX
+    };
+    let sound = camera.check().is_ok();
+    if let Some((x, y)) = border.iter().find(|pixel| sound && off(pixel)) {
+        problems.push(
+            DatasetError::new(
+                file,
+                format!("the lens distortion cannot be undone at the pixel {x} {y} of {here}"),
+                "check the coefficients and their order, k1 k2 p1 p2 k3",
+            )
+            .into(),
+        );
+    }
+}
