@@ -3,7 +3,7 @@
 //! What is refused is named by what was given, with its dtype and shape, and what is expected. Pixels,
 //! points and descriptors are copied once, into the memory of the library's own types.
 
-use matchbench::datasets::gray_of_rgb;
+use matchbench::datasets::{check_size, gray_of_rgb};
 use matchbench_vision::features::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
 use matchbench_vision::image::{GrayImage, Size};
 use nalgebra::Point2;
@@ -15,24 +15,26 @@ use numpy::{
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
+use crate::errors::value_error;
+
 /// An image: `uint8`, h x w (grey) or h x w x 3 (red, green, blue, made grey as a colour PNG file is).
 ///
 /// # Errors
-/// If it is something else.
+/// If it is something else, or larger than an image in a file may be.
 pub(crate) fn image(value: &Bound<'_, PyAny>) -> PyResult<GrayImage> {
     if let Ok(gray) = value.cast::<PyArray2<u8>>() {
         let gray = gray.try_readonly()?;
         let [height, width] = *gray.shape() else {
             unreachable!("it has two dimensions")
         };
-        let pixels = flat(&gray);
-        return Ok(GrayImage::from_vec(Size::new(width, height), pixels));
+        let size = image_size(width, height)?;
+        return Ok(GrayImage::from_vec(size, flat(&gray)));
     }
     if let Ok(rgb) = value.cast::<PyArray3<u8>>()
         && rgb.shape()[2] == 3
     {
         let rgb = rgb.try_readonly()?;
-        let size = Size::new(rgb.shape()[1], rgb.shape()[0]);
+        let size = image_size(rgb.shape()[1], rgb.shape()[0])?;
         return Ok(gray_of_rgb(size, &flat(&rgb)));
     }
     let expected =
@@ -59,6 +61,12 @@ pub(crate) fn image(value: &Bound<'_, PyAny>) -> PyResult<GrayImage> {
         "{expected}; this one has dtype {}{remedy}",
         array.dtype()
     )))
+}
+
+/// The size of an image, before its pixels are copied.
+fn image_size(width: usize, height: usize) -> PyResult<Size> {
+    check_size(Size::new(width, height))
+        .map_err(|error| value_error(format!("{error}; make it smaller first")))
 }
 
 /// Points: n x 2, of any real type; `name` is that of the argument.

@@ -56,6 +56,16 @@ def test_what_is_no_image_is_refused_in_words(image, kind, words):
     assert all(word in str(caught.value) for word in words), caught.value
 
 
+@pytest.mark.parametrize("shape", [(200_000, 200_000), (200_000, 200_000, 3), (11_586, 11_586), (65_536, 1)])
+def test_an_image_beyond_the_limits_is_refused_before_it_is_copied(shape):
+    image = np.broadcast_to(np.uint8(5), shape)  # one byte of memory
+    words = f"{shape[1]}x{shape[0]} pixels.*limit of 134217728.*65535 on a side; make it smaller"
+    with pytest.raises(ValueError, match=words):
+        mb.SIFT().extract(image)
+    with pytest.raises(ValueError, match=words):
+        mb.matcher("sift").match(image[:9, :9], image)
+
+
 def test_an_image_without_content_has_no_features():
     for shape in [(0, 0), (1, 1), (90, 120)]:
         found = mb.SIFT().extract(np.zeros(shape, np.uint8))

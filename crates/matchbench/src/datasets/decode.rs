@@ -92,8 +92,8 @@ pub enum DecodeError {
     /// Pixels of a kind that cannot be turned into gray (floating point, CMYK).
     #[error("unsupported pixels: {0}")]
     Unsupported(String),
-    /// The header claims more pixels than are allowed.
-    #[error("the header claims {0} pixels, more than the limit of {limit}", limit = most_pixels())]
+    /// More pixels than are allowed, in all or on a side.
+    #[error("an image of {0} pixels, more than the limit of {limit} in all or of {MAX_SIDE} on a side", limit = most_pixels())]
     TooLarge(Size),
     /// There is not the memory to decode it.
     #[error("it has {0} pixels, for which {1}")]
@@ -192,7 +192,7 @@ pub(super) fn jpeg_pixels(
     colour: bool,
 ) -> Result<(Size, usize, Vec<u8>), DecodeError> {
     let decoder = jpeg_header(ZCursor::new(bytes))?;
-    let size = checked(jpeg_size(&decoder))?;
+    let size = check_size(jpeg_size(&decoder))?;
     let a_pixel = JPEG_BYTES + if colour { COLOUR_BYTES } else { 0 };
     let _memory =
         reserve(size.area() * a_pixel).map_err(|missing| DecodeError::NoMemory(size, missing))?;
@@ -261,7 +261,7 @@ pub(super) fn with_other<T>(
     more: usize,
     then: impl FnOnce(Size, DynamicImage, GrayRule) -> Result<T, DecodeError>,
 ) -> Result<T, DecodeError> {
-    let size = checked(size_of_other(Cursor::new(bytes))?)?;
+    let size = check_size(size_of_other(Cursor::new(bytes))?)?;
     // 16 bits of red, green, blue and alpha are the most that a pixel has.
     let most = 8 * size.area();
     let mut reader = ImageReader::new(Cursor::new(bytes))
@@ -347,7 +347,11 @@ fn most_pixels() -> usize {
     }
 }
 
-fn checked(size: Size) -> Result<Size, DecodeError> {
+/// The size, if an image may have it.
+///
+/// # Errors
+/// If it has more pixels than are allowed, in all or on a side.
+pub fn check_size(size: Size) -> Result<Size, DecodeError> {
     if size.width > MAX_SIDE || size.height > MAX_SIDE || size.area() > most_pixels() {
         return Err(DecodeError::TooLarge(size));
     }

@@ -34,7 +34,8 @@ mod write;
 pub use cameras::camera_problems;
 pub use colour::{decode_planes, read_planes};
 pub use decode::{
-    DecodeError, MOST_PIXELS, decode_gray, gray_of_rgb, limit_pixels, read_gray, read_size,
+    DecodeError, MOST_PIXELS, check_size, decode_gray, gray_of_rgb, limit_pixels, read_gray,
+    read_size,
 };
 pub use depth::{Depth, DepthFile, DepthUnit, decode_depth};
 pub use error::DatasetError;
