@@ -52,10 +52,16 @@ pub(crate) fn image(value: &Bound<'_, PyAny>) -> PyResult<GrayImage> {
         )));
     }
     let remedy = match array.dtype().kind() {
+        b'b' => "; convert it by image * numpy.uint8(255)",
         b'f' => {
-            "; if its values are from 0 to 1, convert it by (image * 255).round().astype(numpy.uint8)"
+            "; convert values from 0 to 1 by (image * 255).round().astype(numpy.uint8), values from 0 to 255 \
+             by image.round().astype(numpy.uint8)"
         }
-        _ => "; convert it by image.astype(numpy.uint8)",
+        // As files of 16 bits are read.
+        b'u' if array.dtype().itemsize() == 2 => {
+            "; convert values that fill 16 bits by (image >> 8).astype(numpy.uint8), others bring to 0 to 255 first"
+        }
+        _ => "; bring its values to 0 to 255, then convert it by image.astype(numpy.uint8)",
     };
     Err(PyTypeError::new_err(format!(
         "{expected}; this one has dtype {}{remedy}",

@@ -42,8 +42,11 @@ def test_colour_is_red_green_blue_and_strides_do_not_matter(images):
 @pytest.mark.parametrize(
     ("image", "kind", "words"),
     [
-        (np.zeros((4, 4)), TypeError, ["uint8", "float64", "255"]),
-        (np.zeros((4, 4), np.int32), TypeError, ["uint8", "int32", "astype"]),
+        (np.zeros((4, 4)), TypeError, ["uint8", "float64", "0 to 1 by (image * 255)", "0 to 255 by image.round()"]),
+        (np.zeros((4, 4), np.int32), TypeError, ["uint8", "int32", "values to 0 to 255, then", "astype"]),
+        (np.zeros((4, 4), np.int16), TypeError, ["uint8", "int16", "values to 0 to 255, then", "astype"]),
+        (np.zeros((4, 4), np.uint16), TypeError, ["uint8", "uint16", "(image >> 8).astype(numpy.uint8)"]),
+        (np.zeros((4, 4), bool), TypeError, ["uint8", "bool", "image * numpy.uint8(255)"]),
         (np.zeros((4, 4, 4), np.uint8), ValueError, ["(RGB)", "4, 4, 4"]),
         (np.zeros(4, np.uint8), ValueError, ["height x width", "[4]"]),
         ([[1, 2]], TypeError, ["numpy array", "list"]),
@@ -64,6 +67,24 @@ def test_an_image_beyond_the_limits_is_refused_before_it_is_copied(shape):
         mb.SIFT().extract(image)
     with pytest.raises(ValueError, match=words):
         mb.matcher("sift").match(image[:9, :9], image)
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.array([[0, 255], [256, 65535]], np.uint16),
+        np.array([[False, True]]),
+        np.array([[0.0, 1.0]]),
+    ],
+)
+def test_the_conversion_that_is_told_keeps_order(image):
+    with pytest.raises(TypeError) as caught:
+        mb.SIFT().extract(image)
+    told = str(caught.value).split(" by ", 1)[1].split(", ")[0]
+    made = eval(told, {"image": image, "numpy": np})
+    assert made.dtype == np.uint8 and made.min() == 0 and made.max() == 255
+    assert (np.diff(made.ravel().astype(int)) >= 0).all()
+    mb.SIFT().extract(made)
 
 
 def test_an_image_without_content_has_no_features():
