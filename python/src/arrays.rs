@@ -89,15 +89,28 @@ pub(crate) fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Point
     let points: Vec<_> = (view.rows().into_iter())
         .map(|row| Point2::new(row[0], row[1]))
         .collect();
-    match points
-        .iter()
-        .position(|p| !(p.x.is_finite() && p.y.is_finite()))
-    {
-        None => Ok(points),
-        Some(index) => Err(PyValueError::new_err(format!(
-            "`{name}` holds a number that is not finite, in row {index}"
+    let finite = |p: &Point2<f64>| p.x.is_finite() && p.y.is_finite();
+    all_finite(name, points.iter().map(finite))?;
+    Ok(points)
+}
+
+/// Whether each row of the argument `name` is of finite numbers.
+///
+/// # Errors
+/// If one is not.
+pub(crate) fn all_finite(name: &str, mut rows: impl Iterator<Item = bool>) -> PyResult<()> {
+    match rows.position(|finite| !finite) {
+        None => Ok(()),
+        Some(row) => Err(value_error(format!(
+            "`{name}` holds a number that is not finite, in row {row}; leave such rows out"
         ))),
     }
+}
+
+/// The same for rows of single precision, one after the other.
+fn rows_finite(name: &str, values: &[f32], columns: usize) -> PyResult<()> {
+    let finite = |row: &[f32]| row.iter().all(|value| value.is_finite());
+    all_finite(name, values.chunks(columns).map(finite))
 }
 
 /// One number for each of `count` things.
@@ -117,16 +130,17 @@ pub(crate) fn column(value: &Bound<'_, PyAny>, name: &str, count: usize) -> PyRe
 /// Rows of `columns` single precision numbers, row after row.
 ///
 /// # Errors
-/// If it is something else.
+/// If it is something else, or holds a number that is not finite.
 pub(crate) fn rows(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f32>> {
     let expected = format!("an array of numbers, n x {columns}");
     let array: PyArrayLike2<'_, f32, AllowTypeChange> =
         (value.extract()).map_err(|_| refused(value, name, &expected))?;
-    if array.as_array().ncols() == columns {
-        Ok(flat(&array))
-    } else {
-        Err(refused(value, name, &expected))
+    if array.as_array().ncols() != columns {
+        return Err(refused(value, name, &expected));
     }
+    let values = flat(&array);
+    rows_finite(name, &values, columns)?;
+    Ok(values)
 }
 
 /// Index pairs: m x 2, each below its count.
@@ -167,7 +181,7 @@ pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyRes
 /// significant). `bits` says how many of the bits of a row count; all if it is `None`.
 ///
 /// # Errors
-/// If it is something else.
+/// If it is something else, or holds a number that is not finite.
 pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyResult<Descriptors> {
     let expected = "an array n x d, of float32 (real values) or uint8 (bits, eight in a byte)";
     if let Ok(floats) = value.cast::<PyArray2<f32>>() {
@@ -180,7 +194,9 @@ pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyRe
         if dim == 0 {
             return Err(refused(value, "descriptors", expected));
         }
-        return Ok(Descriptors::Float(FloatRows::from_vec(dim, flat(&floats))));
+        let values = flat(&floats);
+        rows_finite("descriptors", &values, dim)?;
+        return Ok(Descriptors::Float(FloatRows::from_vec(dim, values)));
     }
     let Ok(bytes) = value.cast::<PyArray2<u8>>() else {
         return Err(refused(value, "descriptors", expected));

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
 
-use crate::arrays::{column, descriptors, descriptors_out, matrix, points, rows};
+use crate::arrays::{all_finite, column, descriptors, descriptors_out, matrix, points, rows};
 use crate::camera::Origin;
 
 /// Keypoints of an image and their descriptors. The arrays are made when they are asked for, once, and
@@ -93,8 +93,20 @@ impl Features {
                 described.len()
             )));
         }
-        let read = |value: Option<Bound<'_, PyAny>>, name, default| match value {
-            Some(value) => column(&value, name, at.len()),
+        let size = Size::new(image_size.0, image_size.1);
+        if (size.width == 0 || size.height == 0) && !at.is_empty() {
+            return Err(PyValueError::new_err(format!(
+                "image_size: {size}, which has no place for keypoints; give width and height of the image"
+            )));
+        }
+        let read = |value: Option<Bound<'_, PyAny>>, name, default: f32| match value {
+            Some(value) => {
+                let values = column(&value, name, at.len())?;
+                // NaN says that there is none, where that is the default.
+                let allowed = |x: &f32| x.is_finite() || (x.is_nan() && default.is_nan());
+                all_finite(name, values.iter().map(allowed))?;
+                Ok::<_, PyErr>(values)
+            }
             None => Ok(vec![default; at.len()]),
         };
         let (sizes, angles) = (
@@ -103,15 +115,19 @@ impl Features {
         );
         let responses = read(responses, "responses", 0.0)?;
         let octaves = read(octaves, "octaves", 0.0)?;
-        let keypoints = (0..at.len()).map(|i| Keypoint {
-            at: [(at[i].x + shift) as f32, (at[i].y + shift) as f32].into(),
-            size: sizes[i],
-            angle: Some(angles[i]).filter(|angle| !angle.is_nan()),
-            response: responses[i],
-            octave: octaves[i] as i16,
-        });
-        let size = Size::new(image_size.0, image_size.1);
-        let mut inner = features::Features::new(size, keypoints.collect(), described);
+        let keypoints: Vec<_> = (0..at.len())
+            .map(|i| Keypoint {
+                at: [(at[i].x + shift) as f32, (at[i].y + shift) as f32].into(),
+                size: sizes[i],
+                angle: Some(angles[i]).filter(|angle| !angle.is_nan()),
+                response: responses[i],
+                octave: octaves[i] as i16,
+            })
+            .collect();
+        // Those that single precision has no room for.
+        let finite = |k: &Keypoint| k.at.x.is_finite() && k.at.y.is_finite();
+        all_finite("keypoints", keypoints.iter().map(finite))?;
+        let mut inner = features::Features::new(size, keypoints, described);
         if let Some(lafs) = lafs {
             let flat = lafs.call_method1("reshape", (inner.len(), -1))?;
             let lafs = rows(&flat, "lafs, reshaped to n x 6,", 6)?;

@@ -152,6 +152,28 @@ def test_arrays_that_are_no_features_are_refused_in_words(keypoints, descriptors
         mb.Features.from_arrays(keypoints, descriptors, (10, 10))
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e39])
+@pytest.mark.parametrize("name", ["keypoints", "descriptors", "sizes", "angles", "responses", "octaves", "lafs"])
+def test_numbers_that_are_not_finite_are_refused_by_array_and_row(name, value):
+    arrays = {"keypoints": np.zeros((3, 2)), "descriptors": np.zeros((3, 8), np.float32)}
+    shape = {"lafs": (3, 2, 3)}.get(name, 3)
+    array = arrays.setdefault(name, np.zeros(shape, np.float32))
+    with np.errstate(over="ignore"):
+        array[(1, *[-1] * (array.ndim - 1))] = value
+    if name == "angles" and np.isnan(value):
+        assert np.array_equal(mb.Features.from_arrays(image_size=(10, 10), **arrays).angles, array, equal_nan=True)
+        return
+    with pytest.raises(ValueError, match=f"`{name}` holds a number that is not finite, in row 1"):
+        mb.Features.from_arrays(image_size=(10, 10), **arrays)
+
+
+@pytest.mark.parametrize("size", [(0, 0), (0, 10), (10, 0)])
+def test_an_image_without_pixels_has_no_keypoints(size):
+    with pytest.raises(ValueError, match=f"image_size: {size[0]}x{size[1]}, .* give width and height"):
+        mb.Features.from_arrays(np.zeros((3, 2)), np.zeros((3, 8), np.float32), size)
+    assert len(mb.Features.from_arrays(np.zeros((0, 2)), np.zeros((0, 8), np.float32), size)) == 0
+
+
 def test_one_line_switches_from_opencv(images):
     keypoints, descriptors = mb.SIFT_create().detectAndCompute(images[0], None)
     found = mb.SIFT().extract(images[0])

@@ -65,7 +65,8 @@ class Features:
         origin: str = "center",
     ) -> Features:
         """Features of anybody: keypoints n x 2 (x, y in pixels), descriptors n x d (float32, or uint8 for
-        bits), (width, height). `bits` says how many bits of a row of bytes count; default: all."""
+        bits), (width, height). `bits` says how many bits of a row of bytes count; default: all. Every number is
+        finite, but angles are NaN where there is none."""
     @property
     def keypoints(self) -> NDArray[np.float32]:
         """n x 2: x, y in pixels of the image; the centre of the first pixel is (0, 0)."""
