@@ -269,7 +269,7 @@ fn flat<T: Element + Copy, D: Dimension>(array: &PyReadonlyArray<'_, T, D>) -> V
 }
 
 /// The argument `name` is not what is `expected`.
-fn refused(value: &Bound<'_, PyAny>, name: &str, expected: &str) -> PyErr {
+pub(crate) fn refused(value: &Bound<'_, PyAny>, name: &str, expected: &str) -> PyErr {
     let message = format!("`{name}` must be {expected}; this is {}", kind_of(value));
     match value.cast::<PyUntypedArray>() {
         Ok(array) if matches!(array.dtype().kind(), b'f' | b'i' | b'u') => {

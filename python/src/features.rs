@@ -9,7 +9,9 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
 
-use crate::arrays::{all_finite, column, descriptors, descriptors_out, matrix, points, rows};
+use crate::arrays::{
+    all_finite, column, descriptors, descriptors_out, matrix, points, refused, rows,
+};
 use crate::camera::Origin;
 
 /// Keypoints of an image and their descriptors. The arrays are made when they are asked for, once, and
@@ -129,8 +131,10 @@ impl Features {
         all_finite("keypoints", keypoints.iter().map(finite))?;
         let mut inner = features::Features::new(size, keypoints, described);
         if let Some(lafs) = lafs {
-            let flat = lafs.call_method1("reshape", (inner.len(), -1))?;
-            let lafs = rows(&flat, "lafs, reshaped to n x 6,", 6)?;
+            let expected = format!("an array {} x 2 x 3", inner.len());
+            let flat = lafs.call_method1("reshape", (inner.len(), 6));
+            let flat = flat.map_err(|_| refused(&lafs, "lafs", &expected))?;
+            let lafs = rows(&flat, "lafs", 6)?;
             let frames = lafs.chunks(6).map(|l| [l[0], l[1], l[3], l[4]]);
             inner = inner.with_frames(frames.collect());
         }

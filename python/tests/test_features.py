@@ -125,6 +125,8 @@ def test_arrays_go_out_and_in_again(images):
         assert np.array_equal(one.lafs, found.lafs[[3, 1]]) and len(one) == 2
     with pytest.raises(IndexError):
         found.select([len(found)])
+    none = mb.SIFT().extract(np.zeros((90, 120), np.uint8))
+    assert len(mb.Features.from_arrays(none.keypoints, none.descriptors, none.image_size, lafs=none.lafs)) == 0
 
 
 def test_origins_differ_by_half_a_pixel(features):
@@ -150,6 +152,12 @@ def test_origins_differ_by_half_a_pixel(features):
 def test_arrays_that_are_no_features_are_refused_in_words(keypoints, descriptors, words):
     with pytest.raises((ValueError, TypeError), match=words):
         mb.Features.from_arrays(keypoints, descriptors, (10, 10))
+
+
+@pytest.mark.parametrize("lafs", [np.zeros((4, 2, 3)), np.zeros((3, 2, 2)), [[1, 0, 0], [0, 1, 0]]])
+def test_frames_of_another_shape_are_refused_in_words(lafs):
+    with pytest.raises((ValueError, TypeError), match="`lafs` must be an array 3 x 2 x 3; this is"):
+        mb.Features.from_arrays(np.zeros((3, 2)), np.zeros((3, 8), np.float32), (10, 10), lafs=lafs)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e39])
