@@ -1,17 +1,28 @@
 """Parameters as they cross to the compiled part, which checks them: JSON."""
 
 import json
+import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 
 def to_json(params: Mapping[str, Any]) -> str:
     """The parameters as JSON; numpy's numbers are numbers."""
 
-    def plain(value: Any) -> Any:
-        if hasattr(value, "item"):
-            return value.item()
-        message = f"a parameter has a value of type {type(value).__name__}; give numbers, text, bool, None or a dict"
-        raise TypeError(message)
+    return json.dumps(_plain("params", params))
 
-    return json.dumps(params, default=plain, allow_nan=False)
+
+def _plain(name: str, value: Any) -> Any:
+    """The value of the parameter `name`, of types that JSON knows."""
+    if hasattr(value, "item") and math.prod(value.shape) == 1:
+        value = value.item()
+    if isinstance(value, Mapping):
+        given = cast("Mapping[str, Any]", value)
+        return {inner: _plain(inner, each) for inner, each in given.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(name, each) for each in cast("list[Any]", value)]
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"{name}: {value}, must be a finite number")
+    if value is None or isinstance(value, (str, int, float)):
+        return value
+    raise TypeError(f"{name}: a value of type {type(value).__name__}; give numbers, text, bool, None, a list or a dict")
