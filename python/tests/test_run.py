@@ -156,6 +156,12 @@ def test_wrong_runs_are_refused_in_words(dataset, tmp_path):
         start(settings=["orb.ratio=0.7"])
     with pytest.raises(TypeError, match="a function of two images"):
         start([7])
+    with pytest.raises(ValueError, match="matchers: an empty list; give at least one"):
+        start([])
+    for name in ("threads", "repeat", "time_budget_ms"):
+        for count in (0, -1):
+            with pytest.raises(ValueError, match=f"^{name}: {count}, must be at least 1"):
+                start(**{name: count})
     with pytest.raises(mb.Error, match="two of the matchers"):
         start(["sift", mb.matcher("sift", ratio=0.7)])
     with pytest.raises(mb.Error, match="nothing"):
@@ -165,6 +171,19 @@ def test_wrong_runs_are_refused_in_words(dataset, tmp_path):
     start(["orb"])
     with pytest.raises(mb.Error, match="plan"):
         start(["orb"], seed=1)
+
+
+def test_one_is_a_list_of_one(dataset, tmp_path):
+    def plan(name, *arguments, **options):
+        mb.run(dataset, *arguments, out=tmp_path / name, limit=1, progress=False, **options)
+        return json.loads((tmp_path / name / "plan.json").read_text())
+
+    lists = plan("lists", ["orb"], ["best"], settings=["orb.ratio=0.7"])
+    assert plan("one", "orb", "best", settings="orb.ratio=0.7") == lists
+    assert plan("objects", mb.matcher("orb", ratio=0.7), mb.estimator("best")) == lists
+    assert [matcher["id"] for matcher in plan("function", by_orb)["matchers"]] == ["by_orb"]
+    with pytest.raises(ValueError, match="did you mean `sift`"):
+        plan("wrong", "sfit")
 
 
 def test_a_manifest_beside_a_name(dataset, tmp_path):

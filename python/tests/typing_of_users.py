@@ -19,4 +19,6 @@ def pose_of(path_a: str, path_b: str) -> NDArray[np.float64]:
 
 def table(folder: str) -> mb.Scores:
     run = mb.run(folder, ["sift", mb.matcher("orb")], [mb.estimator("best", threshold_px=1)], out="run")
+    again = mb.run(folder, "sift", "best", out="run", settings="sift.ratio=0.7")
+    assert again.path == run.path
     return mb.evaluate(run)

@@ -38,11 +38,11 @@ class Run:
 
 def run(
     dataset: Dataset | _Path | Sequence[Dataset | _Path],
-    matchers: Sequence[Any],
-    estimators: Sequence[str | Estimator] = (),
+    matchers: Any | Sequence[Any],
+    estimators: str | Estimator | Sequence[str | Estimator] = (),
     *,
     out: _Path,
-    settings: Sequence[str] = (),
+    settings: str | Sequence[str] = (),
     seed: int = 0,
     repeat: int = 1,
     limit: int | None = None,
@@ -54,6 +54,7 @@ def run(
     progress: bool | Callable[[int, int, str, str], None] = True,
 ) -> Run:
     """Does what is not yet recorded in the folder `out`: what `matchbench run` does, record for record.
+    Datasets, matchers, estimators and settings may be one or several: "sift" is ["sift"].
 
     A matcher is a name ("sift"), the path of a manifest ("./aliked.toml"), what `matcher(...)` returns, or
     Python: a function of two images, or an object with `extract(image)` and `match(features_a, features_b)`.
@@ -73,15 +74,20 @@ def run(
 
     Ctrl-C finishes the pairs in flight and is then raised; the same call goes on from there.
     """
-    many = [dataset] if isinstance(dataset, (Dataset, str, os.PathLike)) else list(dataset)
-    datasets = [each if isinstance(each, Dataset) else Dataset.open(each) for each in many]
+    contenders = [_any_matcher(each) for each in _several(matchers)]
+    if not contenders:
+        raise ValueError('matchers: an empty list; give at least one, as in ["sift"]')
+    for name, count in (("repeat", repeat), ("time_budget_ms", time_budget_ms), ("threads", threads)):
+        if count is not None and count < 1:
+            raise ValueError(f"{name}: {count}, must be at least 1")
+    datasets = [each if isinstance(each, Dataset) else Dataset.open(each) for each in _several(dataset)]
     with shown(progress) as bar:
         counts, absent = native_run(
             datasets,
-            [_any_matcher(each) for each in matchers],
-            list(estimators),
+            contenders,
+            _several(estimators),
             out,
-            list(settings),
+            _several(settings),
             seed,
             repeat,
             limit,
@@ -111,6 +117,11 @@ def report(
     for note in notes:
         warnings.warn(note, stacklevel=2)
     return Path(page)
+
+
+def _several(given: Any) -> list[Any]:
+    """What is given, as a list: a name, or what has no parts, is one."""
+    return [given] if isinstance(given, str) or not hasattr(given, "__iter__") else list(given)
 
 
 def _any_matcher(given: Any) -> Any:
