@@ -75,13 +75,20 @@ fn image_size(width: usize, height: usize) -> PyResult<Size> {
         .map_err(|error| value_error(format!("{error}; make it smaller first")))
 }
 
-/// Points: n x 2, of any real type; `name` is that of the argument.
+/// Points: n x 2, of any real type, or an empty list; `name` is that of the argument.
 ///
 /// # Errors
 /// If it is something else, or holds a number that is not finite.
 pub(crate) fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Point2<f64>>> {
-    let array: PyArrayLike2<'_, f64, AllowTypeChange> = (value.extract())
-        .map_err(|_| refused(value, name, "an array of numbers, n x 2 (x, y in pixels)"))?;
+    let array: PyArrayLike2<'_, f64, AllowTypeChange> = match value.extract() {
+        Ok(array) => array,
+        // A list without rows is an array without columns.
+        Err(_) if column(value, name, 0).is_ok() => return Ok(Vec::new()),
+        Err(_) => {
+            let expected = "an array of numbers, n x 2 (x, y in pixels)";
+            return Err(refused(value, name, expected));
+        }
+    };
     let view = array.as_array();
     if view.ncols() != 2 {
         return Err(refused(value, name, "n x 2 (x, y in pixels)"));

@@ -126,6 +126,16 @@ def test_too_few_matches_are_no_pose():
         mb.estimator("best").estimate(points, points, camera, camera)
     pose, info = mb.estimate_relative_pose(points, points, camera, camera)
     assert pose is None and info["num_inliers"] == 0 and "too few" in info["no_pose"]
+    for none in (np.zeros((0, 2)), np.array([]), [], ()):
+        with pytest.raises(mb.NoPose, match="too few matches: 0"):
+            mb.estimator("best").estimate(none, none, camera, camera, ambiguity=[])
+        with pytest.raises(mb.NoPose, match="too few matches: 0"):
+            mb.estimator("best-h").estimate_homography(none, none)
+        pose, info = mb.estimate_relative_pose(none, none, camera, camera)
+        assert pose is None and info["inliers"] == [] and "too few" in info["no_pose"]
+    for other in ("", {}, None, [[]], np.zeros((0, 3))):
+        with pytest.raises((ValueError, TypeError), match="points_b.*n x 2"):
+            mb.estimator("best").estimate([], other, camera, camera)
     with pytest.raises(ValueError, match="4 points in image a and 3"):
         mb.estimator("best").estimate(points, points[:3], camera, camera)
     with pytest.raises(ValueError, match="from 0"):
