@@ -10,7 +10,7 @@
 //!
 //! in the squared unit of the points: for points at depth 1, multiply by the squared focal length
 //! to get squared pixels. Where a lens distorts, a pixel is not as long everywhere, and squares are `g^T S g` with the
-//! [spread](super::Spreads) `S` of the point (the *tangent Sampson* distance).
+//! [covariance](super::Covariances) `S` of the point (the *tangent Sampson* distance).
 
 use std::ops::Range;
 
@@ -19,7 +19,7 @@ use nalgebra::{Matrix3, Point2, Vector3};
 use super::PointPairs;
 use crate::simd;
 
-/// Squared Sampson distance of each of the matches in `range`, in units of the image if they have spreads, written to `out`; NaN or infinite
+/// Squared Sampson distance of each of the matches in `range`, in units of the image if they have covariances, written to `out`; NaN or infinite
 /// for matches that are not finite.
 ///
 /// # Panics
@@ -32,14 +32,14 @@ pub fn squared_sampson_distances(
 ) {
     let e = row_major(e);
     let points = [&pairs.a_x, &pairs.a_y, &pairs.b_x, &pairs.b_y].map(|x| &x[range.clone()]);
-    match &pairs.spreads {
+    match &pairs.covariances {
         None => {
             let [a_x, a_y, b_x, b_y] = points;
             simd::squared_sampson(&e, a_x, a_y, b_x, b_y, out);
         }
-        Some(spreads) => {
-            let [a, b] =
-                [&spreads.a, &spreads.b].map(|view| view.each_ref().map(|x| &x[range.clone()]));
+        Some(covariances) => {
+            let [a, b] = [&covariances.a, &covariances.b]
+                .map(|view| view.each_ref().map(|x| &x[range.clone()]));
             simd::squared_tangent_sampson(&e, points, [a, b], out);
         }
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::Point2;
 
-use super::{Camera, PointPairs, Spreads};
+use super::{Camera, Covariances, PointPairs};
 
 /// Matched points of two images: `a[i]` and `b[i]` are taken to show the same scene point.
 ///
@@ -86,10 +86,10 @@ impl MatchedPoints {
     ///
     /// # Panics
     /// If the three lists have different lengths.
-    pub fn at_depth_1_with_spreads(&self, camera_a: &Camera, camera_b: &Camera) -> PointPairs {
+    pub fn at_depth_1_with_covariances(&self, camera_a: &Camera, camera_b: &Camera) -> PointPairs {
         let mut pairs = self.at_depth_1(camera_a, camera_b);
         let lenses = [camera_a, camera_b].map(|camera| camera.distortion.as_ref());
-        pairs.spreads = Spreads::of_lenses(pairs.iter(), lenses[0], lenses[1]);
+        pairs.covariances = Covariances::of_lenses(pairs.iter(), lenses[0], lenses[1]);
         pairs
     }
 

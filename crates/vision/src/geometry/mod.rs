@@ -3,6 +3,7 @@
 
 mod camera;
 mod cheirality;
+mod covariances;
 mod epipolar;
 mod essential;
 mod homography;
@@ -15,11 +16,11 @@ mod pose;
 mod refine;
 mod refine_homography;
 pub mod solvers;
-mod spreads;
 mod triangulation;
 
 pub use camera::{Camera, CameraError, Distortion};
 pub use cheirality::choose_pose;
+pub use covariances::Covariances;
 pub use epipolar::{agree_in_orientation, epipole_in_b, squared_sampson_distances};
 pub use essential::{decompose_essential, essential_defect, essential_from_pose};
 pub use homography::{corner_error, squared_transfer_distances, transfer};
@@ -32,5 +33,4 @@ pub use pose::{PoseError, RelativePose};
 pub(crate) use refine::pose_deviation;
 pub use refine::refine_pose;
 pub use refine_homography::refine_homography;
-pub use spreads::Spreads;
 pub use triangulation::{ray_depths, triangulate_depths};

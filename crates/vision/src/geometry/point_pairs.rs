@@ -2,7 +2,7 @@
 
 use nalgebra::Point2;
 
-use super::Spreads;
+use super::Covariances;
 
 /// Matched points at depth 1 (see [`Camera::normalize`](super::Camera::normalize)): number `i` of
 /// `a` and number `i` of `b` are taken to show the same scene point. Each coordinate is an array
@@ -18,7 +18,7 @@ pub struct PointPairs {
     /// y in view `b`.
     pub b_y: Vec<f64>,
     /// What noise in the image becomes at each of the points, where it is not the same everywhere.
-    pub spreads: Option<Spreads>,
+    pub covariances: Option<Covariances>,
 }
 
 impl PointPairs {
@@ -48,7 +48,7 @@ impl PointPairs {
         (0..self.len()).map(|index| self.get(index))
     }
 
-    /// The matches with these numbers, in the order of the numbers, with their spreads.
+    /// The matches with these numbers, in the order of the numbers, with their covariances.
     ///
     /// # Panics
     /// If there is no such match.
@@ -60,9 +60,9 @@ impl PointPairs {
             a_y: chosen(&self.a_y),
             b_x: chosen(&self.b_x),
             b_y: chosen(&self.b_y),
-            spreads: self.spreads.as_ref().map(|spreads| Spreads {
-                a: spreads.a.each_ref().map(|entry| chosen(entry)),
-                b: spreads.b.each_ref().map(|entry| chosen(entry)),
+            covariances: self.covariances.as_ref().map(|covariances| Covariances {
+                a: covariances.a.each_ref().map(|entry| chosen(entry)),
+                b: covariances.b.each_ref().map(|entry| chosen(entry)),
             }),
         }
     }

@@ -9,7 +9,9 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, UnitVector3, Vector3, Vector
 
 use super::epipolar::row_major;
 use super::levenberg_marquardt::{LeastSquares, Loss, NormalEquations, minimise};
-use super::{PointPairs, RelativePose, Spreads, essential_from_pose, squared_sampson_distances};
+use super::{
+    Covariances, PointPairs, RelativePose, essential_from_pose, squared_sampson_distances,
+};
 use crate::simd;
 
 /// The pose after at most `max_steps` steps from `start`: never one that costs more. The scale of
@@ -122,12 +124,12 @@ fn normal_equations(
         &pairs.b_x[..],
         &pairs.b_y[..],
     );
-    let sums = match &pairs.spreads {
+    let sums = match &pairs.covariances {
         None => {
             let points = [a_x, a_y, b_x, b_y];
             simd::sampson_normal_equations(&essential, &directions, points, weights)
         }
-        Some(Spreads {
+        Some(Covariances {
             a: [a0, a1, a2],
             b: [b0, b1, b2],
         }) => {
@@ -247,7 +249,7 @@ mod tests {
             k3: 0.0,
         };
         check_derivatives(&PointPairs {
-            spreads: Spreads::of_lenses(pairs.iter(), Some(&lens), Some(&lens)),
+            covariances: Covariances::of_lenses(pairs.iter(), Some(&lens), Some(&lens)),
             ..pairs
         });
     }

@@ -32,9 +32,9 @@ impl TwoViews<'_> {
     ///
     /// # Panics
     /// If the lists of the matches have different lengths.
-    pub fn at_depth_1_with_spreads(&self) -> PointPairs {
+    pub fn at_depth_1_with_covariances(&self) -> PointPairs {
         self.points
-            .at_depth_1_with_spreads(self.camera_a, self.camera_b)
+            .at_depth_1_with_covariances(self.camera_a, self.camera_b)
     }
 
     /// Pixels per unit at depth 1: the mean over both cameras and both axes.

@@ -5,7 +5,7 @@
 //! [`refine_pose`]).
 //!
 //! 1. Matched pixels become points at depth 1, each by its own camera, lens distortion undone. Distances can be
-//!    measured in units of the image all the same (see [`Spreads`](crate::geometry::Spreads)).
+//!    measured in units of the image all the same (see [`Covariances`](crate::geometry::Covariances)).
 //! 2. [`consensus_until`] over minimal samples finds the best essential matrix; each new best one is
 //!    improved on the tangent space of poses, with a truncated loss.
 //!    In the end the best is compared with the poses that a plane of its inliers allows.
@@ -169,7 +169,10 @@ impl PoseEstimator for SampleConsensus {
             Geometry::Essential {
                 tangent_sampson: true,
                 ..
-            } => (views.at_depth_1_with_spreads(), EssentialProblem::SAMPLE),
+            } => (
+                views.at_depth_1_with_covariances(),
+                EssentialProblem::SAMPLE,
+            ),
             Geometry::Essential { .. } => (views.at_depth_1(), EssentialProblem::SAMPLE),
             Geometry::Fundamental { .. } => (views.at_depth_1(), FundamentalProblem::SAMPLE),
         };

@@ -1,6 +1,6 @@
 //! Normal equations of the signed Sampson distance.
 
-use super::sampson::{epipolar, spread};
+use super::sampson::{covariance_times, epipolar};
 
 /// Matches at once: two registers of doubles.
 const LANES: usize = 4;
@@ -24,7 +24,7 @@ multiversioned! {
 
     /// As [`sampson_normal_equations`], of the distance in units of the image
     /// (see [`squared_tangent_sampson`](super::squared_tangent_sampson)): with the points come the entries xx, xy
-    /// and yy of the spreads in view a and in view b.
+    /// and yy of the covariances in view a and in view b.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -38,7 +38,7 @@ multiversioned! {
     }
 }
 
-/// Four arrays of points, or ten with their spreads.
+/// Four arrays of points, or ten with their covariances.
 #[inline(always)]
 fn normal_equations<const P: usize>(
     e: &[f64; 9],
@@ -65,8 +65,8 @@ fn normal_equations<const P: usize>(
             let (algebraic, line, back) = epipolar(e, [ax, ay], [bx, by]);
             let ([line_x, line_y], [back_x, back_y]) = if P > 4 {
                 (
-                    spread([entry(P - 3), entry(P - 2), entry(P - 1)], line),
-                    spread([entry(P - 6), entry(P - 5), entry(P - 4)], back),
+                    covariance_times([entry(P - 3), entry(P - 2), entry(P - 1)], line),
+                    covariance_times([entry(P - 6), entry(P - 5), entry(P - 4)], back),
                 )
             } else {
                 (line, back)

@@ -24,25 +24,25 @@ multiversioned! {
         }
     }
 
-    /// As [`squared_sampson`], in units of the image: where a pixel of noise has the spread S (xx, xy, yy; of
+    /// As [`squared_sampson`], in units of the image: where a pixel of noise has the covariance S (xx, xy, yy; of
     /// view a, then of view b), a gradient g has the squared length `g^T S g`.
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn squared_tangent_sampson(e: &[f64; 9], points: [&[f64]; 4], spreads: [[&[f64]; 3]; 2], out: &mut [f64]) {
+    pub fn squared_tangent_sampson(e: &[f64; 9], points: [&[f64]; 4], covariances: [[&[f64]; 3]; 2], out: &mut [f64]) {
         let n = out.len();
         let [a_x, a_y, b_x, b_y] = points;
-        let [[a_xx, a_xy, a_yy], [b_xx, b_xy, b_yy]] = spreads;
+        let [[a_xx, a_xy, a_yy], [b_xx, b_xy, b_yy]] = covariances;
         assert!(
-            points.iter().chain(spreads.as_flattened()).all(|x| x.len() == n),
+            points.iter().chain(covariances.as_flattened()).all(|x| x.len() == n),
             "one entry for each match"
         );
         for i in 0..n {
             let (algebraic, line, back) = epipolar(e, [a_x[i], a_y[i]], [b_x[i], b_y[i]]);
-            let spread_line = spread([b_xx[i], b_xy[i], b_yy[i]], line);
-            let spread_back = spread([a_xx[i], a_xy[i], a_yy[i]], back);
-            let lines = line[0].mul_add(spread_line[0], line[1] * spread_line[1]);
-            let backs = back[0].mul_add(spread_back[0], back[1] * spread_back[1]);
+            let line_b = covariance_times([b_xx[i], b_xy[i], b_yy[i]], line);
+            let line_a = covariance_times([a_xx[i], a_xy[i], a_yy[i]], back);
+            let lines = line[0].mul_add(line_b[0], line[1] * line_b[1]);
+            let backs = back[0].mul_add(line_a[0], back[1] * line_a[1]);
             out[i] = algebraic * algebraic / (lines + backs);
         }
     }
@@ -139,7 +139,7 @@ pub(super) fn epipolar(
 
 /// `S g` for the symmetric matrix S of these entries xx, xy, yy.
 #[inline(always)]
-pub(super) fn spread([xx, xy, yy]: [f64; 3], [x, y]: [f64; 2]) -> [f64; 2] {
+pub(super) fn covariance_times([xx, xy, yy]: [f64; 3], [x, y]: [f64; 2]) -> [f64; 2] {
     [xx.mul_add(x, xy * y), xy.mul_add(x, yy * y)]
 }
 

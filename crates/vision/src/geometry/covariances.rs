@@ -8,10 +8,10 @@
 //! noise of covariance `s^2 I` there has the covariance `s^2 J J^T` at depth 1. The Sampson distance is to tell by how much the
 //! points must move *in the image*, so the gradients of the epipolar equation by the points, which have the squared lengths
 //! `g^T g` where a pixel is as long everywhere, have `(J^T g)^T (J^T g) = g^T (J J^T) g` here. The matrix `J J^T` is called the
-//! *spread* of a point.
+//! *covariance* of a point: that of noise of one pixel.
 //!
 //! *Choice the paper leaves open*: where the model of the lens folds the image over or stretches it more than fourfold,
-//! as polynomials do beyond the pixels that they were fitted to, it is not believed and the spread is the identity.
+//! as polynomials do beyond the pixels that they were fitted to, it is not believed and the covariance is the identity.
 
 use nalgebra::{Matrix2, Point2};
 
@@ -20,16 +20,16 @@ use super::Distortion;
 /// Largest stretch of a length that is taken for what a lens does.
 const MOST_STRETCH: f64 = 4.0;
 
-/// The spread of each point of [`PointPairs`](super::PointPairs): the entries xx, xy and yy of a symmetric matrix.
+/// The covariance of each point of [`PointPairs`](super::PointPairs): the entries xx, xy and yy of a symmetric matrix.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Spreads {
+pub struct Covariances {
     /// Of the points in view `a`.
     pub a: [Vec<f64>; 3],
     /// Of the points in view `b`.
     pub b: [Vec<f64>; 3],
 }
 
-impl Spreads {
+impl Covariances {
     /// Those of matched points at depth 1 that these lenses show; `None` where neither distorts.
     pub fn of_lenses(
         pairs: impl IntoIterator<Item = (Point2<f64>, Point2<f64>)>,
@@ -39,25 +39,25 @@ impl Spreads {
         if lens_a.is_none() && lens_b.is_none() {
             return None;
         }
-        let mut spreads = Self::default();
+        let mut covariances = Self::default();
         for (a, b) in pairs {
-            spreads.push(spread(lens_a, a), spread(lens_b, b));
+            covariances.push(covariance(lens_a, a), covariance(lens_b, b));
         }
-        Some(spreads)
+        Some(covariances)
     }
 
     /// Appends those of a match.
     fn push(&mut self, a: [f64; 3], b: [f64; 3]) {
-        for (view, spread) in [(&mut self.a, a), (&mut self.b, b)] {
-            for (entries, entry) in view.iter_mut().zip(spread) {
+        for (view, covariance) in [(&mut self.a, a), (&mut self.b, b)] {
+            for (entries, entry) in view.iter_mut().zip(covariance) {
                 entries.push(entry);
             }
         }
     }
 }
 
-/// The spread of a point at depth 1.
-fn spread(lens: Option<&Distortion>, point: Point2<f64>) -> [f64; 3] {
+/// The covariance of a point at depth 1.
+fn covariance(lens: Option<&Distortion>, point: Point2<f64>) -> [f64; 3] {
     const IDENTITY: [f64; 3] = [1.0, 0.0, 1.0];
     let Some(lens) = lens else {
         return IDENTITY;
@@ -67,10 +67,10 @@ fn spread(lens: Option<&Distortion>, point: Point2<f64>) -> [f64; 3] {
     if seen_by_point.determinant() <= 0.0 || seen_by_point.trace() <= 0.0 {
         return IDENTITY;
     }
-    let spread = seen_by_point
+    let covariance = seen_by_point
         .try_inverse()
         .map(|j: Matrix2<f64>| j * j.transpose());
-    match spread {
+    match covariance {
         // The trace is the sum of the squared stretches along the axes of the ellipse; NaN is no stretch.
         Some(s) if s.trace() <= MOST_STRETCH * MOST_STRETCH => [s.m11, s.m12, s.m22],
         _ => IDENTITY,
@@ -116,7 +116,7 @@ mod tests {
             let b = at(&ideal, matches.b[i], moves[2], moves[3]);
             b.to_homogeneous().dot(&(e * a.to_homogeneous()))
         };
-        let pairs = matches.at_depth_1_with_spreads(&camera, &ideal);
+        let pairs = matches.at_depth_1_with_covariances(&camera, &ideal);
         let mut squared = [0.0; 2];
         squared_sampson_distances(&e, &pairs, 0..2, &mut squared);
         for (i, squared) in squared.into_iter().enumerate() {
@@ -143,17 +143,17 @@ mod tests {
     }
 
     #[test]
-    fn where_no_lens_distorts_there_are_no_spreads() {
+    fn where_no_lens_distorts_there_are_no_covariances() {
         let ideal = Camera::pinhole(300.0, 310.0, 320.0, 240.0);
         let mut matches = MatchedPoints::default();
         matches.push(Point2::new(3.0, 4.0), Point2::new(5.0, 6.0), 0.1);
-        let pairs = matches.at_depth_1_with_spreads(&ideal, &ideal);
+        let pairs = matches.at_depth_1_with_covariances(&ideal, &ideal);
         assert_eq!(pairs, matches.at_depth_1(&ideal, &ideal));
-        assert_eq!(pairs.spreads, None);
+        assert_eq!(pairs.covariances, None);
     }
 
     #[test]
-    fn a_lens_beyond_belief_spreads_nothing() {
+    fn a_lens_beyond_belief_changes_nothing() {
         // r (1 - 0.5 r^2) has its fold at r = 0.816.
         let folding = Distortion {
             k1: -0.5,
@@ -162,28 +162,31 @@ mod tests {
             p2: 0.0,
             k3: 0.0,
         };
-        let stretch = |r: f64| spread(Some(&folding), Point2::new(r, 0.0))[0].sqrt();
+        let stretch = |r: f64| covariance(Some(&folding), Point2::new(r, 0.0))[0].sqrt();
         assert!((stretch(0.5) - 1.0 / 0.625).abs() < 1e-12);
         for r in [0.8, 0.82, 1.0, 1e9, f64::INFINITY, f64::NAN] {
-            assert_eq!(spread(Some(&folding), Point2::new(r, 0.0)), [1.0, 0.0, 1.0]);
+            assert_eq!(
+                covariance(Some(&folding), Point2::new(r, 0.0)),
+                [1.0, 0.0, 1.0]
+            );
         }
     }
 
     #[test]
-    fn chosen_matches_keep_their_spreads() {
+    fn chosen_matches_keep_their_covariances() {
         let mut matches = MatchedPoints::default();
         for i in 0..4 {
             let x = f64::from(100 * i);
             matches.push(Point2::new(x, 5.0), Point2::new(5.0, x), 0.1);
         }
-        let pairs = matches.at_depth_1_with_spreads(&camera(), &camera());
+        let pairs = matches.at_depth_1_with_covariances(&camera(), &camera());
         let chosen = pairs.chosen(&[3, 1]);
         assert_eq!((chosen.get(0), chosen.get(1)), (pairs.get(3), pairs.get(1)));
-        let spreads = |pairs: &PointPairs, i: usize| {
-            let spreads = pairs.spreads.as_ref().expect("lenses that distort");
-            [&spreads.a, &spreads.b].map(|view| view.each_ref().map(|entry| entry[i]))
+        let covariances = |pairs: &PointPairs, i: usize| {
+            let covariances = pairs.covariances.as_ref().expect("lenses that distort");
+            [&covariances.a, &covariances.b].map(|view| view.each_ref().map(|entry| entry[i]))
         };
-        assert_eq!(spreads(&chosen, 0), spreads(&pairs, 3));
-        assert_eq!(spreads(&chosen, 1), spreads(&pairs, 1));
+        assert_eq!(covariances(&chosen, 0), covariances(&pairs, 3));
+        assert_eq!(covariances(&chosen, 1), covariances(&pairs, 1));
     }
 }
