@@ -17,10 +17,6 @@ use crate::output::{harmless, is_standard_output, say, stdout};
 pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
     let after = args.after.as_ref().unwrap_or(&args.before);
     let sets = [load(&args.before, None)?, load(after, None)?];
-    warn_of_unfinished(&args.before, &sets[0])?;
-    if args.before != *after {
-        warn_of_unfinished(after, &sets[1])?;
-    }
     same_truth(&args.before, after)?;
     let (matches, alone) = match &args.matchers[..] {
         [] => same_methods(&sets),
@@ -46,10 +42,18 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
     let runs = [&args.before, after];
     let mut text = table(&rows);
     text.push('\n');
+    for (run, sets) in runs
+        .into_iter()
+        .zip(&sets)
+        .take(if runs[0] == runs[1] { 1 } else { 2 })
+    {
+        // What other methods have is told below.
+        if sets.iter().all(|set| missing(set) == 0) {
+            warn_of_unfinished(run, sets)?;
+        }
+    }
     for (set, run) in rows.iter().flat_map(|row| row.sets.into_iter().zip(runs)) {
-        let missing = set.pairs.iter();
-        let missing = missing.filter(|pair| pair.outcome == Err(Failure::Missing));
-        match missing.count() {
+        match missing(set) {
             0 => {}
             missing => say!(
                 "warning: {}: {missing} of {} pairs of {} have no result with {} and count as wrong",
@@ -92,6 +96,14 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
         write_page(out, args, runs, &rows)?;
     }
     Ok(Ending::Done)
+}
+
+/// Pairs of the dataset that have no result in a set.
+fn missing(set: &ResultSet) -> usize {
+    let pairs = set.pairs.iter();
+    pairs
+        .filter(|pair| pair.outcome == Err(Failure::Missing))
+        .count()
 }
 
 /// Writes the page of the pairs where they differ most.
