@@ -53,7 +53,7 @@ pub enum TimeError {
     Io(#[from] io::Error),
     /// The system gives no thread.
     #[error("cannot start a thread: {0}")]
-    Thread(#[from] rayon::ThreadPoolBuildError),
+    Thread(String),
     /// The dataset has no pairs.
     #[error("{0} has no pairs to measure on")]
     NoPairs(String),
@@ -70,7 +70,8 @@ pub fn time(
     pairs: usize,
     cancel: &Cancel,
 ) -> Result<Option<Timing>, TimeError> {
-    let one_thread = ThreadPoolBuilder::new().num_threads(1).build()?;
+    let one_thread = (ThreadPoolBuilder::new().num_threads(1).build())
+        .map_err(|error| TimeError::Thread(error.to_string()))?;
     one_thread.install(|| {
         let measure = |pairs| measure(dataset, contender, pairs, cancel);
         let Some(_) = measure(PROBES)? else {

@@ -93,6 +93,21 @@ fn unsafe_code_stays_in_one_room() {
 }
 
 #[test]
+fn no_message_is_printed_twice() {
+    // What a message holds and `source()` returns too, stands twice where chains are printed.
+    for (path, text) in own_files() {
+        for (number, line) in code(&text) {
+            let twice = line.contains("#[error(") && line.contains(concat!("{so", "urce}"));
+            assert!(
+                !twice,
+                "{}:{number} holds its source: call the field `error`",
+                path.display()
+            );
+        }
+    }
+}
+
+#[test]
 fn no_file_grows_without_being_asked_why() {
     for (path, text) in own_files() {
         let lines = text.lines().count();

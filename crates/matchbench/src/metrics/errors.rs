@@ -46,12 +46,12 @@ const IDENTIFIERS: &str = "identifiers";
 #[derive(Debug, thiserror::Error)]
 pub enum ErrorTableError {
     /// A file or folder cannot be read.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {error}", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
         /// What the system says.
-        source: std::io::Error,
+        error: std::io::Error,
     },
     /// A line is not what it should be.
     #[error("{}:{line}: {problem}", path.display())]
@@ -76,7 +76,7 @@ pub enum ErrorTableError {
 pub fn load_errors(folder: &Path) -> Result<Vec<ResultSet>, ErrorTableError> {
     let io = |path: &Path| {
         let path = path.to_path_buf();
-        move |source| ErrorTableError::Io { path, source }
+        move |error| ErrorTableError::Io { path, error }
     };
     let mut files = Vec::new();
     for entry in fs::read_dir(folder).map_err(io(folder))? {

@@ -169,9 +169,9 @@ fn is_dataset(datasets: &Path, name: &str) -> bool {
 /// The true poses of a `groundtruth.txt`; where its rows name no pairs, they are those of the
 /// results in `first`.
 fn read_truth(truth: &Path, first: &Path) -> Result<Vec<Pair>, ResultsError> {
-    let text = read_text(truth).map_err(|source| ResultsError::Io {
+    let text = read_text(truth).map_err(|error| ResultsError::Io {
         path: truth.to_path_buf(),
-        source,
+        error,
     })?;
     let row = text.lines().find(|line| !line.trim().is_empty());
     if row.is_some_and(|row| row.split_whitespace().count() == 12) {

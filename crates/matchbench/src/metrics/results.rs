@@ -59,12 +59,12 @@ pub struct FileResults {
 #[derive(Debug, thiserror::Error)]
 pub enum ResultsError {
     /// A file or folder cannot be read.
-    #[error("{path}: {source}")]
+    #[error("{path}: {error}")]
     Io {
         /// The file or folder.
         path: PathBuf,
         /// What the system says.
-        source: io::Error,
+        error: io::Error,
     },
     /// A line is not what it should be.
     #[error("{path}:{line}: {problem}")]
@@ -299,9 +299,9 @@ pub(super) fn files(path: &Path, extension: &str) -> Result<Vec<(String, PathBuf
 }
 
 fn entries(path: &Path) -> Result<Vec<(String, PathBuf)>, ResultsError> {
-    let io = |source| ResultsError::Io {
+    let io = |error| ResultsError::Io {
         path: path.to_path_buf(),
-        source,
+        error,
     };
     let mut entries = Vec::new();
     for entry in fs::read_dir(path).map_err(io)? {

@@ -23,12 +23,12 @@ use crate::files::{read_file, read_text, write_whole};
 #[derive(Debug, thiserror::Error)]
 pub enum AuthorsError {
     /// A file cannot be read.
-    #[error("cannot read {}: {source}", path.display())]
+    #[error("cannot read {}: {error}", path.display())]
     Read {
         /// Which file.
         path: PathBuf,
         /// What the system said.
-        source: io::Error,
+        error: io::Error,
     },
     /// There is a file with other results, which may be somebody else's.
     #[error("{} has other results already; delete it, or export into another folder", path.display())]
@@ -94,9 +94,9 @@ impl Row {
 /// # Errors
 /// If the file cannot be read or a line is not a row.
 pub fn read(path: &Path) -> Result<Vec<Row>, AuthorsError> {
-    let text = read_text(path).map_err(|source| AuthorsError::Read {
+    let text = read_text(path).map_err(|error| AuthorsError::Read {
         path: path.into(),
-        source,
+        error,
     })?;
     (text.lines().enumerate())
         .filter(|(_, line)| !line.trim().is_empty())

@@ -26,14 +26,14 @@ use crate::files::{Appender, LineBlocks, LineError, open_file, write_whole};
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// The file system refused.
-    #[error("cannot {action} {}: {source}", path.display())]
+    #[error("cannot {action} {}: {error}", path.display())]
     Io {
         /// What was tried.
         action: &'static str,
         /// With which file.
         path: PathBuf,
         /// What the system said.
-        source: io::Error,
+        error: io::Error,
     },
     /// A whole line that is not a record.
     #[error(
@@ -78,10 +78,10 @@ pub enum StoreError {
 
 impl StoreError {
     pub(super) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::Io {
+        move |error| Self::Io {
             action,
             path: path.into(),
-            source,
+            error,
         }
     }
 }

@@ -52,12 +52,12 @@ pub enum StudyError {
     #[error(transparent)]
     Tuned(#[from] FolderError),
     /// Matches of another tool cannot be read.
-    #[error("matches of {name}: {source}")]
+    #[error("matches of {name}: {error}")]
     Matches {
         /// The name that they have.
         name: String,
         /// What is wrong.
-        source: ExchangeError,
+        error: ExchangeError,
     },
     /// No matcher could be started.
     #[error("no matcher could be started: {0}")]

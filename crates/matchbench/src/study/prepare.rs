@@ -238,10 +238,10 @@ fn open_matches(
     planned: Option<&Value>,
 ) -> Result<MatchSource, StudyError> {
     let options = ReadOptions::of(from).map_err(ContenderError::from)?;
-    MatchSource::open(&from.files, sequences, &options, planned).map_err(|source| {
+    MatchSource::open(&from.files, sequences, &options, planned).map_err(|error| {
         StudyError::Matches {
             name: from.name.clone(),
-            source,
+            error,
         }
     })
 }
