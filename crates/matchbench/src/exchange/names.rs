@@ -5,6 +5,7 @@
 //! one image alone ends so. A name is never opened as a file.
 
 use std::collections::HashMap;
+use std::fmt;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -23,6 +24,16 @@ pub(super) enum PairName {
     Two(String, String),
     /// Both names with this character between them, which names may contain too.
     Joined(String, char),
+}
+
+impl fmt::Display for PairName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Frames(a, b) => write!(f, "`{a} {b}`"),
+            Self::Two(a, b) => write!(f, "`{a}` and `{b}`"),
+            Self::Joined(name, _) => write!(f, "`{name}`"),
+        }
+    }
 }
 
 /// How frames are named.

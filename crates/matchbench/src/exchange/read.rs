@@ -145,9 +145,15 @@ impl MatchFiles {
             if let Some(frames) = frames
                 && let Some(before) = found.insert(frames, index)
             {
+                let (first, first_file) = (&contents.pairs[before], contents.source.file(before));
+                let elsewhere = if first_file == file {
+                    String::new()
+                } else {
+                    format!(" in {}", first_file.display())
+                };
                 let what = format!(
-                    "pair {} {} is there twice ({:?} and {name:?})",
-                    frames.0, frames.1, contents.pairs[before]
+                    "{} is there twice, as {name} and as {first}{elsewhere}",
+                    pair_in_words(frames.0, frames.1)
                 );
                 return Err(ExchangeError::new(file, what, "keep one of them"));
             }
@@ -313,6 +319,14 @@ impl MatchFiles {
             }
         }
         for (points, frame, image) in [(&raw.a, a, "a"), (&raw.b, b, "b")] {
+            let finite = |point: &[f64; 2]| point.iter().all(|at| at.is_finite());
+            if let Some(number) = points.iter().position(|point| !finite(point)) {
+                let [x, y] = points[number];
+                let what = format!(
+                    "match {number}: the point ({x}, {y}) of image {image} is not of finite numbers"
+                );
+                return Err(self.wrong(index, (a, b), what));
+            }
             let inside = self.bounds(frame, &raw);
             if let Some(number) = points.iter().position(|point| !inside(*point)) {
                 let [x, y] = points[number];
@@ -331,7 +345,7 @@ impl MatchFiles {
         Ok(raw)
     }
 
-    /// Whether a point is finite and in the image, but for rounding.
+    /// Whether a finite point is in the image, but for rounding.
     fn bounds(&self, frame: u32, raw: &RawMatches) -> impl Fn([f64; 2]) -> bool + use<> {
         let [width, height] = self.stored_size(frame);
         let first = self.understood.pixel_center - 0.5;

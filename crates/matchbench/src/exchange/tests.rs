@@ -303,10 +303,10 @@ fn points_outside_the_image_name_pair_and_match() {
                     message.contains(&format!("match {number}: the point")),
                     "{message}"
                 );
-                assert!(
-                    message.contains("0_1.txt") && message.contains("--resized"),
-                    "{message}"
-                );
+                let is_finite = !lines.contains("nan") && !lines.contains("inf");
+                assert!(message.contains("0_1.txt"), "{message}");
+                assert_eq!(message.contains("--resized"), is_finite, "{message}");
+                assert_eq!(message.contains("finite numbers"), !is_finite, "{message}");
             }
         }
     }
@@ -355,6 +355,19 @@ fn scores_beyond_the_unit_interval_keep_their_order() {
             .unwrap()
             .to_string()
             .contains("match 0 has the score NaN")
+    );
+}
+
+#[test]
+fn a_pair_that_is_there_twice_is_named_with_both_files() {
+    let (_folder, path, sequence) = text("0 0 1 1");
+    fs::write(path.join("00_01.txt"), "0 0 1 1").unwrap();
+    let error = MatchFiles::open(&[path], &sequence, &options(Some(0.0), None)).err();
+    let message = error.unwrap().to_string();
+    let named = "0_1.txt: pair 0 1 is there twice, as `0_1` and as `00_01` in ";
+    assert!(
+        message.contains(named) && message.contains("00_01.txt; keep one"),
+        "{message}"
     );
 }
 
