@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use matchbench::external::{Breakdown, External, Image, Log, Manifest, StartError};
+use matchbench::external::{Breakdown, BuiltIn, External, Image, Log, Manifest, StartError};
 use matchbench_vision::image::Size;
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -216,7 +216,8 @@ fn manifest(folder: &Path, behaviour: &str, more: &str) -> Manifest {
         "--nocapture".into(),
     ];
     let text = format!("name = \"test\"\ncommand = {}\n{more}", json!(command));
-    Manifest::parse(&folder.join("test.toml"), &text, &[]).expect("it is well-formed")
+    Manifest::parse(&folder.join("test.toml"), &text, &BuiltIn::default())
+        .expect("it is well-formed")
 }
 
 fn this_program() -> PathBuf {
@@ -383,7 +384,8 @@ fn a_child_that_does_not_get_ready_is_an_error_that_names_the_log() {
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
     let text = "name = 'test'\ncommand = ['no-such-program-anywhere']\n";
-    let manifest = Manifest::parse(&folder.path().join("x.toml"), text, &[]).expect("well-formed");
+    let manifest = Manifest::parse(&folder.path().join("x.toml"), text, &BuiltIn::default())
+        .expect("well-formed");
     let log = Log::open(&folder.path().join("x.log")).expect("can be written");
     let error = External::start(manifest, log)
         .err()
@@ -436,7 +438,8 @@ fn a_program_that_prints_matches_is_a_matcher_by_a_shell_script() {
         "name = 'shell'\ncommand = {}\n",
         json!(["sh", script, "sh", program])
     );
-    let manifest = Manifest::parse(&folder.path().join("x.toml"), &text, &[]).expect("well-formed");
+    let manifest = Manifest::parse(&folder.path().join("x.toml"), &text, &BuiltIn::default())
+        .expect("well-formed");
     let log = Log::open(&folder.path().join("x.log")).expect("can be written");
     let external = External::start(manifest, log).expect("it starts");
     let image = |name: &'static str| Image {

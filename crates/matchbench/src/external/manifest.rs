@@ -29,6 +29,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::config::find;
+
 /// The only key of a setting that is not a parameter of the child.
 const MATCHING: &str = "matching";
 /// Longest file that is read as a manifest, in bytes.
@@ -96,6 +98,15 @@ impl Matching {
     }
 }
 
+/// What is built in, which a manifest may name or must not be called.
+#[derive(Clone, Debug, Default)]
+pub struct BuiltIn {
+    /// Ids of matchers.
+    pub matchers: Vec<&'static str>,
+    /// Ids of estimators.
+    pub estimators: Vec<&'static str>,
+}
+
 /// A manifest that cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}{}: {what}; {remedy}", .file.display(), .line.map(|n| format!(":{n}")).unwrap_or_default())]
@@ -122,7 +133,7 @@ struct Text {
     command: toml::Spanned<Vec<String>>,
     #[serde(default)]
     kind: KindName,
-    estimator: Option<String>,
+    estimator: Option<toml::Spanned<String>>,
     #[serde(default = "one_minute")]
     timeout_s: toml::Spanned<f64>,
     #[serde(default = "five_minutes")]
@@ -151,12 +162,12 @@ impl Manifest {
             || name.contains(['/', '\\'])
     }
 
-    /// Reads the manifest at `path`. Names that are `taken` (ids of native matchers and estimators)
-    /// cannot be its own: `--set` and records could not tell them apart.
+    /// Reads the manifest at `path`. Its own name cannot be one that is `built_in`: `--set` and records could
+    /// not tell them apart.
     ///
     /// # Errors
     /// If the file cannot be read or says something that cannot be.
-    pub fn read(path: &Path, taken: &[&str]) -> Result<Self, ManifestError> {
+    pub fn read(path: &Path, built_in: &BuiltIn) -> Result<Self, ManifestError> {
         let path = std::path::absolute(path).map_err(|error| io_error(path, &error.to_string()))?;
         let about = fs::metadata(&path).map_err(|error| io_error(&path, &error.to_string()))?;
         if !about.is_file() || about.len() > LONGEST {
@@ -167,22 +178,32 @@ impl Manifest {
         }
         let text =
             fs::read_to_string(&path).map_err(|error| io_error(&path, &error.to_string()))?;
-        Self::parse(&path, &text, taken)
+        Self::parse(&path, &text, built_in)
     }
 
     /// The manifest with this `text`, as if it stood at the absolute `path`.
     ///
     /// # Errors
     /// If it says something that cannot be.
-    pub fn parse(path: &Path, text: &str, taken: &[&str]) -> Result<Self, ManifestError> {
+    pub fn parse(path: &Path, text: &str, built_in: &BuiltIn) -> Result<Self, ManifestError> {
         let source = Source { path, text };
         let file: Text = toml::from_str(text).map_err(|error| {
             let remedy = "correct this line; the head of a manifest of `adapters` shows all keys";
             let what = error.message().replace('\n', ", ");
             source.error(error.span().map(|span| span.start), what, remedy)
         })?;
-        source.check_name(&file.name, taken)?;
+        source.check_name(&file.name, built_in)?;
         source.check_command(&file.command)?;
+        if let Some(estimator) = &file.estimator {
+            let known = find(
+                "estimator",
+                &built_in.estimators,
+                |id| id,
+                estimator.get_ref(),
+            );
+            let at = Some(estimator.span().start);
+            known.map_err(|what| source.error(at, what.to_string(), "correct this line"))?;
+        }
         let timeout = source.seconds("timeout_s", &file.timeout_s)?;
         let start_timeout = source.seconds("start_timeout_s", &file.start_timeout_s)?;
         let workers = *file.workers.get_ref();
@@ -221,7 +242,7 @@ impl Manifest {
             reference: file.reference,
             command: file.command.into_inner(),
             kind,
-            estimator: file.estimator,
+            estimator: file.estimator.map(toml::Spanned::into_inner),
             timeout,
             start_timeout,
             workers,
@@ -326,7 +347,7 @@ impl Source<'_> {
     fn check_name(
         &self,
         name: &toml::Spanned<String>,
-        taken: &[&str],
+        built_in: &BuiltIn,
     ) -> Result<(), ManifestError> {
         let (at, name) = (Some(name.span().start), name.get_ref());
         let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
@@ -335,7 +356,8 @@ impl Source<'_> {
             let remedy = "use up to 64 lower-case letters, digits and dashes, as in `aliked-n16`";
             return Err(self.error(at, what, remedy));
         }
-        if name == "all" || taken.contains(&name.as_str()) {
+        let mut taken = built_in.matchers.iter().chain(&built_in.estimators);
+        if name == "all" || taken.any(|id| id == name) {
             let what = format!("`{name}` is taken by what is built in");
             return Err(self.error(at, what, "choose another name"));
         }
@@ -425,7 +447,11 @@ mod tests {
     const LEAST: &str = "name = 'x'\ncommand = ['serve']\n";
 
     fn parse(text: &str) -> Result<Manifest, ManifestError> {
-        Manifest::parse(Path::new("/m/x.toml"), text, &["sift", "best"])
+        let built_in = BuiltIn {
+            matchers: vec!["sift"],
+            estimators: vec!["best"],
+        };
+        Manifest::parse(Path::new("/m/x.toml"), text, &built_in)
     }
 
     #[test]
@@ -462,6 +488,11 @@ mod tests {
                 "1000000000",
             ),
             ("name = 'x'\ncommand = ['a']\nworkers = 0\n", 3, "workers"),
+            (
+                "name = 'x'\ncommand = ['a']\nestimator = 'bset'\n",
+                3,
+                "unknown estimator `bset` (did you mean `best`?)",
+            ),
             ("name = 'x'\ncommand = ['a']\nkind = 'poses'\n", 3, "poses"),
             (
                 "name = 'x'\ncommand = ['a']\n[matching]\nratio = 0.8\n",

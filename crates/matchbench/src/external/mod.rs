@@ -56,7 +56,7 @@ mod worker;
 pub use answer::{Described, Matched, Times};
 pub use check::{Finding, Verdict, check};
 pub use log::Log;
-pub use manifest::{Kind, Manifest, ManifestError, Matching};
+pub use manifest::{BuiltIn, Kind, Manifest, ManifestError, Matching};
 pub use pool::{Breakdown, External, Image, StartError};
 pub use process::end_all;
 pub use worker::Identity;

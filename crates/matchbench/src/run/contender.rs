@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::cache::FeatureCache;
 use crate::config::{Changes, ConfigError, UnknownName, together};
 use crate::estimators::{self, BuiltEstimator, ESTIMATORS};
-use crate::external::{External, Log, Manifest, ManifestError, StartError};
+use crate::external::{BuiltIn, External, Log, Manifest, ManifestError, StartError};
 use crate::matchers::{self, BuiltMatcher, BuiltPointSource, MATCHERS, SIZES, Source};
 use crate::protocols::{EstimatorRule, MATCHBENCH, Protocol};
 
@@ -227,16 +227,17 @@ impl Contender {
     }
 }
 
-/// The manifest at `path` with what `changes` has for it; it cannot be called as what is built in.
+/// The manifest at `path` with what `changes` has for it; it cannot be called as what is built in, and its
+/// estimator is.
 ///
 /// # Errors
 /// If the manifest is wrong, or a change does not fit it.
 pub fn manifest(path: &Path, changes: &Changes) -> Result<Manifest, ManifestError> {
-    let matchers = MATCHERS.iter().map(|entry| entry.id());
-    let taken: Vec<&str> = matchers
-        .chain(ESTIMATORS.iter().map(|entry| entry.id()))
-        .collect();
-    let manifest = Manifest::read(path, &taken)?;
+    let built_in = BuiltIn {
+        matchers: MATCHERS.iter().map(|entry| entry.id()).collect(),
+        estimators: ESTIMATORS.iter().map(|entry| entry.id()).collect(),
+    };
+    let manifest = Manifest::read(path, &built_in)?;
     match changes.of(&manifest.name) {
         Some(changes) => manifest.with(changes),
         None => Ok(manifest),

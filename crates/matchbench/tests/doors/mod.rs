@@ -13,7 +13,7 @@ use matchbench::datasets::{
     read_pairs, read_source,
 };
 use matchbench::exchange::{MatchFiles, ReadOptions};
-use matchbench::external::Manifest;
+use matchbench::external::{BuiltIn, Manifest};
 use matchbench::metrics::load;
 use matchbench::records::store::{self, RecordWriter};
 use matchbench::records::{MatchesFile, RunFolder, authors};
@@ -315,7 +315,11 @@ impl Doors {
 
     fn manifest(&self, bytes: &[u8]) -> bool {
         let text = String::from_utf8_lossy(bytes);
-        Manifest::parse(&self.at("matcher.toml"), &text, &["sift"]).is_ok()
+        let built_in = BuiltIn {
+            matchers: vec!["sift"],
+            ..BuiltIn::default()
+        };
+        Manifest::parse(&self.at("matcher.toml"), &text, &built_in).is_ok()
     }
 }
 
