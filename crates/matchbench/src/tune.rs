@@ -111,6 +111,23 @@ fn variants(tuning: &Tuning<'_>) -> Result<Vec<Contender>, TuneError> {
         let reason = format!("{parameter}: at least two values are needed");
         return Err(TuneError::Parameter(reason));
     }
+    let is_equal = |one: &Value, other: &Value| {
+        one == other
+            || one
+                .as_f64()
+                .zip(other.as_f64())
+                .is_some_and(|(x, y)| x == y)
+    };
+    for (index, value) in tuning.values.iter().enumerate() {
+        if tuning.values[..index]
+            .iter()
+            .any(|other| is_equal(value, other))
+        {
+            let reason =
+                format!("{parameter}: the value {value} is there twice; give each value once");
+            return Err(TuneError::Parameter(reason));
+        }
+    }
     let (id, changes) = ([id.to_owned()], tuning.changes);
     let outside = Outside {
         logs: &tuning.folder.join("logs"),

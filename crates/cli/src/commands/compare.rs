@@ -355,7 +355,7 @@ fn verdict(comparison: &Comparison) -> &'static str {
         .is_some_and(|i| i.low == 0.0 && i.high == 0.0);
     match score.value {
         _ if comparison.changed == 0 => "same",
-        Some(0.0) if never_moves => "same AUC",
+        Some(_) if score.is_zero() && never_moves => "same AUC",
         Some(change) if comparison.is_certain() && change > 0.0 => "better",
         Some(_) if comparison.is_certain() => "worse",
         _ => "not certain",

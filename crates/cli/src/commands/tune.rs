@@ -50,13 +50,23 @@ fn print(tuned: &Tuned, parameter: &str, folder: &Path) -> Result<()> {
     writeln!(out, "{parameter}: mean AUC over datasets and matchers")?;
     let chosen = |value: &Value| tuned.setting == format!("{parameter}={value}");
     let best = tuned.auc.iter().find(|(value, _)| chosen(value));
+    let all_equal = tuned.auc.windows(2).all(|two| two[0].1 == two[1].1);
     for (value, auc) in &tuned.auc {
         let mark = match best {
+            _ if all_equal => "",
             _ if chosen(value) => "  <- best",
             Some((_, best)) if best == auc => "  as good",
             _ => "",
         };
         writeln!(out, "  {value:<12} {auc:.4}{mark}")?;
+    }
+    if all_equal {
+        writeln!(
+            out,
+            "all values are equally good on these datasets: they give no reason to choose one, and {} is taken \
+             as the first",
+            tuned.setting
+        )?;
     }
     let path = folder.join("tuned.json");
     writeln!(

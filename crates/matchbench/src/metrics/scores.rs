@@ -247,10 +247,18 @@ pub struct Score {
     pub interval: Option<Interval>,
 }
 
+/// What sums of thousands of scores may be apart by rounding alone.
+const ROUNDING: f64 = 1e-12;
+
 impl Score {
     /// Of a difference: whether its interval leaves no doubt about its sign.
     pub fn excludes_zero(&self) -> bool {
         (self.interval).is_some_and(|interval| interval.low > 0.0 || interval.high < 0.0)
+    }
+
+    /// Of a difference: whether there is none, but for rounding.
+    pub fn is_zero(&self) -> bool {
+        self.value.is_some_and(|value| value.abs() < ROUNDING)
     }
 }
 

@@ -26,30 +26,45 @@ pub fn verdicts(leads: &[Lead]) -> Vec<String> {
 fn verdict(leads: &[&Lead]) -> String {
     let first = leads[0];
     let (dataset, best) = (&first.dataset, method(&first.best.0, &first.best.1));
-    let mut doubtful: Vec<&&Lead> = (leads.iter())
-        .filter(|lead| !lead.difference.excludes_zero())
-        .collect();
-    let behind = |lead: &Lead| lead.difference.value.unwrap_or(f64::INFINITY);
-    doubtful.sort_by(|one, other| behind(one).total_cmp(&behind(other)));
-    let names: Vec<String> = (doubtful.iter().take(NAMED))
-        .map(|lead| method(&lead.other.0, &lead.other.1))
-        .collect();
-    let text = match (names.len(), leads.len()) {
-        (0, 1) => {
-            let other = method(&first.other.0, &first.other.1);
-            format!("{best} is certainly better than {other}")
+    let (level, behind): (Vec<&Lead>, Vec<&Lead>) =
+        leads.iter().partition(|lead| lead.difference.is_zero());
+    let mut doubtful = behind.clone();
+    doubtful.retain(|lead| !lead.difference.excludes_zero());
+    let lead = |lead: &Lead| lead.difference.value.unwrap_or(f64::INFINITY);
+    doubtful.sort_by(|one, other| lead(one).total_cmp(&lead(other)));
+    let is_certain = doubtful.is_empty();
+    let others = match (is_certain, behind.len()) {
+        (true, many @ 2..) => format!("each of the other {many}"),
+        (true, _) => names(&behind),
+        (false, _) => names(&doubtful),
+    };
+    let equals = names(&level);
+    let text = match (level.is_empty(), is_certain) {
+        (true, true) => format!("{best} is certainly better than {others}"),
+        (true, false) => {
+            format!("{best} has the highest AUC, but is not certainly better than {others}")
         }
-        (0, others) => format!("{best} is certainly better than each of the other {others}"),
-        _ => {
-            let more = match doubtful.len() - names.len() {
-                0 => String::new(),
-                more => format!(" and {more} more"),
-            };
-            let names = names.join(", ");
-            format!("{best} has the highest AUC, but is not certainly better than {names}{more}")
+        (false, _) if behind.is_empty() => format!("{best} has the same AUC as {equals}"),
+        (false, true) => {
+            format!("{best} has the same AUC as {equals}, and is certainly better than {others}")
         }
+        (false, false) => format!(
+            "{best} has the highest AUC, the same as {equals}, but is not certainly better than {others}"
+        ),
     };
     format!("{dataset}: {text}").replace(char::is_control, "\u{fffd}")
+}
+
+/// The methods that the best is compared with, by name as far as [`NAMED`].
+fn names(leads: &[&Lead]) -> String {
+    let named = leads.iter().take(NAMED);
+    let names: Vec<String> = named
+        .map(|lead| method(&lead.other.0, &lead.other.1))
+        .collect();
+    match leads.len() - names.len() {
+        0 => names.join(", "),
+        more => format!("{} and {more} more", names.join(", ")),
+    }
 }
 
 #[cfg(test)]
@@ -84,6 +99,26 @@ mod tests {
                 "office: sift + best has the highest AUC, but is not certainly better than surf + best",
                 "street: sift + best is certainly better than orb + best",
                 "wall: sift + best is certainly better than each of the other 2",
+            ]
+        );
+    }
+
+    #[test]
+    fn equal_methods_are_called_equal() {
+        let leads = [
+            lead("office", "orb", 0.0, 0.0),
+            lead("street", "orb", 0.0, -0.1),
+            lead("street", "surf", 0.2, 0.1),
+            lead("wall", "orb", 1e-17, -0.1),
+            lead("wall", "surf", 0.1, -0.1),
+        ];
+        assert_eq!(
+            verdicts(&leads),
+            [
+                "office: sift + best has the same AUC as orb + best",
+                "street: sift + best has the same AUC as orb + best, and is certainly better than surf + best",
+                "wall: sift + best has the highest AUC, the same as orb + best, but is not certainly better than \
+                 surf + best",
             ]
         );
     }

@@ -139,6 +139,10 @@ pub fn advantage(one: &str, other: &str, on: &str, difference: &Score) -> String
     } else {
         (one, other)
     };
+    let never_moves = (difference.interval).is_none_or(|interval| interval.low == interval.high);
+    if difference.is_zero() && never_moves {
+        return format!("{one} and {other} score the same on {on}");
+    }
     let Some(interval) = difference.interval else {
         return format!(
             "{ahead} is ahead of {behind} on {on} by {:.3}; too few reference images for an interval",
@@ -151,9 +155,7 @@ pub fn advantage(one: &str, other: &str, on: &str, difference: &Score) -> String
         (interval.low, interval.high)
     };
     let range = format!("{:.3} [{low:.3}, {high:.3}]", value.abs());
-    if low == high && value == 0.0 {
-        format!("{one} and {other} score the same on {on}")
-    } else if difference.excludes_zero() {
+    if difference.excludes_zero() {
         format!("{ahead} beats {behind} on {on} by {range}")
     } else {
         format!("{ahead} is not certainly better than {behind} on {on}: {range}")
@@ -182,9 +184,13 @@ pub fn leads_in_words(leads: &[Lead]) -> String {
             let (matcher, estimator) = &next.best;
             let (best, others) = (method(matcher, estimator), leads.len() - SENTENCES);
             let lead = behind(next);
-            let rest = format!(
-                "{best} is ahead of the other {others} on {dataset} by {lead:.3} and more\n"
-            );
+            let rest = if next.difference.is_zero() {
+                format!("{best} is level with the other {others} on {dataset}, or ahead of them\n")
+            } else {
+                format!(
+                    "{best} is ahead of the other {others} on {dataset} by {lead:.3} and more\n"
+                )
+            };
             text.push_str(&rest);
         }
     }
@@ -247,6 +253,11 @@ mod tests {
             interval: None,
         };
         assert!(words(alone).starts_with("a is ahead of b on 06 by 0.200; too few"));
+        let level = Score {
+            value: Some(0.0),
+            interval: None,
+        };
+        assert_eq!(words(level), "a and b score the same on 06");
     }
     #[test]
     fn of_very_many_only_the_nearest_have_a_sentence_of_their_own() {
