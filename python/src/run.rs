@@ -79,7 +79,7 @@ pub(crate) fn run(
     settings: Vec<String>,
     seed: u64,
     repeat: NonZeroU32,
-    limit: Option<usize>,
+    limit: Option<NonZeroUsize>,
     time_budget_ms: Option<NonZeroU32>,
     keep_matches: &str,
     retry_failed: bool,
@@ -110,7 +110,7 @@ pub(crate) fn run(
         settings: Settings {
             seed,
             repetitions: repeat,
-            limit,
+            limit: limit.map(NonZeroUsize::get),
             time_budget_ms,
             ..Settings::default()
         },

@@ -72,10 +72,15 @@ fn a_run_file_and_arguments_make_the_same_records() {
 fn mistakes_are_told_by_file_and_line() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     dataset(folder.path(), "wall", 3);
+    dataset(folder.path(), "tower", 3);
     for (text, told) in [
         (STUDY.replace("seed", "sead"), "study.toml:4: "),
         (STUDY.replace("'orb'", "'orbb'"), "study.toml:11: "),
         (STUDY.replace("ratio", "ratoi"), "study.toml:6: "),
+        (
+            STUDY.replace("sift.ratio", "surf.ratio"),
+            "study.toml:6: `surf` is given a setting",
+        ),
         (STUDY.replace("out = 'written'\n", ""), "--out"),
         (STUDY.replace("path = 'wall'", "path = 'absent'"), "absent"),
     ] {

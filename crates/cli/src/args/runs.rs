@@ -1,6 +1,6 @@
 //! What can be typed about runs: matchers and estimators on datasets, or on one pair.
 
-use std::num::NonZeroU32;
+use std::num::{NonZeroU32, NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
@@ -67,8 +67,8 @@ pub(crate) struct RunArgs {
     #[command(flatten)]
     pub choices: ChoiceArgs,
     /// Only N pairs of each dataset (of the first ones with --limit), evenly spread over them
-    #[arg(long, value_name = "N")]
-    pub sample: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = from_one::<NonZeroUsize>)]
+    pub sample: Option<NonZeroUsize>,
     /// Folder of the feature cache [default: RUN/cache]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
@@ -94,21 +94,21 @@ pub(crate) struct ChoiceArgs {
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub protocol: Vec<String>,
     /// Only the first N pairs of each dataset
-    #[arg(long, value_name = "N")]
-    pub limit: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = from_one::<NonZeroUsize>)]
+    pub limit: Option<NonZeroUsize>,
     /// Root of all random choices [default: 0]
     #[arg(long, value_name = "S")]
     pub seed: Option<u64>,
     /// Do every pair N times, each time with other random choices; scores are means [default: 1, or as
     /// often as the protocol]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = from_one::<NonZeroU32>)]
     pub repeat: Option<NonZeroU32>,
     /// Change a parameter, for example --set sift.ratio=0.7 (repeatable; see `matchbench list`)
     #[arg(long, value_name = "ID.NAME=VALUE")]
     pub set: Vec<String>,
     /// Let an estimator draw samples for at most so many milliseconds a pair, to compare estimators
     /// at equal time (raise max_iterations with --set). Results then differ from run to run
-    #[arg(long, value_name = "MS")]
+    #[arg(long, value_name = "MS", value_parser = from_one::<NonZeroU32>)]
     pub time_budget: Option<NonZeroU32>,
     /// Take over what `matchbench tune` chose; refused on the scenes that it was tuned on
     /// (repeatable)
@@ -153,7 +153,7 @@ pub(crate) struct PlanArgs {
     #[command(flatten)]
     pub choices: ChoiceArgs,
     /// How many shards; several for each machine even out machines of different speed
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = from_one::<NonZeroU32>)]
     pub shards: NonZeroU32,
     /// Folder of the plan, in which the shards are written unless another place is asked for
     #[arg(long, value_name = "PLAN")]
@@ -337,13 +337,13 @@ pub(crate) struct TuneArgs {
     #[command(flatten)]
     pub threads: Threads,
     /// Only the first N pairs of each dataset
-    #[arg(long, value_name = "N")]
-    pub limit: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = from_one::<NonZeroUsize>)]
+    pub limit: Option<NonZeroUsize>,
     /// Root of all random choices
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
     /// Do every pair N times
-    #[arg(long, value_name = "N", default_value_t = NonZeroU32::MIN)]
+    #[arg(long, value_name = "N", default_value_t = NonZeroU32::MIN, value_parser = from_one::<NonZeroU32>)]
     pub repeat: NonZeroU32,
     /// Change another parameter (repeatable)
     #[arg(long, value_name = "ID.NAME=VALUE")]
@@ -414,8 +414,8 @@ pub(crate) struct TimeArgs {
     #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
     pub matchers: Vec<String>,
     /// The first N pairs, or all where there are fewer
-    #[arg(long, value_name = "N", default_value_t = 200)]
-    pub pairs: usize,
+    #[arg(long, value_name = "N", default_value = "200", value_parser = from_one::<NonZeroUsize>)]
+    pub pairs: NonZeroUsize,
     /// Change a parameter (repeatable)
     #[arg(long, value_name = "ID.NAME=VALUE")]
     pub set: Vec<String>,
@@ -445,6 +445,13 @@ pub(crate) struct CheckArgs {
     /// Change a parameter (repeatable)
     #[arg(long, value_name = "NAME.KEY=VALUE")]
     pub set: Vec<String>,
+}
+
+/// A number of things, of which there must be one.
+fn from_one<N: TryFrom<NonZeroU64>>(text: &str) -> Result<N, String> {
+    let number: Result<NonZeroU64, _> = text.parse();
+    let number = number.map_err(|_| "give a whole number from 1 on")?;
+    N::try_from(number).map_err(|_| "give a smaller number".to_owned())
 }
 
 /// `640x480`: width and height.

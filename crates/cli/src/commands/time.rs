@@ -31,7 +31,7 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
         "matchbench {}, {}; 1 thread, no cache; first {} pairs of {}",
         env!("CARGO_PKG_VERSION"),
         machine(),
-        args.pairs.min(dataset.sequence.pairs.len()),
+        args.pairs.get().min(dataset.sequence.pairs.len()),
         dataset.sequence.name
     );
     writeln!(out, "{about}")?;
@@ -53,7 +53,7 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
     let mut rows = Vec::new();
     for contender in &contenders {
         let id = contender.source.id();
-        let Some(timing) = time(&dataset, contender, args.pairs, &cancel)? else {
+        let Some(timing) = time(&dataset, contender, args.pairs.get(), &cancel)? else {
             return Ok(Ending::Stopped);
         };
         let stages = &timing.stages;

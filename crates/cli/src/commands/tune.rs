@@ -1,6 +1,7 @@
 //! `matchbench tune`: the best value of one parameter of an estimator, on scenes that are not reported.
 
 use std::io::Write;
+use std::num::NonZeroUsize;
 use std::path::Path;
 
 use anyhow::Result;
@@ -27,7 +28,7 @@ pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
         settings: Settings {
             seed: args.seed,
             repetitions: args.repeat,
-            limit: args.limit,
+            limit: args.limit.map(NonZeroUsize::get),
             ..Settings::default()
         },
         folder: &args.out,

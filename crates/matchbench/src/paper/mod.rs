@@ -13,6 +13,7 @@ mod sources;
 mod times;
 
 use std::io;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use crate::config::{Changes, UnknownName, find};
@@ -25,7 +26,7 @@ pub use sources::{DOWNLOADS, Download, where_to_find};
 pub use times::times;
 
 /// Pairs of each sequence in a quick look.
-pub const QUICK_PAIRS: usize = 60;
+pub const QUICK_PAIRS: NonZeroUsize = NonZeroUsize::new(60).expect("it is not 0");
 /// Pairs that times are measured on, as in the paper; and in a quick look.
 const TIMED_PAIRS: [usize; 2] = [200, 10];
 /// Matchers that take seconds for a pair; a quick look leaves them out.

@@ -1,6 +1,9 @@
 //! Reading of a run file: TOML, paths that start from its folder, errors with file and line.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
 
 use super::{Study, StudyError};
 use crate::datasets::PairRule;
@@ -36,11 +39,19 @@ impl Study {
     /// # Errors
     /// If a key, a name, a parameter or a value is wrong.
     pub fn parse(text: &str, file: &Path) -> Result<Self, StudyError> {
-        toml::from_str(text).map_err(|error| StudyError::File {
+        let wrong = |error: toml::de::Error| StudyError::File {
             file: file.to_path_buf(),
             line: error.span().map(|span| line_of(text, span.start)),
             what: error.message().replace('\n', ", "),
-        })
+        };
+        let study: Self = toml::from_str(text).map_err(wrong)?;
+        let places: Places = toml::from_str(text).map_err(wrong)?;
+        let place = |id: toml::Spanned<String>| {
+            let line = line_of(text, id.span().start);
+            (id.into_inner(), (file.to_path_buf(), line))
+        };
+        let set_at = places.set.into_keys().map(place).collect();
+        Ok(Self { set_at, ..study })
     }
 
     /// Lets all relative paths start from `folder`.
@@ -80,6 +91,13 @@ impl Study {
     }
 }
 
+/// Where the ids of settings stand.
+#[derive(Deserialize)]
+struct Places {
+    #[serde(default)]
+    set: BTreeMap<toml::Spanned<String>, toml::Value>,
+}
+
 fn line_of(text: &str, byte: usize) -> usize {
     text.bytes().take(byte).filter(|&b| b == b'\n').count() + 1
 }
@@ -117,6 +135,8 @@ mod tests {
             ("estimators = ['ransac']\n", 1, "ransac-e"),
             ("seed = -1\n", 1, "-1"),
             ("repeat = 0\n", 1, "0"),
+            ("limit = 0\n", 1, "0"),
+            ("sample = 0\n", 1, "0"),
             ("protocols = ['superglu']\n", 1, "superglue"),
             ("seed = 1\n[set]\nsift.ratoi = 0.7\n", 3, "ratoi"),
             ("[set.sift]\nratio = 7\n", 1, "7"),

@@ -27,7 +27,8 @@ mod file;
 mod names;
 mod prepare;
 
-use std::num::NonZeroU32;
+use std::collections::BTreeMap;
+use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -62,14 +63,17 @@ pub struct Study {
     /// asks for.
     pub repeat: Option<NonZeroU32>,
     /// Only the first so many pairs of each dataset. Default: all.
-    pub limit: Option<usize>,
+    pub limit: Option<NonZeroUsize>,
     /// Of these only so many, evenly spread. Default: all.
-    pub sample: Option<usize>,
+    pub sample: Option<NonZeroUsize>,
     /// Milliseconds that an estimator may draw samples for a pair. Default: as long as its own rules say.
     pub time_budget: Option<NonZeroU32>,
     /// Changed parameters, by the id of their matcher or estimator.
     #[serde(deserialize_with = "names::parameters")]
     pub set: Changes,
+    /// The run file and the line in it where each id of `set` stands, as far as one says it.
+    #[serde(skip)]
+    pub set_at: BTreeMap<String, (PathBuf, usize)>,
     /// Files of `matchbench tune` whose choices are taken over; `set` wins over them.
     pub tuned: Vec<PathBuf>,
     /// The folder of the feature cache. Default: `cache` in that of the run.
@@ -101,6 +105,7 @@ impl Default for Study {
             sample: None,
             time_budget: None,
             set: Changes::default(),
+            set_at: BTreeMap::new(),
             tuned: Vec::new(),
             cache: None,
             keep_matches: KeepMatches::All,
@@ -126,8 +131,8 @@ impl Study {
         Ok(Settings {
             seed: self.seed,
             repetitions: self.repeat.unwrap_or(shuffles),
-            limit: self.limit,
-            sample: self.sample,
+            limit: self.limit.map(NonZeroUsize::get),
+            sample: self.sample.map(NonZeroUsize::get),
             time_budget_ms: self.time_budget,
         })
     }

@@ -154,7 +154,8 @@ impl Study {
         };
         let (estimators, outside) = (&self.estimators, Some(&outside));
         let (contenders, absent) =
-            Contender::from_names(&names, sources, estimators, &protocols, &changes, outside)?;
+            Contender::from_names(&names, sources, estimators, &protocols, &changes, outside)
+                .map_err(|error| self.placed(error))?;
         if contenders.is_empty() {
             let reasons: Vec<String> = absent.iter().map(ToString::to_string).collect();
             return Err(StudyError::NotStarted(reasons.join("; ")));
@@ -170,6 +171,22 @@ impl Study {
             keep_matches: self.keep_matches,
             retry_failed: self.retry_failed,
         })
+    }
+
+    /// The error with the line of the run file that is wrong, where it is about one.
+    fn placed(&self, error: ContenderError) -> StudyError {
+        let place = match &error {
+            ContenderError::TakesNoPart(id) => self.set_at.get(id),
+            _ => None,
+        };
+        match place {
+            None => error.into(),
+            Some((file, line)) => StudyError::File {
+                file: file.clone(),
+                line: Some(*line),
+                what: error.to_string(),
+            },
+        }
     }
 
     /// The names of the matchers that are run on any dataset, in the order in which they are named:
