@@ -2,8 +2,10 @@
 //! formats of other tools.
 
 use std::io::Write;
+use std::iter;
 
 use anyhow::{Context, Result, bail, ensure};
+use matchbench::config::find;
 use matchbench::datasets::Sequence;
 use matchbench::exchange::{Export, Format};
 use matchbench::records::{MatcherPlan, RunFolder, authors};
@@ -12,9 +14,16 @@ use crate::Ending;
 use crate::args::ExportArgs;
 use crate::output::stdout;
 
+/// The format of poses; all others are of matches.
+const AUTHORS: &str = "authors";
+
 pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
+    let formats: Vec<&str> = (iter::once(AUTHORS))
+        .chain(Format::written().map(|format| format.id))
+        .collect();
+    find("format to write", &formats, |id| id, &args.format)?;
     let run = RunFolder::open(&args.run)?;
-    if args.format == "authors" {
+    if args.format == AUTHORS {
         ensure!(
             args.inliers.is_none(),
             "--inliers: the authors' format has poses alone"

@@ -10,7 +10,8 @@ use matchbench::metrics::PairResult;
 use matchbench::records::Outcome;
 use matchbench::report::{Thumbnail, picture_png, picture_svg, sentence, view};
 use matchbench::run::{
-    Contender, ContenderError, Dataset, ImagePair, Outside, check_turns, evaluate, pair_seed,
+    Contender, ContenderError, Dataset, ImagePair, Outside, check_truth, check_turns, evaluate,
+    pair_seed,
 };
 use tempfile::TempDir;
 
@@ -49,6 +50,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
             args.b
         )
     })?;
+    check_truth(&sequence.name, [pair], &contender)?;
     let [frame_a, frame_b] = [pair.a, pair.b].map(|frame| &sequence.frames[frame as usize]);
     let gray = [frame_a.pixels()?, frame_b.pixels()?];
     let seed = pair_seed(

@@ -94,6 +94,11 @@ impl Format {
         config::find("format", FORMATS, |format| format.id, id)
     }
 
+    /// The formats that matches can be written in.
+    pub fn written() -> impl Iterator<Item = &'static Self> {
+        FORMATS.iter().copied().filter(|format| format.can_write())
+    }
+
     /// Whether matches can be written in it.
     pub fn can_write(&self) -> bool {
         self.write.is_some()
@@ -107,8 +112,7 @@ impl Format {
         if let Some(write) = self.write {
             write(folder, export)
         } else {
-            let others = FORMATS.iter().filter(|format| format.can_write());
-            let others: Vec<_> = others.map(|format| format.id).collect();
+            let others: Vec<_> = Self::written().map(|format| format.id).collect();
             Err(ExchangeError::new(
                 folder,
                 format!("`{}` is only read", self.id),

@@ -46,7 +46,7 @@ pub use error::RunError;
 pub use evaluate::{Evaluation, EvaluationError, ImagePair, evaluate};
 pub use frame::Decode;
 pub use observer::{Cancel, Observer, RunSummary, Silent};
-pub use plan::{check_turns, plan};
+pub use plan::{check_truth, check_turns, plan};
 pub use seeds::{estimation_seed, pair_seed, selection_seed};
 pub use shards::{Shard, images_of_one, plan_shards};
 

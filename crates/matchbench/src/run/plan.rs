@@ -45,7 +45,7 @@ pub fn plan(
         for contender in contenders {
             if dataset.runs(contender.source.id()) {
                 check_turns(sequence, contender)?;
-                check_truth(sequence, contender)?;
+                check_truth(&sequence.name, &sequence.pairs, contender)?;
             }
         }
     }
@@ -152,8 +152,15 @@ fn check_pairs(sequence: &Sequence) -> Result<(), RunError> {
     Ok(())
 }
 
-/// Whether every pair has the truth that the estimators of a contender are judged by.
-fn check_truth(sequence: &Sequence, contender: &Contender) -> Result<(), RunError> {
+/// Whether these `pairs` of a dataset all have the truth that the estimators of a contender are judged by.
+///
+/// # Errors
+/// [`RunError::Contradiction`] if one does not.
+pub fn check_truth<'a>(
+    dataset: &str,
+    pairs: impl IntoIterator<Item = &'a Pair> + Copy,
+    contender: &Contender,
+) -> Result<(), RunError> {
     for variant in &contender.estimators {
         let of_poses = matches!(variant.estimator.estimator, Estimator::Pose(_));
         let (known, missing, others) = if of_poses {
@@ -168,11 +175,11 @@ fn check_truth(sequence: &Sequence, contender: &Contender) -> Result<(), RunErro
                 pair.homography().is_none()
             }
         };
-        if let Some(pair) = sequence.pairs.iter().find(lacks) {
+        if let Some(pair) = pairs.into_iter().find(lacks) {
             return contradiction(format!(
-                "dataset `{}` knows {known} but no {missing} of the pair {} {}, which the estimator `{}` \
+                "dataset `{dataset}` knows {known} but no {missing} of the pair {} {}, which the estimator `{}` \
                  would be judged by; choose one of {others} with --estimator",
-                sequence.name, pair.a, pair.b, variant.name
+                pair.a, pair.b, variant.name
             ));
         }
     }

@@ -17,6 +17,16 @@ pub enum ShardError {
         /// The folder.
         folder: PathBuf,
     },
+    /// The folder is that of a run or of one shard.
+    #[error(
+        "{} is the folder of a run, or of one shard, and no plan of shards; give the folder that `matchbench plan` \
+         made",
+        folder.display()
+    )]
+    OfRun {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// The plan is not one that `matchbench plan` wrote.
     #[error("{}: {reason}; plan again, into another folder", path.display())]
     Damaged {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::super::growth::difference;
-use super::super::{KeepMatches, Plan, ShardOf, Tuned};
+use super::super::{KeepMatches, Plan, RunFolder, ShardOf, Tuned};
 use super::{Cut, ShardError};
 use crate::files::{read_file, write_whole};
 use crate::matchers::MatchesFrom;
@@ -90,8 +90,13 @@ impl ShardPlan {
             path: path.clone(),
             reason,
         };
-        let plan: Self = serde_json::from_slice(&text)
-            .map_err(|error| damaged(format!("not a plan of shards ({error})")))?;
+        let plan: Self = serde_json::from_slice(&text).map_err(|error| {
+            if RunFolder::open(&folder).is_ok() {
+                let folder = folder.clone();
+                return ShardError::OfRun { folder };
+            }
+            damaged(format!("not a plan of shards ({error})"))
+        })?;
         if plan.format != SHARDS_FORMAT {
             let (format, known) = (plan.format, SHARDS_FORMAT);
             return Err(damaged(format!(
