@@ -166,6 +166,19 @@ impl Manifest {
                 "use letters, digits, dots, dashes and underscores",
             ));
         }
+        let starts_there = |frame: &ManifestFrame| frame.image.is_some() || frame.depth.is_some();
+        if manifest.image_root.is_some() && !manifest.frames.iter().any(starts_there) {
+            let is_it = |line: &str| line.trim_start().starts_with("image_root");
+            let line = file.text().lines().position(is_it);
+            let error = file.error(
+                "`image_root` is given, but no frame names an image or depth, which would start from it",
+                "name them under [[frames]], or leave `image_root` out: images are then those in Images",
+            );
+            return Err(match line {
+                Some(before) => error.at(before + 1),
+                None => error,
+            });
+        }
         Ok(manifest)
     }
 
@@ -250,6 +263,15 @@ mod tests {
 
     fn parse(text: &str) -> Result<Manifest, DatasetError> {
         Manifest::parse(&TextFile::new(Path::new("dataset.toml"), text))
+    }
+
+    #[test]
+    fn a_root_that_nothing_starts_from_is_named_with_its_line() {
+        let error = parse("version = 1\nimage_root = 'x'\n[[frames]]\nturn = 1\n").unwrap_err();
+        assert_eq!(error.line, Some(2));
+        assert!(error.what.contains("image_root"), "{error}");
+        let depth = "version = 1\nimage_root = 'x'\n[[frames]]\ndepth = 'd.png'\n";
+        assert!(parse(depth).is_ok());
     }
 
     #[test]

@@ -14,7 +14,7 @@ use super::{ImportOptions, Imported, base_name, given_camera, note_of};
 use crate::datasets::images::image_files;
 use crate::datasets::text::TextFile;
 use crate::datasets::trajectory::{parse_kitti, parse_tum};
-use crate::datasets::{About, Association, DatasetError, Frame};
+use crate::datasets::{About, DatasetError, Frame};
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let camera = given_camera(src, options, &["camera.txt", "K.txt"])?.ok_or_else(|| {
@@ -29,7 +29,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         .poses
         .clone()
         .unwrap_or_else(|| src.join("poses.txt"));
-    let poses = poses(&TextFile::read(&file)?, &images, options.association()?)?;
+    let poses = poses(&TextFile::read(&file)?, &images, options)?;
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
     for (image, pose) in images.into_iter().zip(poses) {
@@ -64,8 +64,9 @@ fn images(src: &Path) -> Result<Vec<PathBuf>, DatasetError> {
 fn poses(
     file: &TextFile,
     images: &[PathBuf],
-    association: Association,
+    options: &ImportOptions<'_>,
 ) -> Result<Vec<Option<Isometry3<f64>>>, DatasetError> {
+    let association = options.association()?;
     let columns = file
         .rows()
         .next()
@@ -89,6 +90,19 @@ fn poses(
             ));
         }
     };
+    let given = [
+        ("--interpolate", options.interpolate),
+        ("--tolerance", options.tolerance.is_some()),
+    ];
+    if let Some((option, _)) = given.into_iter().find(|(_, given)| *given) {
+        return Err(file.error(
+            format!("{option} is about times, and these poses or the names of the images have none"),
+            format!(
+                "leave {option} out, or give poses in TUM's format and name the images by their times \
+                 (1341847980.722988.png)"
+            ),
+        ));
+    }
     if poses.len() != images.len() {
         return Err(file.error(
             format!("{} poses for {} images", poses.len(), images.len()),

@@ -320,6 +320,15 @@ fn a_plain_folder_takes_poses_in_either_format() {
     );
     let error = read_source("folder", &src, &with("K.txt")).unwrap_err();
     assert_eq!(error.what, "these are no poses");
+    // Where nothing has a time there is nothing to be interpolated.
+    for poses in ["poses.txt", "tum.txt"] {
+        let timed = ImportOptions {
+            interpolate: true,
+            ..with(poses)
+        };
+        let error = read_source("folder", &src, &timed).unwrap_err();
+        assert!(error.what.starts_with("--interpolate"), "{error}");
+    }
 
     fs::remove_file(src.join("img2.png")).unwrap();
     assert_eq!(
