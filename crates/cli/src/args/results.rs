@@ -99,8 +99,6 @@ pub(crate) struct ReportArgs {
     /// A run folder, or a folder with the authors' <sequence>/<matcher>.txt files
     #[arg(value_name = "RUN")]
     pub run: PathBuf,
-    #[command(flatten)]
-    pub scored: ScoredArgs,
     /// Folder of the report [default: RUN/report]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -118,6 +116,12 @@ pub(crate) struct ReportArgs {
     pub cache: Option<PathBuf>,
     #[command(flatten)]
     pub threads: Threads,
+    // The last: what follows stands under this heading.
+    #[command(
+        flatten,
+        next_help_heading = "Only of the authors' files (a run's report scores all pairs of its own datasets)"
+    )]
+    pub scored: ScoredArgs,
 }
 
 #[derive(Debug, Args)]

@@ -1,0 +1,162 @@
+//! What is said of mistakes: which file or option, what is wrong, what to do, and each of it once.
+
+mod common;
+mod steps;
+
+use std::fs;
+use std::path::Path;
+
+use common::dataset;
+use steps::{go, succeeds};
+
+/// What the program says where it ends with an error.
+fn refused(folder: &Path, words: &[&str]) -> String {
+    let output = go(folder, words);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{words:?}: {said}");
+    said
+}
+
+#[test]
+fn a_number_of_things_that_cannot_be_none_is_a_whole_number() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (command, option) in [
+        ("run", "--limit=0"),
+        ("run", "--sample=0"),
+        ("run", "--repeat=0"),
+        ("run", "--time-budget=nan"),
+        ("plan", "--shards=0"),
+        ("tune", "--limit=-1"),
+        ("time", "--pairs=0"),
+    ] {
+        let said = refused(folder.path(), &[command, "wall", option]);
+        assert!(
+            said.contains("give a whole number from 1 on"),
+            "{option}: {said}"
+        );
+    }
+}
+
+#[test]
+fn a_cause_is_told_once() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 2);
+    let said = refused(folder, &["report", "nowhere"]);
+    assert_eq!(said.matches("No such file").count(), 1, "{said}");
+
+    fs::create_dir_all(folder.join("results/wall")).expect("writable");
+    fs::write(folder.join("results/wall/sift.txt"), [0xff; 64]).expect("writable");
+    let words = ["eval", "results", "--datasets", "."];
+    let said = refused(folder, &words);
+    assert_eq!(said.matches("not text in UTF-8").count(), 1, "{said}");
+
+    fs::create_dir(folder.join("matches")).expect("writable");
+    for name in ["0_1.txt", "0000_0001.txt"] {
+        fs::write(folder.join("matches").join(name), "nan 1 1 1\n").expect("writable");
+    }
+    let run = [
+        "run",
+        "wall",
+        "--matches",
+        "mine=matches",
+        "--pixel-center",
+        "0",
+        "--out",
+        "r",
+    ];
+    let said = refused(folder, &run);
+    assert_eq!(said.matches("is there twice").count(), 1, "{said}");
+    assert!(
+        said.contains("`0_1` and as `0000_0001` in ")
+            || said.contains("`0000_0001` and as `0_1` in "),
+        "{said}"
+    );
+    fs::remove_file(folder.join("matches/0_1.txt")).expect("it is ours");
+    let said = refused(folder, &run);
+    assert_eq!(said.matches("not of finite numbers").count(), 1, "{said}");
+}
+
+#[test]
+fn a_format_that_cannot_be_written_is_answered_with_those_that_can() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for format in ["foo", "superglue"] {
+        let said = refused(folder.path(), &["export", "r", "x", "--format", format]);
+        assert!(
+            said.contains("there are: authors, ") && !said.contains(", superglue"),
+            "{said}"
+        );
+    }
+}
+
+#[test]
+fn a_pair_without_the_truth_asked_for_is_named_with_what_to_do() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    dataset(folder.path(), "wall", 2);
+    let show = [
+        "show",
+        "wall",
+        "0",
+        "1",
+        "--matcher",
+        "sift",
+        "--estimator",
+        "best-h",
+        "--out",
+        "x.png",
+    ];
+    let said = refused(folder.path(), &show);
+    assert!(
+        said.contains("`wall`") && said.contains("with --estimator"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_manifest_with_an_estimator_that_there_is_not_is_named_by_check_and_run() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    dataset(folder.path(), "wall", 2);
+    let text = "name = 'part'\ncommand = ['true']\nestimator = 'foo'\n";
+    fs::write(folder.path().join("part.toml"), text).expect("writable");
+    let run = ["run", "wall", "--matchers", "part.toml", "--out", "r"];
+    for words in [&["check", "part.toml"][..], &run] {
+        let said = refused(folder.path(), words);
+        assert!(
+            said.contains("part.toml:3: unknown estimator `foo`"),
+            "{said}"
+        );
+    }
+}
+
+#[test]
+fn the_folder_of_a_run_is_no_plan_of_shards() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 2);
+    succeeds(folder, &["run", "wall", "--matchers", "orb", "--out", "r"]);
+    let said = refused(folder, &["merge", "r", "--out", "x"]);
+    assert!(said.contains("r is the folder of a run"), "{said}");
+}
+
+#[test]
+fn values_that_are_equal_or_equally_good_are_told() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 3);
+    let tune = |values: &str| {
+        let what = ["--matchers", "sift", "--parameter", "ransac-e.threshold_px"];
+        let words = ["tune", "wall", "--values", values, "--out", "tuning"];
+        go(folder, &[&words[..], &what].concat())
+    };
+    let twice = tune("1,1.0");
+    let said = String::from_utf8_lossy(&twice.stderr);
+    assert_eq!(twice.status.code(), Some(1), "{said}");
+    assert!(said.contains("the value 1.0 is there twice"), "{said}");
+    // Of two tiny thresholds none has a solution.
+    let tuned = tune("1e-8,2e-8");
+    let table = String::from_utf8_lossy(&tuned.stdout);
+    assert!(
+        table.contains("all values are equally good") && !table.contains("<- best"),
+        "{table}"
+    );
+}
