@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
-use matchbench::metrics::{Bootstrap, Comparison, Failure, ResultSet, Score, compare, load};
+use matchbench::metrics::{Bootstrap, Comparison, ResultSet, Score, compare, load};
 use matchbench::records::{DatasetPlan, RunFolder};
 use matchbench::report::{Duel, Side, advantage, write_differences};
 
@@ -48,12 +48,12 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
         .take(if runs[0] == runs[1] { 1 } else { 2 })
     {
         // What other methods have is told below.
-        if sets.iter().all(|set| missing(set) == 0) {
+        if sets.iter().all(|set| set.missing() == 0) {
             warn_of_unfinished(run, sets)?;
         }
     }
     for (set, run) in rows.iter().flat_map(|row| row.sets.into_iter().zip(runs)) {
-        match missing(set) {
+        match set.missing() {
             0 => {}
             missing => say!(
                 "warning: {}: {missing} of {} pairs of {} have no result with {} and count as wrong",
@@ -96,14 +96,6 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
         write_page(out, args, runs, &rows)?;
     }
     Ok(Ending::Done)
-}
-
-/// Pairs of the dataset that have no result in a set.
-fn missing(set: &ResultSet) -> usize {
-    let pairs = set.pairs.iter();
-    pairs
-        .filter(|pair| pair.outcome == Err(Failure::Missing))
-        .count()
 }
 
 /// Writes the page of the pairs where they differ most.

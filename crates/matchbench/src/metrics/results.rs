@@ -42,6 +42,16 @@ pub struct ResultSet {
     pub ignored: usize,
 }
 
+impl ResultSet {
+    /// Tasks on listed pairs that have no result.
+    pub fn missing(&self) -> usize {
+        let pairs = self.pairs.iter();
+        pairs
+            .filter(|pair| pair.outcome == Err(Failure::Missing))
+            .count()
+    }
+}
+
 /// One file of records, or of results in the authors' layout: what stands in it, or why that cannot be scored.
 #[derive(Debug)]
 pub struct FileResults {
