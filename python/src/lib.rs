@@ -25,6 +25,8 @@ mod scores;
 /// The classes and functions of `matchbench._native`.
 #[pyo3::pymodule(name = "_native")]
 mod native {
+    use pyo3::prelude::*;
+
     #[pymodule_export]
     use crate::camera::Camera;
     #[pymodule_export]
@@ -43,4 +45,11 @@ mod native {
     use crate::run::{command_line, pair_seed, run};
     #[pymodule_export]
     use crate::scores::{evaluate, report};
+
+    /// The limits of the environment hold here as in the program.
+    #[pymodule_init]
+    fn init(_module: &Bound<'_, PyModule>) -> PyResult<()> {
+        matchbench_cli::environment()
+            .map_err(|error| crate::errors::value_error(format!("{error:#}")))
+    }
 }

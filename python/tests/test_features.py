@@ -1,6 +1,9 @@
 """Features: arrays, errors that teach, OpenCV's way of calling."""
 
 import json
+import os
+import subprocess
+import sys
 
 import matchbench as mb
 import numpy as np
@@ -205,3 +208,15 @@ def test_one_line_switches_from_opencv(images):
         assert len(create().detectAndCompute(images[0], None)[0]) > 0
     with pytest.raises(TypeError, match="scoreType"):
         mb.ORB_create(scoreType=1)
+
+
+def test_limits_of_the_environment_hold_from_the_import_on():
+    script = "import matchbench as mb, numpy as np; mb.ORB().extract(np.zeros((30, 40), np.uint8))"
+
+    def said(most):
+        words, environment = [sys.executable, "-c", script], {**os.environ, "MATCHBENCH_MAX_PIXELS": most}
+        return subprocess.run(words, env=environment, timeout=120, capture_output=True, text=True).stderr
+
+    assert said("1200") == ""
+    assert "an image of 40x30 pixels, more than the limit of 1199 in all" in said("1199")
+    assert "MATCHBENCH_MAX_PIXELS is `many`, but must be a whole number" in said("many")

@@ -66,8 +66,11 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-/// Sets the limits that the environment asks for, and refuses what it asks for in vain.
-fn environment() -> anyhow::Result<()> {
+/// Sets the limits that the environment asks for ([`run`] does that itself).
+///
+/// # Errors
+/// If a variable is not what it must be; the error names it. If instructions are asked for that the processor lacks.
+pub fn environment() -> anyhow::Result<()> {
     if let Some(most) = asked("MATCHBENCH_MAX_PIXELS", |text| text.parse().ok())? {
         matchbench::datasets::limit_pixels(most);
     }
