@@ -235,3 +235,27 @@ fn ctrl_c_twice_ends_the_program_too() {
     assert_eq!(host.wait().expect("it ended").code(), Some(130));
     assert_all_gone(&home);
 }
+
+#[test]
+fn a_program_that_ended_is_not_waited_for_though_another_holds_its_output() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 2);
+    let (manifest, home) = toy(folder.path());
+    // It leaves the group and keeps what it inherited.
+    fs::write(home.join("break"), "setsid sleep 8 & exit 3\n").expect("writable");
+    let start = Instant::now();
+    let run = folder.path().join("run");
+    let matcher = manifest.to_str().expect("plain");
+    output(&["run", "--matchers", matcher, "--out"], &[&run, &wall]);
+    assert!(
+        start.elapsed() < Duration::from_secs(6),
+        "{:?}",
+        start.elapsed()
+    );
+    let record =
+        fs::read_to_string(run.join("records/wall/toy+ransac-e.jsonl")).expect("it was written");
+    assert!(
+        record.contains("it ended without an answer (exit status: 3"),
+        "{record}"
+    );
+}

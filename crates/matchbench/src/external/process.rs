@@ -14,7 +14,7 @@
 //! | Ctrl-C twice | the command line calls [`end_all`] before it exits |
 //! | the host is killed | its standard input closes, upon which it has to go |
 //!
-//! What is killed is the group, so that programs started by the child end too, and it is killed
+//! What is killed is the group, so that programs started by the child end too, unless they left it, and it is killed
 //! before the child is reaped, while its number cannot yet be another's.
 
 use std::collections::BTreeSet;
@@ -40,6 +40,8 @@ const LONGEST_LOGGED: usize = 1 << 16;
 const WAITING: usize = 16;
 /// How long a child may take to go once it is asked to.
 const GRACE: Duration = Duration::from_secs(3);
+/// How often a child that is waited for is looked at.
+const LOOK: Duration = Duration::from_millis(200);
 /// How long the last words of a child that has ended are waited for.
 const LAST_WORDS: Duration = Duration::from_millis(300);
 
@@ -72,7 +74,7 @@ pub(super) enum Heard {
 pub(super) enum Silence {
     /// The time was over.
     Timeout,
-    /// It closed its standard output, which is what ending looks like.
+    /// It closed its standard output, which is what ending looks like, or has ended.
     Closed,
 }
 
@@ -132,12 +134,21 @@ impl Process {
     }
 
     /// Waits until `deadline` for the next message.
-    pub(super) fn hear(&self, deadline: Instant) -> Result<Heard, Silence> {
-        let left = deadline.saturating_duration_since(Instant::now());
-        (self.lines.recv_timeout(left)).map_err(|error| match error {
-            RecvTimeoutError::Timeout => Silence::Timeout,
-            RecvTimeoutError::Disconnected => Silence::Closed,
-        })
+    pub(super) fn hear(&mut self, deadline: Instant) -> Result<Heard, Silence> {
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            match self.lines.recv_timeout(left.min(LOOK)) {
+                Ok(heard) => return Ok(heard),
+                Err(RecvTimeoutError::Disconnected) => return Err(Silence::Closed),
+                Err(RecvTimeoutError::Timeout) if left <= LOOK => return Err(Silence::Timeout),
+                Err(RecvTimeoutError::Timeout) if group::has_ended(&mut self.child) => {
+                    // What it started holds its output open: but for what it said last, nothing will come.
+                    let last = self.lines.recv_timeout(LAST_WORDS);
+                    return last.map_err(|_| Silence::Closed);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+        }
     }
 
     /// Kills it, and says how it ended and what it printed last: `exit status: 1; it printed: ...`.

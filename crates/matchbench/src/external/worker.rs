@@ -48,14 +48,14 @@ impl Worker {
     /// If it does not get ready, in words.
     pub(super) fn start(manifest: &Manifest, log: &Log) -> Result<Self, String> {
         log.take_last();
-        let process = Process::start(&manifest.command, manifest.folder(), log)?;
+        let mut process = Process::start(&manifest.command, manifest.folder(), log)?;
         let hello = Request::Hello {
             protocol: PROTOCOL,
             params: &manifest.params,
         };
         process.send(hello.to_line()?);
         let start = Instant::now();
-        match greeting(&process, start + manifest.start_timeout, manifest) {
+        match greeting(&mut process, start + manifest.start_timeout, manifest) {
             Ok(identity) => Ok(Self {
                 process,
                 identity,
@@ -80,7 +80,7 @@ impl Worker {
         let line = request.to_line().map_err(Fault::Said)?;
         let start = Instant::now();
         self.process.send(line);
-        let wrong = match hear(&self.process, start + self.timeout, self.timeout) {
+        let wrong = match hear(&mut self.process, start + self.timeout, self.timeout) {
             Err(wrong) => wrong,
             Ok(answer) => match (answer.subject(), answer) {
                 (Some(subject), Answer::Failed { reason, .. }) if request.is_about(&subject) => {
@@ -120,7 +120,7 @@ enum Problem {
 }
 
 fn greeting(
-    process: &Process,
+    process: &mut Process,
     deadline: Instant,
     manifest: &Manifest,
 ) -> Result<Identity, Problem> {
@@ -158,7 +158,7 @@ fn greeting(
 }
 
 /// The next answer, or why there is none.
-fn hear(process: &Process, deadline: Instant, timeout: Duration) -> Result<Answer, String> {
+fn hear(process: &mut Process, deadline: Instant, timeout: Duration) -> Result<Answer, String> {
     match process.hear(deadline) {
         Ok(Heard::Message(message)) => parse(&message),
         Ok(Heard::Flood) => Err(format!("it wrote a line of more than {LONGEST_LINE} bytes")),
