@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use crate::matchers::Extraction;
 
-/// Version of the format of run folders that this program writes, and the last that it reads; see [`folder`](super::folder).
+/// Version of the format of run folders that this program writes, and the last that it reads, see [`RunFolder`](super::RunFolder).
 pub const FORMAT: u32 = 2;
 
 /// Everything that the records of a run depend on.
