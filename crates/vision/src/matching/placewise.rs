@@ -72,7 +72,7 @@ impl PlacewiseNeighbours {
             let [i, j] = [i, j].map(|index| b.keypoints[index as usize].at);
             (i - j).norm() > 2.0 * self.same_place_px
         };
-        let near = near_rows(rows_a.data(), rows_b.data(), rows_a.dim(), apart);
+        let near = near_rows(rows_a.data(), rows_b.data(), rows_a.dim(), Some(&apart));
         let of_block = |a: usize, block: &[u32]| {
             let found = two_nearest_among(rows_a.row(a), rows_b.data(), block);
             Correspondence {

@@ -18,7 +18,7 @@ const ROWS: usize = 6;
 /// # Panics
 /// If `dim` is 0.
 pub fn two_nearest_floats(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {
-    let near = near_rows(a, b, dim, |_, _| true);
+    let near = near_rows(a, b, dim, None);
     let found = a.chunks_exact(dim).zip(&near);
     let mut best: Vec<TwoNearest> = found
         .map(|(row, near)| two_nearest_among(row, b, near))
@@ -31,13 +31,13 @@ pub fn two_nearest_floats(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {
 }
 
 /// For the first rows of `a`, as many as can be found fast, rows of `b` in ascending order. Among them
-/// are all that are at most as far as the farther of any two that are `apart`: no farther than the
-/// second nearest if `apart` says so of any two rows.
+/// are all that are at most as far as the farther of any two that are `apart`: without it of any two, so all
+/// that are no farther than the second nearest.
 pub fn near_rows(
     a: &[f32],
     b: &[f32],
     dim: usize,
-    apart: impl Fn(u32, u32) -> bool,
+    apart: Option<&dyn Fn(u32, u32) -> bool>,
 ) -> Vec<Vec<u32>> {
     #[cfg(target_arch = "x86_64")]
     return super::coarse::near_rows(a, b, dim, apart);

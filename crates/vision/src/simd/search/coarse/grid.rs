@@ -15,7 +15,7 @@ const PRODUCT: f32 = 32_700.0;
 
 /// How values become bytes. Less the least of their column, times `scale`, rounded: these are the
 /// bytes of a query. Candidates' bytes have a sign; they are the same less the `centre` of their
-/// column, which makes rows shorter and so allows a finer grid.
+/// column, which makes rows shorter and so allows a finer grid, or less 128 where sums may be wide.
 pub(super) struct Grid {
     least: Vec<f32>,
     centre: Vec<i32>,
@@ -24,7 +24,6 @@ pub(super) struct Grid {
 }
 
 /// Rows of bytes.
-#[derive(Clone)]
 pub(super) struct Bytes {
     /// Four bytes in each; the last of a row ends with zeros.
     pub(super) quads: Vec<i32>,
@@ -41,26 +40,33 @@ impl Grid {
     /// or the values are all the same or so large or small that squared distances lose digits.
     #[target_feature(enable = "avx2,fma")]
     pub(super) fn of(a: &[f32], b: &[f32], dim: usize, is_wide: bool) -> Option<Self> {
-        let mut least = vec![f32::INFINITY; dim];
-        let mut most = vec![f32::NEG_INFINITY; dim];
-        widen(&mut least, &mut most, a);
-        widen(&mut least, &mut most, b);
-        let mean = mean(b, dim);
-
-        let mut range = 0.0_f32;
-        let mut half = 0.0_f32;
-        for ((least, most), mean) in least.iter().zip(&most).zip(&mean) {
-            range = range.max(most - least);
-            half = half.max((most - mean).max(mean - least));
-        }
-        if a.is_empty() || b.is_empty() || !(1e-10..1e10).contains(&range) {
+        let mut columns = Columns::new(dim);
+        columns.take(a);
+        columns.take(b);
+        let range = columns.range();
+        if a.is_empty() || b.is_empty() || !columns.is_finite || !(1e-10..1e10).contains(&range) {
             return None;
         }
-        let mut scale = (254.0 / range).min(126.0 / half);
-        let (longest_a, longest_b) = (longest(a, &least)?, longest(b, &mean)?);
-        if !is_wide {
-            scale = scale.min(scale_of_rows(longest_a, longest_b, dim));
+        let least = columns.least;
+        if is_wide {
+            let scale = 255.0 / range;
+            // Whole numbers lose nothing when they become bytes.
+            let is_exact = columns.is_whole && scale >= 1.0;
+            return Some(Self {
+                centre: vec![128; dim],
+                least,
+                scale: if is_exact { scale.floor() } else { scale },
+            });
         }
+        let mean = mean(b, dim);
+        let mut half = 0.0_f32;
+        for ((least, most), mean) in least.iter().zip(&columns.most).zip(&mean) {
+            half = half.max((most - mean).max(mean - least));
+        }
+        let (longest_a, longest_b) = (longest(a, &least), longest(b, &mean));
+        let scale = (254.0 / range)
+            .min(126.0 / half)
+            .min(scale_of_rows(longest_a, longest_b, dim));
         let centre = mean.iter().zip(&least);
         let centre = centre.map(|(mean, least)| ((mean - least) * scale + 0.5) as i32);
         Some(Self {
@@ -71,56 +77,102 @@ impl Grid {
     }
 
     /// The bytes of queries, 0 to 255, in an order.
-    #[target_feature(enable = "avx2,fma")]
     pub(super) fn queries(&self, rows: &[f32], order: &[u32]) -> Bytes {
-        self.round(rows, order, |value, centre| {
-            (value, (value - centre) * (value - centre))
-        })
+        self.round(rows, order, false)
     }
 
     /// The bytes of candidates, -128 to 127, in an order.
-    #[target_feature(enable = "avx2,fma")]
     pub(super) fn candidates(&self, rows: &[f32], order: &[u32]) -> Bytes {
-        self.round(rows, order, |value, centre| {
-            (value - centre, value * value - centre * centre)
-        })
+        self.round(rows, order, true)
     }
 
-    /// Rounds rows; `byte` gives the byte of a rounded value and its part of the norm.
-    #[inline]
-    #[target_feature(enable = "avx2,fma")]
-    fn round(&self, rows: &[f32], order: &[u32], byte: impl Fn(i32, i32) -> (i32, i32)) -> Bytes {
-        let dim = self.least.len();
-        let (mut scaled, mut rounded) = (vec![0.0; dim], vec![0.0; dim]);
-        let mut bytes = vec![0_u8; dim.next_multiple_of(4)];
-        let mut quads = vec![0; dim.div_ceil(4)];
-        let mut all = Bytes {
-            quads: Vec::with_capacity(rows.len() / dim * dim.div_ceil(4)),
-            norms: Vec::with_capacity(rows.len() / dim),
-            errors: Vec::with_capacity(rows.len() / dim),
+    /// Rounds rows.
+    fn round(&self, rows: &[f32], order: &[u32], are_candidates: bool) -> Bytes {
+        let width = self.least.len().div_ceil(4);
+        let mut bytes = Bytes {
+            quads: vec![0; order.len() * width],
+            norms: vec![0; order.len()],
+            errors: vec![0.0; order.len()],
         };
-        for &row in order {
-            let row = &rows[row as usize * dim..][..dim];
-            for ((scaled, value), least) in scaled.iter_mut().zip(row).zip(&self.least) {
-                *scaled = (value - least) * self.scale;
-            }
-            for (rounded, scaled) in rounded.iter_mut().zip(&scaled) {
-                *rounded = (scaled + 0.5_f32).floor();
-            }
-            let mut norm = 0;
-            for ((output, &value), &centre) in bytes.iter_mut().zip(&rounded).zip(&self.centre) {
-                let (byte, part) = byte(value as i32, centre);
-                *output = byte as u8;
-                norm += part;
-            }
-            for (quad, bytes) in quads.iter_mut().zip(bytes.as_chunks().0) {
-                *quad = i32::from_le_bytes(*bytes);
-            }
-            all.quads.extend_from_slice(&quads);
-            all.norms.push(norm);
-            all.errors.push(squared_distance(&scaled, &rounded).sqrt());
+        if are_candidates {
+            round_candidates(self, rows, order, &mut bytes);
+        } else {
+            round_queries(self, rows, order, &mut bytes);
         }
-        all
+        bytes
+    }
+}
+
+multiversioned! {
+    #![avx512]
+
+    fn round_queries(grid: &Grid, rows: &[f32], order: &[u32], bytes: &mut Bytes) {
+        round_rows(grid, rows, order, bytes, |value, centre| {
+            (value, (value - centre) * (value - centre))
+        });
+    }
+
+    fn round_candidates(grid: &Grid, rows: &[f32], order: &[u32], bytes: &mut Bytes) {
+        round_rows(grid, rows, order, bytes, |value, centre| {
+            (value - centre, value * value - centre * centre)
+        });
+    }
+}
+
+/// Rounds rows; `byte` gives the byte of a rounded value and its part of the norm.
+#[inline(always)]
+fn round_rows(
+    grid: &Grid,
+    rows: &[f32],
+    order: &[u32],
+    bytes: &mut Bytes,
+    byte: impl Fn(i32, i32) -> (i32, i32),
+) {
+    /// Numbers at least as large have no digits behind the point.
+    const WHOLE: f32 = (1 << 23) as f32;
+    const LANES: usize = 16;
+    let dim = grid.least.len();
+    let padded = dim.next_multiple_of(LANES);
+    let fill = |values: &[f32]| -> Vec<f32> {
+        let zeros = std::iter::repeat_n(0.0, padded - dim);
+        values.iter().copied().chain(zeros).collect()
+    };
+    let least = fill(&grid.least);
+    let mut centre = grid.centre.clone();
+    centre.resize(padded, 0);
+    let mut rounded = vec![0_u8; padded];
+    let mut values = vec![0.0_f32; padded];
+    let width = dim.div_ceil(4);
+    let outputs = bytes.quads.chunks_exact_mut(width);
+    for (((&row, quads), norm), error) in order
+        .iter()
+        .zip(outputs)
+        .zip(&mut bytes.norms)
+        .zip(&mut bytes.errors)
+    {
+        values[..dim].copy_from_slice(&rows[row as usize * dim..][..dim]);
+        let mut parts = [0_i32; LANES];
+        let mut errors = [0.0_f32; LANES];
+        let columns = (values.as_chunks::<LANES>().0.iter())
+            .zip(least.as_chunks::<LANES>().0)
+            .zip(centre.as_chunks::<LANES>().0)
+            .zip(rounded.as_chunks_mut::<LANES>().0);
+        for (((values, least), centre), rounded) in columns {
+            for lane in 0..LANES {
+                let scaled = (values[lane] - least[lane]) * grid.scale;
+                let whole = scaled + WHOLE;
+                let error = scaled - (whole - WHOLE);
+                let (byte, part) = byte((whole.to_bits() & 0xff) as i32, centre[lane]);
+                rounded[lane] = byte as u8;
+                parts[lane] += part;
+                errors[lane] = error.mul_add(error, errors[lane]);
+            }
+        }
+        for (quad, bytes) in quads.iter_mut().zip(rounded.as_chunks().0) {
+            *quad = i32::from_le_bytes(*bytes);
+        }
+        *norm = parts.iter().sum();
+        *error = errors.iter().sum::<f32>().sqrt();
     }
 }
 
@@ -135,14 +187,56 @@ fn scale_of_rows(a: f32, b: f32, dim: usize) -> f32 {
     2.0 * constant / (linear + (linear * linear + 4.0 * a * b * constant).sqrt())
 }
 
-/// Widens the range of each column, `least` to `most`, to the values of `rows`.
-#[target_feature(enable = "avx2,fma")]
-fn widen(least: &mut [f32], most: &mut [f32], rows: &[f32]) {
-    for row in rows.chunks_exact(least.len()) {
-        for ((least, most), &value) in least.iter_mut().zip(&mut *most).zip(row) {
-            *least = if value < *least { value } else { *least };
-            *most = if value > *most { value } else { *most };
+/// What values the columns have.
+struct Columns {
+    least: Vec<f32>,
+    most: Vec<f32>,
+    /// Whether all values are.
+    is_finite: bool,
+    /// Whether all values are whole numbers.
+    is_whole: bool,
+}
+
+impl Columns {
+    fn new(dim: usize) -> Self {
+        Self {
+            least: vec![f32::INFINITY; dim],
+            most: vec![f32::NEG_INFINITY; dim],
+            is_finite: true,
+            is_whole: true,
         }
+    }
+
+    /// Takes the values of `rows`.
+    fn take(&mut self, rows: &[f32]) {
+        let are = widen(&mut self.least, &mut self.most, rows);
+        self.is_finite &= are[0];
+        self.is_whole &= are[1];
+    }
+
+    /// The largest of the columns' ranges.
+    fn range(&self) -> f32 {
+        let ranges = self.least.iter().zip(&self.most);
+        ranges.map(|(least, most)| most - least).fold(0.0, f32::max)
+    }
+}
+
+multiversioned! {
+    #![avx512]
+
+    /// Widens the range of each column, `least` to `most`, to the values of `rows`; whether all values are finite,
+    /// and whether all are whole numbers.
+    fn widen(least: &mut [f32], most: &mut [f32], rows: &[f32]) -> [bool; 2] {
+        let (mut is_finite, mut is_whole) = (true, true);
+        for row in rows.chunks_exact(least.len()) {
+            for ((least, most), &value) in least.iter_mut().zip(&mut *most).zip(row) {
+                *least = if value < *least { value } else { *least };
+                *most = if value > *most { value } else { *most };
+                is_finite &= value.is_finite();
+                is_whole &= value.floor() == value;
+            }
+        }
+        [is_finite, is_whole]
     }
 }
 
@@ -161,18 +255,12 @@ fn mean(rows: &[f32], dim: usize) -> Vec<f32> {
     mean
 }
 
-/// The length of the longest row less `origin`; `None` where a value is not finite.
+/// The length of the longest row less `origin`.
 #[target_feature(enable = "avx2,fma")]
-fn longest(rows: &[f32], origin: &[f32]) -> Option<f32> {
-    let mut longest = 0.0_f32;
-    for row in rows.chunks_exact(origin.len()) {
-        let length = squared_distance(row, origin);
-        if !length.is_finite() {
-            return None;
-        }
-        longest = longest.max(length);
-    }
-    Some(longest.sqrt())
+fn longest(rows: &[f32], origin: &[f32]) -> f32 {
+    let rows = rows.chunks_exact(origin.len());
+    let lengths = rows.map(|row| squared_distance(row, origin));
+    lengths.fold(0.0, f32::max).sqrt()
 }
 
 /// The squared distance of two rows, summed in an order that suits vectors.
@@ -300,6 +388,25 @@ mod tests {
                 check(&rows, &rows, dim);
                 check(&rows, &rows[..dim], dim);
                 check(&rows[..dim], &rows, dim);
+            }
+        }
+    }
+
+    #[test]
+    fn whole_numbers_lose_nothing_where_sums_are_wide() {
+        if !has_avx2_and_fma() {
+            return;
+        }
+        let mut rng = Seed(13).rng();
+        for (dim, values) in [(128, 256), (70, 100), (16, 3)] {
+            let rows: Vec<f32> = (0..40 * dim)
+                .map(|_| rng.below(values) as f32 - 17.0)
+                .collect();
+            let order: Vec<u32> = (0..40).rev().collect();
+            // SAFETY: AVX2 and FMA were detected on this processor.
+            let grid = unsafe { Grid::of(&rows, &rows, dim, true) }.expect("a grid");
+            for bytes in [grid.queries(&rows, &order), grid.candidates(&rows, &order)] {
+                assert_eq!(bytes.errors, [0.0; 40], "{values} values");
             }
         }
     }

@@ -7,12 +7,14 @@
 //! 2. With `|a - b|^2 = |a|^2 + |b|^2 - 2 a.b` each instruction multiplies and adds 32 pairs of
 //!    bytes, or 64.
 //! 3. A candidate is rejected if even the lower bound of its distance exceeds the second smallest distance so
-//!    far. For the few others the distance is computed in full, which may lower that second smallest.
-//! 4. Large searches look at the first principal components alone first ([`Principal`]), a quarter of
-//!    the bytes of SIFT: of 85,000 candidates these leave about one in 160, of which the bytes of all values
-//!    leave one in thirteen (ASIFT, castle, AVX-512). Queries that are near to each other see the candidates near to
+//!    far. For the few others the distance is computed in full, which may lower that second smallest. With AVX-512
+//!    bytes are exact where values are whole numbers, as those of SIFT are, and tell the distance themselves.
+//! 4. With AVX-512 the second smallest of the first few hundred candidates is found at once, without a look at
+//!    single ones, so that few are within the bounds from the start.
+//! 5. Large searches look at the first principal components alone first ([`Principal`]), a quarter of
+//!    the bytes of SIFT: of 85,000 candidates these leave about one in 160 (ASIFT, castle, AVX-512). Queries that are near to each other see the candidates near to
 //!    them first, so small distances are known from the start.
-//! 5. The caller compares what is left, mostly the two nearest themselves, by the definition of the
+//! 6. The caller compares what is left, mostly the two nearest themselves, by the definition of the
 //!    distance; so the results are those of the search by definition.
 
 mod grid;
@@ -27,7 +29,9 @@ use self::grid::{MAX_DIM, squared_distance};
 use self::panels::{Bounds, Panels};
 use self::principal::Principal;
 use self::tile::Tile;
-use self::within::{LANES, ROWS, keep, keep_avx512, prefetch, within, within_avx512};
+use self::within::{
+    LANES, ROWS, keep, keep_avx512, prefetch, second_sums_avx512, within, within_avx512,
+};
 use crate::simd::InstructionSet;
 
 /// Queries that see a panel one after the other: whole blocks. Their bytes fill a tenth of a second-level
@@ -35,7 +39,7 @@ use crate::simd::InstructionSet;
 /// less in common.
 const QUERIES: usize = 128 * ROWS;
 
-/// Measured candidates that a query may have on average, besides one in [`MEASURED_SHARE`] of all
+/// Candidates within the bounds that a query may have on average, besides one in [`MEASURED_SHARE`] of all
 /// that it has seen: with more of them the definition is as fast.
 const MEASURED: usize = 80;
 
@@ -46,6 +50,10 @@ const LEFT: usize = 400;
 /// See [`MEASURED`].
 const MEASURED_SHARE: usize = 16;
 
+/// Panels whose second smallest distance is found at once: with 2 of them 9,800 x 7,500 descriptors of SIFT take 4 %
+/// longer, with 16 of them 2 %.
+const FIRST: usize = 8;
+
 /// Values of `b` from which on bytes are worth the work of making them: with fewer, too many of the
 /// candidates are measured.
 const WORTH: usize = 40_000;
@@ -54,24 +62,17 @@ const WORTH: usize = 40_000;
 /// are faster with them, 5,000 x 5,000 slower.
 const PAIRS: usize = 60_000_000;
 
-/// The same with AVX-512, where products of all values cost less: of SIFT's descriptors 15,900 x 15,300 are
-/// faster with them, 9,800 x 7,800 slower, of ASIFT's 14,000 x 14,000 and 10,000 x 10,000.
-const PAIRS_AVX512: usize = 200_000_000;
+/// The same with AVX-512: of SIFT's descriptors 7,800 x 7,500 are faster with them, 6,100 x 7,500 slower.
+const PAIRS_AVX512: usize = 50_000_000;
 
 /// For the first rows of `a`, as many as bytes help to find, the rows of `b` that may be nearest, in
 /// ascending order. Among them are all that are, by the definition, at most as far as the farther of
-/// any two that are `apart`: all that are no farther than the second nearest if `apart` says so of
-/// any two rows.
+/// any two that are `apart`: without it of any two, so all that are no farther than the second nearest.
 ///
 /// There are no rows where `b` is small, some value is not finite or of extreme size, rows are very
 /// long, or the processor lacks AVX2; and no more of them after rows whose candidates are too much
 /// alike.
-pub(super) fn near_rows(
-    a: &[f32],
-    b: &[f32],
-    dim: usize,
-    apart: impl Fn(u32, u32) -> bool,
-) -> Vec<Vec<u32>> {
+pub(super) fn near_rows(a: &[f32], b: &[f32], dim: usize, apart: Option<Apart>) -> Vec<Vec<u32>> {
     if !((1..=MAX_DIM).contains(&dim) && b.len() >= WORTH && has_avx2_and_fma()) {
         return Vec::new();
     }
@@ -90,15 +91,12 @@ fn is_wide() -> bool {
     InstructionSet::in_use() == InstructionSet::Avx512
 }
 
+/// Whether two rows of `b` are apart.
+pub(super) type Apart<'a> = &'a dyn Fn(u32, u32) -> bool;
+
 /// [`near_rows`] without its tests; principal components are tried if the search `is_large`.
 #[target_feature(enable = "avx2,fma")]
-fn search(
-    a: &[f32],
-    b: &[f32],
-    dim: usize,
-    is_large: bool,
-    apart: impl Fn(u32, u32) -> bool,
-) -> Vec<Vec<u32>> {
+fn search(a: &[f32], b: &[f32], dim: usize, is_large: bool, apart: Option<Apart>) -> Vec<Vec<u32>> {
     let is_wide = is_wide();
     let principal = is_large.then(|| Principal::of(a, b, dim)).flatten();
     let orders = match &principal {
@@ -115,22 +113,36 @@ fn search(
         apart,
         is_wide,
     };
-    let near = match principal.and_then(|principal| First::of(principal, &orders, is_wide)) {
-        Some(first) => search.in_two_steps(first, whole),
-        None => search.in_one_step(whole),
+    let whole = Step::of(whole);
+    let near = match principal.and_then(|principal| Components::of(principal, &orders, is_wide)) {
+        Some(components) => search.in_two_steps(&components, &whole),
+        None => search.in_one_step(&whole),
     };
     near.into_iter().map_while(|near| near).collect()
 }
 
-/// The first of two steps: bounds of the principal components.
-struct First {
+/// What candidates are compared by in one step.
+struct Step {
+    bounds: Bounds,
     panels: Panels,
+}
+
+impl Step {
+    fn of(bounds: Bounds) -> Self {
+        let panels = Panels::of(&bounds);
+        Self { bounds, panels }
+    }
+}
+
+/// The first of two steps: bounds of the principal components.
+struct Components {
+    step: Step,
     principal: Principal,
     /// Of the components of each panel's candidates.
     means: Vec<[f32; principal::COMPONENTS]>,
 }
 
-impl First {
+impl Components {
     #[target_feature(enable = "avx2,fma")]
     fn of(principal: Principal, orders: &[Vec<u32>; 2], is_wide: bool) -> Option<Self> {
         let rows = [&principal.a[..], &principal.b];
@@ -138,7 +150,7 @@ impl First {
         bounds.allow(principal.rounding, principal.stretch);
         let panels = orders[1].chunks(LANES);
         Some(Self {
-            panels: Panels::of(bounds),
+            step: Step::of(bounds),
             means: panels
                 .map(|rows| principal::mean_of(&principal.b, rows))
                 .collect(),
@@ -160,23 +172,22 @@ impl First {
 }
 
 /// Rows of `a` and `b`, and the orders in which they are looked at.
-struct Search<'a, Apart> {
+struct Search<'a> {
     rows: [&'a [f32]; 2],
     dim: usize,
     orders: &'a [Vec<u32>; 2],
-    apart: Apart,
+    apart: Option<Apart<'a>>,
     /// See [`is_wide`].
     is_wide: bool,
 }
 
-impl<Apart: Fn(u32, u32) -> bool> Search<'_, Apart> {
+impl Search<'_> {
     /// The rows that may be nearest to each row of `a`; `None` where bytes did not help.
     #[target_feature(enable = "avx2,fma")]
-    fn in_one_step(&self, whole: Bounds) -> Vec<Option<Vec<u32>>> {
-        let panels = Panels::of(whole);
+    fn in_one_step(&self, whole: &Step) -> Vec<Option<Vec<u32>>> {
         let mut near = vec![None; self.orders[0].len()];
         for first in (0..near.len()).step_by(QUERIES) {
-            let Some(tile) = self.by_all_values(&panels, first) else {
+            let Some(tile) = self.by_all_values(whole, first) else {
                 break;
             };
             self.note(&tile, &mut near);
@@ -186,24 +197,21 @@ impl<Apart: Fn(u32, u32) -> bool> Search<'_, Apart> {
 
     /// The same with bounds of the principal components before those of all values.
     #[target_feature(enable = "avx2,fma")]
-    fn in_two_steps(&self, first_step: First, whole: Bounds) -> Vec<Option<Vec<u32>>> {
+    fn in_two_steps(&self, components: &Components, whole: &Step) -> Vec<Option<Vec<u32>>> {
         let mut near = vec![None; self.orders[0].len()];
-        // Made when components alone rule out too little.
-        let mut panels = None;
         let (mut tried, mut failed) = (0, 0);
         for first in (0..near.len()).step_by(QUERIES) {
             let mut found = None;
             if 2 * failed <= tried {
                 let mut tile = self.tile(first);
-                let order = first_step.panels_near(&self.orders[0][first..][..tile.queries.len()]);
-                let step = self.measure(&first_step.panels, Some(&whole), order, &mut tile);
+                let order = components.panels_near(&self.orders[0][first..][..tile.queries.len()]);
+                let step = self.measure(&components.step, whole, LEFT, &order, &mut tile);
                 tried += 1;
                 failed += usize::from(step.is_none());
                 found = step.map(|()| tile);
             }
             if found.is_none() {
-                let panels = panels.get_or_insert_with(|| Panels::of(whole.clone()));
-                found = self.by_all_values(panels, first);
+                found = self.by_all_values(whole, first);
             }
             let Some(tile) = found else {
                 break;
@@ -220,10 +228,10 @@ impl<Apart: Fn(u32, u32) -> bool> Search<'_, Apart> {
 
     /// The same after a search in one step.
     #[target_feature(enable = "avx2,fma")]
-    fn by_all_values(&self, panels: &Panels, first: usize) -> Option<Tile> {
+    fn by_all_values(&self, whole: &Step, first: usize) -> Option<Tile> {
         let mut tile = self.tile(first);
-        let order = (0..panels.count()).collect();
-        self.measure(panels, None, order, &mut tile)?;
+        let order: Vec<usize> = (0..whole.panels.count()).collect();
+        self.measure(whole, whole, MEASURED, &order, &mut tile)?;
         Some(tile)
     }
 
@@ -234,29 +242,31 @@ impl<Apart: Fn(u32, u32) -> bool> Search<'_, Apart> {
         }
     }
 
-    /// Measures all that may be within the bounds of a tile of queries; `None` if these are too many. In
-    /// two steps, what `panels` do not rule out is looked at with the bounds `then`.
+    /// Looks at all panels, in an order, for candidates that may be within the bounds of a tile of queries; `None` if
+    /// `step` leaves too many, of which `allowed` are no matter. What it leaves is looked at with the bounds of
+    /// the `whole` rows.
     #[target_feature(enable = "avx2,fma")]
     fn measure(
         &self,
-        panels: &Panels,
-        then: Option<&Bounds>,
-        order: Vec<usize>,
+        step: &Step,
+        whole: &Step,
+        allowed: usize,
+        order: &[usize],
         tile: &mut Tile,
     ) -> Option<()> {
+        let is_warm = self.warm_up(step, whole, order, tile);
         let (mut left, mut seen) = (0, 0);
-        for number in order {
+        for &number in order {
             let first = number * LANES;
             let lanes = u64::MAX >> (LANES - LANES.min(self.orders[1].len() - first));
-            if seen == 0 {
+            if seen == 0 && !is_warm {
                 // Nothing is known yet: the first few bring bounds for the next few.
                 for some in [0xff, 0xff << 8, 0xffff << 16, u64::MAX << 32] {
-                    left += self.scan(panels, then, number, lanes & some, tile);
+                    left += self.scan(step, whole, number, lanes & some, tile);
                 }
             } else {
-                left += self.scan(panels, then, number, lanes, tile);
+                left += self.scan(step, whole, number, lanes, tile);
             }
-            let allowed = if then.is_some() { LEFT } else { MEASURED };
             if left > tile.queries.len() * (allowed + seen / MEASURED_SHARE) {
                 return None;
             }
@@ -265,57 +275,70 @@ impl<Apart: Fn(u32, u32) -> bool> Search<'_, Apart> {
         Some(())
     }
 
-    /// Measures those of `lanes` of a panel that may be within the bounds, and returns how many `panels` left.
+    /// Sets the bounds of a tile of queries by the first panels of an order; whether that could be done.
     #[target_feature(enable = "avx2,fma")]
-    fn scan(
-        &self,
-        panels: &Panels,
-        then: Option<&Bounds>,
-        number: usize,
-        lanes: u64,
-        tile: &mut Tile,
-    ) -> usize {
-        let (panel, starts) = panels.panel(number);
-        let quads = panels.bounds.queries_from(tile.first);
-        if let Some(then) = then {
-            // On their way while components are compared.
-            prefetch(then.candidates_of_panel(number).0);
+    fn warm_up(&self, step: &Step, whole: &Step, order: &[usize], tile: &mut Tile) -> bool {
+        if !self.is_wide || self.apart.is_some() {
+            return false;
         }
+        // Lanes without a candidate would pass for some.
+        let full = self.orders[1].len() / LANES;
+        let panels = order.iter().filter(|&&number| number < full).take(FIRST);
+        let panels: Vec<_> = panels.map(|&number| whole.panels.panel(number)).collect();
+        if panels.is_empty() {
+            return false;
+        }
+        let queries = whole.bounds.queries_from(tile.first);
+        let mut second = vec![[0; ROWS]; tile.least.len()];
+        // SAFETY: what is in use was detected on this processor.
+        unsafe { second_sums_avx512(queries, &panels, &mut second) };
+        for (number, &sum) in (0..tile.queries.len()).zip(second.as_flattened()) {
+            tile.queries[number].bound = whole.bounds.largest(tile.first + number, sum);
+            tile.set_limits(number, &step.bounds, &whole.bounds);
+        }
+        true
+    }
+
+    /// Looks at those of `lanes` of a panel that may be within the bounds, and returns how many `step` left.
+    #[target_feature(enable = "avx2,fma")]
+    fn scan(&self, step: &Step, whole: &Step, number: usize, lanes: u64, tile: &mut Tile) -> usize {
+        let (panel, starts) = step.panels.panel(number);
+        let quads = step.bounds.queries_from(tile.first);
+        let queries = whole.bounds.queries_from(tile.first);
+        let (candidates, parts) = whole.bounds.candidates_of_panel(number);
+        // On their way while the panel is compared.
+        prefetch(candidates);
         if self.is_wide {
             // SAFETY: what is in use was detected on this processor.
             unsafe { within_avx512(quads, &tile.least, panel, starts, &mut tile.within) };
         } else {
             within(quads, &tile.least, panel, starts, &mut tile.within);
         }
-        tile.list_pairs(lanes);
-        let left = tile.pairs.len();
-        if let Some(then) = then {
-            let queries = then.queries_from(tile.first);
-            let (candidates, parts) = then.candidates_of_panel(number);
-            let (pairs, limits) = (&mut tile.pairs, &tile.limits);
-            if self.is_wide {
-                // SAFETY: as before.
-                unsafe { keep_avx512(pairs, queries, candidates, parts, limits) };
-            } else {
-                keep(pairs, queries, candidates, parts, limits);
-            }
-            for pair in &tile.pairs {
+        let left = tile.list_pairs(lanes);
+        let (pairs, limits) = (&tile.pairs[..left], &tile.limits);
+        let kept = if self.is_wide {
+            // SAFETY: as before.
+            unsafe { keep_avx512(pairs, queries, candidates, parts, limits, &mut tile.kept) }
+        } else {
+            keep(pairs, queries, candidates, parts, limits, &mut tile.kept)
+        };
+        if !whole.bounds.are_exact() {
+            for (pair, _) in &tile.kept[..kept] {
                 prefetch(self.row(1, number * LANES + pair.lane()));
             }
         }
-        for &pair in &tile.pairs {
-            let place = tile.first + pair.query();
+        for kept in 0..kept {
+            let (pair, distance) = tile.kept[kept];
             let candidate = number * LANES + pair.lane();
-            let distance = squared_distance(self.row(0, place), self.row(1, candidate));
+            let place = tile.first + pair.query();
+            let distance = if whole.bounds.are_exact() {
+                whole.bounds.distance(place, distance)
+            } else {
+                squared_distance(self.row(0, place), self.row(1, candidate)).sqrt()
+            };
             let query = &mut tile.queries[pair.query()];
-            if query.admits(distance) {
-                query.offer(self.orders[1][candidate], distance, &self.apart);
-                let bound = query.bound;
-                tile.least[pair.query() / ROWS][pair.query() % ROWS] =
-                    panels.bounds.least(place, bound);
-                if let Some(then) = then {
-                    tile.limits[pair.query()] = then.limit(place, bound);
-                }
+            if query.offer(self.orders[1][candidate], distance, self.apart) {
+                tile.set_limits(pair.query(), &step.bounds, &whole.bounds);
             }
         }
         left

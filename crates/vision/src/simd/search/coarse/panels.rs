@@ -6,7 +6,6 @@ use super::within::{LANES, ROWS};
 use crate::simd::search::pack;
 
 /// Bytes of both sides, and what bounds of distances need to know of them.
-#[derive(Clone)]
 pub(super) struct Bounds {
     queries: Bytes,
     candidates: Bytes,
@@ -16,6 +15,10 @@ pub(super) struct Bounds {
     error: f32,
     /// Units of a byte in one unit of distances, at most.
     scale: f32,
+    /// See [`Self::are_exact`].
+    are_exact: bool,
+    /// One unit of a byte in units of distances.
+    unit: f32,
 }
 
 impl Bounds {
@@ -34,12 +37,15 @@ impl Bounds {
         let blocks = orders[0].len().div_ceil(ROWS);
         queries.quads.resize(blocks * ROWS * width, 0);
         let candidates = grid.candidates(rows[1], &orders[1]);
+        let errors = queries.errors.iter().chain(&candidates.errors);
         Some(Self {
+            are_exact: errors.copied().all(|error| error == 0.0),
             error: candidates.errors.iter().copied().fold(0.0, f32::max),
             queries,
             candidates,
             width,
             scale: grid.scale,
+            unit: 1.0 / grid.scale,
         })
     }
 
@@ -64,10 +70,29 @@ impl Bounds {
         (&quads[..norms.len() * self.width], norms)
     }
 
+    /// Whether bytes lost nothing, so that distances of bytes are those of the rows.
+    pub(super) fn are_exact(&self) -> bool {
+        self.are_exact
+    }
+
+    /// The distance of a query and a candidate whose squared distance in bytes, less the query's part of it, is
+    /// `distance`.
+    #[inline]
+    pub(super) fn distance(&self, query: usize, distance: i32) -> f32 {
+        ((distance + self.queries.norms[query]) as f32).sqrt() * self.unit
+    }
+
+    /// The largest distance of a query and candidates whose sum of products, less half of their part of the squared
+    /// distance, is at least `sum`.
+    pub(super) fn largest(&self, query: usize, sum: i32) -> f32 {
+        let distance = (self.queries.norms[query] - 2 * sum + 1) as f32;
+        (distance.sqrt() + self.queries.errors[query] + self.error) * self.unit
+    }
+
     /// The largest squared distance in bytes, less the query's part of it, of candidates that may be
     /// within a bound.
     pub(super) fn limit(&self, query: usize, bound: f32) -> i32 {
-        let bound = bound.sqrt() * self.scale;
+        let bound = bound * self.scale;
         let reach = (bound + self.queries.errors[query] + self.error) * (1.0 + ROUNDING) + 0.01;
         ((reach * reach) as i32).saturating_sub(self.queries.norms[query])
     }
@@ -82,20 +107,20 @@ impl Bounds {
 
 /// The candidates once more, in panels.
 pub(super) struct Panels {
-    pub(super) bounds: Bounds,
+    width: usize,
     quads: Vec<[i32; LANES]>,
     /// Minus half of the candidates' parts of squared distances, rounded up.
     starts: Vec<[i32; LANES]>,
 }
 
 impl Panels {
-    pub(super) fn of(bounds: Bounds) -> Self {
+    pub(super) fn of(bounds: &Bounds) -> Self {
         let norms = bounds.candidates.norms.iter();
         let starts: Vec<i32> = norms.map(|norm| -(norm >> 1)).collect();
         Self {
             quads: pack(&bounds.candidates.quads, bounds.width),
             starts: pack(&starts, 1),
-            bounds,
+            width: bounds.width,
         }
     }
 
@@ -105,7 +130,7 @@ impl Panels {
 
     /// A panel and what sums of products start at.
     pub(super) fn panel(&self, number: usize) -> (&[[i32; LANES]], &[i32; LANES]) {
-        let width = self.bounds.width;
+        let width = self.width;
         let panel = &self.quads[number * width..][..width];
         (panel, &self.starts[number])
     }

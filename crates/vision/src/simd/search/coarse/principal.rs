@@ -14,8 +14,6 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
-use super::grid::squared_distance;
-
 /// Components that are compared.
 pub(super) const COMPONENTS: usize = 32;
 
@@ -158,34 +156,44 @@ fn stretch(axes: &[[f32; COMPONENTS]]) -> f32 {
     largest.sqrt() as f32 * (1.0 + f32::EPSILON)
 }
 
-/// Rows less `mean` along the axes, and the length of the longest of them; `None` if that is not finite.
-#[target_feature(enable = "avx2,fma")]
-fn project(rows: &[f32], mean: &[f32], axes: &[[f32; COMPONENTS]]) -> Option<(Vec<f32>, f32)> {
-    let dim = mean.len();
-    let mut projected = Vec::with_capacity(rows.len() / dim * COMPONENTS);
-    let mut longest = 0.0_f32;
-    // Two rows at once: the sums of one alone would wait for each other.
-    for pair in rows.chunks(2 * dim) {
-        let pair = [&pair[..dim], &pair[pair.len() - dim..]];
-        for length in pair.map(|row| squared_distance(row, mean)) {
-            if !length.is_finite() {
-                return None;
-            }
-            longest = longest.max(length);
-        }
-        let mut sums = [[0.0_f32; COMPONENTS]; 2];
-        for k in 0..dim {
-            for (row, sums) in pair.iter().zip(&mut sums) {
-                let centred = row[k] - mean[k];
-                for (sum, axis) in sums.iter_mut().zip(&axes[k]) {
-                    *sum = centred.mul_add(*axis, *sum);
+multiversioned! {
+    #![avx512]
+
+    /// Rows less `mean` along the axes, and the length of the longest of them; `None` if that is not finite.
+    fn project(rows: &[f32], mean: &[f32], axes: &[[f32; COMPONENTS]]) -> Option<(Vec<f32>, f32)> {
+        const AT_ONCE: usize = 4;
+        let dim = mean.len();
+        let mut projected = Vec::with_capacity(rows.len() / dim * COMPONENTS);
+        let mut longest = 0.0_f32;
+        let mut centred = vec![[0.0_f32; AT_ONCE]; dim];
+        // Some rows at once: the sums of one alone would wait for each other.
+        for few in rows.chunks(AT_ONCE * dim) {
+            let count = few.len() / dim;
+            let mut lengths = [0.0_f32; AT_ONCE];
+            for (k, (centred, mean)) in centred.iter_mut().zip(mean).enumerate() {
+                for row in 0..AT_ONCE {
+                    centred[row] = few[row.min(count - 1) * dim + k] - mean;
+                    lengths[row] = centred[row].mul_add(centred[row], lengths[row]);
                 }
             }
+            for length in lengths {
+                if !length.is_finite() {
+                    return None;
+                }
+                longest = longest.max(length);
+            }
+            let mut sums = [[0.0_f32; COMPONENTS]; AT_ONCE];
+            for (centred, axes) in centred.iter().zip(axes) {
+                for row in 0..AT_ONCE {
+                    for c in 0..COMPONENTS {
+                        sums[row][c] = centred[row].mul_add(axes[c], sums[row][c]);
+                    }
+                }
+            }
+            projected.extend_from_slice(&sums.as_flattened()[..count * COMPONENTS]);
         }
-        projected.extend(sums.as_flattened());
+        Some((projected, longest.sqrt()))
     }
-    projected.truncate(rows.len() / dim * COMPONENTS);
-    Some((projected, longest.sqrt()))
 }
 
 #[cfg(test)]

@@ -51,13 +51,7 @@ fn drawn(rng: &mut Rng, rows: usize, dim: usize) -> Vec<f32> {
 }
 
 /// [`search`] in two steps if `is_large` and the rows allow it.
-fn near(
-    a: &[f32],
-    b: &[f32],
-    dim: usize,
-    is_large: bool,
-    apart: impl Fn(u32, u32) -> bool,
-) -> Vec<Vec<u32>> {
+fn near(a: &[f32], b: &[f32], dim: usize, is_large: bool, apart: Option<Apart>) -> Vec<Vec<u32>> {
     if dim > MAX_DIM || !has_avx2_and_fma() {
         return Vec::new();
     }
@@ -71,7 +65,7 @@ fn compare(a: &[f32], b: &[f32], dim: usize) -> [usize; 2] {
     let expected = defined(a, b, dim);
     assert_eq!(two_nearest_floats(a, b, dim), expected, "{dim} values");
     [false, true].map(|is_large| {
-        let near = near(a, b, dim, is_large, |_, _| true);
+        let near = near(a, b, dim, is_large, None);
         let found = near.iter().zip(a.chunks_exact(dim));
         let found: Vec<TwoNearest> = found
             .map(|(near, row)| two_nearest_among(row, b, near))
@@ -212,7 +206,7 @@ fn all_within_the_bound_are_found_where_two_must_be_apart() {
     };
     InstructionSet::for_each(|_| {
         for is_large in [false, true] {
-            let near = near(&a, &b, dim, is_large, apart);
+            let near = near(&a, &b, dim, is_large, Some(&apart));
             let are_all = near.len() == 100 || !is_large || !has_avx2_and_fma();
             assert!(are_all, "{}", near.len());
             for (row, near) in a.chunks_exact(dim).zip(near) {

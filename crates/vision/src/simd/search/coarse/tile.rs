@@ -1,6 +1,11 @@
 //! What is known of some queries while they are searched for.
 
-use super::within::{Pair, ROWS};
+use super::Apart;
+use super::panels::Bounds;
+use super::within::{LANES, Pair, ROWS};
+
+/// Pairs that are listed without a look at how many there are.
+const AT_ONCE: usize = 4;
 
 /// By how much two sums of the same squares in another order may differ, generously.
 pub(super) const ROUNDING: f32 = 1e-3;
@@ -16,8 +21,12 @@ pub(super) struct Tile {
     pub(super) limits: Vec<i32>,
     /// Of each query, block by block: candidates of the last panel that may be within its bound.
     pub(super) within: Vec<[u64; ROWS]>,
-    /// The same one by one.
+    /// Queries that have any of these.
+    some: Vec<u32>,
+    /// Room for what is within, one by one.
     pub(super) pairs: Vec<Pair>,
+    /// Room for those of them that are kept, and their squared distances in bytes, less the query's part.
+    pub(super) kept: Vec<(Pair, i32)>,
 }
 
 impl Tile {
@@ -30,34 +39,59 @@ impl Tile {
             least: vec![[i32::MIN; ROWS]; blocks],
             limits: vec![i32::MAX; count],
             within: vec![[0; ROWS]; blocks],
-            pairs: Vec::new(),
+            some: vec![0; count],
+            pairs: vec![Pair::new(0, 0); count * LANES + AT_ONCE],
+            kept: vec![(Pair::new(0, 0), 0); count * LANES],
         }
     }
 
-    /// Lists what is within in `lanes`.
-    pub(super) fn list_pairs(&mut self, lanes: u64) {
-        self.pairs.clear();
+    /// Sets what `step` and the bounds of `whole` rows compare a query's candidates with by the bound of the query.
+    pub(super) fn set_limits(&mut self, query: usize, step: &Bounds, whole: &Bounds) {
+        let (place, bound) = (self.first + query, self.queries[query].bound);
+        self.least[query / ROWS][query % ROWS] = step.least(place, bound);
+        self.limits[query] = whole.limit(place, bound);
+    }
+
+    /// Lists what is within in `lanes`; returns how many pairs there are.
+    pub(super) fn list_pairs(&mut self, lanes: u64) -> usize {
+        // Without branches whose outcome nobody could predict: first the queries that have any.
         let within = &self.within.as_flattened()[..self.queries.len()];
-        for (query, within) in within.iter().enumerate() {
-            let mut within = within & lanes;
-            while within != 0 {
-                self.pairs
-                    .push(Pair::new(query, within.trailing_zeros() as usize));
-                within &= within - 1;
-            }
+        let mut some = 0;
+        for (query, within) in (0..).zip(within) {
+            self.some[some] = query;
+            some += usize::from(within & lanes != 0);
         }
+        let mut listed = 0;
+        for &query in &self.some[..some] {
+            let mut within = within[query as usize] & lanes;
+            let count = within.count_ones() as usize;
+            let mut next = listed;
+            loop {
+                // Most have fewer.
+                for pair in &mut self.pairs[next..][..AT_ONCE] {
+                    *pair = Pair::new(query as usize, within.trailing_zeros() as usize % LANES);
+                    within &= within.wrapping_sub(1);
+                }
+                next += AT_ONCE;
+                if within == 0 {
+                    break;
+                }
+            }
+            listed += count;
+        }
+        listed
     }
 }
 
 /// What is known of the nearest of a row of `a`.
 pub(super) struct Query {
-    /// Index of the nearest measured so far, and its squared distance.
+    /// Index of the nearest measured so far, and its distance.
     nearest: (u32, f32),
-    /// Of two measured candidates that are apart the squared distance to the farther: the least of those two
+    /// Of two candidates that are apart the distance to the farther, or more: the least of those two
     /// of which one was the nearest when the other came. Others may have a smaller one, so it may be too
     /// large, but never too small.
     pub(super) bound: f32,
-    /// Measured candidates that were within the bound when they were, and their squared distances.
+    /// Measured candidates that were within the bound when they were, and their distances.
     near: Vec<(u32, f32)>,
 }
 
@@ -71,21 +105,26 @@ impl Query {
     }
 
     /// Whether a measured candidate may be within the bound by the definition.
-    pub(super) fn admits(&self, distance: f32) -> bool {
+    fn admits(&self, distance: f32) -> bool {
         distance <= self.bound * (1.0 + ROUNDING) + f32::MIN_POSITIVE
     }
 
-    /// Takes a candidate and its squared distance.
-    pub(super) fn offer(&mut self, index: u32, distance: f32, apart: impl Fn(u32, u32) -> bool) {
+    /// Takes a candidate and its distance; whether the bound is another now.
+    pub(super) fn offer(&mut self, index: u32, distance: f32, apart: Option<Apart>) -> bool {
+        if !self.admits(distance) {
+            return false;
+        }
         self.near.push((index, distance));
         let (nearest, nearest_distance) = self.nearest;
         if distance < nearest_distance {
             self.nearest = (index, distance);
         }
         let farther = distance.max(nearest_distance);
-        if farther < self.bound && apart(nearest, index) {
+        let is_nearer = farther < self.bound && apart.is_none_or(|apart| apart(nearest, index));
+        if is_nearer {
             self.bound = farther;
         }
+        is_nearer
     }
 
     /// The candidates that may be within the bound, in ascending order.

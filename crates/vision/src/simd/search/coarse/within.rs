@@ -9,13 +9,13 @@
 //! lanes at a time.
 
 use std::arch::x86_64::{
-    __m256i, _MM_HINT_T0, _mm_add_epi32, _mm_cvtsi128_si32, _mm_prefetch, _mm_shuffle_epi32,
-    _mm_unpackhi_epi64, _mm256_add_epi16, _mm256_add_epi32, _mm256_castsi256_ps,
+    __m256i, __m512i, _MM_HINT_T0, _mm_add_epi32, _mm_cvtsi128_si32, _mm_prefetch,
+    _mm_shuffle_epi32, _mm_unpackhi_epi64, _mm256_add_epi16, _mm256_add_epi32, _mm256_castsi256_ps,
     _mm256_castsi256_si128, _mm256_cmpgt_epi32, _mm256_extracti128_si256, _mm256_loadu_si256,
     _mm256_madd_epi16, _mm256_maddubs_epi16, _mm256_movemask_ps, _mm256_set1_epi16,
     _mm256_set1_epi32, _mm256_setzero_si256, _mm512_cmpge_epi32_mask, _mm512_dpbusd_epi32,
-    _mm512_loadu_si512, _mm512_maskz_loadu_epi32, _mm512_reduce_add_epi32, _mm512_set1_epi32,
-    _mm512_setzero_si512,
+    _mm512_loadu_si512, _mm512_maskz_loadu_epi32, _mm512_max_epi32, _mm512_min_epi32,
+    _mm512_reduce_add_epi32, _mm512_set1_epi32, _mm512_setzero_si512, _mm512_storeu_si512,
 };
 
 /// Candidates of a panel: four vectors of sixteen, or eight of eight.
@@ -121,6 +121,26 @@ fn block_avx512(
     panel: &[[i32; LANES]],
     starts: &[i32; LANES],
 ) -> [u64; ROWS] {
+    let sums = sums_avx512(quads, panel, starts);
+    let mut within = [0; ROWS];
+    for row in 0..ROWS {
+        let least = _mm512_set1_epi32(least[row]);
+        for (quarter, &sums) in sums[row].iter().enumerate() {
+            let near = _mm512_cmpge_epi32_mask(sums, least);
+            within[row] |= u64::from(near) << (16 * quarter);
+        }
+    }
+    within
+}
+
+/// For each query of a block the sums of all lanes.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
+fn sums_avx512(
+    quads: &[i32],
+    panel: &[[i32; LANES]],
+    starts: &[i32; LANES],
+) -> [[__m512i; 4]; ROWS] {
     let rows = rows(quads, panel.len());
     let quarters = |lanes: &[i32; LANES]| {
         let start: *const i32 = lanes.as_ptr();
@@ -145,15 +165,52 @@ fn block_avx512(
             }
         }
     }
-    let mut within = [0; ROWS];
-    for row in 0..ROWS {
-        let least = _mm512_set1_epi32(least[row]);
-        for (quarter, &sums) in sums[row].iter().enumerate() {
-            let near = _mm512_cmpge_epi32_mask(sums, least);
-            within[row] |= u64::from(near) << (16 * quarter);
+    sums
+}
+
+/// For each query, block by block, the second largest sum of all lanes of all `panels`: of the second nearest of
+/// their candidates.
+///
+/// *Benefit*: no candidate is looked at by itself. *Correctness*: as of [`within_avx512`]; the two largest of each of 16
+/// lanes are kept, and the second largest of all is among them.
+#[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
+pub(super) fn second_sums_avx512(
+    quads: &[i32],
+    panels: &[(&[[i32; LANES]], &[i32; LANES])],
+    second: &mut [[i32; ROWS]],
+) {
+    let width = panels[0].0.len();
+    for (second, quads) in second.iter_mut().zip(quads.chunks_exact(ROWS * width)) {
+        let mut most = [[_mm512_set1_epi32(i32::MIN); 2]; ROWS];
+        for (panel, starts) in panels {
+            let sums = sums_avx512(quads, panel, starts);
+            for ([most, next], sums) in most.iter_mut().zip(sums) {
+                for sums in sums {
+                    *next = _mm512_max_epi32(*next, _mm512_min_epi32(*most, sums));
+                    *most = _mm512_max_epi32(*most, sums);
+                }
+            }
+        }
+        for (second, most) in second.iter_mut().zip(most) {
+            let mut lanes = [[0_i32; 16]; 2];
+            for (lanes, most) in lanes.iter_mut().zip(most) {
+                // SAFETY: 64 bytes can be written to 16 lanes.
+                unsafe { _mm512_storeu_si512(lanes.as_mut_ptr().cast(), most) };
+            }
+            *second = second_of(lanes.as_flattened());
         }
     }
-    within
+}
+
+/// The second largest.
+#[inline(always)]
+fn second_of(values: &[i32]) -> i32 {
+    let (mut most, mut next) = (i32::MIN, i32::MIN);
+    for &value in values {
+        next = next.max(most.min(value));
+        most = most.max(value);
+    }
+    next
 }
 
 /// A query and a lane of a panel.
@@ -181,15 +238,16 @@ impl Pair {
 /// query's part of it, is at most the query's limit; `parts` are those of the candidates.
 #[target_feature(enable = "avx2,fma")]
 pub(super) fn keep(
-    pairs: &mut Vec<Pair>,
+    pairs: &[Pair],
     queries: &[i32],
     candidates: &[i32],
     parts: &[i32],
     limits: &[i32],
-) {
-    keep_by(pairs, queries, candidates, parts, limits, |a, b| {
+    kept: &mut [(Pair, i32)],
+) -> usize {
+    keep_by(pairs, queries, candidates, parts, limits, kept, |a, b| {
         product(a, b)
-    });
+    })
 }
 
 /// [`keep`] with one instruction for the products of 64 bytes and their sums.
@@ -197,38 +255,39 @@ pub(super) fn keep(
 /// *Benefit*: half the time. *Correctness*: as of [`within_avx512`].
 #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
 pub(super) fn keep_avx512(
-    pairs: &mut Vec<Pair>,
+    pairs: &[Pair],
     queries: &[i32],
     candidates: &[i32],
     parts: &[i32],
     limits: &[i32],
-) {
-    keep_by(pairs, queries, candidates, parts, limits, |a, b| {
+    kept: &mut [(Pair, i32)],
+) -> usize {
+    keep_by(pairs, queries, candidates, parts, limits, kept, |a, b| {
         product_avx512(a, b)
-    });
+    })
 }
 
 /// [`keep`], given the sum of products. Without branches, whose outcome nobody could predict.
 #[inline(always)]
 fn keep_by(
-    pairs: &mut Vec<Pair>,
+    pairs: &[Pair],
     queries: &[i32],
     candidates: &[i32],
     parts: &[i32],
     limits: &[i32],
+    kept: &mut [(Pair, i32)],
     product: impl Fn(&[i32], &[i32]) -> i32,
-) {
+) -> usize {
     let width = candidates.len() / parts.len();
-    let mut kept = 0;
-    for number in 0..pairs.len() {
-        let pair = pairs[number];
+    let mut count = 0;
+    for &pair in pairs {
         let query = &queries[pair.query() * width..][..width];
         let candidate = &candidates[pair.lane() * width..][..width];
         let distance = parts[pair.lane()] - 2 * product(query, candidate);
-        pairs[kept] = pair;
-        kept += usize::from(distance <= limits[pair.query()]);
+        kept[count] = (pair, distance);
+        count += usize::from(distance <= limits[pair.query()]);
     }
-    pairs.truncate(kept);
+    count
 }
 
 /// Asks for values that are read soon.
