@@ -28,7 +28,7 @@ mod within;
 use self::grid::{MAX_DIM, squared_distance};
 use self::panels::{Bounds, Panels};
 use self::principal::Principal;
-use self::tile::Tile;
+use self::tile::{Apart, Tile};
 use self::within::{
     LANES, ROWS, keep, keep_avx512, prefetch, second_sums_avx512, within, within_avx512,
 };
@@ -90,9 +90,6 @@ fn has_avx2_and_fma() -> bool {
 fn is_wide() -> bool {
     InstructionSet::in_use() == InstructionSet::Avx512
 }
-
-/// Whether two rows of `b` are apart.
-pub(super) type Apart<'a> = &'a dyn Fn(u32, u32) -> bool;
 
 /// [`near_rows`] without its tests; principal components are tried if the search `is_large`.
 #[target_feature(enable = "avx2,fma")]

@@ -1,9 +1,11 @@
 //! Bytes of queries and candidates, and the bounds that follow from them.
 
 use super::grid::{Bytes, Grid};
-use super::tile::ROUNDING;
 use super::within::{LANES, ROWS};
 use crate::simd::search::pack;
+
+/// By how much two sums of the same squares in another order may differ, generously.
+pub(super) const ROUNDING: f32 = 1e-3;
 
 /// Bytes of both sides, and what bounds of distances need to know of them.
 pub(super) struct Bounds {

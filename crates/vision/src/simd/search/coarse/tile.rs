@@ -1,14 +1,13 @@
 //! What is known of some queries while they are searched for.
 
-use super::Apart;
-use super::panels::Bounds;
+use super::panels::{Bounds, ROUNDING};
 use super::within::{LANES, Pair, ROWS};
 
 /// Pairs that are listed without a look at how many there are.
 const AT_ONCE: usize = 4;
 
-/// By how much two sums of the same squares in another order may differ, generously.
-pub(super) const ROUNDING: f32 = 1e-3;
+/// Whether two rows of `b` are apart.
+pub(super) type Apart<'a> = &'a dyn Fn(u32, u32) -> bool;
 
 /// Some queries.
 pub(super) struct Tile {
