@@ -67,6 +67,10 @@ impl Grid {
         let scale = (254.0 / range)
             .min(126.0 / half)
             .min(scale_of_rows(longest_a, longest_b, dim));
+        // A mean may be infinite where no value is.
+        if !scale.is_normal() {
+            return None;
+        }
         let centre = mean.iter().zip(&least);
         let centre = centre.map(|(mean, least)| ((mean - least) * scale + 0.5) as i32);
         Some(Self {
@@ -78,56 +82,34 @@ impl Grid {
 
     /// The bytes of queries, 0 to 255, in an order.
     pub(super) fn queries(&self, rows: &[f32], order: &[u32]) -> Bytes {
-        self.round(rows, order, false)
+        round_queries(self, rows, order)
     }
 
     /// The bytes of candidates, -128 to 127, in an order.
     pub(super) fn candidates(&self, rows: &[f32], order: &[u32]) -> Bytes {
-        self.round(rows, order, true)
-    }
-
-    /// Rounds rows.
-    fn round(&self, rows: &[f32], order: &[u32], are_candidates: bool) -> Bytes {
-        let width = self.least.len().div_ceil(4);
-        let mut bytes = Bytes {
-            quads: vec![0; order.len() * width],
-            norms: vec![0; order.len()],
-            errors: vec![0.0; order.len()],
-        };
-        if are_candidates {
-            round_candidates(self, rows, order, &mut bytes);
-        } else {
-            round_queries(self, rows, order, &mut bytes);
-        }
-        bytes
+        round_candidates(self, rows, order)
     }
 }
 
 multiversioned! {
     #![avx512]
 
-    fn round_queries(grid: &Grid, rows: &[f32], order: &[u32], bytes: &mut Bytes) {
-        round_rows(grid, rows, order, bytes, |value, centre| {
+    fn round_queries(grid: &Grid, rows: &[f32], order: &[u32]) -> Bytes {
+        round(grid, rows, order, |value, centre| {
             (value, (value - centre) * (value - centre))
-        });
+        })
     }
 
-    fn round_candidates(grid: &Grid, rows: &[f32], order: &[u32], bytes: &mut Bytes) {
-        round_rows(grid, rows, order, bytes, |value, centre| {
+    fn round_candidates(grid: &Grid, rows: &[f32], order: &[u32]) -> Bytes {
+        round(grid, rows, order, |value, centre| {
             (value - centre, value * value - centre * centre)
-        });
+        })
     }
 }
 
 /// Rounds rows; `byte` gives the byte of a rounded value and its part of the norm.
 #[inline(always)]
-fn round_rows(
-    grid: &Grid,
-    rows: &[f32],
-    order: &[u32],
-    bytes: &mut Bytes,
-    byte: impl Fn(i32, i32) -> (i32, i32),
-) {
+fn round(grid: &Grid, rows: &[f32], order: &[u32], byte: impl Fn(i32, i32) -> (i32, i32)) -> Bytes {
     /// Numbers at least as large have no digits behind the point.
     const WHOLE: f32 = (1 << 23) as f32;
     const LANES: usize = 16;
@@ -143,6 +125,11 @@ fn round_rows(
     let mut rounded = vec![0_u8; padded];
     let mut values = vec![0.0_f32; padded];
     let width = dim.div_ceil(4);
+    let mut bytes = Bytes {
+        quads: vec![0; order.len() * width],
+        norms: vec![0; order.len()],
+        errors: vec![0.0; order.len()],
+    };
     let outputs = bytes.quads.chunks_exact_mut(width);
     for (((&row, quads), norm), error) in order
         .iter()
@@ -174,6 +161,7 @@ fn round_rows(
         *norm = parts.iter().sum();
         *error = errors.iter().sum::<f32>().sqrt();
     }
+    bytes
 }
 
 /// The largest scale with which the lengths of two rows of bytes multiply to [`PRODUCT`] at most,

@@ -272,6 +272,21 @@ fn offsets_and_sizes_of_columns_change_no_result() {
 }
 
 #[test]
+fn a_column_whose_sum_is_infinite_changes_no_result() {
+    // Few rows, of which each query may have all.
+    let (dim, mut rng) = (1_000, Seed(14).rng());
+    let mut rows = drawn(&mut rng, 70, dim);
+    for row in rows.chunks_exact_mut(dim) {
+        row[7] = 1e37;
+    }
+    let queries: Vec<f32> = rows[..20 * dim].iter().map(|value| 0.9 * value).collect();
+    InstructionSet::for_each(|_| {
+        compare(&rows, &rows, dim);
+        compare(&queries, &rows, dim);
+    });
+}
+
+#[test]
 fn rows_too_much_alike_are_left_to_the_definition() {
     // A few values far out make the grid too coarse for the others.
     let alike = |value: f32, _| if value > 4.0 { 1e3 * value } else { value };
