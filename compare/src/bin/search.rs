@@ -4,7 +4,7 @@
 //! search A B OUT [REPETITIONS [exact | kdforest]]
 //! ```
 //!
-//! prints the median time of a search in milliseconds (reading and writing excluded) and writes
+//! prints the median time of a first search in milliseconds (reading and writing excluded) and writes
 //! the correspondences. All numbers are little endian.
 //!
 //! - Descriptors: `u32` kind (0 real values, 1 bits), `u32` values or bits in a row, `u32` rows;
@@ -40,6 +40,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut times: Vec<Duration> = Vec::new();
     let mut matches = Vec::new();
     for _ in 0..repetitions.max(1) {
+        // A copy, since what a search makes of its candidates is kept beside these for the next search: each is the first.
+        let b = b.clone();
         let start = Instant::now();
         matches = match (&kdforest, &a, &b) {
             (None, ..) => two_nearest(&a, &b),

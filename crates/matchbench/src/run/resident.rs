@@ -12,8 +12,8 @@ use crate::datasets::Pair;
 /// Most frames that are extracted before the pairs that need them are done: many enough to keep
 /// all threads busy, few enough that records keep coming.
 const NEW_FRAMES: usize = 64;
-/// What the features of a frame are taken to need before the first is known (60,000 of SIFT).
-const ASSUMED: usize = 32 << 20;
+/// What the features of a frame are taken to need before the first is known (60,000 of SIFT, and what searches keep).
+const ASSUMED: usize = 56 << 20;
 
 /// Features by frame, within a budget of bytes.
 pub(super) struct Resident {
@@ -148,7 +148,7 @@ impl Resident {
 
 fn size_in_memory(features: &Features) -> usize {
     let descriptors = match &features.descriptors {
-        Descriptors::Float(rows) => size_of_val(rows.data()),
+        Descriptors::Float(rows) => rows.memory(),
         Descriptors::Binary(rows) => size_of_val(rows.data()),
     };
     features.len() * size_of::<Keypoint>() + descriptors

@@ -71,6 +71,7 @@ fn measure(chosen: &impl Fn(&str) -> bool) {
     ];
     for (name, rows) in searches.iter().filter(|(name, _)| chosen(name)) {
         let [a, b] = rows;
+        // The second search and those after it, for which the first has prepared the candidates.
         let (milliseconds, matches) = shortest(|| two_nearest(a, b));
         for found in matches.iter().step_by(100) {
             let expected = data::defined(a, b, found.a);

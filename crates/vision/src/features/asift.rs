@@ -165,7 +165,7 @@ mod tests {
     use crate::features::{Descriptors, Orb, OrbParams, Sift, SiftParams};
     use crate::image::Size;
     use crate::seed::Seed;
-    use crate::simd::two_nearest_floats;
+    use crate::simd::{Prepared, two_nearest_floats};
 
     fn asift(params: AsiftParams) -> Asift<Sift> {
         let sift = Sift::new(SiftParams {
@@ -250,7 +250,12 @@ mod tests {
             else {
                 unreachable!("SIFT has real values")
             };
-            let nearest = two_nearest_floats(rows_a.data(), rows_b.data(), rows_a.dim());
+            let nearest = two_nearest_floats(
+                rows_a.data(),
+                rows_b.data(),
+                rows_a.dim(),
+                &Prepared::default(),
+            );
             let error = |a: Point2<f32>, b: Point2<f32>| (placement.point(a) - b).norm();
             (a.keypoints.iter().zip(nearest))
                 .filter(|(a, found)| error(a.at, b.keypoints[found.index as usize].at) < 4.0)

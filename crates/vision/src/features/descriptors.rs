@@ -1,5 +1,7 @@
 //! Descriptors of one image, stored as the rows of one matrix.
 
+use crate::simd::Prepared;
+
 /// Type and length of a descriptor; it decides how two of them are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -87,6 +89,7 @@ impl Descriptors {
 pub struct FloatRows {
     dim: usize,
     data: Vec<f32>,
+    prepared: Prepared,
 }
 
 impl FloatRows {
@@ -108,7 +111,11 @@ impl FloatRows {
             "{} values in rows of {dim}",
             data.len()
         );
-        Self { dim, data }
+        Self {
+            dim,
+            data,
+            prepared: Prepared::default(),
+        }
     }
 
     /// Values in a row.
@@ -136,12 +143,24 @@ impl FloatRows {
         &self.data
     }
 
+    /// About how much memory the rows take, in bytes, together with what searches among them keep for the next
+    /// ones, at most.
+    pub fn memory(&self) -> usize {
+        size_of_val(self.data()) + Prepared::most_bytes(self.len(), self.dim)
+    }
+
+    /// What searches among these rows keep.
+    pub(crate) fn prepared(&self) -> &Prepared {
+        &self.prepared
+    }
+
     /// Appends a row.
     ///
     /// # Panics
     /// If `row` does not have [`FloatRows::dim`] values.
     pub fn push(&mut self, row: &[f32]) {
         assert_eq!(row.len(), self.dim, "a row has {} values", self.dim);
+        self.prepared = Prepared::default();
         self.data.extend_from_slice(row);
     }
 }
@@ -220,6 +239,8 @@ impl BinaryRows {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::seed::Seed;
+    use crate::simd::two_nearest_floats;
 
     #[test]
     fn binary_rows_are_padded_to_words() {
@@ -227,6 +248,21 @@ mod tests {
         assert_eq!(rows.words(), 8);
         rows.push(&[7; 8]);
         assert_eq!((rows.len(), rows.row(0)), (1, &[7; 8][..]));
+    }
+
+    #[test]
+    fn rows_that_come_after_a_search_are_found_by_the_next() {
+        let dim = 128;
+        let mut rng = Seed(1).rng();
+        let values = (0..500 * dim).map(|_| rng.below(200) as f32).collect();
+        let mut rows = FloatRows::from_vec(dim, values);
+        let query = FloatRows::from_vec(dim, vec![255.0; dim]);
+        let find = |rows: &FloatRows| {
+            two_nearest_floats(query.data(), rows.data(), dim, rows.prepared())[0].index
+        };
+        assert!(find(&rows) < 500);
+        rows.push(&vec![254.0; dim]);
+        assert_eq!(find(&rows), 500);
     }
 
     #[test]

@@ -2,7 +2,8 @@
 //!
 //! Both best neighbours are found in one pass: for real-valued descriptors by Euclidean distance, for
 //! binary ones by the number of differing bits. A cheap lower bound rejects most candidates without changing
-//! a result (`simd::search`).
+//! a result (`simd::search`). What follows from the real values of `b` alone is kept beside them, so that of many
+//! searches among the same candidates the first takes longest.
 //!
 //! Choices: of equally near features of `b` the one with the lowest index is the nearest, and the
 //! next of them gives [`Correspondence::second`]. Euclidean distances are compared squared. A
@@ -32,7 +33,8 @@ pub fn two_nearest(a: &Descriptors, b: &Descriptors) -> Correspondences {
     assert_eq!(a.kind(), b.kind(), "descriptors of one kind");
     let (best, squared) = match (a, b) {
         (Descriptors::Float(a), Descriptors::Float(b)) => {
-            (two_nearest_floats(a.data(), b.data(), a.dim()), true)
+            let found = two_nearest_floats(a.data(), b.data(), a.dim(), b.prepared());
+            (found, true)
         }
         (Descriptors::Binary(a), Descriptors::Binary(b)) => {
             (two_nearest_bits(a.data(), b.data(), a.words()), false)

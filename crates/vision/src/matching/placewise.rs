@@ -24,7 +24,7 @@
 
 use super::{Correspondence, Correspondences, Search, two_nearest};
 use crate::features::{BinaryRows, Descriptors, Features, FloatRows, Keypoint};
-use crate::simd::{near_rows, two_nearest_among};
+use crate::simd::{complete, near_rows, two_nearest_among};
 
 /// Features in a block.
 const BLOCK: usize = 256;
@@ -46,11 +46,10 @@ impl Default for PlacewiseNeighbours {
 
 impl Search for PlacewiseNeighbours {
     fn search(&self, a: &Features, b: &Features) -> Correspondences {
-        let mut of_blocks = self.of_blocks_that_matter(a, b);
-        if of_blocks.len() < a.len() {
-            let rest = a.descriptors.select(of_blocks.len()..a.len());
-            of_blocks.extend(of_all_blocks(&rest, &b.descriptors));
-        }
+        let of_blocks = complete(self.of_blocks_that_matter(a, b), |missing| {
+            let missing = a.descriptors.select(missing.iter().copied());
+            of_all_blocks(&missing, &b.descriptors)
+        });
         (0..)
             .zip(&of_blocks)
             .filter_map(|(a, of_blocks)| self.match_of(a, of_blocks, &b.keypoints))
@@ -59,22 +58,29 @@ impl Search for PlacewiseNeighbours {
 }
 
 impl PlacewiseNeighbours {
-    /// The nearest feature of each block for the first features of `a`, as many as the fast kernel takes
+    /// The nearest feature of each block for those features of `a` that the fast kernel takes
     /// (none where the processor lacks it); blocks that cannot change a result are left out.
-    fn of_blocks_that_matter(self, a: &Features, b: &Features) -> Vec<Correspondences> {
+    fn of_blocks_that_matter(self, a: &Features, b: &Features) -> Vec<Option<Correspondences>> {
         let (Descriptors::Float(rows_a), Descriptors::Float(rows_b)) =
             (&a.descriptors, &b.descriptors)
         else {
-            return Vec::new();
+            return vec![None; a.len()];
         };
         assert_eq!(rows_a.dim(), rows_b.dim(), "descriptors of one kind");
         let apart = |i: u32, j: u32| {
             let [i, j] = [i, j].map(|index| b.keypoints[index as usize].at);
             (i - j).norm() > 2.0 * self.same_place_px
         };
-        let near = near_rows(rows_a.data(), rows_b.data(), rows_a.dim(), Some(&apart));
+        let (data_a, data_b) = (rows_a.data(), rows_b.data());
+        let near = near_rows(
+            data_a,
+            data_b,
+            rows_a.dim(),
+            rows_b.prepared(),
+            Some(&apart),
+        );
         let of_block = |a: usize, block: &[u32]| {
-            let found = two_nearest_among(rows_a.row(a), rows_b.data(), block);
+            let found = two_nearest_among(rows_a.row(a), data_b, block);
             Correspondence {
                 a: a as u32,
                 b: found.index,
@@ -82,10 +88,10 @@ impl PlacewiseNeighbours {
                 second: found.second.sqrt(),
             }
         };
-        let of_blocks = |(a, near): (usize, &Vec<u32>)| {
-            near.chunk_by(|i, j| i / BLOCK as u32 == j / BLOCK as u32)
-                .map(|block| of_block(a, block))
-                .collect()
+        let of_blocks = |(a, near): (usize, &Option<Vec<u32>>)| {
+            let blocks = near.as_ref()?;
+            let blocks = blocks.chunk_by(|i, j| i / BLOCK as u32 == j / BLOCK as u32);
+            Some(blocks.map(|block| of_block(a, block)).collect())
         };
         near.iter().enumerate().map(of_blocks).collect()
     }
@@ -232,12 +238,14 @@ mod tests {
         assert_eq!(search.search(&a, &b), expected);
 
         let matter = search.of_blocks_that_matter(&a, &b);
-        let [blocks, all] =
-            [&matter[..], &all[..matter.len()]].map(|of| of.iter().flatten().count());
-        assert!(
-            matter.is_empty() || blocks < all,
-            "all {blocks} blocks matter"
-        );
+        let (mut blocks, mut of_all) = (0, 0);
+        for (matter, all) in matter.iter().zip(&all) {
+            if let Some(matter) = matter {
+                blocks += matter.len();
+                of_all += all.len();
+            }
+        }
+        assert!(of_all == 0 || blocks < of_all, "all {blocks} blocks matter");
     }
 
     #[test]

@@ -158,7 +158,10 @@ pub use scharr::{
     Across, Scharr, conductivities, derivatives, determinants, find_largest, gradient_norms,
     weigh_across,
 };
-pub use search::{TwoNearest, near_rows, two_nearest_among, two_nearest_bits, two_nearest_floats};
+pub use search::{
+    Prepared, TwoNearest, complete, near_rows, two_nearest_among, two_nearest_bits,
+    two_nearest_floats,
+};
 pub use surf::{
     BoxRows, BoxWeights, PATCH_SIDE, PackedWindow, Shares, WAVELETS, WINDOW_SIDE, box_determinants,
     longest_sum_of_degrees, pack_window, sum_patch_gradients, turned_patch,

@@ -3,12 +3,14 @@
 use super::{JpegError, damaged};
 
 /// Codes of at most so many bits are looked up at once.
-const QUICK: u32 = 9;
+const QUICK: u32 = 11;
 
 /// A table of Huffman codes: from bits to symbols.
 pub(super) struct Codes {
     /// For the next [`QUICK`] bits: length of the code and its symbol; length 0 where it is longer.
-    quick: Vec<(u8, u8)>,
+    quick: Box<[(u8, u8); 1 << QUICK]>,
+    /// The same where the symbols are those of a sequential block's coefficients behind the first.
+    steps: Box<[Step; 1 << QUICK]>,
     /// For each length: the first code that is too large for it, in the upper of 16 bits.
     ends: [u32; 17],
     /// For each length: what leads from a code to the place of its symbol.
@@ -16,12 +18,39 @@ pub(super) struct Codes {
     symbols: Vec<u8>,
 }
 
+/// What a symbol means in a sequential block.
+#[derive(Clone, Copy)]
+struct Step {
+    /// Bits of its code and of the coefficient behind it; 0 where the code is longer than what was looked up.
+    bits: u8,
+    /// Coefficients that it brings, most of them zeros; 0 where all others are zeros.
+    coefficients: u8,
+}
+
+impl Step {
+    /// Of a symbol whose code has this `length`.
+    fn of(length: u8, symbol: u8) -> Self {
+        let (zeros, size) = (symbol >> 4, symbol & 0x0f);
+        let ends = size == 0 && zeros < 15;
+        Self {
+            bits: length + size,
+            coefficients: if ends { 0 } else { zeros + 1 },
+        }
+    }
+}
+
 impl Codes {
     /// The codes with so many symbols of each length from 1 to 16; `None` if there are more than so many
     /// bits can tell apart.
     pub(super) fn new(counts: &[u8; 16], symbols: &[u8]) -> Option<Self> {
         let mut codes = Self {
-            quick: vec![(0, 0); 1 << QUICK],
+            quick: Box::new([(0, 0); 1 << QUICK]),
+            steps: Box::new(
+                [Step {
+                    bits: 0,
+                    coefficients: 0,
+                }; 1 << QUICK],
+            ),
             ends: [0; 17],
             offsets: [0; 17],
             symbols: symbols.to_vec(),
@@ -32,10 +61,10 @@ impl Codes {
             for &symbol in &symbols[place..place + usize::from(count)] {
                 if length <= QUICK {
                     let first = (code << (QUICK - length)) as usize;
-                    let same = codes
-                        .quick
-                        .get_mut(first..first + (1 << (QUICK - length)))?;
-                    same.fill((length as u8, symbol));
+                    let same = first..first + (1 << (QUICK - length));
+                    let length = length as u8;
+                    codes.quick.get_mut(same.clone())?.fill((length, symbol));
+                    codes.steps[same].fill(Step::of(length, symbol));
                 }
                 code += 1;
             }
@@ -137,17 +166,6 @@ impl<'a> Bits<'a> {
 
     /// The symbol of the next code.
     pub(super) fn symbol(&mut self, codes: &Codes) -> Result<u8, JpegError> {
-        self.symbol_and(codes, |_| 0)
-    }
-
-    /// The symbol of the next code, and passes over the bits behind it, of which `more` says how many there
-    /// are, at most 16.
-    #[inline]
-    pub(super) fn symbol_and(
-        &mut self,
-        codes: &Codes,
-        more: impl Fn(u8) -> u32,
-    ) -> Result<u8, JpegError> {
         if self.count < 32 {
             self.fill();
         }
@@ -155,13 +173,44 @@ impl<'a> Bits<'a> {
         if length == 0 {
             (length, symbol) = self.long_code(codes)?;
         }
-        let bits = u32::from(length) + more(symbol);
-        if bits > self.count {
+        self.pass(length)?;
+        Ok(symbol)
+    }
+
+    /// Passes over the coefficients of a sequential block behind its first.
+    pub(super) fn coefficients(&mut self, codes: &Codes) -> Result<(), JpegError> {
+        let mut at = 1;
+        while at < 64 {
+            // A code and its coefficient have at most 31.
+            if self.count < 32 {
+                self.fill();
+            }
+            let mut step = codes.steps[(self.next >> (64 - QUICK)) as usize];
+            if step.bits == 0 {
+                let (length, symbol) = self.long_code(codes)?;
+                step = Step::of(length, symbol);
+            }
+            self.pass(step.bits)?;
+            if step.coefficients == 0 {
+                return Ok(());
+            }
+            at += step.coefficients;
+        }
+        if at > 64 {
+            return Err(damaged("coefficients"));
+        }
+        Ok(())
+    }
+
+    /// Passes over some bits of those that are there.
+    #[inline]
+    fn pass(&mut self, bits: u8) -> Result<(), JpegError> {
+        if u32::from(bits) > self.count {
             return Err(JpegError::Truncated);
         }
         self.next <<= bits;
-        self.count -= bits;
-        Ok(symbol)
+        self.count -= u32::from(bits);
+        Ok(())
     }
 
     /// The length and the symbol of a code that is longer than those of the table.

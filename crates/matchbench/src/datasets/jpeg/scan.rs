@@ -178,19 +178,7 @@ impl Walk<'_> {
         match self {
             Self::Sequential { first, others } => {
                 first_coefficient(first, bits)?;
-                let mut at = 1;
-                while at < 64 {
-                    let symbol = bits.symbol_and(others, |symbol| u32::from(symbol & 0x0f))?;
-                    match (usize::from(symbol >> 4), symbol & 0x0f) {
-                        (15, 0) => at += 16,
-                        (_, 0) => break,
-                        (zeros, _) => at += zeros + 1,
-                    }
-                    if at > 64 {
-                        return Err(damaged("coefficients"));
-                    }
-                }
-                Ok(())
+                bits.coefficients(others)
             }
             Self::First(codes) => first_coefficient(codes, bits),
             Self::FirstRefined => bits.number(1).map(drop),

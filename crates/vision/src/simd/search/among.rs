@@ -57,7 +57,7 @@ fn sums<const N: usize>(query: &[f32], rows: &[f32], chosen: &[u32]) -> [f32; N]
 
 #[cfg(test)]
 mod tests {
-    use super::super::two_nearest_floats;
+    use super::super::{Prepared, two_nearest_floats};
     use super::*;
     use crate::seed::Seed;
 
@@ -70,7 +70,7 @@ mod tests {
             };
             let (query, rows) = (draw(1), draw(count));
             let all: Vec<u32> = (0..count as u32).collect();
-            let exact = two_nearest_floats(&query, &rows, dim);
+            let exact = two_nearest_floats(&query, &rows, dim, &Prepared::default());
             assert_eq!(two_nearest_among(&query, &rows, &all), exact[0]);
         }
     }

@@ -1,6 +1,6 @@
 //! The two nearest by Euclidean distance.
 
-use super::{TILE_BYTES, TwoNearest, pack, two_nearest_among};
+use super::{Prepared, TILE_BYTES, TwoNearest, pack};
 
 /// Candidates of a panel: two vectors of eight.
 const LANES: usize = 16;
@@ -9,7 +9,7 @@ const LANES: usize = 16;
 const ROWS: usize = 6;
 
 /// For each row of `a`, the squared Euclidean distances to its two nearest rows of `b`; both are
-/// rows of `dim` values.
+/// rows of `dim` values, and `prepared` is what searches among the rows of `b` keep.
 ///
 /// The distance of two rows is defined as `(a[k] - b[k])^2` summed for `k = 0, 1, ...` with one
 /// fused multiply-add each. Where the processor can, most candidates are rejected by a cheap lower bound
@@ -17,36 +17,65 @@ const ROWS: usize = 6;
 ///
 /// # Panics
 /// If `dim` is 0.
-pub fn two_nearest_floats(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {
-    let near = near_rows(a, b, dim, None);
-    let found = a.chunks_exact(dim).zip(&near);
-    let mut best: Vec<TwoNearest> = found
-        .map(|(row, near)| two_nearest_among(row, b, near))
-        .collect();
-    let rest = &a[best.len() * dim..];
-    if !rest.is_empty() {
-        best.extend(two_nearest(rest, b, dim));
-    }
-    best
+pub fn two_nearest_floats(
+    a: &[f32],
+    b: &[f32],
+    dim: usize,
+    prepared: &Prepared,
+) -> Vec<TwoNearest> {
+    #[cfg(target_arch = "x86_64")]
+    let found = super::coarse::two_nearest(a, b, dim, &prepared.kept);
+    #[cfg(not(target_arch = "x86_64"))]
+    let found = not_found(a, dim, prepared);
+    complete(found, |missing| {
+        if missing.len() * dim == a.len() {
+            return two_nearest(a, b, dim);
+        }
+        let rows = missing.iter().flat_map(|&row| &a[row * dim..][..dim]);
+        two_nearest(&rows.copied().collect::<Vec<f32>>(), b, dim)
+    })
 }
 
-/// For the first rows of `a`, as many as can be found fast, rows of `b` in ascending order. Among them
+/// For each row of `a`, where they can be found fast, rows of `b` in ascending order. Among them
 /// are all that are at most as far as the farther of any two that are `apart`: without it of any two, so all
-/// that are no farther than the second nearest.
+/// that are no farther than the second nearest. `prepared` is what searches among the rows of `b` keep.
 pub fn near_rows(
     a: &[f32],
     b: &[f32],
     dim: usize,
+    prepared: &Prepared,
     apart: Option<&dyn Fn(u32, u32) -> bool>,
-) -> Vec<Vec<u32>> {
+) -> Vec<Option<Vec<u32>>> {
     #[cfg(target_arch = "x86_64")]
-    return super::coarse::near_rows(a, b, dim, apart);
+    return super::coarse::near_rows(a, b, dim, &prepared.kept, apart);
     #[cfg(not(target_arch = "x86_64"))]
     {
-        // There are no products of bytes for other processors yet.
-        let _ = (a, b, dim, apart);
-        Vec::new()
+        let _ = (b, apart);
+        not_found(a, dim, prepared)
     }
+}
+
+/// There are no products of bytes for other processors yet.
+#[cfg(not(target_arch = "x86_64"))]
+fn not_found<T>(a: &[f32], dim: usize, _: &Prepared) -> Vec<Option<T>> {
+    (0..a.len() / dim).map(|_| None).collect()
+}
+
+/// Results with those that are missing, which `find` gets in the order of the indices that it is given.
+pub fn complete<T>(results: Vec<Option<T>>, find: impl FnOnce(&[usize]) -> Vec<T>) -> Vec<T> {
+    let missing = (0..results.len()).filter(|&place| results[place].is_none());
+    let missing: Vec<usize> = missing.collect();
+    let found = if missing.is_empty() {
+        Vec::new()
+    } else {
+        find(&missing)
+    };
+    assert_eq!(found.len(), missing.len(), "one result for each");
+    let mut found = found.into_iter();
+    let results = results.into_iter();
+    results
+        .filter_map(|known| known.or_else(|| found.next()))
+        .collect()
 }
 
 /// [`two_nearest_floats`] by definition.
@@ -129,7 +158,11 @@ mod tests {
                 let expected = defined(&a, &b, dim);
                 let shape = format!("{rows_a} and {rows_b} rows of {dim}");
                 assert_eq!(two_nearest(&a, &b, dim), expected, "{shape}");
-                assert_eq!(two_nearest_floats(&a, &b, dim), expected, "{shape}");
+                assert_eq!(
+                    two_nearest_floats(&a, &b, dim, &Prepared::default()),
+                    expected,
+                    "{shape}"
+                );
             }
         }
     }
@@ -175,7 +208,7 @@ mod tests {
         for (a, b) in [(&a, &b), (&b, &a)] {
             let expected = defined(a, b, 1);
             assert_eq!(two_nearest(a, b, 1), expected);
-            assert_eq!(two_nearest_floats(a, b, 1), expected);
+            assert_eq!(two_nearest_floats(a, b, 1, &Prepared::default()), expected);
         }
     }
 }

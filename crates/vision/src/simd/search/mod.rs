@@ -14,10 +14,12 @@ mod bits;
 #[cfg(target_arch = "x86_64")]
 mod coarse;
 mod float;
+mod prepared;
 
 pub use among::two_nearest_among;
 pub use bits::two_nearest_bits;
-pub use float::{near_rows, two_nearest_floats};
+pub use float::{complete, near_rows, two_nearest_floats};
+pub use prepared::Prepared;
 
 /// Bytes of the operand that is walked again and again: a part of any second-level cache.
 const TILE_BYTES: usize = 128 << 10;

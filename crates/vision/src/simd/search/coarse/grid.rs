@@ -6,6 +6,8 @@ use std::arch::x86_64::{
     _mm256_setzero_ps, _mm256_sub_ps,
 };
 
+use super::within::prefetch;
+
 /// Longest row: with more values the rounding would take a noticeable part of [`PRODUCT`].
 pub(super) const MAX_DIM: usize = 1024;
 
@@ -13,14 +15,19 @@ pub(super) const MAX_DIM: usize = 1024;
 /// fits 16 bits with a sign (the inequality of Cauchy and Schwarz).
 const PRODUCT: f32 = 32_700.0;
 
-/// How values become bytes. Less the least of their column, times `scale`, rounded: these are the
+/// How values become bytes. Less the `least` of their column, times `scale`, rounded: these are the
 /// bytes of a query. Candidates' bytes have a sign; they are the same less the `centre` of their
 /// column, which makes rows shorter and so allows a finer grid, or less 128 where sums may be wide.
+///
+/// A grid follows from candidates alone, so that these are rounded once for any number of searches. Queries
+/// may lie outside of it; their bytes are then the nearest that it has.
 pub(super) struct Grid {
     least: Vec<f32>,
     centre: Vec<i32>,
     /// Units of a byte in one unit of the values.
     pub(super) scale: f32,
+    /// The greatest length of a query's bytes with which sums of products fit.
+    longest: f32,
 }
 
 /// Rows of bytes.
@@ -34,39 +41,38 @@ pub(super) struct Bytes {
     pub(super) errors: Vec<f32>,
 }
 
+impl Bytes {
+    /// The largest of the errors.
+    pub(super) fn error(&self) -> f32 {
+        self.errors.iter().copied().fold(0.0, f32::max)
+    }
+}
+
 impl Grid {
-    /// The finest grid for the queries `a` and the candidates `b`, whose sums of products fit 16 bits unless
-    /// they may be `is_wide`, of 32 bits; `None` where a value is not finite
-    /// or the values are all the same or so large or small that squared distances lose digits.
+    /// The finest grid for candidates, whose sums of products fit 16 bits unless they may be `is_wide`, of
+    /// 32 bits; `None` where a value is not finite or the values are all the same or so large or small that
+    /// squared distances lose digits.
     #[target_feature(enable = "avx2,fma")]
-    pub(super) fn of(a: &[f32], b: &[f32], dim: usize, is_wide: bool) -> Option<Self> {
-        let mut columns = Columns::new(dim);
-        columns.take(a);
-        columns.take(b);
+    pub(super) fn of(rows: &[f32], dim: usize, is_wide: bool) -> Option<Self> {
+        let columns = Columns::of(rows, dim);
         let range = columns.range();
-        if a.is_empty() || b.is_empty() || !columns.is_finite || !(1e-10..1e10).contains(&range) {
+        if rows.is_empty() || !columns.is_finite || !(1e-10..1e10).contains(&range) {
             return None;
         }
-        let least = columns.least;
         if is_wide {
-            let scale = 255.0 / range;
-            // Whole numbers lose nothing when they become bytes.
-            let is_exact = columns.is_whole && scale >= 1.0;
-            return Some(Self {
-                centre: vec![128; dim],
-                least,
-                scale: if is_exact { scale.floor() } else { scale },
-            });
+            return Some(Self::of_columns(columns, range));
         }
-        let mean = mean(b, dim);
+        let (least, mean) = (columns.least, mean(rows, dim));
         let mut half = 0.0_f32;
         for ((least, most), mean) in least.iter().zip(&columns.most).zip(&mean) {
             half = half.max((most - mean).max(mean - least));
         }
-        let (longest_a, longest_b) = (longest(a, &least), longest(b, &mean));
-        let scale = (254.0 / range)
-            .min(126.0 / half)
-            .min(scale_of_rows(longest_a, longest_b, dim));
+        // Queries are taken to be as long as candidates.
+        let (of_query, of_candidate) = (longest(rows, &least), longest(rows, &mean));
+        let scale =
+            (254.0 / range)
+                .min(126.0 / half)
+                .min(scale_of_rows(of_query, of_candidate, dim));
         // A mean may be infinite where no value is.
         if !scale.is_normal() {
             return None;
@@ -77,12 +83,39 @@ impl Grid {
             centre: centre.collect(),
             least,
             scale,
+            longest: PRODUCT / (of_candidate * scale + 2.0 * rounding(dim)),
         })
     }
 
-    /// The bytes of queries, 0 to 255, in an order.
-    pub(super) fn queries(&self, rows: &[f32], order: &[u32]) -> Bytes {
-        round_queries(self, rows, order)
+    /// The grid where sums may be of any size.
+    fn of_columns(columns: Columns, range: f32) -> Self {
+        // Whole numbers lose nothing when they become bytes, nor do those of queries if they are alike.
+        let is_exact = columns.is_whole && range <= 255.0;
+        let are_bytes = is_exact && columns.lie_within(0.0, 255.0);
+        Self {
+            centre: vec![128; columns.least.len()],
+            scale: if is_exact { 1.0 } else { 255.0 / range },
+            least: if are_bytes {
+                vec![0.0; columns.least.len()]
+            } else {
+                columns.least
+            },
+            longest: f32::INFINITY,
+        }
+    }
+
+    /// The bytes of queries, 0 to 255, in an order; `None` where a value is not finite or so far from all candidates
+    /// that squared distances lose digits.
+    pub(super) fn queries(&self, rows: &[f32], order: &[u32]) -> Option<Bytes> {
+        /// Far below the root of the largest number.
+        const FAR: f32 = 1e15;
+        let bytes = round_queries(self, rows, order);
+        let far = FAR.min(FAR * self.scale);
+        bytes
+            .errors
+            .iter()
+            .all(|&error| error < far)
+            .then_some(bytes)
     }
 
     /// The bytes of candidates, -128 to 127, in an order.
@@ -95,35 +128,41 @@ multiversioned! {
     #![avx512]
 
     fn round_queries(grid: &Grid, rows: &[f32], order: &[u32]) -> Bytes {
-        round(grid, rows, order, |value, centre| {
+        round(grid, rows, order, grid.longest, |value, centre| {
             (value, (value - centre) * (value - centre))
         })
     }
 
     fn round_candidates(grid: &Grid, rows: &[f32], order: &[u32]) -> Bytes {
-        round(grid, rows, order, |value, centre| {
+        round(grid, rows, order, f32::INFINITY, |value, centre| {
             (value - centre, value * value - centre * centre)
         })
     }
 }
 
-/// Rounds rows; `byte` gives the byte of a rounded value and its part of the norm.
+/// Rows later one is asked for that comes from anywhere.
+const AHEAD: usize = 2;
+
+/// Values of a row that are rounded side by side.
+const LANES: usize = 16;
+
+/// Rounds rows to bytes of at most length `longest`; `byte` gives the byte of a rounded value and its part of the norm.
 #[inline(always)]
-fn round(grid: &Grid, rows: &[f32], order: &[u32], byte: impl Fn(i32, i32) -> (i32, i32)) -> Bytes {
-    /// Numbers at least as large have no digits behind the point.
-    const WHOLE: f32 = (1 << 23) as f32;
-    const LANES: usize = 16;
+fn round(
+    grid: &Grid,
+    rows: &[f32],
+    order: &[u32],
+    longest: f32,
+    byte: impl Fn(i32, i32) -> (i32, i32),
+) -> Bytes {
     let dim = grid.least.len();
     let padded = dim.next_multiple_of(LANES);
-    let fill = |values: &[f32]| -> Vec<f32> {
-        let zeros = std::iter::repeat_n(0.0, padded - dim);
-        values.iter().copied().chain(zeros).collect()
-    };
-    let least = fill(&grid.least);
+    let mut least = grid.least.clone();
+    least.resize(padded, 0.0);
     let mut centre = grid.centre.clone();
     centre.resize(padded, 0);
-    let mut rounded = vec![0_u8; padded];
     let mut values = vec![0.0_f32; padded];
+    let mut rounded = vec![0_u8; padded];
     let width = dim.div_ceil(4);
     let mut bytes = Bytes {
         quads: vec![0; order.len() * width],
@@ -131,44 +170,78 @@ fn round(grid: &Grid, rows: &[f32], order: &[u32], byte: impl Fn(i32, i32) -> (i
         errors: vec![0.0; order.len()],
     };
     let outputs = bytes.quads.chunks_exact_mut(width);
-    for (((&row, quads), norm), error) in order
-        .iter()
+    for ((((place, &row), quads), norm), error) in (order.iter().enumerate())
         .zip(outputs)
         .zip(&mut bytes.norms)
         .zip(&mut bytes.errors)
     {
-        values[..dim].copy_from_slice(&rows[row as usize * dim..][..dim]);
-        let mut parts = [0_i32; LANES];
-        let mut errors = [0.0_f32; LANES];
-        let columns = (values.as_chunks::<LANES>().0.iter())
-            .zip(least.as_chunks::<LANES>().0)
-            .zip(centre.as_chunks::<LANES>().0)
-            .zip(rounded.as_chunks_mut::<LANES>().0);
-        for (((values, least), centre), rounded) in columns {
-            for lane in 0..LANES {
-                let scaled = (values[lane] - least[lane]) * grid.scale;
-                let whole = scaled + WHOLE;
-                let error = scaled - (whole - WHOLE);
-                let (byte, part) = byte((whole.to_bits() & 0xff) as i32, centre[lane]);
-                rounded[lane] = byte as u8;
-                parts[lane] += part;
-                errors[lane] = error.mul_add(error, errors[lane]);
+        if let Some(&row) = order.get(place + AHEAD) {
+            prefetch(&rows[row as usize * dim..][..dim]);
+        }
+        let row = &rows[row as usize * dim..][..dim];
+        for ((value, of_row), least) in values.iter_mut().zip(row).zip(&least) {
+            *value = (of_row - least) * grid.scale;
+        }
+        (*norm, *error) = round_row(&values, &centre, 1.0, &mut rounded, &byte);
+        if longest < f32::INFINITY {
+            let squares = rounded
+                .iter()
+                .map(|&byte| u32::from(byte) * u32::from(byte));
+            let length = (squares.sum::<u32>() as f32).sqrt();
+            if length > longest {
+                // Rounding adds to both lengths.
+                let rounding = rounding(dim);
+                let share = (longest - rounding) / (length + rounding);
+                (*norm, *error) = round_row(&values, &centre, share.max(0.0), &mut rounded, &byte);
             }
         }
         for (quad, bytes) in quads.iter_mut().zip(rounded.as_chunks().0) {
             *quad = i32::from_le_bytes(*bytes);
         }
-        *norm = parts.iter().sum();
-        *error = errors.iter().sum::<f32>().sqrt();
     }
     bytes
+}
+
+/// Rounds a `share` of the values that the grid has in place of some scaled ones; the row's part of squared distances
+/// and the length of what is lost.
+#[inline(always)]
+fn round_row(
+    scaled: &[f32],
+    centre: &[i32],
+    share: f32,
+    rounded: &mut [u8],
+    byte: impl Fn(i32, i32) -> (i32, i32),
+) -> (i32, f32) {
+    /// Numbers at least as large have no digits behind the point.
+    const WHOLE: f32 = (1 << 23) as f32;
+    let mut parts = [0_i32; LANES];
+    let mut errors = [0.0_f32; LANES];
+    let columns = (scaled.as_chunks::<LANES>().0.iter())
+        .zip(centre.as_chunks::<LANES>().0)
+        .zip(rounded.as_chunks_mut::<LANES>().0);
+    for ((scaled, centre), rounded) in columns {
+        for lane in 0..LANES {
+            let whole = share * scaled[lane].clamp(0.0, 255.0) + WHOLE;
+            let error = scaled[lane] - (whole - WHOLE);
+            let (byte, part) = byte((whole.to_bits() & 0xff) as i32, centre[lane]);
+            rounded[lane] = byte as u8;
+            parts[lane] += part;
+            errors[lane] = error.mul_add(error, errors[lane]);
+        }
+    }
+    (parts.iter().sum(), errors.iter().sum::<f32>().sqrt())
+}
+
+/// By how much rounding each value to the nearest whole number may lengthen a row, at most.
+fn rounding(dim: usize) -> f32 {
+    (dim as f32).sqrt() / 2.0
 }
 
 /// The largest scale with which the lengths of two rows of bytes multiply to [`PRODUCT`] at most,
 /// where the values have at most lengths `a` and `b`. Rounding each value may add half a unit to a
 /// byte of a query, and to one of a candidate, whose centre is rounded too, a whole one.
 fn scale_of_rows(a: f32, b: f32, dim: usize) -> f32 {
-    let rounding = (dim as f32).sqrt() / 2.0;
+    let rounding = rounding(dim);
     // The positive root of (a scale + rounding) (b scale + 2 rounding) = PRODUCT.
     let linear = 2.0 * rounding * a + rounding * b;
     let constant = PRODUCT - 2.0 * rounding * rounding;
@@ -186,26 +259,28 @@ struct Columns {
 }
 
 impl Columns {
-    fn new(dim: usize) -> Self {
+    fn of(rows: &[f32], dim: usize) -> Self {
+        let mut least = vec![f32::INFINITY; dim];
+        let mut most = vec![f32::NEG_INFINITY; dim];
+        let [is_finite, is_whole] = widen(&mut least, &mut most, rows);
         Self {
-            least: vec![f32::INFINITY; dim],
-            most: vec![f32::NEG_INFINITY; dim],
-            is_finite: true,
-            is_whole: true,
+            least,
+            most,
+            is_finite,
+            is_whole,
         }
-    }
-
-    /// Takes the values of `rows`.
-    fn take(&mut self, rows: &[f32]) {
-        let are = widen(&mut self.least, &mut self.most, rows);
-        self.is_finite &= are[0];
-        self.is_whole &= are[1];
     }
 
     /// The largest of the columns' ranges.
     fn range(&self) -> f32 {
         let ranges = self.least.iter().zip(&self.most);
         ranges.map(|(least, most)| most - least).fold(0.0, f32::max)
+    }
+
+    /// Whether all values do.
+    fn lie_within(&self, least: f32, most: f32) -> bool {
+        self.least.iter().all(|&value| value >= least)
+            && self.most.iter().all(|&value| value <= most)
     }
 }
 
@@ -314,8 +389,9 @@ mod tests {
         let all = |rows: &[f32]| (0..(rows.len() / dim) as u32).collect::<Vec<u32>>();
         // SAFETY: AVX2 and FMA were detected on this processor.
         let (grid, queries, candidates) = unsafe {
-            let grid = Grid::of(a, b, dim, is_wide).unwrap();
-            let (queries, candidates) = (grid.queries(a, &all(a)), grid.candidates(b, &all(b)));
+            let grid = Grid::of(b, dim, is_wide).unwrap();
+            let queries = grid.queries(a, &all(a)).unwrap();
+            let candidates = grid.candidates(b, &all(b));
             (grid, queries, candidates)
         };
         let (rows_a, rows_b) = (rows(&queries, dim, false), rows(&candidates, dim, true));
@@ -355,10 +431,12 @@ mod tests {
             });
             let longest = check(&a, &b, dim);
             assert!(longest > 8_000.0 || dim < 64, "{longest} wastes digits");
-            // Neither set alone, nor rows that are all the same.
             check(&a[..dim], &b, dim);
-            check(&a, &b[..dim], dim);
             check(&a, &a, dim);
+            // Queries that lie outside of what candidates reach, and are longer.
+            check(&a, &b[..2 * dim], dim);
+            let far: Vec<f32> = a.iter().map(|value| 3.0 * value - 5.0).collect();
+            check(&far, &b, dim);
         }
     }
 
@@ -374,7 +452,7 @@ mod tests {
                 };
                 let rows: Vec<f32> = (0..dim.min(60)).flat_map(row).collect();
                 check(&rows, &rows, dim);
-                check(&rows, &rows[..dim], dim);
+                check(&rows, &rows[..2 * dim], dim);
                 check(&rows[..dim], &rows, dim);
             }
         }
@@ -392,8 +470,9 @@ mod tests {
                 .collect();
             let order: Vec<u32> = (0..40).rev().collect();
             // SAFETY: AVX2 and FMA were detected on this processor.
-            let grid = unsafe { Grid::of(&rows, &rows, dim, true) }.expect("a grid");
-            for bytes in [grid.queries(&rows, &order), grid.candidates(&rows, &order)] {
+            let grid = unsafe { Grid::of(&rows, dim, true) }.expect("a grid");
+            let queries = grid.queries(&rows, &order).expect("bytes");
+            for bytes in [queries, grid.candidates(&rows, &order)] {
                 assert_eq!(bytes.errors, [0.0; 40], "{values} values");
             }
         }

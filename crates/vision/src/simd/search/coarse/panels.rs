@@ -1,4 +1,4 @@
-//! Bytes of queries and candidates, and the bounds that follow from them.
+//! Bytes of candidates, and the bounds that follow from them and the bytes of queries.
 
 use super::grid::{Bytes, Grid};
 use super::within::{LANES, ROWS};
@@ -7,47 +7,108 @@ use crate::simd::search::pack;
 /// By how much two sums of the same squares in another order may differ, generously.
 pub(super) const ROUNDING: f32 = 1e-3;
 
-/// Bytes of both sides, and what bounds of distances need to know of them.
-pub(super) struct Bounds {
-    queries: Bytes,
-    candidates: Bytes,
+/// Rows of at most so many bytes have squared distances that 32-bit floating point holds to the last digit.
+const MAX_EXACT_DIM: usize = (1 << 24) / (255 * 255);
+
+/// Candidates as bytes, one after the other and in panels.
+pub(super) struct Panels {
+    grid: Grid,
+    dim: usize,
+    bytes: Bytes,
     /// Quads of a row.
     width: usize,
+    /// The largest of the errors.
+    error: f32,
+    quads: Vec<[i32; LANES]>,
+    /// Minus half of the candidates' parts of squared distances, rounded up.
+    starts: Vec<[i32; LANES]>,
+}
+
+impl Panels {
+    /// Candidates in an order; `None` where bytes cannot be made of them.
+    #[target_feature(enable = "avx2,fma")]
+    pub(super) fn of(rows: &[f32], order: &[u32], dim: usize, is_wide: bool) -> Option<Self> {
+        let grid = Grid::of(rows, dim, is_wide)?;
+        let bytes = grid.candidates(rows, order);
+        let width = dim.div_ceil(4);
+        let starts: Vec<i32> = bytes.norms.iter().map(|norm| -(norm >> 1)).collect();
+        Some(Self {
+            quads: pack(&bytes.quads, width),
+            starts: pack(&starts, 1),
+            error: bytes.error(),
+            grid,
+            dim,
+            bytes,
+            width,
+        })
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.starts.len()
+    }
+
+    /// How much memory the candidates take.
+    #[cfg(test)]
+    pub(super) fn bytes(&self) -> usize {
+        let Bytes {
+            quads,
+            norms,
+            errors,
+        } = &self.bytes;
+        size_of_val(&quads[..])
+            + size_of_val(&norms[..])
+            + size_of_val(&errors[..])
+            + size_of_val(&self.quads[..])
+            + size_of_val(&self.starts[..])
+    }
+
+    /// A panel and what sums of products start at.
+    pub(super) fn panel(&self, number: usize) -> (&[[i32; LANES]], &[i32; LANES]) {
+        let width = self.width;
+        let panel = &self.quads[number * width..][..width];
+        (panel, &self.starts[number])
+    }
+
+    /// The bytes of a panel's candidates, one candidate after the other, and their parts of squared distances.
+    pub(super) fn candidates_of_panel(&self, number: usize) -> (&[i32], &[i32]) {
+        let place = number * LANES;
+        let norms = &self.bytes.norms[place..];
+        let norms = &norms[..LANES.min(norms.len())];
+        let quads = &self.bytes.quads[place * self.width..];
+        (&quads[..norms.len() * self.width], norms)
+    }
+}
+
+/// How far candidates are from queries at least, and at most.
+pub(super) struct Bounds<'a> {
+    pub(super) panels: &'a Panels,
+    queries: Bytes,
     /// The largest of the candidates' errors.
     error: f32,
     /// Units of a byte in one unit of distances, at most.
     scale: f32,
-    /// See [`Self::are_exact`].
-    are_exact: bool,
     /// One unit of a byte in units of distances.
     unit: f32,
+    /// See [`Self::are_exact`].
+    are_exact: bool,
 }
 
-impl Bounds {
-    /// Bytes of the rows of queries and of candidates, each in its order; `None` where they cannot be made.
-    #[target_feature(enable = "avx2,fma")]
-    pub(super) fn of(
-        rows: [&[f32]; 2],
-        orders: &[Vec<u32>; 2],
-        dim: usize,
-        is_wide: bool,
-    ) -> Option<Self> {
-        let grid = Grid::of(rows[0], rows[1], dim, is_wide)?;
-        let width = dim.div_ceil(4);
-        let mut queries = grid.queries(rows[0], &orders[0]);
+impl<'a> Bounds<'a> {
+    /// Bounds of the distances of queries, in an order; `None` where bytes cannot be made of these.
+    pub(super) fn of(panels: &'a Panels, rows: &[f32], order: &[u32]) -> Option<Self> {
+        let mut queries = panels.grid.queries(rows, order)?;
         // Zeros after the last row up to a whole block.
-        let blocks = orders[0].len().div_ceil(ROWS);
-        queries.quads.resize(blocks * ROWS * width, 0);
-        let candidates = grid.candidates(rows[1], &orders[1]);
-        let errors = queries.errors.iter().chain(&candidates.errors);
+        let blocks = order.len().div_ceil(ROWS);
+        queries.quads.resize(blocks * ROWS * panels.width, 0);
+        let scale = panels.grid.scale;
+        let is_unit = scale == 1.0 && panels.dim <= MAX_EXACT_DIM;
         Some(Self {
-            are_exact: errors.copied().all(|error| error == 0.0),
-            error: candidates.errors.iter().copied().fold(0.0, f32::max),
+            are_exact: is_unit && panels.error == 0.0 && queries.error() == 0.0,
+            error: panels.error,
+            scale,
+            unit: 1.0 / scale,
             queries,
-            candidates,
-            width,
-            scale: grid.scale,
-            unit: 1.0 / grid.scale,
+            panels,
         })
     }
 
@@ -60,28 +121,19 @@ impl Bounds {
 
     /// The bytes of the query at a place and of those that follow it.
     pub(super) fn queries_from(&self, place: usize) -> &[i32] {
-        &self.queries.quads[place * self.width..]
+        &self.queries.quads[place * self.panels.width..]
     }
 
-    /// The bytes of a panel's candidates, one candidate after the other, and their parts of squared distances.
-    pub(super) fn candidates_of_panel(&self, number: usize) -> (&[i32], &[i32]) {
-        let place = number * LANES;
-        let norms = &self.candidates.norms[place..];
-        let norms = &norms[..LANES.min(norms.len())];
-        let quads = &self.candidates.quads[place * self.width..];
-        (&quads[..norms.len() * self.width], norms)
-    }
-
-    /// Whether bytes lost nothing, so that distances of bytes are those of the rows.
+    /// Whether bytes lost nothing and squared distances of bytes are those of the rows, by the definition to the
+    /// last bit: all are whole numbers, and so is every sum on the way.
     pub(super) fn are_exact(&self) -> bool {
         self.are_exact
     }
 
-    /// The distance of a query and a candidate whose squared distance in bytes, less the query's part of it, is
-    /// `distance`.
+    /// The squared distance of the bytes of a query and a candidate, of which `distance` is what is not the query's part.
     #[inline]
-    pub(super) fn distance(&self, query: usize, distance: i32) -> f32 {
-        ((distance + self.queries.norms[query]) as f32).sqrt() * self.unit
+    pub(super) fn squared_distance(&self, query: usize, distance: i32) -> f32 {
+        (distance + self.queries.norms[query]) as f32
     }
 
     /// The largest distance of a query and candidates whose sum of products, less half of their part of the squared
@@ -104,36 +156,5 @@ impl Bounds {
     /// rounded to the safe side.
     pub(super) fn least(&self, query: usize, bound: f32) -> i32 {
         -(self.limit(query, bound) >> 1)
-    }
-}
-
-/// The candidates once more, in panels.
-pub(super) struct Panels {
-    width: usize,
-    quads: Vec<[i32; LANES]>,
-    /// Minus half of the candidates' parts of squared distances, rounded up.
-    starts: Vec<[i32; LANES]>,
-}
-
-impl Panels {
-    pub(super) fn of(bounds: &Bounds) -> Self {
-        let norms = bounds.candidates.norms.iter();
-        let starts: Vec<i32> = norms.map(|norm| -(norm >> 1)).collect();
-        Self {
-            quads: pack(&bounds.candidates.quads, bounds.width),
-            starts: pack(&starts, 1),
-            width: bounds.width,
-        }
-    }
-
-    pub(super) fn count(&self) -> usize {
-        self.starts.len()
-    }
-
-    /// A panel and what sums of products start at.
-    pub(super) fn panel(&self, number: usize) -> (&[[i32; LANES]], &[i32; LANES]) {
-        let width = self.width;
-        let panel = &self.quads[number * width..][..width];
-        (panel, &self.starts[number])
     }
 }

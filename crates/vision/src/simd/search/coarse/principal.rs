@@ -27,47 +27,54 @@ const SHARE: f64 = 0.6;
 /// Components whose signs sort the rows: each set of signs has few enough of 100,000 rows for some panels.
 const SIGNS: usize = 12;
 
-/// Rows of both sides, projected onto the principal components of the candidates.
+/// The principal components of candidates.
 pub(super) struct Principal {
-    /// [`COMPONENTS`] values of each query.
-    pub(super) a: Vec<f32>,
-    /// The same of the candidates.
-    pub(super) b: Vec<f32>,
-    /// By how much rounding may have changed the distance of a query and a candidate, at most.
-    pub(super) rounding: f32,
+    mean: Vec<f32>,
+    /// Of each column its part of each of the axes.
+    axes: Vec<[f32; COMPONENTS]>,
     /// The largest ratio of a distance of projected rows to that of the rows, but for rounding: nearly 1.
     pub(super) stretch: f32,
 }
 
+/// Rows along the axes.
+pub(super) struct Projected {
+    /// [`COMPONENTS`] values of each row.
+    pub(super) rows: Vec<f32>,
+    /// By how much rounding may have changed the place of a row, at most.
+    pub(super) rounding: f32,
+}
+
 impl Principal {
-    /// `None` where a value is not finite or the components hold too little of the variance.
+    /// `None` where a value of those that are looked at is not finite or the components hold too little of the variance.
     #[target_feature(enable = "avx2,fma")]
-    pub(super) fn of(a: &[f32], b: &[f32], dim: usize) -> Option<Self> {
-        let step = (b.len() / dim).div_ceil(SAMPLES).max(1) * dim;
-        let sample: Vec<&[f32]> = b.chunks(step).map(|rows| &rows[..dim]).collect();
+    pub(super) fn of(rows: &[f32], dim: usize) -> Option<Self> {
+        let step = (rows.len() / dim).div_ceil(SAMPLES).max(1) * dim;
+        let sample: Vec<&[f32]> = rows.chunks(step).map(|rows| &rows[..dim]).collect();
         let mean = mean(&sample, dim);
         let axes = axes(&covariance(&sample, &mean), dim)?;
-        let (a, longest_a) = project(a, &mean, &axes)?;
-        let (b, longest_b) = project(b, &mean, &axes)?;
-        // Each sum of `dim` products has at most the relative error of `dim` roundings and that of the
-        // difference from the mean, in terms of the lengths of the row and of the axis (Cauchy and Schwarz).
-        let relative = (dim + 4) as f32 * f32::EPSILON * (COMPONENTS as f32).sqrt();
         Some(Self {
-            a,
-            b,
-            rounding: relative * (longest_a + longest_b),
             stretch: stretch(&axes),
+            mean,
+            axes,
         })
     }
 
-    /// The orders of queries and candidates in which rows that are near to each other are near.
-    pub(super) fn orders(&self) -> [Vec<u32>; 2] {
-        [order(&self.a), order(&self.b)]
+    /// Rows along the axes; `None` where a value is not finite.
+    pub(super) fn project(&self, rows: &[f32]) -> Option<Projected> {
+        let (rows, longest) = project(rows, &self.mean, &self.axes)?;
+        // Each sum of products has at most the relative error of as many roundings and that of the
+        // difference from the mean, in terms of the lengths of the row and of the axis (Cauchy and Schwarz).
+        let roundings = (self.mean.len() + 4) as f32;
+        let relative = roundings * f32::EPSILON * (COMPONENTS as f32).sqrt();
+        Some(Projected {
+            rows,
+            rounding: relative * longest,
+        })
     }
 }
 
-/// The order of projected rows by the signs of their first components.
-fn order(rows: &[f32]) -> Vec<u32> {
+/// The order of projected rows by the signs of their first components: rows that are near to each other are near in it.
+pub(super) fn order(rows: &[f32]) -> Vec<u32> {
     let key = |row: &[f32; COMPONENTS]| {
         let signs = row[..SIGNS].iter();
         signs.fold(0, |key, &value| 2 * key + u32::from(value > 0.0))
@@ -161,36 +168,43 @@ multiversioned! {
 
     /// Rows less `mean` along the axes, and the length of the longest of them; `None` if that is not finite.
     fn project(rows: &[f32], mean: &[f32], axes: &[[f32; COMPONENTS]]) -> Option<(Vec<f32>, f32)> {
+        // Some rows at once: the sums of one alone would wait for each other.
         const AT_ONCE: usize = 4;
+        const LANES: usize = 16;
         let dim = mean.len();
+        let padded = dim.next_multiple_of(LANES);
         let mut projected = Vec::with_capacity(rows.len() / dim * COMPONENTS);
         let mut longest = 0.0_f32;
-        let mut centred = vec![[0.0_f32; AT_ONCE]; dim];
-        // Some rows at once: the sums of one alone would wait for each other.
+        let mut centred = vec![0.0_f32; AT_ONCE * padded];
         for few in rows.chunks(AT_ONCE * dim) {
-            let count = few.len() / dim;
-            let mut lengths = [0.0_f32; AT_ONCE];
-            for (k, (centred, mean)) in centred.iter_mut().zip(mean).enumerate() {
-                for row in 0..AT_ONCE {
-                    centred[row] = few[row.min(count - 1) * dim + k] - mean;
-                    lengths[row] = centred[row].mul_add(centred[row], lengths[row]);
+            for (row, centred) in few.chunks_exact(dim).zip(centred.chunks_exact_mut(padded)) {
+                for ((centred, value), mean) in centred.iter_mut().zip(row).zip(mean) {
+                    *centred = value - mean;
                 }
-            }
-            for length in lengths {
+                let mut squares = [0.0_f32; LANES];
+                for centred in centred.as_chunks::<LANES>().0 {
+                    for (sum, value) in squares.iter_mut().zip(centred) {
+                        *sum = value.mul_add(*value, *sum);
+                    }
+                }
+                let length: f32 = squares.iter().sum();
                 if !length.is_finite() {
                     return None;
                 }
                 longest = longest.max(length);
             }
             let mut sums = [[0.0_f32; COMPONENTS]; AT_ONCE];
-            for (centred, axes) in centred.iter().zip(axes) {
-                for row in 0..AT_ONCE {
-                    for c in 0..COMPONENTS {
-                        sums[row][c] = centred[row].mul_add(axes[c], sums[row][c]);
+            let [a, b, c, d]: [&[f32]; AT_ONCE] =
+                std::array::from_fn(|row| &centred[row * padded..][..dim]);
+            for ((((axes, &a), &b), &c), &d) in axes.iter().zip(a).zip(b).zip(c).zip(d) {
+                for (sums, value) in sums.iter_mut().zip([a, b, c, d]) {
+                    for (sum, axis) in sums.iter_mut().zip(axes) {
+                        *sum = value.mul_add(*axis, *sum);
                     }
                 }
             }
-            projected.extend_from_slice(&sums.as_flattened()[..count * COMPONENTS]);
+            // Beyond the last row are some of those before.
+            projected.extend_from_slice(&sums.as_flattened()[..few.len() / dim * COMPONENTS]);
         }
         Some((projected, longest.sqrt()))
     }
@@ -202,9 +216,12 @@ mod tests {
     use super::*;
     use crate::seed::Seed;
 
-    fn principal(a: &[f32], b: &[f32], dim: usize) -> Option<Principal> {
+    /// Principal components of the candidates `b`, and queries and candidates along them.
+    fn principal(a: &[f32], b: &[f32], dim: usize) -> Option<(Principal, [Projected; 2])> {
         // SAFETY: AVX2 and FMA were detected on this processor.
-        unsafe { Principal::of(a, b, dim) }
+        let principal = unsafe { Principal::of(b, dim) }?;
+        let projected = [principal.project(a)?, principal.project(b)?];
+        Some((principal, projected))
     }
 
     /// `count` rows of rank `rank`, with every value changed by `change(value, column)`.
@@ -234,7 +251,7 @@ mod tests {
     /// Checks that no projected distance is longer than allowed; returns the smallest ratio of one to the
     /// distance of the rows.
     fn check(rows: &[f32], dim: usize) -> f64 {
-        let principal = principal(&rows[..30 * dim], rows, dim).expect("few directions");
+        let (principal, [a, b]) = principal(rows, rows, dim).expect("few directions");
         assert!(
             (0.999..1.001).contains(&principal.stretch),
             "{}",
@@ -247,17 +264,12 @@ mod tests {
                 .map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2));
             squares.sum::<f64>().sqrt()
         };
+        let rounding = a.rounding + b.rounding;
         let mut smallest = f64::INFINITY;
-        for (a, low_a) in rows
-            .chunks_exact(dim)
-            .zip(principal.a.chunks_exact(COMPONENTS))
-        {
-            for (b, low_b) in rows
-                .chunks_exact(dim)
-                .zip(principal.b.chunks_exact(COMPONENTS))
-            {
+        for (a, low_a) in rows.chunks_exact(dim).zip(a.rows.chunks_exact(COMPONENTS)) {
+            for (b, low_b) in rows.chunks_exact(dim).zip(b.rows.chunks_exact(COMPONENTS)) {
                 let (distance, low) = (distance(a, b), distance(low_a, low_b));
-                let rounding = f64::from(principal.rounding);
+                let rounding = f64::from(rounding);
                 let most = distance * f64::from(principal.stretch) + rounding;
                 assert!(low <= most, "{low} of {distance}, not {most}");
                 if distance > 0.0 {

@@ -1,6 +1,9 @@
 //! Both ways of searching beside the definition.
 
-use super::super::{TwoNearest, two_nearest_among, two_nearest_floats};
+use super::super::{Prepared, TwoNearest, two_nearest_among, two_nearest_floats};
+use super::candidates::Candidates;
+use super::principal::Principal;
+use super::searching::QUERIES;
 use super::*;
 use crate::seed::{Rng, Seed};
 
@@ -51,27 +54,46 @@ fn drawn(rng: &mut Rng, rows: usize, dim: usize) -> Vec<f32> {
 }
 
 /// [`search`] in two steps if `is_large` and the rows allow it.
-fn near(a: &[f32], b: &[f32], dim: usize, is_large: bool, apart: Option<Apart>) -> Vec<Vec<u32>> {
+fn find<T>(
+    a: &[f32],
+    b: &[f32],
+    dim: usize,
+    is_large: bool,
+    apart: Option<Apart>,
+    result: impl FnMut(usize, Found) -> T,
+) -> Vec<Option<T>> {
     if dim > MAX_DIM || !has_avx2_and_fma() {
-        return Vec::new();
+        return (0..a.len() / dim).map(|_| None).collect();
     }
     // SAFETY: AVX2 and FMA were detected on this processor.
-    unsafe { search(a, b, dim, is_large, apart) }
+    unsafe {
+        match Candidates::of(b, dim, is_wide(), is_large) {
+            Some(candidates) => search([a, b], &candidates, apart, result),
+            None => (0..a.len() / dim).map(|_| None).collect(),
+        }
+    }
 }
 
 /// Compares both ways of searching with the definition; returns for how many rows bytes were enough
 /// in one step and in two.
 fn compare(a: &[f32], b: &[f32], dim: usize) -> [usize; 2] {
     let expected = defined(a, b, dim);
-    assert_eq!(two_nearest_floats(a, b, dim), expected, "{dim} values");
+    // The first search finds nothing prepared.
+    let prepared = Prepared::default();
+    for _ in 0..2 {
+        let found = two_nearest_floats(a, b, dim, &prepared);
+        assert_eq!(found, expected, "{dim} values");
+    }
     [false, true].map(|is_large| {
-        let near = near(a, b, dim, is_large, None);
-        let found = near.iter().zip(a.chunks_exact(dim));
-        let found: Vec<TwoNearest> = found
-            .map(|(near, row)| two_nearest_among(row, b, near))
-            .collect();
-        assert_eq!(found, expected[..found.len()], "{dim} values, {is_large}");
-        found.len()
+        let found = find(a, b, dim, is_large, None, two_nearest_of([a, b], dim));
+        let mut count = 0;
+        for (row, (found, expected)) in found.iter().zip(&expected).enumerate() {
+            if let Some(found) = found {
+                assert_eq!(found, expected, "row {row} of {dim} values, {is_large}");
+                count += 1;
+            }
+        }
+        count
     })
 }
 
@@ -206,10 +228,12 @@ fn all_within_the_bound_are_found_where_two_must_be_apart() {
     };
     InstructionSet::for_each(|_| {
         for is_large in [false, true] {
-            let near = near(&a, &b, dim, is_large, Some(&apart));
-            let are_all = near.len() == 100 || !is_large || !has_avx2_and_fma();
-            assert!(are_all, "{}", near.len());
+            let indices = |_, found: Found| found.near.iter().map(|&(index, _)| index).collect();
+            let near: Vec<Option<Vec<u32>>> = find(&a, &b, dim, is_large, Some(&apart), indices);
+            let are_all = near.iter().all(Option::is_some) || !is_large || !has_avx2_and_fma();
+            assert!(are_all);
             for (row, near) in a.chunks_exact(dim).zip(near) {
+                let Some(near) = near else { continue };
                 let distances = distances(row);
                 let least = |places: &[f32]| places.iter().copied().fold(f32::INFINITY, f32::min);
                 let mut of_places: Vec<f32> = distances.chunks(500).map(least).collect();
@@ -243,7 +267,7 @@ fn where_components_rule_out_too_little_all_values_are_compared() {
     });
     if has_avx2_and_fma() {
         // SAFETY: AVX2 and FMA were detected on this processor.
-        assert!(unsafe { Principal::of(&a, &b, dim) }.is_some());
+        assert!(unsafe { Principal::of(&b, dim) }.is_some());
         assert_eq!(compare(&a, &b, dim)[1], 2 * QUERIES);
     }
 }

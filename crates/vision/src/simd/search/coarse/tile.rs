@@ -1,7 +1,8 @@
 //! What is known of some queries while they are searched for.
 
+use super::keep::Pair;
 use super::panels::{Bounds, ROUNDING};
-use super::within::{LANES, Pair, ROWS};
+use super::within::{LANES, ROWS};
 
 /// Pairs that are listed without a look at how many there are.
 const AT_ONCE: usize = 4;
@@ -16,7 +17,7 @@ pub(super) struct Tile {
     pub(super) queries: Vec<Query>,
     /// Of each query, block by block: what [`within`](super::within::within) compares with.
     pub(super) least: Vec<[i32; ROWS]>,
-    /// Of each query: what [`keep`](super::within::keep) compares with.
+    /// Of each query: what [`keep`](super::keep::keep) compares with.
     pub(super) limits: Vec<i32>,
     /// Of each query, block by block: candidates of the last panel that may be within its bound.
     pub(super) within: Vec<[u64; ROWS]>,
@@ -29,11 +30,11 @@ pub(super) struct Tile {
 }
 
 impl Tile {
-    /// Queries of which nothing is known.
-    pub(super) fn new(first: usize, count: usize) -> Self {
+    /// Room for so many queries.
+    pub(super) fn new(count: usize) -> Self {
         let blocks = count.div_ceil(ROWS);
         Self {
-            first,
+            first: 0,
             queries: (0..count).map(|_| Query::new()).collect(),
             least: vec![[i32::MIN; ROWS]; blocks],
             limits: vec![i32::MAX; count],
@@ -42,6 +43,19 @@ impl Tile {
             pairs: vec![Pair::new(0, 0); count * LANES + AT_ONCE],
             kept: vec![(Pair::new(0, 0), 0); count * LANES],
         }
+    }
+
+    /// Turns to other queries, of which nothing is known: so many from place `first` on, at most those that there is
+    /// room for.
+    pub(super) fn turn_to(&mut self, first: usize, count: usize) {
+        self.first = first;
+        self.queries.truncate(count);
+        self.queries.iter_mut().for_each(Query::forget);
+        let blocks = count.div_ceil(ROWS);
+        self.least.truncate(blocks);
+        self.least.fill([i32::MIN; ROWS]);
+        self.limits.fill(i32::MAX);
+        self.within.truncate(blocks);
     }
 
     /// Sets what `step` and the bounds of `whole` rows compare a query's candidates with by the bound of the query.
@@ -90,7 +104,7 @@ pub(super) struct Query {
     /// of which one was the nearest when the other came. Others may have a smaller one, so it may be too
     /// large, but never too small.
     pub(super) bound: f32,
-    /// Measured candidates that were within the bound when they were, and their distances.
+    /// Measured candidates that were within the bound when they were, and their squared distances.
     near: Vec<(u32, f32)>,
 }
 
@@ -103,17 +117,24 @@ impl Query {
         }
     }
 
+    fn forget(&mut self) {
+        self.nearest = (0, f32::INFINITY);
+        self.bound = f32::INFINITY;
+        self.near.clear();
+    }
+
     /// Whether a measured candidate may be within the bound by the definition.
     fn admits(&self, distance: f32) -> bool {
         distance <= self.bound * (1.0 + ROUNDING) + f32::MIN_POSITIVE
     }
 
-    /// Takes a candidate and its distance; whether the bound is another now.
-    pub(super) fn offer(&mut self, index: u32, distance: f32, apart: Option<Apart>) -> bool {
+    /// Takes a candidate and its squared distance; whether the bound is another now.
+    pub(super) fn offer(&mut self, index: u32, squared: f32, apart: Option<Apart>) -> bool {
+        let distance = squared.sqrt();
         if !self.admits(distance) {
             return false;
         }
-        self.near.push((index, distance));
+        self.near.push((index, squared));
         let (nearest, nearest_distance) = self.nearest;
         if distance < nearest_distance {
             self.nearest = (index, distance);
@@ -126,12 +147,12 @@ impl Query {
         is_nearer
     }
 
-    /// The candidates that may be within the bound, in ascending order.
-    pub(super) fn near_enough(&self) -> Vec<u32> {
-        let near = self.near.iter();
-        let near = near.filter(|(_, distance)| self.admits(*distance));
-        let mut near: Vec<u32> = near.map(|&(index, _)| index).collect();
-        near.sort_unstable();
-        near
+    /// The candidates that may be within the bound, in ascending order, and their squared distances.
+    pub(super) fn near_enough(&mut self) -> &[(u32, f32)] {
+        let mut near = std::mem::take(&mut self.near);
+        near.retain(|(_, squared)| self.admits(squared.sqrt()));
+        near.sort_unstable_by_key(|&(index, _)| index);
+        self.near = near;
+        &self.near
     }
 }

@@ -9,13 +9,11 @@
 //! lanes at a time.
 
 use std::arch::x86_64::{
-    __m256i, __m512i, _MM_HINT_T0, _mm_add_epi32, _mm_cvtsi128_si32, _mm_prefetch,
-    _mm_shuffle_epi32, _mm_unpackhi_epi64, _mm256_add_epi16, _mm256_add_epi32, _mm256_castsi256_ps,
-    _mm256_castsi256_si128, _mm256_cmpgt_epi32, _mm256_extracti128_si256, _mm256_loadu_si256,
-    _mm256_madd_epi16, _mm256_maddubs_epi16, _mm256_movemask_ps, _mm256_set1_epi16,
-    _mm256_set1_epi32, _mm256_setzero_si256, _mm512_cmpge_epi32_mask, _mm512_dpbusd_epi32,
-    _mm512_loadu_si512, _mm512_maskz_loadu_epi32, _mm512_max_epi32, _mm512_min_epi32,
-    _mm512_reduce_add_epi32, _mm512_set1_epi32, _mm512_setzero_si512, _mm512_storeu_si512,
+    __m256i, __m512i, _MM_HINT_T0, _mm_prefetch, _mm256_add_epi16, _mm256_add_epi32,
+    _mm256_castsi256_ps, _mm256_cmpgt_epi32, _mm256_loadu_si256, _mm256_madd_epi16,
+    _mm256_maddubs_epi16, _mm256_movemask_ps, _mm256_set1_epi16, _mm256_set1_epi32,
+    _mm256_setzero_si256, _mm512_cmpge_epi32_mask, _mm512_dpbusd_epi32, _mm512_loadu_si512,
+    _mm512_max_epi32, _mm512_min_epi32, _mm512_set1_epi32, _mm512_storeu_si512,
 };
 
 /// Candidates of a panel: four vectors of sixteen, or eight of eight.
@@ -213,83 +211,6 @@ fn second_of(values: &[i32]) -> i32 {
     next
 }
 
-/// A query and a lane of a panel.
-#[derive(Clone, Copy)]
-pub(super) struct Pair(u32);
-
-impl Pair {
-    #[inline]
-    pub(super) fn new(query: usize, lane: usize) -> Self {
-        Self((query * LANES + lane) as u32)
-    }
-
-    #[inline]
-    pub(super) fn query(self) -> usize {
-        self.0 as usize / LANES
-    }
-
-    #[inline]
-    pub(super) fn lane(self) -> usize {
-        self.0 as usize % LANES
-    }
-}
-
-/// Keeps those pairs of a query and a candidate of a panel whose squared distance in bytes, less the
-/// query's part of it, is at most the query's limit; `parts` are those of the candidates.
-#[target_feature(enable = "avx2,fma")]
-pub(super) fn keep(
-    pairs: &[Pair],
-    queries: &[i32],
-    candidates: &[i32],
-    parts: &[i32],
-    limits: &[i32],
-    kept: &mut [(Pair, i32)],
-) -> usize {
-    keep_by(pairs, queries, candidates, parts, limits, kept, |a, b| {
-        product(a, b)
-    })
-}
-
-/// [`keep`] with one instruction for the products of 64 bytes and their sums.
-///
-/// *Benefit*: half the time. *Correctness*: as of [`within_avx512`].
-#[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
-pub(super) fn keep_avx512(
-    pairs: &[Pair],
-    queries: &[i32],
-    candidates: &[i32],
-    parts: &[i32],
-    limits: &[i32],
-    kept: &mut [(Pair, i32)],
-) -> usize {
-    keep_by(pairs, queries, candidates, parts, limits, kept, |a, b| {
-        product_avx512(a, b)
-    })
-}
-
-/// [`keep`], given the sum of products. Without branches, whose outcome nobody could predict.
-#[inline(always)]
-fn keep_by(
-    pairs: &[Pair],
-    queries: &[i32],
-    candidates: &[i32],
-    parts: &[i32],
-    limits: &[i32],
-    kept: &mut [(Pair, i32)],
-    product: impl Fn(&[i32], &[i32]) -> i32,
-) -> usize {
-    let width = candidates.len() / parts.len();
-    let mut count = 0;
-    for &pair in pairs {
-        let query = &queries[pair.query() * width..][..width];
-        let candidate = &candidates[pair.lane() * width..][..width];
-        let distance = parts[pair.lane()] - 2 * product(query, candidate);
-        kept[count] = (pair, distance);
-        count += usize::from(distance <= limits[pair.query()]);
-    }
-    count
-}
-
 /// Asks for values that are read soon.
 #[inline]
 pub(super) fn prefetch<T>(values: &[T]) {
@@ -297,72 +218,6 @@ pub(super) fn prefetch<T>(values: &[T]) {
         // SAFETY: nothing is read; the address is that of a value.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) };
     }
-}
-
-#[inline]
-#[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
-fn product_avx512(query: &[i32], candidate: &[i32]) -> i32 {
-    assert_eq!(query.len(), candidate.len(), "rows of one width");
-    let ((query, last_query), (candidate, last)) =
-        (query.as_chunks::<16>(), candidate.as_chunks::<16>());
-    let mut sums = _mm512_setzero_si512();
-    for (query, candidate) in query.iter().zip(candidate) {
-        // SAFETY: 64 bytes can be read from 16 quads.
-        let (query, candidate) = unsafe {
-            (
-                _mm512_loadu_si512(query.as_ptr().cast()),
-                _mm512_loadu_si512(candidate.as_ptr().cast()),
-            )
-        };
-        sums = _mm512_dpbusd_epi32(sums, query, candidate);
-    }
-    if !last.is_empty() {
-        let lanes = (1 << last.len()) - 1;
-        // SAFETY: no more is read than the quads that are left.
-        let (query, candidate) = unsafe {
-            (
-                _mm512_maskz_loadu_epi32(lanes, last_query.as_ptr()),
-                _mm512_maskz_loadu_epi32(lanes, last.as_ptr()),
-            )
-        };
-        sums = _mm512_dpbusd_epi32(sums, query, candidate);
-    }
-    _mm512_reduce_add_epi32(sums)
-}
-
-/// The sum of the products of the bytes of a query and of a candidate.
-#[inline]
-#[target_feature(enable = "avx2,fma")]
-fn product(query: &[i32], candidate: &[i32]) -> i32 {
-    assert_eq!(query.len(), candidate.len(), "rows of one width");
-    let ((query, last_query), (candidate, last)) =
-        (query.as_chunks::<8>(), candidate.as_chunks::<8>());
-    let mut sums = _mm256_setzero_si256();
-    for (query, candidate) in query.iter().zip(candidate) {
-        // SAFETY: 32 bytes can be read from 8 quads.
-        let (query, candidate) = unsafe {
-            (
-                _mm256_loadu_si256(query.as_ptr().cast()),
-                _mm256_loadu_si256(candidate.as_ptr().cast()),
-            )
-        };
-        sums = _mm256_add_epi16(sums, _mm256_maddubs_epi16(query, candidate));
-    }
-    let sums = _mm256_madd_epi16(sums, _mm256_set1_epi16(1));
-    let sums = _mm_add_epi32(
-        _mm256_castsi256_si128(sums),
-        _mm256_extracti128_si256::<1>(sums),
-    );
-    let sums = _mm_add_epi32(sums, _mm_unpackhi_epi64(sums, sums));
-    let sums = _mm_add_epi32(sums, _mm_shuffle_epi32::<1>(sums));
-    let mut sum = _mm_cvtsi128_si32(sums);
-    for (query, candidate) in last_query.iter().zip(last) {
-        let (query, candidate) = (query.to_le_bytes(), candidate.to_le_bytes());
-        for (query, candidate) in query.into_iter().zip(candidate) {
-            sum += i32::from(query) * i32::from(candidate as i8);
-        }
-    }
-    sum
 }
 
 /// The rows of a block.

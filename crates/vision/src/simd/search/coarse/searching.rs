@@ -1,0 +1,272 @@
+//! The search among candidates that are prepared: tile of queries by tile, panel of candidates by panel.
+
+use super::candidates::{Candidates, Components};
+use super::grid::squared_distance;
+use super::keep::{keep, keep_avx512};
+use super::panels::Bounds;
+use super::principal::{self, Projected, mean_of};
+use super::tile::{Apart, Tile};
+use super::within::{LANES, ROWS, prefetch, second_sums_avx512, within, within_avx512};
+
+/// Queries that see a panel one after the other: whole blocks. Their bytes fill a tenth of a second-level
+/// cache, and the candidates of each panel are fetched for so many at once; with more of them they have
+/// less in common.
+pub(super) const QUERIES: usize = 128 * ROWS;
+
+/// Candidates within the bounds that a query may have on average, besides one in [`MEASURED_SHARE`] of all
+/// that it has seen: with more of them the definition is as fast.
+const MEASURED: usize = 80;
+
+/// The same of candidates that principal components do not rule out: of descriptors of SIFT, half of those
+/// of a whole search are among the first few thousand, the nearest.
+const LEFT: usize = 400;
+
+/// See [`MEASURED`].
+const MEASURED_SHARE: usize = 16;
+
+/// Panels whose second smallest distance is found at once: with 2 of them 9,800 x 7,500 descriptors of SIFT take 4 %
+/// longer, with 16 of them 2 %.
+const FIRST: usize = 8;
+
+/// Candidates that were found for a query.
+#[derive(Clone, Copy)]
+pub(super) struct Found<'a> {
+    /// In ascending order, and their squared distances.
+    pub(super) near: &'a [(u32, f32)],
+    /// Whether these are those of the definition, to the last bit.
+    pub(super) are_exact: bool,
+}
+
+/// What `result` makes of the candidates that may be nearest to each row of `a`, the first of `rows`; `None` where bytes
+/// did not help.
+#[target_feature(enable = "avx2,fma")]
+pub(super) fn search<T>(
+    rows: [&[f32]; 2],
+    candidates: &Candidates,
+    apart: Option<Apart>,
+    result: impl FnMut(usize, Found) -> T,
+) -> Vec<Option<T>> {
+    let dim = candidates.dim;
+    let count = rows[0].len() / dim;
+    let components = candidates.components.as_ref();
+    let projected = components.and_then(|components| components.project(rows[0]));
+    let order = match &projected {
+        Some(projected) => principal::order(&projected.rows),
+        None => (0..count as u32).collect(),
+    };
+    let search = Search {
+        rows,
+        dim,
+        orders: [&order, &candidates.order],
+        apart,
+        is_wide: candidates.is_wide,
+    };
+    let Some(whole) = Bounds::of(&candidates.whole, rows[0], &order) else {
+        return (0..count).map(|_| None).collect();
+    };
+    let step = components.zip(projected);
+    let step = step.and_then(|(components, projected)| Step::of(components, projected, &order));
+    search.among_all(step.as_ref(), &whole, result)
+}
+
+/// The first of two steps: bounds of the principal components.
+struct Step<'a> {
+    components: &'a Components,
+    /// Components of the queries.
+    queries: Vec<f32>,
+    bounds: Bounds<'a>,
+}
+
+impl<'a> Step<'a> {
+    fn of(components: &'a Components, queries: Projected, order: &[u32]) -> Option<Self> {
+        let mut bounds = Bounds::of(&components.panels, &queries.rows, order)?;
+        bounds.allow(queries.rounding + components.rounding, components.stretch());
+        Some(Self {
+            components,
+            queries: queries.rows,
+            bounds,
+        })
+    }
+
+    /// All panels, those whose means are near to the mean of some queries first.
+    #[target_feature(enable = "avx2,fma")]
+    fn panels_near(&self, queries: &[u32]) -> Vec<usize> {
+        let mean = mean_of(&self.queries, queries);
+        let distances: Vec<f32> = (self.components.means.iter())
+            .map(|panel| squared_distance(panel, &mean))
+            .collect();
+        let mut panels: Vec<usize> = (0..distances.len()).collect();
+        panels.sort_by(|&i, &j| distances[i].total_cmp(&distances[j]));
+        panels
+    }
+}
+
+/// Rows of `a` and `b`, and the orders in which they are looked at.
+struct Search<'a> {
+    rows: [&'a [f32]; 2],
+    dim: usize,
+    orders: [&'a [u32]; 2],
+    apart: Option<Apart<'a>>,
+    /// See [`Candidates::is_wide`].
+    is_wide: bool,
+}
+
+impl Search<'_> {
+    /// What `result` makes of the rows that may be nearest to each row of `a`: by the principal components in the first
+    /// of two `step`s, where there are any and they help, and by all values. `None` where bytes did not help.
+    #[target_feature(enable = "avx2,fma")]
+    fn among_all<T>(
+        &self,
+        step: Option<&Step>,
+        whole: &Bounds,
+        mut result: impl FnMut(usize, Found) -> T,
+    ) -> Vec<Option<T>> {
+        let count = self.orders[0].len();
+        let mut results: Vec<Option<T>> = (0..count).map(|_| None).collect();
+        let mut tile = Tile::new(QUERIES.min(count));
+        let panels: Vec<usize> = (0..whole.panels.count()).collect();
+        let (mut tried, mut failed) = (0, 0);
+        for first in (0..count).step_by(QUERIES) {
+            let queries = &self.orders[0][first..count.min(first + QUERIES)];
+            let mut is_found = false;
+            if let Some(step) = step.filter(|_| 2 * failed <= tried) {
+                tile.turn_to(first, queries.len());
+                let order = step.panels_near(queries);
+                is_found = self.measure(&step.bounds, whole, LEFT, &order, &mut tile);
+                tried += 1;
+                failed += usize::from(!is_found);
+            }
+            if !is_found {
+                tile.turn_to(first, queries.len());
+                is_found = self.measure(whole, whole, MEASURED, &panels, &mut tile);
+            }
+            if !is_found {
+                break;
+            }
+            for (query, &row) in tile.queries.iter_mut().zip(queries) {
+                let found = Found {
+                    near: query.near_enough(),
+                    are_exact: whole.are_exact(),
+                };
+                results[row as usize] = Some(result(row as usize, found));
+            }
+        }
+        results
+    }
+
+    /// Looks at all panels, in an order, for candidates that may be within the bounds of a tile of queries; whether
+    /// `step` leaves few enough, of which `allowed` are no matter. What it leaves is looked at with the bounds of
+    /// the `whole` rows.
+    #[target_feature(enable = "avx2,fma")]
+    fn measure(
+        &self,
+        step: &Bounds,
+        whole: &Bounds,
+        allowed: usize,
+        order: &[usize],
+        tile: &mut Tile,
+    ) -> bool {
+        let is_warm = self.warm_up(step, whole, order, tile);
+        let (mut left, mut seen) = (0, 0);
+        for &number in order {
+            let first = number * LANES;
+            let lanes = u64::MAX >> (LANES - LANES.min(self.orders[1].len() - first));
+            if seen == 0 && !is_warm {
+                // Nothing is known yet: the first few bring bounds for the next few.
+                for some in [0xff, 0xff << 8, 0xffff << 16, u64::MAX << 32] {
+                    left += self.scan(step, whole, number, lanes & some, tile);
+                }
+            } else {
+                left += self.scan(step, whole, number, lanes, tile);
+            }
+            if left > tile.queries.len() * (allowed + seen / MEASURED_SHARE) {
+                return false;
+            }
+            seen += LANES;
+        }
+        true
+    }
+
+    /// Sets the bounds of a tile of queries by the first panels of an order; whether that could be done.
+    #[target_feature(enable = "avx2,fma")]
+    fn warm_up(&self, step: &Bounds, whole: &Bounds, order: &[usize], tile: &mut Tile) -> bool {
+        if !self.is_wide || self.apart.is_some() {
+            return false;
+        }
+        // Lanes without a candidate would pass for some.
+        let full = self.orders[1].len() / LANES;
+        let panels = order.iter().filter(|&&number| number < full).take(FIRST);
+        let panels: Vec<_> = panels.map(|&number| whole.panels.panel(number)).collect();
+        if panels.is_empty() {
+            return false;
+        }
+        let queries = whole.queries_from(tile.first);
+        let mut second = vec![[0; ROWS]; tile.least.len()];
+        // SAFETY: what is in use was detected on this processor.
+        unsafe { second_sums_avx512(queries, &panels, &mut second) };
+        for (number, &sum) in (0..tile.queries.len()).zip(second.as_flattened()) {
+            tile.queries[number].bound = whole.largest(tile.first + number, sum);
+            tile.set_limits(number, step, whole);
+        }
+        true
+    }
+
+    /// Looks at those of `lanes` of a panel that may be within the bounds, and returns how many `step` left.
+    #[target_feature(enable = "avx2,fma")]
+    fn scan(
+        &self,
+        step: &Bounds,
+        whole: &Bounds,
+        number: usize,
+        lanes: u64,
+        tile: &mut Tile,
+    ) -> usize {
+        let (panel, starts) = step.panels.panel(number);
+        let quads = step.queries_from(tile.first);
+        let queries = whole.queries_from(tile.first);
+        let (candidates, parts) = whole.panels.candidates_of_panel(number);
+        // On their way while the panel is compared.
+        prefetch(candidates);
+        if self.is_wide {
+            // SAFETY: what is in use was detected on this processor.
+            unsafe { within_avx512(quads, &tile.least, panel, starts, &mut tile.within) };
+        } else {
+            within(quads, &tile.least, panel, starts, &mut tile.within);
+        }
+        let left = tile.list_pairs(lanes);
+        let (pairs, limits) = (&tile.pairs[..left], &tile.limits);
+        let kept = if self.is_wide {
+            // SAFETY: as before.
+            unsafe { keep_avx512(pairs, queries, candidates, parts, limits, &mut tile.kept) }
+        } else {
+            keep(pairs, queries, candidates, parts, limits, &mut tile.kept)
+        };
+        if !whole.are_exact() {
+            for (pair, _) in &tile.kept[..kept] {
+                prefetch(self.row(1, number * LANES + pair.lane()));
+            }
+        }
+        for kept in 0..kept {
+            let (pair, distance) = tile.kept[kept];
+            let candidate = number * LANES + pair.lane();
+            let place = tile.first + pair.query();
+            let squared = if whole.are_exact() {
+                whole.squared_distance(place, distance)
+            } else {
+                squared_distance(self.row(0, place), self.row(1, candidate))
+            };
+            let query = &mut tile.queries[pair.query()];
+            if query.offer(self.orders[1][candidate], squared, self.apart) {
+                tile.set_limits(pair.query(), step, whole);
+            }
+        }
+        left
+    }
+
+    /// The row at a place in the order of queries (side 0) or candidates (side 1).
+    #[inline]
+    fn row(&self, side: usize, place: usize) -> &[f32] {
+        let row = self.orders[side][place] as usize;
+        &self.rows[side][row * self.dim..][..self.dim]
+    }
+}
