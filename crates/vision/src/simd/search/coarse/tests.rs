@@ -296,6 +296,21 @@ fn offsets_and_sizes_of_columns_change_no_result() {
 }
 
 #[test]
+fn bytes_that_hold_fractions_exactly_tell_no_distances() {
+    // A range of 127.5 makes bytes of halves, which lose nothing.
+    let (dim, mut rng) = (128, Seed(15).rng());
+    let mut b: Vec<f32> = (0..400 * dim)
+        .map(|_| rng.below(256) as f32 / 2.0)
+        .collect();
+    [b[0], b[dim]] = [0.0, 127.5];
+    let near = |value: &f32| (value + rng.below(3) as f32 / 2.0).min(127.5);
+    let a: Vec<f32> = b[..60 * dim].iter().map(near).collect();
+    InstructionSet::for_each(|_| {
+        compare(&a, &b, dim);
+    });
+}
+
+#[test]
 fn a_column_whose_sum_is_infinite_changes_no_result() {
     // Few rows, of which each query may have all.
     let (dim, mut rng) = (1_000, Seed(14).rng());
