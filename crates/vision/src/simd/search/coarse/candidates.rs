@@ -22,7 +22,7 @@ const PAIRS_AVX512: usize = 50_000_000;
 
 /// Candidates from which on principal components help at all: among 1,000 of SIFT a search takes a fifth longer with
 /// them, and one among 3,000 a tenth less.
-const ROWS: usize = 2_000;
+const MIN_CANDIDATES: usize = 2_000;
 
 /// Candidates that are prepared and kept.
 #[derive(Default)]
@@ -61,7 +61,7 @@ impl Kept {
         // What is made is replaced as a whole, so it is good even after a panic.
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         state.pairs = state.pairs.saturating_add(queries.saturating_mul(rows));
-        let in_two_steps = rows >= ROWS && state.pairs >= worth;
+        let in_two_steps = rows >= MIN_CANDIDATES && state.pairs >= worth;
         let serves = |made: &&Made| {
             (made.rows, made.dim, made.is_wide) == (rows, dim, is_wide)
                 && made.in_two_steps >= in_two_steps
@@ -191,7 +191,7 @@ mod tests {
         if !has_avx2_and_fma() {
             return;
         }
-        let (rows, dim) = (rows(ROWS, 64), 64);
+        let (rows, dim) = (rows(MIN_CANDIDATES, 64), 64);
         let kept = Kept::default();
         let mut searches = 0;
         let first = kept.for_search(&rows, dim, 5_000).expect("bytes");
@@ -203,9 +203,12 @@ mod tests {
             .is_none()
         {
             searches += 1;
-            assert!(searches * 5_000 * ROWS < PAIRS, "{searches} searches");
+            assert!(
+                searches * 5_000 * MIN_CANDIDATES < PAIRS,
+                "{searches} searches"
+            );
         }
-        assert!((searches + 2) * 5_000 * ROWS >= PAIRS_AVX512);
+        assert!((searches + 2) * 5_000 * MIN_CANDIDATES >= PAIRS_AVX512);
         // And not again, even for one query.
         let made = kept.for_search(&rows, dim, 1).expect("bytes");
         let again = kept.for_search(&rows, dim, 5_000).expect("bytes");
@@ -222,7 +225,7 @@ mod tests {
         if !has_avx2_and_fma() {
             return;
         }
-        let mut rows = rows(ROWS, 64);
+        let mut rows = rows(MIN_CANDIDATES, 64);
         rows[70] = f32::NAN;
         let kept = Kept::default();
         for queries in [1, PAIRS, 1] {
@@ -237,7 +240,7 @@ mod tests {
         if !has_avx2_and_fma() {
             return;
         }
-        for (count, dim) in [(ROWS, 64), (ROWS + 37, 130)] {
+        for (count, dim) in [(MIN_CANDIDATES, 64), (MIN_CANDIDATES + 37, 130)] {
             let rows = rows(count, dim);
             // SAFETY: AVX2 and FMA were detected on this processor.
             let candidates = unsafe { Candidates::of(&rows, dim, is_wide(), true) };
