@@ -12,7 +12,6 @@ sources the same ones. `superansac.py` says how it is called; where it is not in
 """
 
 import csv
-import os
 import pathlib
 import statistics
 
@@ -22,6 +21,7 @@ import numpy as np
 
 import estimators
 import superansac
+from machine import processor
 from pose import auc
 
 matplotlib.use("svg")
@@ -40,12 +40,6 @@ CURVES = {
     "COLMAP": [1000, 5000],
     "SupeRANSAC": [200, 1000, 5000, 20000],
 }
-
-
-def processor():
-    lines = pathlib.Path("/proc/cpuinfo").read_text().splitlines() if os.path.exists("/proc/cpuinfo") else []
-    names = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else "unknown processor"
 
 
 def estimate(curve, budget, chunk, k, seed):

@@ -9,7 +9,6 @@ medians of interleaved repetitions; a ratio above 1 says how many times as long 
 
 import argparse
 import os
-import platform
 import statistics
 import time
 
@@ -22,14 +21,7 @@ import numpy as np
 import poselib
 import pycolmap
 
-
-def processor():
-    """The name of the processor; Linux tells Python none."""
-    try:
-        with open("/proc/cpuinfo") as lines:
-            return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
+from machine import processor
 
 
 def race(ours, theirs, repeats):

@@ -22,6 +22,8 @@ from pathlib import Path
 
 import cv2
 
+from machine import processor
+
 HERE = Path(__file__).resolve().parent
 PROGRAMS = HERE.parent / "target/release"
 FEATURES = ["sift", "orb", "brisk", "akaze", "kaze", "latch", "daisy", "freak-sift"]
@@ -29,18 +31,6 @@ FEATURES = ["sift", "orb", "brisk", "akaze", "kaze", "latch", "daisy", "freak-si
 LEAST_TWINS = 97.0
 # An AUC of another implementation differs by this much at most.
 AUC_TOLERANCE = 0.03
-
-
-def processor():
-    """Its name, family and widest instructions; Linux tells them."""
-    text = Path("/proc/cpuinfo").read_text()
-
-    def field(name):
-        found = re.search(rf"^{name}\s*: (.*)$", text, re.MULTILINE)
-        return found[1].strip() if found else "unknown"
-
-    widest = next((name for name in ("avx512f", "avx2") if f" {name} " in text), "portable")
-    return f"{field('model name')}, family {field('cpu family')} model {field('model')}, {widest}"
 
 
 def printed(command, out, **options):

@@ -1,0 +1,20 @@
+"""What stands beside every measured time: the processor."""
+
+import platform
+import re
+from pathlib import Path
+
+
+def processor():
+    """Its name, family, model and widest instructions, where the system (Linux) tells them."""
+    try:
+        text = Path("/proc/cpuinfo").read_text()
+    except OSError:
+        return platform.processor() or platform.machine()
+
+    def field(name):
+        found = re.search(rf"^{name}\s*: (.*)$", text, re.MULTILINE)
+        return found[1].strip() if found else "unknown"
+
+    widest = next((name for name in ("avx512f", "avx2") if f" {name} " in text), "portable")
+    return f"{field('model name')}, family {field('cpu family')} model {field('model')}, {widest}"
