@@ -13,7 +13,6 @@ mod polish;
 mod polynomials;
 mod roots;
 
-use super::InstructionSet;
 use super::lanes::{LANES, Lanes, Mask, Portable};
 use polish::{Candidate, candidates, polish};
 use polynomials::polynomials;
@@ -56,6 +55,7 @@ pub fn five_point_of_eight(
 ) {
     #[cfg(target_arch = "x86_64")]
     {
+        use super::InstructionSet;
         use super::lanes::{Avx2, Avx512};
 
         type Samples = [[f64; COORDINATES]; SAMPLES];
