@@ -140,7 +140,7 @@ multiversioned! {
     }
 }
 
-/// Rows later one is asked for that comes from anywhere.
+/// A row is prefetched so many rows before its turn: in an order that is not theirs, rows come from anywhere.
 const AHEAD: usize = 2;
 
 /// Values of a row that are rounded side by side.

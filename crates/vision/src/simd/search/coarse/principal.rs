@@ -6,7 +6,7 @@
 //!    alone nearly always tells that a candidate is out: it is at most the distance of the rows.
 //! 2. That holds for any axes of length 1 that are orthogonal. Those that were found are rounded; by how
 //!    much they may lengthen a row at most is computed from their products ([`Principal::stretch`]), and
-//!    by how much rounding may change a projected row is bounded ([`Principal::rounding`]). So no bound
+//!    by how much rounding may change a projected row is bounded ([`Projected::rounding`]). So no bound
 //!    relies on the axes being the right ones.
 //! 3. Rows are sorted by the signs of their first components, those of one side of the mean along the
 //!    first axis first. Rows that are near to each other are then near in this order as well, and a query
