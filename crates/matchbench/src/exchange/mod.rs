@@ -22,8 +22,10 @@ mod hloc;
 mod imc;
 mod names;
 mod npz;
+mod options;
 mod packed;
 mod probe;
+mod rating;
 mod read;
 mod source;
 mod sparse;
@@ -41,12 +43,14 @@ use crate::config::{self, UnknownName};
 pub use error::ExchangeError;
 pub use export::{Export, PairExport, TwoView};
 pub use names::NamedBy;
-pub use read::{FileMatches, MatchFiles, ReadOptions, Survey};
+pub use options::ReadOptions;
+pub use read::{FileMatches, MatchFiles, Survey};
 pub use source::MatchSource;
 pub use understood::{FileRead, Scores, Understood};
 
 use names::PairName;
 use probe::Probe;
+use rating::Rating;
 
 /// A format that matches are read from, and perhaps written in.
 pub struct Format {
@@ -150,15 +154,4 @@ struct RawMatches {
     element: Element,
     /// Numbers of keypoints of both images, where the format knows them.
     keypoints: Option<[usize; 2]>,
-}
-
-/// What a file says about how certain its matches are.
-#[derive(Debug)]
-enum Rating {
-    /// Nothing.
-    None,
-    /// Higher is better.
-    Score(Vec<f64>),
-    /// 0 is certain, 1 is not.
-    Ambiguity(Vec<f64>),
 }

@@ -5,7 +5,7 @@ use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::ExchangeError;
+use super::{ExchangeError, FORMATS, Format};
 use crate::arrays::{Hdf5, Npz};
 use crate::files::open_file;
 
@@ -81,6 +81,37 @@ impl Probe {
             }
         };
         Ok(Self { files, content })
+    }
+
+    /// The format of the files, which must be the `asked` one.
+    ///
+    /// # Errors
+    /// If it is another, or none that is known.
+    pub(super) fn format(
+        &self,
+        asked: Option<&'static Format>,
+    ) -> Result<&'static Format, ExchangeError> {
+        let found = FORMATS.iter().find(|format| (format.recognises)(self));
+        let first = &self.files[0];
+        match (found, asked) {
+            (Some(found), Some(asked)) if found.id != asked.id => Err(ExchangeError::new(
+                first,
+                format!("its content is `{}`, not `{}`", found.id, asked.id),
+                "leave --matches-format out, or name the right files",
+            )),
+            (Some(found), _) => Ok(found),
+            (None, asked) => {
+                let layouts = (FORMATS.iter())
+                    .filter(|format| asked.is_none_or(|asked| asked.id == format.id))
+                    .map(|format| format!("{} ({})", format.id, format.layout))
+                    .collect::<Vec<_>>();
+                Err(ExchangeError::new(
+                    first,
+                    "its content is of no known layout",
+                    format!("there are: {}", layouts.join("; ")),
+                ))
+            }
+        }
     }
 }
 

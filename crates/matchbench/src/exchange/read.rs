@@ -15,46 +15,14 @@ use nalgebra::Point2;
 
 use super::names::{NamedBy, Names};
 use super::probe::Probe;
-use super::{ExchangeError, FORMATS, Format, Rating, RawMatches, Scores, Source, Understood};
-use crate::config::UnknownName;
+use super::{ExchangeError, RawMatches, ReadOptions, Scores, Source, Understood};
 use crate::datasets::Sequence;
-use crate::matchers::{MOST_MATCHES, MatchesFrom};
+use crate::matchers::MOST_MATCHES;
 
 /// Points that fill less of the image's width and height than this, in all pairs, are warned about.
 const FILLED: f64 = 0.6;
 /// How far outside its image a point may lie beside the rounding of its file, in pixels.
 const SLACK: f64 = 1e-3;
-
-/// How files are to be read, where they do not say it themselves.
-#[derive(Clone, Debug, Default)]
-pub struct ReadOptions {
-    /// The format; recognised by its content if absent.
-    pub format: Option<&'static Format>,
-    /// Where the centre of the first pixel is, 0 or 0.5; the format's convention if absent.
-    pub pixel_center: Option<f64>,
-    /// Width and height of the images that the points belong to, if they were resized.
-    pub resized: Option<[u32; 2]>,
-    /// Read the matches that the tool verified (COLMAP's two-view geometries).
-    pub verified: bool,
-    /// What is to be remembered with the matches.
-    pub notes: BTreeMap<String, String>,
-}
-
-impl ReadOptions {
-    /// As matches were asked for.
-    ///
-    /// # Errors
-    /// If there is no such format.
-    pub fn of(asked: &MatchesFrom) -> Result<Self, UnknownName> {
-        Ok(Self {
-            format: asked.format.as_deref().map(Format::find).transpose()?,
-            pixel_center: asked.pixel_center,
-            resized: asked.resized,
-            verified: asked.verified,
-            notes: asked.notes.clone(),
-        })
-    }
-}
 
 /// Matches of a dataset in files.
 pub struct MatchFiles {
@@ -130,8 +98,8 @@ impl MatchFiles {
     ) -> Result<Self, ExchangeError> {
         let probe = Probe::new(paths, &sequence.name)?;
         let files = probe.files.clone();
-        let format = recognised(&probe, options.format)?;
-        let pixel_center = checked(format, &files, options)?;
+        let format = probe.format(options.format)?;
+        let pixel_center = options.center_in(&files[0], format)?;
         let contents = (format.open)(probe, options)?;
 
         let names = Names::of(sequence);
@@ -227,7 +195,7 @@ impl MatchFiles {
             };
             points.iter().map(narrow).collect()
         });
-        let ambiguity = ambiguities(&raw.rating, raw.a.len(), self.understood.scores);
+        let ambiguity = raw.rating.ambiguities(raw.a.len(), self.understood.scores);
         Ok(Some(FileMatches {
             points: MatchedPoints::new(points_a, points_b, ambiguity.map_err(wrong)?),
             keypoints: raw.keypoints,
@@ -271,18 +239,8 @@ impl MatchFiles {
         for (&(a, b), &(index, swapped)) in &self.pairs {
             let raw = self.raw(index, swapped, (a, b))?;
             self.survey.matches += raw.a.len() as u64;
-            scores = match (&raw.rating, scores) {
-                (_, scores) if known.is_some() => scores,
-                (Rating::None, scores) => scores,
-                (Rating::Ambiguity(_), _) => Scores::Ambiguity,
-                (Rating::Score(values), Scores::None | Scores::Unit)
-                    if values.iter().all(|value| (0.0..=1.0).contains(value)) =>
-                {
-                    Scores::Unit
-                }
-                (Rating::Score(_), _) => Scores::Unbounded,
-            };
-            ambiguities(&raw.rating, raw.a.len(), scores)
+            scores = known.unwrap_or_else(|| raw.rating.seen_after(scores));
+            (raw.rating.ambiguities(raw.a.len(), scores))
                 .map_err(|what| self.wrong(index, (a, b), what))?;
             for (points, frame) in [(&raw.a, a), (&raw.b, b)] {
                 filled = filled.max(fill(points, self.stored_size(frame)));
@@ -392,104 +350,6 @@ impl MatchFiles {
 
 fn pair_in_words(a: u32, b: u32) -> String {
     format!("pair {a} {b}")
-}
-
-/// The format of the files, which must be the `asked` one.
-fn recognised(
-    probe: &Probe,
-    asked: Option<&'static Format>,
-) -> Result<&'static Format, ExchangeError> {
-    let found = FORMATS.iter().find(|format| (format.recognises)(probe));
-    let first = &probe.files[0];
-    match (found, asked) {
-        (Some(found), Some(asked)) if found.id != asked.id => Err(ExchangeError::new(
-            first,
-            format!("its content is `{}`, not `{}`", found.id, asked.id),
-            "leave --matches-format out, or name the right files",
-        )),
-        (Some(found), _) => Ok(found),
-        (None, asked) => {
-            let layouts = (FORMATS.iter())
-                .filter(|format| asked.is_none_or(|asked| asked.id == format.id))
-                .map(|format| format!("{} ({})", format.id, format.layout))
-                .collect::<Vec<_>>();
-            Err(ExchangeError::new(
-                first,
-                "its content is of no known layout",
-                format!("there are: {}", layouts.join("; ")),
-            ))
-        }
-    }
-}
-
-/// The pixel centre, once it is known that the options fit the format.
-fn checked(
-    format: &Format,
-    files: &[PathBuf],
-    options: &ReadOptions,
-) -> Result<f64, ExchangeError> {
-    let error = |what: String, remedy: &str| Err(ExchangeError::new(&files[0], what, remedy));
-    if options.verified && format.id != "colmap" {
-        let what = format!("`{}` has no verified matches", format.id);
-        return error(what, "leave --verified out");
-    }
-    if format.resized && options.resized.is_none() {
-        let what = format!("points of `{}` are those of resized images", format.id);
-        return error(
-            what,
-            "say --resized WxH, the size that they were resized to",
-        );
-    }
-    if options.resized.is_some_and(|size| size.contains(&0)) {
-        return error("a resized image has no pixels".into(), "say --resized WxH");
-    }
-    match options.pixel_center.or(format.pixel_center) {
-        Some(center) if center == 0.0 || center == 0.5 => Ok(center),
-        Some(center) => error(
-            format!("the centre of the first pixel cannot be at {center}"),
-            "say --pixel-center 0 or 0.5",
-        ),
-        None => error(
-            format!(
-                "`{}` has no convention for the centre of the first pixel",
-                format.id
-            ),
-            "say --pixel-center 0 (as OpenCV, numpy indices) or 0.5 (as COLMAP)",
-        ),
-    }
-}
-
-/// Ambiguities of `count` matches, rated by scores of that kind.
-///
-/// # Errors
-/// If one is not a number or an ambiguity outside 0..1.
-fn ambiguities(rating: &Rating, count: usize, scores: Scores) -> Result<Vec<f32>, String> {
-    let values = match rating {
-        Rating::None => return Ok(vec![0.0; count]),
-        Rating::Score(values) | Rating::Ambiguity(values) => values,
-    };
-    if values.len() != count {
-        return Err(format!("{} scores for {count} matches", values.len()));
-    }
-    (values.iter().enumerate())
-        .map(|(number, &value)| {
-            let ambiguity = match rating {
-                Rating::Ambiguity(_) => value,
-                _ if scores == Scores::Unit => 1.0 - value,
-                _ if value.is_infinite() => f64::from(value < 0.0),
-                _ => 0.5 - 0.5 * value / (1.0 + value.abs()),
-            };
-            if (0.0..=1.0).contains(&ambiguity) {
-                Ok(ambiguity as f32)
-            } else {
-                let what = match rating {
-                    Rating::Ambiguity(_) => "ambiguity",
-                    _ => "score",
-                };
-                Err(format!("match {number} has the {what} {value}"))
-            }
-        })
-        .collect()
 }
 
 /// The larger of the shares of width and height that the points span.

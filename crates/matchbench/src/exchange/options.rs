@@ -1,0 +1,75 @@
+//! What users say about files of matches, where these do not say it themselves.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::{ExchangeError, Format};
+use crate::config::UnknownName;
+use crate::matchers::MatchesFrom;
+
+/// How files are to be read, where they do not say it themselves.
+#[derive(Clone, Debug, Default)]
+pub struct ReadOptions {
+    /// The format; recognised by its content if absent.
+    pub format: Option<&'static Format>,
+    /// Where the centre of the first pixel is, 0 or 0.5; the format's convention if absent.
+    pub pixel_center: Option<f64>,
+    /// Width and height of the images that the points belong to, if they were resized.
+    pub resized: Option<[u32; 2]>,
+    /// Read the matches that the tool verified (COLMAP's two-view geometries).
+    pub verified: bool,
+    /// What is to be remembered with the matches.
+    pub notes: BTreeMap<String, String>,
+}
+
+impl ReadOptions {
+    /// As matches were asked for.
+    ///
+    /// # Errors
+    /// If there is no such format.
+    pub fn of(asked: &MatchesFrom) -> Result<Self, UnknownName> {
+        Ok(Self {
+            format: asked.format.as_deref().map(Format::find).transpose()?,
+            pixel_center: asked.pixel_center,
+            resized: asked.resized,
+            verified: asked.verified,
+            notes: asked.notes.clone(),
+        })
+    }
+
+    /// Where the centre of the first pixel is in `file`, which is of `format`.
+    ///
+    /// # Errors
+    /// If the options do not fit the format, or leave out what it does not say itself.
+    pub(super) fn center_in(&self, file: &Path, format: &Format) -> Result<f64, ExchangeError> {
+        let error = |what: String, remedy: &str| Err(ExchangeError::new(file, what, remedy));
+        if self.verified && format.id != "colmap" {
+            let what = format!("`{}` has no verified matches", format.id);
+            return error(what, "leave --verified out");
+        }
+        if format.resized && self.resized.is_none() {
+            let what = format!("points of `{}` are those of resized images", format.id);
+            return error(
+                what,
+                "say --resized WxH, the size that they were resized to",
+            );
+        }
+        if self.resized.is_some_and(|size| size.contains(&0)) {
+            return error("a resized image has no pixels".into(), "say --resized WxH");
+        }
+        match self.pixel_center.or(format.pixel_center) {
+            Some(center) if center == 0.0 || center == 0.5 => Ok(center),
+            Some(center) => error(
+                format!("the centre of the first pixel cannot be at {center}"),
+                "say --pixel-center 0 or 0.5",
+            ),
+            None => error(
+                format!(
+                    "`{}` has no convention for the centre of the first pixel",
+                    format.id
+                ),
+                "say --pixel-center 0 (as OpenCV, numpy indices) or 0.5 (as COLMAP)",
+            ),
+        }
+    }
+}
