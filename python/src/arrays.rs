@@ -12,7 +12,7 @@ use numpy::{
     PyArrayMethods, PyReadonlyArray, PyUntypedArray, PyUntypedArrayMethods,
     ndarray::{ArrayView, Dimension, IntoDimension},
 };
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 use crate::errors::value_error;
@@ -150,14 +150,62 @@ pub(crate) fn rows(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyRe
     Ok(values)
 }
 
+/// Which of `count` things are meant: by whole numbers, or by a mask with a bool for each of them.
+///
+/// # Errors
+/// If it is something else, or names what is not there.
+pub(crate) fn chosen(value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<usize>> {
+    let expected = format!("a list of whole numbers, or a mask of {count} bools");
+    let refuse = || refused(value, "indices", &expected);
+    let array = as_array(value).map_err(|_| refuse())?;
+    if array.len() == 0 && array.ndim() == 1 && array.dtype().kind() != b'b' {
+        return Ok(Vec::new());
+    }
+    match array.dtype().kind() {
+        b'b' => {
+            let mask: PyArrayLike1<'_, bool> = array.extract().map_err(|_| refuse())?;
+            let mask = mask.as_array();
+            if mask.len() != count {
+                return Err(refuse());
+            }
+            Ok((0..count).filter(|&i| mask[i]).collect())
+        }
+        b'i' | b'u' => {
+            let indices: PyArrayLike1<'_, i64, AllowTypeChange> =
+                array.extract().map_err(|_| refuse())?;
+            let within = |&index: &i64| usize::try_from(index).ok().filter(|&index| index < count);
+            let indices = indices.as_array();
+            (indices.iter())
+                .map(|index| {
+                    within(index)
+                        .ok_or_else(|| PyIndexError::new_err(format!("feature {index} of {count}")))
+                })
+                .collect()
+        }
+        _ => Err(refuse()),
+    }
+}
+
+/// What numpy makes of it.
+fn as_array<'py>(value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
+    let numpy = value.py().import("numpy")?;
+    let array = numpy.call_method1("asarray", (value,))?;
+    Ok(array.cast_into::<PyUntypedArray>()?)
+}
+
 /// Index pairs: m x 2, each below its count.
 ///
 /// # Errors
 /// If they are something else, or name what is not there.
 pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyResult<Vec<[u32; 2]>> {
     let expected = "an array of whole numbers, m x 2 (feature of a, feature of b)";
-    let array: PyArrayLike2<'_, i64, AllowTypeChange> =
-        (value.extract()).map_err(|_| refused(value, "indices", expected))?;
+    let refuse = |_| refused(value, "indices", expected);
+    // Numbers would lose their fraction, and a mask become zeros and ones.
+    let whole = as_array(value).map_err(refuse)?;
+    if whole.len() > 0 && !matches!(whole.dtype().kind(), b'i' | b'u') {
+        return Err(refused(value, "indices", expected));
+    }
+    let array: PyArrayLike2<'_, i64, AllowTypeChange> = (value.extract()).map_err(refuse)?;
     let view = array.as_array();
     if view.ncols() != 2 {
         return Err(refused(value, "indices", expected));

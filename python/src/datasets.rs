@@ -19,9 +19,11 @@ pub(crate) struct Dataset {
 }
 
 impl Dataset {
-    fn frame(&self, index: usize) -> PyResult<&Frame> {
+    fn frame(&self, index: isize) -> PyResult<&Frame> {
         let frames = &self.inner.sequence.frames;
-        let found = frames.get(index);
+        let found = usize::try_from(index)
+            .ok()
+            .and_then(|index| frames.get(index));
         found.ok_or_else(|| PyIndexError::new_err(format!("frame {index} of {}", frames.len())))
     }
 }
@@ -80,12 +82,12 @@ impl Dataset {
         matrix(py, truths.collect(), [pairs.len(), 3, 3])
     }
 
-    fn read<'py>(&self, py: Python<'py>, frame: usize) -> PyResult<Bound<'py, PyAny>> {
+    fn read<'py>(&self, py: Python<'py>, frame: isize) -> PyResult<Bound<'py, PyAny>> {
         let frame = self.frame(frame)?;
         pixels(py, &py.detach(|| frame.pixels()).map_err(error)?)
     }
 
-    fn camera(&self, frame: usize) -> PyResult<Camera> {
+    fn camera(&self, frame: isize) -> PyResult<Camera> {
         let inner = self.frame(frame)?.camera;
         Ok(Camera { inner })
     }

@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use matchbench_vision::features::{self, DescriptorKind, Keypoint};
 use matchbench_vision::image::Size;
-use pyo3::exceptions::{PyIndexError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
 
 use crate::arrays::{
-    all_finite, column, descriptors, descriptors_out, matrix, points, refused, rows,
+    all_finite, chosen, column, descriptors, descriptors_out, matrix, points, refused, rows,
 };
 use crate::camera::Origin;
 
@@ -117,6 +117,10 @@ impl Features {
         );
         let responses = read(responses, "responses", 0.0)?;
         let octaves = read(octaves, "octaves", 0.0)?;
+        if let Some(octave) = octaves.iter().find(|octave| octave.fract() != 0.0) {
+            let message = format!("octaves: {octave}, which is no whole number");
+            return Err(PyValueError::new_err(message));
+        }
         let keypoints: Vec<_> = (0..at.len())
             .map(|i| Keypoint {
                 at: [(at[i].x + shift) as f32, (at[i].y + shift) as f32].into(),
@@ -198,13 +202,10 @@ impl Features {
         }
     }
 
-    /// Those at `indices`, in that order.
-    fn select(&self, py: Python<'_>, indices: Vec<usize>) -> PyResult<Self> {
+    /// Those at `indices`, in that order, or those that a mask is true for.
+    fn select(&self, py: Python<'_>, indices: Bound<'_, PyAny>) -> PyResult<Self> {
         let inner = &self.inner;
-        if let Some(index) = indices.iter().find(|&&index| index >= inner.len()) {
-            let message = format!("feature {index} of {}", inner.len());
-            return Err(PyIndexError::new_err(message));
-        }
+        let indices = chosen(&indices, inner.len())?;
         Ok(py.detach(|| {
             let keypoints = indices.iter().map(|&i| inner.keypoints[i]).collect();
             let descriptors = inner.descriptors.select(indices.iter().copied());

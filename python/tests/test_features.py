@@ -131,8 +131,19 @@ def test_arrays_go_out_and_in_again(images):
         assert again.bits == found.bits and again.image_size == found.image_size
         one = found.select([3, 1])
         assert np.array_equal(one.lafs, found.lafs[[3, 1]]) and len(one) == 2
-    with pytest.raises(IndexError):
-        found.select([len(found)])
+    for outside in (len(found), -1):
+        with pytest.raises(IndexError, match=f"feature {outside} of"):
+            found.select([outside])
+    mask = np.zeros(len(found), bool)
+    mask[[1, 3]] = True
+    for chosen in (mask, mask.tolist(), [1, 3], np.array([1, 3], np.uint16)):
+        np.testing.assert_array_equal(found.select(chosen).keypoints, found.keypoints[[1, 3]])
+    assert len(found.select([])) == 0
+    for wrong in ([True], [0.5], "all"):
+        with pytest.raises((TypeError, ValueError), match="mask of"):
+            found.select(wrong)
+    with pytest.raises(ValueError, match="octaves"):
+        mb.Features.from_arrays(found.keypoints, found.descriptors, found.image_size, octaves=found.octaves + 0.5)
     none = mb.SIFT().extract(np.zeros((90, 120), np.uint8))
     assert len(mb.Features.from_arrays(none.keypoints, none.descriptors, none.image_size, lafs=none.lafs)) == 0
 

@@ -78,3 +78,7 @@ def test_selectors_keep_some_of_what_they_are_given(features, images, dataset):
     wrong = mb.Correspondences.of(np.array([[0, len(b)]]), np.ones(1, np.float32), np.ones(1, np.float32))
     with pytest.raises(ValueError, match="image b, which has"):
         mb.gms(a, b, wrong)
+    for indices in (np.array([[0.9, 1.9]]), np.array([[True, False]])):
+        wrong = mb.Correspondences.of(indices, np.ones(1, np.float32), np.ones(1, np.float32))
+        with pytest.raises((TypeError, ValueError), match="whole numbers"):
+            mb.gms(a, b, wrong)

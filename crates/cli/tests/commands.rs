@@ -395,7 +395,7 @@ fn time_has_a_line_for_every_matcher() {
 #[test]
 fn compare_says_what_changed_in_numbers_and_in_words() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let wall = dataset(folder.path(), "wall", 5).display().to_string();
+    let wall = dataset(folder.path(), "wall", 8).display().to_string();
     let path = |name: &str| folder.path().join(name).display().to_string();
     let go = |name: &str, setting: &str| {
         let arguments = ["--matchers", "sift", "--set", setting, "--out", &path(name)];
@@ -404,7 +404,7 @@ fn compare_says_what_changed_in_numbers_and_in_words() {
     };
     go("good", "sift.ratio=0.8");
     // So few matches are left that no pose has enough support.
-    go("bad", "sift.ratio=0.01");
+    go("bad", "sift.ratio=1e-9");
     let compare = |before: &str, after: &str| {
         let output = run(&["compare", &path(before), &path(after)]);
         assert!(output.status.success(), "{}", text(&output.stderr));
@@ -424,7 +424,7 @@ fn compare_says_what_changed_in_numbers_and_in_words() {
 #[test]
 fn eval_says_who_is_best_and_how_certainly() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let wall = dataset(folder.path(), "wall", 5).display().to_string();
+    let wall = dataset(folder.path(), "wall", 8).display().to_string();
     let out = folder.path().join("run").display().to_string();
     let done = run(&["run", &wall, "--matchers", "sift,orb", "--out", &out]);
     assert!(done.status.success(), "{}", text(&done.stderr));
@@ -439,6 +439,15 @@ fn eval_says_who_is_best_and_how_certainly() {
     assert!(
         sentence.contains("sift + ransac-e") && sentence.contains("orb + ransac-e"),
         "{told}"
+    );
+    let few = dataset(folder.path(), "few", 5).display().to_string();
+    let of_few = folder.path().join("of-few").display().to_string();
+    let done = run(&["run", &few, "--matchers", "sift,orb", "--out", &of_few]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let told_of_few = text(&run(&["eval", &of_few]).stdout);
+    assert!(
+        told_of_few.contains("4 reference images are too few to be certain of it"),
+        "{told_of_few}"
     );
     let last = told.lines().last().expect("what to do next");
     assert_eq!(last, format!("Next: matchbench report {out}"));

@@ -95,8 +95,8 @@ class Features:
     @property
     def bits(self) -> int | None:
         """Bits of a descriptor; None if it has real values."""
-    def select(self, indices: Sequence[int] | NDArray[np.int64]) -> Features:
-        """The features at these indices, in that order."""
+    def select(self, indices: Sequence[int] | Sequence[bool] | NDArray[np.integer[Any] | np.bool_]) -> Features:
+        """The features at these indices, in that order, or those that a mask is true for."""
     def to_dict(self, *, origin: str = "center") -> dict[str, NDArray[Any]]:
         """With LightGlue's keys: keypoints, descriptors, keypoint_scores, scales, oris, image_size; without
         its axis of the batch."""

@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
-use matchbench::metrics::{Bootstrap, Comparison, ResultSet, Score, compare, load};
+use matchbench::metrics::{Bootstrap, Comparison, Difference, ResultSet, compare, load};
 use matchbench::records::{DatasetPlan, RunFolder};
 use matchbench::report::{Duel, Side, advantage, write_differences};
 
@@ -333,7 +333,8 @@ fn table(rows: &[Row<'_>]) -> String {
     }
     text.push_str(
         "\nchange: of the AUC, on the pairs that both runs have, with the paired interval (reference \
-         images resampled);\ngained and lost: pairs below 5 degrees after but not before, and the \
+         images resampled);\nbetter and worse: the interval leaves out 0, and so does a paired t test over \
+         reference images (5 %, at least 6 of them);\ngained and lost: pairs below 5 degrees after but not before, and the \
          reverse; changed: pairs with another result.\nOf homographies it is the area under recall up \
          to 3 pixels of corner error, and pairs are below these.\n",
     );
@@ -348,8 +349,9 @@ fn verdict(comparison: &Comparison) -> &'static str {
     match score.value {
         _ if comparison.changed == 0 => "same",
         Some(_) if score.is_zero() && never_moves => "same AUC",
-        Some(change) if comparison.is_certain() && change > 0.0 => "better",
-        Some(_) if comparison.is_certain() => "worse",
+        Some(change) if score.is_certain && change > 0.0 => "better",
+        Some(_) if score.is_certain => "worse",
+        Some(_) if score.has_few_images() => "few images",
         _ => "not certain",
     }
 }
@@ -358,7 +360,7 @@ fn signed(value: Option<f64>) -> String {
     value.map_or_else(|| "–".into(), |value| format!("{value:+.3}"))
 }
 
-fn interval(score: &Score) -> String {
+fn interval(score: &Difference) -> String {
     score.interval.map_or_else(
         || "–".into(),
         |interval| format!("{:+.3} to {:+.3}", interval.low, interval.high),

@@ -81,8 +81,14 @@ impl Association {
 
 /// Reads a trajectory in TUM's format, sorted by time.
 pub(super) fn parse_tum(file: &TextFile) -> Result<Vec<TimedPose>, DatasetError> {
-    let mut poses = file
-        .rows()
+    let mut poses = parse_tum_lines(file)?;
+    poses.sort_by(|p, q| p.time.total_cmp(&q.time));
+    Ok(poses)
+}
+
+/// Reads poses in TUM's format, in the order of their lines.
+pub(super) fn parse_tum_lines(file: &TextFile) -> Result<Vec<TimedPose>, DatasetError> {
+    file.rows()
         .map(|(line, row)| {
             text::exactly(row)
                 .and_then(|[time, x, y, z, qx, qy, qz, qw]| {
@@ -93,9 +99,7 @@ pub(super) fn parse_tum(file: &TextFile) -> Result<Vec<TimedPose>, DatasetError>
                 })
                 .map_err(|what| file.error_at(line, what))
         })
-        .collect::<Result<Vec<_>, _>>()?;
-    poses.sort_by(|p, q| p.time.total_cmp(&q.time));
-    Ok(poses)
+        .collect()
 }
 
 /// Reads a trajectory in KITTI's format.

@@ -179,7 +179,7 @@ fn check_pairs(dir: &Path, contents: &Contents, problems: &mut Vec<Problem>) {
                 DatasetError::new(
                     &file,
                     format!("the pair {} {} has no baseline", pair.a, pair.b),
-                    "take it out, or know that its translation is not scored",
+                    "take it out, or know that it counts as wrong in all scores but those of the rotation",
                 )
                 .at(line),
             ));

@@ -6,9 +6,10 @@
 use std::collections::BTreeMap;
 
 use super::average_matches::is_right;
+use super::groups::different;
 use super::scores::{AP_THRESHOLD, HEADLINE_PX};
 use super::success::gain;
-use super::{Angle, Bootstrap, Model, PairResult, ResultSet, Score, Term, ranking_auc};
+use super::{Angle, Bootstrap, Difference, Model, PairResult, ResultSet, Term, ranking_auc};
 
 /// What changed from one set of results to another on the pairs that both have.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,24 +22,17 @@ pub struct Comparison {
     /// The same after.
     pub after: Option<f64>,
     /// Difference of the AUC, after minus before, with its paired interval.
-    pub auc: Score,
+    pub auc: Difference,
     /// The same of the rotation alone.
-    pub rotation_auc: Score,
+    pub rotation_auc: Difference,
     /// The same of the translation alone.
-    pub translation_auc: Score,
+    pub translation_auc: Difference,
     /// Pairs below 5 degrees, or a homography's 3 pixels, now that were not before.
     pub gained: usize,
     /// Pairs below that before that are not now.
     pub lost: usize,
     /// Pairs with another pose, or another reason for having none.
     pub changed: usize,
-}
-
-impl Comparison {
-    /// Whether the interval of the difference of the AUC leaves no doubt about its sign.
-    pub fn is_certain(&self) -> bool {
-        self.auc.excludes_zero()
-    }
 }
 
 /// Compares two sets of results of one dataset.
@@ -73,7 +67,7 @@ pub fn compare(before: &ResultSet, after: &ResultSet, bootstrap: &Bootstrap) -> 
 
 /// How much better `this` is than `other` on the pairs that both have, in the paper's AUC: the
 /// difference and its paired bootstrap interval. Both must come from the same dataset.
-pub fn auc_difference(this: &ResultSet, other: &ResultSet, bootstrap: &Bootstrap) -> Score {
+pub fn auc_difference(this: &ResultSet, other: &ResultSet, bootstrap: &Bootstrap) -> Difference {
     difference(&twins(other, this), Angle::Pose, bootstrap)
 }
 
@@ -86,8 +80,9 @@ pub struct Lead {
     pub best: (String, String),
     /// Matcher and estimator that they are compared with.
     pub other: (String, String),
-    /// How much better the best are, with the paired interval.
-    pub difference: Score,
+    /// How much better the best are, with the paired interval; certain if the best share no letter with the others
+    /// (see [`groups`](super::groups())).
+    pub difference: Difference,
 }
 
 /// The best of each dataset against each of the others, in the order of `sets`.
@@ -95,22 +90,29 @@ pub fn leads(sets: &[ResultSet], bootstrap: &Bootstrap) -> Vec<Lead> {
     let auc = |set: &ResultSet| ranking_auc(&set.pairs);
     // Poses and homographies of one dataset are not compared.
     let key = |set: &ResultSet| (set.dataset.clone(), Model::of_all(&set.pairs));
-    let mut best = BTreeMap::<(String, Model), (&ResultSet, f64)>::new();
-    for set in sets.iter().filter(|set| !set.pairs.is_empty()) {
-        let leader = best.entry(key(set)).or_insert((set, auc(set)));
+    let mut best = BTreeMap::<(String, Model), (usize, f64)>::new();
+    for (i, set) in sets.iter().enumerate() {
+        if set.pairs.is_empty() {
+            continue;
+        }
+        let leader = best.entry(key(set)).or_insert((i, auc(set)));
         if auc(set) > leader.1 {
-            *leader = (set, auc(set));
+            *leader = (i, auc(set));
         }
     }
+    let different = different(sets);
     let method = |set: &ResultSet| (set.matcher.clone(), set.estimator.clone());
-    (sets.iter())
-        .filter_map(|set| Some((best.get(&key(set))?.0, set)))
-        .filter(|&(best, set)| method(best) != method(set))
-        .map(|(best, set)| Lead {
+    (sets.iter().enumerate())
+        .filter_map(|(i, set)| Some((best.get(&key(set))?.0, i, set)))
+        .filter(|&(best, _, set)| method(&sets[best]) != method(set))
+        .map(|(best, i, set)| Lead {
             dataset: set.dataset.clone(),
-            best: method(best),
+            best: method(&sets[best]),
             other: method(set),
-            difference: auc_difference(best, set, bootstrap),
+            difference: Difference {
+                is_certain: different.contains(&(best.min(i), best.max(i))),
+                ..auc_difference(&sets[best], set, bootstrap)
+            },
         })
         .collect()
 }
@@ -124,7 +126,11 @@ fn twins<'a>(before: &'a ResultSet, after: &'a ResultSet) -> Vec<(&'a PairResult
         .collect()
 }
 
-fn difference(twins: &[(&PairResult, &PairResult)], angle: Angle, bootstrap: &Bootstrap) -> Score {
+fn difference(
+    twins: &[(&PairResult, &PairResult)],
+    angle: Angle,
+    bootstrap: &Bootstrap,
+) -> Difference {
     let terms: Vec<Term> = (twins.iter())
         .map(|(before, after)| Term {
             cluster: after.a,
@@ -132,11 +138,8 @@ fn difference(twins: &[(&PairResult, &PairResult)], angle: Angle, bootstrap: &Bo
             denominator: 1.0,
         })
         .collect();
-    let sum: f64 = terms.iter().map(|term| term.numerator).sum();
-    Score {
-        value: (!terms.is_empty()).then(|| sum / terms.len() as f64),
-        interval: bootstrap.interval(terms),
-    }
+    let interval = bootstrap.interval(terms.iter().copied());
+    Difference::new(&terms, interval)
 }
 
 #[cfg(test)]
@@ -163,11 +166,11 @@ mod tests {
         // Image 0: 15 - 12 thresholds; image 3: 11 - 8. Three of fifteen each time.
         let score = auc_difference(&better, &worse, &Bootstrap::default());
         assert!((score.value.expect("two pairs in common") - 0.2).abs() < 1e-15);
-        let interval = score.interval.expect("two reference images");
-        assert!((interval.high - interval.low).abs() < 1e-12);
         let comparison = compare(&worse, &better, &Bootstrap::default());
         assert_eq!(comparison.auc, score);
-        assert!(comparison.is_certain());
+        // Of two images, on which one is better by as much, nothing is certain.
+        assert!(!comparison.auc.is_certain && comparison.auc.has_few_images());
+        assert_eq!(score.interval, None);
         assert_eq!(
             (comparison.gained, comparison.lost, comparison.changed),
             (1, 0, 2)
@@ -182,7 +185,7 @@ mod tests {
         ]);
         let same = compare(&one, &one, &Bootstrap::default());
         assert_eq!((same.auc.value, same.changed), (Some(0.0), 0));
-        assert!(!same.is_certain());
+        assert!(!same.auc.is_certain);
         let none = compare(&results(vec![]), &one, &Bootstrap::default());
         assert_eq!((none.pairs, none.before, none.auc.value), (0, None, None));
     }
@@ -191,7 +194,7 @@ mod tests {
     fn the_best_of_each_dataset_leads_the_others() {
         let named = |matcher: &str, error| ResultSet {
             matcher: matcher.into(),
-            ..results(vec![solved(0, 0.1, error, 50), solved(1, 0.1, error, 50)])
+            ..results((0..6).map(|a| solved(a, 0.1, error, 50)).collect())
         };
         let elsewhere = ResultSet {
             dataset: "room".into(),
@@ -205,13 +208,7 @@ mod tests {
         ];
         let leads = leads(&sets, &Bootstrap::default());
         let found: Vec<_> = (leads.iter())
-            .map(|lead| {
-                (
-                    &*lead.best.0,
-                    &*lead.other.0,
-                    lead.difference.excludes_zero(),
-                )
-            })
+            .map(|lead| (&*lead.best.0, &*lead.other.0, lead.difference.is_certain))
             .collect();
         assert_eq!(found, [("orb", "sift", true), ("orb", "surf", false)]);
         let by = leads[0].difference.value.expect("the same pairs");

@@ -1,13 +1,11 @@
 //! Which methods of a dataset do not differ significantly: all of them compared with all.
 //!
-//! 1. The difference of two AUCs on the same pairs has a standard error by the paired bootstrap
-//!    over reference images (see [`Bootstrap`]): all methods see the same resampled images.
-//! 2. A difference of so many standard errors has a two-sided p-value by the normal distribution.
-//!    Counting resamples cannot tell p-values below 1 / resamples, which step 3 asks for.
-//! 3. Holm, "A Simple Sequentially Rejective Multiple Test Procedure", Scand. J. Statistics 6(2),
+//! 1. Two methods are compared on the pairs that all of them have, over reference images
+//!    (`significance.rs`).
+//! 2. Holm, "A Simple Sequentially Rejective Multiple Test Procedure", Scand. J. Statistics 6(2),
 //!    1979: with m comparisons, the smallest p-value is held against alpha / m, the next against
-//!    alpha / (m - 1) and so on, up to the first that is too large. alpha is 1 - [`Bootstrap::level`].
-//! 4. Piepho, "An Algorithm for a Letter-Based Representation of All-Pairwise Comparisons",
+//!    alpha / (m - 1) and so on, up to the first that is too large. alpha is 0.05.
+//! 3. Piepho, "An Algorithm for a Letter-Based Representation of All-Pairwise Comparisons",
 //!    J. Comp. Graph. Statistics 13(2), 2004: from one group of all, each significant difference
 //!    splits the groups that hold both sides; groups within others are dropped. Each group is a
 //!    letter, those with the best method first. Two methods that share a letter do not differ
@@ -15,45 +13,26 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::bootstrap::LEAST_IMAGES;
+use super::significance::{ALPHA, p_value};
 use super::success::gain;
-use super::{Angle, Bootstrap, Model, PairResult, ResultSet};
+use super::{Angle, Model, PairResult, ResultSet};
 
 /// What a table says about its letters.
 pub const GROUP_LEVEL_NOTE: &str = "Methods of a dataset that share a letter do not differ significantly \
-     (paired bootstrap over images, Holm-corrected, 5 %).";
+     (paired t test over reference images, of which there are at least 6, Holm-corrected, 5 %).";
 
 /// With more groups than letters nothing is marked.
 const LETTERS: usize = 26;
 
 /// The letters of each set of results, in the order of `sets`. Empty where a dataset has one set,
-/// fewer than two reference images that all sets have, or more groups than letters.
-pub fn groups(sets: &[ResultSet], bootstrap: &Bootstrap) -> Vec<String> {
+/// too few reference images that all sets have, or more groups than letters.
+pub fn groups(sets: &[ResultSet]) -> Vec<String> {
     let mut letters = vec![String::new(); sets.len()];
-    // Poses and homographies of one dataset are not compared.
-    let key = |set: &ResultSet| (set.dataset.clone(), Model::of_all(&set.pairs));
-    let rivals: BTreeSet<(String, Model)> = sets.iter().map(key).collect();
-    for rivals in rivals {
-        let mut members: Vec<usize> = (0..sets.len())
-            .filter(|&i| key(&sets[i]) == rivals)
-            .collect();
-        let samples = samples(members.iter().map(|&i| &sets[i]).collect(), bootstrap);
-        let Some(Samples { aucs, resampled }) = samples else {
-            continue;
-        };
-        let mut order: Vec<usize> = (0..members.len()).collect();
-        order.sort_by(|&one, &other| aucs[other].total_cmp(&aucs[one]));
-        members = order.iter().map(|&k| members[k]).collect();
-        let mut tests = Vec::new();
-        for i in 0..order.len() {
-            for j in i + 1..order.len() {
-                let (one, other) = (order[i], order[j]);
-                let p = p_value(aucs[one] - aucs[other], &resampled[one], &resampled[other]);
-                tests.push((p, i, j));
-            }
-        }
-        for (member, text) in members
-            .iter()
-            .zip(letters_of(order.len(), &holm(tests, 1.0 - bootstrap.level)))
+    for rivals in Rivals::of_all(sets) {
+        let different = rivals.different();
+        for (member, text) in
+            (rivals.members.iter()).zip(letters_of(rivals.members.len(), &different))
         {
             letters[*member] = text;
         }
@@ -61,74 +40,97 @@ pub fn groups(sets: &[ResultSet], bootstrap: &Bootstrap) -> Vec<String> {
     letters
 }
 
-/// The AUC of each set, and its values on the resampled images, the same images for all sets.
-struct Samples {
-    aucs: Vec<f64>,
-    resampled: Vec<Vec<f64>>,
-}
-
-fn samples(sets: Vec<&ResultSet>, bootstrap: &Bootstrap) -> Option<Samples> {
-    let key = |pair: &PairResult| (pair.a, pair.b, pair.repetition);
-    let mut common: BTreeSet<_> = sets.first()?.pairs.iter().map(key).collect();
-    for set in &sets[1..] {
-        let own: BTreeSet<_> = set.pairs.iter().map(key).collect();
-        common.retain(|pair| own.contains(pair));
-    }
-    let mut clusters = BTreeMap::<u32, usize>::new();
-    for (a, _, _) in &common {
-        let next = clusters.len();
-        clusters.entry(*a).or_insert(next);
-    }
-    if sets.len() < 2 || clusters.len() < 2 || bootstrap.resamples < 2 {
-        return None;
-    }
-    let mut sizes = vec![0.0; clusters.len()];
-    for (a, _, _) in &common {
-        sizes[clusters[a]] += 1.0;
-    }
-    let sums: Vec<Vec<f64>> = (sets.iter())
-        .map(|set| {
-            let mut sums = vec![0.0; clusters.len()];
-            for pair in set.pairs.iter().filter(|pair| common.contains(&key(pair))) {
-                sums[clusters[&pair.a]] += gain(pair, Angle::Pose);
-            }
-            sums
-        })
-        .collect();
-    let auc = |sums: &[f64], images: &mut dyn Iterator<Item = usize>| {
-        let (top, bottom) = images.fold((0.0, 0.0), |(top, bottom), i| {
-            (top + sums[i], bottom + sizes[i])
-        });
-        top / bottom
-    };
-    let mut rng = bootstrap.seed.child("bootstrap").rng();
-    let mut resampled = vec![Vec::with_capacity(bootstrap.resamples); sets.len()];
-    for _ in 0..bootstrap.resamples {
-        let drawn: Vec<usize> = (0..sizes.len())
-            .map(|_| rng.below(sizes.len() as u32) as usize)
-            .collect();
-        for (values, sums) in resampled.iter_mut().zip(&sums) {
-            values.push(auc(sums, &mut drawn.iter().copied()));
+/// Which sets of results differ significantly, the lower place in `sets` first: those without a common letter.
+pub(super) fn different(sets: &[ResultSet]) -> BTreeSet<(usize, usize)> {
+    let mut different = BTreeSet::new();
+    for rivals in Rivals::of_all(sets) {
+        for (i, j) in rivals.different() {
+            let (one, other) = (rivals.members[i], rivals.members[j]);
+            different.insert((one.min(other), one.max(other)));
         }
     }
-    Some(Samples {
-        aucs: (sums.iter())
-            .map(|sums| auc(sums, &mut (0..sizes.len())))
-            .collect(),
-        resampled,
-    })
+    different
 }
 
-/// Two-sided p-value of a difference, by the standard deviation of its resampled values.
-fn p_value(difference: f64, one: &[f64], other: &[f64]) -> f64 {
-    let differences = || one.iter().zip(other).map(|(one, other)| one - other);
-    let mean = differences().sum::<f64>() / one.len() as f64;
-    let squares: f64 = differences().map(|d| (d - mean) * (d - mean)).sum();
-    let error = (squares / (one.len() - 1) as f64).sqrt();
-    if difference == 0.0 {
-        1.0
-    } else {
-        libm::erfc(difference.abs() / error / std::f64::consts::SQRT_2)
+/// The sets of results of a dataset that are compared.
+struct Rivals {
+    /// Their places among all sets, the highest AUC first.
+    members: Vec<usize>,
+    /// For each of them and each reference image, the sum of what the pairs that all have gain.
+    sums: Vec<Vec<f64>>,
+    /// The number of these pairs, for each reference image.
+    sizes: Vec<f64>,
+}
+
+impl Rivals {
+    /// Those of all datasets with several sets and enough reference images. Poses and homographies of one
+    /// dataset are not compared.
+    fn of_all(sets: &[ResultSet]) -> Vec<Self> {
+        let mut rivals = BTreeMap::<(&str, Model), Vec<usize>>::new();
+        for (i, set) in sets.iter().enumerate() {
+            let key = (set.dataset.as_str(), Model::of_all(&set.pairs));
+            rivals.entry(key).or_default().push(i);
+        }
+        (rivals.into_values())
+            .filter_map(|members| Self::new(sets, members))
+            .collect()
+    }
+
+    fn new(sets: &[ResultSet], members: Vec<usize>) -> Option<Self> {
+        let key = |pair: &PairResult| (pair.a, pair.b, pair.repetition);
+        let keys = |&i: &usize| -> BTreeSet<_> { sets[i].pairs.iter().map(key).collect() };
+        let mut common = members.first().map(keys)?;
+        for member in &members[1..] {
+            let own = keys(member);
+            common.retain(|pair| own.contains(pair));
+        }
+        let mut images = BTreeMap::<u32, usize>::new();
+        for (a, _, _) in &common {
+            let next = images.len();
+            images.entry(*a).or_insert(next);
+        }
+        if members.len() < 2 || images.len() < LEAST_IMAGES {
+            return None;
+        }
+        let mut sizes = vec![0.0; images.len()];
+        for (a, _, _) in &common {
+            sizes[images[a]] += 1.0;
+        }
+        let sums = |&i: &usize| {
+            let mut sums = vec![0.0; images.len()];
+            for pair in sets[i]
+                .pairs
+                .iter()
+                .filter(|pair| common.contains(&key(pair)))
+            {
+                sums[images[&pair.a]] += gain(pair, Angle::Pose);
+            }
+            (i, sums)
+        };
+        let mut members: Vec<(usize, Vec<f64>)> = members.iter().map(sums).collect();
+        let total = |(_, sums): &(usize, Vec<f64>)| sums.iter().sum::<f64>();
+        members.sort_by(|one, other| total(other).total_cmp(&total(one)));
+        let (members, sums) = members.into_iter().unzip();
+        Some(Self {
+            members,
+            sums,
+            sizes,
+        })
+    }
+
+    /// The members that differ significantly, by their places among the members.
+    fn different(&self) -> Vec<(usize, usize)> {
+        let mut tests = Vec::new();
+        for i in 0..self.members.len() {
+            for j in i + 1..self.members.len() {
+                let tops = (self.sums[i].iter())
+                    .zip(&self.sums[j])
+                    .map(|(one, other)| one - other);
+                let sums: Vec<(f64, f64)> = tops.zip(self.sizes.iter().copied()).collect();
+                tests.push((p_value(&sums).expect("there are enough images"), i, j));
+            }
+        }
+        holm(tests, ALPHA)
     }
 }
 
@@ -207,7 +209,7 @@ mod tests {
                 f64::from(a % 7) + if a % 2 == 0 { 0.2 } else { 1.6 }
             }),
         ];
-        let letters = groups(&sets, &Bootstrap::default());
+        let letters = groups(&sets);
         assert_eq!(letters[1], "a");
         assert!(letters[2].contains('a') || letters[2] == "b");
         assert!(
@@ -215,15 +217,15 @@ mod tests {
             "{letters:?}"
         );
         let twice = [sets[1].clone(), sets[1].clone()];
-        assert_eq!(groups(&twice, &Bootstrap::default()), ["a", "a"]);
+        assert_eq!(groups(&twice), ["a", "a"]);
     }
 
     #[test]
     fn nothing_is_marked_without_a_comparison() {
-        assert_eq!(groups(&[set("sift", |_| 1.0)], &Bootstrap::default()), [""]);
+        assert_eq!(groups(&[set("sift", |_| 1.0)]), [""]);
         let mut one = set("sift", |_| 1.0);
-        one.pairs.truncate(1);
-        assert_eq!(groups(&[one.clone(), one], &Bootstrap::default()), ["", ""]);
+        one.pairs.truncate(5);
+        assert_eq!(groups(&[one.clone(), one]), ["", ""]);
     }
 
     #[test]
@@ -244,15 +246,5 @@ mod tests {
             letters_of(4, &[(0, 2), (0, 3), (1, 3)]),
             ["a", "ab", "bc", "c"]
         );
-    }
-
-    #[test]
-    fn p_values_are_those_of_the_normal_distribution() {
-        // Resampled differences -1 and 1: standard deviation sqrt(4 / 3) of four values.
-        let (one, other) = ([1.0, -1.0, 1.0, -1.0], [0.0; 4]);
-        let p = p_value(1.959_964 * (4.0_f64 / 3.0).sqrt(), &one, &other);
-        assert!((p - 0.05).abs() < 1e-6, "{p}");
-        assert_eq!(p_value(0.0, &[0.0; 3], &[0.0; 3]), 1.0);
-        assert_eq!(p_value(0.1, &[0.1; 3], &[0.0; 3]), 0.0);
     }
 }

@@ -4,9 +4,10 @@ use std::path::Path;
 
 use crate::records::RunFolder;
 
+use super::ResultSet;
 use super::pair_choice::PairChoice;
 use super::published::{each_published, load_published};
-use super::results::{self, FileResults, ResultSet, ResultsError};
+use super::results::{self, FileResults, ResultsError};
 
 /// Reads every set of results in a folder, with all pairs that are listed: see [`load_chosen`].
 ///

@@ -22,35 +22,9 @@ use crate::datasets::{DatasetError, Pair, read_pairs};
 use crate::records::authors::AuthorsError;
 use crate::records::{FolderError, Plan, RunFolder, StoreError};
 
+use super::broken::count_broken;
 use super::pair_choice::PairChoice;
-use super::{Failure, Model, PairResult};
-
-/// The results of one matcher with one estimator on one dataset.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ResultSet {
-    /// Name of the dataset.
-    pub dataset: String,
-    /// Id of the matcher.
-    pub matcher: String,
-    /// Id of the estimator; empty where the results do not name it.
-    pub estimator: String,
-    /// How often each pair was run with another seed; at least 1.
-    pub repetitions: u32,
-    /// One result for each listed pair and repetition.
-    pub pairs: Vec<PairResult>,
-    /// Results for pairs that the dataset does not list; they are not in `pairs`.
-    pub ignored: usize,
-}
-
-impl ResultSet {
-    /// Tasks on listed pairs that have no result.
-    pub fn missing(&self) -> usize {
-        let pairs = self.pairs.iter();
-        pairs
-            .filter(|pair| pair.outcome == Err(Failure::Missing))
-            .count()
-    }
-}
+use super::{Failure, PairResult, ResultSet};
 
 /// One file of records, or of results in the authors' layout: what stands in it, or why that cannot be scored.
 #[derive(Debug)]
@@ -150,7 +124,7 @@ fn complete_all<'a>(
     datasets: Option<&Path>,
     choice: &PairChoice,
 ) -> Result<(), ResultsError> {
-    let sets: Vec<&mut ResultSet> = sets.collect();
+    let mut sets: Vec<&mut ResultSet> = sets.collect();
     let mut listed = BTreeMap::<String, Vec<(u32, u32)>>::new();
     for set in &sets {
         let pairs = listed.entry(set.dataset.clone()).or_default();
@@ -169,9 +143,10 @@ fn complete_all<'a>(
         let chosen = choice.of(dataset)?;
         pairs.retain(|&(a, b)| chosen(a, b));
     }
-    for set in sets {
+    for set in &mut sets {
         complete(set, &listed[&set.dataset]);
     }
+    count_broken(&mut sets);
     Ok(())
 }
 
@@ -179,9 +154,6 @@ fn complete_all<'a>(
 fn complete(set: &mut ResultSet, listed: &[(u32, u32)]) {
     let task = |pair: &PairResult| (pair.a, pair.b, pair.repetition);
     set.pairs.sort_unstable_by_key(task);
-    // Neither missing results nor broken tasks say what they are of.
-    let model = Model::of_all(&set.pairs);
-    (set.pairs.iter_mut()).for_each(|pair| pair.model = model);
     let repetitions = set.repetitions;
     let expected =
         || (listed.iter()).flat_map(move |&(a, b)| (0..repetitions).map(move |r| (a, b, r)));
@@ -201,7 +173,6 @@ fn complete(set: &mut ResultSet, listed: &[(u32, u32)]) {
         scored += usize::from(result.is_some());
         set.pairs.push(result.unwrap_or_else(|| PairResult {
             repetition,
-            model,
             ..PairResult::failed(a, b, Failure::Missing)
         }));
     }

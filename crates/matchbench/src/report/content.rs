@@ -53,7 +53,7 @@ impl Content {
         let mut summaries: Vec<Summary> = (results.par_iter())
             .map(|set| Summary::new(set, bootstrap))
             .collect();
-        for (summary, group) in summaries.iter_mut().zip(groups(&results, bootstrap)) {
+        for (summary, group) in summaries.iter_mut().zip(groups(&results)) {
             summary.group = group;
         }
         Self {

@@ -117,7 +117,10 @@ pub(super) fn lead(content: &Content, overview: &Overview<'_>, column: usize) ->
         scored(
             &method(&lead.other.0, &lead.other.1),
             "behind",
-            lead.difference,
+            Score {
+                value: lead.difference.value,
+                interval: lead.difference.interval,
+            },
         )
     });
     let x = json!({"field": "behind", "type": "quantitative", "title": "AUC behind the best"});

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::metrics::Lead;
+use crate::metrics::{Difference, Lead};
 
 use super::words::method;
 
@@ -29,7 +29,10 @@ fn verdict(leads: &[&Lead]) -> String {
     let (level, behind): (Vec<&Lead>, Vec<&Lead>) =
         leads.iter().partition(|lead| lead.difference.is_zero());
     let mut doubtful = behind.clone();
-    doubtful.retain(|lead| !lead.difference.excludes_zero());
+    doubtful.retain(|lead| !lead.difference.is_certain);
+    let few_images = (doubtful.iter().map(|lead| lead.difference))
+        .find(Difference::has_few_images)
+        .map(|difference| difference.images);
     let lead = |lead: &Lead| lead.difference.value.unwrap_or(f64::INFINITY);
     doubtful.sort_by(|one, other| lead(one).total_cmp(&lead(other)));
     let is_certain = doubtful.is_empty();
@@ -39,16 +42,23 @@ fn verdict(leads: &[&Lead]) -> String {
         (false, _) => names(&doubtful),
     };
     let equals = names(&level);
-    let text = match (level.is_empty(), is_certain) {
-        (true, true) => format!("{best} is certainly better than {others}"),
-        (true, false) => {
+    let text = match (few_images, level.is_empty(), is_certain) {
+        (Some(images), true, _) => format!(
+            "{best} has the highest AUC; {images} reference images are too few to be certain of it"
+        ),
+        (Some(images), false, _) => format!(
+            "{best} has the highest AUC, the same as {equals}; {images} reference images are too few to be \
+             certain of it"
+        ),
+        (None, true, true) => format!("{best} is certainly better than {others}"),
+        (None, true, false) => {
             format!("{best} has the highest AUC, but is not certainly better than {others}")
         }
-        (false, _) if behind.is_empty() => format!("{best} has the same AUC as {equals}"),
-        (false, true) => {
+        (None, false, _) if behind.is_empty() => format!("{best} has the same AUC as {equals}"),
+        (None, false, true) => {
             format!("{best} has the same AUC as {equals}, and is certainly better than {others}")
         }
-        (false, false) => format!(
+        (None, false, false) => format!(
             "{best} has the highest AUC, the same as {equals}, but is not certainly better than {others}"
         ),
     };
@@ -70,17 +80,13 @@ fn names(leads: &[&Lead]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::{Interval, Score};
 
     fn lead(dataset: &str, other: &str, value: f64, low: f64) -> Lead {
         Lead {
             dataset: dataset.into(),
             best: ("sift".into(), "best".into()),
             other: (other.into(), "best".into()),
-            difference: Score {
-                value: Some(value),
-                interval: Some(Interval { low, high: 0.9 }),
-            },
+            difference: Difference::seen(value, Some([low, 0.9])),
         }
     }
 
@@ -99,6 +105,22 @@ mod tests {
                 "office: sift + best has the highest AUC, but is not certainly better than surf + best",
                 "street: sift + best is certainly better than orb + best",
                 "wall: sift + best is certainly better than each of the other 2",
+            ]
+        );
+    }
+
+    #[test]
+    fn of_few_images_nothing_is_certain() {
+        let mut few = lead("office", "orb", 0.2, 0.1);
+        few.difference = Difference {
+            images: 3,
+            is_certain: false,
+            ..few.difference
+        };
+        assert_eq!(
+            verdicts(&[few]),
+            [
+                "office: sift + best has the highest AUC; 3 reference images are too few to be certain of it"
             ]
         );
     }

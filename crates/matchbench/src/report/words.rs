@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use crate::metrics::{
-    Angle, Detail, Deviation, Failure, Lead, PairResult, Score, ScoreKind, Summary,
+    Angle, Detail, Deviation, Difference, Failure, Lead, PairResult, ScoreKind, Summary,
 };
 use crate::protocols::PROTOCOLS;
 use crate::records::{MIN_MATCHES, MIN_SUPPORT};
@@ -130,7 +130,7 @@ pub(super) fn method(matcher: &str, estimator: &str) -> String {
 
 /// Which of two is better `on` what, by how much, and whether that is certain: the difference is
 /// the score of `one` minus that of `other`, with its paired interval.
-pub fn advantage(one: &str, other: &str, on: &str, difference: &Score) -> String {
+pub fn advantage(one: &str, other: &str, on: &str, difference: &Difference) -> String {
     let Some(value) = difference.value else {
         return format!("{one} and {other} have no pairs in common on {on}");
     };
@@ -155,7 +155,7 @@ pub fn advantage(one: &str, other: &str, on: &str, difference: &Score) -> String
         (interval.low, interval.high)
     };
     let range = format!("{:.3} [{low:.3}, {high:.3}]", value.abs());
-    if difference.excludes_zero() {
+    if difference.is_certain {
         format!("{ahead} beats {behind} on {on} by {range}")
     } else {
         format!("{ahead} is not certainly better than {behind} on {on}: {range}")
@@ -202,7 +202,7 @@ const SENTENCES: usize = 12;
 
 #[cfg(test)]
 mod tests {
-    use crate::metrics::{Interval, SCORES};
+    use crate::metrics::SCORES;
 
     use super::*;
 
@@ -230,10 +230,7 @@ mod tests {
 
     #[test]
     fn the_better_one_is_named_first_and_doubt_is_told() {
-        let score = |value, low, high| Score {
-            value: Some(value),
-            interval: Some(Interval { low, high }),
-        };
+        let score = |value, low, high| Difference::seen(value, Some([low, high]));
         let words = |difference| advantage("a", "b", "06", &difference);
         assert_eq!(
             words(score(0.03, 0.01, 0.05)),
@@ -248,15 +245,9 @@ mod tests {
             "b is not certainly better than a on 06: 0.010 [-0.020, 0.050]"
         );
         assert_eq!(words(score(0.0, 0.0, 0.0)), "a and b score the same on 06");
-        let alone = Score {
-            value: Some(0.2),
-            interval: None,
-        };
+        let alone = Difference::seen(0.2, None);
         assert!(words(alone).starts_with("a is ahead of b on 06 by 0.200; too few"));
-        let level = Score {
-            value: Some(0.0),
-            interval: None,
-        };
+        let level = Difference::seen(0.0, None);
         assert_eq!(words(level), "a and b score the same on 06");
     }
     #[test]
@@ -265,11 +256,8 @@ mod tests {
             dataset: "06".into(),
             best: ("a".into(), "best".into()),
             other: (format!("m{i}"), "best".into()),
-            difference: Score {
-                // The farthest come first.
-                value: Some(0.01 * (20 - i) as f64),
-                interval: None,
-            },
+            // The farthest come first.
+            difference: Difference::seen(0.01 * (20 - i) as f64, None),
         };
         let all: Vec<Lead> = (0..SENTENCES + 3).map(lead).collect();
         let text = leads_in_words(&all);

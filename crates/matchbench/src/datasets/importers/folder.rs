@@ -2,8 +2,9 @@
 //!
 //! Images lie in the folder or in its `images/`, `Images/` or `rgb/`, in natural order
 //! (`img2` before `img10`). `poses.txt` has one camera-to-world line per image, in that order:
-//! 12 numbers (KITTI) or `time tx ty tz qx qy qz qw` (TUM). Where the images are named by their
-//! times (`1341847980.722988.png`) and the poses are TUM's, they are associated by time instead.
+//! 12 numbers (KITTI) or `time tx ty tz qx qy qz qw` (TUM), whose times count for nothing.
+//! Where the images are named by their times (`1341847980.722988.png`) and the poses are TUM's, they are associated
+//! by time instead.
 //! `camera.txt` or `K.txt` holds K, optionally followed by `k1 k2 p1 p2 [k3]`.
 
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use nalgebra::Isometry3;
 use super::{ImportOptions, Imported, base_name, given_camera, note_of};
 use crate::datasets::images::image_files;
 use crate::datasets::text::TextFile;
-use crate::datasets::trajectory::{parse_kitti, parse_tum};
+use crate::datasets::trajectory::{parse_kitti, parse_tum, parse_tum_lines};
 use crate::datasets::{About, DatasetError, Frame};
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
@@ -73,14 +74,15 @@ fn poses(
         .map(|(_, row)| row.split_whitespace().count());
     let poses: Vec<_> = match columns {
         Some(8) => {
-            let trajectory = parse_tum(file)?;
             if let Some(times) = times_in_names(images) {
+                let trajectory = parse_tum(file)?;
                 return Ok(times
                     .into_iter()
                     .map(|time| association.pose_at(&trajectory, time))
                     .collect());
             }
-            trajectory.iter().map(|p| p.world_from_camera).collect()
+            let lines = parse_tum_lines(file)?;
+            lines.iter().map(|p| p.world_from_camera).collect()
         }
         Some(12) => parse_kitti(file)?,
         _ => {

@@ -301,6 +301,10 @@ fn a_plain_folder_takes_poses_in_either_format() {
         ("img10.png", ""),
         ("poses.txt", KITTI_POSES),
         ("tum.txt", TUM_POSES),
+        (
+            "falling.txt",
+            "3 0 0 0 0 0 0 1\n2 1 0 0 0 0 0 1\n1 2 0 0 0 0 0 1\n",
+        ),
         ("K.txt", K),
     ];
     let (_folder, src) = source("mine", &files);
@@ -318,6 +322,9 @@ fn a_plain_folder_takes_poses_in_either_format() {
         read_source("folder", &src, &with("tum.txt")).unwrap(),
         found
     );
+    // Without times in the names of the images, a line belongs to the image of its place, whatever its time.
+    let falling = read_source("folder", &src, &with("falling.txt")).unwrap();
+    assert_eq!(xs(&falling), [0.0, 1.0, 2.0]);
     let error = read_source("folder", &src, &with("K.txt")).unwrap_err();
     assert_eq!(error.what, "these are no poses");
     // Where nothing has a time there is nothing to be interpolated.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::metrics::Score;
+use crate::metrics::Difference;
 
 use super::{
     COLOURS, INK, MUTED, PALETTE, Target, axis, escape, grid, open, shorten, text, tick, width_of,
@@ -22,11 +22,11 @@ pub(in super::super) struct Rival<'a> {
     /// What is to be said, in a sentence.
     pub(in super::super) words: String,
     /// How much less its score is, with the paired interval.
-    pub(in super::super) behind: Score,
+    pub(in super::super) behind: Difference,
 }
 
-/// One line per rival: a dot and its interval over the difference to the best. Where the interval
-/// holds 0 the dot is hollow and the line pale.
+/// One line per rival: a dot and its interval over the difference to the best. Where it is not
+/// certain that there is one the dot is hollow and the line pale.
 pub(in super::super) fn forest(
     target: Target,
     title: &str,
@@ -87,7 +87,7 @@ pub(in super::super) fn forest(
     for (row, rival) in rivals.iter().enumerate() {
         let middle = top + (row as f64 + 0.5) * LINE;
         let (class, colour) = (rival.series % COLOURS, PALETTE[rival.series % COLOURS]);
-        let certain = rival.behind.excludes_zero();
+        let certain = rival.behind.is_certain;
         let _ = writeln!(
             svg,
             r#"<g class="rival s{class}"><title>{}</title>"#,
@@ -134,7 +134,6 @@ pub(in super::super) fn forest(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::Interval;
 
     #[test]
     fn doubt_is_hollow() {
@@ -142,10 +141,7 @@ mod tests {
             series: 1,
             name,
             words: format!("against <{name}>"),
-            behind: Score {
-                value: Some(value),
-                interval: Some(Interval { low, high }),
-            },
+            behind: Difference::seen(value, Some([low, high])),
         };
         let rivals = [rival("far", 0.2, 0.1, 0.3), rival("near", 0.02, -0.1, 0.1)];
         let svg = forest(Target::Page, "room", "best", &rivals);
@@ -156,10 +152,7 @@ mod tests {
             "{svg}"
         );
         let unknown = Rival {
-            behind: Score {
-                value: None,
-                interval: None,
-            },
+            behind: Difference::default(),
             ..rival("x", 0.0, 0.0, 0.0)
         };
         assert!(!forest(Target::File, "room", "best", &[unknown]).contains("NaN"));

@@ -1,0 +1,30 @@
+//! All results of one method on one dataset.
+
+use super::{Failure, PairResult};
+
+/// The results of one matcher with one estimator on one dataset.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResultSet {
+    /// Name of the dataset.
+    pub dataset: String,
+    /// Id of the matcher.
+    pub matcher: String,
+    /// Id of the estimator; empty where the results do not name it.
+    pub estimator: String,
+    /// How often each pair was run with another seed; at least 1.
+    pub repetitions: u32,
+    /// One result for each listed pair and repetition.
+    pub pairs: Vec<PairResult>,
+    /// Results for pairs that the dataset does not list; they are not in `pairs`.
+    pub ignored: usize,
+}
+
+impl ResultSet {
+    /// Tasks on listed pairs that have no result.
+    pub fn missing(&self) -> usize {
+        let pairs = self.pairs.iter();
+        pairs
+            .filter(|pair| pair.outcome == Err(Failure::Missing))
+            .count()
+    }
+}
