@@ -96,28 +96,51 @@ impl PairStages<'_> {
     /// Does all tasks that are due of a pair of images whose features are known.
     ///
     /// The search is done once. Each repetition selects anew, since a selector may draw random
-    /// numbers; all estimators get the same selected matches.
-    pub(super) fn run(&self, matcher: &BuiltMatcher, job: &PairJob<'_>) -> PairDone {
+    /// numbers; all estimators get the same selected matches. Where these are `stored`, nothing is searched.
+    ///
+    /// # Errors
+    /// If what is stored cannot be read.
+    pub(super) fn run(
+        &self,
+        matcher: &BuiltMatcher,
+        job: &PairJob<'_>,
+        stored: &MatchesFile,
+    ) -> Result<PairDone, RunError> {
         let mut counts = Counts::default();
         let mut times = StageTimes {
             extract_a: job.a.seconds,
             extract_b: job.b.seconds,
             ..StageTimes::default()
         };
-        let searched = self.search(matcher, job, &mut counts, &mut times);
+        let features = features_of(job);
+        let searched = match features {
+            Ok(_) if is_stored(stored, job.pair, job.due) => None,
+            _ => Some(self.search(matcher, job, &mut counts, &mut times)),
+        };
+        let found = match &searched {
+            Some(Err(_)) => None,
+            Some(Ok(_)) | None => features.ok(),
+        };
         let truth = self.truth(job.pair);
-        let repeated = (job.pair.homography())
-            .zip(searched.as_ref().ok())
-            .and_then(|(homography, searched)| repeated(homography, searched.a, searched.b));
-        let repeated_by_depth = (truth.readable_depth().zip(searched.as_ref().ok()))
-            .map(|(depth, searched)| depth.repeated(searched.a, searched.b));
+        let repeated = (job.pair.homography().zip(found))
+            .and_then(|(homography, (a, b))| repeated(homography, a, b));
+        let repeated_by_depth =
+            (truth.readable_depth().zip(found)).map(|(depth, (a, b))| depth.repeated(a, b));
         let mut done = PairDone::of(job.due.len());
         for due in by_repetition(job.due) {
             let repetition = due[0].repetition;
-            let selected = (searched.as_ref().map_err(Clone::clone)).and_then(|searched| {
-                let seed = self.seed(job.pair, repetition);
-                self.select(matcher, job.pair, searched, seed, &mut counts, &mut times)
-            });
+            let selected = match &searched {
+                None => {
+                    let matches = stored.read((job.pair.a, job.pair.b, repetition))?;
+                    let matches = matches.expect("they are stored");
+                    counts = matches.counts;
+                    Ok(matches)
+                }
+                Some(searched) => (searched.as_ref().map_err(Clone::clone)).and_then(|searched| {
+                    let seed = self.seed(job.pair, repetition);
+                    self.select(matcher, job.pair, searched, seed, &mut counts, &mut times)
+                }),
+            };
             // Whoever comes next finds these results ready, and so without a time.
             let times = mem::take(&mut times);
             let first = done.records.len();
@@ -130,7 +153,18 @@ impl PairStages<'_> {
             }
             self.keep(job.pair, repetition, selected, &mut done);
         }
-        done
+        Ok(done)
+    }
+
+    /// Whether the truth of a pair says something of keypoints: which of them both images show.
+    pub(super) fn judges_keypoints(&self, pair: &Pair) -> bool {
+        let has_depth = |frame: u32| {
+            self.progress.sequence.frames[frame as usize]
+                .depth
+                .is_some()
+        };
+        pair.homography().is_some()
+            || (pair.pose().is_some() && has_depth(pair.a) && has_depth(pair.b))
     }
 
     /// Does all tasks that are due of a pair of images that a `source` matches.
@@ -291,8 +325,7 @@ impl PairStages<'_> {
         counts: &mut Counts,
         times: &mut StageTimes,
     ) -> Result<Searched<'j>, Broken> {
-        let features = |side: Side<'j>| side.features.map_err(Clone::clone);
-        let (a, b) = (features(job.a)?, features(job.b)?);
+        let (a, b) = features_of(job)?;
         let putative = search(&*matcher.matcher, a, b, counts, times)?;
         let image = |frame: u32| {
             let frame = &self.progress.sequence.frames[frame as usize];
@@ -332,6 +365,18 @@ impl PairStages<'_> {
         let selected = select(&*matcher.matcher, a, b, putative, seed, counts, times)?;
         Ok(selected)
     }
+}
+
+/// The features of both images.
+fn features_of<'j>(job: &PairJob<'j>) -> Result<(&'j Features, &'j Features), Broken> {
+    let features = |side: Side<'j>| side.features.map_err(Clone::clone);
+    Ok((features(job.a)?, features(job.b)?))
+}
+
+/// Whether the selected matches of all tasks that are due of a pair are `stored`.
+pub(super) fn is_stored(stored: &MatchesFile, pair: &Pair, due: &[PendingTask]) -> bool {
+    let mut repetitions = due.iter().map(|due| due.repetition);
+    repetitions.all(|repetition| stored.contains((pair.a, pair.b, repetition)))
 }
 
 /// The tasks of a pair, those of one repetition together.

@@ -2,7 +2,7 @@
 
 use super::frame::{FrameStage, lock};
 use super::ordered::each_in_order;
-use super::pair::{PairDone, PairStages};
+use super::pair::{PairDone, PairStages, is_stored};
 use super::progress::PairTasks;
 use super::resident::Resident;
 use super::{Cancel, Observer, Run, RunError};
@@ -40,7 +40,7 @@ impl Work<'_> {
             if some.is_empty() || self.cancel.is_set() {
                 return Ok(());
             }
-            let (matched, unmatched) = some.split_at(selected_before(&some, &self.stored));
+            let (matched, unmatched) = some.split_at(self.selected_before(&some));
             let estimate = |tasks: &PairTasks<'_>| Ok(self.stages.estimate(tasks, &self.stored)?);
             each_in_order(self.cancel, matched, estimate, &mut append)?;
             match &self.stages.progress.contender.source {
@@ -95,20 +95,22 @@ impl Work<'_> {
             each_in_order(
                 self.cancel,
                 &jobs,
-                |job| Ok(self.stages.run(matcher, job)),
+                |job| self.stages.run(matcher, job, &self.stored),
                 &mut *append,
             )?;
             pairs = later;
         }
         Ok(())
     }
-}
 
-/// How many of the first `pairs` need an estimation alone, since their matches are `stored`.
-fn selected_before(pairs: &[PairTasks<'_>], stored: &MatchesFile) -> usize {
-    let is_stored = |tasks: &&PairTasks<'_>| {
-        let mut repetitions = tasks.due.iter().map(|due| due.repetition);
-        repetitions.all(|repetition| stored.contains((tasks.pair.a, tasks.pair.b, repetition)))
-    };
-    pairs.iter().take_while(is_stored).count()
+    /// How many of the first `pairs` need an estimation alone: their matches are stored, and nothing is to be said of
+    /// their keypoints.
+    fn selected_before(&self, pairs: &[PairTasks<'_>]) -> usize {
+        let has_keypoints = matches!(self.stages.progress.contender.source, Source::Matcher(_));
+        let is_enough = |tasks: &&PairTasks<'_>| {
+            is_stored(&self.stored, tasks.pair, &tasks.due)
+                && !(has_keypoints && self.stages.judges_keypoints(tasks.pair))
+        };
+        pairs.iter().take_while(is_enough).count()
+    }
 }
