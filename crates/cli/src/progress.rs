@@ -46,6 +46,12 @@ impl Observer for Bar {
         self.0.set_message(format!("features of image {frame}"));
     }
 
+    fn on_lost_matches(&self, dataset: &str, matcher: &str, pairs: usize) {
+        self.0.suspend(|| {
+            say!("the matches of {matcher} for {pairs} pairs of {dataset} are gone, and are made again");
+        });
+    }
+
     fn on_ended(&self, matcher: &str, reason: &str) {
         self.0
             .suspend(|| say!("error: {matcher} has ended: {reason}"));

@@ -30,6 +30,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Counts, StoreError};
 use crate::files::{Appender, open_file};
+use crate::matchers::MOST_MATCHES;
 
 /// First bytes of every file.
 pub(super) const MAGIC: [u8; 8] = *b"mbmatch1";
@@ -166,6 +167,10 @@ impl MatchesFile {
                 .and_then(|_| file.read_exact(&mut header))
                 .map_err(StoreError::io("read", &self.path))?;
             let [a, b, repetition, .., count] = numbers(&header);
+            // No entry that was torn, for nobody writes so many.
+            if count != AS_BEFORE && count as usize > MOST_MATCHES {
+                return Err(self.damaged(&format!("an entry says that it has {count} matches")));
+            }
             let bytes = entry_length(count) as u64;
             if length - self.end < bytes {
                 break;
@@ -453,6 +458,15 @@ mod tests {
         let message = error.unwrap_err().to_string();
         assert!(
             message.contains("sift.bin") && message.contains("delete"),
+            "{message}"
+        );
+        // The number of matches of the first entry: it is not taken for one that was torn.
+        let mut damaged = whole;
+        damaged[MAGIC.len() + HEADER - 2] ^= 0x80;
+        fs::write(&file, &damaged).unwrap();
+        let message = MatchesFile::open(&file).unwrap_err().to_string();
+        assert!(
+            message.contains("sift.bin: damaged (an entry says that it has 8388613 matches)"),
             "{message}"
         );
         fs::write(&file, b"something else").unwrap();

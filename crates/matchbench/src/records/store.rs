@@ -65,7 +65,7 @@ pub enum StoreError {
     },
     /// A file of matches that is damaged.
     #[error(
-        "{}: damaged ({reason}); delete it: it is made again when it is needed",
+        "{}: damaged ({reason}); delete it, and run again what wrote it: matches that are missing are made again",
         path.display()
     )]
     Matches {

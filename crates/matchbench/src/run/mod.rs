@@ -267,8 +267,18 @@ impl Run<'_> {
                     continue;
                 }
                 let retry = self.retry_failed;
-                let progress =
-                    MatcherProgress::recover(folder, sequence, contender, self.settings, retry)?;
+                let matches = (self.keep_matches == KeepMatches::All)
+                    .then(|| (folder.folder()).matches_of(&sequence.name, contender.source.id()))
+                    .transpose()?;
+                let kept = matches.as_ref();
+                let progress = MatcherProgress::recover(
+                    folder,
+                    sequence,
+                    contender,
+                    self.settings,
+                    retry,
+                    kept,
+                )?;
                 progresses.push(progress);
             }
         }
@@ -276,7 +286,7 @@ impl Run<'_> {
     }
 
     /// Does what is left of one matcher on one dataset: first, what failed and may do better now, whose records take the
-    /// place of the earlier ones; then what was never done.
+    /// place of the earlier ones; then matches that were lost; then what was never done.
     fn finish(
         &self,
         progress: &MatcherProgress<'_>,
@@ -327,6 +337,16 @@ impl Run<'_> {
         done?;
 
         let mut kept = retried.kept;
+        if progress.lost() > 0 {
+            observer.on_lost_matches(dataset, matcher, progress.lost());
+        }
+        work.all(progress.lost_pairs(), |done| {
+            kept.keep(&done)?;
+            if kept.is_time() {
+                kept.sync()?;
+            }
+            Ok(())
+        })?;
         let mut writers = (progress.contender.estimators.iter())
             .map(|variant| folder.append_to(dataset, matcher, &variant.name))
             .collect::<Result<Vec<_>, _>>()?;

@@ -25,6 +25,11 @@ pub trait Observer: Sync {
         let _ = (frame, extracted);
     }
 
+    /// The matches of so many pairs, whose records are there, are gone or damaged and are made again.
+    fn on_lost_matches(&self, dataset: &str, matcher: &str, pairs: usize) {
+        let _ = (dataset, matcher, pairs);
+    }
+
     /// A source outside will give no more matches, for this `reason`; the run of the others goes on.
     fn on_ended(&self, matcher: &str, reason: &str) {
         let _ = (matcher, reason);

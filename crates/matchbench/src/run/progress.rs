@@ -6,7 +6,9 @@ use std::path::PathBuf;
 
 use super::{Contender, RunError, RunSummary};
 use crate::datasets::{Pair, Sequence};
-use crate::records::{Outcome, RunRecord, RunWriter, Settings, StoreError, Task, store};
+use crate::records::{
+    MatchesFile, Outcome, RunRecord, RunWriter, Settings, StoreError, Task, store,
+};
 
 /// Most repetitions of a pair that are done together, with one search for all of them.
 const MOST_REPETITIONS: u32 = 128;
@@ -19,6 +21,8 @@ pub(super) struct MatcherProgress<'a> {
     repetitions: u32,
     /// One file of records for each estimator.
     estimators: Vec<EstimatorProgress>,
+    /// Pairs, by their indices, that are recorded and whose matches should be on disk and are not.
+    lost: BTreeSet<usize>,
 }
 
 /// The records of one estimator, and how many there are. They stand in the order of the tasks (pair by pair, repetition by
@@ -50,7 +54,8 @@ pub(super) struct PendingTask {
 
 impl<'a> MatcherProgress<'a> {
     /// What earlier processes left; a torn last line is cut off. Tasks that failed are due
-    /// again if their records say that another try may do better, or all of them with `retry_failed`.
+    /// again if their records say that another try may do better, or all of them with `retry_failed`. Matches that
+    /// records follow from are in `kept`, if they are kept; those that are not are made again.
     ///
     /// # Errors
     /// If records cannot be read or are not those of this matcher and dataset.
@@ -60,6 +65,7 @@ impl<'a> MatcherProgress<'a> {
         contender: &'a Contender,
         settings: Settings,
         retry_failed: bool,
+        kept: Option<&MatchesFile>,
     ) -> Result<Self, RunError> {
         let chosen = settings.chosen(sequence.pairs.len());
         let mut progress = Self {
@@ -68,10 +74,13 @@ impl<'a> MatcherProgress<'a> {
             pairs: chosen.map(|index| &sequence.pairs[index]).collect(),
             repetitions: settings.repetitions.get(),
             estimators: Vec::new(),
+            lost: BTreeSet::new(),
         };
         for variant in &contender.estimators {
             let names = [&*sequence.name, contender.source.id(), &*variant.name];
-            let estimator = progress.recorded(folder, names, retry_failed)?;
+            let mut lost = mem::take(&mut progress.lost);
+            let estimator = progress.recorded(folder, names, retry_failed, kept, &mut lost)?;
+            progress.lost = lost;
             progress.estimators.push(estimator);
         }
         Ok(progress)
@@ -84,6 +93,8 @@ impl<'a> MatcherProgress<'a> {
         folder: &RunWriter,
         names: [&str; 3],
         retry_failed: bool,
+        kept: Option<&MatchesFile>,
+        lost: &mut BTreeSet<usize>,
     ) -> Result<EstimatorProgress, StoreError> {
         let (mut done, mut failed, mut retried) = (0, 0, BTreeSet::new());
         let mut foreign = None;
@@ -103,7 +114,12 @@ impl<'a> MatcherProgress<'a> {
                     retried.insert(done);
                 }
                 Outcome::Failed { .. } => failed += 1,
-                _ => {}
+                _ => {
+                    let key = (record.task.a, record.task.b, record.task.repetition);
+                    if kept.is_some_and(|kept| !kept.contains(key)) {
+                        lost.insert(done / self.repetitions as usize);
+                    }
+                }
             }
             done += 1;
             Ok::<_, StoreError>(())
@@ -142,7 +158,7 @@ impl<'a> MatcherProgress<'a> {
     }
 
     pub(super) fn is_done(&self) -> bool {
-        self.summary().is_complete()
+        self.summary().is_complete() && self.lost_pairs().next().is_none()
     }
 
     pub(super) fn summary(&self) -> RunSummary {
@@ -174,10 +190,34 @@ impl<'a> MatcherProgress<'a> {
         })
     }
 
+    /// Pairs of which all is recorded, and whose matches are made again for that: for one of the estimators, whose
+    /// records are there.
+    pub(super) fn lost_pairs(&self) -> impl Iterator<Item = PairTasks<'a>> {
+        let first_pending = self.first_pending();
+        let pairs = match self.lost.first() {
+            Some(&first) if first < first_pending => &self.pairs[..first_pending],
+            _ => &[],
+        };
+        self.pairs_where(pairs, 0, |estimator, task| {
+            std::ptr::eq(estimator, &raw const self.estimators[0])
+                && self.lost.contains(&(task / self.repetitions as usize))
+        })
+    }
+
+    /// How many pairs that is.
+    pub(super) fn lost(&self) -> usize {
+        self.lost.range(..self.first_pending()).count()
+    }
+
+    /// The index of the first pair of which something is left.
+    fn first_pending(&self) -> usize {
+        let done = self.estimators.iter().map(|estimator| estimator.done).min();
+        done.unwrap_or(0) / self.repetitions as usize
+    }
+
     /// What is left, pair by pair; within a pair repetition by repetition.
     pub(super) fn pending_pairs(&self) -> impl Iterator<Item = PairTasks<'a>> {
-        let done = self.estimators.iter().map(|estimator| estimator.done).min();
-        let first = done.unwrap_or(0) / self.repetitions as usize;
+        let first = self.first_pending();
         let pairs = self.pairs.get(first..).unwrap_or_default();
         self.pairs_where(pairs, first, |estimator, task| task >= estimator.done)
     }

@@ -125,3 +125,26 @@ fn an_image_that_cannot_be_read_fails_its_pairs_alone() {
         }
     }
 }
+
+#[test]
+fn matches_that_are_gone_are_made_again_and_records_stay() {
+    let mut bench = Bench::new(vec![
+        Toy::default().contender("bright", &["first", "second"]),
+    ]);
+    bench.settings = repeated(2);
+    let before = bench.run("run").unwrap();
+    let file = bench.path("run").join("matches/street/bright.bin");
+    let records = fs::read(bench.path("run").join("records/street/bright+first.jsonl")).unwrap();
+    let whole = fs::read(&file).unwrap();
+    for cut in [0, 8, 100, whole.len() / 2, whole.len() - 1] {
+        fs::write(&file, &whole[..cut]).unwrap();
+        let again = bench.run("run").unwrap();
+        assert_eq!((again.now, again.total), (0, before.total));
+        assert_eq!(fs::read(&file).unwrap(), whole, "cut at {cut}");
+    }
+    fs::remove_file(&file).unwrap();
+    bench.run("run").unwrap();
+    assert_eq!(fs::read(&file).unwrap(), whole);
+    let now = fs::read(bench.path("run").join("records/street/bright+first.jsonl")).unwrap();
+    assert_eq!(now, records);
+}

@@ -64,6 +64,32 @@ fn homographies_are_judged_by_corners_and_matches_by_the_truth() {
 }
 
 #[test]
+fn keypoints_are_judged_of_pairs_whose_matches_were_there_before() {
+    let mut both = bench(&["best-h", "ransac-h"]);
+    run(&both, "whole").unwrap();
+    let whole = both.records("whole");
+    assert!(whole.iter().all(|record| record.repeated.is_some()));
+    // Another estimator, later.
+    let later = both.contenders[0].estimators.split_off(1);
+    run(&both, "grown").unwrap();
+    both.contenders[0].estimators.extend(later);
+    run(&both, "grown").unwrap();
+    assert_eq!(both.records("grown"), whole);
+    // Killed between the matches of a pair and its records.
+    run(&both, "killed").unwrap();
+    for estimator in ["best-h", "ransac-h"] {
+        let file = both
+            .path("killed")
+            .join(format!("records/street/bright+{estimator}.jsonl"));
+        let text = fs::read_to_string(&file).unwrap();
+        let (kept, _) = text.trim_end().rsplit_once('\n').unwrap();
+        fs::write(&file, format!("{kept}\n")).unwrap();
+    }
+    run(&both, "killed").unwrap();
+    assert_eq!(both.records("killed"), whole);
+}
+
+#[test]
 fn an_estimator_without_its_truth_is_refused_before_anything_is_done() {
     let refused = |bench: &Bench| {
         let error = run(bench, "run").unwrap_err().to_string();
