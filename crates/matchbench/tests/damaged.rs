@@ -118,7 +118,10 @@ fn records(doors: &Doors) -> Vec<u8> {
                 b,
                 repetition: 0,
             },
-            counts: Counts::default(),
+            counts: Counts {
+                selected: 12,
+                ..Counts::default()
+            },
             correct: None,
             repeated: None,
             by_depth: Some(ByDepth {

@@ -1,8 +1,11 @@
 //! `matchbench check`: a matcher from outside, tried out.
 
-use std::io::Write;
+use std::fs::File;
+use std::io::{ErrorKind, Write};
+use std::path::PathBuf;
+use std::{env, process};
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use matchbench::datasets::Sequence;
 use matchbench::external::{self, Log, Verdict};
 use matchbench::run::manifest;
@@ -19,7 +22,7 @@ pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
         bail!("--set {id}: this manifest is called `{}`", manifest.name);
     }
     let dataset = (args.dataset.as_deref()).map(Sequence::open).transpose()?;
-    let log = std::env::temp_dir().join(format!("matchbench-check-{}.log", manifest.name));
+    let log = new_log(&manifest.name)?;
     let mut out = stdout();
     let mut worst = Verdict::Good;
     let mut printed = Ok(());
@@ -44,4 +47,21 @@ pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
         Verdict::Wrong => Ending::SomeFailed,
         Verdict::Good | Verdict::Doubtful => Ending::Done,
     })
+}
+
+/// A new file for what the matcher prints. In a folder that everybody may write to, a file that is there
+/// already may be another user's, or a link to a third.
+fn new_log(matcher: &str) -> Result<PathBuf> {
+    let id = process::id();
+    for number in 0.. {
+        let path = env::temp_dir().join(format!("matchbench-check-{matcher}-{id}-{number}.log"));
+        match File::create_new(&path) {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            made => {
+                made.with_context(|| format!("cannot make the log {}", path.display()))?;
+                return Ok(path);
+            }
+        }
+    }
+    unreachable!("some number is free")
 }

@@ -12,7 +12,7 @@ use matchbench_vision::features::{Features, Keypoint};
 
 pub use key::Key;
 
-use crate::files::{read_file, remove_leftovers_below, write_whole};
+use crate::files::{read_file, remove_leftovers_below, write_whole_file};
 use crate::matchers::Extraction;
 
 /// A folder of features. Any number of runs may share one at the same time; it can be deleted
@@ -52,7 +52,7 @@ impl FeatureCache {
     /// # Errors
     /// If the file cannot be written; the error names it.
     pub fn save(&self, key: Key, features: &Features) -> io::Result<()> {
-        write_whole(&self.path(key), &feature_file::to_bytes(features, key))
+        write_whole_file(&self.path(key), &feature_file::to_bytes(features, key))
     }
 
     /// The keypoints that were saved under `key`, and the seconds that finding them took.
@@ -67,7 +67,7 @@ impl FeatureCache {
     /// If the file cannot be written; the error names it.
     pub fn save_keypoints(&self, key: Key, keypoints: &[Keypoint], seconds: f64) -> io::Result<()> {
         let path = self.path(key).with_extension("keypoints");
-        write_whole(&path, &keypoint_file::to_bytes(keypoints, seconds, key))
+        write_whole_file(&path, &keypoint_file::to_bytes(keypoints, seconds, key))
     }
 
     /// The first two digits are a folder, so that no folder grows beyond what file systems like.
@@ -102,6 +102,12 @@ mod tests {
         fs::create_dir_all(cache.path(other).parent().unwrap()).unwrap();
         fs::copy(cache.path(key), cache.path(other)).unwrap();
         assert_eq!(cache.load(other), None, "a renamed file is foreign");
+
+        // A pipe without a reader is not waited for.
+        let missing = Key([3; 32]);
+        fs::create_dir_all(cache.path(missing)).unwrap();
+        let refused = cache.save(missing, &features).unwrap_err().to_string();
+        assert!(refused.contains("no file; delete it"), "{refused}");
 
         fs::write(cache.path(key), b"torn").unwrap();
         assert_eq!(cache.load(key), None);

@@ -43,7 +43,12 @@ impl Log {
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(named)?;
         }
-        let length = fs::metadata(path).map_or(0, |about| about.len());
+        let about = fs::metadata(path);
+        // A pipe would wait for a reader.
+        if about.as_ref().is_ok_and(|about| !about.is_file()) {
+            return Err(named(io::Error::other("it is no file")));
+        }
+        let length = about.map_or(0, |about| about.len());
         let length = if length > full / 2 {
             let mut old = path.as_os_str().to_owned();
             old.push(".old");

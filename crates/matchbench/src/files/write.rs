@@ -21,6 +21,18 @@ pub fn write_whole(path: &Path, contents: &[u8]) -> io::Result<()> {
     write(path, contents).map_err(named(path))
 }
 
+/// As [`write_whole`]; but what is there and is no file (a pipe, which may have no reader) is refused.
+///
+/// # Errors
+/// As [`write_whole`].
+pub(crate) fn write_whole_file(path: &Path, contents: &[u8]) -> io::Result<()> {
+    if fs::metadata(path).is_ok_and(|there| !there.is_file()) {
+        let error = io::Error::other("it is there and no file; delete it");
+        return Err(named(path)(error));
+    }
+    write_whole(path, contents)
+}
+
 /// A file that is written bit by bit, and takes its place whole; see [`write_whole`]. One that is
 /// dropped before its end leaves nothing.
 #[derive(Debug)]

@@ -194,6 +194,14 @@ impl RunFolder {
         MatchesFile::open(&matches::path(&self.path, dataset, matcher))
     }
 
+    /// The images of a dataset that the records are of.
+    ///
+    /// # Errors
+    /// If the file that notes them cannot be read or is damaged.
+    pub(crate) fn images_of(&self, dataset: &str) -> Result<ImageNotes, FolderError> {
+        ImageNotes::open(&self.path, dataset)
+    }
+
     /// The inliers of one matcher with one estimator on one dataset; none where they were not kept.
     ///
     /// # Errors
@@ -323,12 +331,12 @@ impl RunWriter {
         Ok(file)
     }
 
-    /// The images of a dataset that earlier processes worked with.
+    /// As [`RunFolder::images_of`].
     ///
     /// # Errors
-    /// If the file that notes them cannot be read or is damaged.
+    /// As there.
     pub(crate) fn images_of(&self, dataset: &str) -> Result<ImageNotes, FolderError> {
-        ImageNotes::open(&self.folder.path, dataset)
+        self.folder.images_of(dataset)
     }
 
     /// Appends to the records of one matcher with one estimator on one dataset; recover them first.

@@ -80,6 +80,13 @@ impl ImageNotes {
         changed.map_or(Ok(()), Err)
     }
 
+    /// Whether the image of a frame is the one that was noted, as far as there is a note and it can be read.
+    pub(crate) fn is_as_noted(&self, frame: u32, image: &Path) -> bool {
+        let now = || Some(blake3::hash(&read_file(image).ok()?));
+        let noted = self.known.get(&frame);
+        noted.is_none_or(|noted| now().is_none_or(|now| now == *noted))
+    }
+
     /// What is noted of each frame.
     pub(crate) fn known(&self) -> &BTreeMap<u32, Hash> {
         &self.known

@@ -107,7 +107,10 @@ mod tests {
                 b: 4,
                 repetition: 0,
             },
-            counts: Counts::default(),
+            counts: Counts {
+                selected: 40,
+                ..Counts::default()
+            },
             correct: None,
             repeated: None,
             by_depth: None,
@@ -192,7 +195,7 @@ mod tests {
             ),
             (
                 "\"outcome\":",
-                "\"correct\":[0,0,0,0,0,0,0,0,0,1],\"outcome\":",
+                "\"correct\":[0,0,0,0,0,0,0,0,0,41],\"outcome\":",
                 "correct",
             ),
             (
@@ -212,13 +215,19 @@ mod tests {
             ),
             (
                 "\"outcome\":",
-                "\"by_depth\":{\"judged\":1,\"within\":[0,0,0,0,0,0,0,0,0,0]},\"outcome\":",
-                "judges 1 of 0",
+                "\"by_depth\":{\"judged\":41,\"within\":[0,0,0,0,0,0,0,0,0,0]},\"outcome\":",
+                "judges 41 of 40",
             ),
             (
                 "\"outcome\":",
                 "\"by_depth\":{\"judged\":0,\"within\":[0,0,0,0,0,0,0,0,0,1]},\"outcome\":",
                 "more and more",
+            ),
+            ("\"inliers\":9", "\"inliers\":41", "`inliers` is 41 of 40"),
+            (
+                "\"support\":12",
+                "\"support\":1000000",
+                "`support` is 1000000 of 40",
             ),
             ("\"b\":4", "\"b\":3", "itself"),
         ] {

@@ -52,7 +52,26 @@ impl RunRecord {
         self.check_correct()?;
         self.repeated.as_ref().map_or(Ok(()), Repeated::check)?;
         self.check_by_depth()?;
+        self.check_support()?;
         self.outcome.check()
+    }
+
+    /// What agrees with an estimate are selected matches.
+    fn check_support(&self) -> Result<(), String> {
+        let selected = self.counts.selected;
+        let agreeing = match self.outcome {
+            Outcome::Pose {
+                inliers, support, ..
+            } => [("inliers", inliers), ("support", support)],
+            Outcome::Homography { inliers, .. } => [("inliers", inliers); 2],
+            Outcome::NoPose { .. } | Outcome::NoHomography { .. } | Outcome::Failed { .. } => {
+                return Ok(());
+            }
+        };
+        match agreeing.iter().find(|(_, count)| *count > selected) {
+            Some((name, count)) => Err(format!("`{name}` is {count} of {selected} matches")),
+            None => Ok(()),
+        }
     }
 
     fn check_by_depth(&self) -> Result<(), String> {

@@ -92,7 +92,7 @@ fn shown<'a>(
     let (mut views, mut images) = (BTreeMap::new(), Images::new());
     let geometry = sequence.map(PairGeometry::of_sequence).unwrap_or_default();
     if let Some(sequence) = sequence {
-        images = thumbnails(sequence, &pairs);
+        images = thumbnails(duel.sides[0].run, sequence, &pairs).small;
         for (side, method) in duel.sides.iter().enumerate() {
             let cache = FeatureCache::new(method.run.default_cache());
             let mut keypoints = Keypoints::new(method.run.plan(), cache);

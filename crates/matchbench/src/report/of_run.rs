@@ -133,7 +133,9 @@ pub fn content_of_run(
     let keypoints = Keypoints::new(run.plan(), FeatureCache::new(cache));
     let count = options.pictures;
     let (results, geometry) = (&content.results, &content.geometry);
-    content.views = pictures::sample(run, results, &sequences, geometry, keypoints, count)?;
+    let sample = pictures::sample(run, results, &sequences, geometry, keypoints, count)?;
+    content.views = sample.0;
+    notes.extend(sample.1);
     content.datasets = (run.plan().datasets.iter())
         .filter_map(|dataset| {
             let sequence = sequences.get(&dataset.name)?;

@@ -34,8 +34,8 @@ pub(super) fn sample(
     geometry: &BTreeMap<String, DatasetGeometry>,
     mut keypoints: Keypoints<'_>,
     count: usize,
-) -> Result<Vec<PairView>, StoreError> {
-    let mut views = Vec::new();
+) -> Result<(Vec<PairView>, Vec<String>), StoreError> {
+    let (mut views, mut notes) = (Vec::new(), Vec::new());
     for (name, sequence) in sequences {
         let sets: Vec<&ResultSet> = results.iter().filter(|set| set.dataset == *name).collect();
         let hard = hard_pairs(&sets, geometry.get(name));
@@ -49,7 +49,9 @@ pub(super) fn sample(
         pairs.retain(|pair| !telling.contains(pair));
         pairs.truncate(count - telling.len());
         pairs.extend(telling);
-        let images = thumbnails(sequence, &pairs);
+        let images = thumbnails(run, sequence, &pairs);
+        notes.extend(images.note);
+        let images = images.small;
         let mut of_dataset = Vec::new();
         for set in &sets {
             of_dataset.extend(views_of(
@@ -64,7 +66,7 @@ pub(super) fn sample(
         of_dataset.sort_by_key(|(rank, _)| *rank);
         views.extend(of_dataset.into_iter().map(|(_, view)| view));
     }
-    Ok(views)
+    Ok((views, notes))
 }
 
 /// Views of `pairs` with the matches that a run kept of one method, each with its place among them; what is not at
@@ -117,16 +119,38 @@ pub(super) fn views_of(
     Ok(views)
 }
 
-/// The images of some pairs, made small; what cannot be read is left out.
-pub(super) fn thumbnails(sequence: &Sequence, pairs: &[&Pair]) -> BTreeMap<u32, Arc<Thumbnail>> {
+/// Small images by their frames, and what is to be said of those that are left out.
+pub(super) struct Thumbnails {
+    pub(super) small: BTreeMap<u32, Arc<Thumbnail>>,
+    pub(super) note: Option<String>,
+}
+
+/// The images of some pairs, made small; what cannot be read, or is another image than the `run` has matched, is left
+/// out.
+pub(super) fn thumbnails(run: &RunFolder, sequence: &Sequence, pairs: &[&Pair]) -> Thumbnails {
+    let noted = run.images_of(&sequence.name).ok();
+    let is_matched = |frame: u32| {
+        let image = &sequence.frames[frame as usize].image;
+        (noted.as_ref()).is_none_or(|noted| noted.is_as_noted(frame, image))
+    };
     let frames: BTreeSet<u32> = pairs.iter().flat_map(|pair| [pair.a, pair.b]).collect();
-    (frames.into_par_iter())
-        .filter_map(|frame| {
+    let small: BTreeMap<u32, Arc<Thumbnail>> = (frames.par_iter())
+        .filter(|frame| is_matched(**frame))
+        .filter_map(|&frame| {
             let planes = sequence.frames[frame as usize].planes().ok()?;
             let thumbnail = Thumbnail::new(&planes, EMBEDDED.0, EMBEDDED.1);
             Some((frame, Arc::new(thumbnail)))
         })
-        .collect()
+        .collect();
+    let left_out = frames.iter().filter(|frame| !small.contains_key(frame));
+    let changed = left_out.copied().find(|frame| !is_matched(*frame));
+    let note = changed.map(|frame| {
+        format!(
+            "{} is another image than the one that was matched; no picture shows it",
+            sequence.frames[frame as usize].image.display()
+        )
+    });
+    Thumbnails { small, note }
 }
 
 /// Keypoints from the feature cache, as far as it has them.

@@ -59,6 +59,14 @@ pub enum StudyError {
         /// What is wrong.
         error: ExchangeError,
     },
+    /// Matches of another tool cannot be called so.
+    #[error("matches of another tool cannot be called `{name}`: {what}")]
+    Name {
+        /// The name.
+        name: String,
+        /// Why not.
+        what: &'static str,
+    },
     /// No matcher could be started.
     #[error("no matcher could be started: {0}")]
     NotStarted(String),

@@ -10,6 +10,7 @@ use super::{MatchesFrom, Study, StudyDataset, StudyError};
 use crate::cache::FeatureCache;
 use crate::config::Changes;
 use crate::datasets::{DatasetError, ImportReport, Problem, Sequence, camera_problems};
+use crate::estimators::ESTIMATORS;
 use crate::exchange::{MatchSource, ReadOptions};
 use crate::external::{Manifest, StartError};
 use crate::matchers::{self, BuiltPointSource, MATCHERS};
@@ -254,6 +255,7 @@ fn open_matches(
     sequences: &[&Sequence],
     planned: Option<&Value>,
 ) -> Result<MatchSource, StudyError> {
+    check_name(&from.name)?;
     let options = ReadOptions::of(from).map_err(ContenderError::from)?;
     MatchSource::open(&from.files, sequences, &options, planned).map_err(|error| {
         StudyError::Matches {
@@ -261,6 +263,24 @@ fn open_matches(
             error,
         }
     })
+}
+
+/// Whether matches from files may have this name in tables: that of what is built in would set them beside true runs
+/// of it.
+fn check_name(name: &str) -> Result<(), StudyError> {
+    let plain = |c: char| c.is_alphanumeric() || "-_.".contains(c);
+    let is_word = name.chars().all(plain) && name.starts_with(char::is_alphanumeric);
+    let matchers = MATCHERS.iter().map(|entry| entry.id());
+    let estimators = ESTIMATORS.iter().map(|entry| entry.id());
+    let what = if !is_word || name.len() > 64 {
+        "use up to 64 letters, digits, dashes, underscores and dots"
+    } else if name == "all" || matchers.chain(estimators).any(|id| id == name) {
+        "that name is taken by what is built in; choose another, as in `colmap-sift`"
+    } else {
+        return Ok(());
+    };
+    let name = name.to_owned();
+    Err(StudyError::Name { name, what })
 }
 
 /// The dataset, which is imported first if it is not there.

@@ -84,7 +84,9 @@ impl ShardPlan {
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
                 return Err(ShardError::NoPlan { folder });
             }
-            text => text?,
+            text => text.map_err(|error| {
+                io::Error::new(error.kind(), format!("{}: {error}", path.display()))
+            })?,
         };
         let damaged = |reason: String| ShardError::Damaged {
             path: path.clone(),
