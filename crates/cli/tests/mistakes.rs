@@ -75,6 +75,20 @@ fn a_cause_is_told_once() {
     fs::remove_file(folder.join("matches/0_1.txt")).expect("it is ours");
     let said = refused(folder, &run);
     assert_eq!(said.matches("not of finite numbers").count(), 1, "{said}");
+    // Under the name of what is built in, they would stand beside true runs of it.
+    for (name, why) in [
+        ("sift", "built in"),
+        ("best", "built in"),
+        ("a+b", "letters"),
+    ] {
+        let asked = format!("{name}=matches");
+        let run = ["run", "wall", "--matches", &asked, "--out", "r"];
+        let said = refused(folder, &run);
+        assert!(
+            said.contains(&format!("called `{name}`")) && said.contains(why),
+            "{said}"
+        );
+    }
 }
 
 #[test]

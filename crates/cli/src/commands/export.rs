@@ -8,11 +8,11 @@ use anyhow::{Context, Result, bail, ensure};
 use matchbench::config::find;
 use matchbench::datasets::Sequence;
 use matchbench::exchange::{Export, Format};
-use matchbench::records::{MatcherPlan, RunFolder, authors};
+use matchbench::records::{MatcherPlan, Outcome, RunFolder, RunRecord, Task, authors};
 
 use crate::Ending;
 use crate::args::ExportArgs;
-use crate::output::stdout;
+use crate::output::{say, stdout};
 
 /// The format of poses; all others are of matches.
 const AUTHORS: &str = "authors";
@@ -96,6 +96,24 @@ fn write(
         matcher.id,
         sequence.name
     );
+    if !are_inliers {
+        let is_missing = |record: &&RunRecord| {
+            let Task {
+                a, b, repetition, ..
+            } = record.task;
+            let is_broken = matches!(record.outcome, Outcome::Failed { .. });
+            repetition == 0 && !is_broken && !matches.contains((a, b, repetition))
+        };
+        let missing = records.iter().filter(is_missing).count();
+        if missing > 0 {
+            say!(
+                "warning: the matches of `{}` for {missing} pairs of `{}` are gone and are left out; the command that \
+                 made the run makes them again",
+                matcher.id,
+                sequence.name
+            );
+        }
+    }
     let mut folder = matcher.id.clone();
     if args.inliers.is_some() {
         if !are_inliers {
