@@ -3,4 +3,4 @@
 # 297, with rgb.txt cut to these lines; 19 of them have a pose.
 set -e
 matchbench import tum rgbd_dataset_freiburg3_long_office_household tum --pairs all
-matchbench time tum --matchers all --pairs 12 --csv times.csv
+MATCHBENCH_SIMD=avx2 matchbench time tum --matchers all --pairs 12 --csv times.csv
