@@ -4,6 +4,7 @@
 //! duplicates), every image is decoded in full, cameras are compared with the images they belong
 //! to, and pairs with the poses.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
@@ -172,8 +173,21 @@ fn check_pairs(dir: &Path, contents: &Contents, problems: &mut Vec<Problem>) {
             "add them if you have them",
         )));
     }
+    let listed: BTreeSet<(u32, u32)> = (contents.posed.iter())
+        .map(|pair| (pair.a, pair.b))
+        .collect();
     for pair in &contents.posed {
         let line = pair.line;
+        if pair.a < pair.b && listed.contains(&(pair.b, pair.a)) {
+            problems.push(Problem::warning(
+                DatasetError::new(
+                    &file,
+                    format!("the pair {0} {1} is listed as {1} {0} too", pair.a, pair.b),
+                    "take one of them out, or know that it counts twice",
+                )
+                .at(line),
+            ));
+        }
         if pair.truth.translation.vector.norm() == 0.0 {
             problems.push(Problem::warning(
                 DatasetError::new(
@@ -507,10 +521,17 @@ mod tests {
     fn warnings_do_not_stop_a_dataset() {
         let (_folder, dir) = testing::dataset();
         fs::remove_file(dir.join("Images/pose.txt")).unwrap();
-        fs::write(dir.join("pairs.txt"), "0 1 1 0 0 0 0 1 0 0 0 0 1 0").unwrap();
+        let pairs = ["0 1", "1 0"].map(|pair| format!("{pair} 1 0 0 0 0 1 0 0 0 0 1 0\n"));
+        fs::write(dir.join("pairs.txt"), pairs.concat()).unwrap();
         fs::write(dir.join("dataset.toml"), "version = 1\nname = 'else'").unwrap();
         let found = validate(&dir);
-        let words = ["the name is else", "there are no poses", "has no baseline"];
+        let words = [
+            "the name is else",
+            "there are no poses",
+            "the pair 0 1 is listed as 1 0 too",
+            "has no baseline",
+            "has no baseline",
+        ];
         assert_eq!(found.len(), words.len(), "{found:?}");
         for (problem, words) in found.iter().zip(words) {
             assert_eq!(problem.severity, Severity::Warning);

@@ -152,6 +152,16 @@ mod tests {
                 3,
                 "unknown pair rule `few`",
             ),
+            (
+                "[[dataset]]\npath = 'x'\nimport = { kind = 'tmu', source = 'y' }\n",
+                3,
+                "there are: tum, kitti",
+            ),
+            (
+                "[[dataset]]\npath = 'x'\nimport = { kind = 'tum', source = 'y', tolerance = -1 }\n",
+                3,
+                "a tolerance of -1",
+            ),
             ("matchers = [\n", 1, ""),
         ] {
             let Err(StudyError::File {

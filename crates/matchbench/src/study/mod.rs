@@ -166,6 +166,7 @@ impl StudyDataset {
 #[serde(deny_unknown_fields)]
 pub struct StudyImport {
     /// Id of the layout, see [`KINDS`](crate::datasets::KINDS).
+    #[serde(deserialize_with = "names::kind")]
     pub kind: String,
     /// The data as their authors publish them.
     pub source: PathBuf,
@@ -179,6 +180,7 @@ pub struct StudyImport {
     /// The poses.
     pub poses: Option<PathBuf>,
     /// Largest difference in time between an image and its pose, in seconds.
+    #[serde(default, deserialize_with = "names::tolerance")]
     pub tolerance: Option<f64>,
     /// Interpolate between poses instead of taking the nearest. Default: false.
     #[serde(default)]

@@ -7,8 +7,8 @@ use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, Visitor};
 use serde::{Deserialize, de};
 use serde_json::{Map, Value};
 
-use crate::config::{Changes, ConfigError, UnknownName};
-use crate::datasets::PairRule;
+use crate::config::{self, Changes, ConfigError, UnknownName};
+use crate::datasets::{KINDS, PairRule};
 use crate::estimators::{self, ESTIMATORS};
 use crate::external::Manifest;
 use crate::matchers::{self, MATCHERS};
@@ -99,6 +99,26 @@ pub(super) fn pair_rule<'de, D: Deserializer<'de>>(
 ) -> Result<Option<PairRule>, D::Error> {
     let text = String::deserialize(deserializer)?;
     text.parse().map(Some).map_err(D::Error::custom)
+}
+
+/// The kind of a dataset that is imported.
+pub(super) fn kind<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    let id = String::deserialize(deserializer)?;
+    let ids: Vec<&str> = KINDS.iter().map(|kind| kind.id).collect();
+    config::find("kind of dataset", &ids, |id| id, &id).map_err(D::Error::custom)?;
+    Ok(id)
+}
+
+/// A difference in time, in seconds.
+pub(super) fn tolerance<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<f64>, D::Error> {
+    let seconds = f64::deserialize(deserializer)?;
+    if seconds >= 0.0 && seconds.is_finite() {
+        return Ok(Some(seconds));
+    }
+    let message = format!("a tolerance of {seconds}; give seconds, 0 or more");
+    Err(D::Error::custom(message))
 }
 
 /// The table `set`: parameters by the id of their matcher or estimator.
