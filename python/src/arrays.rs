@@ -205,7 +205,7 @@ pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyRes
     if whole.len() > 0 && !matches!(whole.dtype().kind(), b'i' | b'u') {
         return Err(refused(value, "indices", expected));
     }
-    let array: PyArrayLike2<'_, i64, AllowTypeChange> = (value.extract()).map_err(refuse)?;
+    let array: PyArrayLike2<'_, i64, AllowTypeChange> = whole.extract().map_err(refuse)?;
     let view = array.as_array();
     if view.ncols() != 2 {
         return Err(refused(value, "indices", expected));

@@ -1,9 +1,8 @@
 //! `matchbench check`: a matcher from outside, tried out.
 
-use std::fs::File;
-use std::io::{ErrorKind, Write};
+use std::env;
+use std::io::Write;
 use std::path::PathBuf;
-use std::{env, process};
 
 use anyhow::{Context, Result, bail};
 use matchbench::datasets::Sequence;
@@ -52,16 +51,11 @@ pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
 /// A new file for what the matcher prints. In a folder that everybody may write to, a file that is there
 /// already may be another user's, or a link to a third.
 fn new_log(matcher: &str) -> Result<PathBuf> {
-    let id = process::id();
-    for number in 0.. {
-        let path = env::temp_dir().join(format!("matchbench-check-{matcher}-{id}-{number}.log"));
-        match File::create_new(&path) {
-            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-            made => {
-                made.with_context(|| format!("cannot make the log {}", path.display()))?;
-                return Ok(path);
-            }
-        }
-    }
-    unreachable!("some number is free")
+    let prefix = format!("matchbench-check-{matcher}-");
+    let file = (tempfile::Builder::new()
+        .prefix(&prefix)
+        .suffix(".log")
+        .tempfile())
+    .with_context(|| format!("cannot make a log in {}", env::temp_dir().display()))?;
+    Ok(file.keep()?.1)
 }

@@ -178,25 +178,21 @@ fn check_pairs(dir: &Path, contents: &Contents, problems: &mut Vec<Problem>) {
         .collect();
     for pair in &contents.posed {
         let line = pair.line;
+        let mut warn = |what: String, remedy: &str| {
+            let error = DatasetError::new(&file, what, remedy);
+            problems.push(Problem::warning(error.at(line)));
+        };
         if pair.a < pair.b && listed.contains(&(pair.b, pair.a)) {
-            problems.push(Problem::warning(
-                DatasetError::new(
-                    &file,
-                    format!("the pair {0} {1} is listed as {1} {0} too", pair.a, pair.b),
-                    "take one of them out, or know that it counts twice",
-                )
-                .at(line),
-            ));
+            warn(
+                format!("the pair {0} {1} is listed as {1} {0} too", pair.a, pair.b),
+                "take one of them out, or know that it counts twice",
+            );
         }
         if pair.truth.translation.vector.norm() == 0.0 {
-            problems.push(Problem::warning(
-                DatasetError::new(
-                    &file,
-                    format!("the pair {} {} has no baseline", pair.a, pair.b),
-                    "take it out, or know that it counts as wrong in all scores but those of the rotation",
-                )
-                .at(line),
-            ));
+            warn(
+                format!("the pair {} {} has no baseline", pair.a, pair.b),
+                "take it out, or know that it counts as wrong in all scores but those of the rotation",
+            );
         }
         let pose = |index: u32| poses.get(index as usize).map(|(_, pose)| pose);
         let (Some(a), Some(b)) = (pose(pair.a), pose(pair.b)) else {

@@ -107,6 +107,14 @@ pub struct BuiltIn {
     pub estimators: Vec<&'static str>,
 }
 
+impl BuiltIn {
+    /// Whether nothing from outside may have this name.
+    pub fn takes(&self, name: &str) -> bool {
+        let mut ids = self.matchers.iter().chain(&self.estimators);
+        name == "all" || ids.any(|id| *id == name)
+    }
+}
+
 /// A manifest that cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}{}: {what}; {remedy}", .file.display(), .line.map(|n| format!(":{n}")).unwrap_or_default())]
@@ -356,8 +364,7 @@ impl Source<'_> {
             let remedy = "use up to 64 lower-case letters, digits and dashes, as in `aliked-n16`";
             return Err(self.error(at, what, remedy));
         }
-        let mut taken = built_in.matchers.iter().chain(&built_in.estimators);
-        if name == "all" || taken.any(|id| id == name) {
+        if built_in.takes(name) {
             let what = format!("`{name}` is taken by what is built in");
             return Err(self.error(at, what, "choose another name"));
         }

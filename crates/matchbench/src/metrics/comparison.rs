@@ -6,10 +6,11 @@
 use std::collections::BTreeMap;
 
 use super::average_matches::is_right;
-use super::groups::different;
 use super::scores::{AP_THRESHOLD, HEADLINE_PX};
 use super::success::gain;
-use super::{Angle, Bootstrap, Difference, Model, PairResult, ResultSet, Term, ranking_auc};
+use super::{
+    Angle, Bootstrap, Difference, Groups, Model, PairResult, ResultSet, Term, ranking_auc,
+};
 
 /// What changed from one set of results to another on the pairs that both have.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,8 +86,8 @@ pub struct Lead {
     pub difference: Difference,
 }
 
-/// The best of each dataset against each of the others, in the order of `sets`.
-pub fn leads(sets: &[ResultSet], bootstrap: &Bootstrap) -> Vec<Lead> {
+/// The best of each dataset against each of the others, in the order of `sets`, whose `groups` say what is certain.
+pub fn leads(sets: &[ResultSet], groups: &Groups, bootstrap: &Bootstrap) -> Vec<Lead> {
     let auc = |set: &ResultSet| ranking_auc(&set.pairs);
     // Poses and homographies of one dataset are not compared.
     let key = |set: &ResultSet| (set.dataset.clone(), Model::of_all(&set.pairs));
@@ -100,7 +101,6 @@ pub fn leads(sets: &[ResultSet], bootstrap: &Bootstrap) -> Vec<Lead> {
             *leader = (i, auc(set));
         }
     }
-    let different = different(sets);
     let method = |set: &ResultSet| (set.matcher.clone(), set.estimator.clone());
     (sets.iter().enumerate())
         .filter_map(|(i, set)| Some((best.get(&key(set))?.0, i, set)))
@@ -110,7 +110,7 @@ pub fn leads(sets: &[ResultSet], bootstrap: &Bootstrap) -> Vec<Lead> {
             best: method(&sets[best]),
             other: method(set),
             difference: Difference {
-                is_certain: different.contains(&(best.min(i), best.max(i))),
+                is_certain: groups.differ(best, i),
                 ..auc_difference(&sets[best], set, bootstrap)
             },
         })
@@ -144,8 +144,8 @@ fn difference(
 
 #[cfg(test)]
 mod tests {
-    use super::super::Failure;
     use super::super::pair_result::tests::solved;
+    use super::super::{Failure, groups};
     use super::*;
 
     fn results(pairs: Vec<PairResult>) -> ResultSet {
@@ -163,6 +163,22 @@ mod tests {
     fn difference_pairs_the_pairs() {
         let better = results(vec![solved(0, 0.1, 0.1, 50), solved(3, 0.1, 4.0, 50)]);
         let worse = results(vec![solved(3, 0.1, 7.0, 50), solved(0, 0.1, 3.0, 50)]);
+        // The same on three times as many images.
+        let thrice = |set: &ResultSet| {
+            let images = (0..3).flat_map(|turn| {
+                let moved = move |pair: &PairResult| PairResult {
+                    a: pair.a + 10 * turn,
+                    ..pair.clone()
+                };
+                set.pairs.iter().map(moved)
+            });
+            results(images.collect())
+        };
+        let many = auc_difference(&thrice(&better), &thrice(&worse), &Bootstrap::default());
+        assert!((many.value.expect("pairs in common") - 0.2).abs() < 1e-15);
+        let interval = many.interval.expect("six reference images");
+        assert!((interval.high - interval.low).abs() < 1e-12);
+        assert!(many.is_certain);
         // Image 0: 15 - 12 thresholds; image 3: 11 - 8. Three of fifteen each time.
         let score = auc_difference(&better, &worse, &Bootstrap::default());
         assert!((score.value.expect("two pairs in common") - 0.2).abs() < 1e-15);
@@ -206,7 +222,7 @@ mod tests {
             named("surf", 0.1),
             elsewhere,
         ];
-        let leads = leads(&sets, &Bootstrap::default());
+        let leads = leads(&sets, &groups(&sets), &Bootstrap::default());
         let found: Vec<_> = (leads.iter())
             .map(|lead| (&*lead.best.0, &*lead.other.0, lead.difference.is_certain))
             .collect();

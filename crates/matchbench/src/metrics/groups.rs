@@ -25,31 +25,39 @@ pub const GROUP_LEVEL_NOTE: &str = "Methods of a dataset that share a letter do 
 /// With more groups than letters nothing is marked.
 const LETTERS: usize = 26;
 
-/// The letters of each set of results, in the order of `sets`. Empty where a dataset has one set,
-/// too few reference images that all sets have, or more groups than letters.
-pub fn groups(sets: &[ResultSet]) -> Vec<String> {
-    let mut letters = vec![String::new(); sets.len()];
-    for rivals in Rivals::of_all(sets) {
-        let different = rivals.different();
-        for (member, text) in
-            (rivals.members.iter()).zip(letters_of(rivals.members.len(), &different))
-        {
-            letters[*member] = text;
-        }
-    }
-    letters
+/// What comparing all sets of results with each other comes to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Groups {
+    /// The letters of each set, in the order of the sets. Empty where a dataset has one set, too few reference images
+    /// that all sets have, or more groups than letters.
+    pub letters: Vec<String>,
+    /// Which sets differ significantly, the lower place first: those without a common letter.
+    different: BTreeSet<(usize, usize)>,
 }
 
-/// Which sets of results differ significantly, the lower place in `sets` first: those without a common letter.
-pub(super) fn different(sets: &[ResultSet]) -> BTreeSet<(usize, usize)> {
+impl Groups {
+    /// Whether the sets at these places differ significantly.
+    pub(super) fn differ(&self, one: usize, other: usize) -> bool {
+        self.different.contains(&(one.min(other), one.max(other)))
+    }
+}
+
+/// Compares the sets of each dataset, all with all.
+pub fn groups(sets: &[ResultSet]) -> Groups {
+    let mut letters = vec![String::new(); sets.len()];
     let mut different = BTreeSet::new();
     for rivals in Rivals::of_all(sets) {
-        for (i, j) in rivals.different() {
-            let (one, other) = (rivals.members[i], rivals.members[j]);
+        let members = &rivals.members;
+        let pairs = rivals.different();
+        for (member, text) in members.iter().zip(letters_of(members.len(), &pairs)) {
+            letters[*member] = text;
+        }
+        for (i, j) in pairs {
+            let (one, other) = (members[i], members[j]);
             different.insert((one.min(other), one.max(other)));
         }
     }
-    different
+    Groups { letters, different }
 }
 
 /// The sets of results of a dataset that are compared.
@@ -209,7 +217,7 @@ mod tests {
                 f64::from(a % 7) + if a % 2 == 0 { 0.2 } else { 1.6 }
             }),
         ];
-        let letters = groups(&sets);
+        let letters = groups(&sets).letters;
         assert_eq!(letters[1], "a");
         assert!(letters[2].contains('a') || letters[2] == "b");
         assert!(
@@ -217,15 +225,15 @@ mod tests {
             "{letters:?}"
         );
         let twice = [sets[1].clone(), sets[1].clone()];
-        assert_eq!(groups(&twice), ["a", "a"]);
+        assert_eq!(groups(&twice).letters, ["a", "a"]);
     }
 
     #[test]
     fn nothing_is_marked_without_a_comparison() {
-        assert_eq!(groups(&[set("sift", |_| 1.0)]), [""]);
+        assert_eq!(groups(&[set("sift", |_| 1.0)]).letters, [""]);
         let mut one = set("sift", |_| 1.0);
         one.pairs.truncate(5);
-        assert_eq!(groups(&[one.clone(), one]), ["", ""]);
+        assert_eq!(groups(&[one.clone(), one]).letters, ["", ""]);
     }
 
     #[test]

@@ -46,7 +46,7 @@ pub use comparison::{Comparison, Lead, auc_difference, compare, leads};
 pub use errors::{ErrorTableError, load_errors};
 pub use failure::Failure;
 pub use failures::Failures;
-pub use groups::{GROUP_LEVEL_NOTE, groups};
+pub use groups::{GROUP_LEVEL_NOTE, Groups, groups};
 pub use hard_pairs::{HardPairs, Hardship, LITTLE_OVERLAP, WIDE_ANGLE, hard_pairs};
 pub use load::{load, load_chosen, load_each, load_run};
 pub use pair_choice::PairChoice;

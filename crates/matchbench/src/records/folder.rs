@@ -331,14 +331,6 @@ impl RunWriter {
         Ok(file)
     }
 
-    /// As [`RunFolder::images_of`].
-    ///
-    /// # Errors
-    /// As there.
-    pub(crate) fn images_of(&self, dataset: &str) -> Result<ImageNotes, FolderError> {
-        self.folder.images_of(dataset)
-    }
-
     /// Appends to the records of one matcher with one estimator on one dataset; recover them first.
     ///
     /// # Errors

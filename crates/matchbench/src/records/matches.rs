@@ -1,9 +1,9 @@
 //! Selected matches on disk: `matches/<dataset>/<matcher>.bin` in the folder of the run, one entry
 //! for each pair and repetition, only ever appended to.
 //!
-//! They are what estimators start from, so another estimator costs only itself (and features from the cache, where
-//! depth or a homography judges keypoints), and what a report
-//! draws. An entry is appended before the records that follow from it.
+//! They are what estimators start from, so another estimator costs only itself (and features from the cache,
+//! where depth or a homography judges keypoints), and what a report draws. An entry is appended before the
+//! records that follow from it.
 //!
 //! Where [`KeepMatches::Inliers`] are kept alone they stand in `inliers/<dataset>/<matcher>+<estimator>.bin`,
 //! for the pairs with a pose: another estimator must not start from what one has chosen.

@@ -53,12 +53,14 @@ impl Content {
         let mut summaries: Vec<Summary> = (results.par_iter())
             .map(|set| Summary::new(set, bootstrap))
             .collect();
-        for (summary, group) in summaries.iter_mut().zip(groups(&results)) {
-            summary.group = group;
+        let groups = groups(&results);
+        let leads = leads(&results, &groups, bootstrap);
+        for (summary, letters) in summaries.iter_mut().zip(groups.letters) {
+            summary.group = letters;
         }
         Self {
             summaries,
-            leads: leads(&results, bootstrap),
+            leads,
             results,
             facts,
             ..Self::default()

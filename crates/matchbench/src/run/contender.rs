@@ -227,17 +227,21 @@ impl Contender {
     }
 }
 
+/// The matchers and estimators of this program.
+pub fn built_in() -> BuiltIn {
+    BuiltIn {
+        matchers: MATCHERS.iter().map(|entry| entry.id()).collect(),
+        estimators: ESTIMATORS.iter().map(|entry| entry.id()).collect(),
+    }
+}
+
 /// The manifest at `path` with what `changes` has for it; it cannot be called as what is built in, and its
 /// estimator is.
 ///
 /// # Errors
 /// If the manifest is wrong, or a change does not fit it.
 pub fn manifest(path: &Path, changes: &Changes) -> Result<Manifest, ManifestError> {
-    let built_in = BuiltIn {
-        matchers: MATCHERS.iter().map(|entry| entry.id()).collect(),
-        estimators: ESTIMATORS.iter().map(|entry| entry.id()).collect(),
-    };
-    let manifest = Manifest::read(path, &built_in)?;
+    let manifest = Manifest::read(path, &built_in())?;
     match changes.of(&manifest.name) {
         Some(changes) => manifest.with(changes),
         None => Ok(manifest),

@@ -41,7 +41,7 @@ mod tests;
 mod trial;
 mod work;
 
-pub use contender::{Contender, ContenderError, Outside, Variant, manifest};
+pub use contender::{Contender, ContenderError, Outside, Variant, built_in, manifest};
 pub use error::RunError;
 pub use evaluate::{Evaluation, EvaluationError, ImagePair, evaluate};
 pub use frame::Decode;
@@ -386,7 +386,7 @@ fn images<'d>(
         let is_left =
             |progress: &MatcherProgress<'_>| progress.sequence.name == *name && !progress.is_done();
         if progresses.iter().any(is_left) {
-            let notes = folder.images_of(name)?;
+            let notes = folder.folder().images_of(name)?;
             notes.verify(|frame| Some(&*frames.get(frame as usize)?.image))?;
             images.insert(&**name, Mutex::new(notes));
         }

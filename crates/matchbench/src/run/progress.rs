@@ -78,9 +78,8 @@ impl<'a> MatcherProgress<'a> {
         };
         for variant in &contender.estimators {
             let names = [&*sequence.name, contender.source.id(), &*variant.name];
-            let mut lost = mem::take(&mut progress.lost);
-            let estimator = progress.recorded(folder, names, retry_failed, kept, &mut lost)?;
-            progress.lost = lost;
+            let (estimator, mut lost) = progress.recorded(folder, names, retry_failed, kept)?;
+            progress.lost.append(&mut lost);
             progress.estimators.push(estimator);
         }
         Ok(progress)
@@ -94,9 +93,9 @@ impl<'a> MatcherProgress<'a> {
         names: [&str; 3],
         retry_failed: bool,
         kept: Option<&MatchesFile>,
-        lost: &mut BTreeSet<usize>,
-    ) -> Result<EstimatorProgress, StoreError> {
+    ) -> Result<(EstimatorProgress, BTreeSet<usize>), StoreError> {
         let (mut done, mut failed, mut retried) = (0, 0, BTreeSet::new());
+        let mut lost = BTreeSet::new();
         let mut foreign = None;
         let mut tasks = (self.pairs.iter())
             .flat_map(|pair| (0..self.repetitions).map(move |repetition| (pair, repetition)));
@@ -137,13 +136,14 @@ impl<'a> MatcherProgress<'a> {
         } else {
             store::read(&file)?
         };
-        Ok(EstimatorProgress {
+        let progress = EstimatorProgress {
             file,
             done,
             failed,
             retried,
             records,
-        })
+        };
+        Ok((progress, lost))
     }
 
     pub(super) fn task(&self, pair: &Pair, estimator: &str, repetition: u32) -> Task {

@@ -10,13 +10,12 @@ use super::{MatchesFrom, Study, StudyDataset, StudyError};
 use crate::cache::FeatureCache;
 use crate::config::Changes;
 use crate::datasets::{DatasetError, ImportReport, Problem, Sequence, camera_problems};
-use crate::estimators::ESTIMATORS;
 use crate::exchange::{MatchSource, ReadOptions};
 use crate::external::{Manifest, StartError};
 use crate::matchers::{self, BuiltPointSource, MATCHERS};
 use crate::protocols;
 use crate::records::{KeepMatches, Plan, RunFolder, Settings, Tuned};
-use crate::run::{Contender, ContenderError, Dataset, Outside, Run, manifest};
+use crate::run::{Contender, ContenderError, Dataset, Outside, Run, built_in, manifest};
 
 /// A study whose datasets are open and whose matchers are ready.
 pub struct Prepared {
@@ -270,11 +269,9 @@ fn open_matches(
 fn check_name(name: &str) -> Result<(), StudyError> {
     let plain = |c: char| c.is_alphanumeric() || "-_.".contains(c);
     let is_word = name.chars().all(plain) && name.starts_with(char::is_alphanumeric);
-    let matchers = MATCHERS.iter().map(|entry| entry.id());
-    let estimators = ESTIMATORS.iter().map(|entry| entry.id());
     let what = if !is_word || name.len() > 64 {
         "use up to 64 letters, digits, dashes, underscores and dots"
-    } else if name == "all" || matchers.chain(estimators).any(|id| id == name) {
+    } else if built_in().takes(name) {
         "that name is taken by what is built in; choose another, as in `colmap-sift`"
     } else {
         return Ok(());

@@ -255,7 +255,7 @@ impl Merging<'_> {
                 }
             }
         }
-        let mut notes = writer.images_of(&dataset.name)?;
+        let mut notes = writer.folder().images_of(&dataset.name)?;
         for frame in &frames.order {
             if let Some((shard, hash)) = hashes.get(frame) {
                 notes.note(*frame, &self.folders[*shard], *hash)?;
