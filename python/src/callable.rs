@@ -11,13 +11,15 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use matchbench::datasets::read_gray;
+use matchbench::external::is_inside;
 use matchbench::matchers::{
     BuiltPointSource, ImageFiles, PointSource, SourceError, SourceSeconds, SourcedMatches,
 };
 use matchbench::run::Cancel;
 use matchbench_vision::geometry::MatchedPoints;
-
+use matchbench_vision::image::Size;
 use matchbench_vision::seed::Seed;
+use nalgebra::Point2;
 use pyo3::exceptions::{PyKeyboardInterrupt, PySystemExit, PyTypeError};
 use pyo3::prelude::*;
 
@@ -67,15 +69,15 @@ impl PythonMatcher {
 struct InProcess {
     matching: Py<PyAny>,
     extract: Option<Py<PyAny>>,
-    /// Features of the images that were asked for last.
-    known: Mutex<VecDeque<(PathBuf, Py<PyAny>)>>,
+    /// Features and sizes of the images that were asked for last.
+    known: Mutex<VecDeque<(PathBuf, Py<PyAny>, Size)>>,
     cancel: Cancel,
 }
 
 impl PointSource for InProcess {
     fn matches(&self, pair: &ImageFiles<'_>, _: Seed) -> Result<SourcedMatches, SourceError> {
         let mut seconds = SourceSeconds::default();
-        let [a, b] = match &self.extract {
+        let [(a, size_a), (b, size_b)] = match &self.extract {
             None => [self.pixels(pair.images[0])?, self.pixels(pair.images[1])?],
             Some(extract) => {
                 let [time_a, time_b] = &mut seconds.extract;
@@ -90,8 +92,11 @@ impl PointSource for InProcess {
             let answer = self.matching.bind(py).call1((a, b));
             seconds.matching = Some(start.elapsed().as_secs_f64());
             let points = answer.and_then(|answer| matched_points(&answer));
+            let points = points.map_err(|error| self.said(py, &error))?;
+            check_inside("points_a", &points.a, size_a).map_err(SourceError::Pair)?;
+            check_inside("points_b", &points.b, size_b).map_err(SourceError::Pair)?;
             Ok(SourcedMatches {
-                points: points.map_err(|error| self.said(py, &error))?,
+                points,
                 seconds,
                 ..SourcedMatches::default()
             })
@@ -100,34 +105,34 @@ impl PointSource for InProcess {
 }
 
 impl InProcess {
-    /// The pixels of an image, as an array.
-    fn pixels(&self, path: &Path) -> Result<Py<PyAny>, SourceError> {
+    /// The pixels of an image, as an array, and its size.
+    fn pixels(&self, path: &Path) -> Result<(Py<PyAny>, Size), SourceError> {
         let image = read_gray(path).map_err(|error| SourceError::Pair(error.to_string()))?;
         Python::attach(|py| {
-            let array = pixels(py, &image);
-            Ok(array.map_err(|error| self.said(py, &error))?.unbind())
+            let array = pixels(py, &image).map_err(|error| self.said(py, &error))?;
+            Ok((array.unbind(), image.size()))
         })
     }
 
-    /// The features of an image, and the time they took if they were not known.
+    /// The features of an image and its size, and the time they took if they were not known.
     fn features(
         &self,
         extract: &Py<PyAny>,
         path: &Path,
         seconds: &mut Option<f64>,
-    ) -> Result<Py<PyAny>, SourceError> {
+    ) -> Result<(Py<PyAny>, Size), SourceError> {
         // Never held while Python runs: two threads may extract the same image, to the same features.
         let recall = || {
             let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
             Python::attach(|py| {
-                let found = known.iter().find(|(known, _)| known == path);
-                found.map(|(_, features)| features.clone_ref(py))
+                let found = known.iter().find(|(known, ..)| known == path);
+                found.map(|(_, features, size)| (features.clone_ref(py), *size))
             })
         };
         if let Some(features) = recall() {
             return Ok(features);
         }
-        let pixels = self.pixels(path)?;
+        let (pixels, size) = self.pixels(path)?;
         let features = Python::attach(|py| {
             let start = Instant::now();
             let features = extract.bind(py).call1((pixels,));
@@ -137,10 +142,10 @@ impl InProcess {
         })?;
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let oldest = (known.len() >= KEPT).then(|| known.pop_front());
-        known.push_back((path.into(), features.0));
+        known.push_back((path.into(), features.0, size));
         drop(known);
         drop(oldest);
-        Ok(features.1)
+        Ok((features.1, size))
     }
 
     /// An exception of the matcher, as what it says of the pair.
@@ -153,6 +158,18 @@ impl InProcess {
         let place = last_place(py, error).map_or_else(String::new, |place| format!(" ({place})"));
         SourceError::Pair(format!("{error}{place}"))
     }
+}
+
+/// Refuses points that are not in their image, as those of a process are refused.
+fn check_inside(name: &str, points: &[Point2<f64>], size: Size) -> Result<(), String> {
+    let outside = |point: &&Point2<f64>| !is_inside(point.x as f32, point.y as f32, size);
+    points.iter().find(outside).map_or(Ok(()), |point| {
+        Err(format!(
+            "`{name}` has ({}, {}), outside its image of {size} pixels; points are pixels of the original \
+             image, x before y",
+            point.x, point.y
+        ))
+    })
 }
 
 /// Where an exception was raised: file and line.

@@ -16,7 +16,6 @@ use matchbench::records::{KeepMatches, RunFolder, Settings};
 use matchbench::run::{Cancel, Contender, Outside, Run, RunSummary, pair_seed as seed_of_pair};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use rayon::ThreadPoolBuilder;
 
 use crate::callable::PythonMatcher;
 use crate::datasets::Dataset;
@@ -27,8 +26,6 @@ use crate::progress::Progress;
 
 /// How often the caller's thread looks for Ctrl-C.
 const TICK: Duration = Duration::from_millis(50);
-/// Bytes of the stack of a thread, as the command line's have.
-const STACK: usize = 8 << 20;
 
 /// A matcher of a run.
 #[derive(FromPyObject)]
@@ -206,11 +203,7 @@ fn listening(
     threads: Option<NonZeroUsize>,
     progress: Option<&Py<PyAny>>,
 ) -> PyResult<RunSummary> {
-    let pool = ThreadPoolBuilder::new()
-        .num_threads(threads.map_or(0, NonZeroUsize::get))
-        .stack_size(STACK)
-        .build()
-        .map_err(error)?;
+    let pool = matchbench_cli::pool(threads).map_err(|broken| error(format!("{broken:#}")))?;
     let mut interrupted = None;
     let ended = py.detach(|| {
         thread::scope(|scope| {

@@ -75,6 +75,7 @@ def test_a_matcher_that_breaks_costs_its_pairs_and_is_tried_again(dataset, tmp_p
         "points_b": lambda a, b: (np.zeros((3, 2)), np.zeros((3, 3))),
         "3 points in a, 2 in b": lambda a, b: (np.zeros((3, 2)), np.zeros((2, 2))),
         "ambiguity": lambda a, b: (np.zeros((1, 2)), np.zeros((1, 2)), np.array([2.0])),
+        "`points_b` has (-7, 1), outside": lambda a, b: (np.ones((1, 2)), np.array([[-7.0, 1.0]])),
     }
     for number, (words, broken_matcher) in enumerate(answers.items()):
         broken_matcher.__name__ = "one"
@@ -158,7 +159,11 @@ def test_wrong_runs_are_refused_in_words(dataset, tmp_path):
         start([7])
     with pytest.raises(ValueError, match="matchers: an empty list; give at least one"):
         start([])
-    for name in ("threads", "repeat", "time_budget_ms"):
+    with pytest.raises(ValueError, match="estimators: an empty list; leave it out"):
+        start(estimators=[])
+    with pytest.raises(ValueError, match="dataset: an empty list; give at least one"):
+        mb.run([], "sift", out=tmp_path / "run", progress=False)
+    for name in ("threads", "repeat", "time_budget_ms", "limit"):
         for count in (0, -1):
             with pytest.raises(ValueError, match=f"^{name}: {count}, must be at least 1"):
                 start(**{name: count})
@@ -168,9 +173,11 @@ def test_wrong_runs_are_refused_in_words(dataset, tmp_path):
         mb.Dataset.open(tmp_path / "nothing")
     with pytest.raises(mb.Error, match="nothing"):
         mb.evaluate(tmp_path / "nothing")
-    start(["orb"])
+    started = start(["orb"], threads=10**9)  # no more than the cores make use of
     with pytest.raises(mb.Error, match="plan"):
         start(["orb"], seed=1)
+    with pytest.raises(ValueError, match="give one of the two"):
+        mb.report(started, out=tmp_path / "report", bundle=tmp_path / "report.html")
 
 
 def test_one_is_a_list_of_one(dataset, tmp_path):
@@ -257,7 +264,7 @@ def test_a_pair_is_drawn(dataset, tmp_path):
     picture = mb.show(dataset, a, b, "sift", "best", settings=["sift.ratio=0.7"])
     assert picture.png.startswith(b"\x89PNG") and picture._repr_png_() == picture.png
     assert picture.save(tmp_path / "pair.png").read_bytes() == picture.png
-    assert mb.show(dataset, a, b, "sift", "best", settings=["sift.ratio=0.7"]).png == picture.png
+    assert mb.show(dataset, a, b, "sift", "best", settings="sift.ratio=0.7").png == picture.png
     assert mb.show(dataset.path, a, b, "sift", "best", keypoints=True).png != picture.png
     with pytest.raises(mb.Error, match="no pair 0 0"):
         mb.show(dataset, 0, 0)

@@ -18,7 +18,7 @@ use std::thread::available_parallelism;
 
 use anyhow::Context;
 use clap::Parser;
-use rayon::ThreadPoolBuilder;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use args::{Cli, Command};
 use output::say;
@@ -108,16 +108,24 @@ fn bytes(text: &str) -> Option<NonZeroU64> {
 /// Does the command in the one pool of threads that all of it shares: decoding, extraction, scoring,
 /// figures.
 fn in_pool(command: &Command) -> anyhow::Result<Ending> {
+    pool(threads(command))?.install(|| dispatch(command))
+}
+
+/// Threads for a run, with the stacks that they need: as many as `asked` for, but no more than the cores make
+/// use of; without a number, one for each core.
+///
+/// # Errors
+/// If the system does not give them.
+pub fn pool(asked: Option<NonZeroUsize>) -> anyhow::Result<ThreadPool> {
     let cores = available_parallelism().map_or(1, usize::from);
     let useful = MOST_THREADS_A_CORE * cores;
     // Results do not depend on it, so that fewer threads than asked for are no other answer.
-    let threads = threads(command).map_or(0, |asked| asked.get().min(useful));
-    let pool = ThreadPoolBuilder::new()
+    let threads = asked.map_or(0, |asked| asked.get().min(useful));
+    ThreadPoolBuilder::new()
         .num_threads(threads)
         .stack_size(STACK)
         .build()
-        .context("cannot start the threads; try fewer with --threads")?;
-    pool.install(|| dispatch(command))
+        .context("cannot start the threads; ask for fewer")
 }
 
 /// What `--threads` says, where the command has that option.

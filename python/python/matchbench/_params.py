@@ -1,4 +1,4 @@
-"""Parameters as they cross to the compiled part, which checks them: JSON."""
+"""Arguments as they cross to the compiled part, which checks them: parameters as JSON, one or several as a list."""
 
 import json
 import math
@@ -10,6 +10,11 @@ def to_json(params: Mapping[str, Any]) -> str:
     """The parameters as JSON; numpy's numbers are numbers."""
 
     return json.dumps(_plain("params", params))
+
+
+def several(given: Any) -> list[Any]:
+    """What is given, as a list: a name, or what has no parts, is one."""
+    return [given] if isinstance(given, str) or not hasattr(given, "__iter__") else list(given)
 
 
 def _plain(name: str, value: Any) -> Any:

@@ -11,7 +11,7 @@ from ._matchers import Matcher
 from ._native import Dataset, Estimator
 from ._native import report as native_report
 from ._native import run as native_run
-from ._params import to_json
+from ._params import several, to_json
 from ._progress import shown
 
 _Path = str | os.PathLike[str]
@@ -39,7 +39,7 @@ class Run:
 def run(
     dataset: Dataset | _Path | Sequence[Dataset | _Path],
     matchers: Any | Sequence[Any],
-    estimators: str | Estimator | Sequence[str | Estimator] = (),
+    estimators: str | Estimator | Sequence[str | Estimator] | None = None,
     *,
     out: _Path,
     settings: str | Sequence[str] = (),
@@ -74,20 +74,22 @@ def run(
 
     Ctrl-C finishes the pairs in flight and is then raised; the same call goes on from there.
     """
-    contenders = [_any_matcher(each) for each in _several(matchers)]
-    if not contenders:
-        raise ValueError('matchers: an empty list; give at least one, as in ["sift"]')
-    for name, count in (("repeat", repeat), ("time_budget_ms", time_budget_ms), ("threads", threads)):
+    datasets = _some("dataset", dataset, "give at least one")
+    contenders = [_any_matcher(each) for each in _some("matchers", matchers, 'give at least one, as in ["sift"]')]
+    own = "leave it out for those that belong to each matcher"
+    judges = [] if estimators is None else _some("estimators", estimators, own)
+    counts = {"repeat": repeat, "limit": limit, "time_budget_ms": time_budget_ms, "threads": threads}
+    for name, count in counts.items():
         if count is not None and count < 1:
             raise ValueError(f"{name}: {count}, must be at least 1")
-    datasets = [each if isinstance(each, Dataset) else Dataset.open(each) for each in _several(dataset)]
+    opened = [each if isinstance(each, Dataset) else Dataset.open(each) for each in datasets]
     with shown(progress) as bar:
-        counts, absent = native_run(
-            datasets,
+        tasks, absent = native_run(
+            opened,
             contenders,
-            _several(estimators),
+            judges,
             out,
-            _several(settings),
+            several(settings),
             seed,
             repeat,
             limit,
@@ -100,7 +102,7 @@ def run(
         )
     for reason in absent:
         warnings.warn(reason, stacklevel=2)
-    return Run(Path(out), *counts)
+    return Run(Path(out), *tasks)
 
 
 def report(
@@ -112,6 +114,8 @@ def report(
 ) -> Path:
     """Writes the report of a run and returns its page: `report/index.html` in the folder of the run, or in
     `out`, or all of it as the one file `bundle`. What is missing in it is warned of."""
+    if out is not None and bundle is not None:
+        raise ValueError("out is a folder and bundle one file that holds all of it; give one of the two")
     folder = run.path if isinstance(run, Run) else run
     page, notes = native_report(folder, out, bundle, pictures)
     for note in notes:
@@ -119,9 +123,12 @@ def report(
     return Path(page)
 
 
-def _several(given: Any) -> list[Any]:
-    """What is given, as a list: a name, or what has no parts, is one."""
-    return [given] if isinstance(given, str) or not hasattr(given, "__iter__") else list(given)
+def _some(name: str, given: Any, remedy: str) -> list[Any]:
+    """One or several, but not none."""
+    found = several(given)
+    if not found:
+        raise ValueError(f"{name}: an empty list; {remedy}")
+    return found
 
 
 def _any_matcher(given: Any) -> Any:

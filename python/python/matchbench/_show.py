@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ._native import Dataset, Error
+from ._params import several
 
 _Path = str | os.PathLike[str]
 
@@ -38,7 +39,7 @@ def show(
     matcher: str | os.PathLike[str] = "sift",
     estimator: str | None = None,
     *,
-    settings: Sequence[str] = (),
+    settings: str | Sequence[str] = (),
     seed: int = 0,
     keypoints: bool = False,
 ) -> Picture:
@@ -46,13 +47,13 @@ def show(
     the estimate and those that do not, coloured by their distance from the true epipolar line.
 
     `matcher` is a name or the path of a manifest; without an `estimator` it has its own. `settings` are as on the
-    command line: ["sift.ratio=0.7"]. With `keypoints`, those without a match are drawn too.
+    command line: ["sift.ratio=0.7"], or one of them. With `keypoints`, those without a match are drawn too.
     """
     folder = dataset.path if isinstance(dataset, Dataset) else dataset
     words = ["show", "--matcher", os.fspath(matcher), "--seed", str(seed), "--out", "-"]
     if estimator is not None:
         words += ["--estimator", estimator]
-    for setting in settings:
+    for setting in several(settings):
         words += ["--set", setting]
     if keypoints:
         words.append("--keypoints")

@@ -144,7 +144,7 @@ fn check_row(row: [f32; 5], a: Size, b: Size) -> Result<(), String> {
 }
 
 /// Whether a point, pixel centres at integers, lies in an image of `size`.
-pub(super) fn is_inside(x: f32, y: f32, size: Size) -> bool {
+pub fn is_inside(x: f32, y: f32, size: Size) -> bool {
     let within = |value: f32, length: usize| {
         value >= -0.5 - ROUNDING && value <= length as f32 - 0.5 + ROUNDING
     };

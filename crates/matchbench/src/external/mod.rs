@@ -53,7 +53,7 @@ mod process;
 mod source;
 mod worker;
 
-pub use answer::{Described, Matched, Times};
+pub use answer::{Described, Matched, Times, is_inside};
 pub use check::{Finding, Verdict, check};
 pub use log::Log;
 pub use manifest::{BuiltIn, Kind, Manifest, ManifestError, Matching};

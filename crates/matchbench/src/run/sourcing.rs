@@ -1,7 +1,7 @@
 //! From two image files to matched points, at once: a source that has no stages of its own here.
 //!
-//! What comes from outside is checked before it is believed: as many points in both images, finite
-//! positions, ambiguities from 0 to 1.
+//! What comes from outside is checked before it is believed: as many points in both images and no more than can
+//! be kept, finite positions, ambiguities from 0 to 1.
 
 use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::seed::Seed;
@@ -10,7 +10,7 @@ use super::RunError;
 use super::guard::{Broken, guard};
 use super::matching::count;
 use super::seeds::selection_seed;
-use crate::matchers::{BuiltPointSource, ImageFiles, SourceError, SourcedMatches};
+use crate::matchers::{BuiltPointSource, ImageFiles, MOST_MATCHES, SourceError, SourcedMatches};
 use crate::records::{Counts, SelectedMatches, StageTimes};
 
 /// The matched points of a pair, or why there are none; `seed` is that of the pair.
@@ -69,6 +69,9 @@ fn check(matches: &SourcedMatches) -> Result<(), String> {
             b.len(),
             ambiguity.len()
         ));
+    }
+    if a.len() > MOST_MATCHES {
+        return Err(format!("{} matches; {MOST_MATCHES} are the most", a.len()));
     }
     if let Some(index) =
         (a.iter().zip(b)).position(|(a, b)| ![a.x, a.y, b.x, b.y].iter().all(|x| x.is_finite()))
@@ -182,7 +185,17 @@ mod tests {
     #[test]
     fn what_is_no_match_fails_the_pair_and_says_why() {
         type Change = fn(&mut SourcedMatches) -> Result<(), SourceError>;
-        let cases: [(Change, &str); 5] = [
+        let cases: [(Change, &str); 6] = [
+            (
+                |m| {
+                    let MatchedPoints { a, b, ambiguity } = &mut m.points;
+                    a.resize(MOST_MATCHES + 1, Point2::origin());
+                    b.resize(MOST_MATCHES + 1, Point2::origin());
+                    ambiguity.resize(MOST_MATCHES + 1, 0.5);
+                    Ok(())
+                },
+                "5000001 matches; 5000000 are the most",
+            ),
             (
                 |m| {
                     m.points.b.truncate(39);
