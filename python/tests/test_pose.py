@@ -72,12 +72,12 @@ def test_colmaps_origin_is_taken_off(matches, dataset):
 @pytest.mark.parametrize(
     ("ransac", "bundle", "words"),
     [
-        ({"max_epipolar_eror": 1}, {}, "unknown key 'max_epipolar_eror'.*max_epipolar_error"),
+        ({"max_epipolar_eror": 1}, {}, "unknown key 'max_epipolar_eror'.*max_epipolar_error.*progressive_sampling, seed"),
         ({"dyn_num_trials_mult": 3.0}, {}, "would do nothing"),
         ({"max_error": 1, "max_epipolar_error": 1}, {}, "by another name"),
         ({"max_epipolar_error": -1}, {}, "threshold_px"),
         ({"max_prosac_iterations": 10}, {}, "prosac_horizon"),
-        ({}, {"loss_scale": 1}, "unknown key 'loss_scale'"),
+        ({}, {"loss_scale": 1}, "unknown key 'loss_scale'; there are max_iterations, loss_type"),
         ({}, {"loss_type": "HUBER"}, "TRUNCATED or CAUCHY"),
     ],
 )

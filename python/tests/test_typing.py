@@ -1,5 +1,6 @@
 """The package is typed: pyright in strict mode has nothing to say, also of code that uses it."""
 
+import ast
 import inspect
 import pathlib
 import shutil
@@ -27,3 +28,15 @@ def test_the_package_says_that_it_is_typed_and_names_all():
     assert (folder / "py.typed").is_file() and (folder / "_native.pyi").is_file()
     public = {name for name, value in vars(mb).items() if not (name.startswith("_") or inspect.ismodule(value))}
     assert set(mb.__all__) == public
+
+
+def test_stubs_say_which_classes_cannot_be_subclassed():
+    tree = ast.parse((pathlib.Path(mb.__file__).parent / "_native.pyi").read_text())
+    for stub in (node for node in tree.body if isinstance(node, ast.ClassDef)):
+        try:
+            type("Sub", (getattr(mb._native, stub.name),), {})
+            final = False
+        except TypeError:
+            final = True
+        assert final == any(ast.unparse(mark) == "final" for mark in stub.decorator_list), stub.name
+        assert "__init__" not in {inner.name for inner in stub.body if isinstance(inner, ast.FunctionDef)}, stub.name

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,13 +16,14 @@ class Error(Exception):
 class NoPose(Error):
     """The matches determine no pose; the message says why."""
 
+@final
 class Camera:
     """A pinhole camera: `u = fx x + cx`, `v = fy y + cy` for the point (x, y) at depth 1, after lens
     distortion (k1, k2, p1, p2[, k3], as in OpenCV). `origin` says where the pixel (0, 0) of (cx, cy) is: at
     the centre of the first pixel (OpenCV, and everywhere here) or at its corner (COLMAP)."""
 
-    def __init__(
-        self,
+    def __new__(
+        cls,
         fx: float,
         fy: float,
         cx: float,
@@ -30,7 +31,7 @@ class Camera:
         distortion: Sequence[float] | None = None,
         *,
         origin: str = "center",
-    ) -> None: ...
+    ) -> Camera: ...
     @staticmethod
     def from_model(model: str, params: Sequence[float], *, origin: str) -> Camera:
         """A camera by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE,
@@ -46,6 +47,7 @@ class Camera:
     @property
     def distortion(self) -> tuple[float, float, float, float, float] | None: ...
 
+@final
 class Features:
     """Keypoints of an image and their descriptors: row i of every array is feature i. The arrays cannot be
     written; copy one to change it."""
@@ -102,6 +104,7 @@ class Features:
         its axis of the batch."""
     def __len__(self) -> int: ...
 
+@final
 class Matches:
     """Matched points of two images."""
 
@@ -123,8 +126,9 @@ class Matches:
     def features_b(self) -> Features: ...
     def __len__(self) -> int: ...
 
+@final
 class Matcher:
-    def __init__(self, id: str, params: str) -> None: ...
+    def __new__(cls, id: str, params: str) -> Matcher: ...
     @property
     def id(self) -> str: ...
     @property
@@ -149,6 +153,7 @@ class Matcher:
         seed: int,
     ) -> Matches: ...
 
+@final
 class PoseEstimate:
     """A relative pose, `x_b = R x_a + t`, and the matches that agree with it."""
 
@@ -179,6 +184,7 @@ class PoseEstimate:
     def iterations(self) -> int:
         """Samples drawn."""
 
+@final
 class HomographyEstimate:
     """A homography, `x_b ~ H x_a` for pixels `(x, y, 1)`, and the matches that agree with it."""
 
@@ -194,8 +200,9 @@ class HomographyEstimate:
     def iterations(self) -> int:
         """Samples drawn."""
 
+@final
 class Estimator:
-    def __init__(self, id: str, params: str) -> None: ...
+    def __new__(cls, id: str, params: str) -> Estimator: ...
     @property
     def id(self) -> str: ...
     @property
@@ -222,6 +229,7 @@ class Estimator:
         seed: int = 0,
     ) -> PoseEstimate: ...
 
+@final
 class Dataset:
     """Images with known cameras, and pairs of them with their true relative pose."""
 

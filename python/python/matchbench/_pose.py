@@ -87,14 +87,14 @@ def estimate_relative_pose(
                 raise ValueError("ambiguity orders the samples; leave it out, or progressive_sampling")
             params["sampler"] = "prosac" if value else "uniform"
         else:
-            _put(params, "ransac_opt", _RANSAC, key, value)
+            _put(params, "ransac_opt", _RANSAC, key, value, "progressive_sampling", "seed")
     for key, value in bundle_opt.items():
         if key == "loss_type":
             if value not in _LOSSES:
                 raise ValueError(f"bundle_opt: loss_type is {' or '.join(_LOSSES)}, not {value!r}")
             params["final_loss"] = _LOSSES[value]
         else:
-            _put(params, "bundle_opt", {"max_iterations": "final_steps"}, key, value)
+            _put(params, "bundle_opt", {"max_iterations": "final_steps"}, key, value, "loss_type")
     best = estimator("best", **params)
     cameras = _camera(camera1, "camera1", origin), _camera(camera2, "camera2", origin)
     count = len(np.asarray(points2D_1))
@@ -112,11 +112,12 @@ def estimate_relative_pose(
     return CameraPose(found.R, found.t, found.q), info
 
 
-def _put(params: dict[str, Any], where: str, names: Mapping[str, str], key: str, value: Any) -> None:
+def _put(params: dict[str, Any], where: str, names: Mapping[str, str], key: str, value: Any, *others: str) -> None:
+    """Gives a parameter its value by the name of an option; `others` are options that were looked at before."""
     if key in _WITHOUT_EFFECT:
         raise ValueError(f"{where}: {key} would do nothing: {_WITHOUT_EFFECT[key]}")
     if key not in names:
-        raise ValueError(f"{where}: unknown key {key!r}; there are {', '.join(names)}")
+        raise ValueError(f"{where}: unknown key {key!r}; there are {', '.join([*names, *others])}")
     if names[key] in params:
         raise ValueError(f"{where}: {key} was given before by another name")
     params[names[key]] = value
