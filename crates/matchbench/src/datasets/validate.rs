@@ -4,7 +4,7 @@
 //! duplicates), every image is decoded in full, cameras are compared with the images they belong
 //! to, and pairs with the poses.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::fs;
 use std::path::Path;
 
@@ -69,15 +69,16 @@ fn check_images(contents: &Contents, problems: &mut Vec<Problem>) -> Vec<Option<
         .map(|(index, image)| {
             let turn = contents.manifest.turn(index);
             if !image.is_file() {
-                return (None, None); // reported when the text files were read
+                return (None, None, None); // reported when the text files were read
             }
             let bytes = match read_file(image) {
                 Ok(bytes) => bytes,
-                Err(error) => return (None, Some(DatasetError::io(image, &error).into())),
+                Err(error) => return (None, None, Some(DatasetError::io(image, &error).into())),
             };
+            let hash = Some((blake3::hash(&bytes), turn));
             let size = match decode_gray(&bytes) {
                 Ok(pixels) => pixels.size(),
-                Err(error) => return (None, Some(error.in_file(image).into())),
+                Err(error) => return (None, hash, Some(error.in_file(image).into())),
             };
             let orientation = exif_orientation(&bytes);
             let turned = (orientation != 1 && turn.is_none()).then(|| {
@@ -87,13 +88,21 @@ fn check_images(contents: &Contents, problems: &mut Vec<Problem>) -> Vec<Option<
                     "make sure that camera and pose are those of the stored pixels",
                 ))
             });
-            (Some(turn.size(size)), turned)
+            (Some(turn.size(size)), hash, turned)
         })
         .collect();
-    checked
-        .into_iter()
-        .map(|(size, problem)| {
+    let mut first = HashMap::new();
+    (checked.into_iter().enumerate())
+        .map(|(index, (size, hash, problem))| {
             problems.extend(problem);
+            let twin = hash.map_or(index, |hash| *first.entry(hash).or_insert(index));
+            if twin != index {
+                problems.push(Problem::warning(DatasetError::new(
+                    &contents.images[index],
+                    format!("frame {index} is the same image as frame {twin}"),
+                    "take one of them out, or know that the image counts twice",
+                )));
+            }
             size
         })
         .collect()
@@ -323,6 +332,16 @@ mod tests {
         assert_found(&found, "pairs.txt", Some(7), "stands in line 1 already");
         let found = spoiled("pairs.txt", |_| String::new());
         assert_found(&found, "pairs.txt", None, "no pairs");
+    }
+
+    #[test]
+    fn one_image_as_two_frames_is_warned_of() {
+        let (_folder, dir) = testing::dataset();
+        let [first, third] = ["0000.png", "0002.png"].map(|name| dir.join("Images").join(name));
+        fs::copy(first, third).unwrap();
+        let found = validate(&dir);
+        assert_found(&found, "Images/0002.png", None, "the same image as frame 0");
+        assert_eq!(found[0].severity, Severity::Warning);
     }
 
     #[test]

@@ -12,11 +12,11 @@ use super::*;
 pub(super) fn source(name: &str, files: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let src = folder.path().join(name);
-    for (file, text) in files {
+    for (index, (file, text)) in files.iter().enumerate() {
         let path = src.join(file);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         if path.extension().is_some_and(|extension| extension == "png") {
-            let image = testing::pixels(0);
+            let image = testing::pixels(index);
             let (width, height) = (image.width() as u32, image.height() as u32);
             let color = image::ExtendedColorType::L8;
             image::save_buffer(&path, image.data(), width, height, color).unwrap();
