@@ -55,6 +55,10 @@ impl DatasetError {
             io::ErrorKind::NotFound => "check the path",
             io::ErrorKind::PermissionDenied => "check the permissions",
             io::ErrorKind::StorageFull => "free some space and try again",
+            // With a NUL in it, or too long.
+            io::ErrorKind::InvalidInput | io::ErrorKind::InvalidFilename => {
+                "no file can have this name; correct it in the file that lists it"
+            }
             _ => "check the file and the disk",
         };
         Self::new(file, error.to_string(), remedy)
@@ -64,6 +68,17 @@ impl DatasetError {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_a_name_that_no_file_can_have_is_to_be_corrected() {
+        let folder = tempfile::tempdir().unwrap();
+        let remedy = |path: &Path| {
+            let error = crate::files::read_file(path).unwrap_err();
+            DatasetError::io(path, &error).remedy
+        };
+        assert_eq!(remedy(folder.path()), "check the file and the disk");
+        assert!(remedy(Path::new("a\0b")).contains("correct it"));
+    }
 
     #[test]
     fn the_message_names_file_line_and_remedy() {

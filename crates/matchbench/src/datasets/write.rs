@@ -74,11 +74,7 @@ pub fn write_native(
         Err(_) => out.exists(),
     };
     if occupied {
-        return Err(DatasetError::new(
-            out,
-            "there is something already",
-            "give another folder or remove this one",
-        ));
+        return Err(is_occupied(out));
     }
     let absolute = std::path::absolute(out).map_err(|error| DatasetError::io(out, &error))?;
     let parent = absolute.parent().unwrap_or(&absolute);
@@ -94,10 +90,29 @@ pub fn write_native(
     hold(&held);
     let staged = hidden.path().join("dataset");
     write_files(&staged, sequence, about, images)?;
-    if out.exists() {
-        fs::remove_dir(out).map_err(|error| DatasetError::io(out, &error))?;
-    }
-    fs::rename(&staged, out).map_err(|error| DatasetError::io(out, &error))
+    put(&staged, out)
+}
+
+/// Gives a finished folder its name, which an empty folder may have.
+fn put(staged: &Path, out: &Path) -> Result<(), DatasetError> {
+    let emptied = if out.exists() {
+        fs::remove_dir(out)
+    } else {
+        Ok(())
+    };
+    (emptied.and_then(|()| fs::rename(staged, out))).map_err(|error| match error.kind() {
+        // Another program was faster.
+        io::ErrorKind::DirectoryNotEmpty | io::ErrorKind::AlreadyExists => is_occupied(out),
+        _ => DatasetError::io(out, &error),
+    })
+}
+
+fn is_occupied(out: &Path) -> DatasetError {
+    DatasetError::new(
+        out,
+        "there is something already",
+        "give another folder or remove this one",
+    )
 }
 
 fn write_files(
@@ -362,6 +377,16 @@ fn write_file(path: &Path, text: &str) -> Result<(), DatasetError> {
 mod tests {
     use super::super::{Pair, Turn, read_gray, testing, validate};
     use super::*;
+
+    #[test]
+    fn a_folder_that_another_program_has_filled_meanwhile_stays() {
+        let (folder, dir) = testing::dataset();
+        let staged = folder.path().join("staged");
+        fs::create_dir(&staged).unwrap();
+        let error = put(&staged, &dir).unwrap_err();
+        assert!(error.what.contains("something already"), "{error}");
+        assert!(staged.is_dir() && dir.join(PAIRS).is_file());
+    }
 
     #[test]
     fn what_is_written_reads_back() {

@@ -64,10 +64,7 @@ fn regular(metadata: &fs::Metadata) -> io::Result<()> {
     } else {
         "a device or a pipe"
     };
-    Err(io::Error::new(
-        io::ErrorKind::InvalidInput,
-        format!("{what} where a file is needed"),
-    ))
+    Err(io::Error::other(format!("{what} where a file is needed")))
 }
 
 #[cfg(test)]

@@ -110,6 +110,11 @@ fn damaged_models_are_refused() {
                 .ends_with("images.bin")
         );
     }
+    for name in ["images.bin", "images.txt"] {
+        fs::remove_file(src.join(name)).unwrap();
+    }
+    let error = read("colmap", &src).unwrap_err();
+    assert!(error.file.ends_with("images.bin"), "{error}");
 }
 
 #[test]
@@ -321,6 +326,16 @@ fn euroc_brings_the_camera_to_the_body() {
     )
     .unwrap();
     assert_eq!(validate(&folder.path().join("out")), []);
+    for name in ["1\0.png".to_owned(), format!("{}.png", "1".repeat(300))] {
+        let list = src.join("mav0/cam0/data.csv");
+        fs::write(list, images.replace("1.png", &name)).unwrap();
+        let out = folder.path().join("other");
+        let error = import("euroc", &src, &out, &ImportOptions::default()).unwrap_err();
+        assert!(
+            error.remedy.contains("no file can have this name"),
+            "{error}"
+        );
+    }
     let yaml = src.join("mav0/cam0/sensor.yaml");
     fs::write(&yaml, sensor.replace("radial-tangential", "equidistant")).unwrap();
     assert!(

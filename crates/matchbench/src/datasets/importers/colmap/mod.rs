@@ -42,7 +42,9 @@ struct Photograph {
 }
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
-    let (cameras, mut photographs, file) = if src.join("images.bin").is_file() {
+    let has = |name: &str| src.join(name).is_file();
+    let is_binary = has("images.bin") || has("cameras.bin") && !has("images.txt");
+    let (cameras, mut photographs, file) = if is_binary {
         let file = src.join("images.bin");
         let cameras = binary::cameras(&src.join("cameras.bin"))?;
         (cameras, binary::images(&file)?, file)
