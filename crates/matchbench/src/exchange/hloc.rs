@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use super::export::numbered;
 use super::names::PairName;
 use super::probe::{Content, Probe};
-use super::sparse::{matched, row_by_row};
+use super::sparse::{keypoints, matched, row_by_row};
 use super::{Contents, ExchangeError, Export, Format, RawMatches, ReadOptions, Source};
 use crate::arrays::{Hdf5, Hdf5Out};
 
@@ -132,6 +132,11 @@ impl Source for Hloc {
         self.matches.path()
     }
 
+    fn points_file(&self, _: usize) -> &Path {
+        let features = self.features.as_ref().map(|features| &features.file);
+        features.unwrap_or(&self.matches).path()
+    }
+
     fn read(&self, index: usize) -> Result<RawMatches, ExchangeError> {
         let pair = &self.pairs[index];
         let array = |name: &str| self.matches.array(&format!("{pair}/{name}"));
@@ -147,7 +152,7 @@ impl Source for Hloc {
                     let what = format!("it lacks the keypoints of an image of `{pair}`");
                     ExchangeError::damaged(features.file.path(), what)
                 })?;
-                let keypoints = |image| features.file.array(&format!("{image}/keypoints"));
+                let keypoints = |image| keypoints(&features.file, &format!("{image}/keypoints"));
                 matched(
                     &keypoints(a)?,
                     &keypoints(b)?,

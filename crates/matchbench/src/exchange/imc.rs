@@ -8,7 +8,7 @@ use std::path::Path;
 
 use super::names::PairName;
 use super::probe::{Content, Probe};
-use super::sparse::columns;
+use super::sparse::{columns, keypoints};
 use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source};
 use crate::arrays::{Array, Hdf5};
 
@@ -88,13 +88,20 @@ impl Source for Imc {
         self.matches.path()
     }
 
+    fn points_file(&self, _: usize) -> &Path {
+        self.keypoints.path()
+    }
+
     fn read(&self, index: usize) -> Result<RawMatches, ExchangeError> {
         let pair = &self.pairs[index];
         let [a, b] = split(pair, |name| self.images.contains(name)).ok_or_else(|| {
             let what = format!("it lacks the keypoints of an image of `{pair}`");
             ExchangeError::damaged(self.keypoints.path(), what)
         })?;
-        let (a, b) = (self.keypoints.array(a)?, self.keypoints.array(b)?);
+        let [a, b] = [
+            keypoints(&self.keypoints, a)?,
+            keypoints(&self.keypoints, b)?,
+        ];
         indexed(&a, &b, &self.matches.array(pair)?).map_err(|what| {
             ExchangeError::damaged(self.file(index), what).at(format!("array `{pair}`"))
         })

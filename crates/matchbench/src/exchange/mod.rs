@@ -138,6 +138,11 @@ trait Source: Send + Sync {
     /// The file that pair number `index` of [`Contents::pairs`] stands in.
     fn file(&self, index: usize) -> &Path;
 
+    /// The file that the positions of its points stand in, where that is another.
+    fn points_file(&self, index: usize) -> &Path {
+        self.file(index)
+    }
+
     /// Its matches.
     fn read(&self, index: usize) -> Result<RawMatches, ExchangeError>;
 }

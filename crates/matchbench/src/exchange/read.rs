@@ -276,6 +276,9 @@ impl MatchFiles {
                 keypoints.reverse();
             }
         }
+        let wrong = |what| {
+            ExchangeError::damaged(self.source.points_file(index), what).at(pair_in_words(a, b))
+        };
         for (points, frame, image) in [(&raw.a, a, "a"), (&raw.b, b, "b")] {
             let finite = |point: &[f64; 2]| point.iter().all(|at| at.is_finite());
             if let Some(number) = points.iter().position(|point| !finite(point)) {
@@ -283,7 +286,7 @@ impl MatchFiles {
                 let what = format!(
                     "match {number}: the point ({x}, {y}) of image {image} is not of finite numbers"
                 );
-                return Err(self.wrong(index, (a, b), what));
+                return Err(wrong(what));
             }
             let inside = self.bounds(frame, &raw);
             if let Some(number) = points.iter().position(|point| !inside(*point)) {
@@ -293,7 +296,7 @@ impl MatchFiles {
                     "match {number}: the point ({x}, {y}) of image {image} is outside the image \
                      of {width} x {height} pixels"
                 );
-                let mut error = self.wrong(index, (a, b), what);
+                let mut error = wrong(what);
                 error.remedy = "if the matcher saw resized images say --resized WxH; if the \
                                 first pixel's centre is elsewhere say --pixel-center"
                     .into();

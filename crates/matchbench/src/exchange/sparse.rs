@@ -2,8 +2,8 @@
 //! that hloc, glue-factory and SuperGlue share. -1 means none; a score stands beside each keypoint
 //! of the first image, matched or not.
 
-use super::{Rating, RawMatches};
-use crate::arrays::Array;
+use super::{ExchangeError, Rating, RawMatches};
+use crate::arrays::{Array, Hdf5};
 
 /// The matches of a pair, in the order of the first image's keypoints.
 ///
@@ -71,6 +71,17 @@ pub(super) fn row_by_row(
         element: a.element(),
         keypoints: None,
     })
+}
+
+/// The keypoints of an image.
+///
+/// # Errors
+/// If they cannot be read or are none; the error names their file.
+pub(super) fn keypoints(file: &Hdf5, name: &str) -> Result<Array, ExchangeError> {
+    let array = file.array(name)?;
+    columns(&array)
+        .map_err(|what| ExchangeError::damaged(file.path(), what).at(format!("array `{name}`")))?;
+    Ok(array)
 }
 
 /// Number of columns of an array of keypoints: x and y, and perhaps more (scale, angle).

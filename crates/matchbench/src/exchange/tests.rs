@@ -12,6 +12,7 @@ use tempfile::TempDir;
 use zip::ZipArchive;
 
 use super::*;
+use crate::arrays::Hdf5Out;
 use crate::datasets::{Frame, Pair, Sequence};
 
 /// Folder in the archive of fixtures, format, and what must be said to read it.
@@ -308,6 +309,34 @@ fn points_outside_the_image_name_pair_and_match() {
                 assert_eq!(message.contains("--resized"), is_finite, "{message}");
                 assert_eq!(message.contains("finite numbers"), !is_finite, "{message}");
             }
+        }
+    }
+}
+
+#[test]
+fn wrong_keypoints_name_their_own_file() {
+    let hloc = [
+        "db/one.png/keypoints",
+        "db/two.png/keypoints",
+        "db-one.png/db-two.png/matches0",
+    ];
+    for (arrays, shape) in [(hloc, &[2][..]), (["0", "1", "0-1"], &[2, 1])] {
+        for (columns, words) in [(1, "[2, 1]"), (2, "(900, 1)")] {
+            let (folder, mut sequence) = dataset();
+            sequence.pairs.truncate(1);
+            let [a, b, pair] = arrays.map(str::to_owned);
+            let (mut keypoints, mut matches) = (Hdf5Out::default(), Hdf5Out::default());
+            keypoints.floats(a, &[2, columns], &[900.0, 1.0, 2.0, 2.0][..2 * columns]);
+            keypoints.floats(b, &[2, 2], &[1.0; 4]);
+            matches.integers(pair, shape, &[0, 0]);
+            let paths = ["keypoints.h5", "matches.h5"].map(|name| folder.path().join(name));
+            for (out, path) in [keypoints, matches].into_iter().zip(&paths) {
+                out.write(path).unwrap();
+            }
+            let found = MatchFiles::open(&paths, &sequence, &ReadOptions::default());
+            let error = found.err().unwrap();
+            assert_eq!(error.file, paths[0], "{error}");
+            assert!(error.to_string().contains(words), "{error}");
         }
     }
 }
