@@ -122,6 +122,18 @@ fn two_runs_are_compared_as_before_and_their_pairs_shown() {
     let said = succeeds(folder, &["compare", "first", "strict", "--out", "page"]);
     assert!(said.trim_end().ends_with("page/index.html"), "{said}");
     assert!(folder.join("page/pairs.csv").is_file());
+    // The second run alone has seen another image.
+    let noted = folder.join("strict/images/wall.txt");
+    let notes = fs::read_to_string(&noted).expect("notes of images");
+    let other = notes.lines().map(|line| match line.split_once(' ') {
+        Some(("1", _)) => format!("1 {}\n", "0".repeat(64)),
+        _ => format!("{line}\n"),
+    });
+    fs::write(&noted, other.collect::<String>()).expect("writable");
+    let said = go(folder, &["compare", "first", "strict", "--out", "page"]);
+    let told = String::from_utf8_lossy(&said.stderr);
+    assert!(told.contains("0001.pgm is another image"), "{told}");
+    fs::write(&noted, notes).expect("writable");
     let said = succeeds(
         folder,
         &["compare", "first", "strict", "--matchers", "sift,sift"],

@@ -7,15 +7,15 @@ use crate::cache::FeatureCache;
 use crate::datasets::{Pair, Sequence};
 use crate::metrics::PairGeometry;
 
+use super::PairView;
 use super::csv::{self, Cell};
 use super::difference::{Duel, Twin, twins, won};
 use super::file_names::file_names;
 use super::folder::Pages;
 use super::html::{Chapter, Shown, difference_page};
 use super::of_run::{ReportError, Reported, sequences};
-use super::pictures::{Keypoints, thumbnails, views_of};
+use super::pictures::{Keypoints, Thumbnails, thumbnails, views_of};
 use super::words::outcome;
-use super::{PairView, Thumbnail};
 
 /// Writes the page of some methods, two by two, with at most `most` pairs that each of them wins. Pictures are there
 /// where a run's dataset is where it was, and its matches were kept. Files of an earlier comparison are replaced, those
@@ -53,8 +53,9 @@ pub fn write_differences(
         let sequence = known.get(&duel.sides[0].results.dataset);
         let won = won(&twins, most);
         let (won, images) = shown(duel, won, sequence)?;
+        notes.extend(images.note);
         let folder = format!("images/{name}");
-        for (frame, image) in images {
+        for (frame, image) in images.small {
             out.write(Path::new(&format!("{folder}/{frame}.jpg")), &image.jpeg)?;
         }
         chapters.push(Chapter {
@@ -75,29 +76,35 @@ pub fn write_differences(
     })
 }
 
-/// Small images by their frames.
-type Images = BTreeMap<u32, std::sync::Arc<Thumbnail>>;
-
 /// The pairs as they are shown, and their images.
 fn shown<'a>(
     duel: &Duel<'a>,
     won: [Vec<Twin<'a>>; 2],
     sequence: Option<&Sequence>,
-) -> Result<([Vec<Shown<'a>>; 2], Images), ReportError> {
+) -> Result<([Vec<Shown<'a>>; 2], Thumbnails), ReportError> {
     let frames: BTreeSet<(u32, u32)> = won.iter().flatten().map(|twin| twin.frames).collect();
     let pairs: Vec<&Pair> = (sequence.iter())
         .flat_map(|sequence| &sequence.pairs)
         .filter(|pair| frames.contains(&(pair.a, pair.b)))
         .collect();
-    let (mut views, mut images) = (BTreeMap::new(), Images::new());
+    let (mut views, mut images) = (BTreeMap::new(), Thumbnails::default());
     let geometry = sequence.map(PairGeometry::of_sequence).unwrap_or_default();
     if let Some(sequence) = sequence {
-        images = thumbnails(duel.sides[0].run, sequence, &pairs).small;
+        let mut runs = duel.sides.map(|side| side.run).to_vec();
+        runs.dedup_by_key(|run| run.path());
+        images = thumbnails(&runs, sequence, &pairs);
         for (side, method) in duel.sides.iter().enumerate() {
             let cache = FeatureCache::new(method.run.default_cache());
             let mut keypoints = Keypoints::new(method.run.plan(), cache);
             let set = method.results;
-            let found = views_of(method.run, set, sequence, &pairs, &images, &mut keypoints)?;
+            let found = views_of(
+                method.run,
+                set,
+                sequence,
+                &pairs,
+                &images.small,
+                &mut keypoints,
+            )?;
             views.extend(
                 found
                     .into_iter()

@@ -49,7 +49,7 @@ pub(super) fn sample(
         pairs.retain(|pair| !telling.contains(pair));
         pairs.truncate(count - telling.len());
         pairs.extend(telling);
-        let images = thumbnails(run, sequence, &pairs);
+        let images = thumbnails(&[run], sequence, &pairs);
         notes.extend(images.note);
         let images = images.small;
         let mut of_dataset = Vec::new();
@@ -120,18 +120,21 @@ pub(super) fn views_of(
 }
 
 /// Small images by their frames, and what is to be said of those that are left out.
+#[derive(Default)]
 pub(super) struct Thumbnails {
     pub(super) small: BTreeMap<u32, Arc<Thumbnail>>,
     pub(super) note: Option<String>,
 }
 
-/// The images of some pairs, made small; what cannot be read, or is another image than the `run` has matched, is left
-/// out.
-pub(super) fn thumbnails(run: &RunFolder, sequence: &Sequence, pairs: &[&Pair]) -> Thumbnails {
-    let noted = run.images_of(&sequence.name).ok();
+/// The images of some pairs, made small; what cannot be read, or is another image than one of the `runs` has matched,
+/// is left out.
+pub(super) fn thumbnails(runs: &[&RunFolder], sequence: &Sequence, pairs: &[&Pair]) -> Thumbnails {
+    let noted: Vec<_> = (runs.iter())
+        .filter_map(|run| run.images_of(&sequence.name).ok())
+        .collect();
     let is_matched = |frame: u32| {
         let image = &sequence.frames[frame as usize].image;
-        (noted.as_ref()).is_none_or(|noted| noted.is_as_noted(frame, image))
+        noted.iter().all(|noted| noted.is_as_noted(frame, image))
     };
     let frames: BTreeSet<u32> = pairs.iter().flat_map(|pair| [pair.a, pair.b]).collect();
     let small: BTreeMap<u32, Arc<Thumbnail>> = (frames.par_iter())
