@@ -43,20 +43,32 @@ fn what_is_tuned_on_one_scene_is_used_on_another_and_refused_on_the_same() {
         format!("ransac-e.threshold_px={}", best[0])
     );
 
-    let run = |dataset| {
+    let run = |estimator, dataset| {
         matchbench()
-            .args(["run", "--matchers", "sift", "--tuned"])
+            .args([
+                "run",
+                "--matchers",
+                "sift",
+                "--estimator",
+                estimator,
+                "--tuned",
+            ])
             .arg(&tuned)
             .arg("--out")
             .args([&folder.path().join("run"), dataset])
             .output()
             .expect("the program starts")
     };
-    let refused = run(&scene);
+    let refused = run("ransac-e", &scene);
     assert_eq!(refused.status.code(), Some(1));
     let message = text(&refused.stderr);
     assert!(message.contains("was tuned on training"), "{message}");
-    succeeded(&run(&other));
+    let message = text(&run("best", &other).stderr);
+    assert!(
+        message.contains("tuned.json: `ransac-e` was tuned and takes no part"),
+        "{message}"
+    );
+    succeeded(&run("ransac-e", &other));
     let plan = fs::read_to_string(folder.path().join("run/plan.json")).expect("it was written");
     let planned = format!(
         "\"threshold_px\": {:?}",

@@ -10,7 +10,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{FolderError, Plan};
+use crate::config::{Changes, ConfigError};
 use crate::files::{read_file, write_whole};
+use crate::{estimators, matchers};
 
 /// A setting that was chosen by its score.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,10 +45,27 @@ impl Tuned {
     /// If the file cannot be read or holds something else.
     pub fn read(path: &Path) -> Result<Self, FolderError> {
         let text = read_file(path).map_err(FolderError::io("read", path))?;
-        serde_json::from_slice(&text).map_err(|error| FolderError::NotTuned {
+        let wrong = |reason: String| FolderError::NotTuned {
             path: path.into(),
-            reason: error.to_string(),
-        })
+            reason,
+        };
+        let tuned: Self =
+            serde_json::from_slice(&text).map_err(|error| wrong(error.to_string()))?;
+        tuned.build().map_err(|error| wrong(error.to_string()))?;
+        Ok(tuned)
+    }
+
+    /// Tries the setting out, where it is of something that is built here.
+    fn build(&self) -> Result<(), ConfigError> {
+        let changes = Changes::parse(std::slice::from_ref(&self.setting))?;
+        for id in changes.ids() {
+            if let Ok(entry) = estimators::find(id) {
+                entry.build(changes.of(id))?;
+            } else if let Ok(entry) = matchers::find(id) {
+                entry.build(changes.of(id))?;
+            }
+        }
+        Ok(())
     }
 
     /// Writes it for [`Tuned::read`].
@@ -89,5 +108,38 @@ impl Tuned {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wrong_setting_names_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tuned.json");
+        let read = |setting: &str| {
+            let tuned = Tuned {
+                setting: setting.into(),
+                datasets: Vec::new(),
+                matchers: vec!["sift".into()],
+                auc: Vec::new(),
+            };
+            tuned.write(&path).unwrap();
+            Tuned::read(&path).map_err(|error| error.to_string())
+        };
+        assert!(read("best.threshold_px=2").is_ok() && read("mine.size=3").is_ok());
+        for (setting, words) in [
+            ("best", "ID.NAME=VALUE"),
+            ("best.threshold_px=-2", "threshold_px"),
+            ("sift.size=3", "size"),
+        ] {
+            let error = read(setting).unwrap_err();
+            assert!(
+                error.contains("tuned.json") && error.contains(words),
+                "{error}"
+            );
+        }
     }
 }

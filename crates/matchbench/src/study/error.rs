@@ -51,6 +51,14 @@ pub enum StudyError {
     /// A file of a tuning cannot be read.
     #[error(transparent)]
     Tuned(#[from] FolderError),
+    /// What was tuned is not asked for.
+    #[error("{}: `{id}` was tuned and takes no part in this run; ask for it too, or leave this file out", file.display())]
+    NothingTuned {
+        /// The file of the tuning.
+        file: PathBuf,
+        /// The matcher or estimator.
+        id: String,
+    },
     /// Matches of another tool cannot be read.
     #[error("matches of {name}: {error}")]
     Matches {

@@ -155,7 +155,7 @@ impl Study {
         let (estimators, outside) = (&self.estimators, Some(&outside));
         let (contenders, absent) =
             Contender::from_names(&names, sources, estimators, &protocols, &changes, outside)
-                .map_err(|error| self.placed(error))?;
+                .map_err(|error| self.placed(error, &tuned))?;
         if contenders.is_empty() {
             let reasons: Vec<String> = absent.iter().map(ToString::to_string).collect();
             return Err(StudyError::NotStarted(reasons.join("; ")));
@@ -173,19 +173,34 @@ impl Study {
         })
     }
 
-    /// The error with the line of the run file that is wrong, where it is about one.
-    fn placed(&self, error: ContenderError) -> StudyError {
+    /// The error with the line of the run file that is wrong, or with the file of a tuning, where it is about one.
+    fn placed(&self, error: ContenderError, tuned: &[Tuned]) -> StudyError {
         let place = match &error {
             ContenderError::TakesNoPart(id) => self.set_at.get(id),
             _ => None,
         };
         match place {
-            None => error.into(),
+            None => match error {
+                ContenderError::TakesNoPart(id) => self.nothing_tuned(id, tuned),
+                error => error.into(),
+            },
             Some((file, line)) => StudyError::File {
                 file: file.clone(),
                 line: Some(*line),
                 what: error.to_string(),
             },
+        }
+    }
+
+    /// What is given a setting and takes no part, with the file of the tuning that gives it.
+    fn nothing_tuned(&self, id: String, tuned: &[Tuned]) -> StudyError {
+        let sets = |tuned: &Tuned| tuned.setting.split('.').next() == Some(&*id);
+        match tuned.iter().zip(&self.tuned).find(|(tuned, _)| sets(tuned)) {
+            Some((_, file)) => StudyError::NothingTuned {
+                file: file.clone(),
+                id,
+            },
+            None => ContenderError::TakesNoPart(id).into(),
         }
     }
 
