@@ -9,6 +9,7 @@ use matchbench_vision::seed::Seed;
 use pyo3::prelude::*;
 
 use crate::arrays::{column, index_pairs, matrix};
+use crate::detached::detached;
 use crate::errors::value_error;
 use crate::features::Features;
 
@@ -46,7 +47,7 @@ pub(crate) fn search<'py>(
             )));
         }
     };
-    let found = py.detach(|| {
+    let found = detached(py, || {
         let mut found = NearestNeighbours.search(a, b);
         if let Some(selector) = selector {
             let [a, b] = [a, b].map(|features| View {
@@ -57,7 +58,7 @@ pub(crate) fn search<'py>(
             selector.select(a, b, &mut found, Seed(0));
         }
         found
-    });
+    })?;
     arrays(py, &found)
 }
 

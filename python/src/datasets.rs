@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 
 use crate::arrays::matrix;
 use crate::camera::Camera;
+use crate::detached::detached;
 use crate::errors::{error, value_error};
 
 /// Images with known cameras, and pairs of them with their true relative pose.
@@ -32,7 +33,7 @@ impl Dataset {
 impl Dataset {
     #[staticmethod]
     fn open(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
-        let inner = py.detach(|| run::Dataset::open(&folder)).map_err(error)?;
+        let inner = detached(py, || run::Dataset::open(&folder))?.map_err(error)?;
         Ok(Self { inner })
     }
 
@@ -84,7 +85,7 @@ impl Dataset {
 
     fn read<'py>(&self, py: Python<'py>, frame: isize) -> PyResult<Bound<'py, PyAny>> {
         let frame = self.frame(frame)?;
-        pixels(py, &py.detach(|| frame.pixels()).map_err(error)?)
+        pixels(py, &detached(py, || frame.pixels())?.map_err(error)?)
     }
 
     fn camera(&self, frame: isize) -> PyResult<Camera> {
@@ -126,7 +127,7 @@ pub(crate) fn import_dataset(
     images: &str,
 ) -> PyResult<Vec<String>> {
     let pairs = pairs.map(str::parse).transpose().map_err(value_error)?;
-    let report = py.detach(|| {
+    let report = detached(py, || {
         let images = match images {
             "reference" => ImageStorage::Reference,
             "link" => ImageStorage::Link,
@@ -150,7 +151,7 @@ pub(crate) fn import_dataset(
             ..ImportOptions::default()
         };
         datasets::import(kind, &source, &out, &options).map_err(error)
-    })?;
+    })??;
     Ok(report.notes)
 }
 
@@ -190,14 +191,14 @@ pub(crate) fn rendered_scene(
         scene.size = Size::new(width, height);
         cache.push(format!("{width}x{height}"));
     }
-    let folders = py.detach(|| rendered::ensure_scenes(&cache, &[scene], &|_| {}));
+    let folders = detached(py, || rendered::ensure_scenes(&cache, &[scene], &|_| {}))?;
     Ok(folders.map_err(error)?.swap_remove(0))
 }
 
 /// The image in a file, grey, as every command decodes it.
 #[pyfunction]
 pub(crate) fn read_gray(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
-    let image = py.detach(|| datasets::read_gray(&path)).map_err(error)?;
+    let image = detached(py, || datasets::read_gray(&path))?.map_err(error)?;
     pixels(py, &image)
 }
 

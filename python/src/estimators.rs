@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use crate::arrays::{column, matrix, points};
 use crate::camera::Camera;
+use crate::detached::detached;
 use crate::errors::{NoPose, value_error};
 use crate::params::parse;
 
@@ -73,7 +74,7 @@ impl Estimator {
         };
         let matches = matched(points_a, points_b, ambiguity)?;
         let count = matches.len();
-        let found = py.detach(|| {
+        let found = detached(py, || {
             let views = TwoViews {
                 points: &matches,
                 camera_a: &camera_a.inner,
@@ -82,7 +83,7 @@ impl Estimator {
             let estimate = pose.estimate(views, estimation_seed(Seed(seed), &self.built.id))?;
             let confidence = views.confidence(&estimate.b_from_a);
             Ok::<_, robust::NoPose>((estimate, confidence))
-        });
+        })?;
         match found {
             Ok((inner, confidence)) => Ok(PoseEstimate {
                 inner,
@@ -114,7 +115,7 @@ impl Estimator {
         };
         let matches = matched(points_a, points_b, ambiguity)?;
         let seed = estimation_seed(Seed(seed), &self.built.id);
-        match py.detach(|| homography.estimate(&matches, seed)) {
+        match detached(py, || homography.estimate(&matches, seed))? {
             Ok(inner) => Ok(HomographyEstimate {
                 inner,
                 count: matches.len(),

@@ -13,6 +13,7 @@ use crate::arrays::{
     all_finite, chosen, column, descriptors, descriptors_out, matrix, points, refused, rows,
 };
 use crate::camera::Origin;
+use crate::detached::detached;
 
 /// Keypoints of an image and their descriptors. The arrays are made when they are asked for, once, and
 /// cannot be written: they are those that searches and selectors see.
@@ -206,7 +207,7 @@ impl Features {
     fn select(&self, py: Python<'_>, indices: Bound<'_, PyAny>) -> PyResult<Self> {
         let inner = &self.inner;
         let indices = chosen(&indices, inner.len())?;
-        Ok(py.detach(|| {
+        detached(py, || {
             let keypoints = indices.iter().map(|&i| inner.keypoints[i]).collect();
             let descriptors = inner.descriptors.select(indices.iter().copied());
             let mut kept = features::Features::new(inner.size, keypoints, descriptors);
@@ -214,7 +215,7 @@ impl Features {
                 kept = kept.with_frames(indices.iter().map(|&i| frames[i]).collect());
             }
             kept.into()
-        }))
+        })
     }
 
     #[pyo3(signature = (*, origin="center"))]

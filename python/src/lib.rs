@@ -13,6 +13,7 @@ mod callable;
 mod camera;
 mod correspondences;
 mod datasets;
+mod detached;
 mod errors;
 mod estimators;
 mod features;
@@ -46,9 +47,10 @@ mod native {
     #[pymodule_export]
     use crate::scores::{evaluate, report};
 
-    /// The limits of the environment hold here as in the program.
+    /// The limits of the environment hold here as in the program, and the process is remembered.
     #[pymodule_init]
     fn init(_module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::detached::remember();
         matchbench_cli::environment()
             .map_err(|error| crate::errors::value_error(format!("{error:#}")))
     }

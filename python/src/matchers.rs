@@ -14,6 +14,7 @@ use serde_json::Value;
 use crate::arrays::{image, matrix};
 use crate::camera::Camera;
 use crate::correspondences::{Arrays, arrays, of_arrays, same_kind};
+use crate::detached::detached;
 use crate::errors::{error, value_error};
 use crate::features::Features;
 use crate::params::parse;
@@ -60,15 +61,13 @@ impl Matcher {
 
     fn extract(&self, py: Python<'_>, pixels: &Bound<'_, PyAny>) -> PyResult<Features> {
         let image = image(pixels)?;
-        let found = py
-            .detach(|| self.built.matcher.extract(&image))
-            .map_err(error)?;
+        let found = detached(py, || self.built.matcher.extract(&image))?.map_err(error)?;
         Ok(found.into())
     }
 
     fn search<'py>(&self, py: Python<'py>, a: &Features, b: &Features) -> PyResult<Arrays<'py>> {
         same_kind(&a.inner, &b.inner)?;
-        let found = py.detach(|| self.built.matcher.search(&a.inner, &b.inner));
+        let found = detached(py, || self.built.matcher.search(&a.inner, &b.inner))?;
         arrays(py, &found.map_err(error)?)
     }
 
@@ -99,13 +98,13 @@ impl Matcher {
             image: images.as_ref().map(|images| &images[side]),
             camera: cameras.as_ref().map(|cameras| &cameras[side]),
         };
-        let kept = py.detach(|| {
+        let kept = detached(py, || {
             let views = [view(&*a.inner, 0), view(&*b.inner, 1)];
             let seed = selection_seed(Seed(seed));
             self.built
                 .matcher
                 .select(views[0], views[1], putative, seed)
-        });
+        })?;
         arrays(py, &kept.map_err(error)?)
     }
 
@@ -121,7 +120,7 @@ impl Matcher {
         seed: u64,
     ) -> PyResult<Matches> {
         let (image_a, image_b) = (image(a)?, image(b)?);
-        let matched = py.detach(|| {
+        let matched = detached(py, || {
             let matcher = &self.built.matcher;
             let features_a = matcher.extract(&image_a)?;
             let features_b = matcher.extract(&image_b)?;
@@ -144,7 +143,7 @@ impl Matcher {
                 features: [features_a, features_b].map(Arc::new),
             })
         });
-        matched.map_err(error)
+        matched?.map_err(error)
     }
 }
 

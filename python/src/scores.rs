@@ -9,6 +9,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::detached::detached;
 use crate::errors::error;
 
 /// One row for each dataset, matcher and estimator, as a dict of columns; and who is best, in sentences.
@@ -17,7 +18,7 @@ pub(crate) fn evaluate(
     py: Python<'_>,
     folder: PathBuf,
 ) -> PyResult<(Bound<'_, PyDict>, Vec<String>)> {
-    let content = py.detach(|| {
+    let content = detached(py, || {
         let run = RunFolder::open(&folder).map_err(error)?;
         let sets = load_run(&run, None).map_err(error)?;
         Ok::<_, PyErr>(Content::new(
@@ -25,7 +26,7 @@ pub(crate) fn evaluate(
             &Bootstrap::default(),
             RunFacts::default(),
         ))
-    })?;
+    })??;
     let columns = PyDict::new(py);
     let rows = &content.summaries;
     #[expect(clippy::type_complexity, reason = "a table")]
@@ -75,7 +76,7 @@ pub(crate) fn report(
     bundle: Option<PathBuf>,
     pictures: usize,
 ) -> PyResult<(PathBuf, Vec<String>)> {
-    let reported = py.detach(|| {
+    let reported = detached(py, || {
         let run = RunFolder::open(&folder).map_err(error)?;
         let options = ReportOptions {
             out: out.as_deref(),
@@ -84,6 +85,6 @@ pub(crate) fn report(
             ..ReportOptions::default()
         };
         of_run(&run, &options).map_err(error)
-    })?;
+    })??;
     Ok((reported.page, reported.notes))
 }

@@ -270,3 +270,21 @@ def test_a_pair_is_drawn(dataset, tmp_path):
         mb.show(dataset, 0, 0)
     with pytest.raises(mb.Error, match="did you mean|sift"):
         mb.show(dataset, a, b, "shift")
+
+
+def test_a_forked_process_has_threads_of_its_own(dataset, command_line_run):
+    script = f"""
+import os, signal
+import matchbench as mb
+image = mb.Dataset.open({str(dataset.path)!r}).read(0)
+def work():
+    return mb.ASIFT().extract(image).keypoints.tobytes(), mb.evaluate({str(command_line_run)!r})["auc"].tolist()
+expected = work()
+child = os.fork()
+if child == 0:
+    signal.alarm(60)
+    os._exit(0 if work() == expected == work() else 3)
+raise SystemExit(os.waitpid(child, 0)[1] != 0)
+"""
+    done = subprocess.run([sys.executable, "-c", script], timeout=120, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
