@@ -57,7 +57,7 @@ pub(crate) fn describe(name: &str, source: &MatchSource) {
             };
             let absent = survey.absent.len();
             say!(
-                "  {absent} pairs are absent and count as failed: {}{more}",
+                "  {absent} pairs are absent; those that are run count as failed: {}{more}",
                 named.join(", ")
             );
         }

@@ -70,7 +70,7 @@ impl MatchSource {
             let absent = files.survey().absent.len();
             if absent > 0 {
                 notes.push(format!(
-                    "{name}: {absent} pairs are absent and count as failed"
+                    "{name}: {absent} pairs are absent; those that are run count as failed"
                 ));
             }
             let warnings = files.survey().warnings.iter();

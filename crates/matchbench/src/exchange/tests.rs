@@ -256,6 +256,14 @@ fn absent_pairs_are_listed_and_strangers_counted() {
     };
     let files = open(&sequence).unwrap();
     assert_eq!(files.survey().absent, [(0, 2)]);
+    let paths = std::slice::from_ref(&npz);
+    let source = MatchSource::open(paths, &[&sequence], &options(Some(0.0), None), None);
+    let notes = source.unwrap().build("mine").notes;
+    // A limit may leave them out.
+    assert_eq!(
+        notes[1],
+        "room: 1 pairs are absent; those that are run count as failed"
+    );
     assert_eq!(files.survey().others, 1);
     assert!(files.matches(0, 2).unwrap().is_none());
     sequence.pairs.retain(|pair| (pair.a, pair.b) == (0, 2));
