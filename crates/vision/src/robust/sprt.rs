@@ -75,6 +75,10 @@ impl Sprt {
 
     /// Whether a model is to be given up that agrees with `agreed` of the first `seen` data.
     pub(super) fn gives_up(&mut self, agreed: usize, seen: usize) -> bool {
+        // Where all agree with the best model the ratio of another one that all agree with is no number.
+        if self.limit == f64::INFINITY {
+            return false;
+        }
         let ratio = agreed as f64 * self.agree + (seen - agreed) as f64 * self.disagree;
         if ratio <= self.limit {
             return false;
@@ -144,6 +148,8 @@ mod tests {
         sprt.design();
         assert!(!sprt.gives_up(0, 1_000_000));
         sprt.best_is(1.0);
-        assert!(!sprt.gives_up(0, 1_000_000));
+        for agreed in [0, 999_999, 1_000_000] {
+            assert!(!sprt.gives_up(agreed, 1_000_000), "{agreed}");
+        }
     }
 }
