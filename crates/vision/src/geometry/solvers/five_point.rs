@@ -240,6 +240,18 @@ mod tests {
         }
     }
 
+    /// Their essential matrix is a combination of X, Y and Z alone, so its root is at infinity.
+    #[test]
+    fn rectified_views_are_no_obstacle() {
+        let mut rng = Seed(5).rng();
+        let essential = Vector3::x().cross_matrix().normalize();
+        for _ in 0..500 {
+            let a = [(); 5].map(|()| Point2::new(rng.uniform() - 0.5, rng.uniform() - 0.5));
+            let b = a.map(|a| Point2::new(a.x + 0.1 + 0.2 * rng.uniform(), a.y));
+            assert!(error(&Scene { essential, a, b }) < 1e-6);
+        }
+    }
+
     #[test]
     fn a_pure_rotation_does_not_break_it() {
         let mut rng = Seed(3).rng();

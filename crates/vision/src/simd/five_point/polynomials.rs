@@ -29,6 +29,7 @@ pub(super) fn polynomials<V: Lanes>(points: &[V; 20]) -> Reduced<V> {
     let (reduced, singular) = eliminate(&mut matrix);
     let rows = rows(&reduced);
     let mut determinant = determinant(&rows);
+    determinant[10] = not_lower(&determinant);
     let none = dependent.or(singular);
     for coefficient in &mut determinant {
         *coefficient = V::all(f64::NAN).where_or(none, *coefficient);
@@ -38,6 +39,21 @@ pub(super) fn polynomials<V: Lanes>(points: &[V; 20]) -> Reduced<V> {
         rows,
         determinant,
     }
+}
+
+/// The leading coefficient, or what rounding could have left of it where it is 0. A solution without W, as that of two
+/// rectified views, is a root at infinity; a very large one stands for it.
+#[inline(always)]
+fn not_lower<V: Lanes>(c: &[V; 11]) -> V {
+    /// Below the rounding of the coefficients.
+    const NEXT_TO_NOTHING: f64 = 1e-17;
+    let mut scale = V::zero();
+    for c in c {
+        let size = c.abs();
+        scale = size.where_or(size.above(scale), scale);
+    }
+    let is_zero = V::zero().at_least(c[10].abs());
+    (V::all(NEXT_TO_NOTHING) * scale).where_or(is_zero, c[10])
 }
 
 /// An orthonormal basis of the matrices that satisfy the five equations, and where these depend on each other.
