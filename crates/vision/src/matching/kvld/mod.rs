@@ -140,8 +140,7 @@ impl Selector for Kvld {
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, _seed: Seed) {
         // The clearest first; the order of equals is that of the matches.
         let mut order: Vec<usize> = (0..matches.len()).collect();
-        let ratio = |i: usize| matches[i].distance / matches[i].second;
-        order.sort_by(|&i, &j| ratio(i).total_cmp(&ratio(j)));
+        order.sort_by(|&i, &j| matches[i].ambiguity().total_cmp(&matches[j].ambiguity()));
         let placed: Vec<Placed> = (order.iter())
             .map(|&i| Placed::new(a.features, b.features, &matches[i]))
             .collect();

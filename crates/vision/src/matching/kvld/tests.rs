@@ -74,6 +74,15 @@ fn keypoints(right: usize, wrong: usize) -> Vec<(Keypoint, Keypoint)> {
 
 /// Which of the pairs stay.
 fn kept(pairs: &[(Keypoint, Keypoint)]) -> Vec<usize> {
+    kept_with(KvldParams::default(), pairs, |_| [0.9, 1.0])
+}
+
+/// As [`kept`], for the distances to the nearest and to the second nearest feature of each.
+fn kept_with(
+    params: KvldParams,
+    pairs: &[(Keypoint, Keypoint)],
+    distances: fn(u32) -> [f32; 2],
+) -> Vec<usize> {
     let images = images();
     let features = |keypoints: Vec<Keypoint>| {
         let mut descriptors = Descriptors::empty(DescriptorKind::Float { dim: 1 });
@@ -92,14 +101,17 @@ fn kept(pairs: &[(Keypoint, Keypoint)]) -> Vec<usize> {
         camera: None,
     });
     let mut matches: Correspondences = (0..pairs.len() as u32)
-        .map(|i| Correspondence {
-            a: i,
-            b: i,
-            distance: 0.9,
-            second: 1.0,
+        .map(|i| {
+            let [distance, second] = distances(i);
+            Correspondence {
+                a: i,
+                b: i,
+                distance,
+                second,
+            }
         })
         .collect();
-    let kvld = Kvld::new(KvldParams::default()).unwrap();
+    let kvld = Kvld::new(params).unwrap();
     kvld.select(a, b, &mut matches, Seed(0));
     matches.iter().map(|m| m.a as usize).collect()
 }
@@ -110,6 +122,22 @@ fn matches_joined_by_lines_that_look_the_same_stay() {
     let right = kept.iter().filter(|&&i| i < 60).count();
     let wrong = kept.len() - right;
     assert!(right >= 54 && wrong <= 6, "{right} right, {wrong} wrong");
+}
+
+#[test]
+fn two_features_that_are_both_equal_to_one_are_as_ambiguous_as_can_be() {
+    let pairs = keypoints(60, 60);
+    for count in 1..6 {
+        let params = KvldParams {
+            max_neighbours: count,
+            least_neighbours: count,
+            ..KvldParams::default()
+        };
+        let kept = |distances| kept_with(params, &pairs, distances);
+        let alike = kept(|i| [if i % 3 == 0 { 1.0 } else { 0.5 }, 1.0]);
+        let equal = kept(|i| if i % 3 == 0 { [0.0; 2] } else { [0.5, 1.0] });
+        assert_eq!(equal, alike, "{count}");
+    }
 }
 
 #[test]
