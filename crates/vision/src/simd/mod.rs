@@ -82,6 +82,8 @@ mod brisk;
 mod convolve;
 mod daisy;
 mod diffuse;
+#[cfg(target_arch = "x86_64")]
+mod eight;
 mod extrema;
 mod fast;
 mod five_point;

@@ -1,7 +1,7 @@
 //! Symmetric filters on 8-bit pixels, with sums in single precision.
 
 #[cfg(target_arch = "x86_64")]
-mod wide;
+mod avx512;
 
 #[cfg(target_arch = "x86_64")]
 use super::InstructionSet;
@@ -23,7 +23,7 @@ pub fn weigh_both_u8(rows: &[&[u8]], half: &[f32], between: &mut [f32], out: &mu
         && out.len() >= LANES
     {
         // SAFETY: what is in use was detected on this processor.
-        return unsafe { wide::weigh_both_u8(rows, half, out) };
+        return unsafe { avx512::weigh_both_u8(rows, half, out) };
     }
     weigh_rows_u8(rows, half, between);
     weigh_along_u8(between, half, out);

@@ -1,7 +1,7 @@
 //! Means over the squares of a sampling pattern of at most 64 points, and the direction of the gradient over it.
 
 #[cfg(target_arch = "x86_64")]
-mod wide;
+mod avx2;
 
 #[cfg(target_arch = "x86_64")]
 use super::InstructionSet;
@@ -88,7 +88,7 @@ fn totals(sums: &[u32], stride: usize, ends: &[Ends; 2], weights: &[i32; 64]) ->
     #[cfg(target_arch = "x86_64")]
     if InstructionSet::in_use() >= InstructionSet::Avx2 {
         // SAFETY: what is in use was detected on this processor.
-        return unsafe { wide::totals(sums, stride, ends, weights) };
+        return unsafe { avx2::totals(sums, stride, ends, weights) };
     }
     totals_one_by_one(sums, stride, ends, weights)
 }

@@ -4,7 +4,9 @@
 use super::InstructionSet;
 
 #[cfg(target_arch = "x86_64")]
-mod wide;
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 
 /// Rows that [`weigh_rows`] makes at most, so that a row is loaded once for several sums.
 pub const ROWS_AT_ONCE: usize = 4;
@@ -22,7 +24,7 @@ pub fn weigh_rows(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) {
         && taps.len() >= ROWS_AT_ONCE
     {
         // SAFETY: what is in use was detected on this processor.
-        return unsafe { wide::weigh_rows(rows, taps, out) };
+        return unsafe { avx512::weigh_rows(rows, taps, out) };
     }
     weigh_some_rows(rows, taps, out);
 }
@@ -40,10 +42,17 @@ pub fn weigh_symmetric(padded: &[f32], taps: &[f32], out: &mut [f32]) {
         "padding for the taps"
     );
     #[cfg(target_arch = "x86_64")]
-    if InstructionSet::in_use() == InstructionSet::Avx512 && taps.len() / 2 <= wide::LARGEST_RADIUS
+    if InstructionSet::in_use() == InstructionSet::Avx512
+        && taps.len() / 2 <= avx512::LARGEST_RADIUS
     {
         // SAFETY: what is in use was detected on this processor.
-        return unsafe { wide::weigh_symmetric(padded, taps, out) };
+        return unsafe { avx512::weigh_symmetric(padded, taps, out) };
+    }
+    #[cfg(target_arch = "x86_64")]
+    if InstructionSet::in_use() == InstructionSet::Avx2 {
+        // SAFETY: as before.
+        let made = unsafe { avx2::weigh_symmetric(padded, taps, out) };
+        return weigh_with_symmetric(&padded[made..], taps, &mut out[made..]);
     }
     weigh_with_symmetric(padded, taps, out);
 }

@@ -2,7 +2,9 @@
 #![allow(clippy::needless_bitwise_bool)] // a lazy `&&` is a branch, and lanes have none
 
 #[cfg(target_arch = "x86_64")]
-mod wide;
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 
 use std::ops::Range;
 
@@ -31,7 +33,7 @@ pub fn find_extrema_of_differences(
             "a column on each side"
         );
         // SAFETY: what is in use was detected on this processor.
-        return unsafe { wide::find(layers, columns, threshold, found) };
+        return unsafe { avx512::find(layers, columns, threshold, found) };
     }
     search_differences(layers, columns, threshold, found);
 }
@@ -125,9 +127,31 @@ fn block<const LAYERS: usize, const L: usize, const WIDTH: usize>(
     if strong == 0 {
         return;
     }
+    let mut left = candidates::<LAYERS, L, WIDTH>(&windows, threshold) & (u64::MAX << done);
+    while left != 0 {
+        let i = left.trailing_zeros() as usize;
+        left &= left - 1;
+        if beats_other_layers(&windows, i) {
+            found.push((x + i) as u32);
+        }
+    }
+}
+
+/// A bit for each column of a block that exceeds the threshold and beats its eight neighbours in the middle
+/// layer.
+#[inline(always)]
+fn candidates<const LAYERS: usize, const L: usize, const WIDTH: usize>(
+    windows: &Windows<'_, LAYERS, WIDTH>,
+    threshold: f32,
+) -> u64 {
+    #[cfg(target_arch = "x86_64")]
+    if LAYERS == 4 && L == LANES && InstructionSet::in_use() == InstructionSet::Avx2 {
+        // SAFETY: what is in use was detected on this processor.
+        return unsafe { avx2::candidates(&windows[1], &windows[2], threshold) };
+    }
     let mut candidates = [0_u8; L];
     for (i, candidate) in candidates.iter_mut().enumerate() {
-        let at = |row: usize, dx: usize| value(&windows, 1, row, i + dx);
+        let at = |row: usize, dx: usize| value(windows, 1, row, i + dx);
         let centre = at(1, 1);
         let (mut low, mut high) = (at(1, 0), at(1, 0));
         for other in [
@@ -146,20 +170,14 @@ fn block<const LAYERS: usize, const L: usize, const WIDTH: usize>(
         let bottom = (centre < -threshold) & (centre <= low);
         *candidate = u8::from(top | bottom);
     }
-    candidates[..done].fill(0);
-    // Few columns of a block are candidates: eight are looked at together.
     let (eights, rest) = candidates.as_chunks::<8>();
-    let last = rest.iter().map(|&candidate| u64::from(candidate));
-    let words = eights.iter().map(|eight| u64::from_le_bytes(*eight));
-    for (start, mut left) in (0..).step_by(8).zip(words.chain(last)) {
-        while left != 0 {
-            let i = start + left.trailing_zeros() as usize / 8;
-            left &= left - 1;
-            if beats_other_layers(&windows, i) {
-                found.push((x + i) as u32);
-            }
-        }
+    let mut bits = rest.first().map_or(0, |&candidate| u64::from(candidate));
+    for (i, eight) in eights.iter().enumerate() {
+        // Moves the lowest bit of each byte to the highest byte.
+        let byte = u64::from_le_bytes(*eight).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+        bits |= byte << (8 * i);
     }
+    bits
 }
 
 /// The columns from `x` on.

@@ -1,7 +1,7 @@
 //! What ORB reads around a keypoint: corner strength, centre of intensity, pairs of intensities.
 
 #[cfg(target_arch = "x86_64")]
-mod wide;
+mod avx512;
 
 use std::f32::consts::TAU;
 
@@ -61,7 +61,7 @@ pub fn intensity_moments(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<[i32; 
     #[cfg(target_arch = "x86_64")]
     if InstructionSet::in_use() == InstructionSet::Avx512 {
         // SAFETY: what is in use was detected on this processor.
-        return unsafe { wide::intensity_moments(pixels, centres) };
+        return unsafe { avx512::intensity_moments(pixels, centres) };
     }
     intensity_moments_by_columns(pixels, centres)
 }
@@ -83,7 +83,7 @@ pub fn compare_pairs(
     #[cfg(target_arch = "x86_64")]
     if InstructionSet::in_use() == InstructionSet::Avx512 {
         // SAFETY: what is in use was detected on this processor.
-        return unsafe { wide::compare_pairs(pixels, centres, turns, pairs) };
+        return unsafe { avx512::compare_pairs(pixels, centres, turns, pairs) };
     }
     compare_pair_by_pair(pixels, centres, turns, pairs)
 }
