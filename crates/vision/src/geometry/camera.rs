@@ -173,8 +173,10 @@ impl Distortion {
         Point2::new(p.x * radial + dx, p.y * radial + dy)
     }
 
-    /// Inverse of [`Distortion::distort`], by fixed-point iteration to full precision where the
-    /// lens model is invertible.
+    /// Inverse of [`Distortion::distort`] where the lens model has one: what it returns is seen at `seen`, to 1e-9 or better.
+    ///
+    /// By fixed-point iteration, and by Newton's method where that does not converge (k1 r^2 above 1, or close to where
+    /// the model folds). Beyond the fold, where nothing is seen, the answer is where the iteration stopped.
     pub fn undistort(&self, seen: Point2<f64>) -> Point2<f64> {
         let mut p = seen;
         for _ in 0..50 {
@@ -185,10 +187,38 @@ impl Distortion {
             let step = (next - p).abs().max();
             p = next;
             if step < 1e-14 {
-                break;
+                return p;
             }
         }
-        p
+        if is_close(self.distort(p), seen) {
+            return p;
+        }
+        self.undistort_by_newton(seen).unwrap_or(p)
+    }
+
+    /// Newton's method from the axis, where no lens moves anything. A step is halved until it comes closer by half of
+    /// what it promises and does not cross the fold, where the determinant of the derivative changes its sign.
+    fn undistort_by_newton(&self, seen: Point2<f64>) -> Option<Point2<f64>> {
+        let mut p = Point2::origin();
+        let mut missing = seen.coords;
+        let mut step = missing;
+        let mut part = 1.0;
+        for _ in 0..100 {
+            let next = p + step * part;
+            if next == p {
+                break;
+            }
+            let left = seen - self.distort(next);
+            let derivative = self.derivative(next);
+            if left.norm() <= (1.0 - part / 2.0) * missing.norm() && derivative.determinant() > 0.0
+            {
+                (p, missing, part) = (next, left, 1.0);
+                step = derivative.try_inverse()? * left;
+            } else {
+                part /= 2.0;
+            }
+        }
+        is_close(self.distort(p), seen).then_some(p)
     }
 
     /// Derivative of [`Distortion::distort`] at `p`.
@@ -214,6 +244,11 @@ impl Distortion {
             self.p1 * (r2 + 2.0 * p.y * p.y) + 2.0 * self.p2 * p.x * p.y,
         )
     }
+}
+
+/// Whether two points are the same to 1e-9, relative to their size where that is above 1.
+fn is_close(p: Point2<f64>, q: Point2<f64>) -> bool {
+    (p - q).norm() <= 1e-9 * q.coords.norm().max(1.0)
 }
 
 #[cfg(test)]
@@ -249,6 +284,53 @@ mod tests {
             let pixel = Point2::new(u, v);
             let back = FREIBURG1.project(FREIBURG1.normalize(pixel));
             assert!((back - pixel).norm() < 1e-9, "{pixel} comes back as {back}");
+        }
+    }
+
+    /// Radii from the axis to where the lens folds, at most 1.5, in the direction of `angle`.
+    fn radii_before_the_fold(lens: &Distortion, angle: f64) -> impl Iterator<Item = Point2<f64>> {
+        let direction = Vector2::new(angle.cos(), angle.sin());
+        (1..=150)
+            .map(move |step| Point2::from(direction * (f64::from(step) / 100.0 - 0.003)))
+            .take_while(|&p| lens.derivative(p).determinant() > 1e-3)
+    }
+
+    #[test]
+    fn strong_lenses_are_undone_wherever_they_do_not_fold() {
+        let mut points = 0;
+        for k1 in [-0.45, -0.3, -0.1, 0.3, 0.8, 1.2, 1.5] {
+            for k2 in [-0.5, -0.1, 0.0, 0.2, 1.0] {
+                for (p1, p2) in [(0.0, 0.0), (0.01, -0.02), (-0.03, 0.005)] {
+                    let k3 = 0.0;
+                    let lens = Distortion { k1, k2, p1, p2, k3 };
+                    for angle in 0..8 {
+                        for p in radii_before_the_fold(&lens, f64::from(angle) * 0.8) {
+                            let back = lens.undistort(lens.distort(p));
+                            // The derivative may be as small as 1e-3.
+                            assert!((back - p).norm() < 1e-5, "{lens:?}: {p} is {back}");
+                            assert!(is_close(lens.distort(back), lens.distort(p)));
+                            points += 1;
+                        }
+                    }
+                }
+            }
+        }
+        assert!(points > 50_000, "{points}");
+    }
+
+    #[test]
+    fn beyond_the_fold_the_answer_is_finite() {
+        let lens = Distortion {
+            k1: -0.45,
+            k2: 0.0,
+            p1: 0.0,
+            p2: 0.0,
+            k3: 0.0,
+        };
+        // At most 0.574 is seen.
+        for x in [0.6, 1.0, 3.0] {
+            let p = lens.undistort(Point2::new(x, 0.1));
+            assert!(p.x.is_finite() && p.y.is_finite(), "{p}");
         }
     }
 
