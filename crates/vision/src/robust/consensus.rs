@@ -277,6 +277,10 @@ fn support_above<P: Problem>(
 fn samples_needed(inlier_ratio: f64, power: f64, sample: usize, params: ConsensusParams) -> usize {
     let clean = (0..sample).fold(power, |clean, _| clean * inlier_ratio);
     let log_failure = libm::log((1.0 - params.confidence).max(f64::MIN_POSITIVE));
+    // Confidence 0 is there without a sample; with few inliers the other logarithm is 0 too.
+    if log_failure == 0.0 {
+        return 0;
+    }
     let log_spoilt = libm::log(1.0 - clean);
     // Infinite where every datum is an inlier: then what was drawn is enough.
     if log_failure <= params.max_samples as f64 * log_spoilt {
@@ -458,5 +462,16 @@ mod tests {
         assert_eq!(samples_needed(1.0, 1.0, 5, PARAMS), 0);
         assert_eq!(samples_needed(0.0, 1.0, 5, PARAMS), 1000);
         assert_eq!(samples_needed(0.01, 1.0, 5, PARAMS), 1000);
+    }
+
+    #[test]
+    fn no_confidence_needs_no_samples_however_few_inliers_there_are() {
+        let params = ConsensusParams {
+            confidence: 0.0,
+            ..PARAMS
+        };
+        for inlier_ratio in [1.0, 0.5, 1e-3, 5e-4, 0.0] {
+            assert_eq!(samples_needed(inlier_ratio, 1.0, 5, params), 0);
+        }
     }
 }

@@ -68,7 +68,7 @@ impl Search {
                 (0.0..1.0).contains(&confidence),
                 "confidence",
                 confidence,
-                "at least 0 and below 1",
+                "at least 0 and below 1; `early_stop: None`, or 1 by its flat name, is no early stop",
             )?;
             ParamError::unless(
                 min_iterations <= self.max_iterations,

@@ -112,7 +112,7 @@ impl<'de> Deserialize<'de> for SampleConsensusParams {
 mod tests {
     use super::*;
     use crate::geometry::Loss;
-    use crate::robust::{Score, ScoreName, presets};
+    use crate::robust::{SampleConsensus, Score, ScoreName, presets};
 
     #[test]
     fn the_general_defaults_are_one() {
@@ -199,6 +199,27 @@ mod tests {
                 threshold_px: 1.0,
                 sprt: true
             }
+        );
+    }
+
+    #[test]
+    fn a_confidence_of_1_is_no_early_stop_and_the_refusal_of_another_says_so() {
+        let confidence = |confidence| Settings {
+            confidence: Some(confidence),
+            ..Settings::default()
+        };
+        let all = presets::best()
+            .with(confidence(1.0))
+            .expect("no early stop");
+        assert_eq!(all.early_stop, None);
+        assert!(SampleConsensus::new(all).is_ok());
+        let more = presets::best()
+            .with(confidence(1.5))
+            .expect("checked later");
+        let message = SampleConsensus::new(more).expect_err("refused").to_string();
+        assert!(
+            message.contains("1 by its flat name, is no early stop"),
+            "{message}"
         );
     }
 
