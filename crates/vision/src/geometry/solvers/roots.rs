@@ -18,14 +18,19 @@ use super::Solutions;
 
 /// Intervals are halved at most this often: two roots closer than `2^-32` (in s) count as one.
 const MAX_DEPTH: u32 = 32;
-/// Newton's method is stopped after this many steps; bisection alone would gain as many bits.
-const MAX_STEPS: usize = 50;
+/// Newton's method alone is given so many steps. Roots of very different sizes hold it up; so then every other step
+/// halves the bracket.
+const NEWTON_STEPS: usize = 50;
+/// Enough halves for a root of any size that a number can have.
+const MAX_STEPS: usize = 2200;
 
 /// The real roots of `c[0] + c[1] z + c[2] z^2 + ...`, positive ones first, to a relative
 /// precision of 1e-10 or as good as the coefficients determine them.
 ///
-/// Roots whose distance is of the order of the rounding errors may be lost, or found as one; the
-/// zero polynomial and one with coefficients that are not finite have no roots here.
+/// Roots are told apart by `s = |z| / (1 + |z|)`. Those that have another, real or complex, of one sign and within `2^-31`
+/// of their s, as all below 1e-10 or above 1e10 have, may be lost or found as one, whose s is right to `2^-32`. So may those
+/// whose distance is of the order of the rounding errors. The zero polynomial and one with coefficients that are not
+/// finite have no roots here.
 pub fn real_roots<const N: usize>(c: &[f64; N]) -> Solutions<f64, N> {
     let mut roots = Solutions::none();
     let scale = c.iter().fold(0.0_f64, |scale, c| scale.max(c.abs()));
@@ -140,7 +145,7 @@ fn newton<'a>(
     rising: bool,
 ) -> f64 {
     let mut x = f64::midpoint(low, high);
-    for _ in 0..MAX_STEPS {
+    for step in 0..MAX_STEPS {
         let (mut value, mut slope) = (0.0, 0.0);
         for c in c.clone() {
             slope = slope * x + value;
@@ -152,8 +157,9 @@ fn newton<'a>(
             high = x;
         }
         let mut next = x - value / slope;
+        let is_late = step >= NEWTON_STEPS && step % 2 == 0;
         // Also true for NaN.
-        if !(next >= low && next <= high) {
+        if is_late || !(next >= low && next <= high) {
             next = f64::midpoint(low, high);
         }
         let step = (next - x).abs();
@@ -169,7 +175,7 @@ fn newton<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::Seed;
+    use crate::seed::{Rng, Seed};
     use crate::simd::roots_of_each;
 
     /// Coefficients of the product of (z - root).
@@ -199,6 +205,46 @@ mod tests {
         for (found, expected) in found.iter().zip(expected) {
             assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
         }
+    }
+
+    /// Ten roots of both signs and of sizes from 1e-8 to 1e8, those of one sign at least a tenth apart.
+    fn of_many_sizes(rng: &mut Rng) -> [f64; 10] {
+        loop {
+            let mut roots: [f64; 10] = std::array::from_fn(|_| {
+                let sign = [-1.0, 1.0][rng.below(2) as usize];
+                sign * libm::exp10(16.0 * rng.uniform() - 8.0)
+            });
+            roots.sort_by(f64::total_cmp);
+            let are_apart = |pair: &[f64]| {
+                let ratio = pair[1] / pair[0];
+                !(1.0 / 1.1..1.1).contains(&ratio)
+            };
+            if roots.windows(2).all(are_apart) {
+                return roots;
+            }
+        }
+    }
+
+    #[test]
+    fn roots_of_very_different_sizes_come_back() {
+        let mut rng = Seed(11).rng();
+        for _ in 0..300 {
+            let expected = of_many_sizes(&mut rng);
+            let found = sorted(&expand::<11>(&expected));
+            assert_eq!(found.len(), 10, "{found:?} {expected:?}");
+            for (found, expected) in found.iter().zip(expected) {
+                assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn roots_that_are_too_close_to_be_told_apart_are_found_as_one_between_them() {
+        // In s they are 1e-10 apart.
+        let found = sorted(&expand::<4>(&[1e-10, 2e-10, 5.0]));
+        assert!(matches!(found.len(), 2 | 3), "{found:?}");
+        assert!((found[0] - 1.5e-10).abs() < 2.4e-10);
+        assert!((found[found.len() - 1] - 5.0).abs() < 1e-9);
     }
 
     #[test]
@@ -264,13 +310,14 @@ mod tests {
             for x in polynomials.as_flattened_mut() {
                 *x = rng.normal();
             }
-            // Ten real roots, a double one, a lower degree, a root of 0, and what has none.
+            // Ten real roots, a double one, roots of many sizes, a lower degree, a root of 0, and what has none.
             let mut known: [f64; 10] = std::array::from_fn(|_| 2.0 * rng.normal());
             if round % 2 == 0 {
                 (known[0], known[1]) = (0.5, 0.5);
             }
             polynomials[0] = expand(&known);
             polynomials[1][10] = 0.0;
+            polynomials[5] = expand(&of_many_sizes(&mut rng));
             polynomials[2][0] = 0.0;
             polynomials[3] = [0.0; 11];
             polynomials[4][round % 11] = [f64::NAN, f64::INFINITY][round % 2];

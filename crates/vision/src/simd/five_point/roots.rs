@@ -10,8 +10,10 @@ use crate::simd::lanes::{LANES, Lanes, Mask, lanes_of, values_of};
 const N: usize = 11;
 /// Intervals are halved at most this often: two roots closer than `2^-32` (in s) count as one.
 const MAX_DEPTH: u32 = 32;
-/// Newton's method is stopped after this many steps.
-const MAX_STEPS: usize = 50;
+/// Newton's method alone is given so many steps; then every other one halves the bracket.
+const NEWTON_STEPS: usize = 50;
+/// Enough halves for a root of any size that a number can have.
+const MAX_STEPS: usize = 2200;
 /// Intervals that wait: of each polynomial and its mirror image at most six, since both have at most ten changes of sign
 /// together, none is gained by halving, and what has only one does not wait but in the beginning.
 const WAITING: usize = 8 * LANES;
@@ -304,7 +306,7 @@ fn newton<V: Lanes>(brackets: &[Bracket], polynomials: &[[f64; N]; 2 * LANES]) -
     let falling = V::Mask::from_bits(falling);
     let mut x = V::all(0.5) * (low + high);
     let mut going = V::Mask::first(brackets.len());
-    for _ in 0..MAX_STEPS {
+    for step in 0..MAX_STEPS {
         let (mut value, mut slope) = (V::zero(), V::zero());
         for &c in &c {
             slope = slope * x + value;
@@ -316,11 +318,16 @@ fn newton<V: Lanes>(brackets: &[Bracket], polynomials: &[[f64; N]; 2 * LANES]) -
         let next = x - value / slope;
         // No number is not inside either.
         let inside = next.at_least(low).and(high.at_least(next));
-        let next = next.where_or(inside, V::all(0.5) * (low + high));
-        let step = (next - x).abs();
+        let middle = V::all(0.5) * (low + high);
+        let next = if step >= NEWTON_STEPS && step % 2 == 0 {
+            middle
+        } else {
+            next.where_or(inside, middle)
+        };
+        let moved = (next - x).abs();
         x = next.where_or(going, x);
         // Convergence is quadratic: the error left is about the square of the step.
-        going = going.and_not((V::all(1e-10) * x.abs()).at_least(step));
+        going = going.and_not((V::all(1e-10) * x.abs()).at_least(moved));
         if !going.any() {
             break;
         }
