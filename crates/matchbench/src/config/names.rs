@@ -15,10 +15,10 @@ pub struct UnknownName {
 /// # Errors
 /// If there is none; the error says what `kind` of thing was looked for, names the nearest where
 /// one is near, and all.
-pub fn find<E: Copy>(
+pub fn find<'n, E: Copy>(
     kind: &'static str,
     entries: &[E],
-    name_of: impl Fn(E) -> &'static str,
+    name_of: impl Fn(E) -> &'n str,
     name: &str,
 ) -> Result<E, UnknownName> {
     let names = || entries.iter().map(|&entry| name_of(entry));

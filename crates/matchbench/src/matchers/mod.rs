@@ -161,7 +161,9 @@ pub fn build(
     params: Option<&Value>,
 ) -> Result<BuiltMatcher, ConfigError> {
     let (sizes, own) = take_sizes(params);
-    let mut built = entry.build(own.as_ref())?;
+    let mut built = entry
+        .build(own.as_ref())
+        .map_err(|error| unknown_of_extractor(entry, own.as_ref()).unwrap_or(error))?;
     let refused = |reason: String| ConfigError::new(entry.id(), reason);
     let (name, given) = match &sizes[..] {
         [] => return Ok(built),
@@ -187,6 +189,18 @@ pub fn build(
 
 /// Names of the parameters that say in which size images are looked at.
 pub const SIZES: [&str; 2] = ["max_size", "size"];
+
+/// What is wrong with the first parameter of the extractor that is unknown: the entry alone would not name [`SIZES`].
+fn unknown_of_extractor(entry: &dyn MatcherEntry, own: Option<&Value>) -> Option<ConfigError> {
+    let given = own?.get("extractor")?.as_object()?;
+    let defaults = entry.defaults();
+    let known = defaults.get("extractor").and_then(Value::as_object);
+    let known = known.into_iter().flatten().map(|(name, _)| &**name);
+    let known: Vec<&str> = known.chain(SIZES).collect();
+    let look_up = |wanted: &String| config::find("`extractor` parameter", &known, |n| n, wanted);
+    let unknown = given.keys().find_map(|name| look_up(name).err())?;
+    Some(ConfigError::new(entry.id(), unknown))
+}
 
 /// What a parameter of [`SIZES`] says.
 fn image_size(name: &str, given: &Value) -> Result<ImageSize, String> {
@@ -469,6 +483,26 @@ mod tests {
             let unknown = json!({"extractor": {"max_size": 99, "no-such-parameter": 1}});
             assert!(build(*entry, Some(&unknown)).is_err(), "{}", entry.id());
         }
+    }
+
+    #[test]
+    fn an_unknown_parameter_of_an_extractor_is_answered_with_all_and_those_of_the_size() {
+        for entry in MATCHERS {
+            let unknown = json!({"extractor": {"no-such-parameter": 1}});
+            let message = build(*entry, Some(&unknown)).err().unwrap().to_string();
+            assert!(message.contains("`no-such-parameter`"), "{message}");
+            assert!(message.ends_with("max_size, size"), "{message}");
+        }
+        let misspelt = json!({"extractor": {"max_sise": 640}});
+        let message = build(find("sift").unwrap(), Some(&misspelt));
+        let message = message.err().unwrap().to_string();
+        assert!(message.contains("did you mean `max_size`?"), "{message}");
+        assert!(message.contains("contrast_threshold"), "{message}");
+        // What is wrong elsewhere is told as it is.
+        let value = json!({"extractor": {"contrast_threshold": "x"}});
+        let message = build(find("sift").unwrap(), Some(&value));
+        let message = message.err().unwrap().to_string();
+        assert!(!message.contains("max_size"), "{message}");
     }
 
     #[test]
