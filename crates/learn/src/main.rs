@@ -394,7 +394,7 @@ fn learn_dlco(args: &DlcoArgs) -> Result<()> {
 
 /// Writes a finished table; what a stopped run would have gone on with is no longer needed.
 fn finish(out: &Path, bytes: &[u8], checkpoint: &Checkpoint) -> Result<()> {
-    write_whole(out, bytes).with_context(|| out.display().to_string())?;
+    write_whole(out, bytes)?;
     checkpoint.remove();
     println!("{}: {} bytes", out.display(), bytes.len());
     Ok(())

@@ -101,6 +101,30 @@ impl From<DatasetError> for ExchangeError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::{Fault, break_calls, write_new};
+
+    #[test]
+    fn a_file_that_cannot_be_written_is_named_once() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("m.npz");
+        let refused = || {
+            let error = write_new(&path, &[1; 100]).err()?;
+            Some(ExchangeError::unwritable(&path, error).to_string())
+        };
+        let mut messages = Vec::new();
+        for left in 0..6 {
+            let _broken = break_calls(folder.path(), Fault::Full, left);
+            messages.extend(refused());
+        }
+        assert!(messages.len() >= 3, "{messages:?}");
+        std::fs::write(&path, "of somebody").expect("writable");
+        let other = refused().expect("it is not ours");
+        assert!(other.contains("other content"), "{other}");
+        messages.push(other);
+        for message in messages {
+            assert_eq!(message.matches("m.npz").count(), 1, "{message}");
+        }
+    }
 
     #[test]
     fn the_message_names_file_place_and_remedy() {

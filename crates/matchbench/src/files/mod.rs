@@ -24,4 +24,4 @@ pub(crate) use names::check_name;
 pub use read::{open_file, read_file, read_text};
 pub(crate) use write::WholeFile;
 pub use write::write_whole;
-pub(crate) use write::{make_folder, sync_folder_of, write_new, write_whole_file};
+pub(crate) use write::{make_folder, sync_folder_of, write_new, write_unnamed, write_whole_file};

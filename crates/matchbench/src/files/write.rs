@@ -18,7 +18,7 @@ use super::{PREFIX, hold};
 /// What the file system says, with the path named; if a folder is there, or a file that may not be
 /// written to.
 pub fn write_whole(path: &Path, contents: &[u8]) -> io::Result<()> {
-    write(path, contents).map_err(named(path))
+    write_unnamed(path, contents).map_err(named(path))
 }
 
 /// As [`write_whole`]; but what is there and is no file (a pipe, which may have no reader) is refused.
@@ -100,24 +100,25 @@ fn named(path: &Path) -> impl FnOnce(io::Error) -> io::Error {
     }
 }
 
-/// As [`write_whole`]; but where there is a file with other content, that is somebody's, and stays.
+/// As [`write_unnamed`]; but where there is a file with other content, that is somebody's, and stays.
 ///
 /// # Errors
-/// As [`write_whole`]; [`io::ErrorKind::AlreadyExists`] for such a file.
+/// As [`write_unnamed`]; [`io::ErrorKind::AlreadyExists`] for such a file.
 pub(crate) fn write_new(path: &Path, contents: &[u8]) -> io::Result<()> {
     if super::read_file(path).is_ok_and(|there| there != contents) {
         return Err(io::Error::new(
             io::ErrorKind::AlreadyExists,
-            format!(
-                "{} has other content already; delete it, or write into another folder",
-                path.display()
-            ),
+            "it has other content already; delete it, or write into another folder",
         ));
     }
-    write_whole(path, contents)
+    write_unnamed(path, contents)
 }
 
-fn write(path: &Path, contents: &[u8]) -> io::Result<()> {
+/// As [`write_whole`], for callers whose own errors name the path.
+///
+/// # Errors
+/// What the file system says; as [`write_whole`] otherwise.
+pub(crate) fn write_unnamed(path: &Path, contents: &[u8]) -> io::Result<()> {
     let earlier = match earlier(path)? {
         Some((earlier, mut there)) if !earlier.is_file() => return there.write_all(contents),
         earlier => earlier.map(|(earlier, _)| earlier),

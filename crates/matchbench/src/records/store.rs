@@ -20,7 +20,7 @@ use std::time::Duration;
 
 use super::line::{FIRST_WITH_CHECKSUMS, LineReader, parse, to_line};
 use super::{FORMAT, RunRecord};
-use crate::files::{Appender, LineBlocks, LineError, open_file, write_whole};
+use crate::files::{Appender, LineBlocks, LineError, open_file, write_unnamed};
 
 /// Why records cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -234,7 +234,7 @@ pub(crate) fn rewrite(path: &Path, records: &[RunRecord]) -> Result<(), StoreErr
     for record in records {
         text.extend(to_line(record));
     }
-    write_whole(path, &text).map_err(StoreError::io("write", path))
+    write_unnamed(path, &text).map_err(StoreError::io("write", path))
 }
 
 /// How long records may be known to the operating system alone; tests do not wait for it.

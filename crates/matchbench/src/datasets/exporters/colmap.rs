@@ -12,7 +12,7 @@ use nalgebra::{Isometry3, Translation3};
 
 use super::{cannot_say, names, stored_camera};
 use crate::datasets::{DatasetError, Sequence};
-use crate::files::write_whole;
+use crate::files::write_unnamed;
 
 const INFALLIBLE: &str = "writing to a string cannot fail";
 
@@ -68,7 +68,7 @@ pub(super) fn write(sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetE
         ("pairs.txt", &pair_text),
     ] {
         let path = out.join(name);
-        write_whole(&path, text.as_bytes()).map_err(|error| DatasetError::io(&path, &error))?;
+        write_unnamed(&path, text.as_bytes()).map_err(|error| DatasetError::io(&path, &error))?;
     }
     Ok(root)
 }

@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Translation3};
 use super::{cannot_say, names, stored_camera};
 use crate::datasets::text::matrix_rows;
 use crate::datasets::{DatasetError, Sequence};
-use crate::files::write_whole;
+use crate::files::write_unnamed;
 
 pub(super) fn write(sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetError> {
     let (root, names) = names(sequence)?;
@@ -53,6 +53,6 @@ pub(super) fn write(sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetE
         words.push("0.0 0.0 0.0 1.0".to_owned());
         writeln!(text, "{}", words.join(" ")).expect("writing to a string cannot fail");
     }
-    write_whole(out, text.as_bytes()).map_err(|error| DatasetError::io(out, &error))?;
+    write_unnamed(out, text.as_bytes()).map_err(|error| DatasetError::io(out, &error))?;
     Ok(root)
 }
