@@ -9,7 +9,7 @@ use matchbench::metrics::{Bootstrap, Comparison, Difference, ResultSet, compare,
 use matchbench::records::{DatasetPlan, RunFolder};
 use matchbench::report::{Duel, Side, advantage, write_differences};
 
-use super::eval::warn_of_unfinished;
+use super::eval::{method, warn_of_missing, warn_of_unfinished};
 use crate::Ending;
 use crate::args::CompareArgs;
 use crate::output::{harmless, is_standard_output, say, stdout};
@@ -53,16 +53,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
         }
     }
     for (set, run) in rows.iter().flat_map(|row| row.sets.into_iter().zip(runs)) {
-        match set.missing() {
-            0 => {}
-            missing => say!(
-                "warning: {}: {missing} of {} pairs of {} have no result with {} and count as wrong",
-                run.display(),
-                set.pairs.len(),
-                set.dataset,
-                method(set)
-            ),
-        }
+        warn_of_missing(run, set);
     }
     for row in &rows {
         let [before, after] = row.names(runs, !args.matchers.is_empty());
@@ -140,13 +131,6 @@ impl Row<'_> {
                 (true, false) => format!("{} of {run}", method(set)),
             }
         })
-    }
-}
-
-fn method(set: &ResultSet) -> String {
-    match &*set.estimator {
-        "" => set.matcher.clone(),
-        estimator => format!("{} + {estimator}", set.matcher),
     }
 }
 

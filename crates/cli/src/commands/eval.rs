@@ -29,6 +29,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
             let choice = choice(&args.scored)?;
             let sets = load_chosen(results, args.scored.datasets.as_deref(), &choice)?;
             warn_of_unfinished(results, &sets)?;
+            warn_of_ignored(results, &sets, &choice);
             match args.format {
                 FormatArg::Table => {
                     let mut text = table(sets);
@@ -59,6 +60,7 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
             let choice = choice(&args.scored)?;
             let sets = load_chosen(results, args.scored.datasets.as_deref(), &choice)?;
             warn_of_unfinished(results, &sets)?;
+            warn_of_ignored(results, &sets, &choice);
             let is_run = RunFolder::is_at(results);
             (sets, is_run.then(|| RunFolder::open(results)).transpose()?)
         }
@@ -69,14 +71,58 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
     Ok(render_protocols(args.format.into(), &scores))
 }
 
-/// Says where the records of a run are fewer or more than it planned.
+/// Says where the records of a run are fewer or more than it planned, or results fewer than the pairs that are listed.
 pub(super) fn warn_of_unfinished(results: &Path, sets: &[ResultSet]) -> Result<()> {
-    if RunFolder::is_at(results) {
-        for sentence in unfinished(RunFolder::open(results)?.plan(), sets) {
-            say!("warning: {}: {sentence}", results.display());
+    let sentences = if RunFolder::is_at(results) {
+        unfinished(RunFolder::open(results)?.plan(), sets)
+    } else {
+        Vec::new()
+    };
+    for sentence in &sentences {
+        say!("warning: {}: {sentence}", results.display());
+    }
+    if sentences.is_empty() {
+        for set in sets {
+            warn_of_missing(results, set);
         }
     }
     Ok(())
+}
+
+/// Says where listed pairs have no result.
+pub(super) fn warn_of_missing(results: &Path, set: &ResultSet) {
+    match set.missing() {
+        0 => {}
+        missing => say!(
+            "warning: {}: {missing} of {} pairs of {} have no result with {} and count as wrong",
+            results.display(),
+            set.pairs.len(),
+            set.dataset,
+            method(set)
+        ),
+    }
+}
+
+/// Says where results are for pairs that are not listed, unless fewer pairs were asked for.
+fn warn_of_ignored(results: &Path, sets: &[ResultSet], choice: &PairChoice) {
+    let ignored = |set: &&ResultSet| set.ignored > 0 && *choice == PairChoice::Listed;
+    for set in sets.iter().filter(ignored) {
+        say!(
+            "warning: {}: {} results of {} are for pairs that {} does not list in this order, and are ignored",
+            results.display(),
+            set.ignored,
+            method(set),
+            set.dataset
+        );
+    }
+}
+
+/// The matcher of a set, and the estimator where it is known.
+pub(super) fn method(set: &ResultSet) -> String {
+    match &*set.estimator {
+        "" => set.matcher.clone(),
+        estimator => format!("{} + {estimator}", set.matcher),
+    }
 }
 
 /// Which of the listed pairs are asked for.

@@ -82,18 +82,6 @@ pub(super) fn render(summaries: &[Summary]) -> String {
     for note in protocol_notes(summaries) {
         let _ = writeln!(text, "{}", printable(&note));
     }
-    for summary in summaries {
-        let (missing, ignored) = (summary.failures.missing, summary.ignored);
-        if missing + ignored > 0 {
-            let _ = writeln!(
-                text,
-                "{} on {}: {missing} listed pairs have no result (counted as failed), \
-                 {ignored} results are for pairs that are not listed (ignored)",
-                printable(&summary.matcher),
-                printable(&summary.dataset),
-            );
-        }
-    }
     text
 }
 
@@ -223,17 +211,5 @@ mod tests {
     #[test]
     fn names_cannot_drive_the_terminal() {
         assert!(!render(&[summary("\u{1b}[2J", "sift", 1)]).contains('\u{1b}'));
-    }
-
-    #[test]
-    fn missing_and_ignored_are_told() {
-        let mut summary = summary("room", "sift", 6);
-        summary.failures.missing = 3;
-        summary.ignored = 2;
-        let text = render(&[summary]);
-        assert!(
-            text.contains("sift on room: 3 listed pairs have no result"),
-            "{text}"
-        );
     }
 }
