@@ -92,6 +92,12 @@ fn misbehave(behaviour: &str, request: &Value) {
             write_matches(request, &[[1.0; 5]]);
             say(&matched(request, 2));
         }
+        "too-few-features" => {
+            write_matches(request, &[[1.0; 5]]);
+            let mut answer = matched(request, 1);
+            answer["features"] = json!([0, 8]);
+            say(&answer);
+        }
         "writes-nothing" => say(&matched(request, 2)),
         "not-a-number" => {
             write_matches(request, &[[1.0, f32::NAN, 1.0, 1.0, 0.0]]);
@@ -298,6 +304,7 @@ fn whoever_misbehaves_over_a_pair_loses_that_pair_alone() {
             "counts-wrong",
             "promises 2 matches of 20 bytes, but wrote 20 bytes",
         ),
+        ("too-few-features", "1 matches of 0 and 8 features"),
         ("writes-nothing", "wrote no matches"),
         ("not-a-number", "not finite"),
         ("outside", "outside image a: (0.5, 480.5)"),

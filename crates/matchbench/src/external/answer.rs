@@ -78,6 +78,21 @@ impl Times {
     }
 }
 
+/// Whether images that have so many features, if it is said, can have `count` matches: a feature may have many, but
+/// two features have one.
+///
+/// # Errors
+/// If not, in words.
+pub(super) fn check_features(count: usize, features: Option<[u32; 2]>) -> Result<(), String> {
+    match features {
+        Some([a, b]) if count as u64 > u64::from(a) * u64::from(b) => Err(format!(
+            "it says {count} matches of {a} and {b} features; leave `features` out where matches \
+             are not of features"
+        )),
+        _ => Ok(()),
+    }
+}
+
 /// Reads the `count` matches of two images of these sizes; `pixel_center` is where the child puts
 /// the centre of the first pixel.
 ///
@@ -210,6 +225,27 @@ mod tests {
         assert_eq!(read_rows(nowhere, 0, SIZES, 0.0), Ok(Vec::new()));
         let wrong = read_rows(nowhere, 1, SIZES, 0.0).unwrap_err();
         assert!(wrong.contains("wrote no matches"), "{wrong}");
+    }
+
+    #[test]
+    fn matches_are_at_most_as_many_as_two_features_can_be_chosen() {
+        for (count, features) in [
+            (0, [0, 0]),
+            (0, [0, 9]),
+            (12, [3, 4]),
+            (usize::MAX, [u32::MAX; 2]),
+        ] {
+            let checked = check_features(count.min(MOST_MATCHES), Some(features));
+            assert_eq!(checked, Ok(()), "{count} {features:?}");
+        }
+        assert_eq!(check_features(5, None), Ok(()));
+        for (count, features, named) in [
+            (1, [0, 9], "1 matches of 0 and 9 features"),
+            (13, [3, 4], "13 matches of 3 and 4 features"),
+        ] {
+            let wrong = check_features(count, Some(features)).unwrap_err();
+            assert!(wrong.contains(named), "{wrong}");
+        }
     }
 
     #[test]

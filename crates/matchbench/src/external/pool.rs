@@ -155,11 +155,17 @@ impl External {
                 seconds,
                 device,
                 ..
-            } => Ok(Matched {
-                rows: answer::read_rows(&out, count, [a.size, b.size], self.identity.pixel_center)?,
-                features,
-                times: Times::new(wall, seconds, device)?,
-            }),
+            } => {
+                answer::check_features(count, features)?;
+                let sizes = [a.size, b.size];
+                let rows = answer::read_rows(&out, count, sizes, self.identity.pixel_center)?;
+                let times = Times::new(wall, seconds, device)?;
+                Ok(Matched {
+                    rows,
+                    features,
+                    times,
+                })
+            }
             _ => Err("it answers something that was not asked for".into()),
         })
     }
