@@ -116,6 +116,13 @@ impl Features {
             read(sizes, "sizes", 1.0)?,
             read(angles, "angles", f32::NAN)?,
         );
+        if let Some(row) = sizes.iter().position(|size| *size < 0.0) {
+            let message = format!(
+                "`sizes` are diameters, not below 0; row {row} is {}",
+                sizes[row]
+            );
+            return Err(PyValueError::new_err(message));
+        }
         let responses = read(responses, "responses", 0.0)?;
         let octaves = read(octaves, "octaves", 0.0)?;
         if let Some(octave) = octaves.iter().find(|octave| octave.fract() != 0.0) {

@@ -194,6 +194,11 @@ def test_numbers_that_are_not_finite_are_refused_by_array_and_row(name, value):
         mb.Features.from_arrays(image_size=(10, 10), **arrays)
 
 
+def test_sizes_below_0_are_refused_by_row():
+    with pytest.raises(ValueError, match="`sizes` are diameters, not below 0; row 2 is -1.5"):
+        mb.Features.from_arrays(np.zeros((3, 2)), np.zeros((3, 8), np.float32), (10, 10), sizes=[1, 0, -1.5])
+
+
 @pytest.mark.parametrize("size", [(0, 0), (0, 10), (10, 0)])
 def test_an_image_without_pixels_has_no_keypoints(size):
     with pytest.raises(ValueError, match=f"image_size: {size[0]}x{size[1]}, .* give width and height"):

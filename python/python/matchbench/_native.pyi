@@ -68,7 +68,7 @@ class Features:
     ) -> Features:
         """Features of anybody: keypoints n x 2 (x, y in pixels), descriptors n x d (float32, or uint8 for
         bits), (width, height). `bits` says how many bits of a row of bytes count; default: all. Every number is
-        finite, but angles are NaN where there is none."""
+        finite, but angles are NaN where there is none; sizes are not below 0."""
     @property
     def keypoints(self) -> NDArray[np.float32]:
         """n x 2: x, y in pixels of the image; the centre of the first pixel is (0, 0)."""
