@@ -82,3 +82,13 @@ def test_selectors_keep_some_of_what_they_are_given(features, images, dataset):
         wrong = mb.Correspondences.of(indices, np.ones(1, np.float32), np.ones(1, np.float32))
         with pytest.raises((TypeError, ValueError), match="whole numbers"):
             mb.gms(a, b, wrong)
+
+
+def test_replacing_a_field_of_correspondences_keeps_second(features):
+    matches = mb.match(*features)
+    halved = matches._replace(distances=matches.distances / 2)
+    assert isinstance(halved, mb.Correspondences) and (halved.second == matches.second).all()
+    assert np.allclose(halved.ambiguity, matches.ambiguity / 2) and (halved.indices == matches.indices).all()
+    assert (matches._replace(second=matches.second * 2).second == matches.second * 2).all()
+    with pytest.raises((TypeError, ValueError), match="thirds"):
+        matches._replace(thirds=matches.second)

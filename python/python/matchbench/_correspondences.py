@@ -1,6 +1,6 @@
 """Putative matches: pairs of features whose descriptors are near."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,15 @@ class Correspondences(_IndicesAndDistances):
         made = cls(indices, distances)
         made.second = second
         return made
+
+    def _replace(self, **changes: Any) -> "Correspondences":  # pyright: ignore[reportIncompatibleMethodOverride]
+        """The same with other values of some fields, of which `second` is one."""
+        kept = {**vars(self), **{name: changes.pop(name) for name in ("second",) if name in changes}}
+        made = super()._replace(**changes)
+        vars(made).update(kept)
+        return made
+
+    __replace__ = _replace
 
     @property
     def ambiguity(self) -> NDArray[np.float32]:
