@@ -126,6 +126,12 @@ impl Camera {
         Some((lens.k1, lens.k2, lens.p1, lens.p2, lens.k3))
     }
 
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let geometry::Camera { fx, fy, cx, cy, .. } = self.inner;
+        let parts = (fx, fy, cx, cy, self.distortion());
+        Ok((py.get_type::<Self>(), parts).into_pyobject(py)?.into_any())
+    }
+
     fn __repr__(&self) -> String {
         let geometry::Camera { fx, fy, cx, cy, .. } = self.inner;
         let lens = (self.distortion()).map_or_else(String::new, |lens| format!(", {lens:?}"));

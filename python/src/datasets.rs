@@ -12,6 +12,7 @@ use crate::arrays::matrix;
 use crate::camera::Camera;
 use crate::detached::detached;
 use crate::errors::{error, value_error};
+use crate::pickled::{Reduced, by_method};
 
 /// Images with known cameras, and pairs of them with their true relative pose.
 #[pyclass(frozen, module = "matchbench")]
@@ -35,6 +36,11 @@ impl Dataset {
     fn open(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
         let inner = detached(py, || run::Dataset::open(&folder))?.map_err(error)?;
         Ok(Self { inner })
+    }
+
+    /// Its folder, which is opened again.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        by_method::<Self>(py, ("open", self.path()), None)
     }
 
     #[getter]

@@ -2,17 +2,20 @@
 
 use matchbench::estimators::{self, BuiltEstimator, Estimator as Built};
 use matchbench::run::estimation_seed;
-use matchbench_vision::geometry::MatchedPoints;
+use matchbench_vision::geometry::{MatchedPoints, RelativePose};
 use matchbench_vision::robust::{self, TwoViews};
 use matchbench_vision::seed::Seed;
+use nalgebra::{Matrix3, Quaternion, Unit};
 use pyo3::prelude::*;
+use pyo3::types::PyType;
 use serde_json::Value;
 
-use crate::arrays::{column, matrix, points};
+use crate::arrays::{chosen, column, matrix, points};
 use crate::camera::Camera;
 use crate::detached::detached;
 use crate::errors::{NoPose, value_error};
 use crate::params::parse;
+use crate::pickled::{Reduced, by_method};
 
 /// An estimator of the library with its parameters.
 #[pyclass(frozen, module = "matchbench")]
@@ -52,6 +55,10 @@ impl Estimator {
     #[getter]
     fn params_json(&self) -> String {
         self.built.params.to_string()
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, (&str, String)) {
+        (py.get_type::<Self>(), (self.id(), self.params_json()))
     }
 
     #[pyo3(signature = (points_a, points_b, camera_a, camera_b, *, ambiguity=None, seed=0))]
@@ -130,7 +137,10 @@ impl Estimator {
 }
 
 /// The matches of two arrays of points, row by row.
-fn matched(
+///
+/// # Errors
+/// If they are no points, not as many, or their ambiguity is not from 0 to 1.
+pub(crate) fn matched(
     points_a: &Bound<'_, PyAny>,
     points_b: &Bound<'_, PyAny>,
     ambiguity: Option<Bound<'_, PyAny>>,
@@ -167,6 +177,13 @@ fn mask<'py>(py: Python<'py>, inliers: &[u32], count: usize) -> PyResult<Bound<'
     matrix(py, agree, [count])
 }
 
+/// The numbers of the matches that agree, and of how many they are; see [`mask`].
+fn unmasked(mask: &Bound<'_, PyAny>) -> PyResult<(Vec<u32>, usize)> {
+    let count = mask.len()?;
+    let agreeing = chosen(mask, count)?;
+    Ok((agreeing.into_iter().map(|i| i as u32).collect(), count))
+}
+
 /// A homography, and the matches that agree with it.
 #[pyclass(frozen, module = "matchbench")]
 pub(crate) struct HomographyEstimate {
@@ -177,6 +194,24 @@ pub(crate) struct HomographyEstimate {
 
 #[pymethods]
 impl HomographyEstimate {
+    /// As it was pickled: the matrix row after row.
+    #[staticmethod]
+    fn _of_parts(rows: [f64; 9], inliers: &Bound<'_, PyAny>, iterations: usize) -> PyResult<Self> {
+        let (inliers, count) = unmasked(inliers)?;
+        let inner = robust::HomographyEstimate {
+            b_from_a: Matrix3::from_row_slice(&rows),
+            inliers,
+            iterations,
+        };
+        Ok(Self { inner, count })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        let rows = self.inner.b_from_a.transpose().as_slice().to_vec();
+        let call = ("_of_parts", rows, self.inliers(py)?, self.inner.iterations);
+        by_method::<Self>(py, call, None)
+    }
+
     /// Takes pixels of a, as (x, y, 1), to those of b.
     #[getter(H)]
     fn homography<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -220,6 +255,57 @@ pub(crate) struct PoseEstimate {
 
 #[pymethods]
 impl PoseEstimate {
+    /// As it was pickled; `q` and `t` are of length 1.
+    #[staticmethod]
+    fn _of_parts(
+        q: [f64; 4],
+        t: [f64; 3],
+        inliers: &Bound<'_, PyAny>,
+        support: usize,
+        iterations: usize,
+        confidence: f64,
+        overlap: f64,
+    ) -> PyResult<Self> {
+        let (inliers, count) = unmasked(inliers)?;
+        let [w, x, y, z] = q;
+        let inner = robust::PoseEstimate {
+            b_from_a: RelativePose {
+                rotation: Unit::new_unchecked(Quaternion::new(w, x, y, z)),
+                direction: Unit::new_unchecked(t.into()),
+            },
+            inliers,
+            support,
+            iterations,
+        };
+        let confidence = robust::Confidence {
+            right: confidence,
+            overlap,
+        };
+        Ok(Self {
+            inner,
+            count,
+            confidence,
+        })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        let RelativePose {
+            rotation,
+            direction,
+        } = self.inner.b_from_a;
+        let call = (
+            "_of_parts",
+            (rotation.w, rotation.i, rotation.j, rotation.k),
+            (direction.x, direction.y, direction.z),
+            self.inliers(py)?,
+            self.inner.support,
+            self.inner.iterations,
+            self.confidence.right,
+            self.confidence.overlap,
+        );
+        by_method::<Self>(py, call, None)
+    }
+
     /// R of `x_b = R x_a + t`.
     #[getter(R)]
     fn rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {

@@ -14,6 +14,7 @@ use crate::arrays::{
 };
 use crate::camera::Origin;
 use crate::detached::detached;
+use crate::pickled::{Reduced, by_method};
 
 /// Keypoints of an image and their descriptors. The arrays are made when they are asked for, once, and
 /// cannot be written: they are those that searches and selectors see.
@@ -151,6 +152,26 @@ impl Features {
             inner = inner.with_frames(frames.collect());
         }
         Ok(inner.into())
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        let keywords = PyDict::new(py);
+        keywords.set_item("sizes", self.sizes(py)?)?;
+        keywords.set_item("angles", self.angles(py)?)?;
+        keywords.set_item("responses", self.responses(py)?)?;
+        keywords.set_item("octaves", self.octaves(py)?)?;
+        // Without frames they are circles of these sizes.
+        if self.inner.frames.is_some() {
+            keywords.set_item("lafs", self.lafs(py)?)?;
+        }
+        keywords.set_item("bits", self.bits())?;
+        let call = (
+            "from_arrays",
+            self.keypoints(py)?,
+            self.descriptors(py)?,
+            self.image_size(),
+        );
+        by_method::<Self>(py, call, Some(&keywords))
     }
 
     #[getter]

@@ -19,6 +19,7 @@ mod estimators;
 mod features;
 mod matchers;
 mod params;
+mod pickled;
 mod progress;
 mod run;
 mod scores;

@@ -9,15 +9,18 @@ use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::matching::{MatcherError, View};
 use matchbench_vision::seed::Seed;
 use pyo3::prelude::*;
+use pyo3::types::PyType;
 use serde_json::Value;
 
-use crate::arrays::{image, matrix};
+use crate::arrays::{image, index_pairs, matrix};
 use crate::camera::Camera;
 use crate::correspondences::{Arrays, arrays, of_arrays, same_kind};
 use crate::detached::detached;
 use crate::errors::{error, value_error};
+use crate::estimators::matched;
 use crate::features::Features;
 use crate::params::parse;
+use crate::pickled::{Reduced, by_method};
 
 /// A matcher of the library with its parameters.
 #[pyclass(frozen, module = "matchbench._native")]
@@ -57,6 +60,10 @@ impl Matcher {
     #[getter]
     fn params(&self) -> String {
         self.built.params.to_string()
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, (&str, String)) {
+        (py.get_type::<Self>(), (self.id(), self.params()))
     }
 
     fn extract(&self, py: Python<'_>, pixels: &Bound<'_, PyAny>) -> PyResult<Features> {
@@ -164,6 +171,51 @@ impl Matches {
 
 #[pymethods]
 impl Matches {
+    /// As they were pickled.
+    #[staticmethod]
+    fn _of_parts(
+        points_a: &Bound<'_, PyAny>,
+        points_b: &Bound<'_, PyAny>,
+        ambiguity: Bound<'_, PyAny>,
+        indices: &Bound<'_, PyAny>,
+        features_a: &Features,
+        features_b: &Features,
+    ) -> PyResult<Self> {
+        let points = matched(points_a, points_b, Some(ambiguity))?;
+        let features = [features_a, features_b].map(|features| Arc::clone(&features.inner));
+        let indices = index_pairs(indices, [features[0].len(), features[1].len()])?;
+        if indices.len() != points.len() {
+            let (pairs, count) = (indices.len(), points.len());
+            return Err(value_error(format!(
+                "{pairs} pairs of indices for {count} matches"
+            )));
+        }
+        Ok(Self {
+            points,
+            indices: indices
+                .into_iter()
+                .map(|pair| pair.map(i64::from))
+                .collect(),
+            features,
+        })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        let points = (self.points_a(py)?, self.points_b(py)?);
+        let (ambiguity, indices) = (self.ambiguity(py)?, self.indices(py)?);
+        let features = (self.features_a(), self.features_b());
+        let call = (
+            "_of_parts",
+            points.0,
+            points.1,
+            ambiguity,
+            indices,
+            features.0,
+            features.1,
+        );
+        by_method::<Self>(py, call, None)
+    }
+
     #[getter]
     fn points_a<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let values = self.points.a.iter().flat_map(|p| [p.x, p.y]);

@@ -231,7 +231,8 @@ class Estimator:
 
 @final
 class Dataset:
-    """Images with known cameras, and pairs of them with their true relative pose."""
+    """Images with known cameras, and pairs of them with their true relative pose. Pickled, it is its folder, which
+    is opened again."""
 
     @staticmethod
     def open(folder: _Path) -> Dataset:
