@@ -18,7 +18,7 @@
 //!
 //! `out` holds `count` times five little-endian `f32`: x_a, y_a, x_b, y_b in pixels of the original
 //! images, whose first pixel has its centre at `pixel_center` (0 or 0.5), and the ambiguity, from 0
-//! (certain) to 1. Neither cameras nor poses are sent: no answer can lean on the truth.
+//! (certain) to 1. `features` are numbers of a and of b, whose product `count` does not exceed. Neither cameras nor poses are sent: no answer can lean on the truth.
 //!
 //! With `kind = "features"` the child describes images, and search and selection are native:
 //!

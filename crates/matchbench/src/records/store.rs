@@ -342,6 +342,13 @@ mod tests {
     }
 
     #[test]
+    fn a_file_that_cannot_be_rewritten_is_named_once() {
+        let (_run, file) = three_records();
+        let message = rewrite(&file.join("below"), &[]).unwrap_err().to_string();
+        assert_eq!(message.matches("below").count(), 1, "{message}");
+    }
+
+    #[test]
     fn a_torn_last_line_is_left_out_wherever_it_was_torn() {
         let (_run, file) = three_records();
         let whole = fs::read(&file).unwrap();

@@ -106,3 +106,25 @@ fn cannot_say(frame: &Frame, what: &str) -> DatasetError {
         "choose another layout, or leave the frame out",
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_cannot_be_written_is_named_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        let sequence = Sequence {
+            name: "room".into(),
+            frames: Vec::new(),
+            pairs: Vec::new(),
+        };
+        for entry in EXPORTS {
+            let refused = export(entry.id, &sequence, &file.join("below")).unwrap_err();
+            let message = refused.to_string();
+            assert_eq!(message.matches("below").count(), 1, "{message}");
+        }
+    }
+}
