@@ -7,7 +7,8 @@ SMALL and LARGE are two images each of one scene, say 640 x 480 and 3072 x 2048;
 import` makes it. What is run: the features (`features.py`), the exact searches (`search.py`), and the whole protocol
 with SIFT from files to scores, ours and that of `opencv_run.py` with FLANN. Each part runs both sides by turns, checks the
 answers in the same run and stops with an error where they differ. OUT gets table.md, machine.txt and what the
-parts printed. Nothing else should run meanwhile: the load at the beginning stands in machine.txt.
+parts printed. Nothing else should run meanwhile: the load at the beginning stands in machine.txt. With
+MATCHBENCH_SIMD=avx2 OPENCV_CPU_DISABLE=AVX512-SKX in the environment neither side uses AVX-512.
 """
 
 import argparse
@@ -31,6 +32,8 @@ FEATURES = ["sift", "orb", "brisk", "akaze", "kaze", "latch", "daisy", "freak-si
 LEAST_TWINS = 97.0
 # An AUC of another implementation differs by this much at most.
 AUC_TOLERANCE = 0.03
+# What limits the instructions of either side; it stands in machine.txt.
+LIMITS = ["MATCHBENCH_SIMD", "OPENCV_CPU_DISABLE"]
 
 
 def printed(command, out, **options):
@@ -116,8 +119,9 @@ def main():
     out = arguments.out
     out.mkdir(parents=True, exist_ok=True)
     version = subprocess.run([PROGRAMS / "matchbench", "--version"], capture_output=True, text=True, check=True).stdout
+    limits = [f"{name}={os.environ[name]}" for name in LIMITS if name in os.environ]
     machine = (
-        f"{processor()}\n{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} at the beginning, {platform.system()}\n"
+        f"{' '.join([processor(), *limits])}\n{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} at the beginning, {platform.system()}\n"
         f"{version.strip()}, OpenCV {cv2.__version__}, medians of {arguments.repeats} repetitions by turns\n"
     )
     (out / "machine.txt").write_text(machine)
