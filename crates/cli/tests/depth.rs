@@ -65,6 +65,15 @@ fn overlap_is_measured_and_matches_are_judged_by_where_depth_takes_them() {
             .expect("a count");
         assert!((20..=judged).contains(&visible), "{record}");
     }
+    // Two methods side by side are told the same overlap.
+    let least = ["--set", "sift.ratio=0.5", "--out", "other"];
+    succeeds(folder, &[&RUN[..4], &least].concat());
+    succeeds(folder, &["compare", "run", "other", "--out", "page"]);
+    let page = fs::read_to_string(folder.join("page/index.html")).expect("it was written");
+    assert!(
+        page.contains("overlap 0.9") && !page.contains("overlap at most"),
+        "{page}"
+    );
     // Without the dataset the records alone say it.
     fs::rename(folder.join("wall"), folder.join("gone")).expect("writable");
     succeeds(folder, &["report", "run"]);

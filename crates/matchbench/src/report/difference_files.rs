@@ -88,7 +88,10 @@ fn shown<'a>(
         .filter(|pair| frames.contains(&(pair.a, pair.b)))
         .collect();
     let (mut views, mut images) = (BTreeMap::new(), Thumbnails::default());
-    let geometry = sequence.map(PairGeometry::of_sequence).unwrap_or_default();
+    let mut geometry = sequence.map(PairGeometry::of_sequence).unwrap_or_default();
+    for side in duel.sides {
+        PairGeometry::measure(&mut geometry, side.results);
+    }
     if let Some(sequence) = sequence {
         let mut runs = duel.sides.map(|side| side.run).to_vec();
         runs.dedup_by_key(|run| run.path());
