@@ -10,8 +10,8 @@ use super::earlier_plans::modernized;
 
 /// Where `plan` first differs from the plan that was `written` before, in words; `None` if a run of
 /// one goes on with a run of the other. A run may grow: by datasets, matchers (of a dataset too) and
-/// estimators of a matcher, and by a higher limit. It cannot lose any. A dataset may move, and notes, which say in
-/// words what other fields hold, may be worded otherwise.
+/// estimators of a matcher, and by a higher limit. It cannot lose any. They may come in another order, a dataset may move,
+/// and notes, which say in words what other fields hold, may be worded otherwise.
 pub(super) fn difference(written: &Plan, plan: &Plan) -> Option<String> {
     let has_own = |plan: &Plan| {
         plan.datasets
@@ -25,7 +25,7 @@ pub(super) fn difference(written: &Plan, plan: &Plan) -> Option<String> {
     first_difference(&written, &plan, "")
 }
 
-/// Takes out of `plan` that by which it outgrows what was `written`.
+/// Takes out of `plan` that by which it outgrows what was `written`, and puts the rest in the order of that.
 fn keep_known(written: &Value, plan: &mut Value) {
     for list in ["datasets", "matchers", "estimators"] {
         let Some(known) = written.get(list).and_then(Value::as_array) else {
@@ -36,6 +36,7 @@ fn keep_known(written: &Value, plan: &mut Value) {
                 let twin = known.iter().find(|known| name(known) == name(item));
                 twin.map(|twin| keep_known(twin, item)).is_some()
             });
+            planned.sort_by_key(|item| known.iter().position(|known| name(known) == name(item)));
         }
     }
     // Matches from files have parameters for each dataset.

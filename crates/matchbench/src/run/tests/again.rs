@@ -148,3 +148,23 @@ fn matches_that_are_gone_are_made_again_and_records_stay() {
     let now = fs::read(bench.path("run").join("records/street/bright+first.jsonl")).unwrap();
     assert_eq!(now, records);
 }
+
+#[test]
+fn the_order_of_datasets_matchers_and_estimators_makes_no_other_plan() {
+    let mut bench = Bench::new(two_by_two());
+    bench.run("run").unwrap();
+    let records = bench.records("run");
+    bench.datasets.reverse();
+    bench.contenders.reverse();
+    bench.contenders[1].estimators.reverse();
+    let again = bench.run("run").unwrap();
+    assert!(again.is_complete() && again.now == 0, "{again:?}");
+    assert_eq!(bench.records("run"), records);
+    // What else differs is refused by its place in the plan that was written last.
+    set_threshold(&mut bench.contenders[0], 65);
+    let message = bench.run("run").unwrap_err().to_string();
+    assert!(
+        message.contains("`matchers[0].params.threshold` is 140 there and 65 here"),
+        "{message}"
+    );
+}
