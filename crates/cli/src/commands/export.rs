@@ -1,6 +1,7 @@
 //! `matchbench export`: a run's poses in the layout of the paper's authors, or its matches in the
 //! formats of other tools.
 
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::iter;
 
@@ -23,6 +24,9 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
         .collect();
     find("format to write", &formats, |id| id, &args.format)?;
     let run = RunFolder::open(&args.run)?;
+    if run.plan().settings.repetitions.get() > 1 {
+        say!("note: of the repetitions the first alone is written");
+    }
     if args.format == AUTHORS {
         ensure!(
             args.inliers.is_none(),
@@ -34,22 +38,58 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
             "{} holds no records yet",
             args.run.display()
         );
-        for file in authors::write(&args.out, &records)? {
+        let methods =
+            |task: &Task| [&task.dataset, &task.matcher, &task.estimator].map(String::clone);
+        let methods: BTreeSet<_> = records.iter().map(|record| methods(&record.task)).collect();
+        let files = authors::write(&args.out, &records)?;
+        if files.len() < methods.len() {
+            say!(
+                "note: the authors' format has poses alone: {} of {} methods are written, the others estimate homographies",
+                files.len(),
+                methods.len()
+            );
+        }
+        for file in files {
             writeln!(stdout(), "{}", file.display())?;
         }
         return Ok(Ending::Done);
     }
     let format = Format::find(&args.format)?;
+    let matchers = with_estimator(&run.plan().matchers, args.inliers.as_deref())?;
     for dataset in &run.plan().datasets {
         let moved = (args.datasets.iter())
             .find(|path| path.file_name().is_some_and(|name| *name == *dataset.name));
         let sequence = Sequence::open(moved.unwrap_or(&dataset.path))
             .context("if the dataset has moved, say where it is with --datasets")?;
-        for matcher in &run.plan().matchers {
+        let is_run = |id: &String| (dataset.matchers.as_ref()).is_none_or(|own| own.contains(id));
+        for matcher in matchers.iter().filter(|matcher| is_run(&matcher.id)) {
             write(args, &run, format, &sequence, matcher)?;
         }
     }
     Ok(Ending::Done)
+}
+
+/// The matchers that were run with this estimator, if one is asked for; says which are left out.
+fn with_estimator<'a>(
+    matchers: &'a [MatcherPlan],
+    estimator: Option<&str>,
+) -> Result<Vec<&'a MatcherPlan>> {
+    let Some(estimator) = estimator else {
+        return Ok(matchers.iter().collect());
+    };
+    let (with, without): (Vec<&MatcherPlan>, Vec<&MatcherPlan>) = (matchers.iter())
+        .partition(|matcher| matcher.estimators.iter().any(|known| known.id == estimator));
+    ensure!(
+        !with.is_empty(),
+        "no matcher was run with the estimator `{estimator}`"
+    );
+    for matcher in without {
+        say!(
+            "note: `{}` was not run with the estimator `{estimator}` and is left out",
+            matcher.id
+        );
+    }
+    Ok(with)
 }
 
 /// The matches of one matcher on one dataset.
@@ -63,15 +103,7 @@ fn write(
     let matches = run.matches_of(&sequence.name, &matcher.id)?;
     let estimator = match &args.inliers {
         None => matcher.estimators.first(),
-        Some(id) => {
-            let known = matcher.estimators.iter().find(|known| known.id == *id);
-            ensure!(
-                known.is_some(),
-                "`{}` was not run with the estimator `{id}`",
-                matcher.id
-            );
-            known
-        }
+        Some(id) => matcher.estimators.iter().find(|known| known.id == *id),
     };
     let Some(estimator) = estimator else {
         bail!("`{}` was run without an estimator", matcher.id);

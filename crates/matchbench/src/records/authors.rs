@@ -16,7 +16,7 @@ use matchbench_vision::geometry::RelativePose;
 use matchbench_vision::robust::NoPose;
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::{MIN_SUPPORT, Outcome, RunRecord};
+use super::{MIN_SUPPORT, Outcome, RunRecord, Task};
 use crate::files::{read_file, read_text, write_whole};
 
 /// Why a file in the authors' layout cannot be read or written.
@@ -36,6 +36,12 @@ pub enum AuthorsError {
         /// Which file.
         path: PathBuf,
     },
+    /// All that was estimated are homographies.
+    #[error(
+        "the authors' format has poses alone, and all that was estimated are homographies; their matches go into \
+         the other formats"
+    )]
+    NoPoses,
     /// A file cannot be written; the error names it.
     #[error(transparent)]
     Write(#[from] io::Error),
@@ -113,20 +119,37 @@ pub fn read(path: &Path) -> Result<Vec<Row>, AuthorsError> {
 
 /// Writes `records` as `out/<dataset>/<matcher>.txt`, or `<matcher>+<estimator>.txt` where a matcher
 /// was run with several estimators, and returns the files. The layout has one row per pair, so
-/// only the first repetition is written.
+/// only the first repetition is written, and no place for homographies, so methods that estimate these are left out.
 ///
 /// # Errors
-/// If a file cannot be written.
+/// If a file cannot be written, or all records are of homographies.
 pub fn write(out: &Path, records: &[RunRecord]) -> Result<Vec<PathBuf>, AuthorsError> {
+    let method = |task: &Task| [&task.dataset, &task.matcher, &task.estimator].map(String::clone);
+    let is_homography = |record: &&RunRecord| {
+        let outcome = &record.outcome;
+        matches!(
+            outcome,
+            Outcome::Homography { .. } | Outcome::NoHomography { .. }
+        )
+    };
+    let homographies: BTreeSet<_> = (records.iter().filter(is_homography))
+        .map(|record| method(&record.task))
+        .collect();
     let mut estimators = BTreeMap::<_, BTreeSet<_>>::new();
     let mut texts = BTreeMap::<_, String>::new();
     for RunRecord { task, outcome, .. } in records {
+        if homographies.contains(&method(task)) {
+            continue;
+        }
         let matcher = (&task.dataset, &task.matcher);
         (estimators.entry(matcher).or_default()).insert(&task.estimator);
         if task.repetition == 0 {
             let text = texts.entry((matcher, &task.estimator)).or_default();
             push_row(text, task.a, task.b, outcome);
         }
+    }
+    if texts.is_empty() && !records.is_empty() {
+        return Err(AuthorsError::NoPoses);
     }
     (texts.into_iter())
         .map(|((matcher, estimator), text)| {
@@ -153,7 +176,6 @@ fn push_row(text: &mut String, a: u32, b: u32, outcome: &Outcome) {
             support,
             ..
         } => (*support, *rotation, *translation),
-        // The layout has no place for a homography.
         Outcome::NoPose { .. }
         | Outcome::Homography { .. }
         | Outcome::NoHomography { .. }
@@ -222,7 +244,7 @@ mod tests {
 
     use nalgebra::Translation3;
 
-    use super::super::{Counts, StageTimes, Task};
+    use super::super::{Counts, StageTimes};
     use super::*;
 
     fn record(estimator: &str, b: u32, repetition: u32, outcome: Outcome) -> RunRecord {

@@ -1,0 +1,94 @@
+//! What is exported of a run whose methods differ from dataset to dataset, or in what they estimate.
+
+mod common;
+mod steps;
+
+use std::fmt::Write as _;
+use std::fs;
+
+use common::dataset;
+use steps::{go, succeeds};
+
+#[test]
+fn a_matcher_is_exported_on_the_datasets_that_it_was_run_on() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 3);
+    dataset(folder, "tower", 3);
+    let study = "out = 'run'\nmatchers = ['sift']\nestimators = ['ransac-e']\n\
+        [[dataset]]\npath = 'wall'\n[[dataset]]\npath = 'tower'\nmatchers = ['orb']\n";
+    fs::write(folder.join("study.toml"), study).expect("writable");
+    succeeds(folder, &["run", "study.toml"]);
+    succeeds(folder, &["export", "run", "out", "--format", "packed"]);
+    let [sift, orb] = ["sift", "orb"].map(|matcher| folder.join("out").join(matcher));
+    assert!(sift.join("wall").is_dir() && orb.join("tower").is_dir());
+    assert!(!sift.join("tower").exists() && !orb.join("wall").exists());
+}
+
+#[test]
+fn inliers_are_those_of_the_matchers_that_were_run_with_the_estimator() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 3);
+    // Each has an estimator of its own.
+    succeeds(
+        folder,
+        &["run", "wall", "--matchers", "sift,gms", "--out", "run"],
+    );
+    let export = |estimator| {
+        let format = ["--format", "packed", "--inliers", estimator];
+        go(folder, &[&["export", "run", "out"][..], &format].concat())
+    };
+    let done = export("ransac-e");
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert!(
+        done.status.success() && said.contains("`gms` was not run with the estimator `ransac-e`"),
+        "{said}"
+    );
+    assert!(folder.join("out/sift+ransac-e/wall").is_dir());
+    let none = export("best");
+    let said = String::from_utf8_lossy(&none.stderr);
+    assert!(
+        none.status.code() == Some(1) && said.contains("no matcher was run"),
+        "{said}"
+    );
+}
+
+#[test]
+fn homographies_are_not_exported_as_poses_that_failed() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let wall = dataset(folder, "wall", 3);
+    let mut rows = String::new();
+    for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+        writeln!(rows, "{a} {b}  1 0 {} 0 1 0 0 0 1", 5 * (a - b)).expect("a string");
+    }
+    fs::write(wall.join("homographies.txt"), rows).expect("writable");
+    let run = ["run", "wall", "--matchers", "sift", "--estimator"];
+    for (estimators, out) in [("best,best-h", "both"), ("best-h", "planes")] {
+        succeeds(
+            folder,
+            &[&run[..], &[estimators, "--repeat", "2", "--out", out]].concat(),
+        );
+    }
+    let done = go(folder, &["export", "both", "poses"]);
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert!(
+        done.status.success()
+            && said.contains("1 of 2 methods are written, the others estimate homographies")
+            && said.contains("of the repetitions the first alone"),
+        "{said}"
+    );
+    let names: Vec<_> = fs::read_dir(folder.join("poses/wall"))
+        .expect("it was written")
+        .map(|file| file.expect("it can be listed").file_name())
+        .collect();
+    assert_eq!(names, ["sift.txt"]);
+    let done = go(folder, &["export", "planes", "none"]);
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert!(
+        done.status.code() == Some(1) && said.contains("the authors' format has poses alone"),
+        "{said}"
+    );
+    assert!(!folder.join("none").exists());
+}
