@@ -1,8 +1,16 @@
 //! The book in `docs/` holds together: every page stands in its table of contents, every link to a
-//! file leads to one.
+//! file leads to one, and its lists have what they list.
+
+mod common;
+mod steps;
 
 use std::fs;
 use std::path::{Path, PathBuf};
+
+use matchbench::matchers::MATCHERS;
+
+use common::dataset;
+use steps::succeeds;
 
 /// Every Markdown file below `folder`.
 fn pages(folder: &Path) -> Vec<PathBuf> {
@@ -44,4 +52,43 @@ fn every_page_is_listed_and_every_link_leads_to_a_file() {
             assert!(file.is_file(), "{}: no {link}", page.display());
         }
     }
+}
+
+/// A page of the book.
+fn page(name: &str) -> String {
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs");
+    fs::read_to_string(docs.join(name)).expect("it is part of the repository")
+}
+
+#[test]
+fn matchers_with_an_estimator_of_their_own_are_named() {
+    let text = page("estimators.md");
+    let mut paragraphs = text.split("\n\n");
+    let said = paragraphs.find(|text| text.starts_with("A matcher is run with `ransac-e`"));
+    let said = said.expect("the paragraph is there");
+    for matcher in MATCHERS.iter().filter(|m| m.estimator() != "ransac-e") {
+        let id = format!("`{}`", matcher.id());
+        assert!(said.contains(&id), "{id} is not in: {said}");
+    }
+}
+
+#[test]
+fn the_columns_of_the_table_of_pairs_are_listed_in_order() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 2);
+    let run = ["run", "wall", "--matchers", "orb", "--out", "run"];
+    succeeds(folder, &[&run[..], &["--report"]].concat());
+    let table = fs::read_to_string(folder.join("run/report/tables/pairs.csv"));
+    let table = table.expect("it was written");
+    let heads = table.lines().next().expect("a line of heads").split(',');
+    let text = page("formats.md");
+    let listed = text.split("matcher, estimator and repetition: ").nth(1);
+    let listed = listed.and_then(|rest| rest.split("\n\n").next());
+    let words = listed
+        .expect("the list is there")
+        .split('`')
+        .skip(1)
+        .step_by(2);
+    assert_eq!(words.collect::<Vec<_>>(), heads.collect::<Vec<_>>());
 }
