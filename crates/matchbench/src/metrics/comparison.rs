@@ -77,6 +77,8 @@ pub fn auc_difference(this: &ResultSet, other: &ResultSet, bootstrap: &Bootstrap
 pub struct Lead {
     /// Name of the dataset.
     pub dataset: String,
+    /// What both estimate: poses and homographies of one dataset are not compared.
+    pub model: Model,
     /// Matcher and estimator with the highest AUC; of equal ones the first.
     pub best: (String, String),
     /// Matcher and estimator that they are compared with.
@@ -89,7 +91,6 @@ pub struct Lead {
 /// The best of each dataset against each of the others, in the order of `sets`, whose `groups` say what is certain.
 pub fn leads(sets: &[ResultSet], groups: &Groups, bootstrap: &Bootstrap) -> Vec<Lead> {
     let auc = |set: &ResultSet| ranking_auc(&set.pairs);
-    // Poses and homographies of one dataset are not compared.
     let key = |set: &ResultSet| (set.dataset.clone(), Model::of_all(&set.pairs));
     let mut best = BTreeMap::<(String, Model), (usize, f64)>::new();
     for (i, set) in sets.iter().enumerate() {
@@ -107,6 +108,7 @@ pub fn leads(sets: &[ResultSet], groups: &Groups, bootstrap: &Bootstrap) -> Vec<
         .filter(|&(best, _, set)| method(&sets[best]) != method(set))
         .map(|(best, i, set)| Lead {
             dataset: set.dataset.clone(),
+            model: Model::of_all(&set.pairs),
             best: method(&sets[best]),
             other: method(set),
             difference: Difference {

@@ -13,8 +13,9 @@ use super::overview::{Cell, Overview};
 pub(super) fn render(summaries: &[Summary]) -> String {
     let overview = Overview::new(summaries).in_the_papers_order();
     let numbers = sequence_numbers(&overview.datasets);
-    let mut text = String::from(
-        "% AUC: mean of SP(1) ... SP(15). Best in bold, second underlined. Needs \\usepackage{booktabs}.\n",
+    let mut text = format!(
+        "% AUC: {}. Best in bold, second underlined. Needs \\usepackage{{booktabs}}.\n",
+        overview.auc()
     );
     bases(&mut text, &overview, &numbers);
     text.push_str("\\begin{tabular}{l");

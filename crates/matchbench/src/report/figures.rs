@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use crate::metrics::{
-    Angle, DatasetGeometry, Model, PairGeometry, Portion, Quartiles, Reliability, ResultSet,
+    Angle, DatasetGeometry, Lead, Model, PairGeometry, Portion, Quartiles, Reliability, ResultSet,
     StageQuartiles, Stratum, SuccessCurve, Summary, auc_by_stratum, strata,
 };
 
@@ -203,6 +203,7 @@ pub(super) fn time_figure(
             Some(Dot {
                 series: row.series,
                 name: &row.label,
+                model: summary.model,
                 seconds: seconds_for_a_pair(content, summary)?,
                 auc: summary.auc(),
             })
@@ -225,7 +226,7 @@ pub(super) fn untimed<'a>(
         .collect()
 }
 
-/// The best of a dataset against the others, if there are others.
+/// The best of a dataset against the others, if there are others; of poses, where there are also homographies.
 pub(super) fn lead_figure(
     content: &Content,
     overview: &Overview<'_>,
@@ -233,7 +234,7 @@ pub(super) fn lead_figure(
     target: Target,
 ) -> Option<String> {
     let dataset = overview.datasets[column];
-    let leads = || content.leads.iter().filter(|lead| lead.dataset == dataset);
+    let leads = || leads_on(content, overview, column);
     let row = |(matcher, estimator): &(String, String)| {
         overview.rows.iter().find(|row| {
             let summary = row.cells[column].as_ref().map(|cell| cell.summary);
@@ -256,6 +257,16 @@ pub(super) fn lead_figure(
     rivals.sort_by(|one, other| behind(one).total_cmp(&behind(other)));
     let title = format!("Lead of {}: {}", best.label, named(overview, column));
     Some(forest(target, &title, &best.label, &rivals))
+}
+
+/// What [`lead_figure`] shows.
+pub(super) fn leads_on<'a>(
+    content: &'a Content,
+    overview: &Overview<'_>,
+    column: usize,
+) -> impl Iterator<Item = &'a Lead> {
+    let (dataset, model) = (overview.datasets[column].to_owned(), overview.model(column));
+    (content.leads.iter()).filter(move |lead| lead.dataset == dataset && lead.model == model)
 }
 
 /// AUC of matchers by estimators on one dataset, or the mean over all; nothing where there is only
@@ -334,6 +345,7 @@ pub(super) fn sp_figure(
             let curve = success_curve(summary, angle)?;
             Some(Curve {
                 series: row.series,
+                others: Vec::new(),
                 name: &row.label,
                 values: curve.values().to_vec(),
                 number: curve.auc(),
@@ -370,11 +382,15 @@ pub(super) fn accuracy_figure(
     target: Target,
 ) -> Option<String> {
     let curves: Vec<Curve<'_>> = (accuracies(overview, column).into_iter())
-        .map(|(series, name, values)| Curve {
-            series,
-            name,
-            number: values.iter().sum::<f64>() / values.len() as f64,
-            values,
+        .map(|(series, name, values)| {
+            let same = overview.rows.iter().filter(|row| row.matcher == name);
+            Curve {
+                series,
+                others: (same.map(|row| row.series).filter(|&other| other != series)).collect(),
+                name,
+                number: values.iter().sum::<f64>() / values.len() as f64,
+                values,
+            }
         })
         .collect();
     let title = format!("Mean matching accuracy: {}", named(overview, column));
@@ -393,9 +409,11 @@ pub(super) fn accuracies<'a>(
     column: usize,
 ) -> Vec<(usize, &'a str, Vec<f64>)> {
     let mut seen = BTreeSet::new();
-    let mut rows: Vec<_> = (overview.ranked(column).into_iter())
+    let cells = (overview.rows.iter()).filter_map(|row| Some((row, row.cells[column].as_ref()?)));
+    let mut rows: Vec<_> = cells
         .filter(|(row, _)| seen.insert(row.matcher))
-        .filter_map(|(row, summary)| {
+        .filter_map(|(row, cell)| {
+            let summary = cell.summary;
             let within = |k: usize| summary.scores.get(&format!("mma{k}")).value;
             let values = (1..=10).map(within).collect::<Option<Vec<f64>>>()?;
             Some((row.series, row.matcher, values))
@@ -442,4 +460,53 @@ pub(super) fn ap_figure(overview: &Overview<'_>, column: usize, target: Target) 
         .collect();
     let title = format!("AP bars at 5 degrees: {}", named(overview, column));
     (!bars.is_empty()).then(|| ap_bars(target, &title, &bars))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::RunFacts;
+    use super::super::tests::{homography_results, results};
+    use super::*;
+    use crate::metrics::Bootstrap;
+
+    #[test]
+    fn the_best_pose_does_not_lead_a_homography() {
+        let sets = vec![
+            results("wall", "sift", 7),
+            results("wall", "orb", 5),
+            homography_results("wall", "sift", 1.0),
+            homography_results("wall", "orb", 0.1),
+        ];
+        let content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+        let overview = Overview::new(&content.summaries);
+        let svg = lead_figure(&content, &overview, 0, Target::File).expect("there are rivals");
+        assert!(svg.contains("AUC by which sift + ransac-e leads"), "{svg}");
+        assert_eq!(svg.matches("class=\"rival").count(), 1, "{svg}");
+        assert!(!svg.contains("best-h"), "{svg}");
+    }
+
+    #[test]
+    fn the_accuracy_of_matches_is_switched_by_every_estimator_of_its_matcher() {
+        let mut sets = vec![
+            homography_results("wall", "sift", 1.0),
+            homography_results("wall", "orb", 1.0),
+            homography_results("wall", "sift", 0.1),
+            homography_results("wall", "orb", 0.1),
+        ];
+        for set in &mut sets[2..] {
+            set.estimator = "ransac-h".into();
+        }
+        let content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+        let overview = Overview::new(&content.summaries);
+        let svg = accuracy_figure(&overview, 0, Target::Page).expect("it is known");
+        for matcher in ["sift", "orb"] {
+            let rows = overview.rows.iter().filter(|row| row.matcher == matcher);
+            let series: Vec<String> = rows.map(|row| row.series.to_string()).collect();
+            let switches = format!(
+                r#"data-series="{}" data-name="{matcher}""#,
+                series.join(" ")
+            );
+            assert!(svg.contains(&switches), "{switches}: {svg}");
+        }
+    }
 }

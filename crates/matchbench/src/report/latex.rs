@@ -13,9 +13,10 @@ use super::overview::{Cell, Overview, Subject};
 /// The table, after a comment that names the package it needs.
 pub(super) fn render(summaries: &[Summary]) -> String {
     let overview = Overview::new(summaries).in_the_papers_order();
-    let mut text = String::from(
-        "% AUC: mean of SP(1) ... SP(15). Best three of each dataset in red, green and blue;\n\
-         % above the baseline (SIFT) in bold. Colours need \\usepackage{xcolor} in the preamble.\n",
+    let mut text = format!(
+        "% AUC: {}. Best three of each dataset in red, green and blue;\n\
+         % above the baseline (SIFT) in bold. Colours need \\usepackage{{xcolor}} in the preamble.\n",
+        overview.auc()
     );
     let numbers = sequence_numbers(&overview.datasets);
     bases(&mut text, &overview, &numbers);

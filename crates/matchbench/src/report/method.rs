@@ -52,7 +52,15 @@ fn pieces(content: &Content) -> Vec<Piece> {
         say("Nothing was scored.".to_owned());
         return pieces;
     }
-    say("Matchers are judged by the relative poses they lead to, as in MatchBench".to_owned());
+    let of = |model| summaries.iter().any(|summary| summary.model == model);
+    let judged = match [Model::Pose, Model::Homography].map(of) {
+        [true, true] => "the relative poses and homographies",
+        [false, true] => "the homographies",
+        [_, false] => "the relative poses",
+    };
+    say(format!(
+        "Matchers are judged by {judged} they lead to, as in MatchBench"
+    ));
     pieces.push(Piece::Cite(vec![BENCHMARK.to_owned()]));
     pieces.push(Piece::Text(format!(
         ", with matchbench {}",
@@ -253,7 +261,7 @@ fn protocol(content: &Content, plan: &Value) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::content;
+    use super::super::tests::{content, homographies};
     use super::*;
 
     #[test]
@@ -291,6 +299,15 @@ mod tests {
             text.contains("GMS~\\cite{bian2017gms} and mine\\_2"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn homographies_are_no_poses() {
+        let mut content = content(&[("room", "sift", 6)]);
+        content.summaries.push(homographies("room", "sift"));
+        assert!(markdown(&content).contains("by the relative poses and homographies they lead to"));
+        content.summaries.remove(0);
+        assert!(markdown(&content).contains("by the homographies they lead to"));
     }
 
     #[test]

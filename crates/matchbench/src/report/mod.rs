@@ -156,7 +156,7 @@ mod tests {
     use crate::records::{ByDepth, Counts, Repeated};
 
     /// Results of one matcher with as many right pairs, in ten, as its AUC is to have tenths.
-    fn results(dataset: &str, matcher: &str, tenths: u32) -> ResultSet {
+    pub(super) fn results(dataset: &str, matcher: &str, tenths: u32) -> ResultSet {
         let pairs = (0..10)
             .map(|a| {
                 let mut pair = PairResult::failed(a, a + 1, Failure::NoSupport);
@@ -187,11 +187,17 @@ mod tests {
 
     /// Scores of homographies that are off by 0, 1, ... 9 pixels.
     pub(super) fn homographies(dataset: &str, matcher: &str) -> Summary {
+        let results = homography_results(dataset, matcher, 1.0);
+        Summary::new(&results, &Bootstrap::default())
+    }
+
+    /// Homographies that are off by 0, 1, ... 9 times so many pixels.
+    pub(super) fn homography_results(dataset: &str, matcher: &str, pixels: f64) -> ResultSet {
         let mut results = results(dataset, matcher, 0);
         results.estimator = "best-h".to_owned();
         for (error, pair) in (0_u8..).zip(&mut results.pairs) {
             pair.model = Model::Homography;
-            pair.outcome = Ok(Deviation::Corners(Some(error.into())));
+            pair.outcome = Ok(Deviation::Corners(Some(pixels * f64::from(error))));
             pair.correspondences = 50;
             pair.correct = Some([10, 20, 30, 40, 50, 50, 50, 50, 50, 50]);
             pair.found_again = Some((200, 90));
@@ -209,7 +215,7 @@ mod tests {
                 ..Counts::default()
             });
         }
-        Summary::new(&results, &Bootstrap::default())
+        results
     }
 
     /// A report on such results.

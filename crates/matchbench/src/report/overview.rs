@@ -199,6 +199,32 @@ impl<'a> Overview<'a> {
             .unwrap_or_default()
     }
 
+    /// Whether anything that was estimated is of this kind.
+    pub(super) fn has(&self, model: Model) -> bool {
+        let mut cells = self.rows.iter().flat_map(|row| row.cells.iter().flatten());
+        cells.any(|cell| cell.summary.model == model)
+    }
+
+    /// What the matchers lead to.
+    pub(super) fn truth(&self) -> &'static str {
+        match [Model::Pose, Model::Homography].map(|model| self.has(model)) {
+            [true, true] => "pose or homography",
+            [false, true] => "homography",
+            [_, false] => "pose",
+        }
+    }
+
+    /// What AUC means here.
+    pub(super) fn auc(&self) -> &'static str {
+        match [Model::Pose, Model::Homography].map(|model| self.has(model)) {
+            [true, true] => {
+                "mean of SP(1) ... SP(15); of homographies area under recall up to 3 px of corner error"
+            }
+            [false, true] => "area under recall up to 3 px of corner error",
+            [_, false] => "mean of SP(1) ... SP(15)",
+        }
+    }
+
     /// How many pairs the numbers of a dataset rest on: `171 pairs`.
     pub(super) fn pairs(&self, column: usize) -> String {
         let Some(summary) = self.first(column) else {
@@ -323,7 +349,8 @@ fn cell<'a>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::summary;
+    use super::super::tests::{homographies, summary};
+    use super::super::{booktabs, latex};
     use super::*;
 
     fn marks(overview: &Overview<'_>) -> Vec<(String, Option<u8>, bool)> {
@@ -355,6 +382,26 @@ mod tests {
         ];
         let expected = expected.map(|(name, rank, above)| (name.to_owned(), rank, above));
         assert_eq!(marks(&Overview::new(&summaries)), expected);
+    }
+
+    #[test]
+    fn what_auc_means_is_said_of_poses_and_of_homographies() {
+        let (poses, corners) = ("SP(15)", "3 px of corner error");
+        let pose = summary("room", "sift", 6);
+        let homography = homographies("room", "sift");
+        for (summaries, said) in [
+            (vec![pose.clone()], [true, false]),
+            (vec![homography.clone()], [false, true]),
+            (vec![pose, homography], [true, true]),
+        ] {
+            for table in [
+                Overview::new(&summaries).auc().to_owned(),
+                latex::render(&summaries),
+                booktabs::render(&summaries),
+            ] {
+                assert_eq!([poses, corners].map(|text| table.contains(text)), said);
+            }
+        }
     }
 
     #[test]

@@ -10,7 +10,9 @@ use crate::metrics::{
 };
 
 use super::content::Content;
-use super::figures::{Difficulty, accuracies, difficulty_lines, seconds_for_a_pair, success_curve};
+use super::figures::{
+    Difficulty, accuracies, difficulty_lines, leads_on, seconds_for_a_pair, success_curve,
+};
 use super::latex::sequence_numbers;
 use super::overview::Overview;
 use super::words::method;
@@ -112,8 +114,7 @@ pub(super) fn ap_panel(overview: &Overview<'_>, portion: Portion) -> Value {
 /// The lead of the best over each of the others.
 pub(super) fn lead(content: &Content, overview: &Overview<'_>, column: usize) -> Value {
     let dataset = overview.datasets[column];
-    let leads = content.leads.iter().filter(|lead| lead.dataset == dataset);
-    let rows = leads.map(|lead| {
+    let rows = leads_on(content, overview, column).map(|lead| {
         scored(
             &method(&lead.other.0, &lead.other.1),
             "behind",

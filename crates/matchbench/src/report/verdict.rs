@@ -1,31 +1,24 @@
 //! Who is best on a dataset and how certainly, in one sentence; all comparisons pair by pair stand in
 //! the report.
 
-use std::collections::BTreeSet;
-
 use crate::metrics::{Difference, Lead};
 
-use super::words::method;
+use super::words::{method, rounds};
 
 /// Names of methods in a sentence; of more, only their number.
 const NAMED: usize = 3;
 
-/// A sentence for each dataset on which several methods were run, in the order of the `leads`.
+/// A sentence for each dataset on which several methods were run, in the order of the `leads`; one for poses and one for
+/// homographies, where it has both.
 pub fn verdicts(leads: &[Lead]) -> Vec<String> {
-    let mut seen = BTreeSet::new();
-    let mut datasets: Vec<&str> = leads.iter().map(|lead| lead.dataset.as_str()).collect();
-    datasets.retain(|dataset| seen.insert(*dataset));
-    let of =
-        |dataset| -> Vec<&Lead> { (leads.iter().filter(|lead| lead.dataset == dataset)).collect() };
-    datasets
-        .iter()
-        .map(|dataset| verdict(&of(*dataset)))
+    (rounds(leads).iter())
+        .map(|(name, leads)| verdict(name, leads))
         .collect()
 }
 
-fn verdict(leads: &[&Lead]) -> String {
+fn verdict(name: &str, leads: &[&Lead]) -> String {
     let first = leads[0];
-    let (dataset, best) = (&first.dataset, method(&first.best.0, &first.best.1));
+    let best = method(&first.best.0, &first.best.1);
     let (level, behind): (Vec<&Lead>, Vec<&Lead>) =
         leads.iter().partition(|lead| lead.difference.is_zero());
     let mut doubtful = behind.clone();
@@ -62,7 +55,7 @@ fn verdict(leads: &[&Lead]) -> String {
             "{best} has the highest AUC, the same as {equals}, but is not certainly better than {others}"
         ),
     };
-    format!("{dataset}: {text}").replace(char::is_control, "\u{fffd}")
+    format!("{name}: {text}").replace(char::is_control, "\u{fffd}")
 }
 
 /// The methods that the best is compared with, by name as far as [`NAMED`].
@@ -80,10 +73,12 @@ fn names(leads: &[&Lead]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::metrics::Model;
 
     fn lead(dataset: &str, other: &str, value: f64, low: f64) -> Lead {
         Lead {
             dataset: dataset.into(),
+            model: Model::Pose,
             best: ("sift".into(), "best".into()),
             other: (other.into(), "best".into()),
             difference: Difference::seen(value, Some([low, 0.9])),
@@ -105,6 +100,28 @@ mod tests {
                 "office: sift + best has the highest AUC, but is not certainly better than surf + best",
                 "street: sift + best is certainly better than orb + best",
                 "wall: sift + best is certainly better than each of the other 2",
+            ]
+        );
+    }
+
+    #[test]
+    fn poses_and_homographies_of_a_dataset_have_a_sentence_each() {
+        let of_homographies = Lead {
+            model: Model::Homography,
+            best: ("orb".into(), "best-h".into()),
+            ..lead("wall", "akaze", 0.3, 0.1)
+        };
+        let leads = [
+            lead("wall", "orb", 0.2, 0.1),
+            of_homographies,
+            lead("street", "orb", 0.2, 0.1),
+        ];
+        assert_eq!(
+            verdicts(&leads),
+            [
+                "wall (poses): sift + best is certainly better than orb + best",
+                "wall (homographies): orb + best-h is certainly better than akaze + best",
+                "street: sift + best is certainly better than orb + best",
             ]
         );
     }

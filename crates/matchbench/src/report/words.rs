@@ -1,9 +1,9 @@
 //! What came of a pair, in words.
 
-use std::collections::HashSet;
+use std::collections::BTreeSet;
 
 use crate::metrics::{
-    Angle, Detail, Deviation, Difference, Failure, Lead, PairResult, ScoreKind, Summary,
+    Angle, Detail, Deviation, Difference, Failure, Lead, Model, PairResult, ScoreKind, Summary,
 };
 use crate::protocols::PROTOCOLS;
 use crate::records::{MIN_MATCHES, MIN_SUPPORT};
@@ -162,17 +162,32 @@ pub fn advantage(one: &str, other: &str, on: &str, difference: &Difference) -> S
     }
 }
 
+/// The leads of each dataset, in their order, and its name; those of poses and of homographies apart, and called so where
+/// it has both.
+pub(super) fn rounds(leads: &[Lead]) -> Vec<(String, Vec<&Lead>)> {
+    let key = |lead: &Lead| (lead.dataset.clone(), lead.model);
+    let mut seen = BTreeSet::new();
+    let firsts = leads.iter().filter(|lead| seen.insert(key(lead)));
+    let round = |first: &Lead| {
+        let dataset = &first.dataset;
+        let here = || leads.iter().filter(|lead| lead.dataset == *dataset);
+        let own: Vec<&Lead> = here().filter(|lead| lead.model == first.model).collect();
+        let name = match first.model {
+            _ if own.len() == here().count() => dataset.clone(),
+            Model::Pose => format!("{dataset} (poses)"),
+            Model::Homography => format!("{dataset} (homographies)"),
+        };
+        (name, own)
+    };
+    firsts.map(round).collect()
+}
+
 /// The best of each dataset against the others, the nearest first, a sentence a line; beyond
 /// a dozen a dataset, the rest in one.
 pub fn leads_in_words(leads: &[Lead]) -> String {
     let mut text = String::new();
-    let mut datasets: Vec<&str> = leads.iter().map(|lead| lead.dataset.as_str()).collect();
-    let mut seen = HashSet::new();
-    datasets.retain(|dataset| seen.insert(*dataset));
-    for dataset in datasets {
-        let mut leads: Vec<&Lead> = (leads.iter())
-            .filter(|lead| lead.dataset == dataset)
-            .collect();
+    for (dataset, mut leads) in rounds(leads) {
+        let dataset = &*dataset;
         let behind = |lead: &Lead| lead.difference.value.unwrap_or(f64::INFINITY);
         leads.sort_by(|one, other| behind(one).total_cmp(&behind(other)));
         for lead in leads.iter().take(SENTENCES) {
@@ -254,6 +269,7 @@ mod tests {
     fn of_very_many_only_the_nearest_have_a_sentence_of_their_own() {
         let lead = |i: usize| Lead {
             dataset: "06".into(),
+            model: Model::Pose,
             best: ("a".into(), "best".into()),
             other: (format!("m{i}"), "best".into()),
             // The farthest come first.

@@ -28,7 +28,9 @@ use matchbench_vision::robust::RIGHT_POSE;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::{AutoEscape, Environment, Template, Value, context};
 
-use crate::metrics::{Angle, Detail, GROUP_LEVEL_NOTE, Portion, ScoreKind, Summary, shown_scores};
+use crate::metrics::{
+    Angle, Detail, GROUP_LEVEL_NOTE, Model, Portion, ScoreKind, Summary, shown_scores,
+};
 
 use super::again::Again;
 use super::content::Content;
@@ -100,6 +102,8 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         datasets => overview.datasets.len(),
         compared => compared(summaries),
         subject => overview.subject.head(),
+        truth => overview.truth(),
+        corner_auc => overview.has(Model::Homography),
         pairs => summaries.iter().map(|s| s.pairs).sum::<usize>(),
         results => summaries.len(),
         heads => (overview.datasets.iter().enumerate())
@@ -472,6 +476,7 @@ mod tests {
                 .unwrap_or_default();
             assert!(page.contains(start), "{}", kind.id);
         }
+        assert!(page.contains("true pose or homography, from 0 to 1; of homographies the AUC is"));
     }
 
     #[test]

@@ -66,16 +66,17 @@
   // A matcher is switched in all figures at once, and stands out while its switch is pointed at.
   const switches = [...document.querySelectorAll(".legend button")];
   const turn = (series, on) => {
-    const its = `[data-series="${series}"]`;
-    for (const twin of document.querySelectorAll(`.legend button${its}`)) twin.setAttribute("aria-pressed", String(on));
-    for (const curve of document.querySelectorAll(`.series${its}`)) curve.classList.toggle("off", !on);
+    for (const twin of document.querySelectorAll(`.legend button[data-series="${series}"]`)) twin.setAttribute("aria-pressed", String(on));
+    // A curve that belongs to several methods is there as long as one of them is.
+    const isOff = (its) => document.querySelector(`.legend button[data-series="${its}"]`)?.getAttribute("aria-pressed") !== "true";
+    for (const curve of document.querySelectorAll(`.series[data-series~="${series}"]`)) curve.classList.toggle("off", curve.dataset.series.split(" ").every(isOff));
     document.body.classList.toggle("partial", document.querySelector(".series.off") !== null);
   };
   for (const button of switches) {
     const { series } = button.dataset;
     const light = (on) => {
       document.body.classList.toggle("dim", on);
-      for (const curve of document.querySelectorAll(`.series[data-series="${series}"]`)) curve.classList.toggle("lit", on);
+      for (const curve of document.querySelectorAll(`.series[data-series~="${series}"]`)) curve.classList.toggle("lit", on);
     };
     button.addEventListener("click", () => turn(series, button.getAttribute("aria-pressed") !== "true"));
     button.addEventListener("pointerenter", () => light(true));

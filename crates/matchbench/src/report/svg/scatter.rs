@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::metrics::Score;
+use crate::metrics::{Model, Score};
 
 use super::super::numbers::{duration, interval, ratio};
 use super::labels::Labels;
@@ -19,13 +19,14 @@ pub(in super::super) struct Dot<'a> {
     /// Number of the matcher in the report.
     pub(in super::super) series: usize,
     pub(in super::super) name: &'a str,
+    pub(in super::super) model: Model,
     /// Seconds for a pair.
     pub(in super::super) seconds: f64,
     pub(in super::super) auc: Score,
 }
 
 /// AUC over the time for a pair, which is drawn on a logarithmic axis; the dashed line joins those
-/// that none is both faster and better than.
+/// that none is both faster and better than, poses and homographies apart.
 pub(in super::super) fn scatter(target: Target, title: &str, dots: &[Dot<'_>]) -> String {
     let top = match target {
         Target::File => 34.0,
@@ -59,19 +60,22 @@ pub(in super::super) fn scatter(target: Target, title: &str, dots: &[Dot<'_>]) -
     let at = (LEFT + PLOT.0 / 2.0, top + PLOT.1 + 32.0);
     text(&mut svg, "muted", at, "middle", "time for a pair");
     axis_label(&mut svg, top + PLOT.1 / 2.0, "AUC");
-    let corners = corners(front(&dots).map(|(dot, auc)| (x(dot.seconds), y(auc))));
-    let path: Vec<String> = (corners.iter().map(|(x, y)| format!("{x:.1},{y:.1}"))).collect();
-    let _ = writeln!(
-        svg,
-        r#"<polyline class="front" fill="none" stroke="{MUTED}" stroke-dasharray="5 4" points="{}"/>"#,
-        path.join(" ")
-    );
+    let fronts = [Model::Pose, Model::Homography]
+        .map(|model| corners(front(&dots, model).map(|(dot, auc)| (x(dot.seconds), y(auc)))));
+    for corners in fronts.iter().filter(|corners| !corners.is_empty()) {
+        let path: Vec<String> = (corners.iter().map(|(x, y)| format!("{x:.1},{y:.1}"))).collect();
+        let _ = writeln!(
+            svg,
+            r#"<polyline class="front" fill="none" stroke="{MUTED}" stroke-dasharray="5 4" points="{}"/>"#,
+            path.join(" ")
+        );
+    }
     let whisker = |dot: &Dot<'_>| (dot.auc.interval).map(|range| (y(range.high), y(range.low)));
     let mut labels = Labels::new(
         [LEFT, top - 2.0, LEFT + PLOT.0 + RIGHT, top + PLOT.1],
         dots.iter().map(|(dot, auc)| (x(dot.seconds), y(*auc))),
     );
-    for line in corners.windows(2) {
+    for line in fronts.iter().flat_map(|corners| corners.windows(2)) {
         labels.line(line[0], line[1]);
     }
     for (dot, _) in &dots {
@@ -161,9 +165,13 @@ fn range(dots: &[(&Dot<'_>, f64)]) -> (f64, f64, f64) {
     }
 }
 
-/// The dots that no other is both faster and better than, the fastest first.
-fn front<'d, 'a>(dots: &[(&'d Dot<'a>, f64)]) -> impl Iterator<Item = (&'d Dot<'a>, f64)> {
+/// The dots of a model that no other of it is both faster and better than, the fastest first.
+fn front<'d, 'a>(
+    dots: &[(&'d Dot<'a>, f64)],
+    model: Model,
+) -> impl Iterator<Item = (&'d Dot<'a>, f64)> {
     let mut sorted = dots.to_vec();
+    sorted.retain(|(dot, _)| dot.model == model);
     sorted.sort_by(|(one, better), (other, worse)| {
         one.seconds
             .total_cmp(&other.seconds)
@@ -199,6 +207,7 @@ mod tests {
         Dot {
             series: 0,
             name,
+            model: Model::Pose,
             seconds,
             auc: Score {
                 value: auc,
@@ -230,9 +239,15 @@ mod tests {
             dot("worse", 0.5, Some(0.3)),
             dot("fast", 0.1, Some(0.4)),
             dot("as good, slower", 2.0, Some(0.6)),
+            Dot {
+                model: Model::Homography,
+                ..dot("another question", 0.3, Some(0.9))
+            },
         ];
+        let svg = scatter(Target::Page, "room", &dots);
+        assert_eq!(svg.matches("class=\"front\"").count(), 2, "{svg}");
         let dots: Vec<_> = (dots.iter().map(|dot| (dot, dot.auc.value.unwrap_or(0.0)))).collect();
-        let names: Vec<_> = front(&dots).map(|(dot, _)| dot.name).collect();
+        let names: Vec<_> = front(&dots, Model::Pose).map(|(dot, _)| dot.name).collect();
         assert_eq!(names, ["fast", "slow"]);
     }
 

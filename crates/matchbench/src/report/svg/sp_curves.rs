@@ -26,6 +26,8 @@ pub(in super::super) struct Axes {
 pub(in super::super) struct Curve<'a> {
     /// Number of the matcher in the report.
     pub(in super::super) series: usize,
+    /// Those of others that it stands for too: its matcher with other estimators.
+    pub(in super::super) others: Vec<usize>,
     /// Its name.
     pub(in super::super) name: &'a str,
     /// The share at the thresholds 1, 2 ..., as many in every curve.
@@ -117,9 +119,12 @@ fn open_series(svg: &mut String, target: Target, curve: &Curve<'_>) {
                 .map(|value| format!("{value:.3}"))
                 .collect();
             let values = values.join(" ");
+            let switches = [&[series], &curve.others[..]].concat();
+            let switches: Vec<String> = switches.iter().map(usize::to_string).collect();
+            let switches = switches.join(" ");
             let _ = writeln!(
                 svg,
-                r#"<g class="series s{class}" data-series="{series}" data-name="{name}" data-values="{values}">"#
+                r#"<g class="series s{class}" data-series="{switches}" data-name="{name}" data-values="{values}">"#
             );
         }
         Target::File => {
@@ -141,6 +146,7 @@ mod tests {
     fn curve(series: usize, name: &str, value: f64) -> Curve<'_> {
         Curve {
             series,
+            others: Vec::new(),
             name,
             values: vec![value; 15],
             number: value,
