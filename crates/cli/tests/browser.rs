@@ -87,6 +87,18 @@ window.addEventListener("load", () => {
 </script>
 "#;
 
+/// A page on a desk: the tables of the figures need no scrolling.
+const WIDE: &str = r#"
+<iframe id="page" width="1280" height="800" style="border: 0" src="PAGE"></iframe>
+<script>
+window.addEventListener("load", () => {
+  const tables = [...document.getElementById("page").contentDocument.querySelectorAll("figure .scroll")];
+  const cut = tables.filter((table) => table.scrollWidth > table.clientWidth);
+  document.body.dataset.probe = tables.length > 0 && cut.length === 0 ? "fits" : `${cut.length} of ${tables.length} cut`;
+});
+</script>
+"#;
+
 #[test]
 #[ignore = "needs MATCHBENCH_BROWSER, the program of Chromium or Chrome"]
 fn page_works_in_a_browser() {
@@ -124,6 +136,10 @@ fn page_works_in_a_browser() {
         let done = (matchbench().args(words).current_dir(folder.path())).status();
         assert!(done.expect("the program starts").success(), "{words:?}");
     }
+    let wide = folder.path().join("wide.html");
+    fs::write(&wide, WIDE.replace("PAGE", "run/report/index.html")).expect("writable");
+    let (dom, log) = look(&browser, folder.path(), &wide);
+    assert_eq!(found_in(&dom), "fits", "{log}");
     for page in [
         "run/report/index.html",
         "site/index.html",

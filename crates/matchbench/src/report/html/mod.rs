@@ -442,6 +442,11 @@ mod tests {
         assert!(!page.contains("alert(1)<"), "a name became markup");
         assert_eq!(page.matches("<script").count(), 2);
         assert_eq!(page.matches("</script>").count(), 2);
+        // Nor do letters that are written from the right turn what stands beside them.
+        assert!(
+            page.contains("<figcaption><bdi>"),
+            "a name has its own direction"
+        );
     }
 
     #[test]
