@@ -103,17 +103,17 @@ fn rounded(ms: f64) -> String {
     }
 }
 
-/// Times of the stages of a matcher together, medians in milliseconds, as tables print them.
-fn time(matcher: &str, stages: &[&str]) -> String {
+/// Times of the stages of a matcher together, medians in milliseconds.
+fn milliseconds(matcher: &str, stages: &[&str]) -> Option<f64> {
     let times = rows("docs/results/times-amd-avx512/times.csv");
-    let row = times.iter().find(|row| row["matcher"] == matcher);
-    let sum = |row| {
-        stages
-            .iter()
-            .map(|stage| number(row, &format!("{stage}_ms_median")))
-            .sum()
-    };
-    row.map_or_else(|| UNKNOWN.to_owned(), |row| rounded(sum(row)))
+    let row = times.iter().find(|row| row["matcher"] == matcher)?;
+    let stage = |stage: &&str| number(row, &format!("{stage}_ms_median"));
+    Some(stages.iter().map(stage).sum())
+}
+
+/// The same as tables print it.
+fn time(matcher: &str, stages: &[&str]) -> String {
+    milliseconds(matcher, stages).map_or_else(|| UNKNOWN.to_owned(), rounded)
 }
 
 #[test]
@@ -168,6 +168,71 @@ fn the_times_of_speed_are_what_the_files_say() {
         let cells = cells(&book, "## Times of the matchers", id);
         let expected = ["detection", "matching", "selection"].map(|stage| time(id, &[stage]));
         assert_eq!(cells[2..5], expected, "{id}");
+    }
+}
+
+#[test]
+fn times_in_sentences_are_what_the_files_say() {
+    let image = |id: &str| time(id, &["detection"]);
+    let pair = |id: &str| time(id, &["matching", "selection"]);
+    let whole = |id: &str| {
+        let stages = ["detection", "detection", "matching", "selection"];
+        milliseconds(id, &stages).expect("it was timed")
+    };
+    let both = |id: &str| format!("{} and {}", image(id), pair(id));
+    let [fastest, slowest] = ["code", "repmatch"].map(|id| (whole(id) / whole("gms")).round());
+    let paper = [
+        format!(
+            "CODE {} ms, RepMatch {}, GAIM {}, KVLD {}; GMS {}",
+            both("code"),
+            both("repmatch"),
+            both("gaim"),
+            both("kvld"),
+            both("gms")
+        ),
+        format!(
+            "{}, {}, {} and {} ms ({} on SIFT's keypoints) against {}",
+            image("orb"),
+            image("akaze"),
+            image("brisk"),
+            image("freak"),
+            image("freak-sift"),
+            image("sift")
+        ),
+        format!(
+            "GMS {} ms, SIFT {} ms, KVLD {} ms",
+            rounded(whole("gms")),
+            rounded(whole("sift")),
+            rounded(whole("kvld"))
+        ),
+        format!("take {fastest} to {slowest} times as long"),
+    ];
+    let of_sift = |stages| milliseconds("sift", stages).expect("it was timed");
+    let of_pairs = of_sift(&["matching", "selection", "pose"]) / 3.6e6;
+    let of_images = of_sift(&["detection"]) / 6e4;
+    let scale = [
+        format!(
+            "{} ms an image, {} ms a pair), with {} ms for its pose",
+            image("sift"),
+            pair("sift"),
+            time("sift", &["pose"])
+        ),
+        format!(
+            "{:.1} core-hours | {:.1} core-minutes",
+            1e6 * of_pairs,
+            1415.0 * of_images
+        ),
+        format!(
+            "{:.0} core-hours | {:.1} core-minutes",
+            1e8 * of_pairs,
+            14143.0 * of_images
+        ),
+    ];
+    for (page, sentences) in [("docs/paper.md", &paper[..]), ("docs/scale.md", &scale[..])] {
+        let book = text(page);
+        for sentence in sentences {
+            assert!(book.contains(sentence), "{page}: {sentence}");
+        }
     }
 }
 

@@ -115,7 +115,7 @@ fn check_names<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(
         }
         if !seen.insert(name) {
             return contradiction(format!(
-                "two of the {what}s are called `{name}`; rename one"
+                "two of the {what}s are called `{name}`; name it once, or rename one"
             ));
         }
     }
