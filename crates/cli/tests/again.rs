@@ -7,6 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use common::dataset;
+use serde_json::Value;
 use steps::succeeds;
 
 /// The row of one matcher in the scores of a run, without the times.
@@ -71,6 +72,36 @@ fn a_cell_of_the_demo_is_computed_again_from_the_bundle_alone() {
         .lines()
         .find_map(|line| line.strip_prefix("fingerprint "));
     assert!(page.contains(fingerprint.expect("it is sound")), "{said}");
+}
+
+#[test]
+fn the_command_of_a_pair_draws_it_as_the_run_saw_it() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 4);
+    let run = ["run", "wall", "--matchers", "orb", "--out", "run"];
+    let choices = ["--estimator", "best", "--seed", "5", "--report"];
+    let few = ["--set", "orb.extractor.features=200"];
+    succeeds(folder, &[&run[..], &choices, &few].concat());
+    let page = fs::read_to_string(folder.join("run/report/index.html")).expect("it was written");
+    let data = page.split("id=\"pair-data\">").nth(1);
+    let data = data.and_then(|rest| rest.split("</script>").next());
+    let data: Value = serde_json::from_str(data.expect("the page lists its pairs")).expect("JSON");
+    let show = &data["datasets"][0]["methods"][0]["show"];
+    let [pair, chosen] = [0, 1].map(|at| show[at].as_str().expect("a command"));
+    let records = fs::read_to_string(folder.join("run/records/wall/orb+best.jsonl"));
+    let records = records.expect("it was written");
+    let record = (records.lines()).find(|line| line.contains("\"kind\":\"pose\""));
+    let record: Value = serde_json::from_str(record.expect("there are poses")).expect("JSON");
+    let task = &record["task"];
+    let command = format!("{pair} {} {} {chosen}", task["a"], task["b"]);
+    let words: Vec<&str> = command.split_whitespace().skip(1).collect();
+    let said = succeeds(folder, &words);
+    let number = |name: &str| record["outcome"][name].as_f64().expect("a pose");
+    let (rotation, translation) = (number("rotation_error"), number("translation_error"));
+    let expected = format!("(rotation {rotation:.2}°, translation {translation:.2}°)");
+    assert!(said.contains(&expected), "{command}: {said}\n{expected}");
+    assert!(folder.join("pair.png").is_file());
 }
 
 #[test]

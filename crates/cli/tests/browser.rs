@@ -3,12 +3,14 @@
 //! Needs Chromium or Chrome, whose program `MATCHBENCH_BROWSER` names.
 
 mod common;
+mod planes;
 
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
 use common::{dataset, matchbench};
+use planes::homographies;
 
 /// The name of the dataset: markup that would run if the page took it for that, and its folder.
 const NAME: &str = "<script>hacked=1<img src=x onerror=hacked=1>";
@@ -39,6 +41,11 @@ window.addEventListener("load", () => {
   check("the best comes first", aucs().length === 2 && aucs()[0] >= aucs()[1]);
   byAuc.click();
   check("and last", aucs()[0] <= aucs()[1]);
+  // As of matchers from outside, what they are stands behind their names.
+  const methods = [...document.querySelectorAll(".panel.pose .overview tbody th")];
+  for (const method of methods) method.insertAdjacentHTML("beforeend", `<small>${method.textContent === "orb" ? "z" : "a"}</small>`);
+  document.querySelector(".panel.pose .overview thead button").click();
+  check("names are sorted", document.querySelector(".panel.pose .overview tbody th").textContent === "orbz");
   const heads = [...document.querySelectorAll("#pair-table thead button")];
   const column = heads.findIndex((head) => head.textContent === "Baseline");
   heads[column].click();
@@ -72,6 +79,23 @@ window.addEventListener("load", () => {
     document.body.dataset.probe = `${log.join("; ")}; done`;
   }));
   location.hash = address;
+});
+</script>
+"##;
+
+/// Opens a pair of homographies, and leaves one estimator alone.
+const PLANES: &str = r##"
+<script>
+window.addEventListener("load", () => {
+  const shown = () => document.querySelectorAll("#mma .series:not(.off)").length;
+  const all = shown();
+  document.querySelector(".presets [data-estimator='ransac-h']").click();
+  const kept = shown();
+  document.querySelector("#pair-table tbody button").click();
+  const view = document.getElementById("pair-view");
+  const said = view.hidden ? "no pair" : view.querySelector("p").textContent;
+  const errors = [...view.querySelectorAll(".rivals tbody tr")].map((row) => row.cells[3].textContent);
+  document.body.dataset.probe = `${said} ${errors.every((text) => / px$/.test(text))} ${all} ${kept}`;
 });
 </script>
 "##;
@@ -159,6 +183,33 @@ fn page_works_in_a_browser() {
     let beside = fs::read_to_string(pages.join("0-1.html")).expect("all are few");
     assert!(beside.contains("images/0.jpg") && pages.join("images/0.jpg").is_file());
     assert!(beside.contains("&lt;img") && !beside.contains("<img src=x"));
+}
+
+#[test]
+#[ignore = "needs MATCHBENCH_BROWSER, the program of Chromium or Chrome"]
+fn a_pair_of_homographies_opens_in_a_browser() {
+    let browser = std::env::var("MATCHBENCH_BROWSER").expect("MATCHBENCH_BROWSER names a program");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 3);
+    homographies(&wall, &[(0, 1), (0, 2), (1, 2)]);
+    let run = folder.path().join("run");
+    let status = (matchbench().arg("run").arg(&wall))
+        .args(["--matchers", "sift,orb", "--estimator", "best-h,ransac-h"])
+        .args(["--report", "--out"])
+        .arg(&run)
+        .status()
+        .expect("the program starts");
+    assert!(status.success());
+    let page = fs::read_to_string(run.join("report/index.html")).expect("it was written");
+    let probe = folder.path().join("probe.html");
+    fs::write(&probe, page + PLANES).expect("writable");
+    let (dom, log) = look(&browser, folder.path(), &probe);
+    let found = found_in(&dom);
+    assert!(
+        found.starts_with("Corners off by ") && found.ends_with(" true 2 2"),
+        "{found}\n{log}"
+    );
+    assert!(!log.contains("CONSOLE"), "{log}");
 }
 
 /// Opens a page and gives what has become of it, and what the browser had to say.

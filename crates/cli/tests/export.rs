@@ -1,12 +1,13 @@
 //! What is exported of a run whose methods differ from dataset to dataset, or in what they estimate.
 
 mod common;
+mod planes;
 mod steps;
 
-use std::fmt::Write as _;
 use std::fs;
 
 use common::dataset;
+use planes::homographies;
 use steps::{go, succeeds};
 
 #[test]
@@ -59,11 +60,7 @@ fn homographies_are_not_exported_as_poses_that_failed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     let wall = dataset(folder, "wall", 3);
-    let mut rows = String::new();
-    for (a, b) in [(0, 1), (0, 2), (1, 2)] {
-        writeln!(rows, "{a} {b}  1 0 {} 0 1 0 0 0 1", 5 * (a - b)).expect("a string");
-    }
-    fs::write(wall.join("homographies.txt"), rows).expect("writable");
+    homographies(&wall, &[(0, 1), (0, 2), (1, 2)]);
     let run = ["run", "wall", "--matchers", "sift", "--estimator"];
     for (estimators, out) in [("best,best-h", "both"), ("best-h", "planes")] {
         succeeds(

@@ -1,12 +1,14 @@
 //! A leaderboard of runs and results of many people, some of them damaged, some of them not honest.
 
 mod common;
+mod planes;
 mod steps;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use common::dataset;
+use planes::homographies;
 use serde_json::Value;
 use steps::{go, succeeds};
 
@@ -249,11 +251,8 @@ fn corner_errors_are_computed_again_where_the_images_are() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     let wall = dataset(folder, "data/wall", 4);
-    let rows: String = [(0, 1), (0, 2), (1, 3)]
-        .map(|(a, b)| format!("{a} {b} 1 0 {} 0 1 0 0 0 1\n", -5 * (b - a)))
-        .concat();
     fs::remove_file(wall.join("pairs.txt")).expect("it is there");
-    fs::write(wall.join("homographies.txt"), rows).expect("writable");
+    homographies(&wall, &[(0, 1), (0, 2), (1, 3)]);
     one_run(folder, &["--estimator", "best-h"]);
     copy(&folder.join("entries/a"), &folder.join("entries/praised"));
     let file = folder.join("entries/praised/records/wall/sift+best-h.jsonl");

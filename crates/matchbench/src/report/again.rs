@@ -79,8 +79,7 @@ impl Again {
                 ..Self::default()
             };
         }
-        let plan = content.facts.plan.as_deref();
-        let Some(plan) = plan.and_then(|plan| serde_json::from_str::<Plan>(plan).ok()) else {
+        let Some(plan) = content.plan() else {
             return Self::default();
         };
         let names: Vec<&str> = plan.datasets.iter().map(|dataset| &*dataset.name).collect();

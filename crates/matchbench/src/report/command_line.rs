@@ -189,6 +189,34 @@ pub(super) fn time(plan: &Plan, dataset: &DatasetPlan) -> Option<CommandLine> {
     Some(line)
 }
 
+/// The command that draws a pair as a planned matcher with one of its estimators saw it the first time: what stands
+/// before the numbers of the two frames, and what behind. `None` where no command can.
+pub(super) fn show(
+    plan: &Plan,
+    dataset: &DatasetPlan,
+    (matcher, estimator): (&MatcherPlan, &EstimatorPlan),
+) -> Option<[String; 2]> {
+    let variant = Variant::of(matcher, estimator)?;
+    let id = match Origin::of(matcher) {
+        _ if !variant.protocol.is_ours() => return None,
+        Origin::Native => matcher.id.clone(),
+        Origin::Outside => format!("{}.toml", matcher.id),
+        Origin::Files => return None,
+    };
+    let mut chosen = CommandLine(Vec::new());
+    chosen.push("--matcher", id);
+    chosen.push("--estimator", variant.id);
+    for (name, value) in variant.settings().into_iter().chain(of_matcher(matcher)) {
+        chosen.push("--set", setting(&name, &value));
+    }
+    if plan.settings.seed != 0 {
+        chosen.push("--seed", plan.settings.seed.to_string());
+    }
+    chosen.push("--out", "pair.png");
+    let pair = CommandLine::new(["show".to_owned(), folder(&dataset.name)]);
+    Some([pair.to_string(), chosen.to_string()])
+}
+
 /// `ID.NAME` of parameters, and their values.
 type Settings = BTreeMap<String, Value>;
 

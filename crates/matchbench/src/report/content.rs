@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use crate::metrics::{Bootstrap, DatasetGeometry, Lead, ResultSet, Summary, groups, leads};
+use crate::records::Plan;
 
 use super::{DatasetFacts, PairView};
 
@@ -65,5 +66,10 @@ impl Content {
             facts,
             ..Self::default()
         }
+    }
+
+    /// The plan of the run, where it was one.
+    pub(super) fn plan(&self) -> Option<Plan> {
+        serde_json::from_str(self.facts.plan.as_deref()?).ok()
     }
 }

@@ -219,6 +219,34 @@ fn a_protocol_says_its_settings_and_size_only_where_the_run_had_them() {
 }
 
 #[test]
+fn a_pair_is_drawn_with_the_settings_and_the_seed_of_the_run() {
+    let plan = every_origin();
+    let shown = |matcher: usize, dataset: usize| {
+        let matcher = &plan.matchers[matcher];
+        show(
+            &plan,
+            &plan.datasets[dataset],
+            (matcher, &matcher.estimators[0]),
+        )
+    };
+    let rest = "--seed 7 --out pair.png";
+    let sift = format!("--matcher sift --estimator ransac-e --set sift.ratio=0.7 {rest}");
+    assert_eq!(shown(0, 0), Some(["matchbench show room".into(), sift]));
+    let code = format!("--matcher code --estimator rich {rest}");
+    assert_eq!(
+        shown(1, 1),
+        Some([r"matchbench show 'it'\''s'".into(), code])
+    );
+    assert_eq!(
+        shown(2, 0),
+        None,
+        "matches from files are drawn by the report alone"
+    );
+    let mine = format!("--matcher mine.toml --estimator best --set mine.size=1024 {rest}");
+    assert_eq!(shown(3, 0), Some(["matchbench show room".into(), mine]));
+}
+
+#[test]
 fn a_shell_takes_no_name_for_anything_else() {
     let line = CommandLine::new(["run", "a b", "$(rm x)", "it's", "", "-x"]);
     assert_eq!(

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use minijinja::{Value, context};
 
-use crate::metrics::Angle;
+use crate::metrics::{Angle, Model};
 
 use super::super::content::Content;
 use super::super::numbers::{NONE, interval, ratio};
@@ -29,14 +29,12 @@ fn auc(cell: Option<&Cell<'_>>, angle: Angle) -> Value {
     let s = cell.summary;
     let mut tip = format!("95 %: {}", interval(&cell.auc, ratio));
     if angle == Angle::Pose {
-        let _ = write!(
-            tip,
-            "\nrotation {}, translation {}\n{} of {} pairs failed",
-            ratio(s.auc_of(Angle::Rotation).value),
-            ratio(s.auc_of(Angle::Translation).value),
-            s.failed,
-            s.pairs
-        );
+        if s.model == Model::Pose {
+            let of = |angle| ratio(s.auc_of(angle).value);
+            let (rotation, translation) = (of(Angle::Rotation), of(Angle::Translation));
+            let _ = write!(tip, "\nrotation {rotation}, translation {translation}");
+        }
+        let _ = write!(tip, "\n{} of {} pairs failed", s.failed, s.pairs);
     }
     let group = (angle == Angle::Pose).then_some(&*s.group);
     context! {

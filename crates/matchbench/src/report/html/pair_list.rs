@@ -5,8 +5,10 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use crate::metrics::{Angle, Model, PairResult};
+use crate::metrics::{Angle, Model, PairResult, ResultSet};
+use crate::records::Plan;
 
+use super::super::command_line::show;
 use super::super::content::Content;
 use super::super::file_names::file_names;
 use super::super::overview::Overview;
@@ -56,6 +58,9 @@ struct Method<'a> {
     label: &'a str,
     matcher: &'a str,
     estimator: &'a str,
+    /// What draws a pair, without the numbers of its frames; absent where no command does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    show: Option<[String; 2]>,
     /// -1 where there is none.
     rotation: Vec<i32>,
     /// Of homographies the corner error, in hundredths of a pixel, instead of angles.
@@ -159,6 +164,7 @@ fn listed<'a>(
     let count = (first.pairs.len() as f64 * share).ceil() as usize;
     listed.left_out = first.pairs.len() - count;
     let keys: Vec<_> = first.pairs[..count].iter().map(key).collect();
+    let plan = content.plan();
     let geometry = content.geometry.get(dataset);
     for &(a, b, repetition) in &keys {
         listed.a.push(a);
@@ -189,6 +195,7 @@ fn listed<'a>(
             label: &row.label,
             matcher: &set.matcher,
             estimator: &set.estimator,
+            show: plan.as_ref().and_then(|plan| shown(plan, set)),
             rotation: Vec::with_capacity(count),
             corner: (summary.model == Model::Homography).then(Vec::new),
             translation: Vec::with_capacity(count),
@@ -278,6 +285,14 @@ impl Method<'_> {
         let number = failure.and_then(|failure| FAILURES.iter().position(|&f| f == failure));
         self.failure.push(number.map_or(-1, |number| number as i8));
     }
+}
+
+/// What draws a pair of these results.
+fn shown(plan: &Plan, set: &ResultSet) -> Option<[String; 2]> {
+    let dataset = (plan.datasets.iter()).find(|dataset| dataset.name == set.dataset)?;
+    let matcher = plan.matcher(&set.matcher)?;
+    let estimator = (matcher.estimators.iter()).find(|planned| planned.id == set.estimator)?;
+    show(plan, dataset, (matcher, estimator))
 }
 
 fn key(pair: &PairResult) -> (u32, u32, u32) {

@@ -40,11 +40,13 @@
       const isName = head.classList.contains("name");
       const column = head.cellIndex;
       const value = (row) => {
-        const parts = [...row.cells[column].childNodes];
+        const cell = row.cells[column];
+        if (isName) return cell.textContent.trim();
         // The letters of a group stand behind the number, in an element of their own.
-        const number = isName ? undefined : parts.findLast((part) => part.nodeType === Node.TEXT_NODE);
+        const parts = [...cell.childNodes];
+        const number = parts.findLast((part) => part.nodeType === Node.TEXT_NODE);
         const text = ((number ?? parts.at(-1))?.textContent ?? "").trim();
-        return isName ? text : text === "<0.1" ? 0 : text === "–" ? null : parseFloat(text);
+        return text === "<0.1" ? 0 : text === "–" ? null : parseFloat(text);
       };
       button.addEventListener("click", () => {
         // Names from A, numbers from the highest.
@@ -166,6 +168,7 @@
     const address = (i) => `${dataset().folder}/${dataset().a[i]}-${dataset().b[i]}.html`;
     const degrees = (hundredths) => (hundredths < 0 ? null : hundredths / 100);
     const pose = (m, i) => (m.translation[i] < 0 ? null : Math.max(m.rotation[i], m.translation[i]) / 100);
+    const corner = (m, i) => (m.corner ? degrees(m.corner[i]) : null);
 
     // Head, value of pair i, decimals; a column without values is left out.
     const COLUMNS = [
@@ -178,7 +181,7 @@
       ["Error", (d, m, i) => pose(m, i), 2],
       ["Rotation", (d, m, i) => degrees(m.rotation[i]), 2],
       ["Translation", (d, m, i) => degrees(m.translation[i]), 2],
-      ["Corner error (px)", (d, m, i) => (m.corner ? degrees(m.corner[i]) : null), 2],
+      ["Corner error (px)", (d, m, i) => corner(m, i), 2],
       ["Outcome", (d, m, i) => (m.failure[i] < 0 ? (m.corner ? "homography" : "pose") : data.failures[m.failure[i]]), null],
     ];
     let sorted = { column: 0, up: true };
@@ -266,9 +269,11 @@
       view.scrollIntoView();
     };
 
-    // Every matcher on pair i, the smallest error first.
+    // Every matcher on pair i, the smallest error first; poses before homographies, whose errors are pixels.
     const rivals = (d, i) => {
-      const order = [...d.methods.keys()].sort((x, y) => (pose(d.methods[x], i) ?? Infinity) - (pose(d.methods[y], i) ?? Infinity) || x - y);
+      const error = (m) => (m.corner ? corner(m, i) : pose(m, i)) ?? Infinity;
+      const by = (m, n) => Boolean(m.corner) - Boolean(n.corner) || (error(m) < error(n) ? -1 : error(m) > error(n) ? 1 : 0);
+      const order = [...d.methods.keys()].sort((x, y) => by(d.methods[x], d.methods[y]) || x - y);
       const rows = order.map((index) => {
         const m = d.methods[index];
         const choose = make("button", { type: "button", textContent: m.label });
@@ -277,7 +282,7 @@
           sort();
           show(i);
         });
-        const cells = [m.selected[i] < 0 ? "–" : m.selected[i], m.failure[i] < 0 ? m.correspondences[i] : "–", m.failure[i] < 0 ? pose(m, i)?.toFixed(2) ?? "–" : data.failures[m.failure[i]]];
+        const cells = [m.selected[i] < 0 ? "–" : m.selected[i], m.failure[i] < 0 ? m.correspondences[i] : "–", m.failure[i] >= 0 ? data.failures[m.failure[i]] : error(m) === Infinity ? "–" : error(m).toFixed(2) + (m.corner ? " px" : "")];
         const first = make("th", { scope: "row", className: "name" }, choose, i in m.pictures ? " \u25a3" : "");
         const row = make("tr", { className: m === method() ? "chosen" : "" }, first);
         row.append(...cells.map((textContent) => make("td", { textContent })));
@@ -295,8 +300,10 @@
       for (const row of body.rows) row.classList.toggle("chosen", Number(row.dataset.pair) === i);
       const picture = m.pictures[i];
       const failed = m.failure[i] >= 0;
+      const off = () => (m.corner ? `Corners off by ${corner(m, i)?.toFixed(2) ?? "infinitely many"} px.`
+        : `Pose off by ${pose(m, i)?.toFixed(2) ?? "–"}°: rotation ${degrees(m.rotation[i]).toFixed(2)}°, translation ${degrees(m.translation[i])?.toFixed(2) ?? "–"}°.`);
       const words = failed ? data.reasons[m.failure[i]]
-        : `Pose off by ${pose(m, i)?.toFixed(2) ?? "–"}°: rotation ${degrees(m.rotation[i]).toFixed(2)}°, translation ${degrees(m.translation[i])?.toFixed(2) ?? "–"}°. ${m.correspondences[i]} correspondences${m.selected[i] < 0 ? "" : ` of ${m.selected[i]} selected matches`}.`;
+        : `${off()} ${m.correspondences[i]} correspondences${m.selected[i] < 0 ? "" : ` of ${m.selected[i]} selected matches`}.`;
       const button = (textContent, action) => {
         const button = make("button", { type: "button", textContent });
         button.addEventListener("click", action);
@@ -325,12 +332,12 @@
         make("div", { className: "pages" }, beside(-1, "Previous pair"), beside(1, "Next pair"), close),
         make("h3", { textContent: `${d.name}: ${name(d, i)}, ${m.label}` }),
         make("p", { textContent: words }),
-        ...(picture ? drawing(picture) : paged().has(i) ? [] : [make("p", { className: "quiet", textContent: "This page has no picture of it; the command below draws one." })]),
+        ...(picture ? drawing(picture) : paged().has(i) ? [] : [make("p", { className: "quiet", textContent: `This page has no picture of it${m.show ? "; the command below draws one" : ""}.` })]),
         ...(d.methods.length > 1 ? [rivals(d, i)] : []),
         ...(paged().has(i) ? [make("p", {}, make("a", { href: address(i), textContent: "Pictures of all on this pair" }))] : []),
-        make("p", { className: "quiet" }, "From the shell: ", make("code", {
-          textContent: `matchbench show ${d.name} ${d.a[i]} ${d.b[i]} --matcher ${m.matcher}${m.estimator ? ` --estimator ${m.estimator}` : ""} --out pair.png`,
-        }), " ", make("a", { href: link(d, m, i), textContent: "Link to this pair" })),
+        make("p", { className: "quiet" }, ...(m.show ? [d.repetition[i] ? "From the shell, as it was the first time: " : "From the shell: ", make("code", {
+          textContent: `${m.show[0]} ${d.a[i]} ${d.b[i]} ${m.show[1]}`,
+        }), " "] : []), make("a", { href: link(d, m, i), textContent: "Link to this pair" })),
       );
       view.hidden = false;
       history.replaceState(null, "", link(d, m, i));
