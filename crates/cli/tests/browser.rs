@@ -100,13 +100,15 @@ window.addEventListener("load", () => {
 </script>
 "##;
 
-/// A page on a telephone: nothing but tables in their boxes may be wider than it.
+/// A page on a telephone: nothing but tables in their boxes may be wider than it, and no name is cut off.
 const NARROW: &str = r#"
 <iframe id="page" width="390" height="800" style="border: 0" src="PAGE"></iframe>
 <script>
 window.addEventListener("load", () => {
-  const width = document.getElementById("page").contentDocument.documentElement.scrollWidth;
-  document.body.dataset.probe = width <= 390 ? "fits" : `${width} pixels wide`;
+  const page = document.getElementById("page").contentDocument.documentElement;
+  const cut = [...page.querySelectorAll("th.name")].filter((name) => name.scrollWidth > name.clientWidth);
+  const width = page.scrollWidth;
+  document.body.dataset.probe = width > 390 ? `${width} pixels wide` : cut.length ? `${cut[0].textContent} is cut off` : "fits";
 });
 </script>
 "#;

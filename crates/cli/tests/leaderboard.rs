@@ -268,6 +268,10 @@ fn corner_errors_are_computed_again_where_the_images_are() {
     of_first_format(&folder.join("entries/praised"));
     let board = |images: bool| -> Value {
         let output = go(folder, &["leaderboard", "entries", "--out", "site"]);
+        let said = String::from_utf8_lossy(&output.stdout);
+        assert!(said.starts_with("wall, homographies, 3 pairs, "), "{said}");
+        let page = fs::read_to_string(folder.join("site/index.html")).expect("it was written");
+        assert!(page.contains("</bdi>, homographies</h2>") && page.contains(">AUC 3 px<"));
         assert_eq!(output.status.code(), Some(if images { 2 } else { 0 }));
         let json = fs::read_to_string(folder.join("site/leaderboard.json"));
         serde_json::from_str(&json.expect("it was written")).expect("JSON")

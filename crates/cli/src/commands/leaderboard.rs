@@ -3,6 +3,7 @@
 use std::io::Write;
 
 use anyhow::{Context, Result, ensure};
+use matchbench::metrics::{Angle, Model};
 use matchbench::report::{leaderboard, write_leaderboard};
 
 use crate::Ending;
@@ -29,11 +30,15 @@ pub(crate) fn run(args: &LeaderboardArgs) -> Result<Ending> {
     let mut out = stdout();
     for group in &board.groups {
         let best = &group.rows[0];
-        let auc = best.summary.auc_of(matchbench::metrics::Angle::Pose).value;
+        let auc = best.summary.auc_of(Angle::Pose).value;
         writeln!(
             out,
-            "{}, {} pairs, {}: {} of {} methods, AUC {}",
+            "{}{}, {} pairs, {}: {} is the first of {}, AUC {}",
             group.dataset,
+            match group.model {
+                Model::Pose => "",
+                Model::Homography => ", homographies",
+            },
             group.pairs[0],
             group.protocol,
             best.label,

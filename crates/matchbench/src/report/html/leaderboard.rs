@@ -4,12 +4,12 @@ use minijinja::{Value, context};
 
 use super::super::figures::{lead_figure, sp_figure};
 use super::super::leaderboard::{Group, Leaderboard, Row};
-use super::super::numbers::{interval, ratio, score};
+use super::super::numbers::{count, interval, ratio, score};
 use super::super::overview::Overview;
 use super::super::svg::Target;
 use super::super::words::{definitions, protocol_notes};
 use super::{environment, legend, template};
-use crate::metrics::{Angle, Detail, GROUP_LEVEL_NOTE, ScoreKind, Summary, shown_scores};
+use crate::metrics::{Angle, Detail, GROUP_LEVEL_NOTE, Model, ScoreKind, Summary, shown_scores};
 
 /// The page as text.
 pub(in super::super) fn leaderboard_page(board: &Leaderboard) -> String {
@@ -62,6 +62,7 @@ fn group_of(group: &Group, number: usize) -> Value {
         anchor => format!("group-{number}"),
         dataset => &group.dataset,
         protocol => group.protocol,
+        homographies => group.model == Model::Homography,
         fingerprint => &group.fingerprint,
         pairs => group.pairs[0],
         listed => group.pairs[1],
@@ -70,6 +71,16 @@ fn group_of(group: &Group, number: usize) -> Value {
         rows => group.rows.iter().map(|row| row_of(row, &shown)).collect::<Vec<_>>(),
         legend => legend(&overview),
         figures => figures.into_iter().flatten().collect::<Vec<_>>(),
+    }
+}
+
+/// How many pairs failed: where each was run several times, the mean of all times.
+fn failed(summary: &Summary) -> String {
+    let times = summary.repetitions.max(1) as usize;
+    if summary.failed.is_multiple_of(times) {
+        (summary.failed / times).to_string()
+    } else {
+        count(summary.failed as f64 / times as f64)
     }
 }
 
@@ -92,7 +103,7 @@ fn row_of(row: &Row, shown: &[&ScoreKind]) -> Value {
         interval => interval(&auc, ratio),
         group => &summary.group,
         cells,
-        failed => summary.failed,
+        failed => failed(summary),
         repetitions => summary.repetitions,
         entry => &source.entry,
         file => &source.file,
@@ -102,5 +113,21 @@ fn row_of(row: &Row, shown: &[&ScoreKind]) -> Value {
         checked => source.checked,
         commands => &source.commands,
         note => &source.note,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::tests::summary;
+    use super::*;
+
+    #[test]
+    fn a_pair_that_fails_every_time_has_failed_once() {
+        let mut twice = summary("room", "sift", 6);
+        assert_eq!(failed(&twice), "4");
+        twice.repetitions = 2;
+        assert_eq!(failed(&twice), "2");
+        twice.failed = 5;
+        assert_eq!(failed(&twice), "2.5");
     }
 }

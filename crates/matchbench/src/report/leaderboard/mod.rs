@@ -45,6 +45,8 @@ pub struct Group {
     /// Hash of its cameras and pairs with their truth; of result files whose dataset is not at hand, of the
     /// pairs with their truth alone.
     pub fingerprint: String,
+    /// What is estimated.
+    pub model: Model,
     /// Id of the protocol.
     pub protocol: &'static str,
     /// How many of its pairs count, and how many it lists.
@@ -191,6 +193,7 @@ fn group(key: Key, scored: Vec<Scored>, keys: &[Key]) -> Group {
     let pairs =
         (content.summaries.first()).map_or(0, |summary| summary.pairs / repetitions(summary));
     Group {
+        model: key.model,
         dataset: key.dataset,
         fingerprint: key.fingerprint,
         protocol: key.protocol,
