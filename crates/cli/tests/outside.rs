@@ -121,6 +121,11 @@ fn a_manifest_is_used_wherever_an_id_is() {
         &[&picture, &wall, Path::new("0"), Path::new("1")],
     );
     assert_eq!(shown.status.code(), Some(0), "{}", said(&shown));
+    let counts = String::from_utf8_lossy(&shown.stdout);
+    assert!(
+        counts.contains(" putative and ") && !counts.contains("features"),
+        "it does not tell them: {counts}"
+    );
     assert!(
         fs::read_to_string(&picture)
             .expect("it was written")

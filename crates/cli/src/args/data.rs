@@ -80,7 +80,8 @@ Layouts:
   colmap     a folder with a COLMAP model as text (cameras, images, no points) and pairs.txt
   superglue  a file with SuperGlue's 38 columns per pair: names, turns, K, K, T_0to1
 
-Both can be imported again, as kinds of the same names. The images are not copied.
+Both can be imported again, as kinds of the same names; a model without points with a rule that needs none,
+as --pairs all. The images are not copied.
 
 Examples:
   matchbench convert castle castle-model --format colmap

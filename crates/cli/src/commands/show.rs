@@ -111,11 +111,14 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         return Ok(Ending::Done);
     }
     let counts = matches.counts;
+    // A matcher from outside may have none, or not tell.
+    let features = match (counts.features_a, counts.features_b) {
+        (0, 0) if counts.putative > 0 => String::new(),
+        (a, b) => format!("{a} and {b} features, "),
+    };
     writeln!(
         stdout(),
-        "{caption}\n{} and {} features, {} putative and {} selected matches, {} of them agree with the estimate\n{}",
-        counts.features_a,
-        counts.features_b,
+        "{caption}\n{features}{} putative and {} selected matches, {} of them agree with the estimate\n{}",
         counts.putative,
         counts.selected,
         view.tally.agree,

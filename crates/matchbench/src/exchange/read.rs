@@ -248,9 +248,13 @@ impl MatchFiles {
         }
         self.understood.scores = scores;
         if self.survey.matches > 0 && filled < FILLED {
+            let doubt = match self.understood.resized {
+                None => "are they those of resized images? Then say --resized WxH".to_owned(),
+                Some([width, height]) => format!("were the images resized to {width}x{height}?"),
+            };
             self.survey.warnings.push(format!(
                 "in every pair the points fill less than {:.0} % of the images' width and height \
-                 (at most {:.0} %): are they those of resized images? Then say --resized WxH",
+                 (at most {:.0} %): {doubt}",
                 100.0 * FILLED,
                 100.0 * filled
             ));
@@ -297,9 +301,16 @@ impl MatchFiles {
                      of {width} x {height} pixels"
                 );
                 let mut error = wrong(what);
-                error.remedy = "if the matcher saw resized images say --resized WxH; if the \
-                                first pixel's centre is elsewhere say --pixel-center"
-                    .into();
+                let size = match self.understood.resized {
+                    None => "if the matcher saw resized images say --resized WxH".to_owned(),
+                    Some([width, height]) => {
+                        format!(
+                            "if the images were not resized to {width}x{height} correct --resized"
+                        )
+                    }
+                };
+                error.remedy =
+                    format!("{size}; if the first pixel's centre is elsewhere say --pixel-center");
                 return Err(error);
             }
         }

@@ -359,6 +359,11 @@ fn points_that_never_fill_their_image_are_warned_about() {
     let small = "0 0 10 10\n150 100 190 120";
     assert!(warnings(small, None)[0].contains("--resized WxH"));
     assert_eq!(warnings(small, Some([200, 150])), [""; 0]);
+    let told = &warnings(small, Some([800, 600]))[0];
+    assert!(
+        told.ends_with("were the images resized to 800x600?"),
+        "{told}"
+    );
     assert_eq!(warnings("0 0 10 10\n250 100 200 120", None), [""; 0]);
     assert_eq!(warnings("", None), [""; 0]);
 }

@@ -213,17 +213,24 @@ pub(super) fn time_figure(
     (!dots.is_empty()).then(|| scatter(target, &title, &dots))
 }
 
-/// Matchers whose time for a pair is not known.
-pub(super) fn untimed<'a>(
-    content: &Content,
-    overview: &Overview<'a>,
-    column: usize,
-) -> BTreeSet<&'a str> {
-    (overview.rows.iter())
+/// Matchers whose time for a pair is not known, and why, in a sentence.
+pub(super) fn untimed(content: &Content, overview: &Overview<'_>, column: usize) -> Option<String> {
+    let matchers: BTreeSet<&str> = (overview.rows.iter())
         .filter_map(|row| Some(row.cells[column].as_ref()?.summary))
         .filter(|summary| seconds_for_a_pair(content, summary).is_none())
         .map(|summary| &*summary.matcher)
-        .collect()
+        .collect();
+    let (outside, own): (Vec<&str>, Vec<&str>) =
+        (matchers.into_iter()).partition(|matcher| content.outside.contains_key(*matcher));
+    let reasons = [
+        ("features came from the cache", own),
+        ("they come from elsewhere and tell none", outside),
+    ];
+    let reasons: Vec<String> = (reasons.into_iter())
+        .filter(|(_, matchers)| !matchers.is_empty())
+        .map(|(reason, matchers)| format!("since {reason}: {}", matchers.join(", ")))
+        .collect();
+    (!reasons.is_empty()).then(|| format!("Without a time, {}.", reasons.join("; ")))
 }
 
 /// The best of a dataset against the others, if there are others; of poses, where there are also homographies.

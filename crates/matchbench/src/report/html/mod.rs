@@ -341,12 +341,11 @@ fn scatters(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
     (overview.datasets.iter().enumerate())
         .filter_map(|(column, dataset)| {
             let svg = time_figure(content, overview, column, Target::Page)?;
-            let untimed: Vec<&str> = untimed(content, overview, column).into_iter().collect();
             Some(context! {
                 dataset => *dataset,
                 basis => overview.basis(column),
                 svg => Value::from_safe_string(svg),
-                untimed => untimed.join(", "),
+                untimed => untimed(content, overview, column),
             })
         })
         .collect()
@@ -514,6 +513,10 @@ mod tests {
         content.summaries[0].stages.search = Some(spread);
         content.summaries[1].stages.search = Some(spread);
         let untimed = "Without a time, since features came from the cache: gms-s.";
+        assert!(render(&content).contains(untimed));
+        let outside = [("gms-s".to_owned(), "from files".to_owned())];
+        content.outside = outside.into();
+        let untimed = "Without a time, since they come from elsewhere and tell none: gms-s.";
         assert!(render(&content).contains(untimed));
         for matcher in ["gms", "gms-s"] {
             let features = "orb-budget".to_owned();
