@@ -23,9 +23,12 @@ fn verdict(name: &str, leads: &[&Lead]) -> String {
         leads.iter().partition(|lead| lead.difference.is_zero());
     let mut doubtful = behind.clone();
     doubtful.retain(|lead| !lead.difference.is_certain);
-    let few_images = (doubtful.iter().map(|lead| lead.difference))
+    let too_few = (doubtful.iter().map(|lead| lead.difference))
         .find(Difference::has_few_images)
-        .map(|difference| difference.images);
+        .map(|difference| match difference.images {
+            1 => "1 reference image is too few".to_owned(),
+            images => format!("{images} reference images are too few"),
+        });
     let lead = |lead: &Lead| lead.difference.value.unwrap_or(f64::INFINITY);
     doubtful.sort_by(|one, other| lead(one).total_cmp(&lead(other)));
     let is_certain = doubtful.is_empty();
@@ -35,13 +38,12 @@ fn verdict(name: &str, leads: &[&Lead]) -> String {
         (false, _) => names(&doubtful),
     };
     let equals = names(&level);
-    let text = match (few_images, level.is_empty(), is_certain) {
-        (Some(images), true, _) => format!(
-            "{best} has the highest AUC; {images} reference images are too few to be certain of it"
-        ),
-        (Some(images), false, _) => format!(
-            "{best} has the highest AUC, the same as {equals}; {images} reference images are too few to be \
-             certain of it"
+    let text = match (too_few, level.is_empty(), is_certain) {
+        (Some(too_few), true, _) => {
+            format!("{best} has the highest AUC; {too_few} to be certain of it")
+        }
+        (Some(too_few), false, _) => format!(
+            "{best} has the highest AUC, the same as {equals}; {too_few} to be certain of it"
         ),
         (None, true, true) => format!("{best} is certainly better than {others}"),
         (None, true, false) => {
@@ -134,10 +136,13 @@ mod tests {
             is_certain: false,
             ..few.difference
         };
+        let mut fewest = few.clone();
+        fewest.difference.images = 1;
         assert_eq!(
-            verdicts(&[few]),
+            [verdicts(&[few]), verdicts(&[fewest])].concat(),
             [
-                "office: sift + best has the highest AUC; 3 reference images are too few to be certain of it"
+                "office: sift + best has the highest AUC; 3 reference images are too few to be certain of it",
+                "office: sift + best has the highest AUC; 1 reference image is too few to be certain of it",
             ]
         );
     }

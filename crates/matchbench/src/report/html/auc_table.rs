@@ -45,3 +45,22 @@ fn auc(cell: Option<&Cell<'_>>, angle: Angle) -> Value {
         tip,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::tests::{content, homographies};
+    use super::super::render;
+
+    #[test]
+    fn homographies_are_called_so_and_have_no_rotation() {
+        let mut content = content(&[("room", "sift", 4)]);
+        content.summaries.push(homographies("boat", "sift"));
+        let both = render(&content);
+        assert!(both.contains("true pose or homography, from 0 to 1; of homographies the AUC is"));
+        assert!(both.contains(">Rotation<"));
+        content.summaries.remove(0);
+        let alone = render(&content);
+        assert!(alone.contains("true homography, from 0 to 1") && !alone.contains(">Rotation<"));
+        assert_eq!(alone.matches("overview sortable").count(), 1);
+    }
+}
