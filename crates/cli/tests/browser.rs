@@ -113,14 +113,21 @@ window.addEventListener("load", () => {
 </script>
 "#;
 
-/// A page on a desk: the tables of the figures need no scrolling.
+/// A page on a desk: the tables of the figures need no scrolling, and no text of a figure is cut off.
 const WIDE: &str = r#"
 <iframe id="page" width="1280" height="800" style="border: 0" src="PAGE"></iframe>
 <script>
 window.addEventListener("load", () => {
-  const tables = [...document.getElementById("page").contentDocument.querySelectorAll("figure .scroll")];
+  const page = document.getElementById("page").contentDocument;
+  const tables = [...page.querySelectorAll("figure .scroll")];
   const cut = tables.filter((table) => table.scrollWidth > table.clientWidth);
-  document.body.dataset.probe = tables.length > 0 && cut.length === 0 ? "fits" : `${cut.length} of ${tables.length} cut`;
+  const isOutside = (text) => {
+    const [inner, outer] = [text, text.closest("svg")].map((element) => element.getBoundingClientRect());
+    return inner.left < outer.left - 0.5 || inner.right > outer.right + 0.5;
+  };
+  const texts = [...page.querySelectorAll("svg.chart text")].filter(isOutside).map((text) => text.textContent);
+  const fits = tables.length > 0 && cut.length === 0 && texts.length === 0;
+  document.body.dataset.probe = fits ? "fits" : `${cut.length} of ${tables.length} tables, and ${texts}`;
 });
 </script>
 "#;

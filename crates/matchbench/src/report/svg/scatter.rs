@@ -11,7 +11,7 @@ use super::{MUTED, Target, axis, axis_label, grid, open, shorten, text, tick};
 
 const PLOT: (f64, f64) = (470.0, 270.0);
 const LEFT: f64 = 54.0;
-const RIGHT: f64 = 20.0;
+const RIGHT: f64 = 26.0;
 const BOTTOM: f64 = 40.0;
 
 /// One matcher in the figure.
