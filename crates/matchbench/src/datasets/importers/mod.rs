@@ -309,7 +309,7 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
         about.notes.extend(missing_images(&frames));
     }
     about.property = options.property.clone().unwrap_or_default();
-    about.import = options.words(kind, &source_name(src, scene), rule);
+    about.import = options.words(kind, (src, &source_name(src, scene)), rule);
     Ok(Made {
         sequence: Sequence {
             name: String::new(), // the folder's

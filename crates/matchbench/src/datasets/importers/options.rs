@@ -108,13 +108,28 @@ impl ImportOptions<'_> {
         ))
     }
 
-    /// The arguments that ask for the same of a source of this name, see [`About::import`].
+    /// The arguments that ask for the same of a source where it has this name, see [`About::import`]. Files below the
+    /// source are named from there on.
     ///
     /// [`About::import`]: crate::datasets::About::import
-    pub(super) fn words(&self, kind: &Kind, source: &str, rule: Option<&PairRule>) -> Vec<String> {
+    pub(super) fn words(
+        &self,
+        kind: &Kind,
+        (src, source): (&Path, &str),
+        rule: Option<&PairRule>,
+    ) -> Vec<String> {
+        let below = |path: &Path| {
+            let [path, src] = [path, src].map(|path| path.canonicalize().ok());
+            let rest = path?.strip_prefix(src?).ok()?.to_owned();
+            Some(Path::new(source).join(rest))
+        };
         let name = |path: &PathBuf| {
             let name = path.file_name().unwrap_or(path.as_os_str());
-            name.to_string_lossy().into_owned()
+            let path = below(path).unwrap_or_else(|| name.into());
+            path.components()
+                .collect::<PathBuf>()
+                .to_string_lossy()
+                .into_owned()
         };
         let rule = rule.map(|rule| match rule {
             PairRule::List { file } => format!("list:{}", name(file)),

@@ -470,6 +470,17 @@ fn what_was_imported_once_must_be_the_same_when_it_is_asked_for_again() {
         crate::datasets::describe(&out).unwrap().import,
         ["folder", "mine", "--pairs", "all", "--property", "indoor"]
     );
+    // What lies beside the images is found where they are, and what lies elsewhere by its name.
+    let list = folder.path().join("list.txt");
+    fs::write(&list, "0 2\n").unwrap();
+    let named = ImportOptions {
+        camera: Some(src.join("../mine/K.txt")),
+        ..with(&format!("list:{}", list.display()))
+    };
+    import("folder", &src, &folder.path().join("named"), &named).unwrap();
+    let about = crate::datasets::describe(&folder.path().join("named")).unwrap();
+    let words = ["--pairs", "list:list.txt", "--camera", "mine/K.txt"];
+    assert_eq!(about.import[2..6], words);
     assert_eq!(once("all").unwrap(), None);
     let other = once("window:1").unwrap_err();
     assert!(
