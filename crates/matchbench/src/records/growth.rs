@@ -22,7 +22,24 @@ pub(super) fn difference(written: &Plan, plan: &Plan) -> Option<String> {
     let written = modernized(what_decides(written, names_matchers));
     let mut plan = what_decides(plan, names_matchers);
     keep_known(&written, &mut plan);
-    first_difference(&written, &plan, "")
+    another_dataset(&written, &plan).or_else(|| first_difference(&written, &plan, ""))
+}
+
+/// Which dataset of the same name is another one, in words: two hashes tell a reader nothing.
+fn another_dataset(written: &Value, plan: &Value) -> Option<String> {
+    let [written, plan] = [written, plan].map(|plan| plan["datasets"].as_array());
+    let mut pairs = written?.iter().zip(plan?).enumerate();
+    pairs.find_map(|(index, (written, plan))| {
+        let is_another =
+            name(written) == name(plan) && written.get("fingerprint") != plan.get("fingerprint");
+        let name = name(plan)?;
+        is_another.then(|| {
+            format!(
+                "the cameras, pairs or true poses of the dataset `{name}` were others \
+                 (`datasets[{index}].fingerprint`)"
+            )
+        })
+    })
 }
 
 /// Takes out of `plan` that by which it outgrows what was `written`, and puts the rest in the order of that.

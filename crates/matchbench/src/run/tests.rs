@@ -296,10 +296,11 @@ fn another_plan_is_refused_with_the_field_that_differs() {
     let mut b_from_a = *pair.pose().unwrap();
     b_from_a.translation.x += 1e-9;
     bench.datasets[1].sequence.pairs[2] = Pair::with_pose(pair.a, pair.b, b_from_a);
-    refused(&bench, "`datasets[1].fingerprint`");
+    let others = "of the dataset `office` were others (`datasets[1].fingerprint`)";
+    refused(&bench, others);
     bench.datasets[1].sequence.pairs[2] = pair;
     bench.datasets[1].sequence.frames[0].turn = Turn::Half;
-    refused(&bench, "`datasets[1].fingerprint`");
+    refused(&bench, others);
     bench.datasets[1].sequence.frames[0].turn = Turn::None;
     let planar = Pair::with_homography(pair.a, pair.b, Matrix3::identity());
     bench.datasets[1].sequence.pairs[2] = planar;
