@@ -140,6 +140,8 @@ fn board(folder: &Path) -> Value {
     let output = go(folder, &words);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{said}");
+    let damaged = "damaged/records/wall/sift+ransac-e.jsonl";
+    assert_eq!(said.matches(damaged).count(), 1, "{said}");
     let json = fs::read_to_string(folder.join("site/leaderboard.json")).expect("it was written");
     serde_json::from_str(&json).expect("JSON")
 }

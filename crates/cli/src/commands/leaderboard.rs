@@ -4,7 +4,7 @@ use std::io::Write;
 
 use anyhow::{Context, Result, ensure};
 use matchbench::metrics::{Angle, Model};
-use matchbench::report::{leaderboard, write_leaderboard};
+use matchbench::report::{Refused, leaderboard, write_leaderboard};
 
 use crate::Ending;
 use crate::args::LeaderboardArgs;
@@ -17,8 +17,13 @@ pub(crate) fn run(args: &LeaderboardArgs) -> Result<Ending> {
     );
     let board = leaderboard(&args.entries, args.datasets.as_deref())
         .with_context(|| format!("cannot list {}", args.entries.display()))?;
-    for refused in &board.refused {
-        say!("refused: {}: {}", refused.place, refused.reason);
+    for Refused { place, reason } in &board.refused {
+        // Most reasons begin with the file.
+        if reason.starts_with(place) {
+            say!("refused: {reason}");
+        } else {
+            say!("refused: {place}: {reason}");
+        }
     }
     let rows: usize = board.groups.iter().map(|group| group.rows.len()).sum();
     ensure!(
