@@ -6,7 +6,7 @@ mod common;
 mod planes;
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use common::{dataset, matchbench};
@@ -132,6 +132,22 @@ window.addEventListener("load", () => {
 </script>
 "#;
 
+/// The page of a run of SIFT and ORB, with a script at its end.
+fn probed(data: &Path, run: &Path, options: &[&str], script: &str) -> PathBuf {
+    let status = (matchbench().arg("run").arg(data))
+        .args(["--matchers", "sift,orb", "--report"])
+        .args(options)
+        .arg("--out")
+        .arg(run)
+        .status()
+        .expect("the program starts");
+    assert!(status.success());
+    let page = fs::read_to_string(run.join("report/index.html")).expect("it was written");
+    let probe = run.with_file_name("probe.html");
+    fs::write(&probe, page + script).expect("writable");
+    probe
+}
+
 #[test]
 #[ignore = "needs MATCHBENCH_BROWSER, the program of Chromium or Chrome"]
 fn page_works_in_a_browser() {
@@ -139,15 +155,7 @@ fn page_works_in_a_browser() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let data = dataset(folder.path(), NAME, 4);
     let run = folder.path().join("run");
-    let status = (matchbench().arg("run").arg(&data))
-        .args(["--matchers", "sift,orb", "--report", "--out"])
-        .arg(&run)
-        .status()
-        .expect("the program starts");
-    assert!(status.success());
-    let page = fs::read_to_string(run.join("report/index.html")).expect("it was written");
-    let probe = folder.path().join("probe.html");
-    fs::write(&probe, page + PROBE).expect("writable");
+    let probe = probed(&data, &run, &[], PROBE);
     let (dom, log) = look(&browser, folder.path(), &probe);
     let found = found_in(&dom);
     assert!(
@@ -202,16 +210,7 @@ fn a_pair_of_homographies_opens_in_a_browser() {
     let wall = dataset(folder.path(), "wall", 3);
     homographies(&wall, &[(0, 1), (0, 2), (1, 2)]);
     let run = folder.path().join("run");
-    let status = (matchbench().arg("run").arg(&wall))
-        .args(["--matchers", "sift,orb", "--estimator", "best-h,ransac-h"])
-        .args(["--report", "--out"])
-        .arg(&run)
-        .status()
-        .expect("the program starts");
-    assert!(status.success());
-    let page = fs::read_to_string(run.join("report/index.html")).expect("it was written");
-    let probe = folder.path().join("probe.html");
-    fs::write(&probe, page + PLANES).expect("writable");
+    let probe = probed(&wall, &run, &["--estimator", "best-h,ransac-h"], PLANES);
     let (dom, log) = look(&browser, folder.path(), &probe);
     let found = found_in(&dom);
     assert!(

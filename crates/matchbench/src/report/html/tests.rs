@@ -1,0 +1,198 @@
+//! What stands on the page, and where it stands.
+
+use super::super::tests::{content, homographies};
+use super::super::{DatasetFacts, RunFacts};
+use super::*;
+use crate::metrics::{Portion, Quartiles, SCORES};
+
+fn page(sets: &[(&str, &str, u32)], title: &str) -> String {
+    let mut content = content(sets);
+    content.facts = RunFacts {
+        title: title.to_owned(),
+        facts: vec![("seed".to_owned(), "<7>".to_owned())],
+        plan: Some("{\"threads\": 2} </script>".to_owned()),
+        results: Vec::new(),
+    };
+    render(&content)
+}
+
+#[test]
+fn names_from_data_are_text() {
+    let evil = "</script><script>alert(1)</script>";
+    let page = page(&[(evil, evil, 4), (evil, "sift", 2)], evil);
+    assert!(!page.contains("alert(1)<"), "a name became markup");
+    assert_eq!(page.matches("<script").count(), 2);
+    assert_eq!(page.matches("</script>").count(), 2);
+    // Nor do letters that are written from the right turn what stands beside them.
+    assert!(
+        page.contains("<figcaption><bdi>"),
+        "a name has its own direction"
+    );
+}
+
+#[test]
+fn page_stands_alone() {
+    let page = page(&[("room", "sift", 4)], "Report");
+    for outside in ["src=", "href=\"http", "@import", "url(", "fetch(", "<link"] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    // One panel for the pose, one for each angle, one curve in each.
+    assert_eq!(page.matches("class=\"series s0\"").count(), 3);
+}
+
+#[test]
+fn empty_and_single_reports_can_be_written() {
+    assert!(page(&[], "Nothing").contains("No results"));
+    let one = page(&[("room", "sift", 4)], "One");
+    assert!(!one.contains("NaN") && one == page(&[("room", "sift", 4)], "One"));
+}
+
+#[test]
+fn every_score_has_a_column_and_a_definition() {
+    let mut content = content(&[("room", "sift", 4)]);
+    content.summaries.push(homographies("boat", "sift"));
+    let page = render(&content);
+    for kind in SCORES {
+        let head = format!("<th scope=\"col\">{}</th>", kind.heading);
+        assert!(page.contains(&head), "{}", kind.id);
+        let start = kind
+            .definition
+            .split(['"', '\''])
+            .next()
+            .unwrap_or_default();
+        assert!(page.contains(start), "{}", kind.id);
+    }
+}
+
+#[test]
+fn what_is_compared_is_counted_and_named() {
+    let one = content(&[("room", "sift", 4), ("room", "orb", 2)]);
+    assert_eq!(compared(&one.summaries), "2 matchers with ransac-e");
+    assert!(presets(&Overview::new(&one.summaries)).is_none());
+    let sets = [("room", "sift", 4), ("room", "orb", 2), ("room", "sift", 6)];
+    let mut both = content(&sets).summaries;
+    both[2].estimator = "best".into();
+    assert_eq!(compared(&both), "2 matchers with 2 estimators");
+    let page = render(&Content {
+        summaries: both,
+        ..Content::default()
+    });
+    // Few enough to be told apart: none is hidden at first.
+    assert!(page.contains("data-only=\"0\"") && !page.contains("data-opening>"));
+}
+
+#[test]
+fn matchers_with_the_same_features_share_their_detection() {
+    let mut content = content(&[("room", "gms", 4), ("room", "gms-s", 2)]);
+    let spread = Quartiles {
+        lower: 0.01,
+        median: 0.02,
+        upper: 0.03,
+        mean: 0.02,
+    };
+    content.summaries[0].stages.extract = Some(spread);
+    content.summaries[0].stages.search = Some(spread);
+    content.summaries[1].stages.search = Some(spread);
+    let untimed = "Without a time, since features came from the cache: gms-s.";
+    assert!(render(&content).contains(untimed));
+    let outside = [("gms-s".to_owned(), "from files".to_owned())];
+    content.outside = outside.into();
+    let untimed = "Without a time, since they come from elsewhere and tell none: gms-s.";
+    assert!(render(&content).contains(untimed));
+    for matcher in ["gms", "gms-s"] {
+        let features = "orb-budget".to_owned();
+        content.extractions.insert(matcher.to_owned(), features);
+    }
+    assert!(!render(&content).contains("Without a time"));
+}
+
+#[test]
+fn times_are_shown_where_there_are_any() {
+    let mut content = content(&[("room", "sift", 4)]);
+    assert!(!render(&content).contains("id=\"times\""));
+    let spread = Quartiles {
+        lower: 0.01,
+        median: 0.0213,
+        upper: 0.05,
+        mean: 0.03,
+    };
+    content.summaries[0].stages.search = Some(spread);
+    let page = render(&content);
+    assert!(page.contains("id=\"times\"") && page.contains("21.3"));
+    assert!(page.contains("quartiles: 10.0 to 50.0") && !page.contains("chart scatter"));
+    content.summaries[0].stages.extract = Some(spread);
+    assert!(render(&content).contains("chart scatter"));
+}
+
+#[test]
+fn what_only_some_reports_have_is_there_where_they_have_it() {
+    let mut content = content(&[("room", "sift", 4), ("room", "sift", 6)]);
+    let plain = render(&content);
+    assert!(!plain.contains("chart heat") && !plain.contains("chart strata"));
+    content.summaries[1].estimator = "lmeds-e".into();
+    content.results[1].estimator = "lmeds-e".into();
+    let known = crate::metrics::PairGeometry {
+        baseline: Some(0.5),
+        view_angle: Some(10.0),
+        overlap: 0.8,
+        is_measured: false,
+    };
+    let pairs = (0..10).map(|a| ((a, a + 1), known));
+    content.geometry.insert("room".into(), pairs.collect());
+    let page = render(&content);
+    assert!(page.contains("chart heat") && page.contains("chart strata"));
+}
+
+#[test]
+fn a_property_of_no_dataset_takes_no_room() {
+    let mut content = content(&[("room", "sift", 4)]);
+    let head = ">Property</th>";
+    for property in ["", "little texture"] {
+        content.datasets = vec![DatasetFacts {
+            name: "room".into(),
+            portion: Portion::Short,
+            frames: 2,
+            pairs: 1,
+            resolution: None,
+            origin: String::new(),
+            property: property.into(),
+            import: Vec::new(),
+            thumbnail: None,
+        }];
+        let page = render(&content);
+        assert_eq!(page.contains(head), !property.is_empty(), "{property}");
+        assert!(page.contains(property));
+    }
+}
+
+/// Heads and cells of each row of each table, top to bottom.
+fn tables(page: &str) -> Vec<Vec<usize>> {
+    let cells = |row: &str| {
+        let row = row.split("</tr>").next().expect("split gives at least one");
+        row.matches("<th ").count() + row.matches("<td").count()
+    };
+    (page.split("<table").skip(1))
+        .filter_map(|rest| rest.split("</table>").next())
+        .map(|table| table.split("<tr").skip(1).map(cells).collect())
+        .collect()
+}
+
+#[test]
+fn every_row_has_a_cell_under_every_head() {
+    let names = ["sift", "orb"].map(|matcher| ["room", "hall"].map(|room| (room, matcher, 4)));
+    let mut content = content(names.as_flattened());
+    content.summaries[1].estimator = "best".into();
+    content.summaries[0].stages.search = Some(Quartiles {
+        lower: 0.01,
+        median: 0.02,
+        upper: 0.03,
+        mean: 0.02,
+    });
+    let mut tables = tables(&render(&content));
+    // The script fills the list of pairs.
+    tables.retain(|rows| rows.len() > 1);
+    assert!(tables.len() >= 6, "{tables:?}");
+    for rows in tables {
+        assert!(rows.iter().all(|&cells| cells == rows[0]), "{rows:?}");
+    }
+}
