@@ -236,6 +236,70 @@ fn times_in_sentences_are_what_the_files_say() {
     }
 }
 
+/// What `docs/paper.md` says of scores: a scene, a matcher, and an estimator or `AP5`, the matches of `ransac-e`, in braces.
+const SENTENCES: [&str; 11] = [
+    "KITTI {kitti gaim ransac-e} to {kitti sift ransac-e}, TUM {tum latch ransac-e} to {tum repmatch ransac-e} |",
+    "castle: {castle code rich}, {castle repmatch rich}, {castle gms rich} against {castle kvld ransac-e} (KVLD) \
+     and at most {castle freak ransac-e} (FREAK on SURF's keypoints)",
+    "TUM: CODE {tum code rich} and RepMatch {tum repmatch rich} hold, GMS {tum gms rich} is level with SIFT \
+     ({tum sift ransac-e}) and DAISY ({tum daisy ransac-e}), and below DLCO ({tum dlco ransac-e}) and KVLD \
+     ({tum kvld ransac-e})",
+    "Kitchen: CODE {kitchen code rich} and RepMatch {kitchen repmatch rich} hold, GMS {kitchen gms rich} is above \
+     SIFT ({kitchen sift ransac-e}) and below DAISY ({kitchen daisy ransac-e}), DLCO ({kitchen dlco ransac-e}) \
+     and BinBoost ({kitchen binboost ransac-e})",
+    "GMS is ahead of SIFT on castle ({castle gms ransac-e}, {castle sift ransac-e}), and behind on TUM \
+     ({tum gms ransac-e}, {tum sift ransac-e}) and in the kitchen ({kitchen gms ransac-e}, \
+     {kitchen sift ransac-e}). With `rich` for both: {castle gms rich} and {castle sift rich}, {tum gms rich} \
+     and {tum sift rich}, {kitchen gms rich} and {kitchen sift rich} |",
+    "castle: GMS {castle gms AP5}, CODE {castle code AP5}, RepMatch {castle repmatch AP5}; SURF {castle surf AP5}, \
+     ORB {castle orb AP5}, SIFT {castle sift AP5} |",
+    "castle: {castle kvld AP5} and {castle gaim AP5} against {castle sift AP5} |",
+    "castle: SURF {castle surf ransac-e}, KAZE {castle kaze ransac-e}, DLCO {castle dlco ransac-e} against \
+     {castle sift ransac-e}; TUM: {tum surf ransac-e}, {tum kaze ransac-e}, {tum dlco ransac-e} against \
+     {tum sift ransac-e}; kitchen: {kitchen surf ransac-e}, {kitchen kaze ransac-e}, {kitchen dlco ransac-e} \
+     against {kitchen sift ransac-e}. BinBoost: {castle binboost ransac-e}, {tum binboost ransac-e}, \
+     {kitchen binboost ransac-e} |",
+    "but for FREAK on SURF's keypoints ({castle freak ransac-e}); TUM: all but DAISY, which is level \
+     ({tum daisy ransac-e} and {tum sift ransac-e}) |",
+    "castle {castle kvld ransac-e} and {castle sift ransac-e}; TUM {tum kvld ransac-e} and {tum sift ransac-e}; \
+     KITTI {kitti kvld ransac-e} and {kitti sift ransac-e}; kitchen {kitchen kvld ransac-e} and \
+     {kitchen sift ransac-e} |",
+    "castle {castle gaim ransac-e} and {castle sift ransac-e}; TUM {tum gaim ransac-e} and {tum sift ransac-e}; \
+     KITTI {kitti gaim ransac-e} and {kitti sift ransac-e}; kitchen {kitchen gaim ransac-e} and \
+     {kitchen sift ransac-e} |",
+];
+
+#[test]
+fn scores_in_sentences_are_what_the_files_say() {
+    let scenes = ["castle", "kitti", "tum", "kitchen"].map(|name| (name, Scores::of(name)));
+    let number = |cell: &str| {
+        let words: Vec<&str> = cell.split(' ').collect();
+        let [scene, matcher, what] = words[..] else {
+            panic!("{cell}");
+        };
+        let (_, scores) = (scenes.iter().find(|(name, _)| *name == scene)).expect("one of four");
+        match what {
+            "AP5" => {
+                let row = scores.get(matcher, "ransac-e", ["ap5"]);
+                format!("{:.0}", row.expect("it was run")[0])
+            }
+            estimator => scores.auc(matcher, estimator),
+        }
+    };
+    let book = text("docs/paper.md");
+    for sentence in SENTENCES {
+        // What lies in braces is every second part.
+        let parts = sentence.split(['{', '}']).enumerate();
+        let filled: String = parts
+            .map(|(place, part)| match place % 2 {
+                0 => part.to_owned(),
+                _ => number(part),
+            })
+            .collect();
+        assert!(book.contains(&filled), "{filled}");
+    }
+}
+
 #[test]
 fn every_folder_of_results_says_how_they_came_about() {
     let folder = repository().join("docs/results");
