@@ -234,6 +234,17 @@ mod tests {
     }
 
     #[test]
+    fn the_slightest_tilt_leaves_no_row_dark() {
+        let image = GrayImage::filled(Size::new(12, 500), 200);
+        for tilt in [1.0 + 1e-12, 1.001, 1.003, 1.01, 1.05, 2.0] {
+            let longitude = 0.01;
+            let (view, _) = simulate(&image, SimulatedView { tilt, longitude });
+            let is_grey = view.data().iter().all(|&pixel| pixel == 200);
+            assert!(is_grey, "{tilt}");
+        }
+    }
+
+    #[test]
     fn a_compressed_image_is_recognised_where_the_extractor_alone_fails() {
         let image = textured(Size::new(200, 160));
         let (view, placement) = simulate(

@@ -56,11 +56,13 @@ impl<E: Extractor> Extractor for ImageAndViews<E> {
 
 /// Of the features of an [`ImageAndViews`] those of the image itself: the first ones, up to the first that is tilted.
 pub fn features_of_image(features: &Features) -> Features {
-    /// `t + 1/t` for a tilt that is none: between 2, which rounded sizes of a resized image hardly move, and 2.12 of the
-    /// smallest tilt, the root of 2.
+    /// `t + 1/t` for a tilt that is none: between 2 and 2.12 of the smallest tilt, the root of 2.
     const UNTILTED: f32 = 2.05;
+    // Features of an image of another aspect are ellipses without a tilt.
+    let [across, down] = features.stretch();
     let is_tilted = |&index: &usize| {
         let [xx, xy, yx, yy] = features.frame(index);
+        let [xx, xy, yx, yy] = [xx / across, xy / across, yx / down, yy / down];
         let (sum, area) = (xx * xx + xy * xy + yx * yx + yy * yy, xx * yy - xy * yx);
         sum > UNTILTED * area.abs()
     };
@@ -117,8 +119,12 @@ mod tests {
         let of_image = features_of_image(&features);
         assert_eq!(of_image.keypoints, alone.keypoints);
         assert_eq!(of_image.descriptors, alone.descriptors);
-        let resized = features.in_pixels_of(image.size(), Size::new(401, 300));
-        assert_eq!(features_of_image(&resized).len(), alone.len());
+        // Also where the aspect is another: 640x480 for images of all kinds is a size of published protocols.
+        for size in [(401, 300), (620, 188), (100, 300)] {
+            let size = Size::new(size.0, size.1);
+            let resized = features.clone().in_pixels_of(image.size(), size);
+            assert_eq!(features_of_image(&resized).len(), alone.len(), "{size}");
+        }
     }
 
     #[test]

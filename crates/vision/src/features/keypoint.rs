@@ -138,6 +138,25 @@ impl Features {
         self
     }
 
+    /// By how much circles of the image were stretched across and down when it was resampled, but for their size: as the first
+    /// feature was, which is of the image itself where others are of simulated views. Not at all where there is none, or where
+    /// its ellipse is turned, as resampling turns none.
+    pub(crate) fn stretch(&self) -> [f32; 2] {
+        /// Cosine of the angle between the rows of a frame that counts as one along the axes.
+        const ALONG_AXES: f32 = 1e-3;
+        if self.is_empty() {
+            return [1.0; 2];
+        }
+        let [xx, xy, yx, yy] = self.frame(0);
+        let (across, down) = (libm::hypotf(xx, xy), libm::hypotf(yx, yy));
+        let is_along_axes = (xx * yx + xy * yy).abs() <= ALONG_AXES * across * down;
+        if is_along_axes && across > 0.0 && down > 0.0 {
+            [across, down]
+        } else {
+            [1.0; 2]
+        }
+    }
+
     /// The local affine frame of keypoint `index`: the linear map, row after row, from the unit
     /// circle to what was described, in pixels of the image.
     ///

@@ -118,7 +118,9 @@ impl<E: Extractor> Sheared<E> {
             let steps = self.params.scale_steps;
             for step in 0..=2 * steps {
                 let view = as_turn_and_tilt(shear, self.scale(step, steps));
-                if view.tilt > 1.0 + 1e-9 && view.tilt <= self.params.max_tilt {
+                let is_tilted = view.tilt > 1.0 + 1e-9 && view.tilt <= self.params.max_tilt;
+                // An odd number of shears has 0 in its middle.
+                if is_tilted && !views.contains(&view) {
                     views.push(view);
                 }
             }
@@ -261,6 +263,13 @@ mod tests {
             ..ShearedParams::default()
         });
         assert_eq!(none.views(), [SimulatedView::IMAGE]);
+        // An odd number of shears has 0 in its middle, which is there already.
+        let odd = sheared(ShearedParams {
+            shears: 5,
+            ..ShearedParams::default()
+        });
+        let views = odd.views();
+        assert!((1..views.len()).all(|i| !views[..i].contains(&views[i])));
     }
 
     #[test]

@@ -192,13 +192,17 @@ fn turn(image: &GrayImage, size: Size, sin: f32, cos: f32) -> FloatImage {
     turned
 }
 
+/// Least blur before an axis is compressed, in pixels.
+const LEAST_BLUR: f64 = 0.13;
+
 /// The image with its height compressed by `tilt`: each row is a Gaussian mean about its place.
 fn compress(image: &FloatImage, size: Size, tilt: f64) -> GrayImage {
     let mut compressed = GrayImage::filled(size, 0);
     if image.size().area() == 0 {
         return compressed;
     }
-    let sigma = 0.8 * (tilt * tilt - 1.0).sqrt();
+    // Four of the least are half a pixel: each row has one of the image within reach.
+    let sigma = (0.8 * (tilt * tilt - 1.0).sqrt()).max(LEAST_BLUR);
     let offset = (image.height() as f64 - 1.0) / 2.0 - tilt * (size.height as f64 - 1.0) / 2.0;
     let mut sums = vec![0.0_f32; size.width];
     for y in 0..size.height {

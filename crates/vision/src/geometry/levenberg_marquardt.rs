@@ -34,14 +34,17 @@ pub enum Loss {
 }
 
 impl Loss {
-    fn cost(self, squared: &[f64], limit: f64) -> f64 {
+    /// What residuals cost: first the number of those that are not finite, where the loss has no bound, then the sum
+    /// of the others.
+    fn cost(self, squared: &[f64], limit: f64) -> (usize, f64) {
         match self {
             // `min` ignores NaN.
-            Self::Truncated => squared.iter().map(|r| r.min(limit)).sum(),
-            Self::Cauchy => (squared.iter())
-                .filter(|r| r.is_finite())
-                .map(|r| limit * libm::log1p(r / limit))
-                .sum(),
+            Self::Truncated => (0, squared.iter().map(|r| r.min(limit)).sum()),
+            Self::Cauchy => {
+                let finite = || squared.iter().filter(|r| r.is_finite());
+                let sum = finite().map(|r| limit * libm::log1p(r / limit)).sum();
+                (squared.len() - finite().count(), sum)
+            }
         }
     }
 
@@ -150,4 +153,47 @@ pub(super) fn minimise<const N: usize, P: LeastSquares<N>>(
         }
     }
     model
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix1, Vector1};
+
+    use super::*;
+
+    /// The distances of a number from 2 and from what is not a number; none beyond 1.
+    struct Fenced;
+
+    impl LeastSquares<1> for Fenced {
+        type Model = f64;
+
+        fn len(&self) -> usize {
+            2
+        }
+
+        fn squared_residuals(&self, model: &f64, out: &mut [f64]) {
+            let squared = (model - 2.0) * (model - 2.0);
+            out[0] = if *model < 1.0 { squared } else { f64::INFINITY };
+            out[1] = f64::NAN;
+        }
+
+        fn normal_equations(&self, model: &f64, weights: &[f64]) -> Option<NormalEquations<1>> {
+            Some(NormalEquations {
+                matrix: Matrix1::new(weights[0]),
+                gradient: Vector1::new(weights[0] * (model - 2.0)),
+            })
+        }
+
+        fn moved(&self, model: &f64, step: &SVector<f64, 1>) -> f64 {
+            model + step.x
+        }
+    }
+
+    #[test]
+    fn a_step_to_where_nothing_has_a_distance_costs_more() {
+        for loss in [Loss::Truncated, Loss::Cauchy] {
+            let found = minimise(&Fenced, 0.0, loss, 9.0, 25);
+            assert!((0.5..1.0).contains(&found), "{loss:?}: {found}");
+        }
+    }
 }

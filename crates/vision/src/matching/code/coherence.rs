@@ -13,6 +13,8 @@ use crate::seed::Rng;
 const MOTION_CENTRES: usize = 60;
 /// Likelihood above which a seed is verified.
 const VERIFIED: f64 = 0.5;
+/// Matches that determine an affine motion.
+const LEAST_VERIFIED: usize = 3;
 
 /// Matches as the functions see them.
 pub(in crate::matching) struct Motions {
@@ -66,6 +68,10 @@ impl Coherence {
             .filter(|(_, point)| evaluate(&kernels(point, &centres), &likelihood)[0] > VERIFIED)
             .map(|(&i, &point)| (point, motions.places_b[i]))
             .collect();
+        // Of fewer the ridge makes a motion all the same: to the middle of b, if there are none.
+        if verified.len() < LEAST_VERIFIED {
+            return None;
+        }
         let motion_centres: Vec<Point> = (verified.iter().map(|&(point, _)| point))
             .take(MOTION_CENTRES)
             .collect();

@@ -91,6 +91,20 @@ fn likelihood_sees_frames_and_motion_sees_places() {
 }
 
 #[test]
+fn where_nothing_is_learned_nothing_is_kept() {
+    let (a, b, matches) = scene(1800);
+    let ambiguous = |m: &Correspondence| Correspondence {
+        distance: 9.5,
+        ..*m
+    };
+    let no_seeds = matches.iter().map(ambiguous).collect();
+    assert_eq!(select(&a, &b, no_seeds), [0_u32; 0]);
+    // Every third match of a scene goes anywhere: seeds of which none is likely.
+    let alone = matches.iter().copied().step_by(3).step_by(60);
+    assert_eq!(select(&a, &b, alone.collect()), [0_u32; 0]);
+}
+
+#[test]
 fn few_or_broken_matches_are_no_trouble() {
     for count in [0, 1, 2, 5] {
         let (a, b, matches) = scene(count);

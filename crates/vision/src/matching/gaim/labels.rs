@@ -98,11 +98,15 @@ impl CandidateLabels {
         candidates
     }
 
-    /// The strongest features whose frames are circles, in their order.
+    /// The strongest features whose frames are circles, or what became of circles when the image was resampled, in
+    /// their order.
     fn unsimulated(&self, features: &Features) -> Vec<usize> {
-        let mut nodes: Vec<usize> = (0..features.len())
-            .filter(|&index| is_circle(features.frame(index)))
-            .collect();
+        let [across, down] = features.stretch();
+        let is_unsimulated = |&index: &usize| {
+            let [xx, xy, yx, yy] = features.frame(index);
+            is_circle([xx / across, xy / across, yx / down, yy / down])
+        };
+        let mut nodes: Vec<usize> = (0..features.len()).filter(is_unsimulated).collect();
         let response = |&index: &usize| features.keypoints[index].response;
         nodes.sort_by(|i, j| response(j).total_cmp(&response(i)));
         nodes.truncate(self.nodes);
