@@ -407,30 +407,58 @@ fn nothing_waits_for_a_pipe_that_nobody_writes_into() {
     ];
     for kind in kinds {
         let out = folder.path().join(kind);
-        let mut child = matchbench()
-            .args(["import", kind])
-            .args([&pipe, &out])
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("the program starts");
-        let start = std::time::Instant::now();
-        let ended = loop {
-            match child.try_wait().expect("it can be asked") {
-                Some(status) => break Some(status),
-                None if start.elapsed().as_secs() > 60 => break None,
-                None => std::thread::sleep(std::time::Duration::from_millis(5)),
-            }
-        };
-        if ended.is_none() {
-            child.kill().expect("it is ours");
-            child.wait().expect("it was killed");
-        }
-        assert_eq!(
-            ended.and_then(|status| status.code()),
-            Some(1),
-            "{kind} waits"
-        );
+        let ended = code_within_a_minute(matchbench().args(["import", kind]).args([&pipe, &out]));
+        assert_eq!(ended, Some(1), "{kind} waits");
     }
+}
+
+/// The exit code of a program that ends.
+fn code_within_a_minute(program: &mut Command) -> Option<i32> {
+    let quiet = program.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut child = quiet.spawn().expect("the program starts");
+    let start = std::time::Instant::now();
+    while start.elapsed().as_secs() < 60 {
+        if let Some(status) = child.try_wait().expect("it can be asked") {
+            return status.code();
+        }
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    child.kill().expect("it is ours");
+    child.wait().expect("it was killed");
+    None
+}
+
+#[test]
+fn nothing_waits_for_a_pipe_in_the_folder_of_a_run() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (wall, run) = run_of(folder.path());
+    let again = || {
+        let mut again = matchbench();
+        again.args(["run", "--matchers", "sift", "--out"]);
+        again.args([&run, &wall]);
+        again
+    };
+    let make = |pipe: &Path| {
+        let made = Command::new("mkfifo").arg(pipe).status();
+        assert!(made.expect("mkfifo is part of every system").success());
+    };
+
+    let left = run.join(".matchbench-left");
+    fs::create_dir(&left).expect("writable");
+    make(&left.join(".held"));
+    let old = std::time::SystemTime::now() - std::time::Duration::from_secs(60);
+    (File::open(&left).and_then(|folder| folder.set_modified(old))).expect("ours");
+    assert_eq!(code_within_a_minute(&mut again()), Some(0));
+
+    let lock = run.join(".lock");
+    fs::remove_file(&lock).expect("there");
+    make(&lock);
+    assert_eq!(code_within_a_minute(&mut again()), Some(1));
+    let message = message(&again().output().expect("the program starts"));
+    assert!(
+        message.contains(".lock: a device or a pipe where a file is needed"),
+        "{message}"
+    );
 }
 
 #[test]
