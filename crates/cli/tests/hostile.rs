@@ -459,6 +459,41 @@ fn nothing_waits_for_a_pipe_in_the_folder_of_a_run() {
         message.contains(".lock: a device or a pipe where a file is needed"),
         "{message}"
     );
+    fs::remove_file(&lock).expect("there");
+
+    let report = || {
+        let mut report = matchbench();
+        report.arg("report").arg(&run);
+        report
+    };
+    assert_eq!(code_within_a_minute(&mut report()), Some(0));
+    let table = run.join("report/tables/scores.csv");
+    fs::remove_file(&table).expect("there");
+    make(&table);
+    assert_eq!(code_within_a_minute(&mut report()), Some(1));
+}
+
+#[test]
+fn a_report_neither_writes_nor_deletes_where_links_in_its_folder_lead() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (_, run) = run_of(folder.path());
+    let (report, other) = (run.join("report"), folder.path().join("other"));
+    assert_eq!(go(&["report"], &[&run]).status.code(), Some(0));
+    fs::create_dir(&other).expect("writable");
+    let theirs = other.join("theirs");
+    fs::write(&theirs, "theirs").expect("writable");
+
+    symlink(&other, report.join("link")).expect("writable");
+    let list = fs::read_to_string(report.join(".files")).expect("written");
+    fs::write(report.join(".files"), list + "link/theirs\n").expect("writable");
+    assert_eq!(go(&["report"], &[&run]).status.code(), Some(0));
+    assert!(theirs.exists());
+
+    let table = report.join("tables/scores.csv");
+    fs::remove_file(&table).expect("there");
+    symlink(&theirs, &table).expect("writable");
+    refused(&go(&["report"], &[&run]), "scores.csv: it is a link");
+    assert_eq!(fs::read(&theirs).expect("there"), b"theirs");
 }
 
 #[test]
