@@ -497,6 +497,28 @@ fn a_report_neither_writes_nor_deletes_where_links_in_its_folder_lead() {
 }
 
 #[test]
+fn names_of_a_plan_lead_to_no_other_folder() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (_, run) = run_of(folder.path());
+    let plan = run.join("plan.json");
+    let text = fs::read_to_string(&plan).expect("it was written");
+    let text = text.replacen("\"id\": \"sift\"", "\"id\": \"../elsewhere\"", 1);
+    fs::write(&plan, text).expect("writable");
+    fs::rename(
+        run.join("matches/wall/sift.bin"),
+        run.join("matches/elsewhere.bin"),
+    )
+    .expect("there");
+    let out = folder.path().join("out");
+    let export = go(&["export", "--format", "npz"], &[&run, &out]);
+    refused(
+        &export,
+        "plan.json: the name `../elsewhere` is empty, begins with a dot or has a slash",
+    );
+    assert!(!folder.path().join("elsewhere").exists());
+}
+
+#[test]
 fn records_that_were_edited_moved_or_lost_are_told() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (_, run) = run_of(folder.path());

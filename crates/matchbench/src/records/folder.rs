@@ -410,7 +410,15 @@ fn read_plan(path: &Path) -> Result<Option<Plan>, FolderError> {
             format,
             known: FORMAT,
         }),
-        _ => serde_json::from_slice(&text).map(Some).map_err(damaged),
+        _ => {
+            let plan: Plan = serde_json::from_slice(&text).map_err(damaged)?;
+            plan.wrong_name().map_or(Ok(Some(plan)), |reason| {
+                Err(FolderError::Damaged {
+                    path: path.into(),
+                    reason,
+                })
+            })
+        }
     }
 }
 
