@@ -12,7 +12,7 @@ use numpy::{
     PyArrayMethods, PyReadonlyArray, PyUntypedArray, PyUntypedArrayMethods,
     ndarray::{ArrayView, Dimension, IntoDimension},
 };
-use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyIndexError, PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 use crate::errors::value_error;
@@ -28,14 +28,14 @@ pub(crate) fn image(value: &Bound<'_, PyAny>) -> PyResult<GrayImage> {
             unreachable!("it has two dimensions")
         };
         let size = image_size(width, height)?;
-        return Ok(GrayImage::from_vec(size, flat(&gray)));
+        return Ok(GrayImage::from_vec(size, flat(&gray)?));
     }
     if let Ok(rgb) = value.cast::<PyArray3<u8>>()
         && rgb.shape()[2] == 3
     {
         let rgb = rgb.try_readonly()?;
         let size = image_size(rgb.shape()[1], rgb.shape()[0])?;
-        return Ok(gray_of_rgb(size, &flat(&rgb)));
+        return Ok(gray_of_rgb(size, &flat(&rgb)?));
     }
     let expected =
         "an image is a numpy array of uint8, height x width (grey) or height x width x 3 (RGB)";
@@ -93,9 +93,9 @@ pub(crate) fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Point
     if view.ncols() != 2 {
         return Err(refused(value, name, "n x 2 (x, y in pixels)"));
     }
-    let points: Vec<_> = (view.rows().into_iter())
-        .map(|row| Point2::new(row[0], row[1]))
-        .collect();
+    let mut points = room(view.nrows())?;
+    let rows = view.rows().into_iter();
+    points.extend(rows.map(|row| Point2::new(row[0], row[1])));
     let finite = |p: &Point2<f64>| p.x.is_finite() && p.y.is_finite();
     all_finite(name, points.iter().map(finite))?;
     Ok(points)
@@ -129,7 +129,7 @@ pub(crate) fn column(value: &Bound<'_, PyAny>, name: &str, count: usize) -> PyRe
     let array: PyArrayLike1<'_, f32, AllowTypeChange> =
         (value.extract()).map_err(|_| refused(value, name, &expected))?;
     match array.as_array().len() {
-        length if length == count => Ok(flat(&array)),
+        length if length == count => flat(&array),
         _ => Err(refused(value, name, &expected)),
     }
 }
@@ -145,7 +145,7 @@ pub(crate) fn rows(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyRe
     if array.as_array().ncols() != columns {
         return Err(refused(value, name, &expected));
     }
-    let values = flat(&array);
+    let values = flat(&array)?;
     rows_finite(name, &values, columns)?;
     Ok(values)
 }
@@ -175,12 +175,15 @@ pub(crate) fn chosen(value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<usi
                 array.extract().map_err(|_| refuse())?;
             let within = |&index: &i64| usize::try_from(index).ok().filter(|&index| index < count);
             let indices = indices.as_array();
-            (indices.iter())
-                .map(|index| {
-                    within(index)
-                        .ok_or_else(|| PyIndexError::new_err(format!("feature {index} of {count}")))
-                })
-                .collect()
+            let mut chosen = room(indices.len())?;
+            for index in indices {
+                chosen.push(
+                    within(index).ok_or_else(|| {
+                        PyIndexError::new_err(format!("feature {index} of {count}"))
+                    })?,
+                );
+            }
+            Ok(chosen)
         }
         _ => Err(refuse()),
     }
@@ -210,7 +213,7 @@ pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyRes
     if view.ncols() != 2 {
         return Err(refused(value, "indices", expected));
     }
-    let mut pairs = Vec::with_capacity(view.nrows());
+    let mut pairs = room(view.nrows())?;
     for (number, row) in view.rows().into_iter().enumerate() {
         let mut pair = [0; 2];
         for side in 0..2 {
@@ -249,7 +252,7 @@ pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyRe
         if dim == 0 {
             return Err(refused(value, "descriptors", expected));
         }
-        let values = flat(&floats);
+        let values = flat(&floats)?;
         rows_finite("descriptors", &values, dim)?;
         return Ok(Descriptors::Float(FloatRows::from_vec(dim, values)));
     }
@@ -263,8 +266,9 @@ pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyRe
         let message = format!("{bits} bits do not fill rows of {width} bytes");
         return Err(PyValueError::new_err(message));
     }
-    let mut words = Vec::with_capacity(bytes.shape()[0] * bits.div_ceil(64));
-    for row in flat(&bytes).chunks(width) {
+    let bytes_flat = flat(&bytes)?;
+    let mut words = room(bytes.shape()[0] * bits.div_ceil(64))?;
+    for row in bytes_flat.chunks(width) {
         words.extend(row.chunks(8).map(|chunk| {
             let mut word = [0; 8];
             word[..chunk.len()].copy_from_slice(chunk);
@@ -315,12 +319,28 @@ where
 }
 
 /// The elements in the order of the array, whatever its strides.
-fn flat<T: Element + Copy, D: Dimension>(array: &PyReadonlyArray<'_, T, D>) -> Vec<T> {
+///
+/// # Errors
+/// If there is no memory for them.
+fn flat<T: Element + Copy, D: Dimension>(array: &PyReadonlyArray<'_, T, D>) -> PyResult<Vec<T>> {
     let view: ArrayView<'_, T, D> = array.as_array();
+    let mut values = room(view.len())?;
     match view.as_slice() {
-        Some(slice) => slice.to_vec(),
-        None => view.iter().copied().collect(),
+        Some(slice) => values.extend_from_slice(slice),
+        None => values.extend(view.iter().copied()),
     }
+    Ok(values)
+}
+
+/// Room for so many values. An array may claim any number of them (`numpy.broadcast_to`), and what cannot be
+/// allocated would end the process.
+fn room<T>(count: usize) -> PyResult<Vec<T>> {
+    let mut values = Vec::new();
+    let reserved = values.try_reserve_exact(count);
+    reserved.map_err(|_| {
+        PyMemoryError::new_err(format!("no memory for an array of {count} rows or numbers"))
+    })?;
+    Ok(values)
 }
 
 /// The argument `name` is not what is `expected`.

@@ -146,6 +146,13 @@ def test_too_few_matches_are_no_pose():
         mb.estimator("best", treshold=1)
 
 
+def test_an_array_without_an_end_is_an_error():
+    endless = np.broadcast_to(np.zeros((1, 2)), (10**13, 2))
+    camera = mb.Camera(100, 100, 50, 50)
+    with pytest.raises(MemoryError, match="no memory for an array of 10000000000000"):
+        mb.estimator("best").estimate(endless, endless, camera, camera)
+
+
 def test_a_homography_is_found_among_wrong_matches():
     truth = np.array([[0.9, 0.1, 20.0], [-0.1, 1.1, 5.0], [1e-4, -1e-4, 1.0]])
     rng = np.random.default_rng(0)

@@ -11,6 +11,9 @@ use matchbench::files::write_whole;
 /// Longest word that is repeated in a message, in characters.
 const LONGEST_WORD: usize = 300;
 
+/// Longest message, in characters: of a longer one its beginning and its end are shown, where what to do stands.
+const LONGEST_MESSAGE: usize = 20_000;
+
 /// Says something on standard error, as `eprintln` does, and goes on where nobody listens.
 macro_rules! say {
     ($($what:tt)*) => { $crate::output::say_line(format_args!($($what)*)) };
@@ -84,7 +87,16 @@ pub(crate) fn plain(text: &str) -> String {
             plain.extend(part.chars().next_back().filter(|c| " \n".contains(*c)));
         }
     }
-    plain
+    let place = |count| plain.char_indices().nth(count).map(|(at, _)| at);
+    let left_out = plain.chars().count().saturating_sub(LONGEST_MESSAGE);
+    match [LONGEST_MESSAGE / 2, LONGEST_MESSAGE / 2 + left_out].map(place) {
+        [Some(from), Some(to)] if left_out > 0 => format!(
+            "{}... ({left_out} characters more) ...{}",
+            &plain[..from],
+            &plain[to..]
+        ),
+        _ => plain,
+    }
 }
 
 /// Whether a character changes the direction of those around it, so that names read as others.
@@ -104,6 +116,20 @@ mod tests {
             "a.txt:3: `\\u{1b}[2J\\u{1b}]0;x\\u{7}\\u{d}\\u{202e}` is no number\nnext"
         );
         assert_eq!(plain("ünïcode – 数"), "ünïcode – 数");
+    }
+
+    #[test]
+    fn of_a_long_message_the_beginning_and_the_end_are_shown() {
+        let words = "wörd ".repeat(4000);
+        assert_eq!(plain(&words), words);
+        let shown = plain(&format!("a.txt: {}: correct it", "wörd ".repeat(300_000)));
+        assert!(shown.chars().count() < LONGEST_MESSAGE + 100);
+        assert!(shown.starts_with("a.txt: wörd ") && shown.ends_with("wörd : correct it"));
+        assert!(
+            shown.contains("... (1480019 characters more) ..."),
+            "{}",
+            &shown[19_900..]
+        );
     }
 
     #[test]

@@ -407,30 +407,115 @@ fn nothing_waits_for_a_pipe_that_nobody_writes_into() {
     ];
     for kind in kinds {
         let out = folder.path().join(kind);
-        let mut child = matchbench()
-            .args(["import", kind])
-            .args([&pipe, &out])
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("the program starts");
-        let start = std::time::Instant::now();
-        let ended = loop {
-            match child.try_wait().expect("it can be asked") {
-                Some(status) => break Some(status),
-                None if start.elapsed().as_secs() > 60 => break None,
-                None => std::thread::sleep(std::time::Duration::from_millis(5)),
-            }
-        };
-        if ended.is_none() {
-            child.kill().expect("it is ours");
-            child.wait().expect("it was killed");
-        }
-        assert_eq!(
-            ended.and_then(|status| status.code()),
-            Some(1),
-            "{kind} waits"
-        );
+        let ended = code_within_a_minute(matchbench().args(["import", kind]).args([&pipe, &out]));
+        assert_eq!(ended, Some(1), "{kind} waits");
     }
+}
+
+/// The exit code of a program that ends.
+fn code_within_a_minute(program: &mut Command) -> Option<i32> {
+    let quiet = program.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut child = quiet.spawn().expect("the program starts");
+    let start = std::time::Instant::now();
+    while start.elapsed().as_secs() < 60 {
+        if let Some(status) = child.try_wait().expect("it can be asked") {
+            return status.code();
+        }
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    child.kill().expect("it is ours");
+    child.wait().expect("it was killed");
+    None
+}
+
+#[test]
+fn nothing_waits_for_a_pipe_in_the_folder_of_a_run() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (wall, run) = run_of(folder.path());
+    let again = || {
+        let mut again = matchbench();
+        again.args(["run", "--matchers", "sift", "--out"]);
+        again.args([&run, &wall]);
+        again
+    };
+    let make = |pipe: &Path| {
+        let made = Command::new("mkfifo").arg(pipe).status();
+        assert!(made.expect("mkfifo is part of every system").success());
+    };
+
+    let left = run.join(".matchbench-left");
+    fs::create_dir(&left).expect("writable");
+    make(&left.join(".held"));
+    let old = std::time::SystemTime::now() - std::time::Duration::from_secs(60);
+    (File::open(&left).and_then(|folder| folder.set_modified(old))).expect("ours");
+    assert_eq!(code_within_a_minute(&mut again()), Some(0));
+
+    let lock = run.join(".lock");
+    fs::remove_file(&lock).expect("there");
+    make(&lock);
+    assert_eq!(code_within_a_minute(&mut again()), Some(1));
+    let message = message(&again().output().expect("the program starts"));
+    assert!(
+        message.contains(".lock: a device or a pipe where a file is needed"),
+        "{message}"
+    );
+    fs::remove_file(&lock).expect("there");
+
+    let report = || {
+        let mut report = matchbench();
+        report.arg("report").arg(&run);
+        report
+    };
+    assert_eq!(code_within_a_minute(&mut report()), Some(0));
+    let table = run.join("report/tables/scores.csv");
+    fs::remove_file(&table).expect("there");
+    make(&table);
+    assert_eq!(code_within_a_minute(&mut report()), Some(1));
+}
+
+#[test]
+fn a_report_neither_writes_nor_deletes_where_links_in_its_folder_lead() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (_, run) = run_of(folder.path());
+    let (report, other) = (run.join("report"), folder.path().join("other"));
+    assert_eq!(go(&["report"], &[&run]).status.code(), Some(0));
+    fs::create_dir(&other).expect("writable");
+    let theirs = other.join("theirs");
+    fs::write(&theirs, "theirs").expect("writable");
+
+    symlink(&other, report.join("link")).expect("writable");
+    let list = fs::read_to_string(report.join(".files")).expect("written");
+    fs::write(report.join(".files"), list + "link/theirs\n").expect("writable");
+    assert_eq!(go(&["report"], &[&run]).status.code(), Some(0));
+    assert!(theirs.exists());
+
+    let table = report.join("tables/scores.csv");
+    fs::remove_file(&table).expect("there");
+    symlink(&theirs, &table).expect("writable");
+    refused(&go(&["report"], &[&run]), "scores.csv: it is a link");
+    assert_eq!(fs::read(&theirs).expect("there"), b"theirs");
+}
+
+#[test]
+fn names_of_a_plan_lead_to_no_other_folder() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (_, run) = run_of(folder.path());
+    let plan = run.join("plan.json");
+    let text = fs::read_to_string(&plan).expect("it was written");
+    let text = text.replacen("\"id\": \"sift\"", "\"id\": \"../elsewhere\"", 1);
+    fs::write(&plan, text).expect("writable");
+    fs::rename(
+        run.join("matches/wall/sift.bin"),
+        run.join("matches/elsewhere.bin"),
+    )
+    .expect("there");
+    let out = folder.path().join("out");
+    let export = go(&["export", "--format", "npz"], &[&run, &out]);
+    refused(
+        &export,
+        "plan.json: the name `../elsewhere` is empty, begins with a dot or has a slash",
+    );
+    assert!(!folder.path().join("elsewhere").exists());
 }
 
 #[test]

@@ -81,9 +81,15 @@ fn entries(folder: &Path) {
     rewrite(&folder.join("entries/unfinished"), |text| {
         text.split_inclusive('\n').take(4).collect()
     });
-    // Without a checksum, as those of the first format.
-    of_first_format(&folder.join("entries/praised"));
-    rewrite(&folder.join("entries/praised"), |text| {
+    state_other_errors(&folder.join("entries/praised"));
+    fs::create_dir_all(folder.join("entries/<img src=x>")).expect("writable");
+    fs::write(folder.join("entries/<img src=x>/plan.json"), "{}").expect("writable");
+}
+
+/// Makes all records of a run state the same error of the rotation; without a checksum, as those of the first format.
+fn state_other_errors(run: &Path) {
+    of_first_format(run);
+    rewrite(run, |text| {
         let mut praised = String::new();
         for line in text.lines() {
             let (body, _) = line.split_once(",\"check\"").expect("it has one");
@@ -93,8 +99,6 @@ fn entries(folder: &Path) {
         }
         praised
     });
-    fs::create_dir_all(folder.join("entries/<img src=x>")).expect("writable");
-    fs::write(folder.join("entries/<img src=x>/plan.json"), "{}").expect("writable");
 }
 
 /// Says that a run is of the first format, whose records have no checksum.
@@ -290,6 +294,39 @@ fn corner_errors_are_computed_again_where_the_images_are() {
     let without = board(false);
     let rows = list(&without["groups"][0]["rows"]);
     assert!(rows.len() == 2 && rows.iter().all(|row| row["errors_checked"] == false));
+}
+
+#[test]
+fn an_entry_that_hides_its_dataset_is_judged_where_another_has_it() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "data/wall", 3);
+    one_run(folder, &[]);
+    for name in ["b", "c"] {
+        copy(
+            &folder.join("entries/a"),
+            &folder.join("entries").join(name),
+        );
+    }
+    for name in ["a", "b"] {
+        state_other_errors(&folder.join("entries").join(name));
+    }
+    let plan = folder.join("entries/a/plan.json");
+    let text_of_plan = fs::read_to_string(&plan).expect("it was written");
+    let mut hidden: Value = serde_json::from_str(&text_of_plan).expect("JSON");
+    hidden["datasets"][0]["path"] = "nowhere".into();
+    fs::write(&plan, hidden.to_string()).expect("writable");
+    let output = go(folder, &["leaderboard", "entries", "--out", "site"]);
+    assert_eq!(output.status.code(), Some(2));
+    let json = fs::read_to_string(folder.join("site/leaderboard.json")).expect("it was written");
+    let board: Value = serde_json::from_str(&json).expect("JSON");
+    let rows = list(&board["groups"][0]["rows"]);
+    assert!(rows.len() == 1 && rows[0]["entry"] == "c" && rows[0]["errors_checked"] == true);
+    let refused = list(&board["refused"]);
+    assert_eq!(refused.len(), 2, "{refused:?}");
+    for refused in refused {
+        assert!(text(&refused["reason"]).contains("states errors of 12.5000"));
+    }
 }
 
 #[test]

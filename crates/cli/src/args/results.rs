@@ -153,7 +153,7 @@ pub(crate) struct LeaderboardArgs {
     #[arg(long, value_name = "SITE")]
     pub out: PathBuf,
     /// Folder that holds the datasets, by their names: for results without a groundtruth.txt, and to
-    /// compute the errors of records again [default: where each run had its dataset]
+    /// compute the errors of records again [default: where the runs had them]
     #[arg(long, value_name = "DIR")]
     pub datasets: Option<PathBuf>,
     #[command(flatten)]

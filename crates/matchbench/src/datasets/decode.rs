@@ -270,6 +270,7 @@ pub(super) fn with_other<T>(
     reader.limits(limits(most as u64));
     let rule = match reader.format() {
         Some(ImageFormat::Png) => LIBPNG,
+        Some(ImageFormat::WebP) if webp_ends_early(bytes) => return Err(DecodeError::Truncated),
         Some(ImageFormat::WebP) => CVT_COLOR,
         _ => IMGCODECS,
     };
@@ -279,6 +280,13 @@ pub(super) fn with_other<T>(
         reserve(size.area() * a_pixel).map_err(|missing| DecodeError::NoMemory(size, missing))?;
     let image = DynamicImage::from_decoder(stored).map_err(|error| other_error(&error))?;
     then(size, image, rule)
+}
+
+/// Whether a WebP file is shorter than it says. Its decoder makes up what a few missing bytes stood for.
+fn webp_ends_early(bytes: &[u8]) -> bool {
+    const BEFORE: usize = 8;
+    let stated = bytes.get(4..BEFORE).and_then(|size| size.try_into().ok());
+    stated.is_some_and(|size| bytes.len() - BEFORE < u32::from_le_bytes(size) as usize)
 }
 
 /// Pixels of an image of `size` as gray.
@@ -522,6 +530,16 @@ mod tests {
             let at = at.expect("a frame has a header");
             bytes[at + 5..at + 9].copy_from_slice(&[0x08, 0x00, 0x08, 0x00]);
             assert!(decode_gray(&bytes).is_err(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_webp_without_its_last_bytes_is_truncated() {
+        let whole = fixture("color.webp");
+        assert!(decode_gray(&whole).is_ok());
+        for missing in 1..whole.len() - 12 {
+            let decoded = decode_gray(&whole[..whole.len() - missing]);
+            assert!(decoded.is_err(), "without {missing} bytes");
         }
     }
 

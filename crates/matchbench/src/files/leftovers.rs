@@ -56,6 +56,9 @@ fn remove_if_left(path: &Path) {
         return;
     }
     let is_free = |file: &Path| {
+        if !fs::metadata(file).is_ok_and(|there| there.is_file()) {
+            return false;
+        }
         let file = File::options().write(true).open(file);
         file.and_then(|file| Ok(file.try_lock()?)).is_ok()
     };

@@ -21,6 +21,7 @@ pub(crate) use leftovers::{HELD, PREFIX, hold};
 pub use leftovers::{remove_leftovers, remove_leftovers_below};
 pub(crate) use lines::{LineBlock, LineBlocks, LineError};
 pub(crate) use names::check_name;
+pub(crate) use read::regular;
 pub use read::{open_file, read_file, read_text};
 pub(crate) use write::WholeFile;
 pub use write::write_whole;

@@ -55,7 +55,11 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     Ok(text)
 }
 
-fn regular(metadata: &fs::Metadata) -> io::Result<()> {
+/// That it is a regular file. What is to be opened is looked at before: a pipe would wait.
+///
+/// # Errors
+/// That it is a folder, a device or a pipe.
+pub(crate) fn regular(metadata: &fs::Metadata) -> io::Result<()> {
     if metadata.is_file() {
         return Ok(());
     }

@@ -27,7 +27,7 @@
 //! A folder of a later format is refused by name. What is added so that older programs need not know
 //! it, a field that is left out where it is not needed, does not change the number.
 
-use std::fs::{File, TryLockError};
+use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -40,8 +40,8 @@ use super::{
     FORMAT, FolderError, MatchesFile, Plan, RunRecord, StoreError, Task, Tuned, matches, store,
 };
 use crate::files::{
-    make_folder, read_file, read_text, remove_leftovers, remove_leftovers_below, sync_folder_of,
-    write_whole,
+    make_folder, read_file, read_text, regular, remove_leftovers, remove_leftovers_below,
+    sync_folder_of, write_whole,
 };
 
 const PLAN: &str = "plan.json";
@@ -356,6 +356,9 @@ struct Locks {
 
 fn lock(folder: &Path) -> Result<Locks, FolderError> {
     let path = folder.join(".lock");
+    if let Ok(there) = fs::metadata(&path) {
+        regular(&there).map_err(FolderError::io("lock", &path))?;
+    }
     let file = (File::options().write(true).create(true).truncate(false))
         .open(&path)
         .map_err(FolderError::io("open", &path))?;
@@ -407,7 +410,15 @@ fn read_plan(path: &Path) -> Result<Option<Plan>, FolderError> {
             format,
             known: FORMAT,
         }),
-        _ => serde_json::from_slice(&text).map(Some).map_err(damaged),
+        _ => {
+            let plan: Plan = serde_json::from_slice(&text).map_err(damaged)?;
+            plan.wrong_name().map_or(Ok(Some(plan)), |reason| {
+                Err(FolderError::Damaged {
+                    path: path.into(),
+                    reason,
+                })
+            })
+        }
     }
 }
 

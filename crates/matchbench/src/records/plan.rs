@@ -5,12 +5,14 @@
 //! needs is left out where it is not needed, so that plans written before the field was thought of
 //! stay what they were.
 
+use std::iter;
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::files::check_name;
 use crate::matchers::Extraction;
 
 /// Version of the format of run folders that this program writes, and the last that it reads, see [`RunFolder`](super::RunFolder).
@@ -48,6 +50,19 @@ pub struct ShardOf {
 }
 
 impl Plan {
+    /// What is wrong with a name in it: names become paths, and a plan may come from others.
+    pub(super) fn wrong_name(&self) -> Option<String> {
+        let datasets = self.datasets.iter().map(|dataset| &dataset.name);
+        let methods = self.matchers.iter().flat_map(|matcher| {
+            let estimators = matcher.estimators.iter().map(|estimator| &estimator.id);
+            iter::once(&matcher.id).chain(estimators)
+        });
+        datasets.chain(methods).find_map(|name| {
+            let wrong = check_name(name).err()?;
+            Some(format!("the name `{name}` {wrong}"))
+        })
+    }
+
     /// Tasks of each method on one of its datasets: its pairs up to the limit, in every repetition.
     pub fn tasks_on(&self, dataset: &DatasetPlan) -> usize {
         let Settings { limit, sample, .. } = self.settings;

@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::{FolderError, Plan};
 use crate::config::{Changes, ConfigError};
-use crate::files::{read_file, write_whole};
+use crate::files::{read_file, write_whole_file};
 use crate::{estimators, matchers};
 
 /// A setting that was chosen by its score.
@@ -74,7 +74,7 @@ impl Tuned {
     /// If the file cannot be written; the error names it.
     pub fn write(&self, path: &Path) -> Result<(), FolderError> {
         let text = serde_json::to_string_pretty(self).expect("a choice is plain JSON");
-        Ok(write_whole(path, format!("{text}\n").as_bytes())?)
+        Ok(write_whole_file(path, format!("{text}\n").as_bytes())?)
     }
 
     /// In words: the setting, where it was chosen, among what.

@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 use serde_json::Value;
 
-use crate::files::{read_text, remove_leftovers_below, write_whole};
+use crate::files::{read_text, remove_leftovers_below, write_whole_file};
 use crate::metrics::{Angle, Portion};
 
 use super::again::Again;
@@ -127,7 +127,7 @@ impl<'a> Pages<'a> {
 
     /// Writes one file, which is named from the folder on.
     pub(super) fn write(&self, name: &Path, contents: &[u8]) -> io::Result<()> {
-        write_whole(&self.folder.join(name), contents)?;
+        write_own(&self.folder.join(name), contents)?;
         let name = name.to_string_lossy().replace('\\', "/");
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         written.insert(name);
@@ -146,14 +146,31 @@ impl<'a> Pages<'a> {
             let is_below = Path::new(name)
                 .components()
                 .all(|part| matches!(part, Component::Normal(_)));
-            if is_below && !written.contains(name) {
+            let file = self.folder.join(name);
+            if is_below && !written.contains(name) && lies_in(self.folder, &file) {
                 // It may have been removed by hand.
-                let _ = fs::remove_file(self.folder.join(name));
+                let _ = fs::remove_file(file);
             }
         }
         let names: Vec<String> = written.into_iter().collect();
-        write_whole(&list, (names.join("\n") + "\n").as_bytes())
+        write_own(&list, (names.join("\n") + "\n").as_bytes())
     }
+}
+
+/// Folders of reports come from others too: what a link in one leads to is not theirs to overwrite.
+fn write_own(path: &Path, contents: &[u8]) -> io::Result<()> {
+    if fs::symlink_metadata(path).is_ok_and(|there| there.is_symlink()) {
+        let what = format!("cannot write {}: it is a link; delete it", path.display());
+        return Err(io::Error::other(what));
+    }
+    write_whole_file(path, contents)
+}
+
+/// Whether a file lies in the folder, and not behind a link that leads out of it.
+fn lies_in(folder: &Path, file: &Path) -> bool {
+    let place = file.parent().and_then(|place| place.canonicalize().ok());
+    let folder = folder.canonicalize();
+    place.is_some_and(|place| folder.is_ok_and(|folder| place.starts_with(folder)))
 }
 
 /// A figure: its name, its drawing and its specification.

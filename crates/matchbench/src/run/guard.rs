@@ -7,6 +7,9 @@ use std::time::Instant;
 
 use crate::records::Outcome;
 
+/// Most letters of a reason that are recorded: what breaks may say anything, and longer lines of records are refused.
+const MOST_LETTERS: usize = 4096;
+
 /// Why there is no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Broken {
@@ -27,7 +30,14 @@ impl Broken {
 
     /// What a record says of it.
     pub(super) fn outcome(self) -> Outcome {
-        let Self { reason, may_pass } = self;
+        let Self {
+            mut reason,
+            may_pass,
+        } = self;
+        if let Some((end, _)) = reason.char_indices().nth(MOST_LETTERS) {
+            reason.truncate(end);
+            reason.push_str(" ...");
+        }
         Outcome::Failed { reason, may_pass }
     }
 }
@@ -73,6 +83,17 @@ fn message(payload: &(dyn Any + Send)) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_reason_of_any_length_is_recorded_by_its_beginning() {
+        let told = |reason: String| match Broken::from(reason).outcome() {
+            Outcome::Failed { reason, .. } => reason,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(told("ä".repeat(MOST_LETTERS)), "ä".repeat(MOST_LETTERS));
+        let long = told("ä".repeat(9 << 20));
+        assert_eq!(long, "ä".repeat(MOST_LETTERS) + " ...");
+    }
 
     #[test]
     fn errors_and_panics_become_reasons() {

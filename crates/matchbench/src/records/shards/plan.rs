@@ -108,6 +108,9 @@ impl ShardPlan {
         if plan.hash != plan.content_hash() {
             return Err(damaged("its hash is not that of its content".into()));
         }
+        if let Some(wrong) = plan.plan.wrong_name() {
+            return Err(damaged(wrong));
+        }
         plan.cut.check(&plan.plan).map_err(damaged)?;
         Ok(plan)
     }

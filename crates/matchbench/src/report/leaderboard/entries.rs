@@ -44,7 +44,9 @@ pub(super) fn below(folder: &Path, datasets: Option<&Path>) -> io::Result<Entrie
         truths: Truths::default(),
         found: Entries::default(),
     };
-    reader.read(folder, &listed(folder)?);
+    let inside = listed(folder)?;
+    reader.find_datasets(folder, &inside);
+    reader.read(folder, &inside);
     Ok(reader.found)
 }
 
@@ -56,6 +58,22 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
+    /// Notes where the runs in and below a folder had their datasets. What cannot be read is told by `read`.
+    fn find_datasets(&mut self, folder: &Path, inside: &[Inside]) {
+        if inside.iter().any(|it| it.name == "plan.json") {
+            let run = RunFolder::open(folder);
+            for dataset in run.iter().flat_map(|run| &run.plan().datasets) {
+                self.truths.expect(dataset, self.datasets);
+            }
+            return;
+        }
+        for it in inside.iter().filter(|it| it.is_folder) {
+            if let Ok(inside) = listed(&it.path) {
+                self.find_datasets(&it.path, &inside);
+            }
+        }
+    }
+
     /// A folder with these files and folders in it: an entry, or a folder of entries.
     fn read(&mut self, folder: &Path, inside: &[Inside]) {
         let has = |name: &str| inside.iter().any(|it| it.name == name);
@@ -137,7 +155,7 @@ impl Reader<'_> {
         // What is missing now is only in other files, which do not say what is planned.
         set.pairs
             .retain(|pair| pair.outcome != Err(Failure::Missing));
-        let truth = self.truths.of(dataset, self.datasets);
+        let truth = self.truths.of(dataset);
         let names = [&*set.dataset, &*set.matcher, &*set.estimator];
         let checked = truth.map_or(Ok(false), |truth| check(run, names, truth))?;
         let again = command_line::cell(run.plan(), dataset, (matcher, estimator), "again");

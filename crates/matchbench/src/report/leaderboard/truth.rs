@@ -5,8 +5,8 @@
 //! the first image, so that its file must be at hand too.
 
 use std::cell::OnceCell;
-use std::collections::BTreeMap;
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 
 use matchbench_vision::image::Size;
 use matchbench_vision::robust::HomographyEstimate;
@@ -29,14 +29,26 @@ pub(super) struct Truth {
 
 /// The truth of the datasets that are at hand, by their fingerprints.
 #[derive(Debug, Default)]
-pub(super) struct Truths(BTreeMap<String, Option<Truth>>);
+pub(super) struct Truths {
+    /// Where they may be: in the folder of datasets that was named, and where runs had them.
+    places: BTreeMap<String, [BTreeSet<PathBuf>; 2]>,
+    known: BTreeMap<String, Option<Truth>>,
+}
 
 impl Truths {
-    /// That of a planned dataset: in the folder `datasets`, or where the run had it.
-    pub(super) fn of(&mut self, dataset: &DatasetPlan, datasets: Option<&Path>) -> Option<&Truth> {
+    /// A planned dataset may be in the folder `datasets`, or where the run had it.
+    pub(super) fn expect(&mut self, dataset: &DatasetPlan, datasets: Option<&Path>) {
+        let places = self.places.entry(dataset.fingerprint.clone());
+        let [named, had] = places.or_default();
+        named.extend(datasets.map(|datasets| datasets.join(&dataset.name)));
+        had.insert(dataset.path.clone());
+    }
+
+    /// That of a planned dataset, wherever any run of it had it: a plan that names no place, or a wrong one, hides
+    /// it from nobody.
+    pub(super) fn of(&mut self, dataset: &DatasetPlan) -> Option<&Truth> {
         let find = || {
-            let named = datasets.map(|datasets| datasets.join(&dataset.name));
-            let places = named.iter().map(|path| &**path).chain([&*dataset.path]);
+            let places = self.places.get(&dataset.fingerprint)?.iter().flatten();
             let mut open = places.filter_map(|path| Sequence::open(path).ok());
             let sequence = open.find(|found| found.fingerprint() == dataset.fingerprint)?;
             let pairs = sequence.pairs.iter().map(|pair| ((pair.a, pair.b), *pair));
@@ -46,7 +58,7 @@ impl Truths {
                 sequence,
             })
         };
-        let known = self.0.entry(dataset.fingerprint.clone());
+        let known = self.known.entry(dataset.fingerprint.clone());
         known.or_insert_with(find).as_ref()
     }
 }
