@@ -494,6 +494,14 @@ fn a_report_neither_writes_nor_deletes_where_links_in_its_folder_lead() {
     symlink(&theirs, &table).expect("writable");
     refused(&go(&["report"], &[&run]), "scores.csv: it is a link");
     assert_eq!(fs::read(&theirs).expect("there"), b"theirs");
+
+    // A folder of the report, too.
+    let scores = other.join("scores.csv");
+    fs::write(&scores, "theirs").expect("writable");
+    fs::remove_dir_all(report.join("tables")).expect("there");
+    symlink(&other, report.join("tables")).expect("writable");
+    refused(&go(&["report"], &[&run]), "tables: it is a link");
+    assert_eq!(fs::read(&scores).expect("there"), b"theirs");
 }
 
 #[test]

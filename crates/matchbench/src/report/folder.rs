@@ -127,7 +127,7 @@ impl<'a> Pages<'a> {
 
     /// Writes one file, which is named from the folder on.
     pub(super) fn write(&self, name: &Path, contents: &[u8]) -> io::Result<()> {
-        write_own(&self.folder.join(name), contents)?;
+        write_own(self.folder, name, contents)?;
         let name = name.to_string_lossy().replace('\\', "/");
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         written.insert(name);
@@ -143,34 +143,38 @@ impl<'a> Pages<'a> {
             .unwrap_or_else(PoisonError::into_inner);
         let list = self.folder.join(LIST);
         for name in read_text(&list).unwrap_or_default().lines() {
-            let is_below = Path::new(name)
-                .components()
-                .all(|part| matches!(part, Component::Normal(_)));
-            let file = self.folder.join(name);
-            if is_below && !written.contains(name) && lies_in(self.folder, &file) {
+            let path = Path::new(name);
+            let is_below = (path.components()).all(|part| matches!(part, Component::Normal(_)));
+            if is_below && !written.contains(name) && link_below(self.folder, path).is_none() {
                 // It may have been removed by hand.
-                let _ = fs::remove_file(file);
+                let _ = fs::remove_file(self.folder.join(path));
             }
         }
         let names: Vec<String> = written.into_iter().collect();
-        write_own(&list, (names.join("\n") + "\n").as_bytes())
+        let listed = names.join("\n") + "\n";
+        write_own(self.folder, Path::new(LIST), listed.as_bytes())
     }
 }
 
-/// Folders of reports come from others too: what a link in one leads to is not theirs to overwrite.
-fn write_own(path: &Path, contents: &[u8]) -> io::Result<()> {
-    if fs::symlink_metadata(path).is_ok_and(|there| there.is_symlink()) {
-        let what = format!("cannot write {}: it is a link; delete it", path.display());
+/// Writes a file of a report. Folders of reports come from others too: what a link in one leads to is not theirs to
+/// overwrite.
+fn write_own(folder: &Path, name: &Path, contents: &[u8]) -> io::Result<()> {
+    if let Some(link) = link_below(folder, name) {
+        let what = format!("cannot write {}: it is a link; delete it", link.display());
         return Err(io::Error::other(what));
     }
-    write_whole_file(path, contents)
+    write_whole_file(&folder.join(name), contents)
 }
 
-/// Whether a file lies in the folder, and not behind a link that leads out of it.
-fn lies_in(folder: &Path, file: &Path) -> bool {
-    let place = file.parent().and_then(|place| place.canonicalize().ok());
-    let folder = folder.canonicalize();
-    place.is_some_and(|place| folder.is_ok_and(|folder| place.starts_with(folder)))
+/// The first link on the way from a folder to a file in it.
+fn link_below(folder: &Path, name: &Path) -> Option<PathBuf> {
+    let is_link = |place: &PathBuf| fs::symlink_metadata(place).is_ok_and(|it| it.is_symlink());
+    (name.components())
+        .scan(folder.to_owned(), |place, part| {
+            place.push(part);
+            Some(place.clone())
+        })
+        .find(is_link)
 }
 
 /// A figure: its name, its drawing and its specification.
