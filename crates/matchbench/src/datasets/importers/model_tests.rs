@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use matchbench_vision::geometry::Camera;
+use matchbench_vision::geometry::{Camera, Distortion};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use super::list_tests::{fixture, read, with_root, x_of};
@@ -160,6 +160,34 @@ fn a_dataset_survives_as_colmap_model_and_as_list() {
     let error = export("colmap", &sequence, &folder.path().join("x")).unwrap_err();
     assert!(error.what.contains("no pose"), "{error}");
     assert!(export("kitti", &sequence, &folder.path().join("x")).is_err());
+}
+
+#[test]
+fn lenses_survive_as_colmap_models() {
+    let (folder, dir) = testing::dataset();
+    let mut sequence = Sequence::open(&dir).unwrap();
+    let lens = |k3| Distortion {
+        k1: -0.2,
+        k2: 0.1,
+        p1: 0.001,
+        p2: -0.002,
+        k3,
+    };
+    let lenses = [None, Some(lens(0.0)), Some(lens(-0.03)), None];
+    for (frame, lens) in sequence.frames.iter_mut().zip(lenses) {
+        frame.camera.distortion = lens;
+    }
+    let [out, again] = ["model", "again"].map(|name| folder.path().join(name));
+    let options = ImportOptions {
+        pairs: Some("all".parse().unwrap()),
+        ..with_root(&export("colmap", &sequence, &out).unwrap())
+    };
+    import("colmap", &out, &again, &options).unwrap();
+    let found = Sequence::open(&again).unwrap();
+    assert_eq!(found.frames.len(), lenses.len());
+    for (frame, lens) in found.frames.iter().zip(lenses) {
+        assert_eq!(frame.camera.distortion, lens);
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@
 //! | SIMPLE_RADIAL | f cx cy k1 |
 //! | RADIAL | f cx cy k1 k2 |
 //! | OPENCV | fx fy cx cy k1 k2 p1 p2 |
+//! | FULL_OPENCV | fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6, of which the last three, by which our lenses do not divide, are 0 |
 
 use matchbench_vision::geometry::{Camera, Distortion};
 
@@ -33,23 +34,34 @@ pub(in crate::datasets::importers) fn camera(
     model: &str,
     params: &[f64],
 ) -> Result<Camera, String> {
-    let lens = |k1, k2, p1, p2| {
-        let lens = Distortion {
-            k1,
-            k2,
-            p1,
-            p2,
-            k3: 0.0,
-        };
-        [k1, k2, p1, p2].iter().any(|&k| k != 0.0).then_some(lens)
+    let full = |[k1, k2, p1, p2, k3]: [f64; 5]| {
+        let lens = Distortion { k1, k2, p1, p2, k3 };
+        [k1, k2, p1, p2, k3]
+            .iter()
+            .any(|&k| k != 0.0)
+            .then_some(lens)
     };
+    let lens = |k1, k2, p1, p2| full([k1, k2, p1, p2, 0.0]);
     let (pinhole, distortion) = match (model, params) {
         ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], None),
         ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], None),
         ("SIMPLE_RADIAL", &[f, cx, cy, k1]) => ([f, f, cx, cy], lens(k1, 0.0, 0.0, 0.0)),
         ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f, cx, cy], lens(k1, k2, 0.0, 0.0)),
         ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy, cx, cy], lens(k1, k2, p1, p2)),
-        (known @ ("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV"), _) => {
+        ("FULL_OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6]) => {
+            if [k4, k5, k6].iter().any(|&k| k != 0.0) {
+                return Err(format!(
+                    "the camera model FULL_OPENCV is supported without k4, k5 and k6, which are {k4}, {k5} and {k6}; \
+                     COLMAP's image_undistorter makes PINHOLE of any"
+                ));
+            }
+            ([fx, fy, cx, cy], full([k1, k2, p1, p2, k3]))
+        }
+        (
+            known @ ("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV"
+            | "FULL_OPENCV"),
+            _,
+        ) => {
             return Err(format!(
                 "{} parameters do not belong to the model {known}",
                 params.len()
@@ -58,7 +70,7 @@ pub(in crate::datasets::importers) fn camera(
         (other, _) => {
             return Err(format!(
                 "the camera model {other} is not supported: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, \
-                 RADIAL and OPENCV are; COLMAP's image_undistorter makes PINHOLE of any"
+                 RADIAL, OPENCV and FULL_OPENCV are; COLMAP's image_undistorter makes PINHOLE of any"
             ));
         }
     };
@@ -103,9 +115,17 @@ mod tests {
             let answer = camera(model, &vec![1.0; parameters]);
             match answer {
                 Ok(_) => assert!(parameters <= 8),
-                Err(what) => assert!(what.contains(&format!("model {model} is not")), "{what}"),
+                Err(what) => assert!(what.contains(&format!("model {model} is ")), "{what}"),
             }
         }
+        let mut params = vec![
+            500.0, 510.0, 320.0, 240.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.0, 0.0, 0.0,
+        ];
+        let lens = camera("FULL_OPENCV", &params).unwrap().distortion.unwrap();
+        assert_eq!((lens.k1, lens.p2, lens.k3), (0.1, 0.4, 0.5));
+        params[11] = 1e-3;
+        let divided = camera("FULL_OPENCV", &params).unwrap_err();
+        assert!(divided.contains("0, 0 and 0.001"), "{divided}");
         assert!(
             camera("PINHOLE", &[1.0; 3])
                 .unwrap_err()
