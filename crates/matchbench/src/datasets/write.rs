@@ -76,20 +76,30 @@ pub fn write_native(
     if occupied {
         return Err(is_occupied(out));
     }
+    write_folder(out, |folder| write_files(folder, sequence, about, images))
+}
+
+/// Makes the folder `out` by `write`, which fills another beside it: what breaks off leaves nothing in the way of the
+/// next try.
+pub(super) fn write_folder(
+    out: &Path,
+    write: impl FnOnce(&Path) -> Result<(), DatasetError>,
+) -> Result<(), DatasetError> {
     let absolute = std::path::absolute(out).map_err(|error| DatasetError::io(out, &error))?;
     let parent = absolute.parent().unwrap_or(&absolute);
     fs::create_dir_all(parent).map_err(|error| DatasetError::io(parent, &error))?;
     remove_leftovers(parent);
-    // The temporary folder is private to the user; the dataset inside it is an ordinary folder.
+    // The temporary folder is private to the user; the one inside it is an ordinary folder.
     let hidden = tempfile::Builder::new()
-        .prefix(&format!("{PREFIX}import-"))
+        .prefix(&format!("{PREFIX}folder-"))
         .tempdir_in(parent)
         .map_err(|error| DatasetError::io(parent, &error))?;
     let held = hidden.path().join(HELD);
     let held = File::create(&held).map_err(|error| DatasetError::io(&held, &error))?;
     hold(&held);
-    let staged = hidden.path().join("dataset");
-    write_files(&staged, sequence, about, images)?;
+    let staged = hidden.path().join("folder");
+    fs::create_dir(&staged).map_err(|error| DatasetError::io(&staged, &error))?;
+    write(&staged)?;
     put(&staged, out)
 }
 
@@ -386,6 +396,21 @@ mod tests {
         let error = put(&staged, &dir).unwrap_err();
         assert!(error.what.contains("something already"), "{error}");
         assert!(staged.is_dir() && dir.join(PAIRS).is_file());
+    }
+
+    #[test]
+    fn a_folder_that_breaks_off_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        let broken = write_folder(&out, |staged| {
+            write_file(&staged.join("first"), "")?;
+            Err(is_occupied(staged))
+        });
+        assert!(broken.is_err());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        write_folder(&out, |staged| write_file(&staged.join("first"), "")).unwrap();
+        assert!(out.join("first").is_file());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[test]

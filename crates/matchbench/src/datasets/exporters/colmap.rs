@@ -3,7 +3,6 @@
 //! half a pixel is added. The model is PINHOLE, OPENCV with a lens, FULL_OPENCV where it has k3.
 
 use std::fmt::Write as _;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::Camera;
@@ -11,6 +10,7 @@ use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Translation3};
 
 use super::{cannot_say, names, stored_camera};
+use crate::datasets::write::write_folder;
 use crate::datasets::{DatasetError, Sequence};
 use crate::files::write_unnamed;
 
@@ -60,16 +60,18 @@ pub(super) fn write(sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetE
         let (a, b) = (&names[pair.a as usize], &names[pair.b as usize]);
         writeln!(pair_text, "{a} {b}").expect(INFALLIBLE);
     }
-    fs::create_dir_all(out).map_err(|error| DatasetError::io(out, &error))?;
-    for (name, text) in [
+    let files = [
         ("cameras.txt", &*camera_text),
         ("images.txt", &image_text),
         ("points3D.txt", "# no points\n"),
         ("pairs.txt", &pair_text),
-    ] {
-        let path = out.join(name);
-        write_unnamed(&path, text.as_bytes()).map_err(|error| DatasetError::io(&path, &error))?;
-    }
+    ];
+    write_folder(out, |folder| {
+        files.iter().try_for_each(|(name, text)| {
+            let path = folder.join(name);
+            write_unnamed(&path, text.as_bytes()).map_err(|error| DatasetError::io(&path, &error))
+        })
+    })?;
     Ok(root)
 }
 

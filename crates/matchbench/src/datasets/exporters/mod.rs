@@ -114,7 +114,7 @@ mod tests {
     #[test]
     fn a_file_that_cannot_be_written_is_named_once() {
         let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("file");
+        let file = folder.path().join("occupied");
         std::fs::write(&file, "").unwrap();
         let sequence = Sequence {
             name: "room".into(),
@@ -124,7 +124,7 @@ mod tests {
         for entry in EXPORTS {
             let refused = export(entry.id, &sequence, &file.join("below")).unwrap_err();
             let message = refused.to_string();
-            assert_eq!(message.matches("below").count(), 1, "{message}");
+            assert_eq!(message.matches("occupied").count(), 1, "{message}");
         }
     }
 }
