@@ -52,7 +52,7 @@ PEERS = {
 def ours(program, name, matches, seed):
     with tempfile.NamedTemporaryFile("w", suffix=".matches") as file:
         file.write("pair x\n")
-        file.writelines(" ".join(map(repr, map(float, m))) + "\n" for m in matches)
+        file.writelines(" ".join(map(repr, map(float, m[:5]))) + "\n" for m in matches)
         file.flush()
         command = [program, file.name, name, "1", str(seed)]
         words = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()

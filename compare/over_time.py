@@ -32,6 +32,8 @@ plt.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "matchbench"})
 CURVES = {
     "best": [100, 200, 500, 1000, 2000, 5000, 20000],
     "adaptive": [100, 200, 500, 1000, 2000, 5000, 20000],
+    "best, turns": [100, 200, 500, 1000, 2000, 5000, 20000],
+    "adaptive, points alone": [100, 200, 500, 1000, 2000, 5000, 20000],
     "ransac-e": [200, 1000, 5000, 20000],
     "PoseLib": [100, 200, 1000, 5000, 20000],
     "PoseLib, PROSAC": [100, 200, 1000, 5000, 20000],
@@ -41,12 +43,20 @@ CURVES = {
     "SupeRANSAC": [200, 1000, 5000, 20000],
 }
 
+# The settings of ours; `turns` says whether how far keypoints turned matters, which the others cannot be told.
+OURS = {
+    "best": lambda budget: estimators.preset("best", budget),
+    "best, turns": lambda budget: estimators.preset("best", budget) + " turns=true",
+    "adaptive": lambda budget: estimators.preset("adaptive", budget),
+    "adaptive, points alone": lambda budget: estimators.preset("adaptive", budget) + " turns=false",
+    "ransac-e": lambda budget: f"iterations={budget}",
+}
+
 
 def estimate(curve, budget, chunk, k, seed):
     """A pose and seconds for each pair of the chunk."""
-    if curve in ("best", "adaptive", "ransac-e"):
-        settings = f"iterations={budget}" if curve == "ransac-e" else estimators.preset(curve, budget)
-        yield from estimators.ours(chunk, k, settings, seed)
+    if curve in OURS:
+        yield from estimators.ours(chunk, k, OURS[curve](budget), seed)
         return
     for (a, b), matches in chunk:
         clearest = superansac.clearest_first(matches)

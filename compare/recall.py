@@ -18,12 +18,9 @@ import argparse
 import collections
 import json
 import pathlib
-import struct
 
 import numpy as np
 
-ENTRY = struct.Struct("<7I")
-MATCH, CHECKSUM, AS_BEFORE = 20, 8, 0xFFFFFFFF
 
 
 def true_poses(dataset):
@@ -37,18 +34,8 @@ def true_poses(dataset):
 
 def selected(run, dataset, matcher):
     """For each pair the matches (x, y in a; x, y in b; ambiguity) of its first repetition."""
-    data = (run / "matches" / dataset / f"{matcher}.bin").read_bytes()
-    offset = len(b"mbmatch1")
-    while offset + ENTRY.size <= len(data):
-        a, b, repetition, _, _, _, count = ENTRY.unpack_from(data, offset)
-        offset += ENTRY.size
-        rows = 0 if count == AS_BEFORE else count
-        if offset + rows * MATCH + CHECKSUM > len(data):
-            return
-        if repetition == 0:
-            matches = np.frombuffer(data, "<f4", 5 * rows, offset).reshape(rows, 5)
-            yield (a, b), matches.astype(float)
-        offset += rows * MATCH + CHECKSUM
+    for pair, matches in stored(run / "matches" / dataset / f"{matcher}.bin"):
+        yield pair, matches[:, :5]
 
 
 def estimated(run, dataset, matcher, estimator):

@@ -6,15 +6,20 @@ import numpy as np
 
 
 def stored(path):
-    """(a, b) and an n x 5 array for each pair of a file of matches (see records/matches.rs)."""
+    """(a, b) and an array for each pair of a file of matches (see records/matches.rs): x and y in a and in b, the ambiguity,
+    and, where keypoints have an orientation, by how much they turned."""
     data = path.read_bytes()
     at = 8
     while at + 28 <= len(data):
         a, b, repetition, _, _, _, count = struct.unpack_from("<7I", data, at)
         at += 28
         if count != 0xFFFFFFFF:
+            turned, count = count >> 31, count & 0x7FFFFFFF
             matches = np.frombuffer(data, "<f4", 5 * count, at).reshape(-1, 5).astype(float)
             at += 20 * count
+            if turned:
+                matches = np.column_stack([matches, np.frombuffer(data, "<f4", count, at).astype(float)])
+                at += 4 * count
             if repetition == 0:
                 yield (a, b), matches
         at += 8

@@ -209,5 +209,10 @@ fn matched_points(answer: &Bound<'_, PyAny>) -> PyResult<MatchedPoints> {
         None => vec![0.5; a.len()],
     };
     // Different lengths are found, and said, by the run.
-    Ok(MatchedPoints { a, b, ambiguity })
+    Ok(MatchedPoints {
+        a,
+        b,
+        ambiguity,
+        turns: None,
+    })
 }

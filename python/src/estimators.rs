@@ -61,7 +61,7 @@ impl Estimator {
         (py.get_type::<Self>(), (self.id(), self.params_json()))
     }
 
-    #[pyo3(signature = (points_a, points_b, camera_a, camera_b, *, ambiguity=None, seed=0))]
+    #[pyo3(signature = (points_a, points_b, camera_a, camera_b, *, ambiguity=None, turns=None, seed=0))]
     fn estimate(
         &self,
         py: Python<'_>,
@@ -70,6 +70,7 @@ impl Estimator {
         camera_a: Camera,
         camera_b: Camera,
         ambiguity: Option<Bound<'_, PyAny>>,
+        turns: Option<Bound<'_, PyAny>>,
         seed: u64,
     ) -> PyResult<PoseEstimate> {
         let Built::Pose(pose) = &self.built.estimator else {
@@ -79,7 +80,7 @@ impl Estimator {
             );
             return Err(value_error(message));
         };
-        let matches = matched(points_a, points_b, ambiguity)?;
+        let matches = matched(points_a, points_b, ambiguity, turns)?;
         let count = matches.len();
         let found = detached(py, || {
             let views = TwoViews {
@@ -107,20 +108,21 @@ impl Estimator {
         matches!(self.built.estimator, Built::Homography(_))
     }
 
-    #[pyo3(signature = (points_a, points_b, *, ambiguity=None, seed=0))]
+    #[pyo3(signature = (points_a, points_b, *, ambiguity=None, turns=None, seed=0))]
     fn estimate_homography(
         &self,
         py: Python<'_>,
         points_a: &Bound<'_, PyAny>,
         points_b: &Bound<'_, PyAny>,
         ambiguity: Option<Bound<'_, PyAny>>,
+        turns: Option<Bound<'_, PyAny>>,
         seed: u64,
     ) -> PyResult<HomographyEstimate> {
         let Built::Homography(homography) = &self.built.estimator else {
             let message = format!("`{}` estimates poses; call `estimate`", self.built.id);
             return Err(value_error(message));
         };
-        let matches = matched(points_a, points_b, ambiguity)?;
+        let matches = matched(points_a, points_b, ambiguity, turns)?;
         let seed = estimation_seed(Seed(seed), &self.built.id);
         match detached(py, || homography.estimate(&matches, seed))? {
             Ok(inner) => Ok(HomographyEstimate {
@@ -139,11 +141,12 @@ impl Estimator {
 /// The matches of two arrays of points, row by row.
 ///
 /// # Errors
-/// If they are no points, not as many, or their ambiguity is not from 0 to 1.
+/// If they are no points, not as many, their ambiguity is not from 0 to 1, or a turn is not finite.
 pub(crate) fn matched(
     points_a: &Bound<'_, PyAny>,
     points_b: &Bound<'_, PyAny>,
     ambiguity: Option<Bound<'_, PyAny>>,
+    turns: Option<Bound<'_, PyAny>>,
 ) -> PyResult<MatchedPoints> {
     let (a, b) = (points(points_a, "points_a")?, points(points_b, "points_b")?);
     if a.len() != b.len() {
@@ -165,7 +168,16 @@ pub(crate) fn matched(
         );
         return Err(value_error(message));
     }
-    Ok(MatchedPoints::new(a, b, ambiguity))
+    let turns = match turns {
+        Some(turns) => Some(column(&turns, "turns", count)?),
+        None => None,
+    };
+    if let Some(row) = (turns.iter().flatten()).position(|turn| !turn.is_finite()) {
+        return Err(value_error(format!(
+            "`turns` are radians; row {row} is not finite. Where keypoints have no orientation, leave them out"
+        )));
+    }
+    Ok(MatchedPoints::new(a, b, ambiguity).with_turns(turns))
 }
 
 /// For each of so many matches whether it is one of the `inliers`.

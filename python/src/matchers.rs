@@ -177,11 +177,12 @@ impl Matches {
         points_a: &Bound<'_, PyAny>,
         points_b: &Bound<'_, PyAny>,
         ambiguity: Bound<'_, PyAny>,
+        turns: Option<Bound<'_, PyAny>>,
         indices: &Bound<'_, PyAny>,
         features_a: &Features,
         features_b: &Features,
     ) -> PyResult<Self> {
-        let points = matched(points_a, points_b, Some(ambiguity))?;
+        let points = matched(points_a, points_b, Some(ambiguity), turns)?;
         let features = [features_a, features_b].map(|features| Arc::clone(&features.inner));
         let indices = index_pairs(indices, [features[0].len(), features[1].len()])?;
         if indices.len() != points.len() {
@@ -202,13 +203,15 @@ impl Matches {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
         let points = (self.points_a(py)?, self.points_b(py)?);
-        let (ambiguity, indices) = (self.ambiguity(py)?, self.indices(py)?);
+        let (ambiguity, turns) = (self.ambiguity(py)?, self.turns(py)?);
+        let indices = self.indices(py)?;
         let features = (self.features_a(), self.features_b());
         let call = (
             "_of_parts",
             points.0,
             points.1,
             ambiguity,
+            turns,
             indices,
             features.0,
             features.1,
@@ -231,6 +234,14 @@ impl Matches {
     #[getter]
     fn ambiguity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         matrix(py, self.points.ambiguity.clone(), [self.points.len()])
+    }
+
+    #[getter]
+    fn turns<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let turns = self.points.turns.clone();
+        turns
+            .map(|turns| matrix(py, turns, [self.points.len()]))
+            .transpose()
     }
 
     #[getter]

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! `MATCHES` holds one block for each pair of images: a line `pair NAME`, a line with `fx fy cx cy` of
-//! both cameras (eight numbers), and a line `ax ay bx by [ambiguity]` for each match, in pixels. For each pair and
+//! both cameras (eight numbers), and a line `ax ay bx by [ambiguity [turn]]` for each match, in pixels and radians. For each pair and
 //! each of `SEEDS` seeds (default 1), counted from `FIRST_SEED` (default 0), one line is printed:
 //!
 //! ```text
@@ -17,7 +17,7 @@
 //! The estimator is [`Ransac`] with its defaults; where settings follow, it is [`SampleConsensus`] with
 //! those: `preset` `best` or `adaptive` (what the others change), `sampler` `uniform`, `prosac` or `spread`, `horizon=5000` (PROSAC),
 //! `score` `msac` or `even-msac`, `score_cells=10`, `threshold=1.5`, `sprt=false`, `iterations=10000`, `min=50`, `confidence=0.999`, `local=10`,
-//! `final=25`, `loss` `truncated` or `cauchy`, `geometry=fundamental`, `degensac=false`, `cheirality=false`, `plane_poses=true`.
+//! `final=25`, `loss` `truncated` or `cauchy`, `geometry=fundamental`, `degensac=false`, `cheirality=false`, `plane_poses=true`, `turns=false`.
 
 use std::time::Instant;
 use std::{env, error, fs};
@@ -36,6 +36,8 @@ struct Pair {
     name: String,
     cameras: Option<(Camera, Camera)>,
     points: MatchedPoints,
+    /// Of the matches that have one.
+    turns: Vec<f32>,
 }
 
 fn main() -> Result<(), Error> {
@@ -96,6 +98,7 @@ fn estimator(settings: &[String]) -> Result<Box<dyn PoseEstimator>, Error> {
             ("score", "msac") => changes.score = Some(ScoreName::Msac),
             ("score", "even-msac") => changes.score = Some(ScoreName::EvenMsac),
             ("plane_poses", value) => changes.plane_poses = Some(value.parse()?),
+            ("turns", value) => changes.turns = Some(value.parse()?),
             ("score_cells", value) => changes.score_cells = Some(value.parse()?),
             ("loss", "truncated") => changes.final_loss = Some(Loss::Truncated),
             ("loss", "cauchy") => changes.final_loss = Some(Loss::Cauchy),
@@ -125,6 +128,7 @@ fn read(text: &str) -> Result<Vec<Pair>, Error> {
                 name: name.trim().into(),
                 cameras: None,
                 points: MatchedPoints::default(),
+                turns: Vec::new(),
             });
             continue;
         }
@@ -139,16 +143,28 @@ fn read(text: &str) -> Result<Vec<Pair>, Error> {
                 );
                 pair.cameras = Some(cameras);
             }
-            (Some(pair), &[ax, ay, bx, by, ref ambiguity @ ..]) if ambiguity.len() < 2 => {
-                let ambiguity = ambiguity.first().map_or(0.0, |&x| x as f32);
+            (Some(pair), &[ax, ay, bx, by, ref more @ ..]) if more.len() < 3 => {
+                let ambiguity = more.first().map_or(0.0, |&x| x as f32);
+                pair.turns.extend(more.get(1).map(|&turn| turn as f32));
                 pair.points
                     .push(Point2::new(ax, ay), Point2::new(bx, by), ambiguity);
             }
             _ => {
                 return Err(
-                    format!("line {}: expected `pair`, 8, 4 or 5 numbers", index + 1).into(),
+                    format!("line {}: expected `pair`, 8, or 4 to 6 numbers", index + 1).into(),
                 );
             }
+        }
+    }
+    for pair in &mut pairs {
+        let turns = std::mem::take(&mut pair.turns);
+        if !turns.is_empty() {
+            if turns.len() != pair.points.len() {
+                return Err(
+                    format!("pair {}: a turn of every match, or of none", pair.name).into(),
+                );
+            }
+            pair.points = std::mem::take(&mut pair.points).with_turns(Some(turns));
         }
     }
     Ok(pairs)

@@ -118,6 +118,10 @@ class Matches:
     def ambiguity(self) -> NDArray[np.float32]:
         """m: from 0 (certain) to 1 (a second candidate is as good)."""
     @property
+    def turns(self) -> NDArray[np.float32] | None:
+        """m: by how much the keypoint of b is turned against that of a, in radians from 0 to 2 pi; None where keypoints
+        have no orientation."""
+    @property
     def indices(self) -> NDArray[np.int64]:
         """m x 2: features of a and of b."""
     @property
@@ -216,6 +220,7 @@ class Estimator:
         points_b: ArrayLike,
         *,
         ambiguity: ArrayLike | None = None,
+        turns: ArrayLike | None = None,
         seed: int = 0,
     ) -> HomographyEstimate: ...
     def estimate(
@@ -226,6 +231,7 @@ class Estimator:
         camera_b: Camera,
         *,
         ambiguity: ArrayLike | None = None,
+        turns: ArrayLike | None = None,
         seed: int = 0,
     ) -> PoseEstimate: ...
 

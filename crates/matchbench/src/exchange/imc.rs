@@ -125,6 +125,7 @@ fn indexed(a: &Array, b: &Array, indices: &Array) -> Result<RawMatches, String> 
     let mut raw = RawMatches {
         a: Vec::new(),
         b: Vec::new(),
+        turns: None,
         rating: Rating::None,
         element: a.element(),
         keypoints: Some(counts),

@@ -154,6 +154,8 @@ struct RawMatches {
     a: Vec<[f64; 2]>,
     /// Points in image b.
     b: Vec<[f64; 2]>,
+    /// By how much each keypoint of b is turned against that of a, in radians, where the format knows it of all.
+    turns: Option<Vec<f32>>,
     rating: Rating,
     /// How coordinates are stored, which says how far they were rounded.
     element: Element,

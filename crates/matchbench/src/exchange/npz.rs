@@ -70,6 +70,7 @@ fn matches(a: &Array, b: &Array, score: Option<&Array>) -> Result<RawMatches, St
     Ok(RawMatches {
         a: (0..count).map(|row| a.point(row, 2)).collect(),
         b: (0..count).map(|row| b.point(row, 2)).collect(),
+        turns: None,
         rating: score.map_or(Rating::None, |score| Rating::Score(score.to_vec())),
         element: a.element(),
         keypoints: None,

@@ -81,6 +81,7 @@ impl Source for Packed {
         Ok(RawMatches {
             a: rows.clone().map(|row| point(row, 0)).collect(),
             b: rows.clone().map(|row| point(row, 2)).collect(),
+            turns: None,
             rating: Rating::Ambiguity(ambiguity.collect()),
             element: self.xy.element(),
             keypoints: None,

@@ -197,7 +197,8 @@ impl MatchFiles {
         });
         let ambiguity = raw.rating.ambiguities(raw.a.len(), self.understood.scores);
         Ok(Some(FileMatches {
-            points: MatchedPoints::new(points_a, points_b, ambiguity.map_err(wrong)?),
+            points: MatchedPoints::new(points_a, points_b, ambiguity.map_err(wrong)?)
+                .with_turns(raw.turns),
             keypoints: raw.keypoints,
         }))
     }
@@ -276,6 +277,9 @@ impl MatchFiles {
         }
         if swapped {
             std::mem::swap(&mut raw.a, &mut raw.b);
+            for turn in raw.turns.iter_mut().flatten() {
+                *turn = -*turn;
+            }
             if let Some(keypoints) = &mut raw.keypoints {
                 keypoints.reverse();
             }

@@ -44,6 +44,7 @@ pub(super) fn matched(
     Ok(RawMatches {
         a,
         b,
+        turns: None,
         rating: scores.map_or(Rating::None, |_| Rating::Score(rating)),
         element: keypoints_a.element(),
         keypoints: Some(counts),
@@ -67,6 +68,7 @@ pub(super) fn row_by_row(
     Ok(RawMatches {
         a: (0..count).map(|row| a.point(row, columns_a)).collect(),
         b: (0..count).map(|row| b.point(row, columns_b)).collect(),
+        turns: None,
         rating: scores.map_or(Rating::None, |scores| Rating::Score(scores.to_vec())),
         element: a.element(),
         keypoints: None,

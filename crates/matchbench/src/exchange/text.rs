@@ -97,6 +97,7 @@ fn parse(text: &str) -> Result<RawMatches, (usize, String)> {
         },
         a,
         b,
+        turns: None,
         element: Element::new(Kind::Float, 4, false).expect("float32 exists"),
         keypoints: None,
     })

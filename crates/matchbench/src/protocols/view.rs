@@ -69,6 +69,7 @@ impl PixelView {
             a: seen(&points.a, self.shifts[0]),
             b: seen(&points.b, self.shifts[1]),
             ambiguity: points.ambiguity.clone(),
+            turns: points.turns.clone(),
         }
     }
 

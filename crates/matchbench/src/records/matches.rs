@@ -14,8 +14,9 @@
 //! | --- | --- |
 //! | 4 × 3 | frames a and b, repetition |
 //! | 4 × 3 | features of a and of b, matches after the search |
-//! | 4 | number of matches, or 2^32 - 1: those of the repetition before |
+//! | 4 | number of matches, plus 2^31 where they have turns; or 2^32 - 1: those of the repetition before |
 //! | 20 each | x and y in a, x and y in b (pixels), ambiguity |
+//! | 4 each | where there are: by how much the keypoint of b is turned against that of a (radians) |
 //! | 8 | the beginning of the BLAKE3 hash of all this |
 //!
 //! A process that is killed leaves at most one entry without its end, which is cut off by whoever
@@ -39,6 +40,9 @@ pub(super) const MAGIC: [u8; 8] = *b"mbmatch1";
 const AS_BEFORE: u32 = u32::MAX;
 pub(super) const HEADER: usize = 4 * 7;
 const MATCH: usize = 4 * 5;
+/// Set in the number of matches of an entry whose matches have turns.
+const WITH_TURNS: u32 = 1 << 31;
+const TURN: usize = 4;
 pub(super) const CHECKSUM: usize = 8;
 
 /// Which matches of a run stay on disk.
@@ -78,23 +82,31 @@ impl SelectedMatches {
                 round(&points.a),
                 round(&points.b),
                 points.ambiguity.clone(),
-            ),
+            )
+            .with_turns(points.turns.clone()),
         }
     }
 
     /// Those with these indices; what is none is left out.
     pub(crate) fn of_indices(&self, indices: &[u32]) -> Self {
-        let mut chosen = Self {
-            counts: self.counts,
-            ..Self::default()
-        };
-        let MatchedPoints { a, b, ambiguity } = &self.points;
+        let (all, count) = (&self.points, self.points.len());
         let indices = indices.iter().map(|&index| index as usize);
-        for index in indices.filter(|&index| index < a.len()) {
-            (chosen.points).push(a[index], b[index], ambiguity[index]);
+        let indices: Vec<usize> = indices.filter(|&index| index < count).collect();
+        fn chosen<T: Copy>(values: &[T], indices: &[usize]) -> Vec<T> {
+            indices.iter().map(|&index| values[index]).collect()
         }
-        chosen.counts.selected = u32::try_from(chosen.points.len()).unwrap_or(u32::MAX);
-        chosen
+        let points = MatchedPoints::new(
+            chosen(&all.a, &indices),
+            chosen(&all.b, &indices),
+            chosen(&all.ambiguity, &indices),
+        );
+        Self {
+            counts: Counts {
+                selected: u32::try_from(indices.len()).unwrap_or(u32::MAX),
+                ..self.counts
+            },
+            points: points.with_turns((all.turns.as_ref()).map(|turns| chosen(turns, &indices))),
+        }
     }
 }
 
@@ -169,8 +181,9 @@ impl MatchesFile {
                 .map_err(StoreError::io("read", &self.path))?;
             let [a, b, repetition, .., count] = numbers(&header);
             // No entry that was torn, for nobody writes so many.
-            if count != AS_BEFORE && count as usize > MOST_MATCHES {
-                return Err(self.damaged(&format!("an entry says that it has {count} matches")));
+            let matches = matches_of(count).0;
+            if matches > MOST_MATCHES {
+                return Err(self.damaged(&format!("an entry says that it has {matches} matches")));
             }
             let bytes = entry_length(count) as u64;
             if length - self.end < bytes {
@@ -284,13 +297,18 @@ impl MatchesFile {
     }
 }
 
+/// How many matches follow a header with this `count`, and whether they have turns.
+fn matches_of(count: u32) -> (usize, bool) {
+    match count {
+        AS_BEFORE => (0, false),
+        _ => ((count & !WITH_TURNS) as usize, count & WITH_TURNS != 0),
+    }
+}
+
 fn entry_length(count: u32) -> usize {
-    let matches = if count == AS_BEFORE {
-        0
-    } else {
-        count as usize
-    };
-    HEADER + matches * MATCH + CHECKSUM
+    let (matches, have_turns) = matches_of(count);
+    let each = MATCH + if have_turns { TURN } else { 0 };
+    HEADER + matches * each + CHECKSUM
 }
 
 /// Whose matches an entry with this header has, and the length of the entry in bytes.
@@ -315,7 +333,11 @@ fn numbers(header: &[u8; HEADER]) -> [u32; 7] {
 
 fn to_bytes((a, b, repetition): MatchesKey, matches: &SelectedMatches, same: bool) -> Vec<u8> {
     let counts = matches.counts;
-    let count = if same { AS_BEFORE } else { counts.selected };
+    let count = match &matches.points.turns {
+        _ if same => AS_BEFORE,
+        Some(_) => counts.selected | WITH_TURNS,
+        None => counts.selected,
+    };
     let header = [
         a,
         b,
@@ -328,12 +350,19 @@ fn to_bytes((a, b, repetition): MatchesKey, matches: &SelectedMatches, same: boo
     let mut entry = Vec::with_capacity(entry_length(count));
     entry.extend(header.iter().flat_map(|number| number.to_le_bytes()));
     if !same {
-        let MatchedPoints { a, b, ambiguity } = &matches.points;
+        let MatchedPoints {
+            a,
+            b,
+            ambiguity,
+            turns,
+        } = &matches.points;
         for ((a, b), &ambiguity) in a.iter().zip(b).zip(ambiguity) {
             let (a, b) = (a.cast::<f32>(), b.cast::<f32>());
             let numbers = [a.x, a.y, b.x, b.y, ambiguity];
             entry.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
         }
+        let turns = turns.iter().flatten();
+        entry.extend(turns.flat_map(|turn| turn.to_le_bytes()));
     }
     let hash = blake3::hash(&entry);
     entry.extend(&hash.as_bytes()[..CHECKSUM]);
@@ -346,29 +375,36 @@ fn from_bytes(entry: &[u8]) -> Option<SelectedMatches> {
     }
     let content = &entry[..entry.len() - CHECKSUM];
     let (header, rows) = content.split_first_chunk()?;
-    let [_, _, _, features_a, features_b, putative, selected] = numbers(header);
-    let mut matches = SelectedMatches {
-        counts: Counts {
-            features_a,
-            features_b,
-            putative,
-            selected,
-        },
-        points: MatchedPoints::default(),
-    };
+    let [_, _, _, features_a, features_b, putative, count] = numbers(header);
+    let (selected, have_turns) = matches_of(count);
+    let (rows, turns) = rows.split_at_checked(selected * MATCH)?;
+    let mut points = MatchedPoints::default();
     for row in rows.as_chunks::<MATCH>().0 {
-        let at = |index: usize| {
-            let bytes = row.as_chunks().0[index];
-            f32::from_le_bytes(bytes)
-        };
+        let at = |index: usize| f32::from_le_bytes(row.as_chunks().0[index]);
         // Whoever forges matches can forge their checksum.
         if !(0..4).all(|index| at(index).is_finite()) {
             return None;
         }
         let point = |x: f32, y: f32| Point2::new(x, y).cast();
-        (matches.points).push(point(at(0), at(1)), point(at(2), at(3)), at(4));
+        points.push(point(at(0), at(1)), point(at(2), at(3)), at(4));
     }
-    Some(matches)
+    let turns: Option<Vec<f32>> = have_turns.then(|| {
+        (turns.as_chunks().0.iter())
+            .map(|&bytes| f32::from_le_bytes(bytes))
+            .collect()
+    });
+    if !turns.iter().flatten().all(|turn| turn.is_finite()) {
+        return None;
+    }
+    Some(SelectedMatches {
+        counts: Counts {
+            features_a,
+            features_b,
+            putative,
+            selected: u32::try_from(selected).ok()?,
+        },
+        points: points.with_turns(turns),
+    })
 }
 
 #[cfg(test)]
@@ -394,6 +430,16 @@ mod tests {
         SelectedMatches::new(counts, &points)
     }
 
+    /// The same, with turns.
+    fn turned(count: u32) -> SelectedMatches {
+        let SelectedMatches { counts, points } = matches(count);
+        let turns = (0..count).map(|i| i as f32 - 0.1).collect();
+        SelectedMatches {
+            counts,
+            points: points.with_turns(Some(turns)),
+        }
+    }
+
     /// A file with the matches of three tasks, the second the same as the first.
     fn three() -> (
         tempfile::TempDir,
@@ -405,7 +451,7 @@ mod tests {
         let entries = [
             ((0, 1, 0), matches(5)),
             ((0, 1, 1), matches(5)),
-            ((0, 2, 0), matches(0)),
+            ((0, 2, 0), turned(3)),
         ];
         let mut writer = MatchesFile::open(&file).unwrap();
         for (key, matches) in &entries {
@@ -428,8 +474,28 @@ mod tests {
     #[test]
     fn matches_of_a_repetition_that_are_the_same_take_no_room() {
         let (_folder, file, _) = three();
-        let expected = MAGIC.len() + entry_length(5) + 2 * entry_length(0);
+        let expected =
+            MAGIC.len() + entry_length(5) + entry_length(AS_BEFORE) + entry_length(3 | WITH_TURNS);
+        assert_eq!(entry_length(3 | WITH_TURNS), entry_length(3) + 12);
         assert_eq!(fs::metadata(file).unwrap().len(), expected as u64);
+    }
+
+    #[test]
+    fn those_of_chosen_indices_keep_all_that_is_known_of_them() {
+        let chosen = turned(5).of_indices(&[4, 9, 0]);
+        assert_eq!(chosen.counts.selected, 2);
+        assert_eq!(chosen.points.turns, Some(vec![3.9, -0.1]));
+        assert_eq!(chosen.points.a[0], turned(5).points.a[4]);
+        assert_eq!(matches(5).of_indices(&[1]).points.turns, None);
+    }
+
+    #[test]
+    fn a_turn_that_is_not_finite_is_damage_whatever_the_checksum() {
+        let mut forged = turned(3);
+        forged.points.turns = Some(vec![0.0, f32::NAN, 0.0]);
+        let entry = to_bytes((0, 1, 0), &forged, false);
+        assert!(is_sound(&entry) && from_bytes(&entry).is_none());
+        assert!(from_bytes(&to_bytes((0, 1, 0), &turned(3), false)).is_some());
     }
 
     #[test]

@@ -61,7 +61,12 @@ fn check(matches: &SourcedMatches) -> Result<(), String> {
     let SourcedMatches {
         points, seconds, ..
     } = matches;
-    let MatchedPoints { a, b, ambiguity } = points;
+    let MatchedPoints {
+        a,
+        b,
+        ambiguity,
+        turns,
+    } = points;
     if a.len() != b.len() || a.len() != ambiguity.len() {
         return Err(format!(
             "{} points in a, {} in b and {} ambiguities are no matches",
@@ -83,6 +88,14 @@ fn check(matches: &SourcedMatches) -> Result<(), String> {
             "match {index} has the ambiguity {}; it must be from 0 to 1",
             ambiguity[index]
         ));
+    }
+    if let Some(turns) = turns {
+        if turns.len() != a.len() {
+            return Err(format!("{} turns for {} matches", turns.len(), a.len()));
+        }
+        if let Some(index) = turns.iter().position(|turn| !turn.is_finite()) {
+            return Err(format!("match {index} has a turn that is not finite"));
+        }
     }
     let mut seconds = [
         seconds.extract[0],
@@ -185,10 +198,12 @@ mod tests {
     #[test]
     fn what_is_no_match_fails_the_pair_and_says_why() {
         type Change = fn(&mut SourcedMatches) -> Result<(), SourceError>;
-        let cases: [(Change, &str); 6] = [
+        let cases: [(Change, &str); 8] = [
             (
                 |m| {
-                    let MatchedPoints { a, b, ambiguity } = &mut m.points;
+                    let MatchedPoints {
+                        a, b, ambiguity, ..
+                    } = &mut m.points;
                     a.resize(MOST_MATCHES + 1, Point2::origin());
                     b.resize(MOST_MATCHES + 1, Point2::origin());
                     ambiguity.resize(MOST_MATCHES + 1, 0.5);
@@ -216,6 +231,22 @@ mod tests {
                     Ok(())
                 },
                 "the ambiguity 1.5",
+            ),
+            (
+                |m| {
+                    m.points.turns = Some(vec![0.5; 39]);
+                    Ok(())
+                },
+                "39 turns for 40 matches",
+            ),
+            (
+                |m| {
+                    let mut turns = vec![0.5; 40];
+                    turns[7] = f32::INFINITY;
+                    m.points.turns = Some(turns);
+                    Ok(())
+                },
+                "match 7 has a turn",
             ),
             (
                 |m| {

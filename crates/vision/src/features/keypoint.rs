@@ -30,6 +30,17 @@ impl Keypoint {
         let (x, y) = (radius * libm::cosf(angle), radius * libm::sinf(angle));
         [x, -y, y, x]
     }
+
+    /// By how much `other`, the same point seen in another image, is turned against this keypoint, in radians
+    /// from 0 to 2 pi; `None` where one of them has no orientation.
+    pub fn turn_to(&self, other: &Self) -> Option<f32> {
+        let turn = other.angle? - self.angle?;
+        Some(if turn < 0.0 {
+            turn + std::f32::consts::TAU
+        } else {
+            turn
+        })
+    }
 }
 
 /// Angle of a direction as keypoints have it: in radians in `[0, 2 pi)`, from the x axis towards the y axis.

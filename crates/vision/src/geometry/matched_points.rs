@@ -6,7 +6,7 @@ use super::{Camera, Covariances, PointPairs};
 
 /// Matched points of two images: `a[i]` and `b[i]` are taken to show the same scene point.
 ///
-/// The three lists have the same length; [`MatchedPoints::at_depth_1`] and [`MatchedPoints::in_pixels`], one of
+/// All lists have the same length; [`MatchedPoints::at_depth_1`] and [`MatchedPoints::in_pixels`], one of
 /// which every estimator calls first, panic where they have not.
 ///
 /// ```
@@ -27,15 +27,35 @@ pub struct MatchedPoints {
     /// over the second nearest distance of descriptors, or one minus a learned confidence. Only the
     /// order matters, and only to samplers that try certain matches first.
     pub ambiguity: Vec<f32>,
+    /// By how much the keypoint of `b` is turned against that of `a`, in radians; `None` where that is not known of
+    /// every match. Scores that ask for it trust matches less that turned unlike most (see
+    /// [`Score`](crate::robust::Score)).
+    pub turns: Option<Vec<f32>>,
 }
 
 impl MatchedPoints {
     /// Matches from their positions in both images and their ambiguities.
     ///
     /// # Panics
-    /// If the three lists have different lengths.
+    /// If the lists have different lengths.
     pub fn new(a: Vec<Point2<f64>>, b: Vec<Point2<f64>>, ambiguity: Vec<f32>) -> Self {
-        let points = Self { a, b, ambiguity };
+        let points = Self {
+            a,
+            b,
+            ambiguity,
+            turns: None,
+        };
+        points.check();
+        points
+    }
+
+    /// The same matches, with how far their keypoints turned; `None` where that is not known of every match.
+    ///
+    /// # Panics
+    /// If there are not as many as matches.
+    #[must_use]
+    pub fn with_turns(self, turns: Option<Vec<f32>>) -> Self {
+        let points = Self { turns, ..self };
         points.check();
         points
     }
@@ -50,11 +70,12 @@ impl MatchedPoints {
         self.a.is_empty()
     }
 
-    /// Appends a match.
+    /// Appends a match of which no turn is known, so that [`turns`](Self::turns) becomes `None`.
     pub fn push(&mut self, a: Point2<f64>, b: Point2<f64>, ambiguity: f32) {
         self.a.push(a);
         self.b.push(b);
         self.ambiguity.push(ambiguity);
+        self.turns = None;
     }
 
     /// The matches whose entry in `mask` is `true`, in their order.
@@ -68,13 +89,14 @@ impl MatchedPoints {
             a: keep(&self.a, mask),
             b: keep(&self.b, mask),
             ambiguity: keep(&self.ambiguity, mask),
+            turns: (self.turns.as_ref()).map(|turns| keep(turns, mask)),
         }
     }
 
     /// The matches as points at depth 1: calibration and lens distortion of each camera undone.
     ///
     /// # Panics
-    /// If the three lists have different lengths.
+    /// If the lists have different lengths.
     pub fn at_depth_1(&self, camera_a: &Camera, camera_b: &Camera) -> PointPairs {
         self.check();
         (self.a.iter().zip(&self.b))
@@ -85,7 +107,7 @@ impl MatchedPoints {
     /// As [`MatchedPoints::at_depth_1`], with what noise in the images becomes there, if a lens distorts.
     ///
     /// # Panics
-    /// If the three lists have different lengths.
+    /// If the lists have different lengths.
     pub fn at_depth_1_with_covariances(&self, camera_a: &Camera, camera_b: &Camera) -> PointPairs {
         let mut pairs = self.at_depth_1(camera_a, camera_b);
         let lenses = [camera_a, camera_b].map(|camera| camera.distortion.as_ref());
@@ -96,7 +118,7 @@ impl MatchedPoints {
     /// The matches in pixels as they are, coordinate by coordinate.
     ///
     /// # Panics
-    /// If the three lists have different lengths.
+    /// If the lists have different lengths.
     pub fn in_pixels(&self) -> PointPairs {
         self.check();
         self.a.iter().copied().zip(self.b.iter().copied()).collect()
@@ -109,6 +131,8 @@ impl MatchedPoints {
             self.ambiguity.len(),
             "each match has an ambiguity"
         );
+        let turns = self.turns.as_ref().map_or(self.a.len(), Vec::len);
+        assert_eq!(self.a.len(), turns, "each match has a turn, or none");
     }
 }
 
@@ -126,12 +150,27 @@ mod tests {
     }
 
     #[test]
-    fn a_mask_keeps_the_three_lists_together() {
+    fn a_mask_keeps_the_lists_together() {
+        let three = || three().with_turns(Some(vec![0.1, 0.2, 0.3]));
         let kept = three().masked(&[true, false, true]);
+        assert_eq!(kept.turns, Some(vec![0.1, 0.3]));
         assert_eq!(kept.len(), 2);
         assert_eq!((kept.a[1], kept.b[1]), (three().a[2], three().b[2]));
         assert_eq!(kept.ambiguity, [0.0, 0.5]);
         assert!(three().masked(&[false; 3]).is_empty());
+    }
+
+    #[test]
+    fn a_match_without_a_turn_leaves_all_without() {
+        let mut points = three().with_turns(Some(vec![0.1, 0.2, 0.3]));
+        points.push(Point2::new(1.0, 1.0), Point2::new(2.0, 2.0), 0.5);
+        assert_eq!((points.len(), points.turns), (4, None));
+    }
+
+    #[test]
+    #[should_panic(expected = "a turn")]
+    fn as_many_turns_as_matches_are_needed() {
+        let _ = three().with_turns(Some(vec![0.1]));
     }
 
     #[test]

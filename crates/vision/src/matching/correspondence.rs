@@ -31,7 +31,7 @@ impl Correspondence {
 pub type Correspondences = Vec<Correspondence>;
 
 impl MatchedPoints {
-    /// Where the features of `matches` are, and how ambiguous each match is.
+    /// Where the features of `matches` are, how ambiguous each match is, and how far its keypoints turned.
     ///
     /// # Errors
     /// If a match names a feature that is not there, which only a matcher from outside can do.
@@ -55,12 +55,12 @@ impl MatchedPoints {
 
     /// The same, where every match is known to name a keypoint.
     pub(super) fn of_keypoints(matches: &[Correspondence], a: &[Keypoint], b: &[Keypoint]) -> Self {
-        let mut points = Self::default();
-        for found in matches {
-            let [a, b] =
-                [&a[found.a as usize], &b[found.b as usize]].map(|keypoint| keypoint.at.cast());
-            points.push(a, b, found.ambiguity());
-        }
-        points
+        let ends = || (matches.iter()).map(|found| (&a[found.a as usize], &b[found.b as usize]));
+        let points = Self::new(
+            ends().map(|(a, _)| a.at.cast()).collect(),
+            ends().map(|(_, b)| b.at.cast()).collect(),
+            matches.iter().map(Correspondence::ambiguity).collect(),
+        );
+        points.with_turns(ends().map(|(a, b)| a.turn_to(b)).collect())
     }
 }

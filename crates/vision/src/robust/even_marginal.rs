@@ -47,10 +47,20 @@ impl EvenMarginal {
     /// # Panics
     /// If there are no cells.
     pub fn new(pairs: &PointPairs, cells: u32, squared_threshold: f64) -> Self {
+        Self::trusting(pairs, None, cells, squared_threshold)
+    }
+
+    /// The same of matches that are [trusted](super::turns) differently.
+    pub(super) fn trusting(
+        pairs: &PointPairs,
+        trust: Option<&[f64]>,
+        cells: u32,
+        squared_threshold: f64,
+    ) -> Self {
         Self {
             squared_threshold,
             squared_thresholds: multiples(squared_threshold),
-            weights: EvenWeights::new(pairs, cells),
+            weights: EvenWeights::new(pairs, cells, trust),
         }
     }
 

@@ -7,6 +7,8 @@
 //! ones, between the n that independent witnesses would be worth and the single one that copies
 //! of each other are. The weights are scaled to a mean of 1.
 //!
+//! Where matches are [trusted](super::turns) differently, that is a factor of their weights.
+//!
 //! Ours. That the spread of matches tells more than their number is how COLMAP chooses its next image
 //! (Schoenberger, Frahm, "Structure-from-Motion Revisited", CVPR 2016, sec. 4.2).
 //!
@@ -33,17 +35,21 @@ pub(super) struct EvenWeights {
 }
 
 impl EvenWeights {
-    /// The weights of these matches, with `cells` x `cells` cells laid over the points of each view.
+    /// The weights of these matches, with `cells` x `cells` cells laid over the points of each view, times the
+    /// trust in each.
     ///
     /// # Panics
     /// If there are no cells.
-    pub(super) fn new(pairs: &PointPairs, cells: u32) -> Self {
+    pub(super) fn new(pairs: &PointPairs, cells: u32, trust: Option<&[f64]>) -> Self {
         assert!(cells > 0, "a grid has cells");
         let in_a = crowds(&pairs.a_x, &pairs.a_y, cells);
         let in_b = crowds(&pairs.b_x, &pairs.b_y, cells);
         let mut weights: Vec<f64> = (in_a.into_iter().zip(in_b))
             .map(|(a, b)| 1.0 / f64::from(a.max(b)).sqrt())
             .collect();
+        for (weight, trust) in weights.iter_mut().zip(trust.unwrap_or_default()) {
+            *weight *= trust;
+        }
         let scale = weights.len() as f64 / weights.iter().sum::<f64>();
         for weight in &mut weights {
             *weight *= scale;

@@ -127,7 +127,7 @@ impl HomographyEstimator for HomographyConsensus {
             return Err(NoPose::TooFewMatches { found, needed });
         }
         let order = seed.child("order");
-        let matches = Shuffled::new(&points.in_pixels(), &points.ambiguity, order);
+        let matches = Shuffled::new(&points.in_pixels(), points, self.params.score, order);
         let problem = HomographyProblem {
             pairs: &matches.pairs,
             one_side: self.params.one_side,

@@ -53,6 +53,7 @@ mod search;
 #[cfg(feature = "serde")]
 mod settings;
 mod sprt;
+mod turns;
 
 pub use confidence::{Confidence, RIGHT_POSE};
 pub use consensus::{Consensus, ConsensusParams, Extras, consensus, consensus_until};

@@ -29,6 +29,9 @@ pub enum Score {
         threshold_px: f64,
         /// Cells across and down of the grid that finds crowds of matches; 1 to 1000.
         cells: u32,
+        /// Whether matches whose keypoints turned unlike those of most are trusted less, where
+        /// [turns](crate::geometry::MatchedPoints::turns) are known.
+        turns: bool,
         /// Whether bad models are abandoned early.
         sprt: bool,
     },
@@ -41,6 +44,9 @@ pub enum Score {
         noise_iterations: usize,
         /// Cells across and down of the grid that finds crowds of matches; 1 to 1000.
         cells: u32,
+        /// Whether matches whose keypoints turned unlike those of most are trusted less, where
+        /// [turns](crate::geometry::MatchedPoints::turns) are known.
+        turns: bool,
         /// Whether bad models are abandoned early.
         sprt: bool,
     },
@@ -78,6 +84,14 @@ impl Score {
     pub fn cells(&self) -> Option<u32> {
         match *self {
             Self::EvenMsac { cells, .. } | Self::EvenMarginal { cells, .. } => Some(cells),
+            _ => None,
+        }
+    }
+
+    /// Whether turns of keypoints matter, where the score can do that.
+    pub fn turns(&self) -> Option<bool> {
+        match *self {
+            Self::EvenMsac { turns, .. } | Self::EvenMarginal { turns, .. } => Some(turns),
             _ => None,
         }
     }

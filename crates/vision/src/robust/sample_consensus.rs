@@ -32,6 +32,7 @@
 //! | | `sampler.horizon` (PROSAC) | 200,000 | Chum, Matas, CVPR 2005 |
 //! | | `sampler.cells` (spread) | 20 | GMS's grid |
 //! | | `score.cells` (even MSAC) | 10 | tuned on the kitchen of 7-Scenes |
+//! | | `score.turns` (even MSAC) | no | Jegou, Douze, Schmid, ECCV 2008, adapted |
 //! | | `max_depth` | 50 | OpenCV 4's `recoverPose` |
 //!
 //! *Choices the papers leave open*: local optimisation is non-linear from the start instead of
@@ -176,7 +177,7 @@ impl PoseEstimator for SampleConsensus {
             Geometry::Essential { .. } => (views.at_depth_1(), EssentialProblem::SAMPLE),
             Geometry::Fundamental { .. } => (views.at_depth_1(), FundamentalProblem::SAMPLE),
         };
-        let matches = Shuffled::new(&given, &views.points.ambiguity, order);
+        let matches = Shuffled::new(&given, views.points, self.params.score, order);
         let pairs = &matches.pairs;
         if pairs.len() < needed {
             return Err(NoPose::TooFewMatches {

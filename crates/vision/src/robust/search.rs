@@ -1,16 +1,19 @@
 //! A search by sample consensus, put together from parts: what the estimators of poses and of homographies
 //! have in common.
 
+use std::borrow::Cow;
+
 use nalgebra::Matrix3;
 
 use super::grid::span;
 use super::noise_scale::noise_scale;
 use super::parts::{EarlyStop, Sampler, Score};
+use super::turns::trust;
 use super::{
     Consensus, ConsensusParams, EvenMarginal, EvenMsac, EvenSampler, Extras, InlierCount, Magsac,
     MedianOfSquares, Mlesac, Msac, Problem, Prosac, Sampling, Scoring, Uniform, consensus_until,
 };
-use crate::geometry::PointPairs;
+use crate::geometry::{MatchedPoints, PointPairs};
 use crate::params::ParamError;
 use crate::seed::Seed;
 
@@ -87,19 +90,45 @@ impl Search {
 pub(super) struct Shuffled {
     pub(super) pairs: PointPairs,
     ambiguity: Vec<f32>,
+    /// How much each is trusted, where that is asked for and known.
+    trust: Option<Vec<f64>>,
     /// Their numbers before.
     order: Vec<u32>,
 }
 
 impl Shuffled {
-    pub(super) fn new(given: &PointPairs, ambiguity: &[f32], seed: Seed) -> Self {
+    /// The matches as `given`, which were made of `points`; whether their turns matter says the `score`.
+    pub(super) fn new(
+        given: &PointPairs,
+        points: &MatchedPoints,
+        score: Score,
+        seed: Seed,
+    ) -> Self {
         let count = u32::try_from(given.len()).expect("matches are numbered by u32");
         let mut order: Vec<u32> = (0..count).collect();
         seed.rng().shuffle(&mut order);
+        let turns = (points.turns.as_deref()).filter(|_| score.turns() == Some(true));
+        let trust = turns.map(|turns| {
+            let trust = trust(turns);
+            order.iter().map(|&i| trust[i as usize]).collect()
+        });
         Self {
             pairs: given.chosen(&order),
-            ambiguity: order.iter().map(|&i| ambiguity[i as usize]).collect(),
+            ambiguity: (order.iter())
+                .map(|&i| points.ambiguity[i as usize])
+                .collect(),
+            trust,
             order,
+        }
+    }
+
+    /// How ambiguous each match is, those that are trusted less the more.
+    fn ambiguity(&self) -> Cow<'_, [f32]> {
+        match &self.trust {
+            None => Cow::Borrowed(&self.ambiguity),
+            Some(trust) => (self.ambiguity.iter().zip(trust))
+                .map(|(ambiguity, &trust)| 1.0 - (1.0 - ambiguity) * trust as f32)
+                .collect(),
         }
     }
 
@@ -135,6 +164,7 @@ impl Task<'_> {
             threshold * threshold
         };
         let pairs = &self.matches.pairs;
+        let trust = self.matches.trust.as_deref();
         match self.search.score {
             Score::InlierCount { threshold_px, sprt } => {
                 let squared_threshold = squared(threshold_px);
@@ -148,8 +178,9 @@ impl Task<'_> {
                 threshold_px,
                 cells,
                 sprt,
+                ..
             } => {
-                let score = EvenMsac::new(pairs, cells, squared(threshold_px));
+                let score = EvenMsac::trusting(pairs, trust, cells, squared(threshold_px));
                 self.sampled(problem, &score, sprt)
             }
             Score::EvenMarginal {
@@ -157,8 +188,9 @@ impl Task<'_> {
                 noise_iterations,
                 cells,
                 sprt,
+                ..
             } => {
-                let guess = EvenMarginal::new(pairs, cells, squared(threshold_px));
+                let guess = EvenMarginal::trusting(pairs, trust, cells, squared(threshold_px));
                 if noise_iterations == 0 {
                     return self.sampled(problem, &guess, sprt);
                 }
@@ -236,7 +268,7 @@ impl Task<'_> {
                 self.run(problem, score, sprt, &mut Uniform::new(matches.pairs.len()))
             }
             Sampler::Prosac { horizon } => {
-                let mut sampler = Prosac::new(&matches.ambiguity, horizon);
+                let mut sampler = Prosac::new(&matches.ambiguity(), horizon);
                 self.run(problem, score, sprt, &mut sampler)
             }
             Sampler::Spread { cells } => {

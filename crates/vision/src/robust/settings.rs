@@ -9,7 +9,7 @@
 //! | `cheirality`, `plane_poses`, `tangent_sampson` | `geometry` is `essential` |
 //! | `degensac` | `geometry` is `fundamental` |
 //! | `threshold_px` | `score` is not `lmeds` |
-//! | `score_cells` | `score` is `even-msac` or `even-marginal` |
+//! | `score_cells`, `turns` | `score` is `even-msac` or `even-marginal` |
 //! | `noise_iterations` | `score` is `even-marginal` |
 //! | `sprt` | `score` is neither `lmeds` nor `mlesac` |
 //! | `prosac_horizon` | `sampler` is `prosac` |
@@ -135,6 +135,8 @@ settings! {
     cells: u32 = 20,
     /// [`Score::cells`].
     score_cells: u32 = 10,
+    /// [`Score::turns`].
+    turns: bool = false,
     /// [`Score::EvenMarginal::noise_iterations`].
     noise_iterations: usize = 100,
     /// [`SampleConsensusParams::max_depth`](super::SampleConsensusParams::max_depth).
@@ -170,6 +172,7 @@ impl Settings {
             final_loss: refinement.map(|refinement| refinement.loss),
             final_steps: Some(refinement.map_or(0, |refinement| refinement.steps)),
             score_cells: search.score.cells(),
+            turns: search.score.turns(),
             ..Self::default()
         };
         if let Score::EvenMarginal {
@@ -203,12 +206,14 @@ impl Settings {
                 ScoreName::EvenMsac => Score::EvenMsac {
                     threshold_px,
                     cells: have(self.score_cells),
+                    turns: have(self.turns),
                     sprt,
                 },
                 ScoreName::EvenMarginal => Score::EvenMarginal {
                     threshold_px,
                     noise_iterations: have(self.noise_iterations),
                     cells: have(self.score_cells),
+                    turns: have(self.turns),
                     sprt,
                 },
                 ScoreName::Magsac => Score::Magsac { threshold_px, sprt },

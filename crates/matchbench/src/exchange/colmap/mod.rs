@@ -3,7 +3,7 @@
 //! | table | what is read and written |
 //! | --- | --- |
 //! | `images` | `image_id`, `name`, `camera_id` |
-//! | `keypoints` | by `image_id`: `rows`, `cols` and a blob of float32, whose first columns are x, y |
+//! | `keypoints` | by `image_id`: `rows`, `cols` and a blob of float32, whose first columns are x, y; then scale and orientation (4 columns) or the affine shape (6), of which the orientation is read |
 //! | `matches` | by `pair_id`: a blob of uint32, `rows` x 2 indices of keypoints |
 //! | `two_view_geometries` | the same of the matches that COLMAP verified, with F, E, H, and the pose |
 //!
@@ -13,6 +13,7 @@
 mod write;
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -211,6 +212,7 @@ fn joined(a: &Array, b: &Array, indices: &Array) -> Result<RawMatches, String> {
     let mut raw = RawMatches {
         a: Vec::new(),
         b: Vec::new(),
+        turns: None,
         rating: Rating::None,
         element: Element::new(Kind::Float, 4, false).expect("float32 exists"),
         keypoints: Some(counts),
@@ -220,10 +222,33 @@ fn joined(a: &Array, b: &Array, indices: &Array) -> Result<RawMatches, String> {
             .index(place, end)?
             .ok_or_else(|| format!("entry {place} is -1"))
     };
+    let mut turns = Vec::new();
     for row in 0..indices.rows(2)? {
-        raw.a.push(a.point(index(2 * row, counts[0])?, columns_a));
-        raw.b
-            .push(b.point(index(2 * row + 1, counts[1])?, columns_b));
+        let (i, j) = (index(2 * row, counts[0])?, index(2 * row + 1, counts[1])?);
+        raw.a.push(a.point(i, columns_a));
+        raw.b.push(b.point(j, columns_b));
+        turns.push(turn(
+            orientation(a, i, columns_a),
+            orientation(b, j, columns_b),
+        ));
     }
+    raw.turns = turns.into_iter().collect();
     Ok(raw)
+}
+
+/// The orientation of a keypoint in radians: the last of x, y, scale, orientation, or that of the affine shape
+/// (x, y, a11, a12, a21, a22), as COLMAP's `FeatureKeypoint::ComputeOrientation`. `None` with other columns.
+fn orientation(keypoints: &Array, row: usize, columns: usize) -> Option<f64> {
+    let at = |column: usize| keypoints.get(row * columns + column);
+    match columns {
+        4 => Some(at(3)),
+        6 => Some(libm::atan2(at(4), at(2))),
+        _ => None,
+    }
+}
+
+/// From one orientation to the other, in radians from 0 to 2 pi; `None` where one is unknown or not finite.
+fn turn(a: Option<f64>, b: Option<f64>) -> Option<f32> {
+    let turn = (b? - a?).rem_euclid(TAU);
+    turn.is_finite().then_some(turn as f32)
 }

@@ -153,6 +153,7 @@ fn noise_of_distances_from_lines_is_refused() {
                 threshold_px: 2.0,
                 noise_iterations,
                 cells: 10,
+                turns: false,
                 sprt: true,
             },
             ..HomographyParams::default()

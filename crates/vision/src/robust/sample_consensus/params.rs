@@ -37,7 +37,7 @@ pub enum Geometry {
 /// use matchbench_vision::robust::{SampleConsensus, SampleConsensusParams, Score, presets};
 ///
 /// let strict = SampleConsensusParams {
-///     score: Score::EvenMsac { threshold_px: 1.0, cells: 10, sprt: true },
+///     score: Score::EvenMsac { threshold_px: 1.0, cells: 10, turns: false, sprt: true },
 ///     ..presets::best()
 /// };
 /// let estimator = SampleConsensus::new(strict)?;

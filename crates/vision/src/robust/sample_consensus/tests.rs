@@ -76,12 +76,14 @@ fn every_combination() -> impl Iterator<Item = SampleConsensusParams> {
         Score::EvenMsac {
             threshold_px,
             cells: 10,
+            turns: false,
             sprt,
         },
         Score::EvenMarginal {
             threshold_px,
             noise_iterations: 100,
             cells: 10,
+            turns: false,
             sprt,
         },
         Score::Magsac { threshold_px, sprt },
@@ -283,6 +285,7 @@ fn parameters_out_of_range_are_named() {
     let score = |threshold_px, cells| Score::EvenMsac {
         threshold_px,
         cells,
+        turns: false,
         sprt: false,
     };
     let final_refinement = |steps| {
@@ -385,6 +388,7 @@ fn no_threshold_need_be_chosen_where_the_noise_is_estimated() {
             let score = Score::EvenMsac {
                 threshold_px,
                 cells,
+                turns: false,
                 sprt,
             };
             error(score, presets::best())
@@ -394,6 +398,7 @@ fn no_threshold_need_be_chosen_where_the_noise_is_estimated() {
                 threshold_px,
                 noise_iterations: 100,
                 cells,
+                turns: false,
                 sprt,
             };
             error(score, presets::adaptive())
@@ -550,6 +555,7 @@ fn errors_under_a_wide_lens(pairs: u64, right: f64, threshold_px: f64) -> [f64; 
             score: Score::EvenMsac {
                 threshold_px,
                 cells: 10,
+                turns: false,
                 sprt: true,
             },
             ..presets::best()
