@@ -89,23 +89,15 @@ impl SelectedMatches {
 
     /// Those with these indices; what is none is left out.
     pub(crate) fn of_indices(&self, indices: &[u32]) -> Self {
-        let (all, count) = (&self.points, self.points.len());
-        let indices = indices.iter().map(|&index| index as usize);
-        let indices: Vec<usize> = indices.filter(|&index| index < count).collect();
-        fn chosen<T: Copy>(values: &[T], indices: &[usize]) -> Vec<T> {
-            indices.iter().map(|&index| values[index]).collect()
-        }
-        let points = MatchedPoints::new(
-            chosen(&all.a, &indices),
-            chosen(&all.b, &indices),
-            chosen(&all.ambiguity, &indices),
-        );
+        let count = self.points.len();
+        let is_one = |index: &u32| (*index as usize) < count;
+        let indices: Vec<u32> = indices.iter().copied().filter(is_one).collect();
         Self {
             counts: Counts {
                 selected: u32::try_from(indices.len()).unwrap_or(u32::MAX),
                 ..self.counts
             },
-            points: points.with_turns((all.turns.as_ref()).map(|turns| chosen(turns, &indices))),
+            points: self.points.chosen(&indices),
         }
     }
 }

@@ -81,15 +81,25 @@ impl MatchedPoints {
     /// The matches whose entry in `mask` is `true`, in their order.
     #[must_use]
     pub fn masked(&self, mask: &[bool]) -> Self {
-        fn keep<T: Copy>(values: &[T], mask: &[bool]) -> Vec<T> {
-            let kept = values.iter().zip(mask).filter(|&(_, &kept)| kept);
-            kept.map(|(&value, _)| value).collect()
+        let kept = (0..self.a.len().min(mask.len())).filter(|&i| mask[i]);
+        let indices: Vec<u32> = kept.map(|i| i as u32).collect();
+        self.chosen(&indices)
+    }
+
+    /// The matches with these indices, in this order.
+    ///
+    /// # Panics
+    /// If there is no match with such an index.
+    #[must_use]
+    pub fn chosen(&self, indices: &[u32]) -> Self {
+        fn chosen<T: Copy>(values: &[T], indices: &[u32]) -> Vec<T> {
+            indices.iter().map(|&i| values[i as usize]).collect()
         }
         Self {
-            a: keep(&self.a, mask),
-            b: keep(&self.b, mask),
-            ambiguity: keep(&self.ambiguity, mask),
-            turns: (self.turns.as_ref()).map(|turns| keep(turns, mask)),
+            a: chosen(&self.a, indices),
+            b: chosen(&self.b, indices),
+            ambiguity: chosen(&self.ambiguity, indices),
+            turns: (self.turns.as_ref()).map(|turns| chosen(turns, indices)),
         }
     }
 
@@ -158,6 +168,8 @@ mod tests {
         assert_eq!((kept.a[1], kept.b[1]), (three().a[2], three().b[2]));
         assert_eq!(kept.ambiguity, [0.0, 0.5]);
         assert!(three().masked(&[false; 3]).is_empty());
+        assert_eq!(three().chosen(&[0, 2]), kept);
+        assert_eq!(three().chosen(&[2, 0]).turns, Some(vec![0.3, 0.1]));
     }
 
     #[test]
