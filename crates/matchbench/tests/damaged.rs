@@ -157,9 +157,12 @@ fn matches(doors: &Doors) -> Vec<u8> {
         ..Counts::default()
     };
     let matches = SelectedMatches::new(counts, &points);
-    for key in [(0, 1, 0), (0, 1, 1), (0, 2, 0)] {
+    for key in [(0, 1, 0), (0, 1, 1)] {
         file.append(key, &matches).expect("writable");
     }
+    let turned = points.with_turns(Some(vec![0.1, -2.0, 3.0]));
+    let matches = SelectedMatches::new(counts, &turned);
+    file.append((0, 2, 0), &matches).expect("writable");
     fs::read(path).expect("readable")
 }
 

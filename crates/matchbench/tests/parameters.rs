@@ -6,6 +6,7 @@
 //! were.
 
 use std::collections::BTreeMap;
+use std::f32::consts::TAU;
 use std::sync::Mutex;
 
 use matchbench::config::ConfigError;
@@ -305,6 +306,19 @@ fn seen_by(
     points
 }
 
+/// Matches whose keypoints turned alike, and more of another motion, which did not.
+fn turned_alike(mut points: MatchedPoints, others: MatchedPoints) -> MatchedPoints {
+    let alike = points.len();
+    for (i, (&a, &b)) in others.a.iter().zip(&others.b).enumerate() {
+        points.push(a, b, others.ambiguity[i]);
+    }
+    let mut rng = Seed(9).rng();
+    let turns = (0..points.len())
+        .map(|i| rng.uniform() as f32 * if i < alike { 0.3 } else { TAU })
+        .collect();
+    points.with_turns(Some(turns))
+}
+
 /// Image b seen in a mirror.
 fn mirrored(mut points: MatchedPoints) -> MatchedPoints {
     for b in &mut points.b {
@@ -340,6 +354,16 @@ fn every_parameter_of_every_estimator_acts() {
         (matches(60, 90, 5, wall), 6, 20),
         (matches(40, 60, 6, wall), 7, whole),
         (matches(20, 60, 7, deep), 8, whole),
+        (
+            turned_alike(matches(60, 0, 5, deep), mirrored(matches(75, 0, 6, deep))),
+            6,
+            whole,
+        ),
+        (
+            turned_alike(matches(60, 0, 5, wall), mirrored(matches(75, 0, 6, wall))),
+            6,
+            whole,
+        ),
     ];
     let scenes: Vec<_> = (pinhole.into_iter())
         .map(|(points, seed, most)| (points, CAMERA, seed, most))

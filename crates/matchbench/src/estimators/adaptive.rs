@@ -8,7 +8,7 @@ use super::Preset;
 /// whose keypoints turned unlike most are trusted less.
 pub(super) const ADAPTIVE: Preset = Preset {
     id: "adaptive",
-    summary: "no threshold to choose: as best, but the noise of each pair is estimated, models are scored over several thresholds about it, and matches whose keypoints turned unlike most count less",
+    summary: "our recommendation where keypoints have an orientation, and no threshold to choose: as best, but the noise of each pair is estimated, models are scored over several thresholds about it, and matches whose keypoints turned unlike most count less",
     reference: "Barath, Noskova, Matas, \"MAGSAC: Marginalizing Sample Consensus\", CVPR 2019; Torr, Zisserman, \"MLESAC\", CVIU 78(1), 2000; Jegou, Douze, Schmid, \"Hamming Embedding and Weak Geometric Consistency\", ECCV 2008",
     defaults: presets::adaptive,
 };

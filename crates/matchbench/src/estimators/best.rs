@@ -1,4 +1,4 @@
-//! `best`: our recommendation.
+//! `best`: our recommendation for points alone.
 
 use matchbench_vision::robust::presets;
 
@@ -7,7 +7,7 @@ use super::Preset;
 /// Our recommendation: progressive samples, a score that crowds of matches do not dominate, local optimisation, robust refinement.
 pub(super) const BEST: Preset = Preset {
     id: "best",
-    summary: "our recommendation: progressive samples, a score that crowds of matches do not dominate, local optimisation, robust refinement",
+    summary: "our recommendation for points alone: progressive samples, a score that crowds of matches do not dominate, local optimisation, robust refinement",
     reference: "Chum, Matas, \"Matching with PROSAC - Progressive Sample Consensus\", CVPR 2005; Lebeda, Matas, Chum, \"Fixing the Locally Optimized RANSAC\", BMVC 2012",
     defaults: presets::best,
 };
