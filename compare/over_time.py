@@ -105,7 +105,7 @@ def draw(rows, title, path):
             yerr=[row["deviation"] for row in points],
             marker="o",
             markersize=4,
-            linewidth=2.2 if curve in ("best", "adaptive") else 1.2,
+            linewidth=2.2 if curve.startswith(("best", "adaptive")) else 1.2,
             label=curve,
         )
     axes.set(xscale="log", xlabel="median time of an estimation, ms, one thread", ylabel="AUC", title=title)
