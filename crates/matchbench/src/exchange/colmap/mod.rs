@@ -10,6 +10,8 @@
 //! `pair_id = 2147483647 * id_1 + id_2` with `id_1 < id_2`. No scores; the first pixel's centre is
 //! at 0.5. (COLMAP, "Database Format"; the documentation of its `Database` class.)
 
+#[cfg(test)]
+mod tests;
 mod write;
 
 use std::collections::BTreeMap;

@@ -1,0 +1,92 @@
+//! A database as COLMAP writes it: verified matches, and orientations of keypoints.
+
+use std::fs;
+
+use super::super::tests::dataset;
+use super::super::{MatchFiles, ReadOptions};
+
+#[test]
+fn verified_matches_are_those_of_the_two_view_geometries() {
+    let (folder, sequence) = dataset();
+    let verified = ReadOptions {
+        verified: true,
+        ..ReadOptions::default()
+    };
+    let files = MatchFiles::open(&[folder.path().join("colmap")], &sequence, &verified).unwrap();
+    assert_eq!(files.survey().matches, 6);
+    assert!(files.understood().to_string().contains("verified matches"));
+    let error = MatchFiles::open(&[folder.path().join("hloc")], &sequence, &verified).err();
+    assert!(error.unwrap().to_string().contains("leave --verified out"));
+
+    let database = fs::read_dir(folder.path().join("colmap")).unwrap().next();
+    let database = database.unwrap().unwrap().path();
+    let connection = rusqlite::Connection::open(&database).unwrap();
+    (connection.execute("DELETE FROM two_view_geometries", [])).unwrap();
+    drop(connection);
+    let error = MatchFiles::open(&[database], &sequence, &verified).err();
+    let message = error.unwrap().to_string();
+    assert!(
+        message.contains("`two_view_geometries` is empty; leave --verified out"),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_database_tells_how_far_keypoints_turned() {
+    // Both forms of COLMAP's keypoints: scale and orientation, and an affine shape of that orientation.
+    let four = |angle: f32| vec![2.0, angle];
+    let six = |angle: f32| {
+        let (s, c) = angle.sin_cos();
+        vec![2.0 * c, -2.0 * s, 2.0 * s, 2.0 * c]
+    };
+    let turns = |frames: [u32; 2], more: &dyn Fn(f32) -> Vec<f32>| {
+        let (folder, sequence) = dataset();
+        let database = fs::read_dir(folder.path().join("colmap")).unwrap().next();
+        let database = database.unwrap().unwrap().path();
+        let connection = rusqlite::Connection::open(&database).unwrap();
+        let images: Vec<(i64, Vec<u8>, i64)> = (connection
+            .prepare("SELECT image_id, data, cols FROM keypoints")
+            .unwrap())
+        .query_map([], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)))
+        .unwrap()
+        .map(Result::unwrap)
+        .collect();
+        for (id, data, columns) in images {
+            // Image 1 has the orientation 0.5, image 2 that of 1, and so on.
+            let more: Vec<u8> = (more(0.5 * id as f32).iter())
+                .flat_map(|value| value.to_le_bytes())
+                .collect();
+            let rows = data.chunks_exact(4 * columns as usize);
+            let data: Vec<u8> = rows.flat_map(|row| [&row[..8], &more].concat()).collect();
+            let change = "UPDATE keypoints SET data = ?1, cols = ?2 WHERE image_id = ?3";
+            let columns = (2 + more.len() / 4) as i64;
+            (connection.execute(change, (data, columns, id))).unwrap();
+        }
+        let ids = frames.map(|frame| {
+            let name = ["db/one.png", "db/two.png", "query/one.png"][frame as usize];
+            let sql = "SELECT image_id FROM images WHERE name = ?1";
+            let id: i64 = connection.query_row(sql, [name], |row| row.get(0)).unwrap();
+            0.5 * id as f32
+        });
+        drop(connection);
+        let files = MatchFiles::open(&[database], &sequence, &ReadOptions::default()).unwrap();
+        let found = files.matches(frames[0], frames[1]).unwrap().unwrap();
+        (found.points.turns, ids[1] - ids[0])
+    };
+    for frames in [[0, 1], [0, 2], [1, 2]] {
+        for more in [&four as &dyn Fn(f32) -> Vec<f32>, &six] {
+            let (found, expected) = turns(frames, more);
+            let found = found.expect("orientations are there");
+            assert!(found.len() >= 2);
+            for turn in found {
+                let off = (turn - expected).rem_euclid(std::f32::consts::TAU);
+                assert!(
+                    off.min(std::f32::consts::TAU - off) < 1e-5,
+                    "{frames:?}: {turn} {expected}"
+                );
+            }
+        }
+        assert_eq!(turns(frames, &|_| vec![2.0, f32::NAN]).0, None);
+        assert_eq!(turns(frames, &|_| Vec::new()).0, None);
+    }
+}
