@@ -1,10 +1,12 @@
 """What the tests share: a small rendered dataset, a run of the command line on it."""
 
 import signal
+import struct
 import subprocess
 import sys
 
 import matchbench as mb
+import numpy as np
 import pytest
 
 # A shell that starts programs in the background lets them ignore Ctrl-C; tests of it need Python's own handler.
@@ -47,3 +49,18 @@ def command_line_run(dataset, tmp_path_factory):
     )
     assert done.returncode == 0, done.stderr
     return out
+
+
+def stored_matches(path):
+    """Matches by pair: m x 5 (x_a, y_a, x_b, y_b, ambiguity), and m x 6 where they have turns."""
+    data, at, found = path.read_bytes(), 8, {}
+    while at < len(data):
+        a, b, _, _, _, _, count = struct.unpack_from("<7I", data, at)
+        turned, count = count >> 31, count & 0x7FFFFFFF
+        found[a, b] = np.frombuffer(data, "<f4", 5 * count, at + 28).reshape(count, 5)
+        at += 28 + 20 * count
+        if turned:
+            found[a, b] = np.column_stack([found[a, b], np.frombuffer(data, "<f4", count, at)])
+            at += 4 * count
+        at += 8
+    return found

@@ -6,7 +6,7 @@ import struct
 import matchbench as mb
 import numpy as np
 import pytest
-from conftest import ESTIMATORS, MATCHERS
+from conftest import ESTIMATORS, MATCHERS, stored_matches
 
 
 def records(folder):
@@ -39,16 +39,6 @@ def cached_features(folder):
         elif layout == 2:
             rows = rows[:, : -(-columns // 8)]
         yield (width, height), keypoints, rows
-
-
-def stored_matches(path):
-    """Matches by pair: m x 5 (x_a, y_a, x_b, y_b, ambiguity)."""
-    data, at, found = path.read_bytes(), 8, {}
-    while at < len(data):
-        a, b, _, _, _, _, count = struct.unpack_from("<7I", data, at)
-        found[a, b] = np.frombuffer(data, "<f4", 5 * count, at + 28).reshape(count, 5)
-        at += 28 + 20 * count + 8
-    return found
 
 
 def test_a_run_from_python_leaves_the_same_records_and_matches(dataset, command_line_run, tmp_path):
@@ -93,7 +83,8 @@ def test_matches_and_poses_step_by_step_are_those_of_the_command_line(name, data
     for a, b in dataset.pairs.tolist():
         seed = mb.pair_seed(dataset.name, name, a, b)
         matches = matcher.match(images[a], images[b], cameras[a], cameras[b], seed=seed)
-        ours = np.column_stack([matches.points_a, matches.points_b, matches.ambiguity]).astype(np.float32)
+        parts = [matches.points_a, matches.points_b, matches.ambiguity, matches.turns]
+        ours = np.column_stack(parts).astype(np.float32)
         assert np.array_equal(ours, stored[a, b])
         for id in ESTIMATORS:
             rows = next(rows for path, rows in recorded.items() if path.name == f"{name}+{id}.jsonl")

@@ -142,7 +142,7 @@ def test_too_few_matches_are_no_pose():
         mb.estimator("best").estimate(points, points, camera, camera, ambiguity=[0, 0, 0, 2])
     with pytest.raises(ValueError, match="`turns`.*row 1.*leave them out"):
         mb.estimator("adaptive").estimate(points, points, camera, camera, turns=[0, np.nan, 0, 0])
-    with pytest.raises(ValueError, match="turns.*4 numbers"):
+    with pytest.raises(TypeError, match="turns.*4 numbers"):
         mb.estimator("adaptive").estimate(points, points, camera, camera, turns=[0, 1])
     with pytest.raises(ValueError, match="did you mean"):
         mb.estimator("bset")
