@@ -21,7 +21,7 @@ import pathlib
 
 import numpy as np
 
-
+from stored import stored
 
 def true_poses(dataset):
     poses = {}

@@ -15,6 +15,8 @@ def stored(path):
         at += 28
         if count != 0xFFFFFFFF:
             turned, count = count >> 31, count & 0x7FFFFFFF
+            if at + (24 if turned else 20) * count + 8 > len(data):
+                return  # an entry without its end, of a run that was killed
             matches = np.frombuffer(data, "<f4", 5 * count, at).reshape(-1, 5).astype(float)
             at += 20 * count
             if turned:

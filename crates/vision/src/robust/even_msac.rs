@@ -24,19 +24,14 @@ impl EvenMsac {
     /// # Panics
     /// If there are no cells.
     pub fn new(pairs: &PointPairs, cells: u32, squared_threshold: f64) -> Self {
-        Self::trusting(pairs, None, cells, squared_threshold)
+        Self::weighing(EvenWeights::new(pairs, cells, None), squared_threshold)
     }
 
-    /// The same of matches that are [trusted](super::turns) differently.
-    pub(super) fn trusting(
-        pairs: &PointPairs,
-        trust: Option<&[f64]>,
-        cells: u32,
-        squared_threshold: f64,
-    ) -> Self {
+    /// The same with these weights of the matches.
+    pub(super) fn weighing(weights: EvenWeights, squared_threshold: f64) -> Self {
         Self {
             squared_threshold,
-            weights: EvenWeights::new(pairs, cells, trust),
+            weights,
         }
     }
 }

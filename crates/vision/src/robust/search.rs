@@ -5,6 +5,7 @@ use std::borrow::Cow;
 
 use nalgebra::Matrix3;
 
+use super::even_weights::EvenWeights;
 use super::grid::span;
 use super::noise_scale::noise_scale;
 use super::parts::{EarlyStop, Sampler, Score};
@@ -164,7 +165,7 @@ impl Task<'_> {
             threshold * threshold
         };
         let pairs = &self.matches.pairs;
-        let trust = self.matches.trust.as_deref();
+        let weights = |cells| EvenWeights::new(pairs, cells, self.matches.trust.as_deref());
         match self.search.score {
             Score::InlierCount { threshold_px, sprt } => {
                 let squared_threshold = squared(threshold_px);
@@ -180,7 +181,7 @@ impl Task<'_> {
                 sprt,
                 ..
             } => {
-                let score = EvenMsac::trusting(pairs, trust, cells, squared(threshold_px));
+                let score = EvenMsac::weighing(weights(cells), squared(threshold_px));
                 self.sampled(problem, &score, sprt)
             }
             Score::EvenMarginal {
@@ -190,7 +191,7 @@ impl Task<'_> {
                 sprt,
                 ..
             } => {
-                let guess = EvenMarginal::trusting(pairs, trust, cells, squared(threshold_px));
+                let guess = EvenMarginal::weighing(weights(cells), squared(threshold_px));
                 if noise_iterations == 0 {
                     return self.sampled(problem, &guess, sprt);
                 }

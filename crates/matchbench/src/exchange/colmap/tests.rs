@@ -1,9 +1,21 @@
 //! A database as COLMAP writes it: verified matches, and orientations of keypoints.
 
 use std::fs;
+use std::path::PathBuf;
+
+use rusqlite::Connection;
+use tempfile::TempDir;
 
 use super::super::tests::dataset;
 use super::super::{MatchFiles, ReadOptions};
+
+/// The database among the fixtures.
+fn database(folder: &TempDir) -> (PathBuf, Connection) {
+    let file = fs::read_dir(folder.path().join("colmap")).unwrap().next();
+    let path = file.unwrap().unwrap().path();
+    let connection = Connection::open(&path).unwrap();
+    (path, connection)
+}
 
 #[test]
 fn verified_matches_are_those_of_the_two_view_geometries() {
@@ -18,9 +30,7 @@ fn verified_matches_are_those_of_the_two_view_geometries() {
     let error = MatchFiles::open(&[folder.path().join("hloc")], &sequence, &verified).err();
     assert!(error.unwrap().to_string().contains("leave --verified out"));
 
-    let database = fs::read_dir(folder.path().join("colmap")).unwrap().next();
-    let database = database.unwrap().unwrap().path();
-    let connection = rusqlite::Connection::open(&database).unwrap();
+    let (database, connection) = database(&folder);
     (connection.execute("DELETE FROM two_view_geometries", [])).unwrap();
     drop(connection);
     let error = MatchFiles::open(&[database], &sequence, &verified).err();
@@ -41,9 +51,7 @@ fn a_database_tells_how_far_keypoints_turned() {
     };
     let turns = |frames: [u32; 2], more: &dyn Fn(f32) -> Vec<f32>| {
         let (folder, sequence) = dataset();
-        let database = fs::read_dir(folder.path().join("colmap")).unwrap().next();
-        let database = database.unwrap().unwrap().path();
-        let connection = rusqlite::Connection::open(&database).unwrap();
+        let (database, connection) = database(&folder);
         let images: Vec<(i64, Vec<u8>, i64)> = (connection
             .prepare("SELECT image_id, data, cols FROM keypoints")
             .unwrap())
