@@ -3,14 +3,15 @@
 //! *Benefit*: the vertical pass keeps eight sums at work, as many as
 //! two units of four cycles need; compiled from the portable text it has four, or, asked for eight,
 //! puts them into memory. In the horizontal pass every vector of 64 bytes that is not aligned lies across
-//! two cache lines and costs two loads; those to the right are put together from registers instead.
+//! two cache lines and costs two loads; those to the right are put together from registers instead, one
+//! instruction each, since how far is known to the compiler.
 //! *Correctness*: each lane does what the portable text does for its column, in the same order; a test
 //! compares all bits. In front of each access stands why it is within its slice.
 
 use std::arch::x86_64::{
-    __m512, _mm512_add_epi32, _mm512_add_ps, _mm512_fmadd_ps, _mm512_loadu_ps,
-    _mm512_mask_storeu_ps, _mm512_permutex2var_ps, _mm512_set1_epi32, _mm512_set1_ps,
-    _mm512_setr_epi32, _mm512_setzero_ps, _mm512_storeu_ps,
+    __m512, _MM_HINT_T0, _mm_prefetch, _mm512_add_ps, _mm512_alignr_epi32, _mm512_castps_si512,
+    _mm512_castsi512_ps, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_mask_storeu_ps, _mm512_set1_ps,
+    _mm512_setzero_ps, _mm512_storeu_ps,
 };
 
 use super::ROWS_AT_ONCE;
@@ -61,8 +62,16 @@ fn rows_block<const V: usize, const FULL: bool>(
     const R: usize = ROWS_AT_ONCE;
     let count = taps.len();
     let mut sums = [[_mm512_setzero_ps(); V]; R];
+    // The rows lie in the second-level cache, too far apart for the processor to guess the next block.
+    let prefetch = |row: &[f32]| {
+        for j in 0..V {
+            let next = row.as_ptr().wrapping_add(x + (V + j) * LANES);
+            _mm_prefetch::<_MM_HINT_T0>(next.cast());
+        }
+    };
     for (j, row) in rows[..R - 1].iter().enumerate() {
         let values = load::<V, FULL>(row, x);
+        prefetch(row);
         for r in 0..R {
             if r <= j {
                 add_scaled(&mut sums[r], values, taps[j - r]);
@@ -71,12 +80,14 @@ fn rows_block<const V: usize, const FULL: bool>(
     }
     for (row, taps) in rows[R - 1..count].iter().zip(taps.windows(R)) {
         let values = load::<V, FULL>(row, x);
+        prefetch(row);
         for r in 0..R {
             add_scaled(&mut sums[r], values, taps[R - 1 - r]);
         }
     }
     for (i, row) in rows[count..].iter().enumerate() {
         let values = load::<V, FULL>(row, x);
+        prefetch(row);
         for r in 0..R {
             if r > i {
                 add_scaled(&mut sums[r], values, taps[count + i - r]);
@@ -122,23 +133,39 @@ fn symmetric_block<const V: usize, const FULL: bool>(
     x: usize,
 ) {
     let radius = taps.len() / 2;
-    let numbers = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     // The pixels from `x` on, which the middle tap meets, and a vector to the right of them.
     let middles = load::<V, FULL>(padded, x + radius);
     let beyond = load_or_zero(padded, x + radius + V * LANES);
     let mut sums = [_mm512_setzero_ps(); V];
-    for (k, &tap) in taps[..radius].iter().enumerate() {
-        let shift = _mm512_add_epi32(numbers, _mm512_set1_epi32((radius - k) as i32));
-        let lefts = load::<V, FULL>(padded, x + k);
-        for j in 0..V {
-            let next = if j + 1 < V { middles[j + 1] } else { beyond };
-            let right = _mm512_permutex2var_ps(middles[j], shift, next);
-            let both = _mm512_add_ps(lefts[j], right);
-            sums[j] = _mm512_fmadd_ps(_mm512_set1_ps(tap), both, sums[j]);
-        }
+    macro_rules! add_pairs {
+        ($($distance:literal)*) => {$(
+            if $distance <= radius {
+                let lefts = load::<V, FULL>(padded, x + radius - $distance);
+                let tap = _mm512_set1_ps(taps[radius - $distance]);
+                for j in 0..V {
+                    let next = if j + 1 < V { middles[j + 1] } else { beyond };
+                    let both = _mm512_add_ps(lefts[j], shifted::<$distance>(middles[j], next));
+                    sums[j] = _mm512_fmadd_ps(tap, both, sums[j]);
+                }
+            }
+        )*};
     }
+    add_pairs!(16 15 14 13 12 11 10 9 8 7 6 5 4 3 2 1);
     add_scaled(&mut sums, middles, taps[radius]);
     store::<V, FULL>(out, x, sums);
+}
+
+/// Sixteen lanes from lane `N` of `first` on, with `then` behind it.
+#[inline]
+#[target_feature(enable = "avx512f")]
+fn shifted<const N: i32>(first: __m512, then: __m512) -> __m512 {
+    if N == LANES as i32 {
+        return then;
+    }
+    _mm512_castsi512_ps(_mm512_alignr_epi32::<N>(
+        _mm512_castps_si512(then),
+        _mm512_castps_si512(first),
+    ))
 }
 
 /// Vectors from place `x` on; what lies beyond the end is zero, and there is nothing if they are `FULL`.

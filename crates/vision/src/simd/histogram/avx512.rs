@@ -10,13 +10,13 @@
 //! products in the same order, but for those with zero, which change no sum; a test compares all bits.
 
 use std::arch::x86_64::{
-    __m512, _CMP_GT_OQ, _CMP_LT_OQ, _MM_FROUND_NO_EXC, _MM_FROUND_TO_NEG_INF, _mm512_add_epi32,
-    _mm512_add_ps, _mm512_and_si512, _mm512_castpd_ps, _mm512_castps_pd, _mm512_castps_si512,
-    _mm512_cmp_ps_mask, _mm512_cmpeq_epi32_mask, _mm512_fmadd_ps, _mm512_fmsub_ps, _mm512_loadu_ps,
-    _mm512_loadu_si512, _mm512_mask_mov_ps, _mm512_maskz_mov_ps, _mm512_mul_ps,
-    _mm512_permutex2var_ps, _mm512_roundscale_ps, _mm512_set1_epi32, _mm512_set1_ps,
-    _mm512_setr_ps, _mm512_setzero_ps, _mm512_storeu_ps, _mm512_storeu_si512, _mm512_sub_ps,
-    _mm512_unpackhi_pd, _mm512_unpackhi_ps, _mm512_unpacklo_pd, _mm512_unpacklo_ps,
+    __m512, _CMP_GT_OQ, _CMP_LT_OQ, _MM_FROUND_NO_EXC, _MM_FROUND_TO_NEG_INF, _mm512_add_ps,
+    _mm512_and_si512, _mm512_castpd_ps, _mm512_castps_pd, _mm512_castps_si512, _mm512_cmp_ps_mask,
+    _mm512_cmpeq_epi32_mask, _mm512_fmadd_ps, _mm512_fmsub_ps, _mm512_loadu_ps, _mm512_loadu_si512,
+    _mm512_mask_mov_ps, _mm512_maskz_mov_ps, _mm512_mul_ps, _mm512_permutex2var_ps,
+    _mm512_roundscale_ps, _mm512_set1_epi32, _mm512_set1_ps, _mm512_setr_ps, _mm512_setzero_ps,
+    _mm512_storeu_ps, _mm512_storeu_si512, _mm512_sub_ps, _mm512_unpackhi_pd, _mm512_unpackhi_ps,
+    _mm512_unpacklo_pd, _mm512_unpacklo_ps,
 };
 
 use super::{Block, Gradients, MIDDLE, NO_FRACTION, PatchGrid, PatchSums};
@@ -30,8 +30,9 @@ const STEPS: usize = 8;
 
 /// Which of a pixel's four weights (above left, above right, below left, below right) a cell gets, by the
 /// place of the pixel: five places from the column before the first cell to the last, and as many rows of these.
-/// Lane 16 stands for none.
-static WEIGHTS: [Lanes<u32>; 32] = weights();
+/// Lane 16 stands for none. For each four of sixteen pixels in turn, whose weights are in one vector; to add the place
+/// of the four to the lanes would cost a pixel one of ten instructions.
+static WEIGHTS: [[Lanes<u32>; 32]; 4] = weights();
 
 /// Sixteen numbers, in one cache line.
 #[derive(Clone, Copy)]
@@ -166,10 +167,10 @@ fn prepare(
 #[target_feature(enable = "avx512f")]
 fn add(step: &Step, sums: &mut Sums) {
     for four in 0..LANES / 4 {
-        let first = _mm512_set1_epi32(4 * four as i32);
+        let table = &WEIGHTS[four];
         for (i, weights) in step.weights.iter().enumerate() {
             let pixel = 4 * four + i;
-            let chosen = &WEIGHTS[(step.places.0[pixel] & 31) as usize];
+            let chosen = &table[(step.places.0[pixel] & 31) as usize];
             // SAFETY: 64 bytes can be read from 16 numbers, here and there.
             let (chosen, weights) = unsafe {
                 (
@@ -177,7 +178,6 @@ fn add(step: &Step, sums: &mut Sums) {
                     _mm512_loadu_ps(weights.0.as_ptr()),
                 )
             };
-            let chosen = _mm512_add_epi32(chosen, first);
             let weights = _mm512_permutex2var_ps(weights, chosen, _mm512_setzero_ps());
             for (sum, shares) in sums[i % 2].iter_mut().zip(&step.shares) {
                 *sum = _mm512_fmadd_ps(weights, _mm512_set1_ps(shares.0[pixel]), *sum);
@@ -222,17 +222,19 @@ fn store(lanes: &mut Lanes<f32>, vector: __m512) {
     unsafe { _mm512_storeu_ps(lanes.0.as_mut_ptr(), vector) };
 }
 
-const fn weights() -> [Lanes<u32>; 32] {
-    let mut weights = [Lanes([16; LANES]); 32];
-    let mut cell = 0;
-    while cell < LANES {
+const fn weights() -> [[Lanes<u32>; 32]; 4] {
+    let mut weights = [[Lanes([16; LANES]); 32]; 4];
+    let mut i = 0;
+    while i < 4 * LANES {
+        let (four, cell) = (i / LANES, i % LANES);
+        let first = 4 * four as u32;
         // Places where the cell is below right, below left, above right and above left of the pixel.
         let place = cell / 4 * 5 + cell % 4;
-        weights[place].0[cell] = 3;
-        weights[place + 1].0[cell] = 2;
-        weights[place + 5].0[cell] = 1;
-        weights[place + 6].0[cell] = 0;
-        cell += 1;
+        weights[four][place].0[cell] = first + 3;
+        weights[four][place + 1].0[cell] = first + 2;
+        weights[four][place + 5].0[cell] = first + 1;
+        weights[four][place + 6].0[cell] = first;
+        i += 1;
     }
     weights
 }
