@@ -166,8 +166,7 @@ fn prepare(
 #[inline]
 #[target_feature(enable = "avx512f")]
 fn add(step: &Step, sums: &mut Sums) {
-    for four in 0..LANES / 4 {
-        let table = &WEIGHTS[four];
+    for (four, table) in WEIGHTS.iter().enumerate() {
         for (i, weights) in step.weights.iter().enumerate() {
             let pixel = 4 * four + i;
             let chosen = &table[(step.places.0[pixel] & 31) as usize];
