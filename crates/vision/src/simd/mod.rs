@@ -93,8 +93,6 @@ mod histogram;
 mod instructions;
 mod lanes;
 mod latch;
-#[cfg(target_arch = "x86_64")]
-mod masked;
 mod moments;
 mod normalize;
 mod orb;
@@ -106,6 +104,8 @@ mod sampling;
 mod sampson;
 mod scharr;
 mod search;
+#[cfg(target_arch = "x86_64")]
+mod sixteen;
 mod surf;
 mod transfer;
 mod triangulate;

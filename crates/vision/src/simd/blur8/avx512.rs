@@ -6,12 +6,12 @@
 
 use std::arch::x86_64::{
     __m512, _mm_loadu_si128, _mm_storeu_si128, _mm512_add_epi32, _mm512_add_ps,
-    _mm512_alignr_epi32, _mm512_castps_si512, _mm512_castsi512_ps, _mm512_cvtepi32_epi8,
-    _mm512_cvtepi32_ps, _mm512_cvtepu8_epi32, _mm512_fmadd_ps, _mm512_set1_ps, _mm512_setzero_ps,
+    _mm512_castps_si512, _mm512_cvtepi32_epi8, _mm512_cvtepi32_ps, _mm512_cvtepu8_epi32,
+    _mm512_fmadd_ps, _mm512_set1_ps, _mm512_setzero_ps,
 };
 
-use super::super::masked::LANES;
 use super::ROUND;
+use crate::simd::sixteen::{LANES, from_lane};
 
 /// Weights of one half, with the middle one.
 pub(super) const HALF: usize = 4;
@@ -44,7 +44,7 @@ pub(super) fn weigh_both_u8(rows: &[&[u8]; AROUND], half: &[f32; HALF], out: &mu
         for x in [x.min(last), last] {
             let here = weigh_columns(rows, &weights, x);
             let next = weigh_columns(rows, &weights, x + AROUND - 1);
-            let next = columns_from::<{ (LANES + 1 - AROUND) as i32 }>(next, next);
+            let next = from_lane::<{ (LANES + 1 - AROUND) as i32 }>(next, next);
             weigh_along(here, next, &weights, out.as_mut_ptr().add(x));
         }
     }
@@ -77,12 +77,12 @@ unsafe fn weigh_columns(rows: [*const u8; AROUND], weights: &[__m512; HALF], x: 
 unsafe fn weigh_along(here: __m512, next: __m512, weights: &[__m512; HALF], out: *mut u8) {
     let columns = [
         here,
-        columns_from::<1>(here, next),
-        columns_from::<2>(here, next),
-        columns_from::<3>(here, next),
-        columns_from::<4>(here, next),
-        columns_from::<5>(here, next),
-        columns_from::<6>(here, next),
+        from_lane::<1>(here, next),
+        from_lane::<2>(here, next),
+        from_lane::<3>(here, next),
+        from_lane::<4>(here, next),
+        from_lane::<5>(here, next),
+        from_lane::<6>(here, next),
     ];
     let mut sum = _mm512_setzero_ps();
     for (k, &weight) in weights.iter().enumerate() {
@@ -92,12 +92,4 @@ unsafe fn weigh_along(here: __m512, next: __m512, weights: &[__m512; HALF], out:
     let rounded = _mm512_castps_si512(_mm512_add_ps(sum, _mm512_set1_ps(ROUND)));
     // SAFETY: the caller's.
     unsafe { _mm_storeu_si128(out.cast(), _mm512_cvtepi32_epi8(rounded)) };
-}
-
-/// Sixteen columns from the `FIRST` one on.
-#[inline]
-#[target_feature(enable = "avx512f")]
-fn columns_from<const FIRST: i32>(here: __m512, next: __m512) -> __m512 {
-    let [here, next] = [_mm512_castps_si512(here), _mm512_castps_si512(next)];
-    _mm512_castsi512_ps(_mm512_alignr_epi32::<FIRST>(next, here))
 }

@@ -9,13 +9,12 @@
 //! compares all bits. In front of each access stands why it is within its slice.
 
 use std::arch::x86_64::{
-    __m512, _MM_HINT_T0, _mm_prefetch, _mm512_add_ps, _mm512_alignr_epi32, _mm512_castps_si512,
-    _mm512_castsi512_ps, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_mask_storeu_ps, _mm512_set1_ps,
-    _mm512_setzero_ps, _mm512_storeu_ps,
+    __m512, _MM_HINT_T0, _mm_prefetch, _mm512_add_ps, _mm512_fmadd_ps, _mm512_loadu_ps,
+    _mm512_mask_storeu_ps, _mm512_set1_ps, _mm512_setzero_ps, _mm512_storeu_ps,
 };
 
 use super::ROWS_AT_ONCE;
-use crate::simd::masked::{LANES, first_lanes, load_or_zero};
+use crate::simd::sixteen::{LANES, first_lanes, from_lane, load_or_zero};
 
 /// Vectors of a block: with as many sums at work no unit waits for the sum before.
 const BLOCK: usize = 4;
@@ -144,7 +143,7 @@ fn symmetric_block<const V: usize, const FULL: bool>(
                 let tap = _mm512_set1_ps(taps[radius - $distance]);
                 for j in 0..V {
                     let next = if j + 1 < V { middles[j + 1] } else { beyond };
-                    let both = _mm512_add_ps(lefts[j], shifted::<$distance>(middles[j], next));
+                    let both = _mm512_add_ps(lefts[j], from_lane::<$distance>(middles[j], next));
                     sums[j] = _mm512_fmadd_ps(tap, both, sums[j]);
                 }
             }
@@ -153,19 +152,6 @@ fn symmetric_block<const V: usize, const FULL: bool>(
     add_pairs!(16 15 14 13 12 11 10 9 8 7 6 5 4 3 2 1);
     add_scaled(&mut sums, middles, taps[radius]);
     store::<V, FULL>(out, x, sums);
-}
-
-/// Sixteen lanes from lane `N` of `first` on, with `then` behind it.
-#[inline]
-#[target_feature(enable = "avx512f")]
-fn shifted<const N: i32>(first: __m512, then: __m512) -> __m512 {
-    if N == LANES as i32 {
-        return then;
-    }
-    _mm512_castsi512_ps(_mm512_alignr_epi32::<N>(
-        _mm512_castps_si512(then),
-        _mm512_castps_si512(first),
-    ))
 }
 
 /// Vectors from place `x` on; what lies beyond the end is zero, and there is nothing if they are `FULL`.

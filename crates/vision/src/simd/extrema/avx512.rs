@@ -10,14 +10,13 @@
 //! compares the columns found. Lanes beyond the rows are not read.
 
 use std::arch::x86_64::{
-    __m512, _CMP_GE_OQ, _CMP_GT_OQ, _CMP_LE_OQ, _CMP_LT_OQ, _mm512_alignr_epi32,
-    _mm512_castps_si512, _mm512_castsi512_ps, _mm512_cmp_ps_mask, _mm512_loadu_ps,
+    __m512, _CMP_GE_OQ, _CMP_GT_OQ, _CMP_LE_OQ, _CMP_LT_OQ, _mm512_cmp_ps_mask, _mm512_loadu_ps,
     _mm512_mask_cmp_ps_mask, _mm512_max_ps, _mm512_min_ps, _mm512_set1_ps, _mm512_sub_ps,
 };
 use std::ops::Range;
 
 use super::{ThreeRows, Windows, beats_other_layers, windows};
-use crate::simd::masked::{LANES, load_or_zero};
+use crate::simd::sixteen::{LANES, from_lane, load_or_zero};
 
 /// Of each column the largest and the smallest of three differences, and the one in the middle.
 #[derive(Clone, Copy)]
@@ -68,10 +67,10 @@ pub(super) fn find(
             }
         };
         let (mut most, mut least) = (here.most, here.least);
-        most = _mm512_max_ps(most, shifted::<15>(here.most, before.most));
-        most = _mm512_max_ps(most, shifted::<1>(after.most, here.most));
-        least = _mm512_min_ps(least, shifted::<15>(here.least, before.least));
-        least = _mm512_min_ps(least, shifted::<1>(after.least, here.least));
+        most = _mm512_max_ps(most, from_lane::<15>(before.most, here.most));
+        most = _mm512_max_ps(most, from_lane::<1>(here.most, after.most));
+        least = _mm512_min_ps(least, from_lane::<15>(before.least, here.least));
+        least = _mm512_min_ps(least, from_lane::<1>(here.least, after.least));
         let centre = here.middle;
         let top = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(centre, above);
         let top = _mm512_mask_cmp_ps_mask::<_CMP_GE_OQ>(top, centre, most);
@@ -163,14 +162,4 @@ unsafe fn load<const FULL: bool>(row: &[f32], x: usize) -> __m512 {
         return unsafe { _mm512_loadu_ps(row.as_ptr().add(x)) };
     }
     load_or_zero(row, x)
-}
-
-/// Sixteen lanes from lane `N` of `first` on, with `then` behind it.
-#[inline]
-#[target_feature(enable = "avx512f")]
-fn shifted<const N: i32>(then: __m512, first: __m512) -> __m512 {
-    _mm512_castsi512_ps(_mm512_alignr_epi32::<N>(
-        _mm512_castps_si512(then),
-        _mm512_castps_si512(first),
-    ))
 }

@@ -20,7 +20,7 @@ use std::arch::x86_64::{
 };
 
 use super::{Block, Gradients, MIDDLE, NO_FRACTION, PatchGrid, PatchSums};
-use crate::simd::masked::{LANES, load_or_zero};
+use crate::simd::sixteen::{LANES, load_or_zero};
 
 /// Directions.
 const BINS: usize = 8;

@@ -1,0 +1,40 @@
+//! Vectors of 64 bytes: sixteen values of a slice, or as many as it has, and sixteen that lie across two vectors.
+
+use std::arch::x86_64::{
+    __m512, _mm512_alignr_epi32, _mm512_castps_si512, _mm512_castsi512_ps, _mm512_maskz_loadu_ps,
+};
+
+/// Values of a vector.
+pub(super) const LANES: usize = 16;
+
+/// The first `count` lanes, or all.
+#[inline(always)]
+pub(super) fn first_lanes(count: usize) -> u16 {
+    if count < LANES {
+        (1 << count) - 1
+    } else {
+        u16::MAX
+    }
+}
+
+/// The values from place `x` on; lanes beyond the last are zero.
+#[inline]
+#[target_feature(enable = "avx512f")]
+pub(super) fn load_or_zero(values: &[f32], x: usize) -> __m512 {
+    let values = &values[x.min(values.len())..];
+    // SAFETY: lanes beyond the slice are not read.
+    unsafe { _mm512_maskz_loadu_ps(first_lanes(values.len()), values.as_ptr()) }
+}
+
+/// The values from lane `N` of `first` on, with those of `then` behind them; all of `then` for 16.
+#[inline]
+#[target_feature(enable = "avx512f")]
+pub(super) fn from_lane<const N: i32>(first: __m512, then: __m512) -> __m512 {
+    if N == LANES as i32 {
+        return then;
+    }
+    _mm512_castsi512_ps(_mm512_alignr_epi32::<N>(
+        _mm512_castps_si512(then),
+        _mm512_castps_si512(first),
+    ))
+}
