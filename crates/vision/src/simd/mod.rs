@@ -97,6 +97,8 @@ mod moments;
 mod normalize;
 mod orb;
 mod pooling;
+#[cfg(target_arch = "x86_64")]
+mod prefetch;
 mod rectify;
 mod refine;
 mod resample;

@@ -9,11 +9,12 @@
 //! compares all bits. In front of each access stands why it is within its slice.
 
 use std::arch::x86_64::{
-    __m512, _MM_HINT_T0, _mm_prefetch, _mm512_add_ps, _mm512_fmadd_ps, _mm512_loadu_ps,
-    _mm512_mask_storeu_ps, _mm512_set1_ps, _mm512_setzero_ps, _mm512_storeu_ps,
+    __m512, _mm512_add_ps, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_mask_storeu_ps, _mm512_set1_ps,
+    _mm512_setzero_ps, _mm512_storeu_ps,
 };
 
 use super::ROWS_AT_ONCE;
+use crate::simd::prefetch::prefetch;
 use crate::simd::sixteen::{LANES, first_lanes, from_lane, load_or_zero};
 
 /// Vectors of a block: with as many sums at work no unit waits for the sum before.
@@ -62,15 +63,14 @@ fn rows_block<const V: usize, const FULL: bool>(
     let count = taps.len();
     let mut sums = [[_mm512_setzero_ps(); V]; R];
     // The rows lie in the second-level cache, too far apart for the processor to guess the next block.
-    let prefetch = |row: &[f32]| {
-        for j in 0..V {
-            let next = row.as_ptr().wrapping_add(x + (V + j) * LANES);
-            _mm_prefetch::<_MM_HINT_T0>(next.cast());
+    let prefetch_next = |row: &[f32]| {
+        if let Some(next) = row[x..].get(V * LANES..2 * V * LANES) {
+            prefetch(next);
         }
     };
     for (j, row) in rows[..R - 1].iter().enumerate() {
         let values = load::<V, FULL>(row, x);
-        prefetch(row);
+        prefetch_next(row);
         for r in 0..R {
             if r <= j {
                 add_scaled(&mut sums[r], values, taps[j - r]);
@@ -79,14 +79,14 @@ fn rows_block<const V: usize, const FULL: bool>(
     }
     for (row, taps) in rows[R - 1..count].iter().zip(taps.windows(R)) {
         let values = load::<V, FULL>(row, x);
-        prefetch(row);
+        prefetch_next(row);
         for r in 0..R {
             add_scaled(&mut sums[r], values, taps[R - 1 - r]);
         }
     }
     for (i, row) in rows[count..].iter().enumerate() {
         let values = load::<V, FULL>(row, x);
-        prefetch(row);
+        prefetch_next(row);
         for r in 0..R {
             if r > i {
                 add_scaled(&mut sums[r], values, taps[count + i - r]);
@@ -136,6 +136,7 @@ fn symmetric_block<const V: usize, const FULL: bool>(
     let middles = load::<V, FULL>(padded, x + radius);
     let beyond = load_or_zero(padded, x + radius + V * LANES);
     let mut sums = [_mm512_setzero_ps(); V];
+    // Up to LARGEST_RADIUS.
     macro_rules! add_pairs {
         ($($distance:literal)*) => {$(
             if $distance <= radius {

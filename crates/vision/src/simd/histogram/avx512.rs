@@ -32,7 +32,7 @@ const STEPS: usize = 8;
 /// place of the pixel: five places from the column before the first cell to the last, and as many rows of these.
 /// Lane 16 stands for none. For each four of sixteen pixels in turn, whose weights are in one vector; to add the place
 /// of the four to the lanes would cost a pixel one of ten instructions.
-static WEIGHTS: [[Lanes<u32>; 32]; 4] = weights();
+static WEIGHTS: [[Lanes<u32>; 32]; LANES / 4] = weights();
 
 /// Sixteen numbers, in one cache line.
 #[derive(Clone, Copy)]
@@ -221,10 +221,10 @@ fn store(lanes: &mut Lanes<f32>, vector: __m512) {
     unsafe { _mm512_storeu_ps(lanes.0.as_mut_ptr(), vector) };
 }
 
-const fn weights() -> [[Lanes<u32>; 32]; 4] {
-    let mut weights = [[Lanes([16; LANES]); 32]; 4];
+const fn weights() -> [[Lanes<u32>; 32]; LANES / 4] {
+    let mut weights = [[Lanes([16; LANES]); 32]; LANES / 4];
     let mut i = 0;
-    while i < 4 * LANES {
+    while i < LANES / 4 * LANES {
         let (four, cell) = (i / LANES, i % LANES);
         let first = 4 * four as u32;
         // Places where the cell is below right, below left, above right and above left of the pixel.

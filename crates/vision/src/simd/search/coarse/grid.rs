@@ -6,7 +6,7 @@ use std::arch::x86_64::{
     _mm256_setzero_ps, _mm256_sub_ps,
 };
 
-use super::within::prefetch;
+use crate::simd::prefetch::prefetch;
 
 /// Longest row: with more values the rounding would take a noticeable part of [`PRODUCT`].
 pub(super) const MAX_DIM: usize = 1024;

@@ -6,7 +6,8 @@ use super::keep::{keep, keep_avx512};
 use super::panels::Bounds;
 use super::principal::{self, Projected, mean_of};
 use super::tile::{Apart, Tile};
-use super::within::{LANES, ROWS, prefetch, second_sums_avx512, within, within_avx512};
+use super::within::{LANES, ROWS, second_sums_avx512, within, within_avx512};
+use crate::simd::prefetch::prefetch;
 
 /// Queries that see a panel one after the other: whole blocks. Their bytes fill a tenth of a second-level
 /// cache, and the candidates of each panel are fetched for so many at once; with more of them they have

@@ -9,11 +9,11 @@
 //! lanes at a time.
 
 use std::arch::x86_64::{
-    __m256i, __m512i, _MM_HINT_T0, _mm_prefetch, _mm256_add_epi16, _mm256_add_epi32,
-    _mm256_castsi256_ps, _mm256_cmpgt_epi32, _mm256_loadu_si256, _mm256_madd_epi16,
-    _mm256_maddubs_epi16, _mm256_movemask_ps, _mm256_set1_epi16, _mm256_set1_epi32,
-    _mm256_setzero_si256, _mm512_cmpge_epi32_mask, _mm512_dpbusd_epi32, _mm512_loadu_si512,
-    _mm512_max_epi32, _mm512_min_epi32, _mm512_set1_epi32, _mm512_storeu_si512,
+    __m256i, __m512i, _mm256_add_epi16, _mm256_add_epi32, _mm256_castsi256_ps, _mm256_cmpgt_epi32,
+    _mm256_loadu_si256, _mm256_madd_epi16, _mm256_maddubs_epi16, _mm256_movemask_ps,
+    _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256, _mm512_cmpge_epi32_mask,
+    _mm512_dpbusd_epi32, _mm512_loadu_si512, _mm512_max_epi32, _mm512_min_epi32, _mm512_set1_epi32,
+    _mm512_storeu_si512,
 };
 
 /// Candidates of a panel: four vectors of sixteen, or eight of eight.
@@ -209,15 +209,6 @@ fn second_of(values: &[i32]) -> i32 {
         most = most.max(value);
     }
     next
-}
-
-/// Asks for values that are read soon.
-#[inline]
-pub(super) fn prefetch<T>(values: &[T]) {
-    for line in values.chunks(64 / size_of::<T>()) {
-        // SAFETY: nothing is read; the address is that of a value.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) };
-    }
 }
 
 /// The rows of a block.
