@@ -7,8 +7,7 @@ for scene in office-wide object-wide cabinet-wide facade; do
 done
 for turns in true false; do
     matchbench run tum kitchen --matchers all --estimator adaptive --set adaptive.turns=$turns --repeat 5 --out runs/small-$turns
-    matchbench run castle --matchers sift,rootsift,dsp-sift,surf,orb,brisk,kaze,akaze,dlco,freak,freak-sift,binboost,latch,daisy,adalam,asift,code,repmatch,gms,gms-s,adalam-asift \
-        --estimator adaptive --set adaptive.turns=$turns --repeat 5 --out runs/castle-$turns
+    matchbench run castle --matchers all --estimator adaptive --set adaptive.turns=$turns --repeat 5 --out runs/castle-$turns
     matchbench run kitchen231 office-wide object-wide cabinet-wide facade --matchers sift,surf,akaze,orb,kaze --estimator adaptive,best \
         --set adaptive.turns=$turns --set best.turns=$turns --repeat 3 --out runs/tuning-$turns
 done
