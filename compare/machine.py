@@ -16,5 +16,5 @@ def processor():
         found = re.search(rf"^{name}\s*: (.*)$", text, re.MULTILINE)
         return found[1].strip() if found else "unknown"
 
-    widest = next((name for name in ("avx512f", "avx2") if f" {name} " in text), "portable")
+    widest = next((name for name in ("amx_int8", "avx512f", "avx2") if f" {name} " in text), "portable")
     return f"{field('model name')}, family {field('cpu family')} model {field('model')}, {widest}"

@@ -216,6 +216,7 @@ fn instructions() -> &'static str {
         InstructionSet::Portable => "",
         InstructionSet::Avx2 => " with AVX2 and FMA",
         InstructionSet::Avx512 => " with AVX-512",
+        InstructionSet::Amx => " with AVX-512 and AMX",
     }
 }
 

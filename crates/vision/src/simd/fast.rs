@@ -40,7 +40,7 @@ multiversioned! {
         assert!(rows.iter().all(|row| row.len() == width), "rows of one length");
         scores.fill(0);
         let mut x = 0;
-        if InstructionSet::in_use() == InstructionSet::Avx512 {
+        if InstructionSet::in_use() >= InstructionSet::Avx512 {
             while x + 2 * LANES + 6 <= width {
                 let block = score_block::<{ 2 * LANES }>(rows, x, threshold);
                 scores[x + 3..][..2 * LANES].copy_from_slice(&block);
@@ -91,7 +91,7 @@ fn maxima(rows: [&[u8]; 3], least: u8, found: &mut Vec<usize>, wanted: impl Fn(u
     );
     assert!(least > 0, "0 is no score");
     let mut x = 1;
-    if InstructionSet::in_use() == InstructionSet::Avx512 {
+    if InstructionSet::in_use() >= InstructionSet::Avx512 {
         while x + 2 * LANES < width {
             find_in_block::<{ 2 * LANES }>(rows, x, x, least, found, &wanted);
             x += 2 * LANES;

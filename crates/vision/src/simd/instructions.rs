@@ -1,6 +1,6 @@
 //! Which instructions the kernels use: the widest that the processor has, or those asked for.
 //!
-//! The environment variable `MATCHBENCH_SIMD` (`portable`, `avx2` or `avx512`) asks for one set, so
+//! The environment variable `MATCHBENCH_SIMD` (`portable`, `avx2`, `avx512` or `amx`) asks for one set, so
 //! that versions can be compared on one machine. It and the choice made from it, which is kept for
 //! the life of the process, are all that this package knows beside its arguments. That is no way to
 //! change a result: every version gives the same bits.
@@ -8,11 +8,13 @@
 //! "AVX-512" means what Intel's Ice Lake (2019) and AMD's Zen 4 (2022) brought: the base of x86-64-v4,
 //! products of bytes (VNNI), counts of bits (VPOPCNTDQ) and permutations of bytes (VBMI). Processors that
 //! have less of it clock down so far for vectors of 64 bytes that those of 32 are as fast, so they use
-//! AVX2.
+//! AVX2. "AMX" is, beside that, what Intel's Sapphire Rapids (2023) brought: products of tiles of bytes.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use crate::params::ParamError;
+#[cfg(target_arch = "x86_64")]
+use crate::simd::tiles;
 
 /// Instructions that kernels are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -23,16 +25,18 @@ pub enum InstructionSet {
     Avx2,
     /// Vectors of 64 bytes, products and permutations of bytes, counts of bits.
     Avx512,
+    /// Those, and products of tiles of bytes in the searches.
+    Amx,
 }
 
-use InstructionSet::{Avx2, Avx512, Portable};
+use InstructionSet::{Amx, Avx2, Avx512, Portable};
 
 /// The choice, or 0 before it is made. A race makes the same choice twice.
 static IN_USE: AtomicU8 = AtomicU8::new(0);
 
 impl InstructionSet {
     /// All of them, from the narrowest to the widest.
-    pub const ALL: [Self; 3] = [Portable, Avx2, Avx512];
+    pub const ALL: [Self; 4] = [Portable, Avx2, Avx512, Amx];
 
     /// Its name in `MATCHBENCH_SIMD`.
     pub fn name(self) -> &'static str {
@@ -40,6 +44,7 @@ impl InstructionSet {
             Portable => "portable",
             Avx2 => "avx2",
             Avx512 => "avx512",
+            Amx => "amx",
         }
     }
 
@@ -53,7 +58,11 @@ impl InstructionSet {
             if has!("avx2" "fma") {
                 let wider = has!("avx512f" "avx512bw" "avx512cd" "avx512dq" "avx512vl")
                     && has!("avx512vnni" "avx512vpopcntdq" "avx512vbmi");
-                return if wider { Avx512 } else { Avx2 };
+                return match wider {
+                    true if tiles::are_there() => Amx,
+                    true => Avx512,
+                    false => Avx2,
+                };
             }
         }
         Portable
@@ -76,7 +85,7 @@ impl InstructionSet {
                 widest.name()
             ))),
             None => Err(ParamError(format!(
-                "MATCHBENCH_SIMD is `{name}`, but must be portable, avx2 or avx512"
+                "MATCHBENCH_SIMD is `{name}`, but must be portable, avx2, avx512 or amx"
             ))),
         }
     }
@@ -92,6 +101,7 @@ impl InstructionSet {
             return set;
         }
         match IN_USE.load(Ordering::Relaxed) {
+            4 => Amx,
             3 => Avx512,
             2 => Avx2,
             1 => Portable,

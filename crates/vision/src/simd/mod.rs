@@ -41,7 +41,7 @@ macro_rules! multiversioned {
                 }
                 match InstructionSet::in_use() {
                     // SAFETY: no more is in use than was detected on this processor.
-                    InstructionSet::Avx512 => return unsafe { avx512($($arg),*) },
+                    InstructionSet::Avx512 | InstructionSet::Amx => return unsafe { avx512($($arg),*) },
                     // SAFETY: as before.
                     InstructionSet::Avx2 => return unsafe { avx2($($arg),*) },
                     InstructionSet::Portable => {}
@@ -109,6 +109,8 @@ mod search;
 #[cfg(target_arch = "x86_64")]
 mod sixteen;
 mod surf;
+#[cfg(target_arch = "x86_64")]
+mod tiles;
 mod transfer;
 mod triangulate;
 mod truncated;

@@ -18,7 +18,7 @@ const ROUND: f32 = 1.5 * (1 << 23) as f32;
 /// If the lengths do not fit.
 pub fn weigh_both_u8(rows: &[&[u8]], half: &[f32], between: &mut [f32], out: &mut [u8]) {
     #[cfg(target_arch = "x86_64")]
-    if InstructionSet::in_use() == InstructionSet::Avx512
+    if InstructionSet::in_use() >= InstructionSet::Avx512
         && let (Ok(rows), Ok(half)) = (rows.try_into(), half.try_into())
         && out.len() >= LANES
     {

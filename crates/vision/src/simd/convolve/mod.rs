@@ -19,7 +19,7 @@ pub const ROWS_AT_ONCE: usize = 4;
 pub fn weigh_rows(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) {
     assert_eq!(rows.len() + 1, taps.len() + out.len(), "a row for each tap");
     #[cfg(target_arch = "x86_64")]
-    if InstructionSet::in_use() == InstructionSet::Avx512
+    if InstructionSet::in_use() >= InstructionSet::Avx512
         && out.len() == ROWS_AT_ONCE
         && taps.len() >= ROWS_AT_ONCE
     {
@@ -42,7 +42,7 @@ pub fn weigh_symmetric(padded: &[f32], taps: &[f32], out: &mut [f32]) {
         "padding for the taps"
     );
     #[cfg(target_arch = "x86_64")]
-    if InstructionSet::in_use() == InstructionSet::Avx512
+    if InstructionSet::in_use() >= InstructionSet::Avx512
         && taps.len() / 2 <= avx512::LARGEST_RADIUS
     {
         // SAFETY: what is in use was detected on this processor.

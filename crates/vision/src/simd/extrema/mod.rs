@@ -26,7 +26,7 @@ pub fn find_extrema_of_differences(
     found: &mut Vec<u32>,
 ) {
     #[cfg(target_arch = "x86_64")]
-    if InstructionSet::in_use() == InstructionSet::Avx512 {
+    if InstructionSet::in_use() >= InstructionSet::Avx512 {
         let mut rows = layers.as_flattened().iter();
         assert!(
             columns.start > 0 && rows.all(|row| columns.end < row.len()),

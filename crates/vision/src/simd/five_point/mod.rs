@@ -72,7 +72,9 @@ pub fn five_point_of_eight(
 
         match InstructionSet::in_use() {
             // SAFETY: no more is in use than was detected on this processor.
-            InstructionSet::Avx512 => return unsafe { avx512(samples, oriented, out) },
+            InstructionSet::Avx512 | InstructionSet::Amx => {
+                return unsafe { avx512(samples, oriented, out) };
+            }
             // SAFETY: as before.
             InstructionSet::Avx2 => return unsafe { avx2(samples, oriented, out) },
             InstructionSet::Portable => {}

@@ -57,7 +57,7 @@ multiversioned! {
         #[cfg(target_arch = "x86_64")]
         match InstructionSet::in_use() {
             // SAFETY: what is in use was detected on this processor.
-            InstructionSet::Avx512 => return unsafe { avx512::sums(grid, gradients) },
+            InstructionSet::Avx512 | InstructionSet::Amx => return unsafe { avx512::sums(grid, gradients) },
             // SAFETY: as before.
             InstructionSet::Avx2 => return unsafe { avx2::sums(grid, gradients) },
             InstructionSet::Portable => {}

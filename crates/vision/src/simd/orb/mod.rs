@@ -59,7 +59,7 @@ const COPY_ROW: usize = 64;
 /// are read, or it panics.
 pub fn intensity_moments(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<[i32; 2]> {
     #[cfg(target_arch = "x86_64")]
-    if InstructionSet::in_use() == InstructionSet::Avx512 {
+    if InstructionSet::in_use() >= InstructionSet::Avx512 {
         // SAFETY: what is in use was detected on this processor.
         return unsafe { avx512::intensity_moments(pixels, centres) };
     }
@@ -81,7 +81,7 @@ pub fn compare_pairs(
 ) -> Vec<u64> {
     assert_eq!(centres.len(), turns.len(), "one turn for each centre");
     #[cfg(target_arch = "x86_64")]
-    if InstructionSet::in_use() == InstructionSet::Avx512 {
+    if InstructionSet::in_use() >= InstructionSet::Avx512 {
         // SAFETY: what is in use was detected on this processor.
         return unsafe { avx512::compare_pairs(pixels, centres, turns, pairs) };
     }

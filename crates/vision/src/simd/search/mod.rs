@@ -7,10 +7,13 @@
 //! registers; they are looked at one by one only when one of them beats the second best so far,
 //! which becomes rare quickly. Tiles of queries or of panels are sized for the second-level cache,
 //! and no matrix of distances is ever stored. Bits are counted differently: with tables, in
-//! [`two_nearest_bits`]. Real values are first compared as bytes, which rules out most candidates.
+//! [`two_nearest_bits`]. Real values are first compared as bytes, which rules out most candidates. Processors that
+//! multiply tiles of bytes compare bits, and values that bytes hold, with all candidates so: in `by_tiles`.
 
 mod among;
 mod bits;
+#[cfg(target_arch = "x86_64")]
+mod by_tiles;
 #[cfg(target_arch = "x86_64")]
 mod coarse;
 mod float;

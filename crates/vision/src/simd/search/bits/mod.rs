@@ -20,8 +20,15 @@
 //!    over all lanes: looking at lanes one by one would take as long as counting.
 //! 5. A query with fewer than two candidates nearer than 255, unlike everything, is compared once
 //!    more one by one.
+//!
+//! Where the processor multiplies tiles of bytes, distances are [sums of products](products) instead.
+
+#[cfg(target_arch = "x86_64")]
+mod products;
 
 use super::{TILE_BYTES, TwoNearest};
+#[cfg(target_arch = "x86_64")]
+use crate::simd::{InstructionSet, tiles::Tiles};
 
 /// Candidates of a panel.
 const LANES: usize = 128;
@@ -66,6 +73,11 @@ struct Sums([u8; LANES]);
 /// If `words` is 0.
 pub fn two_nearest_bits(a: &[u64], b: &[u64], words: usize) -> Vec<TwoNearest> {
     assert!(words > 0, "rows without words");
+    #[cfg(target_arch = "x86_64")]
+    if words <= products::MAX_WORDS && InstructionSet::in_use() == InstructionSet::Amx {
+        // SAFETY: what is in use was detected on this processor, and this thread uses tiles nowhere else meanwhile.
+        return unsafe { products::two_nearest(a, b, words, &mut Tiles::of_this_thread()) };
+    }
     let count = b.len() / words;
     let panels = pack(b, words);
     let mut best = vec![TwoNearest::none(u8::MAX); a.len() / words];

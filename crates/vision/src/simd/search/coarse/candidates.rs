@@ -8,10 +8,10 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::panels::Panels;
+use super::panels::{Bounds, Panels};
 use super::principal::{self, Principal, Projected};
 use super::within::LANES;
-use super::{WORTH, is_wide};
+use super::{WORTH, has_tiles, is_wide};
 
 /// Pairs from which on principal components are worth the work of finding them: with AVX2 SIFT's 9,800 x 7,500
 /// are faster with them, 5,000 x 5,000 slower.
@@ -95,9 +95,16 @@ pub(super) struct Candidates {
 }
 
 impl Candidates {
-    /// `None` where bytes cannot be made of the rows; principal components are tried for searches `in_two_steps`.
+    /// `None` where bytes cannot be made of the rows; principal components are tried for searches `in_two_steps`,
+    /// unless [all products](super::exact) are made anyway.
     #[target_feature(enable = "avx2,fma")]
     pub(super) fn of(rows: &[f32], dim: usize, is_wide: bool, in_two_steps: bool) -> Option<Self> {
+        if in_two_steps && has_tiles() {
+            let one_step = Self::of(rows, dim, is_wide, false)?;
+            if one_step.whole.are_exact() {
+                return Some(one_step);
+            }
+        }
         let components = if in_two_steps {
             Components::of(rows, dim, is_wide)
         } else {
@@ -114,6 +121,13 @@ impl Candidates {
             order,
             components,
         })
+    }
+
+    /// Bounds of the queries `rows` in their own order; `None` where bytes cannot be made of these.
+    #[target_feature(enable = "avx2,fma")]
+    pub(super) fn bounds_of(&self, rows: &[f32]) -> Option<Bounds<'_>> {
+        let order: Vec<u32> = (0..(rows.len() / self.dim) as u32).collect();
+        Bounds::of(&self.whole, rows, &order)
     }
 }
 

@@ -17,8 +17,11 @@
 //!    results are those of the search by definition. With AVX-512 bytes hold whole numbers exactly, as those of SIFT are,
 //!    and their distances are those of the definition.
 //! 7. What follows from candidates alone is made once for all searches among them (see [`Kept`]).
+//! 8. Where bytes lose nothing and the processor multiplies tiles of them, [all products](exact) are made: steps 3 to 6
+//!    are not needed.
 
 mod candidates;
+mod exact;
 mod grid;
 mod keep;
 mod panels;
@@ -29,11 +32,15 @@ mod tests;
 mod tile;
 mod within;
 
+use std::sync::Arc;
+
+use self::candidates::Candidates;
 use self::grid::MAX_DIM;
+use self::panels::Bounds;
 use self::searching::{Found, search};
 use self::tile::Apart;
 use super::{TwoNearest, two_nearest_among};
-use crate::simd::InstructionSet;
+use crate::simd::{InstructionSet, tiles::Tiles};
 
 pub(super) use self::candidates::{Kept, most_bytes};
 
@@ -55,7 +62,11 @@ pub(super) fn near_rows(
     apart: Option<Apart>,
 ) -> Vec<Option<Vec<u32>>> {
     let rows_of = |_, found: Found| found.near.iter().map(|&(index, _)| index).collect();
-    searched([a, b], dim, kept, apart, rows_of)
+    match prepared([a, b], dim, kept) {
+        // SAFETY: AVX2 and FMA were detected on this processor.
+        Some(candidates) => unsafe { search([a, b], &candidates, apart, rows_of) },
+        None => none(a, dim),
+    }
 }
 
 /// For each row of `a` its two nearest of `b`, where bytes help to find these: see [`near_rows`].
@@ -65,7 +76,20 @@ pub(super) fn two_nearest(
     dim: usize,
     kept: &Kept,
 ) -> Vec<Option<TwoNearest>> {
-    searched([a, b], dim, kept, None, two_nearest_of([a, b], dim))
+    let Some(candidates) = prepared([a, b], dim, kept) else {
+        return none(a, dim);
+    };
+    if has_tiles() && candidates.components.is_none() {
+        // SAFETY: AVX2 and FMA were detected on this processor.
+        let bounds = unsafe { candidates.bounds_of(a) };
+        if let Some(bounds) = bounds.filter(Bounds::are_exact) {
+            // SAFETY: what is in use was detected on this processor, and this thread uses tiles nowhere else meanwhile.
+            let best = unsafe { exact::two_nearest(&bounds, &mut Tiles::of_this_thread()) };
+            return best.into_iter().map(Some).collect();
+        }
+    }
+    // SAFETY: as before.
+    unsafe { search([a, b], &candidates, None, two_nearest_of([a, b], dim)) }
 }
 
 /// The two nearest among those that were found for a row of `a`.
@@ -85,31 +109,27 @@ fn two_nearest_of([a, b]: [&[f32]; 2], dim: usize) -> impl FnMut(usize, Found) -
     }
 }
 
-/// What `result` makes of what is found for each row of `a`.
-fn searched<T>(
-    rows: [&[f32]; 2],
-    dim: usize,
-    kept: &Kept,
-    apart: Option<Apart>,
-    result: impl FnMut(usize, Found) -> T,
-) -> Vec<Option<T>> {
-    let [a, b] = rows;
-    let none = || (0..a.len() / dim).map(|_| None).collect();
-    if !((1..=MAX_DIM).contains(&dim) && b.len() >= WORTH && has_avx2_and_fma()) {
-        return none();
-    }
-    match kept.for_search(b, dim, a.len() / dim) {
-        // SAFETY: AVX2 and FMA were detected on this processor.
-        Some(candidates) => unsafe { search(rows, &candidates, apart, result) },
-        None => none(),
-    }
+/// The candidates `b`, where bytes help.
+fn prepared([a, b]: [&[f32]; 2], dim: usize, kept: &Kept) -> Option<Arc<Candidates>> {
+    let is_worth_it = (1..=MAX_DIM).contains(&dim) && b.len() >= WORTH && has_avx2_and_fma();
+    is_worth_it.then(|| kept.for_search(b, dim, a.len() / dim))?
+}
+
+/// Nothing for each row of `a`.
+fn none<T>(a: &[f32], dim: usize) -> Vec<Option<T>> {
+    (0..a.len() / dim).map(|_| None).collect()
 }
 
 fn has_avx2_and_fma() -> bool {
     InstructionSet::in_use() >= InstructionSet::Avx2
 }
 
+/// Whether tiles of bytes are in use.
+fn has_tiles() -> bool {
+    InstructionSet::in_use() == InstructionSet::Amx
+}
+
 /// Whether AVX-512 with products of bytes is in use.
 fn is_wide() -> bool {
-    InstructionSet::in_use() == InstructionSet::Avx512
+    InstructionSet::in_use() >= InstructionSet::Avx512
 }

@@ -8,7 +8,7 @@ use crate::simd::search::pack;
 pub(super) const ROUNDING: f32 = 1e-3;
 
 /// Rows of at most so many bytes have squared distances that 32-bit floating point holds to the last digit.
-const MAX_EXACT_DIM: usize = (1 << 24) / (255 * 255);
+pub(super) const MAX_EXACT_DIM: usize = (1 << 24) / (255 * 255);
 
 /// Candidates as bytes, one after the other and in panels.
 pub(super) struct Panels {
@@ -45,6 +45,21 @@ impl Panels {
 
     pub(super) fn count(&self) -> usize {
         self.starts.len()
+    }
+
+    /// Quads of a row.
+    pub(super) fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Whether bytes are the values of the candidates, and squared distances of such bytes have few digits.
+    pub(super) fn are_exact(&self) -> bool {
+        self.grid.scale == 1.0 && self.dim <= MAX_EXACT_DIM && self.error == 0.0
+    }
+
+    /// The bytes of all candidates, one candidate after the other, and their parts of squared distances.
+    pub(super) fn candidates(&self) -> (&[i32], &[i32]) {
+        (&self.bytes.quads, &self.bytes.norms)
     }
 
     /// How much memory the candidates take.
@@ -101,9 +116,8 @@ impl<'a> Bounds<'a> {
         let blocks = order.len().div_ceil(ROWS);
         queries.quads.resize(blocks * ROWS * panels.width, 0);
         let scale = panels.grid.scale;
-        let is_unit = scale == 1.0 && panels.dim <= MAX_EXACT_DIM;
         Some(Self {
-            are_exact: is_unit && panels.error == 0.0 && queries.error() == 0.0,
+            are_exact: panels.are_exact() && queries.error() == 0.0,
             error: panels.error,
             scale,
             unit: 1.0 / scale,
@@ -117,6 +131,11 @@ impl<'a> Bounds<'a> {
     pub(super) fn allow(&mut self, rounding: f32, stretch: f32) {
         self.error += rounding * self.scale;
         self.scale *= stretch;
+    }
+
+    /// How many queries there are.
+    pub(super) fn count(&self) -> usize {
+        self.queries.norms.len()
     }
 
     /// The bytes of the query at a place and of those that follow it.

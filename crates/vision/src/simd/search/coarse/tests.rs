@@ -353,3 +353,31 @@ fn what_bytes_cannot_hold_is_left_to_the_definition() {
     }
     assert_eq!(check(7, MAX_DIM + 1, |value, _| value), 0);
 }
+
+#[test]
+fn whole_numbers_are_compared_by_the_definition() {
+    let mut rng = Seed(31).rng();
+    for (dim, rows) in [
+        (128, 1100),
+        (64, 700),
+        (61, 700),
+        (130, 500),
+        (258, 200),
+        (259, 200),
+    ] {
+        // Alike in pairs, as descriptors are, and many at the same distance.
+        let mut draw = |rows: usize, most: u32| -> Vec<f32> {
+            (0..rows * dim).map(|_| rng.below(most) as f32).collect()
+        };
+        for most in [2, 256] {
+            let b = draw(rows, most);
+            let mut a = draw(rows / 7, most);
+            a.extend(b.iter().map(|&value| (value - 1.0).max(0.0)));
+            let expected = defined(&a, &b, dim);
+            InstructionSet::for_each(|set| {
+                let found = two_nearest_floats(&a, &b, dim, &Prepared::default());
+                assert_eq!(found, expected, "{dim} values below {most}, {}", set.name());
+            });
+        }
+    }
+}
