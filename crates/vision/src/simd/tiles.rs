@@ -47,9 +47,11 @@ pub(super) fn are_there() -> bool {
     const FEATURES: u32 = 7;
     /// AMX-TILE and AMX-INT8, in EDX.
     const TILES_OF_BYTES: u32 = 1 << 24 | 1 << 25;
-    let highest = __cpuid_count(0, 0).eax;
-    highest >= FEATURES
-        && __cpuid_count(FEATURES, 0).edx & TILES_OF_BYTES == TILES_OF_BYTES
+    #[allow(unused_unsafe)] // which it no longer is in later versions of the language
+    // SAFETY: every processor of 64 bits answers.
+    let answer = |question| unsafe { __cpuid_count(question, 0) };
+    answer(0).eax >= FEATURES
+        && answer(FEATURES).edx & TILES_OF_BYTES == TILES_OF_BYTES
         && are_permitted()
 }
 

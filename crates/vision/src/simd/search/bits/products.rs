@@ -17,8 +17,9 @@ use crate::simd::search::TwoNearest;
 use crate::simd::search::by_tiles::{self, Comparison, FARTHEST, UNIT};
 use crate::simd::tiles::{Bytes, LANES, ROWS, Tiles};
 
-/// Words of rows that are compared so: 64 bits of each differ at most, and distances stay below the farthest.
-pub(super) const MAX_WORDS: usize = 1 << 12;
+/// Words of rows that are compared so: the bytes of those queries that are looked at together take 4 MiB at most, and
+/// distances are far below the farthest.
+pub(super) const MAX_WORDS: usize = 64;
 
 /// [`two_nearest_bits`](super::two_nearest_bits) for at most [`MAX_WORDS`] words.
 #[target_feature(enable = "avx512f,avx512bw")]
