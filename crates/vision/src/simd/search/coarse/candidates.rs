@@ -46,6 +46,13 @@ struct Made {
     candidates: Option<Arc<Candidates>>,
 }
 
+impl Made {
+    /// See [`Candidates::are_for_all_products`].
+    fn is_for_all_products(&self) -> bool {
+        (self.candidates.as_ref()).is_some_and(|candidates| candidates.are_for_all_products())
+    }
+}
+
 impl Kept {
     /// The candidates `b` for a search of so many `queries`, prepared now or before; `None` where that cannot be done.
     ///
@@ -64,7 +71,7 @@ impl Kept {
         let in_two_steps = rows >= MIN_CANDIDATES && state.pairs >= worth;
         let serves = |made: &&Made| {
             (made.rows, made.dim, made.is_wide) == (rows, dim, is_wide)
-                && made.in_two_steps >= in_two_steps
+                && (made.in_two_steps >= in_two_steps || made.is_for_all_products())
         };
         if let Some(made) = state.made.as_ref().filter(serves) {
             return made.candidates.clone();
@@ -101,7 +108,7 @@ impl Candidates {
     pub(super) fn of(rows: &[f32], dim: usize, is_wide: bool, in_two_steps: bool) -> Option<Self> {
         if in_two_steps && has_tiles() {
             let one_step = Self::of(rows, dim, is_wide, false)?;
-            if one_step.whole.are_exact() {
+            if one_step.are_for_all_products() {
                 return Some(one_step);
             }
         }
@@ -121,6 +128,11 @@ impl Candidates {
             order,
             components,
         })
+    }
+
+    /// Whether [all products](super::exact) with queries like these are made: principal components would not help.
+    pub(super) fn are_for_all_products(&self) -> bool {
+        has_tiles() && self.components.is_none() && self.whole.are_exact()
     }
 
     /// Bounds of the queries `rows` in their own order; `None` where bytes cannot be made of these.
@@ -232,6 +244,20 @@ mod tests {
         let kept = Kept::default();
         let candidates = kept.for_search(few, dim, PAIRS).expect("bytes");
         assert!(candidates.components.is_none());
+    }
+
+    #[test]
+    fn what_all_products_are_made_of_is_prepared_once() {
+        if !has_tiles() {
+            return;
+        }
+        let rows: Vec<f32> = (0..MIN_CANDIDATES * 64)
+            .map(|i| (i * i % 251) as f32)
+            .collect();
+        let kept = Kept::default();
+        let [few, many] = [1, PAIRS].map(|queries| kept.for_search(&rows, 64, queries));
+        let (few, many) = (few.expect("bytes"), many.expect("bytes"));
+        assert!(many.are_for_all_products() && Arc::ptr_eq(&few, &many));
     }
 
     #[test]

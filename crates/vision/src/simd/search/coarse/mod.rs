@@ -79,7 +79,7 @@ pub(super) fn two_nearest(
     let Some(candidates) = prepared([a, b], dim, kept) else {
         return none(a, dim);
     };
-    if has_tiles() && candidates.components.is_none() {
+    if candidates.are_for_all_products() {
         // SAFETY: AVX2 and FMA were detected on this processor.
         let bounds = unsafe { candidates.bounds_of(a) };
         if let Some(bounds) = bounds.filter(Bounds::are_exact) {
