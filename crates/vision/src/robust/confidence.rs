@@ -1,10 +1,11 @@
 //! How far an estimated pose can be trusted, by the matches alone.
 //!
-//! Any matches have some best model, also those of two images that show nothing in common. What tells a right one is
-//! that more of them lie near its epipolar lines than chance brings, that they do so all over the images, and that they determine
-//! the pose. So a pose is right with the probability `overlap * precise`, each a logistic regression (Cox, "The Regression
-//! Analysis of Binary Sequences", Journal of the Royal Statistical Society B 20, 1958) of numbers that are taken from the
-//! distances of all matches from the pose, whatever estimator and threshold found it:
+//! Every set of matches has some best model, even the matches of two images that show nothing in common. Three
+//! things tell that a model is right: more matches lie near its epipolar lines than chance brings, they do so all
+//! over the images, and they determine the pose. So a pose is right with the probability `overlap * precise`. Both
+//! factors are logistic regressions (Cox, "The Regression Analysis of Binary Sequences", Journal of the Royal
+//! Statistical Society B 20, 1958). Their inputs are numbers that are computed from the distances of all matches
+//! from the pose, whatever estimator and threshold found it:
 //!
 //! | of | number | meaning |
 //! | --- | --- | --- |
@@ -13,22 +14,26 @@
 //! | precise | deviation | how far the pose may be off in degrees, by the noise and the near matches of usual parallax; 0.01 to 180 |
 //! | precise | noise | variance of the distances of near matches in square pixels, at least 0.01 |
 //!
-//! Near matches are those within 2 pixels. The number of false alarms is how many models with so many near matches are to be
-//! expected if all matches are wrong and spread evenly (Moisan, Stival, "A Probabilistic Criterion to Detect Rigid Point Matches
-//! Between Two Images and Estimate the Fundamental Matrix", IJCV 57(3), 2004, eq. 13; samples have five matches here). Wrong
-//! matches crowd, which the cells tell. The parallax of a match is the angle between its rays, the rotation undone; the usual one is at
-//! most twice the median and 0.05 degrees. Wrong matches that happen to be near mostly have a larger one, and where the baseline is short, few
-//! of them would seem to determine the direction that all others leave open. The deviation is that of a pose refined over these matches,
-//! and how far this one is from it.
+//! *Near* matches are those within 2 pixels of their epipolar lines. The *number of false alarms* is how many
+//! models with so many near matches are expected if all matches are wrong and spread evenly (Moisan, Stival, "A
+//! Probabilistic Criterion to Detect Rigid Point Matches Between Two Images and Estimate the Fundamental Matrix",
+//! IJCV 57(3), 2004, eq. 13; samples have five matches here). Wrong matches are often crowded in few places, which
+//! the cells tell.
 //!
-//! `p = 1 / (1 + exp(-(w_0 + sum w_i ln number_i)))`. A low `overlap` says that the images show nothing in common or that
-//! the matches do not tell; these two cannot be told apart.
+//! The *parallax* of a match is the angle between its two rays, with the rotation undone. It is *usual* if it is at
+//! most twice the median and 0.05 degrees. Wrong matches that are near by chance mostly have a larger parallax.
+//! Where the baseline is short, a few of them would seem to determine the direction of translation, which all other
+//! matches leave open. So the deviation is computed from matches of usual parallax: it is that of a pose refined
+//! over these matches, and how far the given pose is from the refined one.
 //!
-//! The weights were fitted together to 15,252 poses that SIFT, RootSIFT, ORB, AKAZE, GMS and AdaLAM led to with `ransac-e`, `best` and
-//! `adaptive`: on KITTI 06 and rendered scenes with short and wide baselines, each place of the same weight, and on
-//! five sets of pairs of images of two different places, where `overlap` is known to be 0, of half that weight each. Each place left out
-//! by turns, the Brier score is 0.112 and the calibration error 0.05 in the mean over six places, and no pair of two places
-//! has an `overlap` above 0.5.
+//! Each regression is `p = 1 / (1 + exp(-(w_0 + sum w_i ln number_i)))`. A low `overlap` says that the images show
+//! nothing in common or that the matches do not tell; these two cases cannot be told apart.
+//!
+//! The weights of both were fitted together to 15,252 poses that SIFT, RootSIFT, ORB, AKAZE, GMS and AdaLAM led to
+//! with `ransac-e`, `best` and `adaptive`. The data are KITTI 06 and rendered scenes with short and wide baselines,
+//! where each place has the same weight, and five sets of pairs of images of two different places, where `overlap`
+//! is known to be 0, with half that weight each. If each place is left out in turn, the Brier score is 0.112 and
+//! the calibration error 0.05 in the mean over six places, and no pair of two places has an `overlap` above 0.5.
 
 use super::TwoViews;
 use super::consensus::inliers_within;

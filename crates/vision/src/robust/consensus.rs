@@ -13,23 +13,23 @@
 //! | p | `confidence` | 0.999 | reference protocol |
 //! | | `max_samples` | 1000 | OpenCV 4 |
 //!
-//! With `local_steps`, each new best model is improved by [`Problem::refine`], and what comes out
-//! replaces it if it is better yet: local optimisation (Chum, Matas, Kittler, "Locally Optimized
-//! RANSAC", DAGM 2003), here as Lebeda, Matas, Chum, "Fixing the Locally Optimized RANSAC", BMVC 2012
-//! recommend it: with a truncated quadratic score, and not before the sampling has warmed up.
+//! With `local_steps`, each new best model is improved by [`Problem::refine`], and the improved model replaces it
+//! if it is better. This is local optimisation (Chum, Matas, Kittler, "Locally Optimized RANSAC", DAGM 2003), in
+//! the form that Lebeda, Matas, Chum, "Fixing the Locally Optimized RANSAC", BMVC 2012 recommend: with a truncated
+//! quadratic score, and not before a number of samples were drawn.
 //!
-//! In the end the best model is compared with its rivals ([`Problem::rivals`]). A new best model whose sample is
-//! degenerate may be replaced ([`Problem::resolve_degeneracy`]), and data
-//! that cannot belong to it are excluded by a costlier check ([`Problem::exclude_impossible`]). With `sprt`,
-//! models that look bad are abandoned early (Matas, Chum, "Randomized RANSAC with Sequential Probability
-//! Ratio Test", ICCV 2005), which may lose a good one.
+//! In the end the best model is compared with its rivals ([`Problem::rivals`]). If the sample of a new best model
+//! is degenerate, another model may replace it ([`Problem::resolve_degeneracy`]). Data that cannot belong to it are
+//! excluded by a costlier check ([`Problem::exclude_impossible`]). With `sprt`, models that look bad are abandoned
+//! early (Matas, Chum, "Randomized RANSAC with Sequential Probability Ratio Test", ICCV 2005), which may lose a
+//! good one.
 //!
 //! In any case a model is abandoned as soon as an upper bound of its quality
 //! ([`Scoring::upper_bound`]) is below the quality of the best one; this changes no result.
 //!
-//! *Choices*, all as in OpenCV's `RANSAC`: w is the inlier ratio of the best model so far; the
-//! number of samples is rounded to the nearest integer (half to even) and never grows; a model
-//! needs at least as many inliers as a sample has data; there is no local optimisation.
+//! *Choices*, all as in OpenCV's `RANSAC`: w is the inlier ratio of the best model so far; the number of samples is
+//! rounded to the nearest integer (half to even) and never grows; a model needs at least as many inliers as a
+//! sample has data; by default there is no local optimisation.
 
 use super::sprt::Sprt;
 use super::{Problem, Sampling, Scoring, Support};

@@ -1,4 +1,11 @@
 //! The essential matrix of two views, from five matches at a time.
+//!
+//! Nistér, "An Efficient Solution to the Five-Point Relative Pose Problem", IEEE Transactions on Pattern Analysis
+//! and Machine Intelligence 26(6), 2004.
+//!
+//! Matches are points at depth 1, so calibration and lens distortion are undone already. Five of them give up to
+//! ten essential matrices ([`five_point_of_each`], eight samples at a time). A residual is the squared Sampson
+//! distance of a match from its epipolar line.
 
 use std::ops::Range;
 

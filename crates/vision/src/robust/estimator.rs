@@ -1,5 +1,5 @@
-//! What an estimator is: from matched points and two cameras to a relative pose, or from matched points
-//! alone to a homography; or to none.
+//! The traits and results of estimators. An estimator of poses takes matched points and two cameras and returns a
+//! relative pose; an estimator of homographies takes matched points alone. Either may find none ([`NoPose`]).
 
 use std::fmt;
 

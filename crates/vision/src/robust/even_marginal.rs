@@ -1,15 +1,15 @@
 //! Even MSAC over several thresholds at once, for matches whose noise is known roughly.
 //!
-//! The best threshold depends on the noise of the matches, which differs between pairs: images are blurred,
-//! keypoints are found at coarse scales. MAGSAC (Barath, Noskova, Matas, "MAGSAC: Marginalizing Sample
-//! Consensus", CVPR 2019) does not choose one noise level but averages the score over all of them. So does this
-//! score, with that of [`EvenMsac`](super::EvenMsac): the mean of `sum w max(0, 1 - r^2 / t_k^2)` over thresholds
-//! t_k in steps of two about the given one. Equal steps of the logarithm say that no order of magnitude is
-//! likelier than another (Jeffreys' prior of a scale).
+//! The best threshold depends on the noise of the matches, which differs between pairs: some images are blurred,
+//! and some keypoints are found at coarse scales. MAGSAC (Barath, Noskova, Matas, "MAGSAC: Marginalizing Sample
+//! Consensus", CVPR 2019) does not choose one noise level but averages the score over all of them. This score does
+//! the same with that of [`EvenMsac`](super::EvenMsac): it is the mean of `sum w max(0, 1 - r^2 / t_k^2)` over
+//! thresholds t_k in steps of two about the given threshold. Equal steps of the logarithm say that no order of
+//! magnitude is likelier than another (Jeffreys' prior of a scale).
 //!
-//! The given threshold itself need not be known either: `noise_iterations` samples are drawn with the guess
-//! that was made, and the best model of these tells the [noise](super::noise_scale) sigma of the pair; then the
-//! search begins with a threshold of 5 sigma.
+//! The given threshold need not be right either. First `noise_iterations` samples are drawn with this first guess.
+//! The best model of these gives the [noise](super::noise_scale) sigma of the pair, and the search begins anew with
+//! a threshold of 5 sigma.
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
@@ -18,9 +18,10 @@
 //! | - | `noise_iterations` | 100 | tuned, 100 and 300 |
 //! | - | - | threshold of 5 sigma | tuned, 2.5 to 6 |
 //!
-//! *Tuned* on the kitchen of 7-Scenes and four rendered scenes, with SIFT, ORB, AKAZE and KAZE. Mean AUC of
-//! three repetitions: rendered scenes 0.574 (`best` 0.567), kitchen 0.267 (0.265). Thresholds down to 1/8 are better yet where images are
-//! rendered, but worse in the kitchen, where calibration and lens are not exact and no match is.
+//! *Tuned* on the kitchen of 7-Scenes and four rendered scenes, with SIFT, ORB, AKAZE and KAZE. The mean AUC of
+//! three repetitions is 0.574 on the rendered scenes (`best` 0.567) and 0.267 on the kitchen (`best` 0.265).
+//! Thresholds down to 1/8 are better still where images are rendered, but worse in the kitchen, where calibration
+//! and lens are not exact and so no match is.
 
 use std::ops::Range;
 

@@ -1,24 +1,24 @@
 //! Weights of matches, such that a crowd of them does not outvote the rest of the scene.
 //!
-//! Matches that lie close together are not independent witnesses: one repeated or textured surface, or
-//! one corner found at many scales, can outvote everything else for a model that explains nothing else.
-//! So a grid is laid over the points of each view, and a match weighs `1 / sqrt(max(n_a, n_b))`, where
-//! n_a and n_b are the numbers of matches in its cells: n matches in a cell say as much as sqrt(n) lonely
-//! ones, between the n that independent witnesses would be worth and the single one that copies
-//! of each other are. The weights are scaled to a mean of 1.
+//! Matches that lie close together are not independent evidence: one repeated or textured surface, or one corner
+//! found at many scales, can outvote everything else for a model that explains nothing else. So a grid is laid over
+//! the points of each view, and a match weighs `1 / sqrt(max(n_a, n_b))`, where n_a and n_b are the numbers of
+//! matches in its cells. So n matches in a cell count as much as sqrt(n) lonely ones. That is between n, which
+//! would be right for independent matches, and 1, which would be right for copies of each other. The weights are
+//! scaled to a mean of 1.
 //!
-//! Where matches are [trusted](super::turns) differently, that is a factor of their weights.
+//! Where matches are [trusted](super::turns) to different degrees, the trust is a factor of the weight.
 //!
-//! Ours. That the spread of matches tells more than their number is how COLMAP chooses its next image
-//! (Schoenberger, Frahm, "Structure-from-Motion Revisited", CVPR 2016, sec. 4.2).
+//! The weights are ours. COLMAP chooses its next image by the same idea, that the spread of matches tells more than
+//! their number (Schoenberger, Frahm, "Structure-from-Motion Revisited", CVPR 2016, sec. 4.2).
 //!
 //! | symbol | argument | default | source |
 //! | --- | --- | --- | --- |
 //! | | `cells` | 10 across and down | tuned on the kitchen of 7-Scenes, 6 to 20 |
 //!
-//! *Choice*: on the kitchen, and on the rendered scenes, the exponents 1/2, 0.7 and 1 of n do equally well
-//! over 14 matchers (mean AUC on the kitchen 0.306, 0.307 and 0.306; 0.284 without weights). The mildest of them was
-//! taken, with a side glance at TUM, where 1 loses 0.02 with ORB, AKAZE and DLCO.
+//! *Choice*: on the kitchen, and on the rendered scenes, the exponents 1/2, 0.7 and 1 of n do equally well over 14
+//! matchers (mean AUC on the kitchen 0.306, 0.307 and 0.306; 0.284 without weights). The smallest exponent was
+//! taken, with a glance at TUM, where 1 loses 0.02 with ORB, AKAZE and DLCO.
 
 use std::ops::Range;
 

@@ -7,8 +7,9 @@
 //! 1. [`consensus_until`](super::consensus_until) over samples of four matches finds the best homography
 //!    by symmetric transfer distances in pixels; each new best one is improved by
 //!    [`refine_homography`] with a truncated loss.
-//! 2. A final refinement over the matches near the result, with the loss of choice. With Cauchy's loss, whose scale
-//!    follows from the distances of the inliers, it is done again from there: the first model has others.
+//! 2. A final refinement over the matches near the result, with the loss of choice. The scale of Cauchy's loss
+//!    follows from the distances of the inliers. These distances change by the refinement, so with this loss it is
+//!    done once more from its result.
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
@@ -28,8 +29,8 @@
 //! "Epipolar Geometry Estimation via RANSAC Benefits from the Oriented Epipolar Constraint", ICPR 2004,
 //! for homographies).
 //!
-//! Cameras take no part: an image that its lens bends is no picture of a plane by a homography, and where
-//! that matters it is to be straightened before.
+//! Cameras are not used. If a lens bends the image of a plane, no homography describes it exactly; where that
+//! matters, straighten the image first.
 
 mod params;
 

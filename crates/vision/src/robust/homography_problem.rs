@@ -1,5 +1,5 @@
-//! The homography of two views, from four matches at a time: what relates views of a plane, or views
-//! from one place.
+//! The homography of two views, from four matches at a time. Views of a plane, and views from one place, are
+//! related by a homography.
 //!
 //! Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2nd edition, 2004, sec. 4.7.
 //!

@@ -1,4 +1,4 @@
-//! Least median of squares.
+//! Least median of squares: a score that needs no threshold, as long as more than half of the data are right.
 
 use std::ops::Range;
 

@@ -1,4 +1,5 @@
-//! MAGSAC++: a threshold that need not be exact.
+//! MAGSAC++: a score that averages over all noise levels up to a largest one, so that its threshold need not be
+//! exact.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! MLESAC: maximum likelihood instead of a count.
+//! MLESAC: a score that is the likelihood of all residuals, instead of a count of inliers.
 
 use std::ops::Range;
 

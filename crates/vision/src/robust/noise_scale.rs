@@ -1,23 +1,30 @@
 //! How large the noise of the matches of one pair is.
 //!
-//! Distances from a good model are of three kinds. Those of right matches are half-normal, with the standard deviation
-//! sigma that is wanted. Those of matches that are nearly right are half-normal too, but wider: a neighbour that looks
-//! alike was taken, or one that moves with the others, as selectors by motion keep them (GMS, CODE). Those of wrong ones
-//! are uniform, since near an epipolar line no distance is likelier than another. Expectation maximisation (Dempster,
-//! Laird, Rubin, Journal of the Royal Statistical Society B 39, 1977) finds the shares and sigma, as MLESAC does for one
-//! share alone (Torr, Zisserman, CVIU 78, 2000, sec. 4), over the distances below 10 pixels:
+//! The distances of matches from a good model are a mixture of three kinds:
 //!
-//! 1. The probability of each match to be right, nearly right or wrong, from the current shares and sigma.
-//! 2. Their means are the new shares.
-//! 3. The mean of the squared distances of right ones, and of nearly right ones divided by the square of how much wider
-//!    these are, with these weights is the new sigma^2.
+//! - *Right* matches: half-normal, with the standard deviation sigma that is wanted.
+//! - *Nearly right* matches: half-normal too, but wider. A neighbour that looks alike was matched, or one that
+//!   moves with the others, as selectors by motion keep them (GMS, CODE).
+//! - *Wrong* matches: uniform, since near an epipolar line no distance is likelier than another.
 //!
-//! Matches that are all right but far from exact look like nearly right ones of a smaller sigma. So there are at most
-//! twice as many nearly right ones as right ones; and since the rounds may end at either answer, they start twice, from
-//! half a pixel and from the sigma that is found without the nearly right ones, and the likelier end is the answer.
+//! Expectation maximisation (Dempster, Laird, Rubin, Journal of the Royal Statistical Society B 39, 1977) finds the
+//! shares of the kinds and sigma, as MLESAC does for one share alone (Torr, Zisserman, CVIU 78, 2000, sec. 4). It
+//! uses the distances below 10 pixels:
 //!
-//! A few matches tell little of sigma, and a wrong model has no right ones. So 20 matches more, of a standard
-//! deviation of half a pixel, are taken to have been seen (the conjugate prior of a variance), and one of each kind.
+//! 1. Compute for each match the probabilities to be right, nearly right or wrong, from the current shares and
+//!    sigma.
+//! 2. The means of these are the new shares.
+//! 3. The new sigma^2 is a weighted mean with these probabilities as weights: of the squared distances of right
+//!    matches, and of the squared distances of nearly right ones divided by the square of how much wider these are.
+//!
+//! Right matches that are all inexact look like nearly right ones of a smaller sigma. Two rules prevent this
+//! mistake. There are at most twice as many nearly right matches as right ones. And since the steps may end at
+//! either answer, they are run twice: from half a pixel, and from the sigma that is found without nearly right
+//! matches. The likelier of the two ends is the answer.
+//!
+//! A few matches tell little of sigma, and a wrong model has no right ones. So there is a prior: 20 additional
+//! matches with a standard deviation of half a pixel are taken to have been seen (the conjugate prior of a
+//! variance), and one of each kind.
 //!
 //! | symbol | value | source |
 //! | --- | --- | --- |

@@ -1,16 +1,19 @@
 //! Poses that the plane of a scene allows, as rivals of one that was found.
 //!
-//! Matches on one plane allow two poses ([`essentials_of_plane`]), and between these only what is off the plane decides. Where
-//! nearly everything is on it, samples of five with enough matches off it are rare, and noise makes of the two poses a whole
-//! valley of others that most matches agree with: the search ends somewhere in it. So in the end
+//! Matches on one plane allow two poses ([`essentials_of_plane`]), and only the matches off the plane decide
+//! between them. Where nearly everything is on the plane, samples of five with enough matches off it are rare. With
+//! noise, many other poses between and around the two agree with most matches too, and the search ends at one of
+//! them. So at its end
 //!
 //! 1. a homography is looked for among the matches that agree with the best pose, by sample consensus with local
 //!    optimisation;
-//! 2. where half of them agree with it, its two poses are refined as a new best model is, and the best of the three is kept.
+//! 2. if half of them agree with the homography, its two poses are refined like a new best model, and the best of
+//!    the three poses is kept.
 //!
-//! That planes are to be looked for is from Chum, Werner, Matas, "Two-View Geometry Estimation Unaffected by a Dominant Plane",
-//! CVPR 2005, for fundamental matrices, which a plane leaves undetermined (see [`degensac`](super::degensac)). An essential
-//! matrix is determined up to the choice of two, so matches off the plane need not be sampled.
+//! The idea to look for planes is from Chum, Werner, Matas, "Two-View Geometry Estimation Unaffected by a Dominant
+//! Plane", CVPR 2005. They need it for fundamental matrices, which a plane leaves undetermined (see
+//! [`degensac`](super::degensac)). An essential matrix is determined by a plane up to the choice of two, so matches
+//! off the plane need not be sampled.
 //!
 //! | symbol | constant | value | source |
 //! | --- | --- | --- | --- |

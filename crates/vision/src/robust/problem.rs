@@ -1,4 +1,4 @@
-//! What is estimated from data of which many are wrong.
+//! What a search by sample consensus estimates: a model, its minimal samples, and its residuals.
 
 use std::ops::{Deref, Range};
 

@@ -6,9 +6,9 @@
 //!
 //! 1. Matched pixels become points at depth 1, each by its own camera, lens distortion undone. Distances can be
 //!    measured in units of the image all the same (see [`Covariances`](crate::geometry::Covariances)).
-//! 2. [`consensus_until`] over minimal samples finds the best essential matrix; each new best one is
-//!    improved on the tangent space of poses, with a truncated loss.
-//!    In the end the best is compared with the poses that a plane of its inliers allows.
+//! 2. [`consensus_until`] over minimal samples finds the best essential matrix. Each new best one is improved on
+//!    the tangent space of poses, with a truncated loss. With `geometry.plane_poses`, the best is compared in the
+//!    end with the poses that a plane of its inliers allows.
 //! 3. A final refinement over the matches near the result, with the loss of choice.
 //! 4. The inliers decide which of the four poses it is ([`choose_pose`]); then all matches in front
 //!    of both cameras are counted as its support.
@@ -35,9 +35,9 @@
 //! | | `score.turns` (even MSAC) | no | Jegou, Douze, Schmid, ECCV 2008, adapted |
 //! | | `max_depth` | 50 | OpenCV 4's `recoverPose` |
 //!
-//! *Choices the papers leave open*: local optimisation is non-linear from the start instead of
-//! inner samples of a larger size, since five degrees of freedom and the truncated loss leave the
-//! non-minimal linear solvers no advantage.
+//! *Choices the papers leave open*: local optimisation is non-linear from the start, where the papers fit linear
+//! models to inner samples of a larger size. A pose has only five degrees of freedom, and with the truncated loss
+//! non-minimal linear solvers have no advantage.
 
 mod params;
 #[cfg(feature = "serde")]

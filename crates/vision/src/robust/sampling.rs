@@ -1,4 +1,4 @@
-//! Which data are tried next.
+//! Which data a sample takes: the trait of samplers, and uniform sampling.
 
 use crate::seed::Rng;
 

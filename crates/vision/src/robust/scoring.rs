@@ -1,4 +1,4 @@
-//! How good a model is, given its residuals.
+//! How good a model is, given its residuals: the trait of scores, and the two simplest.
 
 use std::ops::Range;
 

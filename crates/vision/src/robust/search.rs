@@ -1,5 +1,5 @@
-//! A search by sample consensus, put together from parts: what the estimators of poses and of homographies
-//! have in common.
+//! A search by sample consensus, put together from a score, a sampler and a rule to stop: what the estimators of
+//! poses and of homographies have in common.
 
 use std::borrow::Cow;
 

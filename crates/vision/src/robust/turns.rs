@@ -1,19 +1,21 @@
 //! How much matches are trusted, by how far their keypoints turned.
 //!
-//! A camera that rolls turns all keypoints of an image alike; perspective turns each by some tens of degrees more. So
-//! the turns of right matches lie about one angle, and those of wrong ones anywhere. Jegou, Douze, Schmid, "Hamming
-//! Embedding and Weak Geometric Consistency for Large Scale Image Search", ECCV 2008, section 4: a histogram of the
-//! turns of all matches has its maximum there. They count the matches of that bin alone; here it says how likely
-//! each match is right, and the search by sample consensus goes on from this:
+//! The *turn* of a match is the difference of the orientations of its two keypoints. A camera that rolls turns all
+//! keypoints of an image alike; perspective turns each by some tens of degrees more. So the turns of right matches
+//! lie about one angle, and those of wrong ones anywhere. Jegou, Douze, Schmid, "Hamming Embedding and Weak
+//! Geometric Consistency for Large Scale Image Search", ECCV 2008, section 4, find that angle: it is the maximum of
+//! a histogram of the turns of all matches. They then count only the matches of that bin. Here the histogram says
+//! how likely each match is right, and the search by sample consensus uses this *trust*:
 //!
-//! 1. The arc of 90 degrees with the most matches is found in a histogram of 5 degrees, and its mean direction.
-//! 2. Of the matches farther than 45 degrees from that direction nearly all are wrong, and wrong ones are as dense
-//!    within. So a match beyond is trusted by the density beyond over the density within, at most 1, and
-//!    those within by 1. Where all turns are equally frequent, that is no difference.
-//! 3. The trust is a factor of the weight of a match in the score, and of its certainty (1 - ambiguity), which
-//!    the most certain matches are tried first by.
+//! 1. The arc of 90 degrees with the most matches is found in a histogram of 5 degrees, and then its mean
+//!    direction.
+//! 2. Nearly all matches farther than 45 degrees from that direction are wrong, and wrong matches are as dense
+//!    within 45 degrees as beyond. So a match within has a trust of 1. A match beyond has the density beyond
+//!    divided by the density within, at most 1. Where all turns are equally frequent, this makes no difference.
+//! 3. The trust multiplies the weight of a match in the score. It also multiplies its certainty (1 - ambiguity), by
+//!    which the most certain matches are tried first.
 //!
-//! Nothing is left out: some right matches have another turn, as a keypoint can have two orientations.
+//! No match is left out: some right matches have another turn, since a keypoint can have two orientations.
 //!
 //! | symbol | constant | value | source |
 //! | --- | --- | --- | --- |
