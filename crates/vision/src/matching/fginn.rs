@@ -4,17 +4,19 @@
 //! D. Mishkin, J. Matas, M. Perdoch: "MODS: Fast and Robust Method for Two-View Matching", Computer Vision and Image
 //! Understanding 141, 2015, section 2.3.
 //!
-//! A detector finds one place several times: with two directions, at neighbouring scales. Their descriptors are
-//! alike, so each makes the others look ambiguous, and the ratio test (Lowe 2004) loses them all. Here neighbours of `b`
-//! within `radius_px` of the nearest are passed over when the second is looked for.
+//! A detector often finds one place several times: with two directions, or at neighbouring scales. Their
+//! descriptors are alike, so each makes the others look ambiguous, and the ratio test (Lowe 2004) drops them
+//! all. Here, features of `b` within `radius_px` of the nearest are skipped when the second nearest is looked
+//! for.
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
 //! | - | [`Fginn::ratio`] | 0.8 | section 2.3; as [`RatioTest`] |
 //! | n | [`Fginn::radius_px`] | 10 | section 2.3 |
 //!
-//! *Left open by the paper*: as with the ratio test a match without a second neighbour is dropped, so where all of `b`
-//! is one place there are none. Distances are compared with every feature of the other places, not with a few nearest.
+//! *Left open by the paper*: as with the ratio test, a match without a second neighbour is dropped. So where
+//! all of `b` is one place, no match is left. Distances are compared with every feature of the other places,
+//! not only with a few nearest.
 
 use super::{Correspondences, RatioTest, Selector, View, two_nearest};
 use crate::features::{Descriptors, Features};

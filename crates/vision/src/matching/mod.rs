@@ -1,4 +1,10 @@
-//! From two sets of features to correspondences: search, selection, and the two together.
+//! From two images to correspondences.
+//!
+//! A [`Search`] finds putative matches between two sets of features: exactly ([`NearestNeighbours`],
+//! [`PlacewiseNeighbours`]) or approximately ([`KdForest`]). A [`Selector`] decides which of them to keep: by
+//! descriptors ([`RatioTest`], [`MutualCheck`], [`Fginn`]) or by how matches move together ([`Gms`],
+//! [`Kvld`], [`Code`], [`RepMatch`], [`Adalam`]). A [`Matcher`] is an extractor, a search and selectors
+//! together ([`Pipeline`]); [`Gaim`] chooses among candidates of all features at once.
 
 mod adalam;
 pub mod code;

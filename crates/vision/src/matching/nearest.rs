@@ -1,8 +1,8 @@
 //! Exact nearest neighbours: every descriptor of `a` is compared with every descriptor of `b`.
 //!
-//! Both best neighbours are found in one pass: for real-valued descriptors by Euclidean distance, for
-//! binary ones by the number of differing bits. A cheap lower bound rejects most candidates without changing
-//! a result (`simd::search`). What follows from the real values of `b` alone is kept beside them, so that of many
+//! Both best neighbours are found in one pass: for real-valued descriptors by Euclidean distance, for binary
+//! ones by the number of differing bits. A cheap lower bound rejects most candidates without changing a
+//! result (`simd::search`). What is computed from the real values of `b` alone is kept with them, so of many
 //! searches among the same candidates the first takes longest.
 //!
 //! Choices: of equally near features of `b` the one with the lowest index is the nearest, and the

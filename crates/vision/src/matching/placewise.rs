@@ -1,4 +1,5 @@
-//! Exact nearest neighbours where features of one place come in many versions.
+//! Exact nearest neighbours for features that come in many versions of one place, as simulated views give
+//! them.
 //!
 //! J.-M. Morel, G. Yu: "ASIFT: A New Framework for Fully Affine Invariant Image Comparison", SIAM
 //! Journal on Imaging Sciences 2(2), 438-469, 2009, section 4.3 compares simulated views pair by
@@ -10,9 +11,10 @@
 //!    nearest of a block that lies farther than `same_place_px` from the match, or the second of a
 //!    block whose nearest does not.
 //!
-//! Of two features of `b` that lie farther than twice `same_place_px` from each other at least one is
-//! of another place than the match, wherever that is, and its block gives it or a nearer one. So
-//! candidates farther than both of them change nothing, and are rejected by a cheap lower bound.
+//! This allows to skip candidates. Take two features of `b` that lie farther than twice `same_place_px` from
+//! each other. Wherever the match is, at least one of the two is of another place, and its block gives it or
+//! a nearer one as the second. So candidates farther than both of them change nothing, and a cheap lower
+//! bound of their distance rejects them.
 //!
 //! | field | default | source |
 //! | --- | --- | --- |

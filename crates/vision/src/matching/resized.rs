@@ -1,10 +1,15 @@
-//! A matcher that looks at images of another size: its features are found there, and are in pixels of the original.
+//! A matcher that works on resized images: features are found in the resized image, and their positions are
+//! given in pixels of the original.
 //!
-//! The size of the images moves scores as much as the matcher does, so it has to be the same for matchers
-//! that are compared. With a largest size, pixels of the smaller image are means of areas ([`shrink_u8`]), by
-//! halves where it is much smaller. An exact size is that of published protocols, whose programs resample bilinearly
-//! without smoothing ([`resize`], as OpenCV's `resize` does unless told otherwise), whatever becomes of the aspect.
-//! A point at `x` lies at `(x + 1/2) s - 1/2` of the original, `s` the ratio of the sizes.
+//! The size of the images changes scores as much as the matcher does, so it has to be the same for matchers
+//! that are compared. There are two ways to set it:
+//!
+//! - A *largest size* ([`shrink_u8`]): pixels of the smaller image are means of areas, and the image is
+//!   halved first where it is much smaller.
+//! - An *exact size* ([`resize`]), as published protocols have it. Their programs resample bilinearly without
+//!   smoothing, as OpenCV's `resize` does unless told otherwise, and do not keep the aspect ratio.
+//!
+//! A point at `x` lies at `(x + 1/2) s - 1/2` of the original, where `s` is the ratio of the sizes.
 
 use super::{Correspondences, Matcher, MatcherError, View};
 use crate::features::{Detections, Features};

@@ -1,4 +1,5 @@
-//! Views on demand: features of simulated views are compared only where those of the images themselves do not match.
+//! Views on demand: features of simulated views are compared only where the features of the images themselves
+//! do not match well.
 //!
 //! D. Mishkin, J. Matas, M. Perdoch: "MODS: Fast and Robust Method for Two-View Matching", Computer Vision and Image
 //! Understanding 141, 2015: detectors and views from the cheapest to the dearest, until enough matches are verified. Here, of

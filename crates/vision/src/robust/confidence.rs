@@ -9,8 +9,8 @@
 //!
 //! | of | number | meaning |
 //! | --- | --- | --- |
-//! | overlap | significance | 1 and -log10 of the number of false alarms, 0 if that is negative |
-//! | overlap | cells | 1 and the cells of a grid of 10 x 10 over the points that have a near match, in the view that has fewer |
+//! | overlap | significance | 1 plus -log10 of the number of false alarms, or plus 0 if that is negative |
+//! | overlap | cells | 1 plus the number of cells, of a grid of 10 x 10 over the points, that have a near match; in the view that has fewer |
 //! | precise | deviation | how far the pose may be off in degrees, by the noise and the near matches of usual parallax; 0.01 to 180 |
 //! | precise | noise | variance of the distances of near matches in square pixels, at least 0.01 |
 //!
@@ -21,7 +21,7 @@
 //! the cells tell.
 //!
 //! The *parallax* of a match is the angle between its two rays, with the rotation undone. It is *usual* if it is at
-//! most twice the median and 0.05 degrees. Wrong matches that are near by chance mostly have a larger parallax.
+//! most twice the median plus 0.05 degrees. Wrong matches that are near by chance mostly have a larger parallax.
 //! Where the baseline is short, a few of them would seem to determine the direction of translation, which all other
 //! matches leave open. So the deviation is computed from matches of usual parallax: it is that of a pose refined
 //! over these matches, and how far the given pose is from the refined one.

@@ -5,7 +5,7 @@
 //!
 //! Matches are points at depth 1, so calibration and lens distortion are undone already. Five of them give up to
 //! ten essential matrices ([`five_point_of_each`], eight samples at a time). A residual is the squared Sampson
-//! distance of a match from its epipolar line.
+//! distance of a match.
 
 use std::ops::Range;
 

@@ -1,4 +1,5 @@
-//! AdaLAM: matches around a clear one are kept if more of them than chance allows move by one affine map.
+//! AdaLAM: the matches around a clear match are kept if more of them than chance allows follow one affine
+//! map.
 //!
 //! L. Cavalli, V. Larsson, M. R. Oswald, T. Sattler, M. Pollefeys: "Handcrafted Outlier Detection Revisited",
 //! ECCV 2020; as a preprint "AdaLAM: Revisiting Handcrafted Outlier Detection", arXiv:2006.04250, 2020.
@@ -9,17 +10,18 @@
 //!    and grow from a to b as those of the seed do.
 //! 3. In each neighbourhood a linear map about the seed is looked for by sample consensus (see `neighbourhood`): two
 //!    matches determine it, pairs of the clearest are drawn first, and always the same number of them.
-//! 4. There is no threshold in pixels. If all N matches but the sample were wrong and spread evenly over the
-//!    neighbourhood, whose radius be 1, N r^2 of them would come within r of where the map says. The k nearest
-//!    are inliers for the largest k with k / (N r_k^2) >= t_c: t_c times as many as chance brings.
-//! 5. The map with most inliers is fitted to them, and they are chosen again. With fewer than t_n more than by
-//!    chance the neighbourhood is dropped. What any neighbourhood keeps is kept.
+//! 4. There is no threshold in pixels. Suppose that all N matches except the sample were wrong and spread
+//!    evenly over the neighbourhood, whose radius is 1. Then N r^2 of them would come within r of where the
+//!    map says. So the k nearest matches are inliers, for the largest k with k / (N r_k^2) >= t_c: t_c times
+//!    as many as chance brings.
+//! 5. The map with most inliers is fitted to them, and they are chosen again. If they are fewer than t_n more
+//!    than chance brings, the neighbourhood is dropped. A match that any neighbourhood keeps is kept.
 //!
-//! With `keep_clear`, matches that may be seeds (by ratio, and mutual) are kept as well, also where nothing around them
-//! agrees: in an image of few features a neighbourhood holds too little to tell. This is ours.
+//! With `keep_clear`, a match that may be a seed (by ratio, and mutual) is kept even if nothing around it
+//! agrees: in an image of few features a neighbourhood holds too few matches to tell. This is ours.
 //!
-//! Step 4 is the rule of Benjamini and Hochberg (JRSS B 57(1), 1995), r^2 being the probability that a wrong match
-//! comes as near: the share of wrong ones among the inliers is expected to be at most 1 / t_c.
+//! Step 4 is the rule of Benjamini and Hochberg (JRSS B 57(1), 1995), where r^2 is the probability that a
+//! wrong match comes as near. The expected share of wrong matches among the inliers is at most 1 / t_c.
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
@@ -39,10 +41,11 @@
 //! *Choices the paper leaves open*: of equally clear matches the first is the seed. A keypoint without an
 //! orientation or of size 0 agrees with every seed in it. Nothing is random: pairs are drawn in a fixed order.
 //!
-//! *Differs from the authors' program*: the seed and the sample are kept with the inliers that they have, while the
-//! program keeps as many matches as there are inliers without them, and so loses the farthest; where no seed has a
-//! neighbourhood nothing is kept, and not what passes a ratio test; duplicates count, whose weight the program
-//! lowers where residuals agree in half precision; maps that stretch too much are dropped as soon as they are drawn.
+//! *Differs from the authors' program*: (1) The seed and the sample are kept together with the inliers that
+//! they have. The program keeps as many matches as there are inliers without them, and so loses the farthest.
+//! (2) Where no seed has a neighbourhood, nothing is kept; the program keeps what passes a ratio test. (3)
+//! Duplicates count fully; the program lowers their weight where residuals agree in half precision. (4) Maps
+//! that stretch too much are dropped as soon as they are drawn.
 
 mod neighbourhood;
 

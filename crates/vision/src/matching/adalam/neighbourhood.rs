@@ -1,11 +1,12 @@
 //! The matches around a seed, and those of them that one linear map explains: steps 3 to 5 of AdaLAM.
 //!
-//! Coordinates are relative to the seed's, and the radius of the neighbourhood is 1 in either image, so that the map
-//! has four unknowns, and a wrong match comes within r of where the map says with probability r^2.
+//! Coordinates are relative to those of the seed, and the radius of the neighbourhood is 1 in either image.
+//! So the map has four unknowns, and a wrong match comes within r of where the map says with probability r^2.
 //!
-//! Pairs are drawn as in PROSAC (O. Chum, J. Matas, CVPR 2005), with the clearest match first and each only once: of
-//! the first two matches, then the third with either of them, then the fourth with each of the three. A pair with the
-//! seed or on a line with it determines no map; it is passed over and counts as drawn.
+//! Pairs are drawn as in PROSAC (O. Chum, J. Matas, CVPR 2005), clearest matches first and each pair only
+//! once: the first two matches, then the third with either of them, then the fourth with each of the three. A
+//! pair that contains the seed, or lies on a line with it, determines no map; it is skipped but counts as
+//! drawn.
 
 use nalgebra::{Matrix2, Vector2};
 

@@ -1,5 +1,5 @@
-//! The two functions that say whether a match is coherent with others: how they are learned from
-//! some matches and asked about any.
+//! The two functions of CODE that say whether a match is coherent with others, the likelihood and the motion:
+//! how they are learned from some matches (the seeds) and evaluated for any match.
 
 use nalgebra::{DMatrix, Matrix2, Point2, Vector2};
 

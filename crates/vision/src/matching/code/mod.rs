@@ -7,9 +7,9 @@
 //! 1. A match is a point `[x, y, u - x, v - y, A]`: its place, its displacement, and the affine map
 //!    between the two local frames without its scale. Places are normalised (zero mean, mean
 //!    distance sqrt(2) from it).
-//! 2. *Likelihood*: seeds are matches that pass a strict ratio test. The constant 1 is regressed on
-//!    them with a Gaussian kernel, a ridge and Huber's loss; a seed without like neighbours
-//!    cannot pull the function to 1, so its value says how coherent a match is.
+//! 2. *Likelihood*: seeds are matches that pass a strict ratio test. The constant 1 is regressed on them with
+//!    a Gaussian kernel, a ridge and Huber's loss. A seed without similar neighbours cannot pull the function
+//!    to 1, so the value of the function says how coherent a match is.
 //! 3. *Motion*: on the seeds that are likely, an affine motion that varies smoothly with the point
 //!    of a match is regressed to the places in `b`, again with Huber's loss.
 //! 4. *All* matches are decided by both functions: those of high likelihood and those whose

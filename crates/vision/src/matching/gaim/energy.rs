@@ -1,7 +1,8 @@
-//! What a choice of candidates costs: by their descriptors, and by how well neighbours agree.
+//! The cost of a choice of candidates: the distances of their descriptors, and how badly the affine frames of
+//! neighbours agree.
 //!
-//! Costs are integers, [`UNIT`] for 1, so that sums do not depend on their order and a move that
-//! does not pay is known for certain.
+//! Costs are integers, with [`UNIT`] for 1. So sums do not depend on their order, and it is known for certain
+//! whether a move lowers the cost.
 
 use nalgebra::{Matrix2, Vector2};
 

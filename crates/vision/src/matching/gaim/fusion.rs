@@ -1,14 +1,14 @@
-//! The best mixture of a choice and a proposal, as far as it can be known.
+//! Fusion: the best mixture of a choice and a proposal, as far as it can be computed.
 //!
 //! V. Lempitsky, C. Rother, S. Roth, A. Blake: "Fusion Moves for Markov Random Field
 //! Optimization", IEEE Transactions on Pattern Analysis and Machine Intelligence 32(8), 2010.
 //!
-//! Each node of a proposal may keep its candidate (0) or take the proposed one (1); [`quadratic`](super::quadratic)
-//! decides some of the nodes. Whatever the others do, the decided ones are never worse than before; the
-//! others keep what they have.
+//! For each node the fusion decides whether it keeps its candidate (0) or takes the proposed one (1).
+//! [`quadratic`](super::quadratic) decides some of the nodes. The decided nodes never make the cost worse,
+//! whatever the others do; the others keep what they have.
 //!
-//! What nodes keep is remembered with what it costs beside each neighbour, so that a proposal only asks
-//! for costs in which something proposed has a part.
+//! The costs of what nodes keep, beside each neighbour, are remembered. So a proposal only computes costs in
+//! which something proposed takes part.
 
 use super::energy::Problem;
 use super::quadratic::Quadratic;

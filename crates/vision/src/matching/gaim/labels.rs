@@ -1,8 +1,8 @@
-//! Candidates: for a feature of one image the features of another that may show the same point.
+//! The candidates (labels) of a feature: the features of the other image that may show the same point.
 //!
-//! The nearest descriptors of 50 different places. Features are compared in blocks of at most 16,
-//! each of which gives its nearest one, and the nearest of these are taken unless one of their
-//! places is already among them. Only what shares a block with something nearer is missed.
+//! They are the nearest descriptors of 50 different places. Features are compared in blocks of at most 16,
+//! each of which gives its nearest one. The nearest of these are taken, except those whose place is already
+//! among the taken ones. A candidate is missed only if a nearer one shares its block.
 
 use nalgebra::Matrix2;
 

@@ -1,5 +1,5 @@
-//! Which chosen candidates to believe: those found again on the way back, and those that move as
-//! the matches around them do.
+//! Which chosen candidates to keep as matches: those found again on the way back from `b` to `a`, and those
+//! that move as the matches around them do.
 
 use nalgebra::{Matrix3, Matrix3x2, Point2, Vector2, Vector3};
 

@@ -7,12 +7,12 @@
 //!    50 nearest descriptors among all features of `b`, simulated views included, at different
 //!    places (`labels`).
 //! 2. Each node is joined to its 35 nearest ones (`graph`).
-//! 3. A choice of labels costs 5 times the distances of descriptors, and for each pair of
-//!    neighbours the error with which the affine frame of one predicts the place of the other, in
-//!    their distances, at most 0.4; two nodes must not share a place (`energy`).
+//! 3. The cost of a choice of labels is a sum. Each node adds 5 times the distance of descriptors. Each pair
+//!    of neighbours adds the error with which the affine frame of one predicts the place of the other, as a
+//!    multiple of their distance, at most 0.4. Two nodes must not share a place (`energy`).
 //! 4. The choice of least cost is sought by fusion moves (`fusion`, `moves`).
-//! 5. Mismatches: chosen places are clustered, and the reverse problem is solved for the clusters; a
-//!    match stays if its cluster leads back to near its node, and if it follows a smooth
+//! 5. Mismatches are removed: the chosen places are clustered, and the reverse problem is solved for the
+//!    clusters. A match stays if its cluster leads back to near its node, and if it follows a smooth
 //!    deformation of the matches around it (`mismatch`).
 //!
 //! | field | default | source |

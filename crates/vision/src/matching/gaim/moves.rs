@@ -1,7 +1,8 @@
-//! Where the proposals come from that are fused into a choice of candidates.
+//! Proposals: other choices of candidates, which `fusion` mixes into the present one.
 //!
-//! Alpha expansion proposes one label to all nodes; with some 50 candidates for each node and
-//! different ones, nearly all of such moves help nobody. Proposals that agree with themselves do:
+//! Alpha expansion, the usual move, proposes one label to all nodes. Here each node has some 50 candidates,
+//! different from those of the others, so nearly all of such moves help nobody. Proposals whose candidates
+//! agree with each other do help:
 //!
 //! 1. *Support* of a candidate: for each neighbour of its node, how near some candidate of that
 //!    comes to where the frame predicts it. The first choice is the best by support and descriptor.

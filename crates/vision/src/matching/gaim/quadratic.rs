@@ -1,13 +1,15 @@
-//! Functions of variables that are 0 or 1, minimised as far as it can be known.
+//! Quadratic functions of variables that are 0 or 1, minimised as far as it can be computed.
 //!
 //! V. Kolmogorov, C. Rother: "Minimizing Nonsubmodular Functions with Graph Cuts - A Review", IEEE
 //! Transactions on Pattern Analysis and Machine Intelligence 29(7), 2007 (QPBO).
 //!
-//! The network holds each variable and its opposite; a variable is decided if the smallest minimum cut
-//! parts the two. That decides those variables that have the same whole value in every solution of the
-//! linear relaxation (section 3 there), whatever the network. So a variable whose value pays whatever the
-//! others do, and strictly, is fixed beforehand: it has that value in every solution, and the solutions
-//! of what is left are those of the whole. Then others may be such, and mostly little is left to cut.
+//! The network holds each variable and its opposite. A variable is decided if the smallest minimum cut
+//! separates the two. That decides those variables that have the same whole value in every solution of the
+//! linear relaxation (section 3 there), whatever the network.
+//!
+//! To make the network smaller, some variables are fixed beforehand: those with a value that is strictly
+//! better whatever the others do. They have that value in every solution, and the solutions of the rest are
+//! those of the whole. Fixing them may settle further variables, and mostly little is left to cut.
 
 use super::max_flow::Network;
 

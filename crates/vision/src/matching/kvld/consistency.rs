@@ -1,4 +1,8 @@
-//! Which matches are consistent with which, and who is left if the others are dropped.
+//! Steps 1 to 4 of KVLD: which matches are consistent with which, and the elimination of those with too few
+//! consistent neighbours.
+//!
+//! Two matches are compared by geometry first (`Placed`), then by the virtual line between them. Neighbours
+//! are found by a grid. Matches are then dropped until nothing changes.
 
 use std::cmp::Ordering;
 use std::f32::consts::PI;

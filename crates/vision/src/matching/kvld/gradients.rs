@@ -1,4 +1,4 @@
-//! Gradients of an image at resolutions that fall by the square root of 2.
+//! Gradients of an image in a pyramid of resolutions, each smaller than the last by the square root of 2.
 
 use nalgebra::Point2;
 

@@ -8,13 +8,13 @@
 //!    must be below `max_geometry`.
 //! 2. And by photometry: the line between the two keypoints is described in both images (see
 //!    `virtual_line`); the distance of the descriptors must be below `max_distance`.
-//! 3. Neighbours of a match lie within a radius in which `EXPECTED` right matches are expected if
-//!    a share `inlier_rate` of all is right, and not nearer than `min_length_px`. Comparing ends
-//!    when a match has `max_neighbours` consistent ones.
-//! 4. Until nothing changes: matches with fewer than `least_neighbours` consistent neighbours are
-//!    dropped; of several at one place, the one with most of them stays, among equals that of
-//!    most similar lines; matches are dropped if less than `least_share` of their neighbours are
-//!    consistent.
+//! 3. Neighbours of a match lie within a radius. It is chosen so that `EXPECTED` right matches are expected
+//!    in it if a share `inlier_rate` of all matches is right. Neighbours are not nearer than `min_length_px`.
+//!    Comparing ends when a match has `max_neighbours` consistent ones.
+//! 4. Until nothing changes, matches are dropped by three rules. A match with fewer than `least_neighbours`
+//!    consistent neighbours is dropped. Of several matches at one place, only the one with most of them
+//!    stays; among equals, that of most similar lines. A match is dropped if less than `least_share` of its
+//!    neighbours are consistent.
 //! 5. If a smaller share than `inlier_rate` is kept, all is done again with half the rate, so with
 //!    sqrt(2) times the radius, and `least_neighbours` 2, at most five times.
 //!

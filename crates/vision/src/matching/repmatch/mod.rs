@@ -1,18 +1,18 @@
-//! RepMatch: coherence learned on the matches that one epipolar geometry explains, repeated
-//! structure included.
+//! RepMatch: CODE whose coherence functions are learned from all matches that one epipolar geometry explains,
+//! those of repeated structure included.
 //!
 //! W.-Y. Lin, S. Liu, N. Jiang, M. N. Do, P. Tan, J. Lu: "RepMatch: Robust Feature Matching and Pose
 //! for Reconstructing Modern Cities", European Conference on Computer Vision (ECCV) 2016.
 //!
-//! A repeated structure has two features that look alike, so its matches fail the ratio test and
-//! are no seeds of [`Code`]: nothing is learned where facades repeat. Epipolar geometry tells
-//! matches apart without looking at them:
+//! A repeated structure has two features that look alike, so its matches fail the ratio test and are no seeds
+//! of [`Code`]. So nothing is learned where facades repeat. Epipolar geometry tells right matches from wrong
+//! ones without looking at descriptors:
 //!
 //! 1. [`Code`] selects matches.
 //! 2. Sample consensus finds the relative pose that the selected ones agree on.
 //! 3. *All* matches near their epipolar lines, whether or not they passed a ratio test, are the
 //!    training set, from which both functions of CODE are learned anew.
-//! 4. All matches are decided by these functions (one of which is enough) and by the epipolar line.
+//! 4. All matches are decided by these functions (one of the two is enough) and by the epipolar line.
 //! 5. Steps 2 to 4 are repeated with what was kept.
 //!
 //! | field | default | source |
@@ -23,10 +23,10 @@
 //! | `likelihood` | 0.7 | CODE's second pass |
 //! | `max_epipolar` | 1/400 | 2 pixels of 640x480 |
 //!
-//! *Choices the paper leaves open*: no program was published, so what it does not say is ours: the
-//! number of rounds, the thresholds, the consensus, whose score keeps one repeated facade from
-//! outvoting the rest of the scene. Where the cameras are unknown or no pose is found, the matches of
-//! CODE stay.
+//! *Choices the paper leaves open*: no program was published, so everything that the paper does not say is
+//! ours: the number of rounds, the thresholds, and the sample consensus, whose score keeps one repeated
+//! facade from outvoting the rest of the scene. Where the cameras are unknown or no pose is found, the
+//! matches of CODE are kept.
 
 use super::code::{Code, CodeParams, Coherence, Motions};
 use super::{Correspondence, Correspondences, Selector, View};
