@@ -1,4 +1,5 @@
-//! BinBoost: bits that are boosted combinations of questions about gradients.
+//! BinBoost: a binary descriptor whose bits are boosted combinations of weak learners, each a threshold of
+//! gradients in a box.
 //!
 //! T. Trzcinski, M. Christoudias, P. Fua, V. Lepetit: "Boosting Binary Keypoint Descriptors",
 //! CVPR 2013; "Learning Image Descriptors with Boosting", IEEE Transactions on Pattern Analysis
@@ -22,10 +23,9 @@
 //! | K | the table | 4 weak learners for each bit | better than 8 and 32 on scenes left out, with so little to learn from; 128 in the paper |
 //!
 //! # Choices that the paper leaves open
-//! Gradients count by their magnitude. Responses are rounded to 8 bits and weights to 7 bits, in
-//! learning as here, so that 32 patches are evaluated at once in bytes. Boxes come from a pool that
-//! all bits share, whose boxes are summed once. A bit has an offset besides its weak
-//! learners, as if one of them always said yes.
+//! Gradients are weighted by their magnitude. Responses are rounded to 8 bits and weights to 7 bits, in
+//! learning as here, so that 32 patches are evaluated at once in bytes. All bits share one pool of boxes, and
+//! each box is summed once. A bit has an offset besides its weak learners, as if one of them always said yes.
 //!
 //! # Differences from the authors' code
 //! The table: it is learned again, on other scenes. The patch is taken from an octave of the image

@@ -1,4 +1,5 @@
-//! Descriptors of one image, stored as the rows of one matrix.
+//! Descriptors of one image, stored as the rows of one matrix: real values ([`FloatRows`]) or bits
+//! ([`BinaryRows`]).
 
 use crate::simd::Prepared;
 

@@ -5,12 +5,12 @@
 //! Detection", IEEE Transactions on Pattern Analysis and Machine Intelligence 32(1), 2010.
 //!
 //! # How it works
-//! A pixel is a corner if nine neighbours in a row, on the circle of sixteen pixels around it
-//! (radius 3), are all brighter than it by more than a threshold, or all darker (FAST-9). Its score
-//! is the largest threshold for which that holds; of corners that touch, only those with the
-//! larger score are kept (section 2.3 of the first paper). The papers learn a decision tree that
-//! visits few of the sixteen pixels; here 32 or 64 pixels are tested side by side, all sixteen neighbours
-//! of each, unless the four on the axes already exclude every one of them.
+//! A pixel is a corner if nine neighbours in a row, on the circle of sixteen pixels around it (radius 3), are
+//! all brighter than it by more than a threshold, or all darker (FAST-9). Its score is the largest threshold
+//! for which that holds. Of corners that touch, only those with the larger score are kept (section 2.3 of the
+//! first paper). The papers learn a decision tree that visits few of the sixteen pixels. Here 32 or 64 pixels
+//! are tested side by side, with all sixteen neighbours of each, unless the four on the axes already exclude
+//! all of these pixels.
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |

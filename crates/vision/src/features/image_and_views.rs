@@ -1,16 +1,17 @@
-//! The image as it is, and what simulated views of it add.
+//! The features of the image as it is, followed by those of simulated views of it.
 //!
 //! J.-M. Morel, G. Yu: "ASIFT: A New Framework for Fully Affine Invariant Image Comparison", SIAM
 //! Journal on Imaging Sciences 2(2), 438-469, 2009.
 //!
-//! [`Asift`] shrinks a large image before it simulates views, and keeps the strongest features over all of them, the
-//! image's own included. What goes first are small details of the image itself, and these are the features that say
-//! exactly where something is. So here the parts are kept apart:
+//! [`Asift`] shrinks a large image before it simulates views, and keeps the strongest features over all views,
+//! the image itself included. So it loses small details of the image first, and these are the features that are
+//! located most exactly. Here the two parts are kept apart:
 //!
 //! 1. An extractor works on the image, which is not shrunk, and all its features are kept.
-//! 2. It works on the tilted views of ASIFT, of the shrunk image. The strongest of their features follow.
+//! 2. The same extractor works on the tilted views of ASIFT, which are made of the shrunk image. The strongest
+//!    of their features follow.
 //!
-//! Parameters are those of [`AsiftParams`]; `max_pixels` and `limit` are about the tilted views alone, and with
+//! Parameters are those of [`AsiftParams`]; `max_pixels` and `limit` concern the tilted views alone, and with
 //! `tilts` of 1 there are none. All features have their local affine frames.
 
 use super::asift::{Asift, AsiftParams};

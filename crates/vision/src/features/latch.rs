@@ -5,16 +5,16 @@
 //!
 //! # How it works
 //! 1. The image is blurred a little, against noise.
-//! 2. Each bit belongs to three patches of 7 x 7 pixels within a window of 48 x 48 about the
-//!    keypoint, an anchor and two companions: it tells whether the anchor is more like the first
-//!    than like the second, by the sum of squared differences. Patches instead of single pixels
-//!    make bits robust, and three instead of two make them tell more.
+//! 2. Each bit belongs to three patches of 7 x 7 pixels within a window of 48 x 48 about the keypoint, an
+//!    anchor and two companions. It tells whether the anchor is more like the first companion than like the
+//!    second, by the sum of squared differences. Patches make bits more robust than single pixels do, and three
+//!    patches tell more than two.
 //! 3. The centres of the patches are turned by the keypoint's orientation, the patches themselves
 //!    are not.
 //!
-//! The triplets were chosen by the authors among random ones, by how many labelled pairs of image
-//! patches each bit tells rightly to be the same or not, passing over those correlated to one
-//! chosen before.
+//! The triplets were chosen by the authors among random ones: those whose bit tells best, for labelled pairs of
+//! image patches, whether the two are the same. Triplets that are correlated to one chosen before were left
+//! out.
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |

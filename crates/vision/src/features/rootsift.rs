@@ -2,11 +2,11 @@
 //!
 //! R. Arandjelovic, A. Zisserman: "Three things everyone should know to improve object retrieval", CVPR 2012, section 3.
 //!
-//! A SIFT descriptor is a histogram, and histograms are compared better by how much they overlap than by Euclid's
-//! distance, which the largest bins decide. Each descriptor is divided by the sum of its values (they are not negative),
-//! and the root of each value is taken. The result has length 1, and the Euclidean distance of two of them is
-//! `2 - 2 H`, squared, with the Hellinger kernel `H(x, y) = sum of sqrt(x_i y_i)`. There are no parameters beside those
-//! of [`Sift`], whose keypoints these are.
+//! A SIFT descriptor is a histogram. Histograms are compared better by their overlap than by the Euclidean
+//! distance, which the largest bins dominate. So each descriptor is divided by the sum of its values (they are
+//! not negative), and the root of each value is taken. The result has length 1, and the squared Euclidean
+//! distance of two of them is `2 - 2 H`, with the Hellinger kernel `H(x, y) = sum of sqrt(x_i y_i)`. Keypoints
+//! and parameters are those of [`Sift`].
 //!
 //! *Left open by the paper*: the roots are taken of the descriptor as SIFT gives it, rounded to integers. One
 //! without any gradient stays zero.

@@ -4,9 +4,9 @@
 //! Proposed Solutions", European Conference on Computer Vision, 2014.
 //!
 //! 1. The image is resampled so that its diagonal has 1000 pixels.
-//! 2. An extractor that copes with similarities needs to be shown the other two parameters of a
-//!    linear map only: a shear `s` and an anisotropic scale `c`, `A = [1 s; 0 c]`. Shears are
-//!    spaced evenly over [-2, 2], and 0; scales are the steps `1.5^k`.
+//! 2. An extractor that copes with similarities only needs to be shown the other two parameters of a linear
+//!    map: a shear `s` and an anisotropic scale `c`, `A = [1 s; 0 c]`. Shears are spaced evenly over [-2, 2],
+//!    and 0; scales are the steps `1.5^k`.
 //! 3. The extractor works on every view. Its keypoints are carried back into the image, each with
 //!    its local affine frame.
 //!
@@ -20,11 +20,10 @@
 //! | - | `diagonal_px` | 1000 | the paper |
 //! | - | `limit` | 40,000 | - |
 //!
-//! *Differs from the paper*: both images are shown in the same views, since the features of an
-//! image are made once, whatever its role in a pair. `A` is replaced by the turn and compression
-//! to which its singular value decomposition reduces it, which no extractor that copes with
-//! similarities can tell and which never enlarges the image; views compressed by more than
-//! `max_tilt` are left out.
+//! *Differs from the paper*: both images are shown in the same views, since the features of an image are
+//! computed once, whatever its role in a pair. `A` is replaced by the turn and the compression to which its
+//! singular value decomposition reduces it. An extractor that copes with similarities cannot tell the
+//! difference, and the image is never enlarged. Views compressed by more than `max_tilt` are left out.
 
 use nalgebra::Matrix2;
 

@@ -1,9 +1,9 @@
 //! Features found again under simulated changes of viewpoint, for any list of views.
 //!
-//! Up to a similarity, which extractors cope with, every linear map of the plane is a turn by a
-//! longitude followed by the compression of one axis by a tilt: its singular value decomposition.
-//! So this one simulation serves ASIFT, which samples tilts and longitudes, and GAIM, which samples
-//! shears and anisotropic scales.
+//! Every linear map of the plane is, up to a similarity, a turn by a longitude followed by the compression of
+//! one axis by a tilt (its singular value decomposition). Extractors cope with similarities. So one simulation
+//! serves both ASIFT, which samples tilts and longitudes, and GAIM, which samples shears and anisotropic
+//! scales.
 //!
 //! J.-M. Morel, G. Yu: "ASIFT: A New Framework for Fully Affine Invariant Image Comparison", SIAM
 //! Journal on Imaging Sciences 2(2), 438-469, 2009, sections 2 and 4.1: before an axis is

@@ -1,22 +1,23 @@
-//! Patches of ellipses, blurred and sampled as if the image had been warped first.
+//! Patches of ellipses, blurred and sampled as if the image had been warped so that the ellipse is a circle.
 //!
 //! T. Lindeberg, J. Garding: "Shape-adapted smoothing in estimation of 3-D shape cues from affine deformations of local
 //! 2-D brightness structure", Image and Vision Computing 15(6), 415-434, 1997; K. Mikolajczyk, C. Schmid: "Scale &
 //! Affine Invariant Interest Point Detectors", International Journal of Computer Vision 60(1), 63-86, 2004, section 3.
 //!
-//! SIFT looks at a keypoint in a layer whose blur is its scale. For an ellipse the blur has to be an ellipse too, of the
-//! same shape: half an axis along each axis. No layer of a scale space has that.
+//! SIFT looks at a keypoint in a layer whose blur equals its scale. For an ellipse the blur has to be an
+//! ellipse of the same shape, half an axis along each axis. No layer of a scale space has such a blur, so it is
+//! completed in the patch:
 //!
-//! 1. Of the octaves of the image, each a layer of `sigma` of its pixels, the coarsest is taken whose blur is not more
-//!    than the shorter half axis; finer ones only where there is no such.
-//! 2. It is sampled (bilinear) along the axes of the ellipse, so that either half axis is [`SCALE`] pixels of the
-//!    patch; where that would skip detail of the layer, more often, by a whole factor.
-//! 3. What is missing of the blur, `sqrt(axis^2 - blur^2)`, is made up in the patch along either axis, and the samples
-//!    in between are dropped.
+//! 1. Take the first layer of an octave of the image; the blur of each is `sigma` of its pixels. It is the coarsest
+//!    one whose blur is not more than the shorter half axis. Where there is no such, it is the finest of all.
+//! 2. Sample it (bilinear) along the axes of the ellipse, so that either half axis is [`SCALE`] pixels of the
+//!    patch. Where that would skip detail of the layer, sample more densely, by a whole factor.
+//! 3. Blur the patch along either axis by what is missing, `sqrt(axis^2 - blur^2)`, and drop the samples in
+//!    between.
 //!
-//! So the patch costs the same whatever its size in the image, and no image is warped. The axes of the patch are those of the
-//! ellipse; whoever looks at it measures angles from there. Beyond its border the image is continued by its
-//! outermost pixels.
+//! So the patch costs the same whatever its size in the image, and no image is warped. The axes of the patch
+//! are those of the ellipse; angles in the patch are measured from them. Beyond its border the image is
+//! continued by its outermost pixels.
 
 use nalgebra::Point2;
 

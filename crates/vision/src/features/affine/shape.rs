@@ -4,14 +4,16 @@
 //! 2-D brightness structure", Image and Vision Computing 15(6), 415-434, 1997; K. Mikolajczyk, C. Schmid: "Scale &
 //! Affine Invariant Interest Point Detectors", International Journal of Computer Vision 60(1), 63-86, 2004, section 4.
 //!
-//! The second-moment matrix `mu` of a neighbourhood is the weighted mean of the products of its gradients (eq. 1). If
-//! one image is an affine map of another, the neighbourhoods that are made round by the root of their `mu` agree
-//! up to a turn (eq. 6).
+//! The second-moment matrix `mu` of a neighbourhood is the weighted mean of the products of its gradients (eq.
+//! 1). Warp a neighbourhood by the root of its `mu`, and its gradients are equally strong in all directions: it
+//! is *round*. If one image is an affine map of another, two corresponding neighbourhoods that were made round
+//! agree up to a turn (eq. 6).
 //!
 //! 1. Start with the circle of the keypoint.
-//! 2. Take the patch in which the ellipse is a circle, blurred by as much, and measure `mu` there under a Gaussian window.
-//! 3. If its eigenvalues agree to 5 %, that is the ellipse.
-//! 4. If not, deform the ellipse by the inverse of the root of `mu`, and go on from 2. Its area stays.
+//! 2. Take the patch in which the ellipse becomes a circle, with a blur of the same shape, and measure `mu`
+//!    there under a Gaussian window.
+//! 3. If the eigenvalues of `mu` agree to 5 %, that is the ellipse.
+//! 4. If not, deform the ellipse by the inverse of the root of `mu`, keep its area, and go on from 2.
 //!
 //! | symbol | constant | value | source |
 //! | --- | --- | --- | --- |
@@ -20,8 +22,9 @@
 //! | - | `MOST_STEPS` | 16 | VLFeat's 15, and the test of the last |
 //! | - | `MOST_ASPECT` | 6 | Mikolajczyk and Schmid |
 //!
-//! *Differs from the papers*: neither the place nor the scale of a keypoint is looked for again, as in VLFeat and
-//! COLMAP. There the shorter axis stays, here the area, which is what the size of a keypoint says elsewhere.
+//! *Differs from the papers*: neither the place nor the scale of a keypoint is searched again; VLFeat and
+//! COLMAP do not do so either. They keep the shorter axis of the ellipse. Here the area is kept, since the area
+//! is what the size of a keypoint says elsewhere.
 
 use nalgebra::{Matrix2, Point2};
 

@@ -1,5 +1,5 @@
-//! Maxima of the determinant of the Hessian, the strongest of each neighbourhood in its own and
-//! the neighbouring levels.
+//! Step 2 of AKAZE: maxima of the determinant of the Hessian. Of those near each other in one level or in
+//! neighbouring levels, only the strongest survives; the order of suppression is OpenCV's.
 
 use crate::image::RowBuffer;
 use crate::simd::find_maxima;

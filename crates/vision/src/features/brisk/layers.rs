@@ -1,4 +1,8 @@
-//! The layers of the scale space, their FAST scores, and the maxima among them.
+//! Steps 1 and 2 of BRISK: the layers of the scale space, their FAST scores, and the maxima among them.
+//!
+//! [`ScaleLayers::corners`] finds the pixels that are maxima in their own layer. [`ScaleLayers::refine`]
+//! compares one with the square around the same place in the layers above and below, and fits quadratics to
+//! find its place and scale.
 
 use super::refine::{FIRST, INTRA_OCTAVE, OCTAVE, quadratic_maximum};
 use crate::image::{GrayImage, Size, shrink_u8};

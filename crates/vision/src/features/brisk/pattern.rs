@@ -1,4 +1,4 @@
-//! The sampling pattern, and the descriptor read with it.
+//! Steps 3 and 4 of BRISK: the sampling pattern at all scales, and the descriptor that is read with it.
 
 use std::f64::consts::{PI, TAU};
 

@@ -1,4 +1,4 @@
-//! Maxima of quadratic fits: over three by three pixels, and over three layers.
+//! Maxima of quadratic fits, to refine keypoints of BRISK: over three by three pixels, and over three layers.
 
 /// The least-squares quadratic over scores at `[y][x]` in -1, 0, 1: its maximum within the square,
 /// as value, x and y.

@@ -19,13 +19,13 @@
 //! | H | - | 8 | table 1; OpenCV |
 //!
 //! # How it is computed
-//! The paper smooths all maps everywhere, and reads few pixels of them. Smoothing downwards and
-//! smoothing sideways can be exchanged, so here maps are smoothed downwards where any keypoint
-//! needs them (`columns`), and a histogram is one weighted sum along two neighbouring rows, whose
-//! weights hold all smoothing sideways and the interpolation between pixels (`row_weights`).
-//! Each block of the image adds to the histograms that reach into it and is forgotten. The positive
-//! parts in opposite directions differ by the gradient itself, so that four of the eight maps and
-//! the two of the gradient tell all. Besides rounding that is the same.
+//! The paper smooths all maps everywhere, and then reads only few pixels of them. Smoothing downwards and
+//! smoothing sideways can be exchanged. So here maps are smoothed downwards where any keypoint needs them
+//! (`columns`), and a histogram is one weighted sum along two neighbouring rows, whose weights hold all
+//! smoothing sideways and the interpolation between pixels (`row_weights`). Each block of the image adds to the
+//! histograms that reach into it and is forgotten. The positive parts in opposite directions differ by the
+//! gradient itself, so four of the eight maps and the two of the gradient suffice. Except for rounding, the
+//! result is the same.
 //!
 //! # Choices that the paper leaves open
 //! All as OpenCV's `DAISY`: histograms are not normalised, and interpolated between pixels;

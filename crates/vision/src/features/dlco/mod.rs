@@ -12,9 +12,9 @@
 //!    are divided by the strength of the patch's gradients and cut off at 1 (section 2).
 //! 4. The vector is projected to 120 values (section 4), compared by Euclidean distance.
 //!
-//! Which rings, out of hundreds, was learned as a sparse weighting of them (section 3); the
-//! projection as a metric of low rank, under the nuclear norm (section 4). `crates/learn` does
-//! both, and says how.
+//! Two things are learned: which rings, out of hundreds, as a sparse weighting of them (section 3), and the
+//! projection, as a metric of low rank, under the nuclear norm (section 4). `crates/learn` does both, and says
+//! how.
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
@@ -24,9 +24,9 @@
 //! | - | - | blur of 1.4 pixels | MatchBench |
 //!
 //! # Choices that the paper leaves open
-//! The strength of the gradients is a tenth of their root mean square; false positives on validation
-//! scenes chose the tenth, and much less clipping is much worse. The projection's rows are ordered by
-//! importance, so fewer dimensions are its first rows; the authors learned each size by itself.
+//! The strength of the gradients is a tenth of their root mean square. The tenth was chosen by false positives
+//! on validation scenes; much less clipping is much worse. The projection's rows are ordered by importance, so
+//! fewer dimensions are its first rows; the authors learned each size separately.
 //!
 //! # Differences from the authors' code
 //! The table: it is learned again, on other scenes. The patch is taken from an octave of the image

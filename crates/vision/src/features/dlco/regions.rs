@@ -1,4 +1,7 @@
 //! Rings of pooling regions, and the gradients of a patch pooled in them (section 3.1).
+//!
+//! A ring is 1, 4 or 8 equal Gaussian regions about the centre of the patch ([`Ring`]). [`Pooling`] sums the
+//! gradients of a patch in each region, apart for eight directions.
 
 use std::ops::Range;
 

@@ -3,18 +3,23 @@
 //! J. Dong, S. Soatto: "Domain-Size Pooling in Local Descriptors: DSP-SIFT", IEEE Conference on Computer Vision and
 //! Pattern Recognition, 2015. Ellipses: see `features/affine/shape.rs`.
 //!
-//! The size of a keypoint is where the detector answers most, and seldom how far the surroundings move as one: beyond
-//! an occlusion they do not. So a descriptor is the mean of those of many sizes (eq. 2).
+//! The size of a keypoint is where the detector answers most. It seldom tells how much of the surroundings
+//! moves with the keypoint: what lies beyond an occlusion does not. So a descriptor is the mean of the
+//! descriptors of many sizes, the *domain sizes* (eq. 2).
 //!
 //! 1. Keypoints, with their angles, are those of [`Sift`].
-//! 2. With `affine_shape`, the circle of a keypoint becomes the ellipse of the same area in which gradients are as strong in all
-//!    directions; if none is found it remains. Angles are measured anew where the ellipse is a circle.
-//! 3. About each, `domains` sizes are looked at, evenly from `min_domain` to `max_domain` times its own (the middles
-//!    of as many equal intervals: the integral of eq. 2 over an even density). Each is SIFT's patch of a keypoint of
-//!    that size: the layer of its scale, cells 3 scales wide, the same angle.
-//! 4. The histograms, not normalised, are added, in units in which a patch that is seen larger has the same one:
-//!    divided by the scale in pixels of the layer (by its square for the number of pixels, times it for gradients).
-//! 5. The sum is normalised, clipped, normalised and rounded as SIFT's are. With `root`, roots as of RootSIFT follow.
+//! 2. With `affine_shape`, the circle of a keypoint becomes the ellipse of the same area in which gradients are
+//!    equally strong in all directions. If none is found, the circle remains. The angle is measured anew in the
+//!    patch where the ellipse is a circle.
+//! 3. About each keypoint, patches of `domains` sizes are taken, evenly from `min_domain` to `max_domain` times
+//!    its own size (the middles of as many equal intervals: the integral of eq. 2 over an even density). Each
+//!    patch is SIFT's patch of a keypoint of that size: the layer of its scale, cells 3 scales wide, the same
+//!    angle.
+//! 4. The histograms are added without normalisation. Before, each is scaled so that a patch that is seen
+//!    larger has the same histogram: it is divided by the scale in pixels of the layer (divided by the square
+//!    of the scale for the number of pixels, multiplied by the scale for the gradients).
+//! 5. The sum is normalised, clipped, normalised and rounded like SIFT's descriptor. With `root`, the roots of
+//!    RootSIFT follow.
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
@@ -25,10 +30,10 @@
 //! | - | `affine_shape` | false | COLMAP's `estimate_affine_shape` |
 //! | - | `root` | true | COLMAP's `normalization`; the paper has none |
 //!
-//! Ours were chosen on scenes that `dsp-sift` of the benchmark names.
+//! The values that are *ours* were chosen on the scenes that the benchmark's file of `dsp-sift` names.
 //!
-//! *Left open by the paper*: scales finer than the finest layer are looked at in that one, coarser ones than the coarsest
-//! in that.
+//! *Left open by the paper*: for a scale finer than the finest layer that layer is used, and for one coarser
+//! than the coarsest the coarsest.
 //!
 //! *Differs from COLMAP*, which normalises and clips the descriptor of each size before the mean.
 

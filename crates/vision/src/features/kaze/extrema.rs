@@ -1,5 +1,5 @@
-//! Maxima of the determinant of the Hessian among 26 neighbours, fitted in place and scale, and
-//! the strongest of each neighbourhood.
+//! Step 2 of KAZE: maxima of the determinant of the Hessian among 26 neighbours, fitted in place and scale. Of
+//! those near each other in neighbouring levels the strongest is kept.
 
 use crate::features::peak::offset;
 use crate::image::{RowBuffer, Size};

@@ -1,5 +1,5 @@
-//! What is done in a scale space on its way past: keypoints are found, turned and described where they
-//! lie, as long as their surroundings are there.
+//! Detection and description of SIFT while the scale space is computed strip by strip: keypoints are found,
+//! given a direction and described in the strip where they lie, as long as their surroundings are in memory.
 
 use super::Sift;
 use super::descriptor::{LENGTH, PatchDescriber, patch_radius};

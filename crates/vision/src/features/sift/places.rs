@@ -1,4 +1,5 @@
-//! Keypoints that are known, each shown in its layer of the scale space on its way past.
+//! Known keypoints in a scale space that is computed strip by strip: each is shown in the layer of its size,
+//! while that strip is in memory.
 
 use std::ops::Range;
 

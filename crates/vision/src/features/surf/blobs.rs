@@ -1,4 +1,7 @@
-//! Maxima of the approximated determinant of the Hessian (section 3).
+//! Steps 1 to 3 of SURF: maxima of the approximated determinant of the Hessian (section 3).
+//!
+//! The second derivatives are sums over boxes of an integral image. Rows of filters are made from top to
+//! bottom, and only the last rows of each layer are kept.
 
 use std::borrow::Cow;
 
