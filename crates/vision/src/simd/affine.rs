@@ -1,4 +1,7 @@
-//! Affine frames that predict places, for GAIM.
+//! Costs of pairs of candidates, for GAIM: how far the affine frame of one node's candidate takes the place of
+//! another node from the place of its candidate.
+//!
+//! Candidates of a node are stored in blocks of eight, so that the costs of eight pairs are computed side by side.
 
 /// Numbers of a candidate: its place (x, y), and its frame row after row.
 pub const CANDIDATE: usize = 6;

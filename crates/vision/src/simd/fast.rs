@@ -1,4 +1,6 @@
-//! The segment test on rows of pixels.
+//! The segment test of FAST on rows of pixels, and the maxima of its scores.
+//!
+//! 32 or 64 columns are tested side by side.
 
 use super::InstructionSet;
 

@@ -1,12 +1,12 @@
 //! Eight numbers side by side.
 //!
-//! What is written with [`Lanes`] is the scalar text of eight like tasks at once: every operation is that on each of
-//! the numbers, with the same rounding in each instruction set.
+//! Code that is written with [`Lanes`] is the scalar text of eight like tasks at once: every operation acts on each
+//! of the numbers, with the same rounding in each instruction set.
 //!
-//! *Benefit*: long texts of many small arrays, in which the compiler does not find the eight tasks by itself, or finds the wrong
-//! ones and gathers number by number.
-//! *Correctness*: the unsafe acts are instructions of a set that the type is named after; such a type is only used in functions
-//! that are called where the set is [in use](super::InstructionSet::in_use).
+//! *Benefit*: in long computations on many small arrays, the compiler does not find the eight tasks by itself, or
+//! vectorises the wrong loop and gathers number by number.
+//! *Correctness*: the unsafe operations are instructions of the set that the type is named after. Such a type is only
+//! used in functions that are called where the set is [in use](super::InstructionSet::in_use).
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

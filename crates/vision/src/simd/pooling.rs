@@ -1,4 +1,5 @@
-//! Sums of gradients over regions of a patch, and what learned descriptors make of them.
+//! Sums of gradients over regions of a patch, and the weak learners and projections that learned descriptors
+//! (BinBoost, DLCO) compute from them.
 
 use std::ops::Range;
 

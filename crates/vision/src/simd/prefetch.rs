@@ -1,4 +1,4 @@
-//! Asking for memory ahead of its turn. It changes no result.
+//! Prefetching: memory is asked for before it is needed. This changes no result.
 
 use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
 

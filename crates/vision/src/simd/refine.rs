@@ -1,4 +1,5 @@
-//! Normal equations of the signed Sampson distance.
+//! Normal equations of the signed Sampson distance, summed over many matches: what a step of the refinement of a pose
+//! needs.
 
 use super::sampson::{covariance_times, epipolar};
 

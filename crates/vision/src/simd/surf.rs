@@ -1,4 +1,4 @@
-//! What SURF reads: filters of boxes on an integral image, and turned patches.
+//! What SURF reads: box filters on an integral image, and patches that are turned to the orientation of a keypoint.
 
 use super::{Pixels, truncated, turns};
 

@@ -9,8 +9,8 @@
 //! *Benefit*: searches that multiply bytes. *Correctness*: the products are whole numbers and their sums are
 //! exact; tests compare with the definition.
 //!
-//! The instructions are written as text, since the language does not know them yet. The compiler never uses tiles of its own
-//! accord, so nothing else can be in them.
+//! The instructions are written in assembly, since the language does not know them yet. The compiler never uses tiles
+//! by itself, so nothing else can be in them.
 
 use std::arch::asm;
 use std::arch::x86_64::__cpuid_count;

@@ -1,4 +1,5 @@
-//! Depths of many matches: by linear triangulation, and where lines of sight pass each other.
+//! Depths of many matches side by side, in two ways: by linear triangulation, and where the lines of sight come
+//! nearest to each other.
 
 /// Matches that go through the arithmetic side by side.
 const LANES: usize = 8;

@@ -1,4 +1,4 @@
-//! Whole numbers of floating-point ones.
+//! Conversion of floating-point numbers to whole ones by truncation, vectorised.
 
 /// `value` without its fraction. What an `i32` cannot hold becomes its least number or about its largest,
 /// what is no number the least.

@@ -1,8 +1,8 @@
 //! Both passes of a symmetric filter of seven weights in one, in registers (AVX-512), written by hand.
 //!
-//! *Benefit*: between the passes sums need not be written, and read again at seven places of which most cross cache
-//! lines; less than half the time. *Correctness*: each pixel is made by the operations of the portable text in its order;
-//! a test compares both.
+//! *Benefit*: the sums between the passes need not be written and read again, at seven places of which most cross
+//! cache lines; this takes less than half the time. *Correctness*: each pixel is computed by the operations of the
+//! portable text in its order; a test compares both.
 
 use std::arch::x86_64::{
     __m512, _mm_loadu_si128, _mm_storeu_si128, _mm512_add_epi32, _mm512_add_ps,

@@ -1,12 +1,13 @@
 //! Sums over squares from an integral image, eight squares at a time (AVX2), written by hand.
 //!
-//! *How it works.* Four lines cut a square into an upper edge, what is whole and a lower edge, and along each four
-//! values of the integral image tell the sums of its three parts. Instead of taking differences of these, the shares of
-//! neighbouring parts are subtracted: what each of the four values counts. Four values of two squares fill a vector.
+//! *How it works.* A square is cut by four lines into an upper edge, the rows that lie within as a whole, and a lower
+//! edge. Along each line four values of the integral image give the sums of its three parts. Instead of taking
+//! differences of these values, the shares of neighbouring parts are subtracted: the result is by how much each of
+//! the four values counts. Four values of two squares fill a vector.
 //!
-//! *Benefit*: some 30 instructions for a square, which are 110 one by one. *Correctness*: shares are made by the
-//! operations of the portable text in its order, and the rest are whole numbers modulo 2^32, which no order changes; a
-//! test compares both.
+//! *Benefit*: some 30 instructions for a square, instead of 110 one by one. *Correctness*: shares are computed by the
+//! operations of the portable text in its order. The rest are whole numbers modulo 2^32, whose sum does not depend on
+//! the order; a test compares both.
 
 use std::arch::x86_64::{
     __m128i, __m256, __m256i, _mm_castpd_ps, _mm_castps_pd, _mm_castps_si128, _mm_castsi128_ps,

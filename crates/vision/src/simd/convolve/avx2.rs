@@ -1,7 +1,7 @@
 //! The horizontal pass with vectors of 32 bytes, written by hand.
 //!
-//! *Benefit*: of vectors that are not aligned nearly half lie across two cache lines and cost two loads, and loads
-//! are what the pass waits for. Those to the right are put together from registers, one shuffle each.
+//! *Benefit*: nearly half of the vectors that are not aligned lie across two cache lines and cost two loads, and the
+//! pass is limited by loads. The vectors to the right are put together from registers instead, one shuffle each.
 //! *Correctness*: each lane does what the portable text does for its column, in the same order; a test
 //! compares all bits.
 

@@ -1,12 +1,11 @@
 //! The two passes with vectors of 64 bytes, written by hand.
 //!
-//! *Benefit*: the vertical pass keeps eight sums at work, as many as
-//! two units of four cycles need; compiled from the portable text it has four, or, asked for eight,
-//! puts them into memory. In the horizontal pass every vector of 64 bytes that is not aligned lies across
-//! two cache lines and costs two loads; those to the right are put together from registers instead, one
-//! instruction each, since how far is known to the compiler.
+//! *Benefit*: the vertical pass keeps eight sums at work, as many as two units of four cycles need. Compiled from the
+//! portable text it has four sums, or, asked for eight, puts them into memory. In the horizontal pass every vector of
+//! 64 bytes that is not aligned lies across two cache lines and costs two loads. Those to the right are put together
+//! from registers instead, one instruction each, since the compiler knows how far they are shifted.
 //! *Correctness*: each lane does what the portable text does for its column, in the same order; a test
-//! compares all bits. In front of each access stands why it is within its slice.
+//! compares all bits. A comment in front of each access says why it is within its slice.
 
 use std::arch::x86_64::{
     __m512, _mm512_add_ps, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_mask_storeu_ps, _mm512_set1_ps,

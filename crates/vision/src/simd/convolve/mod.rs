@@ -1,4 +1,5 @@
-//! Weighted sums of rows and along rows: the two passes of a separable filter.
+//! The two passes of a separable filter: weighted sums of rows (vertical), and weighted sums along a row
+//! (horizontal).
 
 #[cfg(target_arch = "x86_64")]
 use super::InstructionSet;

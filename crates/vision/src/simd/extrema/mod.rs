@@ -1,4 +1,5 @@
-//! Extrema among the 26 neighbours in three layers of a scale space, or the 8 in one layer.
+//! Extrema of a scale space, row by row: among the 26 neighbours in three layers, or the 8 neighbours in one layer.
+//! With differences of Gaussians, which are stored nowhere, they are taken from four layers.
 #![allow(clippy::needless_bitwise_bool)] // a lazy `&&` is a branch, and lanes have none
 
 #[cfg(target_arch = "x86_64")]

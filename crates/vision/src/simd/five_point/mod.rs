@@ -1,8 +1,8 @@
 //! Essential matrices of five matches, for eight samples at once.
 //!
-//! [`crate::geometry::solvers::five_point`] says what is done and why. Nearly all of it is the same arithmetic for every
-//! sample, so a sample has a lane; roots, of which samples have different numbers, are put together eight
-//! at a time whatever sample they belong to.
+//! [`crate::geometry::solvers::five_point`] says what is computed and why. Nearly all of it is the same arithmetic
+//! for every sample, so each sample has a lane. Samples have different numbers of roots; so roots are put together
+//! eight at a time, whichever sample they belong to.
 
 #![expect(
     clippy::needless_range_loop,

@@ -1,7 +1,7 @@
 //! All real roots of eight polynomials of degree 10.
 //!
-//! As [`crate::geometry::solvers::real_roots`], step for step; but intervals that are to be halved are put together
-//! eight at a time, and so are those that Newton's method is started in.
+//! The method is [`crate::geometry::solvers::real_roots`], step for step. Intervals that are to be halved are put
+//! together eight at a time, and so are the intervals in which Newton's method is started.
 
 use super::MODELS;
 use crate::simd::lanes::{LANES, Lanes, Mask, lanes_of, values_of};

@@ -5,9 +5,8 @@
 //! the four weights of the pixel to their columns; the eight sums of each of its two directions get them times
 //! its share.
 //!
-//! *Benefit*: two vectors are read and written for a pixel, where the portable text has four. *Correctness*:
-//! that adds the same products in the same order, but for those with zero, which change no sum; a test
-//! compares all bits.
+//! *Benefit*: two vectors are read and written for a pixel, where the portable text has four. *Correctness*: the same
+//! products are added in the same order, except products with zero, which change no sum; a test compares all bits.
 
 use std::arch::x86_64::{
     __m256, _CMP_GT_OQ, _CMP_LT_OQ, _mm256_add_epi32, _mm256_add_ps, _mm256_and_ps,

@@ -5,9 +5,9 @@
 //! are not zero into the cells around it, and eight shares, of which two are not zero; each sum gets the
 //! product. Weights and shares are made for sixteen pixels at a time.
 //!
-//! *Benefit*: no sum waits in memory for the one before, as it did where each pixel added to
-//! its own few bins (16 cycles each), and there is no branch. *Correctness*: the portable text adds the same
-//! products in the same order, but for those with zero, which change no sum; a test compares all bits.
+//! *Benefit*: in the portable text each pixel adds to its own few bins, and a sum in memory waits 16 cycles for the
+//! one before it. Here no sum waits, and there is no branch. *Correctness*: the portable text adds the same products
+//! in the same order, except products with zero, which change no sum; a test compares all bits.
 
 use std::arch::x86_64::{
     __m512, _CMP_GT_OQ, _CMP_LT_OQ, _MM_FROUND_NO_EXC, _MM_FROUND_TO_NEG_INF, _mm512_add_ps,

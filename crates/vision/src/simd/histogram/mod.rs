@@ -1,4 +1,5 @@
-//! Histograms of gradient directions, one for a disc and a grid of them for a patch.
+//! Histograms of gradient directions, for SIFT: one over a disc for the orientation, and a grid of 4 x 4 of them for
+//! the descriptor of a patch.
 #![allow(clippy::needless_bitwise_bool)] // a lazy `&&` is a branch, and lanes have none
 
 #[cfg(target_arch = "x86_64")]

@@ -1,11 +1,11 @@
 //! Comparisons of pairs with permutations of bytes (AVX-512 VBMI) and moments with products of bytes
 //! (VNNI), written by hand.
 //!
-//! *How it works.* For moments two rows of a patch fill a vector, whose pixels one instruction
-//! multiplies by their offsets and sums. For comparisons the disc about a keypoint is copied, row after row
-//! without gaps, into nine tables of 128 bytes, which registers hold. A permutation looks up 64 places in one
-//! table; those that lie in it, told by the bits above the lowest seven, take what was found, and all others
-//! wait for their own table.
+//! *How it works.* For moments, two rows of a patch fill a vector, and one instruction multiplies its pixels by their
+//! offsets and sums the products. For comparisons, the disc about a keypoint is copied, row after row without gaps,
+//! into nine tables of 128 bytes, which registers hold. A permutation looks up 64 places in one table. The bits of a
+//! place above the lowest seven say in which table it lies: places of this table take what was found, and all others
+//! keep what they have.
 //!
 //! *Benefit*: looking up place by place takes four instructions for each of 512 places. *Correctness*: places are turned and rounded by the operations
 //! of the portable text in its order, and moments are whole numbers, which no order of sums changes; a test

@@ -1,4 +1,5 @@
-//! What ORB reads around a keypoint: corner strength, centre of intensity, pairs of intensities.
+//! What ORB reads around a keypoint: corner strength (Harris), the centre of intensity, and the comparisons of pairs
+//! of intensities.
 
 #[cfg(target_arch = "x86_64")]
 mod avx512;

@@ -1,4 +1,4 @@
-//! A few chosen rows, compared by the definition of the distance.
+//! The nearest among a few chosen rows, compared by the definition of the distance.
 
 use super::TwoNearest;
 

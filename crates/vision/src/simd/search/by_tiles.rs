@@ -1,14 +1,15 @@
-//! The two nearest of many, where distances are whole numbers that follow from products of bytes.
+//! The two nearest of many candidates, where distances are whole numbers and are computed from products of bytes.
 //!
 //! *How it works.*
-//! 1. The distance of a query and a candidate is a part of either less some products of their bytes.
-//!    [Tiles](crate::simd::tiles) sum these products for 32 candidates and 32 queries together.
-//! 2. What is not the query's part is the same for all of its candidates but for these sums. Times 32, plus the number of the
-//!    candidate in its panel, it is a key: the least key is the nearest candidate, the first of equals.
-//! 3. A lane has the two least keys of a query, which three instructions bring up to date for 16 queries.
+//! 1. The distance of a query and a candidate is a part of the query plus a part of the candidate, less some products
+//!    of their bytes. [Tiles](crate::simd::tiles) sum these products for 32 candidates and 32 queries together.
+//! 2. The part of the query is the same for all of its candidates, so it is left out. The rest, times 32, plus the
+//!    number of the candidate in its panel, is a key: the least key is the nearest candidate, and of equally near
+//!    ones the first.
+//! 3. A lane holds the two least keys of a query. Three instructions update them for 16 queries.
 //!
-//! *Benefit*: every candidate is compared in full, in less time than others take to rule most of them out. *Correctness*: all
-//! numbers are whole, and tests of those who search compare with the definition.
+//! *Benefit*: every candidate is compared in full, in less time than the other searches take to rule most of them
+//! out. *Correctness*: all numbers are whole, and tests of the callers compare with the definition.
 
 use std::arch::x86_64::{
     __m512i, _mm512_add_epi32, _mm512_and_si512, _mm512_cmplt_epi32_mask, _mm512_loadu_si512,

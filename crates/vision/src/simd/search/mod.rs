@@ -1,14 +1,15 @@
 //! Exact search for the two nearest of many descriptors.
 //!
-//! *How it works.* The candidates are packed into panels: one vector lane holds one candidate, and
-//! value `k` of 16 or 32 candidates lies in one row. A kernel walks down a panel with a block of
-//! queries at once, so that each load serves the whole block, every lane sums its own distance in
-//! the order of the values, and no vector is ever summed across. Finished distances stay in
-//! registers; they are looked at one by one only when one of them beats the second best so far,
-//! which becomes rare quickly. Tiles of queries or of panels are sized for the second-level cache,
-//! and no matrix of distances is ever stored. Bits are counted differently: with tables, in
-//! [`two_nearest_bits`]. Real values are first compared as bytes, which rules out most candidates. Processors that
-//! multiply tiles of bytes compare bits, and values that bytes hold, with all candidates so: in `by_tiles`.
+//! *How it works.* The candidates are packed into panels: one vector lane holds one candidate, and value `k` of 16 or
+//! 32 candidates lies in one row. A kernel walks down a panel with a block of queries at once. So each load serves
+//! the whole block, every lane sums its own distance in the order of the values, and no vector is ever summed across.
+//! Finished distances stay in registers. They are looked at one by one only when one of them beats the second best so
+//! far, which becomes rare quickly. Tiles of queries or of panels are sized for the second-level cache, and no matrix
+//! of distances is ever stored.
+//!
+//! There are three variants. Bits are counted with tables, in [`two_nearest_bits`]. Real values are first compared as
+//! bytes, which rules out most candidates (`coarse`). Processors that multiply tiles of bytes compare all candidates
+//! in full, for bits and for values that bytes hold exactly (`by_tiles`).
 
 mod among;
 mod bits;

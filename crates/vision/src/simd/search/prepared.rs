@@ -1,4 +1,4 @@
-//! What searches make of their candidates, kept for the next ones.
+//! What a search computes from its candidates alone, kept for later searches.
 
 use std::fmt;
 

@@ -9,17 +9,16 @@
 //! 1. The bits are cut into groups of five. For each group and each of the 32 patterns that a query
 //!    may have there, a table holds in how many bits 128 candidates differ from it; each bit doubles
 //!    the table. A query then only adds one entry per group.
-//! 2. A count of at most five takes four bits, so a byte holds those of two candidates, and three
-//!    counts still fit (3 * 5 = 15): only each third addition is followed by separating the two. 15
-//!    bits of 64 candidates cost six instructions on vectors of 32 bytes; looking up four bits at
-//!    a time with byte shuffles takes fifteen. Two such vectors lie side by side, so that finding
-//!    the entry is paid once for both.
+//! 2. A count of at most five takes four bits, so a byte holds those of two candidates. Three counts still fit (3 * 5
+//!    = 15), so only after each third addition the two are separated. 15 bits of 64 candidates cost six instructions
+//!    on vectors of 32 bytes; looking up four bits at a time with byte shuffles takes fifteen. Two such vectors lie
+//!    side by side, so that the entry is located once for both.
 //! 3. The tables of one word (26 KiB) stay in the first-level cache while the queries of a tile pass
 //!    by; each adds its counts to sums that stop at 255.
-//! 4. When one of a panel is near enough to matter, the two nearest of the panel are found by minima
-//!    over all lanes: looking at lanes one by one would take as long as counting.
-//! 5. A query with fewer than two candidates nearer than 255, unlike everything, is compared once
-//!    more one by one.
+//! 4. When a candidate of a panel is near enough to matter, the two nearest of the panel are found by minima over all
+//!    lanes; to look at lanes one by one would take as long as counting.
+//! 5. Sums stop at 255. A query with fewer than two candidates nearer than that is unlike everything, and is compared
+//!    once more, one by one.
 //!
 //! Where the processor multiplies tiles of bytes, distances are [sums of products](products) instead.
 

@@ -1,8 +1,8 @@
 //! Hamming distances by products of bytes.
 //!
-//! *How it works.* Bits become bytes. With the bits of a query `q` as 0 and 1 and those of a candidate `b` as -1 and 1, `|b| - sum of
-//! q (2 b - 1)` is in how many bits they differ, where `|b|` counts the ones of the candidate.
-//! [`by_tiles`](crate::simd::search::by_tiles) finds the least.
+//! *How it works.* Each bit becomes a byte: the bits of a query `q` become 0 and 1, those of a candidate `b` become
+//! -1 and 1. Then `|b| - sum of q (2 b - 1)` is the number of bits in which they differ, where `b` has the bits as 0
+//! and 1 and `|b|` counts its ones. [`by_tiles`](crate::simd::search::by_tiles) finds the least.
 //!
 //! *Benefit*: 0.6 to 0.7 times the time of the tables (Intel Xeon). *Correctness*: all numbers are whole, and tests compare with the
 //! definition.

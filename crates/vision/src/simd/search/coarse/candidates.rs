@@ -1,10 +1,10 @@
-//! What searches need to know of their candidates.
+//! What the searches by bytes compute from their candidates, and when.
 //!
-//! *How it works.* All of it follows from the candidates alone, so it is made once and kept beside them: an image is matched
-//! with many others. Bytes are made by the first search. Principal components take longer, and pay only in
-//! large searches, or in many: they are made as soon as all searches so far had as many pairs as one must
-//! have for them to pay. So never more than about twice the least possible time is spent, whatever
-//! comes (as with skis, which are rented until the rent has reached their price).
+//! *How it works.* All of it is computed from the candidates alone, so it is computed once and kept beside them: an
+//! image is matched with many others. Bytes are made by the first search. Principal components take longer, and pay
+//! only in one large search or in many searches. They are made as soon as all searches so far together had as many
+//! pairs as one search must have for them to pay. So never more than about twice the least possible time is spent,
+//! whatever comes (the ski rental problem: rent until the rent has reached the price, then buy).
 
 use std::sync::{Arc, Mutex, PoisonError};
 

@@ -1,8 +1,8 @@
-//! The two nearest of rows whose bytes lost nothing, as those of SIFT, by all products of their bytes.
+//! The two nearest of rows whose bytes are exact, as those of SIFT are, by all products of their bytes.
 //!
-//! *How it works.* The squared distance is a part of either row less twice the sum of products of their bytes (see
+//! *How it works.* The squared distance is a part of each row less twice the sum of products of their bytes (see
 //! [`Bytes`](super::grid::Bytes)), and [`by_tiles`](crate::simd::search::by_tiles) finds the least. All numbers are
-//! whole, so the distances are those of the definition, and nothing has to be ruled out or looked at again.
+//! whole, so the distances are those of the definition, and no candidate has to be ruled out or looked at again.
 //!
 //! *Benefit*: a third of the time of the search by bounds (Intel Xeon, 500 to 9,800 descriptors).
 

@@ -1,4 +1,4 @@
-//! Real values as bytes.
+//! The grid by which real values become bytes, and the bytes of rows with the rounding of each.
 
 use std::arch::x86_64::{
     _mm_add_ps, _mm_add_ss, _mm_cvtss_f32, _mm_movehdup_ps, _mm_movehl_ps, _mm256_add_ps,

@@ -1,8 +1,8 @@
-//! Which of some pairs of a query and a candidate are within the bound of the query, by the bytes of all their values.
+//! Which pairs of a query and a candidate remain, when they are compared by the bytes of all their values.
 //!
-//! *How it works.* Few candidates of a panel are left, each for a few queries, so there is nothing to share: each
-//! pair is a product of two rows, whose lanes are summed up. With AVX-512 the lanes of four such products are
-//! summed together.
+//! *How it works.* After the principal components, few candidates of a panel are left, each for a few queries, so
+//! there is nothing to share. Each pair is a product of two rows, whose lanes are summed up. With AVX-512 the lanes
+//! of four such products are summed together.
 
 use std::arch::x86_64::{
     __m512i, _mm_add_epi32, _mm_cvtsi128_si32, _mm_shuffle_epi32, _mm_storeu_si128,

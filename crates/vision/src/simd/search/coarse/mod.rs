@@ -1,24 +1,24 @@
 //! The nearest by Euclidean distance, with products of bytes.
 //!
 //! *How it works.*
-//! 1. Values become bytes (see [`Grid`](grid::Grid)). By the triangle inequality the distance of two rows of
-//!    bytes differs from the scaled distance of the rows by at most the lengths of what rounding
-//!    took from either.
+//! 1. Values become bytes (see [`Grid`](grid::Grid)). By the triangle inequality, the distance of two rows of bytes
+//!    differs from the scaled distance of the rows by at most the rounding of one row plus that of the other (as
+//!    lengths of vectors).
 //! 2. With `|a - b|^2 = |a|^2 + |b|^2 - 2 a.b` each instruction multiplies and adds 32 pairs of
 //!    bytes, or 64.
 //! 3. A candidate is rejected if even the lower bound of its distance exceeds the second smallest distance so
 //!    far. For the few others the distance is computed in full, which may lower that second smallest.
-//! 4. With AVX-512 the second smallest of the first few hundred candidates is found at once, without a look at
-//!    single ones, so that few are within the bounds from the start.
-//! 5. Large searches look at the first principal components alone first, a quarter of the bytes of SIFT: of 85,000
-//!    candidates these leave about one in 160 (ASIFT, castle, AVX-512). Queries that are near to each other
-//!    see the candidates near to them first, so small distances are known from the start.
-//! 6. What is left, mostly the two nearest themselves, is compared by the definition of the distance; so the
-//!    results are those of the search by definition. With AVX-512 bytes hold whole numbers exactly, as those of SIFT are,
-//!    and their distances are those of the definition.
-//! 7. What follows from candidates alone is made once for all searches among them (see [`Kept`]).
-//! 8. Where bytes lose nothing and the processor multiplies tiles of them, [all products](exact) are made: steps 3 to 6
-//!    are not needed.
+//! 4. With AVX-512 the second smallest distance of the first few hundred candidates is found at once, without looking
+//!    at single candidates, so that few candidates are within the bounds from the start.
+//! 5. Large searches look first only at the first principal components, a quarter of the bytes of SIFT: of 85,000
+//!    candidates these leave about one in 160 (ASIFT, castle, AVX-512). Queries that are near to each other see the
+//!    candidates near to them first, so small distances are known from the start.
+//! 6. The candidates that are left, mostly the two nearest themselves, are compared by the definition of the
+//!    distance. So the results are those of the search by definition. With AVX-512 bytes hold whole numbers exactly,
+//!    such as those of SIFT, and distances from such bytes are those of the definition.
+//! 7. What is computed from candidates alone is computed once for all searches among them (see [`Kept`]).
+//! 8. Where bytes are exact and the processor multiplies tiles of them, [all products](exact) are computed: steps 3
+//!    to 6 are not needed.
 
 mod candidates;
 mod exact;

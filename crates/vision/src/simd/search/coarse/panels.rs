@@ -1,4 +1,4 @@
-//! Bytes of candidates, and the bounds that follow from them and the bytes of queries.
+//! Panels of the bytes of candidates, and the bounds that are computed from them and the bytes of queries.
 
 use super::grid::{Bytes, Grid};
 use super::within::{LANES, ROWS};

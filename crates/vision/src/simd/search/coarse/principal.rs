@@ -4,10 +4,10 @@
 //! 1. The covariance of some candidates gives orthogonal axes, sorted by the variance along them. Of 128 values
 //!    of SIFT the first [`COMPONENTS`] components hold 82 % of the variance, so the distance along these
 //!    alone nearly always tells that a candidate is out: it is at most the distance of the rows.
-//! 2. That holds for any axes of length 1 that are orthogonal. Those that were found are rounded; by how
-//!    much they may lengthen a row at most is computed from their products ([`Principal::stretch`]), and
-//!    by how much rounding may change a projected row is bounded ([`Projected::rounding`]). So no bound
-//!    relies on the axes being the right ones.
+//! 2. This bound holds for any orthogonal axes of length 1. The axes that were found are rounded, so two errors are
+//!    bounded: by how much the axes may lengthen a row at most, from their products ([`Principal::stretch`]), and how
+//!    much rounding may change a projected row ([`Projected::rounding`]). So no bound relies on the axes being the
+//!    right ones.
 //! 3. Rows are sorted by the signs of their first components, those of one side of the mean along the
 //!    first axis first. Rows that are near to each other are then near in this order as well, and a query
 //!    that starts with candidates near to it knows small distances soon.

@@ -1,4 +1,5 @@
-//! The search among candidates that are prepared: tile of queries by tile, panel of candidates by panel.
+//! The search among prepared candidates: one tile of queries after the other, one panel of candidates after the
+//! other.
 
 use super::candidates::{Candidates, Components};
 use super::grid::squared_distance;

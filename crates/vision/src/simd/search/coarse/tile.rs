@@ -1,4 +1,4 @@
-//! What is known of some queries while they are searched for.
+//! A tile of queries during a search: their bounds and the nearest candidates so far.
 
 use super::keep::Pair;
 use super::panels::{Bounds, ROUNDING};

@@ -1,12 +1,11 @@
 //! Which candidates of a panel may be within the bounds of a block of queries.
 //!
-//! *How it works.* With `|a - b|^2 = |a|^2 + |b|^2 - 2 a.b` a candidate is within the bound of a query if
-//! the products of their bytes sum up to enough. Sums start at minus half of the candidate's part of
-//! the distance, so that all that is left to do is to compare each with one number of its query. A panel
-//! has as many lanes as sums of a whole block fit into the registers of AVX-512: each value of a
-//! query that is loaded serves all lanes, each vector of a panel all queries, so the units that multiply
-//! have no reason to wait. AVX2 has half as many registers of half the size, and takes a quarter of the
-//! lanes at a time.
+//! *How it works.* With `|a - b|^2 = |a|^2 + |b|^2 - 2 a.b` a candidate is within the bound of a query if the
+//! products of their bytes sum up to enough. Sums start at minus half of the candidate's part of the distance, so
+//! each has only to be compared with one number of its query. A panel has as many lanes as sums of a whole block fit
+//! into the registers of AVX-512. So each value of a query that is loaded serves all lanes, and each vector of a
+//! panel serves all queries; the units that multiply do not have to wait. AVX2 has half as many registers of half the
+//! size, and takes a quarter of the lanes at a time.
 
 use std::arch::x86_64::{
     __m256i, __m512i, _mm256_add_epi16, _mm256_add_epi32, _mm256_castsi256_ps, _mm256_cmpgt_epi32,
