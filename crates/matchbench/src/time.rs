@@ -1,10 +1,10 @@
 //! How long a matcher takes, by the paper's protocol.
 //!
-//! The first pairs of one dataset, one thread, no cache, wall clock: detection and description once
-//! for an image, search and selection once for a pair. Each measurement is a run in a folder of its
-//! own that is thrown away; a few pairs are run before, to warm up, and again at the end: if the same
-//! work then takes another time, or single times are far from all others, the machine was not quiet,
-//! and a warning says so.
+//! The first pairs of one dataset are measured, with one thread, no cache and the wall clock: detection and
+//! description once for an image, search and selection once for a pair. Each measurement is a run in a
+//! folder of its own that is thrown away. A few pairs are run before, to warm up, and again at the end. If
+//! the same work then takes another time, or if single times are far from all others, the machine was not
+//! quiet, and a warning says so.
 
 use std::collections::BTreeMap;
 use std::fs;

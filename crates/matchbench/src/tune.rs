@@ -1,9 +1,8 @@
 //! The best value of one parameter of an estimator, on scenes that are not reported.
 //!
-//! Each value becomes a variant of the estimator, and all of them run as estimators of one run: on
-//! the same matches, with the same random draws, with progress, and resumable. What is chosen is the
-//! value with the highest AUC, averaged over datasets and matchers with equal weight; of equal ones the
-//! first.
+//! Each value becomes a variant of the estimator, and all variants run as estimators of one run: on the
+//! same matches, with the same random draws, with progress, and resumable. The chosen value is the one with
+//! the highest AUC, averaged over datasets and matchers with equal weight; of equal ones the first.
 
 use std::path::Path;
 

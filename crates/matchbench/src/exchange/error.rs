@@ -1,4 +1,4 @@
-//! What can be wrong with files of matches: always a file, often a place in it, and what to do.
+//! What can be wrong with files of matches. An error names the file, often the place in it, and what to do.
 
 use std::fmt;
 use std::path::{Path, PathBuf};

@@ -1,14 +1,14 @@
-//! What leaves: the selected matches of a run, or those that agree with the estimated pose.
+//! The export of matches: the selected matches of a run, or those that agree with the estimated pose.
 //!
-//! A match agrees with a pose if its Sampson distance is below the estimator's threshold, in
-//! pixels of the mean focal length. That is how the reference estimator counts inliers, and it
-//! needs nothing but the record; estimators whose score weighs matches have no sharper notion.
+//! A match agrees with a pose if its Sampson distance is below the estimator's threshold, in pixels of the
+//! mean focal length. The reference estimator counts inliers in this way, and it needs nothing but the
+//! record. Estimators whose score weights matches have no more exact notion of an inlier.
 //!
-//! Formats that share keypoints among pairs (COLMAP's and hloc's) need a list of keypoints for each
-//! image. It is made of the matched points: points at the same place are one keypoint, unless one
-//! pair matches the place more than once. hloc keeps the matches of a pair in the order of the
-//! first image's keypoints, so keypoints are numbered such that every pair's order survives,
-//! wherever the orders of all pairs allow it: those of feature matchers do.
+//! Formats that share keypoints among pairs (COLMAP's and hloc's) need a list of keypoints for each image.
+//! It is made from the matched points: points at the same place are one keypoint, unless one pair matches
+//! the place more than once. hloc stores the matches of a pair in the order of the first image's keypoints.
+//! So keypoints are numbered such that the order of every pair is kept, wherever the orders of all pairs
+//! allow it; those of feature matchers do.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, HashMap};

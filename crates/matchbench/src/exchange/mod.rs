@@ -1,18 +1,18 @@
-//! Matches from other tools' files, and ours in other tools' formats.
+//! Import and export of matches: from files of other tools, and to their formats.
 //!
 //! [`MatchFiles::open`] recognises a format by its content and understands a dataset's pairs in it;
 //! [`MatchFiles::matches`] gives those of a pair as the native matchers do: pixels of the original
 //! image, the centre of the first pixel at (0, 0), and an ambiguity from 0 (certain) to 1. One file
 //! here is one format; [`FORMATS`] lists them, and the tests walk that list.
 //!
-//! Files state where the centre of the first pixel is (0 or 0.5) or leave it to be said; whoever
-//! worked on a resized image says its size. Both are undone by
-//! `x = (x_file - centre + 0.5) * width / resized_width - 0.5`.
+//! Some formats fix where the centre of the first pixel is (0 or 0.5); for the others the user says it. For
+//! matches of resized images the user also says their size. Both are undone by `x = (x_file - centre + 0.5)
+//! * width / resized_width - 0.5`.
 //!
-//! Scores, where a format has them, are better the higher they are. If all of a file lie in 0..1
-//! the ambiguity is 1 - score; otherwise it is (1 - s / (1 + |s|)) / 2, which falls strictly from 1
-//! to 0 as s grows. Without scores all matches have ambiguity 0, and estimators that sort by it
-//! take them in the order of the file.
+//! Scores, where a format has them, are better the higher they are. If all scores of a file lie in 0..1,
+//! the ambiguity is 1 - score; otherwise it is (1 - s / (1 + |s|)) / 2, which falls strictly from 1 to 0 as
+//! s grows. Without scores all matches have ambiguity 0, and estimators that sort by it take them in the
+//! order of the file.
 
 mod colmap;
 mod error;

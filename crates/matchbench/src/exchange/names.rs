@@ -1,8 +1,8 @@
 //! Which frame a file of matches means: by number, or by the name of its image.
 //!
-//! Tools name an image by its path below some root (`db/0001.jpg`), by its file name, or without
-//! the ending; hloc writes `-` for `/` in names of pairs. All of these are understood, as long as
-//! one image alone ends so. A name is never opened as a file.
+//! Tools name an image by its path below some root (`db/0001.jpg`), by its file name, or without the
+//! extension; hloc writes `-` for `/` in names of pairs. All of these are understood, as long as only one
+//! image has a path that ends so. A name is never opened as a file.
 
 use std::collections::HashMap;
 use std::fmt;

@@ -1,4 +1,4 @@
-//! What users say about files of matches, where these do not say it themselves.
+//! The options by which users describe files of matches, where the files do not describe themselves.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! What a path holds: which files, and of what kind by their first bytes.
+//! Finds which files a path holds, and of what kind they are by their first bytes.
 
 use std::ffi::OsStr;
 use std::fs;

@@ -1,7 +1,7 @@
-//! How certain files say that their matches are, and the ambiguities that follow.
+//! Scores of files, and the ambiguities that are computed from them.
 //!
-//! Whether scores lie in 0..1 is known only once all pairs were read: [`Rating::seen_after`] learns it,
-//! and [`Rating::ambiguities`] takes it.
+//! Whether all scores lie in 0..1 is known only after all pairs were read: [`Rating::seen_after`] finds it
+//! out, and [`Rating::ambiguities`] uses it.
 
 use super::Scores;
 

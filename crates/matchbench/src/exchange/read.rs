@@ -1,10 +1,10 @@
 //! Matches of a dataset's pairs from files: recognised, checked once over all pairs, and given
 //! pair by pair.
 //!
-//! Opening reads every pair of the dataset once and keeps none of them, so that memory does not
-//! grow with the number of pairs and whatever is wrong is said before a run begins: numbers that
-//! are not finite, points outside their image, ambiguities outside 0..1. Points that never fill
-//! much of their image are warned about, since that is how points of resized images look.
+//! Opening reads every pair of the dataset once and keeps none of them. So memory does not grow with the
+//! number of pairs, and errors are reported before a run begins: numbers that are not finite, points
+//! outside their image, ambiguities outside 0..1. If the points fill little of their images, a warning says
+//! so, since points of resized images look like that.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;

@@ -1,5 +1,4 @@
-//! What was read and how it was understood: everything in a plan or a report about matches from
-//! files.
+//! How files of matches were understood: everything that a plan or a report says of them.
 
 use std::collections::BTreeMap;
 use std::fmt;

@@ -1,4 +1,5 @@
-//! Matches as a child writes them: five `f32` each, of which nothing is believed.
+//! Matches as a child process writes them: five `f32` each. Nothing of it is believed; everything is
+//! checked.
 
 use std::collections::BTreeMap;
 use std::fs;

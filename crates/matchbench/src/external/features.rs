@@ -1,4 +1,5 @@
-//! Descriptions of images as a child writes them: an `.npz` file, of which nothing is believed.
+//! Features of images as a child process writes them: an `.npz` file. Nothing of it is believed; everything
+//! is checked.
 //!
 //! | array | shape | type | |
 //! | --- | --- | --- | --- |

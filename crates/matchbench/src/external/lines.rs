@@ -1,4 +1,4 @@
-//! Lines of a stream that nobody can be trusted with: bounded, whatever the other side writes.
+//! Lines of a stream from another process: their length is bounded, whatever the other side writes.
 
 use std::io::{self, BufRead};
 

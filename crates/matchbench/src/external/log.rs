@@ -1,4 +1,4 @@
-//! What children print: kept in a file that cannot grow without end.
+//! The log of what child processes print, in a file whose size is limited.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};

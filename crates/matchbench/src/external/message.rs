@@ -1,4 +1,4 @@
-//! The lines of protocol 1, as both sides write them; the head of the room shows them.
+//! The lines of protocol 1, as both sides write them; the header of `external` shows them.
 
 use std::collections::BTreeMap;
 use std::path::Path;

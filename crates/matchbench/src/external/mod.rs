@@ -16,9 +16,10 @@
 //! > {"type":"bye"}                                                 and standard input is closed
 //! ```
 //!
-//! `out` holds `count` times five little-endian `f32`: x_a, y_a, x_b, y_b in pixels of the original
-//! images, whose first pixel has its centre at `pixel_center` (0 or 0.5), and the ambiguity, from 0
-//! (certain) to 1. `features` are numbers of a and of b, whose product `count` does not exceed. Neither cameras nor poses are sent: no answer can lean on the truth.
+//! `out` holds `count` times five little-endian `f32`: x_a, y_a, x_b, y_b in pixels of the original images,
+//! whose first pixel has its centre at `pixel_center` (0 or 0.5), and the ambiguity, from 0 (certain) to 1.
+//! `features` are the numbers of features of a and b; `count` is at most their product. Neither cameras nor
+//! poses are sent, so no answer can make use of the truth.
 //!
 //! With `kind = "features"` the child describes images, and search and selection are native:
 //!
@@ -28,17 +29,18 @@
 //! < {"type":"failed","image":"/abs/a.png","reason":".."}
 //! ```
 //!
-//! Lines that are no JSON object with a `type` go to the log, as does standard error: libraries print
-//! while they load.
+//! Lines that are no JSON object with a `type` go to the log, as does standard error, because libraries
+//! print messages while they load.
 //!
-//! Nothing of a child is believed. One that hangs, ends, floods, or answers something else than was
-//! asked costs the pair that was asked for and is replaced; after three in a row the matcher ends
-//! with an error that names the log ([`Breakdown`]). Children are leaders of process groups that end
-//! with them, and all are reaped.
+//! Nothing that a child says is believed. If a child hangs, ends, floods, or answers something else than
+//! was asked, the pair that was asked for fails and the child is replaced. After three such failures in a
+//! row the matcher ends with an error that names the log ([`Breakdown`]). Children are leaders of process
+//! groups that end with them, and all are reaped.
 //!
-//! `process` starts and ends children, `log` keeps what they print, `message` and `answer` are the
-//! protocol, `worker` is one child that speaks it, `pool` ([`External`]) several, `features` reads
-//! descriptions and `nearest` matches them, `source` is what a run asks, [`check`] tries a manifest out.
+//! `process` starts and ends children, `log` keeps what they print, and `message` and `answer` are the
+//! protocol. `worker` is one child that speaks it, and `pool` ([`External`]) is several. `features` reads
+//! descriptions and `nearest` matches them. `source` is what a run asks, and [`check`] tries a manifest
+//! out.
 
 mod answer;
 mod check;

@@ -1,4 +1,5 @@
-//! Described features, matched: the nearest neighbours, pruned as the manifest says.
+//! Matches features that a child has described: nearest neighbours, then the ratio test and the mutual
+//! check as the manifest says.
 
 use matchbench_vision::features::Features;
 use matchbench_vision::matching::{

@@ -1,4 +1,5 @@
-//! A matcher from outside: its processes, who gets which, and when it is given up.
+//! A matcher from outside: its child processes, which of them gets which pair, and when the matcher is
+//! given up.
 
 use std::fmt;
 use std::io;

@@ -1,4 +1,4 @@
-//! A child process: started in a group of its own, heard through threads, and ended without fail.
+//! A child process: it is started in a process group of its own, read by threads, and ended in any case.
 //!
 //! Three threads serve a child: one writes to its standard input, so that a child that does not read
 //! cannot hold the host up; one sorts its standard output into protocol and log; one copies its
@@ -14,8 +14,8 @@
 //! | Ctrl-C twice | the command line calls [`end_all`] before it exits |
 //! | the host is killed | its standard input closes, upon which it has to go |
 //!
-//! What is killed is the group, so that programs started by the child end too, unless they left it, and it is killed
-//! before the child is reaped, while its number cannot yet be another's.
+//! The whole group is killed, so that programs started by the child end too, unless they left it. It is
+//! killed before the child is reaped, while its number cannot yet belong to another process.
 
 use std::collections::BTreeSet;
 use std::ffi::OsString;

@@ -1,8 +1,8 @@
 //! Matchers from outside as sources of a run's matched points.
 //!
-//! One that answers matches is asked for each pair. One that answers features is asked for each image:
-//! the answers are kept in the cache of the run, under the content of the image, the child's version and
-//! its parameters; the search, the ratio test and the mutual check are native and timed here.
+//! A matcher that answers matches is asked for each pair. One that answers features is asked for each
+//! image. Its answers are kept in the cache of the run, under the content of the image, the child's version
+//! and its parameters; the search, the ratio test and the mutual check are native and timed here.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};

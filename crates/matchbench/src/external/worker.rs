@@ -1,4 +1,5 @@
-//! One child that speaks the protocol: asked one thing at a time, and believed nothing.
+//! One child process that speaks the protocol. It is asked one thing at a time, and every answer is
+//! checked.
 
 use std::time::{Duration, Instant};
 

@@ -1,4 +1,5 @@
-//! How far a score would move with other reference images: percentile bootstrap over clusters.
+//! Intervals of scores: how far a score would move with other reference images, by a percentile bootstrap
+//! over clusters.
 //!
 //! Efron and Tibshirani: "An Introduction to the Bootstrap", 1993, ch. 13 (percentile intervals);
 //! Field and Welsh: "Bootstrapping clustered data", JRSS B 69(3), 2007 (clusters).
@@ -14,9 +15,9 @@
 //!    difference of two methods in some 74, 83, 90 and 93 of 100 cases (normal differences). Below
 //!    [`LEAST_IMAGES`] there is none. Whether a difference is certain is another question
 //!    (`significance.rs`).
-//! 5. The difference of two matchers on the same pairs is a score too, whose term is the
-//!    difference of theirs: much narrower than the two intervals apart, for hard images are hard
-//!    for both.
+//! 5. The difference of two matchers on the same pairs is a score too, whose term is the difference of
+//!    theirs. Its interval is much narrower than the two separate intervals suggest, because hard images
+//!    are hard for both.
 //!
 //! | parameter | field | default | source |
 //! | --- | --- | --- | --- |

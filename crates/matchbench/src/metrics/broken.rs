@@ -1,8 +1,9 @@
-//! What pairs that broke or are missing count for: nothing right, in every share that they would have been in.
+//! How pairs that broke or are missing count: as nothing right, in every share that they would have been
+//! in.
 //!
-//! Such a pair has no counts of its own. Were it left out of a share, a matcher that breaks where pairs are
-//! hard would gain by it. What the other results of the dataset have tells which shares it belongs to:
-//! whether there is a true homography or depth of the pair, and whether its matcher has keypoints at all.
+//! Such a pair has no counts of its own. If it were left out of a share, a matcher that breaks where pairs
+//! are hard would gain. The other results of the dataset tell which shares it belongs to: whether there is
+//! a true homography or depth of the pair, and whether its matcher has keypoints at all.
 
 use std::collections::{BTreeMap, BTreeSet};
 

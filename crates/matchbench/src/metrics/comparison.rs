@@ -1,7 +1,7 @@
 //! Two sets of results of the same pairs, compared pair by pair.
 //!
-//! Hard pairs are hard for both, so the interval of the difference is much narrower than the two
-//! intervals apart would suggest: what matters is whether it contains 0.
+//! Hard pairs are hard for both, so the interval of the difference is much narrower than the two separate
+//! intervals suggest. What matters is whether it contains 0.
 
 use std::collections::BTreeMap;
 

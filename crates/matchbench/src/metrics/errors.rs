@@ -7,9 +7,9 @@
 //! (Shen et al., "GIM: Learning Generalizable Image Matcher From Internet Videos", ICLR 2024):
 //! `identifiers covisible0 covisible1 R_errs t_errs t_errs2 ...`.
 //!
-//! An empty field, `inf` and `nan` are pairs without a pose. The method is called as the folder. Where
-//! a column `identifiers` names pairs as ZEB does (`scene#image a#image b`), pairs of one first image
-//! stay together in the bootstrap; else every pair is drawn alone.
+//! An empty field, `inf` and `nan` are pairs without a pose. The method gets the name of the folder. Where
+//! a column `identifiers` names pairs as ZEB does (`scene#image a#image b`), pairs of one first image stay
+//! together in the bootstrap; otherwise every pair is drawn alone.
 
 use std::collections::HashMap;
 use std::fs;

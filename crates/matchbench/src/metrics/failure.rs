@@ -1,4 +1,4 @@
-//! Why a pair came to nothing.
+//! Why a pair has no estimate.
 
 use matchbench_vision::robust::NoPose;
 

@@ -1,4 +1,4 @@
-//! How many pairs came to nothing, by reason.
+//! How many pairs have no estimate, by reason.
 
 use serde::Serialize;
 

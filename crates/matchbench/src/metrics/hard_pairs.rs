@@ -1,9 +1,9 @@
-//! Where methods fail: kinds of hard pairs, the pairs of each kind, and a telling one.
+//! Where methods fail: kinds of hard pairs, the pairs of each kind, and a typical pair of each.
 //!
-//! A kind is told from what is known of a pair besides the outcome: its true pose, and how many features and matches
-//! the matchers found. Counts differ from matcher to matcher, so each is held against the median of its own on this
-//! dataset, and most matchers that count must agree. A pair may be of several kinds; a telling pair is of one alone
-//! where there is such a pair.
+//! The kind of a pair is decided by what is known of it besides the outcome: its true pose, and how many
+//! features and matches the matchers found. Counts differ from matcher to matcher. So each count is
+//! compared with the median of the same matcher on this dataset, and most matchers that count must agree. A
+//! pair may be of several kinds; a typical pair is of one kind only, where there is such a pair.
 //!
 //! | kind | a pair is of it if |
 //! | --- | --- |

@@ -1,11 +1,11 @@
 //! How hard a pair is, told from its true pose and cameras alone: baseline, angle, overlap.
 //!
-//! With depth a run measures how much of each image the other shows, and records it ([`PairGeometry::measure`]).
-//! Without, nobody knows how much of image `a` is seen in image `b`. What can be known then
-//! is an upper bound: were all that `a` sees at one depth, so many of its rays would end in `b`.
-//! [`PairGeometry::overlap`] takes the depth at which most do, from [`DEPTHS`] (in baselines, and
-//! infinity), each time the lesser of both directions. Images that look past each other have 0,
-//! whatever the scene; 1 says only that the poses do not forbid it.
+//! With depth a run measures how much of each image the other shows, and records it
+//! ([`PairGeometry::measure`]). Without depth, nobody knows how much of image `a` is seen in image `b`, but
+//! an upper bound is known. If everything that `a` sees were at one depth, a certain share of its rays
+//! would end in `b`. [`PairGeometry::overlap`] takes the largest such share over the depths [`DEPTHS`] (in
+//! baselines, and infinity), each time the lesser of both directions. Images that look past each other have
+//! 0, whatever the scene; 1 says only that the poses do not exclude full overlap.
 //!
 //! The size of an image is taken as twice its principal point, which needs no file.
 

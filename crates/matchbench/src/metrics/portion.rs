@@ -1,4 +1,5 @@
-//! Which of the paper's two portions a set of pairs belongs to, told by the pairs alone.
+//! Which of the paper's two portions a set of pairs belongs to, short or wide baselines, decided by the
+//! pairs alone.
 //!
 //! Bian et al.: "MatchBench: An Evaluation of Feature Matchers", Sec. 4. On short baselines a video
 //! is cut into fragments and the first frame of each is matched with the others of its fragment; on

@@ -1,8 +1,8 @@
 //! Results as a protocol of the field scores them, and what their run did otherwise.
 //!
-//! A protocol pools so many repetitions of every pair; where a run has more of them, each such group is a score of
-//! its own, and what is shown is their mean, with the standard deviation. A run with fewer is scored all the same,
-//! and says so.
+//! A protocol pools a certain number of repetitions of every pair. Where a run has more of them, each such
+//! group is a score of its own, and their mean is shown, with the standard deviation. A run with fewer
+//! repetitions is scored all the same, and the output says so.
 
 use std::collections::BTreeMap;
 

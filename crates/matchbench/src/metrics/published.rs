@@ -1,10 +1,10 @@
 //! Results in the authors' layout, and the truth that stands beside them.
 //!
 //! The authors publish `<sequence>/<matcher>.txt` (see [`authors`]) together with
-//! `<sequence>/groundtruth.txt`, which is no matcher: it holds the true pose of every pair, one a
-//! line, either as `a b` and the 12 numbers of `b_from_a`, or as the 12 numbers alone, in the order
-//! of the rows of the matchers' files. It is used where no `pairs.txt` is named, which goes first:
-//! a dataset says which pairs count, a truth only what is true.
+//! `<sequence>/groundtruth.txt`. The latter is no result of a matcher but holds the true pose of every
+//! pair, one a line: either `a b` and the 12 numbers of `b_from_a`, or the 12 numbers alone, in the order
+//! of the rows of the matchers' files. It is used where no `pairs.txt` is named. A `pairs.txt` has
+//! precedence: it says which pairs count, while a truth only says what is true.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! Whether one of two methods is better than the other, or could be so by chance.
+//! Whether the difference of two methods is significant, or could be chance.
 //!
 //! 1. The difference of two AUCs on the same pairs is a ratio of sums over reference images, each of which
 //!    brings its pairs (see [`Bootstrap`](super::Bootstrap) for why images and not pairs).
@@ -8,7 +8,7 @@
 //!    degrees of freedom ("The Probable Error of a Mean", Biometrika 6(1), 1908). With few images it asks for
 //!    more than the interval between quantiles of a bootstrap, which is too narrow then: of two equal methods
 //!    seen on 6, 10 and 20 images, such intervals leave out zero in some 14, 10 and 7 of 100 cases, not in 5.
-//! 4. Below [`LEAST_IMAGES`] nothing is said, as of intervals.
+//! 4. With fewer than [`LEAST_IMAGES`] images nothing is said; there are no intervals either.
 
 use super::bootstrap::{LEAST_IMAGES, sums_by_cluster};
 use super::{Interval, Term};

@@ -1,4 +1,4 @@
-//! What each stage cost: median and quartiles over the pairs that were timed.
+//! How long each stage took: median and quartiles over the pairs that were timed.
 
 use serde::{Deserialize, Serialize};
 

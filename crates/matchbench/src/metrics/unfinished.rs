@@ -1,4 +1,4 @@
-//! What a run has planned and not recorded.
+//! What a run has planned but not recorded yet.
 
 use super::ResultSet;
 use crate::records::Plan;

@@ -1,8 +1,8 @@
-//! Plans written by earlier versions, as the same plan would be written now.
+//! Plans of earlier versions, converted to what this version would write for the same run.
 //!
-//! They list parameters that did nothing (the threshold of a score without one, the samples' grid beside
-//! uniform samples). Such parameters do not exist any more; without them the plans are those of today, and
-//! their runs go on.
+//! Earlier plans list parameters that had no effect (the threshold of a score without one, the samples'
+//! grid beside uniform samples). These parameters do not exist any more. Without them the plans equal those
+//! of today, and their runs can go on.
 
 use serde_json::Value;
 

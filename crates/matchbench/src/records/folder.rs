@@ -13,7 +13,8 @@
 //! | `.lock` | held by the process that writes; a lock ends with its process, however that ends |
 //! | `cache/`, `report/` | where features and the report go unless another place is asked for; can be deleted |
 //!
-//! One process writes ([`RunWriter`]), for one plan; anybody reads ([`RunFolder`]), also meanwhile.
+//! One process writes ([`RunWriter`]), for one plan. Anybody may read ([`RunFolder`]), also while it
+//! writes.
 //!
 //! # Versions of the format
 //! | `format` | since | what changed |
@@ -21,11 +22,11 @@
 //! | absent, or 1 | the first | |
 //! | 2 | 0.1.0 | records end with a checksum and say whether a failure may pass; images are noted |
 //!
-//! Folders of the first format are read, and become the second when a run goes on with them: first their records
-//! are given checksums.
+//! Folders of the first format are read. When a run goes on with one, its records are first given
+//! checksums, and it becomes a folder of the second format.
 //!
-//! A folder of a later format is refused by name. What is added so that older programs need not know
-//! it, a field that is left out where it is not needed, does not change the number.
+//! A folder of a later format is refused, and the message names its number. A field that is left out where
+//! it is not needed may be added without a change of the number, if older programs need not know it.
 
 use std::fs::{self, File, TryLockError};
 use std::io;

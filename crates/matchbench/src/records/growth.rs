@@ -1,5 +1,5 @@
-//! A run may grow, and nothing else about its plan may change: where a plan differs from the one that
-//! a folder was written for.
+//! What may change in the plan of a run: it may grow, and nothing else. This finds where a plan differs
+//! from the one that a folder was written for.
 
 use std::collections::BTreeSet;
 

@@ -1,10 +1,10 @@
 //! Which images the records of a run are of: `images/<dataset>.txt` in its folder, a line `frame hash`
 //! for each image as it is first used, the hash being BLAKE3 of its bytes.
 //!
-//! The content of the images belongs to the plan of a run as much as its parameters do. It is noted
-//! when the images are read and not before, since reading them all would delay every start. A run that
-//! goes on compares the images that it has noted, and refuses those that have changed: their pairs
-//! would be of two images, and an estimator that is added later would judge matches of another one.
+//! The content of the images belongs to the plan of a run as much as its parameters do. It is noted when an
+//! image is first read, since reading all images at the start would delay it. A run that is resumed
+//! compares the images that it has noted, and refuses those that have changed. Otherwise some pairs would
+//! be of an old and a new image, and an estimator that is added later would judge matches of other images.
 
 use std::collections::BTreeMap;
 use std::io;

@@ -1,8 +1,8 @@
 //! One record as one line of text, with a checksum at its end.
 //!
-//! The last field of the object, `"check"`, is the beginning of the BLAKE3 hash of all bytes before it,
-//! so a bit that flipped on a disk is found where the number that it changed would pass for another.
-//! Lines of the first format of run folders have none; in a folder of the second every line has one.
+//! The last field of the object, `"check"`, is the beginning of the BLAKE3 hash of all bytes before it. So
+//! a bit that flipped on a disk is found, even where the changed number would look valid. In the first
+//! format of run folders lines have no checksum; in the second every line has one.
 
 use super::RunRecord;
 

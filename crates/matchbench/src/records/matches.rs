@@ -1,12 +1,13 @@
 //! Selected matches on disk: `matches/<dataset>/<matcher>.bin` in the folder of the run, one entry
 //! for each pair and repetition, only ever appended to.
 //!
-//! They are what estimators start from, so another estimator costs only itself (and features from the cache,
-//! where depth or a homography judges keypoints), and what a report draws. An entry is appended before the
-//! records that follow from it.
+//! Estimators start from these matches, so another estimator that is added later costs only itself (and
+//! features from the cache, where depth or a homography judges keypoints). A report draws them. An entry is
+//! appended before the records that are computed from it.
 //!
-//! Where [`KeepMatches::Inliers`] are kept alone they stand in `inliers/<dataset>/<matcher>+<estimator>.bin`,
-//! for the pairs with a pose: another estimator must not start from what one has chosen.
+//! With [`KeepMatches::Inliers`] only inliers are kept, in `inliers/<dataset>/<matcher>+<estimator>.bin`,
+//! for the pairs with a pose. No other estimator starts from them, since it must not start from what one
+//! estimator has chosen.
 //!
 //! All numbers are little-endian. The file begins with `mbmatch1`; an entry is
 //!

@@ -1,6 +1,6 @@
-//! What a run leaves behind: its folder ([`RunFolder`]), with the plan, one record per task, appended
-//! as soon as it is known, and the selected matches. A run that many machines share is cut into
-//! [`shards`], each a run folder of its own, which are merged.
+//! The results of a run on disk: its folder ([`RunFolder`]) with the plan, one record per task, appended as
+//! soon as it is known, and the selected matches. A run that many machines share is cut into [`shards`].
+//! Each is a run folder of its own, and they are merged at the end.
 
 pub mod authors;
 mod earlier_plans;

@@ -1,9 +1,8 @@
 //! What a run is going to do, and nothing else: `plan.json` in its folder.
 //!
-//! Two runs of the same plan give the same records. Everything that the records depend on is
-//! therefore in it; what they do not depend on (threads, caches) is not. A field that not every run
-//! needs is left out where it is not needed, so that plans written before the field was thought of
-//! stay what they were.
+//! Two runs of the same plan give the same records. So the plan holds everything that the records depend
+//! on, and nothing else (no threads, no caches). A field that not every run needs is left out where it is
+//! not needed, so that older plans stay what they were.
 
 use std::iter;
 use std::num::NonZeroU32;

@@ -1,17 +1,17 @@
 //! Records on disk: `records/<dataset>/<matcher>+<estimator>.jsonl` in the folder of the run, one
 //! JSON object per line, only ever appended to.
 //!
-//! Each line ends with a checksum, see `line`. A line is handed to the operating system whole, in one write that ends with the line's end. A
-//! process that is killed in the middle leaves at most one line without an end, and that line is
-//! dropped by whoever reads next. Any other damage is an error: it was not us, and guessing which
-//! lines still hold true would spoil the tables quietly.
+//! Each line ends with a checksum, see `line`. A line is handed to the operating system in one write that
+//! ends with the end of the line. So a process that is killed in the middle leaves at most one line without
+//! an end, and the next reader drops that line. Any other damage is an error: matchbench did not cause it,
+//! and guessing which lines are still true could spoil tables without anybody noticing.
 //!
 //! # When power fails
-//! A killed process loses nothing that was appended: the operating system has it. A machine that loses
-//! power loses what the system had not written yet. A run asks it to write ([`RecordWriter::sync`]) with
-//! the first record that is appended a second or more after the last time, and when it ends; so at most
-//! the records of one second are lost, and done again. What records refer to, the images that they are of
-//! and the matches that they follow from, is brought to the disk before them.
+//! A killed process loses nothing that was appended, since the operating system has it. A machine that
+//! loses power loses what the system had not written yet. A run asks it to write ([`RecordWriter::sync`])
+//! with the first record that is appended a second or more after the last time, and when it ends. So at
+//! most the records of one second are lost, and are computed again. What records refer to, their images and
+//! their matches, is brought to the disk before them.
 
 use std::fs;
 use std::io;

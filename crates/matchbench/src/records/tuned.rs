@@ -1,8 +1,8 @@
 //! What `matchbench tune` chose, and on which scenes: `tuned.json` in the folder of the tuning, and in
 //! `tuning.json` of every run that takes it over.
 //!
-//! A score on a scene that a parameter was tuned on is no test, so the scenes are named by their
-//! fingerprints, and a run of one of them is refused.
+//! A score on a scene that a parameter was tuned on is no test. So the scenes are named by their
+//! fingerprints, and a run that uses the parameter on one of them is refused.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! What is compared: a source of matches, with the estimators that judge it.
+//! A contender, which is what a run compares: a source of matches, with the estimators that judge it.
 
 use std::io;
 use std::path::Path;

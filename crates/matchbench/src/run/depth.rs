@@ -1,13 +1,14 @@
-//! What depth says of a pair: how much both images show, which matches are right, which keypoints could be found again.
+//! What depth says of a pair: how much both images show, which matches are right, and which keypoints could be found again.
 //!
 //! A pixel of one image whose depth is known is a point of the scene, and the true pose says where the other camera
 //! has it.
 //!
-//! - *Overlap*: the share of the pixels of an image that the other sees: they lie on it, and its depth there is
-//!   that of the point within [`CONSISTENT`], so that nothing stands before it. Pixels without depth, and those whose
-//!   place in the other image has none, do not count. Both directions; the smaller is the pair's. (Sarlin, DeTone,
-//!   Malisiewicz, Rabinovich, "SuperGlue: Learning Feature Matching with Graph Neural Networks", CVPR 2020, take the
-//!   mean of both.)
+//! - *Overlap*: the share of the pixels of an image that the other image sees. A pixel is seen if it lies
+//!   on the other image, and if the depth there equals that of the point within [`CONSISTENT`], so that
+//!   nothing stands before it. Pixels without depth, and those whose place in the other image has none, do
+//!   not count. Of the two directions the smaller value is the overlap of the pair. (Sarlin, DeTone,
+//!   Malisiewicz, Rabinovich, "SuperGlue: Learning Feature Matching with Graph Neural Networks", CVPR 2020,
+//!   take the mean of both.)
 //! - *Matches*: the distance of one end from where the depth of the other takes it, in pixels: from a to b, or from b
 //!   to a where a has no depth.
 //! - *Keypoints* that could be found again: those that the other image sees, as above. (Mikolajczyk, Schmid, "A

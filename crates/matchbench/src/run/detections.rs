@@ -1,7 +1,7 @@
 //! Keypoints that several matchers describe are found once per image, and kept on disk.
 //!
-//! Each matcher is charged as if it were alone: the seconds of the detection are kept with the
-//! keypoints and added to the time of whoever finds them here; the time spent with files is taken off.
+//! Each matcher is charged as if it were alone: the seconds of the detection are kept with the keypoints,
+//! and added to the time of each matcher that uses them. The time spent with files is subtracted.
 
 use std::io;
 use std::time::Instant;

@@ -1,4 +1,5 @@
-//! Work of matchers and estimators, which may break, and its time.
+//! Runs the work of matchers and estimators, takes its time, and turns a panic or an error into a reason
+//! why there is no result.
 
 use std::any::Any;
 use std::fmt::Display;

@@ -1,19 +1,21 @@
 //! A run: every matcher and estimator on every pair of every dataset, recorded as it goes.
 //!
-//! [`Run::execute`] and `Run::finish` follow the way of the data: frames are decoded and extracted
-//! (`frame`); pairs are searched and selected (`matching`), or matched by a source outside
-//! (`sourcing`); matched points are estimated and compared with the truth (`trial`); all tasks of a
-//! pair together (`pair`) are appended to the [folder of the run](crate::records::RunFolder). Around
-//! them: what is run ([`plan`]), what is left to do (`progress`) and how it is gone through (`work`),
-//! what stays beside the records (`kept`), which features are in memory (`resident`), which keypoints
-//! are shared by matchers (`detections`), which seed a task has ([`pair_seed`]), who is told
-//! ([`Observer`]) and who may stop it ([`Cancel`]). [`evaluate`] does the same for one pair, without a
-//! disk.
+//! [`Run::execute`] and `Run::finish` follow the way of the data:
 //!
-//! Threads are used in one place of a run (`ordered`): over the frames, then over the pairs of a
-//! window. They are those of the rayon pool that the caller is in: whoever wants so many threads
-//! calls from `ThreadPool::install`. Whatever their number, records are the same and stand in the
-//! same order.
+//! 1. Frames are decoded, and features extracted (`frame`).
+//! 2. Pairs are searched and selected (`matching`), or matched by a source outside (`sourcing`).
+//! 3. Poses are estimated from matched points and compared with the truth (`trial`).
+//! 4. The results of all tasks of a pair together (`pair`) are appended to the [folder of the
+//!    run](crate::records::RunFolder).
+//!
+//! Around these steps: [`plan`] says what is run, `progress` what is left to do, and `work` in which
+//! portions; `kept` writes what stays beside the records, `resident` holds features in memory, `detections`
+//! shares keypoints among matchers, [`pair_seed`] gives a task its seed, [`Observer`] is told how the run
+//! goes, and [`Cancel`] stops it. [`evaluate`] does the same for one pair, without a disk.
+//!
+//! Threads are used in one place of a run (`ordered`): over the frames, then over the pairs of a window.
+//! They are those of the rayon pool of the caller; to set their number, call from `ThreadPool::install`.
+//! Whatever their number, records are the same and stand in the same order.
 
 mod contender;
 mod depth;

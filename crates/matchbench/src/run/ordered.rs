@@ -1,4 +1,5 @@
-//! The one place where threads are used: work is taken up in order, and its results leave in order.
+//! The one place where a run uses threads: work is started in order, and its results are handed on in
+//! order.
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;

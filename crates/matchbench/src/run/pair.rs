@@ -1,4 +1,5 @@
-//! All tasks of a pair: matched once for each repetition, estimated by every estimator, recorded.
+//! All tasks of a pair: it is matched once for each repetition, every estimator estimates, and everything
+//! is recorded.
 
 use std::mem;
 use std::sync::Mutex;

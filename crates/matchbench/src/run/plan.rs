@@ -1,4 +1,5 @@
-//! From what is to be run to the [`Plan`] that a run is known by.
+//! Makes the [`Plan`] of a run from its datasets, contenders and settings, and refuses what contradicts
+//! itself.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,5 @@
-//! How far one matcher with its estimators has come on one dataset: what is recorded, what is left.
+//! The progress of one matcher with its estimators on one dataset: what is recorded, and what is left to
+//! do.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::mem;

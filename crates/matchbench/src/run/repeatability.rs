@@ -1,12 +1,13 @@
 //! Keypoints that a detector finds again in the other image of a pair whose homography or depth is known.
 //!
-//! Schmid, Mohr, Bauckhage, "Evaluation of Interest Point Detectors", IJCV 37(2), 2000: a keypoint of a is repeated
-//! if the homography (or its depth and the true pose) takes it to within a few pixels of a keypoint of b. Only the part of the scene that both
-//! images show counts, and a keypoint of b repeats one of a at most: the two are each other's nearest. Places
-//! count, not keypoints, so that a place with several orientations counts once.
+//! Schmid, Mohr, Bauckhage, "Evaluation of Interest Point Detectors", IJCV 37(2), 2000: a keypoint of a is
+//! repeated if the homography (or its depth and the true pose) takes it to within a few pixels of a
+//! keypoint of b. Only the part of the scene that both images show counts. A keypoint of b repeats at most
+//! one of a: the two must be each other's nearest. Places are counted, not keypoints, so a place with
+//! several orientations counts once.
 //!
-//! Places of both are sorted into a grid of cells as wide as the largest distance of interest, so that a place is
-//! compared with those of nine cells alone.
+//! Places of both images are sorted into a grid whose cells are as wide as the largest distance of
+//! interest. So a place is only compared with those of nine cells.
 
 use matchbench_vision::features::Features;
 use matchbench_vision::geometry::transfer;

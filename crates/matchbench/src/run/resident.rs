@@ -1,4 +1,5 @@
-//! Which features are in memory: those of the pairs that are being done, and as many others as fit.
+//! The features in memory: those of the pairs that are being done, and as many others as fit into a budget
+//! of bytes.
 
 use std::collections::{BTreeMap, BTreeSet};
 

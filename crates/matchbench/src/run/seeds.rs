@@ -1,8 +1,9 @@
 //! The seed of a task: it depends on what is done, never on when, where or in which order.
 //!
-//! root, dataset, matcher, frame a, frame b, repetition; then `select`, or `estimate` and the id of
-//! the estimator. The name that a variant of an estimator has in a run does not enter: all variants
-//! make the same draws, so that values of a parameter are compared and not luck.
+//! A seed is derived from: the root seed, dataset, matcher, frame a, frame b, repetition; then `select`, or
+//! `estimate` and the id of the estimator. The name that a variant of an estimator has in a run is not
+//! used. So all variants make the same draws, and a comparison of values of a parameter does not depend on
+//! luck.
 
 use matchbench_vision::seed::Seed;
 

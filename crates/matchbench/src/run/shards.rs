@@ -1,10 +1,10 @@
-//! A run in parts: who does which pairs, such that images are extracted as rarely as possible.
+//! Cuts a run into shards, such that images are extracted as rarely as possible.
 //!
-//! The cost of a shard is that of its pairs, of which all have equally many, and of their images, which
-//! every shard extracts anew. Few images belong to many pairs where the pairs are a square of the table of
-//! all images with all others. So the pairs are halved again and again, by their first image or by their
-//! second, whichever leaves fewer images in both halves together: tiles where all images are matched
-//! with all, runs of neighbours where they follow each other.
+//! All shards have equally many pairs, so their costs differ only by their images, which every shard
+//! extracts anew. A square of the table of all images with all images has many pairs of few images. So the
+//! pairs are halved again and again, by their first image or by their second, whichever leaves fewer images
+//! in both halves together. This gives tiles where all images are matched with all, and runs of neighbours
+//! where images follow each other.
 
 use super::{Contender, Dataset, RunError, plan};
 use crate::datasets::{DatasetError, Sequence, Unpaired};

@@ -1,7 +1,8 @@
-//! From two image files to matched points, at once: a source that has no stages of its own here.
+//! From two image files to matched points, by a source that has no stages of its own here: a matcher
+//! outside, or files of matches.
 //!
-//! What comes from outside is checked before it is believed: as many points in both images and no more than can
-//! be kept, finite positions, ambiguities from 0 to 1.
+//! What comes from outside is checked before it is used: both images have equally many points, not more
+//! than can be kept; positions are finite; ambiguities lie between 0 and 1.
 
 use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::seed::Seed;

@@ -1,4 +1,4 @@
-//! A dataset, a matcher and an estimator that are small enough to be foreseen.
+//! For tests: a dataset, a matcher and an estimator that are so small that their results can be foreseen.
 
 use std::fs;
 use std::num::NonZeroU32;

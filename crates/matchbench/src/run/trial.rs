@@ -1,8 +1,8 @@
 //! From matched points to an outcome: estimated, and compared with the truth.
 //!
-//! This is the one place where a run receives matched points. Whatever they came from, a matcher's
-//! stages, the matches of an earlier process or a source outside, they are [`MatchedPoints`] from here
-//! on.
+//! This is the one place where a run receives matched points. They may come from the stages of a matcher,
+//! from the matches of an earlier process or from a source outside; from here on they are
+//! [`MatchedPoints`].
 
 use std::time::{Duration, Instant};
 

@@ -1,4 +1,5 @@
-//! The work of one matcher on one dataset: what is listed at a time, what is in memory, which threads do it.
+//! The work of one matcher on one dataset: how many pairs are listed at a time, which features are in
+//! memory, and how threads share the pairs.
 
 use super::frame::{FrameStage, lock};
 use super::ordered::each_in_order;

@@ -7,8 +7,8 @@
 //! | `matches` | by `pair_id`: a blob of uint32, `rows` x 2 indices of keypoints |
 //! | `two_view_geometries` | the same of the matches that COLMAP verified, with F, E, H, and the pose |
 //!
-//! `pair_id = 2147483647 * id_1 + id_2` with `id_1 < id_2`. No scores; the first pixel's centre is
-//! at 0.5. (COLMAP, "Database Format"; the documentation of its `Database` class.)
+//! `pair_id = 2147483647 * id_1 + id_2` with `id_1 < id_2`. There are no scores. The first pixel's centre
+//! is at 0.5. (COLMAP, "Database Format"; the documentation of its `Database` class.)
 
 #[cfg(test)]
 mod tests;

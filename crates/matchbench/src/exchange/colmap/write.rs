@@ -1,8 +1,8 @@
-//! A database that COLMAP's mapper starts from: cameras as they are known, matches, and the
+//! A database that COLMAP's mapper can start from: cameras as the dataset has them, matches, and the
 //! two-view geometries of the estimated poses.
 //!
-//! The schema is the one that COLMAP had before rigs and frames; newer versions add what they lack
-//! when they open it.
+//! The schema is the one that COLMAP had before rigs and frames; newer versions of COLMAP add what is
+//! missing when they open it.
 
 use std::path::{Path, PathBuf};
 

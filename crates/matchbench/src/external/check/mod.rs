@@ -1,10 +1,10 @@
 //! Trying a manifest out: what is wrong, in words.
 //!
-//! Two pairs with known poses are matched, the first of them twice, and one of tiny images. The truth
-//! stays here. It tells what no protocol can: whether points are what they should be. Matches that do
-//! not lie near their true epipolar lines are measured again as they would be after the usual mistakes
-//! (x and y exchanged, the images exchanged, pixels of a resized image), and the mistake that explains
-//! them is named.
+//! Two pairs with known poses are matched, the first of them twice, and one of tiny images. The child never
+//! sees the true poses. They show what the protocol alone cannot show: whether points are what they should
+//! be. If matches do not lie near their true epipolar lines, the usual mistakes are undone one by one (x
+//! and y exchanged, the images exchanged, pixels of a resized image), and the mistake that explains the
+//! matches is named.
 
 mod points;
 

@@ -1,8 +1,8 @@
-//! Whether matches can be right, and by which of the usual mistakes they would be.
+//! Whether matches can be right, and if not, which of the usual mistakes explains them.
 //!
 //! Right matches lie near their true epipolar lines, and few others do. Where most do not, they are
-//! measured again as they would be if x and y, or the images, had been exchanged, or the points were
-//! pixels of an image that was resized.
+//! measured again as if x and y, or the images, had been exchanged, or as if the points were pixels of a
+//! resized image.
 
 use matchbench_vision::geometry::{RelativePose, essential_from_pose};
 use nalgebra::Point2;

@@ -1,4 +1,4 @@
-//! Which shard does which pairs.
+//! The cut: which shard does which pairs.
 
 use std::fmt::Write as _;
 

@@ -1,8 +1,8 @@
 //! The matches of one shard, read entry by entry as they are asked for.
 //!
-//! Entries stand in the order of the pairs, but for those of pairs that failed at first and were done again
-//! later. So the next one is mostly the one that is asked for; the first that is not has the whole file
-//! indexed.
+//! Entries stand in the order of the pairs, except those of pairs that failed at first and were done again
+//! later. So the next entry is mostly the one that is asked for. At the first one that is not, the whole
+//! file is indexed.
 
 use std::collections::BTreeMap;
 use std::fs::File;

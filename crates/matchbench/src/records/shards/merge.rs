@@ -1,9 +1,9 @@
-//! From the folders of all shards to that of one run.
+//! Merges the folders of all shards into that of one run.
 //!
-//! Every file is read from its beginning to its end and written the same way, in the order of the pairs;
-//! what is held is the cut, a line and an entry of matches, and a number for each image. Nothing is
-//! written before all shards are known to be done, and a file only takes its place whole, so that
-//! merging again does no harm.
+//! Every file is read from its beginning to its end, and written in the same way, in the order of the
+//! pairs. Memory holds only the cut, one line, one entry of matches, and a number for each image. Nothing
+//! is written before all shards are known to be done, and a file takes its place only when it is complete.
+//! So merging again does no harm.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::Write;
