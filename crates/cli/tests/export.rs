@@ -73,7 +73,7 @@ fn homographies_are_not_exported_as_poses_that_failed() {
     assert!(
         done.status.success()
             && said.contains("1 of 2 methods are written, the others estimate homographies")
-            && said.contains("of the repetitions the first alone"),
+            && said.contains("only the first repetition of each pair"),
         "{said}"
     );
     let names: Vec<_> = fs::read_dir(folder.join("poses/wall"))
@@ -84,7 +84,7 @@ fn homographies_are_not_exported_as_poses_that_failed() {
     let done = go(folder, &["export", "planes", "none"]);
     let said = String::from_utf8_lossy(&done.stderr);
     assert!(
-        done.status.code() == Some(1) && said.contains("the authors' format has poses alone"),
+        done.status.code() == Some(1) && said.contains("the authors' format holds only poses"),
         "{said}"
     );
     assert!(!folder.join("none").exists());

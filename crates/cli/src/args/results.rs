@@ -107,7 +107,7 @@ pub(crate) struct ReportArgs {
     /// standard output
     #[arg(long, value_name = "FILE.html", conflicts_with = "out")]
     pub bundle: Option<PathBuf>,
-    /// Pairs of each dataset that have pictures, in the page as far as it has room and in the folder
+    /// How many pairs of each dataset have pictures: in the page as far as it has room, and in the folder
     /// pairs beside it; `all` for every pair
     #[arg(long, value_name = "N|all", default_value = "16", value_parser = number_or_all)]
     pub pictures: usize,
@@ -127,18 +127,18 @@ pub(crate) struct ReportArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 ENTRIES may hold, at any depth, folders of runs and folders with the authors' <sequence>/<matcher>.txt
-files, of anybody. Every score is computed from the records and files; no table is believed. What is
-damaged, not finished or not what it says is listed with the reason, stops no other, and makes the exit
-code 2. Links are not followed.
+files, of anybody. Every score is computed from the records and files; no table is believed. An entry that is
+damaged, not finished or not what it says is listed with the reason and left out, and the exit
+code is 2. Links are not followed.
 
 Results are ranked together if they are of one dataset (name and fingerprint), of the same pairs of it
 and of one protocol, with 95 % intervals and letters: methods that share one do not differ
 significantly. Where the dataset of a run is at hand, the errors that its records state are computed
 again from their poses.
 
-SITE opens from disk without a network, and any server of files can show it:
+SITE opens from disk without a network, and any web server can show it:
   index.html        a table and figures of each group, the hash of what each row was computed from, and
-                    the commands that do it again
+                    the commands that compute it again
   leaderboard.csv   the same with all scores at full precision
   leaderboard.json
 
@@ -180,10 +180,10 @@ Examples:
   matchbench compare runs/first --matchers sift,orb --out sift-orb
   matchbench compare runs/first --matchers sift+ransac-e,sift+best")]
 pub(crate) struct CompareArgs {
-    /// The run before
+    /// The first run, before a change
     #[arg(value_name = "BEFORE")]
     pub before: PathBuf,
-    /// The run after
+    /// The second run, after the change
     #[arg(value_name = "AFTER", required_unless_present = "matchers")]
     pub after: Option<PathBuf>,
     /// Two methods that are compared with each other, separated by a comma
@@ -192,7 +192,7 @@ pub(crate) struct CompareArgs {
     /// Folder of the page of the pairs where they differ most
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Pairs of each dataset on the page that either of the two wins
+    /// How many pairs of each dataset are on the page for each of the two methods, those that it wins
     #[arg(long, value_name = "N", default_value_t = 6, requires = "out")]
     pub pairs: usize,
     #[command(flatten)]
@@ -223,7 +223,7 @@ pub(crate) struct ExportArgs {
     /// all that were selected
     #[arg(long, value_name = "ESTIMATOR")]
     pub inliers: Option<String>,
-    /// Datasets that are no longer where they were
+    /// Where datasets are now, if they were moved
     #[arg(long, value_name = "DATASET", value_delimiter = ',')]
     pub datasets: Vec<PathBuf>,
 }

@@ -27,8 +27,8 @@ pub(crate) struct DemoArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-A run file says the same in TOML, and also which matchers are run on which dataset and of what
-datasets are imported; options beside it take the place of what it says, and --set comes last.
+A run file says the same in TOML. It also says which matchers are run on which dataset, and from what
+datasets are imported. Options on the command line replace what it says, and --set comes last.
 docs/formats.md lists its keys:
 
   out = \"runs/study\"                   # paths start from the folder of the file
@@ -72,8 +72,8 @@ pub(crate) struct RunArgs {
     /// Folder of the feature cache [default: RUN/cache]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
-    /// Do again whatever failed. Without it only that is tried again which another try may do better:
-    /// where a file could not be read, or a matcher from outside gave up
+    /// Try all failed pairs again. Without it, only failures that may go away are tried again: a file
+    /// that could not be read, or a matcher from outside that gave up
     #[arg(long)]
     pub retry_failed: bool,
     /// Write RUN/report when done
@@ -88,9 +88,9 @@ pub(crate) struct ChoiceArgs {
     /// for matches from files]
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub estimator: Vec<String>,
-    /// Protocols of the field, separated by commas, or `all` (see `matchbench list protocols`): size of images,
-    /// estimator, unit of its threshold, repetitions. Several share one set of matches, of images as they are
-    /// [default: matchbench]
+    /// Protocols of the field, separated by commas, or `all` (see `matchbench list protocols`). A protocol sets the
+    /// size of images, the estimator, the unit of its threshold and the repetitions. Several protocols share one set
+    /// of matches, of images as they are [default: matchbench]
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub protocol: Vec<String>,
     /// Only the first N pairs of each dataset
@@ -124,11 +124,11 @@ pub(crate) struct ChoiceArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-A plan is cut into shards, which any number of machines do in any order; merged, they are the run that
-one machine would have written, bit for bit but for the times.
+A plan is cut into shards, which any number of machines compute in any order. Merged, they are the run that
+one machine would have written, bit for bit except for the times.
 
 PLAN/plan.json says what is run (with a hash that every shard names) and which pairs belong to which
-shard: equally many to each, so chosen that few images are extracted by more than one.
+shard. All shards have equally many pairs, chosen such that few images are extracted by more than one shard.
 
 Examples:
   matchbench plan castle office --matchers sift,orb --estimator best --shards 16 --out plans/both
@@ -162,7 +162,7 @@ pub(crate) struct PlanArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-A shard that was stopped or killed goes on with the same command; one that is done is left as it is. A
+A shard that was stopped or killed is resumed by the same command; one that is done is left as it is. A
 folder of another plan is refused, and so are other datasets, matchers or versions than those planned.
 
 Machines with a shared folder need nothing else. Without one, copy PLAN to each machine, and the folders
@@ -181,10 +181,11 @@ pub(crate) struct WorkArgs {
     /// Folder of the shard [default: PLAN/shards/K]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// A dataset folder, where it is not where it was planned; all of them then (repeatable)
+    /// A dataset folder on this machine, if datasets are not where they were planned; then give all of them
+    /// (repeatable)
     #[arg(long, value_name = "DATASET")]
     pub data: Vec<PathBuf>,
-    /// Where the files of planned matches are, if not where they were planned (repeatable)
+    /// Where the files of planned matches are on this machine, if not where they were planned (repeatable)
     #[arg(long, value_name = "NAME=PATH[,PATH]")]
     pub matches: Vec<String>,
     /// Folder of the feature cache, which shards may share [default: PLAN/cache]
@@ -192,15 +193,15 @@ pub(crate) struct WorkArgs {
     pub cache: Option<PathBuf>,
     #[command(flatten)]
     pub threads: Threads,
-    /// Do again whatever failed, see `matchbench run`
+    /// Try all failed pairs again, see `matchbench run`
     #[arg(long)]
     pub retry_failed: bool,
 }
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Shards that are missing or not done are named, and nothing is written before all are there. A shard that
-is there twice must have come to the same.
+Shards that are missing or not done are named, and nothing is written before all are there. If a shard is
+there twice, both copies must agree.
 
 Examples:
   matchbench merge plans/both --out runs/both
@@ -250,25 +251,25 @@ impl From<KeepArg> for KeepMatches {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-DATA holds what was downloaded, under the names that it has where it is published; --where lists it.
-What is there is imported, what is not is said and left out. OUT/index.html shows Tables 1 to 3 and
+DATA holds the downloaded data, under their published names; --where lists them.
+What is there is imported; what is missing is named and left out. OUT/index.html shows Tables 1 to 3 and
 Figures 1 to 3 with the published numbers beside ours; tables/ and figures/ have each as a file, report/ the complete
-report, run/ the run, and paper.tex all of it for LaTeX. The same command goes on where it was stopped.
+report, run/ the run, and paper.tex all of it for LaTeX. The same command resumes a run that was stopped.
 
 --quick takes 60 pairs of each sequence, evenly spread, without GAIM, CODE and RepMatch, and times 10 pairs, into
 OUT/quick. It shares datasets and features with the whole run.
 
-A copy of the run file behind it is a study of your own: crates/matchbench/src/paper/paper.toml.
+For a study of your own, copy and change its run file: crates/matchbench/src/paper/paper.toml.
 
 Examples:
   matchbench paper --where
   matchbench paper downloads --out paper --quick
   matchbench paper downloads --out paper --sequences 05,06")]
 pub(crate) struct PaperArgs {
-    /// Folder of what was downloaded
+    /// Folder of the downloaded data
     #[arg(value_name = "DATA", required_unless_present = "where_to_find")]
     pub data: Option<PathBuf>,
-    /// Folder for everything that comes of it
+    /// Folder for all results
     #[arg(long, value_name = "DIR", required_unless_present = "where_to_find")]
     pub out: Option<PathBuf>,
     /// Only these sequences, 01 to 08 [default: all]
@@ -295,7 +296,7 @@ pub(crate) struct MatchesArgs {
     /// a folder with one for each dataset (repeatable; see `matchbench list formats`)
     #[arg(long, value_name = "NAME=PATH[,PATH]")]
     pub matches: Vec<String>,
-    /// The format, if it is not to be recognised
+    /// The format [default: recognised by the content of the files]
     #[arg(long, value_name = "FORMAT", requires = "matches")]
     pub matches_format: Option<String>,
     /// Where the centre of the first pixel is in these files, 0 or 0.5 [default: what the format says]
@@ -307,7 +308,7 @@ pub(crate) struct MatchesArgs {
     /// Read the matches that the tool verified (COLMAP's two-view geometries)
     #[arg(long, requires = "matches")]
     pub verified: bool,
-    /// What is to be remembered with the matches, in plan and report (repeatable)
+    /// A note about the matches, to be kept in plan and report (repeatable)
     #[arg(long, value_name = "KEY=VALUE", requires = "matches")]
     pub note: Vec<String>,
 }
@@ -331,7 +332,7 @@ pub(crate) struct TuneArgs {
     /// The values to try, separated by commas
     #[arg(long, value_name = "VALUES", value_delimiter = ',', required = true)]
     pub values: Vec<String>,
-    /// Folder of the run behind it; running again resumes
+    /// Folder of the run that tries the values; running again resumes
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     #[command(flatten)]
@@ -429,8 +430,8 @@ pub(crate) struct TimeArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Starts the matcher, matches two pairs with known poses and one of tiny images, one of them twice, and
-says what each came to: whether its points can be right, or by which mistake they would be.
+Starts the matcher and matches two pairs with known poses, one of them twice, and a pair of tiny images. For
+each it says whether the points can be right, or which usual mistake explains them.
 
 Example:
   matchbench check adapters/opencv/sift.toml

@@ -25,12 +25,12 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
     find("format to write", &formats, |id| id, &args.format)?;
     let run = RunFolder::open(&args.run)?;
     if run.plan().settings.repetitions.get() > 1 {
-        say!("note: of the repetitions the first alone is written");
+        say!("note: only the first repetition of each pair is written");
     }
     if args.format == AUTHORS {
         ensure!(
             args.inliers.is_none(),
-            "--inliers: the authors' format has poses alone"
+            "--inliers: the authors' format holds only poses"
         );
         let records = run.records()?;
         ensure!(
@@ -44,7 +44,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
         let files = authors::write(&args.out, &records)?;
         if files.len() < methods.len() {
             say!(
-                "note: the authors' format has poses alone: {} of {} methods are written, the others estimate homographies",
+                "note: the authors' format holds only poses: {} of {} methods are written, the others estimate homographies",
                 files.len(),
                 methods.len()
             );

@@ -63,7 +63,7 @@ pub(crate) fn describe(name: &str, source: &MatchSource) {
         }
         if survey.others > 0 {
             say!(
-                "  {} pairs in the files are none of the dataset",
+                "  {} pairs in the files are not in the dataset",
                 survey.others
             );
         }

@@ -81,7 +81,8 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
     let planes = [frame_a.planes()?, frame_b.planes()?];
     let images = planes.map(|planes| Arc::new(Thumbnail::new(&planes, DRAWN.0, DRAWN.1)));
     let view = view(&sequence, pair, matches, outcome, images);
-    let mut view = view.context("what the estimator estimates is not known of this pair")?;
+    let mut view =
+        view.context("the dataset has no truth of this pair for what the estimator estimates")?;
     if args.keypoints {
         for (points, features) in view
             .keypoints

@@ -38,7 +38,7 @@ pub enum AuthorsError {
     },
     /// All that was estimated are homographies.
     #[error(
-        "the authors' format has poses alone, and all that was estimated are homographies; their matches go into \
+        "the authors' format holds only poses, and only homographies were estimated; export their matches in one of \
          the other formats"
     )]
     NoPoses,

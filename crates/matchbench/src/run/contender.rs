@@ -59,7 +59,7 @@ pub enum ContenderError {
     #[error(transparent)]
     Log(#[from] io::Error),
     /// A setting is for a matcher or estimator that is not asked for.
-    #[error("`{0}` is given a setting and takes no part in this run")]
+    #[error("`{0}` is given a setting, but is not part of this run")]
     TakesNoPart(String),
 }
 

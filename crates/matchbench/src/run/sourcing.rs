@@ -70,7 +70,7 @@ fn check(matches: &SourcedMatches) -> Result<(), String> {
     } = points;
     if a.len() != b.len() || a.len() != ambiguity.len() {
         return Err(format!(
-            "{} points in a, {} in b and {} ambiguities are no matches",
+            "{} points in a, {} in b and {} ambiguities: these numbers must be equal",
             a.len(),
             b.len(),
             ambiguity.len()

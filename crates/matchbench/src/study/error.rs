@@ -52,7 +52,7 @@ pub enum StudyError {
     #[error(transparent)]
     Tuned(#[from] FolderError),
     /// What was tuned is not asked for.
-    #[error("{}: `{id}` was tuned and takes no part in this run; ask for it too, or leave this file out", file.display())]
+    #[error("{}: `{id}` was tuned but is not part of this run; ask for it too, or leave this file out", file.display())]
     NothingTuned {
         /// The file of the tuning.
         file: PathBuf,
