@@ -28,7 +28,7 @@ impl TwoViews<'_> {
         self.points.at_depth_1(self.camera_a, self.camera_b)
     }
 
-    /// As [`TwoViews::at_depth_1`], with what noise in the images becomes there, if a lens distorts.
+    /// As [`TwoViews::at_depth_1`]; if a lens distorts, with the covariances that noise in the images has there.
     ///
     /// # Panics
     /// If the lists of the matches have different lengths.
@@ -70,8 +70,8 @@ pub struct HomographyEstimate {
     pub iterations: usize,
 }
 
-/// Why there is no pose, or no homography. The benchmark counts it as an outcome of the pair; a caller that needs the pose
-/// may treat it as the error that it implements.
+/// Why there is no pose, or no homography. The benchmark counts this as an outcome of the pair. A caller that needs
+/// the pose may treat it as an error, since it implements `Error`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(tag = "kind", rename_all = "kebab-case"))]
@@ -118,8 +118,8 @@ pub trait PoseEstimator: Send + Sync {
     /// [`NoPose`] where the matches determine none.
     fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoPose>;
 
-    /// As [`PoseEstimator::estimate`], but drawing samples only until `stop` says so, which is told
-    /// how many were drawn. For comparisons at equal time: the caller owns the clock.
+    /// As [`PoseEstimator::estimate`], but samples are drawn only until `stop` returns true; it is given the number
+    /// of samples so far. This allows comparisons at equal time: the caller owns the clock.
     ///
     /// # Errors
     /// [`NoPose`] where the matches determine none, or the time was too short to find one.

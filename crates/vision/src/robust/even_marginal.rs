@@ -33,7 +33,8 @@ use crate::simd::{self, THRESHOLDS};
 /// Thresholds, as multiples of the given one.
 const MULTIPLES: [f64; THRESHOLDS] = [0.5, 1.0, 2.0];
 
-/// Inliers count the more the nearer they are, at every noise level, and the lonelier.
+/// The even marginal score: at every noise level an inlier counts more the nearer it is to the model, and the fewer
+/// matches lie around it.
 #[derive(Clone, Debug)]
 pub struct EvenMarginal {
     squared_threshold: f64,
@@ -51,7 +52,7 @@ impl EvenMarginal {
         Self::weighing(EvenWeights::new(pairs, cells, None), squared_threshold)
     }
 
-    /// The same with these weights of the matches.
+    /// The same score with given weights of the matches.
     pub(super) fn weighing(weights: EvenWeights, squared_threshold: f64) -> Self {
         Self {
             squared_threshold,
@@ -60,7 +61,7 @@ impl EvenMarginal {
         }
     }
 
-    /// The same with another threshold.
+    /// The same score with another threshold.
     pub(super) fn at(self, squared_threshold: f64) -> Self {
         Self {
             squared_threshold,

@@ -10,7 +10,7 @@ use super::{Scoring, Support};
 use crate::geometry::PointPairs;
 use crate::simd;
 
-/// Inliers count the more the nearer they are and the lonelier.
+/// The even MSAC score: an inlier counts more the nearer it is to the model, and the fewer matches lie around it.
 #[derive(Clone, Debug)]
 pub struct EvenMsac {
     squared_threshold: f64,
@@ -27,7 +27,7 @@ impl EvenMsac {
         Self::weighing(EvenWeights::new(pairs, cells, None), squared_threshold)
     }
 
-    /// The same with these weights of the matches.
+    /// The same score with given weights of the matches.
     pub(super) fn weighing(weights: EvenWeights, squared_threshold: f64) -> Self {
         Self {
             squared_threshold,

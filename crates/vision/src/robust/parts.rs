@@ -4,9 +4,9 @@
 use crate::geometry::Loss;
 use crate::params::ParamError;
 
-/// Which model is best. `threshold_px` is the largest Sampson distance of an inlier, in pixels; `sprt` says
-/// whether bad models are abandoned early by a sequential probability ratio test (Matas, Chum, ICCV 2005),
-/// which only scores that are sums over the matches allow.
+/// The score, which says which model is best. `threshold_px` is the largest Sampson distance of an inlier, in
+/// pixels. `sprt` says whether bad models are abandoned early by a sequential probability ratio test (Matas, Chum,
+/// ICCV 2005). Only scores that are sums over the matches allow that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Score {
     /// [`InlierCount`](crate::robust::InlierCount).
@@ -96,8 +96,9 @@ impl Score {
         }
     }
 
-    /// The final refinement takes the matches within this multiple of the squared threshold: some beyond one
-    /// that is tight, none beyond one of five standard deviations.
+    /// The final refinement takes the matches within this multiple of the squared threshold. A tight threshold
+    /// leaves out some right matches, so matches beyond it are taken too; a threshold of five standard deviations
+    /// does not.
     pub(super) fn reach(&self) -> f64 {
         match self {
             Self::EvenMarginal { .. } => 1.0,
@@ -118,7 +119,7 @@ impl Score {
     }
 }
 
-/// Which matches are tried next.
+/// The sampler, which says which matches are tried next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sampler {
     /// [`Uniform`](crate::robust::Uniform): all are equally likely.

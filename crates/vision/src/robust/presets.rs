@@ -19,7 +19,7 @@ use super::{
 };
 use crate::geometry::Loss;
 
-/// Our recommendation: progressive samples, a score that crowds of matches do not dominate, local
+/// Our recommendation for points alone: progressive samples, a score that crowded matches do not dominate, local
 /// optimisation, robust refinement.
 ///
 /// | field | value | why |
@@ -44,8 +44,9 @@ pub fn best() -> SampleConsensusParams {
     }
 }
 
-/// No threshold to choose: as [`best`], with a score over three thresholds about five times the noise that is
-/// estimated of each pair, with the poses of a plane, and with less trust in matches that turned unlike most.
+/// Needs no threshold. It is [`best`] with three changes: the score is averaged over three thresholds around five
+/// times the noise that is estimated for each pair; the poses that a plane allows are tried; and matches whose turn
+/// is unlike that of most are trusted less.
 ///
 /// | field | value | why |
 /// | --- | --- | --- |
@@ -71,9 +72,9 @@ pub fn adaptive() -> SampleConsensusParams {
     }
 }
 
-/// For tens of thousands of matches: spatially even samples and score. Our substitute for the unpublished
-/// estimator of Lin et al., "RepMatch", ECCV 2016, which the MatchBench paper uses with CODE, RepMatch and
-/// GMS.
+/// For tens of thousands of matches: spatially even samples and an even score. This is our substitute for the
+/// unpublished estimator of Lin et al., "RepMatch", ECCV 2016, which the MatchBench paper uses with CODE, RepMatch
+/// and GMS.
 ///
 /// | field | value | why |
 /// | --- | --- | --- |
@@ -164,8 +165,8 @@ pub fn lmeds_f() -> SampleConsensusParams {
     }
 }
 
-/// Five-point RANSAC as SuperGlue and most learned matchers since call OpenCV for their scores: as
-/// [`Ransac`](super::Ransac), but the inliers alone choose among the four decompositions, at any depth.
+/// Five-point RANSAC with the settings that SuperGlue and most later learned matchers give to OpenCV for their
+/// scores: like [`Ransac`](super::Ransac), but only the inliers choose among the four decompositions, at any depth.
 ///
 /// | field | value | OpenCV |
 /// | --- | --- | --- |
