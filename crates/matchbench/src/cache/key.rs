@@ -1,8 +1,8 @@
-//! What features were made from, as a hash of the bytes of the image file and of everything that the
-//! extraction depends on: id, every effective parameter, revision; and of how the image is turned.
+//! The key of cached features: a hash of the bytes of the image file and of everything that the extraction
+//! depends on (id, every effective parameter, revision), and of how the image is turned.
 //!
-//! It holds no name, no time, no path; a parameter that changes, or an image that is replaced, is
-//! simply another key. Only a change of the code itself must be told, by [`Extraction::revision`].
+//! It holds no name, no time and no path. If a parameter changes, or an image is replaced, the key is another
+//! one. Only a change of the code itself must be told, by [`Extraction::revision`].
 
 use std::fmt;
 

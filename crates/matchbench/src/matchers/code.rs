@@ -1,4 +1,4 @@
-//! `code`: ASIFT, all nearest neighbours, decided by coherence.
+//! `code`: ASIFT, all nearest neighbours, and of these the matches that coherence decides for.
 
 use matchbench_vision::matching::{Code, CodeParams, PlacewiseNeighbours};
 use serde::{Deserialize, Serialize};

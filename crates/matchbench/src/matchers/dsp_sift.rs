@@ -26,8 +26,9 @@
 //! | 4 from 1/6 to 1.5 | 0.647 | 0.749 | 0.769 |
 //! | 4 from 1/3 to 4/3 | 0.648 | 0.752 | 0.781 |
 //!
-//! Those larger than the keypoint's bring more matches and fewer right poses, those smaller are what helps. Of
-//! what is best and hardly differs, four sizes are the fastest. Ellipses are no better here, and slow.
+//! Sizes larger than that of the keypoint bring more matches and fewer right poses; smaller sizes are what
+//! helps. Among the best rows, which hardly differ, those of four sizes are the fastest. Ellipses are no better
+//! here, and slow.
 
 use matchbench_vision::features::{DspSift, DspSiftParams};
 

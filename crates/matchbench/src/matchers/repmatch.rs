@@ -1,4 +1,5 @@
-//! `repmatch`: ASIFT, all nearest neighbours, decided by coherence and epipolar geometry.
+//! `repmatch`: ASIFT, all nearest neighbours, and of these the matches that coherence and epipolar geometry
+//! decide for.
 
 use matchbench_vision::matching::{PlacewiseNeighbours, RepMatch, RepMatchParams};
 use matchbench_vision::robust::Settings;

@@ -1,9 +1,9 @@
 //! Where matches come from: a matcher, stage by stage, or something that yields matched points at once.
 //!
-//! A [`Matcher`](matchbench_vision::matching::Matcher) extracts, searches and selects, and a run keeps
-//! what it extracts. What reads the images itself (a program beside this one, the files of another
-//! tool) has no such stages: it implements [`PointSource`]. From the matched points on, nothing knows
-//! which of the two they came from.
+//! A [`Matcher`](matchbench_vision::matching::Matcher) extracts, searches and selects, and a run keeps what it
+//! extracts. Other sources read the images themselves, or need none (a program beside this one, the files of
+//! another tool). They have no such stages and implement [`PointSource`]. After the matched points are there,
+//! no code depends on which of the two they came from.
 
 use std::path::Path;
 

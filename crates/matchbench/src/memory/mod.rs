@@ -1,11 +1,11 @@
 //! Memory: what is left of it, and who may take much of it at once.
 //!
-//! An allocation that fails ends the process without a word, and so does a system that has no more to
-//! give. So work on images, whose need is known from their size, asks first. `reserve` compares the need
-//! with what is left ([`left`]); where others have asked and not ended yet, it waits for them; where the
-//! need is more than there is, it says so, and nothing was begun. What is small is not asked for.
+//! An allocation that fails ends the process without a message, and so does a system that has no more memory to
+//! give. So work on images, whose need is known from their size, asks first. `reserve` compares the need with
+//! what is left ([`left`]). If others have asked and not ended yet, it waits for them. If the need is more than
+//! there is, it says so, and nothing was begun. Small needs are not asked for.
 //!
-//! The answer is an estimate: it keeps a run from certain death and is no promise of life.
+//! The answer is an estimate. It keeps a run from work that is known not to fit, but does not promise that all other work fits.
 
 mod system;
 

@@ -2,9 +2,9 @@
 //! Feature Matchers".
 //!
 //! `paper.toml` is the study: eight sequences, their rules and matchers. [`Paper::study`] imports what the user
-//! has downloaded ([`DOWNLOADS`]) and says what is not there; the study is run as any other; [`times`]
-//! measures what the paper's Table 3 shows; and [`write_paper`](crate::report::write_paper) writes Tables 1 to 3
-//! and Figures 1 to 3 with the published numbers beside. All of it goes on where it was stopped.
+//! has downloaded ([`DOWNLOADS`]) and says what is missing. The study is run like any other. [`times`] measures
+//! what the paper's Table 3 shows, and [`write_paper`](crate::report::write_paper) writes Tables 1 to 3 and
+//! Figures 1 to 3 with the published numbers beside ours. All of it is resumed where it was stopped.
 //!
 //! A quick look leaves out [`HEAVY`] and takes [`QUICK_PAIRS`] of each sequence, evenly spread. It is a run of its
 //! own, in `quick/`, with the same datasets and features.

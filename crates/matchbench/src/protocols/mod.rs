@@ -1,14 +1,14 @@
-//! Protocols of the field: the small print between one set of matches and the score that a paper prints.
+//! Protocols of the field: everything between one set of matches and the score that a paper prints.
 //!
 //! Every benchmark of relative pose resizes images, estimates a pose, and counts pairs below an angle; none
 //! agrees with another on how. A [`Protocol`] spells out all of it, oddities of its program included where they
 //! move the score, since the published numbers have them. Each is a file here with what was read in its program,
 //! and a line in [`PROTOCOLS`].
 //!
-//! A protocol decides three times. Before the run: in which size images are looked at, which estimator with which
-//! settings, how often with other random choices. For each pair ([`Protocol::view`]): of which pixels a threshold
-//! is one, where points are, how many matches are enough. After it: which scores are shown, and over which
-//! repetitions errors are pooled.
+//! A protocol decides at three times. Before the run: in which size images are looked at, which estimator runs
+//! with which settings, and how many repetitions with other random choices there are. For each pair
+//! ([`Protocol::view`]): in which pixels the threshold is measured, where points are, and how many matches are
+//! enough. After the run: which scores are shown, and over which repetitions errors are pooled.
 //!
 //! An estimator under a protocol is called `ID@PROTOCOL` in plans, records and tables; without one the protocol is
 //! [`MATCHBENCH`], the paper's.

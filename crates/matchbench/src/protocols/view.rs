@@ -1,4 +1,4 @@
-//! A pair of images as the estimator of a protocol sees it: its pixels, and where it takes points to be.
+//! A pair of images as the estimator of a protocol sees it: in which pixels, and where its points are.
 //!
 //! A threshold of `t` pixels becomes `t / f` at depth 1. Here our estimators always divide by the mean focal length
 //! of both cameras, so a protocol with another `f` gets points and cameras in pixels of another size, by the factor
