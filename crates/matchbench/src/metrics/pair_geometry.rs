@@ -103,11 +103,8 @@ fn share_seen(a: &Camera, b: &Camera, b_from_a: &Isometry3<f64>, depth: f64) -> 
     });
     let seen = rays.filter(|ray| {
         let point = b_from_a.rotation * ray.to_homogeneous() + translation;
-        point.z > 0.0
-            && is_inside(
-                b,
-                b.project(Point2::new(point.x / point.z, point.y / point.z)),
-            )
+        let at_depth_1 = Point2::new(point.x / point.z, point.y / point.z);
+        point.z > 0.0 && is_inside(b, b.project(at_depth_1)) && b.sees(at_depth_1)
     });
     seen.count() as f64 / f64::from(columns * rows)
 }
@@ -120,6 +117,7 @@ fn is_inside(camera: &Camera, pixel: Point2<f64>) -> bool {
 mod tests {
     use std::f64::consts::PI;
 
+    use matchbench_vision::geometry::Distortion;
     use nalgebra::{Translation3, UnitQuaternion};
 
     use super::super::{Failure, PairResult};
@@ -134,6 +132,29 @@ mod tests {
             UnitQuaternion::from_axis_angle(&Vector3::y_axis(), turn),
         );
         PairGeometry::new(&CAMERA, &CAMERA, &pose)
+    }
+
+    /// Both cameras see 49 degrees to either side, so that there is nothing both see from 98 degrees on.
+    #[test]
+    fn a_lens_that_bends_shows_nothing_from_beside_the_image() {
+        let camera = Camera {
+            distortion: Some(Distortion {
+                k1: -0.1,
+                k2: 0.0,
+                p1: 0.0,
+                p2: 0.0,
+                k3: 0.0,
+            }),
+            ..Camera::pinhole(1000.0, 1000.0, 1000.0, 20.0)
+        };
+        let overlap = |degrees: f64| {
+            let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), degrees.to_radians());
+            let pose = Isometry3::from_parts(Translation3::identity(), turn);
+            PairGeometry::new(&camera, &camera, &pose).overlap
+        };
+        assert_eq!([100.0, 110.0, 120.0].map(overlap), [0.0; 3]);
+        // Counted by another program, which inverts r (1 - r^2 / 10) by its roots; 68 with those from beside the image.
+        assert_eq!(overlap(40.0), 59.0 / 108.0);
     }
 
     #[test]

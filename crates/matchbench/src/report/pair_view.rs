@@ -299,13 +299,15 @@ fn epipolar_line(
     let count = if b.distortion.is_some() { BENT } else { 2 };
     let points = (0..count).map(|i| {
         let s = from + (to - from) * i as f64 / (count - 1) as f64;
-        b.project(if flat {
+        if flat {
             Point2::new(s, -(line.x * s + line.z) / line.y)
         } else {
             Point2::new(-(line.y * s + line.z) / line.x, s)
-        })
+        }
     });
     points
+        .filter(|at_depth_1| b.sees(*at_depth_1))
+        .map(|at_depth_1| b.project(at_depth_1))
         .filter(|p| p.x.is_finite() && p.y.is_finite())
         .collect()
 }

@@ -180,13 +180,16 @@ impl View<'_> {
         Some(self.other_from_this * Point3::from(ray * depth))
     }
 
-    /// Where the other camera has that point; `None` behind it.
+    /// Where the other camera has that point; `None` behind it, and beside all that its lens can show.
     fn project(&self, point: &Point3<f64>) -> Option<Point2<f64>> {
-        let ahead = point.z > 0.0;
-        ahead.then(|| self.cameras[1].project(Point2::new(point.x / point.z, point.y / point.z)))
+        let (camera, at_depth_1) = (
+            self.cameras[1],
+            Point2::new(point.x / point.z, point.y / point.z),
+        );
+        (point.z > 0.0 && camera.sees(at_depth_1)).then(|| camera.project(at_depth_1))
     }
 
-    /// How far `other` is from where the other camera has what `pixel` shows; infinite behind it, `None` where the
+    /// How far `other` is from where the other camera has what `pixel` shows; infinite where it has it nowhere, `None` where the
     /// depth is not known.
     fn error(&self, pixel: Point2<f64>, other: Point2<f64>) -> Option<f64> {
         let point = self.point(pixel)?;
@@ -240,6 +243,7 @@ impl View<'_> {
 
 #[cfg(test)]
 mod tests {
+    use matchbench_vision::geometry::Distortion;
     use matchbench_vision::image::{Image, Size};
 
     use super::*;
@@ -305,6 +309,31 @@ mod tests {
         let mut points = MatchedPoints::default();
         points.push(Point2::new(49.5, 29.5), Point2::new(49.5, 29.5), 0.5);
         let judged = behind.judge(&points);
+        assert_eq!((judged.judged, judged.within), (1, [0; 10]));
+    }
+
+    /// What a camera has at 3 baselines to the side and 1 ahead, a lens with k1 = -0.1 would show at 0.3: in the image, at a
+    /// depth that is that of the wall.
+    #[test]
+    fn what_a_lens_folds_back_into_the_image_is_wrong_and_not_seen() {
+        let lens = Distortion {
+            k1: -0.1,
+            k2: 0.0,
+            p1: 0.0,
+            p2: 0.0,
+            k3: 0.0,
+        };
+        let bent = Camera {
+            distortion: Some(lens),
+            ..CAMERA
+        };
+        let beside = Isometry3::translation(6.0, 0.0, 0.0);
+        let folded = PairDepth::new([depth(0..0), depth(0..0)], [&CAMERA, &bent], &beside);
+        assert_eq!(folded.overlap, Some(0.0));
+        assert_eq!(folded.views[0].share_seen(), Some(0.0));
+        let mut points = MatchedPoints::default();
+        points.push(Point2::new(49.5, 29.5), Point2::new(64.5, 29.5), 0.5);
+        let judged = folded.judge(&points);
         assert_eq!((judged.judged, judged.within), (1, [0; 10]));
     }
 }

@@ -155,12 +155,24 @@ impl Camera {
             .map_or(distorted, |lens| lens.undistort(distorted))
     }
 
-    /// The pixel where the point at depth 1 is seen.
+    /// The pixel where the point at depth 1 is seen. Beyond where the model of the lens folds nothing is seen, and this is
+    /// the pixel of another point: see [`Camera::sees`].
     pub fn project(&self, normalized: Point2<f64>) -> Point2<f64> {
         let seen = self
             .distortion
             .map_or(normalized, |lens| lens.distort(normalized));
         Point2::new(self.fx * seen.x + self.cx, self.fy * seen.y + self.cy)
+    }
+
+    /// Whether the lens can show the point at depth 1 at all, on an image that is large enough: whether it is what is seen
+    /// at the pixel that it is [projected](Camera::project) to. Polynomials that were fitted to an image bring points
+    /// far beside it back into it.
+    pub fn sees(&self, normalized: Point2<f64>) -> bool {
+        self.distortion.is_none_or(|lens| {
+            let there = lens.undistort(lens.distort(normalized));
+            // Where the model is about to fold, a pixel says little of what is seen there.
+            (there - normalized).norm() <= 1e-3 * normalized.coords.norm().max(1.0)
+        })
     }
 }
 
@@ -253,6 +265,41 @@ fn is_close(p: Point2<f64>, q: Point2<f64>) -> bool {
 
 #[cfg(test)]
 mod tests {
+    /// Brown's model with k1 alone is seen up to where `r (1 + k1 r^2)` is largest, at `r^2 = -1 / (3 k1)`.
+    #[test]
+    fn what_a_lens_folds_back_into_the_image_is_not_seen() {
+        let camera = Camera {
+            distortion: Some(Distortion {
+                k1: -0.1,
+                k2: 0.0,
+                p1: 0.0,
+                p2: 0.0,
+                k3: 0.0,
+            }),
+            ..Camera::pinhole(1000.0, 1000.0, 1000.0, 750.0)
+        };
+        let fold = (10.0_f64 / 3.0).sqrt();
+        for (share, sees) in [
+            (0.0, true),
+            (0.5, true),
+            (0.99, true),
+            (1.01, false),
+            (1.5, false),
+            (1.9, false),
+        ] {
+            let point = Point2::new(0.8, -0.6) * (share * fold);
+            assert_eq!(camera.sees(point), sees, "{share}");
+        }
+        // 3 / 10 of what an ideal camera sees at 3, which is in the image.
+        let seen = camera.project(Point2::new(3.0, 0.0));
+        assert!(
+            (seen - Point2::new(1300.0, 750.0)).norm() < 1e-9
+                && !camera.sees(Point2::new(3.0, 0.0))
+        );
+        assert!(Camera::pinhole(1.0, 1.0, 0.0, 0.0).sees(Point2::new(1e6, 0.0)));
+        assert!(!camera.sees(Point2::new(f64::NAN, 0.0)));
+    }
+
     use nalgebra::Vector2;
 
     use super::*;
