@@ -24,8 +24,8 @@ pub struct MatchedPoints {
     /// Positions in image `b`, in pixels.
     pub b: Vec<Point2<f64>>,
     /// How doubtful each match is, from 0 (certain) to 1 (a second candidate is as good): the nearest
-    /// over the second nearest distance of descriptors, or one minus a learned confidence. Only the
-    /// order matters, and only to samplers that try certain matches first.
+    /// over the second nearest distance of descriptors, or one minus a learned confidence; above 1 where a selector chose
+    /// another candidate than the nearest. Only the order matters, and only to samplers that try certain matches first.
     pub ambiguity: Vec<f32>,
     /// By how much the keypoint of `b` is turned against that of `a`, in radians; `None` where that is not known of
     /// every match. Scores that ask for it trust matches less that turned unlike most (see

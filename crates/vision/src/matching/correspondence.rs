@@ -19,8 +19,8 @@ pub struct Correspondence {
 }
 
 impl Correspondence {
-    /// Nearest over second nearest distance: 0 is certain, 1 as ambiguous as can be. Where both distances
-    /// are zero it is 1, where there is no second it is 0.
+    /// Nearest over second nearest distance: 0 is certain, 1 as ambiguous as can be, and more where it is not the nearest
+    /// that was chosen. Where both distances are zero it is 1, where there is no second it is 0.
     pub fn ambiguity(&self) -> f32 {
         let ratio = self.distance / self.second;
         if ratio.is_nan() { 1.0 } else { ratio }

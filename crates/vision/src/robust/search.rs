@@ -123,12 +123,20 @@ impl Shuffled {
         }
     }
 
-    /// How ambiguous each match is, those that are trusted less the more.
+    /// How ambiguous each match is, those that are trusted less the more. Where another candidate was nearer, an ambiguity
+    /// above 1, there is no certainty that trust could be a factor of.
     fn ambiguity(&self) -> Cow<'_, [f32]> {
+        let trusted = |ambiguity: f32, trust: f64| {
+            if ambiguity < 1.0 {
+                1.0 - (1.0 - ambiguity) * trust as f32
+            } else {
+                ambiguity
+            }
+        };
         match &self.trust {
             None => Cow::Borrowed(&self.ambiguity),
             Some(trust) => (self.ambiguity.iter().zip(trust))
-                .map(|(ambiguity, &trust)| 1.0 - (1.0 - ambiguity) * trust as f32)
+                .map(|(ambiguity, trust)| trusted(*ambiguity, *trust))
                 .collect(),
         }
     }
@@ -351,4 +359,46 @@ pub(super) fn squared_cauchy_scale(
     };
     // Exact matches have no scale; any positive one will do.
     (factor * factor * *median).max(f64::MIN_POSITIVE)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+
+    /// Matches of which the last has another turn than the others, so that it is trusted less.
+    fn ambiguity_of_last(ambiguity: f32) -> f32 {
+        let point = |i: usize| Point2::new(i as f64, 0.0);
+        let points: Vec<_> = (0..20).map(point).collect();
+        let mut ambiguities = vec![0.5; 20];
+        ambiguities[19] = ambiguity;
+        let mut turns = vec![0.0; 20];
+        turns[19] = 2.0;
+        let matches = MatchedPoints::new(points.clone(), points, ambiguities);
+        let matches = matches.with_turns(Some(turns));
+        let score = Score::EvenMsac {
+            threshold_px: 1.0,
+            cells: 10,
+            turns: true,
+            sprt: false,
+        };
+        let shuffled = Shuffled::new(&matches.in_pixels(), &matches, score, Seed(0));
+        let place = shuffled.order.iter().position(|&i| i == 19);
+        shuffled.ambiguity()[place.expect("it is one of them")]
+    }
+
+    #[test]
+    fn less_trust_never_makes_a_match_come_earlier() {
+        // One of 20 is farther than 45 degrees from the others, where three of four turns are: 1 / 0.75 over 19 / 0.25.
+        let trust = (1.0 / 0.75) / (19.0 / 0.25);
+        assert!((ambiguity_of_last(0.5) - (1.0 - 0.5 * trust)).abs() < 1e-6);
+        let mut before = 0.0;
+        for ambiguity in [0.0, 0.5, 0.9, 1.0, 1.5, 6.0] {
+            let found = ambiguity_of_last(ambiguity);
+            assert!(found >= ambiguity && found > before, "{ambiguity}: {found}");
+            before = found;
+        }
+        assert!(ambiguity_of_last(f32::NAN).is_nan());
+    }
 }
