@@ -7,6 +7,8 @@ mod steps;
 use std::fs;
 
 use common::dataset;
+use matchbench::datasets::Sequence;
+use matchbench::exchange::{MatchFiles, ReadOptions};
 use planes::homographies;
 use steps::{go, succeeds};
 
@@ -53,6 +55,41 @@ fn inliers_are_those_of_the_matchers_that_were_run_with_the_estimator() {
         none.status.code() == Some(1) && said.contains("no matcher was run"),
         "{said}"
     );
+}
+
+#[test]
+fn inliers_are_as_many_as_the_estimator_counted_in_the_pixels_of_its_protocol() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let wall = dataset(folder, "wall", 3);
+    let protocols = "matchbench,superglue,roma,glue-factory";
+    let run = ["run", "wall", "--matchers", "sift", "--out", "run"];
+    succeeds(folder, &[&run[..], &["--protocol", protocols]].concat());
+    let sequence = Sequence::open(&wall).expect("a dataset");
+    let estimators = [
+        "ransac-e",
+        "ransac-e-inliers@superglue",
+        "ransac-e-inliers@roma",
+        "lo-ransac-e@glue-factory",
+    ];
+    let counts = estimators.map(|estimator| {
+        let format = ["--format", "packed", "--inliers", estimator];
+        succeeds(folder, &[&["export", "run", "out"][..], &format].concat());
+        let out = folder.join("out").join(format!("sift+{estimator}"));
+        let read = MatchFiles::open(&[out], &sequence, &ReadOptions::default());
+        let exported = read.expect("it was written").survey().matches;
+        let records = folder.join(format!("run/records/wall/sift+{estimator}.jsonl"));
+        let records = fs::read_to_string(records).expect("there are records");
+        let counted = records.lines().map(|line| {
+            let record: serde_json::Value = serde_json::from_str(line).expect("a record");
+            let is_first = record["task"]["repetition"] == 0;
+            record["outcome"]["inliers"].as_u64().filter(|_| is_first)
+        });
+        assert_eq!(exported, counted.flatten().sum::<u64>(), "{estimator}");
+        exported
+    });
+    // A pixel of an image of 1600 is a small part of one of these.
+    assert!(0 < counts[3] && counts[3] < counts[0], "{counts:?}");
 }
 
 #[test]

@@ -9,6 +9,7 @@ use anyhow::{Context, Result, bail, ensure};
 use matchbench::config::find;
 use matchbench::datasets::Sequence;
 use matchbench::exchange::{Export, Format};
+use matchbench::protocols;
 use matchbench::records::{MatcherPlan, Outcome, RunFolder, RunRecord, Task, authors};
 
 use crate::Ending;
@@ -114,11 +115,24 @@ fn write(
         .get("threshold_px")
         .and_then(serde_json::Value::as_f64);
     let threshold = threshold.unwrap_or(1.0);
-    let mut export = Export::of_run(sequence, &matches, &records, threshold)?;
+    let protocol = protocols::of_estimator(&estimator.id);
+    let mut export = Export::of_run(
+        sequence,
+        &matches,
+        &records,
+        threshold,
+        &|cameras, sizes, points| protocol.seen(cameras, sizes, points),
+    )?;
     let mut are_inliers = false;
     if args.inliers.is_some() && export.pairs.is_empty() {
         let inliers = run.inliers_of(&sequence.name, &matcher.id, &estimator.id)?;
-        export = Export::of_run(sequence, &inliers, &records, threshold)?;
+        export = Export::of_run(
+            sequence,
+            &inliers,
+            &records,
+            threshold,
+            &|cameras, sizes, points| protocol.seen(cameras, sizes, points),
+        )?;
         are_inliers = true;
     }
     ensure!(

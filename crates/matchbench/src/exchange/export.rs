@@ -1,8 +1,9 @@
 //! The export of matches: the selected matches of a run, or those that agree with the estimated pose.
 //!
 //! A match agrees with a pose if its Sampson distance is below the estimator's threshold, in pixels of the
-//! mean focal length. The reference estimator counts inliers in this way, and it needs nothing but the
-//! record. Estimators whose score weights matches have no more exact notion of an inlier.
+//! mean focal length. These are the pixels in which the estimator saw the pair: a protocol may have pixels of
+//! another size. The reference estimator counts inliers in this way, and it needs nothing but the record.
+//! Estimators whose score weights matches have no more exact notion of an inlier.
 //!
 //! Formats that share keypoints among pairs (COLMAP's and hloc's) need a list of keypoints for each image.
 //! It is made from the matched points: points at the same place are one keypoint, unless one pair matches
@@ -46,6 +47,11 @@ pub struct PairExport {
     pub two_view: Option<TwoView>,
 }
 
+/// How an estimator saw the matched points of two images with these cameras and sizes: points and cameras in the pixels that
+/// its threshold is told in.
+pub type Seen<'a> =
+    &'a dyn Fn([&Camera; 2], [Size; 2], &MatchedPoints) -> (MatchedPoints, [Camera; 2]);
+
 /// An estimated relative pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TwoView {
@@ -79,7 +85,7 @@ impl<'a> Export<'a> {
     }
 
     /// The selected matches in `matches`, of the first repetition, with the poses in `records` that
-    /// one estimator left, and the matches within its threshold.
+    /// one estimator left, and the matches within its threshold, in pixels of what it has `seen`.
     ///
     /// # Errors
     /// If the matches or the size of an image cannot be read.
@@ -88,12 +94,13 @@ impl<'a> Export<'a> {
         matches: &MatchesFile,
         records: &[RunRecord],
         threshold_px: f64,
+        seen: Seen<'_>,
     ) -> Result<Self, ExchangeError> {
+        let mut export = Self::new(sequence, Vec::new())?;
         let poses: BTreeMap<_, _> = (records.iter())
             .filter(|record| record.task.repetition == 0)
             .filter_map(|record| Some(((record.task.a, record.task.b), record.outcome.pose()?)))
             .collect();
-        let mut pairs = Vec::new();
         for pair in &sequence.pairs {
             let key = (pair.a, pair.b, 0);
             let selected = matches
@@ -102,19 +109,23 @@ impl<'a> Export<'a> {
             let Some(selected) = selected else {
                 continue;
             };
-            let [camera_a, camera_b] =
-                [pair.a, pair.b].map(|frame| &sequence.frames[frame as usize].camera);
-            let two_view = poses.get(&(pair.a, pair.b)).map(|pose| TwoView {
-                b_from_a: *pose,
-                inliers: agreeing(pose, [camera_a, camera_b], &selected.points, threshold_px),
+            let frames = [pair.a, pair.b].map(|frame| frame as usize);
+            let cameras = frames.map(|frame| &sequence.frames[frame].camera);
+            let sizes = frames.map(|frame| export.sizes[frame]);
+            let two_view = poses.get(&(pair.a, pair.b)).map(|pose| {
+                let seen = seen(cameras, sizes, &selected.points);
+                TwoView {
+                    b_from_a: *pose,
+                    inliers: agreeing(pose, &seen, threshold_px),
+                }
             });
-            pairs.push(PairExport {
+            export.pairs.push(PairExport {
                 frames: (pair.a, pair.b),
                 points: selected.points,
                 two_view,
             });
         }
-        Self::new(sequence, pairs)
+        Ok(export)
     }
 
     /// The same with nothing but the matches that agree with the estimated poses; pairs without a
@@ -167,17 +178,23 @@ impl PairExport {
             .map(|points| (points.iter().flat_map(|p| [p.x as f32, p.y as f32])).collect())
     }
 
+    /// Ambiguities of the matches as they are written, from 0 to 1: a match whose second candidate was nearer, as
+    /// selectors choose that do not ask for the nearest, is as ambiguous as can be.
+    pub(super) fn ambiguities(&self) -> impl Iterator<Item = f32> {
+        let most = |&ambiguity: &f32| if ambiguity > 1.0 { 1.0 } else { ambiguity };
+        self.points.ambiguity.iter().map(most)
+    }
+
     /// Scores of the matches, higher is better: 1 - ambiguity. In double precision nothing is lost.
     pub fn scores(&self) -> impl Iterator<Item = f64> {
-        (self.points.ambiguity.iter()).map(|&ambiguity| 1.0 - f64::from(ambiguity))
+        (self.ambiguities()).map(|ambiguity| 1.0 - f64::from(ambiguity))
     }
 }
 
 /// Which matches are nearer than the threshold to the epipolar geometry of a pose.
 fn agreeing(
     pose: &RelativePose,
-    [camera_a, camera_b]: [&Camera; 2],
-    points: &MatchedPoints,
+    (points, [camera_a, camera_b]): &(MatchedPoints, [Camera; 2]),
     threshold_px: f64,
 ) -> Vec<bool> {
     let pairs = points.at_depth_1(camera_a, camera_b);

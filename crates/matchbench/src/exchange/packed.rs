@@ -128,8 +128,8 @@ fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeErr
         frames.extend([pair.frames.0, pair.frames.1]);
         let [a, b] = pair.coordinates();
         let places = a.chunks_exact(2).zip(b.chunks_exact(2));
-        for ((a, b), ambiguity) in places.zip(&pair.points.ambiguity) {
-            xy.extend([a[0], a[1], b[0], b[1], *ambiguity]);
+        for ((a, b), ambiguity) in places.zip(pair.ambiguities()) {
+            xy.extend([a[0], a[1], b[0], b[1], ambiguity]);
         }
         offsets.push((xy.len() / 5) as i64);
     }

@@ -556,6 +556,23 @@ fn what_is_written_is_read_back_bit_for_bit() {
 }
 
 #[test]
+fn matches_whose_second_candidate_was_nearer_are_as_ambiguous_as_can_be() {
+    let (folder, sequence) = dataset();
+    let mut export = export(&sequence);
+    export.pairs[0].points.ambiguity[..3].copy_from_slice(&[0.25, 1.5, 6.0]);
+    for format in FORMATS.iter().filter(|format| format.can_write()) {
+        let out = folder.path().join("out").join(format.id);
+        format.write(&out, &export).unwrap();
+        let center = format.pixel_center.or(Some(0.0));
+        let read = MatchFiles::open(&[out], &sequence, &options(center, None)).unwrap();
+        let found = read.matches(0, 1).unwrap().unwrap().points.ambiguity;
+        if format.id != "colmap" {
+            assert_eq!(found[..3], [0.25, 1.0, 1.0], "{format:?}");
+        }
+    }
+}
+
+#[test]
 fn inliers_leave_alone() {
     let (folder, sequence) = dataset();
     let export = export(&sequence).inliers_alone();

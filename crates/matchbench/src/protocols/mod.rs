@@ -22,7 +22,7 @@ mod superglue;
 mod view;
 mod zeb;
 
-use matchbench_vision::geometry::Camera;
+use matchbench_vision::geometry::{Camera, MatchedPoints};
 use matchbench_vision::image::Size;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -226,6 +226,22 @@ impl Protocol {
             [[1.0; 2]; 2]
         };
         PixelView::new(cameras, factors, self.pixels, self.focal, self.centres)
+    }
+
+    /// The matched points of a pair of images and their cameras as its estimator sees them.
+    pub fn seen(
+        &self,
+        cameras: [&Camera; 2],
+        sizes: [Size; 2],
+        points: &MatchedPoints,
+    ) -> (MatchedPoints, [Camera; 2]) {
+        match self.view(cameras, Some(sizes)) {
+            None => (points.clone(), cameras.map(Clone::clone)),
+            Some(view) => (
+                view.points(points),
+                cameras.map(|camera| view.camera(camera)),
+            ),
+        }
     }
 
     /// All of it in words: what it decides on, and how.
