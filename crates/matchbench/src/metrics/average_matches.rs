@@ -7,14 +7,15 @@
 
 use super::{Angle, PairResult};
 
-/// AP(k), for `k` in degrees; `None` where no pair is right.
+/// AP(k), for `k` in degrees; `None` where no pair is right, and where no right pair counts any correspondence: a pose
+/// has some, so nobody told how many.
 pub fn average_matches(pairs: &[PairResult], k: f64) -> Option<f64> {
     let (mut sum, mut right) = (0_u64, 0_u64);
     for pair in pairs.iter().filter(|pair| is_right(pair, k)) {
         sum += u64::from(pair.correspondences);
         right += 1;
     }
-    (right > 0).then(|| sum as f64 / right as f64)
+    (sum > 0).then(|| sum as f64 / right as f64)
 }
 
 /// Whether the pose error of the pair is below `k` degrees.

@@ -7,6 +7,8 @@
 //! (Shen et al., "GIM: Learning Generalizable Image Matcher From Internet Videos", ICLR 2024):
 //! `identifiers covisible0 covisible1 R_errs t_errs t_errs2 ...`.
 //!
+//! AP is unknown, since it needs matches. Where there is only one pose error, the scores of one angle are unknown.
+//!
 //! An empty field, `inf` and `nan` are pairs without a pose. The method gets the name of the folder. Where
 //! a column `identifiers` names pairs as ZEB does (`scene#image a#image b`), pairs of one first image stay
 //! together in the bootstrap; otherwise every pair is drawn alone.
@@ -162,12 +164,17 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
                 return Err((line, problem));
             }
             let angle = |column: usize| angle(&fields[column]).map_err(|problem| (line, problem));
-            let errors = match columns {
-                Columns::Larger(pose) => angle(pose)?.map(|pose| (pose, pose)),
+            let deviation = match columns {
+                Columns::Larger(pose) => angle(pose)?.map(Deviation::Larger),
                 Columns::Apart {
                     rotation,
                     translation,
-                } => angle(rotation)?.zip(angle(translation)?),
+                } => (angle(rotation)?.zip(angle(translation)?)).map(|(rotation, translation)| {
+                    Deviation::Pose(AngularError {
+                        rotation,
+                        translation: Some(translation),
+                    })
+                }),
             };
             let reference = identifiers
                 .and_then(|column| fields[column].rsplit_once('#'))
@@ -175,12 +182,7 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
             let next = references.len() as u32;
             let a = *references.entry(reference).or_insert(next);
             let mut pair = PairResult::failed(a, index, Failure::Unexplained);
-            if let Some((rotation, translation)) = errors {
-                pair.outcome = Ok(Deviation::Pose(AngularError {
-                    rotation,
-                    translation: Some(translation),
-                }));
-            }
+            pair.outcome = deviation.ok_or(Failure::Unexplained);
             Ok(pair)
         })
         .collect()
@@ -218,7 +220,7 @@ fn angle(field: &str) -> Result<Option<f64>, String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::exact_auc;
+    use super::super::{Angle, Bootstrap, Score, Scores, SuccessCurve, exact_auc};
     use super::*;
 
     #[test]
@@ -242,6 +244,33 @@ mod tests {
         assert!((exact_auc(&zeb, 5.0) - expected).abs() < 1e-12);
         let pose = parse("pose_error\n1\n3\nnan\n").expect("in order");
         assert!((exact_auc(&pose, 5.0) - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_a_table_does_not_tell_is_no_score() {
+        let scores = |table: &str| {
+            let pairs = parse(table).expect("in order");
+            let curves = [Angle::Pose, Angle::Rotation, Angle::Translation]
+                .map(|angle| SuccessCurve::new(&pairs, angle).at(5));
+            let scores = Scores::new(&pairs, &Bootstrap::default());
+            let ids = ["auc", "rotation_auc", "translation_auc", "ap5", "maa_10"];
+            (ids.map(|id| scores.get(id)), curves)
+        };
+        let values = |scores: &[Score; 5]| scores.map(|score| score.value);
+        let rows = "1\n3\n8\nnan\n12\n4\n6\n";
+        let (pose, curves) = scores(&format!("pose_error\n{rows}"));
+        // Below 1, 2, ... 15 degrees: 14, 12, 7, 0, 3, 11 and 9 of 15 thresholds.
+        assert_eq!(values(&pose)[0], Some(56.0 / 105.0));
+        assert_eq!(values(&pose)[1..4], [None; 3]);
+        // 9, 7, 2, 0, 0, 6 and 4 of 10.
+        assert_eq!(values(&pose)[4], Some(28.0 / 70.0));
+        assert!(pose[0].interval.is_some() && pose[1..4].iter().all(|s| s.interval.is_none()));
+        assert!(curves[0] == 3.0 / 7.0 && curves[1].is_nan() && curves[2].is_nan());
+        let (apart, _) = scores("R_errs t_errs\n0.5 1.0\n3.0 2.0\n");
+        // Larger: 14 and 12 of 15 thresholds, rotation: 15 and 12, translation: 14 and 13.
+        let expected = [26.0 / 30.0, 27.0 / 30.0, 27.0 / 30.0];
+        assert_eq!(values(&apart)[..3], expected.map(Some));
+        assert_eq!(values(&apart)[3], None);
     }
 
     #[test]

@@ -22,7 +22,7 @@ pub struct PairResult {
     pub model: Model,
     /// How far the estimate is from the truth, or why there is none.
     pub outcome: Result<Deviation, Failure>,
-    /// Correspondences that support the estimate, 0 where there is none.
+    /// Correspondences that support the estimate, 0 where there is none, and where nobody told how many.
     pub correspondences: u32,
     /// The probability that the pose is right, as the matches told; `None` where there is no pose, or nobody said.
     pub confidence: Option<f64>,
@@ -58,6 +58,8 @@ pub enum Model {
 pub enum Deviation {
     /// Of a pose.
     Pose(AngularError),
+    /// Of a pose, the larger of both angles in degrees, where nothing else is told.
+    Larger(f64),
     /// Of a homography: the mean distance of the corners of image a, in pixels of b; `None` where one
     /// of them goes to infinity.
     Corners(Option<f64>),
@@ -148,8 +150,12 @@ impl PairResult {
         }
     }
 
-    /// One angle of the error, in degrees; `None` where there is no pose, or no true direction.
+    /// One angle of the error, in degrees; `None` where there is no pose, or no true direction, or only the larger
+    /// angle was told and another is asked for.
     pub fn error(&self, angle: Angle) -> Option<f64> {
+        if let Some(larger) = self.larger_error() {
+            return (angle == Angle::Pose).then_some(larger);
+        }
         let error = self.angular_error()?;
         match angle {
             Angle::Pose => error.pose(),
@@ -158,12 +164,20 @@ impl PairResult {
         }
     }
 
-    /// The sign-agnostic pose error in degrees, where there is one.
+    /// The sign-agnostic pose error in degrees, where there is one; where only the larger angle was told, that.
     pub fn sign_agnostic_error(&self) -> Option<f64> {
-        self.angular_error()?.sign_agnostic()
+        (self.larger_error()).or_else(|| self.angular_error()?.sign_agnostic())
     }
 
-    /// How far the estimated pose is from the true one, where there is one.
+    /// The pose error of a pair of which nothing else was told.
+    pub(super) fn larger_error(&self) -> Option<f64> {
+        match self.outcome {
+            Ok(Deviation::Larger(error)) => Some(error),
+            _ => None,
+        }
+    }
+
+    /// How far the estimated pose is from the true one, where there is one and both angles were told.
     pub fn angular_error(&self) -> Option<AngularError> {
         match self.outcome {
             Ok(Deviation::Pose(error)) => Some(error),

@@ -241,7 +241,7 @@ fn place(id: &str) -> usize {
 /// A score and how far it would move with other reference images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Score {
-    /// The score; `None` where it is undefined (no pairs, or no right pair for AP).
+    /// The score; `None` where it is undefined (no pairs, or no right pair for AP) or the results do not tell.
     pub value: Option<f64>,
     /// Its bootstrap interval, where there is enough evidence for one.
     pub interval: Option<Interval>,
@@ -254,13 +254,15 @@ pub struct Scores(Vec<Score>);
 impl Scores {
     /// Computes all of them.
     pub fn new(pairs: &[PairResult], bootstrap: &Bootstrap) -> Self {
-        let score = |kind: &ScoreKind| Score {
-            value: (kind.value)(pairs).filter(|value| value.is_finite()),
-            interval: match kind.spread {
+        let score = |kind: &ScoreKind| {
+            let value = (kind.value)(pairs).filter(|value| value.is_finite());
+            // Of what is not known nothing is certain.
+            let interval = value.and_then(|_| match kind.spread {
                 Spread::Unknown => None,
                 Spread::Terms(term) => bootstrap.interval(pairs.iter().map(term)),
                 Spread::Corners(limit) => corner_auc_interval(pairs, limit.into(), bootstrap),
-            },
+            });
+            Score { value, interval }
         };
         Self(SCORES.iter().map(score).collect())
     }

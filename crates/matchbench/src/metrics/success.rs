@@ -25,8 +25,15 @@ pub struct SuccessCurve {
 }
 
 impl SuccessCurve {
-    /// The curve of one angle of the error, of the pairs whose pose was to be estimated.
+    /// The curve of one angle of the error, of the pairs whose pose was to be estimated; of none where only the larger
+    /// angle of one was told and another is asked for.
     pub fn new(pairs: &[PairResult], angle: Angle) -> Self {
+        let is_known = |pair: &PairResult| angle == Angle::Pose || pair.larger_error().is_none();
+        let pairs = if pairs.iter().all(is_known) {
+            pairs
+        } else {
+            &[]
+        };
         let poses = || pairs.iter().filter(|pair| pair.model == Model::Pose);
         Self::count(
             poses().filter_map(|pair| pair.error(angle)),

@@ -11,7 +11,7 @@ use crate::records::{MIN_MATCHES, MIN_SUPPORT};
 /// In a word or two, for tables.
 pub(super) fn outcome(pair: &PairResult) -> &'static str {
     match pair.outcome {
-        Ok(Deviation::Pose(_)) => "pose",
+        Ok(Deviation::Pose(_) | Deviation::Larger(_)) => "pose",
         Ok(Deviation::Corners(_)) => "homography",
         Err(failure) => name(failure),
     }
@@ -63,6 +63,7 @@ pub fn sentence(pair: &PairResult) -> String {
             pair.correspondences
         ),
         (Ok(Deviation::Corners(None)), _) => "a corner goes to infinity".to_owned(),
+        (Ok(Deviation::Larger(error)), _) => format!("pose off by {error:.2}°"),
         (Ok(Deviation::Pose(error)), None) => {
             format!("rotation off by {:.2}°; no true direction", error.rotation)
         }
