@@ -183,9 +183,15 @@ pub fn build(
     {
         let own = extraction.params.take();
         extraction.params = json!({*name: given, "of": own});
+        if let ImageSize::Exactly(_) = size {
+            extraction.revision += EXACT_SIZE_REVISION;
+        }
     }
     Ok(built)
 }
+
+/// Added to the revision of an extractor in images of an exact size; counts changes of what becomes of its features there.
+const EXACT_SIZE_REVISION: u32 = 1;
 
 /// Names of the parameters that say in which size images are looked at.
 pub const SIZES: [&str; 2] = ["max_size", "size"];
@@ -516,6 +522,15 @@ mod tests {
             [exact.matcher, entry.build(None).unwrap().matcher].map(|m| m.extract(&image).unwrap());
         assert!(found != full && found.size == image.size());
         assert_eq!(exact.extraction.params["size"], "120x90");
+        let revisions = |size| {
+            let built = build(entry, size).unwrap();
+            (
+                built.extraction.revision,
+                built.detection.map(|of| of.revision),
+            )
+        };
+        // Features that an earlier program kept of such images had the orientations of what was resampled.
+        assert_ne!(revisions(Some(&params(json!("120x90")))), revisions(None));
         for wrong in [json!(640), json!("640"), json!("9x480"), json!("640x-1")] {
             assert!(
                 build(entry, Some(&params(wrong.clone()))).is_err(),

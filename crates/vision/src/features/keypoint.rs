@@ -54,6 +54,14 @@ pub(super) fn angle_of(x: f32, y: f32) -> f32 {
     }
 }
 
+/// Whether one image is stretched against another by more than what rounding its sides to pixels does.
+fn has_other_aspect(from: Size, size: Size) -> bool {
+    /// Pixels that both sides may be off together: they are rounded, or cut, once or by halves.
+    const ROUNDING: usize = 2;
+    let (across, down) = (from.width * size.height, from.height * size.width);
+    across.abs_diff(down) > ROUNDING * size.width.max(size.height)
+}
+
 /// The keypoints of one image and their descriptors: row `i` describes keypoint `i`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Features {
@@ -129,7 +137,8 @@ impl Features {
     }
 
     /// The same features, found in an image `from` that an image of `size` was resampled to, in pixels
-    /// of the latter.
+    /// of the latter. Where that changed the aspect by more than the rounding of sides, circles become ellipses, which are
+    /// their frames, and orientations turn: those of a direction that is neither across nor down.
     #[must_use]
     pub fn in_pixels_of(mut self, from: Size, size: Size) -> Self {
         self.size = size;
@@ -138,10 +147,18 @@ impl Features {
         }
         let x = size.width as f32 / from.width as f32;
         let y = size.height as f32 / from.height as f32;
+        let is_stretched = has_other_aspect(from, size);
+        if is_stretched && self.frames.is_none() {
+            self.frames = Some(self.keypoints.iter().map(Keypoint::frame).collect());
+        }
         for keypoint in &mut self.keypoints {
             let at = keypoint.at;
             keypoint.at = Point2::new((at.x + 0.5) * x - 0.5, (at.y + 0.5) * y - 0.5);
             keypoint.size *= (x * y).sqrt();
+            if is_stretched {
+                let turned = |angle| angle_of(x * libm::cosf(angle), y * libm::sinf(angle));
+                keypoint.angle = keypoint.angle.map(turned);
+            }
         }
         for [xx, xy, yx, yy] in self.frames.iter_mut().flatten() {
             (*xx, *xy, *yx, *yy) = (*xx * x, *xy * x, *yx * y, *yy * y);
@@ -188,5 +205,75 @@ impl Features {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.keypoints.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::FloatRows;
+
+    /// Features of an image of this size, with these angles.
+    fn features(size: Size, angles: &[Option<f32>]) -> Features {
+        let keypoint = |&angle: &Option<f32>| Keypoint {
+            at: Point2::new(10.0, 20.0),
+            size: 8.0,
+            angle,
+            response: 1.0,
+            octave: 0,
+        };
+        Features {
+            size,
+            keypoints: angles.iter().map(keypoint).collect(),
+            descriptors: Descriptors::Float(FloatRows::from_vec(1, vec![0.0; angles.len()])),
+            frames: None,
+        }
+    }
+
+    /// What points along (1, 1) in an image of 100 x 100 points along (2, 1) in one of 200 x 100, and circles are as wide as
+    /// they were high, twice.
+    #[test]
+    fn stretching_an_image_turns_what_is_in_it() {
+        use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+        let (square, wide) = (Size::new(100, 100), Size::new(200, 100));
+        let angles = [
+            Some(FRAC_PI_4),
+            Some(5.0 * FRAC_PI_4),
+            Some(FRAC_PI_2),
+            None,
+        ];
+        let seen = features(square, &angles).in_pixels_of(square, wide);
+        let half = libm::atan2f(1.0, 2.0);
+        let expected = [Some(half), Some(PI + half), Some(FRAC_PI_2), None];
+        for (index, (keypoint, expected)) in seen.keypoints.iter().zip(expected).enumerate() {
+            assert_eq!(keypoint.angle.is_some(), expected.is_some());
+            let (found, expected) = (keypoint.angle.unwrap_or(0.0), expected.unwrap_or(0.0));
+            assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+            let [xx, xy, yx, yy] = seen.frame(index);
+            // The frame takes the x axis to the orientation, and the circle of radius 4 to an ellipse of 8 and 4.
+            let along = libm::atan2f(yx, xx).rem_euclid(2.0 * PI);
+            assert!((along - found).abs() < 1e-6, "{along} {found}");
+            assert!((libm::hypotf(xx, xy) - 8.0).abs() < 1e-5);
+            assert!((libm::hypotf(yx, yy) - 4.0).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn rounding_the_sides_stretches_nothing() {
+        let angles = [Some(0.7), None];
+        for (small, size) in [
+            ((320, 213), (1001, 667)),
+            ((51, 39), (205, 154)),
+            ((213, 320), (667, 1001)),
+        ] {
+            let [small, size] = [small, size].map(|(width, height)| Size::new(width, height));
+            let seen = features(small, &angles).in_pixels_of(small, size);
+            assert_eq!((seen.keypoints[0].angle, &seen.frames), (Some(0.7), &None));
+        }
+        // 640x480 of an image of KITTI, of EuRoC, and of ScanNet, which is as good as of that aspect.
+        let to = Size::new(640, 480);
+        let stretched = [(1226, 370), (752, 480), (1296, 968), (640, 480)]
+            .map(|(width, height)| has_other_aspect(to, Size::new(width, height)));
+        assert_eq!(stretched, [true, true, false, false]);
     }
 }
