@@ -1,5 +1,6 @@
 //! Cameras: our own fields, and COLMAP's models by their names.
 
+use matchbench::counted::counted;
 use matchbench_vision::geometry::{self, Distortion};
 use nalgebra::Matrix3;
 use pyo3::prelude::*;
@@ -89,10 +90,10 @@ impl Camera {
             }
             _ => {
                 return Err(value_error(format!(
-                    "camera model \"{model}\" with {} parameters; known are SIMPLE_PINHOLE (f, cx, cy), \
+                    "camera model \"{model}\" with {}; known are SIMPLE_PINHOLE (f, cx, cy), \
                      PINHOLE (fx, fy, cx, cy), SIMPLE_RADIAL (f, cx, cy, k), RADIAL (f, cx, cy, k1, k2) \
                      and OPENCV (fx, fy, cx, cy, k1, k2, p1, p2)",
-                    params.len()
+                    counted(params.len(), "parameter")
                 )));
             }
         };

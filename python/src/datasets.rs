@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use matchbench::counted::counted;
 use matchbench::datasets::{self, Frame, ImageStorage, ImportOptions, rendered};
 use matchbench::run;
 use matchbench_vision::image::{GrayImage, Size};
@@ -105,11 +106,9 @@ impl Dataset {
 
     fn __repr__(&self) -> String {
         let run::Dataset { sequence, .. } = &self.inner;
-        let (frames, pairs) = (sequence.frames.len(), sequence.pairs.len());
-        format!(
-            "Dataset({:?}, {frames} frames, {pairs} pairs)",
-            sequence.name
-        )
+        let frames = counted(sequence.frames.len(), "frame");
+        let pairs = counted(sequence.pairs.len(), "pair");
+        format!("Dataset({:?}, {frames}, {pairs})", sequence.name)
     }
 }
 

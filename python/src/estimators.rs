@@ -1,5 +1,6 @@
 //! Pose estimators by name.
 
+use matchbench::counted::counted;
 use matchbench::estimators::{self, BuiltEstimator, Estimator as Built};
 use matchbench::run::estimation_seed;
 use matchbench_vision::geometry::{MatchedPoints, RelativePose};
@@ -151,8 +152,8 @@ pub(crate) fn matched(
     let (a, b) = (points(points_a, "points_a")?, points(points_b, "points_b")?);
     if a.len() != b.len() {
         return Err(value_error(format!(
-            "{} points in image a and {} in image b; row i of both is one match",
-            a.len(),
+            "{} in image a and {} in image b; row i of both is one match",
+            counted(a.len(), "point"),
             b.len()
         )));
     }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use matchbench::counted::counted;
 use matchbench::matchers::{self, BuiltMatcher};
 use matchbench::run::selection_seed;
 use matchbench_vision::features::Features as Inner;
@@ -186,10 +187,9 @@ impl Matches {
         let features = [features_a, features_b].map(|features| Arc::clone(&features.inner));
         let indices = index_pairs(indices, [features[0].len(), features[1].len()])?;
         if indices.len() != points.len() {
-            let (pairs, count) = (indices.len(), points.len());
-            return Err(value_error(format!(
-                "{pairs} pairs of indices for {count} matches"
-            )));
+            let pairs = counted(indices.len(), "pair");
+            let count = counted(points.len(), "match");
+            return Err(value_error(format!("{pairs} of indices for {count}")));
         }
         Ok(Self {
             points,

@@ -7,6 +7,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use matchbench::files::write_whole;
+use matchbench::report::shell_word;
 
 /// Longest word that is repeated in a message, in characters.
 const LONGEST_WORD: usize = 300;
@@ -58,6 +59,13 @@ pub(crate) fn is_standard_output(path: &Path) -> bool {
     path == Path::new("-") || path == Path::new("/dev/stdout")
 }
 
+/// A path as it is typed: in quotes where a shell would take it apart, and never taken for an option.
+pub(crate) fn typed(path: &Path) -> String {
+    let word = path.display().to_string();
+    let dashed = word.starts_with('-').then(|| format!("./{word}"));
+    shell_word(&dashed.unwrap_or(word))
+}
+
 /// The text without what a terminal would obey: results hold names that others chose.
 pub(crate) fn harmless(text: &str) -> String {
     let mut harmless = String::with_capacity(text.len());
@@ -107,6 +115,18 @@ fn turns_the_text(c: char) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_path_is_typed_as_a_shell_needs_it() {
+        for (path, word) in [
+            ("runs/first", "runs/first"),
+            ("my runs/first", "'my runs/first'"),
+            ("it's", r"'it'\''s'"),
+            ("-x", "./-x"),
+        ] {
+            assert_eq!(typed(Path::new(path)), word);
+        }
+    }
 
     #[test]
     fn a_terminal_is_not_obeyed_to_a_file() {

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use matchbench::counted::counted;
 use matchbench::external;
 use matchbench::records::{Plan, RunRecord};
 use matchbench::run::{Cancel, Observer, RunSummary};
@@ -48,7 +49,8 @@ impl Observer for Bar {
 
     fn on_lost_matches(&self, dataset: &str, matcher: &str, pairs: usize) {
         self.0.suspend(|| {
-            say!("the matches of {matcher} for {pairs} pairs of {dataset} are gone, and are made again");
+            let pairs = counted(pairs, "pair");
+            say!("the matches of {matcher} for {pairs} of {dataset} are gone, and are made again");
         });
     }
 

@@ -194,6 +194,6 @@ fn a_run_that_is_not_finished_is_compared_with_a_warning() {
     assert!(said.status.success(), "{warning}");
     assert_eq!(
         warning.trim_end(),
-        "warning: both: 4 of 6 pairs of wall have no result with sift + ransac-e and count as wrong"
+        "warning: both: no result with sift + ransac-e for 4 of 6 pairs of wall, counted as wrong"
     );
 }

@@ -109,7 +109,7 @@ fn homographies_are_not_exported_as_poses_that_failed() {
     let said = String::from_utf8_lossy(&done.stderr);
     assert!(
         done.status.success()
-            && said.contains("1 of 2 methods are written, the others estimate homographies")
+            && said.contains("written for 1 of 2 methods, the others estimate homographies")
             && said.contains("only the first repetition of each pair"),
         "{said}"
     );

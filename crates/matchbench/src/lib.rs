@@ -57,6 +57,7 @@
 mod arrays;
 pub mod cache;
 pub mod config;
+pub mod counted;
 pub mod datasets;
 pub mod estimators;
 pub mod exchange;

@@ -304,7 +304,7 @@ fn whoever_misbehaves_over_a_pair_loses_that_pair_alone() {
             "counts-wrong",
             "promises 2 matches of 20 bytes, but wrote 20 bytes",
         ),
-        ("too-few-features", "1 matches of 0 and 8 features"),
+        ("too-few-features", "1 match of 0 and 8 features"),
         ("writes-nothing", "wrote no matches"),
         ("not-a-number", "not finite"),
         ("outside", "outside image a: (0.5, 480.5)"),

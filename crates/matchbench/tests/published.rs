@@ -109,7 +109,7 @@ fn tum_office_gives_sequences_01_and_06() {
     );
     let imported = read_source("tum", &src, &ImportOptions::default()).expect("the source");
     assert_eq!(imported.frames.len(), 2583);
-    assert!(imported.about.notes[0].starts_with("2 images without a pose"));
+    assert!(imported.about.notes[0].starts_with("left out: 2 images without a pose"));
 }
 
 #[test]

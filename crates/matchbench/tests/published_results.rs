@@ -240,7 +240,7 @@ fn bad_lines_are_named() {
             format!("0 1 9 {pose}\n\n0 1 9 {pose}"),
             ":3: pair 0 1 is there twice, first on line 1",
         ),
-        ("garbage".into(), ":1: found 1 numbers"),
+        ("garbage".into(), ":1: found 1 number,"),
     ];
     for (text, expected) in cases {
         let error = Excerpt::new(PAIRS, &[("sift", &text)])

@@ -3,6 +3,7 @@
 use std::io::Write;
 
 use anyhow::Result;
+use matchbench::counted::counted;
 use matchbench::datasets::{Sequence, export};
 
 use crate::Ending;
@@ -14,10 +15,10 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Ending> {
     let root = export(&args.format, &sequence, &args.out)?;
     writeln!(
         stdout(),
-        "{}: {} frames, {} pairs; image names start from {}",
+        "{}: {}, {}; image names start from {}",
         args.out.display(),
-        sequence.frames.len(),
-        sequence.pairs.len(),
+        counted(sequence.frames.len(), "frame"),
+        counted(sequence.pairs.len(), "pair"),
         root.display()
     )?;
     Ok(Ending::Done)

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::{Result, ensure};
+use matchbench::counted::counted;
 use matchbench::datasets::PairRule;
 use matchbench::metrics::{
     Bootstrap, PairChoice, ResultSet, load, load_chosen, load_errors, under_protocols, unfinished,
@@ -16,7 +17,7 @@ use matchbench::report::{
 
 use crate::Ending;
 use crate::args::{EvalArgs, FormatArg, PresetArg, ScoredArgs};
-use crate::output::{harmless, say, write_result};
+use crate::output::{harmless, say, typed, write_result};
 
 pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
     let text = match (&args.errors, &args.results) {
@@ -34,7 +35,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
                 FormatArg::Table => {
                     let mut text = table(sets);
                     if RunFolder::is_at(results) {
-                        let next = format!("\nNext: matchbench report {}\n", results.display());
+                        let next = format!("\nNext: matchbench report {}\n", typed(results));
                         text.push_str(&next);
                     }
                     text
@@ -94,11 +95,11 @@ pub(super) fn warn_of_missing(results: &Path, set: &ResultSet) {
     match set.missing() {
         0 => {}
         missing => say!(
-            "warning: {}: {missing} of {} pairs of {} have no result with {} and count as wrong",
+            "warning: {}: no result with {} for {missing} of {} of {}, counted as wrong",
             results.display(),
-            set.pairs.len(),
-            set.dataset,
-            method(set)
+            method(set),
+            counted(set.pairs.len(), "pair"),
+            set.dataset
         ),
     }
 }
@@ -108,9 +109,9 @@ fn warn_of_ignored(results: &Path, sets: &[ResultSet], choice: &PairChoice) {
     let ignored = |set: &&ResultSet| set.ignored > 0 && *choice == PairChoice::Listed;
     for set in sets.iter().filter(ignored) {
         say!(
-            "warning: {}: {} results of {} are for pairs that {} does not list in this order, and are ignored",
+            "warning: {}: ignored: {} of {} for pairs that {} does not list in this order",
             results.display(),
-            set.ignored,
+            counted(set.ignored, "result"),
             method(set),
             set.dataset
         );

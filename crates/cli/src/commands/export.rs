@@ -7,6 +7,7 @@ use std::iter;
 
 use anyhow::{Context, Result, bail, ensure};
 use matchbench::config::find;
+use matchbench::counted::counted;
 use matchbench::datasets::Sequence;
 use matchbench::exchange::{Export, Format};
 use matchbench::protocols;
@@ -45,9 +46,9 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
         let files = authors::write(&args.out, &records)?;
         if files.len() < methods.len() {
             say!(
-                "note: the authors' format holds only poses: {} of {} methods are written, the others estimate homographies",
+                "note: the authors' format holds only poses: written for {} of {}, the others estimate homographies",
                 files.len(),
-                methods.len()
+                counted(methods.len(), "method")
             );
         }
         for file in files {
@@ -152,8 +153,9 @@ fn write(
         };
         let missing = records.iter().filter(is_missing).count();
         if missing > 0 {
+            let missing = counted(missing, "pair");
             say!(
-                "warning: the matches of `{}` for {missing} pairs of `{}` are gone and are left out; the command that \
+                "warning: the matches of `{}` for {missing} of `{}` are gone and are left out; the command that \
                  made the run makes them again",
                 matcher.id,
                 sequence.name
@@ -172,8 +174,8 @@ fn write(
     match &files[..] {
         [] => bail!("there is no match to be written"),
         files if files.len() > 4 => {
-            let (count, folder) = (files.len(), folder.display());
-            writeln!(stdout(), "{folder} ({count} files)")?;
+            let (count, folder) = (counted(files.len(), "file"), folder.display());
+            writeln!(stdout(), "{folder} ({count})")?;
         }
         files => {
             for file in files {

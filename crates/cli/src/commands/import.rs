@@ -3,6 +3,7 @@
 use std::io::Write;
 
 use anyhow::Result;
+use matchbench::counted::counted;
 use matchbench::datasets::{ImageStorage, ImportOptions, import};
 
 use crate::Ending;
@@ -36,10 +37,10 @@ pub(crate) fn run(args: &ImportArgs) -> Result<Ending> {
     };
     writeln!(
         stdout(),
-        "{}: {} frames, {} pairs ({pairs})",
+        "{}: {}, {} ({pairs})",
         args.out.display(),
-        report.frames,
-        report.pairs,
+        counted(report.frames, "frame"),
+        counted(report.pairs, "pair"),
     )?;
     Ok(Ending::Done)
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use matchbench::cache::FeatureCache;
 use matchbench::config::{Changes, ConfigError, UnknownName};
+use matchbench::counted::counted;
 use matchbench::external::Manifest;
 use matchbench::matchers;
 use matchbench::records::RunFolder;
@@ -53,8 +54,9 @@ pub(crate) fn execute_run(run: &Run<'_>, cancel: &Cancel) -> Result<Ending> {
 pub(crate) fn tell_news(news: News<'_>) {
     match news {
         News::Imported(folder, report) => {
-            let (frames, pairs) = (report.frames, report.pairs);
-            say!("{}: {frames} images, {pairs} pairs", folder.display());
+            let images = counted(report.frames, "image");
+            let pairs = counted(report.pairs, "pair");
+            say!("{}: {images}, {pairs}", folder.display());
             for note in &report.notes {
                 say!("  note: {note}");
             }
@@ -113,16 +115,16 @@ pub(crate) fn tell(summary: &RunSummary, folder: &Path) -> Ending {
     if summary.ended > 0 {
         let done = summary.before + summary.now;
         say!(
-            "{done} of {} tasks done; the same command tries the rest again",
-            summary.total
+            "{done} of {} done; the same command tries the rest again",
+            counted(summary.total, "task")
         );
         return Ending::SomeFailed;
     }
     if !summary.is_complete() {
         let done = summary.before + summary.now;
         say!(
-            "stopped after {done} of {} tasks; the same command goes on from there",
-            summary.total
+            "stopped after {done} of {}; the same command goes on from there",
+            counted(summary.total, "task")
         );
         return Ending::Stopped;
     }
@@ -131,15 +133,15 @@ pub(crate) fn tell(summary: &RunSummary, folder: &Path) -> Ending {
         before => format!(", {before} of them earlier"),
     };
     say!(
-        "{} tasks done{before}; records in {}",
-        summary.total,
+        "{} done{before}; records in {}",
+        counted(summary.total, "task"),
         folder.display()
     );
     if summary.failed > 0 {
         say!(
-            "{} tasks FAILED and count as wrong; their records say why (\"kind\":\"failed\"). What was \
-             a file or a program outside is tried again at the next start, the rest with --retry-failed",
-            summary.failed
+            "{} FAILED, counted as wrong; records say why (\"kind\":\"failed\"). What was a file or a program \
+             outside is tried again at the next start, the rest with --retry-failed",
+            counted(summary.failed, "task")
         );
         return Ending::SomeFailed;
     }

@@ -3,6 +3,7 @@
 use std::io::Write;
 
 use anyhow::{Context, Result, ensure};
+use matchbench::counted::counted;
 use matchbench::metrics::{Angle, Model};
 use matchbench::report::{Refused, leaderboard, write_leaderboard};
 
@@ -38,13 +39,13 @@ pub(crate) fn run(args: &LeaderboardArgs) -> Result<Ending> {
         let auc = best.summary.auc_of(Angle::Pose).value;
         writeln!(
             out,
-            "{}{}, {} pairs, {}: {} is the first of {}, AUC {}",
+            "{}{}, {}, {}: {} is the first of {}, AUC {}",
             group.dataset,
             match group.model {
                 Model::Pose => "",
                 Model::Homography => ", homographies",
             },
-            group.pairs[0],
+            counted(group.pairs[0], "pair"),
             group.protocol,
             best.label,
             group.rows.len(),

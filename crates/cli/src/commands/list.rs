@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 
 use anyhow::Result;
+use matchbench::counted::counted;
 use matchbench::datasets::KINDS;
 use matchbench::datasets::rendered;
 use matchbench::estimators::ESTIMATORS;
@@ -68,11 +69,11 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
     if wanted(Listed::Datasets) {
         writeln!(out, "Built-in scenes (matchbench demo)\n")?;
         for scene in rendered::scenes() {
-            let images = format!("{} images of {}", scene.frames, scene.size);
-            let pairs = rendered::sequence(scene).pairs.len();
+            let images = format!("{} of {}", counted(scene.frames, "image"), scene.size);
+            let pairs = counted(rendered::sequence(scene).pairs.len(), "pair");
             writeln!(
                 out,
-                "  {:<14} {}\n      {images}, {pairs} pairs",
+                "  {:<14} {}\n      {images}, {pairs}",
                 scene.name, scene.description
             )?;
         }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
+use matchbench::counted::counted;
 use matchbench::exchange::MatchSource;
 use matchbench::study::MatchesFrom;
 
@@ -47,7 +48,11 @@ pub(crate) fn describe(name: &str, source: &MatchSource) {
     for (dataset, files) in source.datasets() {
         let survey = files.survey();
         say!("{name} on {dataset}: {}", files.understood());
-        say!("  {} pairs, {} matches", survey.found, survey.matches);
+        say!(
+            "  {}, {}",
+            counted(survey.found, "pair"),
+            counted(survey.matches, "match")
+        );
         if !survey.absent.is_empty() {
             let named = survey.absent.iter().take(NAMED);
             let named: Vec<_> = named.map(|(a, b)| format!("{a} {b}")).collect();
@@ -55,16 +60,16 @@ pub(crate) fn describe(name: &str, source: &MatchSource) {
                 0 => String::new(),
                 more => format!(" and {more} more"),
             };
-            let absent = survey.absent.len();
             say!(
-                "  {absent} pairs are absent; those that are run count as failed: {}{more}",
+                "  absent: {} ({}{more}); what is run of them counts as failed",
+                counted(survey.absent.len(), "pair"),
                 named.join(", ")
             );
         }
         if survey.others > 0 {
             say!(
-                "  {} pairs in the files are not in the dataset",
-                survey.others
+                "  {} of the files not in the dataset",
+                counted(survey.others, "pair")
             );
         }
         for warning in &survey.warnings {

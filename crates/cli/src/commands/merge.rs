@@ -3,28 +3,29 @@
 use std::io::Write;
 
 use anyhow::Result;
+use matchbench::counted::counted;
 use matchbench::records::ShardPlan;
 use matchbench::records::shards::merge;
 
 use crate::Ending;
 use crate::args::MergeArgs;
-use crate::output::{say, stdout};
+use crate::output::{say, stdout, typed};
 
 pub(crate) fn run(args: &MergeArgs) -> Result<Ending> {
     let home = ShardPlan::folder(&args.plan);
     let plan = ShardPlan::open(&home)?;
     let merged = merge(&plan, &home, &args.copies, &args.out)?;
     say!(
-        "{} tasks of {} shards; records in {}",
-        merged.tasks,
-        plan.shards(),
+        "{} of {}; records in {}",
+        counted(merged.tasks, "task"),
+        counted(plan.shards(), "shard"),
         args.out.display()
     );
-    writeln!(stdout(), "Next: matchbench eval {}", args.out.display())?;
+    writeln!(stdout(), "Next: matchbench eval {}", typed(&args.out))?;
     if merged.failed > 0 {
         say!(
-            "{} tasks FAILED and count as wrong; their records say why (\"kind\":\"failed\")",
-            merged.failed
+            "{} FAILED, counted as wrong; records say why (\"kind\":\"failed\")",
+            counted(merged.failed, "task")
         );
         return Ok(Ending::SomeFailed);
     }

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::{Path, absolute};
 
 use anyhow::{Result, ensure};
+use matchbench::counted::counted;
 use matchbench::external::Manifest;
 use matchbench::records::ShardPlan;
 use matchbench::records::shards::{Asked, Part};
@@ -14,7 +15,7 @@ use super::job::{choose, tell_news};
 use super::matches;
 use crate::Ending;
 use crate::args::PlanArgs;
-use crate::output::{say, stdout};
+use crate::output::{say, stdout, typed};
 
 pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
     let mut study = Study {
@@ -78,28 +79,30 @@ fn from_anywhere(name: &String) -> String {
 
 fn tell(plan: &ShardPlan, of_one: u64, folder: &Path) -> Result<()> {
     let parts = &plan.cut().parts;
-    let range = |count: fn(&Part) -> u64| {
+    let range = |noun: &str, count: fn(&Part) -> u64| {
         let counts = parts.iter().map(count);
         let (least, most) = (counts.clone().min(), counts.max());
         let (least, most) = (least.unwrap_or(0), most.unwrap_or(0));
         if least == most {
-            least.to_string()
+            counted(least, noun)
         } else {
-            format!("{least} to {most}")
+            format!("{least} to {}", counted(most, noun))
         }
     };
     let images: u64 = parts.iter().map(|part| part.images).sum();
     let mut out = stdout();
-    let (shards, folder) = (plan.shards(), folder.display());
+    let (shards, folder) = (plan.shards(), typed(folder));
     writeln!(
         out,
-        "{shards} shards, each of {} pairs and {} images",
-        range(|part| part.pairs),
-        range(|part| part.images)
+        "{}, each of {} and {}",
+        counted(shards, "shard"),
+        range("pair", |part| part.pairs),
+        range("image", |part| part.images)
     )?;
     writeln!(
         out,
-        "{images} extractions in all for each matcher, {of_one} on one machine ({:.2} times as many)",
+        "{} in all for each matcher, {of_one} on one machine ({:.2} times as many)",
+        counted(images, "extraction"),
         images as f64 / of_one.max(1) as f64
     )?;
     writeln!(

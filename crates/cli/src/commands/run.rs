@@ -10,7 +10,7 @@ use super::job::{choose, execute};
 use super::{eval, matches, report};
 use crate::Ending;
 use crate::args::RunArgs;
-use crate::output::stdout;
+use crate::output::{stdout, typed};
 
 pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     let study = study(args)?;
@@ -31,7 +31,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
         writeln!(out, "\nreport: {}", page.display())?;
     } else {
         printed?;
-        writeln!(out, "\nNext: matchbench report {}", folder.display())?;
+        writeln!(out, "\nNext: matchbench report {}", typed(&folder))?;
     }
     Ok(ending)
 }

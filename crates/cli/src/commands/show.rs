@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use matchbench::cache::FeatureCache;
+use matchbench::counted::counted;
 use matchbench::matchers::ImageFiles;
 use matchbench::metrics::PairResult;
 use matchbench::records::Outcome;
@@ -115,13 +116,13 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
     // A matcher from outside may have none, or not tell.
     let features = match (counts.features_a, counts.features_b) {
         (0, 0) if counts.putative > 0 => String::new(),
-        (a, b) => format!("{a} and {b} features, "),
+        (a, b) => format!("{a} and {}, ", counted(b, "feature")),
     };
     writeln!(
         stdout(),
-        "{caption}\n{features}{} putative and {} selected matches, {} of them agree with the estimate\n{}",
+        "{caption}\n{features}{} putative and {}, of which {} agree with the estimate\n{}",
         counts.putative,
-        counts.selected,
+        counted(counts.selected, "selected match"),
         view.tally.agree,
         args.out.display()
     )?;

@@ -3,6 +3,7 @@
 use std::io::Write;
 
 use anyhow::{Result, bail};
+use matchbench::counted::counted;
 use matchbench::external::Manifest;
 use matchbench::metrics::Quartiles;
 use matchbench::report::{MatcherTimes, times_as_csv, times_as_latex};
@@ -28,10 +29,10 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
     let cancel = cancel_on_ctrl_c("stopping")?;
     let mut out = stdout();
     let about = format!(
-        "matchbench {}, {}; 1 thread, no cache; first {} pairs of {}",
+        "matchbench {}, {}; 1 thread, no cache; first {} of {}",
         env!("CARGO_PKG_VERSION"),
         machine(),
-        args.pairs.get().min(dataset.sequence.pairs.len()),
+        counted(args.pairs.get().min(dataset.sequence.pairs.len()), "pair"),
         dataset.sequence.name
     );
     writeln!(out, "{about}")?;

@@ -4,6 +4,7 @@
 use std::io::Write;
 
 use anyhow::Result;
+use matchbench::counted::counted;
 use matchbench::datasets::{Sequence, Severity, validate};
 
 use crate::Ending;
@@ -27,8 +28,10 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<Ending> {
     let warnings = problems.len() - errors;
     writeln!(
         out,
-        "{}: {errors} errors, {warnings} warnings",
-        args.dataset.display()
+        "{}: {}, {}",
+        args.dataset.display(),
+        counted(errors, "error"),
+        counted(warnings, "warning")
     )?;
     if errors > 0 {
         anyhow::bail!("{} cannot be used as it is", args.dataset.display());

@@ -7,6 +7,8 @@
 
 use std::fmt;
 
+use crate::counted::counted;
+
 /// The most bytes that one array may have. Ten million matches with two points each take 160 MB;
 /// what claims more than this is damaged or hostile.
 pub(crate) const MOST_BYTES: u64 = 1 << 30;
@@ -100,9 +102,9 @@ impl Array {
     pub(crate) fn new(shape: Vec<usize>, element: Element, bytes: Vec<u8>) -> Result<Self, String> {
         if bytes_of(&shape, element) != Some(bytes.len() as u64) {
             return Err(format!(
-                "its shape {shape:?} of {} bytes each does not fit its {} bytes",
-                element.size,
-                bytes.len()
+                "its shape {shape:?} of {} each does not fit its {}",
+                counted(element.size, "byte"),
+                counted(bytes.len(), "byte")
             ));
         }
         Ok(Self {

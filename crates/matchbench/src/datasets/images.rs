@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::manifest::{self, Manifest};
 use super::{DatasetError, Problem};
+use crate::counted::counted;
 
 /// The folder of numbered images in a dataset.
 pub(super) const IMAGES: &str = "Images";
@@ -44,7 +45,11 @@ pub(super) fn frame_images(
         problems.push(
             DatasetError::new(
                 dir.join(manifest::FILE),
-                format!("{in_manifest} frames for {} images", images.len()),
+                format!(
+                    "{} for {}",
+                    counted(in_manifest, "frame"),
+                    counted(images.len(), "image")
+                ),
                 "give one [[frames]] per image or none at all",
             )
             .into(),

@@ -27,6 +27,7 @@ use super::listed::{
 use super::manifest::{self, Manifest};
 use super::text::{self, TextFile};
 use super::{DatasetError, Frame, Pair, Problem, Sequence, Severity, Whole};
+use crate::counted::counted;
 use crate::files::check_name;
 
 pub(super) const POSES: &str = "pose.txt";
@@ -170,7 +171,11 @@ pub fn read_poses_of_pairs(file: &Path, pairs: &[(u32, u32)]) -> Result<Vec<Pair
     let rows = file.rows().count();
     if rows != pairs.len() {
         return Err(file.error(
-            format!("{rows} poses for {} pairs", pairs.len()),
+            format!(
+                "{} for {}",
+                counted(rows, "pose"),
+                counted(pairs.len(), "pair")
+            ),
             "give one row for each pair, in the order of the results; or begin each row with `a b`",
         ));
     }
@@ -321,7 +326,10 @@ pub(super) fn parse_camera(file: &TextFile) -> Result<Camera, DatasetError> {
         9 | 13 | 14 => numbers.split_at(9),
         found => {
             return Err(file.error(
-                format!("{found} numbers where the 9 of a calibration matrix are expected"),
+                format!(
+                    "{} where the 9 of a calibration matrix are expected",
+                    counted(found, "number")
+                ),
                 "write fx 0 cx, 0 fy cy and 0 0 1 in three lines",
             ));
         }
@@ -374,7 +382,11 @@ fn parse_poses(
     if rows.len() != frames {
         problems.push(
             file.error(
-                format!("{} poses for {frames} images", rows.len()),
+                format!(
+                    "{} for {}",
+                    counted(rows.len(), "pose"),
+                    counted(frames, "image")
+                ),
                 "give one row per image, in the images' order",
             )
             .into(),

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::DatasetError;
+use crate::counted::counted;
 use crate::files::read_file;
 
 /// Largest entry of `R^T R - I` in a printed rotation, and largest deviation of a printed
@@ -106,7 +107,10 @@ pub(super) fn brief(word: &str) -> String {
 pub(super) fn exactly<const N: usize>(row: &str) -> Result<[f64; N], String> {
     let columns = row.split_whitespace().count();
     if columns != N {
-        return Err(format!("{columns} columns where {N} are expected"));
+        return Err(format!(
+            "{} where {N} are expected",
+            counted(columns, "column")
+        ));
     }
     Ok(numbers(row)?
         .try_into()
@@ -153,7 +157,8 @@ pub(super) fn homography(numbers: &[f64]) -> Result<Matrix3<f64>, String> {
         9 => Matrix3::from_row_slice(numbers),
         _ => {
             return Err(format!(
-                "{found} numbers where the 9 of a homography are expected"
+                "{} where the 9 of a homography are expected",
+                counted(found, "number")
             ));
         }
     };

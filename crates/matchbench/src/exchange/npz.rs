@@ -10,6 +10,7 @@ use super::names::PairName;
 use super::probe::{Content, Probe};
 use super::{Contents, ExchangeError, Export, Format, Rating, RawMatches, ReadOptions, Source};
 use crate::arrays::{self, Array};
+use crate::counted::counted;
 use crate::files::write_new;
 use crate::matchers::MOST_MATCHES;
 
@@ -65,7 +66,10 @@ fn matches(a: &Array, b: &Array, score: Option<&Array>) -> Result<RawMatches, St
     let count = a.rows(2).map_err(|what| format!("array `a`: {what}"))?;
     let count_b = b.rows(2).map_err(|what| format!("array `b`: {what}"))?;
     if count != count_b {
-        return Err(format!("{count} points in `a`, {count_b} in `b`"));
+        return Err(format!(
+            "{} in `a`, {count_b} in `b`",
+            counted(count, "point")
+        ));
     }
     Ok(RawMatches {
         a: (0..count).map(|row| a.point(row, 2)).collect(),

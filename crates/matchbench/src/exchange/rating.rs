@@ -4,6 +4,7 @@
 //! out, and [`Rating::ambiguities`] uses it.
 
 use super::Scores;
+use crate::counted::counted;
 
 /// What a file says about how certain its matches are.
 #[derive(Debug)]
@@ -41,7 +42,11 @@ impl Rating {
             Self::Score(values) | Self::Ambiguity(values) => values,
         };
         if values.len() != count {
-            return Err(format!("{} scores for {count} matches", values.len()));
+            return Err(format!(
+                "{} for {}",
+                counted(values.len(), "score"),
+                counted(count, "match")
+            ));
         }
         (values.iter().enumerate())
             .map(|(number, &value)| {

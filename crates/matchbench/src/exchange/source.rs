@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::{ExchangeError, MatchFiles, ReadOptions, Understood};
 use crate::config::to_json;
+use crate::counted::counted;
 use crate::datasets::Sequence;
 use crate::matchers::{BuiltPointSource, ImageFiles, PointSource, SourceError, SourcedMatches};
 
@@ -70,7 +71,8 @@ impl MatchSource {
             let absent = files.survey().absent.len();
             if absent > 0 {
                 notes.push(format!(
-                    "{name}: {absent} pairs are absent; those that are run count as failed"
+                    "{name}: absent: {}; what is run of them counts as failed",
+                    counted(absent, "pair")
                 ));
             }
             let warnings = files.survey().warnings.iter();

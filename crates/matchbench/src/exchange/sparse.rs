@@ -4,6 +4,7 @@
 
 use super::{ExchangeError, Rating, RawMatches};
 use crate::arrays::{Array, Hdf5};
+use crate::counted::counted;
 
 /// The matches of a pair, in the order of the first image's keypoints.
 ///
@@ -20,14 +21,19 @@ pub(super) fn matched(
     let counts = [keypoints_a.len() / columns_a, keypoints_b.len() / columns_b];
     let length = flat(b_of_a)?;
     if length != counts[0] {
-        return Err(format!("{length} matches for {} keypoints of a", counts[0]));
+        return Err(format!(
+            "{} for {} of a",
+            counted(length, "match"),
+            counted(counts[0], "keypoint")
+        ));
     }
     if let Some(scores) = scores
         && flat(scores)? != length
     {
         return Err(format!(
-            "{} scores for {length} keypoints of a",
-            scores.len()
+            "{} for {} of a",
+            counted(scores.len(), "score"),
+            counted(length, "keypoint")
         ));
     }
     let (mut a, mut b, mut rating) = (Vec::new(), Vec::new(), Vec::new());
@@ -63,7 +69,7 @@ pub(super) fn row_by_row(
     let (columns_a, columns_b) = (columns(a)?, columns(b)?);
     let (count, count_b) = (a.len() / columns_a, b.len() / columns_b);
     if count != count_b {
-        return Err(format!("{count} points of a, {count_b} of b"));
+        return Err(format!("{} of a, {count_b} of b", counted(count, "point")));
     }
     Ok(RawMatches {
         a: (0..count).map(|row| a.point(row, columns_a)).collect(),

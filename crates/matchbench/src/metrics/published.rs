@@ -315,7 +315,7 @@ mod tests {
     fn a_wrong_truth_is_named_by_line() {
         for (truth, expected) in [
             ("0 1 1 0 0 1 0 1 0 0 0 0 1\n", "groundtruth.txt:1"),
-            ("1 0 0 1 0 1 0 0 0 0 1 0\n", "1 poses for 66 pairs"),
+            ("1 0 0 1 0 1 0 0 0 0 1 0\n", "1 pose for 66 pairs"),
         ] {
             let folder = published(|a, b| {
                 if b + a == 1 {

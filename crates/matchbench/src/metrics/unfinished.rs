@@ -1,6 +1,7 @@
 //! What a run has planned but not recorded yet.
 
 use super::ResultSet;
+use crate::counted::counted;
 use crate::records::Plan;
 
 /// Methods that are named one by one.
@@ -27,8 +28,11 @@ pub fn unfinished(plan: &Plan, sets: &[ResultSet]) -> Vec<String> {
                 let (done, planned) = (set.map_or(0, recorded), plan.tasks_on(dataset));
                 if done != planned {
                     sentences.push(format!(
-                        "{} with {} on {}: {done} of {planned} planned tasks are recorded",
-                        matcher.id, estimator.id, dataset.name
+                        "{} with {} on {}: {done} of {} recorded",
+                        matcher.id,
+                        estimator.id,
+                        dataset.name,
+                        counted(planned, "planned task")
                     ));
                 }
             }
@@ -36,7 +40,10 @@ pub fn unfinished(plan: &Plan, sets: &[ResultSet]) -> Vec<String> {
     }
     if sentences.len() > NAMED + 1 {
         let more = sentences.split_off(NAMED).len();
-        sentences.push(format!("{more} more methods are not finished either"));
+        sentences.push(format!(
+            "not finished either: {}",
+            counted(more, "more method")
+        ));
     }
     sentences
 }

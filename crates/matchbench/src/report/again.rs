@@ -5,6 +5,7 @@ use super::command_line::{self, CommandLine, Origin, folder};
 use super::content::Content;
 use super::file_names::file_names;
 use super::words::method;
+use crate::counted::counted;
 use crate::datasets::rendered::{REVISION, scenes};
 use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan};
 
@@ -124,8 +125,9 @@ impl Again {
                 ..
             } = dataset;
             line("");
+            let pairs = counted(*pairs, "pair");
             line(&format!(
-                "# {name}: {pairs} pairs, fingerprint {fingerprint} (as `matchbench validate` prints it)"
+                "# {name}: {pairs}, fingerprint {fingerprint} (as `matchbench validate` prints it)"
             ));
             if !dataset.origin.is_empty() {
                 line(&format!("# {}", dataset.origin));

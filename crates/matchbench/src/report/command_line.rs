@@ -40,12 +40,13 @@ impl CommandLine {
 impl fmt::Display for CommandLine {
     /// As a shell takes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let words: Vec<String> = self.0.iter().map(|word| quoted(word)).collect();
+        let words: Vec<String> = self.0.iter().map(|word| shell_word(word)).collect();
         f.write_str(&words.join(" "))
     }
 }
 
-fn quoted(word: &str) -> String {
+/// A word of a command line as a shell takes it, in quotes where it needs them.
+pub fn shell_word(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-+@%=:,./".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {
         return word.to_owned();

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use serde_json::Value;
 
+use crate::counted::counted;
 use crate::metrics::{Bootstrap, Model, Portion};
 use crate::records::{MIN_MATCHES, MIN_SUPPORT};
 
@@ -157,12 +158,12 @@ fn data(content: &Content) -> String {
             continue;
         }
         seen.push(&summary.dataset);
-        let pairs = summary.pairs / summary.repetitions.max(1) as usize;
+        let pairs = counted(summary.pairs / summary.repetitions.max(1) as usize, "pair");
         let portion = match summary.portion {
             Portion::Short => "short baselines",
             Portion::Wide => "wide baselines",
         };
-        let mut text = format!("{} ({pairs} pairs, {portion}", summary.dataset);
+        let mut text = format!("{} ({pairs}, {portion}", summary.dataset);
         let facts = content
             .datasets
             .iter()

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use crate::counted::counted;
 use crate::metrics::{Angle, Model, Portion, Score, Summary};
 
 use super::names;
@@ -230,10 +231,10 @@ impl<'a> Overview<'a> {
         let Some(summary) = self.first(column) else {
             return String::new();
         };
-        let pairs = summary.pairs / summary.repetitions.max(1) as usize;
+        let pairs = counted(summary.pairs / summary.repetitions.max(1) as usize, "pair");
         match summary.repetitions {
-            0 | 1 => format!("{pairs} pairs"),
-            many => format!("{pairs} pairs, each {many} times"),
+            0 | 1 => pairs,
+            many => format!("{pairs}, each {many} times"),
         }
     }
 

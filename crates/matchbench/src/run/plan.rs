@@ -4,6 +4,7 @@
 use std::collections::BTreeSet;
 
 use super::{Contender, Dataset, RunError};
+use crate::counted::counted;
 use crate::datasets::{Pair, Sequence};
 use crate::estimators::Estimator;
 use crate::files::check_name;
@@ -146,8 +147,11 @@ fn check_pairs(sequence: &Sequence) -> Result<(), RunError> {
     let missing = |frame: u32| frame as usize >= frames;
     if let Some(pair) = (sequence.pairs.iter()).find(|pair| missing(pair.a) || missing(pair.b)) {
         return contradiction(format!(
-            "dataset `{}` has {frames} frames, but a pair of frames {} and {}; frames are counted from 0",
-            sequence.name, pair.a, pair.b
+            "dataset `{}` has {}, but a pair of frames {} and {}; frames are counted from 0",
+            sequence.name,
+            counted(frames, "frame"),
+            pair.a,
+            pair.b
         ));
     }
     Ok(())

@@ -7,6 +7,7 @@
 //! where images follow each other.
 
 use super::{Contender, Dataset, RunError, plan};
+use crate::counted::counted;
 use crate::datasets::{DatasetError, Sequence, Unpaired};
 use crate::records::shards::{Asked, Cut, PairsHash, Part, ShardPlan, Stretches, part_of};
 use crate::records::{KeepMatches, Plan, Settings, ShardError, Tuned};
@@ -163,7 +164,8 @@ fn cut(datasets: &[Dataset], settings: Settings, shards: u32) -> Result<Cut, Run
     if shards == 0 || shards as usize > items.len() {
         let pairs = items.len();
         return contradiction(format!(
-            "{pairs} pairs make 1 to {pairs} shards, not {shards}"
+            "{} cannot be cut into {shards} shards; give from 1 to {pairs}",
+            counted(pairs, "pair")
         ));
     }
     let by_a = |item: &Item| (item.dataset, item.a, item.b);

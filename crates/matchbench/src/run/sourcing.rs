@@ -11,6 +11,7 @@ use super::RunError;
 use super::guard::{Broken, guard};
 use super::matching::count;
 use super::seeds::selection_seed;
+use crate::counted::counted;
 use crate::matchers::{BuiltPointSource, ImageFiles, MOST_MATCHES, SourceError, SourcedMatches};
 use crate::records::{Counts, SelectedMatches, StageTimes};
 
@@ -70,10 +71,10 @@ fn check(matches: &SourcedMatches) -> Result<(), String> {
     } = points;
     if a.len() != b.len() || a.len() != ambiguity.len() {
         return Err(format!(
-            "{} points in a, {} in b and {} ambiguities: these numbers must be equal",
-            a.len(),
+            "{} in a, {} in b and {}: these numbers must be equal",
+            counted(a.len(), "point"),
             b.len(),
-            ambiguity.len()
+            counted(ambiguity.len(), "ambiguity")
         ));
     }
     if a.len() > MOST_MATCHES {

@@ -11,7 +11,8 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
 
-use super::{ImportOptions, Imported, base_name, given_camera, note_of};
+use super::{ImportOptions, Imported, base_name, given_camera, left_out_note};
+use crate::counted::counted;
 use crate::datasets::images::image_files;
 use crate::datasets::text::TextFile;
 use crate::datasets::trajectory::{parse_kitti, parse_tum, parse_tum_lines};
@@ -42,7 +43,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     Ok(Imported {
         about: About {
             origin: format!("folder {}", base_name(src)),
-            notes: note_of("images without a pose were left out", &left_out)
+            notes: left_out_note("image without a pose", &left_out)
                 .into_iter()
                 .collect(),
             ..About::default()
@@ -107,7 +108,11 @@ fn poses(
     }
     if poses.len() != images.len() {
         return Err(file.error(
-            format!("{} poses for {} images", poses.len(), images.len()),
+            format!(
+                "{} for {}",
+                counted(poses.len(), "pose"),
+                counted(images.len(), "image")
+            ),
             "give one line per image, or name the images by their times",
         ));
     }

@@ -23,7 +23,8 @@ use matchbench_vision::geometry::Camera;
 use nalgebra::Isometry3;
 
 use super::oxford::image;
-use super::{ImportOption, ImportOptions, Imported, base_name, given_camera, list, note_of};
+use super::{ImportOption, ImportOptions, Imported, base_name, given_camera, left_out_note, list};
+use crate::counted::counted;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{About, DatasetError, Frame, read_size};
 use crate::files::read_file;
@@ -172,7 +173,11 @@ fn read_labels(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, Data
     for (line, row) in rows {
         let cells: Vec<&str> = row.split(',').map(str::trim).collect();
         if cells.len() != heads.len() {
-            let what = format!("{} columns where {} are expected", cells.len(), heads.len());
+            let what = format!(
+                "{} where {} are expected",
+                counted(cells.len(), "column"),
+                heads.len()
+            );
             return Err(file.error_at(line, what));
         }
         let [dataset, scene, image, rotation, translation] = columns.map(|column| cells[column]);
@@ -218,7 +223,7 @@ fn read_labels(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, Data
         };
         frames.push(Frame::with_pose(image, camera, pose.inverse()));
     }
-    let mut notes: Vec<String> = note_of("images without a pose were left out", &left_out)
+    let mut notes: Vec<String> = left_out_note("image without a pose", &left_out)
         .into_iter()
         .collect();
     if given.is_none() {

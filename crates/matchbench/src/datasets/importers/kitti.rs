@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 use matchbench_vision::geometry::Camera;
 use nalgebra::Matrix3;
 
-use super::{ImportOptions, Imported, base_name, given_camera, note_of};
+use super::{ImportOptions, Imported, base_name, given_camera, left_out_note};
+use crate::counted::counted;
 use crate::datasets::images::image_files;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::trajectory::parse_kitti;
@@ -36,14 +37,14 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             Some(&pose) => frames.push(Frame::with_pose(image, camera, pose)),
         }
     }
-    let mut notes: Vec<_> = note_of("images without a pose were left out", &left_out)
+    let mut notes: Vec<_> = left_out_note("image without a pose", &left_out)
         .into_iter()
         .collect();
     if frames.len() < poses.len() {
         notes.push(format!(
-            "{} of {} poses have an image",
+            "an image is there for {} of {}",
             frames.len(),
-            poses.len()
+            counted(poses.len(), "pose")
         ));
     }
     let times = folder.join("times.txt");
@@ -51,7 +52,8 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         let timed = TextFile::read(&times)?.rows().count();
         if timed != poses.len() {
             notes.push(format!(
-                "times.txt has {timed} lines and the poses have {}: do they belong to one sequence?",
+                "times.txt has {} and the poses have {}: do they belong to one sequence?",
+                counted(timed, "line"),
                 poses.len()
             ));
         }

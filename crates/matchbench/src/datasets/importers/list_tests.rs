@@ -63,7 +63,7 @@ fn a_superglue_list_names_frames_once() {
     let report = report.unwrap();
     assert_eq!((report.frames, report.pairs, report.rule), (3, 2, None));
     assert!(
-        report.notes[0].starts_with("1 of 3 images are not there (yet): "),
+        report.notes[0].starts_with("not there (yet): 1 of 3 images ("),
         "{:?}",
         report.notes
     );
@@ -237,7 +237,7 @@ fn scannet_and_superglue_lists_give_the_same_dataset() {
         read("scannet", &test)
             .unwrap_err()
             .what
-            .contains("2 names for 1 poses")
+            .contains("2 names for 1 pose")
     );
     write_npz(
         &test,

@@ -25,6 +25,7 @@ mod superglue;
 mod tum;
 mod zeb;
 
+use crate::counted::counted;
 use std::path::Path;
 
 use matchbench_vision::geometry::Camera;
@@ -297,7 +298,7 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
         let by = rule.map_or(String::new(), |rule| format!(" under the rule {rule}"));
         return Err(DatasetError::new(
             src,
-            format!("{found} frames give no pair{by}"),
+            format!("no pair of {}{by}", counted(found, "frame")),
             "choose another rule for the pairs",
         ));
     }
@@ -371,7 +372,8 @@ fn missing_images(frames: &[Frame]) -> Option<String> {
         .filter(|image| !image.is_file())
         .map(|image| image.display().to_string())
         .collect();
-    let what = format!("of {} images are not there (yet)", frames.len());
+    let images = counted(frames.len(), "image");
+    let what = format!("not there (yet): {} of {images}", missing.len());
     note_of(&what, &missing)
 }
 
@@ -409,13 +411,20 @@ fn source_name(path: &Path, scene: Option<&Scene>) -> String {
     name
 }
 
-/// "`what`: a, b, c ... (12 in all)", short enough for a note.
+/// "left out: 3 `what` (a, b, c)", where `what` is said of one; short enough for a note.
+fn left_out_note(what: &str, items: &[String]) -> Option<String> {
+    let (noun, more) = what.split_once(' ').unwrap_or((what, ""));
+    let count = counted(items.len(), noun);
+    note_of(&format!("left out: {count} {more}"), items)
+}
+
+/// "`what` (a, b, ...)", if there is any.
 fn note_of(what: &str, items: &[String]) -> Option<String> {
     let shown = items.iter().take(5).map(String::as_str).collect::<Vec<_>>();
     match items.len() {
         0 => None,
-        n if n <= 5 => Some(format!("{n} {what}: {}", shown.join(", "))),
-        n => Some(format!("{n} {what}: {}, ...", shown.join(", "))),
+        n if n <= 5 => Some(format!("{what} ({})", shown.join(", "))),
+        _ => Some(format!("{what} ({}, ...)", shown.join(", "))),
     }
 }
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::{ImportOptions, ImportReport, make};
+use crate::counted::counted;
 use crate::datasets::{DatasetError, Frame, Pair, Sequence};
 
 /// Imports as [`import`](super::import) does, unless the dataset is there already: then it must be the one that this
@@ -42,7 +43,10 @@ fn difference(there: &Sequence, made: &Sequence) -> Option<String> {
     const ROUNDED: f64 = 1e-9;
     let (found, expected) = (there.frames.len(), made.frames.len());
     if found != expected {
-        return Some(format!("it has {found} images and not {expected}"));
+        return Some(format!(
+            "it has {} and not {expected}",
+            counted(found, "image")
+        ));
     }
     let image = |frame: &Frame| std::fs::canonicalize(&frame.image).unwrap_or(frame.image.clone());
     for (there, made) in there.frames.iter().zip(&made.frames) {

@@ -24,6 +24,7 @@ use nalgebra::Isometry3;
 use super::list::{NamedFrames, camera};
 use super::{ImportOption, ImportOptions, Imported, base_name};
 use crate::arrays::{Array, Npz};
+use crate::counted::counted;
 use crate::datasets::text;
 use crate::datasets::{DatasetError, DepthFile, DepthUnit, Pair, Turn, read_size};
 
@@ -52,7 +53,11 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     };
     let counts = (table("name", &names, 4)?, table("rel_pose", &poses, 12)?);
     if counts.0 != counts.1 {
-        let what = format!("{} names for {} poses", counts.0, counts.1);
+        let what = format!(
+            "{} for {}",
+            counted(counts.0, "name"),
+            counted(counts.1, "pose")
+        );
         return Err(fail(what));
     }
     let (names, poses) = (names.to_vec(), poses.to_decimals());

@@ -18,7 +18,8 @@ use std::path::{Path, PathBuf};
 use matchbench_vision::geometry::Camera;
 use nalgebra::Isometry3;
 
-use super::{ImportOptions, Imported, base_name, given_camera, note_of};
+use super::{ImportOptions, Imported, base_name, given_camera, left_out_note};
+use crate::counted::counted;
 use crate::datasets::images::image_files;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{About, DatasetError, DepthFile, DepthUnit, Frame};
@@ -60,10 +61,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             }
         }
     }
-    notes.extend(note_of(
-        "images whose pose is not finite were left out",
-        &left_out,
-    ));
+    notes.extend(left_out_note("image whose pose is not finite", &left_out));
     Ok(Imported {
         about: About {
             origin: format!("7-Scenes, {}", base_name(&folder)),
@@ -120,7 +118,12 @@ fn pose(file: &TextFile) -> Result<Option<Isometry3<f64>>, DatasetError> {
     let (motion, last) = numbers
         .split_first_chunk::<12>()
         .filter(|(_, last)| last.len() == 4)
-        .ok_or_else(|| wrong(format!("{} numbers where 16 are expected", numbers.len())))?;
+        .ok_or_else(|| {
+            wrong(format!(
+                "{} where 16 are expected",
+                counted(numbers.len(), "number")
+            ))
+        })?;
     if last != [0.0, 0.0, 0.0, 1.0] {
         return Err(wrong("the last row is not 0 0 0 1".to_owned()));
     }

@@ -13,7 +13,8 @@ use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Matrix3};
 
-use super::{ImportOptions, Imported, base_name, note_of};
+use super::{ImportOptions, Imported, base_name, left_out_note};
+use crate::counted::counted;
 use crate::datasets::images::image_files;
 use crate::datasets::native::parse_camera;
 use crate::datasets::text::{self, TextFile};
@@ -52,7 +53,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     Ok(Imported {
         about: About {
             origin: format!("Strecha et al. 2008, {}", base_name(src)),
-            notes: note_of("images without a .camera file were left out", &left_out)
+            notes: left_out_note("image without a .camera file", &left_out)
                 .into_iter()
                 .collect(),
             ..About::default()
@@ -77,10 +78,12 @@ fn parse(file: &TextFile) -> Result<(Camera, Isometry3<f64>, Size), DatasetError
             "expected K (9), distortion (3), rotation (9), centre (3), width and height",
         )
     };
-    let n: [f64; 26] = file
-        .numbers()?
-        .try_into()
-        .map_err(|n: Vec<f64>| wrong(format!("{} numbers where 26 are expected", n.len())))?;
+    let n: [f64; 26] = file.numbers()?.try_into().map_err(|n: Vec<f64>| {
+        wrong(format!(
+            "{} where 26 are expected",
+            counted(n.len(), "number")
+        ))
+    })?;
     let camera = Camera::from_matrix(&Matrix3::from_row_slice(&n[..9]))
         .map_err(|error| wrong(error.to_string()))?;
     if n[9..12] != [0.0; 3] {

@@ -20,6 +20,7 @@ use nalgebra::{Isometry3, Translation3};
 
 use super::list::{NamedFrames, camera};
 use super::{ImportOptions, Imported, base_name};
+use crate::counted::counted;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{DatasetError, Pair, Turn, read_size};
 
@@ -92,7 +93,10 @@ struct Row<'a> {
 fn parse(row: &str) -> Result<Row<'_>, String> {
     let columns = row.split_whitespace().count();
     if columns != COLUMNS {
-        return Err(format!("{columns} columns where {COLUMNS} are expected"));
+        return Err(format!(
+            "{} where {COLUMNS} are expected",
+            counted(columns, "column")
+        ));
     }
     let mut words = row.split_whitespace();
     let mut word = || words.next().expect("the columns were counted");

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::{Camera, Distortion};
 
-use super::{ImportOptions, Imported, base_name, given_camera, note_of};
+use super::{ImportOptions, Imported, base_name, given_camera, left_out_note};
 use crate::datasets::text::TextFile;
 use crate::datasets::trajectory::parse_tum;
 use crate::datasets::{About, DatasetError, DepthFile, DepthUnit, Frame};
@@ -54,14 +54,11 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             }
         }
     }
-    let without = format!(
-        "images without a pose within {} s were left out",
-        association.tolerance
-    );
+    let without = format!("image without a pose within {} s", association.tolerance);
     Ok(Imported {
         about: About {
             origin: format!("TUM RGB-D, {}", base_name(src)),
-            notes: note_of(&without, &left_out).into_iter().collect(),
+            notes: left_out_note(&without, &left_out).into_iter().collect(),
             ..About::default()
         },
         ..Imported::of(frames)

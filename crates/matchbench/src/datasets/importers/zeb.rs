@@ -14,6 +14,7 @@ use nalgebra::Isometry3;
 
 use super::list::{NamedFrames, camera};
 use super::{ImportOptions, Imported, base_name};
+use crate::counted::counted;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{DatasetError, Pair, Turn};
 
@@ -62,7 +63,8 @@ fn pair(
         30 => text::rigid_motion(numbers[18..].try_into().expect("12 numbers")),
         34 => text::rigid_motion_4x4(numbers[18..].try_into().expect("16 numbers")),
         found => Err(format!(
-            "{found} numbers after the overlaps where 9 + 9 + 16 are expected"
+            "{} after the overlaps where 9 + 9 + 16 are expected",
+            counted(found, "number")
         )),
     }?;
     let mut number = |name: &str, k: &[f64]| {

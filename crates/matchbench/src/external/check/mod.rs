@@ -18,6 +18,7 @@ use nalgebra::Isometry3;
 
 use points::{NEAR, SOUND, mistake, share_near};
 
+use crate::counted::counted;
 use crate::datasets::rendered::{self, World, scenes};
 use crate::datasets::{DatasetError, Sequence, read_size};
 
@@ -208,9 +209,9 @@ fn ask(
 /// Says how many matches there are, how long they took and whether they can be right.
 fn inspect(pair: &CheckPair, matched: &Matched, tell: &mut dyn FnMut(Finding)) {
     let (name, count) = (names(pair.pair), matched.rows.len());
-    let features = matched
-        .features
-        .map_or_else(String::new, |[a, b]| format!(" of {a} and {b} features"));
+    let features = matched.features.map_or_else(String::new, |[a, b]| {
+        format!(" of {a} and {}", counted(b, "feature"))
+    });
     let own: Vec<String> = (matched.times.own.iter())
         .map(|(stage, seconds)| format!("{stage} {seconds:.3} s"))
         .collect();
@@ -224,7 +225,8 @@ fn inspect(pair: &CheckPair, matched: &Matched, tell: &mut dyn FnMut(Finding)) {
     };
     let wall = matched.times.wall;
     tell(good(format!(
-        "{name}: {count} matches{features} in {wall:.3} s; {own}"
+        "{name}: {}{features} in {wall:.3} s; {own}",
+        counted(count, "match")
     )));
     if count < FEW {
         let text = format!("{name}: with fewer than {FEW} matches no pose is estimated");
@@ -257,8 +259,8 @@ fn compare_repeat(first: &Matched, second: Result<Matched, Breakdown>) -> Findin
             good("the same pair again: the same matches, bit for bit".into())
         }
         Ok(second) => doubtful(format!(
-            "the same pair again: {} matches, {} before, and not the same; runs of it will differ",
-            second.rows.len(),
+            "the same pair again: {}, {} before, and not the same; runs of it will differ",
+            counted(second.rows.len(), "match"),
             first.rows.len()
         )),
     }
@@ -278,8 +280,8 @@ fn tiny(external: &External, kind: Kind, folder: &Path) -> Result<Finding, Datas
     };
     Ok(match ask(external, kind, [0, 1], [image, image]) {
         Ok(matched) => good(format!(
-            "images of {TINY} pixels: {} matches",
-            matched.rows.len()
+            "images of {TINY} pixels: {}",
+            counted(matched.rows.len(), "match")
         )),
         Err(Breakdown::Said(reason)) => good(format!(
             "images of {TINY} pixels: it says that it cannot ({reason})"

@@ -1,5 +1,6 @@
 //! Where the shards are, which of them are done, and whether two copies of one agree.
 
+use crate::counted::counted;
 use std::collections::BTreeMap;
 use std::iter;
 use std::path::{Path, PathBuf};
@@ -36,7 +37,7 @@ pub(super) fn gather(
         let Some(whole) = whole else {
             let found = most.map_or_else(
                 || "not begun".to_owned(),
-                |(done, planned)| format!("{done} of {planned} tasks"),
+                |(done, planned)| format!("{done} of {}", counted(planned, "task")),
             );
             gaps.push((number, found));
             continue;
@@ -131,7 +132,11 @@ fn progress(plan: &ShardPlan, number: u32, folder: &Path) -> Result<(u64, u64), 
                 return Err(ShardError::Broken {
                     number,
                     folder: folder.into(),
-                    reason: format!("{} has more than {tasks} records", file.display()),
+                    reason: format!(
+                        "{} has more than {}",
+                        file.display(),
+                        counted(tasks, "record")
+                    ),
                 });
             }
             done += lines;

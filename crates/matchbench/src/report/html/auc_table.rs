@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use minijinja::{Value, context};
 
+use crate::counted::counted;
 use crate::metrics::{Angle, Model};
 
 use super::super::content::Content;
@@ -34,7 +35,7 @@ fn auc(cell: Option<&Cell<'_>>, angle: Angle) -> Value {
             let (rotation, translation) = (of(Angle::Rotation), of(Angle::Translation));
             let _ = write!(tip, "\nrotation {rotation}, translation {translation}");
         }
-        let _ = write!(tip, "\n{} of {} pairs failed", s.failed, s.pairs);
+        let _ = write!(tip, "\n{} of {} failed", s.failed, counted(s.pairs, "pair"));
     }
     let group = (angle == Angle::Pose).then_some(&*s.group);
     context! {

@@ -28,6 +28,7 @@ use matchbench_vision::robust::RIGHT_POSE;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::{AutoEscape, Environment, Template, Value, context};
 
+use crate::counted::counted;
 use crate::metrics::{
     Angle, Detail, GROUP_LEVEL_NOTE, Model, Portion, ScoreKind, Summary, shown_scores,
 };
@@ -174,6 +175,7 @@ fn environment() -> Environment<'static> {
         .expect("the delimiters are the usual ones");
     environment.set_syntax(syntax);
     environment.set_auto_escape_callback(|_| AutoEscape::Html);
+    environment.add_filter("counted", |number: u64, noun: &str| counted(number, noun));
     for (name, text) in [
         ("head.html", include_str!("head.html")),
         ("choices.html", include_str!("choices.html")),

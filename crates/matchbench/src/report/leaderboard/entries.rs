@@ -8,6 +8,7 @@ use std::fs;
 use std::io::{self, BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
+use crate::counted::counted;
 use crate::files::open_file;
 use crate::metrics::{Failure, FileResults, ResultSet, load_each, recorded};
 use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, RunFolder};
@@ -371,7 +372,10 @@ fn is_finished(plan: &Plan, dataset: &DatasetPlan, set: &ResultSet) -> Result<()
     if done == tasks {
         Ok(())
     } else {
-        Err(format!("{done} of {tasks} planned tasks are recorded"))
+        Err(format!(
+            "{done} of {} recorded",
+            counted(tasks, "planned task")
+        ))
     }
 }
 

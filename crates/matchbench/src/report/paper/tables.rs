@@ -1,5 +1,6 @@
 //! Tables 1 to 3 as sheets: what was found here, and beside it what the paper prints.
 
+use crate::counted::counted;
 use crate::metrics::StageQuartiles;
 
 use super::super::Content;
@@ -145,7 +146,8 @@ pub(super) fn speed(times: &PaperTimes) -> Sheet {
     } else {
         let (pairs, sequence) = (times.pairs, &times.sequence);
         format!(
-            "Here: means over the first {pairs} pairs of {sequence}, {}.",
+            "Here: means over the first {} of {sequence}, {}.",
+            counted(pairs, "pair"),
             times.machine
         )
     };

@@ -471,8 +471,8 @@ fn what_cannot_be_cut_is_refused() {
         plan_shards(&datasets, &contenders, settings, shards, asked, keep, &[])
     };
     for (pairs, shards, named) in [
-        (&[(0, 1), (1, 2)][..], 3, "1 to 2 shards"),
-        (&[(0, 1), (1, 2)], 0, "1 to 2 shards"),
+        (&[(0, 1), (1, 2)][..], 3, "2 pairs cannot be cut into"),
+        (&[(0, 1), (1, 2)], 0, "2 pairs cannot be cut into"),
         (&[(0, 1), (1, 2), (0, 1)], 2, "0 1 twice"),
     ] {
         let error = cut(pairs, shards).unwrap_err().to_string();

@@ -11,6 +11,7 @@
 use std::path::Path;
 
 use super::{Cameras, Photograph, distinct, lens};
+use crate::counted::counted;
 use crate::datasets::DatasetError;
 use crate::datasets::text;
 use crate::files::read_file;
@@ -74,7 +75,7 @@ fn parse<T>(
     let mut bytes = Bytes { rest: &data };
     let parsed = read(&mut bytes).and_then(|parsed| match bytes.rest.len() {
         0 => Ok(parsed),
-        more => Err(format!("{more} bytes follow after the end")),
+        more => Err(format!("after the end: {}", counted(more, "byte"))),
     });
     parsed.map_err(|what| DatasetError::new(path, what, "export the model from COLMAP again"))
 }
