@@ -72,7 +72,7 @@ pub(crate) fn same_kind(a: &Inner, b: &Inner) -> PyResult<()> {
         Ok(())
     } else {
         Err(value_error(format!(
-            "descriptors of different kinds cannot be compared: {a:?} and {b:?}"
+            "descriptors of different kinds cannot be compared: {a} and {b}"
         )))
     }
 }

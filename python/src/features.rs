@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use matchbench::counted::counted;
 use matchbench_vision::features::{self, DescriptorKind, Keypoint};
 use matchbench_vision::image::Size;
 use pyo3::exceptions::PyValueError;
@@ -92,9 +93,9 @@ impl Features {
         let described = self::descriptors(descriptors, bits)?;
         if described.len() != at.len() {
             return Err(PyValueError::new_err(format!(
-                "{} keypoints with {} descriptors; give one descriptor for each keypoint",
-                at.len(),
-                described.len()
+                "{} with {}; give one descriptor for each keypoint",
+                counted(at.len(), "keypoint"),
+                counted(described.len(), "descriptor")
             )));
         }
         let size = Size::new(image_size.0, image_size.1);
@@ -272,10 +273,7 @@ impl Features {
     }
 
     fn __repr__(&self) -> String {
-        let kind = match self.inner.descriptors.kind() {
-            DescriptorKind::Float { dim } => format!("{dim} values"),
-            DescriptorKind::Binary { bits } => format!("{bits} bits"),
-        };
+        let kind = self.inner.descriptors.kind();
         let (count, size) = (self.inner.len(), self.inner.size);
         format!("Features({count} of an image of {size}, descriptors of {kind})")
     }

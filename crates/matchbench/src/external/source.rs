@@ -136,7 +136,7 @@ impl PointSource for Described {
         let (b, times_b) = self.features(pair.images[1])?;
         let (kind_a, kind_b) = (a.descriptors.kind(), b.descriptors.kind());
         if kind_a != kind_b {
-            let reason = format!("its descriptors changed from {kind_a:?} to {kind_b:?}");
+            let reason = format!("its descriptors changed from {kind_a} to {kind_b}");
             return Err(SourceError::Pair(reason));
         }
         let start = Instant::now();

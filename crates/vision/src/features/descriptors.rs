@@ -1,6 +1,8 @@
 //! Descriptors of one image, stored as the rows of one matrix: real values ([`FloatRows`]) or bits
 //! ([`BinaryRows`]).
 
+use std::fmt;
+
 use crate::simd::Prepared;
 
 /// Type and length of a descriptor; it decides how two of them are compared.
@@ -18,6 +20,15 @@ pub enum DescriptorKind {
         /// Number of bits.
         bits: usize,
     },
+}
+
+impl fmt::Display for DescriptorKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Float { dim } => write!(f, "{dim} values"),
+            Self::Binary { bits } => write!(f, "{bits} bits"),
+        }
+    }
 }
 
 /// The descriptors of one image.

@@ -112,7 +112,8 @@ impl Camera {
         let Self { fx, fy, cx, cy, .. } = *self;
         if fx < Self::LEAST_FOCAL || fy < Self::LEAST_FOCAL {
             return Err(CameraError(format!(
-                "focal lengths must be positive, found fx {fx:?} and fy {fy:?}"
+                "focal lengths must be positive, {} pixels at least, found fx {fx:?} and fy {fy:?}",
+                Self::LEAST_FOCAL
             )));
         }
         let pixels = [("fx", fx), ("fy", fy), ("cx", cx), ("cy", cy)]
@@ -125,7 +126,7 @@ impl Camera {
         });
         match (pixels.into_iter().chain(lens)).find(|(_, x, most)| x.is_nan() || x.abs() > *most) {
             Some((name, x, most)) => Err(CameraError(format!(
-                "{name} is {x}; no camera has one beyond {most}"
+                "{name} is {x:?}; no camera has one beyond {most}"
             ))),
             None => Ok(()),
         }
