@@ -18,9 +18,11 @@ use super::ArrayError;
 use super::array::{Array, Element, Kind, MOST_BYTES};
 use crate::files::{open_file, write_new};
 
-/// The most arrays of a file: each costs memory for its name. A hundred thousand pairs have a
-/// million.
-const MOST_ARRAYS: usize = 4_000_000;
+/// The most groups and arrays of a file: each costs memory for its name. A hundred thousand pairs have a
+/// million arrays. Groups are counted as often as they are met: links make few of them look like many.
+const MOST_MEMBERS: usize = 4_000_000;
+/// The most bytes of all their paths together.
+const MOST_NAME_BYTES: usize = 1 << 30;
 /// The deepest nesting of groups: names of images may have folders, and links may form circles.
 const DEEPEST: usize = 24;
 
@@ -59,13 +61,21 @@ impl Hdf5 {
     /// # Errors
     /// If a group cannot be read, or there are absurdly many.
     pub(crate) fn arrays(&self) -> Result<Vec<String>, ArrayError> {
-        let mut paths = Vec::new();
+        self.arrays_within(MOST_MEMBERS, MOST_NAME_BYTES)
+    }
+
+    fn arrays_within(&self, members: usize, bytes: usize) -> Result<Vec<String>, ArrayError> {
+        let mut found = Found {
+            arrays: Vec::new(),
+            members,
+            bytes,
+        };
         let root = self
             .file
             .root_group()
             .map_err(|error| self.damaged(error))?;
-        self.collect(&root, "", 0, &mut paths)?;
-        Ok(paths)
+        self.collect(&root, "", 0, &mut found)?;
+        Ok(found.arrays)
     }
 
     fn collect(
@@ -73,19 +83,24 @@ impl Hdf5 {
         group: &Group,
         prefix: &str,
         depth: usize,
-        paths: &mut Vec<String>,
+        found: &mut Found,
     ) -> Result<(), ArrayError> {
         if depth > DEEPEST {
             return Err(self.damaged(format!("groups are nested deeper than {DEEPEST}")));
         }
         let (groups, arrays) = group.member_names().map_err(|error| self.damaged(error))?;
-        if paths.len() + groups.len() + arrays.len() > MOST_ARRAYS {
-            return Err(self.damaged(format!("it has more than {MOST_ARRAYS} arrays")));
+        for name in &arrays {
+            found
+                .count(prefix, name)
+                .map_err(|what| self.damaged(what))?;
+            found.arrays.push(format!("{prefix}{name}"));
         }
-        paths.extend(arrays.iter().map(|name| format!("{prefix}{name}")));
         for name in groups {
+            found
+                .count(prefix, &name)
+                .map_err(|what| self.damaged(what))?;
             let inner = group.group(&name).map_err(|error| self.damaged(error))?;
-            self.collect(&inner, &format!("{prefix}{name}/"), depth + 1, paths)?;
+            self.collect(&inner, &format!("{prefix}{name}/"), depth + 1, found)?;
         }
         Ok(())
     }
@@ -100,8 +115,9 @@ impl Hdf5 {
             let shape = (dataset.shape().iter())
                 .map(|&side| usize::try_from(side).map_err(|_| "its shape is absurd".to_owned()))
                 .collect::<Result<_, _>>()?;
-            let element = element(dataset.dtype())
-                .ok_or_else(|| format!("its elements are {:?}, not numbers", dataset.dtype()))?;
+            let element = element(dataset.dtype()).ok_or_else(|| {
+                format!("its elements are {}, not numbers", kind(dataset.dtype()))
+            })?;
             let bytes = dataset
                 .read_raw_bytes()
                 .map_err(|error| error.to_string())?;
@@ -112,6 +128,24 @@ impl Hdf5 {
 
     fn damaged(&self, what: impl std::fmt::Display) -> ArrayError {
         ArrayError::damaged(&self.path, what)
+    }
+}
+
+/// Paths of the arrays that were found, and how many members and bytes of their paths may still be.
+struct Found {
+    arrays: Vec<String>,
+    members: usize,
+    bytes: usize,
+}
+
+impl Found {
+    /// Counts a member of the group whose path is `prefix`.
+    fn count(&mut self, prefix: &str, name: &str) -> Result<(), String> {
+        self.members = (self.members.checked_sub(1))
+            .ok_or_else(|| "it has too many groups and arrays".to_owned())?;
+        self.bytes = (self.bytes.checked_sub(prefix.len() + name.len()))
+            .ok_or_else(|| "the paths of its groups and arrays are too long".to_owned())?;
+        Ok(())
     }
 }
 
@@ -129,6 +163,20 @@ fn element(datatype: &Datatype) -> Option<Element> {
         _ => return None,
     };
     Element::new(kind, usize::from(size), order == ByteOrder::BigEndian)
+}
+
+/// What elements are that are not read, in words.
+fn kind(datatype: &Datatype) -> &'static str {
+    match datatype {
+        Datatype::FloatingPoint { .. } | Datatype::FixedPoint { .. } => {
+            "numbers of an unusual size"
+        }
+        Datatype::String { .. } => "text",
+        Datatype::VarLen { .. } => "lists of any length",
+        Datatype::Reference { .. } => "references",
+        Datatype::Compound { .. } => "records of several fields",
+        _ => "of another kind",
+    }
 }
 
 /// A file to be written.
@@ -204,6 +252,71 @@ mod tests {
             error.file == path && error.what().starts_with("array `a/y`: "),
             "{error:?}"
         );
+    }
+
+    /// A file of the first format: `groups` groups in a chain, each with `links` links of one letter to the next.
+    fn chain(groups: u64, links: u8) -> Vec<u8> {
+        const HEAD: u64 = 96;
+        let message = |kind: u16, data: &[u8]| {
+            let mut bytes = [kind.to_le_bytes(), (data.len() as u16).to_le_bytes()].concat();
+            bytes.extend([0; 4]);
+            bytes.extend(data);
+            bytes
+        };
+        let header = |next: Option<u64>| {
+            // Links are in the group itself: no heap, no tree.
+            let mut messages = message(2, &[[0; 2].as_slice(), &[0xff; 16], &[0; 6]].concat());
+            messages.extend(message(10, &[0; 8]));
+            let count = next.map_or(0, |_| links);
+            for letter in 0..count {
+                let mut link = vec![1, 0, 1, b'a' + letter];
+                link.extend(next.expect("there are links").to_le_bytes());
+                link.resize(16, 0);
+                messages.extend(message(6, &link));
+            }
+            let mut bytes = vec![1, 0];
+            bytes.extend((2 + u16::from(count)).to_le_bytes());
+            bytes.extend(1_u32.to_le_bytes());
+            bytes.extend((messages.len() as u32).to_le_bytes());
+            bytes.extend([0; 4]);
+            bytes.extend(messages);
+            bytes
+        };
+        let size = header(Some(0)).len() as u64;
+        let mut file = b"\x89HDF\r\n\x1a\n\0\0\0\0\0\x08\x08\0\x04\0\x10\0\0\0\0\0".to_vec();
+        for address in [0, u64::MAX, HEAD + groups * size, u64::MAX, 0, HEAD, 0] {
+            file.extend(address.to_le_bytes());
+        }
+        file.resize(HEAD as usize, 0);
+        for group in 1..=groups {
+            let next = (group < groups).then_some(HEAD + group * size);
+            file.extend(header(next));
+        }
+        file
+    }
+
+    #[test]
+    fn groups_that_links_multiply_are_refused_in_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.h5");
+        let arrays = |groups, links| {
+            std::fs::write(&path, chain(groups, links)).unwrap();
+            Hdf5::open(&path)?.arrays()
+        };
+        assert_eq!(arrays(8, 3).unwrap(), [""; 0]);
+        let error = arrays(30, 1).unwrap_err();
+        assert!(error.what().contains("deeper than"), "{error:?}");
+        // 20 groups have 10^19 paths.
+        let wide = chain(20, 10);
+        std::fs::write(&path, wide).unwrap();
+        let file = Hdf5::open(&path).unwrap();
+        for (limits, what) in [
+            ((10_000, usize::MAX), "too many groups and arrays"),
+            ((usize::MAX, 100_000), "too long"),
+        ] {
+            let error = file.arrays_within(limits.0, limits.1).unwrap_err();
+            assert!(error.what().contains(what), "{error:?}");
+        }
     }
 
     #[test]
