@@ -9,7 +9,12 @@ use super::names::PairName;
 use super::probe::{Content, Probe};
 use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source};
 use crate::arrays::{Element, Kind, MOST_BYTES};
+use crate::counted::counted;
 use crate::files::open_file;
+use crate::matchers::MOST_MATCHES;
+
+/// The most numbers of a line that are counted.
+const MOST_NUMBERS: usize = 20;
 
 pub(super) const TEXT: Format = Format {
     id: "text",
@@ -52,15 +57,15 @@ impl Source for Text {
         if bytes.len() as u64 > MOST_BYTES {
             return Err(ExchangeError::damaged(path, "it is larger than 1 GiB"));
         }
-        parse(&String::from_utf8_lossy(&bytes)).map_err(|(line, what)| {
+        parse(&String::from_utf8_lossy(&bytes), MOST_MATCHES).map_err(|(line, what)| {
             ExchangeError::new(path, what, "write x_a y_a x_b y_b [score]")
                 .at(format!("line {line}"))
         })
     }
 }
 
-/// The matches of a file, or the line (from 1) that is none and why.
-fn parse(text: &str) -> Result<RawMatches, (usize, String)> {
+/// The matches of a file, `most` of them, or the line (from 1) that is none and why.
+fn parse(text: &str, most: usize) -> Result<RawMatches, (usize, String)> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let (mut a, mut b, mut scores) = (Vec::new(), Vec::new(), Vec::new());
     for (line, row) in (1..).zip(text.lines()) {
@@ -68,7 +73,8 @@ fn parse(text: &str) -> Result<RawMatches, (usize, String)> {
         let words = row
             .split([' ', '\t', ',', ';', '\r'])
             .filter(|word| !word.is_empty());
-        let numbers = (words.map(|word| {
+        // A line may be all of the file: no more of it is read than tells that it is none.
+        let numbers = (words.take(MOST_NUMBERS + 1).map(|word| {
             let number: Result<f64, _> = word.parse();
             number.map_err(|_| {
                 let word: String = word.chars().take(40).collect();
@@ -86,7 +92,19 @@ fn parse(text: &str) -> Result<RawMatches, (usize, String)> {
                 b.push([x_b, y_b]);
                 scores.extend_from_slice(score);
             }
-            _ => return Err((line, format!("{} numbers, not 4 or 5", numbers.len()))),
+            _ if numbers.len() > MOST_NUMBERS => {
+                return Err((
+                    line,
+                    format!("more than {MOST_NUMBERS} numbers, not 4 or 5"),
+                ));
+            }
+            _ => {
+                let count = counted(numbers.len(), "number");
+                return Err((line, format!("{count}, not 4 or 5")));
+            }
+        }
+        if a.len() > most {
+            return Err((line, format!("more than {most} matches")));
         }
     }
     Ok(RawMatches {
@@ -109,15 +127,15 @@ mod tests {
 
     #[test]
     fn lines_are_matches_with_or_without_scores() {
-        let raw = parse("# x y x y\r\n1 2 3 4\n\n5.5,6,7,8 # last").unwrap();
+        let raw = parse("# x y x y\r\n1 2 3 4\n\n5.5,6,7,8 # last", 4).unwrap();
         assert_eq!(
             (raw.a, raw.b),
             (vec![[1.0, 2.0], [5.5, 6.0]], vec![[3.0, 4.0], [7.0, 8.0]])
         );
         assert!(matches!(raw.rating, Rating::None));
-        let raw = parse("\u{feff}1 2 3 4 0.5\n1 2 3 4 0.25\n").unwrap();
+        let raw = parse("\u{feff}1 2 3 4 0.5\n1 2 3 4 0.25\n", 4).unwrap();
         assert!(matches!(raw.rating, Rating::Score(scores) if scores == [0.5, 0.25]));
-        assert!(parse("").unwrap().a.is_empty());
+        assert!(parse("", 4).unwrap().a.is_empty());
     }
 
     #[test]
@@ -128,8 +146,10 @@ mod tests {
             ("1 2 x 4", 1, "`x`"),
             ("1 2 3 4\n\n1 2 3 4 5", 3, "some have none"),
             ("1 2 3 4 5\n1 2 3 4", 2, "some have none"),
+            (&"1 ".repeat(1 << 20), 1, "more than 20 numbers"),
+            (&"1 1 1 1\n".repeat(9), 5, "more than 4 matches"),
         ] {
-            let (at, what) = parse(text).unwrap_err();
+            let (at, what) = parse(text, 4).unwrap_err();
             assert_eq!(at, line, "{text}");
             assert!(what.contains(named), "{what}");
         }

@@ -17,6 +17,7 @@ use matchbench_vision::robust::NoPose;
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::{MIN_SUPPORT, Outcome, RunRecord, Task};
+use crate::counted::counted;
 use crate::files::{read_file, read_text, write_whole};
 
 /// Why a file in the authors' layout cannot be read or written.
@@ -190,9 +191,12 @@ fn push_row(text: &mut String, a: u32, b: u32, outcome: &Outcome) {
 }
 
 fn parse(number_of_line: usize, line: &str) -> Result<Row, String> {
-    let fields: Vec<&str> = line.split_whitespace().collect();
-    let Ok([a, b, inliers, pose @ ..]) = <[&str; 15]>::try_from(&fields[..]) else {
-        return Err(format!("found {} numbers, needed 15", fields.len()));
+    // A line may be all of a file: what follows is counted, not kept.
+    let mut words = line.split_whitespace();
+    let fields: Vec<&str> = words.by_ref().take(15).collect();
+    let found = fields.len() + words.count();
+    let (Ok([a, b, inliers, pose @ ..]), 15) = (<[&str; 15]>::try_from(&fields[..]), found) else {
+        return Err(format!("found {}, needed 15", counted(found, "number")));
     };
     let mut rows = [0.0; 12];
     for (value, field) in rows.iter_mut().zip(pose) {
@@ -397,6 +401,7 @@ mod tests {
         let good = "0 1 12 1 0 0 1 0 1 0 0 0 0 1 0\n";
         for (bad, named) in [
             ("0 1", "found 2 numbers, needed 15"),
+            (&"1 ".repeat(1 << 16), "found 65536 numbers, needed 15"),
             ("0 1 12 1 0 0 1 0 1 0 0 0 0 1 0 5", "found 16 numbers"),
             (
                 "0 -1 12 1 0 0 1 0 1 0 0 0 0 1 0",

@@ -20,6 +20,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
+use rusqlite::limits::Limit;
 use rusqlite::{Connection, OpenFlags, OptionalExtension};
 
 use super::names::PairName;
@@ -28,6 +29,7 @@ use super::sparse::columns;
 use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source};
 use crate::arrays::{Array, Element, Kind};
 use crate::files::open_file;
+use crate::matchers::MOST_MATCHES;
 
 pub(super) const COLMAP: Format = Format {
     id: "colmap",
@@ -40,6 +42,8 @@ pub(super) const COLMAP: Format = Format {
 };
 
 const CENTER: f64 = 0.5;
+/// The most bytes of a blob: so many keypoints of six columns as there may be matches.
+const MOST_BLOB: i32 = (6 * 4 * MOST_MATCHES) as i32;
 /// COLMAP's factor between the two image ids of a pair.
 const MOST_IMAGES: i64 = 2_147_483_647;
 
@@ -115,6 +119,10 @@ fn connect(path: &Path) -> Result<Connection, ExchangeError> {
         .collect();
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_URI;
     let connection = Connection::open_with_flags(format!("file:{path_in_uri}?immutable=1"), flags)
+        .map_err(|error| ExchangeError::unreadable(path, error))?;
+    // The whole of a blob is in memory, and more than once.
+    connection
+        .set_limit(Limit::SQLITE_LIMIT_LENGTH, MOST_BLOB)
         .map_err(|error| ExchangeError::unreadable(path, error))?;
     // A view could compute without end, and a schema call functions: only tables are read.
     for table in ["images", "keypoints", "matches", "two_view_geometries"] {
@@ -224,8 +232,12 @@ fn joined(a: &Array, b: &Array, indices: &Array) -> Result<RawMatches, String> {
             .index(place, end)?
             .ok_or_else(|| format!("entry {place} is -1"))
     };
+    let rows = indices.rows(2)?;
+    if rows > MOST_MATCHES {
+        return Err(format!("{rows} matches; {MOST_MATCHES} are the most"));
+    }
     let mut turns = Vec::new();
-    for row in 0..indices.rows(2)? {
+    for row in 0..rows {
         let (i, j) = (index(2 * row, counts[0])?, index(2 * row + 1, counts[1])?);
         raw.a.push(a.point(i, columns_a));
         raw.b.push(b.point(j, columns_b));

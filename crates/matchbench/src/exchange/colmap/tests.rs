@@ -98,3 +98,21 @@ fn a_database_tells_how_far_keypoints_turned() {
         assert_eq!(turns(frames, &|_| Vec::new()).0, None);
     }
 }
+
+#[test]
+fn blobs_that_would_fill_the_memory_are_refused_before_they_are_read() {
+    let refused = |change: &str| {
+        let (folder, sequence) = dataset();
+        let (database, connection) = database(&folder);
+        connection.execute(change, []).unwrap();
+        drop(connection);
+        let error = MatchFiles::open(&[database], &sequence, &ReadOptions::default()).err();
+        error.unwrap().to_string()
+    };
+    let message = refused("UPDATE matches SET rows = 25000000, data = zeroblob(200000000)");
+    assert!(message.contains("too big"), "{message}");
+    let message = refused("UPDATE keypoints SET rows = 25000000, data = zeroblob(200000000)");
+    assert!(message.contains("too big"), "{message}");
+    let message = refused("UPDATE matches SET rows = 5000001, data = zeroblob(40000008)");
+    assert!(message.contains("5000001 matches"), "{message}");
+}
