@@ -9,6 +9,7 @@ use super::names::PairName;
 use super::probe::{Content, Probe};
 use super::{Contents, ExchangeError, Export, Format, Rating, RawMatches, ReadOptions, Source};
 use crate::arrays::{Array, Npz, npz};
+use crate::counted::counted;
 use crate::files::write_new;
 
 pub(super) const PACKED: Format = Format {
@@ -33,7 +34,10 @@ fn recognises(probe: &Probe) -> bool {
 
 fn open(probe: Probe, _: &ReadOptions) -> Result<Contents, ExchangeError> {
     let [path] = &probe.files[..] else {
-        let what = format!("{} files where there is to be one", probe.files.len());
+        let what = format!(
+            "{} where there is to be one",
+            counted(probe.files.len(), "file")
+        );
         return Err(ExchangeError::new(&probe.files[0], what, "name one file"));
     };
     let mut file = Npz::open(path)?;
@@ -59,7 +63,7 @@ fn open(probe: Probe, _: &ReadOptions) -> Result<Contents, ExchangeError> {
 
 struct Packed {
     path: PathBuf,
-    /// One more than there are pairs, ascending, the last at most the number of rows.
+    /// One more than there are pairs, ascending from 0 to the number of rows.
     offsets: Vec<usize>,
     xy: Array,
 }
@@ -105,12 +109,14 @@ fn bounds(offsets: &Array, pairs: usize, rows: usize) -> Result<Vec<usize>, Stri
     let length = offsets.length()?;
     if length != pairs + 1 {
         return Err(format!(
-            "{length} numbers for {pairs} pairs, needed {}",
+            "{} for {}, needed {}",
+            counted(length, "number"),
+            counted(pairs, "pair"),
             pairs + 1
         ));
     }
     let mut before = 0;
-    (0..length)
+    let bounds: Vec<usize> = (0..length)
         .map(|index| match offsets.index(index, rows + 1)? {
             Some(offset) if offset >= before => {
                 before = offset;
@@ -118,7 +124,14 @@ fn bounds(offsets: &Array, pairs: usize, rows: usize) -> Result<Vec<usize>, Stri
             }
             _ => Err(format!("entry {index} is smaller than the one before")),
         })
-        .collect()
+        .collect::<Result<_, String>>()?;
+    if (bounds[0], before) != (0, rows) {
+        return Err(format!(
+            "they go from {} to {before}, not from 0 to {rows}: some rows of `xy` belong to no pair",
+            bounds[0]
+        ));
+    }
+    Ok(bounds)
 }
 
 /// Coordinates and ambiguities are float32, as they are here.
