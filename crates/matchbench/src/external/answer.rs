@@ -2,13 +2,14 @@
 //! checked.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::io;
+use std::io::{self, Read};
 use std::path::Path;
 
 use matchbench_vision::features::Features;
 use matchbench_vision::image::Size;
 
+use crate::counted::counted;
+use crate::files::open_file;
 use crate::matchers::MOST_MATCHES;
 
 /// Bytes of a match.
@@ -87,8 +88,9 @@ impl Times {
 pub(super) fn check_features(count: usize, features: Option<[u32; 2]>) -> Result<(), String> {
     match features {
         Some([a, b]) if count as u64 > u64::from(a) * u64::from(b) => Err(format!(
-            "it says {count} matches of {a} and {b} features; leave `features` out where matches \
-             are not of features"
+            "it says {} of {a} and {b} features; leave `features` out where matches \
+             are not of features",
+            counted(count, "match")
         )),
         _ => Ok(()),
     }
@@ -110,19 +112,25 @@ pub(super) fn read_rows(
             "it promises {count} matches; {MOST_MATCHES} are the most"
         ));
     }
-    let about = match fs::metadata(path) {
+    let file = match open_file(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound && count == 0 => {
             return Ok(Vec::new());
         }
-        about => about.map_err(|error| format!("it wrote no matches: {error}"))?,
+        file => file.map_err(|error| format!("it wrote no matches: {error}"))?,
     };
-    if !about.is_file() || about.len() != (count * ROW) as u64 {
-        let bytes = about.len();
+    let unreadable = |error: io::Error| format!("its matches cannot be read: {error}");
+    let expected = (count * ROW) as u64;
+    let found = file.metadata().map_err(unreadable)?.len();
+    if found != expected {
         return Err(format!(
-            "it promises {count} matches of {ROW} bytes, but wrote {bytes} bytes"
+            "it promises {} of {ROW} bytes, but wrote {}",
+            counted(count, "match"),
+            counted(found, "byte")
         ));
     }
-    let bytes = fs::read(path).map_err(|error| format!("its matches cannot be read: {error}"))?;
+    // The child may still be writing: of a file that grows no more is read than tells so.
+    let mut bytes = Vec::new();
+    (file.take(expected + 1).read_to_end(&mut bytes)).map_err(unreadable)?;
     let (rows, rest) = bytes.as_chunks::<ROW>();
     if rows.len() != count || !rest.is_empty() {
         return Err("its matches change while they are read".into());
@@ -180,7 +188,7 @@ mod tests {
         let bytes: Vec<u8> = (rows.iter().flatten())
             .flat_map(|value| value.to_le_bytes())
             .collect();
-        fs::write(&path, bytes).unwrap();
+        std::fs::write(&path, bytes).unwrap();
         read_rows(&path, count, SIZES, pixel_center)
     }
 
@@ -226,6 +234,9 @@ mod tests {
         assert_eq!(read_rows(nowhere, 0, SIZES, 0.0), Ok(Vec::new()));
         let wrong = read_rows(nowhere, 1, SIZES, 0.0).unwrap_err();
         assert!(wrong.contains("wrote no matches"), "{wrong}");
+        let folder = tempfile::tempdir().unwrap();
+        let wrong = read_rows(folder.path(), 1, SIZES, 0.0).unwrap_err();
+        assert!(wrong.contains("a folder where a file is needed"), "{wrong}");
     }
 
     #[test]
@@ -241,7 +252,7 @@ mod tests {
         }
         assert_eq!(check_features(5, None), Ok(()));
         for (count, features, named) in [
-            (1, [0, 9], "1 matches of 0 and 9 features"),
+            (1, [0, 9], "1 match of 0 and 9 features"),
             (13, [3, 4], "13 matches of 3 and 4 features"),
         ] {
             let wrong = check_features(count, Some(features)).unwrap_err();
