@@ -80,15 +80,14 @@ fn image_size(width: usize, height: usize) -> PyResult<Size> {
 /// # Errors
 /// If it is something else, or holds a number that is not finite.
 pub(crate) fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Point2<f64>>> {
-    let array: PyArrayLike2<'_, f64, AllowTypeChange> = match value.extract() {
-        Ok(array) => array,
-        // A list without rows is an array without columns.
-        Err(_) if column(value, name, 0).is_ok() => return Ok(Vec::new()),
-        Err(_) => {
-            let expected = "an array of numbers, n x 2 (x, y in pixels)";
-            return Err(refused(value, name, expected));
-        }
-    };
+    let expected = "an array of numbers, n x 2 (x, y in pixels)";
+    let numbers = numbers(value, name, expected)?;
+    // A list without rows is an array without columns.
+    if numbers.shape() == [0] {
+        return Ok(Vec::new());
+    }
+    let array: PyArrayLike2<'_, f64, AllowTypeChange> =
+        (numbers.extract()).map_err(|_| refused(value, name, expected))?;
     let view = array.as_array();
     if view.ncols() != 2 {
         return Err(refused(value, name, "n x 2 (x, y in pixels)"));
@@ -126,12 +125,14 @@ fn rows_finite(name: &str, values: &[f32], columns: usize) -> PyResult<()> {
 /// If there are others.
 pub(crate) fn column(value: &Bound<'_, PyAny>, name: &str, count: usize) -> PyResult<Vec<f32>> {
     let expected = format!("an array of {count} numbers");
-    let array: PyArrayLike1<'_, f32, AllowTypeChange> =
-        (value.extract()).map_err(|_| refused(value, name, &expected))?;
-    match array.as_array().len() {
-        length if length == count => flat(&array),
-        _ => Err(refused(value, name, &expected)),
+    let numbers = numbers(value, name, &expected)?;
+    // Before anything is copied: an array may claim any length.
+    if numbers.shape() != [count] {
+        return Err(refused(value, name, &expected));
     }
+    let array: PyArrayLike1<'_, f32, AllowTypeChange> =
+        (numbers.extract()).map_err(|_| refused(value, name, &expected))?;
+    flat(&array)
 }
 
 /// Rows of `columns` single precision numbers, row after row.
@@ -140,8 +141,9 @@ pub(crate) fn column(value: &Bound<'_, PyAny>, name: &str, count: usize) -> PyRe
 /// If it is something else, or holds a number that is not finite.
 pub(crate) fn rows(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f32>> {
     let expected = format!("an array of numbers, n x {columns}");
+    let numbers = numbers(value, name, &expected)?;
     let array: PyArrayLike2<'_, f32, AllowTypeChange> =
-        (value.extract()).map_err(|_| refused(value, name, &expected))?;
+        (numbers.extract()).map_err(|_| refused(value, name, &expected))?;
     if array.as_array().ncols() != columns {
         return Err(refused(value, name, &expected));
     }
@@ -186,6 +188,22 @@ pub(crate) fn chosen(value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<usi
             Ok(chosen)
         }
         _ => Err(refuse()),
+    }
+}
+
+/// What numpy makes of it, where that is real numbers. Complex numbers would lose a part, times and texts are none.
+///
+/// Nothing that is no array yet may be converted element by element: it would be asked for its length, and room
+/// for so many taken at once, whatever it says.
+fn numbers<'py>(
+    value: &Bound<'py, PyAny>,
+    name: &str,
+    expected: &str,
+) -> PyResult<Bound<'py, PyUntypedArray>> {
+    let array = as_array(value).map_err(|_| refused(value, name, expected))?;
+    match array.dtype().kind() {
+        b'b' | b'f' | b'i' | b'u' | b'O' => Ok(array),
+        _ => Err(refused(value, name, expected)),
     }
 }
 

@@ -13,14 +13,16 @@ use std::time::Instant;
 use matchbench::datasets::read_gray;
 use matchbench::external::is_inside;
 use matchbench::matchers::{
-    BuiltPointSource, ImageFiles, PointSource, SourceError, SourceSeconds, SourcedMatches,
+    BuiltPointSource, ImageFiles, MOST_MATCHES, PointSource, SourceError, SourceSeconds,
+    SourcedMatches,
 };
 use matchbench::run::Cancel;
 use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::image::Size;
 use matchbench_vision::seed::Seed;
 use nalgebra::Point2;
-use pyo3::exceptions::{PyKeyboardInterrupt, PySystemExit, PyTypeError};
+use numpy::{PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyKeyboardInterrupt, PySystemExit, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 use crate::arrays::{column, points};
@@ -203,6 +205,17 @@ fn matched_points(answer: &Bound<'_, PyAny>) -> PyResult<MatchedPoints> {
             )));
         }
     };
+    for (points, name) in [(a, "points_a"), (b, "points_b")] {
+        // Before they are copied: an array may claim any number of rows (`numpy.broadcast_to`).
+        if let Ok(array) = points.cast::<PyUntypedArray>()
+            && (array.shape().first()).is_some_and(|&rows| rows > MOST_MATCHES)
+        {
+            let rows = array.shape()[0];
+            return Err(PyValueError::new_err(format!(
+                "`{name}` has {rows} rows; {MOST_MATCHES} are the most"
+            )));
+        }
+    }
     let (a, b) = (points(a, "points_a")?, points(b, "points_b")?);
     let ambiguity = match ambiguity {
         Some(ambiguity) => column(ambiguity, "ambiguity", a.len())?,

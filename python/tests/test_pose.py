@@ -157,6 +157,37 @@ def test_an_array_without_an_end_is_an_error():
         mb.estimator("best").estimate(endless, endless, camera, camera)
 
 
+class Boundless:
+    """Says that it has more elements than there is memory for, and has none."""
+
+    def __len__(self):
+        return 2**62
+
+    def __getitem__(self, index):
+        raise IndexError
+
+
+def test_a_list_is_not_believed_to_be_as_long_as_it_says():
+    camera = mb.Camera(100, 100, 50, 50)
+    endless = np.broadcast_to(np.float32(1), (10**11, 2))  # one number in memory
+    points = np.zeros((3, 2))
+    for turns in [endless, endless[:, 0], Boundless()]:
+        with pytest.raises((TypeError, ValueError), match="`turns` must be an array of 3 numbers"):
+            mb.estimator("best").estimate(points, points, camera, camera, turns=turns)
+    with pytest.raises((TypeError, ValueError, MemoryError), match="points_a"):
+        mb.estimator("best").estimate(endless, points, camera, camera)
+
+
+def test_what_is_no_real_number_is_refused():
+    camera = mb.Camera(100, 100, 50, 50)
+    points = np.zeros((30, 2))
+    for other in [points + 1j, points.astype("M8[s]"), points.astype("m8[s]"), points.astype(str)]:
+        with pytest.raises(TypeError, match="`points_a` must be an array of numbers"):
+            mb.estimator("best").estimate(other, points, camera, camera)
+        with pytest.raises(TypeError, match="`ambiguity` must be an array of 30 numbers"):
+            mb.estimator("best").estimate(points, points, camera, camera, ambiguity=other[:, 0])
+
+
 def test_a_homography_is_found_among_wrong_matches():
     truth = np.array([[0.9, 0.1, 20.0], [-0.1, 1.1, 5.0], [1e-4, -1e-4, 1.0]])
     rng = np.random.default_rng(0)

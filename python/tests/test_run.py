@@ -77,6 +77,10 @@ def test_a_matcher_that_breaks_costs_its_pairs_and_is_tried_again(dataset, tmp_p
         "points_b": lambda a, b: (np.zeros((3, 2)), np.zeros((3, 3))),
         "3 points in a, 2 in b": lambda a, b: (np.zeros((3, 2)), np.zeros((2, 2))),
         "ambiguity": lambda a, b: (np.zeros((1, 2)), np.zeros((1, 2)), np.array([2.0])),
+        "`points_a` has 100000000000 rows; 5000000 are the most": lambda a, b: (
+            np.broadcast_to(np.float32(1), (10**11, 2)),
+            np.broadcast_to(np.float32(1), (10**11, 2)),
+        ),
         "`points_b` has (-7, 1), outside": lambda a, b: (np.ones((1, 2)), np.array([[-7.0, 1.0]])),
     }
     for number, (words, broken_matcher) in enumerate(answers.items()):

@@ -36,9 +36,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 pub use from_files::MatchesFrom;
-pub(crate) use source::MOST_MATCHES;
+
 pub use source::{
-    BuiltPointSource, ImageFiles, PointSource, Source, SourceError, SourceSeconds, SourcedMatches,
+    BuiltPointSource, ImageFiles, MOST_MATCHES, PointSource, Source, SourceError, SourceSeconds,
+    SourcedMatches,
 };
 
 use crate::config::{self, ConfigError, UnknownName};

@@ -14,7 +14,7 @@ use serde_json::Value;
 use super::BuiltMatcher;
 
 /// Most matches of a pair that are taken from outside: a hundred megabytes.
-pub(crate) const MOST_MATCHES: usize = 5_000_000;
+pub const MOST_MATCHES: usize = 5_000_000;
 
 /// What a contender's matches come from.
 pub enum Source {
