@@ -159,7 +159,7 @@ def test_wrong_runs_are_refused_in_words(dataset, tmp_path):
         start(["sfit"])
     with pytest.raises(ValueError, match="did you mean `best`"):
         start(estimators=["bset"])
-    with pytest.raises(ValueError, match="takes no part"):
+    with pytest.raises(ValueError, match="is not part of this run"):
         start(settings=["orb.ratio=0.7"])
     with pytest.raises(TypeError, match="a function of two images"):
         start([7])

@@ -106,7 +106,7 @@ fn a_parameter_is_set_by_name_and_an_unknown_one_is_refused() {
     for (setting, named) in [
         ("sift.raito=0.7", "raito"),
         ("sift.extractor.sgima=1", "sgima"),
-        ("surf.ratio=0.7", "takes no part"),
+        ("surf.ratio=0.7", "is not part of this run"),
     ] {
         let refused = go(setting, "wrong");
         assert_eq!(refused.status.code(), Some(1));

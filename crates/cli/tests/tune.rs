@@ -65,7 +65,7 @@ fn what_is_tuned_on_one_scene_is_used_on_another_and_refused_on_the_same() {
     assert!(message.contains("was tuned on training"), "{message}");
     let message = text(&run("best", &other).stderr);
     assert!(
-        message.contains("tuned.json: `ransac-e` was tuned and takes no part"),
+        message.contains("tuned.json: `ransac-e` was tuned but is not part of this run"),
         "{message}"
     );
     succeeded(&run("ransac-e", &other));

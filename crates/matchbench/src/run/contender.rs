@@ -257,6 +257,6 @@ mod tests {
         let changes = Changes::parse(&["surf.ratio=0.7".to_owned()]).unwrap();
         let error = Contender::all_of(&["sift".into()], &[], &changes, None).err();
         let message = error.unwrap().to_string();
-        assert!(message.contains("`surf`") && message.contains("takes no part"));
+        assert!(message.contains("`surf`") && message.contains("is not part of this run"));
     }
 }
