@@ -9,7 +9,7 @@ use crate::threads::Threads;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  matchbench import tum rgbd_dataset_freiburg3_long_office_household 06-office-wide --pairs window:9,stride:15
+  matchbench import tum rgbd_dataset_freiburg1_desk desk --pairs window:9,stride:15
   matchbench import kitti dataset 04-kitti --sequence 00 --pairs fragments:5
   matchbench import strecha castle-P30 05-castle --pairs all
   matchbench import folder photos mine --poses photos/poses.txt --camera photos/K.txt
@@ -80,8 +80,8 @@ Layouts:
   colmap     a folder with a COLMAP model as text (cameras, images, no points) and pairs.txt
   superglue  a file with SuperGlue's 38 columns per pair: names, turns, K, K, T_0to1
 
-Both can be imported again, as kinds of the same names; a model without points with a rule that needs none,
-as --pairs all. The images are not copied.
+Both can be imported again, as kinds of the same names; a model without points with a rule that
+needs none, as --pairs all. The images are not copied.
 
 Examples:
   matchbench convert castle castle-model --format colmap

@@ -268,6 +268,33 @@ mod tests {
     }
 
     #[test]
+    fn help_fits_the_lines_that_it_is_written_in() {
+        for command in Cli::command().get_subcommands() {
+            let notes = command.get_after_help().map(ToString::to_string);
+            for line in notes.unwrap_or_default().lines() {
+                let width = line.chars().count();
+                // Where it is wider, lines are broken again, each after its first words.
+                assert!(width <= 100, "{}: {width}: {line}", command.get_name());
+            }
+        }
+    }
+
+    #[test]
+    fn options_of_files_stand_under_their_heading_alone() {
+        for name in ["run", "plan"] {
+            let command = Cli::command();
+            let command = command.find_subcommand(name).expect("it is one");
+            let under = |id: &str| {
+                let mut all = command.get_arguments();
+                let argument = all.find(|argument| argument.get_id() == id);
+                argument.expect("it is one").get_help_heading().is_some()
+            };
+            assert!(under("matches") && under("note"), "{name}");
+            assert!(!under("out") && !under("estimator"), "{name}");
+        }
+    }
+
+    #[test]
     fn examples_in_the_help_are_understood() {
         let mut count = 0;
         for command in Cli::command().get_subcommands() {

@@ -87,8 +87,8 @@ The folder opens from disk without a network and can be mailed:
   cite/       how a paper would say what was run, the BibTeX of all papers that took part, and the
               commands that compute all of it again
 
-Pictures need the dataset where it was, and the matches of the run (not of one with --keep-matches none; with
-`inliers` they show these alone).
+Pictures need the dataset where it was, and the matches of the run (not of one with --keep-matches
+none; with `inliers` they show these alone).
 
 Examples:
   matchbench report runs/first
@@ -126,19 +126,19 @@ pub(crate) struct ReportArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-ENTRIES may hold, at any depth, folders of runs and folders with the authors' <sequence>/<matcher>.txt
-files, of anybody. Every score is computed from the records and files; no table is believed. An entry that is
-damaged, not finished or not what it says is listed with the reason and left out, and the exit
-code is 2. Links are not followed.
+ENTRIES may hold, at any depth, folders of runs and folders with the authors'
+<sequence>/<matcher>.txt files, of anybody. Every score is computed from the records and files; no
+table is believed. An entry that is damaged, not finished or not what it says is listed with the
+reason and left out, and the exit code is 2. Links are not followed.
 
-Results are ranked together if they are of one dataset (name and fingerprint), of the same pairs of it
-and of one protocol, with 95 % intervals and letters: methods that share one do not differ
-significantly. Where the dataset of a run is at hand, the errors that its records state are computed
-again from their poses.
+Results are ranked together if they are of one dataset (name and fingerprint), of the same pairs
+of it and of one protocol, with 95 % intervals and letters: methods that share one do not differ
+significantly. Where the dataset of a run is at hand, the errors that its records state are
+computed again from their poses.
 
 SITE opens from disk without a network, and any web server can show it:
-  index.html        a table and figures of each group, the hash of what each row was computed from, and
-                    the commands that compute it again
+  index.html        a table and figures of each group, the hash of what each row was computed
+                    from, and the commands that compute it again
   leaderboard.csv   the same with all scores at full precision
   leaderboard.json
 
@@ -162,16 +162,17 @@ pub(crate) struct LeaderboardArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-For each matcher with each estimator on each dataset that both runs have, on the pairs that both have:
-the AUC before and after, the change with its paired 95 % interval (both runs see the same resampled
-images, so the interval is that of the change), the pairs gained and lost at 5 degrees, and a
-verdict in words: better, worse, not certain, or the same.
+For each matcher with each estimator on each dataset that both runs have, on the pairs that both
+have: the AUC before and after, the change with its paired 95 % interval (both runs see the same
+resampled images, so the interval is that of the change), the pairs gained and lost at 5 degrees,
+and a verdict in words: better, worse, not certain, or the same.
 
-With --matchers two methods are compared instead, of one run or the first of BEFORE with the second of
-AFTER; a name is a matcher, compared with each estimator that both have, or MATCHER+ESTIMATOR.
+With --matchers two methods are compared instead, of one run or the first of BEFORE with the
+second of AFTER; a name is a matcher, compared with each estimator that both have, or
+MATCHER+ESTIMATOR.
 
---out writes a page of the pairs where they differ most: both side by side, with errors and matches, and
-pairs.csv with all pairs.
+--out writes a page of the pairs where they differ most: both side by side, with errors and
+matches, and pairs.csv with all pairs.
 
 Examples:
   matchbench run office --matchers sift --set sift.ratio=0.7 --out runs/strict

@@ -27,9 +27,9 @@ pub(crate) struct DemoArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-A run file says the same in TOML. It also says which matchers are run on which dataset, and from what
-datasets are imported. Options on the command line replace what it says, and --set comes last.
-docs/formats.md lists its keys:
+A run file says the same in TOML. It also says which matchers are run on which dataset, and from
+what datasets are imported. Options on the command line replace what it says, and --set comes
+last. docs/formats.md lists its keys:
 
   out = \"runs/study\"                   # paths start from the folder of the file
   matchers = [\"sift\", \"orb\"]
@@ -56,8 +56,6 @@ pub(crate) struct RunArgs {
     /// a matcher from outside (see `matchbench check`)
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub matchers: Vec<String>,
-    #[command(flatten)]
-    pub files: MatchesArgs,
     /// Folder of the run; one that is there already is resumed, and may grow by datasets, matchers
     /// and estimators
     #[arg(long, value_name = "RUN")]
@@ -79,6 +77,9 @@ pub(crate) struct RunArgs {
     /// Write RUN/report when done
     #[arg(long)]
     pub report: bool,
+    // The last: what follows stands under its heading.
+    #[command(flatten)]
+    pub files: MatchesArgs,
 }
 
 /// What decides about the records of a run, besides its datasets and matchers.
@@ -124,11 +125,12 @@ pub(crate) struct ChoiceArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-A plan is cut into shards, which any number of machines compute in any order. Merged, they are the run that
-one machine would have written, bit for bit except for the times.
+A plan is cut into shards, which any number of machines compute in any order. Merged, they are the
+run that one machine would have written, bit for bit except for the times.
 
-PLAN/plan.json says what is run (with a hash that every shard names) and which pairs belong to which
-shard. All shards have equally many pairs, chosen such that few images are extracted by more than one shard.
+PLAN/plan.json says what is run (with a hash that every shard names) and which pairs belong to
+which shard. All shards have equally many pairs, chosen such that few images are extracted by more
+than one shard.
 
 Examples:
   matchbench plan castle office --matchers sift,orb --estimator best --shards 16 --out plans/both
@@ -149,8 +151,6 @@ pub(crate) struct PlanArgs {
     )]
     pub matchers: Vec<String>,
     #[command(flatten)]
-    pub files: MatchesArgs,
-    #[command(flatten)]
     pub choices: ChoiceArgs,
     /// How many shards; several for each machine even out machines of different speed
     #[arg(long, value_name = "N", value_parser = from_one::<NonZeroU32>)]
@@ -158,19 +158,23 @@ pub(crate) struct PlanArgs {
     /// Folder of the plan, in which the shards are written unless another place is asked for
     #[arg(long, value_name = "PLAN")]
     pub out: PathBuf,
+    // The last: what follows stands under its heading.
+    #[command(flatten)]
+    pub files: MatchesArgs,
 }
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-A shard that was stopped or killed is resumed by the same command; one that is done is left as it is. A
-folder of another plan is refused, and so are other datasets, matchers or versions than those planned.
+A shard that was stopped or killed is resumed by the same command; one that is done is left as it
+is. A folder of another plan is refused, and so are other datasets, matchers or versions than
+those planned.
 
-Machines with a shared folder need nothing else. Without one, copy PLAN to each machine, and the folders
-PLAN/shards/K back to one place, or name the copies to `matchbench merge`.
+Machines with a shared folder need nothing else. Without one, copy PLAN to each machine, and the
+folders PLAN/shards/K back to one place, or name the copies to `matchbench merge`.
 
 Examples:
   matchbench work plans/both --shard 3
-  matchbench work plans/both --shard 3 --data /local/castle --data /local/office --cache /tmp/features")]
+  matchbench work plans/both --shard 3 --data /local/castle --data /local/office")]
 pub(crate) struct WorkArgs {
     /// The folder of a plan, or its plan.json
     #[arg(value_name = "PLAN")]
@@ -200,8 +204,8 @@ pub(crate) struct WorkArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Shards that are missing or not done are named, and nothing is written before all are there. If a shard is
-there twice, both copies must agree.
+Shards that are missing or not done are named, and nothing is written before all are there. If a
+shard is there twice, both copies must agree.
 
 Examples:
   matchbench merge plans/both --out runs/both
@@ -251,13 +255,14 @@ impl From<KeepArg> for KeepMatches {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-DATA holds the downloaded data, under their published names; --where lists them.
-What is there is imported; what is missing is named and left out. OUT/index.html shows Tables 1 to 3 and
-Figures 1 to 3 with the published numbers beside ours; tables/ and figures/ have each as a file, report/ the complete
-report, run/ the run, and paper.tex all of it for LaTeX. The same command resumes a run that was stopped.
+DATA holds the downloaded data, under their published names; --where lists them. What is there is
+imported; what is missing is named and left out. OUT/index.html shows Tables 1 to 3 and Figures 1
+to 3 with the published numbers beside ours; tables/ and figures/ have each as a file, report/ the
+complete report, run/ the run, and paper.tex all of it for LaTeX. The same command resumes a run
+that was stopped.
 
---quick takes 60 pairs of each sequence, evenly spread, without GAIM, CODE and RepMatch, and times 10 pairs, into
-OUT/quick. It shares datasets and features with the whole run.
+--quick takes 60 pairs of each sequence, evenly spread, without GAIM, CODE and RepMatch, and times
+10 pairs, into OUT/quick. It shares datasets and features with the whole run.
 
 For a study of your own, copy and change its run file: crates/matchbench/src/paper/paper.toml.
 
@@ -356,11 +361,11 @@ pub(crate) struct TuneArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Lines join the selected matches. Their colour is the distance to the true epipolar line, or from where
-the true homography takes the point: green below 1 pixel, blue below 3, orange below 10, red beyond.
-Solid lines agree with the estimate, dashed ones do not: red and solid is what misled the estimator.
-Drawn in image b are a few epipolar lines, or with an estimator of homographies the frame of image a:
-the true ones white, the estimated ones yellow.
+Lines join the selected matches. Their colour is the distance to the true epipolar line, or from
+where the true homography takes the point: green below 1 pixel, blue below 3, orange below 10, red
+beyond. Solid lines agree with the estimate, dashed ones do not: red and solid is what misled the
+estimator. Drawn in image b are a few epipolar lines, or with an estimator of homographies the
+frame of image a: the true ones white, the estimated ones yellow.
 
 Examples:
   matchbench show office 0 7 --matcher sift --out pair.png
@@ -430,8 +435,8 @@ pub(crate) struct TimeArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Starts the matcher and matches two pairs with known poses, one of them twice, and a pair of tiny images. For
-each it says whether the points can be right, or which usual mistake explains them.
+Starts the matcher and matches two pairs with known poses, one of them twice, and a pair of tiny
+images. For each it says whether the points can be right, or which usual mistake explains them.
 
 Example:
   matchbench check adapters/opencv/sift.toml
