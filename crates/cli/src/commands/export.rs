@@ -117,23 +117,20 @@ fn write(
         .and_then(serde_json::Value::as_f64);
     let threshold = threshold.unwrap_or(1.0);
     let protocol = protocols::of_estimator(&estimator.id);
-    let mut export = Export::of_run(
-        sequence,
-        &matches,
-        &records,
-        threshold,
-        &|cameras, sizes, points| protocol.seen(cameras, sizes, points),
-    )?;
-    let mut are_inliers = false;
-    if args.inliers.is_some() && export.pairs.is_empty() {
-        let inliers = run.inliers_of(&sequence.name, &matcher.id, &estimator.id)?;
-        export = Export::of_run(
+    let export_of = |matches: &_| {
+        Export::of_run(
             sequence,
-            &inliers,
+            matches,
             &records,
             threshold,
             &|cameras, sizes, points| protocol.seen(cameras, sizes, points),
-        )?;
+        )
+    };
+    let mut export = export_of(&matches)?;
+    let mut are_inliers = false;
+    if args.inliers.is_some() && export.pairs.is_empty() {
+        let inliers = run.inliers_of(&sequence.name, &matcher.id, &estimator.id)?;
+        export = export_of(&inliers)?;
         are_inliers = true;
     }
     ensure!(

@@ -170,3 +170,30 @@ fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeErr
     write_new(&path, &bytes).map_err(|error| ExchangeError::unwritable(&path, error))?;
     Ok(vec![path])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arrays::Element;
+
+    #[test]
+    fn offsets_that_leave_rows_out_are_refused() {
+        let bounds_of = |offsets: [i64; 3]| {
+            let bytes = offsets.iter().flat_map(|n| n.to_le_bytes()).collect();
+            let element = Element::of_numpy("<i8").expect("numpy has it");
+            let array = Array::new(vec![3], element, bytes).expect("as many bytes");
+            bounds(&array, 2, 9)
+        };
+        assert_eq!(bounds_of([0, 4, 9]), Ok(vec![0, 4, 9]));
+        assert_eq!(bounds_of([0, 0, 9]), Ok(vec![0, 0, 9]));
+        for (offsets, what) in [
+            ([1, 4, 9], "from 1 to 9, not from 0 to 9"),
+            ([0, 4, 8], "from 0 to 8, not from 0 to 9"),
+            ([0, 5, 4], "entry 2 is smaller"),
+        ] {
+            let error = bounds_of(offsets).unwrap_err();
+            assert!(error.contains(what), "{error}");
+        }
+        assert!(bounds_of([0, 4, 10]).is_err() && bounds_of([-1, 4, 9]).is_err());
+    }
+}

@@ -36,7 +36,6 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 pub use from_files::MatchesFrom;
-
 pub use source::{
     BuiltPointSource, ImageFiles, MOST_MATCHES, PointSource, Source, SourceError, SourceSeconds,
     SourcedMatches,

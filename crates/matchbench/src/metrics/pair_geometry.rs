@@ -104,7 +104,7 @@ fn share_seen(a: &Camera, b: &Camera, b_from_a: &Isometry3<f64>, depth: f64) -> 
     let seen = rays.filter(|ray| {
         let point = b_from_a.rotation * ray.to_homogeneous() + translation;
         let at_depth_1 = Point2::new(point.x / point.z, point.y / point.z);
-        point.z > 0.0 && is_inside(b, b.project(at_depth_1)) && b.sees(at_depth_1)
+        point.z > 0.0 && (b.seen_at(at_depth_1)).is_some_and(|pixel| is_inside(b, pixel))
     });
     seen.count() as f64 / f64::from(columns * rows)
 }
@@ -140,10 +140,7 @@ mod tests {
         let camera = Camera {
             distortion: Some(Distortion {
                 k1: -0.1,
-                k2: 0.0,
-                p1: 0.0,
-                p2: 0.0,
-                k3: 0.0,
+                ..Distortion::default()
             }),
             ..Camera::pinhole(1000.0, 1000.0, 1000.0, 20.0)
         };

@@ -306,8 +306,7 @@ fn epipolar_line(
         }
     });
     points
-        .filter(|at_depth_1| b.sees(*at_depth_1))
-        .map(|at_depth_1| b.project(at_depth_1))
+        .filter_map(|at_depth_1| b.seen_at(at_depth_1))
         .filter(|p| p.x.is_finite() && p.y.is_finite())
         .collect()
 }

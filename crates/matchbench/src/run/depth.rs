@@ -182,11 +182,8 @@ impl View<'_> {
 
     /// Where the other camera has that point; `None` behind it, and beside all that its lens can show.
     fn project(&self, point: &Point3<f64>) -> Option<Point2<f64>> {
-        let (camera, at_depth_1) = (
-            self.cameras[1],
-            Point2::new(point.x / point.z, point.y / point.z),
-        );
-        (point.z > 0.0 && camera.sees(at_depth_1)).then(|| camera.project(at_depth_1))
+        let ahead = (point.z > 0.0).then(|| Point2::new(point.x / point.z, point.y / point.z));
+        self.cameras[1].seen_at(ahead?)
     }
 
     /// How far `other` is from where the other camera has what `pixel` shows; infinite where it has it nowhere, `None` where the
@@ -318,10 +315,7 @@ mod tests {
     fn what_a_lens_folds_back_into_the_image_is_wrong_and_not_seen() {
         let lens = Distortion {
             k1: -0.1,
-            k2: 0.0,
-            p1: 0.0,
-            p2: 0.0,
-            k3: 0.0,
+            ..Distortion::default()
         };
         let bent = Camera {
             distortion: Some(lens),

@@ -37,7 +37,7 @@ pub struct Camera {
 
 /// Radial and tangential lens distortion (Brown, "Close-Range Camera Calibration", 1971), with
 /// the coefficients in OpenCV's order and meaning.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Distortion {
@@ -156,24 +156,33 @@ impl Camera {
             .map_or(distorted, |lens| lens.undistort(distorted))
     }
 
-    /// The pixel where the point at depth 1 is seen. Beyond where the model of the lens folds nothing is seen, and this is
-    /// the pixel of another point: see [`Camera::sees`].
+    /// The pixel where the model of the lens has the point at depth 1. Polynomials that were fitted to an image may fold
+    /// and bring points far beside it back into it: [`Camera::seen_at`] leaves those out.
     pub fn project(&self, normalized: Point2<f64>) -> Point2<f64> {
-        let seen = self
+        let distorted = self
             .distortion
             .map_or(normalized, |lens| lens.distort(normalized));
-        Point2::new(self.fx * seen.x + self.cx, self.fy * seen.y + self.cy)
+        self.pixel_of(distorted)
     }
 
-    /// Whether the lens can show the point at depth 1 at all, on an image that is large enough: whether it is what is seen
-    /// at the pixel that it is [projected](Camera::project) to. Polynomials that were fitted to an image bring points
-    /// far beside it back into it.
-    pub fn sees(&self, normalized: Point2<f64>) -> bool {
-        self.distortion.is_none_or(|lens| {
-            let there = lens.undistort(lens.distort(normalized));
-            // Where the model is about to fold, a pixel says little of what is seen there.
-            (there - normalized).norm() <= 1e-3 * normalized.coords.norm().max(1.0)
-        })
+    /// The pixel where the point at depth 1 is seen on an image that is large enough; `None` where the lens cannot show
+    /// it, so that another point is seen at the pixel that it is [projected](Camera::project) to.
+    pub fn seen_at(&self, normalized: Point2<f64>) -> Option<Point2<f64>> {
+        let Some(lens) = self.distortion else {
+            return Some(self.pixel_of(normalized));
+        };
+        let distorted = lens.distort(normalized);
+        let there = lens.undistort(distorted);
+        // Where the model is about to fold, a pixel says little of what is seen there.
+        let is_seen = (there - normalized).norm() <= 1e-3 * normalized.coords.norm().max(1.0);
+        is_seen.then(|| self.pixel_of(distorted))
+    }
+
+    fn pixel_of(&self, distorted: Point2<f64>) -> Point2<f64> {
+        Point2::new(
+            self.fx * distorted.x + self.cx,
+            self.fy * distorted.y + self.cy,
+        )
     }
 }
 
@@ -266,16 +275,17 @@ fn is_close(p: Point2<f64>, q: Point2<f64>) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector2;
+
+    use super::*;
+
     /// Brown's model with k1 alone is seen up to where `r (1 + k1 r^2)` is largest, at `r^2 = -1 / (3 k1)`.
     #[test]
     fn what_a_lens_folds_back_into_the_image_is_not_seen() {
         let camera = Camera {
             distortion: Some(Distortion {
                 k1: -0.1,
-                k2: 0.0,
-                p1: 0.0,
-                p2: 0.0,
-                k3: 0.0,
+                ..Distortion::default()
             }),
             ..Camera::pinhole(1000.0, 1000.0, 1000.0, 750.0)
         };
@@ -289,21 +299,19 @@ mod tests {
             (1.9, false),
         ] {
             let point = Point2::new(0.8, -0.6) * (share * fold);
-            assert_eq!(camera.sees(point), sees, "{share}");
+            let expected = sees.then(|| camera.project(point));
+            assert_eq!(camera.seen_at(point), expected, "{share}");
         }
         // 3 / 10 of what an ideal camera sees at 3, which is in the image.
         let seen = camera.project(Point2::new(3.0, 0.0));
         assert!(
             (seen - Point2::new(1300.0, 750.0)).norm() < 1e-9
-                && !camera.sees(Point2::new(3.0, 0.0))
+                && camera.seen_at(Point2::new(3.0, 0.0)).is_none()
         );
-        assert!(Camera::pinhole(1.0, 1.0, 0.0, 0.0).sees(Point2::new(1e6, 0.0)));
-        assert!(!camera.sees(Point2::new(f64::NAN, 0.0)));
+        let far = Point2::new(1e6, 0.0);
+        assert_eq!(Camera::pinhole(1.0, 1.0, 0.0, 0.0).seen_at(far), Some(far));
+        assert_eq!(camera.seen_at(Point2::new(f64::NAN, 0.0)), None);
     }
-
-    use nalgebra::Vector2;
-
-    use super::*;
 
     /// The colour camera of TUM's freiburg1, the strongest lens among the supported datasets.
     const FREIBURG1: Camera = Camera {
@@ -370,10 +378,7 @@ mod tests {
     fn beyond_the_fold_the_answer_is_finite() {
         let lens = Distortion {
             k1: -0.45,
-            k2: 0.0,
-            p1: 0.0,
-            p2: 0.0,
-            k3: 0.0,
+            ..Distortion::default()
         };
         // At most 0.574 is seen.
         for x in [0.6, 1.0, 3.0] {

@@ -13,7 +13,7 @@ use std::path::Path;
 use matchbench_vision::geometry::{Camera, Distortion};
 use nalgebra::Isometry3;
 
-use super::{ImportOptions, Imported, base_name, left_out_note, list};
+use super::{ImportOptions, Imported, base_name, images_left_out, list};
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::trajectory::TimedPose;
 use crate::datasets::{About, DatasetError, Frame};
@@ -48,11 +48,11 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             )),
         }
     }
-    let without = format!("image without a state within {} s", association.tolerance);
+    let without = format!("without a state within {} s", association.tolerance);
     Ok(Imported {
         about: About {
             origin: format!("EuRoC MAV, {}", base_name(src)),
-            notes: left_out_note(&without, &left_out).into_iter().collect(),
+            notes: images_left_out(&without, &left_out).into_iter().collect(),
             ..About::default()
         },
         ..Imported::of(frames)

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
 
-use super::{ImportOptions, Imported, base_name, given_camera, left_out_note};
+use super::{ImportOptions, Imported, base_name, given_camera, images_left_out};
 use crate::counted::counted;
 use crate::datasets::images::image_files;
 use crate::datasets::text::TextFile;
@@ -43,7 +43,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     Ok(Imported {
         about: About {
             origin: format!("folder {}", base_name(src)),
-            notes: left_out_note("image without a pose", &left_out)
+            notes: images_left_out("without a pose", &left_out)
                 .into_iter()
                 .collect(),
             ..About::default()

@@ -23,7 +23,9 @@ use matchbench_vision::geometry::Camera;
 use nalgebra::Isometry3;
 
 use super::oxford::image;
-use super::{ImportOption, ImportOptions, Imported, base_name, given_camera, left_out_note, list};
+use super::{
+    ImportOption, ImportOptions, Imported, base_name, given_camera, images_left_out, list,
+};
 use crate::counted::counted;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{About, DatasetError, Frame, read_size};
@@ -223,7 +225,7 @@ fn read_labels(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, Data
         };
         frames.push(Frame::with_pose(image, camera, pose.inverse()));
     }
-    let mut notes: Vec<String> = left_out_note("image without a pose", &left_out)
+    let mut notes: Vec<String> = images_left_out("without a pose", &left_out)
         .into_iter()
         .collect();
     if given.is_none() {

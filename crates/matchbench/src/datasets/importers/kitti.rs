@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use matchbench_vision::geometry::Camera;
 use nalgebra::Matrix3;
 
-use super::{ImportOptions, Imported, base_name, given_camera, left_out_note};
+use super::{ImportOptions, Imported, base_name, given_camera, images_left_out};
 use crate::counted::counted;
 use crate::datasets::images::image_files;
 use crate::datasets::text::{self, TextFile};
@@ -37,7 +37,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             Some(&pose) => frames.push(Frame::with_pose(image, camera, pose)),
         }
     }
-    let mut notes: Vec<_> = left_out_note("image without a pose", &left_out)
+    let mut notes: Vec<_> = images_left_out("without a pose", &left_out)
         .into_iter()
         .collect();
     if frames.len() < poses.len() {

@@ -411,11 +411,10 @@ fn source_name(path: &Path, scene: Option<&Scene>) -> String {
     name
 }
 
-/// "left out: 3 `what` (a, b, c)", where `what` is said of one; short enough for a note.
-fn left_out_note(what: &str, items: &[String]) -> Option<String> {
-    let (noun, more) = what.split_once(' ').unwrap_or((what, ""));
-    let count = counted(items.len(), noun);
-    note_of(&format!("left out: {count} {more}"), items)
+/// "left out: 3 images `why` (a, b, c)", if there is any.
+fn images_left_out(why: &str, images: &[String]) -> Option<String> {
+    let count = counted(images.len(), "image");
+    note_of(&format!("left out: {count} {why}"), images)
 }
 
 /// "`what` (a, b, ...)", if there is any.

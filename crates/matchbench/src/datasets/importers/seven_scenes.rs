@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use matchbench_vision::geometry::Camera;
 use nalgebra::Isometry3;
 
-use super::{ImportOptions, Imported, base_name, given_camera, left_out_note};
+use super::{ImportOptions, Imported, base_name, given_camera, images_left_out};
 use crate::counted::counted;
 use crate::datasets::images::image_files;
 use crate::datasets::text::{self, TextFile};
@@ -61,7 +61,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             }
         }
     }
-    notes.extend(left_out_note("image whose pose is not finite", &left_out));
+    notes.extend(images_left_out("whose pose is not finite", &left_out));
     Ok(Imported {
         about: About {
             origin: format!("7-Scenes, {}", base_name(&folder)),

@@ -13,7 +13,7 @@ use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Matrix3};
 
-use super::{ImportOptions, Imported, base_name, left_out_note};
+use super::{ImportOptions, Imported, base_name, images_left_out};
 use crate::counted::counted;
 use crate::datasets::images::image_files;
 use crate::datasets::native::parse_camera;
@@ -53,7 +53,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     Ok(Imported {
         about: About {
             origin: format!("Strecha et al. 2008, {}", base_name(src)),
-            notes: left_out_note("image without a .camera file", &left_out)
+            notes: images_left_out("without a .camera file", &left_out)
                 .into_iter()
                 .collect(),
             ..About::default()

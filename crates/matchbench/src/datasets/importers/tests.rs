@@ -230,7 +230,10 @@ fn strecha_gives_each_image_its_camera() {
     let found = read("strecha", &src).unwrap();
     assert_eq!(xs(&found), [0.0, 1.0]);
     assert_eq!(found.frames[1].camera.fx, 21.0);
-    assert!(found.about.notes[0].ends_with("(0002.png)"));
+    assert!(
+        found.about.notes[0].starts_with("left out: ")
+            && found.about.notes[0].ends_with(" (0002.png)")
+    );
     // Cameras that differ stand in dataset.toml.
     let out = folder.path().join("05");
     import("strecha", &src, &out, &ImportOptions::default()).unwrap();
@@ -268,7 +271,10 @@ fn seven_scenes_skips_lost_poses() {
         Camera::pinhole(525.0, 525.0, 320.0, 240.0)
     );
     assert!(found.about.notes[0].contains("was assumed"));
-    assert!(found.about.notes[1].ends_with("(frame-000001.color.png)"));
+    assert!(
+        found.about.notes[1].starts_with("left out: ")
+            && found.about.notes[1].ends_with(" (frame-000001.color.png)")
+    );
     fs::create_dir(src.join("seq-02")).unwrap();
     assert!(
         read("7scenes", &src)

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::{Camera, Distortion};
 
-use super::{ImportOptions, Imported, base_name, given_camera, left_out_note};
+use super::{ImportOptions, Imported, base_name, given_camera, images_left_out};
 use crate::datasets::text::TextFile;
 use crate::datasets::trajectory::parse_tum;
 use crate::datasets::{About, DatasetError, DepthFile, DepthUnit, Frame};
@@ -54,11 +54,11 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             }
         }
     }
-    let without = format!("image without a pose within {} s", association.tolerance);
+    let without = format!("without a pose within {} s", association.tolerance);
     Ok(Imported {
         about: About {
             origin: format!("TUM RGB-D, {}", base_name(src)),
-            notes: left_out_note(&without, &left_out).into_iter().collect(),
+            notes: images_left_out(&without, &left_out).into_iter().collect(),
             ..About::default()
         },
         ..Imported::of(frames)

@@ -539,9 +539,7 @@ fn errors_under_a_wide_lens(pairs: u64, right: f64, threshold_px: f64) -> [f64; 
         distortion: Some(Distortion {
             k1: -0.28,
             k2: 0.07,
-            p1: 0.0,
-            p2: 0.0,
-            k3: 0.0,
+            ..Distortion::default()
         }),
         ..Camera::pinhole(450.0, 450.0, 320.0, 240.0)
     };
