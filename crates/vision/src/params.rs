@@ -1,4 +1,4 @@
-//! Why parameters were refused.
+//! The error that says why a parameter was refused.
 
 use std::fmt;
 
@@ -15,10 +15,10 @@ impl fmt::Display for ParamError {
 impl std::error::Error for ParamError {}
 
 impl ParamError {
-    /// Nothing if `allowed`, else the error that `name` has a `value` that is not `range`.
+    /// Returns `Ok` if `allowed`. Otherwise the error says that `name` has a `value` that is not `range`.
     ///
     /// # Errors
-    /// Unless `allowed`.
+    /// If not `allowed`.
     pub fn unless(
         allowed: bool,
         name: &str,

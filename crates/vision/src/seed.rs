@@ -1,14 +1,15 @@
-//! Seeds that belong to the task, and the one random number generator.
+//! Seeds that belong to a task, and the only random number generator.
 //!
-//! Every random choice of a run comes from a [`Seed`] that is derived from what is being
-//! computed (root seed, dataset, pair, matcher, estimator, repetition) and never from a thread or
-//! a clock, so one thread or sixteen draw the same numbers.
+//! Every random choice of a run comes from a [`Seed`]. It is derived from what is being computed (root seed,
+//! dataset, pair, matcher, estimator, repetition) and never from a thread or a clock. So one thread and sixteen
+//! draw the same numbers.
 //!
 //! - Derivation: `SplitMix64` finaliser (Steele, Lea, Flood: "Fast Splittable Pseudorandom Number
 //!   Generators", OOPSLA 2014) over the parent and the FNV-1a hash of the label.
 //! - Generator: PCG-XSH-RR 64/32 (O'Neill: "PCG: A Family of Simple Fast Space-Efficient
 //!   Statistically Good Algorithms for Random Number Generation", HMC-CS-2014-0905, 2014).
-//!   Written here because published results must not move with the version of a library.
+//!   It is written here and not taken from a library, because published results must not change with the
+//!   version of a library.
 
 /// The seed of one task; children are derived from it by label or by number.
 ///

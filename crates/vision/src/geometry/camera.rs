@@ -53,7 +53,7 @@ pub struct Distortion {
     pub k3: f64,
 }
 
-/// Why a matrix or a set of numbers is not a camera.
+/// Why a matrix or a set of numbers is not a valid camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraError(String);
 
@@ -103,11 +103,12 @@ impl Camera {
         camera.check().map(|()| camera)
     }
 
-    /// Whether these are numbers that a camera can have: all finite, focal lengths positive and not below
-    /// [`Camera::LEAST_FOCAL`], nothing beyond [`Camera::MOST_PIXELS`], coefficients of the lens not beyond [`Camera::MOST_DISTORTION`].
+    /// Checks that a camera can have these numbers: all are finite, focal lengths are positive and not below
+    /// [`Camera::LEAST_FOCAL`], no length is above [`Camera::MOST_PIXELS`], and no coefficient of the lens is
+    /// above [`Camera::MOST_DISTORTION`] in size.
     ///
     /// # Errors
-    /// The first number that cannot be.
+    /// The first number that is not allowed.
     pub fn check(&self) -> Result<(), CameraError> {
         let Self { fx, fy, cx, cy, .. } = *self;
         if fx < Self::LEAST_FOCAL || fy < Self::LEAST_FOCAL {
@@ -132,7 +133,7 @@ impl Camera {
         }
     }
 
-    /// Least focal length in pixels: the rays of pixels are to be numbers that can be squared.
+    /// Least focal length in pixels. The coordinates of rays must be numbers that can be squared.
     pub const LEAST_FOCAL: f64 = 1e-3;
     /// Largest focal length and coordinate of the principal point, in pixels.
     pub const MOST_PIXELS: f64 = 1e7;
@@ -149,7 +150,7 @@ impl Camera {
         f64::midpoint(self.fx, self.fy)
     }
 
-    /// The point at depth 1 that is seen at `pixel`: calibration and distortion undone.
+    /// The point at depth 1 that is seen at `pixel`: calibration and distortion are undone.
     pub fn normalize(&self, pixel: Point2<f64>) -> Point2<f64> {
         let distorted = Point2::new((pixel.x - self.cx) / self.fx, (pixel.y - self.cy) / self.fy);
         self.distortion
@@ -195,10 +196,12 @@ impl Distortion {
         Point2::new(p.x * radial + dx, p.y * radial + dy)
     }
 
-    /// Inverse of [`Distortion::distort`] where the lens model has one: what it returns is seen at `seen`, to 1e-9 or better.
+    /// Inverse of [`Distortion::distort`] where the lens model has one: the lens shows the returned point at
+    /// `seen`, to 1e-9 or better.
     ///
-    /// By fixed-point iteration, and by Newton's method where that does not converge (k1 r^2 above 1, or close to where
-    /// the model folds). Beyond the fold, where nothing is seen, the answer is where the iteration stopped.
+    /// The method is fixed-point iteration, and Newton's method where that does not converge (k1 r^2 above 1,
+    /// or close to the fold). The *fold* is the radius beyond which the lens model maps points back inwards. No
+    /// point is seen at a place beyond the fold; there the answer is the point where the iteration stopped.
     pub fn undistort(&self, seen: Point2<f64>) -> Point2<f64> {
         let mut p = seen;
         for _ in 0..50 {
@@ -218,8 +221,9 @@ impl Distortion {
         self.undistort_by_newton(seen).unwrap_or(p)
     }
 
-    /// Newton's method from the axis, where no lens moves anything. A step is halved until it comes closer by half of
-    /// what it promises and does not cross the fold, where the determinant of the derivative changes its sign.
+    /// Newton's method, started on the axis, where no lens moves a point. A step is halved until it reduces the
+    /// error by at least half of what it promises and does not cross the fold, where the determinant of the
+    /// derivative changes its sign.
     fn undistort_by_newton(&self, seen: Point2<f64>) -> Option<Point2<f64>> {
         let mut p = Point2::origin();
         let mut missing = seen.coords;

@@ -1,22 +1,22 @@
-//! The choice between the four poses of an essential matrix: scene points lie in front of both
-//! cameras.
+//! Cheirality: of the four poses of an essential matrix, the one is chosen for which scene points lie in front
+//! of both cameras.
 //!
 //! Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2nd edition, 2004, sec. 9.6.3.
-//! As in OpenCV's `recoverPose` without a mask, which the reference protocol uses: every match is
-//! triangulated, inlier or not; it supports a pose if its depth in both views is positive and below
-//! a limit, beyond which a point tells nothing about the translation; the pose with most support
-//! is chosen, the earlier in the order of [`decompose_essential`] if two have the same.
+//! The rule is that of OpenCV's `recoverPose` without a mask, which the reference protocol uses. Every match is
+//! triangulated, inlier or not. A match supports a pose if its depth in both views is positive and below a
+//! limit; a point beyond this limit says nothing about the translation. The pose with most support is chosen.
+//! If two have the same support, the earlier in the order of [`decompose_essential`] is chosen.
 //!
-//! Two triangulations serve for four poses: with -t for t, the scene point (X, w) becomes (X, -w),
-//! so both depths change sign.
+//! Two triangulations are enough for four poses. If t is replaced by -t, the scene point (X, w) becomes (X,
+//! -w), so both depths change sign.
 
 use nalgebra::Matrix3;
 
 use super::triangulation::triangulate_depths;
 use super::{PointPairs, RelativePose, decompose_essential};
 
-/// The pose of `essential` that most matches support, and how many do: those whose depth in both
-/// views is in `(0, max_depth)`, in baselines. `None` where the matrix is zero or not finite.
+/// The pose of `essential` that most matches support, and the number of these matches. A match supports a pose
+/// if its depth in both views is in `(0, max_depth)`, in baselines. `None` if the matrix is zero or not finite.
 pub fn choose_pose(
     essential: &Matrix3<f64>,
     pairs: &PointPairs,

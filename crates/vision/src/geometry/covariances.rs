@@ -1,26 +1,29 @@
-//! What noise in an image becomes at depth 1, where the lens distorts.
+//! The covariance of image noise at depth 1, where a lens distorts (tangent Sampson error).
 //!
 //! Terekhov, Larsson, "Tangent Sampson Error: Fast Approximate Two-View Reprojection Error for Central Camera Models",
 //! ICCV 2023.
 //!
-//! Keypoints are off by some pixels of the image, everywhere about as much. Undoing the lens stretches the image, most of all
-//! at its edge, and the noise with it: with `J` the derivative of the point at depth 1 by the place where the lens shows it,
-//! noise of covariance `s^2 I` there has the covariance `s^2 J J^T` at depth 1. The Sampson distance is to tell by how much the
-//! points must move *in the image*, so the gradients of the epipolar equation by the points, which have the squared lengths
-//! `g^T g` where a pixel is as long everywhere, have `(J^T g)^T (J^T g) = g^T (J J^T) g` here. The matrix `J J^T` is called the
-//! *covariance* of a point: that of noise of one pixel.
+//! Keypoints have an error of some pixels, about the same everywhere in the image. To undo the lens stretches
+//! the image, most of all at its edge, and stretches the noise with it. Let `J` be the derivative of the point
+//! at depth 1 by the place where the lens shows it. Noise of covariance `s^2 I` in the image then has the
+//! covariance `s^2 J J^T` at depth 1. The Sampson distance should say by how much the points must move *in the
+//! image*. It uses the gradients `g` of the epipolar equation by the points. Their squared lengths are `g^T g`
+//! if a pixel has the same length everywhere; with a lens they are `(J^T g)^T (J^T g) = g^T (J J^T) g`. The
+//! matrix `J J^T` is called the *covariance* of a point: that of noise of one pixel.
 //!
-//! *Choice the paper leaves open*: where the model of the lens folds the image over or stretches it more than fourfold,
-//! as polynomials do beyond the pixels that they were fitted to, it is not believed and the covariance is the identity.
+//! *Choice the paper leaves open*: the polynomials of a lens model may fold the image over, or stretch it more
+//! than fourfold, beyond the pixels that they were fitted to. There the model is not used, and the covariance
+//! is the identity.
 
 use nalgebra::{Matrix2, Point2};
 
 use super::Distortion;
 
-/// Largest stretch of a length that is taken for what a lens does.
+/// Largest stretch of a length for which the lens model is used.
 const MOST_STRETCH: f64 = 4.0;
 
-/// The covariance of each point of [`PointPairs`](super::PointPairs): the entries xx, xy and yy of a symmetric matrix.
+/// The covariance of each point of [`PointPairs`](super::PointPairs): the entries xx, xy and yy of a symmetric
+/// matrix.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Covariances {
     /// Of the points in view `a`.
@@ -30,7 +33,7 @@ pub struct Covariances {
 }
 
 impl Covariances {
-    /// Those of matched points at depth 1 that these lenses show; `None` where neither distorts.
+    /// The covariances of matched points at depth 1 under these two lenses; `None` if neither distorts.
     pub fn of_lenses(
         pairs: impl IntoIterator<Item = (Point2<f64>, Point2<f64>)>,
         lens_a: Option<&Distortion>,
@@ -46,7 +49,7 @@ impl Covariances {
         Some(covariances)
     }
 
-    /// Appends those of a match.
+    /// Appends the covariances of the two points of a match.
     fn push(&mut self, a: [f64; 3], b: [f64; 3]) {
         for (view, covariance) in [(&mut self.a, a), (&mut self.b, b)] {
             for (entries, entry) in view.iter_mut().zip(covariance) {

@@ -1,16 +1,16 @@
 //! How well a match agrees with an essential or fundamental matrix.
 //!
-//! The *algebraic* residual `b^T E a` is no distance. The *Sampson
-//! distance* is the first-order approximation of the distance by which the two points must move,
-//! together, to satisfy the equation (Sampson, "Fitting Conic Sections to 'Very Scattered' Data",
-//! Computer Graphics and Image Processing 18, 1982; Hartley, Zisserman, "Multiple View Geometry in
-//! Computer Vision", 2nd edition, 2004, eq. 11.9):
+//! The *algebraic* residual `b^T E a` is not a distance. The *Sampson distance* is a first-order approximation
+//! of the distance by which the two points must move together to satisfy the equation (Sampson, "Fitting Conic
+//! Sections to 'Very Scattered' Data", Computer Graphics and Image Processing 18, 1982; Hartley, Zisserman,
+//! "Multiple View Geometry in Computer Vision", 2nd edition, 2004, eq. 11.9). Its square is
 //!
 //! `(b^T E a)^2 / ((E a)_1^2 + (E a)_2^2 + (E^T b)_1^2 + (E^T b)_2^2)`
 //!
-//! in the squared unit of the points: for points at depth 1, multiply by the squared focal length
-//! to get squared pixels. Where a lens distorts, a pixel is not as long everywhere, and squares are `g^T S g` with the
-//! [covariance](super::Covariances) `S` of the point (the *tangent Sampson* distance).
+//! in the squared unit of the points. For points at depth 1, multiply it by the squared focal length to get
+//! squared pixels. Where a lens distorts, a pixel does not have the same length everywhere. Then each two
+//! squares of the denominator that belong to one point are replaced by `g^T S g`, where g holds the two numbers
+//! and `S` is the [covariance](super::Covariances) of the point (the *tangent Sampson* distance).
 
 use std::ops::Range;
 
@@ -19,8 +19,8 @@ use nalgebra::{Matrix3, Point2, Vector3};
 use super::PointPairs;
 use crate::simd;
 
-/// Squared Sampson distance of each of the matches in `range`, in units of the image if they have covariances, written to `out`; NaN or infinite
-/// for matches that are not finite.
+/// Writes the squared Sampson distance of each match in `range` to `out`. The unit is that of the image if the
+/// pairs have covariances, else that of the points. NaN or infinite for matches that are not finite.
 ///
 /// # Panics
 /// If `range` is not within `pairs`, or `out` has another length.
@@ -45,12 +45,12 @@ pub fn squared_sampson_distances(
     }
 }
 
-/// Whether all matches lie on the same side of their epipoles: what is left of "in front of both
-/// cameras" where a matrix is all that is known (Chum, Werner, Matas, "Epipolar Geometry Estimation
-/// via RANSAC Benefits from the Oriented Epipolar Constraint", ICPR 2004, eq. 2).
+/// Whether all matches lie on the same side of their epipoles. This is the part of "in front of both cameras"
+/// that can be tested if only the matrix is known (Chum, Werner, Matas, "Epipolar Geometry Estimation via
+/// RANSAC Benefits from the Oriented Epipolar Constraint", ICPR 2004, eq. 2).
 ///
-/// `e_b x b` and `E a` are the same epipolar line, so they agree up to a factor, with `e_b` the
-/// epipole in b. The factors of all scene points in front of both cameras have one sign.
+/// With `e_b` the epipole in b, `e_b x b` and `E a` are the same epipolar line, so they are equal up to a
+/// factor. The factors of all scene points in front of both cameras have the same sign.
 pub fn agree_in_orientation(
     e: &Matrix3<f64>,
     matches: impl IntoIterator<Item = (Point2<f64>, Point2<f64>)>,
@@ -66,13 +66,13 @@ pub fn agree_in_orientation(
     signs.all(|sign| Some(sign) == first)
 }
 
-/// The epipole in b of a matrix, homogeneously: its left null vector, of any length and sign.
+/// The epipole in b of a matrix, in homogeneous coordinates: its left null vector, of any length and sign.
 pub fn epipole_in_b(e: &Matrix3<f64>) -> Vector3<f64> {
     null_vector([0, 1, 2].map(|i| e.column(i).into_owned()))
 }
 
-/// What is perpendicular to three vectors of one plane: the cross product of the two that are least
-/// parallel, which determine it best.
+/// The vector that is perpendicular to three vectors of one plane: the cross product of the two that are least
+/// parallel, since these determine it best.
 fn null_vector([k, l, m]: [Vector3<f64>; 3]) -> Vector3<f64> {
     let mut null = k.cross(&l);
     for other in [l.cross(&m), m.cross(&k)] {

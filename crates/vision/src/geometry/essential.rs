@@ -1,19 +1,19 @@
-//! The essential matrix: what two calibrated views of a rigid scene have in common.
+//! The essential matrix: the relation between two calibrated views of a rigid scene.
 //!
 //! Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2nd edition, 2004, sec. 9.6.
 //!
-//! For points at depth 1 that show the same scene point, `b^T E a = 0` with `E = [t]x R` and
-//! `x_b = R x_a + t`. E has two equal singular values and a zero one (result 9.17); it determines
-//! R and t up to a choice of four (result 9.19), between which cheirality decides.
+//! For points at depth 1 that show the same scene point, `b^T E a = 0` with `E = [t]x R` and `x_b = R x_a + t`.
+//! E has two equal singular values, and the third is zero (result 9.17). E determines R and t up to a choice of
+//! four (result 9.19); cheirality decides between these.
 
 use nalgebra::{Matrix3, Rotation3, SVD, UnitQuaternion, UnitVector3};
 
 use super::RelativePose;
 
-/// Enough for the singular values of any 3 x 3 matrix of finite numbers.
+/// This number of steps is enough for the singular values of any 3 x 3 matrix of finite numbers.
 const MAX_SVD_STEPS: usize = 100;
 
-/// `[t]x R`, of Frobenius norm sqrt 2.
+/// The essential matrix `[t]x R` of a pose, of Frobenius norm sqrt 2.
 pub fn essential_from_pose(b_from_a: &RelativePose) -> Matrix3<f64> {
     b_from_a.direction.cross_matrix() * b_from_a.rotation.to_rotation_matrix()
 }
@@ -27,9 +27,8 @@ pub fn essential_defect(e: &Matrix3<f64>) -> f64 {
     (gram * e - e * (0.5 * gram.trace())).norm()
 }
 
-/// The four poses whose essential matrix is the one nearest to `e`, up to sign, in the order
-/// (R1, t), (R2, t), (R1, -t), (R2, -t) for `R1 = U W V^T`, `R2 = U W^T V^T`; `None` where `e` is
-/// zero or not finite.
+/// The four poses whose essential matrix is the one nearest to `e`, up to sign. Their order is (R1, t), (R2,
+/// t), (R1, -t), (R2, -t), where `R1 = U W V^T` and `R2 = U W^T V^T`. `None` if `e` is zero or not finite.
 pub fn decompose_essential(e: &Matrix3<f64>) -> Option<[RelativePose; 4]> {
     if !(e.iter().all(|x| x.is_finite()) && e.norm_squared() > 0.0) {
         return None;

@@ -1,12 +1,12 @@
-//! How well a match agrees with a homography, and how far one homography is from another.
+//! How well a match agrees with a homography, and how far apart two homographies are.
 //!
-//! The *symmetric transfer distance* (Hartley, Zisserman, "Multiple View Geometry in Computer Vision",
-//! 2nd edition, 2004, eq. 4.7) is how far `H a` lies from b, and `H^-1 b` from a; here the mean of
-//! both squares.
+//! The *symmetric transfer distance* (Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2nd
+//! edition, 2004, eq. 4.7) uses two distances: that of `H a` from b, and that of `H^-1 b` from a. Here its
+//! square is the mean of their two squares.
 //!
-//! The *corner error* (DeTone, Malisiewicz, Rabinovich, "SuperPoint: Self-Supervised Interest Point
-//! Detection and Description", CVPR Workshops 2018, sec. 6) is how far apart two homographies take the
-//! corners of image a: the mean distance over the four of them, in pixels of image b.
+//! The *corner error* (DeTone, Malisiewicz, Rabinovich, "SuperPoint: Self-Supervised Interest Point Detection
+//! and Description", CVPR Workshops 2018, sec. 6) compares where two homographies map the four corners of image
+//! a. It is the mean distance over the four corners, in pixels of image b.
 
 use std::ops::Range;
 
@@ -16,14 +16,14 @@ use super::PointPairs;
 use super::epipolar::row_major;
 use crate::simd;
 
-/// Where a homography takes a point; not finite where that is infinitely far away.
+/// The point to which a homography maps `point`; not finite if that is infinitely far away.
 pub fn transfer(h: &Matrix3<f64>, point: Point2<f64>) -> Point2<f64> {
     let seen = h * point.to_homogeneous();
     Point2::new(seen.x / seen.z, seen.y / seen.z)
 }
 
-/// Squared symmetric transfer distance of each of the matches in `range`, written to `out`; infinite or
-/// NaN for matches that are not finite or go through infinity, and for a matrix without inverse.
+/// Writes the squared symmetric transfer distance of each match in `range` to `out`. Infinite or NaN for
+/// matches that are not finite or that are mapped to infinity, and for a matrix without inverse.
 ///
 /// # Panics
 /// If `range` is not within `pairs`, or `out` has another length.
@@ -43,8 +43,8 @@ pub fn squared_transfer_distances(
     simd::squared_transfer(&row_major(h), &row_major(&back), points, out);
 }
 
-/// The corner error of an `estimate` in an image a of so many columns and rows, in pixels of image b; the
-/// corners are the centres of the outermost pixels. Not finite where a corner goes to infinity.
+/// The corner error of an `estimate` in an image a of so many columns and rows, in pixels of image b. The
+/// corners are the centres of the outermost pixels. Not finite if a corner is mapped to infinity.
 pub fn corner_error(
     estimate: &Matrix3<f64>,
     truth: &Matrix3<f64>,

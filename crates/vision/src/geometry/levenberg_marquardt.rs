@@ -1,13 +1,13 @@
-//! Least robust sums of squares, by damped steps.
+//! Minimisation of a robust sum of squares by the method of Levenberg and Marquardt.
 //!
 //! Levenberg, "A Method for the Solution of Certain Non-Linear Problems in Least Squares",
 //! Quarterly of Applied Mathematics 2, 1944; Marquardt, "An Algorithm for Least-Squares Estimation of
-//! Nonlinear Parameters", SIAM Journal 11, 1963. Losses: Huber, Ronchetti, "Robust Statistics", 2nd
-//! edition, 2009; as iteratively reweighted least squares.
+//! Nonlinear Parameters", SIAM Journal 11, 1963. Losses: Huber, Ronchetti, "Robust Statistics", 2nd edition,
+//! 2009. They are minimised as iteratively reweighted least squares.
 //!
-//! A model with N degrees of freedom moves on its tangent space. A step solves the weighted normal equations, whose
-//! diagonal is made larger by the damping; one that costs less is taken and damped less afterwards, one that costs
-//! more is not taken, and the next is damped more.
+//! A model with N degrees of freedom moves on its tangent space. A step solves the weighted normal equations,
+//! whose diagonal is increased by the damping. A step that reduces the cost is taken, and the next is damped
+//! less. A step that increases the cost is not taken, and the next is damped more.
 //!
 //! | constant | value | source |
 //! | --- | --- | --- |
@@ -22,20 +22,20 @@ const LARGEST_DAMPING: f64 = 1e6;
 const DAMPING_FACTOR: f64 = 10.0;
 const SMALLEST_STEP: f64 = 1e-9;
 
-/// What a residual r costs, with c the scale of the loss.
+/// The cost of a residual r, where c is the scale of the loss.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum Loss {
     /// `min(r^2, c^2)`: outliers have no influence.
     Truncated,
-    /// `c^2 log(1 + r^2 / c^2)`: the influence of outliers fades.
+    /// `c^2 log(1 + r^2 / c^2)`: the influence of outliers gets smaller with their distance.
     Cauchy,
 }
 
 impl Loss {
-    /// What residuals cost: first the number of those that are not finite, where the loss has no bound, then the sum
-    /// of the others.
+    /// The cost of residuals. First the number of residuals that are not finite, if the loss has no bound; then
+    /// the sum over the others.
     fn cost(self, squared: &[f64], limit: f64) -> (usize, f64) {
         match self {
             // `min` ignores NaN.
@@ -48,7 +48,7 @@ impl Loss {
         }
     }
 
-    /// Weights of the squared residuals, in their place.
+    /// Replaces the squared residuals by their weights.
     fn weigh(self, squared: &mut [f64], limit: f64) {
         for r in squared {
             *r = match self {
@@ -60,7 +60,7 @@ impl Loss {
     }
 }
 
-/// What is refined, a model of N degrees of freedom.
+/// A problem to be refined: a model of N degrees of freedom and its matches.
 pub(super) trait LeastSquares<const N: usize> {
     type Model: Copy;
 
@@ -70,7 +70,7 @@ pub(super) trait LeastSquares<const N: usize> {
     /// The squared residual of each match.
     fn squared_residuals(&self, model: &Self::Model, out: &mut [f64]);
 
-    /// The normal equations about a model for the `weights` of the matches; `None` where there are none.
+    /// The normal equations at a model for the `weights` of the matches; `None` if there are none.
     fn normal_equations(&self, model: &Self::Model, weights: &[f64]) -> Option<NormalEquations<N>>;
 
     /// The model moved by a step on its tangent space.
@@ -101,8 +101,8 @@ impl<const N: usize> NormalEquations<N> {
     }
 }
 
-/// The model after at most `max_steps` steps from `start`: never one that costs more. The scale of the `loss` is
-/// given squared, in the unit of the squared residuals.
+/// The model after at most `max_steps` steps from `start`. Its cost is never larger than that of `start`. The
+/// scale of the `loss` is given squared, in the unit of the squared residuals.
 pub(super) fn minimise<const N: usize, P: LeastSquares<N>>(
     problem: &P,
     start: P::Model,

@@ -1,13 +1,13 @@
-//! Matched points of two images, in pixels: what selection hands to estimation.
+//! Matched points of two images, in pixels: the result of selection and the input of estimation.
 
 use nalgebra::Point2;
 
 use super::{Camera, Covariances, PointPairs};
 
-/// Matched points of two images: `a[i]` and `b[i]` are taken to show the same scene point.
+/// Matched points of two images: `a[i]` and `b[i]` are assumed to show the same scene point.
 ///
-/// All lists have the same length; [`MatchedPoints::at_depth_1`] and [`MatchedPoints::in_pixels`], one of
-/// which every estimator calls first, panic where they have not.
+/// All lists must have the same length. Every estimator first calls [`MatchedPoints::at_depth_1`] or
+/// [`MatchedPoints::in_pixels`], and these panic if the lengths differ.
 ///
 /// ```
 /// use matchbench_vision::geometry::MatchedPoints;
@@ -23,13 +23,14 @@ pub struct MatchedPoints {
     pub a: Vec<Point2<f64>>,
     /// Positions in image `b`, in pixels.
     pub b: Vec<Point2<f64>>,
-    /// How doubtful each match is, from 0 (certain) to 1 (a second candidate is as good): the nearest
-    /// over the second nearest distance of descriptors, or one minus a learned confidence; above 1 where a selector chose
-    /// another candidate than the nearest. Only the order matters, and only to samplers that try certain matches first.
+    /// How ambiguous each match is, from 0 (certain) to 1 (a second candidate is as good): the ratio of the
+    /// nearest to the second nearest distance of descriptors, or one minus a learned confidence. It is above 1 if
+    /// a selector chose another candidate than the nearest. Only the order of these values matters, and only to
+    /// samplers that try certain matches first.
     pub ambiguity: Vec<f32>,
-    /// By how much the keypoint of `b` is turned against that of `a`, in radians; `None` where that is not known of
-    /// every match. Scores that ask for it trust matches less that turned unlike most (see
-    /// [`Score`](crate::robust::Score)).
+    /// The angle by which the keypoint of `b` is turned relative to that of `a`, in radians; `None` if it is
+    /// not known for every match. Scores that use it trust a match less if its angle differs from that of most
+    /// matches (see [`Score`](crate::robust::Score)).
     pub turns: Option<Vec<f32>>,
 }
 
@@ -49,10 +50,11 @@ impl MatchedPoints {
         points
     }
 
-    /// The same matches, with how far their keypoints turned; `None` where that is not known of every match.
+    /// The same matches, with the angles by which their keypoints are turned, in radians; `None` if they are
+    /// not known for every match.
     ///
     /// # Panics
-    /// If there are not as many as matches.
+    /// If the numbers of angles and of matches differ.
     #[must_use]
     pub fn with_turns(self, turns: Option<Vec<f32>>) -> Self {
         let points = Self { turns, ..self };
@@ -70,7 +72,7 @@ impl MatchedPoints {
         self.a.is_empty()
     }
 
-    /// Appends a match of which no turn is known, so that [`turns`](Self::turns) becomes `None`.
+    /// Appends a match whose turn is not known, so [`turns`](Self::turns) becomes `None`.
     pub fn push(&mut self, a: Point2<f64>, b: Point2<f64>, ambiguity: f32) {
         self.a.push(a);
         self.b.push(b);
@@ -103,7 +105,7 @@ impl MatchedPoints {
         }
     }
 
-    /// The matches as points at depth 1: calibration and lens distortion of each camera undone.
+    /// The matches as points at depth 1: calibration and lens distortion of each camera are undone.
     ///
     /// # Panics
     /// If the lists have different lengths.
@@ -114,7 +116,8 @@ impl MatchedPoints {
             .collect()
     }
 
-    /// As [`MatchedPoints::at_depth_1`], with what noise in the images becomes there, if a lens distorts.
+    /// As [`MatchedPoints::at_depth_1`], and if a lens distorts, with the [covariances](super::Covariances) of
+    /// image noise at depth 1.
     ///
     /// # Panics
     /// If the lists have different lengths.
@@ -125,7 +128,7 @@ impl MatchedPoints {
         pairs
     }
 
-    /// The matches in pixels as they are, coordinate by coordinate.
+    /// The matches in pixels, unchanged, in one array per coordinate.
     ///
     /// # Panics
     /// If the lists have different lengths.

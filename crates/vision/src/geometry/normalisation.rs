@@ -1,12 +1,12 @@
-//! Coordinates in which linear equations of image points are well conditioned.
+//! Normalised coordinates, in which linear equations of image points are well conditioned.
 //!
 //! Hartley, "In Defense of the Eight-Point Algorithm", PAMI 19(6), 1997; Hartley, Zisserman,
 //! "Multiple View Geometry in Computer Vision", 2nd edition, 2004, sec. 4.4.
 
 use nalgebra::Matrix3;
 
-/// What moves the centroid of the points to the origin and their mean distance from it to sqrt 2. Not finite
-/// where there are none, or where they are one point.
+/// The transformation that moves the centroid of the points to the origin and makes their mean distance from it
+/// sqrt 2. Not finite if there are no points, or if all points are the same.
 pub(crate) fn normalisation(points: impl Iterator<Item = (f64, f64)> + Clone) -> Matrix3<f64> {
     let count = points.clone().count() as f64;
     let mean_x = points.clone().map(|(x, _)| x).sum::<f64>() / count;

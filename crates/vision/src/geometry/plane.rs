@@ -1,28 +1,29 @@
-//! The poses that a plane allows.
+//! The relative poses that a homography of a plane allows.
 //!
 //! Ma, Soatto, Kosecka, Sastry, "An Invitation to 3-D Vision", 2004, sec. 5.3.3; first by Faugeras, Lustman, "Motion and
 //! Structure from Motion in a Piecewise Planar Environment", International Journal of Pattern Recognition and
 //! Artificial Intelligence 2(3), 1988.
 //!
-//! Two calibrated views of a plane are related by `H = R + t n^T / d`, scaled such that its middle singular value is 1.
-//! The vectors that H leaves as long as they are lie in two planes; one of these is the plane of the scene, moved into
-//! the camera, and each tells a rotation and a translation: so a plane alone has two poses, up to the side on which it is. With
-//! `H^T H = V diag(s1^2, 1, s3^2) V^T` they are spanned by `v2` and
-//! `u = (sqrt(1 - s3^2) v1 +- sqrt(s1^2 - 1) v3) / sqrt(s1^2 - s3^2)`, of which R takes the triple `v2, u, v2 x u` to
-//! `H v2, H u, H v2 x H u`; then `t = (H - R) (v2 x u)`. Both cameras are on the same side of the plane, so H has a
-//! positive determinant.
+//! Two calibrated views of a plane are related by `H = R + t n^T / d`, scaled such that its middle singular
+//! value is 1. The vectors whose length H does not change lie in two planes. One of these is parallel to the
+//! plane of the scene, and each of them determines a rotation and a translation. So a plane alone allows two
+//! poses, up to the side of the plane. With `H^T H = V diag(s1^2, 1, s3^2) V^T` the two planes are spanned by
+//! `v2` and `u = (sqrt(1 - s3^2) v1 +- sqrt(s1^2 - 1) v3) / sqrt(s1^2 - s3^2)`. R takes the triple
+//! `v2, u, v2 x u` to `H v2, H u, H v2 x H u`; then `t = (H - R) (v2 x u)`. Both cameras are on the same side of the plane,
+//! so H has a positive determinant.
 
 use nalgebra::{Matrix3, SVD};
 
 use super::solvers::Solutions;
 
-/// Enough for the singular values of any 3 x 3 matrix of finite numbers.
+/// This number of steps is enough for the singular values of any 3 x 3 matrix of finite numbers.
 const MAX_SVD_STEPS: usize = 100;
-/// Singular values this close together are those of a rotation, which shows no plane.
+/// If the singular values are this close together, H is taken for a rotation, which says nothing about a plane.
 const LEAST_SPAN: f64 = 1e-9;
 
-/// The essential matrices, of Frobenius norm 1 and any sign, of the two poses that explain a homography of points at depth 1
-/// from a to b; its scale and sign do not matter. None where it is that of a rotation, or has no inverse.
+/// The essential matrices of the two poses that explain a homography from a to b of points at depth 1. They
+/// have Frobenius norm 1 and any sign. Scale and sign of `h` do not matter. There are none if `h` is a rotation
+/// or has no inverse.
 pub fn essentials_of_plane(h: &Matrix3<f64>) -> Solutions<Matrix3<f64>, 2> {
     let mut found = Solutions::none();
     if !h.iter().all(|x| x.is_finite()) {

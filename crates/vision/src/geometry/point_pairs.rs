@@ -1,12 +1,12 @@
-//! Matched points of two views, coordinate by coordinate.
+//! Matched points of two views, one array per coordinate.
 
 use nalgebra::Point2;
 
 use super::Covariances;
 
-/// Matched points at depth 1 (see [`Camera::normalize`](super::Camera::normalize)): number `i` of
-/// `a` and number `i` of `b` are taken to show the same scene point. Each coordinate is an array
-/// of its own, so that kernels read several matches at once.
+/// Matched points at depth 1 (see [`Camera::normalize`](super::Camera::normalize)): point `i` of `a` and point
+/// `i` of `b` are assumed to show the same scene point. Each coordinate has its own array, so that kernels can
+/// read several matches at once.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PointPairs {
     /// x in view `a`.
@@ -17,7 +17,7 @@ pub struct PointPairs {
     pub b_x: Vec<f64>,
     /// y in view `b`.
     pub b_y: Vec<f64>,
-    /// What noise in the image becomes at each of the points, where it is not the same everywhere.
+    /// The covariances of image noise at the points; `None` if the noise is the same everywhere.
     pub covariances: Option<Covariances>,
 }
 

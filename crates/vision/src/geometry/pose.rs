@@ -1,4 +1,4 @@
-//! Relative pose of two cameras up to scale, and how far one is from another.
+//! Relative pose of two cameras up to scale, and the error of an estimated pose.
 
 use nalgebra::{Isometry3, UnitQuaternion, UnitVector3, Vector3};
 
@@ -17,8 +17,8 @@ pub struct RelativePose {
 pub struct PoseError {
     /// Angle of the rotation between the two rotations, in radians, in `[0, pi]`.
     pub rotation: f64,
-    /// Angle between the two translations, in radians, in `[0, pi]`. Signed in the sense that
-    /// opposite directions are `pi` apart: cheirality decides the sign, and a wrong one is wrong.
+    /// Angle between the two directions of translation, in radians, in `[0, pi]`. The sign counts: opposite
+    /// directions are `pi` apart, since cheirality decides the sign and can decide it wrongly.
     pub translation: f64,
 }
 
@@ -33,8 +33,8 @@ impl RelativePose {
 
     /// The direction of a translation of any length; `None` where it is zero or not finite.
     ///
-    /// The squares of lengths above 1e154 overflow, those below 1e-154 vanish: such a translation is
-    /// scaled first, by its largest number.
+    /// Squares of lengths above 1e154 overflow, and those of lengths below 1e-154 become zero. Such a
+    /// translation is first divided by its largest coordinate.
     pub fn direction_of(translation: &Vector3<f64>) -> Option<UnitVector3<f64>> {
         let largest = translation.amax();
         let scaled = if (1e-100..=1e100).contains(&largest) {

@@ -1,9 +1,9 @@
-//! Refinement of a relative pose: the least robust sum of squared Sampson distances.
+//! Refinement of a relative pose: minimises a robust sum of squared Sampson distances.
 //!
-//! A pose has five degrees of freedom. A step moves it on its tangent space: the rotation by a
-//! vector `w` (Cayley's map, `R <- R q(1, w / 2)`, which needs no trigonometry), the direction along
-//! two vectors perpendicular to it. The residual of a match is its signed Sampson distance. Steps are
-//! those of Levenberg and Marquardt, in radians.
+//! A pose has five degrees of freedom. A step moves it on its tangent space: the rotation by a vector `w`
+//! (Cayley's map, `R <- R q(1, w / 2)`, which needs no trigonometry), and the direction of translation along
+//! two vectors perpendicular to it. The residual of a match is its signed Sampson distance. Steps are those of
+//! Levenberg and Marquardt, in radians.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, UnitVector3, Vector3, Vector5};
 
@@ -14,8 +14,8 @@ use super::{
 };
 use crate::simd;
 
-/// The pose after at most `max_steps` steps from `start`: never one that costs more. The scale of
-/// the `loss` is given squared, in the squared unit of the points.
+/// The pose after at most `max_steps` steps from `start`. Its cost is never larger than that of `start`. The
+/// scale of the `loss` is given squared, in the squared unit of the points.
 pub fn refine_pose(
     start: &RelativePose,
     pairs: &PointPairs,
@@ -32,20 +32,24 @@ pub fn refine_pose(
     )
 }
 
-/// How far a pose may be off as the matches tell, in radians of the rotation and direction together. Where each match has
-/// a noise of this standard deviation in the unit of the points, the pose of least squares has the covariance
-/// `noise^2 (J^T J)^-1` (Hartley, Zisserman, "Multiple View Geometry", 2004, result 5.10); the variance along which they tell
-/// least is its largest eigenvalue. A pose that nobody refined is besides as far from that one as a Gauss-Newton step goes,
-/// `(J^T J)^-1 J^T r`. The root of the two squares together is at most `UNKNOWN`, also where the matches do not tell.
+/// Estimates how far a pose may be from the truth, in radians of rotation and direction together, from the
+/// matches. Suppose that each match has noise of standard deviation `noise`, in the unit of the points. Then
+/// the least-squares pose has the covariance `noise^2 (J^T J)^-1` (Hartley, Zisserman, "Multiple View
+/// Geometry", 2004, result 5.10). Its largest eigenvalue is the variance along the direction that the matches
+/// determine least. A pose that was not refined also differs from the least-squares pose, by about a
+/// Gauss-Newton step, `(J^T J)^-1 J^T r`. The result is the root of the sum of this variance and the squared
+/// length of this step. It is at most `UNKNOWN`, which is also the result if the matches do not determine the
+/// pose.
 pub(crate) fn pose_deviation(pose: &RelativePose, pairs: &PointPairs, noise: f64) -> f64 {
-    /// No angle is less known than this.
+    /// The largest possible value: no angle can be less certain.
     const UNKNOWN: f64 = std::f64::consts::PI;
     let weights = vec![1.0; pairs.len()];
     let NormalEquations {
         matrix: information,
         gradient,
     } = normal_equations(pose, pairs, &weights);
-    // Matches too far out for a sum of squares tell nothing, and eigenvalues of what is not finite are looked for without end.
+    // Matches so far out that sums of squares overflow tell nothing, and the search for eigenvalues of numbers
+    // that are not finite would never end.
     if !information.iter().all(|x| x.is_finite()) {
         return UNKNOWN;
     }

@@ -1,14 +1,14 @@
-//! Refinement of a homography: the least robust sum of squared symmetric transfer distances.
+//! Refinement of a homography: minimises a robust sum of squared symmetric transfer distances.
 //!
 //! Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2nd edition, 2004, sec. 4.2.2 (the
 //! distance) and app. 6 (Levenberg-Marquardt). Losses as in [`refine_pose`](super::refine_pose).
 //!
-//! A homography has eight degrees of freedom: its matrix is kept at norm 1 and moves along the eight
-//! directions perpendicular to it. That is done in coordinates in which the points of either image have
-//! their centroid at 0 and a mean distance of sqrt 2 from it (sec. 4.4): in pixels, the columns of a
-//! homography differ by a factor of the image's size. Distances are pixels all the same.
+//! A homography has eight degrees of freedom: its matrix is kept at norm 1, and moves along the eight
+//! directions perpendicular to it. This is done in normalised coordinates, where the points of each image have
+//! their centroid at 0 and a mean distance of sqrt 2 from it (sec. 4.4), since in pixels the columns of a
+//! homography differ by a factor of the size of the image. Distances are still measured in pixels.
 //!
-//! Steps are those of Levenberg and Marquardt, as shares of the matrix's norm.
+//! Steps are those of Levenberg and Marquardt, relative to the norm of the matrix.
 
 use nalgebra::{Matrix3, SVector};
 
@@ -18,7 +18,8 @@ use super::{PointPairs, normalisation, squared_transfer_distances};
 use crate::simd;
 
 /// The homography after at most `max_steps` steps from `start`, of Frobenius norm 1 and with the sign of
-/// `start`: never one that costs more. The scale of the `loss` is given squared, in squared pixels.
+/// `start`. Its cost is never larger than that of `start`. The scale of the `loss` is given squared, in squared
+/// pixels.
 pub fn refine_homography(
     start: &Matrix3<f64>,
     pairs: &PointPairs,
@@ -58,7 +59,8 @@ impl LeastSquares<8> for TransferDistances<'_> {
         squared_transfer_distances(&in_pixels, self.pairs, 0..self.pairs.len(), out);
     }
 
-    /// Along the directions [`perpendicular`] to `h`; `None` where the homography has no inverse.
+    /// The normal equations along the directions [`perpendicular`] to `h`; `None` if the homography has no
+    /// inverse.
     fn normal_equations(&self, h: &Matrix3<f64>, weights: &[f64]) -> Option<NormalEquations<8>> {
         let (frames, pairs) = (&self.frames, self.pairs);
         let there = frames.in_pixels(h);
@@ -83,7 +85,7 @@ impl LeastSquares<8> for TransferDistances<'_> {
     }
 }
 
-/// What takes pixels of either image to coordinates in which a homography is well conditioned.
+/// The transformations from pixels of each image to coordinates in which a homography is well conditioned.
 struct Frames {
     from_a: Matrix3<f64>,
     b_to_pixels: Matrix3<f64>,
@@ -91,7 +93,7 @@ struct Frames {
 }
 
 impl Frames {
-    /// `None` where there are no points, or all of an image are one.
+    /// `None` if there are no points, or if all points of an image are the same.
     fn around(pairs: &PointPairs, h: &Matrix3<f64>) -> Option<Self> {
         let of = |x: &[f64], y: &[f64]| {
             let points = x.iter().zip(y).map(|(x, y)| (*x, *y));
@@ -118,8 +120,8 @@ impl Frames {
     }
 }
 
-/// Eight matrices of norm 1 perpendicular to `h`, of norm 1, and to each other: the columns but the first
-/// of the reflection that takes `h` to an axis (Householder).
+/// Eight matrices of norm 1 that are perpendicular to `h`, which has norm 1, and to each other. They are the
+/// columns, except the first, of the reflection that takes `h` to an axis (Householder).
 fn perpendicular(h: &Matrix3<f64>) -> [Matrix3<f64>; 8] {
     let first = h[0];
     let mut mirror = *h;

@@ -6,14 +6,14 @@
 //! vector that violates the four least. The depths are `X_3 / X_4` and `(R X)_3 / X_4 + t_3`, in
 //! units of the baseline, since t has length 1.
 //!
-//! *Choice*: that X is the eigenvector of the normal matrix `A^T A`, by Jacobi rotations and for
-//! several matches at once, rather than by a singular value decomposition of A, one after the
-//! other. The squared condition costs no digit that a depth below 50 baselines would need.
+//! *Choice*: X is computed as the eigenvector of the normal matrix `A^T A`, by Jacobi rotations and for several
+//! matches at once, and not by a singular value decomposition of A for each match. The condition number is
+//! squared by this, but that costs no digit that a depth below 50 baselines would need.
 //!
-//! [`ray_depths`] asks less: with `p = R a` the lines of sight meet where `l_b b = l_a p + t`, and
-//! the cross products with b and with p give both depths in closed form, at a fiftieth of the cost.
-//! Where the lines miss each other the depths are the least-squares solutions of the two
-//! equations, and their signs are what they are for.
+//! [`ray_depths`] is a cheaper function. With `p = R a` the lines of sight meet where `l_b b = l_a p + t`. The
+//! cross products with b and with p give both depths in closed form, at a fiftieth of the cost. Where the lines
+//! miss each other, the depths are the least-squares solutions of the two equations. They are meant for their
+//! signs.
 
 use super::epipolar::row_major;
 use super::{PointPairs, RelativePose};
@@ -37,9 +37,9 @@ pub fn triangulate_depths(
     simd::triangulate_depths(&r, &t, a_x, a_y, b_x, b_y, depth_a, depth_b);
 }
 
-/// Depths of each match in view `a` and in view `b`, in baselines, where its two lines of sight
-/// come nearest to meeting; negative behind the camera, infinite or NaN where they are parallel or
-/// coordinates not finite.
+/// Depths of each match in view `a` and in view `b`, in baselines, at the place where its two lines of sight
+/// come nearest to each other. Negative behind the camera; infinite or NaN if the lines are parallel or
+/// coordinates are not finite.
 ///
 /// # Panics
 /// If `depth_a` or `depth_b` does not have an entry for each of the `pairs`.

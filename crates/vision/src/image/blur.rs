@@ -1,9 +1,9 @@
 //! Gaussian blur, as two one-dimensional passes.
 //!
-//! Each output row is a weighted sum of input rows (vertical pass, four output rows at once),
-//! then a weighted sum along that row. Unless an algorithm says otherwise, the kernel reaches four
-//! standard deviations to each side and the image is mirrored beyond its border ([`Border`]).
-//! Size of the kernel and border are those of OpenCV's `GaussianBlur` on floats.
+//! Each output row is first a weighted sum of input rows (vertical pass, four output rows at once), then a
+//! weighted sum along that row. Unless an algorithm says otherwise, the kernel reaches four standard deviations
+//! to each side, and the image is mirrored beyond its border ([`Border`]). Kernel size and border are those of
+//! OpenCV's `GaussianBlur` on floats.
 
 use std::ops::Range;
 
@@ -17,8 +17,8 @@ pub struct GaussianKernel {
 }
 
 impl GaussianKernel {
-    /// The kernel of standard deviation `sigma` in pixels, of the odd size nearest to
-    /// `8 sigma + 1` that is not smaller.
+    /// The kernel of standard deviation `sigma` in pixels. Its size is the smallest odd number that is at least
+    /// `8 sigma + 1`.
     ///
     /// # Panics
     /// If `sigma` is not positive and finite.
@@ -33,8 +33,7 @@ impl GaussianKernel {
         )
     }
 
-    /// The kernel of standard deviation `sigma` in pixels that reaches `radius` pixels to each
-    /// side.
+    /// The kernel of standard deviation `sigma` in pixels that reaches `radius` pixels to each side.
     pub(crate) fn with_radius(sigma: f64, radius: usize) -> Self {
         let radius = radius as i32;
         let weights: Vec<f64> = (-radius..=radius)
@@ -68,7 +67,7 @@ pub fn gaussian_blur(image: &FloatImage, sigma: f64) -> FloatImage {
     )
 }
 
-/// `image`, replicated beyond its border, blurred by a Gaussian that reaches `radius` pixels.
+/// Blurs `image` by a Gaussian that reaches `radius` pixels. Beyond its border the image is replicated.
 pub(crate) fn gaussian_blur_within(image: &FloatImage, sigma: f64, radius: usize) -> FloatImage {
     let kernel = GaussianKernel::with_radius(sigma, radius);
     blur_whole(
@@ -89,7 +88,7 @@ fn blur_whole(image: &FloatImage, mut blur: RowBlur) -> FloatImage {
     FloatImage::from_vec(image.size(), pixels)
 }
 
-/// What lies beyond the border of an image.
+/// How an image continues beyond its border.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Border {
     /// The image mirrored about its outermost pixel centres (`dcb|abcd|cba`).
@@ -107,8 +106,8 @@ impl Border {
         }
     }
 
-    /// Fills the pixels of a row that lie beyond a border of an image from those within. The first
-    /// of `padded` stands in column `first` of an image of `width` columns.
+    /// Fills the pixels of a row that lie beyond the border of an image from those within. The first pixel of
+    /// `padded` is column `first` of an image of `width` columns.
     pub(crate) fn fill_ends(self, padded: &mut [f32], first: isize, width: usize) {
         if width == 0 {
             return;
@@ -134,7 +133,8 @@ impl Border {
     }
 }
 
-/// A Gaussian blur that follows an image, or a strip of its columns, while its rows are made.
+/// A Gaussian blur that makes its rows as soon as the rows of its input, an image or a strip of its columns,
+/// are there.
 #[derive(Clone, Debug)]
 pub(crate) struct RowBlur {
     kernel: GaussianKernel,
@@ -146,7 +146,7 @@ pub(crate) struct RowBlur {
 }
 
 impl RowBlur {
-    /// A blur of whole rows.
+    /// A blur of complete rows.
     pub(crate) fn new(kernel: GaussianKernel, width: usize) -> Self {
         Self::with_border(kernel, width, Border::Mirror)
     }
@@ -155,7 +155,7 @@ impl RowBlur {
         Self::of_columns(kernel, &(0..width), border)
     }
 
-    /// A blur whose output are `columns` of the image.
+    /// A blur whose output is the given `columns` of the image.
     pub(crate) fn of_columns(
         kernel: GaussianKernel,
         columns: &Range<usize>,
@@ -172,13 +172,13 @@ impl RowBlur {
         }
     }
 
-    /// Rows of the input that must exist before the rows of the output after `made` are made.
+    /// The number of input rows that must exist before the output rows after `made` can be made.
     pub(crate) fn needs(&self, made: usize, height: usize) -> usize {
         height.min(made + ROWS_AT_ONCE + self.kernel.radius())
     }
 
-    /// Makes the next rows of `output` from an input whose rows start at column `start` of the image
-    /// and hold all columns of it that the output depends on.
+    /// Makes the next rows of `output`. The rows of the input start at column `start` of the image and hold all
+    /// columns that the output depends on.
     pub(crate) fn advance<'a>(
         &mut self,
         start: usize,
@@ -212,7 +212,7 @@ impl RowBlur {
     }
 }
 
-/// Multiples of this many pixels are where rows of a buffer lie well in memory.
+/// Rows of a buffer are well aligned in memory at multiples of this many pixels.
 pub(super) const ALIGNED: isize = 16;
 
 /// The index in `0..length` where `index` falls when the sequence is mirrored about its first and

@@ -1,14 +1,14 @@
 //! Gaussian blur from 8-bit images to 8-bit images.
 //!
-//! Weights and sums are in single precision and only the result is rounded; beyond the border the
-//! image is mirrored about its outermost pixel centres (`dcb|abcd|cba`). The rounded results are
-//! those of OpenCV's `sepFilter2D` with its `getGaussianKernel`.
+//! Weights and sums are in single precision, and only the result is rounded. Beyond the border the image is
+//! mirrored about its outermost pixel centres (`dcb|abcd|cba`). The rounded results equal those of OpenCV's
+//! `sepFilter2D` with the kernel of its `getGaussianKernel`.
 
 use super::GrayImage;
 use super::blur::mirror;
 use crate::simd::{weigh_along_u8, weigh_both_u8, weigh_rows_u8};
 
-/// `image` blurred by a Gaussian of standard deviation `sigma` pixels, cut off beyond `radius`
+/// Blurs `image` by a Gaussian of standard deviation `sigma` pixels. The kernel is cut off beyond `radius`
 /// pixels and normalised.
 ///
 /// # Panics
@@ -65,7 +65,8 @@ pub(crate) fn gaussian_blur_u8_inside(
     blurred
 }
 
-/// Weights of the normalised kernel from its middle, which counts twice, to one end.
+/// Weights of half of the normalised kernel, from its middle to one end. That of the middle is halved, since it
+/// is added twice.
 fn half_kernel(radius: usize, sigma: f64) -> Vec<f32> {
     let weights: Vec<f64> = (0..=radius)
         .map(|x| libm::exp(-((x * x) as f64) / (2.0 * sigma * sigma)))

@@ -4,22 +4,21 @@
 //! 12(7), 629-639, 1990. S. Grewenig, J. Weickert, A. Bruhn: "From Box Filtering to Fast Explicit
 //! Diffusion", DAGM 2010.
 //!
-//! An image L evolves in time by `dL/dt = div(c grad L)`, where the conductivity c falls with the
-//! length of the gradient of a slightly smoothed L (function g2 of Perona and Malik); constant c
-//! would be a Gaussian blur of variance `2 t`. An explicit step is stable up to a time of 1/4. FED
-//! takes n steps of different lengths, some far above that limit, which together are stable and
-//! last `(n^2 + n) / 12`; c stays the same meanwhile. They are reordered so that rounding errors
-//! do not grow.
+//! An image L changes over time by `dL/dt = div(c grad L)`. The conductivity c falls with the length of the
+//! gradient of a slightly smoothed L (function g2 of Perona and Malik); constant c would be a Gaussian blur of
+//! variance `2 t`. An explicit step is stable up to a time of 1/4. FED takes n steps of different lengths, some
+//! far above that limit, which together are stable and last `(n^2 + n) / 12`. During these steps c stays the
+//! same. The steps are reordered so that rounding errors do not grow.
 //!
-//! Several steps run through the image together, each one row behind the one before, in place:
-//! what one step reads is then still in the cache from the step before.
+//! Several steps run through the image together and in place, each one row behind the step before. So what one
+//! step reads is still in the cache from the step before.
 
 use super::FloatImage;
 use crate::simd::{Below, NO_FLOWS, diffuse_row};
 
 /// Longest stable explicit step.
 const STABLE_TIME: f32 = 0.25;
-/// Bytes of the rows that steps which run together have in use; about half of a level-2 cache.
+/// Bytes of all rows that are in use by steps which run together; about half of a level-2 cache.
 const BYTES_IN_USE: usize = 1 << 18;
 
 /// Lengths of the steps of one cycle that lasts `time`, in their order.
@@ -50,7 +49,7 @@ fn is_prime(n: usize) -> bool {
     n >= 2 && (2..n).all(|divisor| !n.is_multiple_of(divisor))
 }
 
-/// Diffuses `image` in place with the given conductivities by explicit steps of these lengths.
+/// Diffuses `image` in place with the given conductivities, by explicit steps of the given lengths.
 ///
 /// # Panics
 /// If the sizes differ.

@@ -1,14 +1,14 @@
-//! What a detector on a nonlinear scale space needs of one level, in one pass from top to bottom.
+//! All that a detector on a nonlinear scale space computes from one level, in one pass from top to bottom.
 //!
-//! Four filters run over the image, each some rows behind the one before, so that what one makes
-//! the next still finds in the cache:
+//! Four filters run over the image, each some rows behind the one before. So each filter finds its input still
+//! in the cache:
 //!
-//! 1. the image smoothed by a Gaussian of one pixel (5 x 5), only a few rows of which exist,
+//! 1. the image smoothed by a Gaussian of one pixel (5 x 5), of which only a few rows are kept,
 //! 2. the conductivities of the smoothed image ([`super::diffusion`]), for the next level,
 //! 3. its derivatives along x and y by Scharr's operator, widened to the scale of the level,
 //! 4. the determinant of the Hessian, from the derivatives of the derivatives.
 //!
-//! Beyond the border the image is replicated by the Gaussian and mirrored by the derivatives.
+//! Beyond the border, the Gaussian replicates the image and the derivatives mirror it.
 
 use super::blur::{Border, GaussianKernel, RowBlur};
 use super::{FloatImage, RowBuffer, Size};
@@ -17,7 +17,7 @@ use crate::simd::{
     gradient_norms, weigh_across,
 };
 
-/// Scharr's 3 x 3 operator without normalisation, as contrast is measured.
+/// Scharr's 3 x 3 operator without normalisation, as it is used to measure the contrast.
 const CONTRAST: Scharr = Scharr {
     step: 1,
     side: 3.0,
@@ -39,7 +39,7 @@ impl Scharr {
     }
 }
 
-/// Which pixels do not count when the contrast of an image is measured.
+/// Which pixels are left out when the contrast of an image is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Flat {
     /// Those without any gradient.
@@ -48,8 +48,8 @@ pub(crate) enum Flat {
     LowestBin,
 }
 
-/// The given share of the gradients of `image`, smoothed by a Gaussian of one pixel, is shorter
-/// than this. From a histogram of 300 bins; pixels on the border do not count.
+/// The contrast: the given share of the gradients of `image`, smoothed by a Gaussian of one pixel, is shorter
+/// than this. It is read from a histogram of 300 bins. Pixels on the border do not count.
 pub(crate) fn contrast(image: &FloatImage, share: f32, flat: Flat) -> f32 {
     let (width, height) = (image.width(), image.height());
     if width < 3 || height < 3 {
@@ -102,7 +102,7 @@ pub(crate) fn contrast(image: &FloatImage, share: f32, flat: Flat) -> f32 {
 /// Contrast of an image without gradients, in grey values of 0..=1.
 const DEFAULT_CONTRAST: f32 = 0.03;
 
-/// How to pass over one level.
+/// What a pass over one level computes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LevelPass {
     /// Whether to smooth the image first.
@@ -113,7 +113,7 @@ pub(crate) struct LevelPass {
     pub(crate) contrast: Option<f32>,
 }
 
-/// What the pass leaves behind.
+/// The results of the pass.
 pub(crate) struct LevelRows<'a> {
     /// Conductivities, if wanted.
     pub(crate) conductivity: &'a mut FloatImage,

@@ -6,9 +6,9 @@
 use super::GrayImage;
 use crate::simd::integrate_row;
 
-/// Sums of the pixels above and to the left of each corner between pixels.
+/// For each corner between pixels, the sum of all pixels above and to the left of it.
 ///
-/// Sums are modulo 2^32; those over rectangles below 2^24 pixels are exact nevertheless.
+/// Sums are modulo 2^32. The sum over a rectangle of less than 2^24 pixels is exact nevertheless.
 #[derive(Clone, Debug)]
 pub struct IntegralImage {
     stride: usize,
@@ -32,12 +32,13 @@ impl IntegralImage {
         &self.sums
     }
 
-    /// Values of a row of [`IntegralImage::sums`].
+    /// Number of values in a row of [`IntegralImage::sums`].
     pub(crate) fn stride(&self) -> usize {
         self.stride
     }
 
-    /// Sums of the pixels above row `y` and to the left of each column, one more than columns.
+    /// Sums of the pixels above row `y` and to the left of each column. There is one value more than there are
+    /// columns.
     #[inline]
     pub fn row(&self, y: usize) -> &[u32] {
         &self.sums[y * self.stride..][..self.stride]

@@ -1,4 +1,4 @@
-//! Images as plain row-major pixels, and what is done to whole images: blur, gradients, pyramids.
+//! Images as plain row-major pixels, and operations on whole images: blur, gradients, pyramids.
 //!
 //! Coordinates everywhere: x to the right, y down, the centre of the first pixel at (0, 0).
 

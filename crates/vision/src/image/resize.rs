@@ -1,10 +1,10 @@
-//! Bilinear resampling of 8-bit images, exact but for weights of 8 bits.
+//! Bilinear resampling of 8-bit images, exact except for weights that are rounded to 8 bits.
 //!
-//! Pixel `x` of the output lies at `(x + 1/2) s - 1/2` of the input, `s` the ratio of the sizes;
-//! beyond the outermost pixel centres the image continues with their values. Weights are rounded
-//! to 256ths, everything else is exact, so the result does not depend on the order of the two
-//! passes. The rule is that of OpenCV's `INTER_LINEAR_EXACT`. Nothing is smoothed before: for
-//! ratios near 1, as between the levels of a pyramid.
+//! Pixel `x` of the output lies at `(x + 1/2) s - 1/2` of the input, where `s` is the ratio of the sizes.
+//! Beyond the outermost pixel centres the image continues with their values. Weights are rounded to 256ths and
+//! everything else is exact, so the result does not depend on the order of the two passes. The rule is that of
+//! OpenCV's `INTER_LINEAR_EXACT`. The image is not smoothed before, so this is meant for ratios near 1, as
+//! between the levels of a pyramid.
 
 use super::{GrayImage, Size};
 use crate::simd::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};

@@ -1,18 +1,18 @@
-//! An image, or a strip of its columns, that is made row by row and may forget its oldest rows.
+//! A buffer of rows: an image, or a strip of its columns, that is made row by row and may drop its oldest rows.
 
 use std::ops::Range;
 
 use super::Size;
 use crate::simd::ROWS_AT_ONCE;
 
-/// Pixels of a cache line: rows start at multiples of it.
+/// Pixels of a cache line. Rows start at multiples of it.
 const LINE: usize = 16;
 
-/// Rows of an image, appended from top to bottom, of which the last ones (or all) are kept.
+/// Rows of an image that are appended from top to bottom. The last rows (or all) are kept.
 ///
-/// Filters that run over an image from top to bottom, each some rows behind the one before, need
-/// only a few rows of each intermediate image; those few stay in the cache. Where rows are too long
-/// for that, the image is made in strips, and a buffer holds some of the columns.
+/// Filters that run over an image from top to bottom, each some rows behind the one before, need only a few
+/// rows of each intermediate image, and these few stay in the cache. If the rows are too long for that, the
+/// image is made in strips, and a buffer holds only some of the columns.
 #[derive(Clone, Debug)]
 pub struct RowBuffer {
     size: Size,
@@ -20,22 +20,22 @@ pub struct RowBuffer {
     stride: usize,
     capacity: usize,
     made: usize,
-    /// The row that lies first in `data`: a multiple of the capacity, so that nothing need be divided to
-    /// find the others.
+    /// The row that is stored first in `data`. It is a multiple of the capacity, so the other rows are found
+    /// without a division.
     first: usize,
     data: Vec<f32>,
-    /// Where in `data` the first row starts.
+    /// Offset in `data` where the first row starts.
     start: usize,
 }
 
 impl RowBuffer {
-    /// A buffer for an image of `size`, yet without rows, that keeps at least the last `keep` rows.
+    /// A buffer for an image of `size`, without rows at first, that keeps at least the last `keep` rows.
     pub fn new(size: Size, keep: usize) -> Self {
         Self::strip(size, 0..size.width, keep)
     }
 
-    /// A buffer for the `columns` of an image of `size`, yet without rows, that keeps at least the
-    /// last `keep` rows.
+    /// A buffer for the `columns` of an image of `size`, without rows at first, that keeps at least the last
+    /// `keep` rows.
     ///
     /// # Panics
     /// If the image has fewer columns.
@@ -43,8 +43,8 @@ impl RowBuffer {
         Self::strip_in(Vec::new(), size, columns, keep)
     }
 
-    /// As [`Self::strip`], in the memory of a buffer that is no longer needed, of whatever size:
-    /// memory that was never touched costs more than the sums made in it.
+    /// As [`Self::strip`], in the memory of a buffer of any size that is no longer needed. The first use of
+    /// fresh memory takes more time than the sums that are made in it.
     pub(crate) fn strip_in(
         memory: Vec<f32>,
         size: Size,
@@ -90,7 +90,7 @@ impl RowBuffer {
         self.data
     }
 
-    /// Forgets all rows, to be filled again.
+    /// Drops all rows. The buffer is then filled again.
     pub(crate) fn restart(&mut self) {
         self.made = 0;
         self.first = 0;
@@ -119,7 +119,7 @@ impl RowBuffer {
     /// Row `y`, from left to right: the pixels of [`Self::columns`].
     ///
     /// # Panics
-    /// If the row was not made yet or is forgotten.
+    /// If the row was not made yet or was dropped.
     #[inline]
     pub fn row(&self, y: usize) -> &[f32] {
         assert!(
@@ -136,10 +136,10 @@ impl RowBuffer {
         &self.data[self.start + place * self.stride..][..self.columns.len()]
     }
 
-    /// Some rows that follow each other, as [`Self::row`].
+    /// Some consecutive rows, each as [`Self::row`].
     ///
     /// # Panics
-    /// If one was not made yet or is forgotten.
+    /// If one of them was not made yet or was dropped.
     pub fn rows(&self, range: Range<usize>) -> impl ExactSizeIterator<Item = &[f32]> {
         assert!(
             range.end <= self.made && self.made <= range.start + self.capacity,
@@ -161,7 +161,7 @@ impl RowBuffer {
         })
     }
 
-    /// The next `count` rows (fewer at the end), to be written at once.
+    /// The next `count` rows (fewer at the end), to be written together.
     ///
     /// # Panics
     /// Unless `count` is a divisor of `ROWS_AT_ONCE`, and the same in each call.

@@ -1,19 +1,19 @@
-//! The Gaussian scale space: an image at ever larger blur, halved after each doubling of it.
+//! The Gaussian scale space: an image at increasing blur, halved in size after each doubling of the blur.
 //!
 //! D. G. Lowe: "Distinctive Image Features from Scale-Invariant Keypoints", International Journal
 //! of Computer Vision 60(2), 91-110, 2004, section 3; after T. Lindeberg's theory (1994).
 //!
-//! Octave `o` has pixels of `2^o` pixels of the image. Its layer `l` is blurred to
-//! `sigma 2^(o + l / intervals)`; layers `0 ..= intervals + 2` are made, so that differences of
-//! neighbours frame `intervals` scales on both sides. Each layer is made from the one before by
-//! the missing blur; every second pixel of layer `intervals` is the base of the next octave.
+//! A pixel of octave `o` is `2^o` pixels of the image wide. Layer `l` of the octave is blurred to
+//! `sigma 2^(o + l / intervals)`. The layers `0 ..= intervals + 2` are made, so that there are `intervals` differences of
+//! neighbouring layers that have another difference on both sides. Each layer is made from the one before by
+//! the missing blur. Every second pixel of layer `intervals` is the base of the next octave.
 //!
-//! *Nothing is kept.* An octave is made in strips of columns that are narrow enough for the rows
-//! under work to stay in the second-level cache. In a strip the layers are made together, from top to
-//! bottom, each some rows behind the one before, and a [`LayerVisitor`] passes down the strip as soon
-//! as all that lies within its reach is there; rows out of reach are forgotten. Only the base of the
-//! next octave is whole. Neighbouring strips make the columns within reach of both twice. At 3072 x
-//! 2048 pixels all layers would take 1.2 GB, and passing each through memory more time than the sums.
+//! *Layers are not kept.* An octave is made in strips of columns. They are narrow enough that the rows in use
+//! stay in the second-level cache. In a strip the layers are made together, from top to bottom, each some rows
+//! behind the one before. A [`LayerVisitor`] goes down the strip and looks at a row as soon as all that lies
+//! within its reach is there; rows out of reach are dropped. Only the base of the next octave is kept whole.
+//! Columns within reach of two neighbouring strips are made twice. At 3072 x 2048 pixels all layers would take
+//! 1.2 GB, and to pass each of them through memory would take more time than the sums.
 
 use std::ops::Range;
 
@@ -21,13 +21,13 @@ use super::blur::{ALIGNED, Border, GaussianKernel, RowBlur};
 use super::{FloatImage, GrayImage, RowBuffer, Size};
 use crate::simd::{ROWS_AT_ONCE, double_row, halve_row};
 
-/// Columns of a strip, without those that its neighbours make as well.
+/// Columns of a strip, without the columns that its neighbours make as well.
 const STRIP: usize = 1024;
 
 /// Shape of a scale space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScaleSpaceShape {
-    /// Whether the first octave is number -1, the image at twice its resolution.
+    /// Whether the first octave has number -1, which is the image at twice its resolution.
     pub double: bool,
     /// Scales per octave (Lowe's s).
     pub intervals: usize,
@@ -35,11 +35,11 @@ pub struct ScaleSpaceShape {
     pub sigma: f64,
     /// Blur that the image is assumed to have, in pixels.
     pub input_sigma: f64,
-    /// Octaves whose width or height is smaller are not made; at least 2.
+    /// An octave whose width or height is smaller than this is not made; at least 2.
     pub smallest: usize,
 }
 
-/// Number and size in its own pixels of an octave, whose pixels are `2^number` pixels of the image.
+/// An octave: its number, and its size in its own pixels. One of them is `2^number` pixels of the image wide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Octave {
     /// Binary logarithm of the width of its pixels.
@@ -51,19 +51,19 @@ pub struct Octave {
 /// How far from a pixel a visitor looks, in pixels of the octave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reach {
-    /// Columns and rows to each side in layers `1 ..= intervals`, those that keypoints belong to.
+    /// Columns and rows to each side in layers `1 ..= intervals`, which are the layers of keypoints.
     pub described: usize,
     /// The same in all layers; `None` if layers beyond `intervals` need not be made.
     pub all: Option<usize>,
 }
 
-/// Who looks at a scale space while it is made.
+/// Looks at a scale space while it is made.
 pub trait LayerVisitor {
     /// How far it looks in an octave; `None` ends the scale space before that octave.
     fn reach(&self, octave: Octave) -> Option<Reach>;
 
-    /// Looks at row `y` of a strip: at its own columns and what is within reach of them. Called once
-    /// for each row of each strip of each octave, from top to bottom.
+    /// Looks at row `y` of a strip: at its own columns and at what is within reach of them. Called once for
+    /// each row of each strip of each octave, from top to bottom.
     fn visit(&mut self, strip: &Strip, y: usize);
 }
 
@@ -126,7 +126,7 @@ impl ScaleSpaceShape {
     }
 }
 
-/// Some columns of an octave at work.
+/// Some columns of an octave while they are made.
 #[derive(Clone, Debug)]
 pub struct Strip {
     octave: Octave,
@@ -156,13 +156,13 @@ impl Strip {
     }
 }
 
-/// What layer 0 of an octave is made of.
+/// The input of layer 0 of an octave.
 trait Base {
     /// Makes the next rows.
     fn advance(&mut self, output: &mut RowBuffer);
 }
 
-/// Layer 0 of a further octave, which is there.
+/// Layer 0 of a later octave, which was made with the octave before.
 struct Halved<'a>(&'a FloatImage);
 
 impl Base for Halved<'_> {
@@ -175,7 +175,7 @@ impl Base for Halved<'_> {
     }
 }
 
-/// Layer 0 of the first octave: the image, doubled if need be, blurred to the first scale.
+/// Layer 0 of the first octave: the image, doubled if asked for, blurred to the first scale.
 struct BlurredImage<'a> {
     image: &'a GrayImage,
     double: bool,
@@ -253,7 +253,7 @@ struct StripBuilder {
 }
 
 impl StripBuilder {
-    /// A strip whose layers take the place of those of the strip before, `spare`.
+    /// A strip whose layers reuse the memory of `spare`, the layers of the strip before.
     fn new(
         shape: &ScaleSpaceShape,
         octave: Octave,
@@ -343,7 +343,7 @@ impl StripBuilder {
         }
     }
 
-    /// Copies what is new of the base of the next octave.
+    /// Copies the new rows of the base of the next octave.
     fn halve(&self, next: &mut FloatImage, halved: &mut usize) {
         let layer = &self.strip.layers[self.intervals];
         let columns = &self.strip.columns;
@@ -355,7 +355,7 @@ impl StripBuilder {
         }
     }
 
-    /// Whether all rows are made that a visitor of row `y` looks at.
+    /// Whether all rows exist that a visitor of row `y` looks at.
     fn is_within_reach(&self, y: usize) -> bool {
         let height = self.strip.octave.size.height;
         let holds = |layers: &[RowBuffer], reach: usize| {
@@ -371,9 +371,10 @@ impl StripBuilder {
 
 /// By how many rows each layer may be ahead of the row that is visited next.
 ///
-/// A row is not visited yet because some layer lacks a row that the visitor looks at. The layers before that
-/// one are ahead of it by what their blurs need, and less than a block of rows more; those after it are
-/// behind it by what theirs need, or wait for nothing and hold the visitor up themselves.
+/// If a row is not visited yet, some layer lacks a row that the visitor looks at. The layers before that one
+/// are ahead of it by the rows that their blurs need, and by less than a block of rows more. The layers after
+/// it are behind it by the rows that their blurs need, or else they wait for nothing and are themselves the
+/// layer that is missing.
 fn rows_ahead(kernels: &[GaussianKernel], looked_at: impl Fn(usize) -> usize) -> Vec<usize> {
     let mut ahead = vec![looked_at(0)];
     for (before, kernel) in kernels.iter().enumerate() {

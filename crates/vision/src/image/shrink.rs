@@ -1,7 +1,7 @@
 //! Smaller images whose pixels are the means of the areas they cover.
 //!
-//! Where the ratio of the sizes is not a whole number a pixel on the edge of an area counts by the
-//! share of it that lies within, as in OpenCV's `INTER_AREA`.
+//! If the ratio of the sizes is not a whole number, a pixel on the edge of an area counts by the share of it
+//! that lies within, as in OpenCV's `INTER_AREA`.
 
 use super::{FloatImage, Size};
 

@@ -1,15 +1,15 @@
 //! Smaller 8-bit images whose pixels are the means of the areas they cover.
 //!
-//! A pixel on the edge of an area counts by the share of it that lies within. The rule, and the
-//! rounding, is that of OpenCV's `INTER_AREA`: at exactly half the size half up, else half to even.
+//! A pixel on the edge of an area counts by the share of it that lies within. The rule and the rounding are
+//! those of OpenCV's `INTER_AREA`: at exactly half the size, halves are rounded up; otherwise to even.
 
 use super::{GrayImage, Size};
 use crate::simd::{Cover, cover_columns, cover_rows, halve_rows_u8};
 
-/// `image` at `size`, between one third and the whole of its own in each direction.
+/// Shrinks `image` to `size`, which is between one third of its own size and all of it in each direction.
 ///
 /// # Panics
-/// If `size` is not.
+/// If `size` is outside this range.
 pub fn shrink_u8(image: &GrayImage, size: Size) -> GrayImage {
     let mut shrunk = GrayImage::filled(size, 0);
     if size.area() == 0 {
@@ -33,7 +33,7 @@ pub fn shrink_u8(image: &GrayImage, size: Size) -> GrayImage {
     shrunk
 }
 
-/// What each of `count` output pixels covers of `length` input pixels.
+/// The input pixels, of `length`, that each of `count` output pixels covers.
 fn covers(length: usize, count: usize) -> Vec<Cover> {
     assert!(
         count <= length && length <= 3 * count,

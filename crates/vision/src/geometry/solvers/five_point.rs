@@ -1,4 +1,4 @@
-//! The relative poses that five matches allow: up to ten essential matrices.
+//! The five-point solver: from five matches, up to ten essential matrices.
 //!
 //! Nistér, "An Efficient Solution to the Five-Point Relative Pose Problem", IEEE Transactions on
 //! Pattern Analysis and Machine Intelligence 26(6), 2004.
@@ -12,8 +12,8 @@
 //! 4. det B(z) has degree 10 (eqs. 17-21). All its real roots are found as by [`real_roots`](super::real_roots).
 //! 5. For each z, the null vector of B(z) gives (x, y, 1), homogeneously, so nothing overflows
 //!    where the coordinates are large.
-//! 6. A few Gauss-Newton steps on step 2's equations remove what rounding did in steps 3 to 5.
-//!    Candidates that do not come to satisfy them are dropped.
+//! 6. A few Gauss-Newton steps on the equations of step 2 remove the rounding errors of steps 3 to 5.
+//!    Candidates that do not come to satisfy these equations are dropped.
 //!
 //! | symbol | constant | value | source |
 //! | --- | --- | --- | --- |
@@ -21,17 +21,17 @@
 //! | largest residual of a solution | `ACCEPTED` | 1e-9 | ours |
 //! | smallest pivot of a sample, relative | `RANK_TOLERANCE` | 1e-10 | ours |
 //!
-//! *Choices the paper leaves open*: the null space (the paper: any; we: orthonormal), the root
-//! finder (the paper: Sturm sequences; see [`real_roots`](super::real_roots)), polishing, and what to do with samples
-//! that do not determine five equations: coinciding matches, and points on one line in both
-//! images, have no solutions here.
+//! *Choices the paper leaves open*: the basis of the null space (the paper: any; we: orthonormal), the root
+//! finder (the paper: Sturm sequences; see [`real_roots`](super::real_roots)), the polishing of step 6, and
+//! samples that do not give five independent equations. Such samples (coinciding matches, or points on one line
+//! in both images) have no solutions here.
 //!
-//! *Eight at once*: the arithmetic is the same for every sample, so it is written for eight of them side by side (the kernel
-//! is in `simd`); each gets the bits that it would get alone.
+//! *Eight at once*: the arithmetic is the same for every sample, so the code works on eight of them side by
+//! side (the kernel is in `simd`). Each sample gets the same bits as if it were alone.
 //!
-//! *Measured* (test `failure_rate`): of 100,000 random well-posed problems, 5 come back without
-//! the true matrix within 1e-6; the median error is 7e-15 and the mean number of solutions 4.79.
-//! Of eight at once a sample takes 0.75 microseconds with AVX-512, 1.0 with AVX2 and 2.0 without (AMD Zen 5, fastest batch).
+//! *Measured* (test `failure_rate`): of 100,000 random well-posed problems, 5 come back without the true matrix
+//! within 1e-6. The median error is 7e-15, and the mean number of solutions is 4.79. With eight at once, a
+//! sample takes 0.75 microseconds with AVX-512, 1.0 with AVX2 and 2.0 without (AMD Zen 5, fastest batch).
 
 use nalgebra::{Matrix3, Point2};
 
@@ -54,9 +54,9 @@ pub fn five_point(a: &[Point2<f64>; 5], b: &[Point2<f64>; 5]) -> Solutions<Matri
     solutions[0]
 }
 
-/// As [`five_point`] of each of at most [`SAMPLES_AT_ONCE`] samples, in the place of what is in `solutions`; eight of
-/// them take hardly longer than one. With `oriented`, only the matrices that
-/// [agree in orientation](crate::geometry::agree_in_orientation) with all five matches.
+/// Writes the solutions of [`five_point`] for each of at most [`SAMPLES_AT_ONCE`] samples to `solutions`, whose
+/// old content is replaced. Eight samples take hardly longer than one. With `oriented`, only matrices are kept
+/// that [agree in orientation](crate::geometry::agree_in_orientation) with all five matches.
 ///
 /// # Panics
 /// If there are more samples.

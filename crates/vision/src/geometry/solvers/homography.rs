@@ -1,22 +1,21 @@
 //! The homography of four matches.
 //!
-//! Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2nd edition, 2004, secs. 2.3 and
-//! 4.1: four points of which no three lie on a line are a projective basis. The matrix with columns
-//! `l_i x_i`, i = 1 to 3, with `sum l_i x_i = x_4`, takes the standard basis to it; so with A and B for
-//! the bases of both images, `H = B A^-1`.
+//! Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2nd edition, 2004, secs. 2.3 and 4.1. Four
+//! points of which no three lie on a line are a projective basis. The matrix with columns `l_i x_i`, i = 1 to
+//! 3, with `sum l_i x_i = x_4`, takes the standard basis to it. With such matrices A and B for the points of
+//! the two images, `H = B A^-1`.
 //!
-//! *Choice*: a homography that takes some of the points through infinity is refused: no camera sees a
-//! plane from both sides at once.
+//! *Choice*: a homography is refused if the line that it maps to infinity separates the four points, since no
+//! camera sees a plane from both sides at once.
 
 use nalgebra::{Matrix3, Point2, Vector3};
 
-/// Bases this close to having three points on a line, relative to the size of the fourth, are
-/// degenerate.
+/// If three points are this close to a line, relative to the size of the fourth, the basis is degenerate.
 const DEGENERATE: f64 = 1e-9;
 
-/// The homography with `b[i] ~ H a[i]`, of Frobenius norm 1 and positive where it keeps the points
-/// in front; `None` where three points are on a line, points are not finite, or the points do not
-/// stay on one side of the line that goes to infinity.
+/// The homography with `b[i] ~ H a[i]`, of Frobenius norm 1, with the sign that keeps the points in front.
+/// `None` if three points are on a line, if points are not finite, or if the points do not stay on one side of
+/// the line that goes to infinity.
 pub fn homography(a: &[Point2<f64>; 4], b: &[Point2<f64>; 4]) -> Option<Matrix3<f64>> {
     let h = basis(b)? * basis(a)?.try_inverse()?;
     let norm = h.norm();

@@ -1,7 +1,8 @@
-//! Minimal solvers: from as few matches as determine a model to every model they allow.
+//! Minimal solvers: each takes the least number of matches that determine a model, and returns every model that
+//! they allow.
 //!
-//! A solver is a function from points at depth 1 (see [`Camera::normalize`]) to [`Solutions`], a list of fixed
-//! capacity, since sample consensus calls it thousands of times.
+//! A solver is a function from points at depth 1 (see [`Camera::normalize`]) to [`Solutions`]. This is a list
+//! of fixed capacity, which needs no allocation, since sample consensus calls a solver thousands of times.
 //!
 //! [`Camera::normalize`]: crate::geometry::Camera::normalize
 

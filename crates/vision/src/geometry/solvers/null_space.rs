@@ -9,14 +9,14 @@
 
 use nalgebra::Point2;
 
-/// A sample whose equations are this close to dependent, relative to their size, is degenerate.
+/// If the equations of a sample are this close to dependent, relative to their size, the sample is degenerate.
 const RANK_TOLERANCE: f64 = 1e-10;
 
 /// A 3 x 3 matrix in row-major order.
 pub(super) type Flat = [f64; 9];
 
-/// An orthonormal basis of the matrices E with `b^T E a = 0` for all S matches; `N` is 9 - S.
-/// `None` where the equations depend on each other or are not finite.
+/// An orthonormal basis of the matrices E with `b^T E a = 0` for all S matches; `N` is 9 - S. `None` if the
+/// equations depend on each other or are not finite.
 pub(super) fn null_space<const S: usize, const N: usize>(
     a: &[Point2<f64>; S],
     b: &[Point2<f64>; S],

@@ -3,34 +3,34 @@
 //! Lane, Riesenfeld, "Bounds on a Polynomial", BIT 21, 1981; Collins, Akritas, "Polynomial Real
 //! Root Isolation Using Descartes' Rule of Signs", SYMSAC 1976.
 //!
-//! With z = s / (1 - s), the half-line z > 0 becomes 0 < s < 1 and `sum c_i z^i` becomes, up to a
-//! positive factor, a polynomial with the Bernstein coefficients `c_i / binomial(n, i)`: no root
-//! bound is needed, and roots of any size are found alike. The number of sign changes in the
-//! Bernstein coefficients of an interval exceeds its number of roots by an even number. So: no
-//! change, no root; one change, one root, which a safeguarded Newton iteration finds; else the
-//! interval is halved (de Casteljau), which only ever averages coefficients and hence loses no
-//! precision. Negative roots are the positive ones of p(-z).
+//! With z = s / (1 - s), the half-line z > 0 becomes 0 < s < 1, and `sum c_i z^i` becomes, up to a positive
+//! factor, a polynomial with the Bernstein coefficients `c_i / binomial(n, i)`. So no bound of the roots is
+//! needed, and small and large roots are found in the same way. The number of sign changes in the Bernstein
+//! coefficients of an interval exceeds its number of roots by an even number. Without a change there is no
+//! root. With one change there is one root, which a safeguarded Newton iteration finds. With more changes the
+//! interval is halved (de Casteljau); this only averages coefficients and hence loses no precision. Negative
+//! roots are the positive roots of p(-z).
 //!
-//! A Sturm sequence isolates the same roots, but its remainders lose digits at degree 10; an
-//! eigenvalue iteration finds the complex ones too and takes longer.
+//! A Sturm sequence isolates the same roots, but its remainders lose digits at degree 10. An eigenvalue
+//! iteration also finds the complex roots and takes longer.
 
 use super::Solutions;
 
 /// Intervals are halved at most this often: two roots closer than `2^-32` (in s) count as one.
 const MAX_DEPTH: u32 = 32;
-/// Newton's method alone is given so many steps. Roots of very different sizes hold it up; so then every other step
-/// halves the bracket.
+/// Number of steps of pure Newton iteration. Roots of very different sizes slow it down, so after these steps
+/// every other step halves the bracket.
 const NEWTON_STEPS: usize = 50;
-/// Enough halves for a root of any size that a number can have.
+/// This number of steps is enough to find any root that `f64` can hold by halving alone.
 const MAX_STEPS: usize = 2200;
 
 /// The real roots of `c[0] + c[1] z + c[2] z^2 + ...`, positive ones first, to a relative
 /// precision of 1e-10 or as good as the coefficients determine them.
 ///
-/// Roots are told apart by `s = |z| / (1 + |z|)`. Those that have another, real or complex, of one sign and within `2^-31`
-/// of their s, as all below 1e-10 or above 1e10 have, may be lost or found as one, whose s is right to `2^-32`. So may those
-/// whose distance is of the order of the rounding errors. The zero polynomial and one with coefficients that are not
-/// finite have no roots here.
+/// Roots are told apart by `s = |z| / (1 + |z|)`. Roots of the same sign whose s is within `2^-31` of that of
+/// another root, real or complex, may be lost or found as one root, whose s is right to `2^-32`. This applies
+/// to all roots below 1e-10 or above 1e10. It also applies to roots whose distance is of the order of the
+/// rounding errors. The zero polynomial, and one with coefficients that are not finite, have no roots here.
 pub fn real_roots<const N: usize>(c: &[f64; N]) -> Solutions<f64, N> {
     let mut roots = Solutions::none();
     let scale = c.iter().fold(0.0_f64, |scale, c| scale.max(c.abs()));
@@ -122,7 +122,7 @@ fn halve<const N: usize>(mut right: [f64; N]) -> ([f64; N], [f64; N]) {
     (left, right)
 }
 
-/// The only root with `low < s < high`, where the polynomial goes from - to + if `rising`.
+/// The only root with `low < s < high`. The polynomial goes from - to + if `rising`.
 fn root_in<const N: usize>(c: &[f64; N], low: f64, high: f64, rising: bool) -> f64 {
     if high <= 0.5 {
         newton(

@@ -1,4 +1,4 @@
-//! The fundamental matrices that seven matches allow: one or three.
+//! The seven-point solver: from seven matches, one or three fundamental matrices.
 //!
 //! Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2nd edition, 2004, sec. 11.1.2.
 //!
@@ -6,8 +6,8 @@
 //! 2. F is singular: `det F = 0` is a cubic in x, whose coefficients follow from its values at four
 //!    places. [`real_roots`] finds its roots.
 //!
-//! The points may be pixels or, better conditioned, points at depth 1. In the latter case the result
-//! is `K_b^T F K_a` for the fundamental matrix F of the pixels: the essential matrix, as far as
+//! The points may be pixels or points at depth 1, which are better conditioned. With points at depth 1 the
+//! result is `K_b^T F K_a` for the fundamental matrix F of the pixels. This is the essential matrix, as far as
 //! seven points without calibration determine it.
 
 use nalgebra::{Matrix3, Point2};
