@@ -1,5 +1,5 @@
-//! How a reader computes again what a report shows: the data of each dataset, known by their fingerprint, and
-//! the commands for all methods on them and for each alone.
+//! How a reader can compute the results of a report again: the data of each dataset, identified by its
+//! fingerprint, and the commands for all methods together and for each method alone.
 
 use super::command_line::{self, CommandLine, Origin, folder};
 use super::content::Content;
@@ -14,22 +14,22 @@ const ALL: &str = "again";
 /// The folder that commands for one method write into.
 const CELL: &str = "cell";
 
-/// How everything is computed again.
+/// All that is needed to compute the results again.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Again {
     /// The version that ran.
     pub(super) version: String,
-    /// Each dataset that was run; none where results came from files.
+    /// Each dataset that was run; empty if the results came from files.
     pub(super) datasets: Vec<DatasetAgain>,
-    /// What runs all methods on all datasets, where one command can ask for them.
+    /// The command that runs all methods on all datasets, if one command can do it.
     pub(super) all: Option<String>,
-    /// How result files are scored again, where results came from them: their table, and their report.
+    /// If results came from files: the commands that score them again, as a table and as a report.
     pub(super) scoring: Vec<String>,
-    /// Whether other runs of the same come to other numbers.
+    /// Whether another run of the same plan gives other numbers.
     pub(super) varies: bool,
 }
 
-/// How what is known of one dataset is computed again.
+/// How the results on one dataset are computed again.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct DatasetAgain {
     /// Its name.
@@ -38,13 +38,14 @@ pub(super) struct DatasetAgain {
     pub(super) pairs: usize,
     /// Hash of its cameras and pairs with their truth.
     pub(super) fingerprint: String,
-    /// Where it comes from, in words; empty where it does not say.
+    /// Where it comes from, in words; empty if the dataset does not say.
     pub(super) origin: String,
-    /// What makes it of the data as they are published, where it is known.
+    /// The command that makes the dataset from the published data, if it is known.
     pub(super) import: Option<String>,
-    /// What runs all methods on it, where one command can ask for them, and what shows that.
+    /// The command that runs all methods on it, if one command can do it, and the commands that show the
+    /// scores.
     pub(super) whole: Vec<String>,
-    /// What measures times without other work beside it.
+    /// The command that measures times, with no other work at the same time.
     pub(super) time: Option<String>,
     /// Each method.
     pub(super) cells: Vec<CellAgain>,
@@ -57,12 +58,12 @@ pub(super) struct CellAgain {
     pub(super) method: String,
     /// The command, where there is one.
     pub(super) run: Option<String>,
-    /// What else it needs, or why there is none; empty where nothing is to be said.
+    /// What else the command needs, or why there is none; may be empty.
     pub(super) note: String,
 }
 
 impl Again {
-    /// Of what was run or read for `content`; nothing where that is not known.
+    /// Computed from what was run or read for `content`; empty if that is not known.
     pub(super) fn of(content: &Content) -> Self {
         let results = &content.facts.results;
         if !results.is_empty() {
@@ -99,12 +100,12 @@ impl Again {
         }
     }
 
-    /// Whether nothing can be said.
+    /// Whether there is nothing to say.
     pub(super) fn is_empty(&self) -> bool {
         self.datasets.is_empty() && self.scoring.is_empty()
     }
 
-    /// All of it for a shell.
+    /// All commands as a shell script.
     pub(super) fn script(&self) -> String {
         let mut text = String::from("#!/bin/sh\n");
         let mut line = |line: &str| text += &(line.replace(char::is_control, " ") + "\n");
@@ -158,7 +159,7 @@ impl Again {
         text
     }
 
-    /// What shows the scores of the runs of all datasets: their table, and their report.
+    /// The commands that show the scores of the runs of all datasets, as a table and as a report.
     pub(super) fn finish(&self) -> Vec<String> {
         match &self.all {
             Some(_) => vec![eval(ALL), report(ALL)],
@@ -166,7 +167,7 @@ impl Again {
         }
     }
 
-    /// What shows the scores of one method.
+    /// The command that shows the scores of one method.
     pub(super) fn finish_of_cell() -> String {
         eval(CELL)
     }
@@ -237,7 +238,7 @@ impl CellAgain {
     }
 }
 
-/// What makes a built-in scene that was rendered for a demo.
+/// The commands that make a built-in scene that was rendered for a demo.
 fn rendered(name: &str, origin: &str) -> Option<Vec<String>> {
     let by_this_renderer = format!("rendered by matchbench, revision {REVISION}:");
     let is_it =
@@ -245,12 +246,12 @@ fn rendered(name: &str, origin: &str) -> Option<Vec<String>> {
     is_it.then(|| vec!["rendered".to_owned(), name.to_owned()])
 }
 
-/// What prints the scores of a run with all their digits.
+/// The command that prints the scores of a run with all their digits.
 fn eval(run: &str) -> String {
     CommandLine::new(["eval", run, "--format", "csv"]).to_string()
 }
 
-/// What writes the report of a run.
+/// The command that writes the report of a run.
 fn report(run: &str) -> String {
     CommandLine::new(["report", run]).to_string()
 }

@@ -1,5 +1,6 @@
-//! AUC of matchers by datasets as papers print it today: rules of the package booktabs, the best of a
-//! dataset in bold, the second underlined, and letters for those that do not differ significantly.
+//! The AUC table (matchers by datasets) in the style of today's papers, as LaTeX: rules of the package
+//! booktabs, the best of a dataset in bold, the second underlined, and letters for methods that do not differ
+//! significantly.
 
 use std::fmt::Write as _;
 

@@ -1,7 +1,7 @@
-//! The report as one file to be mailed: the page with its tables inside, as files to be saved.
+//! The report as one file that can be mailed: the page, with its tables inside as files that can be saved.
 //!
-//! It stays below [`MOST_BUNDLED`]: where everything would be larger, pictures go first, then files,
-//! then pairs from the list of pairs. Scores and figures are always there.
+//! The file stays below [`MOST_BUNDLED`]. If it would be larger, pictures are left out first, then files, then
+//! pairs from the list of pairs. Scores and figures are always included.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ pub const MOST_BUNDLED: usize = 5_000_000;
 /// Writes the file and returns its path.
 ///
 /// # Errors
-/// A file that cannot be written, or scores and figures alone that are too large.
+/// If the file cannot be written, or if scores and figures alone are too large.
 pub fn write_bundle(file: &Path, content: &Content) -> io::Result<PathBuf> {
     write_whole(file, bundled(content)?.as_bytes())?;
     Ok(file.to_path_buf())
@@ -29,7 +29,7 @@ pub fn write_bundle(file: &Path, content: &Content) -> io::Result<PathBuf> {
 /// The file's content.
 ///
 /// # Errors
-/// Scores and figures alone that are too large.
+/// If scores and figures alone are too large.
 pub fn bundled(content: &Content) -> io::Result<String> {
     bundle(content, MOST_BUNDLED).ok_or_else(|| {
         io::Error::new(
@@ -42,7 +42,7 @@ pub fn bundled(content: &Content) -> io::Result<String> {
     })
 }
 
-/// The fullest page that has at most so many bytes.
+/// The page with as much content as fits into so many bytes.
 fn bundle(content: &Content, most: usize) -> Option<String> {
     let summaries = &content.summaries;
     let again = Again::of(content);

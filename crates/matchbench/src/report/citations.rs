@@ -1,8 +1,8 @@
 //! The papers that took part in a run, as BibTeX.
 //!
-//! Entries of matchers and estimators give their papers as text: authors, the title in quotes, where it
-//! appeared, the year; several are separated by `;`. Here these are taken apart. What the paper of
-//! the benchmark and this tool are called stands below.
+//! The entries of matchers and estimators give their papers as text: authors, the title in quotes, the venue,
+//! the year. Several papers are separated by `;`. This file parses that text. The entries of the paper of the
+//! benchmark and of this tool are below.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -35,7 +35,7 @@ pub(super) struct Citation {
     year: String,
 }
 
-/// The papers in the text of an entry; what is not of that form is left out.
+/// The papers in the text of an entry. Text that does not have this form is left out.
 pub(super) fn citations(reference: &str) -> Vec<Citation> {
     reference.split("; ").filter_map(citation).collect()
 }
@@ -70,8 +70,8 @@ fn citation(text: &str) -> Option<Citation> {
     })
 }
 
-/// The paper as an entry of BibTeX: an article where its place has a volume, a book where there is
-/// none, else in proceedings.
+/// The paper as a BibTeX entry: an article if its venue has a volume, a book if there is no venue, else a paper
+/// in proceedings.
 fn bibtex(citation: &Citation) -> String {
     let volume = citation
         .venue

@@ -1,9 +1,9 @@
-//! Commands as they are typed: from the plan of a run to the arguments that ask for the same again.
+//! Commands as they are typed: the arguments that ask again for what the plan of a run describes.
 //!
-//! Seeds belong to tasks, so one matcher with one estimator on one dataset comes alone to the records that it
-//! has among others. What a plan says that is not the default of this version is named by `--set`, the rest
-//! by the option that it came from. Words that a shell would take apart are quoted for it: names come from
-//! plans and datasets of anybody.
+//! Seeds belong to tasks. So one matcher with one estimator on one dataset, if it is run alone, gets the same
+//! records as in a run with others. A parameter of the plan that is not the default of this version is given by
+//! `--set`, everything else by the option that it came from. Words with special characters are quoted for the
+//! shell, since names come from plans and datasets of anybody.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -38,7 +38,7 @@ impl CommandLine {
 }
 
 impl fmt::Display for CommandLine {
-    /// As a shell takes it.
+    /// As it is typed in a shell.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let words: Vec<String> = self.0.iter().map(|word| shell_word(word)).collect();
         f.write_str(&words.join(" "))
@@ -54,7 +54,7 @@ pub fn shell_word(word: &str) -> String {
     format!("'{}'", word.replace('\'', r"'\''"))
 }
 
-/// The folder of a dataset where its name is its folder, which no program takes for an option.
+/// The folder of a dataset, if its name can be its folder and no program would take it for an option.
 pub(super) fn folder(dataset: &str) -> String {
     if dataset.starts_with('-') {
         format!("./{dataset}")
@@ -63,7 +63,7 @@ pub(super) fn folder(dataset: &str) -> String {
     }
 }
 
-/// Where matches come from, as far as a plan can tell.
+/// The source of the matches, as far as a plan can tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Origin {
     /// A matcher of this program.
@@ -86,7 +86,7 @@ impl Origin {
 }
 
 /// The command that runs a planned matcher with one of its estimators on one dataset, into the folder `out`.
-/// `None` where no command can: the plan is that of a shard, or an estimator is not of this program.
+/// `None` if no command can do that: the plan is that of a shard, or an estimator is not part of this program.
 pub(super) fn cell(
     plan: &Plan,
     dataset: &DatasetPlan,
@@ -106,7 +106,7 @@ pub(super) fn cell(
     )
 }
 
-/// The command that runs all that is planned on these datasets. `None` where no single command can.
+/// The command that runs everything that is planned on these datasets. `None` if no single command can do that.
 pub(super) fn whole(plan: &Plan, datasets: &[&DatasetPlan], out: &str) -> Option<CommandLine> {
     let matchers = matchers_on(plan, datasets.first()?);
     if (datasets.iter()).any(|dataset| matchers_on(plan, dataset) != matchers) {
@@ -190,8 +190,9 @@ pub(super) fn time(plan: &Plan, dataset: &DatasetPlan) -> Option<CommandLine> {
     Some(line)
 }
 
-/// The command that draws a pair as a planned matcher with one of its estimators saw it the first time: what stands
-/// before the numbers of the two frames, and what behind. `None` where no command can.
+/// The command that draws a pair with the matches of a planned matcher and the result of one of its estimators,
+/// in the first repetition. The two parts are the text before the numbers of the two frames and the text after
+/// them. `None` if no command can do that.
 pub(super) fn show(
     plan: &Plan,
     dataset: &DatasetPlan,
@@ -242,8 +243,8 @@ impl<'a> Variant<'a> {
         })
     }
 
-    /// The protocols that are asked for: its own, and the paper's where its own alone would have images resized
-    /// that the run took as they are.
+    /// The protocols to ask for: its own, and also that of the paper if its own alone would resize images that
+    /// the run took unchanged.
     fn protocols(&self) -> Vec<&'static Protocol> {
         let size = self.protocol.size.params();
         let resized = size.is_none_or(|size| {
@@ -260,7 +261,7 @@ impl<'a> Variant<'a> {
         }
     }
 
-    /// Its parameters that are not those that its protocol has it run with.
+    /// Its parameters that differ from those that its protocol sets.
     fn settings(&self) -> Settings {
         let of_protocol = match self.protocol.estimator {
             EstimatorRule::Of { id, params } if id == self.id => Some(params()),
@@ -273,7 +274,8 @@ impl<'a> Variant<'a> {
     }
 }
 
-/// Whether a command that names these estimators and protocols gives a matcher those that it is planned with.
+/// Whether a command that names these estimators and protocols gives a matcher exactly those that it is planned
+/// with.
 fn runs_with(matcher: &MatcherPlan, names: &[String], protocols: &[&'static Protocol]) -> bool {
     let own = match Origin::of(matcher) {
         Origin::Native => (MATCHERS.iter())
@@ -366,7 +368,8 @@ fn run(
     Some(line)
 }
 
-/// Parameters of a matcher that are not its defaults; of one from outside, whose defaults are elsewhere, all.
+/// Parameters of a matcher that are not its defaults. Of an external matcher, whose defaults are not known
+/// here, all parameters.
 fn of_matcher(matcher: &MatcherPlan) -> Settings {
     let mut settings = Settings::new();
     match Origin::of(matcher) {
@@ -384,7 +387,8 @@ fn of_matcher(matcher: &MatcherPlan) -> Settings {
     settings
 }
 
-/// Matches from files, by the names of the files; of several datasets, by that of the folder of all.
+/// Matches from files, by the names of the files; for several datasets, by the name of the folder that holds
+/// all of them.
 fn from_files(matcher: &MatcherPlan, of: &[&DatasetPlan], line: &mut CommandLine) -> Option<()> {
     let datasets = matcher.params.get("datasets")?.as_array()?;
     let its = datasets.iter().find(|its| its["name"] == of[0].name)?;
@@ -409,7 +413,7 @@ fn from_files(matcher: &MatcherPlan, of: &[&DatasetPlan], line: &mut CommandLine
     Some(())
 }
 
-/// What is different in `params`, by `ID.NAME`; lists are values.
+/// The parameters in `params` that differ from `usual`, as `ID.NAME`. A list is one value.
 fn differences(name: &str, params: &Value, usual: &Value, found: &mut Settings) {
     match params {
         Value::Object(fields) => {
@@ -425,7 +429,7 @@ fn differences(name: &str, params: &Value, usual: &Value, found: &mut Settings) 
     }
 }
 
-/// `ID.NAME=VALUE`, which `--set` reads as this value.
+/// `ID.NAME=VALUE`, in the form that `--set` reads as this value.
 fn setting(name: &str, value: &Value) -> String {
     let plain = value
         .as_str()

@@ -1,4 +1,4 @@
-//! What a report is made from: results, what is known of their pairs, pictures, facts of the run.
+//! The input of a report: results, what is known of their pairs, pictures, facts about the run.
 
 use std::collections::BTreeMap;
 
@@ -18,38 +18,38 @@ pub struct RunFacts {
     pub facts: Vec<(String, String)>,
     /// The plan of the run as text.
     pub plan: Option<String>,
-    /// The arguments of `matchbench eval` that score the same again, where results came from files and not from
-    /// a run: their folder, and which pairs count.
+    /// If the results came from files and not from a run: the arguments of `matchbench eval` that score the
+    /// same results again (their folder, and which pairs count).
     pub results: Vec<String>,
 }
 
-/// Everything that stands in a report.
+/// All that a report shows.
 #[derive(Clone, Debug, Default)]
 pub struct Content {
-    /// The datasets, as far as they are at hand.
+    /// The datasets, as far as they are available.
     pub datasets: Vec<DatasetFacts>,
     /// Scores, one for each set of results.
     pub summaries: Vec<Summary>,
-    /// The best of each dataset against the others.
+    /// On each dataset, the best method compared with the others.
     pub leads: Vec<Lead>,
     /// The results pair by pair.
     pub results: Vec<ResultSet>,
-    /// Baseline, angle and overlap of the pairs, by dataset; what is not there is not shown.
+    /// Baseline, angle and overlap of the pairs, by dataset. What is missing is not shown.
     pub geometry: BTreeMap<String, DatasetGeometry>,
-    /// How each matcher gets its features, by its id. Those with the same text have the same features,
-    /// and the run extracts and times them once.
+    /// How each matcher gets its features, by its id. Matchers with the same text have the same features, and
+    /// the run extracts and times these once.
     pub extractions: BTreeMap<String, String>,
-    /// What is known of the matchers that are not built in, in a few words, by their ids: `from outside,
-    /// cuda, 1024 pixels`.
+    /// What is known of the matchers that are not built in, in a few words, by their ids:
+    /// `from outside, cuda, 1024 pixels`.
     pub outside: BTreeMap<String, String>,
-    /// Pairs to be looked at.
+    /// Pairs that are shown with pictures.
     pub views: Vec<PairView>,
-    /// The run.
+    /// Facts about the run.
     pub facts: RunFacts,
 }
 
 impl Content {
-    /// Scores the results; threads are used, and change nothing.
+    /// Scores the results. Threads are used, and do not change the result.
     pub fn new(results: Vec<ResultSet>, bootstrap: &Bootstrap, facts: RunFacts) -> Self {
         let mut summaries: Vec<Summary> = (results.par_iter())
             .map(|set| Summary::new(set, bootstrap))
@@ -68,7 +68,7 @@ impl Content {
         }
     }
 
-    /// The plan of the run, where it was one.
+    /// The plan of the run; `None` if the results did not come from a run.
     pub(super) fn plan(&self) -> Option<Plan> {
         serde_json::from_str(self.facts.plan.as_deref()?).ok()
     }

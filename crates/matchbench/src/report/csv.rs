@@ -1,22 +1,22 @@
-//! Comma-separated values (RFC 4180): one row per dataset, matcher and estimator, full precision.
-//! A score that is undefined is an empty field, and `NaN` where the whole column is: readers would
-//! take a column of nothing for one of text. Times are medians, in seconds.
+//! Comma-separated values (RFC 4180): one row per dataset, matcher and estimator, full precision. An undefined
+//! score is an empty field. If a whole column is undefined, its fields are `NaN`, since readers would take a
+//! column of empty fields for text. Times are medians, in seconds.
 
 use crate::metrics::{Failures, Quartiles, SCORES, SuccessCurve, Summary, THRESHOLDS};
 
-/// What a column of numbers holds if none of them is known.
+/// The content of each field in a column of numbers of which none is known.
 pub(super) const UNKNOWN: &str = "NaN";
 
 /// One field of a row.
 pub(super) enum Cell {
     Name(String),
-    /// The same number in every row of a run.
+    /// A number that is the same in every row of a run.
     Constant(u32),
-    /// A number of things; in the row of means their sum.
+    /// A count; the row of means holds the sum.
     Count(usize),
-    /// A score; in the row of means the mean of the scores.
+    /// A score; the row of means holds the mean of the scores.
     Score(Option<f64>),
-    /// A number whose mean means nothing.
+    /// A number whose mean would have no meaning.
     Number(Option<f64>),
 }
 
@@ -25,8 +25,8 @@ pub(super) fn render(summaries: &[Summary]) -> String {
     table(summaries.iter().map(row).collect())
 }
 
-/// The same, and a last line that is called `mean`: the mean of each score over all datasets, each
-/// counted once, and the sum of each number of pairs.
+/// The same, and a last line called `mean`: the mean of each score over all datasets, where each dataset counts
+/// once, and the sum of each number of pairs.
 pub(super) fn render_with_mean(summaries: &[Summary]) -> String {
     let mut rows: Vec<Row> = summaries.iter().map(row).collect();
     if let Some(first) = rows.first() {
@@ -36,7 +36,7 @@ pub(super) fn render_with_mean(summaries: &[Summary]) -> String {
     table(rows)
 }
 
-/// Fields under their heads.
+/// Fields with the heads of their columns.
 pub(super) type Row = Vec<(String, Cell)>;
 
 /// A header line and one line for each row; all have the same heads.
@@ -74,7 +74,7 @@ fn is_nothing(cell: &Cell) -> bool {
     }
 }
 
-/// All that is known, in the order of columns.
+/// All known values, in the order of the columns.
 pub(super) fn row(summary: &Summary) -> Row {
     let mut row = Row::new();
     let mut push = |head: &str, cell| row.push((head.to_owned(), cell));
@@ -88,7 +88,7 @@ pub(super) fn row(summary: &Summary) -> Row {
         Cell::Score(summary.scores.get(SCORES[0].id).value),
     );
     curve(&mut row, "sp", &summary.sp);
-    // Points of the curve are columns already, and so is the first score.
+    // Points of the curve have their own columns already, and so has the first score.
     for (kind, score) in summary.scores.iter() {
         if row.iter().all(|(head, _)| head != kind.id) {
             row.push((kind.id.to_owned(), Cell::Score(score.value)));
@@ -185,16 +185,17 @@ fn mean(rows: &[Row], column: usize) -> (String, Cell) {
     (head, cell)
 }
 
-/// The shortest digits that read back as the same number, always with a point or an exponent: from
-/// a `1` in the first rows readers conclude that a column holds whole numbers.
+/// The shortest digits that read back as the same number, always with a point or an exponent. If the first rows
+/// held a plain `1`, readers would conclude that the column holds whole numbers.
 pub(super) fn number(value: impl Into<Option<f64>>) -> String {
     (value.into().filter(|value| value.is_finite())).map_or_else(String::new, |v| format!("{v:?}"))
 }
 
-/// Quoted where a comma, a quote or a line end would break the row, and where a name looks like a
-/// number (`06`), which it is not.
+/// Quoted if a comma, a quote or a line end would break the row, or if a name looks like a number (`06`)
+/// although it is a name.
 pub(super) fn field(text: &str) -> String {
-    // Spreadsheets compute what begins like this; behind an apostrophe it is a text.
+    // Spreadsheets evaluate fields that begin with these characters; after an apostrophe they take them as
+    // text.
     let apostrophe = if text.starts_with(['=', '+', '-', '@', '\t', '\r']) {
         "'"
     } else {

@@ -1,4 +1,4 @@
-//! What a report says about its datasets first: the paper's Table 1 and Figure 1.
+//! The facts about the datasets that a report shows first: the paper's Table 1 and Figure 1.
 
 use std::path::Path;
 
@@ -23,19 +23,19 @@ pub struct DatasetFacts {
     pub pairs: usize,
     /// Columns and rows of the first image, where it can be read.
     pub resolution: Option<(usize, usize)>,
-    /// Where it comes from; empty where it does not say.
+    /// Where it comes from; empty if the dataset does not say.
     pub origin: String,
-    /// What it shows, in a few words; empty where it does not say.
+    /// What it shows, in a few words; empty if the dataset does not say.
     pub property: String,
-    /// The arguments by which it was imported; empty where it does not say.
+    /// The arguments with which it was imported; empty if the dataset does not say.
     pub import: Vec<String>,
-    /// The first image of its pair in the middle, where it can be read.
+    /// The first image of the pair in the middle of the list, if it can be read.
     pub thumbnail: Option<Thumbnail>,
 }
 
 impl DatasetFacts {
-    /// The facts of a dataset that was opened from the folder `dir`. What cannot be read is left
-    /// out: a report can do without.
+    /// The facts of a dataset that was opened from the folder `dir`. What cannot be read is left out, since a
+    /// report can be made without it.
     pub fn of_sequence(dir: &Path, sequence: &Sequence) -> Self {
         let about = describe(dir).unwrap_or_default();
         let pairs: Vec<PairResult> = (sequence.pairs.iter())

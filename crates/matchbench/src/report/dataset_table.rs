@@ -1,4 +1,5 @@
-//! The paper's Table 1 as LaTeX: datasets by portion, their images, pairs, resolution and property.
+//! The paper's Table 1 as LaTeX: the datasets by portion (short or wide baselines), with their images, pairs,
+//! resolution and property.
 
 use std::fmt::Write as _;
 

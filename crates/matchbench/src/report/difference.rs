@@ -1,15 +1,16 @@
-//! Two methods side by side on the pairs where they differ most: two matchers of one run, or one before and after a
-//! change.
+//! Two methods side by side on the pairs where they differ most. The methods are two matchers of one run, or
+//! one matcher before and after a change.
 //!
-//! A pair counts for how far the errors are apart below 15 degrees (of homographies 15 pixels), where the AUC looks; a
-//! pair without an estimate is as wrong as can be. Of each side the pairs are shown that it wins by most.
+//! The difference of a pair is the difference of the two errors, each limited to 15 degrees (15 pixels for
+//! homographies), since the AUC ignores what is above. A pair without an estimate gets the largest error. For
+//! each method, the pairs are shown on which it wins by the largest difference.
 
 use std::collections::BTreeMap;
 
 use crate::metrics::{Comparison, PairResult, ResultSet};
 use crate::records::RunFolder;
 
-/// The error from which the AUC sees no difference, in degrees or pixels.
+/// The error above which the AUC makes no difference, in degrees or pixels.
 const SEEN_BELOW: f64 = 15.0;
 /// The error of a pair without an estimate.
 const WORST: f64 = 180.0;
@@ -17,9 +18,9 @@ const WORST: f64 = 180.0;
 /// One of two methods that are compared.
 #[derive(Clone, Copy, Debug)]
 pub struct Side<'a> {
-    /// What it is called on the page.
+    /// Its name on the page.
     pub name: &'a str,
-    /// The run that it is of.
+    /// The run that it belongs to.
     pub run: &'a RunFolder,
     /// Its results.
     pub results: &'a ResultSet,
@@ -30,7 +31,7 @@ pub struct Side<'a> {
 pub struct Duel<'a> {
     /// The first and the second.
     pub sides: [Side<'a>; 2],
-    /// What changes from the first to the second.
+    /// The change of the scores from the first to the second.
     pub comparison: Comparison,
 }
 
@@ -47,7 +48,8 @@ impl Twin<'_> {
         self.results.map(PairResult::judged_error)
     }
 
-    /// By how much the first is worse than the second: as far as the AUC looks, and at all.
+    /// By how much the first is worse than the second: first with errors limited as in the AUC, then without a
+    /// limit.
     fn lead(&self) -> [f64; 2] {
         [SEEN_BELOW, WORST].map(|most| {
             let [first, second] = self.errors().map(|error| error.unwrap_or(WORST).min(most));
@@ -56,7 +58,7 @@ impl Twin<'_> {
     }
 }
 
-/// The pairs that both have, once each, in the order of the first.
+/// The pairs for which both have a result, once each, in the order of the first.
 pub(super) fn twins<'a>(duel: &Duel<'a>) -> Vec<Twin<'a>> {
     let [first, second] = duel.sides.map(|side| side.results.pairs.iter());
     let of_once = |pair: &&PairResult| pair.repetition == 0;
@@ -74,7 +76,7 @@ pub(super) fn twins<'a>(duel: &Duel<'a>) -> Vec<Twin<'a>> {
         .collect()
 }
 
-/// Of each side at most so many pairs that it wins, by most first.
+/// For each method, at most so many pairs on which it wins, the largest difference first.
 pub(super) fn won<'a>(twins: &[Twin<'a>], most: usize) -> [Vec<Twin<'a>>; 2] {
     [-1.0, 1.0].map(|sign| {
         let lead = |twin: &Twin<'_>| twin.lead().map(|lead| sign * lead);
@@ -117,7 +119,7 @@ mod tests {
             (2, Some(1.0), None),
             (3, Some(1.0), Some(20.0)),
             (4, Some(9.0), Some(1.0)),
-            // Both are beyond what the AUC sees.
+            // Both errors are above the limit of the AUC.
             (5, Some(20.0), Some(90.0)),
             (6, Some(3.0), Some(3.0)),
         ];

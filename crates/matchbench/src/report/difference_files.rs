@@ -1,4 +1,5 @@
-//! Two methods side by side as a folder: `index.html`, `pairs.csv` and the images of the pairs that are shown.
+//! The comparison of two methods as a folder: `index.html`, `pairs.csv` and the images of the pairs that are
+//! shown.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -17,12 +18,12 @@ use super::of_run::{ReportError, Reported, sequences};
 use super::pictures::{Keypoints, Thumbnails, thumbnails, views_of};
 use super::words::outcome;
 
-/// Writes the page of some methods, two by two, with at most `most` pairs that each of them wins. Pictures are there
-/// where a run's dataset is where it was, and its matches were kept. Files of an earlier comparison are replaced, those
-/// of others stay.
+/// Writes the page that compares methods two by two, with at most `most` pairs on which each of the two wins.
+/// Pictures are included if the dataset of a run is still in its place and the matches were kept. Files of an
+/// earlier comparison are replaced; other files stay.
 ///
 /// # Errors
-/// If a run cannot be read or a file not be written.
+/// If a run cannot be read, or a file cannot be written.
 pub fn write_differences(
     folder: &Path,
     duels: &[Duel<'_>],

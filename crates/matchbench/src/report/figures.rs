@@ -17,10 +17,10 @@ use super::svg::{
 };
 use super::words::advantage;
 
-/// Parts that the pairs of a dataset are cut into by difficulty.
+/// Number of groups into which the pairs of a dataset are divided by difficulty.
 const STRATA: usize = 4;
 
-/// What the difficulty of a pair is told by.
+/// The quantity that measures the difficulty of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Difficulty {
     Baseline,
@@ -59,7 +59,7 @@ impl Difficulty {
     }
 }
 
-/// A dataset as the title of a figure names it.
+/// The name of a dataset in the title of a figure.
 fn named(overview: &Overview<'_>, column: usize) -> String {
     format!("{} ({})", overview.datasets[column], overview.basis(column))
 }
@@ -67,8 +67,8 @@ fn named(overview: &Overview<'_>, column: usize) -> String {
 /// Number and name of a matcher, and its AUC in each range.
 type Line<'a> = (usize, &'a str, Vec<Option<f64>>);
 
-/// The ranges of a difficulty, and the AUC in each of every matcher; nothing where nothing is known
-/// of it on this dataset.
+/// The ranges of a difficulty, and the AUC of every matcher in each range. Empty if the difficulty is not known
+/// on this dataset.
 pub(super) fn difficulty_lines<'a>(
     content: &Content,
     overview: &'a Overview<'_>,
@@ -123,8 +123,8 @@ pub(super) fn difficulty_figure(
     ))
 }
 
-/// What the stated probabilities of each method are worth on one dataset, the best method first; those that state
-/// none are left out.
+/// How well the stated probabilities of each method agree with its results on one dataset, the best method
+/// first. Methods that state none are left out.
 pub(super) fn reliabilities<'a>(
     content: &Content,
     overview: &'a Overview<'_>,
@@ -157,9 +157,9 @@ fn set_of<'a>(content: &'a Content, summary: &Summary) -> Option<&'a ResultSet> 
     })
 }
 
-/// The stages of a matcher on a dataset: each is timed with the first estimator alone, since the
-/// others are given the same matches, and detection with the first matcher that has these features.
-/// The pose is that of `summary`.
+/// The stages of a matcher on a dataset. Each stage is timed only with the first estimator, since the other
+/// estimators are given the same matches. Detection is timed only with the first matcher that has these
+/// features. The time of the pose is that of `summary`.
 pub(super) fn stages_of(content: &Content, summary: &Summary) -> StageQuartiles {
     let features = |matcher: &str| content.extractions.get(matcher);
     let here = || (content.summaries.iter()).filter(|s| s.dataset == summary.dataset);
@@ -181,8 +181,8 @@ pub(super) fn stages_of(content: &Content, summary: &Summary) -> StageQuartiles 
     }
 }
 
-/// Seconds for a pair, both of whose images are new: the medians of all stages that were timed, if
-/// detection and search were.
+/// Seconds for a pair if both its images are new: the sum of the medians of all stages that were timed, with
+/// detection twice. `None` if detection or search was not timed.
 pub(super) fn seconds_for_a_pair(content: &Content, summary: &Summary) -> Option<f64> {
     let stages = stages_of(content, summary);
     let optional = |stage: Option<Quartiles>| stage.map_or(0.0, |spread| spread.median);
@@ -213,7 +213,7 @@ pub(super) fn time_figure(
     (!dots.is_empty()).then(|| scatter(target, &title, &dots))
 }
 
-/// Matchers whose time for a pair is not known, and why, in a sentence.
+/// Matchers whose time for a pair is not known, and the reason, in a sentence.
 pub(super) fn untimed(content: &Content, overview: &Overview<'_>, column: usize) -> Option<String> {
     let matchers: BTreeSet<&str> = (overview.rows.iter())
         .filter_map(|row| Some(row.cells[column].as_ref()?.summary))
@@ -233,7 +233,8 @@ pub(super) fn untimed(content: &Content, overview: &Overview<'_>, column: usize)
     (!reasons.is_empty()).then(|| format!("Without a time, {}.", reasons.join("; ")))
 }
 
-/// The best of a dataset against the others, if there are others; of poses, where there are also homographies.
+/// The best method of a dataset compared with the others, if there are others. If there are both poses and
+/// homographies, poses.
 pub(super) fn lead_figure(
     content: &Content,
     overview: &Overview<'_>,
@@ -276,8 +277,8 @@ pub(super) fn leads_on<'a>(
     (content.leads.iter()).filter(move |lead| lead.dataset == dataset && lead.model == model)
 }
 
-/// AUC of matchers by estimators on one dataset, or the mean over all; nothing where there is only
-/// one estimator.
+/// AUC of matchers by estimators on one dataset, or the mean over all datasets. `None` if there is only one
+/// estimator.
 pub(super) fn estimator_figure(
     summaries: &[Summary],
     dataset: Option<&str>,
@@ -325,8 +326,8 @@ pub(super) fn estimator_figure(
     Some(heat_map(target, &title, &matchers, &estimators, &cells))
 }
 
-/// Which curve of a summary shows one angle of the error; of homographies that of the corner error stands
-/// in for the pose's, and the others have none.
+/// The curve of a summary for one angle of the error. For homographies the curve of the corner error is used
+/// instead of that of the pose error; the other angles have none.
 pub(super) fn success_curve(summary: &Summary, angle: Angle) -> Option<&SuccessCurve> {
     match (summary.model, angle) {
         (Model::Pose, Angle::Pose) => Some(&summary.sp),
@@ -337,8 +338,8 @@ pub(super) fn success_curve(summary: &Summary, angle: Angle) -> Option<&SuccessC
     }
 }
 
-/// The SP curves of one dataset; of poses, where there are also homographies. `None` where there is nothing
-/// to show.
+/// The SP curves of one dataset. If there are both poses and homographies, those of poses. `None` if there is
+/// nothing to show.
 pub(super) fn sp_figure(
     overview: &Overview<'_>,
     column: usize,
@@ -409,8 +410,8 @@ pub(super) fn accuracy_figure(
     (!curves.is_empty()).then(|| sp_curves(target, &title, &axes, &curves))
 }
 
-/// Number, name and mean matching accuracy within 1, 2, ... 10 pixels of each matcher, once whatever the
-/// estimators, the best first; those of which it is not known are left out.
+/// Number, name and mean matching accuracy within 1, 2, ... 10 pixels of each matcher, the best first. A
+/// matcher is listed once, whatever its estimators. Matchers whose accuracy is not known are left out.
 pub(super) fn accuracies<'a>(
     overview: &'a Overview<'_>,
     column: usize,

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-/// A name for each dataset: letters, digits, dots and dashes, different from the others (also where
-/// case does not count).
+/// A file name for each dataset: letters, digits, dots and dashes, different from all others (also if upper and
+/// lower case are not distinguished).
 pub(super) fn file_names(datasets: &[&str]) -> Vec<String> {
     let mut taken = BTreeSet::new();
     (datasets.iter())

@@ -1,6 +1,6 @@
-//! The report as a folder that opens from disk and can be mailed: `index.html`,
-//! `figures/*.{svg,png,vl.json}`, `pairs/*/*.html`, `tables/*.{csv,parquet,json,md,tex}`, and for a paper
-//! `cite/method.{md,tex}` with `cite/cite.bib`, and `cite/commands.sh`, which computes it again.
+//! The report as a folder, which can be opened from disk and mailed: `index.html`,
+//! `figures/*.{svg,png,vl.json}`, `pairs/*/*.html`, `tables/*.{csv,parquet,json,md,tex}`. For a paper there are
+//! `cite/method.{md,tex}` with `cite/cite.bib`, and `cite/commands.sh`, which computes the results again.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -32,10 +32,11 @@ use super::{
 /// Pixels of a PNG figure for each unit of its drawing: sharp on dense screens and in print.
 const PNG_SCALE: f32 = 2.0;
 
-/// Writes the report and returns the path of its page. Files of an earlier report are replaced, each
-/// at once.
+/// Writes the report and returns the path of its page. Files of an earlier report are replaced, each in one
+/// step.
 ///
 /// # Errors
+/// If a file or folder cannot be written.
 /// A file or folder that cannot be written.
 pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
     let out = Pages::new(folder)?;
@@ -98,17 +99,18 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
     Ok(folder.join("index.html"))
 }
 
-/// The list of the files of a report, in its folder: what a later report does not have is removed by it.
+/// The list of the files of a report, kept in its folder. A later report removes the listed files that it does
+/// not have.
 const LIST: &str = ".files";
 
-/// The files of a report as they are written.
+/// Writes the files of a report.
 pub(super) struct Pages<'a> {
     folder: &'a Path,
     written: Mutex<BTreeSet<String>>,
 }
 
 impl<'a> Pages<'a> {
-    /// Refuses a folder whose page is no report: it would be overwritten.
+    /// Refuses a folder whose page is not a report, since that page would be overwritten.
     pub(super) fn new(folder: &'a Path) -> io::Result<Self> {
         let page = folder.join("index.html");
         let is_report = |page: String| page.contains("matchbench");
@@ -125,7 +127,7 @@ impl<'a> Pages<'a> {
         })
     }
 
-    /// Writes one file, which is named from the folder on.
+    /// Writes one file; its name is relative to the folder.
     pub(super) fn write(&self, name: &Path, contents: &[u8]) -> io::Result<()> {
         write_own(self.folder, name, contents)?;
         let name = name.to_string_lossy().replace('\\', "/");
@@ -134,8 +136,8 @@ impl<'a> Pages<'a> {
         Ok(())
     }
 
-    /// Removes the files of the report before that this one has not: pages of pairs that are shown no
-    /// more. What no report listed is somebody else's, and stays.
+    /// Removes the files of the earlier report that this one does not have, such as pages of pairs that are not
+    /// shown any more. Files that no report listed belong to somebody else, and stay.
     pub(super) fn remove_earlier(self) -> io::Result<()> {
         let written = self
             .written
@@ -156,8 +158,8 @@ impl<'a> Pages<'a> {
     }
 }
 
-/// Writes a file of a report. Folders of reports come from others too: what a link in one leads to is not theirs to
-/// overwrite.
+/// Writes a file of a report. Folders of reports can come from other people, so a file that a link in such a
+/// folder leads to must not be overwritten.
 fn write_own(folder: &Path, name: &Path, contents: &[u8]) -> io::Result<()> {
     if let Some(link) = link_below(folder, name) {
         let what = format!("cannot write {}: it is a link; delete it", link.display());

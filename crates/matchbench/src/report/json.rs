@@ -1,4 +1,4 @@
-//! All that is known, as a JSON array of [`Summary`] objects; what is undefined is `null`.
+//! All that is known, as a JSON array of [`Summary`] objects. Undefined values are `null`.
 
 use crate::metrics::Summary;
 

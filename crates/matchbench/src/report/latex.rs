@@ -1,6 +1,6 @@
-//! A complete `tabular` like the paper's Table 2: AUC of matchers by datasets, the best three of a
-//! dataset in red, green and blue, those above SIFT in bold, `/` where a matcher was not run. Rows and
-//! columns stand in the paper's order, under its two portions.
+//! A complete `tabular` like the paper's Table 2: AUC of matchers by datasets. The best three of a dataset are
+//! red, green and blue, those above SIFT are bold, and `/` means that a matcher was not run. Rows and columns
+//! are in the paper's order, under its two portions (short and wide baselines).
 
 use std::fmt::Write as _;
 
@@ -57,7 +57,7 @@ pub(super) fn render(summaries: &[Summary]) -> String {
     text
 }
 
-/// What the columns rest on, as comments.
+/// What the numbers of the columns are computed from (pairs and estimator), as comments.
 pub(super) fn bases(text: &mut String, overview: &Overview<'_>, numbers: &[String]) {
     for (column, (dataset, number)) in overview.datasets.iter().zip(numbers).enumerate() {
         let basis = overview.basis(column);
@@ -70,7 +70,7 @@ pub(super) fn bases(text: &mut String, overview: &Overview<'_>, numbers: &[Strin
     }
 }
 
-/// The portions of neighbouring columns, and how many each has.
+/// The portions, each with the number of neighbouring columns that belong to it.
 pub(super) fn portions(overview: &Overview<'_>) -> Vec<(Portion, usize)> {
     let mut runs: Vec<(Portion, usize)> = Vec::new();
     for &portion in &overview.portions {
@@ -98,7 +98,7 @@ pub(super) fn label(overview: &Overview<'_>, label: &str) -> String {
     }
 }
 
-/// Lines across the whole table, below it: the estimators, where each matcher has its own, and `more`.
+/// Lines across the whole width below the table: the estimators, if each matcher has its own, and `more`.
 pub(super) fn footnotes(text: &mut String, overview: &Overview<'_>, more: &[&str]) {
     let estimators = overview.footnote(names::title).map(|note| escape(&note));
     let notes = estimators
@@ -159,7 +159,7 @@ fn bold_if(bold: bool, text: &str) -> String {
     }
 }
 
-/// A name in a comment: it cannot end the line.
+/// A name in a comment, without line ends, which would end the comment.
 pub(super) fn comment(text: &str) -> String {
     text.replace(char::is_control, " ")
 }

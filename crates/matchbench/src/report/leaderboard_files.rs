@@ -11,10 +11,10 @@ use super::html::leaderboard_page;
 use super::leaderboard::{Group, Leaderboard, Refused, Row, Source};
 
 /// Writes the page and its tables, and returns the path of the page. Files of an earlier leaderboard are
-/// replaced, each at once; those of others stay.
+/// replaced, each in one step; other files stay.
 ///
 /// # Errors
-/// A file or folder that cannot be written; a page of somebody else that is there.
+/// If a file or folder cannot be written, or if the folder has a page that is not a leaderboard.
 pub fn write_leaderboard(folder: &Path, board: &Leaderboard) -> io::Result<PathBuf> {
     let out = Pages::new(folder)?;
     for (name, text) in [
@@ -28,7 +28,7 @@ pub fn write_leaderboard(folder: &Path, board: &Leaderboard) -> io::Result<PathB
     Ok(folder.join("index.html"))
 }
 
-/// One line for each row, with all scores; their columns are those of `scores.csv`.
+/// One line per row with all scores; the columns are those of `scores.csv`.
 fn table(board: &Leaderboard) -> String {
     let row = |group: &Group, row: &Row| {
         let Source {

@@ -1,4 +1,4 @@
-//! Pipe tables as forges render them: AUC of matchers by datasets, then every score.
+//! Markdown tables as GitHub and similar sites render them: AUC of matchers by datasets, then every score.
 
 use std::fmt::Write as _;
 
@@ -8,7 +8,7 @@ use super::numbers::{NONE, interval, ratio, score};
 use super::overview::{Cell, Overview};
 use super::words::{definitions, protocol_notes};
 
-/// Two tables with a line of explanation each.
+/// Two tables, each with a line of explanation.
 pub(super) fn render(summaries: &[Summary]) -> String {
     if summaries.is_empty() {
         return "No results.\n".to_owned();
@@ -84,7 +84,7 @@ fn auc(cell: Option<&Cell<'_>>) -> String {
     }
 }
 
-/// Whether methods are ranked by a score, which then has its interval beside it.
+/// Whether methods are ranked by this score. Then its interval is shown beside it.
 fn ranks(kind: &ScoreKind) -> bool {
     ["auc", "auc_h3"].contains(&kind.id)
 }
@@ -107,7 +107,7 @@ fn scores(s: &Summary, shown: &[&ScoreKind]) -> Vec<String> {
     cells
 }
 
-/// The head of a table of scores, whose first so many columns are names.
+/// The head of a table of scores; the first `names` columns hold names.
 pub(super) fn rule_below(text: &mut String, heads: &[String], names: usize) {
     line(text, heads.iter().cloned());
     rule(text, names, heads.len() - names);

@@ -1,5 +1,5 @@
-//! The method section that a paper would have, written from what was run: Markdown with citations as
-//! pandoc reads them (`[@key]`) and LaTeX with `\cite`; the keys are those of `cite.bib`.
+//! The method section of a paper, written from what was run: Markdown with citations in pandoc's form
+//! (`[@key]`), and LaTeX with `\cite`. The keys are those of `cite.bib`.
 
 use std::fmt::Write as _;
 
@@ -98,7 +98,7 @@ fn pieces(content: &Content) -> Vec<Piece> {
             &references(matcher, "")[..1],
         );
     }
-    // Every matcher lists its own; one of a name has the same parameters for all.
+    // Every matcher lists its own estimators; those with the same name have the same parameters everywhere.
     let planned: Value = (plan["matchers"].as_array().into_iter().flatten())
         .filter_map(|matcher| matcher["estimators"].as_array())
         .flatten()
@@ -134,7 +134,7 @@ fn pieces(content: &Content) -> Vec<Piece> {
     pieces
 }
 
-/// One of several names, with its papers.
+/// Adds one of several names, with its papers.
 fn push(pieces: &mut Vec<Piece>, i: usize, count: usize, name: String, papers: &[Option<&str>]) {
     let between = match i {
         0 => "",

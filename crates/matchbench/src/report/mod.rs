@@ -1,8 +1,8 @@
-//! Writes scores down: one exporter per file, from [`Summary`]s to text.
+//! Reports: turns [`Summary`]s (scores) into text. Each format has its own file.
 //!
-//! [`render`] gives one table in one format; [`of_run`] the report of a run, a folder to look at and to
-//! mail ([`write_report`] for other [`Content`]). Every exporter is a pure function, the same scores give the same bytes, and names from data are
-//! escaped for the format they are written in.
+//! [`render`] gives one table in one format. [`of_run`] writes the report of a run, a folder that can be read
+//! and mailed ([`write_report`] does the same for other [`Content`]). Every exporter is a pure function: the
+//! same scores give the same bytes. Names from data are escaped for the format in which they are written.
 
 mod again;
 mod booktabs;
@@ -75,23 +75,23 @@ pub use time_table::{MatcherTimes, times_as_csv, times_as_latex};
 pub use verdict::verdicts;
 pub use words::{advantage, leads_in_words, sentence};
 
-/// The form of a table.
+/// The format of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// Aligned text for a terminal.
     Table,
     /// Comma-separated values, full precision, one row per dataset, matcher and estimator.
     Csv,
-    /// An array of everything that is known, full precision.
+    /// A JSON array of everything that is known, full precision.
     Json,
-    /// Pipe tables as forges render them.
+    /// Markdown tables as GitHub and similar sites render them.
     Markdown,
     /// A complete `tabular` like the paper's Table 2.
     Latex,
 }
 
 impl Format {
-    /// All of them, in the order of their names in help texts.
+    /// All formats, in the order of their names in help texts.
     pub const ALL: [Self; 5] = [
         Self::Table,
         Self::Csv,
@@ -100,7 +100,7 @@ impl Format {
         Self::Latex,
     ];
 
-    /// The name by which it is chosen.
+    /// The name by which a user chooses it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Table => "table",
@@ -138,8 +138,8 @@ pub fn render(format: Format, summaries: &[Summary]) -> String {
     }
 }
 
-/// The same, with the mean over all datasets: in CSV as a last row `mean`, in the table of a terminal
-/// as a line below it. The other formats are as [`render`] gives them.
+/// The same, with the mean over all datasets: a last row `mean` in CSV, a line below the table in the terminal
+/// format. The other formats are as [`render`] gives them.
 pub fn render_with_mean(format: Format, summaries: &[Summary]) -> String {
     match format {
         Format::Table => table::render_with_mean(summaries),

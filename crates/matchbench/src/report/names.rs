@@ -1,5 +1,5 @@
-//! What publications call matchers and estimators, and the order in which they list them: both come
-//! from the lists of what can be run. What is on no list is called by its id and comes last.
+//! The names of matchers and estimators in publications, and their order in tables. Both come from the lists of
+//! what can be run. What is on no list is called by its id and comes last.
 
 use serde_json::Value;
 
@@ -13,7 +13,7 @@ pub(super) fn title(matcher: &str) -> String {
     entry.map_or_else(|| matcher.to_owned(), |entry| entry.title())
 }
 
-/// Where a matcher stands in tables.
+/// The position of a matcher in tables.
 pub(super) fn place(matcher: &str) -> usize {
     let place = MATCHERS.iter().position(|entry| entry.id() == matcher);
     place.unwrap_or(MATCHERS.len())

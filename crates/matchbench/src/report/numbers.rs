@@ -2,7 +2,7 @@
 
 use crate::metrics::{Interval, Notation, Score};
 
-/// Shown where there is no number.
+/// Shown if there is no number.
 pub(super) const NONE: &str = "–";
 
 /// A ratio to three decimals.
@@ -15,7 +15,7 @@ pub(super) fn count(value: impl Into<Option<f64>>) -> String {
     decimals(value, 1)
 }
 
-/// A score as its entry says.
+/// A score in the notation that its entry asks for.
 pub(super) fn score(notation: Notation, value: impl Into<Option<f64>>) -> String {
     match notation {
         Notation::Ratio => ratio(value),

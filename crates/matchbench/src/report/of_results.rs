@@ -1,4 +1,4 @@
-//! A report from result files alone, anybody's: no run, no plan, no pictures of matches.
+//! The report of result files from any program. There is no run, no plan, and no pictures of matches.
 
 use std::path::Path;
 
@@ -7,9 +7,9 @@ use crate::metrics::{Bootstrap, PairChoice, PairGeometry, ResultsError, load_cho
 
 use super::{Content, DatasetFacts, RunFacts};
 
-/// Everything that a report can say about a folder of results: scores, and, of the `datasets` whose
-/// images are at hand, their facts and how hard their pairs are. A dataset that cannot be opened is
-/// told to `note` and done without.
+/// All that a report can say about a folder of results: scores, and facts and the difficulty of pairs for those
+/// `datasets` whose images are available. If a dataset cannot be opened, `note` is called with the reason, and
+/// the report is made without it.
 ///
 /// # Errors
 /// As [`load_chosen`].
@@ -64,7 +64,7 @@ pub fn of_results(
     Ok(content)
 }
 
-/// The arguments by which these results are scored.
+/// The arguments with which these results are scored.
 fn arguments(results: &Path, datasets: Option<&Path>, choice: &PairChoice) -> Vec<String> {
     let mut words = vec![results.display().to_string()];
     if let Some(datasets) = datasets {

@@ -1,7 +1,8 @@
-//! The whole report of a run, from its folder alone: by anybody, years later.
+//! The whole report of a run. It needs nothing but the folder of the run, so anybody can make it, years later.
 //!
-//! What is not in the folder is used where it still is, and named in [`Reported::notes`] where it is
-//! not: the datasets (images, baselines and angles; overlaps that were measured by depth are recorded) and the feature cache (keypoints).
+//! Some data are not in the folder: the datasets (images, baselines and angles; overlaps that were measured by
+//! depth are in the records) and the feature cache (keypoints). They are used if they are still in their
+//! places. If not, [`Reported::notes`] names what is missing.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -19,12 +20,12 @@ use crate::datasets::Sequence;
 use crate::metrics::{Bootstrap, PairGeometry, ResultsError, load_run, unfinished};
 use crate::records::{FolderError, Plan, RunFolder, StoreError};
 
-/// What may be chosen about a report.
+/// Options of a report.
 #[derive(Clone, Copy, Debug)]
 pub struct ReportOptions<'a> {
-    /// Its folder. Default: `report` in that of the run.
+    /// The folder of the report. Default: `report` in the folder of the run.
     pub out: Option<&'a Path>,
-    /// One file that everything goes into, instead of a folder. Default: none.
+    /// One file that everything is written to, instead of a folder. Default: none.
     pub bundle: Option<&'a Path>,
     /// The feature cache, from which keypoints are drawn. Default: `cache` in the folder of the run.
     pub cache: Option<&'a Path>,
@@ -46,13 +47,13 @@ impl Default for ReportOptions<'_> {
 /// A report that was written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reported {
-    /// Its page.
+    /// The path of its page.
     pub page: PathBuf,
-    /// What is missing in it, and why, in sentences.
+    /// What is missing in the report, and why, in sentences.
     pub notes: Vec<String>,
 }
 
-/// Why there is no report.
+/// Why a report could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// The results cannot be scored.
@@ -64,12 +65,12 @@ pub enum ReportError {
     /// Records or matches cannot be read.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// A file of the report cannot be written; the error names it.
+    /// A file of the report cannot be written; the error names the file.
     #[error(transparent)]
     Io(#[from] io::Error),
 }
 
-/// Writes the report of a run. Threads of the current rayon pool are used, and change nothing.
+/// Writes the report of a run. Threads of the current rayon pool are used, and do not change the result.
 ///
 /// # Errors
 /// If the run cannot be read or the report cannot be written.
@@ -81,8 +82,8 @@ pub fn of_run(run: &RunFolder, options: &ReportOptions<'_>) -> Result<Reported, 
     })
 }
 
-/// Writes the report of a run, and into the folder around it the paper's tables and figures, whose page it
-/// returns. What is chosen about the report holds but for its place, `report` in `folder`.
+/// Writes the report of a run to `report` in `folder`, and the paper's tables and figures to `folder` itself.
+/// Returns the path of the page of the paper. The options of the report apply, except for its place.
 ///
 /// # Errors
 /// As [`of_run`].
@@ -100,7 +101,7 @@ pub fn paper_of_run(
     })
 }
 
-/// What a report of a run shows, and what is missing in it, and why, in sentences.
+/// The content of the report of a run, and what is missing in it and why, in sentences.
 ///
 /// # Errors
 /// If the run cannot be read.
@@ -142,7 +143,7 @@ pub fn content_of_run(
             Some(DatasetFacts::of_sequence(&dataset.path, sequence))
         })
         .collect();
-    // Of some pairs alone the portion cannot be told.
+    // If only some of the pairs were run, the portion cannot be told from them.
     for summary in &mut content.summaries {
         if let Some(facts) = (content.datasets.iter()).find(|facts| facts.name == summary.dataset) {
             summary.portion = facts.portion;
@@ -187,7 +188,7 @@ fn facts(run: &RunFolder) -> Result<RunFacts, FolderError> {
     })
 }
 
-/// The datasets of a run that are still where they were, and a note for each of the others.
+/// The datasets of a run that are still in their places, and a note for each of the others.
 pub(super) fn sequences(plan: &Plan) -> (BTreeMap<String, Sequence>, Vec<String>) {
     let (mut sequences, mut notes) = (BTreeMap::new(), Vec::new());
     for dataset in &plan.datasets {
@@ -212,7 +213,8 @@ pub(super) fn sequences(plan: &Plan) -> (BTreeMap<String, Sequence>, Vec<String>
     (sequences, notes)
 }
 
-/// A run may be limited to some of the pairs; the others are no part of easy or hard.
+/// A run may be limited to some of the pairs. The other pairs must not count when pairs are divided into easy
+/// and hard.
 fn leave_out_what_was_not_run(content: &mut Content) {
     for (name, geometry) in &mut content.geometry {
         let sets = content.results.iter().filter(|set| set.dataset == *name);

@@ -1,8 +1,8 @@
-//! Matchers that are not built in, so that nobody takes their rows for those of others.
+//! Facts about matchers that are not built in, so that nobody mistakes their rows for those of built-in ones.
 //!
-//! What decides their scores and times as much as the method does stands beside their names: where the
-//! matches come from, the device that a program says it computed on, and the size that images were
-//! reduced to.
+//! Some facts decide their scores and times as much as the method does. They are shown beside the name: where
+//! the matches come from, the device that a program says it computed on, and the size to which images were
+//! reduced.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use crate::records::{MatcherPlan, RunFolder, StoreError};
 
-/// The matchers of a run that are not built in, each with what a reader must know of it, in a few words.
+/// The matchers of a run that are not built in, each with what a reader must know about it, in a few words.
 ///
 /// # Errors
 /// If records cannot be read.
@@ -25,7 +25,7 @@ pub(super) fn outside(run: &RunFolder) -> Result<BTreeMap<String, String>, Store
     Ok(found)
 }
 
-/// What a matcher says that it computed on.
+/// The devices that a matcher says it computed on.
 fn devices(run: &RunFolder, matcher: &MatcherPlan) -> Result<BTreeSet<String>, StoreError> {
     let mut devices = BTreeSet::new();
     for dataset in &run.plan().datasets {

@@ -1,4 +1,4 @@
-//! The paper's Table 2 as data: matchers by datasets, the best three marked, and those above SIFT.
+//! The paper's Table 2 as data: matchers by datasets. The best three are marked, and those above SIFT.
 
 use std::fmt::Write as _;
 
@@ -9,13 +9,13 @@ use super::names;
 use super::svg::{COLOURS, DASHES};
 use super::words;
 
-/// The matcher that the paper measures the others by.
+/// The matcher that the paper compares the others with.
 const BASELINE: &str = "sift";
 /// The estimator of the paper.
 pub(super) const REFERENCE: &str = "ransac-e";
 
-/// AUC of every matcher on every dataset, both in the order in which the scores name them, but
-/// the baseline first, and of its estimators the reference.
+/// AUC of every matcher on every dataset. Both are in the order in which the scores name them, but the baseline
+/// comes first, and so does the reference among its estimators.
 pub(super) struct Overview<'a> {
     /// Names of the datasets, the columns.
     pub(super) datasets: Vec<&'a str>,
@@ -27,8 +27,8 @@ pub(super) struct Overview<'a> {
     pub(super) rows: Vec<Row<'a>>,
 }
 
-/// What the rows compare. Whatever there is only one of stands in no label, and neither do estimators
-/// where each matcher has its own: they are a footnote ([`Overview::footnote`]).
+/// What the rows compare. If there is only one matcher or one estimator, no label names it. Labels do not name
+/// estimators either if each matcher has its own; a footnote does ([`Overview::footnote`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Subject {
     Matchers,
@@ -50,7 +50,7 @@ impl Subject {
 
 /// One matcher (with one estimator) on all datasets.
 pub(super) struct Row<'a> {
-    /// How it is called in tables and legends.
+    /// Its label in tables and legends.
     pub(super) label: String,
     /// Id of the matcher.
     pub(super) matcher: &'a str,
@@ -58,22 +58,22 @@ pub(super) struct Row<'a> {
     pub(super) estimator: &'a str,
     /// Number of its colour, marker and dash; no two rows have the same.
     pub(super) series: usize,
-    /// Whether it is what the others are measured by.
+    /// Whether it is the baseline that the others are compared with.
     pub(super) is_baseline: bool,
     /// One cell per dataset, `None` where the matcher was not run.
     pub(super) cells: Vec<Option<Cell<'a>>>,
 }
 
-/// One AUC and what the table says about it.
+/// One AUC, and how it is marked in the table.
 pub(super) struct Cell<'a> {
     pub(super) summary: &'a Summary,
     /// The AUC of the angle that the table is about.
     pub(super) auc: Score,
-    /// 1, 2 or 3 for the best three of the dataset (equal scores share the rank), if there is
-    /// anything to be better than.
+    /// 1, 2 or 3 for the best three of the dataset (equal scores share the rank), if there is anything to
+    /// compare with.
     pub(super) rank: Option<u8>,
-    /// Better than the SIFT of the run: with the same estimator, or, where SIFT was not run with it,
-    /// as it was run.
+    /// Better than the SIFT of the run: with the same estimator, or, if SIFT was not run with it, with the
+    /// estimator that SIFT was run with.
     pub(super) above_baseline: bool,
 }
 
@@ -130,8 +130,8 @@ impl<'a> Overview<'a> {
         }
     }
 
-    /// The same table in the order of the paper: matchers as the list of matchers has them, others
-    /// behind, and the short-baseline portion before the wide one.
+    /// The same table in the order of the paper: matchers in the order of the list of matchers, others after
+    /// them, and the short-baseline portion before the wide one.
     pub(super) fn in_the_papers_order(mut self) -> Self {
         self.rows.sort_by_key(|row| names::place(row.matcher));
         let mut columns: Vec<usize> = (0..self.datasets.len()).collect();
@@ -153,9 +153,9 @@ impl<'a> Overview<'a> {
         self
     }
 
-    /// Who was run with which estimator, where each matcher has one and they differ: `Pose by
-    /// ransac-e; by rich: gms, code`. The estimator of SIFT, or else of the first row, is named
-    /// without its matchers.
+    /// If each matcher has one estimator and they differ: which matcher was run with which, as
+    /// `Pose by ransac-e; by rich: gms, code`. The estimator of SIFT (or of the first row, if there is no SIFT)
+    /// is named without its matchers.
     pub(super) fn footnote(&self, name: impl Fn(&str) -> String) -> Option<String> {
         if self.subject != Subject::Matchers {
             return None;
@@ -188,7 +188,7 @@ impl<'a> Overview<'a> {
         (ranked.into_iter().map(|(row, cell)| (row, cell.summary))).collect()
     }
 
-    /// What was estimated on a dataset: poses, where there are also homographies.
+    /// What was estimated on a dataset; poses, if there are both poses and homographies.
     pub(super) fn model(&self, column: usize) -> Model {
         let cells = self
             .rows
@@ -206,7 +206,7 @@ impl<'a> Overview<'a> {
         cells.any(|cell| cell.summary.model == model)
     }
 
-    /// What the matchers lead to.
+    /// What is estimated from the matches, as text.
     pub(super) fn truth(&self) -> &'static str {
         match [Model::Pose, Model::Homography].map(|model| self.has(model)) {
             [true, true] => "pose or homography",
@@ -226,7 +226,7 @@ impl<'a> Overview<'a> {
         }
     }
 
-    /// How many pairs the numbers of a dataset rest on: `171 pairs`.
+    /// The number of pairs from which the numbers of a dataset are computed: `171 pairs`.
     pub(super) fn pairs(&self, column: usize) -> String {
         let Some(summary) = self.first(column) else {
             return String::new();
@@ -292,8 +292,8 @@ fn subject(methods: &[(&str, &str)]) -> Subject {
     }
 }
 
-/// Rows are numbered as they come. But where there are enough dashes for the estimators, a matcher
-/// keeps its colour and marker with all of them, and the dash tells the estimator.
+/// Numbers of the rows, in their order. But if there are enough dashes for the estimators, a matcher keeps its
+/// colour and marker with all of them, and the dash distinguishes the estimators.
 fn series(methods: &[(&str, &str)], subject: Subject) -> Vec<usize> {
     let matchers = distinct(methods.iter().map(|method| method.0));
     let estimators = distinct(methods.iter().map(|method| method.1));
@@ -342,7 +342,7 @@ fn cell<'a>(
     Some(Cell {
         summary,
         auc: summary.auc_of(angle),
-        // Where nobody solved a pair, nobody is best.
+        // If no method solved a pair, none is best.
         rank: (auc > Some(0.0) && scored > 1 && better < 3).then_some(better as u8 + 1),
         above_baseline: baseline.is_some() && auc > baseline,
     })

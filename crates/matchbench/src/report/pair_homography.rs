@@ -1,15 +1,15 @@
-//! A pair to be looked at whose homography is known: matches by how far they are from it, and the frame of
-//! image a as it is seen in image b.
+//! The view of a pair whose homography is known: matches by their distance from it, and the frame of image a as
+//! seen in image b.
 
 use matchbench_vision::geometry::transfer;
 use nalgebra::{Matrix3, Point2};
 
 use super::pair_view::{EpipolarLines, MatchView, Points};
 
-/// A match agrees with an estimated homography if it takes its point in a nearer than this to that in b, in
-/// pixels: the threshold of `ransac-h`.
+/// A match agrees with an estimated homography if the homography maps its point in a to a place that is nearer
+/// than this to its point in b, in pixels. This is the threshold of `ransac-h`.
 const AGREES_BELOW: f64 = 3.0;
-/// Points of each side of the frame; a side that reaches the horizon is not straight.
+/// Points on each side of the frame. Several are needed, since a side that reaches the horizon is not straight.
 const PER_SIDE: usize = 16;
 
 /// The true homography of a pair, and the estimated one, if there is one.
@@ -20,7 +20,7 @@ pub(super) struct PairHomographies {
 }
 
 impl PairHomographies {
-    /// The matches `a[i]`, `b[i]` by how far from b the homographies take a.
+    /// The matches `a[i]`, `b[i]`, by the distance from b to the place where the homographies map a.
     pub(super) fn match_views(&self, a: &[Point2<f64>], b: &[Point2<f64>]) -> Vec<MatchView> {
         let distance = |h: &Matrix3<f64>, a, b: &Point2<f64>| (transfer(h, a) - b).norm();
         (a.iter().zip(b))
@@ -33,8 +33,8 @@ impl PairHomographies {
             .collect()
     }
 
-    /// Where image a, of so many columns and rows, ends in image b. It begins and ends at a corner, whose
-    /// places in both images are its match.
+    /// The border of image a, of so many columns and rows, in image b. It begins and ends at one corner; the
+    /// match of the result is the places of this corner in both images.
     pub(super) fn outline(&self, (width, height): (usize, usize)) -> EpipolarLines {
         let [right, bottom] = [width, height].map(|side| side.saturating_sub(1) as f64);
         let corners = [[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]].map(Point2::from);

@@ -1,4 +1,4 @@
-//! Every result of every pair as a table of typed columns: for CSV and for Parquet alike.
+//! Every result of every pair as a table of typed columns, used for both CSV and Parquet.
 
 use crate::metrics::{Angle, PairGeometry, PairResult, ResultSet};
 
@@ -11,13 +11,13 @@ pub(super) struct Column<'a> {
     pub(super) values: Values<'a>,
 }
 
-/// What stands in a column; what is not known is `None`.
+/// The values of a column; what is not known is `None`.
 pub(super) enum Values<'a> {
-    /// Names, each of which comes many times.
+    /// Names, each of which occurs many times.
     Text(Vec<&'a str>),
     /// Whole numbers that are always known.
     Index(Vec<u32>),
-    /// Whole numbers that may have not been counted.
+    /// Whole numbers that may not have been counted.
     Count(Vec<Option<u32>>),
     /// Numbers; all of them are finite.
     Number(Vec<Option<f64>>),

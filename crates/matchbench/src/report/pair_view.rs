@@ -1,9 +1,9 @@
-//! A pair to be looked at: both images, the selected matches by their true error, epipolar lines. (What is
-//! different where a homography was estimated is in `pair_homography`.)
+//! The view of a pair: both images, the selected matches coloured by their true error, epipolar lines. (What
+//! differs for homographies is in `pair_homography`.)
 //!
-//! A match is coloured by its distance to the *true* epipolar geometry and stands apart by whether
-//! it agrees with the *estimated* one: wrong matches that agree are what misleads an estimator.
-//! Both distances are Sampson's, in pixels.
+//! The colour of a match shows its distance to the *true* epipolar geometry. How it is drawn also shows whether
+//! it agrees with the *estimated* one, since wrong matches that agree with the estimate are what misleads an
+//! estimator. Both distances are Sampson's, in pixels.
 
 use std::sync::Arc;
 
@@ -19,32 +19,32 @@ use nalgebra::{Isometry3, Matrix3, Point2, Vector3};
 use crate::metrics::Model;
 use crate::records::Outcome;
 
-/// A match agrees with an estimated pose if it is nearer than this to its epipolar geometry, in
-/// pixels: the threshold of the reference estimator.
+/// A match agrees with an estimated pose if it is nearer than this to its epipolar geometry, in pixels. This is
+/// the threshold of the reference estimator.
 const AGREES_BELOW: f64 = 1.0;
-/// Bounds of the classes of matches by distance to the true epipolar line, in pixels; what is at or
-/// above the last is in one more.
+/// Bounds of the classes of matches by distance to the true epipolar line, in pixels. Distances at or above the
+/// last bound are a fourth class.
 pub(super) const BOUNDS_PX: [f64; 3] = [1.0, 3.0, 10.0];
 /// Matches whose epipolar lines are drawn.
 const LINES: usize = 6;
-/// Points of an epipolar line that a lens bends.
+/// Points of an epipolar line that is bent by a lens.
 const BENT: usize = 24;
 
-/// An image made small enough to be embedded.
+/// An image, made small enough to be embedded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Thumbnail {
-    /// Size of the original image, in which matches are counted: columns and rows.
+    /// Size of the original image (columns and rows), whose pixels are the unit of the coordinates of matches.
     pub original: (usize, usize),
     /// The small image, as a JPEG file.
     pub jpeg: Vec<u8>,
 }
 
 impl Thumbnail {
-    /// The image with at most so many pixels a side; of one that has three `planes`, red, green and blue, in
-    /// colour.
+    /// The image with at most `longest` pixels a side. It is in colour if it has three `planes`: red, green and
+    /// blue.
     ///
     /// # Panics
-    /// If there are neither one nor three planes of one size.
+    /// If there are neither one nor three planes, or if their sizes differ.
     pub fn new(planes: &[GrayImage], longest: u32, quality: u8) -> Self {
         let size = planes[0].size();
         let (width, height) = (size.width, size.height);
@@ -77,21 +77,21 @@ impl Thumbnail {
     }
 }
 
-/// The two cameras, how they truly stand to each other, and how they were estimated to.
+/// The two cameras, their true relative pose, and the estimated one.
 #[derive(Clone, Copy, Debug)]
 pub struct PairPoses<'a> {
     /// Camera of image a.
     pub camera_a: &'a Camera,
     /// Camera of image b.
     pub camera_b: &'a Camera,
-    /// The true pose; `None` without a baseline, which leaves no epipolar lines.
+    /// The true pose; `None` without a baseline, since then there are no epipolar lines.
     pub truth: Option<RelativePose>,
     /// The estimated pose, if there is one.
     pub estimate: Option<RelativePose>,
 }
 
 impl<'a> PairPoses<'a> {
-    /// The poses of a pair: the true one, and the one in the record of what came out.
+    /// The poses of a pair: the true one, and the one in the record of the result.
     pub fn new(
         camera_a: &'a Camera,
         camera_b: &'a Camera,
@@ -114,30 +114,30 @@ pub struct MatchView {
     pub a: Point2<f64>,
     /// In image b.
     pub b: Point2<f64>,
-    /// Distance to the true epipolar geometry, or from where the true homography takes the point, in
-    /// pixels; `None` where there is none.
+    /// Distance to the true epipolar geometry, or to the place where the true homography maps the point, in
+    /// pixels; `None` if neither is known.
     pub distance: Option<f64>,
     /// Whether it agrees with the estimate.
     pub agrees: bool,
 }
 
-/// The epipolar lines of a match in image b, each as points in pixels; of homographies the frame of image a.
+/// The epipolar lines of a match in image b, each as points in pixels. For homographies, the frame of image a.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EpipolarLines {
     /// The match: its point in image a.
     pub a: Point2<f64>,
     /// And in image b.
     pub b: Point2<f64>,
-    /// After the true pose.
+    /// By the true pose.
     pub truth: Vec<Point2<f64>>,
-    /// After the estimated pose; empty where there is none.
+    /// By the estimated pose; empty if there is none.
     pub estimate: Vec<Point2<f64>>,
 }
 
 /// Points of an image, in pixels.
 pub type Points = Vec<Point2<f64>>;
 
-/// At most so many of the items, evenly taken from the list.
+/// At most `most` of the items, evenly spread over the list.
 pub fn evenly<T: Clone>(items: &[T], most: usize) -> Vec<T> {
     let count = most.min(items.len());
     (0..count)
@@ -145,12 +145,13 @@ pub fn evenly<T: Clone>(items: &[T], most: usize) -> Vec<T> {
         .collect()
 }
 
-/// How many of all selected matches are near to the truth, and how many agree with the estimate.
+/// How many of all selected matches are near the truth, and how many agree with the estimate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     /// All of them.
     pub matches: usize,
-    /// By their distance: below 1, 3 and 10 pixels, and farther; `None` where there is none.
+    /// Numbers by distance: below 1, below 3 and below 10 pixels, and farther; `None` if there is no true
+    /// distance.
     pub by_distance: Option<[usize; 4]>,
     /// Those that agree with the estimate.
     pub agree: usize,
@@ -174,7 +175,7 @@ impl Tally {
     }
 }
 
-/// Number of the class of a distance; one that is not a number is no good one.
+/// Number of the class of a distance. NaN belongs to the last class.
 pub(super) fn class_of(distance: f64) -> usize {
     (BOUNDS_PX.iter())
         .position(|bound| distance < *bound)
@@ -194,21 +195,21 @@ pub struct PairView {
     pub frames: (u32, u32),
     /// Both images; pairs share them.
     pub images: [Arc<Thumbnail>; 2],
-    /// The selected matches, or some of them, evenly taken.
+    /// The selected matches, or some of them, evenly spread over the list.
     pub matches: Vec<MatchView>,
-    /// All of them, counted.
+    /// Counts over all selected matches.
     pub tally: Tally,
-    /// What the matches are judged by.
+    /// The kind of model by which the matches are judged.
     pub model: Model,
     /// Epipolar lines of a few of them, or the frame of image a in image b.
     pub lines: Vec<EpipolarLines>,
-    /// The homography that was estimated, if one was: it takes pixels of image a to image b.
+    /// The estimated homography, if there is one; it maps pixels of image a to image b.
     pub homography: Option<Matrix3<f64>>,
-    /// All keypoints of both images, where they are wanted.
+    /// All keypoints of both images, if they were asked for.
     pub keypoints: [Points; 2],
 }
 
-/// The matches `a[i]`, `b[i]` by how far they are from the poses.
+/// The matches `a[i]`, `b[i]` with their distances from the poses.
 pub fn match_views(poses: &PairPoses<'_>, a: &[Point2<f64>], b: &[Point2<f64>]) -> Vec<MatchView> {
     let truth = poses.truth.map(|pose| distances(poses, &pose, a, b));
     let estimate = poses.estimate.map(|pose| distances(poses, &pose, a, b));
@@ -247,7 +248,7 @@ fn distances(
         .collect()
 }
 
-/// Epipolar lines of a few matches, spread over the list of those that agree (or of all, if none
+/// Epipolar lines of a few matches, evenly spread over those that agree with the estimate (or over all, if none
 /// does).
 pub fn epipolar_lines(
     poses: &PairPoses<'_>,
@@ -279,8 +280,8 @@ pub fn epipolar_lines(
         .collect()
 }
 
-/// Where in image b the point seen `at` in image a can be seen, across the whole image; it may
-/// leave the image above and below.
+/// The epipolar line in image b of the point `at` in image a, across the whole width of the image. It may leave
+/// the image above and below.
 fn epipolar_line(
     essential: &Matrix3<f64>,
     poses: &PairPoses<'_>,

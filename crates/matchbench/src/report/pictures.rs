@@ -1,4 +1,4 @@
-//! Pairs to be looked at, from what a run left behind.
+//! Chooses the pairs of a run that are shown with pictures, and makes their views.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -16,14 +16,13 @@ use crate::records::{Outcome, Plan, RunFolder, SelectedMatches, StoreError};
 
 /// Longest side of an embedded image in pixels, and its JPEG quality.
 const EMBEDDED: (u32, u8) = (480, 62);
-/// Most matches of a pair, and keypoints of an image, that are drawn.
+/// Most matches of a pair, and most keypoints of an image, that are drawn.
 const MOST_MATCHES: usize = 120;
 const MOST_KEYPOINTS: usize = 250;
 
-/// Views of at most `count` pairs of each dataset with every matcher and estimator, pair by pair;
-/// the first few are spread from the easiest to the hardest, and telling ones of each kind of hard pairs are among
-/// them. Only where the images and the selected
-/// matches are at hand.
+/// Views of at most `count` pairs of each dataset with every matcher and estimator, pair by pair. The first few
+/// pairs are spread from the easiest to the hardest, and examples of each kind of hard pairs are among them. A
+/// view is only made if the images and the selected matches are available.
 ///
 /// # Errors
 /// If records or matches cannot be read.
@@ -69,8 +68,8 @@ pub(super) fn sample(
     Ok((views, notes))
 }
 
-/// Views of `pairs` with the matches that a run kept of one method, each with its place among them; what is not at
-/// hand is left out.
+/// Views of `pairs` with the matches that a run kept of one method, each with the position of its pair in
+/// `pairs`. What is not available is left out.
 ///
 /// # Errors
 /// If records or matches cannot be read.
@@ -119,15 +118,15 @@ pub(super) fn views_of(
     Ok(views)
 }
 
-/// Small images by their frames, and what is to be said of those that are left out.
+/// Small images by their frames, and notes about those that are left out.
 #[derive(Default)]
 pub(super) struct Thumbnails {
     pub(super) small: BTreeMap<u32, Arc<Thumbnail>>,
     pub(super) note: Option<String>,
 }
 
-/// The images of some pairs, made small; what cannot be read, or is another image than one of the `runs` has matched,
-/// is left out.
+/// The images of some pairs, made small. An image is left out if it cannot be read, or if it is not the image
+/// that one of the `runs` matched.
 pub(super) fn thumbnails(runs: &[&RunFolder], sequence: &Sequence, pairs: &[&Pair]) -> Thumbnails {
     let noted: Vec<_> = (runs.iter())
         .filter_map(|run| run.images_of(&sequence.name).ok())
@@ -165,7 +164,7 @@ pub(super) struct Keypoints<'a> {
 }
 
 impl<'a> Keypoints<'a> {
-    /// Those of the matchers of a run.
+    /// The keypoints of the matchers of a run.
     pub(super) fn new(plan: &'a Plan, cache: FeatureCache) -> Self {
         Self {
             plan,
@@ -174,7 +173,7 @@ impl<'a> Keypoints<'a> {
         }
     }
 
-    /// Some keypoints of a frame, evenly taken from the list; none where they are not known.
+    /// Some keypoints of a frame, evenly spread over the list; empty if they are not known.
     fn of(&mut self, matcher: &str, sequence: &Sequence, frame: u32) -> Points {
         let find = || {
             let extraction = self.plan.matcher(matcher)?.extraction.as_ref()?;
@@ -197,8 +196,8 @@ impl<'a> Keypoints<'a> {
     }
 }
 
-/// A pair with its matches; the names of matcher and estimator are left empty, and so are the
-/// keypoints. `None` if what the outcome is of is not known.
+/// A pair with its matches. The names of matcher and estimator, and the keypoints, are left empty. `None` if
+/// there is no truth for the kind of model in the outcome.
 pub fn view(
     sequence: &Sequence,
     pair: &Pair,
@@ -243,8 +242,8 @@ pub fn view(
     })
 }
 
-/// `count` pairs, evenly taken from the order of how many matchers are right on them, the first few
-/// from all over it.
+/// Chooses `count` pairs, evenly spread over the list of pairs in the order of how many matchers solve them.
+/// Any first few of the result are spread over the whole list too.
 fn chosen<'a>(sets: &[&ResultSet], sequence: &'a Sequence, count: usize) -> Vec<&'a Pair> {
     let mut right = BTreeMap::<(u32, u32), u32>::new();
     for pair in sets.iter().flat_map(|set| &set.pairs) {
@@ -262,7 +261,7 @@ fn chosen<'a>(sets: &[&ResultSet], sequence: &'a Sequence, count: usize) -> Vec<
     let count = count.min(pairs.len());
     let last = count.saturating_sub(1).max(1);
     let mut ranks: Vec<usize> = (0..count).collect();
-    // 0, half, a quarter ...: wherever the list is cut, it is spread.
+    // The order is 0, half, a quarter ...: wherever the list is cut, the pairs are spread.
     ranks.sort_by_key(|&rank| (rank as u32).reverse_bits());
     (ranks.into_iter())
         .map(|i| pairs[i * (pairs.len() - 1) / last].1)

@@ -1,5 +1,5 @@
-//! Results by the scores of protocols of the field: a row for each set of results and protocol, what each protocol
-//! is, and what the run did otherwise. In every form of a table.
+//! Results in the scores of evaluation protocols of published benchmarks, in every table format: a row for each
+//! set of results and protocol, what each protocol is, and where the run departed from it.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -42,7 +42,7 @@ fn of(one: &ProtocolScores, kind: &ScoreKind) -> Option<ProtocolScore> {
     one.scores.iter().find(|score| score.id == kind.id).copied()
 }
 
-/// A score for people, with its deviation; nothing where the protocol has no such score.
+/// A score for readers, with its deviation; empty if the protocol has no such score.
 fn cell(one: &ProtocolScores, kind: &ScoreKind) -> String {
     let Some(found) = of(one, kind) else {
         return String::new();
@@ -54,7 +54,7 @@ fn cell(one: &ProtocolScores, kind: &ScoreKind) -> String {
     }
 }
 
-/// The head of a table for people, and its rows.
+/// The head and the rows of a table for readers.
 fn cells(scores: &[ProtocolScores]) -> (Vec<String>, Vec<Vec<String>>) {
     let kinds = kinds(scores);
     let head = NAMES.into_iter().chain(["pairs", "failed"]);
@@ -70,7 +70,8 @@ fn cells(scores: &[ProtocolScores]) -> (Vec<String>, Vec<Vec<String>>) {
     (head.collect(), rows.collect())
 }
 
-/// Below a table: what its scores mean, what each protocol is, and what was done otherwise; a line each.
+/// The notes below a table, one per line: what its scores mean, what each protocol is, and where the run
+/// departed from it.
 fn notes(scores: &[ProtocolScores]) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     let mut defined = None;

@@ -1,7 +1,7 @@
-//! Figures as PNG, for slides and documents that take no SVG.
+//! Figures as PNG, for slides and documents that cannot hold SVG.
 //!
-//! Text is set in DejaVu Sans, which is part of the program: pictures look the same on every machine,
-//! also on one without typefaces. Only letters that it lacks are taken from the machine's.
+//! Text is set in DejaVu Sans, which is part of the program. So pictures look the same on every machine, also
+//! on one without fonts. Only characters that this font lacks are taken from the fonts of the machine.
 
 use std::io;
 use std::sync::{Arc, OnceLock};
@@ -9,13 +9,13 @@ use std::sync::{Arc, OnceLock};
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{Options, Tree, fontdb};
 
-/// Name of the typeface that is part of the program.
+/// Name of the font that is part of the program.
 const TYPEFACE: &str = "DejaVu Sans";
 
 /// The drawing as a PNG file, `scale` pixels for one unit.
 ///
 /// # Errors
-/// A drawing that is no SVG, or too large for memory.
+/// If the drawing is not valid SVG, or too large for memory.
 pub(super) fn png(svg: &str, scale: f32) -> io::Result<Vec<u8>> {
     let options = Options {
         fontdb: fonts(),
@@ -31,7 +31,7 @@ pub(super) fn png(svg: &str, scale: f32) -> io::Result<Vec<u8>> {
     pixels.encode_png().map_err(io::Error::other)
 }
 
-/// Our typeface, then those of this machine, which take a moment to find.
+/// Our font, then the fonts of this machine, which take a moment to find.
 fn fonts() -> Arc<fontdb::Database> {
     static FONTS: OnceLock<Arc<fontdb::Database>> = OnceLock::new();
     let load = || {

@@ -14,7 +14,7 @@ struct Column {
     cells: Vec<String>,
 }
 
-/// The table, the definitions of its scores below it, and what was left out or failed to run.
+/// The table; below it the definitions of its scores, and what was left out or failed to run.
 pub(super) fn render(summaries: &[Summary]) -> String {
     if summaries.is_empty() {
         return "no results\n".to_owned();
@@ -109,7 +109,7 @@ pub(super) fn render_with_mean(summaries: &[Summary]) -> String {
     text
 }
 
-/// A head, a rule and rows, in columns of which the first so many hold names.
+/// A head, a rule and rows; the first `names` columns hold names.
 pub(super) fn aligned(head: &[String], rows: &[Vec<String>], names: usize) -> String {
     let lines = || std::iter::once(head).chain(rows.iter().map(Vec::as_slice));
     let width = |column: usize| lines().map(|line| line[column].chars().count()).max();
@@ -141,7 +141,7 @@ pub(super) fn aligned(head: &[String], rows: &[Vec<String>], names: usize) -> St
     text
 }
 
-/// Without control characters: a name must not be able to move the cursor.
+/// The name without control characters, so that it cannot move the cursor.
 pub(super) fn printable(name: &str) -> String {
     name.replace(char::is_control, "\u{fffd}")
 }

@@ -1,8 +1,8 @@
-//! The paper's Table 3: features, and the time of detection, matching and selection.
+//! The paper's Table 3: number of features, and the time of detection, matching and selection.
 //!
-//! The paper shows means; single slow pairs move them, so the median stands beside each. Detection
-//! (with description) is per image, the rest per pair. The pose, which the paper leaves out, stands
-//! in CSV alone.
+//! The paper shows means. A few slow pairs change a mean a lot, so the median is shown beside it. The time of
+//! detection (with description) is per image, the others are per pair. The paper leaves out the time of the
+//! pose, so it is only in the CSV file.
 
 use std::fmt::Write as _;
 
@@ -19,11 +19,11 @@ use super::names;
 pub struct MatcherTimes {
     /// Id of the matcher.
     pub matcher: String,
-    /// What was measured.
+    /// The times that were measured.
     pub stages: StageQuartiles,
 }
 
-/// A column: its name in CSV, and its head in the paper's table where it has one.
+/// A column: its name in CSV, and its head in the paper's table if it is in it.
 type Column = (
     &'static str,
     Option<&'static str>,
@@ -44,7 +44,7 @@ const COLUMNS: [Column; 5] = [
     ("pose_ms", None, 1e3, |s| s.estimate),
 ];
 
-/// Means, medians and quartiles at full precision; what was not timed is empty.
+/// Means, medians and quartiles at full precision; what was not timed is an empty field.
 pub fn times_as_csv(rows: &[MatcherTimes]) -> String {
     let mut text = String::from("matcher");
     for (name, ..) in COLUMNS {
@@ -70,8 +70,8 @@ pub fn times_as_csv(rows: &[MatcherTimes]) -> String {
     text
 }
 
-/// A complete `tabular` in the order of the paper: means, medians in brackets. `about` says in a
-/// comment what was measured where.
+/// A complete `tabular` in the order of the paper: means, with medians in brackets. `about` says in a comment
+/// what was measured where.
 pub fn times_as_latex(rows: &[MatcherTimes], about: &str) -> String {
     let mut rows: Vec<&MatcherTimes> = rows.iter().collect();
     rows.sort_by_key(|row| names::place(&row.matcher));

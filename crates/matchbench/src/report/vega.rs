@@ -1,7 +1,7 @@
-//! Every figure as a specification of Vega-Lite, its data inside: to be changed by whoever has another
-//! idea of it (<https://vega.github.io/vega-lite/>, version 5).
+//! Every figure as a Vega-Lite specification that contains its data, for readers who want to change it
+//! (<https://vega.github.io/vega-lite/>, version 5).
 //!
-//! The numbers are those of the drawings; names of files are the same with the ending `.vl.json`.
+//! The numbers are those of the drawings. The file names are the same, with the ending `.vl.json`.
 
 use serde_json::{Value, json};
 
@@ -111,7 +111,7 @@ pub(super) fn ap_panel(overview: &Overview<'_>, portion: Portion) -> Value {
     )
 }
 
-/// The lead of the best over each of the others.
+/// By how much the best leads over each of the others.
 pub(super) fn lead(content: &Content, overview: &Overview<'_>, column: usize) -> Value {
     let dataset = overview.datasets[column];
     let rows = leads_on(content, overview, column).map(|lead| {
@@ -130,7 +130,7 @@ pub(super) fn lead(content: &Content, overview: &Overview<'_>, column: usize) ->
     figure(format!("Lead of the best: {dataset}"), rows.collect(), spec)
 }
 
-/// AUC over how hard the pairs are; nothing where that is not known.
+/// AUC over the difficulty of the pairs; `None` if that is not known.
 pub(super) fn difficulty(
     content: &Content,
     overview: &Overview<'_>,
@@ -183,7 +183,7 @@ pub(super) fn reliability(
     )
 }
 
-/// Accuracy against time, of those whose time is known.
+/// Accuracy against time, for methods whose time is known.
 pub(super) fn time(content: &Content, overview: &Overview<'_>, column: usize) -> Value {
     let rows = overview.rows.iter().filter_map(|row| {
         let summary = row.cells[column].as_ref()?.summary;

@@ -1,15 +1,15 @@
-//! Who is best on a dataset and how certainly, in one sentence; all comparisons pair by pair stand in
-//! the report.
+//! Which method is best on a dataset, and whether that is significant, in one sentence. All pairwise
+//! comparisons are in the report.
 
 use crate::metrics::{Difference, Lead};
 
 use super::words::{method, rounds};
 
-/// Names of methods in a sentence; of more, only their number.
+/// Most methods that a sentence names; of more it gives only the number.
 const NAMED: usize = 3;
 
-/// A sentence for each dataset on which several methods were run, in the order of the `leads`; one for poses and one for
-/// homographies, where it has both.
+/// A sentence for each dataset on which several methods were run, in the order of the `leads`. If a dataset has
+/// both poses and homographies, one sentence for each.
 pub fn verdicts(leads: &[Lead]) -> Vec<String> {
     (rounds(leads).iter())
         .map(|(name, leads)| verdict(name, leads))
@@ -60,7 +60,8 @@ fn verdict(name: &str, leads: &[&Lead]) -> String {
     format!("{name}: {text}").replace(char::is_control, "\u{fffd}")
 }
 
-/// The methods that the best is compared with, by name as far as [`NAMED`].
+/// The methods that the best is compared with: at most [`NAMED`] names, then the number of the
+/// others.
 fn names(leads: &[&Lead]) -> String {
     let named = leads.iter().take(NAMED);
     let names: Vec<String> = named

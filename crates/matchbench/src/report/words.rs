@@ -1,4 +1,4 @@
-//! What came of a pair, in words.
+//! The result of a pair, in words.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use crate::metrics::{
 use crate::protocols::PROTOCOLS;
 use crate::records::{MIN_MATCHES, MIN_SUPPORT};
 
-/// In a word or two, for tables.
+/// The result in a word or two, for tables.
 pub(super) fn outcome(pair: &PairResult) -> &'static str {
     match pair.outcome {
         Ok(Deviation::Pose(_) | Deviation::Larger(_)) => "pose",
@@ -54,7 +54,7 @@ pub(super) fn reason(failure: Failure) -> String {
     }
 }
 
-/// What came of a pair, in a sentence.
+/// The result of a pair, in a sentence.
 pub fn sentence(pair: &PairResult) -> String {
     match (&pair.outcome, pair.error(Angle::Pose)) {
         (Err(failure), _) => reason(*failure),
@@ -87,7 +87,8 @@ pub fn sentence(pair: &PairResult) -> String {
     }
 }
 
-/// What the `shown` scores mean that a table of this detail has: the heads that share a definition, and it.
+/// The definitions of the `shown` scores in a table of this detail: the column heads that share a definition,
+/// and the definition.
 pub(super) fn definitions(
     shown: &[&'static ScoreKind],
     detail: Detail,
@@ -105,7 +106,7 @@ pub(super) fn definitions(
     definitions
 }
 
-/// What the names of estimators under a protocol mean, a sentence for each protocol.
+/// What the names of estimators under a protocol mean, one sentence per protocol.
 pub(super) fn protocol_notes(summaries: &[Summary]) -> Vec<String> {
     let under = |id: &str| summaries.iter().any(|summary| summary.protocol == id);
     (PROTOCOLS.iter())
@@ -120,7 +121,7 @@ pub(super) fn protocol_notes(summaries: &[Summary]) -> Vec<String> {
         .collect()
 }
 
-/// A matcher with its estimator, where that is known.
+/// A matcher with its estimator, if that is known.
 pub(super) fn method(matcher: &str, estimator: &str) -> String {
     if estimator.is_empty() {
         matcher.to_owned()
@@ -129,8 +130,8 @@ pub(super) fn method(matcher: &str, estimator: &str) -> String {
     }
 }
 
-/// Which of two is better `on` what, by how much, and whether that is certain: the difference is
-/// the score of `one` minus that of `other`, with its paired interval.
+/// A sentence: which of two is better `on` what, by how much, and whether that is significant. The difference
+/// is the score of `one` minus that of `other`, with its paired interval.
 pub fn advantage(one: &str, other: &str, on: &str, difference: &Difference) -> String {
     let Some(value) = difference.value else {
         return format!("{one} and {other} have no pairs in common on {on}");
@@ -163,8 +164,8 @@ pub fn advantage(one: &str, other: &str, on: &str, difference: &Difference) -> S
     }
 }
 
-/// The leads of each dataset, in their order, and its name; those of poses and of homographies apart, and called so where
-/// it has both.
+/// The leads of each dataset, in their order, with its name. If a dataset has both poses and homographies, they
+/// are separate, and the name says which.
 pub(super) fn rounds(leads: &[Lead]) -> Vec<(String, Vec<&Lead>)> {
     let key = |lead: &Lead| (lead.dataset.clone(), lead.model);
     let mut seen = BTreeSet::new();
@@ -183,8 +184,8 @@ pub(super) fn rounds(leads: &[Lead]) -> Vec<(String, Vec<&Lead>)> {
     firsts.map(round).collect()
 }
 
-/// The best of each dataset against the others, the nearest first, a sentence a line; beyond
-/// a dozen a dataset, the rest in one.
+/// The best method of each dataset compared with the others, the nearest first, one sentence per line. If there
+/// are more than a dozen for a dataset, the rest are summed up in one sentence.
 pub fn leads_in_words(leads: &[Lead]) -> String {
     let mut text = String::new();
     for (dataset, mut leads) in rounds(leads) {
@@ -213,7 +214,7 @@ pub fn leads_in_words(leads: &[Lead]) -> String {
     text.replace(|c: char| c.is_control() && c != '\n', "\u{fffd}")
 }
 
-/// Sentences about one dataset: a run of all matchers with all estimators would fill pages.
+/// Most sentences about one dataset. A run of all matchers with all estimators would fill pages.
 const SENTENCES: usize = 12;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The commands by which a reader computes again what the page shows.
+//! The commands with which a reader computes again what the page shows.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,8 @@ use minijinja::{Value, context};
 
 use super::super::again::{Again, DatasetAgain};
 
-/// Where the page says how a dataset is computed again, and what shows it at last, by its name.
+/// By the name of a dataset: the places on the page that say how it is computed again and which commands then
+/// show the scores.
 pub(super) fn anchors(again: &Again) -> BTreeMap<String, Value> {
     (again.datasets.iter().enumerate())
         .map(|(number, dataset)| {
@@ -17,7 +18,7 @@ pub(super) fn anchors(again: &Again) -> BTreeMap<String, Value> {
         .collect()
 }
 
-/// The commands by which all is computed again; none where they are not known.
+/// The commands that compute everything again; `None` if they are not known.
 pub(super) fn commands(again: &Again) -> Option<Value> {
     let dataset = |dataset: &DatasetAgain| {
         let cells = dataset.cells.iter();

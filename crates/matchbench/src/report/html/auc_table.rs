@@ -1,4 +1,4 @@
-//! The table of AUC at the head of the page: methods are rows, datasets columns.
+//! The AUC table at the top of the page: methods are rows, datasets are columns.
 
 use std::fmt::Write as _;
 
@@ -11,7 +11,7 @@ use super::super::content::Content;
 use super::super::numbers::{NONE, interval, ratio};
 use super::super::overview::{Cell, Overview};
 
-/// A method a row, with the AUC of `angle` on each dataset.
+/// One row per method, with the AUC of `angle` on each dataset.
 pub(super) fn rows(content: &Content, overview: &Overview<'_>, angle: Angle) -> Vec<Value> {
     (overview.rows.iter())
         .map(|row| {

@@ -13,12 +13,12 @@ use crate::metrics::{Model, PairGeometry};
 /// A pair as the page shows it.
 pub(in super::super) struct Shown<'a> {
     pub(in super::super) twin: Twin<'a>,
-    /// The matches of both, as far as they are at hand.
+    /// The matches of both methods, as far as they are available.
     pub(in super::super) views: [Option<PairView>; 2],
     pub(in super::super) geometry: Option<PairGeometry>,
 }
 
-/// Two methods and the pairs that each wins.
+/// Two methods, and the pairs on which each wins.
 pub(in super::super) struct Chapter<'a> {
     pub(in super::super) duel: Duel<'a>,
     /// The folder of its images.

@@ -1,4 +1,4 @@
-//! AUC of easy and hard pairs apart, and which kinds of difficulty are known.
+//! AUC of easy and of hard pairs, and which measures of difficulty are known.
 
 use minijinja::{Value, context};
 
@@ -7,7 +7,8 @@ use super::super::figures::{Difficulty, difficulty_figure};
 use super::super::overview::Overview;
 use super::super::svg::Target;
 
-/// AUC over what is known of the pairs of each dataset, and what is known of any.
+/// The AUC figures over each measure of difficulty that is known on a dataset, and the measures that are known
+/// on any dataset.
 pub(super) fn figures(
     content: &Content,
     overview: &Overview<'_>,

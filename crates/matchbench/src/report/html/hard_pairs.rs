@@ -1,4 +1,4 @@
-//! Where methods fail: the kinds of hard pairs of each dataset, and a telling pair of each.
+//! Where methods fail: the kinds of hard pairs of each dataset, and an example pair of each kind.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +11,8 @@ use super::super::overview::Overview;
 use super::super::words::method;
 use crate::metrics::{ResultSet, hard_pairs};
 
-/// Rows of the table, dataset by dataset. A pair with pictures of its own is linked, unless the page stands `alone`.
+/// Rows of the table, dataset by dataset. A pair that has pictures on a page of its own is linked, unless the
+/// main page stands `alone`.
 pub(super) fn rows(content: &Content, overview: &Overview<'_>, alone: bool) -> Vec<Value> {
     let mut rows = Vec::new();
     for (dataset, folder) in overview.datasets.iter().zip(file_names(&overview.datasets)) {

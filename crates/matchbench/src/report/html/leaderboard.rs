@@ -1,4 +1,5 @@
-//! The page of a leaderboard: a table of each group, its intervals as figures, what was refused and why.
+//! The page of a leaderboard: a table for each group, intervals as figures, and the entries that were refused
+//! with the reasons.
 
 use minijinja::{Value, context};
 
@@ -74,7 +75,7 @@ fn group_of(group: &Group, number: usize) -> Value {
     }
 }
 
-/// How many pairs failed: where each was run several times, the mean of all times.
+/// The number of pairs that failed. If each pair was run several times, the mean over these.
 fn failed(summary: &Summary) -> String {
     let times = summary.repetitions.max(1) as usize;
     if summary.failed.is_multiple_of(times) {

@@ -1,8 +1,8 @@
-//! One self-contained page: tables, curves and bars, with nothing to fetch.
+//! The page of a report: one HTML file with tables, curves and bars, which loads nothing else.
 //!
-//! The template escapes every value by itself; only our own drawings, style and script go in as
-//! they are. What the page shows is computed here, what it looks like stands in `page.html`,
-//! `style.css` and `script.js`.
+//! The template escapes every value by itself. Only our own drawings, style and script are inserted unescaped.
+//! What the page shows is computed here; what it looks like is defined in `page.html`, `style.css` and
+//! `script.js`.
 
 mod again;
 mod auc_table;
@@ -45,26 +45,26 @@ use super::overview::{Overview, REFERENCE, Row, Subject};
 use super::svg::{Target, data_url, legend_sample};
 use super::words::{definitions, leads_in_words};
 
-/// The three ways to judge a pose, as the page calls them.
+/// The three errors of a pose, as the page calls them.
 const ANGLES: [(&str, Angle); 3] = [
     ("pose", Angle::Pose),
     ("rotation", Angle::Rotation),
     ("translation", Angle::Translation),
 ];
 
-/// Names of winners that a sentence can take.
+/// Most names of winners that are listed in a sentence.
 const MOST_WINNERS: usize = 4;
-/// With more curves than this the page opens with those of one estimator.
+/// If there are more curves than this, the page first shows only those of one estimator.
 const MOST_CURVES: usize = 12;
 
-/// How much goes into the page.
+/// How much content goes into the page.
 pub(super) struct Extent {
-    /// Most results of pairs that are listed; a page of 150,000 is about 3 MB.
+    /// Most results of pairs that are listed; a page with 150,000 is about 3 MB.
     pub(super) results: usize,
     /// Most bytes of pictures.
     pub(super) pictures: usize,
-    /// Files that the page holds itself, with their names; without any the page stands in a folder
-    /// that has them.
+    /// Files that are embedded in the page, with their names. If there are none, the page is in a folder that
+    /// has these files.
     pub(super) files: Vec<(&'static str, String)>,
 }
 
@@ -83,7 +83,7 @@ pub(super) fn render(content: &Content) -> String {
     render_extent(content, &Extent::default())
 }
 
-/// The page with so much in it.
+/// The page with this much content.
 pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
     let (summaries, facts) = (&content.summaries[..], &content.facts);
     let overview = Overview::new(summaries);
@@ -195,7 +195,7 @@ fn template<'a>(environment: &'a Environment<'_>, name: &str) -> Template<'a, 'a
     environment.get_template(name).expect("it was added")
 }
 
-/// Who is best, in a sentence: the matcher that leads on most datasets.
+/// A sentence about the best matcher, which is the one that leads on most datasets.
 fn headline(overview: &Overview<'_>) -> Option<Value> {
     let wins = |i: usize| {
         let cells = overview.rows[i].cells.iter().flatten();
@@ -257,8 +257,8 @@ fn legend(overview: &Overview<'_>) -> Vec<Value> {
         .collect()
 }
 
-/// Estimators whose curves can be shown alone, and which the page opens with, if there are more
-/// curves than can be told apart.
+/// If there are more curves than can be told apart: the estimators whose curves can be shown alone, and the one
+/// that the page shows first.
 fn presets(overview: &Overview<'_>) -> Option<Value> {
     if overview.subject != Subject::Both {
         return None;
@@ -308,7 +308,7 @@ fn gallery(content: &Content) -> Vec<Value> {
         .collect()
 }
 
-/// The paper's panels of AP bars: where there are several datasets.
+/// The paper's panels of AP bars, if there are several datasets.
 fn panels(overview: &Overview<'_>) -> Vec<Value> {
     let several = overview.datasets.len() > 1;
     (Portion::ALL.into_iter())
@@ -338,7 +338,7 @@ fn figures(overview: &Overview<'_>, draw: impl Fn(usize) -> Option<String>) -> V
         .collect()
 }
 
-/// Accuracy against time, and of whom no time is known.
+/// The figures of accuracy against time, and the matchers whose time is not known.
 fn scatters(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
     (overview.datasets.iter().enumerate())
         .filter_map(|(column, dataset)| {
@@ -378,7 +378,7 @@ fn row(summary: &Summary, cells: Vec<String>) -> Value {
     }
 }
 
-/// Heads of the table of all scores: each score, and its interval behind it.
+/// Heads of the table of all scores: each score, followed by its interval.
 fn score_heads(shown: &[&ScoreKind]) -> Vec<&'static str> {
     let heads = |kind: &&ScoreKind| {
         if kind.has_interval() {

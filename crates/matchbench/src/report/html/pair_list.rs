@@ -1,4 +1,4 @@
-//! The pairs as data for the script of the page: columns of small numbers, and pictures of a sample.
+//! The list of pairs as data for the script of the page: columns of small numbers, and pictures of a sample.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -18,14 +18,14 @@ use super::Extent;
 
 /// Most pairs of a dataset that have pictures in the page.
 const MOST_PICTURED: usize = 4;
-/// Most matches drawn of a pair.
+/// Most matches of a pair that are drawn.
 const MOST_MATCHES: usize = 80;
 
 /// What the script reads.
 #[derive(Serialize)]
 struct Data<'a> {
     datasets: Vec<Listed<'a>>,
-    /// Short names of the failures, then sentences, by number.
+    /// Short names of the failures, then sentences, in the order of their numbers.
     failures: [&'static str; FAILURES.len()],
     reasons: [String; FAILURES.len()],
     /// Colours and names of the distances to the true epipolar line.
@@ -58,28 +58,28 @@ struct Method<'a> {
     label: &'a str,
     matcher: &'a str,
     estimator: &'a str,
-    /// What draws a pair, without the numbers of its frames; absent where no command does.
+    /// The command that draws a pair, without the numbers of its frames; absent if no command can do it.
     #[serde(skip_serializing_if = "Option::is_none")]
     show: Option<[String; 2]>,
-    /// -1 where there is none.
+    /// -1 if there is no estimate.
     rotation: Vec<i32>,
-    /// Of homographies the corner error, in hundredths of a pixel, instead of angles.
+    /// For homographies: the corner error in hundredths of a pixel, instead of angles.
     #[serde(skip_serializing_if = "Option::is_none")]
     corner: Option<Vec<i32>>,
     translation: Vec<i32>,
     correspondences: Vec<u32>,
-    /// -1 where they were not counted.
+    /// -1 if they were not counted.
     selected: Vec<i64>,
-    /// -1 where there is a pose, else the number of the failure.
+    /// -1 if there is an estimate, else the number of the failure.
     failure: Vec<i8>,
-    /// By number of the pair.
+    /// Pictures, by the number of the pair.
     pictures: BTreeMap<usize, Picture>,
 }
 
 #[derive(Serialize)]
 struct Picture {
     images: [usize; 2],
-    /// Columns over rows of each image.
+    /// Width divided by height of each image.
     sizes: [(usize, usize); 2],
     /// How many matches are drawn, of all of them; how many agree, and how many are how near.
     drawn: usize,
@@ -119,13 +119,14 @@ pub(super) fn data(content: &Content, overview: &Overview<'_>, extent: &Extent) 
         distances: DISTANCES,
         images: images.urls,
     };
-    // Inside `script` nothing but its end is markup; `<` is written so that there is none.
+    // Inside `script`, HTML only looks for the end tag; `<` is escaped so that there is no such tag in the
+    // data.
     serde_json::to_string(&data)
         .expect("names and numbers can be written")
         .replace('<', "\\u003c")
 }
 
-/// The images that are used, each once.
+/// The images that are used, each stored once.
 #[derive(Default)]
 struct Images {
     seen: BTreeMap<usize, usize>,
@@ -204,7 +205,7 @@ fn listed<'a>(
             failure: Vec::with_capacity(count),
             pictures: BTreeMap::new(),
         };
-        // All sets of a dataset list the same pairs; anything else would be shown as missing.
+        // All sets of a dataset list the same pairs; if one did not, its pairs would be shown as missing.
         let results: BTreeMap<_, _> = set.pairs.iter().map(|pair| (key(pair), pair)).collect();
         for key in &keys {
             method.push(results.get(key).copied());
@@ -215,8 +216,7 @@ fn listed<'a>(
 }
 
 impl Listed<'_> {
-    /// Pictures of the first pairs that have any, as many as the `budget` of bytes allows, with
-    /// all matchers.
+    /// Pictures of the first pairs that have any, with all matchers, as many as fit into the `budget` of bytes.
     fn add_pictures(&mut self, content: &Content, budget: usize, images: &mut Images) {
         let views = || {
             content
@@ -287,7 +287,7 @@ impl Method<'_> {
     }
 }
 
-/// What draws a pair of these results.
+/// The command that draws a pair of these results.
 fn shown(plan: &Plan, set: &ResultSet) -> Option<[String; 2]> {
     let dataset = (plan.datasets.iter()).find(|dataset| dataset.name == set.dataset)?;
     let matcher = plan.matcher(&set.matcher)?;
@@ -299,7 +299,7 @@ fn key(pair: &PairResult) -> (u32, u32, u32) {
     (pair.a, pair.b, pair.repetition)
 }
 
-/// To three decimals, as far as the page shows them.
+/// Rounded to three decimals, which is as much as the page shows.
 fn rounded(value: f64) -> f32 {
     ((value * 1e3).round() / 1e3) as f32
 }

@@ -1,5 +1,5 @@
-//! Pictures of pairs beside the page, for what it has no room for: a page for each pair with all
-//! matchers, `pairs/<dataset>/<a>-<b>.html`, and its images as files that the pages share.
+//! Pictures of pairs beside the main page, which has no room for them: a page for each pair with all matchers,
+//! `pairs/<dataset>/<a>-<b>.html`, and its images as files that these pages share.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -17,7 +17,7 @@ use super::super::{PairView, Tally};
 use super::warp::warp;
 use super::{environment, template};
 
-/// Most matches drawn of a pair.
+/// Most matches of a pair that are drawn.
 const MOST_MATCHES: usize = 120;
 
 /// Every file with its path in the folder of the report.
@@ -59,7 +59,7 @@ pub(in super::super) fn pair_pages(
     files
 }
 
-/// The matches in numbers.
+/// The numbers of matches, as text.
 fn counts(tally: &Tally, drawn: usize) -> String {
     let mut text = format!("{drawn} of {} matches are drawn", tally.matches);
     if let Some(counts) = tally.by_distance {
@@ -74,7 +74,7 @@ fn counts(tally: &Tally, drawn: usize) -> String {
     format!("{text}; {} agree with the estimate.", tally.agree)
 }
 
-/// How hard a pair is by its cameras alone, in a sentence.
+/// How hard a pair is, judged by its cameras alone, in a sentence.
 pub(super) fn facts(known: &PairGeometry) -> String {
     let how = if known.is_measured { "" } else { "at most " };
     let share = format!("{how}{:.2}", known.overlap);

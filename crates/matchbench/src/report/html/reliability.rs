@@ -1,4 +1,5 @@
-//! Whether methods know when they fail: diagrams, and a table of what their probabilities are worth.
+//! Whether methods know when they fail: reliability diagrams, and a table of scores of the stated
+//! probabilities.
 
 use minijinja::{Value, context};
 
@@ -7,7 +8,7 @@ use super::super::figures::{reliabilities, reliability_figure};
 use super::super::overview::Overview;
 use super::super::svg::Target;
 
-/// Of each dataset with stated probabilities the diagram and a row for each method.
+/// For each dataset with stated probabilities, the diagram and a row for each method.
 pub(super) fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
     (overview.datasets.iter().enumerate())
         .filter_map(|(column, dataset)| {

@@ -9,8 +9,8 @@ use super::super::figures::{seconds_for_a_pair, stages_of};
 use super::super::numbers::{milliseconds, whole};
 use super::super::overview::{Overview, REFERENCE};
 
-/// One table for each dataset: a matcher a row, medians, quartiles behind
-/// them. Estimators share all stages but their own.
+/// One table for each dataset: one row per matcher, with medians and then quartiles. Estimators share all
+/// stages except their own.
 pub(super) fn times(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
     let table = |dataset: &str| {
         let here: Vec<&Summary> = (content.summaries.iter())
@@ -54,7 +54,7 @@ pub(super) fn times(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
         .collect()
 }
 
-/// A matcher, and its poses by each of the estimators.
+/// A matcher with its times, and the times of the poses by each of the estimators.
 fn time_row(content: &Content, first: &Summary, poses: &[Option<&Summary>]) -> Value {
     let quartiles = |spread: Option<Quartiles>, number: fn(Option<f64>) -> String| {
         let tip = spread.map(|spread| {

@@ -1,18 +1,18 @@
-//! Image a where an estimated homography lays it over image b: the browser draws it, by a projective
-//! transformation of the picture (CSS Transforms, `matrix3d`).
+//! Image a, transformed by an estimated homography so that it lies over image b. The browser draws it, by a
+//! projective transformation of the picture (CSS Transforms, `matrix3d`).
 //!
-//! A pixel of an original image is a square of the picture, whose corner, not its centre, is at the origin; so
-//! the transformation is that of the homography between squares: scaled down, and moved by half a pixel.
+//! In CSS a pixel is a square, and the corner of the first square, not its centre, is at the origin. So the
+//! transformation is the homography between squares: scaled down, and moved by half a pixel.
 
 use minijinja::{Value, context};
 use nalgebra::{Matrix3, Vector3};
 
 use super::super::PairView;
 
-/// The longest side of the pictures, in CSS pixels: a narrow screen shows all of it.
+/// The longest side of the pictures, in CSS pixels; a narrow screen still shows all of it.
 const LONGEST: f64 = 360.0;
 
-/// Both pictures and how the first is transformed; `None` where no homography was estimated.
+/// Both pictures, and the transformation of the first; `None` if no homography was estimated.
 pub(super) fn warp(view: &PairView) -> Option<Value> {
     let homography = view.homography?;
     let sizes = (view.images.each_ref()).map(|image| [image.original.0, image.original.1]);
@@ -31,7 +31,8 @@ pub(super) fn warp(view: &PairView) -> Option<Value> {
     })
 }
 
-/// The homography from the picture of a, of size `shown`, to that of b; the middle of a lies before the viewer.
+/// The homography from the picture of a, of size `shown`, to that of b. Its sign is such that the middle of a
+/// lies in front of the viewer.
 fn between_pictures(b_from_a: &Matrix3<f64>, scales: [f64; 2], shown: [f64; 2]) -> Matrix3<f64> {
     let [squares_a, squares_b] = scales.map(|scale| {
         let half = 0.5 * scale;
@@ -45,7 +46,7 @@ fn between_pictures(b_from_a: &Matrix3<f64>, scales: [f64; 2], shown: [f64; 2]) 
     moved * middle.z.signum() / moved.amax()
 }
 
-/// A homography as CSS has it: column after column, with a third dimension that stays.
+/// A homography as CSS takes it: column by column, with a third dimension that stays unchanged.
 fn matrix3d(h: &Matrix3<f64>) -> String {
     let columns = [
         [h[(0, 0)], h[(1, 0)], 0.0, h[(2, 0)]],

@@ -1,8 +1,8 @@
-//! What lies below a folder: runs and results in the authors' layout, each file read by itself.
+//! Reads what lies below a folder: runs, and results in the authors' layout. Each file is read on its own.
 //!
-//! Entries are anybody's. Links are not followed, since they lead out of the folder to what is nobody else's
-//! concern; a plan must name what its records are of; a run that is not finished, a tuning and a shard are no
-//! results yet. Whatever is wrong is said of the file that it is wrong of.
+//! Anybody may have made the entries. Links are not followed, since they could lead out of the folder. The plan
+//! of a run must name everything that its records belong to. An unfinished run, a tuning and a shard are not
+//! results yet, and are refused. Every error is reported for the file that it is found in.
 
 use std::fs;
 use std::io::{self, BufRead as _, BufReader, Read as _};
@@ -59,7 +59,7 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// Notes where the runs in and below a folder had their datasets. What cannot be read is told by `read`.
+    /// Notes where the runs in and below a folder had their datasets. Errors are reported later, by `read`.
     fn find_datasets(&mut self, folder: &Path, inside: &[Inside]) {
         if inside.iter().any(|it| it.name == "plan.json") {
             let run = RunFolder::open(folder);
@@ -75,7 +75,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A folder with these files and folders in it: an entry, or a folder of entries.
+    /// Reads a folder with these files and folders in it: it is an entry, or a folder of entries.
     fn read(&mut self, folder: &Path, inside: &[Inside]) {
         let has = |name: &str| inside.iter().any(|it| it.name == name);
         let is_run = has("plan.json") || has("records");
@@ -106,7 +106,7 @@ impl Reader<'_> {
         }
         let unjudged = |it: &&Inside| it.is_folder && !judged.contains(&&*it.name);
         for it in inside.iter().filter(unjudged) {
-            // What cannot be listed is refused by its name; what is below goes on.
+            // What cannot be listed is refused by its name; the rest is still read.
             match listed(&it.path) {
                 Ok(inside) => self.read(&it.path, &inside),
                 Err(error) => self.refuse(&it.path, error.to_string()),
@@ -153,7 +153,7 @@ impl Reader<'_> {
         }
         seen.push(names);
         is_finished(run.plan(), dataset, &set)?;
-        // What is missing now is only in other files, which do not say what is planned.
+        // Pairs that are missing now are only in the other files, which do not say what is planned.
         set.pairs
             .retain(|pair| pair.outcome != Err(Failure::Missing));
         let truth = self.truths.of(dataset);
@@ -245,7 +245,7 @@ impl Reader<'_> {
 
     fn refuse(&mut self, path: &Path, reason: String) {
         let place = self.place(path);
-        // What is said of a file names it as it is on this machine.
+        // Messages about a file contain its path on this machine.
         let root = format!("{}/", self.root.display());
         let reason = reason.replace(&root, "");
         self.found.refused.push(Refused { place, reason });
@@ -285,8 +285,8 @@ fn listed(folder: &Path) -> io::Result<Vec<Inside>> {
     Ok(inside)
 }
 
-/// Whether folders in a folder hold results, which are files of text with a truth beside them or in `datasets`.
-/// The files of a dataset are none.
+/// Whether the folders in a folder hold results. Results are text files with a truth beside them or in
+/// `datasets`. The text files of a dataset are not results.
 fn is_of_results(inside: &[Inside], datasets: Option<&Path>) -> bool {
     inside.iter().filter(|it| it.is_folder).any(|sequence| {
         let has = |name: &str| sequence.path.join(name).is_file();
@@ -296,7 +296,7 @@ fn is_of_results(inside: &[Inside], datasets: Option<&Path>) -> bool {
     })
 }
 
-/// The folders in a folder that have files of text that begin with a row of results: two frames, a count and the
+/// The folders in a folder that have text files which begin with a row of results: two frames, a count and the
 /// twelve numbers of a pose.
 fn without_truth(inside: &[Inside]) -> Vec<&str> {
     let has_results = |sequence: &&Inside| {
@@ -304,7 +304,7 @@ fn without_truth(inside: &[Inside]) -> Vec<&str> {
         let mut texts = files
             .iter()
             .filter(|file| file.path.extension() == Some("txt".as_ref()) && !file.is_folder);
-        // Those of a dataset are in one folder with these.
+        // The text files of a dataset are in one folder with these.
         let is_dataset = files.iter().any(|file| file.name == "pairs.txt");
         !is_dataset && texts.any(|text| begins_with_a_result(&text.path).unwrap_or(false))
     };
@@ -314,7 +314,7 @@ fn without_truth(inside: &[Inside]) -> Vec<&str> {
 }
 
 fn begins_with_a_result(file: &Path) -> io::Result<bool> {
-    /// A row has some 250 bytes.
+    /// A row has about 250 bytes.
     const LONGEST_ROW: u64 = 4096;
     let mut row = String::new();
     BufReader::new(open_file(file)?.take(LONGEST_ROW)).read_line(&mut row)?;
@@ -322,7 +322,8 @@ fn begins_with_a_result(file: &Path) -> io::Result<bool> {
     Ok(numbers.is_ok_and(|numbers| numbers.len() == 15))
 }
 
-/// Refuses an entry in whose parts of these names links lead elsewhere; no name stands for the entry itself.
+/// Refuses an entry if one of its parts with these names is a link that leads elsewhere; the empty name stands
+/// for the entry itself.
 fn no_links(entry: &Path, parts: &[&str]) -> Result<(), String> {
     fn first(path: &Path, levels: usize) -> Option<PathBuf> {
         let what = fs::symlink_metadata(path).ok()?.file_type();
@@ -342,7 +343,7 @@ fn no_links(entry: &Path, parts: &[&str]) -> Result<(), String> {
     }
 }
 
-/// What the plan says of results.
+/// What the plan says about these results.
 fn planned<'a>(
     plan: &'a Plan,
     set: &ResultSet,
@@ -366,7 +367,7 @@ fn planned<'a>(
     }
 }
 
-/// Refuses what is not done yet, which would count what is missing as wrong, or not at all.
+/// Refuses unfinished results. Their missing pairs would count as wrong, or would not count at all.
 fn is_finished(plan: &Plan, dataset: &DatasetPlan, set: &ResultSet) -> Result<(), String> {
     let (done, tasks) = (recorded(set), plan.tasks_on(dataset));
     if done == tasks {

@@ -1,10 +1,10 @@
-//! A leaderboard: runs and result files of many people on one page, every score computed from their records.
+//! A leaderboard: runs and result files of many people on one page. Every score is computed from the records.
 //!
-//! 1. `entries` finds what lies below a folder and reads every file by itself: what is damaged or is not what
-//!    it says is refused with the reason, and stops no other.
-//! 2. What can be compared is one group: the same dataset by name and fingerprint, the same pairs of it, the
-//!    same protocol. Scores over other truths or other pairs never stand in one table.
-//! 3. A group is scored and compared as the methods of a report are ([`Content`]): intervals by the bootstrap
+//! 1. `entries` finds what lies below a folder and reads every file on its own. A file that is damaged, or is
+//!    not what it claims to be, is refused with the reason; the others are still read.
+//! 2. Results that can be compared form one group: the same dataset by name and fingerprint, the same pairs of
+//!    it, the same protocol. Scores for different truths or different pairs are never in one table.
+//! 3. The methods of a group are scored and compared as in a report ([`Content`]): intervals by the bootstrap
 //!    over images, letters by Holm's test.
 
 mod entries;
@@ -22,7 +22,7 @@ use entries::{Entries, Scored};
 /// All that was found, in groups that can be compared.
 #[derive(Clone, Debug, Default)]
 pub struct Leaderboard {
-    /// By the names of datasets and protocols.
+    /// Sorted by the names of datasets and protocols.
     pub groups: Vec<Group>,
     /// What was refused, in the order in which it was found.
     pub refused: Vec<Refused>,
@@ -31,73 +31,74 @@ pub struct Leaderboard {
 /// Something that is not on the leaderboard.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refused {
-    /// Where it is, from the folder of all on.
+    /// Its path, relative to the folder that was read.
     pub place: String,
     /// Why.
     pub reason: String,
 }
 
-/// Methods that can be compared: judged on the same pairs by the same truth and protocol.
+/// Methods that can be compared: they are judged on the same pairs, by the same truth and protocol.
 #[derive(Clone, Debug)]
 pub struct Group {
     /// Name of the dataset.
     pub dataset: String,
-    /// Hash of its cameras and pairs with their truth; of result files whose dataset is not at hand, of the
-    /// pairs with their truth alone.
+    /// Hash of its cameras and pairs with their truth. For result files whose dataset is not available, hash of
+    /// the pairs with their truth only.
     pub fingerprint: String,
-    /// What is estimated.
+    /// What is estimated: poses or homographies.
     pub model: Model,
     /// Id of the protocol.
     pub protocol: &'static str,
-    /// How many of its pairs count, and how many it lists.
+    /// How many of its pairs count, and how many the dataset lists.
     pub pairs: [usize; 2],
-    /// How many datasets of this name there are with other fingerprints.
+    /// How many datasets have the same name and another fingerprint.
     pub namesakes: usize,
     /// The methods, the highest AUC first.
     pub rows: Vec<Row>,
-    /// The same for figures, each method under a name of its own.
+    /// The same data for figures. Each method has a name of its own there.
     pub(super) content: Content,
 }
 
-/// One method of somebody.
+/// One method of one entry.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// Its place: one more than there are better ones.
+    /// Its rank: one more than the number of methods that are better.
     pub rank: usize,
-    /// Its name in the group: the matcher, with the entry where several have it.
+    /// Its name in the group: the matcher, followed by the entry if several entries have this matcher.
     pub label: String,
     /// Its scores.
     pub summary: Summary,
-    /// What it comes from.
+    /// What it was computed from.
     pub source: Source,
 }
 
 /// What a row was computed from.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Source {
-    /// The run, or folder of results, from the folder of all on.
+    /// The run, or the folder of results, relative to the folder that was read.
     pub entry: String,
-    /// Its file of records or results, from the entry on.
+    /// Its file of records or results, relative to the entry.
     pub file: String,
     /// BLAKE3 hash of that file.
     pub blake3: String,
-    /// The version of matchbench that ran it; empty where it was another program.
+    /// The version of matchbench that ran it; empty if it was another program.
     pub version: String,
-    /// Whether the errors that it states were computed again from its poses and the truth; those of result
-    /// files always are.
+    /// Whether the stated errors were checked, by computing them again from the poses and the truth. For result
+    /// files this is always so.
     pub checked: bool,
     /// The commands that compute it again.
     pub commands: Vec<String>,
-    /// What they need, in words; may be empty.
+    /// What the commands need, in words; may be empty.
     pub note: String,
 }
 
-/// Gathers what lies below `folder`: folders of runs, and of results in the authors' layout. `datasets` is the
-/// folder with the datasets, by which errors are computed again, and results without a truth beside them judged.
-/// Links are not followed. Threads of the current rayon pool are used, and change nothing.
+/// Reads what lies below `folder`: folders of runs, and folders of results in the authors' layout. `datasets`
+/// is the folder with the datasets. With it, errors are computed again, and results without a truth beside them
+/// can be judged. Links are not followed. Threads of the current rayon pool are used, and do not change the
+/// result.
 ///
 /// # Errors
-/// If `folder` cannot be listed; what is wrong below it is refused and no error.
+/// If `folder` cannot be listed. Problems below it are no error; the entry is refused.
 pub fn leaderboard(folder: &Path, datasets: Option<&Path>) -> io::Result<Leaderboard> {
     let Entries { scored, refused } = entries::below(folder, datasets)?;
     let mut groups = BTreeMap::<Key, Vec<Scored>>::new();
@@ -113,7 +114,7 @@ pub fn leaderboard(folder: &Path, datasets: Option<&Path>) -> io::Result<Leaderb
     })
 }
 
-/// What results must share to be compared.
+/// What results must have in common to be compared.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Key {
     dataset: String,
@@ -204,7 +205,7 @@ fn group(key: Key, scored: Vec<Scored>, keys: &[Key]) -> Group {
     }
 }
 
-/// Notes of every file that is that of another row too, to the byte.
+/// Adds a note to every file that has exactly the same bytes as that of another row.
 fn say_what_is_twice(rows: &mut [Row]) {
     let files: Vec<(String, String)> = (rows.iter())
         .map(|row| (row.source.blake3.clone(), row.source.entry.clone()))

@@ -1,8 +1,8 @@
-//! Whether records state the errors that their poses and homographies have.
+//! Checks that records state the errors that their poses and homographies really have.
 //!
-//! A record holds the pose or homography that was estimated and how far it was from the truth. Who has the dataset
-//! need not believe the second: the error is computed again from the first. That of a homography is of the corners of
-//! the first image, so that its file must be at hand too.
+//! A record holds the pose or homography that was estimated, and its stated error. If the dataset is available,
+//! the stated error need not be trusted: it is computed again from the estimate. The error of a homography is
+//! measured at the corners of the first image, so the file of this image must be available too.
 
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,8 +14,8 @@ use matchbench_vision::robust::HomographyEstimate;
 use crate::datasets::{Pair, Sequence};
 use crate::records::{DatasetPlan, Outcome, RunFolder, RunRecord};
 
-/// How far a stated error may be from the one that is computed, in degrees or pixels (of many pixels as a share of
-/// them): records are rounded, and small angles lose half of their digits.
+/// Largest allowed difference between a stated error and the computed one, in degrees or pixels (for large
+/// pixel errors, relative to them). Records are rounded, and small angles lose half of their digits.
 const ROUNDED: f64 = 1e-3;
 
 /// What is known of the pairs of a dataset.
@@ -23,20 +23,20 @@ const ROUNDED: f64 = 1e-3;
 pub(super) struct Truth {
     pairs: BTreeMap<(u32, u32), Pair>,
     sequence: Sequence,
-    /// The size of the image of each frame, once it is asked for.
+    /// The size of the image of each frame, read when it is first needed.
     sizes: Vec<OnceCell<Option<Size>>>,
 }
 
-/// The truth of the datasets that are at hand, by their fingerprints.
+/// The truth of the datasets that are available, by their fingerprints.
 #[derive(Debug, Default)]
 pub(super) struct Truths {
-    /// Where they may be: in the folder of datasets that was named, and where runs had them.
+    /// Where the datasets may be: in the folder of datasets that was given, and where runs had them.
     places: BTreeMap<String, [BTreeSet<PathBuf>; 2]>,
     known: BTreeMap<String, Option<Truth>>,
 }
 
 impl Truths {
-    /// A planned dataset may be in the folder `datasets`, or where the run had it.
+    /// Notes that a planned dataset may be in the folder `datasets`, or where the run had it.
     pub(super) fn expect(&mut self, dataset: &DatasetPlan, datasets: Option<&Path>) {
         let places = self.places.entry(dataset.fingerprint.clone());
         let [named, had] = places.or_default();
@@ -44,8 +44,8 @@ impl Truths {
         had.insert(dataset.path.clone());
     }
 
-    /// That of a planned dataset, wherever any run of it had it: a plan that names no place, or a wrong one, hides
-    /// it from nobody.
+    /// The truth of a planned dataset. It is looked for wherever any run had this dataset, so a plan with no
+    /// place or a wrong one does not hide it from the others.
     pub(super) fn of(&mut self, dataset: &DatasetPlan) -> Option<&Truth> {
         let find = || {
             let places = self.places.get(&dataset.fingerprint)?.iter().flatten();
@@ -64,16 +64,17 @@ impl Truths {
 }
 
 impl Truth {
-    /// The size of the image of a frame, if its file is at hand.
+    /// The size of the image of a frame, if its file is available.
     fn size(&self, frame: u32) -> Option<Size> {
         let frame = frame as usize;
         *self.sizes[frame].get_or_init(|| self.sequence.frames[frame].size().ok())
     }
 
-    /// What an estimate is when it is judged again; `None` if it cannot be. What is no estimate stays.
+    /// Judges the estimate of a record again; `None` if this is not possible. An outcome without an estimate is
+    /// returned unchanged.
     ///
     /// # Errors
-    /// If the dataset does not list the pair, or does not know what the estimate is of.
+    /// If the dataset does not list the pair, or has no truth for this kind of estimate.
     fn judge(&self, record: &RunRecord) -> Result<Option<Outcome>, String> {
         let (a, b) = (record.task.a, record.task.b);
         let pair = (self.pairs.get(&(a, b)))
@@ -97,10 +98,11 @@ impl Truth {
     }
 }
 
-/// Computes the errors of all records of one method again, and says whether that could be done for each.
+/// Computes the errors of all records of one method again, and returns whether this was possible for each of
+/// them.
 ///
 /// # Errors
-/// The first that states another, in words; the records that cannot be read.
+/// The first record that states a different error, in words; or that records cannot be read.
 pub(super) fn check(run: &RunFolder, names: [&str; 3], truth: &Truth) -> Result<bool, String> {
     let (mut wrong, mut all) = (None, true);
     let read = run.for_each_of(names, |record| {
@@ -117,7 +119,7 @@ pub(super) fn check(run: &RunFolder, names: [&str; 3], truth: &Truth) -> Result<
     wrong.map_or(Ok(all), Err)
 }
 
-/// In what a record contradicts what its estimate is when it is judged again, if it does.
+/// How a record contradicts its estimate when that is judged again; `None` if it does not.
 fn contradiction(record: &RunRecord, judged: &Outcome) -> Option<String> {
     let (stated, found) = (errors(&record.outcome), errors(judged));
     let of_homography = matches!(judged, Outcome::Homography { .. });
@@ -153,7 +155,7 @@ fn contradiction(record: &RunRecord, judged: &Outcome) -> Option<String> {
     })
 }
 
-/// The errors that an outcome states: of a pose two angles, of a homography one distance.
+/// The stated errors of an outcome: two angles for a pose, one distance for a homography.
 fn errors(outcome: &Outcome) -> [Option<f64>; 2] {
     match *outcome {
         Outcome::Pose {

@@ -1,4 +1,4 @@
-//! Figures 1 to 3: the sequences, and of each portion the SP curves of its sequences above its AP bars.
+//! Figures 1 to 3: the sequences, and for each portion the SP curves of its sequences above its AP bars.
 
 use crate::metrics::{Angle, Portion};
 
@@ -24,7 +24,7 @@ pub(super) struct PaperFigure {
     pub(super) svg: String,
 }
 
-/// The figures for which there is something.
+/// The figures for which there are data.
 pub(super) fn all(content: &Content) -> Vec<PaperFigure> {
     let overview = in_the_papers_portions(Overview::new(&content.summaries));
     let mut figures = Vec::new();
@@ -81,8 +81,8 @@ pub(super) fn all(content: &Content) -> Vec<PaperFigure> {
     figures
 }
 
-/// The overview in the order of the paper. A sequence of the paper belongs to the portion that it has there: of few
-/// of its pairs it could not be told.
+/// The overview in the order of the paper. A sequence of the paper belongs to the portion that it has in the
+/// paper, since the portion cannot be told from a few of its pairs.
 fn in_the_papers_portions(mut overview: Overview<'_>) -> Overview<'_> {
     let numbers = sequence_numbers(&overview.datasets);
     for (portion, number) in overview.portions.iter_mut().zip(&numbers) {

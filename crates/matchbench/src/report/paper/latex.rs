@@ -1,4 +1,4 @@
-//! Sheets as LaTeX, and a document of all of them.
+//! The tables as LaTeX, and a document that contains all of them.
 
 use std::fmt::Write as _;
 
@@ -6,7 +6,7 @@ use super::super::latex::{comment, escape};
 use super::figures::PaperFigure;
 use super::{NOTHING, RANKS, Sheet, SheetCell};
 
-/// How a published number is set: small and grey behind ours.
+/// How a published number is typeset: small and grey, after ours.
 const PUBLISHED: &str = "\\providecommand{\\published}[1]{{\\scriptsize\\textcolor{gray}{#1}}}\n";
 
 /// A complete `tabular`, after a comment that names the package it needs.

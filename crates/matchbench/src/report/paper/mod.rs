@@ -7,7 +7,7 @@
 //! | `figures/figure{1,2,3}.{svg,png}` | the sequences; SP curves and AP bars of the two portions |
 //! | `paper.tex` | a document of these, for LaTeX |
 //!
-//! Published curves are only drawn, so figures have ours alone.
+//! The paper has its curves only as drawings, so figures show ours alone.
 
 mod figures;
 mod latex;
@@ -27,7 +27,7 @@ use super::raster::png;
 use super::{Content, MatcherTimes};
 use crate::files::write_whole;
 
-/// What Table 3 shows, and how it was measured.
+/// The content of Table 3, and how it was measured.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PaperTimes {
@@ -49,14 +49,15 @@ impl PaperTimes {
     }
 }
 
-/// A table: ours and the published, cell by cell.
+/// A table that holds our number and the published one in each cell.
 struct Sheet {
     /// Name of its files.
     name: &'static str,
     caption: String,
-    /// Heads above neighbouring columns, and how many columns each has; behind that of the labels.
+    /// Heads above groups of neighbouring columns, each with its number of columns; they start after the column
+    /// of labels.
     groups: Vec<(String, usize)>,
-    /// Heads of the columns, that of the labels first.
+    /// Heads of the columns; the first is that of the labels.
     heads: Vec<String>,
     rows: Vec<SheetRow>,
     notes: Vec<String>,
@@ -70,9 +71,9 @@ struct SheetRow {
 
 #[derive(Clone, Debug, Default)]
 struct SheetCell {
-    /// `None` where nothing was found here.
+    /// `None` if there is no result of ours.
     ours: Option<String>,
-    /// `None` where the paper has nothing.
+    /// `None` if the paper has no number.
     published: Option<String>,
     /// 1, 2 or 3 for the best of ours.
     rank: Option<u8>,
@@ -80,14 +81,14 @@ struct SheetCell {
     is_above: bool,
 }
 
-/// Shown where there is nothing.
+/// Shown if there is no number.
 const NOTHING: &str = "/";
 
 /// Colours of the best three, as the paper has them.
 const RANKS: [&str; 3] = ["red", "green", "blue"];
 
-/// Writes tables, figures, page and document into `folder`, and returns the path of the page. The complete report
-/// of the run is expected beside it, at `report/index.html`.
+/// Writes tables, figures, page and document into `folder`, and returns the path of the page. The page links to
+/// the complete report of the run at `report/index.html` in this folder.
 ///
 /// # Errors
 /// A file that cannot be written.
@@ -117,7 +118,7 @@ pub fn write_paper(folder: &Path, content: &Content, times: &PaperTimes) -> io::
     Ok(page)
 }
 
-/// One line for each cell: row, column, ours, published; what is not there is empty.
+/// One line per cell: row, column, ours, published. A missing number is an empty field.
 fn csv(sheet: &Sheet) -> String {
     let mut text = String::from("row,column,ours,published\n");
     for row in &sheet.rows {
@@ -226,7 +227,7 @@ mod tests {
         }
         // There are no short baselines here.
         assert!(!folder.path().join("figures/figure2.svg").exists());
-        // A sequence of the paper has its portion there, whatever pairs of it were run.
+        // A sequence of the paper has the portion of the paper, whatever pairs of it were run.
         let short = content(&[("01-office", "sift", 4), ("my-01", "sift", 4)]);
         let names = |content| figures::all(content).into_iter().map(|figure| figure.name);
         assert!(names(&short).eq(["figure2", "figure3"]));

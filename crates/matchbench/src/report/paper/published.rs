@@ -96,8 +96,8 @@ pub(super) struct Matcher {
     pub(super) id: &'static str,
     /// AUC on each sequence; 0 where it was not run.
     pub(super) auc: [f64; 8],
-    /// Features of an image, milliseconds for detection, matching, selection; times of a graphics
-    /// processor in brackets.
+    /// Features per image, and milliseconds for detection, matching and selection. Times on a graphics
+    /// processor are in brackets.
     pub(super) times: [&'static str; 4],
 }
 

@@ -1,11 +1,10 @@
-//! A table of typed columns as a Parquet file, which data frames load with types, nulls and all.
+//! Writes a table of typed columns as a Parquet file, which data frame libraries load with types and nulls.
 //!
-//! <https://parquet.apache.org/docs/file-format>: the pages of each column, one after the other,
-//! then a footer that says where they are. Of the many ways to write one we need the plainest: one
-//! row group, one page a column, uncompressed. Names are kept once, in a dictionary page, and the
-//! rows hold their numbers in runs; what is not known is left out, and runs of levels (1: known,
-//! 0: not) say where. This file and its sibling do the work of a dependency that takes two minutes
-//! to build.
+//! <https://parquet.apache.org/docs/file-format>: the pages of each column, one after the other, then a footer
+//! that says where they are. Of the many possible layouts this is the simplest: one row group, one page per
+//! column, uncompressed. Names are stored once, in a dictionary page, and the rows hold their numbers as runs.
+//! Unknown values are left out, and runs of levels (1: known, 0: not) say where. This file and the one beside
+//! it replace a dependency that takes two minutes to build.
 
 mod thrift;
 
@@ -146,7 +145,7 @@ fn chunk(file: &mut Vec<u8>, column: &Column<'_>) -> Struct {
     Struct::new().i64(2, start).nested(3, meta)
 }
 
-/// Appends a page and its header, whose own part is field `head.0`.
+/// Appends a page and its header. The part of the header for this kind of page is field `head.0`.
 fn page(file: &mut Vec<u8>, kind: i32, head: (u8, Struct), body: &[u8]) {
     let size = body.len() as i32;
     let header = Struct::new()
@@ -181,7 +180,7 @@ fn optional<T: Copy, const N: usize>(values: &[Option<T>], bytes: fn(T) -> [u8; 
     body
 }
 
-/// Numbers as runs of equal ones: twice the length, then the number in so many bytes.
+/// Numbers as runs of equal ones. A run is twice its length, then the number in `bytes` bytes.
 fn runs(out: &mut Vec<u8>, bytes: u8, numbers: impl Iterator<Item = u32>) {
     let mut numbers = numbers.peekable();
     while let Some(number) = numbers.next() {

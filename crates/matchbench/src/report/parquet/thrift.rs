@@ -1,8 +1,8 @@
-//! Thrift's compact protocol, as much of it as the headers of a Parquet file need.
+//! Thrift's compact protocol, as far as the headers of a Parquet file need it.
 //!
-//! <https://github.com/apache/thrift/blob/master/doc/specs/thrift-compact-protocol.md>: a struct is
-//! a row of fields, each headed by its type and by how much higher its number is than the last, and
-//! ends with a zero; whole numbers are zigzag-coded and written seven bits at a time.
+//! <https://github.com/apache/thrift/blob/master/doc/specs/thrift-compact-protocol.md>: a struct is a list of
+//! fields and ends with a zero. Each field begins with its type and the difference of its number to that of the
+//! field before. Whole numbers are zigzag-coded and written seven bits at a time.
 
 /// A struct that is being written.
 #[derive(Default)]
@@ -90,8 +90,8 @@ impl Struct {
         self.bytes
     }
 
-    /// The head of field `id`; fields come in the order of their numbers, and Parquet's are close
-    /// enough that the short form is always right.
+    /// The head of field `id`. Fields must come in the order of their numbers. The numbers of Parquet are close
+    /// enough that the short form is always possible.
     fn head(&mut self, id: u8, kind: u8) {
         let step = id - self.last;
         debug_assert!((1..=15).contains(&step), "fields come in order");
@@ -115,7 +115,7 @@ fn text(bytes: &mut Vec<u8>, value: &str) {
     bytes.extend(value.as_bytes());
 }
 
-/// Small numbers of either sign become small numbers without one.
+/// Zigzag coding: small numbers of either sign become small numbers without a sign.
 fn zigzag(bytes: &mut Vec<u8>, value: i64) {
     varint(bytes, (value << 1 ^ value >> 63) as u64);
 }

@@ -1,4 +1,4 @@
-//! AP bars: mean correspondences of the right pairs.
+//! AP bars: the mean number of matches over the pairs that are solved.
 
 use std::fmt::Write as _;
 

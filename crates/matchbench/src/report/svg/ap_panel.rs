@@ -1,5 +1,5 @@
-//! The paper's panel of AP bars: a group of bars for each sequence of a portion, a bar for each
-//! matcher, on a logarithmic axis, since rich matchers find a hundred times as many.
+//! The paper's panel of AP bars: a group of bars for each sequence of a portion, a bar for each matcher. The
+//! axis is logarithmic, since some matchers find a hundred times as many matches as others.
 
 use std::fmt::Write as _;
 

@@ -1,4 +1,4 @@
-//! The best against the others: how far each is behind, and whether that is certain.
+//! The best method compared with the others: how far each is behind, and whether the difference is significant.
 
 use std::fmt::Write as _;
 
@@ -14,19 +14,19 @@ const PLOT: f64 = 210.0;
 const RIGHT: f64 = 68.0;
 const LINE: f64 = 19.0;
 
-/// One of the others.
+/// One of the other methods.
 pub(in super::super) struct Rival<'a> {
     /// Number of the matcher in the report.
     pub(in super::super) series: usize,
     pub(in super::super) name: &'a str,
-    /// What is to be said, in a sentence.
+    /// A sentence about it.
     pub(in super::super) words: String,
-    /// How much less its score is, with the paired interval.
+    /// By how much its score is lower, with the paired interval.
     pub(in super::super) behind: Difference,
 }
 
-/// One line per rival: a dot and its interval over the difference to the best. Where it is not
-/// certain that there is one the dot is hollow and the line pale.
+/// One line per rival: a dot and its interval over the difference to the best. If the difference is not
+/// significant, the dot is hollow and the line pale.
 pub(in super::super) fn forest(
     target: Target,
     title: &str,

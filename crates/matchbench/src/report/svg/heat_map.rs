@@ -1,4 +1,4 @@
-//! Matchers by estimators: the score as a number on a colour.
+//! Matchers by estimators: the score as a number on a coloured cell.
 
 use std::fmt::Write as _;
 
@@ -9,16 +9,16 @@ use super::{Target, escape, open, shorten, text, width_of};
 const MARGIN: f64 = 16.0;
 const CELL: (f64, f64) = (92.0, 26.0);
 const HEAD: f64 = 24.0;
-/// The ends of the colour scale and its middle: light to dark in one hue, so that it also reads in
-/// gray and with any colour vision.
+/// The ends and the middle of the colour scale. It goes from light to dark in one hue, so that it can also be
+/// read in grey and with any colour vision.
 const SCALE: [[f64; 3]; 3] = [
     [244.0, 247.0, 251.0],
     [107.0, 174.0, 214.0],
     [8.0, 64.0, 129.0],
 ];
 
-/// One row per matcher, one column per estimator; `None` where the two were not run together. The
-/// colours span the values that are there.
+/// One row per matcher, one column per estimator; `None` if the two were not run together. The colours span the
+/// values that are present.
 pub(in super::super) fn heat_map(
     target: Target,
     title: &str,

@@ -1,4 +1,4 @@
-//! Names beside dots, none over another: each takes the nearest place that is free.
+//! Places names beside dots so that none covers another: each name takes the nearest free place.
 
 use super::width_of;
 
@@ -8,9 +8,9 @@ type Area = [f64; 4];
 /// Height of a line of text above and below its baseline.
 const ASCENT: f64 = 9.0;
 const DESCENT: f64 = 2.0;
-/// How far from its dot a name may be; from the third on a line leads to it.
+/// How far a name may be from its dot. From the third distance on, a line leads to it.
 const DISTANCES: [f64; 9] = [7.0, 14.0, 24.0, 36.0, 50.0, 66.0, 84.0, 104.0, 130.0];
-/// Ways to go, right and left before up and down.
+/// Directions to try, right and left before up and down.
 const WAYS: [(f64, f64); 10] = [
     (1.0, 0.0),
     (-1.0, 0.0),
@@ -24,15 +24,15 @@ const WAYS: [(f64, f64); 10] = [
     (-0.3, 0.95),
 ];
 
-/// Where there is something already.
+/// The areas that are occupied.
 pub(super) struct Labels {
     within: Area,
     taken: Vec<Area>,
-    /// What a name should not cover, if there is another place.
+    /// Areas that a name should not cover if there is another place.
     thin: Vec<Area>,
 }
 
-/// Where a name goes.
+/// The place of a name.
 pub(super) struct Label {
     /// Left end of its baseline.
     pub(super) at: (f64, f64),
@@ -52,7 +52,7 @@ impl Labels {
         }
     }
 
-    /// A line along an axis, which names leave free if they can.
+    /// Adds a line along an axis. Names leave it free if they can.
     pub(super) fn line(&mut self, from: (f64, f64), to: (f64, f64)) {
         self.thin.push([
             from.0.min(to.0) - 1.0,
@@ -93,7 +93,7 @@ impl Labels {
                 inside(&label) && !covers(&label, &self.taken)
             })
         };
-        // Rather over a line than far away behind others, and rather there than nowhere.
+        // Over a line is better than far away behind others, and that is better than no label.
         let found = possible()
             .find(|place| !covers(&area(*place), &self.thin) && !crossed(&area(*place)))
             .or_else(|| possible().find(|place| !crossed(&area(*place))))
@@ -120,7 +120,7 @@ fn nearest(area: Area, (x, y): (f64, f64)) -> (f64, f64) {
     (x.clamp(area[0], area[2]), y.clamp(area[1], area[3]))
 }
 
-/// Whether a line goes through an area, seen at a few of its points.
+/// Whether a line goes through an area, tested at a few of its points.
 fn crosses(area: Area, from: (f64, f64), to: (f64, f64)) -> bool {
     const POINTS: usize = 24;
     (0..=POINTS).any(|i| {

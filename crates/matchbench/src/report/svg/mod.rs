@@ -1,8 +1,9 @@
-//! Figures as hand-written SVG: no display, no fonts of our own, the same bytes for the same scores.
+//! Figures as SVG, written directly: they need no display and no fonts, and the same scores give the same
+//! bytes.
 //!
-//! Colours stand in attributes, so that a file shows alone; the page overrides them by class
-//! (`s0` ... `s7`, `ink`, `grid`), so that the same drawing serves a dark screen. Matchers are told
-//! apart three times, by colour, by marker and by dash, and keep theirs in every figure of a report.
+//! Colours are attributes, so that a file can be shown alone. The page overrides them by class (`s0` ... `s7`,
+//! `ink`, `grid`), so the same drawing can be shown on a dark screen. Matchers differ by colour, by marker and
+//! by dash, and keep all three in every figure of a report.
 
 mod ap_bars;
 mod ap_panel;
@@ -40,14 +41,14 @@ pub(super) enum Target {
     Page,
 }
 
-/// Eight colours that stay apart with any colour vision (after Okabe and Ito, "Color Universal
-/// Design", 2008; the pale ones darkened to 3:1 on white). The page's style sheet holds the same,
-/// lighter, for dark screens.
+/// Eight colours that can be told apart with any colour vision (after Okabe and Ito, "Color Universal Design",
+/// 2008; the pale ones are darkened to a contrast of 3:1 on white). The style sheet of the page has the same
+/// colours, and lighter ones for dark screens.
 const PALETTE: [&str; 8] = [
     "#0072b2", "#d55e00", "#008a64", "#b5508f", "#a87400", "#3488bd", "#4d4d4d", "#8a3ffc",
 ];
 
-/// Dash patterns: with more than eight matchers the colours come again with the next.
+/// Dash patterns. With more than eight matchers, the colours are used again with the next pattern.
 const PATTERNS: [&str; 3] = ["", "6 3", "2 2.5"];
 
 /// How many series have colours, and dashes, of their own.
@@ -89,8 +90,8 @@ pub(super) fn shorten(name: &str) -> String {
     format!("{}…", escape(&start))
 }
 
-/// The opening tag of a figure of this size, its title for screen readers and, in a file, the
-/// background and the title in sight.
+/// The opening tag of a figure of this size, and its title for screen readers. A file also gets a background
+/// and a visible title.
 fn open(svg: &mut String, target: Target, class: &str, (width, height): (f64, f64), title: &str) {
     let title = escape(title);
     match target {
@@ -115,13 +116,13 @@ fn open(svg: &mut String, target: Target, class: &str, (width, height): (f64, f6
     }
 }
 
-/// Room for the longest of the names, in user units.
+/// Width needed for the longest of the names, in user units.
 fn width_of<'a>(names: impl Iterator<Item = &'a str>) -> f64 {
     let longest = names.map(|name| name.chars().count().min(NAME)).max();
     6.3 * longest.unwrap_or(0) as f64
 }
 
-/// What a vertical axis shows, along it.
+/// The label of a vertical axis, written along it.
 fn axis_label(svg: &mut String, middle: f64, content: &str) {
     let _ = writeln!(
         svg,
@@ -147,8 +148,8 @@ fn grid(svg: &mut String, from: (f64, f64), to: (f64, f64)) {
     );
 }
 
-/// A round step that divides `0 ..= max` into three to six parts, and the end of the axis: the
-/// first multiple of the step that is not below `max`.
+/// A round step that divides `0 ..= max` into three to six parts, and the end of the axis, which is the first
+/// multiple of the step that is not below `max`.
 fn axis(max: f64) -> (f64, f64) {
     if !(max > 0.0 && max.is_finite()) {
         return (0.2, 1.0);

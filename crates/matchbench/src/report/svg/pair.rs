@@ -1,5 +1,5 @@
-//! A pair side by side: matches coloured by their true error, those that agree with the estimated
-//! pose drawn through, the others dashed; epipolar lines true and estimated.
+//! A pair side by side. Matches are coloured by their true error. Those that agree with the estimated pose are
+//! solid lines, the others are dashed. Epipolar lines are drawn for the true and the estimated pose.
 
 use std::fmt::Write as _;
 
@@ -21,7 +21,7 @@ pub(in super::super) const DISTANCES: [(&str, &str); 4] = [
     ("#e69f00", "3 to 10 px"),
     ("#e0393e", "10 px and more"),
 ];
-/// Without a true baseline nothing is known.
+/// The colour of matches if there is no true baseline, so that their error is not known.
 const UNKNOWN: &str = "#bbbbbb";
 const TRUE_LINE: &str = "#ffffff";
 const ESTIMATED_LINE: &str = "#f0e442";
@@ -35,8 +35,8 @@ struct Layout {
     height: f64,
 }
 
-/// The drawing; at most `limit` matches, evenly taken from the list. In the page the images are
-/// not part of it: they stand behind it.
+/// The drawing, with at most `limit` matches, evenly spread over the list. In the page the images are not part
+/// of the drawing but stand behind it.
 pub(in super::super) fn pair(
     target: Target,
     view: &PairView,
@@ -90,7 +90,7 @@ pub(in super::super) fn pair(
     svg
 }
 
-/// The image for the `src` of a picture.
+/// The image as a data URL, for the `src` of an `img`.
 pub(in super::super) fn data_url(image: &Thumbnail) -> String {
     format!("data:image/jpeg;base64,{}", STANDARD.encode(&image.jpeg))
 }
@@ -109,7 +109,7 @@ impl Layout {
 }
 
 fn keypoints(svg: &mut String, target: Target, layout: &Layout, view: &PairView) {
-    // A picture of its own shows all of them, and is looked at larger.
+    // A picture in a file of its own shows all keypoints, and is viewed at a larger size.
     let width = if target == Target::File { 2.4 } else { 4.4 };
     let mut dots = String::new();
     let [a, b] = &view.keypoints;
@@ -124,10 +124,11 @@ fn keypoints(svg: &mut String, target: Target, layout: &Layout, view: &PairView)
     }
 }
 
-/// One path for each class and for each of agreeing and not: short, however many matches.
+/// One path for each class, and within it for matches that agree and those that do not. So the file is short,
+/// however many matches there are.
 fn matches(svg: &mut String, layout: &Layout, view: &PairView, limit: usize) {
     let shown = evenly(&view.matches, limit);
-    // What disagrees first, so that what agrees lies above it.
+    // Matches that disagree are drawn first, so that those that agree lie above them.
     for agrees in [false, true] {
         let (class, width, opacity, dash) = if agrees {
             ("agrees", 1.2, 0.9, "")
@@ -167,7 +168,7 @@ fn lines(svg: &mut String, layout: &Layout, view: &PairView, (width, height): (f
     if view.lines.is_empty() {
         return;
     }
-    // A nested drawing clips the lines to image b without an id, which would have to be unique.
+    // A nested drawing clips the lines to image b. A clip path would need an id, which would have to be unique.
     let _ = writeln!(
         svg,
         r#"<svg class="epipolar" x="{:.1}" y="{:.1}" width="{:.1}" height="{:.1}" overflow="hidden" fill="none" stroke-width="1.3">"#,
@@ -195,7 +196,7 @@ fn lines(svg: &mut String, layout: &Layout, view: &PairView, (width, height): (f
             }
         }
         if !path.is_empty() {
-            // Dark below, so that they are seen on bright images too.
+            // A dark line below, so that the lines are visible on bright images too.
             let _ = writeln!(
                 svg,
                 r##"<path stroke="#000000" stroke-width="3" stroke-opacity="0.4" d="{path}"/><path stroke="{colour}"{dash} d="{path}"/>"##
@@ -213,7 +214,7 @@ fn lines(svg: &mut String, layout: &Layout, view: &PairView, (width, height): (f
     svg.push_str("</g>\n");
 }
 
-/// What the colours and lines mean, with the numbers of all matches.
+/// The legend of colours and lines, with the numbers over all matches.
 fn key(svg: &mut String, top: f64, view: &PairView, limit: usize) {
     let tally = &view.tally;
     let sample = |svg: &mut String, (x, y): (f64, f64), colour: &str, dash: &str, name: &str| {

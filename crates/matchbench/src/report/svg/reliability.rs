@@ -1,4 +1,5 @@
-//! A reliability diagram: the share of right poses over the stated probability; on the diagonal both agree.
+//! A reliability diagram: the share of right poses over the stated probability. On the diagonal the two are
+//! equal.
 
 use std::fmt::Write as _;
 
@@ -10,7 +11,7 @@ const PLOT: f64 = 230.0;
 const LEFT: f64 = 54.0;
 const RIGHT: f64 = 12.0;
 const BOTTOM: f64 = 42.0;
-/// Parts of both axes.
+/// Number of parts of both axes.
 const TICKS: usize = 5;
 
 /// One figure with one line per `(number of the method in the report, name, reliability)`, in the order of the
@@ -52,7 +53,7 @@ pub(in super::super) fn reliability_diagram(
     let below = (x(0.5), y(0.0) + 33.0);
     text(&mut svg, "muted", below, "middle", "stated probability");
     axis_label(&mut svg, y(0.5), "share of right poses");
-    // The first lies above the others.
+    // The first line is drawn last, above the others.
     for (row, (series, name, reliability)) in lines.iter().enumerate().rev() {
         let mut tip = (*name).to_owned();
         for range in &reliability.ranges {

@@ -1,4 +1,4 @@
-//! Accuracy against time: the trade-off that the paper argues in words. Up and to the left is better.
+//! Accuracy against time, the trade-off that the paper describes in words. Up and to the left is better.
 
 use std::fmt::Write as _;
 
@@ -25,8 +25,8 @@ pub(in super::super) struct Dot<'a> {
     pub(in super::super) auc: Score,
 }
 
-/// AUC over the time for a pair, which is drawn on a logarithmic axis; the dashed line joins those
-/// that none is both faster and better than, poses and homographies apart.
+/// AUC over the time for a pair, on a logarithmic axis. The dashed line joins the methods for which no other is
+/// both faster and better. Poses and homographies have lines of their own.
 pub(in super::super) fn scatter(target: Target, title: &str, dots: &[Dot<'_>]) -> String {
     let top = match target {
         Target::File => 34.0,
@@ -118,8 +118,8 @@ pub(in super::super) fn scatter(target: Target, title: &str, dots: &[Dot<'_>]) -
     svg
 }
 
-/// Round times from below the fastest to above the slowest: 1, 2, 5, 10 ... of a unit, or decades
-/// alone where that would be many.
+/// Round times from below the fastest to above the slowest: 1, 2, 5, 10 ... of a unit, or only powers of ten if
+/// those would be many.
 fn round_times(seconds: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     let low = seconds.clone().fold(f64::INFINITY, f64::min);
     let high = seconds.fold(0.0, f64::max);
@@ -145,8 +145,7 @@ fn round_times(seconds: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     if fine.len() <= 8 { fine } else { all(&[1.0]) }
 }
 
-/// Lower end, upper end and step of the axis of the AUC: from 0, unless all values lie close
-/// together.
+/// Lower end, upper end and step of the axis of the AUC. It starts at 0, unless all values lie close together.
 fn range(dots: &[(&Dot<'_>, f64)]) -> (f64, f64, f64) {
     let ends = |(dot, auc): &(&Dot<'_>, f64)| match dot.auc.interval {
         Some(interval) => (interval.low, interval.high),
@@ -165,7 +164,8 @@ fn range(dots: &[(&Dot<'_>, f64)]) -> (f64, f64, f64) {
     }
 }
 
-/// The dots of a model that no other of it is both faster and better than, the fastest first.
+/// The dots of one kind of model for which no other dot of this kind is both faster and better, the fastest
+/// first.
 fn front<'d, 'a>(
     dots: &[(&'d Dot<'a>, f64)],
     model: Model,
@@ -187,7 +187,7 @@ fn front<'d, 'a>(
     sorted.into_iter()
 }
 
-/// From point to point, each time right and then up.
+/// A stair line through the points: each time first right, then up.
 fn corners(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     let mut corners: Vec<(f64, f64)> = Vec::new();
     for (x, y) in points {

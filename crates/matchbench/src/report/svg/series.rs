@@ -1,4 +1,4 @@
-//! How a matcher is drawn: its colour, dash and marker, the same in every figure of a report.
+//! How a matcher is drawn: its colour, dash and marker are the same in every figure of a report.
 
 use std::fmt::Write as _;
 
@@ -35,21 +35,21 @@ pub(super) fn sample(svg: &mut String, series: usize, left: f64, middle: f64) {
     marker(svg, series, left + 13.0, middle);
 }
 
-/// The legend of a file, to the right of the plot; the page has its own.
+/// The legend of a file, to the right of the plot; the page has a legend of its own.
 pub(super) struct Legend {
     left: f64,
-    /// How much wider it makes the figure, and how high it is at least.
+    /// By how much it makes the figure wider, and the least height that it needs.
     pub(super) width: f64,
     pub(super) height: f64,
 }
 
 impl Legend {
     const LINE: f64 = 16.0;
-    /// Room for the sample before a name, and for a number behind it.
+    /// Width for the sample before a name, and for a number after it.
     const SAMPLE: f64 = 32.0;
     const NUMBER: f64 = 44.0;
 
-    /// With so many names, beside a plot that ends at `right`; of a file.
+    /// A legend of these names, beside a plot that ends at `right`; only a file gets one.
     pub(super) fn beside<'a>(
         target: Target,
         right: f64,
@@ -101,8 +101,8 @@ pub(super) fn polyline(svg: &mut String, series: usize, points: &[(f64, f64)]) {
     let _ = writeln!(svg, r#" points="{}"/>"#, points.join(" "));
 }
 
-/// A line through points with a marker on each: the number of its series, its name and what it says when it is pointed
-/// at; in a file also its entry in the legend, in this row below this edge.
+/// A line through points with a marker on each, for a series with its number, its name and its tooltip. In a
+/// file it also gets an entry in the legend, in this row below this edge.
 pub(super) fn marked_line(
     svg: &mut String,
     target: Target,
@@ -121,7 +121,7 @@ pub(super) fn marked_line(
     svg.push_str("</g>\n");
 }
 
-/// One of eight shapes around a point, hollow where the colour comes for the second time.
+/// One of eight shapes around a point. It is hollow if the colour is used for the second time.
 pub(super) fn marker(svg: &mut String, series: usize, x: f64, y: f64) {
     // Corners in units of the marker's radius; the first shape is a circle.
     const SHAPES: [&[(f64, f64)]; 7] = [
@@ -135,7 +135,7 @@ pub(super) fn marker(svg: &mut String, series: usize, x: f64, y: f64) {
     ];
     const RADIUS: f64 = 2.8;
     let colour = PALETTE[series % COLOURS];
-    // After all colours with all dashes another shape comes to each.
+    // After all colours were used with all dashes, each colour gets another shape.
     let shape = (series + series / (COLOURS * DASHES)) % (SHAPES.len() + 1);
     let hollow = series / COLOURS % 2 == 1;
     let look = if hollow {

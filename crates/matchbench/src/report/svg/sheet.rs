@@ -1,4 +1,4 @@
-//! Several drawings in one: rows of panels, and pictures side by side.
+//! Combines several drawings into one: rows of panels, or pictures side by side.
 
 use std::fmt::Write as _;
 
@@ -6,13 +6,13 @@ use super::super::pair_view::Thumbnail;
 use super::pair::data_url;
 use super::{Target, escape, open, text};
 
-/// Between panels.
+/// Space between panels.
 const GAP: f64 = 14.0;
-/// Width of a picture, and room for its name below.
+/// Width of a picture, and space for its name below.
 const PICTURE: f64 = 240.0;
 const NAME: f64 = 22.0;
 
-/// Rows of drawings, each a file of its own, from the top left.
+/// Rows of drawings, each a complete file, from the top left.
 pub(in super::super) fn stack(rows: &[Vec<String>]) -> String {
     let mut body = String::new();
     let (mut width, mut top) = (0.0_f64, 0.0);
@@ -73,7 +73,7 @@ fn sheet(size: (f64, f64), body: &str) -> String {
     svg
 }
 
-/// Width and height as the first tag of a drawing of ours says them.
+/// Width and height, as the first tag of one of our drawings states them.
 fn size(svg: &str) -> (f64, f64) {
     let side = |name: &str| {
         let rest = svg.split_once(&format!("{name}=\""))?.1;

@@ -1,4 +1,4 @@
-//! SP curves: success ratio over the error that is allowed; and what else is a share over whole thresholds.
+//! SP curves: success ratio over the largest allowed error; also other shares over whole-number thresholds.
 
 use std::fmt::Write as _;
 
@@ -12,13 +12,13 @@ const LEFT: f64 = 54.0;
 const RIGHT: f64 = 12.0;
 const BOTTOM: f64 = 40.0;
 
-/// What the axes say.
+/// The labels of the axes.
 pub(in super::super) struct Axes {
-    /// What the threshold is of.
+    /// The quantity of the threshold.
     pub(in super::super) x: &'static str,
-    /// Its unit, as it follows a number.
+    /// Its unit, as it is written after a number.
     pub(in super::super) unit: &'static str,
-    /// What the share is of.
+    /// The quantity whose share is shown.
     pub(in super::super) y: &'static str,
 }
 
@@ -26,18 +26,17 @@ pub(in super::super) struct Axes {
 pub(in super::super) struct Curve<'a> {
     /// Number of the matcher in the report.
     pub(in super::super) series: usize,
-    /// Those of others that it stands for too: its matcher with other estimators.
+    /// Numbers of other series that this curve also stands for: its matcher with other estimators.
     pub(in super::super) others: Vec<usize>,
     /// Its name.
     pub(in super::super) name: &'a str,
-    /// The share at the thresholds 1, 2 ..., as many in every curve.
+    /// The share at the thresholds 1, 2 ..., equally many in every curve.
     pub(in super::super) values: Vec<f64>,
-    /// What stands beside its name.
+    /// The number beside its name.
     pub(in super::super) number: f64,
 }
 
-/// One figure with these curves, in the order of the legend. Curves without values (no pairs) are left
-/// out.
+/// One figure with these curves, in the order of the legend. Curves without values (no pairs) are left out.
 pub(in super::super) fn sp_curves(
     target: Target,
     title: &str,
@@ -86,7 +85,7 @@ pub(in super::super) fn sp_curves(
             axes.unit
         );
     }
-    // The first lies above the others.
+    // The first curve is drawn last, above the others.
     for (row, curve) in curves.into_iter().enumerate().rev() {
         let (series, name) = (curve.series, curve.name);
         let points: Vec<(f64, f64)> = (curve.values.iter().enumerate())
@@ -94,7 +93,8 @@ pub(in super::super) fn sp_curves(
             .collect();
         open_series(&mut svg, target, curve);
         polyline(&mut svg, series, &points);
-        // Every third point, not the same of neighbouring matchers: markers seldom cover another.
+        // Every third point has a marker, at different points for neighbouring matchers, so that markers seldom
+        // cover each other.
         for &(px, py) in points.iter().skip(series % 3).step_by(3) {
             marker(&mut svg, series, px, py);
         }
@@ -107,8 +107,8 @@ pub(in super::super) fn sp_curves(
     svg
 }
 
-/// Opens the group of a matcher. In the page it carries its values, which the script shows on
-/// hover; in a file the name is its tooltip.
+/// Opens the group of a matcher. In the page it holds the values, which the script shows when the pointer is
+/// over it; in a file the name is its tooltip.
 fn open_series(svg: &mut String, target: Target, curve: &Curve<'_>) {
     let series = curve.series;
     let class = series % COLOURS;

@@ -1,4 +1,4 @@
-//! A score over difficulty: AUC of the pairs in each range of baseline or overlap.
+//! A score over difficulty: the AUC of the pairs in each range of baseline or overlap.
 
 use std::fmt::Write as _;
 
@@ -47,7 +47,7 @@ pub(in super::super) fn strata_curves(
     let at = (LEFT + plot.0 / 2.0, top + plot.1 + 33.0);
     text(&mut svg, "muted", at, "middle", &escape(what));
     axis_label(&mut svg, top + plot.1 / 2.0, "AUC");
-    // The first lies above the others.
+    // The first line is drawn last, above the others.
     for (row, (series, name, values)) in lines.iter().enumerate().rev() {
         let mut tip = (*name).to_owned();
         for (range, value) in ranges.iter().zip(values) {
