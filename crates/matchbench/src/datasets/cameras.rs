@@ -1,4 +1,5 @@
-//! Whether cameras can be those of their images: the commonest mistake is the camera of images of another size.
+//! Checks whether a camera can belong to its images. The most common mistake is the camera of images of another
+//! size.
 
 use std::path::Path;
 
@@ -9,20 +10,21 @@ use nalgebra::Point2;
 use super::decode::read_size;
 use super::{DatasetError, Problem, Sequence};
 
-/// How far the principal point may be from the image's centre, as a share of width or height,
-/// before it looks like another image's.
+/// Largest distance of the principal point from the centre of the image, as a share of width or height. Beyond
+/// it, the camera probably belongs to another image.
 const CENTRE_TOLERANCE: f64 = 0.15;
-/// Focal lengths that real lenses have, as shares of the image's longer side.
+/// Focal lengths of real lenses, as multiples of the longer side of the image.
 const FOCAL_RANGE: std::ops::RangeInclusive<f64> = 0.2..=20.0;
-/// How far from itself a corner of the image may come back when its distortion is undone and done, in pixels.
+/// A corner of the image, when its distortion is undone and applied again, may come back this far from where it
+/// was, in pixels.
 const LENS_TOLERANCE_PX: f64 = 0.1;
 
-/// Cameras that [`camera_problems`] looks at, at most.
+/// Most cameras that [`camera_problems`] checks.
 const CAMERAS: usize = 100;
 
-/// What is wrong with the cameras of an opened dataset in the folder `dir`: with each of the first ones, by the
-/// size of the first image that it took. Quick: of images the headers are read, and those that have none are
-/// left to whoever reads their pixels.
+/// What is wrong with the cameras of an opened dataset in the folder `dir`. Only the first cameras are checked,
+/// each with the size of the first image that it took. This is quick: only the headers of images are read.
+/// Images without a valid header are skipped; they are reported when their pixels are read.
 pub fn camera_problems(dir: &Path, sequence: &Sequence) -> Vec<Problem> {
     let mut problems = Vec::new();
     let mut judged: Vec<&Camera> = Vec::new();
@@ -39,7 +41,7 @@ pub fn camera_problems(dir: &Path, sequence: &Sequence) -> Vec<Problem> {
     problems
 }
 
-/// Notes what is wrong with a camera of `file` for an image of this size.
+/// Notes what is wrong with a camera, given in `file`, for an image of this size.
 pub(super) fn check_camera(
     camera: &Camera,
     size: Size,

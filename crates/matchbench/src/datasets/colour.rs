@@ -1,6 +1,7 @@
-//! Image files as they look, for people: matchers see gray alone (see `decode`).
+//! Image files in colour, for people to look at; matchers get grey images only (see `decode`).
 //!
-//! A picture is one plane of gray, or three of red, green and blue. A colour file without colour has one plane.
+//! A picture has one plane of grey values, or three planes: red, green and blue. A colour file whose pixels are
+//! all grey has one plane.
 
 use std::path::Path;
 
@@ -31,7 +32,7 @@ pub fn decode_planes(bytes: &[u8]) -> Result<Vec<GrayImage>, DecodeError> {
     } else {
         with_other(bytes, COLOUR_BYTES, |size, image, rule| {
             if image.color().has_color() {
-                // What gray cannot be made of has no colour either.
+                // If no grey image can be made of it, no colour image can either.
                 if matches!(
                     image,
                     DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_)
@@ -47,7 +48,7 @@ pub fn decode_planes(bytes: &[u8]) -> Result<Vec<GrayImage>, DecodeError> {
     Ok(planes)
 }
 
-/// Interleaved channels apart; one where all are the same.
+/// Separates interleaved channels. If all are the same, only one is returned.
 fn planes(size: Size, channels: usize, data: &[u8]) -> Vec<GrayImage> {
     let plane = |channel: usize| {
         let values = data.iter().skip(channel).step_by(channels).copied();
@@ -85,7 +86,8 @@ mod tests {
                 planes.iter().all(|plane| plane.size() == gray.size()),
                 "{name}"
             );
-            // Gray is the usual mean of the planes, rounding apart; a JPEG's colours are cut off at 0 and 255.
+            // Grey is the usual weighted mean of the planes, up to rounding. The colours of a JPEG are cut off
+            // at 0 and 255.
             let apart = (0..gray.size().area())
                 .filter(|&i| {
                     let [r, g, b] =

@@ -10,11 +10,11 @@
 //! | 16 bit | the same in 16 bit, then `>> 8` |
 //! | alpha | ignored |
 //!
-//! Choices. The format is recognised by content, not by name. Pixels are taken as stored: an EXIF
-//! orientation is *not* applied (OpenCV applies it), because cameras and poses of all supported
-//! datasets belong to the stored pixels; `validate` warns of such files. A JPEG's inverse cosine
-//! transform may differ from libjpeg's by one gray level; it is the portable integer one, so that
-//! every machine sees the same pixels. What is damaged or cut off is an error, never half an image.
+//! Choices. The format is recognised by content, not by name. Pixels are taken as stored: an EXIF orientation
+//! is *not* applied (OpenCV applies it), because cameras and poses of all supported datasets belong to the
+//! stored pixels; `validate` warns of such files. The inverse cosine transform of a JPEG may differ from that
+//! of libjpeg by one grey level. It is the portable integer version, so every machine gets the same pixels. A
+//! damaged or truncated file is an error, and never gives half an image.
 
 use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::num::NonZeroUsize;
@@ -33,15 +33,16 @@ use super::{DatasetError, exif};
 use crate::files::{open_file, read_file};
 use crate::memory::{TooMuch, reserve};
 
-/// Most pixels that an image may have unless another limit is asked for, 2^27 (e.g. 11,585 x 11,585):
-/// what claims more is a damaged header or an attack, and its memory is never asked for.
+/// Most pixels that an image may have unless another limit is set, 2^27 (e.g. 11,585 x 11,585). A file that
+/// claims more has a damaged header or is an attack, and no memory is allocated for it.
 pub const MOST_PIXELS: usize = 1 << 27;
-/// Most bytes that a decoder may ask for besides the pixels: colour profiles, comments, its own rows.
+/// Most bytes that a decoder may allocate besides the pixels: for colour profiles, comments, and rows of its
+/// own.
 const BESIDE_PIXELS: u64 = 64 << 20;
-/// Bytes for each pixel that the decoder of JPEG takes at most, measured: the coefficients of a
-/// progressive file in colour, its pixels and what is known of its blocks.
+/// Most bytes per pixel that the JPEG decoder takes, measured: the coefficients of a progressive colour file,
+/// its pixels, and data about its blocks.
 const JPEG_BYTES: usize = 9;
-/// The same for red, green and blue, interleaved and as planes.
+/// Bytes per pixel for red, green and blue, both interleaved and as planes.
 pub(super) const COLOUR_BYTES: usize = 6;
 /// Longest side of an image; the most that JPEG can say.
 const MAX_SIDE: usize = 65_535;
@@ -55,7 +56,8 @@ pub(super) struct GrayRule {
     bits: u32,
 }
 
-// All are 0.299, 0.587, 0.114, in the arithmetic of the library that OpenCV leaves the work to.
+// All three have the weights 0.299, 0.587, 0.114, each in the arithmetic of the library that OpenCV uses for
+// this format.
 const LIBPNG: GrayRule = GrayRule {
     weights: [9797, 19234, 3737],
     half: 0,
@@ -92,10 +94,10 @@ pub enum DecodeError {
     /// Pixels of a kind that cannot be turned into gray (floating point, CMYK).
     #[error("unsupported pixels: {0}")]
     Unsupported(String),
-    /// More pixels than are allowed, in all or on a side.
+    /// More pixels than are allowed, in total or on a side.
     #[error("an image of {0} pixels, more than the limit of {limit} in all or of {MAX_SIDE} on a side", limit = most_pixels())]
     TooLarge(Size),
-    /// There is not the memory to decode it.
+    /// There is not enough memory to decode it.
     #[error("it has {0} pixels, for which {1}")]
     NoMemory(Size, TooMuch),
 }
@@ -145,7 +147,7 @@ pub fn read_size(path: &Path) -> Result<Size, DatasetError> {
     .map_err(|error| error.in_file(path))
 }
 
-/// EXIF orientation of the JPEG in `bytes`: 1 where pixels are stored upright or nothing is said.
+/// EXIF orientation of the JPEG in `bytes`: 1 if pixels are stored upright or the file does not say.
 pub(super) fn exif_orientation(bytes: &[u8]) -> u16 {
     if !bytes.starts_with(&JPEG_MAGIC) {
         return 1;
@@ -168,10 +170,10 @@ pub fn decode_gray(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
     }
 }
 
-/// Pixels of red, green and blue, as grey as a colour PNG file of them is decoded.
+/// Converts pixels of red, green and blue to grey, in the same way as a colour PNG file is decoded.
 ///
 /// # Panics
-/// If there are not three bytes for each pixel of an image of `size`.
+/// If `rgb` does not have three bytes for each pixel of an image of `size`.
 pub fn gray_of_rgb(size: Size, rgb: &[u8]) -> GrayImage {
     assert_eq!(rgb.len(), 3 * size.area(), "three bytes for each pixel");
     to_gray(size, rgb, 3, LIBPNG)
@@ -185,8 +187,8 @@ fn decode_jpeg(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
     })
 }
 
-/// The pixels of a JPEG and how many channels they have: of one that stores brightness and colour apart, the
-/// brightness alone unless its `colour` is wanted.
+/// The pixels of a JPEG, and the number of channels. If the file stores brightness and colour separately, only
+/// the brightness is returned, unless `colour` is asked for.
 pub(super) fn jpeg_pixels(
     bytes: &[u8],
     colour: bool,
@@ -220,7 +222,7 @@ pub(super) fn jpeg_pixels(
 fn jpeg_options() -> DecoderOptions {
     DecoderOptions::default()
         .set_strict_mode(true)
-        // Portable code instead of the machine's: the same bits everywhere.
+        // Portable code instead of machine-specific code, for the same bits everywhere.
         .set_use_unsafe(false)
         .set_max_width(MAX_SIDE)
         .set_max_height(MAX_SIDE)
@@ -254,8 +256,8 @@ fn decode_other(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
     with_other(bytes, 0, gray_of_other)
 }
 
-/// Does something with the pixels of an image that is no JPEG, as they are stored, for which so many more bytes of
-/// memory are needed for each.
+/// Calls a function with the stored pixels of an image that is not a JPEG. The function needs this many more
+/// bytes of memory per pixel.
 pub(super) fn with_other<T>(
     bytes: &[u8],
     more: usize,
@@ -282,7 +284,8 @@ pub(super) fn with_other<T>(
     then(size, image, rule)
 }
 
-/// Whether a WebP file is shorter than it says. Its decoder makes up what a few missing bytes stood for.
+/// Whether a WebP file is shorter than its header says. The decoder would invent pixels for a few missing
+/// bytes.
 fn webp_ends_early(bytes: &[u8]) -> bool {
     const BEFORE: usize = 8;
     let stated = bytes.get(4..BEFORE).and_then(|size| size.try_into().ok());
@@ -339,11 +342,11 @@ fn other_error(error: &image::ImageError) -> DecodeError {
     }
 }
 
-/// The limit that was asked for; 0 where none was.
+/// The limit that was set; 0 if none was.
 static ASKED: AtomicUsize = AtomicUsize::new(0);
 
-/// Lets images have at most so many pixels, from now on and in all threads. Without it the limit is
-/// [`MOST_PIXELS`].
+/// Sets the largest number of pixels of an image, from now on and in all threads. Without this call the limit
+/// is [`MOST_PIXELS`].
 pub fn limit_pixels(most: NonZeroUsize) {
     ASKED.store(most.get(), Ordering::Relaxed);
 }
@@ -355,10 +358,10 @@ fn most_pixels() -> usize {
     }
 }
 
-/// The size, if an image may have it.
+/// Returns the size if an image may have it.
 ///
 /// # Errors
-/// If it has more pixels than are allowed, in all or on a side.
+/// If it has more pixels than are allowed, in total or on a side.
 pub fn check_size(size: Size) -> Result<Size, DecodeError> {
     if size.width > MAX_SIDE || size.height > MAX_SIDE || size.area() > most_pixels() {
         return Err(DecodeError::TooLarge(size));
@@ -366,7 +369,8 @@ pub fn check_size(size: Size) -> Result<Size, DecodeError> {
     Ok(size)
 }
 
-/// `channels` interleaved 8- or 16-bit values per pixel as gray; alpha comes last and is ignored.
+/// Converts `channels` interleaved 8- or 16-bit values per pixel to grey. Alpha is the last channel and is
+/// ignored.
 fn to_gray<T>(size: Size, data: &[T], channels: usize, rule: GrayRule) -> GrayImage
 where
     T: Copy + Into<u32>,

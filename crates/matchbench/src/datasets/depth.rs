@@ -1,20 +1,20 @@
-//! Depth: how far in front of the camera is what each pixel of an image shows.
+//! Depth images: for each pixel, the distance in front of the camera of the scene point that it shows.
 //!
-//! A file holds the z coordinate in the camera's frame (not the length of the ray), as 16-bit gray values of PNG
-//! or PGM; 0 says that nothing was measured:
+//! A file holds the z coordinate in the frame of the camera (not the length of the ray), as 16-bit grey values
+//! of PNG or PGM. The value 0 means that nothing was measured:
 //!
-//! | data | stored values in a metre | nothing was measured | aligned with the colour image |
+//! | data | stored values per metre | means "not measured" | aligned with the colour image |
 //! | --- | --- | --- | --- |
 //! | TUM RGB-D | 5000 | 0 | yes |
-//! | 7-Scenes | 1000 | 0, 65535 | no: two lenses some centimetres apart, whose difference the poses do not have |
+//! | 7-Scenes | 1000 | 0, 65535 | no: the two lenses are some centimetres apart, and the poses ignore that |
 //! | ScanNet | 1000 | 0 | nearly; smaller than the colour image |
 //! | rendered scenes | 5000, outdoors 1000 | 0 | yes |
 //!
-//! Depth may be of another resolution than its image, but of the same part of the scene: both have the same aspect
-//! ratio, and pixels are scaled about their corners.
+//! A depth image may have another resolution than its colour image, but must show the same part of the scene.
+//! So both must have the same aspect ratio, and pixel positions are scaled about the corner of the image.
 //!
-//! *Choice*: between pixels depth is interpolated where the four around are of one surface, [`SMOOTH`]; elsewhere it
-//! is that of the nearest.
+//! *Choice*: between pixels, depth is interpolated if the four pixels around belong to one surface (see
+//! [`SMOOTH`]). Otherwise the depth of the nearest pixel is taken.
 
 use std::path::PathBuf;
 
@@ -27,19 +27,19 @@ use super::decode::{DecodeError, with_other};
 use super::{DatasetError, Turn};
 use crate::files::read_file;
 
-/// Neighbouring depths whose largest is at most this multiple of the smallest are of one surface.
+/// Neighbouring depths belong to one surface if the largest is at most this multiple of the smallest.
 const SMOOTH: f64 = 1.05;
-/// How much the aspect ratios of an image and its depth may differ, as a share: ScanNet's 1296 x 968 and 640 x 480 do
-/// by 0.4 %.
+/// Largest relative difference of the aspect ratios of an image and its depth. ScanNet's 1296 x 968 and 640 x
+/// 480 differ by 0.4 %.
 const SAME_ASPECT: f64 = 0.01;
 
 /// How depth is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DepthUnit {
-    /// Stored values in one unit of length of the dataset's poses.
+    /// Stored values per unit of length of the poses of the dataset.
     pub per_unit: f64,
-    /// A stored value that says, as 0 does, that nothing was measured.
+    /// A stored value that, like 0, means that nothing was measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub invalid: Option<u16>,
 }
@@ -51,7 +51,7 @@ impl DepthUnit {
         invalid: None,
     };
 
-    /// Why depth cannot be stored so, if it cannot.
+    /// Says why depth cannot be stored in this way, if it cannot.
     pub(super) fn check(self) -> Result<(), String> {
         let per_unit = self.per_unit;
         if per_unit.is_finite() && per_unit > 0.0 {
@@ -63,7 +63,7 @@ impl DepthUnit {
     }
 }
 
-/// Where the depth of a frame is.
+/// The file that holds the depth of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DepthFile {
     /// The file.
@@ -82,11 +82,11 @@ pub struct Depth {
 }
 
 impl DepthFile {
-    /// Reads it, for an image that has this size before it is turned.
+    /// Reads the depth for an image that has the size `image` before it is turned.
     ///
     /// # Errors
-    /// If the file cannot be read, is no image of one 16-bit value for each pixel, or shows another part of the scene
-    /// by its aspect ratio.
+    /// If the file cannot be read, is not an image of one 16-bit value per pixel, or has another aspect ratio
+    /// than the image.
     pub fn read(&self, image: Size, turn: Turn) -> Result<Depth, DatasetError> {
         let bytes = read_file(&self.path).map_err(|error| DatasetError::io(&self.path, &error))?;
         let stored = decode_depth(&bytes).map_err(|error| error.in_file(&self.path))?;
@@ -100,7 +100,7 @@ impl DepthFile {
 /// Decodes the 16-bit values in `bytes`.
 ///
 /// # Errors
-/// If they are no complete image of one 16-bit value for each pixel.
+/// If they are not a complete image of one 16-bit value per pixel.
 pub fn decode_depth(bytes: &[u8]) -> Result<Image<u16>, DecodeError> {
     with_other(bytes, 0, |size, image, _| match image {
         DynamicImage::ImageLuma16(depth) => Ok(Image::from_vec(size, depth.into_raw())),
@@ -111,7 +111,7 @@ pub fn decode_depth(bytes: &[u8]) -> Result<Image<u16>, DecodeError> {
     })
 }
 
-/// The stored value of a depth, rounded; 0 where it is too large or nothing is there.
+/// The stored value of a depth, rounded; 0 if the depth is too large or there is none.
 pub(super) fn stored_value(depth: f32, unit: DepthUnit) -> u16 {
     let value = (f64::from(depth) * unit.per_unit).round();
     let fits = value >= 1.0 && value <= f64::from(u16::MAX) && unit.invalid != Some(value as u16);
@@ -153,7 +153,7 @@ impl Depth {
         Self::new(stored, unit, size, Turn::None).expect("it is of the same size")
     }
 
-    /// The depth at a pixel of the image, in the unit of the dataset; `None` where nothing was measured, and
+    /// The depth at a pixel of the image, in the unit of the dataset; `None` if nothing was measured there, and
     /// outside the image.
     pub fn at(&self, pixel: Point2<f64>) -> Option<f64> {
         let place = |at: f64, scale: f64, length: usize| {
@@ -179,7 +179,7 @@ impl Depth {
         self.value((x + 0.5) as usize, (y + 0.5) as usize)
     }
 
-    /// The share of its pixels where something was measured.
+    /// The share of its pixels where depth was measured.
     pub fn coverage(&self) -> f64 {
         let size = self.stored.size();
         let pixels = (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y)));
@@ -187,7 +187,7 @@ impl Depth {
         measured as f64 / size.area() as f64
     }
 
-    /// The size of the image that it is of, up to rounding.
+    /// The size of the image that it belongs to, up to rounding.
     pub(crate) fn image_size(&self) -> [f64; 2] {
         [
             self.stored.width() as f64 / self.scale[0],
@@ -195,7 +195,7 @@ impl Depth {
         ]
     }
 
-    /// Bytes that it takes.
+    /// Bytes of memory that it takes.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.stored.data())
     }

@@ -1,4 +1,4 @@
-//! What can be wrong with a dataset: always a file, often a line, and what to do about it.
+//! The error type of datasets: it names a file, often a line, and says what to do about it.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ pub struct DatasetError {
     pub line: Option<usize>,
     /// What is wrong.
     pub what: String,
-    /// How to mend it.
+    /// How to correct it.
     pub remedy: String,
 }
 

@@ -1,4 +1,4 @@
-//! The one thing that is read from EXIF: how the camera was held.
+//! Reads from EXIF data how the camera was held, and nothing else.
 
 /// The orientation tag (0x0112) in the first directory of a TIFF block, as EXIF embeds it.
 pub(super) fn orientation(exif: &[u8]) -> Option<u16> {

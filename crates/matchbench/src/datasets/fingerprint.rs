@@ -1,10 +1,11 @@
-//! By what a dataset is known again: results of one truth are no results of another.
+//! The fingerprint of a dataset: a hash that identifies its cameras, pairs and truth. Results for one truth
+//! must not be taken for results of another.
 
 use matchbench_vision::geometry::Camera;
 
 use super::{Frame, Pair, Sequence};
 
-/// What a dataset asks, where few of its pairs are in memory.
+/// The number of pairs of a dataset and its fingerprint, for use if only some of its pairs are in memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Whole {
     /// Number of its pairs.
@@ -14,7 +15,7 @@ pub struct Whole {
 }
 
 impl Sequence {
-    /// What is known of it where it is not at hand.
+    /// The number of pairs and the fingerprint, for use when the dataset itself is not available.
     pub fn whole(&self) -> Whole {
         Whole {
             pairs: self.pairs.len(),
@@ -22,8 +23,9 @@ impl Sequence {
         }
     }
 
-    /// Hash of what a dataset asks and of its truth. The images are not in it, nor their depth, but that it is there: reading them all would
-    /// delay every start, and their features are found by their content.
+    /// Hash of the cameras, the pairs and their truth. Neither images nor depth are part of it, only whether
+    /// there is depth. To read all of them would delay every start, and features are looked up by the content
+    /// of the images anyway.
     pub fn fingerprint(&self) -> String {
         let mut fingerprint = Fingerprint::of(&self.frames);
         (self.pairs.iter()).for_each(|pair| fingerprint.add(pair));
@@ -31,11 +33,11 @@ impl Sequence {
     }
 }
 
-/// The fingerprint of a dataset whose pairs are gone through.
+/// A fingerprint that is being computed, pair by pair.
 pub(super) struct Fingerprint(blake3::Hasher);
 
 impl Fingerprint {
-    /// That of a dataset with these frames and no pairs yet.
+    /// Starts the fingerprint of a dataset with these frames; it has no pairs yet.
     pub(super) fn of(frames: &[Frame]) -> Self {
         let mut this = Self(blake3::Hasher::new());
         for frame in frames {
@@ -67,9 +69,10 @@ impl Fingerprint {
         }
     }
 
-    /// The fingerprint, once all pairs were added.
+    /// The fingerprint, after all pairs were added.
     pub(super) fn text(mut self, frames: &[Frame]) -> String {
-        // What few datasets have is hashed only where it is, so that the hashes of others stay.
+        // Fields that few datasets have are hashed only if they are there, so that the hashes of all other
+        // datasets stay the same.
         for (index, frame) in frames.iter().enumerate() {
             if !frame.turn.is_none() {
                 self.numbers(&[index as f64, f64::from(u8::from(frame.turn))]);
@@ -83,7 +86,8 @@ impl Fingerprint {
     }
 
     fn numbers(&mut self, numbers: &[f64]) {
-        /// As many as a homography has: an update costs more than the eight bytes of a number.
+        /// As many numbers as a homography has. One update of the hash costs more than the eight bytes of a
+        /// number.
         const AT_ONCE: usize = 9;
         let mut bytes = [[0; 8]; AT_ONCE];
         for some in numbers.chunks(AT_ONCE) {

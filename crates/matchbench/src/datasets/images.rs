@@ -1,4 +1,4 @@
-//! Which file is the image of which frame.
+//! Finds the image file of each frame.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -17,7 +17,7 @@ const EXTENSIONS: [&str; 10] = [
     "png", "jpg", "jpeg", "bmp", "tif", "tiff", "webp", "pgm", "ppm", "pnm",
 ];
 
-/// The image of every frame: the manifest's where it names one, else `Images/%04d.*`.
+/// The image of every frame: the one that the manifest names, else `Images/%04d.*`.
 pub(super) fn frame_images(
     dir: &Path,
     manifest: &Manifest,
@@ -65,7 +65,7 @@ pub(super) fn frame_images(
     images
 }
 
-/// What `dataset.toml` names as depth and is not there.
+/// Depth files that `dataset.toml` names and that do not exist.
 pub(super) fn missing_depth(dir: &Path, manifest: &Manifest) -> Vec<Problem> {
     let files = (0..manifest.frames.len()).filter_map(|index| manifest.depth(dir, index));
     let missing = files.filter(|file| !file.path.is_file()).map(|file| {
@@ -75,7 +75,7 @@ pub(super) fn missing_depth(dir: &Path, manifest: &Manifest) -> Vec<Problem> {
     missing.collect()
 }
 
-/// Why there is no image at this place, if there is none; what is there is not read.
+/// Says why there is no image at this path, if there is none. The content is not read.
 fn not_there(image: &Path, remedy: &str) -> Option<Problem> {
     let what = match fs::metadata(image) {
         Ok(metadata) if metadata.is_file() => return None,

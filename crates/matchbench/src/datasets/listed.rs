@@ -1,5 +1,5 @@
-//! The lists of pairs of a dataset, `pairs.txt` and `homographies.txt`, row by row: they may be longer than
-//! memory.
+//! Reads the lists of pairs of a dataset, `pairs.txt` and `homographies.txt`, row by row, since they may be
+//! larger than memory.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -13,7 +13,7 @@ use super::text;
 use super::{DatasetError, Pair, Problem, Truth};
 use crate::files::{LineBlock, LineBlocks, LineError, open_file};
 
-/// The longest line of a list, in bytes; a pair takes some 250.
+/// The longest line of a list, in bytes; a pair takes about 250.
 const LONGEST_LINE: usize = 1 << 20;
 
 /// A pair as a file lists it.
@@ -25,16 +25,17 @@ pub(super) struct Listed<T> {
     pub(super) truth: T,
 }
 
-/// Whether there is something at `path`; a link that leads nowhere is something.
+/// Whether something exists at `path`; a broken link counts as something.
 pub(super) fn is_there(path: &Path) -> bool {
     path.symlink_metadata().is_ok()
 }
 
-/// Hands over the pairs of both lists: those with poses, each with the homography that it may have too, then
-/// those with a homography alone. Only homographies are held. There may be no `poses` where there are
-/// `homographies`.
+/// Passes on the pairs of both lists. First come the pairs with poses, each with its homography if it has one
+/// too, then the pairs that have only a homography. Only homographies are kept in memory. The file of `poses`
+/// may be missing if there are `homographies`.
 ///
 /// # Errors
+/// The first problem.
 /// The first thing that is wrong.
 pub(super) fn each_pair(
     poses: &Path,
@@ -74,10 +75,10 @@ pub(super) fn each_pair(
     Ok(())
 }
 
-/// Whether a pair stands twice in a list.
+/// Whether a pair is twice in a list.
 pub(super) fn has_one_twice(pairs: &[Pair]) -> bool {
     let frames = |pair: &Pair| (pair.a, pair.b);
-    // As nearly every list is.
+    // As is the case for nearly every list.
     if pairs.is_sorted_by(|one, next| frames(one) < frames(next)) {
         return false;
     }
@@ -86,8 +87,7 @@ pub(super) fn has_one_twice(pairs: &[Pair]) -> bool {
     sorted.windows(2).any(|two| two[0] == two[1])
 }
 
-/// All rows of a list, whose truth `parse` reads from the whole row; what is wrong is noted among the
-/// `problems`.
+/// All rows of a list; `parse` reads the truth from a whole row. Problems are added to `problems`.
 pub(super) fn listed<T: Send>(
     path: &Path,
     frames: Option<usize>,
@@ -117,7 +117,7 @@ pub(super) fn listed<T: Send>(
     pairs
 }
 
-/// Hands over every row of a list, or what is wrong with it.
+/// Passes on every row of a list, or what is wrong with it.
 fn each_listed<T: Send>(
     path: &Path,
     frames: Option<usize>,
@@ -128,7 +128,7 @@ fn each_listed<T: Send>(
     each_row(path, file, frames, parse, each)
 }
 
-/// The same, of what `reader` reads of the file.
+/// The same for what `reader` reads from the file.
 fn each_row<T: Send>(
     path: &Path,
     reader: impl Read,
@@ -166,7 +166,7 @@ fn each_row<T: Send>(
     Ok(())
 }
 
-/// What a line lists, if it lists something.
+/// The pair in a line, if there is one.
 fn parse_row<T>(
     line: usize,
     bytes: &[u8],

@@ -1,4 +1,4 @@
-//! `dataset.toml`: what the authors' format cannot say.
+//! `dataset.toml`: the properties of a dataset that the authors' format cannot express.
 //!
 //! ```toml
 //! version = 1
@@ -34,7 +34,7 @@ pub(super) const FILE: &str = "dataset.toml";
 /// The version of the format written here.
 pub(super) const VERSION: u32 = 1;
 
-/// How many problems of one manifest are told.
+/// Most problems of one manifest that are reported.
 const MOST_PROBLEMS: usize = 20;
 
 /// The contents of `dataset.toml`.
@@ -52,13 +52,13 @@ pub(super) struct Manifest {
     /// What the images show, in a few words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) property: Option<String>,
-    /// The arguments by which it was imported, see [`About::import`](super::About::import).
+    /// The arguments with which it was imported, see [`About::import`](super::About::import).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) import: Vec<String>,
-    /// What the importer had to say.
+    /// Notes of the importer.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) notes: Vec<String>,
-    /// Folder that relative image paths start from; itself relative to the dataset's folder.
+    /// Folder to which relative image paths are relative; itself relative to the folder of the dataset.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) image_root: Option<PathBuf>,
     /// Lens distortion of the camera in `camera.txt`.
@@ -95,16 +95,18 @@ pub(super) struct ManifestFrame {
 pub struct About {
     /// Where the data come from, in one line.
     pub origin: String,
-    /// What the images show, in a few words; empty where nobody said.
+    /// What the images show, in a few words; empty if not given.
     pub property: String,
-    /// The arguments of `matchbench import` that make the same of the same data: kind, source, options, and
-    /// no name of the dataset; paths without the folders above, which are nobody else's. Empty where nobody said.
+    /// The arguments of `matchbench import` that make the same dataset from the same data: kind, source and
+    /// options, without a name of the dataset. Paths do not have the folders above the source, which are
+    /// private to one machine. Empty if not known.
     pub import: Vec<String>,
     /// What a user of the data should know.
     pub notes: Vec<String>,
 }
 
-/// What the `dataset.toml` of the dataset in `dir` says about it as a whole; nothing where there is none.
+/// What the `dataset.toml` of the dataset in `dir` says about the dataset as a whole; empty if there is no such
+/// file.
 ///
 /// # Errors
 /// If that file cannot be read.
@@ -182,8 +184,8 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// Reads as much of a manifest as can be read, and notes what is wrong: a line that is wrong by
-    /// itself is taken out for the rest to be looked at, as often as [`MOST_PROBLEMS`].
+    /// Reads as much of a manifest as possible, and notes what is wrong. A line that is invalid on its own is
+    /// removed, so that the rest can be checked; this is done at most [`MOST_PROBLEMS`] times.
     pub(super) fn parse_all(file: &TextFile) -> (Option<Self>, Vec<DatasetError>) {
         let mut lines: Vec<&str> = file.text().lines().collect();
         let mut problems = Vec::new();
@@ -192,7 +194,7 @@ impl Manifest {
                 Ok(manifest) => return (Some(manifest), problems),
                 Err(error) => error,
             };
-            // What is missing may be missing because its line was taken out.
+            // A field may seem missing only because its line was removed.
             if !problems.is_empty() && error.what.contains("missing field") {
                 return (None, problems);
             }
@@ -212,13 +214,13 @@ impl Manifest {
             .map_or(Turn::None, |frame| frame.turn)
     }
 
-    /// Where the image of frame `index` is, if the manifest says so.
+    /// The path of the image of frame `index`, if the manifest has it.
     pub(super) fn image(&self, dataset: &Path, index: usize) -> Option<PathBuf> {
         let image = self.frames.get(index)?.image.as_ref()?;
         Some(self.image_root(dataset).join(image))
     }
 
-    /// Where the depth of frame `index` is, if the manifest says so.
+    /// The file of the depth of frame `index`, if the manifest has it.
     pub(super) fn depth(&self, dataset: &Path, index: usize) -> Option<DepthFile> {
         let depth = self.frames.get(index)?.depth.as_ref()?;
         Some(DepthFile {
@@ -227,13 +229,13 @@ impl Manifest {
         })
     }
 
-    /// The folder that relative paths of images and depth start from.
+    /// The folder to which relative paths of images and depth are relative.
     pub(super) fn image_root(&self, dataset: &Path) -> PathBuf {
         dataset.join(self.image_root.as_deref().unwrap_or(Path::new("")))
     }
 }
 
-/// Longest name of a dataset: file systems allow 255 bytes, and endings are added to some.
+/// Longest name of a dataset. File systems allow 255 bytes, and some file names have an ending added.
 const MOST_BYTES_OF_A_NAME: usize = 200;
 
 /// Whether `name` can be the name of a folder on every system.
@@ -245,7 +247,7 @@ fn is_plain_name(name: &str) -> bool {
             .all(|c| c.is_alphanumeric() || "._- +@".contains(c))
 }
 
-/// Whether a line is `key = value` and whole by itself.
+/// Whether a line is a complete `key = value`.
 fn is_setting(line: &str) -> bool {
     !line.trim_start().starts_with('[')
         && toml::from_str::<toml::Table>(line).is_ok_and(|table| !table.is_empty())

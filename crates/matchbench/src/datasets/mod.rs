@@ -1,9 +1,8 @@
-//! Images with known cameras and the pairs to be matched.
+//! Datasets: images with known cameras, and the pairs to be matched.
 //!
-//! A dataset on disk is a folder in the authors' layout ([`Sequence::open`] reads it,
-//! [`write_native`] writes it, [`validate`] explains what is wrong with it); everything else is
-//! brought into that layout by [`import`]. Poses are camera-to-world, `b_from_a` takes points of
-//! camera `a` to camera `b`.
+//! A dataset on disk is a folder in the authors' layout. [`Sequence::open`] reads it, [`write_native`] writes
+//! it, and [`validate`] reports what is wrong with it. Data in any other layout are converted to this one by
+//! [`import`]. Poses are camera-to-world; `b_from_a` takes points from camera `a` to camera `b`.
 
 mod cameras;
 mod colour;

@@ -1,4 +1,4 @@
-//! The authors' format, read as published.
+//! The format of the authors of the benchmark, read as they published it.
 //!
 //! ```text
 //! NAME/camera.txt       3x3 calibration matrix
@@ -10,8 +10,8 @@
 //! NAME/dataset.toml     ours, for what these files cannot say; may be absent
 //! ```
 //!
-//! One reader serves two callers: it goes on after an error and notes it, [`Sequence::open`]
-//! stops at the first one, `validate` reports all. The lists of pairs may be longer than memory, see `listed`.
+//! One reader serves two functions. It continues after an error and notes it. [`Sequence::open`] then returns
+//! the first error, and `validate` reports all. The lists of pairs may be larger than memory, see `listed`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -36,16 +36,16 @@ pub(super) const PAIRS: &str = "pairs.txt";
 pub(super) const HOMOGRAPHIES: &str = "homographies.txt";
 
 impl Sequence {
-    /// Opens the dataset in the folder `dir`. Images are not read; that is `validate`'s part.
+    /// Opens the dataset in the folder `dir`. Images are not read; `validate` does that.
     ///
     /// # Errors
-    /// The first thing that is wrong with its text files, or an image that is not there.
+    /// The first problem with its text files, or an image that does not exist.
     pub fn open(dir: &Path) -> Result<Self, DatasetError> {
         let unpaired = Unpaired::open(dir)?;
         let mut pairs = Vec::new();
         unpaired.each_pair(|pair| pairs.push(pair))?;
         if has_one_twice(&pairs) {
-            // Whoever notes everything knows in which lines.
+            // The code that notes all problems also knows their lines.
             let mut problems = Vec::new();
             Contents::read(dir, &mut problems);
             first_error(problems)?;
@@ -54,7 +54,7 @@ impl Sequence {
     }
 }
 
-/// A dataset whose pairs are still in their files, for whoever needs few of millions.
+/// A dataset whose pairs are still in their files, for use if only a few of millions of pairs are needed.
 #[derive(Clone, Debug)]
 pub struct Unpaired {
     dir: PathBuf,
@@ -63,10 +63,10 @@ pub struct Unpaired {
 }
 
 impl Unpaired {
-    /// Opens the dataset in the folder `dir` as [`Sequence::open`], but for its pairs.
+    /// Opens the dataset in the folder `dir` as [`Sequence::open`] does, but without its pairs.
     ///
     /// # Errors
-    /// The first thing that is wrong with what is read, or an image that is not there.
+    /// The first problem with what is read, or an image that does not exist.
     pub fn open(dir: &Path) -> Result<Self, DatasetError> {
         let mut problems = Vec::new();
         let contents = Contents::without_pairs(dir, &mut problems);
@@ -98,11 +98,12 @@ impl Unpaired {
         &self.name
     }
 
-    /// The dataset with those of its pairs that `keep` asks for, in their order, and what all of them are. That
-    /// no pair stands twice is not looked at: nobody knows the fingerprint of such a list.
+    /// The dataset with only the pairs for which `keep` is true, in their order, and the number and fingerprint
+    /// of all pairs. It is not checked that no pair is listed twice; the fingerprint of such a list equals that
+    /// of no valid dataset.
     ///
     /// # Errors
-    /// The first thing that is wrong with the lists of pairs.
+    /// The first problem with the lists of pairs.
     pub fn part(
         self,
         mut keep: impl FnMut(&Pair) -> bool,
@@ -123,7 +124,7 @@ impl Unpaired {
         Ok((self.with(pairs), whole))
     }
 
-    /// Hands over the pairs, in the order of [`Sequence::pairs`].
+    /// Passes on the pairs, in the order of [`Sequence::pairs`].
     fn each_pair(&self, see: impl FnMut(Pair)) -> Result<(), DatasetError> {
         each_pair(
             &self.dir.join(PAIRS),
@@ -150,10 +151,10 @@ fn first_error(problems: Vec<Problem>) -> Result<(), DatasetError> {
     }
 }
 
-/// Reads a `pairs.txt`: the ground truth alone, for scoring without images.
+/// Reads a `pairs.txt`: only the ground truth, for scoring without images.
 ///
 /// # Errors
-/// If the file cannot be read or a line is wrong.
+/// If the file cannot be read or a line is invalid.
 pub fn read_pairs(file: &Path) -> Result<Vec<Pair>, DatasetError> {
     let mut problems = Vec::new();
     let listed = listed(file, None, parse_pose, &mut problems);
@@ -162,10 +163,10 @@ pub fn read_pairs(file: &Path) -> Result<Vec<Pair>, DatasetError> {
     Ok(listed.into_iter().map(pair).collect())
 }
 
-/// Reads the true poses of `pairs` from a file with one row of 12 numbers for each, in their order.
+/// Reads the true poses of `pairs` from a file with one row of 12 numbers for each pair, in their order.
 ///
 /// # Errors
-/// If the file cannot be read, a line is wrong, or there is not one row for each pair.
+/// If the file cannot be read, a line is invalid, or the number of rows differs from that of the pairs.
 pub fn read_poses_of_pairs(file: &Path, pairs: &[(u32, u32)]) -> Result<Vec<Pair>, DatasetError> {
     let file = TextFile::read(file)?;
     let rows = file.rows().count();
@@ -188,12 +189,12 @@ pub fn read_poses_of_pairs(file: &Path, pairs: &[(u32, u32)]) -> Result<Vec<Pair
         .collect()
 }
 
-/// Everything the text files of a dataset say, each item with its line.
+/// All that the text files of a dataset contain, each item with its line.
 #[derive(Debug, Default)]
 pub(super) struct Contents {
     pub(super) name: String,
     pub(super) manifest: Manifest,
-    /// K of `camera.txt` with the manifest's distortion.
+    /// K of `camera.txt` with the distortion of the manifest.
     pub(super) camera: Option<Camera>,
     pub(super) images: Vec<PathBuf>,
     pub(super) poses: Vec<(usize, Isometry3<f64>)>,
@@ -209,7 +210,7 @@ impl Contents {
         if !dir.is_dir() {
             return contents;
         }
-        // Without images every row would be out of range; one error is enough.
+        // Without images every row would be out of range, so only that error is reported.
         let count = (!contents.images.is_empty()).then_some(contents.images.len());
         let (pairs, homographies) = (dir.join(PAIRS), dir.join(HOMOGRAPHIES));
         if is_there(&pairs) || !is_there(&homographies) {
@@ -293,7 +294,7 @@ impl Contents {
         }
     }
 
-    /// The camera of every frame; `None` where neither the manifest nor `camera.txt` has one.
+    /// The camera of every frame; `None` if neither the manifest nor `camera.txt` has one.
     pub(super) fn cameras(&self) -> Vec<Option<Camera>> {
         (0..self.images.len())
             .map(|index| {
@@ -353,7 +354,7 @@ pub(super) fn parse_camera(file: &TextFile) -> Result<Camera, DatasetError> {
     }
 }
 
-/// Why the cameras that the manifest gives, and its unit of depth, are none, each once.
+/// What is wrong with the cameras of the manifest and with its unit of depth, each problem once.
 fn check_manifest(dir: &Path, manifest: &Manifest, camera: Option<&Camera>) -> Vec<DatasetError> {
     let own = manifest.frames.iter().filter_map(|frame| frame.camera);
     let shared = camera.filter(|_| manifest.distortion.is_some()).copied();

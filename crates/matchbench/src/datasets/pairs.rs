@@ -1,4 +1,4 @@
-//! Which frames are matched with which: the paper's two portions and what users add.
+//! Rules that choose which frames are matched: the rules of the paper's two portions, and further ones.
 //!
 //! | rule | pairs | in the paper (Sec. 4) |
 //! | --- | --- | --- |
@@ -9,11 +9,11 @@
 //! | `list:FILE` | as listed: `a b` per line, further columns are ignored | |
 //! | `covisible:0.1..0.7` | frames whose share of common points is in that range | |
 //!
-//! Common points are known where the source has them (COLMAP models): of the points that a frame sees,
-//! those that the other sees too; the lesser of both shares counts.
+//! Common points are known if the source has them (COLMAP models). The share of a frame is the number of common
+//! points divided by the number of points that the frame sees. The smaller of the two shares of a pair counts.
 //!
-//! A stride leaves frames out of the dataset: those kept are numbered anew from 0, as in the
-//! authors' sequences 06-08. The order is that of the authors' files: by `a`, then by `b`.
+//! A stride removes frames from the dataset. Those that are kept are numbered again from 0, as in the authors'
+//! sequences 06-08. The order of pairs is that of the authors' files: by `a`, then by `b`.
 
 use std::collections::{HashMap, HashSet};
 use std::fmt;
@@ -47,7 +47,7 @@ pub enum PairRule {
         /// Text file with `a b` in each line.
         file: PathBuf,
     },
-    /// Every frame with every later one, where they share enough and not too many points.
+    /// Every frame with every later one, if their share of common points is in a range.
     Covisible {
         /// Least share of common points, above 0.
         lowest: f64,
@@ -56,7 +56,7 @@ pub enum PairRule {
     },
 }
 
-/// A pair rule that cannot be understood.
+/// A pair rule that cannot be parsed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "unknown pair rule `{0}`: use fragments:N (N at least 2), all, window:N, window:N,stride:S, \
@@ -122,7 +122,7 @@ impl fmt::Display for PairRule {
 }
 
 impl PairRule {
-    /// Every how manieth frame stays in the dataset.
+    /// Every `stride`-th frame stays in the dataset.
     pub fn stride(&self) -> usize {
         match self {
             Self::Window { stride, .. } => *stride,
@@ -133,8 +133,8 @@ impl PairRule {
     /// The pairs `(a, b)` among `kept` frames, numbered after the stride was applied.
     ///
     /// # Errors
-    /// If the list cannot be read or names a frame that does not exist, a frame with itself or a
-    /// pair twice; and if the rule asks for common points, which numbers alone do not tell.
+    /// If the list cannot be read, or names a frame that does not exist, a frame with itself, or a pair twice.
+    /// Also if the rule asks for common points, which are not known here.
     pub fn pairs(&self, kept: usize) -> Result<Vec<(u32, u32)>, DatasetError> {
         let with_next = |size: usize| {
             move |a: usize| {
@@ -165,8 +165,8 @@ impl PairRule {
         )
     }
 
-    /// Whether the rule chooses a pair of frames that are numbered after the stride was applied,
-    /// however many frames there are.
+    /// A function that says whether the rule chooses a pair of frames. Frames are numbered after the stride was
+    /// applied; their number need not be known.
     ///
     /// # Errors
     /// If the list cannot be read, or names a frame with itself or a pair twice.
@@ -192,7 +192,7 @@ impl PairRule {
         })
     }
 
-    /// Applies the rule: the frames that stay, and their pairs with the true relative poses.
+    /// Applies the rule: returns the frames that remain, and their pairs with the true relative poses.
     ///
     /// # Errors
     /// As [`PairRule::pairs`], and if a frame of a pair has no pose.
@@ -224,12 +224,12 @@ pub(super) fn with_poses(
         .collect()
 }
 
-/// The pairs of frames that see enough and not too many of the same points. `seen` has the points
-/// of each frame, each once.
+/// The pairs of frames whose share of common points is in the range. `seen` has the points of each frame,
+/// without repetition.
 pub(super) fn covisible(seen: &[Vec<u64>], lowest: f64, highest: f64) -> Vec<(u32, u32)> {
     let mut seen_by: HashMap<u64, Vec<usize>> = HashMap::new();
     let mut pairs = Vec::new();
-    // From the last frame on, so that a point's list holds the later frames only.
+    // Starts from the last frame, so that the list of a point holds only later frames.
     for (a, points) in seen.iter().enumerate().rev() {
         let mut common = vec![0_usize; seen.len()];
         for point in points {
@@ -276,7 +276,7 @@ fn listed(file: &TextFile, kept: Option<usize>) -> Result<Vec<(u32, u32)>, Datas
         .collect()
 }
 
-/// The two frames that a row begins with, if they are different and below `frames`.
+/// The two frames at the start of a row, if they are different and below `frames`.
 pub(super) fn pair_indices(row: &str, frames: Option<usize>) -> Result<(u32, u32), String> {
     let mut words = row.split_whitespace();
     let mut index = || {

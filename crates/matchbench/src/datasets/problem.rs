@@ -1,22 +1,22 @@
-//! One thing that is wrong with a dataset, and how bad that is.
+//! One problem of a dataset, and how severe it is.
 
 use std::fmt;
 
 use super::DatasetError;
 
-/// One thing that is wrong with a dataset.
+/// One problem of a dataset.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// How bad it is.
+    /// How severe it is.
     pub severity: Severity,
-    /// File, line, what is wrong and how to mend it.
+    /// File, line, what is wrong and how to correct it.
     pub error: DatasetError,
 }
 
-/// How bad a problem is.
+/// How severe a problem is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
-    /// The dataset can be run; the results may not mean what they seem to.
+    /// The dataset can be run, but the results may be misleading.
     Warning,
     /// The dataset, or part of it, cannot be run.
     Error,

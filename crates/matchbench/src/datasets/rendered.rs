@@ -1,8 +1,8 @@
 //! The built-in dataset: the scenes of `matchbench-scenes` as sequences, rendered into files on first use.
 //!
-//! A sequence appears under its name when it is complete ([`write_native`]), so a process that is
-//! killed leaves nothing half-written. Each [`REVISION`] of the renderer has a folder of its own, and so has each
-//! change of the files beside the pictures.
+//! A sequence gets its name only when it is complete ([`write_native`]), so a process that is killed leaves
+//! nothing half-written. Each [`REVISION`] of the renderer has its own folder, and so has each change of the
+//! other files of a sequence.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -14,15 +14,16 @@ use super::{
     write_native,
 };
 
-/// Raised with every change of the files of a sequence that is none of its pictures: 2 has depth.
+/// Increased with every change of the files of a sequence other than its images; 2 added depth.
 const CONTENTS: u32 = 2;
 
-/// The folder in `cache` of all sequences as they are written now.
+/// The folder in `cache` for all sequences in their current form.
 fn folder_of_now(cache: &Path) -> PathBuf {
     cache.join(format!("revision-{REVISION}.{CONTENTS}"))
 }
 
-/// The frames and pairs of a scene with their true poses, and homographies where it is plane; the images are made by [`World::render`].
+/// The frames and pairs of a scene with their true poses, and with homographies if the scene is a plane. The
+/// images are made by [`World::render`].
 pub fn sequence(scene: &Scene) -> Sequence {
     let depth = DepthFile {
         path: PathBuf::new(),
@@ -53,8 +54,8 @@ pub fn sequence(scene: &Scene) -> Sequence {
     }
 }
 
-/// How the depth of a scene is stored, as fine as 16 bits allow: to a fifth of a millimetre up to 13 metres, or to one
-/// up to 65.
+/// How the depth of a scene is stored, with the best resolution that 16 bits allow: a fifth of a millimetre for
+/// depths up to 13 metres, or one millimetre up to 65 metres.
 fn depth_unit(scene: &Scene) -> DepthUnit {
     let per_unit = match scene.place {
         Place::Street | Place::Facade => 1000.0,
@@ -76,7 +77,7 @@ impl From<Pairing> for PairRule {
     }
 }
 
-/// How far [`ensure`] has come; counts frames of the sequences that have to be rendered.
+/// The progress of [`ensure`], in frames of the sequences that have to be rendered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
     /// Frames rendered.
@@ -85,9 +86,9 @@ pub struct Progress {
     pub total: u32,
 }
 
-/// Makes sure that all sequences lie in `cache`, and returns their folders in the order of
-/// [`scenes`]. Those that are there are left alone; the others are rendered with all threads of
-/// the current rayon pool. `observer` is called after each frame, from any thread.
+/// Makes sure that all sequences are in `cache`, and returns their folders in the order of [`scenes`]. Existing
+/// sequences are not changed. The others are rendered with all threads of the current rayon pool. `observer` is
+/// called after each frame, from any thread.
 ///
 /// # Errors
 /// If a file or folder cannot be written.
@@ -98,8 +99,8 @@ pub fn ensure(
     ensure_scenes(cache, scenes(), observer)
 }
 
-/// As [`ensure`], for scenes of the caller's choice, which may have fewer frames or another size than those
-/// of [`scenes`]; then they need a `cache` of their own.
+/// As [`ensure`], for scenes that the caller gives. They may have fewer frames or another size than those of
+/// [`scenes`]; then they need their own `cache`.
 ///
 /// # Errors
 /// If a file or folder cannot be written.
@@ -140,7 +141,7 @@ pub fn ensure_scenes(
                 depth: &depth,
             };
             write_native(&out, &sequence(scene), &about, storage)
-                // Another process may have been faster; both render the same bits.
+                // Another process may have been faster. Both render the same bits.
                 .or_else(|error| if out.exists() { Ok(()) } else { Err(error) })?;
         }
     }

@@ -1,4 +1,4 @@
-//! A sequence: frames, and pairs of frames with what is true of them.
+//! A sequence, which is one dataset: frames, and pairs of frames with their truth.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ use super::{DatasetError, Depth, DepthFile, Turn, read_gray, read_planes, read_s
 pub struct Sequence {
     /// Its name in tables: the name of its folder.
     pub name: String,
-    /// The images, in the order that pairs count them.
+    /// The images, in the order by which pairs number them.
     pub frames: Vec<Frame>,
     /// The pairs to be matched, in the order of the pairs file.
     pub pairs: Vec<Pair>,
@@ -24,13 +24,13 @@ pub struct Sequence {
 pub struct Frame {
     /// The image file.
     pub image: PathBuf,
-    /// How its stored pixels are turned before anything looks at them.
+    /// How its stored pixels are turned before they are used.
     pub turn: Turn,
     /// The camera of the turned image.
     pub camera: Camera,
-    /// Pose of the (turned) camera, camera-to-world, where the dataset gives it.
+    /// Pose of the (turned) camera, camera-to-world, if the dataset has it.
     pub world_from_camera: Option<Isometry3<f64>>,
-    /// Its depth, where the dataset has it.
+    /// Its depth, if the dataset has it.
     pub depth: Option<DepthFile>,
 }
 
@@ -45,13 +45,13 @@ pub struct Pair {
     pub truth: Truth,
 }
 
-/// What a dataset knows about a pair. Estimates of the same kind are judged by it.
+/// What a dataset knows about a pair. An estimate is judged by the truth of its own kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Truth {
     /// `b_from_a`: takes a point from camera `a` to camera `b`, in the dataset's unit of length.
     Pose(Isometry3<f64>),
-    /// Takes the pixels of `a`, as `(x, y, 1)`, to those of `b`, up to scale: what is seen is
-    /// plane, or the camera only turned.
+    /// Maps pixels of `a`, as `(x, y, 1)`, to those of `b`, up to scale. It exists if the scene is a plane or
+    /// the camera only rotated.
     Homography(Matrix3<f64>),
     /// Both.
     Both {
@@ -63,7 +63,7 @@ pub enum Truth {
 }
 
 impl Frame {
-    /// An image as it is stored, whose camera and pose (camera-to-world) are known.
+    /// A frame whose image is used as it is stored, and whose camera and pose (camera-to-world) are known.
     pub fn with_pose(
         image: impl Into<PathBuf>,
         camera: Camera,
@@ -78,7 +78,7 @@ impl Frame {
         }
     }
 
-    /// The same with its depth, if there is one.
+    /// The same frame with its depth, if there is any.
     #[must_use]
     pub fn with_depth(self, depth: Option<DepthFile>) -> Self {
         Self { depth, ..self }
@@ -92,7 +92,7 @@ impl Frame {
         Ok(self.turn.pixels(read_gray(&self.image)?))
     }
 
-    /// Its image for people, turned: a plane of gray, or those of red, green and blue.
+    /// Its image for people to look at, turned: one grey plane, or red, green and blue planes.
     ///
     /// # Errors
     /// If the file cannot be read or is no complete image.
@@ -101,10 +101,11 @@ impl Frame {
         Ok(planes.map(|plane| self.turn.pixels(plane)).collect())
     }
 
-    /// Its depth, turned; `None` where the dataset has none.
+    /// Its depth, turned; `None` if the dataset has none.
     ///
     /// # Errors
-    /// If the file cannot be read, is no depth, or not that of its image; or if the size of the image cannot be read.
+    /// If the file cannot be read, is not a depth image, or does not belong to the image of the frame; or if
+    /// the size of the image cannot be read.
     pub fn read_depth(&self) -> Result<Option<Depth>, DatasetError> {
         let Some(depth) = &self.depth else {
             return Ok(None);
@@ -128,25 +129,25 @@ impl Pair {
         Self { a, b, truth }
     }
 
-    /// A pair of images whose pixels correspond by a homography.
+    /// A pair of images whose pixels are related by a homography.
     pub fn with_homography(a: u32, b: u32, b_from_a: Matrix3<f64>) -> Self {
         let truth = Truth::Homography(b_from_a);
         Self { a, b, truth }
     }
 
-    /// The true pose `b_from_a`, where it is known.
+    /// The true pose `b_from_a`, if it is known.
     pub fn pose(&self) -> Option<&Isometry3<f64>> {
         self.truth.pose()
     }
 
-    /// The true homography from `a` to `b`, where it is known.
+    /// The true homography from `a` to `b`, if it is known.
     pub fn homography(&self) -> Option<&Matrix3<f64>> {
         self.truth.homography()
     }
 }
 
 impl Truth {
-    /// The pose `b_from_a`, where it is known.
+    /// The pose `b_from_a`, if it is known.
     pub fn pose(&self) -> Option<&Isometry3<f64>> {
         match self {
             Self::Pose(b_from_a) | Self::Both { b_from_a, .. } => Some(b_from_a),
@@ -154,7 +155,7 @@ impl Truth {
         }
     }
 
-    /// The homography from `a` to `b`, where it is known.
+    /// The homography from `a` to `b`, if it is known.
     pub fn homography(&self) -> Option<&Matrix3<f64>> {
         match self {
             Self::Homography(homography) | Self::Both { homography, .. } => Some(homography),

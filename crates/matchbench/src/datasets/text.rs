@@ -1,8 +1,8 @@
-//! Tables of numbers as people write them: irregular spaces, CRLF, a byte order mark, blank
+//! Reads text files of numbers as they occur in practice: irregular spaces, CRLF, a byte order mark, blank
 //! lines, `#` comments, no final newline.
 //!
-//! Rotations are printed with few digits, so a 3x3 block is accepted as a rotation if no entry of
-//! `R^T R - I` exceeds [`ROTATION_TOLERANCE`], and replaced by the nearest rotation.
+//! Rotations are often printed with few digits. So a 3x3 block is accepted as a rotation if no entry of
+//! `R^T R - I` exceeds [`ROTATION_TOLERANCE`], and is replaced by the nearest rotation.
 
 use std::path::{Path, PathBuf};
 
@@ -12,9 +12,9 @@ use super::DatasetError;
 use crate::counted::counted;
 use crate::files::read_file;
 
-/// Largest entry of `R^T R - I` in a printed rotation, and largest deviation of a printed
-/// quaternion's length from 1. Three printed decimals stay below it; a transposed block, a scaled
-/// or a mistyped one does not. It bounds the doubt about the angle by 0.03 degrees.
+/// Largest entry of `R^T R - I` in a printed rotation, and largest deviation of the length of a printed
+/// quaternion from 1. A rotation printed with three decimals is below it; a transposed, scaled or mistyped
+/// block is not. With this tolerance the angle is uncertain by at most 0.03 degrees.
 pub(super) const ROTATION_TOLERANCE: f64 = 1e-3;
 
 /// A text file in memory, with its name for error messages.
@@ -41,7 +41,7 @@ impl TextFile {
         &self.text
     }
 
-    /// Lines that hold something, trimmed, with their numbers (from 1).
+    /// Lines that are not empty, trimmed, with their numbers (from 1).
     pub(super) fn rows(&self) -> impl Iterator<Item = (usize, &str)> {
         (self.text.lines().zip(1..)).filter_map(|(text, line)| Some((line, row(text)?)))
     }
@@ -60,18 +60,18 @@ impl TextFile {
         DatasetError::new(&self.path, what, remedy)
     }
 
-    /// An error in one line whose remedy is to correct that line.
+    /// An error in one line; its remedy is to correct that line.
     pub(super) fn error_at(&self, line: usize, what: impl Into<String>) -> DatasetError {
         error_at(&self.path, line, what)
     }
 }
 
-/// An error in one line of the file at `path`, whose remedy is to correct that line.
+/// An error in one line of the file at `path`; its remedy is to correct that line.
 pub(super) fn error_at(path: &Path, line: usize, what: impl Into<String>) -> DatasetError {
     DatasetError::new(path, what, "correct this line or take it out").at(line)
 }
 
-/// What a line holds, if it holds something: neither white space nor a comment.
+/// The content of a line, if it is neither white space nor a comment.
 pub(super) fn row(line: &str) -> Option<&str> {
     let row = line.trim();
     (!row.is_empty() && !row.starts_with('#')).then_some(row)
@@ -93,7 +93,7 @@ pub(super) fn numbers(row: &str) -> Result<Vec<f64>, String> {
         .collect()
 }
 
-/// A word of a file as a message repeats it: no longer than anybody reads.
+/// A word of a file as a message shows it, shortened if it is long.
 pub(super) fn brief(word: &str) -> String {
     /// In characters.
     const MOST: usize = 60;
@@ -117,7 +117,7 @@ pub(super) fn exactly<const N: usize>(row: &str) -> Result<[f64; N], String> {
         .expect("the number of columns was checked"))
 }
 
-/// Largest coordinate of a translation, in any unit: beyond it squares are no finite numbers.
+/// Largest coordinate of a translation, in any unit. Beyond it, squares would not be finite.
 const MAX_COORDINATE: f64 = 1e150;
 
 fn translation(xyz: [f64; 3]) -> Result<Translation3<f64>, String> {
@@ -166,8 +166,8 @@ pub(super) fn homography(numbers: &[f64]) -> Result<Matrix3<f64>, String> {
     if !largest.is_finite() || largest == 0.0 {
         return Err("the homography is zero or not finite".to_owned());
     }
-    // Pixels are thousands, so that a sound homography may have a small determinant, but not one
-    // that is lost in the rounding of its entries.
+    // Pixel coordinates are in the thousands, so a valid homography may have a small determinant. But it cannot
+    // be so small that it is lost in the rounding of the entries.
     let determinant = (matrix / largest).determinant();
     if determinant.is_nan() || determinant.abs() < 1e-16 {
         return Err(format!(
@@ -183,12 +183,12 @@ pub(super) fn matrix_rows(motion: &Isometry3<f64>) -> [f64; 12] {
     std::array::from_fn(|k| m[(k / 4, k % 4)])
 }
 
-/// The rotation nearest to a printed one: the orthogonal polar factor, by Newton's iteration
-/// (Higham, "Computing the Polar Decomposition - with Applications", SIAM J. Sci. Stat. Comput.
-/// 7(4), 1986). It equals `U V^T` of the SVD and needs no function but the four operations.
+/// The rotation nearest to a printed one. It is the orthogonal polar factor, by Newton's iteration (Higham,
+/// "Computing the Polar Decomposition - with Applications", SIAM J. Sci. Stat. Comput. 7(4), 1986). It equals
+/// `U V^T` of the SVD, and needs only the four operations.
 pub(super) fn nearest_rotation(printed: &Matrix3<f64>) -> Result<UnitQuaternion<f64>, String> {
     let deviation = printed.transpose() * printed - Matrix3::identity();
-    // What is not a number is no small deviation either.
+    // Written this way so that NaN is refused too.
     if !deviation.iter().all(|x| x.abs() <= ROTATION_TOLERANCE) {
         return Err(format!(
             "the 3x3 block is not a rotation: R^T R differs from the identity by {:.1e} \
@@ -201,7 +201,7 @@ pub(super) fn nearest_rotation(printed: &Matrix3<f64>) -> Result<UnitQuaternion<
     }
     let mut r = *printed;
     for _ in 0..4 {
-        // Quadratic convergence from 1e-3: 1e-6, 1e-12, full precision, and one to spare.
+        // Convergence is quadratic: 1e-3, 1e-6, 1e-12, full precision; one step is added.
         let inverse = r
             .try_inverse()
             .expect("a nearly orthogonal matrix has an inverse");

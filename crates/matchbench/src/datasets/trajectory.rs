@@ -13,10 +13,10 @@ pub(super) struct TimedPose {
     pub(super) world_from_camera: Isometry3<f64>,
 }
 
-/// How an image finds its pose by time.
+/// How the pose of an image is found by time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Association {
-    /// Farthest that a pose may be from the image, in seconds. The default, 0.02, is that of
+    /// Largest difference in time between an image and its pose, in seconds. The default, 0.02, is that of
     /// TUM's own tool.
     pub tolerance: f64,
     /// Interpolate between the poses before and after the image (both within the tolerance)
@@ -50,7 +50,7 @@ impl Association {
         (previous.world_from_camera).try_lerp_slerp(&next.world_from_camera, share, 1e-9)
     }
 
-    /// Which of `timed`, sorted by time, is nearest to `time`, the earlier of two that are equally near.
+    /// The entry of `timed`, sorted by time, that is nearest to `time`; of two equally near, the earlier.
     pub(super) fn nearest<'a, T>(
         &self,
         timed: &'a [T],
@@ -65,7 +65,7 @@ impl Association {
         }
     }
 
-    /// The last before `time` and the first from then on, where they are within the tolerance.
+    /// The last entry before `time` and the first at or after it, if they are within the tolerance.
     fn around<'a, T>(
         &self,
         timed: &'a [T],

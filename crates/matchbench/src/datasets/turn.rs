@@ -1,21 +1,21 @@
-//! Quarter turns: images that a camera stored lying on its side.
+//! Quarter turns, for images that a camera stored sideways.
 //!
-//! Lists of photographs from the web say how each is to be turned upright (from EXIF, which the
-//! published images often lost). Where a frame has a turn, its pixels are turned as they are
-//! decoded, and its camera, pose and pairs are those of the turned image, so that nothing else
-//! needs to know. One quarter turn counterclockwise takes the pixel `(x, y)` of an image of width
-//! `w` to `(y, w - 1 - x)`, and so the ray `(X, Y, Z)` to `(Y, -X, Z)`.
+//! Lists of photographs from the web say how each photograph must be turned to be upright. This comes from EXIF
+//! data, which the published images have often lost. If a frame has a turn, its pixels are turned when they are
+//! decoded, and its camera, pose and pairs are those of the turned image. So no other code has to handle turns.
+//! One quarter turn counterclockwise takes the pixel `(x, y)` of an image of width `w` to `(y, w - 1 - x)`, and
+//! so the ray `(X, Y, Z)` to `(Y, -X, Z)`.
 
 use matchbench_vision::geometry::{Camera, Distortion};
 use matchbench_vision::image::{Image, Size};
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Quarter turns counterclockwise from the pixels as stored to those that are looked at.
+/// Quarter turns counterclockwise from the stored pixels to the pixels that are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "u8", into = "u8")]
 pub enum Turn {
-    /// As stored.
+    /// As stored: no turn.
     #[default]
     None,
     /// 90 degrees counterclockwise.
@@ -50,7 +50,7 @@ impl From<Turn> for u8 {
 
 impl Turn {
     /// Whether pixels stay as they are stored.
-    // By reference, as serde asks.
+    // By reference, since serde requires it.
     #[allow(clippy::trivially_copy_pass_by_ref)]
     pub fn is_none(&self) -> bool {
         *self == Self::None
@@ -95,8 +95,8 @@ impl Turn {
         }
     }
 
-    /// The camera of the turned image, from that of the image before, of that size in pixels (of
-    /// which a stand-in may be a fraction).
+    /// The camera of the turned image, from the camera and the size, in pixels, of the image before the turn.
+    /// (If the true size is unknown, a value that replaces it may be a fraction.)
     pub(super) fn camera(self, camera: &Camera, width: f64, height: f64) -> Camera {
         let mut turned = *camera;
         let (mut width, mut height) = (width, height);

@@ -1,4 +1,4 @@
-//! Everything that is wrong with a dataset, by file and line, with the way to mend it.
+//! Reports everything that is wrong with a dataset, by file and line, with the way to correct it.
 //!
 //! Beyond what opening a dataset checks (missing files, columns, numbers, rotations, indices,
 //! duplicates), every image is decoded in full, cameras are compared with the images they belong
@@ -21,18 +21,17 @@ use super::native::{CAMERA, Contents, HOMOGRAPHIES, PAIRS, POSES};
 use super::{DatasetError, Problem, manifest, relative_pose};
 use crate::files::read_file;
 
-/// Largest angle between a pair's rotation and that of the poses, in radians (0.1 degrees; both
-/// are printed with about six digits).
+/// Largest angle between the rotation of a pair and that of the poses, in radians (0.1 degrees; both are
+/// printed with about six digits).
 const PAIR_ROTATION_TOLERANCE: f64 = 1.75e-3;
 /// Largest difference of the translations, as a share of the baseline ...
 const PAIR_TRANSLATION_TOLERANCE: f64 = 0.01;
-/// ... plus what six printed digits leave open, as a share of the cameras' distances from the
-/// origin.
+/// ... plus the uncertainty of six printed digits, as a share of the distances of the cameras from the origin.
 const PRINTED_DIGITS: f64 = 1e-5;
-/// All problems of the dataset in the folder `dir`; none if it is sound.
+/// All problems of the dataset in the folder `dir`; empty if there are none.
 ///
-/// What the text files alone show comes first, then images, cameras, and what contradicts each
-/// other; within a file the order is that of its lines.
+/// First come problems of the text files alone, then those of images and cameras, and then contradictions
+/// between them. Within a file the order is that of its lines.
 pub fn validate(dir: &Path) -> Vec<Problem> {
     let mut problems = Vec::new();
     let contents = Contents::read(dir, &mut problems);
@@ -60,7 +59,7 @@ fn check_name(dir: &Path, contents: &Contents, problems: &mut Vec<Problem>) {
     }
 }
 
-/// Decodes every image; its size, turned as its frame says, where that succeeds.
+/// Decodes every image. Returns its size, turned as its frame says, if that succeeds.
 fn check_images(contents: &Contents, problems: &mut Vec<Problem>) -> Vec<Option<Size>> {
     let checked: Vec<_> = contents
         .images
@@ -108,7 +107,7 @@ fn check_images(contents: &Contents, problems: &mut Vec<Problem>) -> Vec<Option<
         .collect()
 }
 
-/// Reads the depth of every frame that has it, as runs do.
+/// Reads the depth of every frame that has it, in the same way as runs do.
 fn check_depth(
     dir: &Path,
     contents: &Contents,
@@ -141,7 +140,7 @@ fn check_cameras(
     sizes: &[Option<Size>],
     problems: &mut Vec<Problem>,
 ) {
-    // A camera is judged once per size of image, at the first frame that has it.
+    // A camera is checked once per image size, with the first frame of this size.
     let mut judged: Vec<(Option<Camera>, Size)> = Vec::new();
     for (index, camera) in contents.cameras().into_iter().enumerate() {
         let own = contents
@@ -239,7 +238,7 @@ fn contradiction(
     })
 }
 
-/// Rows and columns of pixels that are tried on a homography.
+/// Rows and columns of the grid of pixels at which a homography is tested.
 const TRIED: u32 = 16;
 
 fn check_homographies(
@@ -268,7 +267,7 @@ fn check_homographies(
     }
 }
 
-/// Whether some pixel of `a` falls into `b`, of a grid of them.
+/// Whether some pixel of a grid on `a` is mapped into `b`.
 fn meets(b_from_a: &Matrix3<f64>, a: Size, b: Size) -> bool {
     let last = f64::from(TRIED - 1);
     let place = |step: u32, side: usize| f64::from(step) / last * (side as f64 - 1.0);

@@ -1,8 +1,8 @@
 //! Writes a dataset in the authors' layout.
 //!
-//! Everything is written into a hidden folder beside the new one and renamed at the end, so a
-//! killed import leaves no half dataset. Numbers are printed with as many digits as it takes to
-//! read the same ones back.
+//! Everything is written into a hidden folder beside the new one, which is renamed at the end. So an import
+//! that is killed leaves no incomplete dataset. Numbers are printed with as many digits as are needed to read
+//! the same numbers back.
 
 use std::fmt::Write as _;
 use std::fs::{self, File};
@@ -24,22 +24,22 @@ use crate::files::{HELD, PREFIX, hold, open_file, remove_leftovers};
 
 const INFALLIBLE: &str = "writing to a string cannot fail";
 
-/// Where the images of a new dataset are.
+/// Where the images of a new dataset are stored.
 #[derive(Clone, Copy, Default)]
 pub enum ImageStorage<'a> {
-    /// Where they were: `dataset.toml` names them. They may also come later.
+    /// At their old paths, which `dataset.toml` names. They may also be added later.
     #[default]
     Reference,
-    /// `Images/%04d.*` are links to them (hard links where the system has no others).
+    /// `Images/%04d.*` are links to the images (hard links if the system has no others).
     Link,
-    /// `Images/%04d.*` are copies of them.
+    /// `Images/%04d.*` are copies of the images.
     Copy,
-    /// `Images/%04d.png`, and `Depth/%04d.png` of all frames if any has depth, are made by these functions of the frame's
-    /// index; paths of frames are not looked at.
+    /// `Images/%04d.png` are made by these functions of the index of a frame, and so is `Depth/%04d.png` of all
+    /// frames if any has depth. The paths in the frames are ignored.
     Rendered {
         /// The image of a frame.
         pixels: &'a (dyn Fn(usize) -> GrayImage + Sync),
-        /// The depth of a frame in the unit of length of the poses, infinite where nothing is there.
+        /// The depth of a frame in the unit of length of the poses; infinite where there is nothing.
         depth: &'a (dyn Fn(usize) -> FloatImage + Sync),
     },
 }
@@ -58,11 +58,11 @@ impl std::fmt::Debug for ImageStorage<'_> {
     }
 }
 
-/// Writes `sequence` as the new folder `out`, whose name becomes the dataset's name
-/// (`sequence.name` is not looked at).
+/// Writes `sequence` as the new folder `out`. The name of the folder becomes the name of the dataset
+/// (`sequence.name` is ignored).
 ///
 /// # Errors
-/// If `out` exists and is not empty, an image cannot be found, or the disk refuses.
+/// If `out` exists and is not empty, if an image cannot be found, or if a file cannot be written.
 pub fn write_native(
     out: &Path,
     sequence: &Sequence,
@@ -79,8 +79,8 @@ pub fn write_native(
     write_folder(out, |folder| write_files(folder, sequence, about, images))
 }
 
-/// Makes the folder `out` by `write`, which fills another beside it: what breaks off leaves nothing in the way of the
-/// next try.
+/// Makes the folder `out`: `write` fills another folder beside it, which is then renamed. So an interrupted
+/// call leaves nothing that would stop the next one.
 pub(super) fn write_folder(
     out: &Path,
     write: impl FnOnce(&Path) -> Result<(), DatasetError>,
@@ -89,7 +89,7 @@ pub(super) fn write_folder(
     let parent = absolute.parent().unwrap_or(&absolute);
     fs::create_dir_all(parent).map_err(|error| DatasetError::io(parent, &error))?;
     remove_leftovers(parent);
-    // The temporary folder is private to the user; the one inside it is an ordinary folder.
+    // Only the user can read the temporary folder. The folder inside it has ordinary permissions.
     let hidden = tempfile::Builder::new()
         .prefix(&format!("{PREFIX}folder-"))
         .tempdir_in(parent)
@@ -103,7 +103,7 @@ pub(super) fn write_folder(
     put(&staged, out)
 }
 
-/// Gives a finished folder its name, which an empty folder may have.
+/// Moves a finished folder to its name. An empty folder of this name may exist.
 fn put(staged: &Path, out: &Path) -> Result<(), DatasetError> {
     let emptied = if out.exists() {
         fs::remove_dir(out)
@@ -259,7 +259,7 @@ fn refer_to_images(manifest: &mut Manifest, sequence: &Sequence) -> Result<(), D
     Ok(())
 }
 
-/// The path without links; of an image that is not there yet, the path as it is.
+/// The path without links; if the image does not exist yet, the path unchanged.
 pub(super) fn real_path(image: &Path) -> Result<PathBuf, DatasetError> {
     let path = match fs::canonicalize(image) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => std::path::absolute(image),
@@ -276,7 +276,7 @@ pub(super) fn real_path(image: &Path) -> Result<PathBuf, DatasetError> {
     Ok(path)
 }
 
-/// The deepest folder that all of `files` are in.
+/// The deepest folder that contains all of `files`.
 pub(super) fn common_folder(files: &[PathBuf]) -> PathBuf {
     let mut folder = files
         .first()
@@ -290,7 +290,7 @@ pub(super) fn common_folder(files: &[PathBuf]) -> PathBuf {
     folder.to_owned()
 }
 
-/// Links or copies a file of frame `index` into `folder`; returns what it is called there.
+/// Links or copies a file of frame `index` into `folder`; returns its name there.
 fn bring(
     file: &Path,
     folder: &Path,
@@ -303,7 +303,7 @@ fn bring(
     let target = folder.join(&name);
     match how {
         ImageStorage::Copy => {
-            // A pipe would be waited for.
+            // A copy from a pipe would wait for data.
             open_file(&source).and_then(|_| fs::copy(&source, &target).map(drop))
         }
         _ => link(&source, &target),
@@ -312,7 +312,7 @@ fn bring(
     Ok(name)
 }
 
-/// How the depth of a sequence is stored, where it has any.
+/// How the depth of a sequence is stored, if it has any.
 fn depth_unit(sequence: &Sequence, dir: &Path) -> Result<Option<DepthUnit>, DatasetError> {
     let mut units = (sequence.frames.iter()).filter_map(|frame| Some(frame.depth.as_ref()?.unit));
     let first = units.next();
@@ -337,7 +337,7 @@ fn link(source: &Path, target: &Path) -> std::io::Result<()> {
     fs::hard_link(source, target)
 }
 
-/// What the file of a frame is called that is made here.
+/// The name of the file of a frame that is made here.
 fn numbered(index: usize) -> String {
     format!("{index:04}.png")
 }

@@ -1,6 +1,7 @@
-//! A COLMAP model as text: a camera for every frame (equal ones once), cam_from_world for every
-//! frame that has a pose, no keypoints and no points. Pixels count from the corner of the image, so
-//! half a pixel is added. The model is PINHOLE, OPENCV with a lens, FULL_OPENCV where it has k3.
+//! A COLMAP model as text: a camera for every frame (equal cameras are written once), cam_from_world for every
+//! frame that has a pose, no keypoints and no points. COLMAP has the origin at the corner of the image, so half
+//! a pixel is added. The camera model is PINHOLE, or OPENCV if there is lens distortion, or FULL_OPENCV if that
+//! has k3.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

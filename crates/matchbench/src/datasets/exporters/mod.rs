@@ -1,7 +1,6 @@
-//! From our layout to other people's: one exporter per file, one entry per exporter in [`EXPORTS`].
+//! Writes datasets in layouts of other tools: one exporter per file, one entry per exporter in [`EXPORTS`].
 //!
-//! Their formats know nothing of turned images, so that cameras and poses are given back as those
-//! of the pixels as stored.
+//! These formats have no turned images. So cameras and poses are written for the pixels as they are stored.
 
 mod colmap;
 mod superglue;
@@ -16,7 +15,7 @@ use super::{DatasetError, Frame, Sequence, read_size};
 /// A layout that a dataset can be written in.
 #[derive(Debug)]
 pub struct Export {
-    /// What it is called on the command line.
+    /// Its name on the command line.
     pub id: &'static str,
     /// What is written, in one line.
     pub help: &'static str,
@@ -38,12 +37,12 @@ pub const EXPORTS: &[Export] = &[
     },
 ];
 
-/// Writes a dataset in the layout of that [`EXPORTS`] id as `out`, which must not exist, and tells
-/// the folder that the image names in it start from.
+/// Writes a dataset in the layout with this [`EXPORTS`] id as `out`, which must not exist. Returns the folder
+/// to which the image names in it are relative.
 ///
 /// # Errors
-/// If there is no such layout, it cannot say what the dataset knows, an image cannot be read (their
-/// sizes are needed), or the disk refuses.
+/// If there is no such layout, if it cannot express what the dataset holds, if an image cannot be read (the
+/// sizes are needed), or if `out` cannot be written.
 pub fn export(layout: &str, sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetError> {
     let entry = EXPORTS
         .iter()
@@ -66,7 +65,7 @@ pub fn export(layout: &str, sequence: &Sequence, out: &Path) -> Result<PathBuf, 
     (entry.write)(sequence, out)
 }
 
-/// The camera of a frame's pixels as stored, and their size.
+/// The camera of a frame for the pixels as stored, and their size.
 fn stored_camera(frame: &Frame) -> Result<(Camera, Size), DatasetError> {
     let stored = read_size(&frame.image)?;
     let turned = frame.turn.size(stored);
@@ -75,7 +74,7 @@ fn stored_camera(frame: &Frame) -> Result<(Camera, Size), DatasetError> {
     Ok((camera, stored))
 }
 
-/// The folder that all images are in, and the name of each from there, with `/`.
+/// The folder that contains all images, and the name of each relative to it, with `/`.
 fn names(sequence: &Sequence) -> Result<(PathBuf, Vec<String>), DatasetError> {
     let paths = (sequence.frames.iter())
         .map(|frame| super::write::real_path(&frame.image))

@@ -1,5 +1,5 @@
-//! SuperGlue's list of pairs, as its importer describes it: T and K of the pixels as stored, turns
-//! in quarters counterclockwise. Lens distortion cannot be said and is refused.
+//! SuperGlue's list of pairs, in the form that its importer describes: T and K of the pixels as stored, turns
+//! in quarters counterclockwise. The format has no lens distortion, so a dataset with distortion is refused.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -5,8 +5,8 @@
 //! `mav0/cam0/sensor.yaml` (`T_BS`: 4x4, camera to body; `intrinsics`: fx fy cx cy;
 //! `distortion_coefficients`: k1 k2 p1 p2; pixels count from the first one's centre) and
 //! `mav0/state_groundtruth_estimate0/data.csv` (nanoseconds, position in metres, quaternion w x y z,
-//! and more, of the body). world_from_camera = world_from_body * T_BS. An image takes the state
-//! nearest in time, or one interpolated; images without one are reported and left out.
+//! and more, of the body). world_from_camera = world_from_body * T_BS. An image takes the state nearest in
+//! time, or an interpolated one. Images without a state are reported and left out.
 
 use std::path::Path;
 
@@ -59,7 +59,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     })
 }
 
-/// Nanoseconds as seconds; a double tells times of today to less than a microsecond.
+/// Nanoseconds as seconds. A double holds today's times to less than a microsecond.
 fn seconds(nanoseconds: &str) -> Result<f64, String> {
     let time = nanoseconds.trim();
     let count: u64 = (time.parse()).map_err(|_| format!("`{time}` is no time in nanoseconds"))?;
@@ -85,7 +85,7 @@ fn trajectory(file: &TextFile) -> Result<Vec<TimedPose>, DatasetError> {
     Ok(poses)
 }
 
-/// The camera, and the motion that takes its points to the body.
+/// The camera, and the transformation from its coordinates to those of the body.
 fn sensor_of(file: &TextFile) -> Result<(Camera, Isometry3<f64>), DatasetError> {
     let fail = |what: String| file.error(what, "give the sensor.yaml of a camera of EuRoC");
     let pose: [f64; 16] = bracketed(file.text(), "T_BS:").map_err(fail)?;

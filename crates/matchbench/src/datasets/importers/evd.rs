@@ -1,8 +1,8 @@
 //! The Extreme View Dataset (Mishkin, Matas, Perdoch: "MODS: Fast and Robust Method for Two-View
 //! Matching", CVIU 141, 2015).
 //!
-//! `1/NAME.png`, `2/NAME.png` and `h/NAME.txt`, a 3x3 matrix that takes pixels of the first image to the
-//! second; pixels count from the first one's centre. Pairs are in the order of their names.
+//! `1/NAME.png`, `2/NAME.png` and `h/NAME.txt`, a 3x3 matrix that maps pixels of the first image to the second.
+//! Pixels are counted from the centre of the first one. Pairs are in the order of their names.
 
 use std::fs;
 use std::path::Path;

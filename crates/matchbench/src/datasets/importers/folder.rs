@@ -1,11 +1,10 @@
 //! A plain folder of images, a file of poses and a calibration matrix.
 //!
-//! Images lie in the folder or in its `images/`, `Images/` or `rgb/`, in natural order
-//! (`img2` before `img10`). `poses.txt` has one camera-to-world line per image, in that order:
-//! 12 numbers (KITTI) or `time tx ty tz qx qy qz qw` (TUM), whose times count for nothing.
-//! Where the images are named by their times (`1341847980.722988.png`) and the poses are TUM's, they are associated
-//! by time instead.
-//! `camera.txt` or `K.txt` holds K, optionally followed by `k1 k2 p1 p2 [k3]`.
+//! Images are in the folder or in its `images/`, `Images/` or `rgb/`, in natural order (`img2` before `img10`).
+//! `poses.txt` has one camera-to-world line per image, in that order: 12 numbers (KITTI) or
+//! `time tx ty tz qx qy qz qw` (TUM). The times in it are normally ignored. But if the images are named by
+//! their times (`1341847980.722988.png`) and the poses are in TUM's format, images and poses are associated by
+//! time. `camera.txt` or `K.txt` holds K, optionally followed by `k1 k2 p1 p2 [k3]`.
 
 use std::path::{Path, PathBuf};
 
@@ -119,7 +118,7 @@ fn poses(
     Ok(poses.into_iter().map(Some).collect())
 }
 
-/// The times that the images are named by, if all of them are.
+/// The times in the names of the images, if all images are named by times.
 fn times_in_names(images: &[PathBuf]) -> Option<Vec<f64>> {
     images
         .iter()

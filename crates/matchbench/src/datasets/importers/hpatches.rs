@@ -1,11 +1,11 @@
 //! HPatches' full images (Balntas, Lenc, Vedaldi, Mikolajczyk: "HPatches: A Benchmark and Evaluation
 //! of Handcrafted and Learned Local Descriptors", CVPR 2017).
 //!
-//! 116 folders, `i_*` with changes of light and `v_*` with changes of view, each with `1.ppm` to
-//! `6.ppm` and `H_1_2` to `H_1_6`, 3x3 each, which take pixels of the first image to the others;
-//! pixels count from the first one's centre. Pairs are the first image of a folder with each other
-//! one: 580 in all. The source is the folder of these folders or one of them. The option of a
-//! sequence takes `i`, `v` or the name of one folder.
+//! 116 folders, `i_*` with changes of illumination and `v_*` with changes of viewpoint. Each has `1.ppm` to
+//! `6.ppm` and `H_1_2` to `H_1_6`, 3x3 each, which map pixels of the first image to the others. Pixels are
+//! counted from the centre of the first one. Pairs are the first image of a folder with each other image: 580
+//! in all. The source is the folder that contains these folders, or one of them. The option of a sequence takes
+//! `i`, `v` or the name of one folder.
 //!
 //! Many papers leave out eight scenes with large images (those that D2-Net could not process); all
 //! are imported here.

@@ -1,16 +1,16 @@
 //! The Image Matching Challenge.
 //!
-//! 2020 and 2021 (Jin, Mishkin, Mishchuk, Matas, Fua, Yi, Trulls: "Image Matching across Wide
-//! Baselines: From Paper to Practice", IJCV 129, 2021): a folder with `calibration/` (or the files
-//! themselves), in it `calibration_NAME.h5` with `K` (3x3), `R` (3x3) and `T` (3), world to camera,
-//! without a unit; images are `NAME.jpg` or `.png` in `images/` beside it. K is used with pixels
-//! counted from the first one's centre, and is taken as it is.
+//! 2020 and 2021 (Jin, Mishkin, Mishchuk, Matas, Fua, Yi, Trulls: "Image Matching across Wide Baselines: From
+//! Paper to Practice", IJCV 129, 2021): a folder with `calibration/`, or with its files directly. These are
+//! `calibration_NAME.h5` with `K` (3x3), `R` (3x3) and `T` (3), world to camera, without a unit. Images are
+//! `NAME.jpg` or `.png` in `images/` beside it. K is taken unchanged, since it is used with pixels counted from
+//! the centre of the first one.
 //!
 //! 2025: `train_labels.csv` with the columns dataset, scene, image, rotation_matrix (9 numbers) and
-//! translation_vector (3), separated by `;` inside, cam_from_world. Images are
-//! `train/DATASET/NAME` beside it. Images that belong to no scene have no numbers and are left out.
-//! There is no K: give one by the option of a camera, or focal lengths of 1.2 times the longer
-//! side stand in, which needs the images. The option of a sequence chooses `DATASET/SCENE`.
+//! translation_vector (3); the numbers are separated by `;` and are cam_from_world. Images are
+//! `train/DATASET/NAME` beside it. Images that belong to no scene have no numbers and are left out. There is no
+//! K. Give one by the option of a camera; otherwise a focal length of 1.2 times the longer side is used
+//! instead, for which the images are needed. The option of a sequence chooses `DATASET/SCENE`.
 //!
 //! 2023 and 2024 are COLMAP models (kind `colmap`).
 
@@ -31,7 +31,7 @@ use crate::datasets::text::{self, TextFile};
 use crate::datasets::{About, DatasetError, Frame, read_size};
 use crate::files::read_file;
 
-/// Most bytes that a matrix of a calibration may claim.
+/// Most bytes that a matrix of a calibration may have.
 const MAX_BYTES: usize = 1 << 16;
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {

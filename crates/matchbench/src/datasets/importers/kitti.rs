@@ -1,11 +1,11 @@
 //! KITTI odometry (Geiger, Lenz, Urtasun: "Are we ready for Autonomous Driving? The KITTI Vision
 //! Benchmark Suite", CVPR 2012).
 //!
-//! `sequences/NN/image_0` holds the left gray camera's rectified images, the first projection
-//! matrix of `sequences/NN/calib.txt` its K, `poses/NN.txt` its poses (camera-to-world). Image
-//! `000017.png` belongs to line 17 (from 0) of the poses; an excerpt with fewer images than poses
-//! is fine. Frames are counted, not timed: of `sequences/NN/times.txt` only the number of lines is
-//! looked at, which tells poses of another sequence.
+//! `sequences/NN/image_0` holds the rectified images of the left grey camera. Its K is the first projection
+//! matrix of `sequences/NN/calib.txt`. `poses/NN.txt` holds its poses (camera-to-world). Image `000017.png`
+//! belongs to line 17 (from 0) of the poses; a part of a sequence, with fewer images than poses, is accepted.
+//! Frames are assigned by number, not by time. Of `sequences/NN/times.txt` only the number of lines is read, to
+//! detect poses of another sequence.
 
 use std::path::{Path, PathBuf};
 

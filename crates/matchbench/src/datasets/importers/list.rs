@@ -1,5 +1,5 @@
-//! What lists of pairs have in common: frames that are named again and again, principal points
-//! that count from the image's corner.
+//! Code that importers of lists of pairs share: frames that are named many times, and principal points that are
+//! counted from the corner of the image.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -19,7 +19,7 @@ pub(super) struct NamedFrames {
 }
 
 impl NamedFrames {
-    /// The number of the frame, a new one where it is named for the first time.
+    /// The number of the frame; a new number if the frame is named for the first time.
     pub(super) fn number(
         &mut self,
         image: PathBuf,
@@ -43,7 +43,7 @@ impl NamedFrames {
             })
     }
 
-    /// Says where the depth of a frame is, if anywhere.
+    /// Sets where the depth of a frame is, if it has any.
     pub(super) fn set_depth(&mut self, number: u32, depth: Option<DepthFile>) {
         self.frames[number as usize].depth = depth;
     }
@@ -57,8 +57,8 @@ impl NamedFrames {
     }
 }
 
-/// A camera whose principal point counts from the corner of the image, so that the first pixel's
-/// centre is (0.5, 0.5), as one that counts from that centre.
+/// Converts a camera whose principal point is counted from the corner of the image (the centre of the first
+/// pixel is (0.5, 0.5)) to one where it is counted from the centre of the first pixel.
 pub(super) fn from_corner(camera: Camera) -> Camera {
     Camera {
         cx: camera.cx - 0.5,
@@ -73,12 +73,12 @@ pub(super) fn camera(k: &[f64]) -> Result<Camera, String> {
     Camera::from_matrix(&Matrix3::from_row_slice(k)).map_err(|error| error.to_string())
 }
 
-/// What a note says where [`stand_in`] was used.
+/// The note that is written if [`stand_in`] was used.
 pub(super) const STAND_IN: &str = "the cameras are not known: a focal length of 1.2 times the longer side \
      stands in dataset.toml, with the principal point in the middle";
 
-/// A camera for an image of which nothing but the size is known: COLMAP's first guess of the focal
-/// length, 1.2 times the longer side.
+/// A camera for an image of which only the size is known. Its focal length is COLMAP's first guess, 1.2 times
+/// the longer side.
 pub(super) fn stand_in(size: Size) -> Camera {
     let (width, height) = (size.width as f64, size.height as f64);
     let focal = 1.2 * width.max(height);

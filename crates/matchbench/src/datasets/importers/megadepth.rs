@@ -1,19 +1,18 @@
-//! MegaDepth-1500: pairs of photographs of two places of MegaDepth (Li, Snavely: "MegaDepth:
-//! Learning Single-View Depth Prediction from Internet Photos", CVPR 2018), chosen by LoFTR (Sun,
-//! Shen, Wang, Bao, Zhou: "LoFTR: Detector-Free Local Feature Matching with Transformers", CVPR
-//! 2021).
+//! MegaDepth-1500: pairs of photographs of two places of MegaDepth (Li, Snavely: "MegaDepth: Learning
+//! Single-View Depth Prediction from Internet Photos", CVPR 2018). The pairs were chosen by LoFTR (Sun, Shen,
+//! Wang, Bao, Zhou: "LoFTR: Detector-Free Local Feature Matching with Transformers", CVPR 2021).
 //!
-//! LoFTR's files are named `.npz` and are pickles of a dictionary, read without being executed:
-//! `image_paths`, `intrinsics` (3 x 3), `poses` (4 x 4, world to camera, no unit), each with `None`
-//! for photographs that no pair needs; `pair_infos`, a list of `((i, j), overlap, ...)`. A folder of
-//! such files gives one dataset; the published five have 300 pairs each.
+//! LoFTR's files are named `.npz` but are pickles of a dictionary, which are read without being executed. They
+//! have `image_paths`, `intrinsics` (3 x 3) and `poses` (4 x 4, world to camera, no unit), each with `None` for
+//! photographs that no pair needs; and `pair_infos`, a list of `((i, j), overlap, ...)`. A folder of such files
+//! gives one dataset; the published five files have 300 pairs each.
 //!
-//! glue-factory's form of the same (and of other sets) is two texts: `views.txt`, a view a line:
-//! `name R (9) t (3) MODEL width height params`, world to camera; and beside it `pairs.txt`, two
-//! names a line, further columns are ignored.
+//! glue-factory publishes the same pairs (and other sets) as two text files. `views.txt` has one view per line:
+//! `name R (9) t (3) MODEL width height params`, world to camera. `pairs.txt` beside it has two names per line;
+//! further columns are ignored.
 //!
-//! Both stem from COLMAP: cx, cy are half the size of the undistorted images, so the corner of the
-//! image is the origin, and half a pixel is subtracted here. Names start from the image root.
+//! Both come from COLMAP. cx, cy are half the size of the undistorted images, so the origin is the corner of
+//! the image, and half a pixel is subtracted here. Names are relative to the image root.
 
 use std::collections::HashMap;
 use std::fs;
@@ -75,7 +74,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     Ok(Imported::listed(origin, frames.into_frames(), pairs))
 }
 
-/// The `.npz` of a folder, sorted by name.
+/// The `.npz` files of a folder, sorted by name.
 fn pickles(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     let entries = fs::read_dir(folder).map_err(|error| DatasetError::io(folder, &error))?;
     let mut files: Vec<PathBuf> = entries

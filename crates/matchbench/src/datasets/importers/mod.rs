@@ -1,8 +1,8 @@
-//! From other people's layouts to ours: one importer per file, one entry per importer in [`KINDS`].
+//! Converts layouts of other datasets to ours: one importer per file, one entry per importer in [`KINDS`].
 //!
-//! Some sources are folders of frames with poses, of which a [`PairRule`] makes pairs; others list
-//! their pairs with the truth about each. Images of lists may be elsewhere or not there at all:
-//! the dataset then names where they belong, and `validate` says what is missing.
+//! Some sources are folders of frames with poses, from which a [`PairRule`] makes pairs. Others list their
+//! pairs with the truth about each. The images of a list may be elsewhere or missing. Then the dataset names
+//! where they belong, and `validate` says which are missing.
 
 mod colmap;
 mod euroc;
@@ -43,14 +43,14 @@ use ImportOption as Has;
 /// A layout that can be imported.
 #[derive(Debug)]
 pub struct Kind {
-    /// What it is called on the command line.
+    /// Its name on the command line.
     pub id: &'static str,
     /// What its source holds, in one line.
     pub help: &'static str,
-    /// The pair rule used unless another is given: the paper's, where the paper has one. `None`
-    /// where the source lists its pairs.
+    /// The pair rule that is used if none is given. It is that of the paper, if the paper has one. `None` if
+    /// the source lists its pairs.
     pub default_pairs: Option<PairRule>,
-    /// The options that it has beside that of where images go.
+    /// The options that it has, besides the one that says where images go.
     pub options: &'static [ImportOption],
     read: fn(&Path, &ImportOptions<'_>) -> Result<Imported, DatasetError>,
 }
@@ -185,12 +185,11 @@ pub const KINDS: &[Kind] = &[
 pub struct Imported {
     /// Where it comes from and what was noticed.
     pub about: About,
-    /// The frames: those with an image and a pose, in the order of time, or those of a list, in
-    /// its order.
+    /// The frames: those with an image and a pose in the order of time, or those of a list in its order.
     pub frames: Vec<Frame>,
-    /// The pairs, where the source lists them.
+    /// The pairs, if the source lists them.
     pub pairs: Option<Vec<Pair>>,
-    /// The points that each frame sees, each once, where the source tells.
+    /// The points that each frame sees, without repetition, if the source has them.
     pub seen: Option<Vec<Vec<u64>>>,
 }
 
@@ -201,14 +200,14 @@ pub struct ImportReport {
     pub frames: usize,
     /// Number of pairs.
     pub pairs: usize,
-    /// The pair rule that was used; `None` where the source lists its pairs.
+    /// The pair rule that was used; `None` if the source lists its pairs.
     pub rule: Option<PairRule>,
-    /// What the user should know: frames left out, defaults assumed.
+    /// What the user should know: frames that were left out, defaults that were assumed.
     pub notes: Vec<String>,
 }
 
 impl Imported {
-    /// Frames of which a rule makes pairs.
+    /// Frames from which a rule makes pairs.
     fn of(frames: Vec<Frame>) -> Self {
         Self {
             frames,
@@ -216,7 +215,7 @@ impl Imported {
         }
     }
 
-    /// Frames and their pairs as a source lists them.
+    /// Frames and their pairs, as a source lists them.
     fn listed(origin: String, frames: Vec<Frame>, pairs: Vec<Pair>) -> Self {
         Self {
             about: About {
@@ -230,7 +229,7 @@ impl Imported {
         }
     }
 
-    /// The frames that stay under `rule`, and their pairs.
+    /// The frames that remain under `rule`, and their pairs.
     fn paired(self, rule: Option<&PairRule>) -> Result<(Vec<Frame>, Vec<Pair>), DatasetError> {
         match (rule, self.pairs, self.seen) {
             (_, Some(pairs), _) => Ok((self.frames, pairs)),
@@ -244,11 +243,11 @@ impl Imported {
     }
 }
 
-/// Imports the source `src`, of the given [`KINDS`] id, as the new dataset `out`.
+/// Imports the source `src` as the new dataset `out`; `kind` is one of the ids of [`KINDS`].
 ///
 /// # Errors
-/// If the kind is unknown or has not one of the `options`, the source is not of its layout, no pair
-/// comes out, or `out` exists.
+/// If the kind is unknown or does not have one of the `options`, if the source does not have its layout, if
+/// there are no pairs, or if `out` exists.
 pub fn import(
     kind: &str,
     src: &Path,
@@ -265,7 +264,7 @@ struct Made {
     sequence: Sequence,
     about: About,
     rule: Option<PairRule>,
-    /// Where the images are yet to be made.
+    /// The scene to be rendered, if the images are not made yet.
     scene: Option<&'static Scene>,
 }
 
@@ -326,7 +325,7 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
 /// Reads the source `src` without writing anything.
 ///
 /// # Errors
-/// If the kind is unknown or has not one of the `options`, or the source is not of its layout.
+/// If the kind is unknown or does not have one of the `options`, or if the source does not have its layout.
 pub fn read_source(
     kind: &str,
     src: &Path,
@@ -397,7 +396,7 @@ fn base_name(path: &Path) -> String {
         .map_or_else(String::new, |name| name.to_string_lossy().into())
 }
 
-/// What a source is called without the folders above it, which are nobody else's.
+/// The name of a source without the folders above it, which are private to this machine.
 fn source_name(path: &Path, scene: Option<&Scene>) -> String {
     if let Some(scene) = scene {
         return scene.name.to_owned();

@@ -1,4 +1,5 @@
-//! An import that is asked for again: what is there already must be what it would make.
+//! An import that may be asked for several times: an existing dataset must be the one that the import would
+//! make.
 
 use std::path::Path;
 
@@ -6,11 +7,11 @@ use super::{ImportOptions, ImportReport, make};
 use crate::counted::counted;
 use crate::datasets::{DatasetError, Frame, Pair, Sequence};
 
-/// Imports as [`import`](super::import) does, unless the dataset is there already: then it must be the one that this
-/// import would make, and `None` says so.
+/// Imports as [`import`](super::import) does. If the dataset exists already, it must be the one that this
+/// import would make; then nothing is done and the result is `None`.
 ///
 /// # Errors
-/// As [`import`](super::import); if another dataset is there.
+/// As [`import`](super::import); or if another dataset exists there.
 pub fn import_once(
     kind: &str,
     src: &Path,
@@ -37,8 +38,8 @@ pub fn import_once(
     }
 }
 
-/// In what a dataset `there` differs from one that was `made` of the same images; rounded poses are
-/// no difference.
+/// The first difference between the dataset that is `there` and the one that was `made` from the same images.
+/// Rounded poses are not a difference.
 fn difference(there: &Sequence, made: &Sequence) -> Option<String> {
     const ROUNDED: f64 = 1e-9;
     let (found, expected) = (there.frames.len(), made.frames.len());
@@ -50,7 +51,7 @@ fn difference(there: &Sequence, made: &Sequence) -> Option<String> {
     }
     let image = |frame: &Frame| std::fs::canonicalize(&frame.image).unwrap_or(frame.image.clone());
     for (there, made) in there.frames.iter().zip(&made.frames) {
-        // Of a scene that is rendered the images are nowhere else.
+        // The images of a rendered scene exist only in its own dataset.
         let is_made = made.image.as_os_str().is_empty();
         if !is_made && image(there) != image(made) {
             return Some(format!(

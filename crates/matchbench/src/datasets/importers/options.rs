@@ -1,5 +1,5 @@
-//! What may be chosen at an import. Every kind declares the options that it has; one that it has
-//! not is an error that names the kinds which have it.
+//! Options of an import. Every kind declares the options that it has. To give another option is an error, which
+//! names the kinds that have it.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ pub enum ImportOption {
 }
 
 impl fmt::Display for ImportOption {
-    /// As it is written on the command line.
+    /// As it is typed on the command line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Sequence => "--sequence",
@@ -44,24 +44,24 @@ impl fmt::Display for ImportOption {
     }
 }
 
-/// What may be chosen at an import. Every kind has `images`; [`Kind::options`] names the others
-/// that it has.
+/// The options of an import. Every kind has `images` and `property`; [`Kind::options`] names the others that it
+/// has.
 #[derive(Clone, Debug, Default)]
 pub struct ImportOptions<'a> {
-    /// Which sequence of the source, where it holds several.
+    /// Which sequence of the source, if it holds several.
     pub sequence: Option<String>,
-    /// Which pairs; the kind's default if absent.
+    /// Which pairs; the default of the kind if absent.
     pub pairs: Option<PairRule>,
-    /// File with K (and distortion `k1 k2 p1 p2 [k3]`) that replaces what the source says.
+    /// File with K (and distortion `k1 k2 p1 p2 [k3]`), which replaces the camera of the source.
     pub camera: Option<PathBuf>,
     /// File with the poses.
     pub poses: Option<PathBuf>,
-    /// How far in time the pose of an image may be from it, in seconds; 0.02 if absent, as in
-    /// TUM's own tool.
+    /// Largest difference in time between an image and its pose, in seconds; 0.02 if absent, as in TUM's own
+    /// tool.
     pub tolerance: Option<f64>,
     /// Interpolate between the poses before and after an image instead of taking the nearest.
     pub interpolate: bool,
-    /// Folder that the image names of the source start from.
+    /// Folder to which the image names of the source are relative.
     pub image_root: Option<PathBuf>,
     /// File with the calibration matrices.
     pub intrinsics: Option<PathBuf>,
@@ -72,10 +72,10 @@ pub struct ImportOptions<'a> {
 }
 
 impl ImportOptions<'_> {
-    /// How images find their poses by time.
+    /// How images are associated with poses by time.
     pub(super) fn association(&self) -> Result<Association, DatasetError> {
         let tolerance = self.tolerance.unwrap_or(Association::default().tolerance);
-        // Not `tolerance < 0.0`, which is true of no number that is none.
+        // Written this way so that NaN is refused too; `tolerance < 0.0` is false for NaN.
         if !(tolerance >= 0.0 && tolerance.is_finite()) {
             return Err(DatasetError::new(
                 ImportOption::Tolerance.to_string(),
@@ -89,12 +89,12 @@ impl ImportOptions<'_> {
         })
     }
 
-    /// The folder that image names start from: the one given, or `beside`.
+    /// The folder to which image names are relative: the given one, or `beside`.
     pub(super) fn root(&self, beside: &Path) -> PathBuf {
         self.image_root.clone().unwrap_or_else(|| beside.to_owned())
     }
 
-    /// Refuses what was given and `kind` does not have.
+    /// Refuses options that were given and that `kind` does not have.
     pub(super) fn check(&self, kind: &Kind) -> Result<(), DatasetError> {
         let Some(option) = (self.given()).find(|option| !kind.options.contains(option)) else {
             return Ok(());
@@ -108,8 +108,8 @@ impl ImportOptions<'_> {
         ))
     }
 
-    /// The arguments that ask for the same of a source where it has this name, see [`About::import`]. Files below the
-    /// source are named from there on.
+    /// The arguments that make the same import from a source of this name, see [`About::import`]. Files below
+    /// the source are named relative to it.
     ///
     /// [`About::import`]: crate::datasets::About::import
     pub(super) fn words(

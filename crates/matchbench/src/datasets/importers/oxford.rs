@@ -1,10 +1,10 @@
 //! The Oxford affine covariant regions set (Mikolajczyk, Tuytelaars, Schmid, Zisserman, Matas,
 //! Schaffalitzky, Kadir, Van Gool: "A Comparison of Affine Region Detectors", IJCV 65, 2005).
 //!
-//! A folder (`boat`, `leuven` ...) with `img1` to `img6` (`.ppm`, `.pgm` or `.png`) and `H1to2p` to
-//! `H1to6p`, 3x3 each, which take pixels of the first image to the others; pixels count from the
-//! first one's centre. Pairs are the first image with each other one. The source is one such folder, or
-//! the folder of several, whose pairs become one dataset.
+//! A folder (`boat`, `leuven` ...) with `img1` to `img6` (`.ppm`, `.pgm` or `.png`) and `H1to2p` to `H1to6p`,
+//! 3x3 each, which map pixels of the first image to the others. Pixels are counted from the centre of the first
+//! one. Pairs are the first image with each other image. The source is one such folder, or a folder that
+//! contains several; their pairs then become one dataset.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -42,7 +42,7 @@ pub(super) fn folders_with(src: &Path, file: &str) -> Result<Vec<String>, Datase
     Ok(found)
 }
 
-/// Series of images of planes, the first of each paired with its others.
+/// Series of images of planes. The first image of each series is paired with its other images.
 #[derive(Debug, Default)]
 pub(super) struct Series {
     frames: NamedFrames,
@@ -53,8 +53,7 @@ impl Series {
     /// Adds the series of a folder, whose images are called `prefix` and a number from 1.
     ///
     /// # Errors
-    /// If the first image is not there, or one of those that homographies are there for, or a
-    /// homography is wrong.
+    /// If the first image or an image that has a homography is missing, or if a homography is invalid.
     pub(super) fn add(
         &mut self,
         folder: &Path,
@@ -110,7 +109,7 @@ impl Series {
     }
 }
 
-/// The image of that name with one of the endings that such sets use.
+/// The image of this name, with one of the extensions that such datasets use.
 pub(super) fn image(folder: &Path, stem: &str) -> Option<PathBuf> {
     let ending = |ending| folder.join(format!("{stem}.{ending}"));
     ["ppm", "pgm", "png", "jpg"]

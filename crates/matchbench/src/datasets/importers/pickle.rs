@@ -1,10 +1,10 @@
-//! Python's pickles, as far as numbers, names and NumPy's arrays need them.
+//! Reads Python pickles, as far as numbers, names and NumPy arrays need it.
 //!
-//! A pickle is a program for a stack machine that may call any function of Python. Nothing is
-//! called here: an opcode, or a function, that is not on the list below is an error that names it.
-//! What is left builds lists, tuples, dictionaries, text, numbers and arrays (of numbers, or of
-//! further values). Values lie in one store and refer to each other by number, so that what
-//! refers to itself or is nested deeply costs no more than its bytes.
+//! A pickle is a program for a stack machine that may call any Python function. Nothing is called here: an
+//! opcode or function that is not on the list below is an error that names it. The others build lists, tuples,
+//! dictionaries, text, numbers and arrays (of numbers, or of further values). All values are in one store and
+//! refer to each other by number. So a value that refers to itself, or that is nested deeply, needs no more
+//! memory than its bytes.
 //!
 //! Opcodes (of protocols 2 to 5): PROTO FRAME STOP MARK MEMOIZE BINPUT LONG_BINPUT BINGET
 //! LONG_BINGET NONE NEWTRUE NEWFALSE BININT BININT1 BININT2 LONG1 BINFLOAT BINUNICODE
@@ -34,7 +34,7 @@ pub(super) enum Value {
     Objects(Vec<Id>),
     /// A function or class that is on the list.
     Known(Known),
-    /// An array whose contents are yet to come.
+    /// An array whose contents come later in the pickle.
     Promise,
     /// A type of numbers.
     Kind(String),
@@ -49,7 +49,7 @@ pub(super) enum Known {
     Scalar,
 }
 
-/// What a pickle comes to.
+/// A pickle after it was read.
 #[derive(Debug)]
 pub(super) struct Pickled {
     values: Vec<Value>,
@@ -60,7 +60,7 @@ impl Pickled {
     /// Reads a pickle.
     ///
     /// # Errors
-    /// What is wrong, with the place in the file.
+    /// If it is invalid or uses something that is not on the list; the message has the position in the file.
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, String> {
         let mut machine = Machine {
             bytes,
@@ -107,13 +107,13 @@ struct Machine<'a> {
     at: usize,
     values: Vec<Value>,
     stack: Vec<Id>,
-    /// Heights of the stack.
+    /// Heights of the stack at its marks.
     marks: Vec<usize>,
     memo: Vec<Option<Id>>,
 }
 
 impl Machine<'_> {
-    /// One instruction; the result of the program once it stops.
+    /// Executes one instruction. Returns the result of the program when it stops.
     #[expect(
         clippy::too_many_lines,
         reason = "one arm for each opcode that is allowed"
@@ -307,7 +307,8 @@ impl Machine<'_> {
 
     fn remember(&mut self, slot: usize) -> Result<(), String> {
         let value = self.last()?;
-        // Slots are counted as they are filled, so a far one is no honest pickle's.
+        // Slots are numbered in the order in which they are filled, so a valid pickle has no slot far beyond
+        // the others.
         if slot > self.memo.len() + 1000 {
             return Err(format!("value {slot} is remembered before its time"));
         }
@@ -352,7 +353,7 @@ impl Machine<'_> {
         }
     }
 
-    /// What a known function makes of its arguments.
+    /// The result of a known function for its arguments.
     fn reduce(&self, function: Id, arguments: Id) -> Result<Value, String> {
         let arguments = self.list(arguments)?;
         let argument = |index: usize| arguments.get(index).map(|&id| &self.values[id]);
@@ -371,7 +372,7 @@ impl Machine<'_> {
         }
     }
 
-    /// What becomes of an object when its state is set.
+    /// The object after its state was set.
     fn build(&self, object: Id, state: Id) -> Result<Value, String> {
         let state = self.list(state)?;
         let part = |index: usize| -> Result<&Value, String> {
@@ -435,7 +436,7 @@ fn element(kind: &str) -> Result<Element, String> {
     Element::of_numpy(kind).ok_or_else(|| format!("numbers of type `{kind}` are not read"))
 }
 
-/// A whole number of up to eight bytes, little end first, in two's complement.
+/// An integer of up to eight bytes, little-endian, in two's complement.
 fn long(bytes: &[u8]) -> Result<f64, String> {
     let negative = bytes.last().is_some_and(|&byte| byte >= 0x80);
     let mut wide = [if negative { 0xff } else { 0 }; 8];

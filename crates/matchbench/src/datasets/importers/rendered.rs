@@ -1,4 +1,4 @@
-//! The built-in scenes, by their names: what `matchbench demo` runs on, as datasets of one's own.
+//! The built-in scenes, by their names: the scenes of `matchbench demo` as datasets of their own.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use super::{ImportOptions, Imported, Kind};
 use crate::datasets::rendered::{REVISION, Scene, World, scenes, sequence};
 use crate::datasets::{About, DatasetError, ImageStorage, Sequence, write_native};
 
-/// Id of the kind, whose sources are no files.
+/// Id of the kind. Its sources are names, not files.
 pub(super) const ID: &str = "rendered";
 
 /// The frames and pairs of the scene called `src`.
@@ -27,7 +27,7 @@ pub(super) fn read(src: &Path, _: &ImportOptions<'_>) -> Result<Imported, Datase
     Ok(Imported::listed(origin, frames, pairs))
 }
 
-/// The scene that an import of this kind from `src` is of, if it is of one.
+/// The scene that an import of this kind from `src` makes, if it makes one.
 pub(super) fn scene(kind: &Kind, src: &Path) -> Option<&'static Scene> {
     called(src).filter(|_| kind.id == ID)
 }

@@ -1,20 +1,19 @@
 //! ScanNet-1500, as LoFTR publishes it (Sun, Shen, Wang, Bao, Zhou: "LoFTR: Detector-Free Local
 //! Feature Matching with Transformers", CVPR 2021; the pairs are those of SuperGlue's list).
 //!
-//! `test.npz`: `name`, 1500 x 4: scene, sub-scan, frame a, frame b; `rel_pose`, 1500 x 12, the
-//! row-major [R t] that takes points of camera a to camera b, in metres. `intrinsics.npz`: one K per
-//! scan, for images of 640 x 480.
+//! `test.npz`: `name`, 1500 x 4: scene, sub-scan, frame a, frame b; `rel_pose`, 1500 x 12, the row-major [R t]
+//! that takes points from camera a to camera b, in metres. `intrinsics.npz`: one K per scan, for images of 640
+//! x 480.
 //!
-//! - K was made from ScanNet's own, of 1296 x 968 pixels, by dividing fx, cx by 2.025 and fy, cy by
-//!   968/480, as if pixels were counted from the corner. That is undone here, and where images have
-//!   another size K is scaled with pixel centres at integers. An image that is not there is taken
-//!   to have 1296 x 968.
-//! - Poses are single precision of five printed digits, and are read back as those digits. Thus
-//!   the dataset is the same as that of SuperGlue's list.
-//! - Images are `scene0707_00/color/15.jpg` under the image root. Where none of them is there but
-//!   SuperGlue's `scans_test/scene0707_00/sens/frame-000015.color.jpg` are, those are taken.
-//! - Depth in millimetres is `scene0707_00/depth/15.png`, or beside SuperGlue's images
-//!   `frame-000015.depth.png` or `.pgm`, where it is there. Its camera stands a little beside that of colour.
+//! - K was made from ScanNet's own K, for 1296 x 968 pixels. fx, cx were divided by 2.025 and fy, cy by
+//!   968/480, as if pixels were counted from the corner. This is undone here. If the images have another size,
+//!   K is then scaled with pixel centres at integers. A missing image is assumed to have 1296 x 968.
+//! - Poses are in single precision, of numbers printed with five digits. They are converted back to these
+//!   digits, so the dataset equals the one from SuperGlue's list.
+//! - Images are `scene0707_00/color/15.jpg` under the image root. If none of them exists, but SuperGlue's
+//!   `scans_test/scene0707_00/sens/frame-000015.color.jpg` do, those are taken.
+//! - Depth in millimetres is `scene0707_00/depth/15.png`, or beside SuperGlue's images `frame-000015.depth.png`
+//!   or `.pgm`, if it exists. The depth camera is a little beside the colour camera.
 
 use std::path::{Path, PathBuf};
 
@@ -30,7 +29,7 @@ use crate::datasets::{DatasetError, DepthFile, DepthUnit, Pair, Turn, read_size}
 
 /// Size of ScanNet's colour images.
 const COLOR: (f64, f64) = (1296.0, 968.0);
-/// Size that the K of `intrinsics.npz` are for.
+/// Image size to which the K of `intrinsics.npz` belong.
 const SMALL: (f64, f64) = (640.0, 480.0);
 
 /// One row of `name`.
@@ -143,7 +142,7 @@ fn motion(row: &[f64]) -> Result<Isometry3<f64>, String> {
 
 type Layout = fn(Name, u32) -> PathBuf;
 
-/// How images are named: LoFTR's way, unless only images named in SuperGlue's way are there.
+/// How images are named: as LoFTR does, unless only images named as SuperGlue does exist.
 fn layout(root: &Path, rows: &[(Name, Isometry3<f64>)]) -> Layout {
     const LAYOUTS: [Layout; 2] = [
         |name, frame| format!("{}/color/{frame}.jpg", name.folder()).into(),
@@ -161,7 +160,7 @@ fn layout(root: &Path, rows: &[(Name, Isometry3<f64>)]) -> Layout {
     LAYOUTS.into_iter().find(there).unwrap_or(LAYOUTS[0])
 }
 
-/// The depth of the image, if it is there.
+/// The depth of the image, if it exists.
 fn depth_of(image: &Path) -> Option<DepthFile> {
     let (folder, name) = (image.parent()?, image.file_name()?.to_str()?);
     let candidates = if let Some(frame) = name.strip_suffix(".color.jpg") {
@@ -189,7 +188,7 @@ fn original(intrinsics: &mut Npz, scan: &str) -> Result<Camera, DatasetError> {
         let remedy = "give the file as its authors publish it";
         DatasetError::new(intrinsics.path(), format!("array `{scan}`: {what}"), remedy)
     })?;
-    // What the division by 2.025 left behind is beyond the ninth decimal.
+    // The error that is left from the division by 2.025 is beyond the ninth decimal.
     let undo = |value: f64, by: f64| (value * by * 1e9).round() / 1e9;
     let (x, y) = (COLOR.0 / SMALL.0, COLOR.1 / SMALL.1);
     Ok(Camera::pinhole(
@@ -200,7 +199,7 @@ fn original(intrinsics: &mut Npz, scan: &str) -> Result<Camera, DatasetError> {
     ))
 }
 
-/// The camera of images that were scaled to that size.
+/// The camera of images that were scaled to this size.
 fn scaled(original: Camera, size: (f64, f64)) -> Camera {
     if size == COLOR {
         return original;

@@ -1,12 +1,12 @@
 //! 7-Scenes (Shotton, Glocker, Zach, Izadi, Criminisi, Fitzgibbon: "Scene Coordinate Regression
 //! Forests for Camera Relocalization in RGB-D Images", CVPR 2013).
 //!
-//! `frame-000017.color.png` (or jpg) with `frame-000017.pose.txt`, a 4x4 camera-to-world matrix,
-//! in the source folder itself or in its `seq-NN/`. The poses come from KinectFusion and are those
-//! of the depth camera, so they are approximate for colour images. Where a file's pose is not
-//! finite (tracking was lost), the image is reported and left out. `frame-000017.depth.png`, where it is there,
-//! is the depth in millimetres, 65535 where nothing was measured; it is that of the depth camera, some centimetres
-//! beside the colour camera, so that it is as approximate as the poses.
+//! `frame-000017.color.png` (or jpg) with `frame-000017.pose.txt`, a 4x4 camera-to-world matrix, in the source
+//! folder itself or in its `seq-NN/`. The poses come from KinectFusion and are those of the depth camera, so
+//! they are approximate for colour images. If a pose is not finite (tracking was lost), the image is reported
+//! and left out. `frame-000017.depth.png`, if it exists, is the depth in millimetres, with 65535 where nothing
+//! was measured. It was taken by the depth camera, some centimetres beside the colour camera, so it is as
+//! approximate as the poses.
 //!
 //! K is not distributed with the colour images. The default, 525 525 320 240, is the Kinect's
 //! nominal colour camera; `camera-intrinsics.txt`, which some copies add, is the depth camera's
@@ -72,7 +72,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     })
 }
 
-/// The source itself if it holds frames, else the wanted or only one of its `seq-NN`.
+/// The source itself if it holds frames, else the chosen one of its `seq-NN`, or the only one.
 fn choose(src: &Path, wanted: Option<&str>) -> Result<PathBuf, DatasetError> {
     let entries = fs::read_dir(src).map_err(|error| DatasetError::io(src, &error))?;
     let mut found: Vec<String> = entries
@@ -104,7 +104,7 @@ fn choose(src: &Path, wanted: Option<&str>) -> Result<PathBuf, DatasetError> {
     }
 }
 
-/// The pose in a file of 4x4 numbers; `None` where one of them is not finite.
+/// The pose in a file of 4x4 numbers; `None` if one of them is not finite.
 fn pose(file: &TextFile) -> Result<Option<Isometry3<f64>>, DatasetError> {
     let is_lost = |word: &str| {
         let word = word.to_lowercase();

@@ -1,11 +1,10 @@
 //! Strecha's multi-view stereo sets (Strecha, von Hansen, Van Gool, Fua, Thoennessen: "On
 //! Benchmarking Camera Calibration and Multi-View Stereo for High Resolution Imagery", CVPR 2008).
 //!
-//! For `0000.jpg` there is `0000.jpg.camera`, beside it or in `gt_dense_cameras/`: K (9 numbers),
-//! distortion (3, zero), the camera-to-world rotation by rows (9), the camera's centre (3), width
-//! and height (2). The distributed header calls the rotation R; what stands there is its transpose
-//! with respect to `x = K [R t] X`, which the paper's sequence 05 confirms. Images may have their
-//! own K each.
+//! For `0000.jpg` there is `0000.jpg.camera`, beside it or in `gt_dense_cameras/`: K (9 numbers), distortion
+//! (3, zero), the camera-to-world rotation by rows (9), the centre of the camera (3), width and height (2). The
+//! header of these files calls the rotation R. But the matrix in them is the transpose of the R in
+//! `x = K [R t] X`; the paper's sequence 05 confirms this. Each image may have its own K.
 
 use std::path::{Path, PathBuf};
 

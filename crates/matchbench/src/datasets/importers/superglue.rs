@@ -1,15 +1,14 @@
-//! SuperGlue's lists of pairs (Sarlin, DeTone, Malisiewicz, Rabinovich: "SuperGlue: Learning
-//! Feature Matching with Graph Neural Networks", CVPR 2020): ScanNet, YFCC100M, and lists that
-//! others made in their form.
+//! SuperGlue's lists of pairs (Sarlin, DeTone, Malisiewicz, Rabinovich: "SuperGlue: Learning Feature Matching
+//! with Graph Neural Networks", CVPR 2020): ScanNet, YFCC100M, and lists of others in the same form.
 //!
-//! One pair a line, 38 columns: two image names, two turns, K_0 (9), K_1 (9), T_0to1 (16).
-//! - Names start from the image root (the list's folder unless one is given).
-//! - A turn is how many quarters counterclockwise the stored pixels are to be turned to stand
-//!   upright; EXIF said so before it was lost. K and T of the list are those of the pixels as
-//!   stored. Here pixels, K and T are turned, as SuperGlue's evaluation does. K of a turned image
-//!   needs the image's size; where the image is not there, twice the principal point is taken.
-//! - `T_0to1` takes points of camera 0 to camera 1: `b_from_a`. ScanNet: metres; YFCC: no unit.
-//! - K is used with pixels counted from the first one's centre, and is taken as it is.
+//! One pair per line, 38 columns: two image names, two turns, K_0 (9), K_1 (9), T_0to1 (16).
+//! - Names are relative to the image root (the folder of the list, unless one is given).
+//! - A turn is the number of quarter turns counterclockwise that make the stored pixels upright. It was taken
+//!   from EXIF data that the images no longer have. K and T in the list belong to the pixels as stored. Here
+//!   pixels, K and T are turned, as in SuperGlue's evaluation. K of a turned image needs the size of the image.
+//!   If the image does not exist, twice the principal point is used as its size.
+//! - `T_0to1` takes points from camera 0 to camera 1: `b_from_a`. ScanNet: metres; YFCC: no unit.
+//! - K is taken unchanged, since it is used with pixels counted from the centre of the first one.
 //!
 //! Rotations are printed with five digits and replaced by the nearest rotation.
 

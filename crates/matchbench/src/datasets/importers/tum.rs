@@ -1,11 +1,12 @@
 //! TUM RGB-D (Sturm, Engelhard, Endres, Burgard, Cremers: "A Benchmark for the Evaluation of
 //! RGB-D SLAM Systems", IROS 2012).
 //!
-//! `rgb.txt` lists times and image files, `groundtruth.txt` times and poses of the colour camera;
-//! an image takes the pose nearest in time ([`Association`](super::Association)). With the default
-//! of 0.02 s this reproduces every digit of the paper's sequence 01. Images without a pose are
-//! reported and left out. Where `depth.txt` is there, an image takes the depth nearest in time, within the same
-//! tolerance, if its file is there; it is registered to the colour image. The colour cameras' published calibrations, by the folder's name:
+//! `rgb.txt` lists times and image files, `groundtruth.txt` times and poses of the colour camera. An image
+//! takes the pose nearest in time ([`Association`](super::Association)). With the default tolerance of 0.02 s
+//! this reproduces every digit of the paper's sequence 01. Images without a pose are reported and left out. If
+//! there is a `depth.txt`, an image takes the depth nearest in time, within the same tolerance, if its file
+//! exists. Depth is registered to the colour image. The published calibrations of the colour cameras are chosen
+//! by the name of the folder:
 //!
 //! | name | fx | fy | cx | cy | k1 | k2 | p1 | p2 | k3 |
 //! | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
@@ -65,7 +66,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     })
 }
 
-/// The files that `depth.txt` lists and that are there, by their times.
+/// The files that `depth.txt` lists and that exist, by their times.
 fn depth(src: &Path) -> Result<Vec<(f64, PathBuf)>, DatasetError> {
     let list = src.join("depth.txt");
     if !list.exists() {

@@ -1,11 +1,11 @@
 //! ZEB, the zero-shot evaluation benchmark of GIM (Shen, Cai, Yin, Mueller, Li, Wang, Chen, Wang:
 //! "GIM: Learning Generalizable Image Matcher From Internet Videos", ICLR 2024).
 //!
-//! Each of its twelve sets is a folder with one text a pair: one line of two image names, two
-//! overlaps, K_0 (9), K_1 (9) and the 4x4 T_0to1 (`b_from_a`; 12 numbers are understood too). The
-//! text is called `SCENE_...txt`; the image of the name `00000008.jpg` is `SCENE_00000008.png` beside
-//! it. K is used with pixels counted from the first one's centre, and is taken as it is. Pairs are
-//! in the order of the texts' names. The overlaps are not used.
+//! Each of its twelve sets is a folder with one text file per pair. The file has one line: two image names, two
+//! overlaps, K_0 (9), K_1 (9) and the 4x4 T_0to1 (`b_from_a`; 12 numbers are accepted too). The file is called
+//! `SCENE_...txt`; the image with the name `00000008.jpg` is `SCENE_00000008.png` beside it. K is taken
+//! unchanged, since it is used with pixels counted from the centre of the first one. Pairs are in the order of
+//! the names of the files. The overlaps are not used.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -81,8 +81,9 @@ fn pair(
     Ok((a, b, b_from_a))
 }
 
-/// The file of an image that `text` names. A scene's name may have underscores itself, so that
-/// each is tried as its end; GIM's own rule, up to the first, stands where nothing is found.
+/// The file of an image that `text` names. The name of a scene may itself contain underscores, so each
+/// underscore is tried as its end. If nothing is found, GIM's own rule is used, where the name ends at the
+/// first underscore.
 fn image(root: &Path, text: &Path, name: &str) -> PathBuf {
     let text = text.file_stem().unwrap_or_default().to_string_lossy();
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);

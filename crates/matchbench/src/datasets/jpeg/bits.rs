@@ -1,19 +1,19 @@
-//! Bits of entropy-coded data, and the codes of Huffman that are made of them.
+//! Reads the bits of entropy-coded data, and decodes Huffman codes.
 
 use super::{JpegError, damaged};
 
-/// Codes of at most so many bits are looked up at once.
+/// Codes of at most so many bits are found by one table look-up.
 const QUICK: u32 = 11;
 
-/// A table of Huffman codes: from bits to symbols.
+/// A table of Huffman codes: maps bits to symbols.
 pub(super) struct Codes {
-    /// For the next [`QUICK`] bits: length of the code and its symbol; length 0 where it is longer.
+    /// For the next [`QUICK`] bits: length of the code and its symbol. The length is 0 if the code is longer.
     quick: Box<[(u8, u8); 1 << QUICK]>,
-    /// The same where the symbols are those of a sequential block's coefficients behind the first.
+    /// The same for symbols of a sequential block, where they code all coefficients except the first.
     steps: Box<[Step; 1 << QUICK]>,
-    /// For each length: the first code that is too large for it, in the upper of 16 bits.
+    /// For each length: the first code that is too large for this length, left-aligned in 16 bits.
     ends: [u32; 17],
-    /// For each length: what leads from a code to the place of its symbol.
+    /// For each length: the number to add to a code to get the index of its symbol.
     offsets: [i32; 17],
     symbols: Vec<u8>,
 }
@@ -21,14 +21,15 @@ pub(super) struct Codes {
 /// What a symbol means in a sequential block.
 #[derive(Clone, Copy)]
 struct Step {
-    /// Bits of its code and of the coefficient behind it; 0 where the code is longer than what was looked up.
+    /// Bits of its code and of the coefficient after it; 0 if the code is longer than the bits that were looked
+    /// up.
     bits: u8,
-    /// Coefficients that it brings, most of them zeros; 0 where all others are zeros.
+    /// Number of coefficients that it stands for, most of them zeros; 0 if all others are zeros.
     coefficients: u8,
 }
 
 impl Step {
-    /// Of a symbol whose code has this `length`.
+    /// The step of a symbol whose code has this `length`.
     fn of(length: u8, symbol: u8) -> Self {
         let (zeros, size) = (symbol >> 4, symbol & 0x0f);
         let ends = size == 0 && zeros < 15;
@@ -40,8 +41,8 @@ impl Step {
 }
 
 impl Codes {
-    /// The codes with so many symbols of each length from 1 to 16; `None` if there are more than so many
-    /// bits can tell apart.
+    /// The codes with so many symbols of each length from 1 to 16; `None` if there are more symbols than codes
+    /// of this length.
     pub(super) fn new(counts: &[u8; 16], symbols: &[u8]) -> Option<Self> {
         let mut codes = Self {
             quick: Box::new([(0, 0); 1 << QUICK]),
@@ -79,14 +80,14 @@ impl Codes {
     }
 }
 
-/// Reads the bits of one scan, without the zeros that are stuffed behind each `ff`.
+/// Reads the bits of one scan, without the zero byte that follows each `ff`.
 pub(super) struct Bits<'a> {
     data: &'a [u8],
-    /// Behind the last byte that was taken.
+    /// Position after the last byte that was read.
     at: usize,
-    /// The next bits, from the highest on.
+    /// The next bits, starting at the highest.
     next: u64,
-    /// How many there are.
+    /// Number of bits in `next`.
     count: u32,
 }
 
@@ -100,7 +101,7 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// The next byte of data, if a marker or the end of the file is not there.
+    /// The next byte of data; `None` at a marker or at the end of the file.
     fn byte(&mut self) -> Option<u8> {
         match *self.data.get(self.at..)? {
             [0xff, 0x00, ..] => {
@@ -115,11 +116,12 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// Takes bytes until there are more bits than a code and what belongs to it can have, if there are.
+    /// Reads bytes until there are at least as many bits as a code and its coefficient can have, if the data go
+    /// that far.
     fn fill(&mut self) {
         if let Some(bytes) = self.data.get(self.at..).and_then(<[u8]>::first_chunk) {
             let word = u64::from_be_bytes(*bytes);
-            // Whether a byte of it is ff: one of its complement is 0.
+            // Whether one of its bytes is ff: then a byte of its complement is 0.
             let ones = u64::MAX / 255;
             if (!word).wrapping_sub(ones) & word & (ones << 7) == 0 {
                 let taken = (64 - self.count) / 8;
@@ -154,7 +156,7 @@ impl<'a> Bits<'a> {
         Ok(number)
     }
 
-    /// Passes over any number of bits.
+    /// Skips any number of bits.
     pub(super) fn skip(&mut self, mut count: u32) -> Result<(), JpegError> {
         while count > 0 {
             let now = count.min(16);
@@ -177,11 +179,11 @@ impl<'a> Bits<'a> {
         Ok(symbol)
     }
 
-    /// Passes over the coefficients of a sequential block behind its first.
+    /// Skips the coefficients of a sequential block after the first.
     pub(super) fn coefficients(&mut self, codes: &Codes) -> Result<(), JpegError> {
         let mut at = 1;
         while at < 64 {
-            // A code and its coefficient have at most 31.
+            // A code and its coefficient have at most 31 bits.
             if self.count < 32 {
                 self.fill();
             }
@@ -202,7 +204,7 @@ impl<'a> Bits<'a> {
         Ok(())
     }
 
-    /// Passes over some bits of those that are there.
+    /// Skips some of the bits that were read.
     #[inline]
     fn pass(&mut self, bits: u8) -> Result<(), JpegError> {
         if u32::from(bits) > self.count {
@@ -213,12 +215,12 @@ impl<'a> Bits<'a> {
         Ok(())
     }
 
-    /// The length and the symbol of a code that is longer than those of the table.
+    /// The length and the symbol of a code that is longer than the codes in the table.
     #[cold]
     fn long_code(&self, codes: &Codes) -> Result<(u8, u8), JpegError> {
         let next = (self.next >> 48) as u32;
         let found = (QUICK + 1..=16).find(|&length| next < codes.ends[length as usize]);
-        // Zeros stand for what is not there.
+        // Missing bits are taken as zeros.
         let found = found.ok_or_else(|| {
             if self.count < 16 {
                 JpegError::Truncated
@@ -231,7 +233,7 @@ impl<'a> Bits<'a> {
         Ok((found as u8, codes.symbols[place as usize]))
     }
 
-    /// Goes on behind the restart marker of this number, before which only filling may be left.
+    /// Continues after the restart marker with this number. Only padding bits may be left before it.
     pub(super) fn restart(&mut self, number: u8) -> Result<(), JpegError> {
         self.end()?;
         while self.data.get(self.at + 1) == Some(&0xff) {
@@ -247,7 +249,7 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// Ends the data here: where the next marker begins. What is left may only fill up.
+    /// Ends the data here: returns where the next marker begins. What is left before it may only be padding.
     pub(super) fn end(&mut self) -> Result<usize, JpegError> {
         self.skip(self.count % 8)?;
         loop {

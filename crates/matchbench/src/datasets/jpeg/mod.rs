@@ -1,17 +1,17 @@
-//! Whether a JPEG is all there.
+//! Checks that a JPEG file is complete.
 //!
-//! Decoders fill what is missing with gray and say nothing, so half a file shows half an image, and a
-//! small one may claim any size. Here the file is walked from marker to marker, and the data of each scan
-//! (`scan`) symbol by symbol (`bits`), without making a pixel of them:
+//! Decoders fill missing data with grey and report nothing. So half a file gives half an image, and a small
+//! file may claim any size. Here the file is read from marker to marker, and the data of each scan (`scan`)
+//! symbol by symbol (`bits`), without computing pixels:
 //!
-//! - Each scan must have every bit of every block that its frame promises, and nothing more but filling.
-//!   Where the data end is thereby known to the bit, whatever somebody put behind them.
-//! - The scans together must bring every coefficient of every component to its last bit. A progressive
-//!   file that was cut between two scans and given an end marker shows a blurred image.
+//! - Each scan must have every bit of every block that its frame promises, and nothing more except padding. So
+//!   the end of the data is known to the bit, whatever follows.
+//! - The scans together must contain every coefficient of every component to its last bit. Without this check,
+//!   a progressive file that was cut between two scans and given an end marker would show a blurred image.
 //!
-//! The format is that of ITU-T T.81: Huffman codes, sequential and progressive, 8 bits. What is not
-//! looked at is whether the coefficients make a sensible picture: a file whose bits were changed and
-//! still fit their codes is another image, and nothing in the format tells.
+//! The format is that of ITU-T T.81: Huffman codes, sequential and progressive, 8 bits. It is not checked that
+//! the coefficients make a sensible picture. If bits of a file were changed and still are valid codes, it is a
+//! different image, and nothing in the format shows that.
 
 mod bits;
 mod scan;
@@ -19,19 +19,20 @@ mod scan;
 use bits::Codes;
 use scan::{Component, Scan, ScanComponent};
 
-/// Most scans of a file, as for the decoder: each costs time in proportion to the size that is claimed.
+/// Most scans of a file, the same limit as in the decoder: each scan costs time in proportion to the size that
+/// is claimed.
 const MOST_SCANS: usize = 100;
 
-/// Checks that the image is whole, up to its end marker.
+/// Checks that the image is complete, up to its end marker.
 ///
 /// # Errors
-/// If data are missing, or are no such data.
+/// If data are missing or invalid.
 pub(super) fn check(bytes: &[u8]) -> Result<(), JpegError> {
     let mut file = File::default();
     let mut at = 2; // behind the marker that every file begins with
     loop {
         while *bytes.get(at).ok_or(JpegError::Truncated)? != 0xff {
-            // Behind a scan there would be data that no scan has read.
+            // After a scan there would be data that no scan has read.
             if file.scans > 0 {
                 return Err(damaged("data behind its pixels"));
             }
@@ -44,7 +45,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<(), JpegError> {
         at += 1;
         match marker {
             0xd9 => return file.complete(),
-            // Markers without a length, which mean nothing here.
+            // Markers without a length, which have no meaning here.
             0x00 | 0x01 | 0xd0..=0xd8 => continue,
             _ => {}
         }
@@ -63,12 +64,12 @@ pub(super) fn check(bytes: &[u8]) -> Result<(), JpegError> {
     }
 }
 
-/// Why a file is no whole image.
+/// Why a file is not a complete image.
 #[derive(Debug)]
 pub(super) enum JpegError {
     /// Data are missing.
     Truncated,
-    /// It has such things that are none.
+    /// It has invalid parts of this kind.
     Damaged(&'static str),
 }
 
@@ -76,19 +77,19 @@ fn damaged(what: &'static str) -> JpegError {
     JpegError::Damaged(what)
 }
 
-/// The content of the segment whose length stands at `at`, and where what follows begins.
+/// The content of the segment whose length is at `at`, and the position after it.
 fn segment(bytes: &[u8], at: usize) -> Option<(&[u8], usize)> {
     let length = u16::from_be_bytes(*bytes.get(at..)?.first_chunk()?);
     let end = at + usize::from(length).max(2);
     Some((bytes.get(at + 2..end)?, end))
 }
 
-/// What the segments have said so far.
+/// What the segments so far have defined.
 #[derive(Default)]
 struct File {
     progressive: bool,
     components: Vec<Component>,
-    /// How many low bits of each of the 64 coefficients of each component are missing still.
+    /// How many low bits of each of the 64 coefficients of each component are still missing.
     missing: Vec<[u8; 64]>,
     /// Codes of first coefficients, then of all others.
     tables: [[Option<Codes>; 4]; 2],
@@ -104,7 +105,7 @@ impl File {
         whole.then_some(()).ok_or(JpegError::Truncated)
     }
 
-    /// Codes of Huffman: any number of tables in one segment.
+    /// Huffman codes: one segment may hold any number of tables.
     fn codes(&mut self, mut segment: &[u8]) -> Result<(), JpegError> {
         let none = || damaged("Huffman codes");
         while let Some((&place, rest)) = segment.split_first() {
@@ -134,7 +135,7 @@ impl File {
         Ok(())
     }
 
-    /// Walks the data of a scan and says how many bytes they take.
+    /// Reads the data of a scan and returns their length in bytes.
     fn scan(&mut self, segment: &[u8], data: &[u8]) -> Result<usize, JpegError> {
         let none = || damaged("scans");
         self.scans += 1;
@@ -166,7 +167,7 @@ impl File {
             {
                 return Err(none());
             }
-            // A refinement continues what an earlier scan brought, bit by bit.
+            // A refinement scan adds one bit to what an earlier scan defined.
             let missing = &mut self.missing[place][band.clone()];
             if high > 0 && missing.iter().any(|&bits| bits != high) {
                 return Err(none());

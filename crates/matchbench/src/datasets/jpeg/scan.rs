@@ -1,4 +1,4 @@
-//! One scan of a JPEG: every block that it must have, bit by bit.
+//! Reads one scan of a JPEG: every block that it must have, bit by bit.
 
 use std::ops::RangeInclusive;
 
@@ -8,22 +8,22 @@ use super::{JpegError, damaged};
 /// Side of a block.
 const BLOCK: usize = 8;
 
-/// A component of the frame: one colour.
+/// A component of the frame: one colour channel.
 pub(super) struct Component {
     pub(super) id: u8,
-    /// Blocks of a unit of several components, across and down.
+    /// Blocks of this component in one unit of a scan of several components, across and down.
     unit: [usize; 2],
     /// Blocks that hold its own pixels, across and down.
     blocks: [usize; 2],
     /// Units of several components in the frame, across and down.
     units: [usize; 2],
-    /// For each block of all units, row by row, which coefficients are known not to be zero: scans that
-    /// refine have a bit for each of these. Made by the first progressive scan.
+    /// For each block of all units, row by row, which coefficients are known not to be zero, since a refinement
+    /// scan has a bit for each of these. Made by the first progressive scan.
     nonzero: Vec<u64>,
 }
 
 impl Component {
-    /// The components of a frame of this `size`, from three bytes each; `None` if these make no sense.
+    /// The components of a frame of this `size`, from three bytes each; `None` if these are invalid.
     pub(super) fn of_frame(size: [usize; 2], stated: &[[u8; 3]]) -> Option<Vec<Self>> {
         let unit_of = |sampling: u8| [sampling >> 4, sampling & 0x0f].map(usize::from);
         let units: Vec<[usize; 2]> = stated.iter().map(|&[_, s, _]| unit_of(s)).collect();
@@ -45,7 +45,7 @@ impl Component {
         Some(stated.iter().zip(&units).map(component).collect())
     }
 
-    /// Blocks of one row in all units.
+    /// Number of blocks in one row of all units.
     fn stride(&self) -> usize {
         self.units[0] * self.unit[0]
     }
@@ -67,21 +67,21 @@ pub(super) struct ScanComponent {
     pub(super) others: usize,
 }
 
-/// What a scan brings.
+/// The description of a scan.
 pub(super) struct Scan<'a> {
     pub(super) components: &'a [ScanComponent],
     pub(super) tables: &'a [[Option<Codes>; 4]; 2],
     pub(super) progressive: bool,
-    /// Which coefficients.
+    /// The coefficients that it contains.
     pub(super) band: RangeInclusive<usize>,
-    /// Whether it adds a bit to what earlier scans brought.
+    /// Whether it adds a bit to coefficients of earlier scans.
     pub(super) refines: bool,
     /// Units between two restarts; 0 without restarts.
     pub(super) restart: usize,
 }
 
 impl Scan<'_> {
-    /// Walks the `data` and says how many bytes they are.
+    /// Reads the `data` and returns their length in bytes.
     pub(super) fn walk(&self, frame: &mut [Component], data: &[u8]) -> Result<usize, JpegError> {
         let mut bits = Bits::new(data);
         let units = match self.components {
@@ -129,7 +129,7 @@ impl Scan<'_> {
         bits.end()
     }
 
-    /// How the blocks of a component are walked.
+    /// How the blocks of a component are read.
     fn walk_of(&self, component: &ScanComponent) -> Result<Walk<'_>, JpegError> {
         let table = |class: usize, place: usize| {
             let table = self.tables[class].get(place).and_then(Option::as_ref);
@@ -151,7 +151,7 @@ impl Scan<'_> {
     }
 }
 
-/// What a block is made of.
+/// What a block contains in this scan.
 enum Walk<'a> {
     /// All its coefficients.
     Sequential { first: &'a Codes, others: &'a Codes },
@@ -166,7 +166,7 @@ enum Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Walks a block; `run` is how many blocks have no more coefficients, this one among them.
+    /// Reads a block. `run` is the number of blocks that have no more coefficients, including this one.
     fn block(
         &self,
         nonzero: Option<&mut u64>,
@@ -231,8 +231,8 @@ fn upper_bits(
     Ok(())
 }
 
-/// Another bit of a `band`: T.81, figure G.7. Coefficients that are not zero have a bit each, in
-/// between those that cease to be.
+/// Another bit of a `band`: T.81, figure G.7. Coefficients that are not zero have a bit each, between those
+/// that become nonzero.
 fn another_bit(
     codes: &Codes,
     band: &RangeInclusive<usize>,

@@ -6,7 +6,7 @@
 //!              u64 keypoints; each: f64 x, f64 y, u64 point (2^64 - 1 for none)
 //! ```
 //!
-//! No count is believed: what it counts is read one by one until the file ends.
+//! No count is trusted: items are read one by one until the file ends.
 
 use std::path::Path;
 

@@ -1,5 +1,5 @@
-//! COLMAP's camera models as ours. Theirs count pixels from the image's corner, ours from the
-//! first pixel's centre; radial and tangential terms are the same.
+//! Converts COLMAP's camera models to ours. COLMAP has the origin of pixels at the corner of the image, we have
+//! it at the centre of the first pixel. Radial and tangential terms are the same.
 //!
 //! | model | parameters |
 //! | --- | --- |
@@ -8,13 +8,13 @@
 //! | SIMPLE_RADIAL | f cx cy k1 |
 //! | RADIAL | f cx cy k1 k2 |
 //! | OPENCV | fx fy cx cy k1 k2 p1 p2 |
-//! | FULL_OPENCV | fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6, of which the last three, by which our lenses do not divide, are 0 |
+//! | FULL_OPENCV | fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6, where k4, k5 and k6 must be 0, since our lens model has no denominator |
 
 use matchbench_vision::geometry::{Camera, Distortion};
 
 use crate::datasets::importers::list;
 
-/// All of COLMAP's models by their numbers in binary files, with how many parameters they have.
+/// All of COLMAP's models in the order of their numbers in binary files, each with its number of parameters.
 pub(super) const MODELS: [(&str, usize); 11] = [
     ("SIMPLE_PINHOLE", 3),
     ("PINHOLE", 4),

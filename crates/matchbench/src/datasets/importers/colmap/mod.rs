@@ -1,19 +1,19 @@
-//! COLMAP models (Schoenberger, Frahm: "Structure-from-Motion Revisited", CVPR 2016): also the
-//! truth of ETH3D and of the Image Matching Challenges of 2023 and 2024.
+//! COLMAP models (Schoenberger, Frahm: "Structure-from-Motion Revisited", CVPR 2016). The truth of ETH3D and of
+//! the Image Matching Challenges of 2023 and 2024 has this format too.
 //!
-//! A folder with `cameras` and `images`, each as `.txt` or (little-endian) `.bin`. `images` has
-//! cam_from_world as quaternion (w x y z) and translation, without a unit unless the model was
-//! scaled, and which 3D point each keypoint belongs to; the points themselves are not needed.
+//! A model is a folder with `cameras` and `images`, each as `.txt` or (little-endian) `.bin`. `images` has
+//! cam_from_world as quaternion (w x y z) and translation. The translation has no unit unless the model was
+//! scaled. `images` also says which 3D point each keypoint belongs to. The points themselves are not needed.
 //!
-//! - Pixels count from the corner of the image, the first one's centre being (0.5, 0.5): half a
+//! - Pixels are counted from the corner of the image, so the centre of the first pixel is (0.5, 0.5). Half a
 //!   pixel is subtracted from principal points.
 //! - Camera models: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV; others are refused
 //!   by name.
 //! - Frames are sorted by name, since the order in a model is that of the reconstruction.
-//! - Names start from the image root; the model's folder, or the nearest above it that has
-//!   `images/`, unless one is given.
-//! - The rule `covisible:0.1..0.7`, which is the default, takes pairs that share so many of their
-//!   points. A list of pairs counts the frames in the order of their names.
+//! - Image names are relative to the image root. This is the given folder, or else the folder of the model or
+//!   the nearest one above it that has `images/`.
+//! - The default rule `covisible:0.1..0.7` takes pairs whose share of common 3D points is in this range. A list
+//!   of pairs numbers the frames in the order of their names.
 
 mod binary;
 pub(super) mod lens;
@@ -28,7 +28,7 @@ use nalgebra::Isometry3;
 use super::{ImportOptions, Imported, base_name};
 use crate::datasets::{About, DatasetError, Frame};
 
-/// A camera, or the reason why it cannot be used; told only if an image has it.
+/// A camera, or the reason why it cannot be used. The reason is reported only if an image has this camera.
 type Cameras = BTreeMap<u32, Result<Camera, String>>;
 
 /// A photograph of a model.
@@ -37,7 +37,7 @@ struct Photograph {
     name: String,
     camera: u32,
     camera_from_world: Isometry3<f64>,
-    /// The 3D points that it sees, sorted, each once.
+    /// The 3D points that it sees, sorted, without repetition.
     points: Vec<u64>,
 }
 
@@ -102,7 +102,8 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     })
 }
 
-/// `images/` in the model's folder or in one of the three above it; else the model's folder.
+/// `images/` in the folder of the model or in one of the three folders above it; otherwise the folder of the
+/// model.
 fn nearest_images(src: &Path) -> PathBuf {
     let absolute = std::path::absolute(src).unwrap_or_else(|_| src.to_owned());
     let places = absolute
@@ -113,7 +114,7 @@ fn nearest_images(src: &Path) -> PathBuf {
     found.unwrap_or_else(|| src.to_owned())
 }
 
-/// The numbers of 3D points, sorted, each once.
+/// The numbers of 3D points, sorted, without repetition.
 fn distinct(mut points: Vec<u64>) -> Vec<u64> {
     points.sort_unstable();
     points.dedup();

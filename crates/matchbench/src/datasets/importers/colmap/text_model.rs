@@ -1,6 +1,6 @@
-//! COLMAP models as text: `cameras.txt` (`id MODEL width height params`), `images.txt` (two lines an
-//! image: `id qw qx qy qz tx ty tz camera name`, then `x y point` for each keypoint, -1 for none;
-//! the second line may be empty, and is there all the same).
+//! COLMAP models as text. `cameras.txt` has lines `id MODEL width height params`. `images.txt` has two lines
+//! per image: `id qw qx qy qz tx ty tz camera name`, then `x y point` for each keypoint, with -1 for no point.
+//! The second line may be empty but must be there.
 
 use std::path::Path;
 
@@ -23,7 +23,7 @@ pub(super) fn cameras(path: &Path) -> Result<Cameras, DatasetError> {
             _ => Err("id, MODEL, width, height and parameters are expected".to_owned()),
         };
         let (id, camera) = parsed.map_err(|what| file.error_at(line, what))?;
-        // Told with the line, since a text has one.
+        // The message has the line number, which only a text file has.
         let camera = camera.map_err(|what| format!("line {line} of cameras.txt: {what}"));
         if cameras.insert(id, camera).is_some() {
             return Err(file.error_at(line, format!("the camera {id} stands here a second time")));
