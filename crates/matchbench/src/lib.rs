@@ -46,7 +46,7 @@
 //! | [`external`], [`exchange`] | matchers as processes, and matches in the files of other tools |
 //! | [`run`] | matchers and estimators over pairs, resumable; [`cache`] keeps features by content |
 //! | [`records`] | the folder of a run: its plan, one line per task, the selected matches |
-//! | [`protocols`] | the small print of other benchmarks, chosen by name |
+//! | [`protocols`] | evaluation protocols of other benchmarks, chosen by name |
 //! | [`metrics`] | success, AUC, average matches, with intervals: pure functions of records |
 //! | [`report`] | tables, figures, the page |
 //! | [`tune`], [`time`](mod@time) | the best value of a parameter; how long stages take |

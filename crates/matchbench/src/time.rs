@@ -1,10 +1,10 @@
-//! How long a matcher takes, by the paper's protocol.
+//! Measures how long a matcher takes, by the paper's protocol.
 //!
-//! The first pairs of one dataset are measured, with one thread, no cache and the wall clock: detection and
-//! description once for an image, search and selection once for a pair. Each measurement is a run in a
-//! folder of its own that is thrown away. A few pairs are run before, to warm up, and again at the end. If
-//! the same work then takes another time, or if single times are far from all others, the machine was not
-//! quiet, and a warning says so.
+//! The first pairs of one dataset are measured, with one thread, no cache and the wall clock. Detection and
+//! description are timed once per image, search and selection once per pair. Each measurement is a run in a
+//! folder of its own, which is deleted afterwards. A few pairs are run before, to warm up, and again at the
+//! end. If the same work then takes another time, or if single times are far from all others, the machine was
+//! busy with other work, and a warning says so.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,9 +20,9 @@ use crate::metrics::{PairResult, Quartiles, ResultSet, ResultsError, StageQuarti
 use crate::records::{FolderError, KeepMatches, RunFolder, Settings, StageTimes};
 use crate::run::{Cancel, Contender, Dataset, Run, RunError, Silent};
 
-/// Pairs that are run to warm up, and again at the end.
+/// Number of pairs that are run to warm up, and again at the end.
 const PROBES: usize = 5;
-/// The same work may take this much more or less time before the machine counts as noisy.
+/// If the time of the same work changes by more than this share, the machine counts as noisy.
 const NOISE: f64 = 0.1;
 
 /// How long a matcher took.
@@ -30,9 +30,9 @@ const NOISE: f64 = 0.1;
 pub struct Timing {
     /// Quartiles of the stages.
     pub stages: StageQuartiles,
-    /// The most memory that the process had meanwhile, in bytes, where the system tells it (Linux).
+    /// The most memory that the process used during the measurement, in bytes, if the system tells it (Linux).
     pub peak_memory: Option<f64>,
-    /// Why the machine was not quiet, in sentences.
+    /// Signs that the machine was busy with other work, in sentences.
     pub noise: Vec<String>,
 }
 
@@ -51,7 +51,7 @@ pub enum TimeError {
     /// The temporary folder.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// The system gives no thread.
+    /// The system cannot start a thread.
     #[error("cannot start a thread: {0}")]
     Thread(String),
     /// The dataset has no pairs.
@@ -59,11 +59,11 @@ pub enum TimeError {
     NoPairs(String),
 }
 
-/// Measures a contender on the first `pairs` of a dataset, in one thread whatever pool the caller is
-/// in; `None` if it was stopped.
+/// Measures a contender on the first `pairs` of a dataset, in one thread, whatever pool the caller is in.
+/// `None` if it was stopped.
 ///
 /// # Errors
-/// If a run fails; a pair that fails does not.
+/// If a run fails. A pair that fails is not an error.
 pub fn time(
     dataset: &Dataset,
     contender: &Contender,
@@ -91,7 +91,7 @@ pub fn time(
     })
 }
 
-/// The machine in words: system, processor, what the kernels make use of, cores.
+/// The machine in words: system, processor, instruction set of the kernels, number of cores.
 pub fn machine() -> String {
     format!(
         "{} {}, {}{}, {} cores",
@@ -103,7 +103,7 @@ pub fn machine() -> String {
     )
 }
 
-/// One run of the first pairs, from nothing; `None` if it was stopped.
+/// One run of the first pairs, without a cache; `None` if it was stopped.
 fn measure(
     dataset: &Dataset,
     contender: &Contender,
@@ -133,7 +133,7 @@ fn measure(
         .map(Some)
 }
 
-/// What speaks against the measurement `all`, which stands between two others of a few pairs.
+/// Signs of noise in the measurement `all`, which was made between two others of a few pairs.
 fn noise(
     before: &ResultSet,
     all: &ResultSet,
@@ -159,7 +159,8 @@ fn noise(
             )
         })
     };
-    // The pose is left out: a hopeless pair truly takes a hundred times as long as an easy one.
+    // The pose is left out: a pair with hardly any right matches really takes a hundred times as long as an
+    // easy one.
     let stages = [
         stage(
             "detection",
@@ -170,8 +171,9 @@ fn noise(
     drift.into_iter().chain(stages.into_iter().flatten())
 }
 
-/// How many values lie above the median by more than ten times the usual distance from it (its
-/// median, scaled to a standard deviation: Iglewicz and Hoaglin, 1993; the limit is hyperfine's).
+/// How many values are above the median by more than ten times the usual distance from it. The usual distance
+/// is the median of the distances, scaled to a standard deviation (Iglewicz and Hoaglin, 1993); the limit is
+/// that of hyperfine.
 fn outliers(values: &[f64]) -> usize {
     const LIMIT: f64 = 14.826;
     let middle = |values: Vec<f64>| Quartiles::of(values).map_or(0.0, |spread| spread.median);
@@ -204,13 +206,13 @@ fn drift(before: &[PairResult], after: &[PairResult]) -> Option<f64> {
     Quartiles::of(ratios).map(|spread| spread.median)
 }
 
-/// The processor's name, where the system tells it.
+/// The name of the processor, if the system tells it.
 fn processor() -> String {
     let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     field(&text, "model name").unwrap_or_else(|| "unknown processor".into())
 }
 
-/// What the kernels make use of, where there is a choice.
+/// The instruction set that the kernels use, if there is a choice.
 fn instructions() -> &'static str {
     match InstructionSet::in_use() {
         InstructionSet::Portable => "",
@@ -249,7 +251,7 @@ mod tests {
         let usual: Vec<f64> = (0..20).map(|i| 0.1 + 0.001 * f64::from(i % 5)).collect();
         assert_eq!(outliers(&usual), 0);
         assert_eq!(outliers(&[&usual[..], &[0.9, 1.5]].concat()), 2);
-        // Equal times: a tenth of a millisecond more is nothing.
+        // Times are nearly equal: a tenth of a millisecond more is no outlier.
         assert_eq!(outliers(&[0.1, 0.1, 0.1, 0.1001]), 0);
         assert_eq!(outliers(&[]), 0);
     }

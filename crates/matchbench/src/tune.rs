@@ -1,8 +1,9 @@
-//! The best value of one parameter of an estimator, on scenes that are not reported.
+//! Finds the best value of one parameter of an estimator, on scenes that are not reported.
 //!
-//! Each value becomes a variant of the estimator, and all variants run as estimators of one run: on the
-//! same matches, with the same random draws, with progress, and resumable. The chosen value is the one with
-//! the highest AUC, averaged over datasets and matchers with equal weight; of equal ones the first.
+//! Each value becomes a variant of the estimator. All variants run as estimators of one run: on the same
+//! matches and with the same random draws. The run shows its progress and can be resumed. The chosen value is
+//! the one with the highest AUC, averaged over datasets and matchers with equal weight. If several values are
+//! equal, the first is chosen.
 
 use std::path::Path;
 
@@ -22,7 +23,7 @@ use crate::run::{
 /// What is tuned, and on what.
 #[derive(Clone, Copy)]
 pub struct Tuning<'a> {
-    /// The datasets; none of them may be reported on later.
+    /// The datasets. None of them may be reported on later.
     pub datasets: &'a [Dataset],
     /// The matchers whose matches are used: ids, manifests of matchers from outside, or `all`.
     pub matchers: &'a [String],
@@ -30,26 +31,26 @@ pub struct Tuning<'a> {
     pub parameter: &'a str,
     /// The values to try, at least two.
     pub values: &'a [Value],
-    /// Other parameters.
+    /// Changes of other parameters.
     pub changes: &'a Changes,
     /// Seed, repetitions and limit of the run.
     pub settings: Settings,
-    /// The folder of the run; what was chosen stands in it as `tuned.json`.
+    /// The folder of the run. The choice is written to `tuned.json` in it.
     pub folder: &'a Path,
-    /// Features that were extracted before.
+    /// The cache of features that were extracted before.
     pub cache: &'a FeatureCache,
 }
 
-/// What came of a tuning.
+/// The result of a tuning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TuningDone {
-    /// How far the run has come.
+    /// The progress of the run.
     pub summary: RunSummary,
-    /// What was chosen; `None` if the run was stopped before its end.
+    /// The choice; `None` if the run was stopped before its end.
     pub tuned: Option<Tuned>,
 }
 
-/// Why nothing can be tuned.
+/// Why a parameter could not be tuned.
 #[derive(Debug, thiserror::Error)]
 pub enum TuneError {
     /// The parameter or its values.
@@ -69,10 +70,10 @@ pub enum TuneError {
     Folder(#[from] FolderError),
 }
 
-/// Runs every value, or what is left of that, and writes which is best.
+/// Runs every value that is not run yet, and writes which is best.
 ///
 /// # Errors
-/// If the parameter, a value or a matcher is unknown, or the run cannot start or go on.
+/// If the parameter, a value or a matcher is unknown, or if the run cannot start or continue.
 pub fn tune(
     tuning: &Tuning<'_>,
     observer: &dyn Observer,
@@ -98,7 +99,7 @@ pub fn tune(
     Ok(done)
 }
 
-/// The matchers, each with the estimator once for each value.
+/// The matchers, each with one variant of the estimator for each value.
 fn variants(tuning: &Tuning<'_>) -> Result<Vec<Contender>, TuneError> {
     let parameter = tuning.parameter;
     let (id, name) = parameter.split_once('.').ok_or_else(|| {
@@ -132,7 +133,7 @@ fn variants(tuning: &Tuning<'_>) -> Result<Vec<Contender>, TuneError> {
         logs: &tuning.folder.join("logs"),
         cache: tuning.cache,
     };
-    // Without one of them the mean would be another.
+    // If one of them were missing, the mean would be over fewer matchers.
     let mut contenders = Contender::all_of(tuning.matchers, &id, changes, Some(&outside))?;
     let [id] = id;
     let mut params = match changes.of(&id) {

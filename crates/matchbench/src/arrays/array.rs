@@ -1,16 +1,15 @@
 //! An array of numbers as numpy and HDF5 store it: bytes, a shape, and a type of element.
 //!
-//! The bytes stay as they are in the file and each element is converted when it is asked for, so
-//! that an array costs no more memory than its file. Half precision (float16), which hloc writes
-//! by default, is decoded here: 1 sign bit, 5 bits of exponent (bias 15), 10 bits of fraction
-//! (IEEE 754-2008, binary16).
+//! The bytes stay as they are in the file, and an element is converted when it is read. So an array costs no
+//! more memory than its file. Half precision (float16), which hloc writes by default, is decoded here: 1 sign
+//! bit, 5 bits of exponent (bias 15), 10 bits of fraction (IEEE 754-2008, binary16).
 
 use std::fmt;
 
 use crate::counted::counted;
 
-/// The most bytes that one array may have. Ten million matches with two points each take 160 MB;
-/// what claims more than this is damaged or hostile.
+/// The most bytes that one array may have. Ten million matches with two points each take 160 MB. An array that
+/// claims more than the limit is damaged or hostile.
 pub(crate) const MOST_BYTES: u64 = 1 << 30;
 
 /// An array in row-major order.
@@ -38,7 +37,7 @@ pub(crate) enum Kind {
 }
 
 impl Element {
-    /// An element of that kind and size, if there is such a one.
+    /// An element of this kind and size, if there is one.
     pub(crate) fn new(kind: Kind, size: usize, big_endian: bool) -> Option<Self> {
         let exists = matches!(
             (kind, size),
@@ -51,8 +50,8 @@ impl Element {
         })
     }
 
-    /// The element that numpy calls `descr`, for example `<f4` or, without an order, `u1`; a truth value
-    /// (`b1`) is a byte.
+    /// The element that numpy calls `descr`, for example `<f4` or, without a byte order, `u1`. A Boolean (`b1`)
+    /// is read as a byte.
     pub(crate) fn of_numpy(descr: &str) -> Option<Self> {
         let big_endian = descr.starts_with('>');
         let mut letters = descr
@@ -69,8 +68,8 @@ impl Element {
         Self::new(kind, letters.as_str().parse().ok()?, big_endian)
     }
 
-    /// How far a number of magnitude up to `most` may have been moved by storing it: half the
-    /// distance of neighbouring floats; nothing for integers.
+    /// The largest rounding error of a stored number of magnitude up to `most`: half the distance of
+    /// neighbouring floats, and zero for integers.
     pub(crate) fn rounding(self, most: f64) -> f64 {
         let digits = match (self.kind, self.size) {
             (Kind::Float, 2) => 11,
@@ -83,7 +82,7 @@ impl Element {
 }
 
 impl fmt::Display for Element {
-    /// The name of numpy and of everybody else: `float32`, `uint8`.
+    /// The name of the type as numpy and other programs write it: `float32`, `uint8`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let kind = match self.kind {
             Kind::Float => "float",
@@ -95,10 +94,10 @@ impl fmt::Display for Element {
 }
 
 impl Array {
-    /// The array of that `shape` in `bytes`.
+    /// The array of this `shape` in `bytes`.
     ///
     /// # Errors
-    /// If the shape asks for another number of bytes.
+    /// If the shape needs another number of bytes.
     pub(crate) fn new(shape: Vec<usize>, element: Element, bytes: Vec<u8>) -> Result<Self, String> {
         if bytes_of(&shape, element) != Some(bytes.len() as u64) {
             return Err(format!(
@@ -114,11 +113,11 @@ impl Array {
         })
     }
 
-    /// The array of that `shape` in `bytes` that stand column by column, as Fortran and transposed views
-    /// of numpy have them.
+    /// The array of this `shape` in `bytes`, which are in column-major order, as for Fortran and for transposed
+    /// views in numpy.
     ///
     /// # Errors
-    /// As [`Array::new`]; if it has more than two dimensions.
+    /// As [`Array::new`]; also if it has more than two dimensions.
     pub(crate) fn by_columns(
         shape: Vec<usize>,
         element: Element,
@@ -157,11 +156,11 @@ impl Array {
         self.element
     }
 
-    /// Number of rows, where each must have so many `columns`. An array without elements has no
-    /// rows, however it is shaped.
+    /// Number of rows; each row must have `columns` elements. An array without elements has no rows, whatever
+    /// its shape.
     ///
     /// # Errors
-    /// If it is shaped otherwise.
+    /// If it has another shape.
     pub(crate) fn rows(&self, columns: usize) -> Result<usize, String> {
         match self.shape[..] {
             [rows, found] if found == columns => Ok(rows),
@@ -170,7 +169,7 @@ impl Array {
         }
     }
 
-    /// Its length, where it must have one dimension.
+    /// Its length; it must have one dimension.
     ///
     /// # Errors
     /// If it has another number of dimensions.
@@ -185,7 +184,7 @@ impl Array {
     /// Element number `index` in row-major order.
     ///
     /// # Panics
-    /// If there is none.
+    /// If there is no such element.
     pub(crate) fn get(&self, index: usize) -> f64 {
         let Element {
             kind,
@@ -210,13 +209,13 @@ impl Array {
         }
     }
 
-    /// The first two numbers of row `row`, where each row has so many `columns`.
+    /// The first two numbers of row `row`, in an array with `columns` columns.
     pub(crate) fn point(&self, row: usize, columns: usize) -> [f64; 2] {
         let first = row * columns;
         [self.get(first), self.get(first + 1)]
     }
 
-    /// Element number `index` as an index below `end`; `None` for -1, which means nothing.
+    /// Element number `index`, read as an index below `end`. `None` for -1, which means "none".
     ///
     /// # Errors
     /// If it is neither.
@@ -245,8 +244,8 @@ impl Array {
             .collect()
     }
 
-    /// All elements, those of single precision as the shortest decimals that round to them: what was
-    /// printed with a few digits comes back as it was printed.
+    /// All elements. Those in single precision are converted to the shortest decimals that round to them, so
+    /// numbers that were printed with a few digits are restored exactly.
     pub(crate) fn to_decimals(&self) -> Vec<f64> {
         let mut values = self.to_vec();
         if self.element.kind == Kind::Float && self.element.size == 4 {
@@ -257,21 +256,21 @@ impl Array {
         values
     }
 
-    /// The bytes, if that is what its elements are.
+    /// The bytes, if its elements are bytes.
     pub(crate) fn as_bytes(&self) -> Option<&[u8]> {
         let Element { kind, size, .. } = self.element;
         ((kind, size) == (Kind::Unsigned, 1)).then_some(&self.bytes)
     }
 }
 
-/// Number of bytes of an array, if it is not absurd.
+/// Number of bytes of an array; `None` if that is unreasonably large.
 pub(super) fn bytes_of(shape: &[usize], element: Element) -> Option<u64> {
     (shape.iter()).try_fold(element.size as u64, |bytes, &side| {
         bytes.checked_mul(side as u64)
     })
 }
 
-/// The number that the 16 bits of a binary16 stand for.
+/// The value of a binary16 number with these 16 bits.
 fn half(bits: u16) -> f64 {
     let fraction = f64::from(bits & 0x3ff);
     let magnitude = match (bits >> 10) & 0x1f {

@@ -1,4 +1,4 @@
-//! What can be wrong with a file of arrays.
+//! The error type for files of arrays.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -8,16 +8,16 @@ use std::path::{Path, PathBuf};
 pub(crate) struct ArrayError {
     /// The file.
     pub(crate) file: PathBuf,
-    /// The array in it, if it is one.
+    /// The array in it, if the error is about one.
     pub(crate) array: Option<String>,
     /// What is wrong.
     pub(crate) what: String,
-    /// How to mend it.
+    /// How to correct it.
     pub(crate) remedy: &'static str,
 }
 
 impl ArrayError {
-    /// A file that cannot be opened or read.
+    /// The error for a file that cannot be opened or read.
     pub(super) fn unreadable(file: &Path, error: impl fmt::Display) -> Self {
         Self {
             file: file.into(),
@@ -27,7 +27,7 @@ impl ArrayError {
         }
     }
 
-    /// A file whose content contradicts its format.
+    /// The error for a file whose content contradicts its format.
     pub(super) fn damaged(file: &Path, what: impl fmt::Display) -> Self {
         Self {
             remedy: "write the file again with the tool that made it",
@@ -35,7 +35,7 @@ impl ArrayError {
         }
     }
 
-    /// The same about the array called `name`.
+    /// The same error for the array called `name`.
     pub(super) fn of(self, name: &str) -> Self {
         Self {
             array: Some(name.to_owned()),
@@ -43,7 +43,7 @@ impl ArrayError {
         }
     }
 
-    /// What is wrong, with the array but without the file.
+    /// What is wrong, with the name of the array but without the file.
     pub(crate) fn what(&self) -> String {
         match &self.array {
             Some(array) => format!("array `{array}`: {}", self.what),

@@ -1,9 +1,9 @@
 //! HDF5 files of arrays, read and written without the C library.
 //!
-//! Reading goes through `hdf5-reader`, which reads the parts of a file that are asked for, never
-//! the whole, and checks what the file claims; writing through `hdf5-writer` of the same authors.
-//! Links to other files are not followed. Only what exchange formats use is read: arrays of
-//! numbers in nested groups. Attributes are ignored.
+//! Files are read with `hdf5-reader`, which reads only the parts that are asked for and checks what the file
+//! claims. They are written with `hdf5-writer` by the same authors. Links to other files are not followed. Only
+//! the parts of HDF5 that exchange formats use are read: arrays of numbers in nested groups. Attributes are
+//! ignored.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -18,12 +18,14 @@ use super::ArrayError;
 use super::array::{Array, Element, Kind, MOST_BYTES};
 use crate::files::{open_file, write_new};
 
-/// The most groups and arrays of a file: each costs memory for its name. A hundred thousand pairs have a
-/// million arrays. Groups are counted as often as they are met: links make few of them look like many.
+/// The most groups and arrays of a file, since each needs memory for its name. A file with a hundred thousand
+/// pairs has a million arrays. A group is counted each time it is met, since links can make a few groups look
+/// like many.
 const MOST_MEMBERS: usize = 4_000_000;
 /// The most bytes of all their paths together.
 const MOST_NAME_BYTES: usize = 1 << 30;
-/// The deepest nesting of groups: names of images may have folders, and links may form circles.
+/// The deepest nesting of groups. It is limited because links may form cycles; names of images may contain
+/// folders.
 const DEEPEST: usize = 24;
 
 /// An opened file.
@@ -36,7 +38,7 @@ impl Hdf5 {
     /// Opens the file.
     ///
     /// # Errors
-    /// If it cannot be read or is no HDF5 file.
+    /// If it cannot be read or is not an HDF5 file.
     pub(crate) fn open(path: &Path) -> Result<Self, ArrayError> {
         let file = open_file(path).map_err(|error| ArrayError::unreadable(path, error))?;
         let storage =
@@ -59,7 +61,7 @@ impl Hdf5 {
     /// Paths of all arrays, `group/group/array`, in the order of the file.
     ///
     /// # Errors
-    /// If a group cannot be read, or there are absurdly many.
+    /// If a group cannot be read, or there are too many arrays.
     pub(crate) fn arrays(&self) -> Result<Vec<String>, ArrayError> {
         self.arrays_within(MOST_MEMBERS, MOST_NAME_BYTES)
     }
@@ -108,7 +110,7 @@ impl Hdf5 {
     /// The array at `path`.
     ///
     /// # Errors
-    /// If it is missing, cannot be read, or is no array of numbers.
+    /// If it is missing, cannot be read, or is not an array of numbers.
     pub(crate) fn array(&self, path: &str) -> Result<Array, ArrayError> {
         let array = || {
             let dataset = self.file.dataset(path).map_err(|error| error.to_string())?;
@@ -165,7 +167,7 @@ fn element(datatype: &Datatype) -> Option<Element> {
     Element::new(kind, usize::from(size), order == ByteOrder::BigEndian)
 }
 
-/// What elements are that are not read, in words.
+/// The kind of elements that cannot be read, in words.
 fn kind(datatype: &Datatype) -> &'static str {
     match datatype {
         Datatype::FloatingPoint { .. } | Datatype::FixedPoint { .. } => {
@@ -179,12 +181,12 @@ fn kind(datatype: &Datatype) -> &'static str {
     }
 }
 
-/// A file to be written.
+/// A file that is being built.
 #[derive(Default)]
 pub(crate) struct Hdf5Out(Hdf5Builder);
 
 impl Hdf5Out {
-    /// Adds an array of 32-bit floats at `path`; its groups come with it.
+    /// Adds an array of 32-bit floats at `path`, and its groups.
     pub(crate) fn floats(&mut self, path: String, shape: &[usize], values: &[f32]) {
         let array = DatasetBuilder::typed_data(path, sides(shape), values);
         self.add(array.expect("as many values as the shape says"));
@@ -206,10 +208,10 @@ impl Hdf5Out {
         self.0 = std::mem::take(&mut self.0).dataset(array);
     }
 
-    /// Writes the file, whole or not at all.
+    /// Writes the file, completely or not at all.
     ///
     /// # Errors
-    /// If it cannot be written, or two arrays have one name.
+    /// If it cannot be written, or two arrays have the same name.
     pub(crate) fn write(self, path: &Path) -> io::Result<()> {
         let bytes = (self.0.into_plan())
             .and_then(|plan| plan.encode(WriteOptions::default()))
@@ -343,7 +345,7 @@ mod tests {
         for place in 0..whole.len() {
             let mut changed = whole.clone();
             changed[place] ^= (place as u8) | 1;
-            // Refused or read; a changed number inside an array cannot be noticed.
+            // The file is refused or read; a changed number inside an array cannot be detected.
             let _ = read_all(&changed);
         }
     }

@@ -1,8 +1,8 @@
-//! Arrays of numbers in numpy's and HDF5's files, of which nothing is believed.
+//! Arrays of numbers from numpy and HDF5 files. Nothing that such a file claims is trusted.
 //!
-//! Datasets, matches and features come in them, from people and from programs. What a file claims is
-//! compared with the bytes that are there before memory is asked for; what no file of this field needs
-//! (objects, which are pickles, links to other files, arrays above [`MOST_BYTES`]) is refused.
+//! Datasets, matches and features come in these files, from people and from programs. What a file claims is
+//! compared with the bytes that it has, before memory is allocated. What no file of this field needs is
+//! refused: objects (which are pickles), links to other files, arrays above [`MOST_BYTES`].
 
 mod array;
 mod error;

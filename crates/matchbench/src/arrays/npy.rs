@@ -1,4 +1,4 @@
-//! numpy's file of an array, `.npy`.
+//! numpy's file format for one array, `.npy`.
 //!
 //! It begins with `\x93NUMPY`, a version (2 bytes), the length of the header (2 bytes in version 1, 4 in
 //! 2 and 3, little-endian) and the header, the text of a Python dictionary
@@ -6,15 +6,15 @@
 //! "NEP 1, A Simple File Format for NumPy Arrays".) Only arrays of numbers are read: arrays of
 //! objects are pickles, which can run code, and are refused.
 //!
-//! The header is scanned here rather than parsed as Python: three known keys, no recursion, so
-//! that no header can exhaust the stack.
+//! The header is scanned here and not parsed as Python: it has three known keys and no recursion, so no header
+//! can exhaust the stack.
 
 use std::io::Read;
 
 use super::array::{Array, Element, bytes_of};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
-/// numpy itself refuses longer headers.
+/// Longest header; numpy itself refuses longer ones.
 const MOST_HEADER: usize = 10_000;
 /// The most dimensions of an array.
 const MOST_SIDES: usize = 8;
@@ -41,10 +41,10 @@ pub(super) fn header(descr: &str, shape: &[usize]) -> Vec<u8> {
     bytes
 }
 
-/// The array in `file`, which ends with it.
+/// The array in `file`; nothing may follow it.
 ///
 /// # Errors
-/// If it is none, or another one than its header says.
+/// If it is not an array, or does not agree with its header.
 pub(super) fn read_array(file: &mut impl Read, most_bytes: u64) -> Result<Array, String> {
     let mut start = [0; 8];
     read(file, &mut start)?;
@@ -80,7 +80,7 @@ pub(super) fn read_array(file: &mut impl Read, most_bytes: u64) -> Result<Array,
     let size =
         size.ok_or_else(|| format!("its shape {shape:?} is larger than {most_bytes} bytes"))?;
     let mut bytes = Vec::new();
-    // Memory grows with what is there, not with what is claimed.
+    // Memory grows with the bytes that exist, not with the claimed size.
     (file.take(size + 1).read_to_end(&mut bytes)).map_err(|error| error.to_string())?;
     if bytes.len() as u64 > size {
         return Err("it is longer than its header says".into());
@@ -102,7 +102,7 @@ struct Header {
     shape: Vec<usize>,
 }
 
-/// What a header says; `None` where it has another form, an error where it is understood and refused.
+/// The content of a header. `None` if it has another form; an error if it is understood but refused.
 fn parse_header(header: &str) -> Option<Result<Header, String>> {
     let value = |key: &str| {
         let (_, rest) = header.split_once(&format!("'{key}':"))?;

@@ -14,7 +14,7 @@ use super::array::{Array, MOST_BYTES};
 use super::npy::{header, read_array};
 use crate::files::open_file;
 
-/// The most members that an archive may have; each name is held in memory.
+/// The most members of an archive, since each name is kept in memory.
 const MOST_MEMBERS: usize = 4096;
 
 /// An opened `.npz`.
@@ -22,7 +22,7 @@ const MOST_MEMBERS: usize = 4096;
 pub(crate) struct Npz {
     path: PathBuf,
     zip: ZipArchive<BufReader<File>>,
-    /// The most that an array may have.
+    /// The most bytes that an array may have.
     most_bytes: u64,
 }
 
@@ -30,7 +30,7 @@ impl Npz {
     /// Opens the archive.
     ///
     /// # Errors
-    /// If it cannot be read or is no zip file.
+    /// If it cannot be read or is not a zip file.
     pub(crate) fn open(path: &Path) -> Result<Self, ArrayError> {
         let file = open_file(path).map_err(|error| ArrayError::unreadable(path, error))?;
         let zip = ZipArchive::new(BufReader::new(file))
@@ -46,7 +46,7 @@ impl Npz {
         })
     }
 
-    /// The same, where no array has more bytes than these.
+    /// The same archive, with this limit for the bytes of an array.
     pub(crate) fn with_arrays_of(mut self, bytes: usize) -> Self {
         self.most_bytes = MOST_BYTES.min(bytes as u64);
         self
@@ -68,7 +68,7 @@ impl Npz {
     /// The array called `name`, if there is one.
     ///
     /// # Errors
-    /// If it cannot be read, or is no array of numbers.
+    /// If it cannot be read, or is not an array of numbers.
     pub(crate) fn find(&mut self, name: &str) -> Result<Option<Array>, ArrayError> {
         let member = format!("{name}.npy");
         if self.zip.index_for_name(&member).is_none() {
@@ -100,8 +100,8 @@ impl Npz {
     }
 }
 
-/// The bytes of an archive of arrays, each a name, a shape and an array of little-endian elements
-/// with numpy's name of their type. The same arrays give the same bytes.
+/// The bytes of an archive of arrays. Each array is given by a name, a shape, numpy's name of its type, and
+/// little-endian elements. The same arrays give the same bytes.
 pub(crate) fn npz(arrays: &[(&str, &[usize], &str, Vec<u8>)]) -> Vec<u8> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Stored)

@@ -1,4 +1,4 @@
-//! Features as the bytes of a file.
+//! The file format of cached features.
 //!
 //! All numbers are little-endian.
 //!
@@ -14,8 +14,8 @@
 //! | n x row | descriptors, row after row: `f32` (layout 0), bytes (1) or `u64` words (2) |
 //! | 32 | BLAKE3 of all the above |
 //!
-//! Real values that are all whole numbers from 0 to 255, as SIFT's, are stored as bytes. What comes
-//! back is the same bit for bit.
+//! Real values that are all whole numbers from 0 to 255, such as SIFT's, are stored as bytes. The features that
+//! are read equal those that were written, bit for bit.
 
 use matchbench_vision::features::{BinaryRows, Descriptors, Features, FloatRows};
 use matchbench_vision::image::Size;
@@ -63,7 +63,7 @@ pub(super) fn to_bytes(features: &Features, key: Key) -> Vec<u8> {
     file
 }
 
-/// The features in a file, if they were saved under `key` and the file is whole.
+/// The features in a file, if they were saved under `key` and the file is complete.
 pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<Features> {
     let (content, checksum) = file.split_at_checked(file.len().checked_sub(CHECKSUM)?)?;
     if blake3::hash(content) != *<&[u8; CHECKSUM]>::try_from(checksum).ok()? {
@@ -120,7 +120,7 @@ pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<Features> {
     })
 }
 
-/// Whether `x` survives being a byte, bit for bit: neither a fraction nor -0 does.
+/// Whether `x` can be stored as a byte without changing a bit; fractions and -0 cannot.
 fn is_byte(x: f32) -> bool {
     f32::from(x as u8).to_bits() == x.to_bits()
 }
@@ -171,7 +171,7 @@ mod tests {
             let file = to_bytes(&features, KEY);
             let back = from_bytes(&file, KEY).expect("the file is whole");
             assert_eq!(back, features);
-            // Equal bytes are equal bits, also of the zeros with a sign.
+            // If the bytes are equal, the bits are equal, also those of zeros with a sign.
             assert_eq!(to_bytes(&back, KEY), file);
         }
     }

@@ -8,7 +8,7 @@ use std::fmt;
 
 use crate::matchers::Extraction;
 
-/// What features were made from, as a hash.
+/// The key of features: a hash of everything they were made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Key(pub(crate) [u8; 32]);
 

@@ -1,4 +1,4 @@
-//! Keypoints that matchers share, as the bytes of a file.
+//! The file format of cached keypoints, which several matchers share.
 //!
 //! All numbers are little-endian.
 //!
@@ -32,7 +32,8 @@ pub(super) fn to_bytes(keypoints: &[Keypoint], seconds: f64, key: Key) -> Vec<u8
     file
 }
 
-/// The keypoints in a file and their seconds, if they were saved under `key` and the file is whole.
+/// The keypoints in a file and the seconds that they took, if they were saved under `key` and the file is
+/// complete.
 pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<(Vec<Keypoint>, f64)> {
     let (content, checksum) = file.split_at_checked(file.len().checked_sub(CHECKSUM)?)?;
     let mut reader = Reader(content);

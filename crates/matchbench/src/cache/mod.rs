@@ -1,4 +1,5 @@
-//! Features and keypoints on disk, found by what they were made from (see [`Key`]), never by a name.
+//! A cache of features and keypoints on disk. They are found by a hash of what they were made from (see
+//! [`Key`]), never by a name.
 
 mod feature_file;
 mod key;
@@ -15,34 +16,34 @@ pub use key::Key;
 use crate::files::{read_file, remove_leftovers_below, write_whole_file};
 use crate::matchers::Extraction;
 
-/// A folder of features. Any number of runs may share one at the same time; it can be deleted
-/// whenever none is running.
+/// A folder of features. Any number of runs may use one folder at the same time. It can be deleted when no run
+/// is active.
 #[derive(Clone, Debug)]
 pub struct FeatureCache {
     folder: PathBuf,
 }
 
 impl FeatureCache {
-    /// The cache in `folder`, which is made when it is first needed.
+    /// The cache in `folder`, which is created when it is first needed.
     pub fn new(folder: impl Into<PathBuf>) -> Self {
         Self {
             folder: folder.into(),
         }
     }
 
-    /// Removes what killed processes left half written.
+    /// Removes incomplete files of processes that were killed.
     pub(crate) fn remove_leftovers(&self) {
         remove_leftovers_below(&self.folder, 1);
     }
 
-    /// The features of an image file, turned by so many quarters, if they are in the cache: for
-    /// pictures, which do without.
+    /// The features of an image file, turned by `quarters` quarters, if they are in the cache. This is for
+    /// pictures, which can be drawn without features.
     pub fn find(&self, image: &Path, quarters: u8, extraction: &Extraction) -> Option<Features> {
         self.load(Key::new(&read_file(image).ok()?, quarters, extraction))
     }
 
-    /// The features that were saved under `key`. A file that is torn, foreign or unreadable counts
-    /// as none: the features are then computed and the file is replaced.
+    /// The features that were saved under `key`. A file that is incomplete, foreign or unreadable counts as
+    /// missing: the features are then computed, and the file is replaced.
     pub fn load(&self, key: Key) -> Option<Features> {
         feature_file::from_bytes(&read_file(&self.path(key)).ok()?, key)
     }
@@ -55,13 +56,13 @@ impl FeatureCache {
         write_whole_file(&self.path(key), &feature_file::to_bytes(features, key))
     }
 
-    /// The keypoints that were saved under `key`, and the seconds that finding them took.
+    /// The keypoints that were saved under `key`, and the seconds that it took to find them.
     pub fn load_keypoints(&self, key: Key) -> Option<(Vec<Keypoint>, f64)> {
         let path = self.path(key).with_extension("keypoints");
         keypoint_file::from_bytes(&read_file(&path).ok()?, key)
     }
 
-    /// Saves keypoints that were found in so many `seconds`.
+    /// Saves keypoints that took `seconds` to find.
     ///
     /// # Errors
     /// If the file cannot be written; the error names it.
@@ -70,7 +71,7 @@ impl FeatureCache {
         write_whole_file(&path, &keypoint_file::to_bytes(keypoints, seconds, key))
     }
 
-    /// The first two digits are a folder, so that no folder grows beyond what file systems like.
+    /// The first two digits are a folder, so that no folder has more files than file systems handle well.
     fn path(&self, key: Key) -> PathBuf {
         let name = key.to_string();
         self.folder
@@ -103,7 +104,7 @@ mod tests {
         fs::copy(cache.path(key), cache.path(other)).unwrap();
         assert_eq!(cache.load(other), None, "a renamed file is foreign");
 
-        // A pipe without a reader is not waited for.
+        // A pipe that nobody writes to must not block.
         let missing = Key([3; 32]);
         fs::create_dir_all(cache.path(missing)).unwrap();
         let refused = cache.save(missing, &features).unwrap_err().to_string();

@@ -1,4 +1,4 @@
-//! What the two kinds of files share: numbers, keypoints, the checksum at the end.
+//! Code that both kinds of cache files share: numbers, keypoints, the checksum at the end.
 
 use matchbench_vision::features::Keypoint;
 use nalgebra::Point2;
@@ -17,7 +17,7 @@ pub(super) fn push_keypoint(file: &mut Vec<u8>, keypoint: &Keypoint) {
     file.extend(keypoint.octave.to_le_bytes());
 }
 
-/// What is left of a file.
+/// The part of a file that was not read yet.
 pub(super) struct Reader<'a>(pub(super) &'a [u8]);
 
 impl Reader<'_> {

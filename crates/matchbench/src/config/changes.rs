@@ -1,21 +1,21 @@
-//! Parameters as a user changes them: `ID.NAME=VALUE`.
+//! Changes of parameters by a user: `ID.NAME=VALUE`.
 
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use super::{ConfigError, merge};
 
-/// Changed parameters: id of a matcher or estimator, to a JSON object for it.
+/// Changed parameters: for the id of a matcher or estimator, a JSON object.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(transparent)]
 pub struct Changes(Map<String, Value>);
 
 impl Changes {
     /// `["sift.ratio=0.7", "sift.extractor.sigma=1"]` becomes
-    /// `{"sift": {"ratio": 0.7, "extractor": {"sigma": 1}}}`. Later settings win over earlier ones.
+    /// `{"sift": {"ratio": 0.7, "extractor": {"sigma": 1}}}`. Later settings replace earlier ones.
     ///
     /// # Errors
-    /// If a setting has another form, or sets a part of what was given a value before.
+    /// If a setting has another form, or sets a part of something to which an earlier setting gave a value.
     pub fn parse(settings: &[String]) -> Result<Self, ConfigError> {
         let mut changes = Map::new();
         for setting in settings {
@@ -24,7 +24,7 @@ impl Changes {
         Ok(Self(changes))
     }
 
-    /// These, and `others` where they name the same.
+    /// These changes with `others` added; if both name the same parameter, `others` win.
     #[must_use]
     pub fn with(self, others: Self) -> Self {
         let mut all = Value::Object(self.0);
@@ -35,18 +35,18 @@ impl Changes {
         }
     }
 
-    /// The parameters of the matcher or estimator `id`, if any were changed.
+    /// The changed parameters of the matcher or estimator `id`, if there are any.
     pub fn of(&self, id: &str) -> Option<&Value> {
         self.0.get(id)
     }
 
-    /// The ids that are named.
+    /// The ids that have changes.
     pub fn ids(&self) -> impl Iterator<Item = &str> {
         self.0.keys().map(String::as_str)
     }
 }
 
-/// A value is JSON; what is not, is text: `sift.search=exact` needs no quotes.
+/// Reads a value as JSON; if it is not JSON, it is text. So `sift.search=exact` needs no quotes.
 pub fn parse_value(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.into()))
 }

@@ -1,8 +1,8 @@
 //! Names and parameters of matchers and estimators, as users write them.
 //!
-//! A parameter that nobody reads is the worst kind of mistake: the run succeeds and the table is
-//! about something else. So every parameter struct denies unknown fields, and what is refused is
-//! named.
+//! A parameter that no code reads is the worst kind of mistake: the run succeeds, but the table is about
+//! something else. So every struct of parameters denies unknown fields, and the error names the field that was
+//! refused.
 
 mod changes;
 mod names;
@@ -16,7 +16,7 @@ use serde_json::{Map, Value};
 pub use changes::{Changes, parse_value};
 pub use names::{UnknownName, find};
 
-/// Parameters that do not fit what they are for.
+/// An error in the parameters of a matcher or estimator.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("parameters of `{id}`: {reason}")]
 pub struct ConfigError {
@@ -27,7 +27,7 @@ pub struct ConfigError {
 }
 
 impl ConfigError {
-    /// Parameters of the matcher or estimator `id` that are wrong for this `reason`.
+    /// The error that the parameters of the matcher or estimator `id` are wrong for this `reason`.
     pub fn new(id: &str, reason: impl fmt::Display) -> Self {
         Self {
             id: id.into(),
@@ -36,8 +36,8 @@ impl ConfigError {
     }
 }
 
-/// The parameters of the matcher or estimator `id`: those of `config`, a JSON object, and the
-/// defaults for all that it leaves out (everything, where there is no `config`).
+/// The parameters of the matcher or estimator `id`: those in `config`, a JSON object, and the defaults for all
+/// others. Without a `config`, all are defaults.
 ///
 /// `P` must carry `#[serde(default, deny_unknown_fields)]`.
 ///
@@ -49,7 +49,7 @@ pub fn parse_params<P: DeserializeOwned + Default>(
 ) -> Result<P, ConfigError> {
     match config {
         None => Ok(P::default()),
-        // Checked here because serde would take an array too, field by field.
+        // Checked here because serde would also accept an array, field by field.
         Some(object @ Value::Object(_)) => {
             P::deserialize(object).map_err(|error| ConfigError::new(id, error))
         }
@@ -60,7 +60,7 @@ pub fn parse_params<P: DeserializeOwned + Default>(
     }
 }
 
-/// As [`parse_params`], where the defaults of this matcher are not those of its type.
+/// As [`parse_params`], for a matcher whose defaults are not those of the type.
 ///
 /// # Errors
 /// As [`parse_params`].
@@ -75,12 +75,12 @@ pub fn parse_params_over<P: Serialize + DeserializeOwned>(
     }
 }
 
-/// What is given, and `defaults` for all that it leaves out, at any depth. For
-/// `#[serde(deserialize_with)]` of a part whose defaults in this matcher are not those of its type:
-/// without it, giving one parameter of the part would reset the others.
+/// The `given` parameters, and `defaults` for all others, at any depth. It is for `#[serde(deserialize_with)]`
+/// of a part whose defaults in this matcher are not those of its type. Without it, giving one parameter of the
+/// part would reset the others.
 ///
 /// # Errors
-/// If it is not an object, names a parameter that `P` lacks or gives one the wrong type.
+/// If `given` is not an object, names a parameter that `P` lacks, or gives one the wrong type.
 pub fn over<'de, P, D>(defaults: &P, given: D) -> Result<P, D::Error>
 where
     P: Serialize + DeserializeOwned,
@@ -92,7 +92,7 @@ where
     P::deserialize(all).map_err(D::Error::custom)
 }
 
-/// Parameters `given` over others, at any depth.
+/// The `given` parameters merged into `others`, at any depth; `given` wins.
 pub fn together(others: Option<Value>, given: Option<Value>) -> Option<Value> {
     match (others, given) {
         (Some(mut all), Some(given)) => {
@@ -114,8 +114,8 @@ fn merge(all: &mut Value, given: Value) {
     }
 }
 
-/// Parameters as JSON. By way of text, which keeps the `f32` 0.8 what a person would write; as a
-/// value it would become 0.800000011920929.
+/// Parameters as JSON. They are converted through text, so that the `f32` 0.8 stays 0.8, as a person would
+/// write it; a direct conversion would give 0.800000011920929.
 pub fn to_json<P: Serialize>(params: &P) -> Value {
     let text = serde_json::to_string(params).expect("parameters are plain JSON");
     serde_json::from_str(&text).expect("written just now")

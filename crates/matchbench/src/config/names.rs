@@ -1,6 +1,6 @@
-//! Names of matchers and estimators, as users write them.
+//! Looks up names of matchers, estimators and the like, as users write them.
 
-/// There is nothing of this name.
+/// There is no entry with this name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown {kind} `{name}`{suggestion}; there are: {known}")]
 pub struct UnknownName {
@@ -10,11 +10,11 @@ pub struct UnknownName {
     known: String,
 }
 
-/// The one of `entries` whose name, as `name_of` tells it, is `name`.
+/// The entry with the name `name`; `name_of` gives the name of an entry.
 ///
 /// # Errors
-/// If there is none; the error says what `kind` of thing was looked for, names the nearest where
-/// one is near, and all.
+/// If there is none. The error says what `kind` of thing was looked for, names the most similar one if there is
+/// one, and lists all.
 pub fn find<'n, E: Copy>(
     kind: &'static str,
     entries: &[E],
@@ -26,7 +26,7 @@ pub fn find<'n, E: Copy>(
         return Ok(entries[index]);
     }
     let nearest = (names().map(|known| (edits(name, known), known)))
-        // With half of the letters wrong it is another word.
+        // If half of the letters are wrong, it is probably another word.
         .filter(|&(edits, known)| 2 * edits <= known.len())
         .min();
     Err(UnknownName {
@@ -39,8 +39,8 @@ pub fn find<'n, E: Copy>(
     })
 }
 
-/// Letters to be inserted, removed or replaced to turn `a` into `b`, whatever their case
-/// (Levenshtein, "Binary codes capable of correcting deletions, insertions, and reversals", 1966).
+/// Number of letters to insert, remove or replace to turn `a` into `b`, ignoring case (Levenshtein, "Binary
+/// codes capable of correcting deletions, insertions, and reversals", 1966).
 fn edits(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.to_lowercase().chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

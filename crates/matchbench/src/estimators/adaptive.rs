@@ -1,11 +1,11 @@
-//! `adaptive`: no threshold to choose, and matches weighed by how their keypoints turned.
+//! `adaptive`: has no threshold to choose, and weights matches by how their keypoints are turned.
 
 use matchbench_vision::robust::presets;
 
 use super::Preset;
 
-/// As `best`, but the noise of each pair is estimated, models are scored over several thresholds about it, and matches
-/// whose keypoints turned unlike most are trusted less.
+/// As `best`, but the noise of each pair is estimated, and models are scored over several thresholds around it.
+/// Matches whose keypoints are turned by another angle than most are trusted less.
 pub(super) const ADAPTIVE: Preset = Preset {
     id: "adaptive",
     summary: "our recommendation where keypoints have an orientation, and no threshold to choose: as best, but the noise of each pair is estimated, models are scored over several thresholds about it, and matches whose keypoints turned unlike most count less",

@@ -1,10 +1,11 @@
-//! `best`: our recommendation for points alone.
+//! `best`: our recommendation if nothing but the coordinates of matches is used.
 
 use matchbench_vision::robust::presets;
 
 use super::Preset;
 
-/// Our recommendation: progressive samples, a score that crowds of matches do not dominate, local optimisation, robust refinement.
+/// Our recommendation: progressive sampling, a score that dense groups of matches do not dominate, local
+/// optimisation, robust refinement.
 pub(super) const BEST: Preset = Preset {
     id: "best",
     summary: "our recommendation for points alone: progressive samples, a score that crowds of matches do not dominate, local optimisation, robust refinement",

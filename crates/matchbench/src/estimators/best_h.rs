@@ -4,7 +4,7 @@ use matchbench_vision::robust::{HomographyParams, presets};
 
 use super::Preset;
 
-/// Our recommendation for homographies: as `best`, from four matches at a time.
+/// Our recommendation for homographies: as `best`, with samples of four matches.
 pub(super) const BEST_H: Preset<HomographyParams> = Preset {
     id: "best-h",
     summary: "homography, our recommendation: progressive samples, a score that crowds of matches do not dominate, local optimisation, robust refinement",

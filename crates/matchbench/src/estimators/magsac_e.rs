@@ -1,4 +1,4 @@
-//! `magsac-e`: all noise levels up to a largest one.
+//! `magsac-e`: scores models over all noise levels up to a largest one.
 
 use matchbench_vision::robust::presets;
 

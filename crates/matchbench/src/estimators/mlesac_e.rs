@@ -1,4 +1,4 @@
-//! `mlesac-e`: the likeliest essential matrix.
+//! `mlesac-e`: the essential matrix with the highest likelihood.
 
 use matchbench_vision::robust::presets;
 

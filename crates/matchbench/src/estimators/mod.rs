@@ -1,4 +1,4 @@
-//! Every estimator that a run can name, of poses and of homographies: one file each, and the list.
+//! All estimators that a run can name, of poses and of homographies: one file each, and the list of them.
 
 mod adaptive;
 mod best;
@@ -26,7 +26,7 @@ use serde_json::Value;
 
 use crate::config::{self, ConfigError, UnknownName, parse_params, to_json};
 
-/// An estimator by name: what it is, and how to make one.
+/// The entry of an estimator: its name, what it is, and how to build it.
 pub trait EstimatorEntry: Sync {
     /// The name in commands, records and tables; lower case, words joined by `-`.
     fn id(&self) -> &'static str;
@@ -46,8 +46,8 @@ pub trait EstimatorEntry: Sync {
     /// If a parameter is unknown, would do nothing, or is of another type or out of range.
     fn build(&self, params: Option<&Value>) -> Result<BuiltEstimator, ConfigError>;
 
-    /// The parameters `written` in the plan of an earlier version, as [`BuiltEstimator::params`] has them
-    /// now: without those that did nothing.
+    /// Converts the parameters `written` in the plan of an earlier version to the form that
+    /// [`BuiltEstimator::params`] has now: parameters that had no effect are removed.
     fn modernized(&self, written: &Value) -> Value {
         written.clone()
     }
@@ -57,7 +57,7 @@ pub trait EstimatorEntry: Sync {
 pub struct BuiltEstimator {
     /// Id of its entry.
     pub id: String,
-    /// Every parameter, also those left at their defaults.
+    /// Every parameter, including those at their defaults.
     pub params: Value,
     /// The estimator.
     pub estimator: Estimator,
@@ -71,7 +71,7 @@ pub enum Estimator {
     Homography(Box<dyn HomographyEstimator>),
 }
 
-/// All estimators, in the order of tables. A new one is a file of this folder and a line here.
+/// All estimators, in the order of tables. To add one, write a file in this folder and add a line here.
 pub const ESTIMATORS: &[&dyn EstimatorEntry] = &[
     &ransac_e::RansacE,
     &ransac_e_inliers::RANSAC_E_INLIERS,
@@ -90,7 +90,7 @@ pub const ESTIMATORS: &[&dyn EstimatorEntry] = &[
     &best_h::BEST_H,
 ];
 
-/// An entry that is an estimator by sample consensus with defaults of its own.
+/// An entry for an estimator by sample consensus that has its own defaults.
 struct Preset<P = SampleConsensusParams> {
     id: &'static str,
     summary: &'static str,
@@ -100,15 +100,16 @@ struct Preset<P = SampleConsensusParams> {
 
 /// Parameters of an estimator by sample consensus.
 trait PresetParams: Serialize {
-    /// These, with the `changes`.
+    /// These parameters, with the `changes`.
     fn changed(self, changes: Settings) -> Result<Self, ParamError>
     where
         Self: Sized;
 
-    /// The estimator that has them.
+    /// The estimator with these parameters.
     fn estimator(&self) -> Result<Estimator, ParamError>;
 
-    /// The settings `written` by an earlier version for defaults like these, without those that did nothing.
+    /// Converts settings `written` by an earlier version for defaults like these: settings that had no effect
+    /// are removed.
     fn of_earlier_version(&self, written: Settings) -> Settings {
         written
     }
@@ -181,7 +182,7 @@ impl<P: PresetParams> EstimatorEntry for Preset<P> {
 /// The estimator called `id`.
 ///
 /// # Errors
-/// If there is none; the error names the nearest, and all.
+/// If there is none. The error names the most similar one, and lists all.
 pub fn find(id: &str) -> Result<&'static dyn EstimatorEntry, UnknownName> {
     config::find("estimator", ESTIMATORS, EstimatorEntry::id, id)
 }

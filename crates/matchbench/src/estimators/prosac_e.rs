@@ -4,7 +4,7 @@ use matchbench_vision::robust::presets;
 
 use super::Preset;
 
-/// Essential matrix by five-point sample consensus, the least ambiguous matches first.
+/// Essential matrix by five-point sample consensus that samples the least ambiguous matches first.
 pub(super) const PROSAC_E: Preset = Preset {
     id: "prosac-e",
     summary: "essential matrix by five-point sample consensus, the least ambiguous matches first",

@@ -1,10 +1,10 @@
-//! `ransac-e-inliers`: the calls of OpenCV behind the scores of SuperGlue, LoFTR and RoMa.
+//! `ransac-e-inliers`: the OpenCV calls that the scores of SuperGlue, LoFTR and RoMa are based on.
 
 use matchbench_vision::robust::presets;
 
 use super::Preset;
 
-/// Five-point RANSAC whose inliers alone choose among the four poses.
+/// Five-point RANSAC; only the inliers choose among the four poses.
 pub(super) const RANSAC_E_INLIERS: Preset = Preset {
     id: "ransac-e-inliers",
     summary: "ransac-e as SuperGlue and learned matchers since call it: the inliers alone choose the pose, at any depth",

@@ -1,4 +1,4 @@
-//! `ransac-f`: seven-point RANSAC; the calibration is used afterwards.
+//! `ransac-f`: seven-point RANSAC without calibration, which is used only afterwards.
 
 use matchbench_vision::robust::presets;
 

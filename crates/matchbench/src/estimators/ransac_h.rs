@@ -1,4 +1,4 @@
-//! `ransac-h`: a homography from four matches at a time, the baseline.
+//! `ransac-h`: the baseline for homographies, with samples of four matches.
 
 use matchbench_vision::robust::{HomographyParams, presets};
 

@@ -5,7 +5,8 @@ use matchbench_vision::robust::presets;
 
 use super::Preset;
 
-/// Essential matrix from very many matches: spatially even samples and score, local optimisation, refinement over all inliers.
+/// Essential matrix from very many matches: spatially uniform samples and score, local optimisation, refinement
+/// over all inliers.
 pub(super) const RICH: Preset = Preset {
     id: "rich",
     summary: "essential matrix from very many matches: spatially even samples and score, local optimisation, refinement over all inliers",

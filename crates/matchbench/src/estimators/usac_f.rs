@@ -1,5 +1,6 @@
-//! `usac-f`: PROSAC, seven points and local optimisation: the configuration of USAC that the paper's authors used,
-//! with its sequential probability ratio test, its degeneracy check, 1.5 pixels and confidence 0.99.
+//! `usac-f`: the configuration of USAC that the paper's authors used. It has PROSAC, seven-point samples, local
+//! optimisation, USAC's sequential probability ratio test and its degeneracy check, a threshold of 1.5 pixels
+//! and confidence 0.99.
 
 use matchbench_vision::robust::presets;
 

@@ -1,4 +1,4 @@
-//! Files that grow.
+//! Files that are appended to.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Seek, SeekFrom};
@@ -9,9 +9,9 @@ use super::{make_folder, sync_folder_of};
 
 /// A file that is only ever appended to.
 ///
-/// What was appended is with the operating system: a process that is killed loses none of it, and leaves
-/// at most one part of a last piece behind, which the next one cuts off. A machine that loses power
-/// keeps what was [synced](Self::sync).
+/// Appended data are handed to the operating system. So a process that is killed loses none of them, and leaves
+/// at most a part of the last piece, which the next process cuts off. A machine that loses power keeps what was
+/// [synced](Self::sync).
 #[derive(Debug)]
 pub(crate) struct Appender {
     path: PathBuf,
@@ -21,12 +21,11 @@ pub(crate) struct Appender {
 }
 
 impl Appender {
-    /// Opens the file to be appended to from byte `end` on; what lies behind it was left unfinished and
-    /// is cut off. Without an `end` it is the length of the file. The file is made if it is not there,
-    /// as is its folder.
+    /// Opens the file to append at byte `end`. What follows `end` was not finished and is cut off. Without
+    /// `end`, the length of the file is used. A missing file is created, and so is its folder.
     ///
     /// # Errors
-    /// What the system says.
+    /// The error of the operating system.
     pub(crate) fn open(path: &Path, end: Option<u64>) -> io::Result<Self> {
         let is_new = !path.exists();
         if let Some(folder) = path.parent() {
@@ -52,11 +51,11 @@ impl Appender {
         Ok(appender)
     }
 
-    /// Appends a piece, and says where it begins. After an error a part of it may be there; the next
-    /// piece takes its place.
+    /// Appends a piece, and returns the position where it begins. After an error, a part of it may be in the
+    /// file; the next piece overwrites it.
     ///
     /// # Errors
-    /// What the system says (a full disk).
+    /// The error of the operating system, such as a full disk.
     pub(crate) fn append(&mut self, piece: &[u8]) -> io::Result<u64> {
         self.is_synced = false;
         if let Err(error) = write_all(&mut self.file, &self.path, piece) {
@@ -68,10 +67,10 @@ impl Appender {
         Ok(start)
     }
 
-    /// Waits until what was appended is safe from the power supply.
+    /// Waits until appended data would survive a loss of power.
     ///
     /// # Errors
-    /// What the system says.
+    /// The error of the operating system.
     pub(crate) fn sync(&mut self) -> io::Result<()> {
         if !self.is_synced {
             sync(&self.file, &self.path)?;

@@ -1,13 +1,13 @@
-//! Every call of the file system passes here, so that tests can let each of them fail.
+//! Every call to the file system goes through this file, so that tests can make each of them fail.
 //!
-//! In the program these functions do the call and nothing else. A test that [`break_calls`] in a folder
-//! decides which of the calls there fails, and how.
+//! In the program these functions only make the call. In a test, [`break_calls`] decides which call in a folder
+//! fails, and how.
 
 use std::fs::File;
 use std::io;
 use std::path::Path;
 
-/// What is about to be done.
+/// The kinds of calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Call {
     /// A file is opened.
@@ -16,27 +16,27 @@ pub(crate) enum Call {
     Read,
     /// A file is written to.
     Write,
-    /// A file is cut.
+    /// A file is truncated.
     Cut,
-    /// What was written is brought to the disk.
+    /// Written data are flushed to the disk.
     Sync,
-    /// A file takes another's place.
+    /// A file replaces another.
     Rename,
     /// A folder is made.
     MakeFolder,
 }
 
-/// To be asked before a call.
+/// Must be called before each call to the file system.
 ///
 /// # Errors
-/// Where a test wants it to fail.
+/// If a test wants the call to fail.
 #[cfg(not(test))]
 #[inline]
 pub(crate) fn before(_: Call, _: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Writes all `bytes` at the place where the file is.
+/// Writes all `bytes` at the current position of the file.
 #[cfg(not(test))]
 #[inline]
 pub(crate) fn write_all(file: &mut File, path: &Path, bytes: &[u8]) -> io::Result<()> {
@@ -44,7 +44,7 @@ pub(crate) fn write_all(file: &mut File, path: &Path, bytes: &[u8]) -> io::Resul
     io::Write::write_all(file, bytes)
 }
 
-/// Waits until what was written is on the disk.
+/// Waits until written data are on the disk.
 #[cfg(not(test))]
 #[inline]
 pub(crate) fn sync(file: &File, path: &Path) -> io::Result<()> {
@@ -67,27 +67,27 @@ mod faults {
     /// How a call fails.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub(crate) enum Fault {
-        /// It does nothing and says so.
+        /// The call does nothing and returns an error.
         Error,
-        /// The disk is full after half of what is written.
+        /// The disk becomes full after half of the data were written.
         Full,
-        /// The process is killed: a half is written, and nothing happens any more.
+        /// The process is killed: half of the data are written, and all later calls do nothing.
         Killed,
-        /// The machine loses power: the same, and what was appended but not synced is gone.
+        /// The machine loses power: as when killed, and appended data that were not synced are lost.
         PowerLost,
     }
 
-    /// What happens in a folder as long as this value lives.
+    /// Faults in a folder, active as long as this value lives.
     #[derive(Debug)]
     pub(crate) struct Broken(PathBuf);
 
     #[derive(Debug)]
     struct Plan {
         fault: Fault,
-        /// The calls that succeed before.
+        /// Number of calls that still succeed.
         left: usize,
         happened: Option<(Call, PathBuf)>,
-        /// How long the files were when they were last synced.
+        /// Lengths of the files when they were last synced.
         synced: BTreeMap<PathBuf, u64>,
     }
 
@@ -97,7 +97,7 @@ mod faults {
         PLANS.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Lets all calls in `folder` succeed but the one after `left` others.
+    /// Makes one call in `folder` fail: the one after `left` successful calls.
     pub(crate) fn break_calls(folder: &Path, fault: Fault, left: usize) -> Broken {
         let plan = Plan {
             fault,
@@ -110,7 +110,7 @@ mod faults {
     }
 
     impl Broken {
-        /// The call that failed, if it came so far.
+        /// The call that failed, if it was reached.
         pub(crate) fn happened(&self) -> Option<(Call, PathBuf)> {
             plans()[&self.0].happened.clone()
         }
@@ -122,7 +122,7 @@ mod faults {
         }
     }
 
-    /// What is to happen to a call: nothing, or a failure.
+    /// The failure of a call; `None` if it succeeds.
     fn verdict(call: Call, path: &Path) -> Option<Fault> {
         let mut plans = plans();
         let (_, plan) = plans
@@ -136,7 +136,7 @@ mod faults {
             plan.left -= 1;
             match call {
                 Call::Open => {
-                    // What was there before is taken to be safe.
+                    // Data that existed before are assumed to be on the disk.
                     let length = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
                     plan.synced.entry(path.into()).or_insert(length);
                 }
@@ -144,7 +144,7 @@ mod faults {
                     let length = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
                     plan.synced.insert(path.into(), length);
                 }
-                // A whole file takes the place of what was there.
+                // A complete file replaces the old one.
                 Call::Rename => drop(plan.synced.remove(path)),
                 _ => {}
             }

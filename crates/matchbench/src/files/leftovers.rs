@@ -1,27 +1,27 @@
-//! What killed processes left half written: hidden files and folders that nobody holds.
+//! Removes incomplete files of processes that were killed: hidden files and folders that no process holds.
 //!
-//! Everything that is written beside its place begins with [`PREFIX`] and is locked while its process
-//! lives; a folder by a file in it. The lock ends with the process, however that ends, so what can be
-//! locked belongs to nobody.
+//! The name of every temporary file begins with [`PREFIX`], and the file is locked while its process lives; a
+//! folder is locked by a file in it. The lock ends with the process, however the process ends. So if a file can
+//! be locked, no process needs it.
 
 use std::fs::{self, File};
 use std::path::Path;
 use std::time::Duration;
 
-/// How the names of all begin that is written beside its place.
+/// Names of temporary files and folders begin with this.
 pub(crate) const PREFIX: &str = ".matchbench-";
-/// The file by which a temporary folder is held.
+/// The file in a temporary folder that is locked.
 pub(crate) const HELD: &str = ".held";
-/// What is younger may not be locked yet by who makes it.
+/// A file younger than this may not be locked yet by the process that creates it.
 const YOUNG: Duration = Duration::from_secs(1);
 
 /// Marks a temporary file as one that is being written, as long as it is open.
 pub(crate) fn hold(file: &File) {
-    // Where a file system knows no locks, leftovers stay: that is no reason to write nothing.
+    // If a file system has no locks, leftovers are not removed, but files can still be written.
     let _ = file.try_lock();
 }
 
-/// Removes what killed processes left in a folder, not in those below it.
+/// Removes leftovers of killed processes in a folder, but not in those below it.
 pub fn remove_leftovers(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         if entry.file_name().to_string_lossy().starts_with(PREFIX) {
@@ -30,7 +30,7 @@ pub fn remove_leftovers(folder: &Path) {
     }
 }
 
-/// The same in a folder and those below it, so many levels down; links are not followed.
+/// The same in a folder and those below it, up to `levels` levels down. Links are not followed.
 pub fn remove_leftovers_below(folder: &Path, levels: usize) {
     remove_leftovers(folder);
     let Some(levels) = levels.checked_sub(1) else {
@@ -43,7 +43,7 @@ pub fn remove_leftovers_below(folder: &Path, levels: usize) {
     }
 }
 
-/// Errors are of no concern: what cannot be removed stays what it is, hidden and in nobody's way.
+/// Errors are ignored: a leftover that cannot be removed stays hidden and disturbs nothing.
 fn remove_if_left(path: &Path) {
     let Ok(metadata) = fs::symlink_metadata(path) else {
         return;

@@ -1,42 +1,42 @@
-//! Lines of a file that may be longer than memory, parsed by all threads.
+//! Reads the lines of a file that may be larger than memory, and parses them with all threads.
 //!
-//! The file is read a block at a time. A block ends with the end of a line; what comes after it begins the
-//! next one. The lines of a block are parsed by the threads of the current pool and come back in their order,
-//! so that whoever reads sees the same for any number of threads.
+//! The file is read in blocks. A block ends at the end of a line; the rest of the bytes that were read begins
+//! the next block. The lines of a block are parsed by the threads of the current pool and returned in their
+//! order. So the caller gets the same result for any number of threads.
 
 use std::io::{self, Read};
 
 use memchr::{memchr_iter, memrchr};
 use rayon::prelude::*;
 
-/// Bytes that are read at a time: work for all threads, and little memory.
+/// Bytes of a block: enough work for all threads, and little memory.
 const BLOCK: u64 = 1 << 20;
 
-/// Lines that a thread parses at least, so that it does not wait for others more than it works.
+/// Least number of lines that a thread parses at a time, so that it works more than it waits.
 const LEAST_LINES: usize = 64;
 
 /// Why lines cannot be read.
 #[derive(Debug)]
 pub(crate) enum LineError {
-    /// The file system refused.
+    /// The file cannot be read.
     Io(io::Error),
-    /// A line that is longer than it may be.
+    /// A line is longer than allowed.
     TooLong {
-        /// Which, from 1.
+        /// Its number, from 1.
         line: usize,
     },
 }
 
-/// Whole lines that stand one after the other, and what came before them.
+/// Complete lines, read one block after the other.
 #[derive(Debug)]
 pub(crate) struct LineBlocks<R> {
     reader: R,
-    /// Bytes that a line has at most.
+    /// Longest line, in bytes.
     longest: usize,
     bytes: Vec<u8>,
-    /// How many of these were handed over.
+    /// Number of bytes in the buffer that were returned already.
     seen: usize,
-    /// Lines that were handed over before.
+    /// Number of lines that were returned before.
     lines: usize,
     is_at_end: bool,
 }
@@ -50,7 +50,7 @@ pub(crate) struct LineBlock<'a> {
 }
 
 impl<R: Read> LineBlocks<R> {
-    /// The lines of what `reader` reads, of at most `longest` bytes each.
+    /// The lines of `reader`, of at most `longest` bytes each.
     pub(crate) fn new(reader: R, longest: usize) -> Self {
         Self {
             reader,
@@ -62,7 +62,7 @@ impl<R: Read> LineBlocks<R> {
         }
     }
 
-    /// The next lines that have an end; `None` where there are no more.
+    /// The next block of lines that have an end; `None` if there are no more.
     ///
     /// # Errors
     /// If the file cannot be read, or a line is too long.
@@ -101,7 +101,7 @@ impl<R: Read> LineBlocks<R> {
         Ok(Some(block))
     }
 
-    /// What stands after the last line that has an end, once there are no more of them; `None` if nothing does.
+    /// The text after the last line end, once all other lines were returned; `None` if there is none.
     pub(crate) fn rest(&self) -> Option<LineBlock<'_>> {
         let bytes = &self.bytes[self.seen..];
         (!bytes.is_empty()).then_some(LineBlock {
@@ -112,12 +112,13 @@ impl<R: Read> LineBlocks<R> {
 }
 
 impl LineBlock<'_> {
-    /// How long its lines are together.
+    /// Total length of its lines, in bytes.
     pub(crate) fn bytes(&self) -> usize {
         self.bytes.len()
     }
 
-    /// What `parse` makes of the number of each line, from 1, and its bytes, with that number.
+    /// Calls `parse` with the number (from 1) and the bytes of each line; returns the results, each with the
+    /// number.
     pub(crate) fn parsed<T: Send>(
         &self,
         parse: impl Fn(usize, &[u8]) -> T + Sync,
@@ -148,7 +149,7 @@ mod tests {
 
     use super::*;
 
-    /// A reader that gives few bytes at a time, as pipes do.
+    /// A reader that returns few bytes at a time, as pipes do.
     struct Sips<'a>(&'a [u8], usize);
 
     impl Read for Sips<'_> {

@@ -1,10 +1,10 @@
-//! The door to the file system: files are read if they are files, and written whole or not at all.
+//! Access to the file system: only regular files are read, and a file is written completely or not at all.
 //!
-//! Whoever names a file may name anything: a pipe that nobody writes into, a device without an end, a
-//! link to one. Reading refuses all but regular files ([`read_file`]), so that nothing waits for ever
-//! or fills the memory; what may be longer than memory is read by `LineBlocks`. Writing ([`write_whole`]) replaces regular files and writes through to
-//! whatever else a name leads to; files that grow do so by an `Appender`. What a killed process left half written is found and removed by
-//! [`remove_leftovers`].
+//! A name that a user gives may be anything: a pipe that nobody writes to, a device without an end, or a link
+//! to one. So [`read_file`] refuses everything except regular files, and a read never waits for ever or fills
+//! the memory. Files that may be larger than memory are read by `LineBlocks`. [`write_whole`] replaces regular
+//! files; if a name leads to something else, it writes into that. An `Appender` appends to files.
+//! [`remove_leftovers`] finds and removes incomplete files of processes that were killed.
 
 mod append;
 mod calls;

@@ -1,9 +1,9 @@
-//! Names that become those of files.
+//! Names that become names of files.
 
-/// Longest name, in bytes: file systems have 255 for it and what is put behind it.
+/// Longest name, in bytes. File systems allow 255, including the ending that is added.
 const LONGEST: usize = 200;
 
-/// Whether a name can be that of a file, on every system and for everybody who lists it.
+/// Checks that a name can be a file name on every system, and is safe to print.
 ///
 /// # Errors
 /// What is wrong with it, as the rest of a sentence that begins with the name.

@@ -1,4 +1,4 @@
-//! Reading of regular files and of nothing else.
+//! Reads regular files, and nothing else.
 
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -6,27 +6,27 @@ use std::path::Path;
 
 use super::calls::{Call, before};
 
-/// Most bytes of a file that is read as a whole, 4 GiB: what is longer is no file of ours, and its
-/// memory is never asked for.
+/// Most bytes of a file that is read as a whole, 4 GiB. A longer file was not written by this program, and no
+/// memory is allocated for it.
 const MOST_BYTES: u64 = 4 << 30;
 
-/// Opens a regular file to be read; links are followed.
+/// Opens a regular file for reading. Links are followed.
 ///
 /// # Errors
-/// What the system says, or that it is a folder, a device or a pipe.
+/// The error of the operating system; or that it is a folder, a device or a pipe.
 pub fn open_file(path: &Path) -> io::Result<File> {
     before(Call::Open, path)?;
-    // Looked at before it is opened: opening a pipe waits for somebody who writes.
+    // Checked before it is opened, since opening a pipe waits for a writer.
     regular(&fs::metadata(path)?)?;
     let file = File::open(path)?;
     regular(&file.metadata()?)?;
     Ok(file)
 }
 
-/// The bytes of a regular file; links are followed.
+/// The bytes of a regular file. Links are followed.
 ///
 /// # Errors
-/// As [`open_file`]; if the file is longer than 4 GiB, or than the memory that there is.
+/// As [`open_file`]; also if the file is longer than 4 GiB, or than the memory that is left.
 pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     let file = open_file(path)?;
     let length = file.metadata()?.len();
@@ -42,10 +42,10 @@ pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The text of a regular file without the byte order mark that some programs begin it with.
+/// The text of a regular file, without the byte order mark that some programs write at the start.
 ///
 /// # Errors
-/// As [`read_file`]; if it is not UTF-8.
+/// As [`read_file`]; also if it is not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
     let mut text = String::from_utf8(read_file(path)?)
         .map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "not text in UTF-8"))?;
@@ -55,10 +55,10 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     Ok(text)
 }
 
-/// That it is a regular file. What is to be opened is looked at before: a pipe would wait.
+/// Checks that it is a regular file. This is done before a file is opened, since opening a pipe would wait.
 ///
 /// # Errors
-/// That it is a folder, a device or a pipe.
+/// If it is a folder, a device or a pipe.
 pub(crate) fn regular(metadata: &fs::Metadata) -> io::Result<()> {
     if metadata.is_file() {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Writing of whole files.
+//! Writes complete files.
 
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{self, BufWriter, Write};
@@ -9,19 +9,19 @@ use tempfile::NamedTempFile;
 use super::calls::{Call, before, sync, write_all};
 use super::{PREFIX, hold};
 
-/// Writes `contents` beside `path` and renames it into place, so that whoever reads `path` finds
-/// the old file or the new one, never a part. Missing folders are made. A file that was there keeps
-/// its permissions, a link keeps leading where it led; what is no file (a device, a pipe) is written
-/// into.
+/// Writes `contents` to a temporary file beside `path` and renames it. So a reader of `path` finds the old file
+/// or the new one, never a part. Missing folders are created. An existing file keeps its permissions, and a
+/// link keeps its target. If `path` is not a file but a device or a pipe, `contents` are written into it.
 ///
 /// # Errors
-/// What the file system says, with the path named; if a folder is there, or a file that may not be
+/// The error of the file system, with the path; if there is a folder at `path`, or a file that must not be
 /// written to.
 pub fn write_whole(path: &Path, contents: &[u8]) -> io::Result<()> {
     write_unnamed(path, contents).map_err(named(path))
 }
 
-/// As [`write_whole`]; but what is there and is no file (a pipe, which may have no reader) is refused.
+/// As [`write_whole`], but something that exists and is not a file is refused, such as a pipe, which may have
+/// no reader.
 ///
 /// # Errors
 /// As [`write_whole`].
@@ -33,19 +33,19 @@ pub(crate) fn write_whole_file(path: &Path, contents: &[u8]) -> io::Result<()> {
     write_whole(path, contents)
 }
 
-/// A file that is written bit by bit, and takes its place whole; see [`write_whole`]. One that is
-/// dropped before its end leaves nothing.
+/// A file that is written in several pieces and appears complete at its path; see [`write_whole`]. If it is
+/// dropped before [`finish`](Self::finish), nothing is left.
 #[derive(Debug)]
 pub(crate) struct WholeFile {
     beside: BufWriter<NamedTempFile>,
-    /// Where it is to be.
+    /// The path that it gets.
     path: PathBuf,
-    /// What is there.
+    /// The file that is at this path now.
     earlier: Option<Metadata>,
 }
 
 impl WholeFile {
-    /// The beginning of a file at `path`.
+    /// Starts a file for `path`.
     ///
     /// # Errors
     /// As [`write_whole`].
@@ -63,7 +63,7 @@ impl WholeFile {
         create().map_err(named(path))
     }
 
-    /// Puts what was written into its place.
+    /// Moves the finished file to its path.
     ///
     /// # Errors
     /// As [`write_whole`].
@@ -100,10 +100,10 @@ fn named(path: &Path) -> impl FnOnce(io::Error) -> io::Error {
     }
 }
 
-/// As [`write_unnamed`]; but where there is a file with other content, that is somebody's, and stays.
+/// As [`write_unnamed`]; but an existing file with other content belongs to somebody else, and stays.
 ///
 /// # Errors
-/// As [`write_unnamed`]; [`io::ErrorKind::AlreadyExists`] for such a file.
+/// As [`write_unnamed`]; [`io::ErrorKind::AlreadyExists`] if there is such a file.
 pub(crate) fn write_new(path: &Path, contents: &[u8]) -> io::Result<()> {
     if super::read_file(path).is_ok_and(|there| there != contents) {
         return Err(io::Error::new(
@@ -117,7 +117,7 @@ pub(crate) fn write_new(path: &Path, contents: &[u8]) -> io::Result<()> {
 /// As [`write_whole`], for callers whose own errors name the path.
 ///
 /// # Errors
-/// What the file system says; as [`write_whole`] otherwise.
+/// The error of the file system; otherwise as [`write_whole`].
 pub(crate) fn write_unnamed(path: &Path, contents: &[u8]) -> io::Result<()> {
     let earlier = match earlier(path)? {
         Some((earlier, mut there)) if !earlier.is_file() => return there.write_all(contents),
@@ -129,7 +129,7 @@ pub(crate) fn write_unnamed(path: &Path, contents: &[u8]) -> io::Result<()> {
     put(beside, path, earlier.as_ref())
 }
 
-/// What is at `path`, opened: a file that must not be written to must not be replaced either.
+/// The file at `path`, opened for writing: a file that must not be written to must not be replaced either.
 fn earlier(path: &Path) -> io::Result<Option<(Metadata, File)>> {
     let earlier = match fs::metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -139,7 +139,7 @@ fn earlier(path: &Path) -> io::Result<Option<(Metadata, File)>> {
     Ok(Some((earlier, there)))
 }
 
-/// An empty file in the folder of `path`, which is made if it is not there.
+/// An empty file in the folder of `path`, which is created if it is missing.
 fn beside(path: &Path) -> io::Result<NamedTempFile> {
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -149,7 +149,7 @@ fn beside(path: &Path) -> io::Result<NamedTempFile> {
     before(Call::Open, path)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX);
-    // Temporary files are private to their owner; this one becomes an ordinary file.
+    // Temporary files can be read only by their owner; this one becomes an ordinary file.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let beside = builder.tempfile_in(folder)?;
@@ -157,7 +157,7 @@ fn beside(path: &Path) -> io::Result<NamedTempFile> {
     Ok(beside)
 }
 
-/// Puts the file into the place of what was there earlier.
+/// Moves the new file to the place of the earlier one.
 fn put(beside: NamedTempFile, path: &Path, earlier: Option<&Metadata>) -> io::Result<()> {
     if let Some(earlier) = earlier {
         keep_owner(beside.as_file(), earlier);
@@ -169,13 +169,13 @@ fn put(beside: NamedTempFile, path: &Path, earlier: Option<&Metadata>) -> io::Re
     Ok(())
 }
 
-/// Makes a folder and those above it, where they are not there.
+/// Creates a folder and those above it, if they are missing.
 pub(crate) fn make_folder(folder: &Path) -> io::Result<()> {
     before(Call::MakeFolder, folder)?;
     fs::create_dir_all(folder)
 }
 
-/// Makes the name of a file as safe from the power supply as its content, where the system can do that.
+/// Makes the name of a file survive a loss of power, as its content does, if the system supports that.
 pub(crate) fn sync_folder_of(path: &Path) {
     if let Some(folder) = path
         .parent()
@@ -185,9 +185,9 @@ pub(crate) fn sync_folder_of(path: &Path) {
     }
 }
 
-/// Where `path` leads: the end of a chain of links, whether there is something or not.
+/// The path at the end of a chain of links, whether something exists there or not.
 fn followed(path: &Path) -> io::Result<PathBuf> {
-    /// As many as Linux follows.
+    /// As many links as Linux follows.
     const MOST_LINKS: usize = 40;
     let mut path = path.to_path_buf();
     for _ in 0..MOST_LINKS {
@@ -199,7 +199,7 @@ fn followed(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other("too many links lead on from it"))
 }
 
-/// Gives a file to whom the earlier one belongs, where that may be done.
+/// Gives a file the owner of the earlier one, if that is permitted.
 #[cfg(unix)]
 fn keep_owner(file: &File, before: &fs::Metadata) {
     use std::os::unix::fs::{MetadataExt, fchown};

@@ -39,7 +39,7 @@ struct Params {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum DescriptorName {
-    /// By the roots of SIFT's descriptors.
+    /// The square roots of SIFT's descriptors (RootSIFT).
     #[default]
     RootSift,
     /// As SIFT does.
@@ -92,7 +92,8 @@ impl MatcherEntry for AdalamEntry {
         Ok(BuiltMatcher {
             id: self.id().into(),
             params: to_json(&params),
-            // Those of `rootsift` or `sift` with the same parameters, and so found in the cache.
+            // The features are those of `rootsift` or `sift` with the same parameters, so they are found in the
+            // cache.
             extraction: Extraction {
                 extractor: of.id.into(),
                 params: to_json(&params.extractor),

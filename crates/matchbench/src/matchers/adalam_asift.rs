@@ -68,7 +68,7 @@ struct Params {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct SearchParams {
-    /// Matches of the images themselves that make views needless.
+    /// If the images themselves give at least this many matches, views are not compared.
     enough: Option<u32>,
     same_place_px: f32,
 }

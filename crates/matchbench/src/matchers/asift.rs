@@ -1,4 +1,4 @@
-//! `asift`: SIFT on simulated views, compared place by place.
+//! `asift`: SIFT on simulated views; neighbours are compared by place.
 //!
 //! The same point is found in several views of one image, so the second nearest descriptor usually
 //! shows the same place as the nearest and the ratio test would drop nearly all matches.
@@ -15,7 +15,7 @@ use crate::config::{ConfigError, over, parse_params, to_json};
 
 pub(super) struct AsiftEntry;
 
-/// Features of simulated views, as the matchers built on them share them.
+/// Features of simulated views, as all matchers that use them have them.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct AsiftExtraction {
@@ -33,7 +33,7 @@ impl Default for AsiftExtraction {
     }
 }
 
-/// Simulated views are blurred, so a larger image shows nothing more.
+/// Simulated views are blurred, so doubling them shows nothing more.
 fn default_sift() -> SiftParams {
     SiftParams {
         double_image: false,
@@ -46,7 +46,7 @@ fn sift_over_default<'de, D: Deserializer<'de>>(given: D) -> Result<SiftParams, 
 }
 
 impl AsiftExtraction {
-    /// What its features depend on.
+    /// Everything that its features depend on.
     fn extraction(&self) -> Extraction {
         Extraction {
             extractor: "asift".into(),
@@ -60,7 +60,7 @@ impl AsiftExtraction {
         Ok(Box::new(Asift::new(Sift::new(self.sift)?, self.views)?))
     }
 
-    /// The matcher `id` on these features, with what tells its matches apart.
+    /// The matcher `id` on these features, with the selector of its matches.
     pub(super) fn matcher(
         self,
         id: &'static str,

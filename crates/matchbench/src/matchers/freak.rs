@@ -30,7 +30,8 @@ impl Default for SurfKeypoints {
             threshold,
             octaves,
             layers,
-            // Of descriptors, which FREAK replaces, and of orientations, which it finds anew.
+            // Parameters of SURF's descriptors, which FREAK replaces, and of its orientations, which FREAK
+            // computes again.
             extended: _,
             upright: _,
         } = SurfParams::default();

@@ -1,4 +1,4 @@
-//! Matches that another tool wrote into files, as they are asked for; `exchange` reads them.
+//! Matches from files of another tool, as a user asks for them; `exchange` reads the files.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MatchesFrom {
-    /// The name that they have in tables.
+    /// Their name in tables.
     pub name: String,
-    /// Their files: files, a folder of files, or a folder with one for each dataset.
+    /// The files: files, a folder of files, or a folder with one folder for each dataset.
     pub files: Vec<PathBuf>,
     /// Id of the format. Default: recognised by content.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -19,13 +19,13 @@ pub struct MatchesFrom {
     /// Where the centre of the first pixel is, 0 or 0.5. Default: what the format says.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pixel_center: Option<f64>,
-    /// Width and height of the images that the points are of, where those were resized.
+    /// Width and height of the images in whose pixels the points are, if these were resized.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resized: Option<[u32; 2]>,
-    /// Read the matches that the tool verified. Default: false.
+    /// Whether to read the matches that the tool verified. Default: false.
     #[serde(default)]
     pub verified: bool,
-    /// What is to be remembered with them.
+    /// Facts to be recorded with them.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub notes: BTreeMap<String, String>,
 }

@@ -1,4 +1,4 @@
-//! `gaim`: SURF on simulated views, candidates of all features chosen together.
+//! `gaim`: SURF on simulated views; matches are chosen from the candidates of all features together.
 
 use matchbench_vision::features::{Sheared, ShearedParams, Surf, SurfParams};
 use matchbench_vision::matching::{Gaim, GaimParams, Pipeline};

@@ -1,8 +1,8 @@
 //! `gms`: ORB, all nearest neighbours, grid-based motion statistics; and `gms-s`, which is the same with
 //! `selection.scales` on by default.
 //!
-//! The budget of features is that of the published results: 10,000 with FAST threshold 0 up to
-//! 640x480 pixels, 100,000 with FAST threshold 5 above.
+//! The number of features is that of the published results: 10,000 with FAST threshold 0 for images up to
+//! 640x480 pixels, 100,000 with FAST threshold 5 for larger ones.
 
 use matchbench_vision::features::{DescriptorKind, Extractor, Features, Orb, OrbParams};
 use matchbench_vision::image::{GrayImage, Size};
@@ -13,7 +13,7 @@ use serde_json::Value;
 use super::{BuiltMatcher, Extraction, MatcherEntry};
 use crate::config::{ConfigError, parse_params_over, to_json};
 
-/// Pixels up to which an image has the small budget.
+/// Number of pixels up to which an image has the small number of features.
 const SMALL: usize = 640 * 480;
 
 /// How many features are searched.
@@ -62,7 +62,7 @@ pub(super) const GMS_S: GmsEntry = GmsEntry {
     scales: true,
 };
 
-/// ORB with a budget that depends on the size of the image.
+/// ORB with a number of features that depends on the size of the image.
 struct BudgetOrb {
     small: Orb,
     large: Option<Orb>,

@@ -61,7 +61,7 @@ impl MatcherEntry for KvldEntry {
         Ok(BuiltMatcher {
             id: self.id().into(),
             params: to_json(&params),
-            // Those of `sift`, and so found in the cache.
+            // The features are those of `sift`, so they are found in the cache.
             extraction: Extraction {
                 extractor: SIFT.id.into(),
                 params: to_json(&params.extractor),

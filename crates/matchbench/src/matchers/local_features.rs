@@ -2,8 +2,8 @@
 //!
 //! D. G. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", International Journal
 //! of Computer Vision 60(2), 2004, section 7.1, for the ratio test; the paper's evaluation uses it
-//! with every local feature. Each of these matchers is a file with its [`LocalFeatures`]; they
-//! differ in the extractor alone.
+//! with every local feature. Each of these matchers is a file with its [`LocalFeatures`]; they differ only in
+//! the extractor.
 //!
 //! | parameter | default | source |
 //! | --- | --- | --- |
@@ -14,8 +14,8 @@
 //! | `search` | `exact` | `kdforest` is the paper's evaluation (FLANN), for real-valued descriptors |
 //! | `kdforest` | 4 trees, 32 checks | FLANN; refused where the search is exact |
 //!
-//! *Differs from the paper's evaluation* in the search for real-valued descriptors, which is exact
-//! here unless `kdforest` is asked for, and approximate there.
+//! *Differs from the paper's evaluation* in the search for real-valued descriptors. It is exact here unless
+//! `kdforest` is asked for, and approximate there.
 
 use matchbench_vision::ParamError;
 use matchbench_vision::features::{DescriptorKind, Extractor};
@@ -30,7 +30,7 @@ use serde_json::Value;
 use super::{BuiltMatcher, Extraction, MatcherEntry};
 use crate::config::{ConfigError, parse_params, to_json};
 
-/// An extractor with parameters `P`, as a matcher.
+/// A matcher that is an extractor with parameters `P`, followed by search and ratio test.
 pub(super) struct LocalFeatures<P> {
     /// Id of the matcher and of its extractor.
     pub(super) id: &'static str,
@@ -38,13 +38,12 @@ pub(super) struct LocalFeatures<P> {
     pub(super) summary: &'static str,
     /// The paper, in full.
     pub(super) reference: &'static str,
-    /// Raised whenever the same image and parameters come to give other features, so that those
-    /// in caches are not used again.
+    /// Increased whenever the same image and parameters give other features than before, so that cached
+    /// features are not used again.
     pub(super) revision: u32,
-    /// Parameters of earlier versions that did nothing: where they stood (a JSON pointer), and their
-    /// name.
+    /// Parameters of earlier versions that had no effect: where they were (a JSON pointer), and their name.
     pub(super) removed: &'static [(&'static str, &'static str)],
-    /// What its keypoints depend on, if they are shared.
+    /// Everything that its keypoints depend on, if other matchers use the same keypoints.
     pub(super) detection: fn(&P) -> Option<Extraction>,
     /// The extractor with these parameters.
     pub(super) extractor: fn(P) -> Result<Box<dyn Extractor>, ParamError>,
@@ -65,18 +64,18 @@ struct Params<P> {
     kdforest: KdForestParams,
 }
 
-/// Which of the nearest neighbours are kept.
+/// Which nearest neighbours are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum SelectionName {
-    /// Those clearly nearer than the second.
+    /// Those that are clearly nearer than the second neighbour.
     #[default]
     Ratio,
-    /// Those that are each other's nearest.
+    /// Those where each is the nearest of the other.
     Mutual,
-    /// Those that are so clearly, seen from either image.
+    /// Those that are clearly nearer than the second neighbour, in both directions.
     Smnn,
-    /// Those clearly nearer than the first of another place.
+    /// Those that are clearly nearer than the first neighbour at another place.
     Fginn,
 }
 
@@ -84,7 +83,7 @@ enum SelectionName {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum SearchName {
-    /// Every descriptor of one image is compared with every one of the other.
+    /// Every descriptor of one image is compared with every descriptor of the other.
     #[default]
     Exact,
     /// Randomised kd-trees, as in the paper's evaluation.
@@ -105,7 +104,7 @@ impl<P: Default> Default for Params<P> {
 }
 
 impl SelectionName {
-    /// The selector, or why there is none.
+    /// The selector; or an error if the options contradict each other.
     fn build(self, ratio: f32, radius_px: f32) -> Result<Box<dyn Selector>, ParamError> {
         let test = RatioTest::new(ratio)?;
         if self == Self::Mutual && test != RatioTest::default() {
@@ -127,7 +126,7 @@ impl SelectionName {
 }
 
 impl SearchName {
-    /// The search for descriptors of this `kind`, or why there is none.
+    /// The search for descriptors of this `kind`; or an error if there is none.
     fn build(
         self,
         kdforest: KdForestParams,
@@ -176,7 +175,7 @@ impl<P: Serialize + DeserializeOwned + Default> MatcherEntry for LocalFeatures<P
                 part.remove(*name);
             }
         }
-        // Before there was a choice, all matchers did what is the default of these.
+        // Before there was a choice, all matchers did what these defaults do.
         if let (Some(params), Value::Object(defaults)) = (params.as_object_mut(), self.defaults()) {
             for name in ["selection", "radius_px"] {
                 params.entry(name).or_insert_with(|| defaults[name].clone());

@@ -1,7 +1,7 @@
 //! The matchers that can be asked for by name: one file each, and the list of them all.
 //!
-//! To add one: write a file with an [`MatcherEntry`], add it to [`MATCHERS`]. The tests below walk the
-//! list and hold every entry to the same promises.
+//! To add one, write a file with a [`MatcherEntry`] and add it to [`MATCHERS`]. The tests below go through the
+//! list and check the same properties for every entry.
 
 mod adalam;
 mod adalam_asift;
@@ -43,7 +43,7 @@ pub use source::{
 
 use crate::config::{self, ConfigError, UnknownName};
 
-/// All matchers, in the order of tables: that of the paper, variants after their originals.
+/// All matchers, in the order of tables: that of the paper, with variants after their originals.
 pub const MATCHERS: &[&dyn MatcherEntry] = &[
     &sift::SIFT,
     &rootsift::ROOTSIFT,
@@ -70,7 +70,7 @@ pub const MATCHERS: &[&dyn MatcherEntry] = &[
     &adalam_asift::AdalamAsiftEntry,
 ];
 
-/// A matcher that can be asked for by name.
+/// The entry of a matcher that can be asked for by name.
 pub trait MatcherEntry: Sync {
     /// Its name on the command line, in records and in tables, in kebab-case.
     fn id(&self) -> &'static str;
@@ -78,7 +78,7 @@ pub trait MatcherEntry: Sync {
     /// What it is, in a few words.
     fn summary(&self) -> &'static str;
 
-    /// How publications write it: as its summary or its reference does, else in capitals.
+    /// Its name in publications: as its summary or its reference writes it, otherwise in capitals.
     fn title(&self) -> String {
         let is_it = |word: &&str| {
             word.eq_ignore_ascii_case(self.id()) && word.contains(|c: char| c.is_uppercase())
@@ -93,7 +93,7 @@ pub trait MatcherEntry: Sync {
     /// The paper, in full.
     fn reference(&self) -> &'static str;
 
-    /// Id of the estimator that it is run with unless another is asked for.
+    /// Id of the estimator that is used if the user names none.
     fn estimator(&self) -> &'static str {
         "ransac-e"
     }
@@ -107,8 +107,8 @@ pub trait MatcherEntry: Sync {
     /// If a parameter is unknown, would do nothing, or is of another type or out of range.
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError>;
 
-    /// The parameters `written` in the plan of an earlier version, as [`BuiltMatcher::params`] has them
-    /// now: without those that did nothing.
+    /// Converts the parameters `written` in the plan of an earlier version to the form that
+    /// [`BuiltMatcher::params`] has now: parameters that had no effect are removed.
     fn modernized(&self, written: &Value) -> Value {
         written.clone()
     }
@@ -118,41 +118,41 @@ pub trait MatcherEntry: Sync {
 pub struct BuiltMatcher {
     /// Id of its entry.
     pub id: String,
-    /// Every parameter, also those left at their defaults.
+    /// Every parameter, including those at their defaults.
     pub params: Value,
-    /// What its features depend on.
+    /// Everything that its features depend on.
     pub extraction: Extraction,
-    /// What its keypoints depend on, where other matchers describe the same ones.
+    /// Everything that its keypoints depend on, if other matchers use the same keypoints.
     pub detection: Option<Extraction>,
     /// The matcher.
     pub matcher: Box<dyn Matcher>,
 }
 
-/// What the features of an image depend on, besides the image. Matchers that agree in it share
-/// their features: extracted for one, they are found in the cache by the others.
+/// Everything that the features of an image depend on, besides the image. Matchers for which all of this is
+/// equal share their features: those extracted for one are found in the cache by the others.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Extraction {
-    /// Id of the extractor, or `sift-keypoints` and the like for keypoints alone.
+    /// Id of the extractor, or an id such as `sift-keypoints` for keypoints alone.
     pub extractor: String,
     /// Every parameter of the extractor.
     pub params: Value,
-    /// Raised whenever the same parameters come to give other features.
+    /// Increased whenever the same parameters give other features than before.
     pub revision: u32,
 }
 
 /// The matcher called `id`.
 ///
 /// # Errors
-/// If there is none; the error names the nearest, and all.
+/// If there is none. The error names the most similar one, and lists all.
 pub fn find(id: &str) -> Result<&'static dyn MatcherEntry, UnknownName> {
     config::find("matcher", MATCHERS, MatcherEntry::id, id)
 }
 
-/// The matcher of an `entry` with the given parameters: its own, see [`MatcherEntry::build`], and one of two that
-/// all have. With `extractor.max_size` features are found in images that are at most so many pixels wide and high,
-/// with `extractor.size`, such as `"640x480"`, in images of that size (see [`Resized`]); without either in the
-/// images as they are.
+/// The matcher of an `entry` with the given parameters: the entry's own, see [`MatcherEntry::build`], and one
+/// of two that all matchers have. With `extractor.max_size`, features are found in images reduced to at most so
+/// many pixels in width and height. With `extractor.size`, such as `"640x480"`, they are found in images of
+/// that size (see [`Resized`]). Without either, the images keep their size.
 ///
 /// # Errors
 /// If a parameter is unknown, would do nothing, or is of another type or out of range.
@@ -190,13 +190,15 @@ pub fn build(
     Ok(built)
 }
 
-/// Added to the revision of an extractor in images of an exact size; counts changes of what becomes of its features there.
+/// Added to the revision of an extractor for images of an exact size. It is increased when features in such images
+/// are changed in another way than before.
 const EXACT_SIZE_REVISION: u32 = 1;
 
-/// Names of the parameters that say in which size images are looked at.
+/// Names of the parameters that set the size of the images.
 pub const SIZES: [&str; 2] = ["max_size", "size"];
 
-/// What is wrong with the first parameter of the extractor that is unknown: the entry alone would not name [`SIZES`].
+/// The error for the first unknown parameter of the extractor. The error of the entry alone would not list
+/// [`SIZES`].
 fn unknown_of_extractor(entry: &dyn MatcherEntry, own: Option<&Value>) -> Option<ConfigError> {
     let given = own?.get("extractor")?.as_object()?;
     let defaults = entry.defaults();
@@ -208,7 +210,7 @@ fn unknown_of_extractor(entry: &dyn MatcherEntry, own: Option<&Value>) -> Option
     Some(ConfigError::new(entry.id(), unknown))
 }
 
-/// What a parameter of [`SIZES`] says.
+/// The value of a parameter of [`SIZES`].
 fn image_size(name: &str, given: &Value) -> Result<ImageSize, String> {
     if name == "max_size" {
         let most = given.as_u64().and_then(|most| usize::try_from(most).ok());
@@ -222,7 +224,7 @@ fn image_size(name: &str, given: &Value) -> Result<ImageSize, String> {
         .ok_or_else(|| format!("size is {given}; give width and height, for example 640x480"))
 }
 
-/// Those of [`SIZES`] that are given, and the other parameters.
+/// The given parameters of [`SIZES`], and the other parameters.
 fn take_sizes(params: Option<&Value>) -> (Vec<(&'static str, Value)>, Option<Value>) {
     let mut own = params.cloned();
     let extractor = own.as_mut().and_then(|own| own.get_mut("extractor"));
@@ -235,7 +237,7 @@ fn take_sizes(params: Option<&Value>) -> (Vec<(&'static str, Value)>, Option<Val
         .flatten()
         .filter(|(_, size)| !size.is_null());
     let sizes: Vec<_> = sizes.collect();
-    // A matcher without such a group of parameters would not know it.
+    // A matcher without this group of parameters would refuse it.
     let is_empty = extractor.is_empty();
     if let Some(own) = own.as_mut().and_then(Value::as_object_mut)
         && is_empty
@@ -269,7 +271,7 @@ mod tests {
         })
     }
 
-    /// The matcher, but for few simulated views: with all of them it does the same, for longer.
+    /// The matcher with only a few simulated views: with all of them it does the same but takes longer.
     fn with_few_views(entry: &dyn MatcherEntry) -> BuiltMatcher {
         let params = match entry.id() {
             "asift" | "code" | "repmatch" => json!({"extractor": {"views": {"tilts": 2}}}),

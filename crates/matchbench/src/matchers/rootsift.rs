@@ -1,4 +1,4 @@
-//! `rootsift`: SIFT whose descriptors are compared by the Hellinger kernel.
+//! `rootsift`: SIFT with descriptors that are compared by the Hellinger kernel.
 
 use matchbench_vision::features::RootSift;
 use matchbench_vision::features::sift::{Sift, SiftParams};

@@ -17,7 +17,7 @@ pub(super) const SIFT: LocalFeatures<SiftParams> = LocalFeatures {
     extractor: |params| Ok(Box::new(Sift::new(params)?)),
 };
 
-/// What the keypoints of SIFT depend on, for all that describe them.
+/// Everything that the keypoints of SIFT depend on, shared by all matchers that describe them.
 pub(super) fn detection(params: &SiftParams) -> Extraction {
     Extraction {
         extractor: "sift-keypoints".into(),

@@ -13,10 +13,10 @@ use serde_json::Value;
 
 use super::BuiltMatcher;
 
-/// Most matches of a pair that are taken from outside: a hundred megabytes.
+/// Most matches of a pair that are accepted from a source from outside: a hundred megabytes.
 pub const MOST_MATCHES: usize = 5_000_000;
 
-/// What a contender's matches come from.
+/// The source of the matches of a contender.
 pub enum Source {
     /// Features are extracted, searched and selected.
     Matcher(BuiltMatcher),
@@ -32,7 +32,7 @@ pub struct BuiltPointSource {
     pub version: Option<String>,
     /// Every parameter.
     pub params: Value,
-    /// What a reader should know of it, in sentences.
+    /// What a reader should know about it, in sentences.
     pub notes: Vec<String>,
     /// The source.
     pub source: Box<dyn PointSource>,
@@ -43,8 +43,8 @@ pub trait PointSource: Send + Sync {
     /// The matches of a pair. May be called from many threads at once.
     ///
     /// # Errors
-    /// [`SourceError::Pair`] if there is nothing to be said of this pair, which then counts as failed;
-    /// [`SourceError::Ended`] if the same holds for all that follow, which ends the run.
+    /// [`SourceError::Pair`] if there is no answer for this pair, which then counts as failed.
+    /// [`SourceError::Ended`] if there will be no answer for any later pair either; this ends the run.
     fn matches(&self, pair: &ImageFiles<'_>, seed: Seed) -> Result<SourcedMatches, SourceError>;
 }
 
@@ -59,7 +59,7 @@ pub struct ImageFiles<'a> {
     pub images: [&'a Path; 2],
 }
 
-/// Matched points and what is known of how they came about.
+/// Matched points, and what is known about how they were found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SourcedMatches {
     /// The matches, in pixels of the images.
@@ -72,16 +72,16 @@ pub struct SourcedMatches {
     pub seconds: SourceSeconds,
 }
 
-/// Seconds of the stages of a source; `None` where it did not measure them.
+/// Seconds of the stages of a source; `None` if it did not measure them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SourceSeconds {
     /// Features of both images.
     pub extract: [Option<f64>; 2],
-    /// All that follows.
+    /// All that comes after the features.
     pub matching: Option<f64>,
-    /// All of it as the host saw it, where the others are the word of another program.
+    /// All stages together as the host measured them, if the other times are stated by another program.
     pub wall: Option<f64>,
-    /// What that program computed on, by its own word.
+    /// The device on which that program says it computed.
     pub device: Option<String>,
 }
 

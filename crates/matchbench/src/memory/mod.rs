@@ -1,11 +1,13 @@
-//! Memory: what is left of it, and who may take much of it at once.
+//! Memory: how much is left, and which work may take much of it at the same time.
 //!
 //! An allocation that fails ends the process without a message, and so does a system that has no more memory to
-//! give. So work on images, whose need is known from their size, asks first. `reserve` compares the need with
-//! what is left ([`left`]). If others have asked and not ended yet, it waits for them. If the need is more than
-//! there is, it says so, and nothing was begun. Small needs are not asked for.
+//! give. So work on images, whose need is known from their size, first asks for its memory. `reserve` compares
+//! the need with what is left ([`left`]). If other work has reserved memory and not finished yet, it waits for
+//! it. If the need is more than there is at all, it returns an error, and the work is not started. Small needs
+//! are not reserved.
 //!
-//! The answer is an estimate. It keeps a run from work that is known not to fit, but does not promise that all other work fits.
+//! The answer is an estimate. It prevents work that is known not to fit, but does not promise that all other
+//! work fits.
 
 mod system;
 
@@ -16,29 +18,30 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 pub(crate) use system::{forget_peak, peak};
 
-/// What is not worth asking for, in bytes.
+/// Needs below this are not reserved, in bytes.
 const SMALL: u64 = 32 << 20;
 
-/// The limit that was asked for; 0 where none was.
+/// The limit that was set; 0 if none was.
 static ASKED: AtomicU64 = AtomicU64::new(0);
 
-/// Lets the program have so many bytes in all, from now on and in all threads, whatever the system says.
+/// Limits the memory of the whole program to so many bytes, from now on and in all threads, whatever the system
+/// allows.
 pub fn limit_memory(bytes: NonZeroU64) {
     ASKED.store(bytes.get(), Ordering::Relaxed);
 }
 
-/// How much memory is left to this process, and by which limit.
+/// How much memory is left to this process, and which limit says so.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Left {
     /// In bytes.
     pub bytes: u64,
-    /// Of what, in words.
+    /// The limit, in words.
     pub of: &'static str,
 }
 
-/// The memory that is left: of the limit that was asked for ([`limit_memory`]), else the least of what
-/// the machine, the control groups of the process and its resource limits leave. `None` where the system
-/// does not tell.
+/// The memory that is left. If a limit was set ([`limit_memory`]), what is left of it. Otherwise the smallest
+/// of what is left by the machine, the control groups of the process and its resource limits. `None` if the
+/// system does not tell.
 pub fn left() -> Option<Left> {
     match NonZeroU64::new(ASKED.load(Ordering::Relaxed)) {
         Some(asked) => Some(Left {
@@ -58,11 +61,11 @@ pub fn left() -> Option<Left> {
 pub struct TooMuch {
     /// In bytes, estimated.
     pub needed: u64,
-    /// What there is.
+    /// The memory that is left.
     pub left: Left,
 }
 
-/// What somebody may use up, until this value is dropped.
+/// Reserved memory. It is given back when this value is dropped.
 #[derive(Debug)]
 #[must_use]
 pub(crate) struct Reserved<'a> {
@@ -70,11 +73,11 @@ pub(crate) struct Reserved<'a> {
     bytes: u64,
 }
 
-/// Asks for `bytes`. Waits while others hold so much that it does not fit beside theirs; whoever holds
-/// some must not ask for more.
+/// Reserves `bytes`. Waits while other reservations leave too little. A caller that holds a reservation must
+/// not ask for another.
 ///
 /// # Errors
-/// If it does not fit even if nobody else holds any.
+/// If it does not fit even without any other reservation.
 pub(crate) fn reserve(bytes: usize) -> Result<Reserved<'static>, TooMuch> {
     static LEDGER: Ledger = Ledger {
         held: Mutex::new(0),
@@ -83,7 +86,7 @@ pub(crate) fn reserve(bytes: usize) -> Result<Reserved<'static>, TooMuch> {
     LEDGER.reserve(bytes as u64, left)
 }
 
-/// What all have asked for.
+/// The sum of all reservations.
 #[derive(Debug)]
 struct Ledger {
     held: Mutex<u64>,
@@ -103,7 +106,7 @@ impl Ledger {
             });
         }
         let mut held = self.held();
-        // What is held may be in use already or not yet.
+        // Reserved memory may be in use already, or not yet.
         while let Some(left) = left()
             && bytes > left.bytes.saturating_sub(*held)
         {
@@ -121,7 +124,7 @@ impl Ledger {
     }
 
     fn held(&self) -> MutexGuard<'_, u64> {
-        // A number cannot be left half changed.
+        // A number cannot be left half changed, so a poisoned lock is no problem.
         self.held.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -137,7 +140,7 @@ impl Drop for Reserved<'_> {
     }
 }
 
-/// So many bytes, as people say it.
+/// A number of bytes, printed for people.
 struct Amount(u64);
 
 impl fmt::Display for Amount {

@@ -1,9 +1,9 @@
-//! What the system says about memory. Linux does, in files; of other systems nothing is known.
+//! What the operating system says about memory. Linux says it in files; on other systems nothing is known.
 //!
 //! | limit | left of it |
 //! | --- | --- |
 //! | the machine | `MemAvailable` and the free swap of `/proc/meminfo` |
-//! | control groups, of the process and above it | the limit, less what is used, but for cached files |
+//! | control groups, of the process and above it | the limit, less what is used, not counting cached files |
 //! | `ulimit -v`, `ulimit -d` | the limit, less `VmSize` or `VmData` |
 
 use std::fs;
@@ -11,7 +11,7 @@ use std::path::Path;
 
 use super::Left;
 
-/// The least that any limit leaves.
+/// The smallest amount that any limit leaves.
 pub(super) fn left() -> Option<Left> {
     let [groups, limits, status] =
         ["cgroup", "limits", "status"].map(|file| text(Path::new("/proc/self").join(file)));
@@ -23,17 +23,17 @@ pub(super) fn left() -> Option<Left> {
     limits.into_iter().flatten().min_by_key(|left| left.bytes)
 }
 
-/// How much memory the process has now, in bytes.
+/// How much memory the process uses now, in bytes.
 pub(super) fn resident() -> Option<u64> {
     kibibytes(&text("/proc/self/status")?, "VmRSS")
 }
 
-/// The most memory that the process has had, in bytes.
+/// The most memory that the process has used, in bytes.
 pub(crate) fn peak() -> Option<u64> {
     kibibytes(&text("/proc/self/status")?, "VmHWM")
 }
 
-/// From here on [`peak`] counts anew, where the system can do that.
+/// Resets [`peak`], if the system can do that.
 pub(crate) fn forget_peak() {
     let _ = fs::write("/proc/self/clear_refs", "5");
 }
@@ -59,8 +59,9 @@ fn machine() -> Option<Left> {
     })
 }
 
-/// What the groups leave that `/proc/self/cgroup` lists, and those above them; `root` is where they are
-/// mounted. In a container the names may be those outside of it; its own limit is then that of the root.
+/// What is left by the control groups that `/proc/self/cgroup` lists, and by those above them; `root` is where
+/// they are mounted. In a container the listed names may be those outside the container; then the limit of the
+/// container is that of the root.
 fn control_groups(listed: &str, root: &Path) -> Option<Left> {
     let mut least = None;
     for line in listed.lines() {
@@ -92,7 +93,7 @@ fn control_groups(listed: &str, root: &Path) -> Option<Left> {
     })
 }
 
-/// Bytes of cached files, which are given up where memory is needed.
+/// Bytes of cached files, which the system gives up if memory is needed.
 fn cached(stat: &str) -> u64 {
     let count = |names: [&str; 2]| -> u64 {
         let of_names = stat.lines().filter_map(|line| {
@@ -103,7 +104,7 @@ fn cached(stat: &str) -> u64 {
         });
         of_names.sum()
     };
-    // The totals of the first version hold those of its groups below.
+    // In the first version of control groups, the totals include the groups below.
     match count(["total_inactive_file", "total_active_file"]) {
         0 => count(["inactive_file", "active_file"]),
         total => total,

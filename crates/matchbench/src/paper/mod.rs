@@ -25,38 +25,38 @@ use crate::time::TimeError;
 pub use sources::{DOWNLOADS, Download, where_to_find};
 pub use times::times;
 
-/// Pairs of each sequence in a quick look.
+/// Number of pairs of each sequence in a quick look.
 pub const QUICK_PAIRS: NonZeroUsize = NonZeroUsize::new(60).expect("it is not 0");
-/// Pairs that times are measured on, as in the paper; and in a quick look.
+/// Number of pairs that times are measured on: as in the paper, and in a quick look.
 const TIMED_PAIRS: [usize; 2] = [200, 10];
 /// Matchers that take seconds for a pair; a quick look leaves them out.
 pub const HEAVY: [&str; 3] = ["gaim", "code", "repmatch"];
 
 const STUDY: &str = include_str!("paper.toml");
 
-/// What is asked for.
+/// What to reproduce, and where.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Paper {
-    /// The folder of what was downloaded.
+    /// The folder of the downloaded data.
     pub data: PathBuf,
-    /// The folder of everything that comes of it.
+    /// The folder for all results.
     pub out: PathBuf,
-    /// Numbers of sequences, `05`; all where there are none.
+    /// Numbers of sequences, such as `05`; if empty, all.
     pub sequences: Vec<String>,
-    /// A quick look.
+    /// Whether it is a quick look.
     pub quick: bool,
     /// Changed parameters.
     pub set: Changes,
 }
 
-/// A sequence that takes no part.
+/// A sequence that is left out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LeftOut {
     /// Its name.
     pub sequence: String,
     /// Why.
     pub reason: String,
-    /// Whether its data are there, and something is wrong with them.
+    /// Whether its data exist but something is wrong with them.
     pub is_broken: bool,
 }
 
@@ -66,7 +66,7 @@ pub enum PaperError {
     /// There is no sequence of this number.
     #[error(transparent)]
     Sequence(#[from] UnknownName),
-    /// None of the data are there.
+    /// None of the data exist.
     #[error(
         "{0}: none of the paper's data can be used; `matchbench paper --where` says what belongs there"
     )]
@@ -86,10 +86,11 @@ pub enum PaperError {
 }
 
 impl Paper {
-    /// The study of the sequences whose data are there, imported; and those that are left out.
+    /// The study of the sequences whose data exist; their datasets are imported. Also returns the sequences
+    /// that are left out.
     ///
     /// # Errors
-    /// If there is no sequence of a number that is asked for, or none of the data can be used.
+    /// If there is no sequence with a requested number, or if none of the data can be used.
     pub fn study(&self, tell: &dyn Fn(News<'_>)) -> Result<(Study, Vec<LeftOut>), PaperError> {
         let mut study = Study::parse(STUDY, Path::new("paper.toml"))?;
         for asked in &self.sequences {
@@ -111,7 +112,7 @@ impl Paper {
                 continue;
             }
             dataset.path = self.out.join("datasets").join(&name);
-            // Imported here, one by one: what cannot be imported does not stop the others.
+            // Imported here one by one, so that a sequence that cannot be imported does not stop the others.
             let mut import = dataset.import.take().expect("every sequence has a source");
             import.source = self.data.join(&import.source);
             match import.once(&dataset.path, tell) {
@@ -126,7 +127,7 @@ impl Paper {
         Ok((study, left_out))
     }
 
-    /// The folder of tables, figures, report and run: that of everything, or `quick` in it.
+    /// The folder of tables, figures, report and run: `out`, or `quick` in it.
     pub fn folder(&self) -> PathBuf {
         if self.quick {
             self.out.join("quick")
@@ -135,7 +136,7 @@ impl Paper {
         }
     }
 
-    /// How many pairs times are measured on.
+    /// The number of pairs that times are measured on.
     pub fn timed_pairs(&self) -> usize {
         TIMED_PAIRS[usize::from(self.quick)]
     }

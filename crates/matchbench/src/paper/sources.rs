@@ -1,26 +1,26 @@
-//! What is to be downloaded for the paper's sequences, from whom, and where it goes.
+//! The data to download for the sequences of the paper: who publishes them, and where they must be put.
 
 /// Data as their authors publish them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Download {
     /// Folders in DATA.
     pub folders: &'static [&'static str],
-    /// The sequences that are made of it.
+    /// The sequences that are made from it.
     pub sequences: &'static [&'static str],
-    /// What it is called where it is published.
+    /// Its name where it is published.
     pub what: &'static str,
-    /// How much that is.
+    /// The size of the download.
     pub size: &'static str,
-    /// The page or file.
+    /// The page or file to download.
     pub url: &'static str,
-    /// How it comes to its place.
+    /// How to put it into its place.
     pub how: &'static str,
 }
 
 const TUM: &str = "unpack the archive in DATA; only rgb.txt, groundtruth.txt and rgb/ are used";
 const IMAGES: &str = "https://cvg.cit.tum.de/rgbd/dataset/freiburg3/";
 
-/// Everything that is to be downloaded.
+/// Everything to download.
 pub const DOWNLOADS: &[Download] = &[
     Download {
         folders: &["rgbd_dataset_freiburg3_long_office_household"],
@@ -64,7 +64,7 @@ pub const DOWNLOADS: &[Download] = &[
     },
 ];
 
-/// The list for people to read.
+/// The list as text for people.
 pub fn where_to_find() -> String {
     let entry = |download: &Download| {
         format!(

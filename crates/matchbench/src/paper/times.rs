@@ -1,4 +1,4 @@
-//! What the paper's Table 3 shows, measured matcher by matcher; those that are measured are kept.
+//! Measures the times of the paper's Table 3, matcher by matcher; finished measurements are kept.
 
 use std::path::Path;
 
@@ -10,12 +10,12 @@ use crate::time::{machine, time};
 
 use super::PaperError;
 
-/// Times of all matchers of a study on the first `pairs` of its first sequence (the paper's is 01), kept in
-/// `file`. Each matcher is told to `tell` before it is measured. `None` if it was stopped.
+/// Times of all matchers of a study on the first `pairs` of its first sequence (01 in the paper), kept in
+/// `file`. `tell` is called with each matcher before it is measured. `None` if the measurement was stopped.
+/// Entries in `file` that come from another machine, version, sequence or number of pairs are measured again.
 ///
 /// # Errors
-/// If a measurement fails, or the file cannot be written. What the file holds of another machine, version,
-/// sequence or number of pairs is measured again.
+/// If a measurement fails, or if the file cannot be written.
 pub fn times(
     study: &Prepared,
     file: &Path,

@@ -3,9 +3,10 @@
 //! Lindenberger, Sarlin, Pollefeys, "LightGlue: Local Feature Matching at Light Speed", ICCV 2023; Larsson et al.,
 //! "PoseLib - Minimal Solvers for Camera Pose Estimation", 2020.
 //!
-//! Images of 1600 pixels along the longer side; PoseLib's locally optimised RANSAC with a threshold of 1 pixel of these
-//! images, 1000 to 100,000 iterations and confidence 0.9999. PoseLib multiplies the threshold with the mean of the
-//! inverse focal lengths. Our `lo-ransac-e` with these settings stands for it: the same kind of estimator, not the same.
+//! Images have 1600 pixels along the longer side. The pose comes from PoseLib's locally optimised RANSAC, with
+//! a threshold of 1 pixel of these images, 1000 to 100,000 iterations and confidence 0.9999. PoseLib multiplies
+//! the threshold by the mean of the inverse focal lengths. We use our `lo-ransac-e` with these settings
+//! instead: the same kind of estimator, but not the same program.
 
 use serde_json::json;
 

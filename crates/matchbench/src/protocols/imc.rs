@@ -2,12 +2,14 @@
 //!
 //! Jin, Mishkin, Mishchuk, Matas, Fua, Yi, Trulls, "Image Matching across Wide Baselines: From Paper to Practice", IJCV 2021.
 //!
-//! Images as they are. A fundamental matrix by DEGENSAC (Chum, Werner, Matas, CVPR 2005) with 0.5 pixels, confidence
-//! 0.999999 and at most 100,000 iterations; K makes it essential, and the inliers choose the pose. Fewer than 8 matches or
-//! inliers are a failure. The mAA is the mean share of pairs below 1, 2, ... 10 degrees.
+//! Images keep their size. DEGENSAC (Chum, Werner, Matas, CVPR 2005) estimates a fundamental matrix with a
+//! threshold of 0.5 pixels, confidence 0.999999 and at most 100,000 iterations. K turns it into an essential
+//! matrix, and the inliers choose the pose. Fewer than 8 matches or inliers are a failure. The mAA is the mean
+//! share of pairs below 1, 2, ... 10 degrees.
 //!
-//! Our `usac-f`, drawing uniformly and testing no model early, stands for DEGENSAC: seven points, the check for planes, local
-//! optimisation. Its threshold is over the mean focal length, where DEGENSAC's is one of each image's own pixels.
+//! We use our `usac-f` instead of DEGENSAC, with uniform sampling and without the early test of models: it has
+//! seven points, the check for planes and local optimisation too. Its threshold is divided by the mean focal
+//! length; that of DEGENSAC is in pixels of each image.
 
 use serde_json::json;
 

@@ -2,12 +2,13 @@
 //!
 //! Sun, Shen, Wang, Bao, Zhou, "LoFTR: Detector-Free Local Feature Matching with Transformers", CVPR 2021.
 //!
-//! Images of 840 pixels along the longer side; points are multiplied back to the original size, and OpenCV's
-//! `findEssentialMat` gets a threshold of 0.5 pixels of the original over a mean focal length. The rest is
-//! [`SUPERGLUE`](super::SUPERGLUE)'s, from which the program was copied.
+//! Images have 840 pixels along the longer side, and points are multiplied back to the original size. OpenCV's
+//! `findEssentialMat` gets a threshold of 0.5 pixels of the original, divided by a mean focal length. The rest
+//! is as in [`SUPERGLUE`](super::SUPERGLUE), whose program was copied.
 //!
-//! *Oddities that are here too*: fx of the first camera and fy of the second, each twice; points are multiplied by the
-//! ratio of the sizes, so that the centres of pixels move by half of it.
+//! *Oddities that are reproduced here*: the mean focal length uses fx of the first camera and fy of the second,
+//! each twice. Points are multiplied by the ratio of the sizes, which
+//! moves all of them (see [`Centres::Scaled`](super::Centres::Scaled)).
 
 use serde_json::json;
 

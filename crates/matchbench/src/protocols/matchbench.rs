@@ -1,9 +1,10 @@
-//! `matchbench`: the protocol of the paper that this benchmark is of.
+//! `matchbench`: the protocol of the paper that this benchmark implements.
 //!
 //! Bian, Yang, Liu, Zhang, Cheng, Reid, Wang, "MatchBench: An Evaluation of Feature Matchers", 2018.
 //!
-//! Images as they are; OpenCV's `findEssentialMat` and `recoverPose` over all matches, or the estimator that the
-//! paper uses with the matcher; the translation is signed; the AUC is the mean of SP(1) ... SP(15).
+//! Images keep their size. Poses come from OpenCV's `findEssentialMat` and `recoverPose` over all matches, or
+//! from the estimator that the paper uses with the matcher. The sign of the translation counts. The AUC is the
+//! mean of SP(1) ... SP(15).
 
 use crate::records::{MIN_MATCHES, MIN_SUPPORT};
 

@@ -1,17 +1,18 @@
-//! Protocols of the field: everything between one set of matches and the score that a paper prints.
+//! Evaluation protocols of published benchmarks: all that is decided between one set of matches and the score
+//! that a paper prints.
 //!
-//! Every benchmark of relative pose resizes images, estimates a pose, and counts pairs below an angle; none
-//! agrees with another on how. A [`Protocol`] spells out all of it, oddities of its program included where they
-//! move the score, since the published numbers have them. Each is a file here with what was read in its program,
-//! and a line in [`PROTOCOLS`].
+//! Every benchmark of relative pose resizes images, estimates poses, and counts pairs below an angle, but each
+//! does it in its own way. A [`Protocol`] defines all of these steps. It includes the oddities of the original
+//! program if they change the score, since the published numbers have them. Each protocol has a file here, with
+//! what was read in its program, and a line in [`PROTOCOLS`].
 //!
-//! A protocol decides at three times. Before the run: in which size images are looked at, which estimator runs
-//! with which settings, and how many repetitions with other random choices there are. For each pair
-//! ([`Protocol::view`]): in which pixels the threshold is measured, where points are, and how many matches are
+//! A protocol makes choices at three times. Before the run: the size of the images, the estimator with its
+//! settings, and the number of repetitions with other random choices. For each pair ([`Protocol::view`]): the
+//! pixels in which the threshold is measured, the coordinates of points, and the number of matches that is
 //! enough. After the run: which scores are shown, and over which repetitions errors are pooled.
 //!
-//! An estimator under a protocol is called `ID@PROTOCOL` in plans, records and tables; without one the protocol is
-//! [`MATCHBENCH`], the paper's.
+//! An estimator under a protocol is called `ID@PROTOCOL` in plans, records and tables. Without one, the
+//! protocol is [`MATCHBENCH`], that of the paper.
 
 mod glue_factory;
 mod imc;
@@ -38,7 +39,7 @@ pub use superglue::SUPERGLUE;
 pub use view::PixelView;
 pub use zeb::ZEB;
 
-/// All protocols, in the order of tables. A new one is a file of this folder and a line here.
+/// All protocols, in the order of tables. To add one, write a file in this folder and add a line here.
 pub const PROTOCOLS: &[&Protocol] = &[
     &MATCHBENCH,
     &SUPERGLUE,
@@ -49,80 +50,80 @@ pub const PROTOCOLS: &[&Protocol] = &[
     &ZEB,
 ];
 
-/// The small print of a benchmark.
+/// The rules of a benchmark in all details.
 #[derive(Clone, Copy, Debug)]
 pub struct Protocol {
     /// The name in commands, plans and tables; lower case, words joined by `-`.
     pub id: &'static str,
-    /// Whose it is and on what it is used, in one sentence.
+    /// Who defined it and for which data, in one sentence.
     pub summary: &'static str,
     /// The paper.
     pub reference: &'static str,
-    /// Where the small print was read: the program's files.
+    /// Where the details were read: the files of the program.
     pub source: &'static str,
-    /// In which size images are looked at.
+    /// The size to which images are reduced before matching.
     pub size: SizeRule,
-    /// What estimates the pose.
+    /// The estimator of the pose.
     pub estimator: EstimatorRule,
-    /// Of which pixels a threshold is one.
+    /// The pixels in which a threshold is measured.
     pub pixels: Pixels,
     /// Which focal length turns the threshold into an angle.
     pub focal: Focal,
-    /// Where points are once images were resized.
+    /// Where points are after images were resized.
     pub centres: Centres,
     /// How often the pose of a pair is estimated, each time with other random choices; the errors are pooled.
     pub shuffles: u32,
-    /// Matches without which no pose is estimated.
+    /// Least number of matches; with fewer no pose is estimated.
     pub min_matches: usize,
-    /// Matches that must agree with the model, else the pair failed.
+    /// Least number of inliers of the model; with fewer the pair failed.
     pub min_inliers: usize,
-    /// Matches that must lie in front of both cameras, else the pair failed.
+    /// Least number of matches in front of both cameras; with fewer the pair failed.
     pub min_support: usize,
-    /// Ids of the scores that it prints, of those in [`SCORES`](crate::metrics::SCORES).
+    /// Ids of the scores that it reports, out of [`SCORES`](crate::metrics::SCORES).
     pub scores: &'static [&'static str],
-    /// The error that a pair without a pose is given, in degrees. It is beyond every threshold of the
-    /// scores, so that it moves none of them, only means and medians, which are not shown.
+    /// The error of a pair without a pose, in degrees. It is above every threshold of the scores, so it changes
+    /// none of them. It changes only means and medians, which are not shown.
     pub failure: f64,
-    /// What else its program does, in sentences: what is done here too, and what is not.
+    /// What else its program does, in sentences: what is reproduced here, and what is not.
     pub notes: &'static [&'static str],
 }
 
-/// In which size images are looked at.
+/// The size to which images are reduced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SizeRule {
-    /// As they are.
+    /// Their own size.
     AsIs,
-    /// So many pixels along the longer side. Matchers of this program leave smaller images as they are.
+    /// This many pixels along the longer side. Matchers of this program do not enlarge smaller images.
     LongSide(u32),
-    /// This width and height, whatever the aspect.
+    /// This width and height, whatever the aspect ratio.
     Exactly(u32, u32),
 }
 
-/// What estimates the pose.
+/// The estimator of the pose.
 #[derive(Clone, Copy, Debug)]
 pub enum EstimatorRule {
     /// The estimator that belongs to the matcher, with its defaults.
     Own,
-    /// This one.
+    /// A fixed estimator.
     Of {
         /// Its id.
         id: &'static str,
-        /// Its settings, a JSON object; the others keep their defaults.
+        /// Its settings, a JSON object. Settings that are not in it keep their defaults.
         params: fn() -> Value,
     },
 }
 
-/// Of which pixels a threshold is one.
+/// The pixels in which a threshold is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Pixels {
-    /// Of the images as they are.
+    /// Pixels of the original images.
     Original,
-    /// Of the images in the size of the protocol, whether matches were found in it or not.
+    /// Pixels of the images in the size of the protocol, whether matches were found in this size or not.
     Resized,
 }
 
-/// Which focal length a threshold in pixels is divided by.
+/// The focal length by which a threshold in pixels is divided.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Focal {
@@ -134,25 +135,25 @@ pub enum Focal {
     Harmonic,
 }
 
-/// Where points of resized images are taken to be.
+/// Where points of resized images are assumed to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Centres {
-    /// Where they are: the centre of a pixel stays the centre of what it became.
+    /// At their true places: the centre of a pixel stays at the centre of the area that it became.
     Kept,
-    /// At their coordinates times the ratio of the sizes, which moves all of them by `(1 - ratio) / 2` pixels.
+    /// At their coordinates times the ratio of the sizes. This moves all of them by `(1 - ratio) / 2` pixels.
     Scaled,
 }
 
 /// The protocol called `id`.
 ///
 /// # Errors
-/// If there is none; the error names the nearest, and all.
+/// If there is none. The error names the most similar one, and lists all.
 pub fn find(id: &str) -> Result<&'static Protocol, UnknownName> {
     config::find("protocol", PROTOCOLS, |protocol| protocol.id, id)
 }
 
-/// The protocols of these names; `all` stands for all of them.
+/// The protocols with these names; `all` means all of them.
 ///
 /// # Errors
 /// As [`find`].
@@ -163,13 +164,13 @@ pub fn find_all(names: &[String]) -> Result<Vec<&'static Protocol>, UnknownName>
     }
 }
 
-/// The protocol that an estimator of this name is under.
+/// The protocol of an estimator with this name.
 pub fn of_estimator(name: &str) -> &'static Protocol {
     let (_, id) = name.split_once('@').unwrap_or_default();
     find(id).unwrap_or(&MATCHBENCH)
 }
 
-/// The id of an estimator that may be under a protocol.
+/// The id of an estimator, without the protocol that its name may have.
 pub fn without_protocol(name: &str) -> &str {
     match name.split_once('@') {
         Some((estimator, id)) if find(id).is_ok() => estimator,
@@ -178,7 +179,7 @@ pub fn without_protocol(name: &str) -> &str {
 }
 
 impl Protocol {
-    /// Whether it is the paper's, which is that of every run without another.
+    /// Whether it is the protocol of the paper, which every run has that names no other.
     pub fn is_ours(&self) -> bool {
         self.id == MATCHBENCH.id
     }
@@ -192,8 +193,8 @@ impl Protocol {
         }
     }
 
-    /// What the records of a run depend on, besides the estimator; nothing for the paper's, whose rules are those
-    /// of the version.
+    /// The rules on which the records of a run depend, besides the estimator. `None` for the protocol of the
+    /// paper, whose rules belong to the version.
     pub fn rules(&self) -> Option<Value> {
         let rules = json!({
             "id": self.id,
@@ -208,16 +209,16 @@ impl Protocol {
         (!self.is_ours()).then_some(rules)
     }
 
-    /// Whether [`Protocol::view`] has to know the sizes of the images.
+    /// Whether [`Protocol::view`] needs the sizes of the images.
     pub fn needs_sizes(&self) -> bool {
         self.size != SizeRule::AsIs
             && (self.pixels == Pixels::Resized || self.centres == Centres::Scaled)
     }
 
-    /// How its estimator sees a pair of images of these `sizes`; `None` if as they are.
+    /// How its estimator sees a pair of images of these `sizes`; `None` if nothing is changed.
     ///
     /// # Panics
-    /// If the sizes are needed and not given.
+    /// If the sizes are needed and missing.
     pub fn view(&self, cameras: [&Camera; 2], sizes: Option<[Size; 2]>) -> Option<PixelView> {
         let factors = if self.needs_sizes() {
             let sizes = sizes.expect("who asks knows whether sizes are needed");
@@ -244,7 +245,7 @@ impl Protocol {
         }
     }
 
-    /// All of it in words: what it decides on, and how.
+    /// The protocol in words: what it decides, and how.
     pub fn in_words(&self) -> Vec<(&'static str, String)> {
         let estimator = match self.estimator {
             EstimatorRule::Own => "the one that belongs to the matcher".to_owned(),
@@ -277,7 +278,7 @@ impl Protocol {
         words
     }
 
-    /// Of which pixels a threshold is one, and what it is divided by.
+    /// The pixels in which a threshold is measured and the focal length by which it is divided, in words.
     pub fn unit_in_words(&self) -> String {
         let pixels = match self.pixels {
             Pixels::Original => "pixels of the images as they are".to_owned(),
@@ -316,7 +317,7 @@ impl Protocol {
 }
 
 impl SizeRule {
-    /// Parameters of every native matcher that look at images so; `None` for images as they are.
+    /// The parameters that make every native matcher use this size; `None` for the original size.
     pub fn params(self) -> Option<Value> {
         match self {
             Self::AsIs => None,
@@ -327,7 +328,7 @@ impl SizeRule {
         }
     }
 
-    /// As it stands in a sentence, after *images*.
+    /// The size in words, as it follows *images* in a sentence.
     pub fn in_words(self) -> String {
         match self {
             Self::AsIs => "as they are".to_owned(),
@@ -336,7 +337,7 @@ impl SizeRule {
         }
     }
 
-    /// Pixels of the protocol for one of an image of this `size`, across and down.
+    /// Size of an image in the protocol divided by its own `size`, across and down.
     fn factors(self, size: Size) -> [f64; 2] {
         let [width, height] = [size.width, size.height].map(|length| length.max(1) as f64);
         match self {

@@ -2,9 +2,10 @@
 //!
 //! Edstedt, Sun, Bökman, Wadenbäck, Felsberg, "RoMa: Robust Dense Feature Matching", CVPR 2024.
 //!
-//! Points and K are scaled to images of 1200 pixels along the longer side, and OpenCV's `findEssentialMat` (RANSAC,
-//! 0.99999) gets a threshold of 0.5 of these pixels over the mean of all four focal lengths. Each pair is estimated five
-//! times with shuffled matches, and the five errors are pooled: 7500 errors of 1500 pairs. A failure is 90 degrees.
+//! Points and K are scaled to images of 1200 pixels along the longer side. OpenCV's `findEssentialMat` (RANSAC,
+//! 0.99999) gets a threshold of 0.5 of these pixels, divided by the mean of all four focal lengths. Each pair
+//! is estimated five times with shuffled matches, and the five errors are pooled: 7500 errors of 1500 pairs.
+//! The error of a failure is 90 degrees.
 
 use serde_json::json;
 

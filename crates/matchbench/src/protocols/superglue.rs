@@ -2,12 +2,14 @@
 //!
 //! Sarlin, DeTone, Malisiewicz, Rabinovich, "SuperGlue: Learning Feature Matching with Graph Neural Networks", CVPR 2020.
 //!
-//! Images become 640x480 whatever their aspect, and K is divided by the ratios. OpenCV's `findEssentialMat`
-//! (RANSAC, 0.99999) gets a threshold of 1 pixel of these images over a mean focal length, `recoverPose` the inliers
-//! alone, with depths up to 1e9. Errors are `max(R, min(t, 180 - t))`, the AUC is exact at 5, 10 and 20 degrees.
+//! Images become 640x480 whatever their aspect ratio, and K is divided by the ratios. OpenCV's
+//! `findEssentialMat` (RANSAC, 0.99999) gets a threshold of 1 pixel of these images, divided by a mean focal
+//! length. `recoverPose` gets the inliers alone, with depths up to 1e9. Errors are `max(R, min(t, 180 - t))`;
+//! the AUC is exact at 5, 10 and 20 degrees.
 //!
-//! *Oddities that are here too*: the "mean focal length" takes fx of the first camera and fy of the second, each twice;
-//! coordinates and K are multiplied by the ratio of the sizes, so that the centres of pixels move by half of it.
+//! *Oddities that are reproduced here*: the "mean focal length" uses fx of the first camera and fy of the
+//! second, each twice. Coordinates and K are multiplied by the ratio of the sizes, which
+//! moves all of them (see [`Centres::Scaled`](super::Centres::Scaled)).
 
 use serde_json::json;
 

@@ -1,8 +1,8 @@
-//! A pair of images as the estimator of a protocol sees it: in which pixels, and where its points are.
+//! How the estimator of a protocol sees a pair of images: in which pixels, and where its points are.
 //!
-//! A threshold of `t` pixels becomes `t / f` at depth 1. Here our estimators always divide by the mean focal length
-//! of both cameras, so a protocol with another `f` gets points and cameras in pixels of another size, by the factor
-//! `f / mean focal length`. At depth 1 the points are where they were.
+//! A threshold of `t` pixels becomes `t / f` at depth 1. Our estimators always divide by the mean focal length
+//! of both cameras. So if a protocol has another `f`, points and cameras are given in pixels of another size,
+//! scaled by the factor `f / mean focal length`. The points at depth 1 do not change.
 
 use matchbench_vision::geometry::{Camera, MatchedPoints};
 use nalgebra::{Point2, Vector2};
@@ -12,14 +12,14 @@ use super::{Centres, Focal, Pixels};
 /// Moves and scales the points and cameras of a pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelView {
-    /// Pixels of the protocol for one of the images.
+    /// Size of a pixel: pixels of the protocol per pixel of an image.
     scale: f64,
-    /// What the points of `a` and of `b` are moved by, in pixels of the images.
+    /// Shifts of the points of `a` and of `b`, in pixels of the images.
     shifts: [Vector2<f64>; 2],
 }
 
 impl PixelView {
-    /// The view of images that become so many `factors` larger, across and down; `None` where nothing changes.
+    /// The view of images that are enlarged by these `factors`, across and down; `None` if nothing changes.
     pub(super) fn new(
         cameras: [&Camera; 2],
         factors: [[f64; 2]; 2],

@@ -2,9 +2,10 @@
 //!
 //! Shen, Cai, Yin, Müller, Li, Wang, Chen, Wang, "GIM: Learning Generalizable Image Matcher From Internet Videos", ICLR 2024.
 //!
-//! Twelve sets of pairs, on each the exact AUC at 5 degrees; the score is their mean. OpenCV's `findEssentialMat` (RANSAC,
-//! 0.99999) with 0.5 pixels of the images as they are; the program is LoFTR's, with fx of the first camera and fy of the second,
-//! each twice. A failure is 180 degrees.
+//! There are twelve sets of pairs. The score is the mean of the exact AUC at 5 degrees over the sets. OpenCV's
+//! `findEssentialMat` (RANSAC, 0.99999) gets a threshold of 0.5 pixels of the original images. The program is
+//! LoFTR's, with fx of the first camera and fy of the second, each twice. The error of a failure is 180
+//! degrees.
 
 use serde_json::json;
 

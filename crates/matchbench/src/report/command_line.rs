@@ -368,7 +368,7 @@ fn run(
     Some(line)
 }
 
-/// Parameters of a matcher that are not its defaults. Of an external matcher, whose defaults are not known
+/// Parameters of a matcher that are not its defaults. Of a matcher from outside, whose defaults are not known
 /// here, all parameters.
 fn of_matcher(matcher: &MatcherPlan) -> Settings {
     let mut settings = Settings::new();

@@ -17,23 +17,23 @@ pub enum StudyError {
     File {
         /// The run file.
         file: PathBuf,
-        /// The line, counted from 1, where there is one.
+        /// The line, counted from 1, if the error is in one.
         line: Option<usize>,
         /// What is wrong.
         what: String,
     },
-    /// Something that every run needs was not named.
+    /// Something that every run needs was not given.
     #[error("no {what} is named; give {remedy}")]
     Incomplete {
         /// What it is.
         what: &'static str,
-        /// How to name it.
+        /// How to give it.
         remedy: &'static str,
     },
     /// A dataset cannot be opened or imported.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
-    /// A run would be written into a dataset.
+    /// The run would be written into a dataset.
     #[error("{} is a dataset, and a run needs a folder of its own; give another --out", folder.display())]
     OutIsDataset {
         /// The folder.
@@ -51,7 +51,7 @@ pub enum StudyError {
     /// A file of a tuning cannot be read.
     #[error(transparent)]
     Tuned(#[from] FolderError),
-    /// What was tuned is not asked for.
+    /// A tuned matcher or estimator is not part of this run.
     #[error("{}: `{id}` was tuned but is not part of this run; ask for it too, or leave this file out", file.display())]
     NothingTuned {
         /// The file of the tuning.
@@ -67,7 +67,7 @@ pub enum StudyError {
         /// What is wrong.
         error: ExchangeError,
     },
-    /// Matches of another tool cannot be called so.
+    /// Matches of another tool cannot have this name.
     #[error("matches of another tool cannot be called `{name}`: {what}")]
     Name {
         /// The name.

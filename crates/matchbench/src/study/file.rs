@@ -1,4 +1,4 @@
-//! Reading of a run file: TOML, paths that start from its folder, errors with file and line.
+//! Reads a run file: TOML, with paths relative to its folder, and errors with file and line.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,14 +11,14 @@ use crate::external::Manifest;
 use crate::files::read_text;
 
 impl Study {
-    /// Whether a path that may be a dataset is that of a run file.
+    /// Whether a path is that of a run file; otherwise it may be that of a dataset.
     pub fn is_file(path: &Path) -> bool {
         path.extension()
             .is_some_and(|extension| extension == "toml")
             && !path.is_dir()
     }
 
-    /// The study in a run file. Its relative paths start from the folder of the file.
+    /// The study in a run file. Relative paths in it start from the folder of the file.
     ///
     /// # Errors
     /// If the file cannot be read, or a key, a name, a parameter or a value in it is wrong.
@@ -34,7 +34,7 @@ impl Study {
         Ok(study)
     }
 
-    /// The study in a text, whose paths stay as they are; `file` is named in errors.
+    /// The study in a text, with paths unchanged; errors name `file`.
     ///
     /// # Errors
     /// If a key, a name, a parameter or a value is wrong.
@@ -54,7 +54,7 @@ impl Study {
         Ok(Self { set_at, ..study })
     }
 
-    /// Lets all relative paths start from `folder`.
+    /// Makes all relative paths start from `folder`.
     fn start_from(&mut self, folder: &Path) {
         let place = |path: &mut PathBuf| *path = folder.join(&path);
         let place_some = |path: &mut Option<PathBuf>| {
@@ -91,7 +91,7 @@ impl Study {
     }
 }
 
-/// Where the ids of settings stand.
+/// The lines of the ids of settings.
 #[derive(Deserialize)]
 struct Places {
     #[serde(default)]

@@ -1,4 +1,4 @@
-//! A study: what a run is asked for, by the arguments of the command line or by a run file.
+//! A study: everything that is asked of a run, by arguments of the command line or by a run file.
 //!
 //! ```toml
 //! # matchbench run study.toml          paths start from this file's folder
@@ -18,9 +18,9 @@
 //! matchers = ["sift"]                  # instead of those above
 //! ```
 //!
-//! Both ways fill one [`Study`]; [`Study::prepare`] opens and builds what it names, and the
-//! [`Prepared`] is run as any other. Keys and their defaults are those of [`Study`],
-//! [`StudyDataset`], [`StudyImport`] and [`MatchesFrom`]; an unknown key is an error.
+//! Both ways fill in one [`Study`]. [`Study::prepare`] opens and builds what it names. The result, a
+//! [`Prepared`], is run. Keys and their defaults are those of [`Study`], [`StudyDataset`], [`StudyImport`] and
+//! [`MatchesFrom`]; an unknown key is an error.
 
 mod error;
 mod file;
@@ -42,53 +42,54 @@ pub use crate::matchers::MatchesFrom;
 pub use error::StudyError;
 pub use prepare::{News, Prepared, sources_as_planned};
 
-/// What a run is asked for.
+/// Everything that is asked of a run.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Study {
-    /// The folder of the run; one that is there already is resumed.
+    /// The folder of the run. If it exists, the run is resumed.
     pub out: Option<PathBuf>,
     /// The matchers: ids, manifests of matchers from outside, or `all`.
     #[serde(deserialize_with = "names::matchers")]
     pub matchers: Vec<String>,
-    /// The estimators that judge each of them; its own where there are none.
+    /// The estimators that are run with each matcher. If empty, each matcher has its own.
     #[serde(deserialize_with = "names::estimators")]
     pub estimators: Vec<String>,
-    /// The protocols that they are run under, or `all`; the paper's where there are none.
+    /// The protocols that the estimators are run under, or `all`. If empty, that of the paper.
     #[serde(deserialize_with = "names::protocols")]
     pub protocols: Vec<String>,
-    /// Root of all random choices. Default: 0.
+    /// Seed of all random choices. Default: 0.
     pub seed: u64,
-    /// How often every pair is done, each time with other random choices. Default: 1, or as often as a protocol
-    /// asks for.
+    /// How often every pair is run, each time with other random choices. Default: 1, or as often as a protocol
+    /// requires.
     pub repeat: Option<NonZeroU32>,
     /// Only the first so many pairs of each dataset. Default: all.
     pub limit: Option<NonZeroUsize>,
-    /// Of these only so many, evenly spread. Default: all.
+    /// Of these pairs only so many, evenly spread. Default: all.
     pub sample: Option<NonZeroUsize>,
-    /// Milliseconds that an estimator may draw samples for a pair. Default: as long as its own rules say.
+    /// Milliseconds for which an estimator may draw samples for a pair. Default: no limit besides its own
+    /// rules.
     pub time_budget: Option<NonZeroU32>,
     /// Changed parameters, by the id of their matcher or estimator.
     #[serde(deserialize_with = "names::parameters")]
     pub set: Changes,
-    /// The run file and the line in it where each id of `set` stands, as far as one says it.
+    /// The run file, and the line in it of each id in `set`, if the settings came from a run file.
     #[serde(skip)]
     pub set_at: BTreeMap<String, (PathBuf, usize)>,
-    /// Files of `matchbench tune` whose choices are taken over; `set` wins over them.
+    /// Files of `matchbench tune` whose choices are used; `set` wins over them.
     pub tuned: Vec<PathBuf>,
-    /// The folder of the feature cache. Default: `cache` in that of the run.
+    /// The folder of the feature cache. Default: `cache` in the folder of the run.
     pub cache: Option<PathBuf>,
     /// Which matches are kept: `all`, `inliers` or `none`. Default: all.
     pub keep_matches: KeepMatches,
-    /// Whether the report is written when all is done. Default: false.
+    /// Whether the report is written at the end. Default: false.
     pub report: bool,
-    /// Whether all that failed is done again. No run file says so: it is asked for once.
+    /// Whether all that failed is run again. A run file cannot ask for this, since it is meant for one time.
     #[serde(skip)]
     pub retry_failed: bool,
     /// The datasets, in the order in which they are run.
     #[serde(rename = "dataset")]
     pub datasets: Vec<StudyDataset>,
-    /// Matches of other tools, on every dataset.
+    /// Matches of other tools, which are used on every dataset.
     pub matches: Vec<MatchesFrom>,
 }
 
@@ -118,10 +119,10 @@ impl Default for Study {
 }
 
 impl Study {
-    /// What decides about the records beside datasets, matchers and estimators.
+    /// The settings that the records depend on, besides datasets, matchers and estimators.
     ///
     /// # Errors
-    /// If there is no protocol of a name.
+    /// If a protocol does not exist.
     pub fn settings(&self) -> Result<Settings, UnknownName> {
         let protocols = protocols::find_all(&self.protocols)?;
         let shuffles = protocols.iter().map(|protocol| protocol.shuffles).max();
@@ -142,9 +143,9 @@ impl Study {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StudyDataset {
-    /// Its folder, whose name is its name unless its `dataset.toml` has another.
+    /// Its folder. The name of the folder is the name of the dataset, unless its `dataset.toml` has another.
     pub path: PathBuf,
-    /// What it is made of where it is not there; what is there must be the same.
+    /// How it is made if it does not exist. If it exists, it must be the same.
     pub import: Option<StudyImport>,
     /// The matchers that are run on it, instead of those of the study.
     #[serde(default, deserialize_with = "names::some_matchers")]
@@ -152,7 +153,7 @@ pub struct StudyDataset {
 }
 
 impl StudyDataset {
-    /// A dataset that is there.
+    /// A dataset that exists.
     pub fn at(path: impl Into<PathBuf>) -> Self {
         Self {
             path: path.into(),
@@ -161,7 +162,7 @@ impl StudyDataset {
     }
 }
 
-/// What a dataset is made of: the options of `matchbench import`.
+/// How a dataset is made: the options of `matchbench import`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StudyImport {
@@ -170,12 +171,12 @@ pub struct StudyImport {
     pub kind: String,
     /// The data as their authors publish them.
     pub source: PathBuf,
-    /// Which images are matched. Default: what the paper does with this kind.
+    /// Which pairs of images are matched. Default: the pairs that the paper uses for this kind.
     #[serde(default, deserialize_with = "names::pair_rule")]
     pub pairs: Option<PairRule>,
-    /// Which sequence, where the source holds several.
+    /// Which sequence, if the source holds several.
     pub sequence: Option<String>,
-    /// The calibration, where the source has none or another is wanted.
+    /// The calibration, if the source has none or another one shall be used.
     pub camera: Option<PathBuf>,
     /// The poses.
     pub poses: Option<PathBuf>,
@@ -185,7 +186,7 @@ pub struct StudyImport {
     /// Interpolate between poses instead of taking the nearest. Default: false.
     #[serde(default)]
     pub interpolate: bool,
-    /// Folder that image names start from.
+    /// Folder to which image names are relative.
     pub image_root: Option<PathBuf>,
     /// The calibration matrices.
     pub intrinsics: Option<PathBuf>,
@@ -194,8 +195,8 @@ pub struct StudyImport {
 }
 
 impl StudyImport {
-    /// Makes the dataset in the folder `path` if it is not there, and tells that it was imported; what is
-    /// there must be the same.
+    /// Makes the dataset in the folder `path` if it does not exist, and tells `tell` that it was imported. If
+    /// it exists, it must be the same.
     ///
     /// # Errors
     /// As [`import_once`].

@@ -1,4 +1,4 @@
-//! Names, parameters and rules of a run file, checked where they stand, so that errors have a line.
+//! Checks names, parameters and rules of a run file while it is read, so that errors have a line.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -14,7 +14,7 @@ use crate::external::Manifest;
 use crate::matchers::{self, MATCHERS};
 use crate::protocols;
 
-/// What a name may stand for.
+/// The kinds of things that a name can name.
 trait Named {
     fn check(name: &str) -> Result<(), UnknownName>;
 }
@@ -47,7 +47,7 @@ impl Named for Protocol {
     }
 }
 
-/// A name of something that there is.
+/// A name that was looked up and exists.
 struct Known<N>(String, PhantomData<N>);
 
 impl<'de, N: Named> Deserialize<'de> for Known<N> {
@@ -101,7 +101,7 @@ pub(super) fn pair_rule<'de, D: Deserializer<'de>>(
     text.parse().map(Some).map_err(D::Error::custom)
 }
 
-/// The kind of a dataset that is imported.
+/// The kind of an import.
 pub(super) fn kind<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
     let id = String::deserialize(deserializer)?;
     let ids: Vec<&str> = KINDS.iter().map(|kind| kind.id).collect();
@@ -159,7 +159,7 @@ impl<'de> DeserializeSeed<'de> for ParametersOf<'_> {
 }
 
 impl ParametersOf<'_> {
-    /// A matcher from outside has parameters that its manifest knows.
+    /// The parameters of a matcher from outside are defined by its manifest.
     fn check(&self, given: &Value) -> Result<(), ConfigError> {
         if let Some(entry) = MATCHERS.iter().find(|entry| entry.id() == self.0) {
             return entry.build(Some(given)).map(drop);

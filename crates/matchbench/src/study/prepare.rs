@@ -1,4 +1,4 @@
-//! From a study to what is run: datasets opened or imported, matchers built or started.
+//! Turns a study into what is run: opens or imports datasets, builds or starts matchers.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -17,7 +17,7 @@ use crate::protocols;
 use crate::records::{KeepMatches, Plan, RunFolder, Settings, Tuned};
 use crate::run::{Contender, ContenderError, Dataset, Outside, Run, built_in, manifest};
 
-/// A study whose datasets are open and whose matchers are ready.
+/// A study that is ready to run: its datasets are open, and its matchers are built.
 pub struct Prepared {
     /// The datasets, each with the matchers that are run on it.
     pub datasets: Vec<Dataset>,
@@ -27,16 +27,16 @@ pub struct Prepared {
     pub absent: Vec<StartError>,
     /// The folder of the run.
     pub folder: PathBuf,
-    /// What else decides about the records.
+    /// The other settings that the records depend on.
     pub settings: Settings,
-    /// The choices of tuning that were taken over.
+    /// The tuned choices that are used.
     pub tuned: Vec<Tuned>,
     cache: FeatureCache,
     keep_matches: KeepMatches,
     retry_failed: bool,
 }
 
-/// What happens while a study is prepared.
+/// Events while a study is prepared.
 pub enum News<'a> {
     /// A dataset was imported into this folder.
     Imported(&'a Path, &'a ImportReport),
@@ -61,22 +61,23 @@ impl Prepared {
 }
 
 impl Study {
-    /// Opens its datasets, imports those that are not there, reads matches from files, builds its
-    /// matchers and starts those from outside. What happens is told to `tell`.
+    /// Opens its datasets, imports those that do not exist, reads matches from files, builds its matchers and
+    /// starts those from outside. `tell` is called with each event.
     ///
     /// # Errors
-    /// If it names no dataset, no matcher or no folder; if one of them, a parameter or a tuning is
-    /// wrong; if no matcher could be started.
+    /// If it names no dataset, no matcher or no folder; if one of them, a parameter or a tuning is wrong; or if
+    /// no matcher could be started.
     pub fn prepare(&self, tell: &dyn Fn(News<'_>)) -> Result<Prepared, StudyError> {
         self.prepare_with(Dataset::open, tell)
     }
 
-    /// The same for [`plan_shards`](crate::run::plan_shards): of datasets with many pairs, few are held.
+    /// The same for [`plan_shards`](crate::run::plan_shards). Of datasets with many pairs, only few pairs are
+    /// kept in memory.
     ///
     /// # Errors
     /// As [`Study::prepare`].
     pub fn prepare_plan(&self, tell: &dyn Fn(News<'_>)) -> Result<Prepared, StudyError> {
-        // Which file is of which pair is understood from all of them.
+        // All pairs are needed to find out which file belongs to which pair.
         let needs_pairs = !self.matches.is_empty();
         let open = if needs_pairs {
             Dataset::open
@@ -173,7 +174,7 @@ impl Study {
         })
     }
 
-    /// The error with the line of the run file that is wrong, or with the file of a tuning, where it is about one.
+    /// The error, with the line of the run file or with the file of a tuning if it is about one of these.
     fn placed(&self, error: ContenderError, tuned: &[Tuned]) -> StudyError {
         let place = match &error {
             ContenderError::TakesNoPart(id) => self.set_at.get(id),
@@ -192,7 +193,8 @@ impl Study {
         }
     }
 
-    /// What is given a setting and takes no part, with the file of the tuning that gives it.
+    /// The error that a setting is for something that takes no part, with the file of the tuning if the setting
+    /// comes from one.
     fn nothing_tuned(&self, id: String, tuned: &[Tuned]) -> StudyError {
         let sets = |tuned: &Tuned| tuned.setting.split('.').next() == Some(&*id);
         match tuned.iter().zip(&self.tuned).find(|(tuned, _)| sets(tuned)) {
@@ -204,8 +206,8 @@ impl Study {
         }
     }
 
-    /// The names of the matchers that are run on any dataset, in the order in which they are named:
-    /// those of the study, unless each dataset has its own, and then what datasets add.
+    /// The names of the matchers that are run on any dataset, in the order in which they are named: first those
+    /// of the study, unless each dataset has its own, then those that datasets add.
     pub fn all_matchers(&self) -> Vec<String> {
         let mut all = Vec::new();
         if self
@@ -213,7 +215,7 @@ impl Study {
             .iter()
             .any(|dataset| dataset.matchers.is_none())
         {
-            // As they are: a name that stands twice is told by whoever runs them.
+            // Unchanged: the run itself reports a name that is there twice.
             all = expanded(&self.matchers);
         }
         for own in self
@@ -246,10 +248,11 @@ impl Study {
     }
 }
 
-/// Matches from files for `datasets` that have some of the pairs of a `plan`, read as it understood all of them.
+/// Matches from files for `datasets` that have only some of the pairs of a `plan`. The files are read as the
+/// plan interpreted them for all pairs.
 ///
 /// # Errors
-/// If files cannot be read or their matches are wrong; other files than those planned are another plan.
+/// If files cannot be read or their matches are wrong; or if the files are not those in the plan.
 pub fn sources_as_planned(
     matches: &[MatchesFrom],
     datasets: &[Dataset],
@@ -279,8 +282,8 @@ fn open_matches(
     })
 }
 
-/// Whether matches from files may have this name in tables: that of what is built in would set them beside true runs
-/// of it.
+/// Checks that matches from files may have this name in tables. The name of something built in is refused,
+/// since the matches would appear beside real runs of it.
 fn check_name(name: &str) -> Result<(), StudyError> {
     let plain = |c: char| c.is_alphanumeric() || "-_.".contains(c);
     let is_word = name.chars().all(plain) && name.starts_with(char::is_alphanumeric);
@@ -295,7 +298,7 @@ fn check_name(name: &str) -> Result<(), StudyError> {
     Err(StudyError::Name { name, what })
 }
 
-/// The dataset, which is imported first if it is not there.
+/// Opens the dataset; imports it first if it does not exist.
 fn open(
     asked: &StudyDataset,
     open_dataset: fn(&Path) -> Result<Dataset, DatasetError>,
@@ -307,7 +310,7 @@ fn open(
     Ok(open_dataset(&asked.path)?)
 }
 
-/// The names, and all matchers where one of them is `all`.
+/// The names; if one of them is `all`, all matchers.
 fn expanded(names: &[String]) -> Vec<String> {
     let all = || MATCHERS.iter().map(|entry| entry.id().to_owned());
     (names.iter())
@@ -326,7 +329,7 @@ fn id(name: &str, changes: &Changes) -> Result<String, StudyError> {
     Ok(name.to_owned())
 }
 
-/// Whether both are one folder that is there.
+/// Whether both paths are the same existing folder.
 fn is_same(a: &Path, b: &Path) -> bool {
     matches!((fs::canonicalize(a), fs::canonicalize(b)), (Ok(a), Ok(b)) if a == b)
 }
