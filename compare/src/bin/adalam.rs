@@ -1,13 +1,14 @@
-//! AdaLAM on a file of matches, timed.
+//! Runs AdaLAM on a file of matches and measures its time.
 //!
 //! ```text
 //! adalam MATCHES SAMPLES REFIT
 //! ```
 //!
-//! `MATCHES` is little endian: `u32` width and height of image a, then of image b; then for each match
-//! eleven `f32`: x, y, size and angle (radians) in a, the same in b, distance, second distance, and 1 if its features are
-//! each other's nearest, else 0. `SAMPLES` are drawn in each neighbourhood, `REFIT` is 0 or 1. Prints the median
-//! time of nine selections in milliseconds and a digit for each match: 1 if it is kept, else 0.
+//! `MATCHES` is little-endian: `u32` width and height of image a, then of image b. Then there are eleven `f32`
+//! per match: x, y, size and angle (radians) in a, the same in b, distance, second distance, and 1 if the two
+//! features are each other's nearest, else 0. `SAMPLES` is the number of samples per neighbourhood; `REFIT` is
+//! 0 or 1. Prints the median time of nine selections in milliseconds, and a digit for each match: 1 if it is
+//! kept, else 0.
 
 use std::error::Error;
 use std::fs;
@@ -67,7 +68,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Of x, y, size and angle.
+/// From x, y, size and angle.
 fn keypoint(row: &[f32]) -> Keypoint {
     Keypoint {
         at: Point2::new(row[0], row[1]),
@@ -78,7 +79,7 @@ fn keypoint(row: &[f32]) -> Keypoint {
     }
 }
 
-/// Keypoints whose descriptors nobody looks at.
+/// Keypoints with descriptors that are not used.
 fn features(size: Size, keypoints: Vec<Keypoint>) -> Features {
     let rows = FloatRows::from_vec(1, vec![0.0; keypoints.len()]);
     Features::new(size, keypoints, Descriptors::Float(rows))

@@ -1,19 +1,20 @@
-//! Extracts features from one image, several times, and says how long it took.
+//! Extracts features from one image several times, and measures the time.
 //!
 //! ```text
 //! extract EXTRACTOR IMAGE REPEATS OUT [KEYPOINTS]
 //! ```
 //!
-//! EXTRACTOR is the id of a matcher, whose features these are, or `orb-gms`: those of `gms` in an
-//! image of at most 640x480, whatever its size. `ID=PARAMS` changes parameters of the extractor, PARAMS being a
-//! JSON object as in `dsp-sift={"affine_shape":true}`. IMAGE is a grey PGM or PNG of 8 bits. With
-//! KEYPOINTS, a file as written to `OUT.keypoints.npy`, EXTRACTOR is a describer and describes those. Each thread (`RAYON_NUM_THREADS` of them, all cores
-//! unless told) works on an image of its own, as in a run; prints the median time of that in
-//! milliseconds, divided by their number. Writes
-//! `OUT.keypoints.npy`, one row `x y size angle_in_degrees response octave` each (an angle of -1
-//! stands for none), and `OUT.descriptors.npy`, one row of values (or of bytes, for binary
-//! descriptors) each, and where ellipses are described `OUT.frames.npy`, their frames row after row.
-//! `compare/features.py` reads them.
+//! EXTRACTOR is the id of a matcher, whose features are extracted, or `orb-gms`: the features of `gms` for
+//! images of at most 640x480, whatever the size of the image. `ID=PARAMS` changes parameters of the extractor;
+//! PARAMS is a JSON object as in `dsp-sift={"affine_shape":true}`. IMAGE is a grey PGM or PNG with 8 bits.
+//! KEYPOINTS is a file in the form of `OUT.keypoints.npy`; if it is given, EXTRACTOR describes these keypoints.
+//! Each thread works on an image of its own, as in a run; there are `RAYON_NUM_THREADS` of them, or one per
+//! core if that is not set. Prints the median time in milliseconds, divided by the number of threads.
+//!
+//! Writes `OUT.keypoints.npy` with one row `x y size angle_in_degrees response octave` per keypoint (an angle
+//! of -1 means none), and `OUT.descriptors.npy` with one row of values (or of bytes, for binary descriptors)
+//! each. If ellipses are described, it also writes their frames to `OUT.frames.npy`, row after row.
+//! `compare/features.py` reads these files.
 
 use std::error::Error;
 use std::path::Path;
@@ -30,7 +31,7 @@ use matchbench_vision::image::GrayImage;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-/// What finds the features of an image.
+/// A function that finds the features of an image.
 type Extract = Box<dyn Fn(&GrayImage) -> Features + Sync>;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -62,7 +63,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     write(&features, out)
 }
 
-/// A detector that finds what it was given.
+/// A detector that returns given keypoints.
 struct Given(Vec<Keypoint>);
 
 impl Detector for Given {
@@ -71,7 +72,7 @@ impl Detector for Given {
     }
 }
 
-/// The features of the matcher `id`, or a describer of the keypoints that are given.
+/// The features of the matcher `id`; or, if keypoints are given, a function that describes these.
 fn extract(id: &str, given: Option<Given>) -> Result<Extract, Box<dyn Error>> {
     if let Some(given) = given {
         return match id {

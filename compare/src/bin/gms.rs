@@ -1,12 +1,12 @@
-//! Grid-based motion statistics on a file of matches, timed.
+//! Runs grid-based motion statistics (GMS) on a file of matches and measures its time.
 //!
 //! ```text
 //! gms MATCHES SCALES ROTATIONS
 //! ```
 //!
-//! `MATCHES` is little endian: `u32` width and height of image a, then of image b; then for each match
-//! `f32` x and y in a, x and y in b. `SCALES` and `ROTATIONS` are 0 or 1. Prints the median time of
-//! nine selections in milliseconds and a digit for each match: 1 if it is kept, else 0.
+//! `MATCHES` is little-endian: `u32` width and height of image a, then of image b. Then there are four `f32`
+//! per match: x and y in a, x and y in b. `SCALES` and `ROTATIONS` are 0 or 1. Prints the median time of nine
+//! selections in milliseconds, and a digit for each match: 1 if it is kept, else 0.
 
 use std::error::Error;
 use std::fs;

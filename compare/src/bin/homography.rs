@@ -1,18 +1,18 @@
-//! Homographies from a file of matches.
+//! Estimates homographies from a file of matches.
 //!
 //! ```text
 //! homography MATCHES ESTIMATOR [SEEDS] [FIRST_SEED] [JSON]
 //! ```
 //!
-//! `MATCHES` holds one block for each pair of images: a line `pair NAME`, and a line `ax ay bx by ambiguity`
-//! for each match, in pixels. `ESTIMATOR` is `best-h` or `ransac-h`, with the parameters in `JSON`. For each
-//! pair and each of `SEEDS` seeds (default 1), counted from `FIRST_SEED` (default 0), one line is printed:
+//! `MATCHES` holds one block per pair of images: a line `pair NAME`, and a line `ax ay bx by ambiguity` per
+//! match, in pixels. `ESTIMATOR` is `best-h` or `ransac-h`, with the parameters in `JSON`. `SEEDS` (default 1)
+//! is the number of seeds; they start at `FIRST_SEED` (default 0). For each pair and seed one line is printed:
 //!
 //! ```text
 //! NAME seed inliers iterations microseconds h11 h12 ... h33
 //! ```
 //!
-//! or `NAME seed none microseconds reason` where there is no homography.
+//! or `NAME seed none microseconds reason` if there is no homography.
 
 use std::time::Instant;
 use std::{env, error, fs};

@@ -1,23 +1,26 @@
-//! Relative poses from a file of matches, with the reference estimator or another.
+//! Estimates relative poses from a file of matches, with the reference estimator or another one.
 //!
 //! ```text
 //! pose MATCHES [SEEDS] [FIRST_SEED] [NAME=VALUE ...]
 //! ```
 //!
-//! `MATCHES` holds one block for each pair of images: a line `pair NAME`, a line with `fx fy cx cy` of
-//! both cameras (eight numbers), and a line `ax ay bx by [ambiguity [turn]]` for each match, in pixels and radians. For each pair and
-//! each of `SEEDS` seeds (default 1), counted from `FIRST_SEED` (default 0), one line is printed:
+//! `MATCHES` holds one block per pair of images: a line `pair NAME`, a line with `fx fy cx cy` of both cameras
+//! (eight numbers), and a line `ax ay bx by [ambiguity [turn]]` per match, in pixels and radians. `SEEDS`
+//! (default 1) is the number of seeds; they start at `FIRST_SEED` (default 0). For each pair and seed one line
+//! is printed:
 //!
 //! ```text
 //! NAME seed inliers support iterations microseconds r11 r12 ... r33 t1 t2 t3
 //! ```
 //!
-//! with `x_b = R x_a + t`, or `NAME seed none microseconds reason` where there is no pose.
+//! with `x_b = R x_a + t`, or `NAME seed none microseconds reason` if there is no pose.
 //!
-//! The estimator is [`Ransac`] with its defaults; where settings follow, it is [`SampleConsensus`] with
-//! those: `preset` `best` or `adaptive` (what the others change), `sampler` `uniform`, `prosac` or `spread`, `horizon=5000` (PROSAC),
-//! `score` `msac` or `even-msac`, `score_cells=10`, `threshold=1.5`, `sprt=false`, `iterations=10000`, `min=50`, `confidence=0.999`, `local=10`,
-//! `final=25`, `loss` `truncated` or `cauchy`, `geometry=fundamental`, `degensac=false`, `cheirality=false`, `plane_poses=true`, `turns=false`.
+//! Without settings, the estimator is [`Ransac`] with its defaults. With settings, it is [`SampleConsensus`]:
+//! `preset` `best` or `adaptive` (the values that the other settings change), `sampler` `uniform`, `prosac` or
+//! `spread`, `horizon=5000` (PROSAC), `score` `msac` or `even-msac`, `score_cells=10`, `threshold=1.5`,
+//! `sprt=false`, `iterations=10000`, `min=50`, `confidence=0.999`, `local=10`, `final=25`, `loss` `truncated`
+//! or `cauchy`, `geometry=fundamental`, `degensac=false`, `cheirality=false`, `plane_poses=true`,
+//! `turns=false`.
 
 use std::time::Instant;
 use std::{env, error, fs};
@@ -36,7 +39,7 @@ struct Pair {
     name: String,
     cameras: Option<(Camera, Camera)>,
     points: MatchedPoints,
-    /// Of the matches that have one.
+    /// Turns of the matches that have one.
     turns: Vec<f32>,
 }
 

@@ -1,16 +1,16 @@
-//! Nearest neighbours between two files of descriptors, timed.
+//! Searches nearest neighbours between two files of descriptors and measures the time.
 //!
 //! ```text
 //! search A B OUT [REPETITIONS [exact | kdforest]]
 //! ```
 //!
-//! prints the median time of a first search in milliseconds (reading and writing excluded) and writes
-//! the correspondences. All numbers are little endian.
+//! prints the median time of a first search in milliseconds (without reading and writing) and writes the
+//! correspondences. All numbers are little-endian.
 //!
-//! - Descriptors: `u32` kind (0 real values, 1 bits), `u32` values or bits in a row, `u32` rows;
-//!   then the rows: `f32` values, or whole bytes whose least significant bit comes first.
-//! - Correspondences, one after the other: `u32` a, `u32` b, `f32` distance, `f32` distance to the
-//!   second nearest.
+//! - Descriptors: `u32` kind (0 real values, 1 bits), `u32` values or bits in a row, `u32` rows; then the rows:
+//!   `f32` values, or whole bytes whose least significant bit comes first.
+//! - Correspondences, one after the other: `u32` a, `u32` b, `f32` distance, `f32` distance to the second
+//!   nearest.
 
 use std::error::Error;
 use std::fs;
@@ -40,7 +40,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut times: Vec<Duration> = Vec::new();
     let mut matches = Vec::new();
     for _ in 0..repetitions.max(1) {
-        // A copy, since what a search makes of its candidates is kept beside these for the next search: each is the first.
+        // A copy, since the prepared candidates of a search are kept with the descriptors for the next one; so
+        // each search is a first search.
         let b = b.clone();
         let start = Instant::now();
         matches = match (&kdforest, &a, &b) {

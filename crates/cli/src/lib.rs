@@ -1,9 +1,9 @@
-//! `matchbench`: arguments to plan, progress, exit codes. No algorithm lives here.
+//! The program `matchbench`: parses arguments, shows progress, returns exit codes. It contains no algorithm.
 //!
-//! The program is one function, [`run`], so that other programs can be it: the Python package installs a
-//! command that calls it.
+//! The program is one function, [`run`], so that other programs can call it: the Python package installs a
+//! command that does.
 
-// `eprintln` ends the program where standard error is closed; `say` does not.
+// `eprintln` ends the program if standard error is closed; `say` does not.
 #![deny(clippy::print_stderr, clippy::print_stdout)]
 
 mod args;
@@ -24,31 +24,31 @@ use args::{Cli, Command};
 use output::say;
 use threads::Threads;
 
-/// Bytes of the stack of a thread: as much as the system gives the first one.
+/// Bytes of the stack of a thread: as many as the system gives the main thread.
 const STACK: usize = 8 << 20;
 
-/// Threads beyond this many for each core take memory and give nothing back.
+/// More threads per core than this take memory and gain nothing.
 const MOST_THREADS_A_CORE: usize = 4;
 
-/// What a command that did not break has to say to the shell.
+/// How a command ended that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ending {
     /// Everything was done.
     Done,
-    /// Everything was tried, and some tasks failed; or problems were found.
+    /// Everything was tried, but some tasks failed; or problems were found.
     SomeFailed,
-    /// The user stopped it; what was done is kept.
+    /// The user stopped it; finished work is kept.
     Stopped,
 }
 
-/// Does what `arguments` ask, the first of which is the name of the program, and returns the exit code: 0
-/// when everything was done, 1 after an error, which is printed, 2 where some tasks failed, 130 where the
-/// user stopped it. Takes over the signals by which users do that.
+/// Executes the command in `arguments`, the first of which is the name of the program, and returns the exit
+/// code: 0 if everything was done, 1 after an error, which is printed, 2 if some tasks failed, 130 if the user
+/// stopped it. Handles the signals by which users stop it.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
         Err(error) => {
-            // Help and version arrive here too; they go to standard output and are no failure.
+            // Help and version are errors here too; they go to standard output and are not a failure.
             let _ = error.print();
             return u8::from(error.use_stderr());
         }
@@ -66,10 +66,11 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-/// Sets the limits that the environment asks for ([`run`] does that itself).
+/// Sets the limits that environment variables ask for ([`run`] does that itself).
 ///
 /// # Errors
-/// If a variable is not what it must be; the error names it. If instructions are asked for that the processor lacks.
+/// If a variable has an invalid value; the error names it. If the processor lacks the instruction set that is
+/// asked for.
 pub fn environment() -> anyhow::Result<()> {
     if let Some(most) = asked("MATCHBENCH_MAX_PIXELS", |text| text.parse().ok())? {
         matchbench::datasets::limit_pixels(most);
@@ -81,7 +82,7 @@ pub fn environment() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What a variable asks for, if it is set to something.
+/// The value of a variable, if it is set and not empty.
 fn asked<T>(variable: &str, parse: impl Fn(&str) -> Option<T>) -> anyhow::Result<Option<T>> {
     let Some(text) = std::env::var_os(variable).filter(|text| !text.is_empty()) else {
         return Ok(None);
@@ -95,7 +96,7 @@ fn asked<T>(variable: &str, parse: impl Fn(&str) -> Option<T>) -> anyhow::Result
     })
 }
 
-/// A number of bytes, of millions (`M`) or of billions (`G`) of them.
+/// A number of bytes, of millions (`M`) or of billions (`G`) of bytes.
 fn bytes(text: &str) -> Option<NonZeroU64> {
     let (number, unit) = match text.as_bytes() {
         [.., b'M'] => (&text[..text.len() - 1], 1_000_000),
@@ -105,21 +106,21 @@ fn bytes(text: &str) -> Option<NonZeroU64> {
     NonZeroU64::new(number.parse::<u64>().ok()?.checked_mul(unit)?)
 }
 
-/// Does the command in the one pool of threads that all of it shares: decoding, extraction, scoring,
+/// Executes the command in the one thread pool that all its parts share: decoding, extraction, scoring,
 /// figures.
 fn in_pool(command: &Command) -> anyhow::Result<Ending> {
     pool(threads(command))?.install(|| dispatch(command))
 }
 
-/// Threads for a run, with the stacks that they need: as many as `asked` for, but no more than the cores make
-/// use of; without a number, one for each core.
+/// A thread pool for a run, with stacks that are large enough. It has as many threads as `asked` for, but not
+/// more than are useful for the number of cores; without a number, one thread per core.
 ///
 /// # Errors
-/// If the system does not give them.
+/// If the system cannot start them.
 pub fn pool(asked: Option<NonZeroUsize>) -> anyhow::Result<ThreadPool> {
     let cores = available_parallelism().map_or(1, usize::from);
     let useful = MOST_THREADS_A_CORE * cores;
-    // Results do not depend on it, so that fewer threads than asked for are no other answer.
+    // Results do not depend on the number of threads, so fewer threads than asked for change nothing.
     let threads = asked.map_or(0, |asked| asked.get().min(useful));
     ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -128,7 +129,7 @@ pub fn pool(asked: Option<NonZeroUsize>) -> anyhow::Result<ThreadPool> {
         .context("cannot start the threads; ask for fewer")
 }
 
-/// What `--threads` says, where the command has that option.
+/// The value of `--threads`, if the command has this option.
 fn threads(command: &Command) -> Option<NonZeroUsize> {
     let threads = match command {
         Command::Demo(args) => args.threads,
@@ -141,7 +142,7 @@ fn threads(command: &Command) -> Option<NonZeroUsize> {
         Command::Leaderboard(args) => args.threads,
         Command::Compare(args) => args.threads,
         Command::Validate(args) => args.threads,
-        // One pair, one thread, or nothing to share out.
+        // One pair, one thread, or nothing that could be divided.
         Command::Import(_)
         | Command::Plan(_)
         | Command::Merge(_)
@@ -183,7 +184,7 @@ fn dispatch(command: &Command) -> anyhow::Result<Ending> {
     }
 }
 
-/// Whether the reader of our output went away, as `head` does: not our failure.
+/// Whether the reader of our output has gone, as `head` does; this is not a failure.
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| {
         cause

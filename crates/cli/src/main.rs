@@ -1,4 +1,4 @@
-//! `matchbench`, the program; all of it is in the library, which the Python package calls too.
+//! The program `matchbench`. All of it is in the library, which the Python package calls too.
 
 use std::process::ExitCode;
 

@@ -1,6 +1,5 @@
-//! What the program says and writes, whatever becomes of it: a standard error that is closed or full
-//! takes no result away, a file called `-` is standard output, and bytes of files that are not ours
-//! reach the terminal as text and not as commands.
+//! The output of the program. A closed or full standard error loses no result, a file called `-` is standard
+//! output, and text from files of others reaches the terminal without control characters.
 
 use std::fmt;
 use std::io::{self, Write};
@@ -9,13 +8,14 @@ use std::path::Path;
 use matchbench::files::write_whole;
 use matchbench::report::shell_word;
 
-/// Longest word that is repeated in a message, in characters.
+/// Longest word that a message repeats, in characters.
 const LONGEST_WORD: usize = 300;
 
-/// Longest message, in characters: of a longer one its beginning and its end are shown, where what to do stands.
+/// Longest message, in characters. Of a longer one the beginning and the end are shown; the end says what to
+/// do.
 const LONGEST_MESSAGE: usize = 20_000;
 
-/// Says something on standard error, as `eprintln` does, and goes on where nobody listens.
+/// Prints to standard error, as `eprintln` does, and continues if it is closed.
 macro_rules! say {
     ($($what:tt)*) => { $crate::output::say_line(format_args!($($what)*)) };
 }
@@ -26,7 +26,7 @@ pub(crate) fn say_line(what: fmt::Arguments<'_>) {
     let _ = writeln!(io::stderr(), "{text}");
 }
 
-/// Writes a result to a file, whole, or to standard output where the file is called `-` or `/dev/stdout`.
+/// Writes a result to a file, completely, or to standard output if the file is called `-` or `/dev/stdout`.
 pub(crate) fn write_result(path: &Path, bytes: &[u8]) -> io::Result<()> {
     if is_standard_output(path) {
         let mut out = io::stdout();
@@ -35,7 +35,7 @@ pub(crate) fn write_result(path: &Path, bytes: &[u8]) -> io::Result<()> {
     write_whole(path, bytes)
 }
 
-/// Standard output for lines of text: as [`harmless`] has them.
+/// Standard output for lines of text, which are made [`harmless`].
 pub(crate) fn stdout() -> impl Write {
     Harmless(io::stdout())
 }
@@ -59,14 +59,14 @@ pub(crate) fn is_standard_output(path: &Path) -> bool {
     path == Path::new("-") || path == Path::new("/dev/stdout")
 }
 
-/// A path as it is typed: in quotes where a shell would take it apart, and never taken for an option.
+/// A path as it is typed: in quotes if a shell would split it, and never mistaken for an option.
 pub(crate) fn typed(path: &Path) -> String {
     let word = path.display().to_string();
     let dashed = word.starts_with('-').then(|| format!("./{word}"));
     shell_word(&dashed.unwrap_or(word))
 }
 
-/// The text without what a terminal would obey: results hold names that others chose.
+/// The text without characters that control a terminal, since results hold names that others chose.
 pub(crate) fn harmless(text: &str) -> String {
     let mut harmless = String::with_capacity(text.len());
     for c in text.chars() {
@@ -79,7 +79,7 @@ pub(crate) fn harmless(text: &str) -> String {
     harmless
 }
 
-/// The same without words of megabytes: messages repeat parts of files, and those may hold anything.
+/// The same, with very long words shortened: messages repeat parts of files, and these may hold anything.
 pub(crate) fn plain(text: &str) -> String {
     let mut plain = String::with_capacity(text.len().min(1 << 16));
     for part in text.split_inclusive(['\n', ' ']) {
@@ -107,7 +107,7 @@ pub(crate) fn plain(text: &str) -> String {
     }
 }
 
-/// Whether a character changes the direction of those around it, so that names read as others.
+/// Whether a character changes the direction of text, so that names would be displayed as other names.
 fn turns_the_text(c: char) -> bool {
     matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }

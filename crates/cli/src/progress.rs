@@ -1,4 +1,4 @@
-//! What is shown while a run goes on, and how it is stopped.
+//! Shows the progress of a run, and lets the user stop it.
 
 use std::time::Duration;
 
@@ -11,8 +11,8 @@ use matchbench::run::{Cancel, Observer, RunSummary};
 
 use crate::output::say;
 
-/// A bar with pairs per second and the time left, drawn on standard error where that is a
-/// terminal, silent otherwise.
+/// A bar with pairs per second and the time left. It is drawn on standard error if that is a terminal,
+/// otherwise not at all.
 pub(crate) struct Bar(ProgressBar);
 
 impl Bar {
@@ -65,8 +65,8 @@ impl Observer for Bar {
     }
 }
 
-/// A token that Ctrl-C (or a polite kill) sets, saying so; a second one ends the process at once,
-/// which loses only the pairs in flight.
+/// A token that is set by Ctrl-C (or by a signal to terminate), which also prints a message. A second one ends
+/// the process at once; then only the pairs in flight are lost.
 pub(crate) fn cancel_on_ctrl_c(said: &'static str) -> Result<Cancel> {
     let cancel = Cancel::default();
     let token = cancel.clone();

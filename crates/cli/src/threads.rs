@@ -1,16 +1,16 @@
-//! `--threads`, the same in every command that has it.
+//! `--threads`, the same option in every command that has it.
 
 use std::num::NonZeroUsize;
 
 use clap::Args;
 
-/// More threads than any machine of today makes use of.
+/// More threads than any machine of today can use.
 const MOST_THREADS: usize = 1024;
 
-/// How many threads a command has for all that it does.
+/// How many threads a command uses in total.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub(crate) struct Threads {
-    /// Threads; results do not depend on it [default: all cores]
+    /// Number of threads; results do not depend on it [default: all cores]
     #[arg(long = "threads", value_name = "N", value_parser = threads)]
     pub number: Option<NonZeroUsize>,
 }

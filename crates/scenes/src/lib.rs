@@ -1,9 +1,9 @@
 //! Rendered scenes with exact poses and depth: a small ray caster and ten sequences taken with it.
 //!
-//! An office, an object that is not planar, a cabinet with little texture and a drive through a
-//! street for short baselines; a castle-like facade and the first three places again, sub-sampled,
-//! for wide ones; a painted wall and a tiled one, which are plane, for homographies. They are a self-test and a demonstration that needs no download; they do not
-//! replace photographs.
+//! For short baselines there are an office, an object that is not planar, a cabinet with little texture, and a
+//! drive through a street. For wide baselines there are a castle-like facade, and the first three places again,
+//! sub-sampled. For homographies there are a painted wall and a tiled one, which are planes. The scenes are a
+//! self-test and a demonstration that needs no download; they do not replace photographs.
 //!
 //! ```
 //! use matchbench_scenes::{World, scenes};
@@ -19,7 +19,7 @@
 //! assert_eq!((image.size(), depth.size()), (scene.size, scene.size));
 //! ```
 //!
-//! How a frame comes about:
+//! How a frame is made:
 //!
 //! ```text
 //! table        the scenes: which place, which frames, through which lens
@@ -31,9 +31,9 @@
 //! sensor       lens blur, exposure, photon and read noise, gamma, 8 bits
 //! ```
 //!
-//! The same bits come out on every machine and for any number of threads: no function whose last
-//! bit differs between platforms is used, and the noise of a pixel depends on its frame and place
-//! alone. A change that moves a bit must raise [`REVISION`]; a test with golden hashes reminds.
+//! The bits are the same on every machine and for any number of threads. No function is used whose last bit
+//! differs between platforms, and the noise of a pixel depends only on its frame and its position. A change
+//! that alters a bit must increase [`REVISION`]; a test with golden hashes fails otherwise.
 
 mod light;
 mod mesh;
@@ -58,11 +58,11 @@ pub use world::World;
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-/// Raised with every change that moves a bit of any picture or pose: pictures that were kept are
+/// Increased with every change that alters a bit of any picture or pose. Pictures that were kept are then
 /// rendered again.
 pub const REVISION: u32 = 1;
 
-/// The scenes: eight in the order of the paper's sequences, then two that are plane.
+/// The scenes: eight in the order of the paper's sequences, then two that are planes.
 pub fn scenes() -> &'static [Scene] {
     &table::SCENES
 }
@@ -103,7 +103,7 @@ mod tests {
 
     #[test]
     fn pictures_are_those_of_this_revision() {
-        // If this fails because pictures were meant to change, raise REVISION and copy the hashes.
+        // If this fails because pictures were changed on purpose, increase REVISION and copy the hashes.
         let golden = [
             ("office", "abc37e3229d609cd"),
             ("object", "1cf4a9519c618fdf"),
@@ -154,7 +154,7 @@ mod tests {
                 };
                 seen += 1;
                 equal += i32::from(in_b.z > nearest * 0.999 && in_b.z < furthest * 1.001);
-                // Before everything that b sees there: impossible, or b would see the point.
+                // A point in front of everything that b sees there is impossible, since b would see the point.
                 floating += i32::from(in_b.z < nearest * 0.999);
             }
         }

@@ -1,7 +1,7 @@
-//! Light: soft light computed once per vertex, sharp sunlight per sample.
+//! Light: soft light is computed once per vertex, sharp sunlight per sample.
 //!
-//! Sky, lamps and dark corners vary slowly, so they are gathered at the vertices and interpolated;
-//! like real light they do not move with the camera. Only highlights do.
+//! Light from the sky and from lamps, and dark corners, vary slowly. So they are computed at the vertices and
+//! interpolated. As in reality they do not move with the camera; only highlights do.
 
 use matchbench_vision::seed::Seed;
 use nalgebra::Vector3;
@@ -10,19 +10,19 @@ use rayon::prelude::*;
 use super::mesh::{Mesh, Vertex};
 use super::trace::{LANES, NOTHING, Rays, Tree};
 
-/// What lights a scene.
+/// The light of a scene.
 pub(super) struct Lighting {
-    /// Irradiance from all around where nothing stands close by.
+    /// Irradiance from all directions at a place with nothing near it.
     pub ambient: f32,
-    /// How far away, in metres, a surface stops darkening another.
+    /// Largest distance, in metres, at which a surface darkens another.
     pub reach: f32,
-    /// Rectangles that shine.
+    /// Rectangles that emit light.
     pub lamps: Vec<Lamp>,
     /// Direction to the sun and its irradiance.
     pub sun: Option<([f32; 3], f32)>,
 }
 
-/// A lamp or a window: a rectangle that shines to both sides.
+/// A lamp or a window: a rectangle that emits light to both sides.
 pub(super) struct Lamp {
     pub centre: [f32; 3],
     /// Half its width and half its height.
@@ -31,7 +31,7 @@ pub(super) struct Lamp {
     pub power: f32,
 }
 
-/// Directions of the hemisphere that a vertex looks into, and points of a lamp that it sees.
+/// Number of directions of the hemisphere that are tested at a vertex, and of points of a lamp.
 const DIRECTIONS: usize = 16;
 const LAMP_POINTS: usize = 16;
 
@@ -52,7 +52,7 @@ impl Lighting {
             .collect()
     }
 
-    /// Direction in which highlights mirror the brightest light, seen from `at`.
+    /// Direction in which a highlight mirrors the brightest light, as seen from `at`.
     pub(super) fn brightest(&self, at: &Vector3<f32>) -> Vector3<f32> {
         match (&self.sun, self.lamps.first()) {
             (Some((direction, _)), _) => Vector3::from(*direction),
@@ -85,7 +85,7 @@ impl Lighting {
             let hits = tree.nearest(&rays, self.reach);
             for lane in 0..LANES {
                 let distance = hits.distance[lane] / self.reach;
-                // What is close by takes light away, but gives some of its own back.
+                // A near surface blocks light, but reflects some of its own.
                 open += if hits.triangle[lane] == NOTHING {
                     1.0
                 } else {
@@ -127,7 +127,7 @@ impl Lamp {
     }
 }
 
-/// The vertex, moved off its own surface.
+/// The vertex, moved a little off its own surface.
 fn lifted(vertex: &Vertex) -> Vector3<f32> {
     vertex.position + vertex.normal * 0.004
 }

@@ -1,13 +1,13 @@
-//! Shapes as triangles: sheets with relief, boxes, cylinders, blobs.
+//! Shapes made of triangles: sheets with relief, boxes, cylinders, blobs.
 //!
-//! Everything is a triangle, so one intersection routine is the exact geometry of all scenes, and
-//! relief (stone blocks, door panels, fur) is real parallax and no painted illusion. Texture
-//! coordinates are metres along the surface. World frame: z up, metres.
+//! Everything is made of triangles, so one intersection routine gives the exact geometry of all scenes. Relief
+//! (stone blocks, door panels, fur) is real geometry with real parallax. Texture coordinates are metres along
+//! the surface. World frame: z up, metres.
 
 use matchbench_vision::seed::Rng;
 use nalgebra::{Isometry3, Point3, Vector3};
 
-/// What a surface is made of.
+/// The material of a surface.
 #[derive(Clone, Copy)]
 pub(super) struct Surface {
     /// Index of its texture.
@@ -66,8 +66,8 @@ pub(super) struct Mesh {
 }
 
 impl Mesh {
-    /// No triangles yet. Flat surfaces get a vertex about every `grain` metres, where light is
-    /// gathered; `rng` draws the part of its texture that each surface shows.
+    /// A mesh without triangles. Flat surfaces get a vertex about every `grain` metres, where light is
+    /// computed. `rng` chooses the part of its texture that each surface shows.
     pub(super) fn new(grain: f64, rng: Rng) -> Self {
         Self {
             vertices: Vec::new(),
@@ -77,8 +77,8 @@ impl Mesh {
         }
     }
 
-    /// A flat parallelogram `corner + s u + t v` for s and t in [0, 1]; its front is the side where
-    /// u, v and the normal are right-handed.
+    /// A flat parallelogram `corner + s u + t v` for s and t in [0, 1]. Its front is the side from which u, v
+    /// and the normal are right-handed.
     pub(super) fn sheet(
         &mut self,
         corner: Point3<f64>,
@@ -113,7 +113,7 @@ impl Mesh {
         );
     }
 
-    /// A box of `size`, its centre and axes those of `frame`.
+    /// A box of `size`; its centre and axes are those of `frame`.
     pub(super) fn cuboid(&mut self, frame: &Isometry3<f64>, size: [f64; 3], surface: Surface) {
         for axis in 0..3 {
             for sign in [-1.0, 1.0] {
@@ -152,8 +152,8 @@ impl Mesh {
         });
     }
 
-    /// An ellipsoid of `radii` whose radius in each direction is scaled by `1 + bump(direction)`.
-    /// Made of the six faces of a cube, so that no pole pinches the texture.
+    /// An ellipsoid of `radii` whose radius in each direction is scaled by `1 + bump(direction)`. It is made of
+    /// the six faces of a cube, so that there is no pole where the texture is squeezed.
     pub(super) fn blob(
         &mut self,
         frame: &Isometry3<f64>,
@@ -168,7 +168,7 @@ impl Mesh {
             for sign in [-1.0, 1.0] {
                 self.patch(surface, steps, steps, |s, t| {
                     let mut cube = Vector3::zeros();
-                    // The tangent spreads the vertices evenly over the sphere.
+                    // The tangent makes the vertices evenly spaced on the sphere.
                     let spread = |x: f64| libm::tan((x - 0.5) * std::f64::consts::FRAC_PI_2);
                     cube[axis] = sign;
                     cube[(axis + 1) % 3] = spread(s) * sign;

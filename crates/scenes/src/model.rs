@@ -1,4 +1,4 @@
-//! What a place is made of, before it is built: shapes, lights, textures still to be painted.
+//! The description of a place before it is built: shapes, lights, textures still to be painted.
 
 use matchbench_vision::seed::Seed;
 

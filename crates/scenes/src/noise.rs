@@ -1,7 +1,7 @@
-//! Procedural noise that tiles: the raw material of every texture.
+//! Procedural noise that can be tiled, from which all textures are made.
 //!
-//! Coordinates (u, v) run from 0 to 1 over one tile. Lattices wrap around at `cells`, so that a
-//! texture can be repeated without a seam.
+//! Coordinates (u, v) go from 0 to 1 over one tile. Lattices wrap around at `cells`, so a texture can be
+//! repeated without a seam.
 //!
 //! - Gradient noise and its sum over octaves: Perlin, "An Image Synthesizer", SIGGRAPH 1985.
 //! - Distances to scattered points: Worley, "A Cellular Texture Basis Function", SIGGRAPH 1996.
@@ -27,14 +27,14 @@ pub(super) fn smoothstep(from: f32, to: f32, x: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Largest integer not above `x`, without the call that `f32::floor` is on older machines.
+/// Largest integer not above `x`, without the function call that `f32::floor` needs on older machines.
 pub(super) fn floor(x: f32) -> i32 {
     let towards_zero = x as i32;
     towards_zero - i32::from(x < towards_zero as f32)
 }
 
-/// Gradient noise with `cells` x `cells` lattice squares per tile, about in [-1, 1]; `cells` is a
-/// power of two, because a division per corner would cost as much as the noise.
+/// Gradient noise with `cells` x `cells` lattice squares per tile, about in [-1, 1]. `cells` must be a power of
+/// two, because a division per corner would cost as much as the noise.
 pub(super) fn gradient(u: f32, v: f32, cells: i32, seed: u32) -> f32 {
     let (x, y) = (u * cells as f32, v * cells as f32);
     let (column, row) = (floor(x), floor(y));
@@ -59,8 +59,8 @@ pub(super) fn gradient(u: f32, v: f32, cells: i32, seed: u32) -> f32 {
     (1.6 / 32768.0) * (upper + wy * (lower - upper))
 }
 
-/// Sum of `octaves` of gradient noise; each has twice the cells and `gain` times the amplitude of
-/// the one before. About in [-1, 1].
+/// Sum of `octaves` of gradient noise. Each has twice as many cells as the one before and `gain` times its
+/// amplitude. About in [-1, 1].
 pub(super) fn octaves(u: f32, v: f32, cells: i32, octaves: u32, gain: f32, seed: u32) -> f32 {
     let (mut sum, mut norm, mut amplitude) = (0.0, 0.0, 1.0);
     for octave in 0..octaves {

@@ -1,8 +1,8 @@
-//! What surfaces look like: albedo as functions of the place (u, v) in a tile; v runs upwards.
+//! The appearance of surfaces: albedo as a function of the position (u, v) in a tile; v goes upwards.
 //!
-//! Every painter spreads detail over all scales down to single texels, as real materials do, and
-//! gives each brick, book or letter its own look, so that the repetition that confuses matchers
-//! (windows, keys, tiles) is put where a scene wants it and nowhere else.
+//! Every painter adds detail on all scales down to single texels, as real materials have it. Each brick, book
+//! or letter looks different from the others. So repetition that confuses matchers (windows, keys, tiles)
+//! appears only where a scene is meant to have it.
 
 use super::noise::{Cell, chance, floor, gradient, octaves, scatter, smoothstep, worley};
 
@@ -45,7 +45,7 @@ pub(super) fn carpet(u: f32, v: f32) -> f32 {
     0.22 + 0.05 * pile + 0.04 * wear + 0.2 * speckle(u, v, 40, 0.08, 43)
 }
 
-/// Printed matter: a grid of pages, each of its own kind.
+/// Printed pages: a grid of pages with different contents.
 pub(super) fn print(u: f32, v: f32) -> f32 {
     const PAGES: f32 = 6.0;
     let (x, y) = (u * PAGES, v * PAGES);
@@ -88,7 +88,7 @@ pub(super) fn spines(u: f32, v: f32) -> f32 {
     (tone + ink * title + 0.5 * ink * band + wear) * round * (1.0 - 0.85 * gap)
 }
 
-/// Keys, all alike but for their letters.
+/// Keys that differ only in their letters.
 pub(super) fn keyboard(u: f32, v: f32) -> f32 {
     let (x, y) = (u * 16.0, v * 16.0);
     let (column, row) = (floor(x), floor(y));
@@ -102,7 +102,7 @@ pub(super) fn keyboard(u: f32, v: f32) -> f32 {
     0.03 + 0.09 * cap + 0.5 * letter + 0.01 * gradient(u, v, 128, 72)
 }
 
-/// A monitor's picture: windows with text of several sizes.
+/// The picture on a monitor: windows with text of several sizes.
 pub(super) fn screen(u: f32, v: f32) -> f32 {
     let pane = worley(u, v, 7, 81);
     let id = pane.id;
@@ -133,7 +133,7 @@ pub(super) fn cloth(u: f32, v: f32) -> f32 {
     0.15 + 0.5 * (stripe(u, 101) + stripe(v, 102)) + weave + 0.05 * octaves(u, v, 4, 4, 0.7, 104)
 }
 
-/// Sprayed cabinet paint: nearly nothing, but for faint stains, scratches and chips.
+/// Sprayed cabinet paint: almost no texture, only faint stains, scratches and chips.
 pub(super) fn paint(u: f32, v: f32) -> f32 {
     let stain = octaves(u, v, 4, 6, 0.75, 111);
     let scratch = smoothstep(0.75, 1.2, gradient(u * 3.0 + 2.0 * v, v, 64, 112))
@@ -195,7 +195,7 @@ pub(super) fn asphalt(u: f32, v: f32) -> f32 {
     0.24 + tone + 0.055 * grit - 0.12 * crack - 0.08 * oil + 0.03 * octaves(u, v, 4, 5, 0.7, 186)
 }
 
-/// Road marking, worn.
+/// Worn road marking.
 pub(super) fn marking(u: f32, v: f32) -> f32 {
     0.7 - 0.4 * smoothstep(0.2, 0.7, octaves(u, v, 16, 5, 0.9, 191))
 }
@@ -258,7 +258,7 @@ fn blocks(u: f32, v: f32, rows: i32, columns: i32, seed: u32) -> f32 {
     face + mortar * (0.42 - face) + 0.04 * (t - 0.1) * (1.0 - mortar)
 }
 
-/// 1 on letters, 0 beside them: `rows` lines of `columns` places over the unit square.
+/// 1 on letters, 0 beside them: `rows` lines with `columns` letters each over the unit square.
 pub(super) fn letters(s: f32, t: f32, columns: i32, rows: i32, seed: u32) -> f32 {
     let (x, y) = (s * columns as f32, t * rows as f32);
     let (column, row) = (floor(x), floor(y));
@@ -274,7 +274,7 @@ pub(super) fn letters(s: f32, t: f32, columns: i32, rows: i32, seed: u32) -> f32
     glyph(fx, fy, id)
 }
 
-/// A letter of no alphabet on a 4 x 5 grid, about half of it ink.
+/// A letter of an invented alphabet on a 4 x 5 grid, about half of it ink.
 fn glyph(s: f32, t: f32, id: u32) -> f32 {
     let bit = (s * 4.0) as u32 + 4 * (t * 5.0) as u32;
     (id.rotate_left(9) >> bit & 1) as f32
@@ -308,7 +308,7 @@ fn photograph(s: f32, t: f32, seed: u32) -> f32 {
     sky + smoothstep(0.0, 0.02, ridge) * (ground - sky)
 }
 
-/// 1 in round spots, 0 elsewhere; spots up to `size` wide where `cells` is 1, sizes vary.
+/// 1 in round spots, 0 elsewhere. Spots are up to `size` wide if `cells` is 1; sizes vary.
 pub(super) fn speckle(u: f32, v: f32, cells: i32, size: f32, seed: u32) -> f32 {
     let spot = worley(u, v, cells, seed);
     let radius = size * (0.3 + (spot.id % 97) as f32 / 60.0);

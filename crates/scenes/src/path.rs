@@ -1,4 +1,4 @@
-//! How the camera moves: smoothly through stations, shaken by the hand that holds it.
+//! How the camera moves: smoothly through stations, with the shaking of a hand.
 
 use matchbench_vision::seed::Seed;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -12,7 +12,7 @@ pub(super) struct Station {
 }
 
 impl Station {
-    /// At `eye`, in metres, with `target` in the middle of the image.
+    /// A camera at `eye`, in metres, with `target` in the middle of the image.
     pub(super) const fn new(eye: [f64; 3], target: [f64; 3]) -> Self {
         Self {
             eye,
@@ -21,13 +21,13 @@ impl Station {
         }
     }
 
-    /// The same with the camera turned clockwise by so many radians, as its holder sees it.
+    /// The same with the camera turned clockwise by `roll` radians, as its holder sees it.
     pub(super) const fn rolled(self, roll: f64) -> Self {
         Self { roll, ..self }
     }
 }
 
-/// A way through stations at one station per second, before shaking.
+/// A path through stations at one station per second, before shaking is added.
 pub(super) struct Path {
     pub stations: &'static [Station],
     /// Amplitude of the shaking: metres, and radians.
@@ -49,7 +49,7 @@ impl Path {
             UnitQuaternion::from_rotation_matrix(&axes),
         );
         let roll = self.along(time, |station| [station.roll, 0.0, 0.0]).x;
-        // Turning by nothing could change the sign of a zero.
+        // To turn by zero could change the sign of a zero.
         let steady = if roll == 0.0 {
             steady
         } else {
@@ -63,7 +63,7 @@ impl Path {
             )
     }
 
-    /// Catmull-Rom spline through one part of the stations.
+    /// Catmull-Rom spline through one property of the stations.
     fn along(&self, time: f64, part: impl Fn(&Station) -> [f64; 3]) -> Vector3<f64> {
         let last = self.stations.len() as i64 - 1;
         let leg = time.floor().clamp(0.0, (last - 1) as f64);
@@ -79,7 +79,7 @@ impl Path {
     }
 }
 
-/// A hand's tremor: slow swaying and a little fast trembling, about in [-1, 1] per axis.
+/// The tremor of a hand: slow swaying and a little fast trembling, about in [-1, 1] per axis.
 fn tremble(time: f64, seed: Seed) -> Vector3<f64> {
     let mut rng = seed.rng();
     Vector3::from_fn(|_, _| {

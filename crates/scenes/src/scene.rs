@@ -1,4 +1,4 @@
-//! A scene: one sequence of pictures taken in a place, its cameras, their poses and instants.
+//! A scene: one sequence of pictures of a place, with its cameras, their poses and the times of exposure.
 
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
@@ -11,9 +11,9 @@ use crate::sensor::Sensor;
 /// A sequence of pictures: where, how many, how large, and when each is taken.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// Its name in tables and its folder's name.
+    /// Its name in tables, and the name of its folder.
     pub name: &'static str,
-    /// What it shows and what is hard about it.
+    /// What it shows, and what is difficult about it.
     pub description: &'static str,
     /// Where the pictures are taken.
     pub place: Place,
@@ -39,9 +39,9 @@ pub enum Pairing {
     },
     /// Every frame with every later one.
     All,
-    /// Every frame with each of the next `size`.
+    /// Every frame with each of the next `size` frames.
     Window {
-        /// How many following frames.
+        /// Number of following frames.
         size: usize,
     },
 }
@@ -51,12 +51,12 @@ pub enum Pairing {
 pub(crate) enum Timing {
     /// Fragments of `length` frames at `rate` per second; a fragment starts every `every` seconds.
     Fragments { length: u32, rate: f64, every: f64 },
-    /// One frame every so many seconds.
+    /// One frame per this many seconds.
     Every(f64),
 }
 
 impl Scene {
-    /// The camera of all frames: a pinhole whose axis is not quite in the middle.
+    /// The camera of all frames: a pinhole whose principal point is not quite in the middle of the image.
     pub fn camera(&self) -> Camera {
         Camera::pinhole(
             self.focal,
@@ -71,7 +71,7 @@ impl Scene {
         self.path().world_from_camera(self.time(frame))
     }
 
-    /// Takes the pixels of frame `a`, as `(x, y, 1)`, to those of frame `b`, where all that is seen is plane; of
+    /// Maps the pixels of frame `a`, as `(x, y, 1)`, to those of frame `b`, if all that is seen is a plane; of
     /// Frobenius norm 1.
     ///
     /// A point X of the plane `n . X = d` in camera a is at `(R + t n^T / d) X` in camera b (Hartley, Zisserman,
@@ -109,8 +109,8 @@ impl Scene {
         }
     }
 
-    /// About how far the image moves while the shutter is open, for things as far away as the
-    /// place is typically wide.
+    /// About how many pixels the image moves while the shutter is open, for things at the typical distance in
+    /// this place.
     pub(crate) fn blur_in_pixels(&self, time: f64) -> f64 {
         let half = 0.5 * self.sensor.shutter;
         let opens = self.path().world_from_camera(time - half);

@@ -3,18 +3,18 @@
 use matchbench_vision::image::{FloatImage, GrayImage, Image};
 use matchbench_vision::seed::Seed;
 
-/// A camera's faults.
+/// The imperfections of a camera.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sensor {
-    /// Time that the shutter is open, in seconds: motion blur.
+    /// Time that the shutter is open, in seconds; it causes motion blur.
     pub shutter: f64,
-    /// Standard deviation of the lens's point spread, in pixels.
+    /// Standard deviation of the point spread of the lens, in pixels.
     pub blur: f32,
     /// Radiance that is just white, at mean exposure.
     pub white: f32,
-    /// Automatic exposure wanders by up to this many stops.
+    /// Automatic exposure varies by up to this many stops.
     pub wander: f64,
-    /// Electrons in a white pixel: the fewer, the stronger the photon noise.
+    /// Electrons in a white pixel. The fewer there are, the stronger is the photon noise.
     pub full_well: f32,
     /// Noise of a black pixel, in electrons.
     pub read_noise: f32,
@@ -24,8 +24,8 @@ pub(super) struct Sensor {
 const STEPS: usize = 2048;
 
 impl Sensor {
-    /// The picture that the sensor takes of `radiance` at `time` (seconds). The noise of each
-    /// pixel belongs to `seed` and the pixel's number alone.
+    /// The picture that the sensor takes of `radiance` at `time` (seconds). The noise of a pixel depends only
+    /// on `seed` and on the number of the pixel.
     pub(super) fn expose(&self, radiance: &FloatImage, time: f64, seed: Seed) -> GrayImage {
         let seen = spread(radiance, self.blur);
         let sway = libm::sin(2.1 * time) + 0.5 * libm::sin(5.3 * time + 1.0);
@@ -64,15 +64,15 @@ fn gamma_table() -> Vec<f32> {
         .collect()
 }
 
-/// A nearly normal number of mean 0 and variance 1 from 64 random bits: the sum of four uniform
-/// ones, cut off at 3.5 deviations.
+/// A nearly normal number of mean 0 and variance 1 from 64 random bits. It is the sum of four uniform numbers,
+/// limited to 3.5 standard deviations.
 fn bell(bits: u64) -> f32 {
     let sum: u64 = (0..4).map(|k| bits >> (16 * k) & 0xffff).sum();
     // Four uniform numbers on 0..=65535 have mean 131070 and deviation 65536 / sqrt(3).
     (sum as f32 - 131070.0) * (1.7320508 / 65536.0)
 }
 
-/// Gaussian blur; beyond the border its last pixel goes on.
+/// Gaussian blur. Beyond the border the outermost pixel is repeated.
 fn spread(image: &FloatImage, sigma: f32) -> FloatImage {
     let radius = (3.0 * sigma).ceil() as i32;
     let weights: Vec<f32> = (-radius..=radius)

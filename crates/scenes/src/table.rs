@@ -1,4 +1,4 @@
-//! The scenes: which place, which frames, through which lens.
+//! The table of scenes: which place, which frames, which camera.
 
 use matchbench_vision::image::Size;
 

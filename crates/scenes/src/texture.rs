@@ -1,5 +1,5 @@
-//! A painted texture that is looked up through a footprint: no detail finer than the pixels that
-//! see it, so that high frequencies do not alias into noise.
+//! A painted texture that is looked up with a footprint, so that it has no detail finer than the pixels that
+//! see it, and high frequencies do not alias into noise.
 //!
 //! Williams, "Pyramidal Parametrics", SIGGRAPH 1983: a pyramid of halved images, bilinear within
 //! a level and linear between two levels.

@@ -1,12 +1,13 @@
-//! Which triangle a ray meets first: a bounding volume hierarchy, walked by four rays at a time.
+//! Ray casting: finds the first triangle that a ray meets, with a bounding volume hierarchy that four rays
+//! traverse together.
 //!
 //! - Tree: binned surface area heuristic (Wald, "On fast Construction of SAH-based Bounding Volume
 //!   Hierarchies", IEEE Symposium on Interactive Ray Tracing 2007).
 //! - Triangle test: Moller and Trumbore, "Fast, Minimum Storage Ray-Triangle Intersection",
 //!   Journal of Graphics Tools 1997.
 //!
-//! The four samples of a pixel share nearly all of their way through the tree; plain loops over
-//! four lanes become vector instructions on every machine and give the same bits on all.
+//! The four samples of a pixel take nearly the same way through the tree. Plain loops over four lanes become
+//! vector instructions on every machine, and give the same bits on all.
 
 use nalgebra::Vector3;
 
@@ -20,7 +21,7 @@ pub(super) const NOTHING: u32 = u32::MAX;
 const BINS: usize = 12;
 const LEAF: usize = 4;
 
-/// A bundle of rays, coordinate by coordinate; directions have length 1.
+/// A bundle of rays, with one array per coordinate. Directions have length 1.
 pub(super) struct Rays {
     origin: [Lanes; 3],
     direction: [Lanes; 3],
@@ -59,7 +60,7 @@ pub(super) struct Tree {
 
 struct Node {
     bounds: Bounds,
-    /// Leaf: its first triangle. Inner node: its second child; the first one follows at once.
+    /// In a leaf, its first triangle. In an inner node, its second child; the first child is the next node.
     next: u32,
     /// Number of triangles; 0 for an inner node.
     count: u16,
@@ -140,7 +141,7 @@ impl Tree {
         hits.triangle.map(|id| id != NOTHING)
     }
 
-    /// `ANY`: a ray ends at the first triangle found, which need not be the nearest.
+    /// Traverses the tree. With `ANY`, a ray ends at the first triangle found, which need not be the nearest.
     fn walk<const ANY: bool>(&self, rays: &Rays, limit: f32) -> Hits {
         let mut hits = Hits {
             distance: [limit; LANES],
@@ -204,7 +205,7 @@ fn split(nodes: &mut Vec<Node>, bounds: &[Bounds], ids: &mut [u32], first: usize
     let (axis, place) = best_plane(bounds, ids);
     ids.sort_by_key(|&id| of(id).centre(axis) >= place);
     let middle = ids.partition_point(|&id| of(id).centre(axis) < place);
-    // Triangles that lie on top of each other cannot be told apart: halve them.
+    // Triangles in exactly the same place cannot be separated, so they are divided in half.
     let middle = if middle % ids.len() == 0 {
         ids.len() / 2
     } else {
@@ -272,7 +273,7 @@ fn enters(bounds: &Bounds, rays: &Rays, inverse: &[Lanes; 3], limit: &Lanes) -> 
 /// Shortens the rays that meet the triangle.
 #[inline]
 fn meet(triangle: &[[f32; 3]; 3], id: u32, rays: &Rays, hits: &mut Hits) {
-    /// Closes the cracks that rounding leaves between neighbours.
+    /// Closes the cracks between neighbouring triangles that rounding leaves.
     const SLACK: f32 = 1e-5;
     const NEAREST: f32 = 1e-4;
     let [corner, e1, e2] = triangle;
@@ -289,7 +290,7 @@ fn meet(triangle: &[[f32; 3]; 3], id: u32, rays: &Rays, hits: &mut Hits) {
         u[lane] = dot(&s, &p) * inverse;
         v[lane] = dot(&d, &q) * inverse;
         distance[lane] = dot(e2, &q) * inverse;
-        // Not negative where all conditions below hold, or where one of them meets NaN.
+        // Not negative if all conditions below hold, or if one of them involves NaN.
         let inside = smaller(u[lane] + SLACK, v[lane] + SLACK);
         let inside = smaller(inside, 1.0 + SLACK - (u[lane] + v[lane]));
         let between = smaller(
@@ -298,7 +299,7 @@ fn meet(triangle: &[[f32; 3]; 3], id: u32, rays: &Rays, hits: &mut Hits) {
         );
         margin[lane] = smaller(inside, between);
     }
-    // Nearly always all four rays miss, which is decided without a branch per ray.
+    // Nearly always all four rays miss; this test finds that without a branch per ray.
     if margin.iter().all(|&m| m < 0.0) {
         return;
     }

@@ -1,4 +1,4 @@
-//! A place that is ready to be photographed: geometry, painted textures, gathered light.
+//! A place that is ready to be rendered: geometry, painted textures, computed light.
 
 use matchbench_vision::image::{FloatImage, GrayImage, Image};
 use matchbench_vision::seed::Seed;
@@ -14,7 +14,7 @@ use super::scene::Scene;
 use super::texture::Texture;
 use super::trace::{LANES, Lanes, NOTHING, Rays, Tree};
 
-/// A place of which pictures can be taken. Building one takes some tenths of a second.
+/// A place that can be rendered. Building one takes some tenths of a second.
 pub struct World {
     place: Place,
     mesh: Mesh,
@@ -61,7 +61,7 @@ impl World {
         }
     }
 
-    /// The picture of frame `frame` of `scene`: a pure function of its arguments.
+    /// The picture of frame `frame` of `scene`. It depends only on the arguments.
     ///
     /// # Panics
     /// If the scene belongs to another place.
@@ -73,7 +73,7 @@ impl World {
         scene.sensor.expose(&radiance, time, seed)
     }
 
-    /// Depth (z coordinate in the camera's frame, in metres) of what each pixel's centre sees at
+    /// Depth (z coordinate in the frame of the camera, in metres) of the point that each pixel centre sees in
     /// the middle of the exposure; infinite where it sees the sky.
     ///
     /// # Panics
@@ -101,10 +101,10 @@ impl World {
         depth
     }
 
-    /// Light that falls on each pixel while the shutter is open. Each sample of a pixel has its
-    /// own place in the pixel and its own instant, so that edges and motion are smooth.
+    /// Light that falls on each pixel while the shutter is open. Each sample of a pixel has its own position in
+    /// the pixel and its own time, so edges and motion are smooth.
     fn radiance(&self, scene: &Scene, time: f64) -> FloatImage {
-        // Instants about a pixel apart; the lens blurs what is left between them.
+        // Times about one pixel of motion apart; the blur of the lens hides the steps.
         let bundles = (0.25 * scene.blur_in_pixels(time)).ceil().clamp(1.0, 4.0);
         let samples = bundles as usize * LANES;
         let views: Vec<View> = (0..samples)
@@ -167,7 +167,7 @@ impl World {
             let normal = (a.normal * u + b.normal * v + c.normal * w).normalize();
             let [la, lb, lc] = triangle.corners.map(|i| self.light[i as usize]);
             let distance = hits.distance[lane];
-            // A slanted pixel's footprint is long; the samples cut it into pieces.
+            // On a slanted surface the footprint of a pixel is long; the samples divide it into pieces.
             let across = distance * pixel;
             let along = across / normal.dot(&directions[lane]).abs().max(0.02);
             let width = (across / (samples as f32).sqrt()).max(along / samples as f32);

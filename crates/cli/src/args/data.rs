@@ -1,4 +1,4 @@
-//! What can be typed about datasets: making, converting, checking them.
+//! Arguments of the commands about datasets: import, convert, validate.
 
 use std::path::PathBuf;
 
@@ -41,17 +41,17 @@ pub(crate) struct ImportArgs {
     /// The dataset to be made; the folder's name becomes the dataset's name
     #[arg(value_name = "OUT")]
     pub out: PathBuf,
-    /// Which images are matched with which [default: what the paper does with this kind, or those
-    /// that SRC lists]
+    /// Which images are matched with which [default: as in the paper for this kind, or the pairs that SRC
+    /// lists]
     #[arg(long, value_name = "RULE")]
     pub pairs: Option<String>,
-    /// Which sequence, where SRC holds several (KITTI: 00 to 10; HPatches: i, v or a folder)
+    /// Which sequence, if SRC holds several (KITTI: 00 to 10; HPatches: i, v or a folder)
     #[arg(long, value_name = "NN")]
     pub sequence: Option<String>,
-    /// What happens to the images: they stay where they are, are linked to, or are copied
+    /// Whether the images stay where they are, are linked to, or are copied
     #[arg(long, value_enum, default_value_t = Images::Reference)]
     pub images: Images,
-    /// 3x3 calibration matrix (and distortion `k1 k2 p1 p2 [k3]`), where SRC has none or another is wanted
+    /// 3x3 calibration matrix (and distortion `k1 k2 p1 p2 [k3]`), if SRC has none or another one shall be used
     #[arg(long, value_name = "FILE")]
     pub camera: Option<PathBuf>,
     /// The poses (KIND folder), in TUM or KITTI format
@@ -63,7 +63,7 @@ pub(crate) struct ImportArgs {
     /// Interpolate between the poses before and after an image instead of taking the nearest
     #[arg(long)]
     pub interpolate: bool,
-    /// Folder that the image names in SRC start from [default: beside SRC]
+    /// Folder to which the image names in SRC are relative [default: beside SRC]
     #[arg(long, value_name = "DIR")]
     pub image_root: Option<PathBuf>,
     /// What the images show, in a few words, for the report: "indoor, office"
@@ -90,7 +90,7 @@ pub(crate) struct ConvertArgs {
     /// The dataset folder
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
-    /// What is to be written; it must not exist
+    /// The file or folder to write; it must not exist
     #[arg(value_name = "OUT")]
     pub out: PathBuf,
     /// The layout: colmap or superglue
@@ -100,11 +100,11 @@ pub(crate) struct ConvertArgs {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum Images {
-    /// The dataset names the files where they are
+    /// The images stay where they are, and the dataset names the files
     Reference,
-    /// Symbolic links in the dataset's folder
+    /// Symbolic links in the folder of the dataset
     Link,
-    /// Copies in the dataset's folder: it can be moved and mailed
+    /// Copies in the folder of the dataset, which can then be moved and mailed
     Copy,
 }
 

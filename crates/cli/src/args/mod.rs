@@ -1,4 +1,4 @@
-//! What can be typed. Parsing only; each subcommand's work is in `commands/`.
+//! The arguments of the command line. Parsing only; the work of each subcommand is in `commands/`.
 
 mod data;
 mod results;
@@ -20,9 +20,9 @@ pub(crate) use runs::{
 
 /// Which feature matcher should I use?
 ///
-/// matchbench runs feature matchers on pairs of images with known cameras, estimates the relative
-/// pose from the matches, compares it with the truth, and shows which matcher leads to how many
-/// right poses, with how many matches, in what time.
+/// matchbench runs feature matchers on pairs of images with known cameras, estimates the relative pose from the
+/// matches, and compares it with the truth. It shows how many right poses each matcher leads to, with how many
+/// matches, and in what time.
 #[derive(Debug, Parser)]
 #[command(name = "matchbench", version, arg_required_else_help = true, after_help = FIRST_STEPS)]
 pub(crate) struct Cli {
@@ -42,23 +42,23 @@ Exit codes: 0 done; 1 bad input; 2 finished, but some tasks failed; 130 stopped 
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Run five matchers on built-in scenes and write a report: the quickest way to see what this is
+    /// Run five matchers on built-in scenes and write a report: the quickest way to see what this program does
     Demo(DemoArgs),
-    /// Turn the field's data sets and pair lists, a COLMAP model or your own data into a dataset
+    /// Make a dataset from published data sets and pair lists, a COLMAP model or your own data
     Import(ImportArgs),
     /// Write a dataset in the layout of another tool
     Convert(ConvertArgs),
     /// Run matchers on datasets; can be stopped and resumed at any time
     Run(RunArgs),
-    /// Run the paper again: its sequences and matchers, its tables and figures
+    /// Reproduce the paper: its sequences and matchers, its tables and figures
     Paper(PaperArgs),
-    /// Cut a run into shards, for many machines
+    /// Split a run into shards, for many machines
     Plan(PlanArgs),
-    /// Do one shard of a plan; can be stopped and resumed at any time
+    /// Run one shard of a plan; can be stopped and resumed at any time
     Work(WorkArgs),
-    /// Make one run of all shards of a plan
+    /// Merge all shards of a plan into one run
     Merge(MergeArgs),
-    /// Choose a parameter of an estimator, on scenes other than those that will be reported
+    /// Choose a parameter of an estimator, on other scenes than those that will be reported
     Tune(TuneArgs),
     /// Score a run, or results in the format of the paper's authors
     Eval(EvalArgs),
@@ -76,13 +76,13 @@ pub(crate) enum Command {
     Export(ExportArgs),
     /// Show what is available, with every parameter
     List(ListArgs),
-    /// Check a dataset; name every problem by file and line, and say how to mend it
+    /// Check a dataset; report every problem by file and line, and say how to correct it
     Validate(ValidateArgs),
-    /// Try out a matcher from outside; say in words what is wrong with it
+    /// Try out a matcher from outside; report in words what is wrong with it
     Check(CheckArgs),
-    /// Print what a shell needs to complete commands and options
+    /// Print the completion script for a shell
     Completions(CompletionsArgs),
-    /// Print the manual page, or write those of all commands
+    /// Print the manual page, or write the manual pages of all commands
     Man(ManArgs),
 }
 
@@ -99,7 +99,7 @@ pub(crate) enum Listed {
     Matchers,
     /// Pose estimators, their papers and parameters
     Estimators,
-    /// Protocols of the field, with all of their small print
+    /// Evaluation protocols of published benchmarks, with all their details
     Protocols,
     /// Built-in datasets, and the kinds that can be imported
     Datasets,
@@ -140,7 +140,7 @@ mod tests {
         Cli::command().debug_assert();
     }
 
-    /// Every line of `text` that begins with the program's name must be understood.
+    /// Parses every line of `text` that begins with the name of the program; each must be valid.
     fn assert_understood(text: &str, place: &str) -> usize {
         let commands = text
             .lines()
@@ -158,7 +158,7 @@ mod tests {
             .count()
     }
 
-    /// The words of a line as a shell has them, which knows single quotes here.
+    /// Splits a line into words as a shell does; only single quotes are supported.
     fn words(line: &str) -> Vec<String> {
         let mut words = vec![String::new()];
         let (mut quoted, mut characters) = (false, line.chars());

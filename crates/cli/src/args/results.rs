@@ -1,4 +1,4 @@
-//! What can be typed about results: scores, reports, comparisons, other formats.
+//! Arguments of the commands about results: scores, reports, comparisons, other formats.
 
 use std::path::PathBuf;
 
@@ -21,12 +21,12 @@ pub(crate) struct EvalArgs {
     pub results: Option<PathBuf>,
     #[command(flatten)]
     pub scored: ScoredArgs,
-    /// Score published pose errors instead: a folder with one table a dataset, whose header names
-    /// its columns (CSV, or the tables of ZEB). CSV then ends with a row `mean`
+    /// Score published pose errors instead: a folder with one table per dataset, whose header names its columns
+    /// (CSV, or the tables of ZEB). CSV output then ends with a row `mean`
     #[arg(long, value_name = "DIR", conflicts_with_all = ["results", "datasets", "pairs", "preset"])]
     pub errors: Option<PathBuf>,
-    /// Score as another benchmark does, and say what the run did otherwise: a protocol of `matchbench list
-    /// protocols`, or `all`. Several separated by commas
+    /// Score as another benchmark does, and say where the run departed from its protocol: a protocol of
+    /// `matchbench list protocols`, or `all`. Several are separated by commas
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub protocol: Vec<String>,
     /// How to write the scores
@@ -42,16 +42,16 @@ pub(crate) struct EvalArgs {
 /// Which pairs of results are scored.
 #[derive(Debug, Args)]
 pub(crate) struct ScoredArgs {
-    /// Folder that holds <sequence>/pairs.txt, for the authors' format where no groundtruth.txt
-    /// stands beside the results
+    /// Folder that holds <sequence>/pairs.txt, for results in the authors' format without a groundtruth.txt
+    /// beside them
     #[arg(long, value_name = "DIR")]
     pub datasets: Option<PathBuf>,
     /// Score only the pairs that this rule chooses among the listed ones: fragments:N, window:N or
     /// list:FILE. Images are numbered as in the results, after any stride
     #[arg(long, value_name = "RULE")]
     pub pairs: Option<String>,
-    /// Score what a publication scores: `paper` takes every image with the next 9 of its sequences
-    /// 06 to 08, and the listed pairs of all others
+    /// Score the pairs that a publication scores: `paper` takes every image with the next 9 in sequences 06 to
+    /// 08, and the listed pairs in all others
     #[arg(long, value_enum, conflicts_with = "pairs")]
     pub preset: Option<PresetArg>,
 }
@@ -64,13 +64,13 @@ pub(crate) enum PresetArg {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum FormatArg {
-    /// Aligned text, for people
+    /// Aligned text, for reading
     Table,
     /// One row per dataset, matcher and estimator, full precision
     Csv,
     /// Everything, full precision
     Json,
-    /// For a forge or a wiki
+    /// Markdown, for GitHub or a wiki
     Markdown,
     /// Like the paper's Table 2
     Latex,
@@ -102,16 +102,15 @@ pub(crate) struct ReportArgs {
     /// Folder of the report [default: RUN/report]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Write the report as one page of at most 5 MB instead, to be mailed: tables, figures, the list
-    /// of pairs, as many pictures as there is room for, and the tables as files to be saved; `-` is
-    /// standard output
+    /// Write the report as one page of at most 5 MB instead, which can be mailed: tables, figures, the list of
+    /// pairs, as many pictures as fit, and the tables as files that can be saved; `-` is standard output
     #[arg(long, value_name = "FILE.html", conflicts_with = "out")]
     pub bundle: Option<PathBuf>,
-    /// How many pairs of each dataset have pictures: in the page as far as it has room, and in the folder
-    /// pairs beside it; `all` for every pair
+    /// How many pairs of each dataset have pictures: in the page as many as fit, and in the folder pairs beside
+    /// it; `all` for every pair
     #[arg(long, value_name = "N|all", default_value = "16", value_parser = number_or_all)]
     pub pictures: usize,
-    /// Folder of the feature cache, from which keypoints are drawn [default: RUN/cache]
+    /// Folder of the feature cache, from which keypoints are taken for pictures [default: RUN/cache]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
     #[command(flatten)]
@@ -146,14 +145,14 @@ Examples:
   matchbench leaderboard entries --out site
   matchbench leaderboard entries --datasets data --out site")]
 pub(crate) struct LeaderboardArgs {
-    /// The folder below which runs and results lie
+    /// The folder that contains runs and results
     #[arg(value_name = "ENTRIES")]
     pub entries: PathBuf,
     /// Folder of the page
     #[arg(long, value_name = "SITE")]
     pub out: PathBuf,
-    /// Folder that holds the datasets, by their names: for results without a groundtruth.txt, and to
-    /// compute the errors of records again [default: where the runs had them]
+    /// Folder that holds the datasets, by their names. It is needed for results without a groundtruth.txt, and
+    /// to compute the errors of records again [default: where the runs had them]
     #[arg(long, value_name = "DIR")]
     pub datasets: Option<PathBuf>,
     #[command(flatten)]
@@ -187,13 +186,13 @@ pub(crate) struct CompareArgs {
     /// The second run, after the change
     #[arg(value_name = "AFTER", required_unless_present = "matchers")]
     pub after: Option<PathBuf>,
-    /// Two methods that are compared with each other, separated by a comma
+    /// Two methods to compare with each other, separated by a comma
     #[arg(long, value_name = "FIRST,SECOND", value_delimiter = ',', num_args = 1)]
     pub matchers: Vec<String>,
-    /// Folder of the page of the pairs where they differ most
+    /// Folder of a page that shows the pairs where they differ most
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// How many pairs of each dataset are on the page for each of the two methods, those that it wins
+    /// How many pairs of each dataset the page shows for each of the two methods: pairs on which it wins
     #[arg(long, value_name = "N", default_value_t = 6, requires = "out")]
     pub pairs: usize,
     #[command(flatten)]
@@ -220,8 +219,8 @@ pub(crate) struct ExportArgs {
     /// packed
     #[arg(long, value_name = "FORMAT", default_value = "authors")]
     pub format: String,
-    /// Only the matches that agree with the poses of this estimator, within its threshold, instead of
-    /// all that were selected
+    /// Only the matches that agree with the poses of this estimator, within its threshold, instead of all
+    /// selected matches
     #[arg(long, value_name = "ESTIMATOR")]
     pub inliers: Option<String>,
     /// Where datasets are now, if they were moved
@@ -229,7 +228,7 @@ pub(crate) struct ExportArgs {
     pub datasets: Vec<PathBuf>,
 }
 
-/// `all` is as many as there are.
+/// `all` means as many as there are.
 fn number_or_all(text: &str) -> Result<usize, String> {
     match text {
         "all" => Ok(usize::MAX),

@@ -1,4 +1,4 @@
-//! What can be typed about runs: matchers and estimators on datasets, or on one pair.
+//! Arguments of the commands that match: matchers and estimators on datasets, or on one pair.
 
 use std::num::{NonZeroU32, NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ use crate::threads::Threads;
 
 #[derive(Debug, Args)]
 pub(crate) struct DemoArgs {
-    /// Matchers, separated by commas, or `all`, which takes several minutes; a path is a manifest
+    /// Matchers, separated by commas, or `all`, which takes several minutes; a path is that of a manifest
     #[arg(
         long,
         value_name = "IDS",
@@ -52,25 +52,24 @@ pub(crate) struct RunArgs {
     /// run file, whose name ends in .toml
     #[arg(value_name = "DATASET", required = true)]
     pub datasets: Vec<PathBuf>,
-    /// Matchers, separated by commas, or `all` (see `matchbench list matchers`); a path is the manifest of
-    /// a matcher from outside (see `matchbench check`)
+    /// Matchers, separated by commas, or `all` (see `matchbench list matchers`); a path is that of the manifest
+    /// of a matcher from outside (see `matchbench check`)
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub matchers: Vec<String>,
-    /// Folder of the run; one that is there already is resumed, and may grow by datasets, matchers
-    /// and estimators
+    /// Folder of the run. If it exists, the run is resumed, and may get more datasets, matchers and estimators
     #[arg(long, value_name = "RUN")]
     pub out: Option<PathBuf>,
     #[command(flatten)]
     pub threads: Threads,
     #[command(flatten)]
     pub choices: ChoiceArgs,
-    /// Only N pairs of each dataset (of the first ones with --limit), evenly spread over them
+    /// Only N pairs of each dataset (out of the first ones with --limit), evenly spread over them
     #[arg(long, value_name = "N", value_parser = from_one::<NonZeroUsize>)]
     pub sample: Option<NonZeroUsize>,
     /// Folder of the feature cache [default: RUN/cache]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
-    /// Try all failed pairs again. Without it, only failures that may go away are tried again: a file
+    /// Try all failed pairs again. Without this option, only failures that may go away are tried again: a file
     /// that could not be read, or a matcher from outside that gave up
     #[arg(long)]
     pub retry_failed: bool,
@@ -82,40 +81,40 @@ pub(crate) struct RunArgs {
     pub files: MatchesArgs,
 }
 
-/// What decides about the records of a run, besides its datasets and matchers.
+/// Options that the records of a run depend on, besides its datasets and matchers.
 #[derive(Debug, Args)]
 pub(crate) struct ChoiceArgs {
     /// Pose estimators, separated by commas [default: the one that belongs to each matcher; best
     /// for matches from files]
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub estimator: Vec<String>,
-    /// Protocols of the field, separated by commas, or `all` (see `matchbench list protocols`). A protocol sets the
-    /// size of images, the estimator, the unit of its threshold and the repetitions. Several protocols share one set
-    /// of matches, of images as they are [default: matchbench]
+    /// Evaluation protocols, separated by commas, or `all` (see `matchbench list protocols`). A protocol sets
+    /// the size of images, the estimator, the unit of its threshold and the repetitions. Several protocols
+    /// share one set of matches, found in images
+    /// of the original size [default: matchbench]
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub protocol: Vec<String>,
     /// Only the first N pairs of each dataset
     #[arg(long, value_name = "N", value_parser = from_one::<NonZeroUsize>)]
     pub limit: Option<NonZeroUsize>,
-    /// Root of all random choices [default: 0]
+    /// Seed of all random choices [default: 0]
     #[arg(long, value_name = "S")]
     pub seed: Option<u64>,
-    /// Do every pair N times, each time with other random choices; scores are means [default: 1, or as
-    /// often as the protocol]
+    /// Run every pair N times, each time with other random choices; scores are means [default: 1, or as often
+    /// as the protocol requires]
     #[arg(long, value_name = "N", value_parser = from_one::<NonZeroU32>)]
     pub repeat: Option<NonZeroU32>,
     /// Change a parameter, for example --set sift.ratio=0.7 (repeatable; see `matchbench list`)
     #[arg(long, value_name = "ID.NAME=VALUE")]
     pub set: Vec<String>,
-    /// Let an estimator draw samples for at most so many milliseconds a pair, to compare estimators
-    /// at equal time (raise max_iterations with --set). Results then differ from run to run
+    /// Let an estimator draw samples for at most MS milliseconds per pair, to compare estimators at equal time
+    /// (raise max_iterations with --set). Results then differ from run to run
     #[arg(long, value_name = "MS", value_parser = from_one::<NonZeroU32>)]
     pub time_budget: Option<NonZeroU32>,
-    /// Take over what `matchbench tune` chose; refused on the scenes that it was tuned on
-    /// (repeatable)
+    /// Use what `matchbench tune` chose; refused on the scenes that it was tuned on (repeatable)
     #[arg(long, value_name = "FILE")]
     pub tuned: Vec<PathBuf>,
-    /// Which matches stay in RUN, at 20 bytes each [default: all]
+    /// Which matches are kept in RUN, at 20 bytes each [default: all]
     #[arg(long, value_enum, value_name = "WHICH")]
     pub keep_matches: Option<KeepArg>,
     /// The same as --keep-matches none
@@ -141,8 +140,8 @@ pub(crate) struct PlanArgs {
     /// Dataset folders
     #[arg(value_name = "DATASET", required = true)]
     pub datasets: Vec<PathBuf>,
-    /// Matchers, separated by commas, or `all` (see `matchbench list matchers`); a path is the manifest of
-    /// a matcher from outside, which every machine must have at the same path
+    /// Matchers, separated by commas, or `all` (see `matchbench list matchers`); a path is that of the manifest
+    /// of a matcher from outside, which every machine must have at the same path
     #[arg(
         long,
         value_name = "IDS",
@@ -152,10 +151,10 @@ pub(crate) struct PlanArgs {
     pub matchers: Vec<String>,
     #[command(flatten)]
     pub choices: ChoiceArgs,
-    /// How many shards; several for each machine even out machines of different speed
+    /// How many shards; several per machine balance machines of different speed
     #[arg(long, value_name = "N", value_parser = from_one::<NonZeroU32>)]
     pub shards: NonZeroU32,
-    /// Folder of the plan, in which the shards are written unless another place is asked for
+    /// Folder of the plan. The shards are written into it too, unless another place is given
     #[arg(long, value_name = "PLAN")]
     pub out: PathBuf,
     // The last: what follows stands under its heading.
@@ -179,17 +178,17 @@ pub(crate) struct WorkArgs {
     /// The folder of a plan, or its plan.json
     #[arg(value_name = "PLAN")]
     pub plan: PathBuf,
-    /// Which shard, from 1
+    /// Number of the shard, from 1
     #[arg(long, value_name = "K")]
     pub shard: u32,
     /// Folder of the shard [default: PLAN/shards/K]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// A dataset folder on this machine, if datasets are not where they were planned; then give all of them
+    /// A dataset folder on this machine, if datasets are not where the plan has them; then give all of them
     /// (repeatable)
     #[arg(long, value_name = "DATASET")]
     pub data: Vec<PathBuf>,
-    /// Where the files of planned matches are on this machine, if not where they were planned (repeatable)
+    /// Where the files of planned matches are on this machine, if not where the plan has them (repeatable)
     #[arg(long, value_name = "NAME=PATH[,PATH]")]
     pub matches: Vec<String>,
     /// Folder of the feature cache, which shards may share [default: PLAN/cache]
@@ -222,19 +221,19 @@ pub(crate) struct MergeArgs {
     pub out: PathBuf,
 }
 
-/// What `--keep-matches` takes.
+/// The values of `--keep-matches`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum KeepArg {
-    /// All that were selected: another estimator starts from them, and the report draws them
+    /// All selected matches: another estimator can use them, and the report draws them
     All,
-    /// Those that agree with the estimated pose; another estimator starts from the features again
+    /// Those that agree with the estimated pose; another estimator has to start from the features again
     Inliers,
-    /// None; the report draws none, and another estimator starts from the features again
+    /// None; the report draws none, and another estimator has to start from the features again
     None,
 }
 
 impl ChoiceArgs {
-    /// Which matches stay on disk, if that is said.
+    /// Which matches are kept on disk, if the option is given.
     pub(crate) fn kept(&self) -> Option<KeepMatches> {
         if self.no_matches {
             return Some(KeepMatches::None);
@@ -286,7 +285,7 @@ pub(crate) struct PaperArgs {
     /// Change a parameter (repeatable)
     #[arg(long, value_name = "ID.NAME=VALUE")]
     pub set: Vec<String>,
-    /// Say what to download, how large it is, and where it goes
+    /// Say what to download, how large it is, and where to put it
     #[arg(long = "where", exclusive = true)]
     pub where_to_find: bool,
     #[command(flatten)]
@@ -297,8 +296,8 @@ pub(crate) struct PaperArgs {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Matches from files")]
 pub(crate) struct MatchesArgs {
-    /// Matches of another tool under the name that they have in tables: files, a folder of files, or
-    /// a folder with one for each dataset (repeatable; see `matchbench list formats`)
+    /// Matches of another tool, under the name that they get in tables: files, a folder of files, or a folder
+    /// with one folder for each dataset (repeatable; see `matchbench list formats`)
     #[arg(long, value_name = "NAME=PATH[,PATH]")]
     pub matches: Vec<String>,
     /// The format [default: recognised by the content of the files]
@@ -307,13 +306,13 @@ pub(crate) struct MatchesArgs {
     /// Where the centre of the first pixel is in these files, 0 or 0.5 [default: what the format says]
     #[arg(long, value_name = "0|0.5", requires = "matches")]
     pub pixel_center: Option<f64>,
-    /// The points are those of images resized to this size
+    /// The points are in pixels of images that were resized to this size
     #[arg(long, value_name = "WxH", requires = "matches", value_parser = size)]
     pub resized: Option<[u32; 2]>,
     /// Read the matches that the tool verified (COLMAP's two-view geometries)
     #[arg(long, requires = "matches")]
     pub verified: bool,
-    /// A note about the matches, to be kept in plan and report (repeatable)
+    /// A note about the matches, which is kept in plan and report (repeatable)
     #[arg(long, value_name = "KEY=VALUE", requires = "matches")]
     pub note: Vec<String>,
 }
@@ -325,10 +324,11 @@ Example:
                   --values 0.5,0.75,1,1.5,2 --out tuning
   matchbench run castle --matchers sift --tuned tuning/tuned.json --out runs/castle")]
 pub(crate) struct TuneArgs {
-    /// Dataset folders; none of them may be reported on later
+    /// Dataset folders; do not report on any of them later
     #[arg(value_name = "DATASET", required = true)]
     pub datasets: Vec<PathBuf>,
-    /// Matchers whose matches are used, separated by commas; a path is the manifest of a matcher from outside
+    /// Matchers whose matches are used, separated by commas; a path is that of the manifest of a matcher from
+    /// outside
     #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
     pub matchers: Vec<String>,
     /// The parameter (see `matchbench list estimators`)
@@ -337,7 +337,7 @@ pub(crate) struct TuneArgs {
     /// The values to try, separated by commas
     #[arg(long, value_name = "VALUES", value_delimiter = ',', required = true)]
     pub values: Vec<String>,
-    /// Folder of the run that tries the values; running again resumes
+    /// Folder of the run that tries the values; running the command again resumes it
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     #[command(flatten)]
@@ -345,10 +345,10 @@ pub(crate) struct TuneArgs {
     /// Only the first N pairs of each dataset
     #[arg(long, value_name = "N", value_parser = from_one::<NonZeroUsize>)]
     pub limit: Option<NonZeroUsize>,
-    /// Root of all random choices
+    /// Seed of all random choices
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
-    /// Do every pair N times
+    /// Run every pair N times
     #[arg(long, value_name = "N", default_value_t = NonZeroU32::MIN, value_parser = from_one::<NonZeroU32>)]
     pub repeat: NonZeroU32,
     /// Change another parameter (repeatable)
@@ -381,16 +381,16 @@ pub(crate) struct ShowArgs {
     /// Second image of the pair
     #[arg(value_name = "B")]
     pub b: u32,
-    /// The matcher (see `matchbench list matchers`); a path is the manifest of a matcher from outside
+    /// The matcher (see `matchbench list matchers`); a path is that of the manifest of a matcher from outside
     #[arg(long, value_name = "ID")]
     pub matcher: String,
     /// The pose estimator [default: the one that belongs to the matcher]
     #[arg(long, value_name = "ID")]
     pub estimator: Option<String>,
-    /// The picture to be written, .png or .svg
+    /// The picture to write, .png or .svg
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Root of all random choices
+    /// Seed of all random choices
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
     /// Change a parameter (repeatable)
@@ -419,16 +419,16 @@ pub(crate) struct TimeArgs {
     /// Matchers of `matchbench list matchers`, separated by commas, or `all`
     #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
     pub matchers: Vec<String>,
-    /// The first N pairs, or all where there are fewer
+    /// The first N pairs, or all if there are fewer
     #[arg(long, value_name = "N", default_value = "200", value_parser = from_one::<NonZeroUsize>)]
     pub pairs: NonZeroUsize,
     /// Change a parameter (repeatable)
     #[arg(long, value_name = "ID.NAME=VALUE")]
     pub set: Vec<String>,
-    /// Write means, medians and quartiles too, as comma-separated values
+    /// Also write means, medians and quartiles, as comma-separated values
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
-    /// Write the paper's Table 3 too: means, medians in brackets
+    /// Also write the paper's Table 3: means, with medians in brackets
     #[arg(long, value_name = "FILE")]
     pub latex: Option<PathBuf>,
 }
@@ -453,7 +453,7 @@ pub(crate) struct CheckArgs {
     pub set: Vec<String>,
 }
 
-/// A number of things, of which there must be one.
+/// A number that must be at least 1.
 fn from_one<N: TryFrom<NonZeroU64>>(text: &str) -> Result<N, String> {
     let number: Result<NonZeroU64, _> = text.parse();
     let number = number.map_err(|_| "give a whole number from 1 on")?;

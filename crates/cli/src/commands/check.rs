@@ -1,4 +1,4 @@
-//! `matchbench check`: a matcher from outside, tried out.
+//! `matchbench check`: tries out a matcher from outside.
 
 use std::env;
 use std::io::Write;
@@ -48,8 +48,8 @@ pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
     })
 }
 
-/// A new file for what the matcher prints. In a folder that everybody may write to, a file that is there
-/// already may be another user's, or a link to a third.
+/// A new file for the output of the matcher. In a folder that everybody may write to, an existing file may
+/// belong to another user, or be a link to somebody's file.
 fn new_log(matcher: &str) -> Result<PathBuf> {
     let prefix = format!("matchbench-check-{matcher}-");
     let file = (tempfile::Builder::new()

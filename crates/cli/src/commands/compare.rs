@@ -1,4 +1,4 @@
-//! `matchbench compare`: what changed between two runs, or how two methods of one differ.
+//! `matchbench compare`: what changed between two runs, or how two methods of one run differ.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -47,7 +47,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
         .zip(&sets)
         .take(if runs[0] == runs[1] { 1 } else { 2 })
     {
-        // What other methods have is told below.
+        // What is missing of other methods is reported below.
         if sets.iter().all(|set| set.missing() == 0) {
             warn_of_unfinished(run, sets)?;
         }
@@ -114,14 +114,14 @@ fn write_page(out: &Path, args: &CompareArgs, runs: [&PathBuf; 2], rows: &[Row<'
     Ok(())
 }
 
-/// Two sets of results of one dataset.
+/// Two sets of results on one dataset.
 struct Row<'a> {
     sets: [&'a ResultSet; 2],
     comparison: Comparison,
 }
 
 impl Row<'_> {
-    /// What the two are called: by their methods, their runs, or both, as far as these differ.
+    /// The names of the two: their methods, their runs, or both, as far as these differ.
     fn names(&self, runs: [&PathBuf; 2], by_method: bool) -> [String; 2] {
         [0, 1].map(|side| {
             let (set, run) = (self.sets[side], runs[side].display());
@@ -134,7 +134,8 @@ impl Row<'_> {
     }
 }
 
-/// The sets that both have, before and after, and those that only one has, with its number.
+/// The sets that both runs have, before and after, and those that only one run has, with the number of this
+/// run.
 fn same_methods(sets: &[Vec<ResultSet>; 2]) -> (Vec<[&ResultSet; 2]>, Vec<(&ResultSet, usize)>) {
     let name = |set: &ResultSet| {
         (
@@ -163,8 +164,8 @@ fn same_methods(sets: &[Vec<ResultSet>; 2]) -> (Vec<[&ResultSet; 2]>, Vec<(&Resu
     (both, alone)
 }
 
-/// The sets of two methods on each dataset that both were run on: with each estimator that both have, or where
-/// both have one, with these.
+/// The sets of two methods on each dataset that both were run on. They are compared with each estimator that
+/// both have; or, if each has one estimator, with these.
 fn methods<'a>(
     sets: &'a [Vec<ResultSet>; 2],
     named: [&str; 2],
@@ -221,7 +222,7 @@ fn methods<'a>(
     Ok(pairs)
 }
 
-/// The names of methods, each once.
+/// The names of methods, without repetition.
 fn known(sets: &[ResultSet]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for set in sets {
@@ -233,7 +234,7 @@ fn known(sets: &[ResultSet]) -> Vec<String> {
     names
 }
 
-/// Errors about other truths are not compared: datasets of one name must be one dataset.
+/// Errors for different truths must not be compared, so datasets of the same name must be the same.
 fn same_truth(before: &Path, after: &Path) -> Result<()> {
     if !(RunFolder::is_at(before) && RunFolder::is_at(after)) {
         return Ok(());

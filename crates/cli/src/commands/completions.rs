@@ -1,4 +1,4 @@
-//! `matchbench completions`: what a shell completes after `matchbench`, on standard output.
+//! `matchbench completions`: prints the completion script for a shell to standard output.
 
 use std::io::Write;
 

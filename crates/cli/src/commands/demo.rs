@@ -1,5 +1,5 @@
-//! `matchbench demo`: quick matchers on the built-in scenes, and a report within a minute: of poses, and in a run of
-//! its own of homographies, on the scenes that are plane.
+//! `matchbench demo`: runs quick matchers on the built-in scenes and writes a report, within a minute. Poses
+//! are one run; homographies, on the scenes that are planes, are a run of their own.
 
 use std::env;
 use std::io::Write;
@@ -19,7 +19,7 @@ use crate::output::stdout;
 use crate::progress::cancel_on_ctrl_c;
 
 pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
-    // Before minutes are spent on images.
+    // Checked before minutes are spent on images.
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot make the folder {}", args.out.display()))?;
     let (plane, others): (Vec<_>, Vec<_>) =
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
         writeln!(stdout(), "\nPlane scenes, by homographies:\n")?;
         eval::print(&homographies)
     });
-    // Also where the table found no reader: a closed pipe, a full disk.
+    // Written even if the table could not be printed: a closed pipe, a full disk.
     let pages = [&args.out, &homographies].map(|run| report::write(run, &ReportOptions::default()));
     printed?;
     let mut out = stdout();
@@ -66,7 +66,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
     Ok(ending)
 }
 
-/// The folders of the built-in scenes and whether each is plane, rendered if this is the first time.
+/// The folders of the built-in scenes, and whether each scene is a plane. Scenes are rendered the first time.
 fn scenes() -> Result<Vec<(PathBuf, bool)>> {
     let cache = cache_folder().join("scenes");
     let bar = ProgressBar::new(0);
@@ -82,7 +82,7 @@ fn scenes() -> Result<Vec<(PathBuf, bool)>> {
     Ok(folders?.into_iter().zip(plane).collect())
 }
 
-/// Where things are kept between runs: `MATCHBENCH_CACHE`, else the user's cache folder.
+/// The folder for data that are kept between runs: `MATCHBENCH_CACHE`, else the cache folder of the user.
 fn cache_folder() -> PathBuf {
     let variable = |name| {
         env::var_os(name)

@@ -1,4 +1,4 @@
-//! `matchbench eval`: scores of a run, or of results in the authors' layout.
+//! `matchbench eval`: prints the scores of a run, or of results in the authors' layout.
 
 use std::io::Write;
 use std::path::Path;
@@ -52,7 +52,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
     Ok(Ending::Done)
 }
 
-/// The scores by protocols of the field.
+/// The scores by evaluation protocols.
 fn by_protocols(args: &EvalArgs) -> Result<String> {
     let asked = protocols::find_all(&args.protocol)?;
     let (sets, run) = match (&args.errors, &args.results) {
@@ -72,7 +72,7 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
     Ok(render_protocols(args.format.into(), &scores))
 }
 
-/// Says where the records of a run are fewer or more than it planned, or results fewer than the pairs that are listed.
+/// Warns if a run has fewer or more records than it planned, or if there are fewer results than listed pairs.
 pub(super) fn warn_of_unfinished(results: &Path, sets: &[ResultSet]) -> Result<()> {
     let sentences = if RunFolder::is_at(results) {
         unfinished(RunFolder::open(results)?.plan(), sets)
@@ -90,7 +90,7 @@ pub(super) fn warn_of_unfinished(results: &Path, sets: &[ResultSet]) -> Result<(
     Ok(())
 }
 
-/// Says where listed pairs have no result.
+/// Warns if listed pairs have no result.
 pub(super) fn warn_of_missing(results: &Path, set: &ResultSet) {
     match set.missing() {
         0 => {}
@@ -104,7 +104,7 @@ pub(super) fn warn_of_missing(results: &Path, set: &ResultSet) {
     }
 }
 
-/// Says where results are for pairs that are not listed, unless fewer pairs were asked for.
+/// Warns if there are results for pairs that are not listed, unless fewer pairs were asked for.
 fn warn_of_ignored(results: &Path, sets: &[ResultSet], choice: &PairChoice) {
     let ignored = |set: &&ResultSet| set.ignored > 0 && *choice == PairChoice::Listed;
     for set in sets.iter().filter(ignored) {
@@ -118,7 +118,7 @@ fn warn_of_ignored(results: &Path, sets: &[ResultSet], choice: &PairChoice) {
     }
 }
 
-/// The matcher of a set, and the estimator where it is known.
+/// The matcher of a set, and the estimator if it is known.
 pub(super) fn method(set: &ResultSet) -> String {
     match &*set.estimator {
         "" => set.matcher.clone(),
@@ -142,14 +142,15 @@ pub(crate) fn choice(args: &ScoredArgs) -> Result<PairChoice> {
     })
 }
 
-/// Prints the table of scores of a run, and who is best on each dataset.
+/// Prints the table of scores of a run, and which method is best on each dataset.
 pub(crate) fn print(run: &Path) -> Result<()> {
     let text = harmless(&table(load(run, None)?));
     std::io::stdout().write_all(text.as_bytes())?;
     Ok(())
 }
 
-/// The table of scores, and below it a sentence for each dataset: who is best, how certainly.
+/// The table of scores, and below it a sentence for each dataset: which method is best, and whether that is
+/// significant.
 fn table(sets: Vec<ResultSet>) -> String {
     let Content {
         summaries, leads, ..

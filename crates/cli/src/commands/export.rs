@@ -1,4 +1,4 @@
-//! `matchbench export`: a run's poses in the layout of the paper's authors, or its matches in the
+//! `matchbench export`: writes the poses of a run in the layout of the paper's authors, or its matches in the
 //! formats of other tools.
 
 use std::collections::BTreeSet;
@@ -17,7 +17,7 @@ use crate::Ending;
 use crate::args::ExportArgs;
 use crate::output::{say, stdout};
 
-/// The format of poses; all others are of matches.
+/// The format for poses; all others are for matches.
 const AUTHORS: &str = "authors";
 
 pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
@@ -71,7 +71,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
     Ok(Ending::Done)
 }
 
-/// The matchers that were run with this estimator, if one is asked for; says which are left out.
+/// The matchers that were run with this estimator, if one is given; prints which are left out.
 fn with_estimator<'a>(
     matchers: &'a [MatcherPlan],
     estimator: Option<&str>,

@@ -1,4 +1,4 @@
-//! `matchbench import`: other people's layouts become a dataset.
+//! `matchbench import`: makes a dataset from data in another layout.
 
 use std::io::Write;
 

@@ -1,4 +1,4 @@
-//! A run as it is asked for on the command line: with a progress bar, stopped by Ctrl-C.
+//! Runs as several commands execute them: with a progress bar, and stopped by Ctrl-C.
 
 use std::mem;
 use std::path::{Path, PathBuf};
@@ -19,17 +19,17 @@ use crate::args::ChoiceArgs;
 use crate::output::say;
 use crate::progress::{Bar, cancel_on_ctrl_c};
 
-/// Said when Ctrl-C stops a run.
+/// Printed when Ctrl-C stops a run.
 pub(crate) const AFTER_PAIRS: &str = "stopping after the pairs in flight; again to stop at once";
 
-/// Does what is left of a study, until it is done or stopped, says how it ended, and returns that with the
-/// folder of its run.
+/// Runs what is left of a study, until it is complete or stopped, and prints how it ended. Returns that, and
+/// the folder of its run.
 pub(crate) fn execute(study: &Study) -> Result<(Ending, PathBuf)> {
     let (ending, prepared) = execute_until(study, &cancel_on_ctrl_c(AFTER_PAIRS)?)?;
     Ok((ending, prepared.folder))
 }
 
-/// The same where Ctrl-C is listened for already; returns what was run.
+/// The same if Ctrl-C is handled already; returns what was run.
 pub(crate) fn execute_until(study: &Study, cancel: &Cancel) -> Result<(Ending, Prepared)> {
     let prepared = study.prepare(&tell_news)?;
     for error in &prepared.absent {
@@ -42,7 +42,7 @@ pub(crate) fn execute_until(study: &Study, cancel: &Cancel) -> Result<(Ending, P
     Ok((ending, prepared))
 }
 
-/// Does what is left of a run, until it is done or stopped, and says how it ended.
+/// Runs what is left of a run, until it is complete or stopped, and prints how it ended.
 pub(crate) fn execute_run(run: &Run<'_>, cancel: &Cancel) -> Result<Ending> {
     let bar = Bar::new();
     let summary = run.execute(&bar, cancel);
@@ -50,7 +50,7 @@ pub(crate) fn execute_run(run: &Run<'_>, cancel: &Cancel) -> Result<Ending> {
     Ok(tell(&summary?, run.folder))
 }
 
-/// Says what happens while a study is prepared.
+/// Prints the events while a study is prepared.
 pub(crate) fn tell_news(news: News<'_>) {
     match news {
         News::Imported(folder, report) => {
@@ -75,7 +75,7 @@ pub(crate) fn open(folders: &[impl AsRef<Path>]) -> Result<Vec<Dataset>> {
     Ok(datasets.collect::<Result<_, _>>()?)
 }
 
-/// Puts what the arguments choose over what `study` says.
+/// Replaces settings of `study` by those that are given as arguments.
 pub(crate) fn choose(study: &mut Study, choices: &ChoiceArgs) -> Result<()> {
     if !choices.estimator.is_empty() {
         study.estimators.clone_from(&choices.estimator);
@@ -93,24 +93,24 @@ pub(crate) fn choose(study: &mut Study, choices: &ChoiceArgs) -> Result<()> {
     Ok(())
 }
 
-/// What `--set` changes.
+/// The changes of parameters by `--set`.
 pub(crate) fn changes(settings: &[String]) -> Result<Changes, ConfigError> {
     Changes::parse(settings)
 }
 
-/// Refuses the name of a matcher that there is not, before anything is opened.
+/// Refuses an unknown name of a matcher, before anything is opened.
 pub(crate) fn check_names(names: &[String]) -> Result<(), UnknownName> {
     let native = |name: &&String| *name != "all" && !Manifest::is_path(name);
     (names.iter().filter(native)).try_for_each(|name| matchers::find(name).map(drop))
 }
 
-/// The feature cache that is asked for, or that of a run in this folder.
+/// The feature cache that was asked for, or that of a run in this folder.
 pub(crate) fn cache(asked: Option<&Path>, folder: &Path) -> FeatureCache {
     let default = || RunFolder::default_cache_at(folder);
     FeatureCache::new(asked.map_or_else(default, Path::to_path_buf))
 }
 
-/// Says how a run ended.
+/// Prints how a run ended.
 pub(crate) fn tell(summary: &RunSummary, folder: &Path) -> Ending {
     if summary.ended > 0 {
         let done = summary.before + summary.now;

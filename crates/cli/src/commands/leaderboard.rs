@@ -1,4 +1,4 @@
-//! `matchbench leaderboard`: the runs and results below a folder, ranked on one page.
+//! `matchbench leaderboard`: ranks the runs and results below a folder on one page.
 
 use std::io::Write;
 
@@ -19,7 +19,7 @@ pub(crate) fn run(args: &LeaderboardArgs) -> Result<Ending> {
     let board = leaderboard(&args.entries, args.datasets.as_deref())
         .with_context(|| format!("cannot list {}", args.entries.display()))?;
     for Refused { place, reason } in &board.refused {
-        // Most reasons begin with the file.
+        // Most reasons begin with the name of the file.
         if reason.starts_with(place) {
             say!("refused: {reason}");
         } else {

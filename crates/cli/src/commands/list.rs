@@ -1,4 +1,4 @@
-//! `matchbench list`: what there is, with every parameter.
+//! `matchbench list`: prints what is available, with every parameter.
 
 use std::io::{self, Write};
 

@@ -1,4 +1,4 @@
-//! `matchbench man`: the manual pages, one for the program and one for each command.
+//! `matchbench man`: writes the manual pages, one for the program and one for each command.
 
 use std::fs;
 use std::io::Write;

@@ -1,4 +1,4 @@
-//! `--matches NAME=PATH`: matches from the files of another tool, and what was understood of them.
+//! `--matches NAME=PATH`: reads matches from the files of another tool, and prints how they were understood.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -11,10 +11,10 @@ use matchbench::study::MatchesFrom;
 use crate::args::MatchesArgs;
 use crate::output::say;
 
-/// Absent pairs that are named; more of them are counted.
+/// Most missing pairs that are named; of more, the number is printed.
 const NAMED: usize = 10;
 
-/// The matches that are asked for.
+/// The matches that were asked for.
 pub(crate) fn asked(args: &MatchesArgs) -> Result<Vec<MatchesFrom>> {
     let notes = notes(&args.note)?;
     (args.matches.iter())
@@ -43,7 +43,7 @@ pub(crate) fn named_files(asked: &str) -> Result<(String, Vec<PathBuf>)> {
     Ok((name.to_owned(), files.split(',').map(Into::into).collect()))
 }
 
-/// Says what was read and what is missing or looks wrong.
+/// Prints what was read, and what is missing or looks wrong.
 pub(crate) fn describe(name: &str, source: &MatchSource) {
     for (dataset, files) in source.datasets() {
         let survey = files.survey();

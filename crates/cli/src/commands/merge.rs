@@ -1,4 +1,4 @@
-//! `matchbench merge`: all shards of a plan become one run.
+//! `matchbench merge`: merges all shards of a plan into one run.
 
 use std::io::Write;
 

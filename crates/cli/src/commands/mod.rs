@@ -1,4 +1,4 @@
-//! One file per subcommand, and `job`: a run as several of them ask for it.
+//! One file per subcommand, and `job`, which executes runs for several of them.
 
 pub(crate) mod check;
 pub(crate) mod compare;

@@ -1,4 +1,4 @@
-//! `matchbench paper`: the paper's tables and figures, from the data as their authors publish them.
+//! `matchbench paper`: reproduces the paper's tables and figures, from the data as their authors publish them.
 
 use std::io::Write;
 

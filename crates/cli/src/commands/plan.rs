@@ -1,4 +1,4 @@
-//! `matchbench plan`: a run, cut into shards for many machines.
+//! `matchbench plan`: splits a run into shards for many machines.
 
 use std::io::Write;
 use std::path::{Path, absolute};
@@ -44,7 +44,7 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
         prepared.absent.is_empty(),
         "every matcher must start here, since its version and parameters belong to the plan"
     );
-    // What is set by hand comes last and wins.
+    // Settings that are given by hand come last and win.
     let tuned = prepared.tuned.iter().map(|tuned| tuned.setting.clone());
     let asked = Asked {
         settings: tuned.chain(args.choices.set.iter().cloned()).collect(),
@@ -68,7 +68,7 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
     Ok(Ending::Done)
 }
 
-/// A manifest by a path that leads to it from every folder; any other name as it is.
+/// The path of a manifest as an absolute path; any other name is unchanged.
 fn from_anywhere(name: &String) -> String {
     let path = Manifest::is_path(name)
         .then(|| absolute(name).ok())

@@ -1,5 +1,5 @@
-//! `matchbench report`: the report of a run, `RUN/report/index.html` and what belongs to it, or that of
-//! anybody's results.
+//! `matchbench report`: writes the report of a run, `RUN/report/index.html` and its other files, or that of
+//! result files of anybody.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -53,7 +53,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<Ending> {
     Ok(Ending::Done)
 }
 
-/// Writes the report of the run in `folder` and returns its page.
+/// Writes the report of the run in `folder` and returns the path of its page.
 pub(crate) fn write(folder: &Path, options: &ReportOptions<'_>) -> Result<PathBuf> {
     let reported = of_run(&RunFolder::open(folder)?, options)?;
     tell(&reported.notes);
@@ -66,7 +66,7 @@ fn tell(notes: &[String]) {
     }
 }
 
-/// Writes the report of result files and returns its page.
+/// Writes the report of result files and returns the path of its page.
 fn write_of_results(args: &ReportArgs) -> Result<PathBuf> {
     let content = content_of_results(args)?;
     Ok(match (&args.bundle, &args.out) {

@@ -1,4 +1,4 @@
-//! `matchbench run`: matchers on datasets, resumable, as arguments or a run file ask for it.
+//! `matchbench run`: runs matchers on datasets, as arguments or a run file say; can be resumed.
 
 use std::io::Write;
 
@@ -25,7 +25,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
             cache: study.cache.as_deref(),
             ..ReportOptions::default()
         };
-        // Also where the table found no reader: a closed pipe, a full disk.
+        // Written even if the table could not be printed: a closed pipe, a full disk.
         let page = report::write(&folder, &options)?;
         printed?;
         writeln!(out, "\nreport: {}", page.display())?;
@@ -36,7 +36,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     Ok(ending)
 }
 
-/// What is asked for: what the run file says, if there is one, and the arguments over it.
+/// What is asked for: the run file, if there is one, with the arguments replacing its settings.
 fn study(args: &RunArgs) -> Result<Study> {
     let mut study = match &args.datasets[..] {
         [file] if Study::is_file(file) => Study::read(file)?,

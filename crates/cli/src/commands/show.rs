@@ -1,4 +1,4 @@
-//! `matchbench show`: one pair as a picture, as a run would match it.
+//! `matchbench show`: draws one pair, matched as a run would match it.
 
 use std::io::Write;
 use std::sync::Arc;
@@ -32,7 +32,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
     let svg = match extension {
         Some("svg") => true,
         Some("png") => false,
-        // Standard output is no place for a person to read bytes: what is piped on is a PNG.
+        // If standard output is a terminal, nobody can read the bytes; if it is piped on, the picture is a PNG.
         None if is_standard_output(&args.out) => false,
         _ => bail!(
             "--out {}: the name must end in .png or .svg, or be - for a PNG on standard output",
@@ -113,7 +113,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         return Ok(Ending::Done);
     }
     let counts = matches.counts;
-    // A matcher from outside may have none, or not tell.
+    // A matcher from outside may have no features, or not state their number.
     let features = match (counts.features_a, counts.features_b) {
         (0, 0) if counts.putative > 0 => String::new(),
         (a, b) => format!("{a} and {}, ", counted(b, "feature")),
@@ -129,8 +129,8 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
     Ok(Ending::Done)
 }
 
-/// The folder of what a matcher from outside leaves behind, which has to outlive it, and the matcher with
-/// its estimator.
+/// The matcher with its estimator, and the folder of the files that a matcher from outside leaves behind, which
+/// must exist longer than the matcher.
 fn contender(args: &ShowArgs) -> Result<(TempDir, Contender)> {
     let matcher = std::slice::from_ref(&args.matcher);
     check_names(matcher)?;
@@ -149,7 +149,7 @@ fn contender(args: &ShowArgs) -> Result<(TempDir, Contender)> {
         },
         Err(error) => {
             if let ContenderError::Start(_) = error {
-                // It names the log.
+                // The message names the log in it.
                 let _ = folder.keep();
             }
             Err(error.into())

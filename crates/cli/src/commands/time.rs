@@ -1,4 +1,4 @@
-//! `matchbench time`: how long matchers take, by the paper's protocol.
+//! `matchbench time`: measures how long matchers take, by the paper's protocol.
 
 use std::io::Write;
 

@@ -1,4 +1,4 @@
-//! `matchbench tune`: the best value of one parameter of an estimator, on scenes that are not reported.
+//! `matchbench tune`: finds the best value of one parameter of an estimator, on scenes that are not reported.
 
 use std::io::Write;
 use std::num::NonZeroUsize;

@@ -1,5 +1,5 @@
-//! `matchbench validate`: every problem of a dataset, by file and line, with its remedy; of a sound one the
-//! fingerprint, by which plans and reports name it.
+//! `matchbench validate`: prints every problem of a dataset, by file and line, with its remedy. For a valid
+//! dataset it prints the fingerprint, by which plans and reports identify it.
 
 use std::io::Write;
 

@@ -1,4 +1,4 @@
-//! `matchbench work`: one shard of a plan.
+//! `matchbench work`: runs one shard of a plan.
 
 use std::path::PathBuf;
 
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &WorkArgs) -> Result<Ending> {
     execute_run(&run, &cancel_on_ctrl_c(AFTER_PAIRS)?)
 }
 
-/// The datasets of the plan, in its order, where they are on this machine, with the pairs of the shard.
+/// The datasets of the plan, in its order, at their places on this machine, with the pairs of the shard.
 fn datasets(args: &WorkArgs, shard: Shard<'_>) -> Result<Vec<Dataset>> {
     let planned = &shard.plan.plan().datasets;
     let open = |folders: &[PathBuf]| -> Result<Vec<Unpaired>> {
@@ -93,7 +93,7 @@ fn datasets(args: &WorkArgs, shard: Shard<'_>) -> Result<Vec<Dataset>> {
     Ok(parts.collect::<Result<_, _>>()?)
 }
 
-/// The matches from files that were planned, where they are on this machine.
+/// The planned matches from files, at their places on this machine.
 fn matches(args: &WorkArgs, plan: &ShardPlan) -> Result<Vec<MatchesFrom>> {
     let mut planned = plan.asked().matches.clone();
     for moved in &args.matches {

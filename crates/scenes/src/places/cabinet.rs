@@ -1,4 +1,4 @@
-//! A sprayed steel cabinet in an empty room: large flat faces with next to no texture.
+//! A sprayed steel cabinet in an empty room: large flat faces with almost no texture.
 
 use nalgebra::{Point3, Vector3};
 
@@ -85,7 +85,7 @@ pub(super) fn model() -> Model {
     model
 }
 
-/// 1.2 m wide, 0.5 m deep, 1.3 m high; plinth and top plate stand out.
+/// 1.2 m wide, 0.5 m deep, 1.3 m high; plinth and top plate project.
 fn cabinet(mesh: &mut Mesh, paint: Surface, metal: Surface) {
     stand(
         mesh,
@@ -121,7 +121,7 @@ fn cabinet(mesh: &mut Mesh, paint: Surface, metal: Surface) {
     }
 }
 
-/// A pressed front: rounded at the rim, with a groove 6 cm inside.
+/// A pressed front: rounded at the rim, with a groove 6 cm from the rim.
 fn panel(mesh: &mut Mesh, paint: Surface, corner: Point3<f64>, wide: f64, tall: f64) {
     let (u, v) = (Vector3::x() * wide, Vector3::z() * tall);
     mesh.relief(corner, u, v, 0.012, paint, |x, y| {

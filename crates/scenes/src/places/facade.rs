@@ -1,4 +1,4 @@
-//! The court of a stone building: two wings with rows of windows, arches, cornices.
+//! The courtyard of a stone building: two wings with rows of windows, arches, cornices.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -13,7 +13,7 @@ use crate::noise::octaves;
 use crate::paint;
 use crate::path::{Path, Station};
 
-/// Through the court, always towards the building.
+/// A path through the courtyard that always looks towards the building.
 pub(super) const PATH: Path = Path {
     stations: &[
         Station::new([2.0, -13.0, 1.7], [-11.0, -2.0, 4.0]),
@@ -52,7 +52,7 @@ pub(super) fn model() -> Model {
     };
     let mut rng = Seed(5).child("court").rng();
     court(&mut model.mesh, &materials, &mut rng);
-    // Where each front begins, which way it runs, how long it is.
+    // Where each front begins, its direction, and its length.
     for (x, y, yaw, wide, wall) in [
         (-13.0, 2.0, 0.0, 25.0, materials.stone),
         (12.0, 2.0, -FRAC_PI_2, 16.0, materials.stone),
@@ -92,7 +92,7 @@ impl Wing<'_> {
         stand(self.mesh, surface, foot.coords.into(), self.yaw, size);
     }
 
-    /// A front of stones that each have their own depth, cornices, a roof.
+    /// A front of stones with individual depths, cornices, a roof.
     fn walls(&mut self, m: &Materials, wall: Surface, wide: f64) {
         let (origin, u) = (
             self.frame * Point3::origin(),
@@ -110,7 +110,7 @@ impl Wing<'_> {
         self.stand(m.tiles, middle, 2.5, 9.1, [wide, 4.0, 2.2]);
     }
 
-    /// Three rows of windows that differ in their panes only, and pilasters between them.
+    /// Three rows of windows that differ only in their panes, and pilasters between them.
     fn openings(&mut self, m: &Materials, wide: f64, rng: &mut Rng) {
         let columns = (wide / 3.1) as i32;
         let spacing = wide / f64::from(columns);

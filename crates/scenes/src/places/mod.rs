@@ -1,4 +1,4 @@
-//! The places in which scenes are taken.
+//! The places that the scenes show.
 
 mod cabinet;
 mod facade;
@@ -28,9 +28,9 @@ pub enum Place {
     Street,
     /// The court of a stone building.
     Facade,
-    /// A painted wall, which is plane.
+    /// A painted wall, which is a plane.
     Mural,
-    /// A wall of ornamental tiles, which is plane.
+    /// A wall of ornamental tiles, which is a plane.
     Tiling,
 }
 
@@ -58,7 +58,7 @@ impl Place {
         }
     }
 
-    /// How far away, in metres, the things are that show motion blur first.
+    /// Typical distance, in metres, of the things that show motion blur first.
     pub(crate) fn distance(self) -> f64 {
         match self {
             Self::Office | Self::Object | Self::Cabinet | Self::Tiling => 1.5,
@@ -79,7 +79,7 @@ impl Place {
         }
     }
 
-    /// Whether all that can be seen lies in the plane y = 0 of the world.
+    /// Whether everything that can be seen lies in the plane y = 0 of the world.
     pub(crate) fn is_plane(self) -> bool {
         matches!(self, Self::Mural | Self::Tiling)
     }
@@ -99,7 +99,7 @@ fn stand(mesh: &mut Mesh, surface: Surface, foot: [f64; 3], yaw: f64, size: [f64
     mesh.cuboid(&turned(centre, yaw), size, surface);
 }
 
-/// A rectangle with its middle at `centre` that shows its upper side, turned by `yaw`.
+/// A rectangle with its centre at `centre` that faces upwards, turned by `yaw`.
 fn lay(mesh: &mut Mesh, surface: Surface, centre: [f64; 3], yaw: f64, size: [f64; 2]) {
     let frame = turned(centre, yaw);
     let corner = frame * Point3::new(-0.5 * size[0], -0.5 * size[1], 0.0);
@@ -107,8 +107,8 @@ fn lay(mesh: &mut Mesh, surface: Surface, centre: [f64; 3], yaw: f64, size: [f64
     mesh.sheet(corner, frame * u, frame * v, surface);
 }
 
-/// A vertical rectangle, such as a wall or a poster on it, seen by those who look along +y when
-/// `yaw` is 0; `upper_left` as they see it.
+/// A vertical rectangle, such as a wall or a poster on it. It is seen by a viewer who looks along +y when `yaw`
+/// is 0; `upper_left` is the corner as this viewer sees it.
 fn hang(mesh: &mut Mesh, surface: Surface, upper_left: [f64; 3], yaw: f64, size: [f64; 2]) {
     let frame = turned(upper_left, yaw);
     let corner = frame * Point3::new(0.0, 0.0, -size[1]);
@@ -116,7 +116,7 @@ fn hang(mesh: &mut Mesh, surface: Surface, upper_left: [f64; 3], yaw: f64, size:
     mesh.sheet(corner, u, Vector3::z() * size[1], surface);
 }
 
-/// A wall in the plane y = 0, so large that no camera sees its end, for those who look along +y.
+/// A wall in the plane y = 0 for a viewer who looks along +y, so large that no camera sees its end.
 fn wall(mesh: &mut Mesh, surface: Surface) {
     hang(mesh, surface, [-60.0, 0.0, 60.0], 0.0, [120.0, 120.0]);
 }

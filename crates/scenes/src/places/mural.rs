@@ -1,4 +1,4 @@
-//! A painted wall: figures of flat colour, outlines, writing and spray on rough plaster. All of it is plane.
+//! A painted wall: figures of flat colour, outlines, writing and spray on rough plaster. It is a plane.
 
 use std::f64::consts::PI;
 
@@ -9,8 +9,9 @@ use crate::noise::{octaves, smoothstep, worley};
 use crate::paint::{letters, mosaic, speckle};
 use crate::path::{Path, Station};
 
-/// Four times six pictures, each time further from the first: around the wall's normal, away with the camera
-/// turned, down to the ground, and all of it at once. Two more stations bring the camera to rest in between.
+/// Four groups of six pictures. In each group every picture is farther from the first: around the normal of the
+/// wall, away with the camera turned, down to the ground, and all of these together. Two more stations bring
+/// the camera to rest in between.
 pub(super) const PATH: Path = Path {
     stations: &[
         Station::new([0.2, -5.0, 2.0], [0.0, 0.0, 2.0]),
@@ -61,7 +62,7 @@ pub(super) fn model() -> Model {
     model
 }
 
-/// Eight metres of it.
+/// The painting of eight metres of the wall.
 fn painting(u: f32, v: f32) -> f32 {
     // Edges drawn by hand.
     let (x, y) = (

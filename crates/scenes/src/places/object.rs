@@ -1,4 +1,4 @@
-//! A plush bear on a bare floor: round, self-similar, before a dull background.
+//! A plush bear on a bare floor: round, self-similar, in front of a dull background.
 
 use std::f64::consts::TAU;
 

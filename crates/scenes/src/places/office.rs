@@ -122,7 +122,7 @@ fn room(mesh: &mut Mesh, m: &Materials, rng: &mut Rng) {
     stand(mesh, m.wood, [1.15, 1.9, 0.45], 0.1, [0.3, 0.3, 0.3]);
 }
 
-/// A desk with two monitors and keyboards, and a chair before it.
+/// A desk with two monitors and keyboards, and a chair in front of it.
 fn desk(mesh: &mut Mesh, m: &Materials) {
     stand(
         mesh,
@@ -158,7 +158,7 @@ fn desk(mesh: &mut Mesh, m: &Materials) {
     mesh.cylinder(&turned([-0.2, 0.05, 0.0], 0.0), 0.03, 0.45, m.metal);
 }
 
-/// What lies on the desk: papers, piles of books, mugs and pens, a globe, a plant.
+/// The things on the desk: papers, piles of books, mugs and pens, a globe, a plant.
 fn clutter(mesh: &mut Mesh, m: &Materials, rng: &mut Rng) {
     for sheet in 0..14 {
         let x = -0.95 + 1.9 * rng.uniform();
@@ -216,7 +216,7 @@ fn clutter(mesh: &mut Mesh, m: &Materials, rng: &mut Rng) {
     bush(mesh, m.leaves, [0.05, 1.22, 0.98], [0.13, 0.13, 0.16], 24);
 }
 
-/// Two shelves along the back wall; single books stand out by up to 5 cm.
+/// Two shelves along the back wall; single books project by up to 5 cm.
 fn shelves(mesh: &mut Mesh, m: &Materials, rng: &mut Rng) {
     for (left, tall) in [(-2.6, 2.0), (1.35, 1.65)] {
         stand(

@@ -11,7 +11,7 @@ use crate::model::Model;
 use crate::paint;
 use crate::path::{Path, Station};
 
-/// 9 metres per second, with a gentle bend.
+/// The path of a car at 9 metres per second, with a gentle bend.
 pub(super) const PATH: Path = Path {
     stations: &[
         Station::new([0.0, 1.0, 1.65], [30.0, 0.6, 1.4]),
@@ -208,7 +208,7 @@ fn furniture(mesh: &mut Mesh, m: &Materials, rng: &mut Rng, side: f64) {
     }
 }
 
-/// Body, cabin, roof, wheels: superellipsoids, which lie between balls and boxes.
+/// Body, cabin, roof, wheels: superellipsoids, which are shapes between ellipsoids and boxes.
 fn car(mesh: &mut Mesh, m: &Materials, body: Surface, x: f64, y: f64) {
     let mut part = |surface, [dx, dy, z]: [f64; 3], radii, steps, power: f64| {
         mesh.blob(

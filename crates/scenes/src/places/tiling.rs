@@ -1,5 +1,5 @@
-//! A wall of glazed tiles, indoors: two ornaments that take turns, and what distinguishes one tile from the next is
-//! only glaze, chips and stains. All of it is plane.
+//! An indoor wall of glazed tiles with two ornaments that alternate. Tiles with the same ornament differ only
+//! by glaze, chips and stains. The wall is a plane.
 
 use std::f64::consts::PI;
 
@@ -10,8 +10,8 @@ use crate::noise::{chance, floor, octaves, scatter, smoothstep};
 use crate::paint::{letters, speckle};
 use crate::path::{Path, Station};
 
-/// Four times six pictures, each time further from the first: aside, turning, closer, and round about. Two more
-/// stations bring the camera to rest in between.
+/// Four groups of six pictures. In each group every picture is farther from the first: sideways, turning,
+/// closer, and around. Two more stations bring the camera to rest in between.
 pub(super) const PATH: Path = Path {
     stations: &[
         Station::new([0.0, -1.9, 1.4], [0.0, 0.0, 1.4]),
@@ -67,7 +67,7 @@ pub(super) fn model() -> Model {
     model
 }
 
-/// Tiles on each side of the texture.
+/// Number of tiles along each side of the texture.
 const TILES: f32 = 32.0;
 
 /// Tiles of twenty centimetres.
@@ -79,7 +79,7 @@ fn tiles(u: f32, v: f32) -> f32 {
     let own = 0.06 * (chance(column, row, 272) - 0.5);
     let glaze = 0.66 + own + 0.03 * octaves(u, v, 32, 5, 0.85, 273);
     let ink = match (id % 17, (column + row) & 1) {
-        // Here and there one was replaced.
+        // Some tiles were replaced.
         (0, _) => 0.3,
         (1, _) => letters(s + 0.5, 0.5 - t, 5, 4, id),
         (_, 0) => flower(s, t),
