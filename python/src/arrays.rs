@@ -1,7 +1,7 @@
-//! Arrays that come in, checked; and arrays that go out.
+//! Checks arrays that come from Python, and makes the arrays that are returned.
 //!
-//! What is refused is named by what was given, with its dtype and shape, and what is expected. Pixels,
-//! points and descriptors are copied once, into the memory of the library's own types.
+//! The message of a refusal names the argument, its dtype and shape, and what is expected. Pixels, points and
+//! descriptors are copied once, into the types of the library.
 
 use matchbench::datasets::{check_size, gray_of_rgb};
 use matchbench_vision::features::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
@@ -17,10 +17,10 @@ use pyo3::prelude::*;
 
 use crate::errors::value_error;
 
-/// An image: `uint8`, h x w (grey) or h x w x 3 (red, green, blue, made grey as a colour PNG file is).
+/// An image: `uint8`, h x w (grey) or h x w x 3 (red, green, blue; converted to grey as a colour PNG file is).
 ///
 /// # Errors
-/// If it is something else, or larger than an image in a file may be.
+/// If it is anything else, or larger than an image in a file may be.
 pub(crate) fn image(value: &Bound<'_, PyAny>) -> PyResult<GrayImage> {
     if let Ok(gray) = value.cast::<PyArray2<u8>>() {
         let gray = gray.try_readonly()?;
@@ -57,7 +57,7 @@ pub(crate) fn image(value: &Bound<'_, PyAny>) -> PyResult<GrayImage> {
             "; convert values from 0 to 1 by (image * 255).round().astype(numpy.uint8), values from 0 to 255 \
              by image.round().astype(numpy.uint8)"
         }
-        // As files of 16 bits are read.
+        // As 16-bit files are read.
         b'u' if array.dtype().itemsize() == 2 => {
             "; convert values that fill 16 bits by (image >> 8).astype(numpy.uint8), others bring to 0 to 255 first"
         }
@@ -75,14 +75,14 @@ fn image_size(width: usize, height: usize) -> PyResult<Size> {
         .map_err(|error| value_error(format!("{error}; make it smaller first")))
 }
 
-/// Points: n x 2, of any real type, or an empty list; `name` is that of the argument.
+/// Points: n x 2, of any real type, or an empty list. `name` is the name of the argument.
 ///
 /// # Errors
-/// If it is something else, or holds a number that is not finite.
+/// If it is anything else, or contains a number that is not finite.
 pub(crate) fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Point2<f64>>> {
     let expected = "an array of numbers, n x 2 (x, y in pixels)";
     let numbers = numbers(value, name, expected)?;
-    // A list without rows is an array without columns.
+    // An empty list is an array without columns.
     if numbers.shape() == [0] {
         return Ok(Vec::new());
     }
@@ -100,7 +100,7 @@ pub(crate) fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Point
     Ok(points)
 }
 
-/// Whether each row of the argument `name` is of finite numbers.
+/// Checks that all rows of the argument `name` are finite.
 ///
 /// # Errors
 /// If one is not.
@@ -113,16 +113,16 @@ pub(crate) fn all_finite(name: &str, mut rows: impl Iterator<Item = bool>) -> Py
     }
 }
 
-/// The same for rows of single precision, one after the other.
+/// The same for consecutive rows of single precision.
 fn rows_finite(name: &str, values: &[f32], columns: usize) -> PyResult<()> {
     let finite = |row: &[f32]| row.iter().all(|value| value.is_finite());
     all_finite(name, values.chunks(columns).map(finite))
 }
 
-/// One number for each of `count` things.
+/// One number for each of `count` items.
 ///
 /// # Errors
-/// If there are others.
+/// If their number differs, or they are not numbers.
 pub(crate) fn column(value: &Bound<'_, PyAny>, name: &str, count: usize) -> PyResult<Vec<f32>> {
     let expected = format!("an array of {count} numbers");
     let numbers = numbers(value, name, &expected)?;
@@ -135,10 +135,10 @@ pub(crate) fn column(value: &Bound<'_, PyAny>, name: &str, count: usize) -> PyRe
     flat(&array)
 }
 
-/// Rows of `columns` single precision numbers, row after row.
+/// Rows of `columns` numbers in single precision, row after row.
 ///
 /// # Errors
-/// If it is something else, or holds a number that is not finite.
+/// If it is anything else, or contains a number that is not finite.
 pub(crate) fn rows(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f32>> {
     let expected = format!("an array of numbers, n x {columns}");
     let numbers = numbers(value, name, &expected)?;
@@ -152,10 +152,10 @@ pub(crate) fn rows(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyRe
     Ok(values)
 }
 
-/// Which of `count` things are meant: by whole numbers, or by a mask with a bool for each of them.
+/// Which of `count` items are selected, by indices or by a mask with one bool per item.
 ///
 /// # Errors
-/// If it is something else, or names what is not there.
+/// If it is anything else, or an index is out of range.
 pub(crate) fn chosen(value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<usize>> {
     let expected = format!("a list of whole numbers, or a mask of {count} bools");
     let refuse = || refused(value, "indices", &expected);
@@ -191,10 +191,10 @@ pub(crate) fn chosen(value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<usi
     }
 }
 
-/// What numpy makes of it, where that is real numbers. Complex numbers would lose a part, times and texts are none.
+/// The value as a numpy array of real numbers. Complex numbers would lose a part; times and texts are not numbers.
 ///
-/// Nothing that is no array yet may be converted element by element: it would be asked for its length, and room
-/// for so many taken at once, whatever it says.
+/// A value that is not an array yet must not be converted element by element: its length would be asked for, and
+/// memory for that many elements would be allocated at once, whatever it says.
 fn numbers<'py>(
     value: &Bound<'py, PyAny>,
     name: &str,
@@ -207,21 +207,21 @@ fn numbers<'py>(
     }
 }
 
-/// What numpy makes of it.
+/// The value as a numpy array.
 fn as_array<'py>(value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
     let numpy = value.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (value,))?;
     Ok(array.cast_into::<PyUntypedArray>()?)
 }
 
-/// Index pairs: m x 2, each below its count.
+/// Pairs of indices: m x 2, each below its count.
 ///
 /// # Errors
-/// If they are something else, or name what is not there.
+/// If they are anything else, or an index is out of range.
 pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyResult<Vec<[u32; 2]>> {
     let expected = "an array of whole numbers, m x 2 (feature of a, feature of b)";
     let refuse = |_| refused(value, "indices", expected);
-    // Numbers would lose their fraction, and a mask become zeros and ones.
+    // A conversion to integers would drop fractions, and would turn a mask into zeros and ones.
     let whole = as_array(value).map_err(refuse)?;
     if whole.len() > 0 && !matches!(whole.dtype().kind(), b'i' | b'u') {
         return Err(refused(value, "indices", expected));
@@ -253,10 +253,11 @@ pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyRes
     Ok(pairs)
 }
 
-/// Descriptors: n x d, `float32` (real values) or `uint8` (bits, eight in a byte, the first the least
-/// significant). `bits` says how many of the bits of a row count; all if it is `None`.
+/// Descriptors: n x d, `float32` (real values) or `uint8` (bits, eight per byte, the least significant first).
+/// `bits` is the number of bits of a row that are used; `None` means all.
 ///
 /// # Errors
+/// If it is anything else, or contains a number that is not finite.
 /// If it is something else, or holds a number that is not finite.
 pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyResult<Descriptors> {
     let expected = "an array n x d, of float32 (real values) or uint8 (bits, eight in a byte)";
@@ -350,8 +351,8 @@ fn flat<T: Element + Copy, D: Dimension>(array: &PyReadonlyArray<'_, T, D>) -> P
     Ok(values)
 }
 
-/// Room for so many values. An array may claim any number of them (`numpy.broadcast_to`), and what cannot be
-/// allocated would end the process.
+/// An empty vector with room for so many values. An array may claim any number of values
+/// (`numpy.broadcast_to`), and an allocation that fails would end the process.
 fn room<T>(count: usize) -> PyResult<Vec<T>> {
     let mut values = Vec::new();
     let reserved = values.try_reserve_exact(count);
@@ -361,7 +362,7 @@ fn room<T>(count: usize) -> PyResult<Vec<T>> {
     Ok(values)
 }
 
-/// The argument `name` is not what is `expected`.
+/// The error that the argument `name` is not what is `expected`.
 pub(crate) fn refused(value: &Bound<'_, PyAny>, name: &str, expected: &str) -> PyErr {
     let message = format!("`{name}` must be {expected}; this is {}", kind_of(value));
     match value.cast::<PyUntypedArray>() {
@@ -372,7 +373,7 @@ pub(crate) fn refused(value: &Bound<'_, PyAny>, name: &str, expected: &str) -> P
     }
 }
 
-/// What a value is, for messages.
+/// The type of a value, for messages.
 fn kind_of(value: &Bound<'_, PyAny>) -> String {
     match value.cast::<PyUntypedArray>() {
         Ok(array) => format!(

@@ -1,9 +1,9 @@
 //! A matcher written in Python, as a source of matched points.
 //!
-//! It lives under the rules of a matcher that is a process: it sees images and nothing else (no cameras, no
-//! truth); what it returns is checked; an exception costs the pair, which is recorded as failed with the
-//! exception's text and tried again when the run is; its time is taken outside, by the run's clock, without
-//! the decoding and without the waiting for the interpreter.
+//! The rules are those for a matcher that is a program. It gets images and nothing else (no cameras, no truth),
+//! and its answer is checked. If it raises an exception, the pair is recorded as failed with the text of the
+//! exception, and is tried again when the run is repeated. Its time is measured by the clock of the run,
+//! without decoding and without waiting for the interpreter.
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -30,10 +30,10 @@ use crate::datasets::pixels;
 use crate::matchers::Matches;
 use crate::params::parse;
 
-/// Images whose features are kept: pairs come grouped by their first image.
+/// Number of images whose features are kept, since pairs are grouped by their first image.
 const KEPT: usize = 64;
 
-/// What a Python matcher is made of.
+/// The parts of a Python matcher.
 pub(crate) struct PythonMatcher {
     /// Its name in tables.
     pub(crate) name: String,
@@ -41,17 +41,17 @@ pub(crate) struct PythonMatcher {
     pub(crate) version: String,
     /// Its parameters, as JSON.
     pub(crate) params: String,
-    /// Called with two images, or with the features of two.
+    /// Called with two images, or with the features of two images.
     pub(crate) matching: Py<PyAny>,
     /// Called with an image, if features are found first.
     pub(crate) extract: Option<Py<PyAny>>,
 }
 
 impl PythonMatcher {
-    /// The source; an interrupt inside it sets `cancel`.
+    /// Makes a source of matches from it. An interrupt inside it sets `cancel`.
     ///
     /// # Errors
-    /// If its parameters are no JSON.
+    /// If its parameters are not valid JSON.
     pub(crate) fn into_source(self, cancel: &Cancel) -> PyResult<BuiltPointSource> {
         Ok(BuiltPointSource {
             id: self.name,
@@ -71,7 +71,7 @@ impl PythonMatcher {
 struct InProcess {
     matching: Py<PyAny>,
     extract: Option<Py<PyAny>>,
-    /// Features and sizes of the images that were asked for last.
+    /// Features and sizes of the images that were used last.
     known: Mutex<VecDeque<(PathBuf, Py<PyAny>, Size)>>,
     cancel: Cancel,
 }
@@ -116,14 +116,15 @@ impl InProcess {
         })
     }
 
-    /// The features of an image and its size, and the time they took if they were not known.
+    /// The features of an image and its size, and the time to compute them if they were not known.
     fn features(
         &self,
         extract: &Py<PyAny>,
         path: &Path,
         seconds: &mut Option<f64>,
     ) -> Result<(Py<PyAny>, Size), SourceError> {
-        // Never held while Python runs: two threads may extract the same image, to the same features.
+        // The lock is never held while Python runs. Two threads may extract the same image; they get the same
+        // features.
         let recall = || {
             let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
             Python::attach(|py| {
@@ -150,7 +151,7 @@ impl InProcess {
         Ok((features.1, size))
     }
 
-    /// An exception of the matcher, as what it says of the pair.
+    /// An exception of the matcher, as the reason why the pair failed.
     fn said(&self, py: Python<'_>, error: &PyErr) -> SourceError {
         if error.is_instance_of::<PyKeyboardInterrupt>(py)
             || error.is_instance_of::<PySystemExit>(py)
@@ -162,7 +163,7 @@ impl InProcess {
     }
 }
 
-/// Refuses points that are not in their image, as those of a process are refused.
+/// Refuses points outside their image, as for a matcher that is a program.
 fn check_inside(name: &str, points: &[Point2<f64>], size: Size) -> Result<(), String> {
     let outside = |point: &&Point2<f64>| !is_inside(point.x as f32, point.y as f32, size);
     points.iter().find(outside).map_or(Ok(()), |point| {
@@ -174,7 +175,7 @@ fn check_inside(name: &str, points: &[Point2<f64>], size: Size) -> Result<(), St
     })
 }
 
-/// Where an exception was raised: file and line.
+/// The file and line where an exception was raised.
 fn last_place(py: Python<'_>, error: &PyErr) -> Option<String> {
     let mut entry = error.traceback(py)?.into_any();
     while let Ok(next) = entry.getattr("tb_next")
@@ -188,7 +189,7 @@ fn last_place(py: Python<'_>, error: &PyErr) -> Option<String> {
     Some(format!("{file}:{line}"))
 }
 
-/// What a Python matcher answered: `Matches`, or (points_a, points_b), or these and their ambiguity.
+/// The answer of a Python matcher: `Matches`, or (points_a, points_b), or (points_a, points_b, ambiguity).
 fn matched_points(answer: &Bound<'_, PyAny>) -> PyResult<MatchedPoints> {
     if let Ok(matches) = answer.cast::<Matches>() {
         return Ok(matches.get().points().clone());
@@ -221,7 +222,7 @@ fn matched_points(answer: &Bound<'_, PyAny>) -> PyResult<MatchedPoints> {
         Some(ambiguity) => column(ambiguity, "ambiguity", a.len())?,
         None => vec![0.5; a.len()],
     };
-    // Different lengths are found, and said, by the run.
+    // If lengths differ, the run finds and reports it.
     Ok(MatchedPoints {
         a,
         b,

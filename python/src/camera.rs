@@ -1,4 +1,4 @@
-//! Cameras: our own fields, and COLMAP's models by their names.
+//! Cameras: given by their own fields, or by the names of COLMAP's camera models.
 
 use matchbench::counted::counted;
 use matchbench_vision::geometry::{self, Distortion};
@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 
 use crate::errors::value_error;
 
-/// Where the pixel (0, 0) of coordinates is: at the centre of the first pixel, or at its corner.
+/// The origin of pixel coordinates: at the centre of the first pixel, or at its corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Origin {
     /// At the centre, as in this library and OpenCV.
@@ -17,7 +17,7 @@ pub(crate) enum Origin {
 }
 
 impl Origin {
-    /// The origin of this name.
+    /// The origin with this name.
     ///
     /// # Errors
     /// If there is none.
@@ -32,7 +32,7 @@ impl Origin {
         }
     }
 
-    /// What is added to such coordinates to have ours.
+    /// The number to add to such coordinates to get those of this library.
     pub(crate) fn shift(self) -> f64 {
         match self {
             Self::Center => 0.0,
@@ -75,7 +75,7 @@ impl Camera {
         checked([fx, fy, cx + shift, cy + shift], distortion)
     }
 
-    /// A camera by the name of its model in COLMAP and PoseLib, and the numbers that go with it.
+    /// A camera, given by the name of its model in COLMAP and PoseLib and the parameters of that model.
     #[staticmethod]
     #[pyo3(signature = (model, params, *, origin))]
     fn from_model(model: &str, params: Vec<f64>, origin: &str) -> PyResult<Self> {

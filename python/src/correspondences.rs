@@ -1,4 +1,4 @@
-//! Putative matches as arrays, and the searches that make them from descriptors.
+//! Putative matches as arrays, and the searches that compute them from descriptors.
 
 use matchbench_vision::features::Features as Inner;
 use matchbench_vision::matching::{
@@ -13,10 +13,10 @@ use crate::detached::detached;
 use crate::errors::value_error;
 use crate::features::Features;
 
-/// Pairs of indices (m x 2), distances, distances to the second nearest.
+/// Pairs of indices (m x 2), distances, and distances to the second nearest.
 pub(crate) type Arrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
-/// Nearest neighbours, and those of them that a test leaves.
+/// Nearest neighbours that pass a test.
 #[pyfunction]
 #[pyo3(signature = (a, b, method, ratio=None))]
 pub(crate) fn search<'py>(
@@ -62,7 +62,7 @@ pub(crate) fn search<'py>(
     arrays(py, &found)
 }
 
-/// Two sets of features can be compared.
+/// Checks that two sets of features can be compared.
 ///
 /// # Errors
 /// If their descriptors are of different kinds.
@@ -91,10 +91,10 @@ pub(crate) fn arrays<'py>(py: Python<'py>, found: &[Correspondence]) -> PyResult
     ))
 }
 
-/// The matches in arrays.
+/// The matches given by arrays.
 ///
 /// # Errors
-/// If they are no matches of these features.
+/// If they are not valid matches of these features.
 pub(crate) fn of_arrays(
     (indices, distances, second): (Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyAny>),
     a: &Inner,

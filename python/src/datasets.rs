@@ -1,4 +1,4 @@
-//! Datasets: opened, imported, rendered; and images as every command decodes them.
+//! Datasets that are opened, imported or rendered; and images, decoded as in every command.
 
 use std::path::PathBuf;
 
@@ -39,7 +39,7 @@ impl Dataset {
         Ok(Self { inner })
     }
 
-    /// Its folder, which is opened again.
+    /// It is pickled as the path of its folder, which is opened again.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
         by_method::<Self>(py, ("open", self.path()), None)
     }
@@ -112,7 +112,7 @@ impl Dataset {
     }
 }
 
-/// Brings a folder of another layout into ours; returns the notes of the import.
+/// Converts a folder in another layout to ours; returns the notes of the import.
 #[pyfunction]
 #[pyo3(signature = (kind, source, out, pairs, sequence, camera, poses, tolerance, interpolate, image_root,
                     intrinsics, images))]
@@ -160,7 +160,7 @@ pub(crate) fn import_dataset(
     Ok(report.notes)
 }
 
-/// Renders a scene, or finds it rendered; returns the folder of its dataset.
+/// Renders a scene if it does not exist yet; returns the folder of its dataset.
 #[pyfunction]
 pub(crate) fn rendered_scene(
     py: Python<'_>,
@@ -200,7 +200,7 @@ pub(crate) fn rendered_scene(
     Ok(folders.map_err(error)?.swap_remove(0))
 }
 
-/// The image in a file, grey, as every command decodes it.
+/// The image in a file, grey, decoded as in every command.
 #[pyfunction]
 pub(crate) fn read_gray(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
     let image = detached(py, || datasets::read_gray(&path))?.map_err(error)?;

@@ -1,7 +1,7 @@
-//! Work without the interpreter, so that other threads of Python go on meanwhile.
+//! Runs work without holding the interpreter, so that other Python threads continue.
 //!
-//! A process that was forked (`multiprocessing` does so on Linux) has none of the threads of its parent, and work that
-//! is handed to their pool would wait for ever. It has a pool of its own.
+//! A forked process (`multiprocessing` forks on Linux) has none of the threads of its parent. Work given to the
+//! thread pool of the parent would wait for ever. So a forked process gets a pool of its own.
 
 use std::process;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -17,15 +17,15 @@ static IMPORTED_BY: OnceLock<u32> = OnceLock::new();
 /// The pool of a process that was forked from it.
 static FORKED: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
 
-/// Remembers which process this is.
+/// Remembers the id of this process.
 pub(crate) fn remember() {
     let _ = IMPORTED_BY.set(process::id());
 }
 
-/// What `work` comes to, while the interpreter is released.
+/// Runs `work` while the interpreter is released, and returns its result.
 ///
 /// # Errors
-/// If a forked process gets no threads.
+/// If a forked process cannot start threads.
 pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let this = process::id();
     if IMPORTED_BY.get().is_none_or(|first| *first == this) {
@@ -44,7 +44,7 @@ fn pool_of(this: u32) -> PyResult<Arc<ThreadPool>> {
     }
     let pool = matchbench_cli::pool(None).map_err(|broken| error(format!("{broken:#}")))?;
     let pool = Arc::new(pool);
-    // That of a parent has no threads here; its end would wait for them.
+    // The pool of a parent has no threads in this process; dropping it would wait for them for ever.
     std::mem::forget(forked.replace((this, Arc::clone(&pool))));
     Ok(pool)
 }

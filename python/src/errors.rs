@@ -1,7 +1,7 @@
-//! What goes wrong, as Python's exceptions.
+//! Errors as Python exceptions.
 //!
-//! Wrong arguments are Python's own `TypeError` and `ValueError`. Files, datasets, runs and matchers that
-//! break raise `matchbench.Error`, matches that determine no pose its subclass `matchbench.NoPose`.
+//! Invalid arguments raise Python's own `TypeError` and `ValueError`. Problems with files, datasets, runs and
+//! matchers raise `matchbench.Error`. Matches that determine no pose raise its subclass `matchbench.NoPose`.
 
 use std::fmt::Display;
 
@@ -21,12 +21,12 @@ pyo3::create_exception!(
     "The matches determine no pose; the message says why."
 );
 
-/// An argument has a value that is not allowed.
+/// The error for an argument with a value that is not allowed.
 pub(crate) fn value_error(error: impl Display) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-/// Something outside the arguments is wrong.
+/// The error for a problem outside the arguments.
 pub(crate) fn error(error: impl Display) -> PyErr {
     Error::new_err(error.to_string())
 }

@@ -25,10 +25,10 @@ pub(crate) struct Estimator {
 }
 
 impl Estimator {
-    /// The same estimator once more, for a run to own.
+    /// Builds the same estimator again, to be owned by a run.
     ///
     /// # Errors
-    /// None that was not one before.
+    /// None that the first build did not have.
     pub(crate) fn rebuild(&self) -> PyResult<BuiltEstimator> {
         build(&self.built.id, &self.built.params)
     }
@@ -139,10 +139,11 @@ impl Estimator {
     }
 }
 
-/// The matches of two arrays of points, row by row.
+/// The matches given by two arrays of points, row by row.
 ///
 /// # Errors
-/// If they are no points, not as many, their ambiguity is not from 0 to 1, or a turn is not finite.
+/// If they are not points or their numbers differ, if an ambiguity is not from 0 to 1, or if a turn is not
+/// finite.
 pub(crate) fn matched(
     points_a: &Bound<'_, PyAny>,
     points_b: &Bound<'_, PyAny>,
@@ -181,7 +182,7 @@ pub(crate) fn matched(
     Ok(MatchedPoints::new(a, b, ambiguity).with_turns(turns))
 }
 
-/// For each of so many matches whether it is one of the `inliers`.
+/// A mask with one bool for each of `count` matches: whether it is one of the `inliers`.
 fn mask<'py>(py: Python<'py>, inliers: &[u32], count: usize) -> PyResult<Bound<'py, PyAny>> {
     let mut agree = vec![false; count];
     for &index in inliers {
@@ -190,7 +191,7 @@ fn mask<'py>(py: Python<'py>, inliers: &[u32], count: usize) -> PyResult<Bound<'
     matrix(py, agree, [count])
 }
 
-/// The numbers of the matches that agree, and of how many they are; see [`mask`].
+/// The indices of the inliers in a mask, and the number of all matches; see [`mask`].
 fn unmasked(mask: &Bound<'_, PyAny>) -> PyResult<(Vec<u32>, usize)> {
     let count = mask.len()?;
     let agreeing = chosen(mask, count)?;
@@ -201,13 +202,13 @@ fn unmasked(mask: &Bound<'_, PyAny>) -> PyResult<(Vec<u32>, usize)> {
 #[pyclass(frozen, module = "matchbench")]
 pub(crate) struct HomographyEstimate {
     inner: robust::HomographyEstimate,
-    /// Matches that were given.
+    /// Number of matches that were given.
     count: usize,
 }
 
 #[pymethods]
 impl HomographyEstimate {
-    /// As it was pickled: the matrix row after row.
+    /// Restores it from a pickle: the matrix row after row.
     #[staticmethod]
     fn _of_parts(rows: [f64; 9], inliers: &Bound<'_, PyAny>, iterations: usize) -> PyResult<Self> {
         let (inliers, count) = unmasked(inliers)?;
@@ -225,14 +226,14 @@ impl HomographyEstimate {
         by_method::<Self>(py, call, None)
     }
 
-    /// Takes pixels of a, as (x, y, 1), to those of b.
+    /// Maps pixels of a, as (x, y, 1), to those of b.
     #[getter(H)]
     fn homography<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let rows = self.inner.b_from_a.transpose().as_slice().to_vec();
         matrix(py, rows, [3, 3])
     }
 
-    /// For each match whether it agrees.
+    /// For each match, whether it agrees.
     #[getter]
     fn inliers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         mask(py, &self.inner.inliers, self.count)
@@ -261,14 +262,14 @@ impl HomographyEstimate {
 #[pyclass(frozen, module = "matchbench")]
 pub(crate) struct PoseEstimate {
     inner: robust::PoseEstimate,
-    /// Matches that were given.
+    /// Number of matches that were given.
     count: usize,
     confidence: robust::Confidence,
 }
 
 #[pymethods]
 impl PoseEstimate {
-    /// As it was pickled; `q` and `t` are of length 1.
+    /// Restores it from a pickle; `q` and `t` have length 1.
     #[staticmethod]
     fn _of_parts(
         q: [f64; 4],
@@ -343,7 +344,7 @@ impl PoseEstimate {
         matrix(py, vec![q.w, q.i, q.j, q.k], [4])
     }
 
-    /// For each match whether it agrees.
+    /// For each match, whether it agrees.
     #[getter]
     fn inliers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         mask(py, &self.inner.inliers, self.count)

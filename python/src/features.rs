@@ -17,8 +17,8 @@ use crate::camera::Origin;
 use crate::detached::detached;
 use crate::pickled::{Reduced, by_method};
 
-/// Keypoints of an image and their descriptors. The arrays are made when they are asked for, once, and
-/// cannot be written: they are those that searches and selectors see.
+/// Keypoints of an image and their descriptors. Each array is made once, when it is first asked for. The arrays
+/// are read-only, since searches and selectors use the same data.
 #[pyclass(frozen, module = "matchbench")]
 pub(crate) struct Features {
     pub(crate) inner: Arc<features::Features>,
@@ -41,7 +41,7 @@ impl From<Arc<features::Features>> for Features {
 }
 
 impl Features {
-    /// The array at `place` of the list, made by `make` if this is the first time.
+    /// The array at `place` of the list; `make` makes it the first time.
     fn array<'py>(
         &self,
         py: Python<'py>,
@@ -107,7 +107,7 @@ impl Features {
         let read = |value: Option<Bound<'_, PyAny>>, name, default: f32| match value {
             Some(value) => {
                 let values = column(&value, name, at.len())?;
-                // NaN says that there is none, where that is the default.
+                // If the default is NaN, NaN means that there is no value.
                 let allowed = |x: &f32| x.is_finite() || (x.is_nan() && default.is_nan());
                 all_finite(name, values.iter().map(allowed))?;
                 Ok::<_, PyErr>(values)
@@ -140,7 +140,7 @@ impl Features {
                 octave: octaves[i] as i16,
             })
             .collect();
-        // Those that single precision has no room for.
+        // Positions that are too large for single precision.
         let finite = |k: &Keypoint| k.at.x.is_finite() && k.at.y.is_finite();
         all_finite("keypoints", keypoints.iter().map(finite))?;
         let mut inner = features::Features::new(size, keypoints, described);
@@ -161,7 +161,7 @@ impl Features {
         keywords.set_item("angles", self.angles(py)?)?;
         keywords.set_item("responses", self.responses(py)?)?;
         keywords.set_item("octaves", self.octaves(py)?)?;
-        // Without frames they are circles of these sizes.
+        // Without frames, the features are circles of these sizes.
         if self.inner.frames.is_some() {
             keywords.set_item("lafs", self.lafs(py)?)?;
         }
@@ -232,7 +232,7 @@ impl Features {
         }
     }
 
-    /// Those at `indices`, in that order, or those that a mask is true for.
+    /// The features at `indices`, in that order, or those for which a mask is true.
     fn select(&self, py: Python<'_>, indices: Bound<'_, PyAny>) -> PyResult<Self> {
         let inner = &self.inner;
         let indices = chosen(&indices, inner.len())?;

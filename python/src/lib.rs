@@ -1,12 +1,12 @@
-//! matchbench for Python: numpy arrays in, numpy arrays out, no algorithm.
+//! The Python module of matchbench: numpy arrays in and out, no algorithm.
 //!
-//! The module `matchbench._native` is a thin layer over `matchbench-vision` and `matchbench`; the package
-//! around it (`python/python/matchbench`) gives it the names and defaults that people know. Each file here
-//! is one kind of thing that crosses the border. Three rules hold for all of them:
+//! The module `matchbench._native` is a thin layer over `matchbench-vision` and `matchbench`. The Python
+//! package around it (`python/python/matchbench`) adds familiar names and defaults. Each file here handles one
+//! kind of values that are passed between Python and Rust. Three rules hold for all of them:
 //!
-//! - the interpreter is released while anything is computed, read or written;
-//! - parameters cross as JSON, so that they are checked where the command line's are, by the same code;
-//! - what does not fit is refused in words that say what was given and what is expected.
+//! - The interpreter is released while anything is computed, read or written.
+//! - Parameters are passed as JSON, so the same code checks them as for the command line.
+//! - A refusal says in words what was given and what is expected.
 
 mod arrays;
 mod callable;
@@ -48,7 +48,7 @@ mod native {
     #[pymodule_export]
     use crate::scores::{evaluate, report};
 
-    /// The limits of the environment hold here as in the program, and the process is remembered.
+    /// Applies the limits from the environment as the program does, and remembers the process.
     #[pymodule_init]
     fn init(_module: &Bound<'_, PyModule>) -> PyResult<()> {
         crate::detached::remember();

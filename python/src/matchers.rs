@@ -30,10 +30,10 @@ pub(crate) struct Matcher {
 }
 
 impl Matcher {
-    /// The same matcher once more, for a run to own.
+    /// Builds the same matcher again, to be owned by a run.
     ///
     /// # Errors
-    /// None that was not one before.
+    /// None that the first build did not have.
     pub(crate) fn rebuild(&self) -> PyResult<BuiltMatcher> {
         build(&self.built.id, &self.built.params)
     }
@@ -79,7 +79,7 @@ impl Matcher {
         arrays(py, &found.map_err(error)?)
     }
 
-    /// What the matcher keeps of putative matches.
+    /// The putative matches that the matcher keeps.
     #[pyo3(signature = (a, b, putative, images, cameras, seed))]
     fn select<'py>(
         &self,
@@ -116,7 +116,7 @@ impl Matcher {
         arrays(py, &kept.map_err(error)?)
     }
 
-    /// All stages.
+    /// Runs all stages.
     #[pyo3(name = "match_images", signature = (a, b, camera_a, camera_b, seed))]
     fn match_images(
         &self,
@@ -155,7 +155,7 @@ impl Matcher {
     }
 }
 
-/// Matched points of two images, and the features that they join.
+/// Matched points of two images, and the indices of their features.
 #[pyclass(frozen, module = "matchbench")]
 pub(crate) struct Matches {
     points: MatchedPoints,
@@ -172,7 +172,7 @@ impl Matches {
 
 #[pymethods]
 impl Matches {
-    /// As they were pickled.
+    /// Restores it from a pickle.
     #[staticmethod]
     fn _of_parts(
         points_a: &Bound<'_, PyAny>,

@@ -1,4 +1,4 @@
-//! Parameters as they cross the border: JSON objects, as text.
+//! Parameters as they are passed from Python: JSON objects, as text.
 
 use pyo3::PyResult;
 use serde_json::Value;
@@ -8,7 +8,7 @@ use crate::errors::value_error;
 /// The parameters in `text`.
 ///
 /// # Errors
-/// If it is no JSON.
+/// If it is not valid JSON.
 pub(crate) fn parse(text: &str) -> PyResult<Value> {
     serde_json::from_str(text).map_err(value_error)
 }

@@ -1,4 +1,4 @@
-//! How values are pickled, which copies them too: as a call that makes them again, bit for bit.
+//! How values are pickled (and copied): as a call that makes them again, bit for bit.
 
 use pyo3::PyTypeInfo;
 use pyo3::call::PyCallArgs;
@@ -8,7 +8,7 @@ use pyo3::types::{PyDict, PyType};
 /// A function and its arguments, as `__reduce__` returns them.
 pub(crate) type Reduced<'py> = (Bound<'py, PyAny>, (Bound<'py, PyType>,));
 
-/// A call of a static method of `T`: `call` is its name and its arguments.
+/// A call of a static method of `T`; `call` is its name and its arguments.
 pub(crate) fn by_method<'py, T: PyTypeInfo>(
     py: Python<'py>,
     call: impl PyCallArgs<'py>,

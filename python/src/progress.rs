@@ -1,24 +1,24 @@
-//! How far a run is, for a caller that looks now and then.
+//! The progress of a run, for a caller that looks at it from time to time.
 
 use std::sync::{Mutex, PoisonError};
 
 use matchbench::records::{Plan, RunRecord};
 use matchbench::run::{Observer, RunSummary};
 
-/// How far a run is.
+/// The progress of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct State {
-    /// Tasks that are recorded.
+    /// Number of recorded tasks.
     pub(crate) done: usize,
-    /// Tasks of the plan.
+    /// Number of tasks in the plan.
     pub(crate) total: usize,
-    /// The dataset and the matcher that it is at.
+    /// The current dataset and matcher.
     pub(crate) part: (String, String),
     /// Matchers from outside that gave up, and why.
     pub(crate) ended: Vec<String>,
 }
 
-/// Keeps the last [`State`]. The run never waits for a reader: Python's display is slow.
+/// Keeps the last [`State`]. The run never waits for a reader, since Python's display is slow.
 #[derive(Debug, Default)]
 pub(crate) struct Progress(Mutex<State>);
 

@@ -1,5 +1,5 @@
-//! A run from Python: the loop of the library in threads of its own, while the caller's thread listens for
-//! Ctrl-C and shows how far it is.
+//! Runs from Python: the loop of the library runs in its own threads, while the thread of the caller handles
+//! Ctrl-C and shows the progress.
 
 use std::ffi::OsString;
 use std::num::{NonZeroU32, NonZeroUsize};
@@ -24,15 +24,15 @@ use crate::estimators::Estimator;
 use crate::matchers::Matcher;
 use crate::progress::Progress;
 
-/// How often the caller's thread looks for Ctrl-C.
+/// How often the thread of the caller checks for Ctrl-C.
 const TICK: Duration = Duration::from_millis(50);
 
 /// A matcher of a run.
 #[derive(FromPyObject)]
 pub(crate) enum AnyMatcher<'py> {
-    /// By name, or by the path of a manifest.
+    /// A name, or the path of a manifest.
     Name(String),
-    /// One of the library.
+    /// A matcher of the library.
     Native(Bound<'py, Matcher>),
     /// Written in Python: name, version, parameters as JSON, `match`, `extract`.
     Python(String, String, String, Py<PyAny>, Option<Py<PyAny>>),
@@ -41,9 +41,9 @@ pub(crate) enum AnyMatcher<'py> {
 /// An estimator of a run.
 #[derive(FromPyObject)]
 pub(crate) enum AnyEstimator<'py> {
-    /// By name.
+    /// A name.
     Name(String),
-    /// With parameters.
+    /// An estimator with parameters.
     Built(Bound<'py, Estimator>),
 }
 
@@ -59,11 +59,11 @@ impl AnyEstimator<'_> {
     }
 }
 
-/// Tasks in all, done before, done now, and failed.
+/// Numbers of tasks: in total, done before, done now, and failed.
 type Tasks = (usize, usize, usize, usize);
 
-/// Does what is not yet recorded in the folder `out`. Returns the numbers of tasks (of the plan, recorded
-/// before, recorded now, failed) and what could not be started or gave up.
+/// Runs everything that is not yet recorded in the folder `out`. Returns the numbers of tasks (in the plan,
+/// recorded before, recorded now, failed), and the matchers that could not be started or gave up.
 #[pyfunction]
 #[pyo3(signature = (datasets, matchers, estimators, out, settings, seed, repeat, limit, time_budget_ms,
                     keep_matches, retry_failed, cache, threads, progress))]
@@ -141,8 +141,8 @@ pub(crate) fn run(
     Ok(((total, before, now, failed), absent))
 }
 
-/// The contenders: those that are named, those written in Python, those that are given ready-made, each kind
-/// in its order; and why others could not be started.
+/// The contenders: first those given by name, then those written in Python, then those given as objects, each
+/// kind in its order. Also returns why others could not be started.
 fn contenders(
     py: Python<'_>,
     matchers: Vec<AnyMatcher<'_>>,
@@ -193,8 +193,8 @@ fn contenders(
     Ok((contenders, absent.iter().map(ToString::to_string).collect()))
 }
 
-/// Executes the run in threads of its own. The first Ctrl-C stops it after the pairs in flight and is
-/// raised when they are recorded; a second one also ends the programs of matchers from outside.
+/// Executes the run in its own threads. The first Ctrl-C stops it after the pairs that are being matched, and
+/// is raised when these are recorded. A second one also ends the programs of matchers from outside.
 fn listening(
     py: Python<'_>,
     run: &Run<'_>,
@@ -267,7 +267,7 @@ pub(crate) fn pair_seed(
     seed_of_pair(seed, dataset, matcher, (a, b), repetition).0
 }
 
-/// The program `matchbench` with these arguments; returns its exit code.
+/// Runs the program `matchbench` with these arguments; returns its exit code.
 #[pyfunction]
 pub(crate) fn command_line(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
     py.detach(|| matchbench_cli::run(arguments))

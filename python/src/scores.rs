@@ -1,4 +1,4 @@
-//! Scores of a run as columns, and its report.
+//! Scores of a run as columns, and the report of a run.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use pyo3::types::PyDict;
 use crate::detached::detached;
 use crate::errors::error;
 
-/// One row for each dataset, matcher and estimator, as a dict of columns; and who is best, in sentences.
+/// One row per dataset, matcher and estimator, as a dict of columns; and sentences that say which is best.
 #[pyfunction]
 pub(crate) fn evaluate(
     py: Python<'_>,
@@ -67,7 +67,7 @@ pub(crate) fn evaluate(
     Ok((columns, verdicts(&content.leads)))
 }
 
-/// Writes the report of a run; returns its page and what is missing in it.
+/// Writes the report of a run; returns the path of its page and what is missing in it.
 #[pyfunction]
 pub(crate) fn report(
     py: Python<'_>,

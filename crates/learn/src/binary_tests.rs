@@ -1,17 +1,17 @@
-//! Choosing the tests of ORB, FREAK and LATCH again, by their papers' rules.
+//! Chooses the binary tests of ORB, FREAK and LATCH again, by the rules of their papers.
 //!
-//! - ORB (Rublee et al., ICCV 2011, section 4.3): of pairs of places, those whose answer is a yes for
-//!   nearly half of the patches, greedily, passing over those correlated to one chosen before.
-//! - FREAK (Alahi et al., CVPR 2012, section 4.2): the same among the 903 pairs of receptive fields.
-//!   The paper finds that coarse fields are chosen first.
-//! - LATCH (Levi, Hassner, WACV 2016, section 3.3): of random triplets of small patches, those that
-//!   answer alike for most patches of one point and differently for most of two points, greedily,
-//!   again passing over correlated ones.
+//! - ORB (Rublee et al., ICCV 2011, section 4.3): tests compare two places. Tests whose answer is "yes" for
+//!   nearly half of the patches are chosen greedily; a test that is correlated with a chosen one is skipped.
+//! - FREAK (Alahi et al., CVPR 2012, section 4.2): the same for the 903 pairs of receptive fields. The paper
+//!   finds that coarse fields are chosen first.
+//! - LATCH (Levi, Hassner, WACV 2016, section 3.3): tests are random triplets of small patches. Tests that give
+//!   the same answer for most patches of one point, and different answers for most patches of two points, are
+//!   chosen greedily; correlated ones are skipped again.
 //!
-//! The limit of the correlation rises until there are enough tests, as in all three papers.
+//! The limit of the correlation is raised until there are enough tests, as in all three papers.
 //!
-//! *Differs from the papers*: the patches are those of the set, upright, of SIFT's keypoints; for ORB
-//! and LATCH a random sample of all tests is judged.
+//! *Differs from the papers*: the patches are those of the set, which are upright patches of SIFT's keypoints.
+//! For ORB and LATCH only a random sample of all tests is considered.
 
 use std::collections::BTreeSet;
 
@@ -24,10 +24,11 @@ use matchbench_vision::seed::Seed;
 use crate::pairs::shuffled;
 use crate::patches::PatchSet;
 
-/// Correlation below which tests count as different at first, and the factor by which it rises.
+/// Limit of the correlation at first, below which tests count as different, and the factor by which it is
+/// raised.
 const CORRELATION: (f64, f64) = (0.2, 1.1);
 
-/// A descriptor that is made of tests.
+/// A descriptor that consists of binary tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Kind {
     Orb,
@@ -35,7 +36,7 @@ pub(crate) enum Kind {
     Latch,
 }
 
-/// A test as the tables hold it: places as signed bytes x, y, or for FREAK numbers of fields.
+/// A test as the tables hold it: places as signed bytes x, y; for FREAK, numbers of fields.
 type Test = Vec<u8>;
 
 fn bytes(places: &[i8]) -> Test {
@@ -43,7 +44,7 @@ fn bytes(places: &[i8]) -> Test {
 }
 
 impl Kind {
-    /// The table of the library.
+    /// The table in the library.
     pub(crate) fn in_tree(self) -> Vec<Test> {
         match self {
             Self::Orb => Orb::tests().map(|test| bytes(&test)).collect(),
@@ -70,7 +71,7 @@ impl Kind {
         tests.into_iter().collect()
     }
 
-    /// What the tests look at in a patch: pixels, or means of fields.
+    /// The part of a patch that the tests use: pixels, or means of fields.
     fn view(self, set: &PatchSet, patch: usize) -> Vec<u8> {
         let image =
             |side, pixels: &[u8]| GrayImage::from_vec(Size::new(side, side), pixels.to_vec());
@@ -116,18 +117,18 @@ impl Kind {
 /// Number of FREAK's receptive fields.
 const FIELDS: u8 = 43;
 
-/// Means of FREAK's fields, the pattern as large as the patch allows.
+/// Means of FREAK's fields; the pattern is as large as the patch allows.
 fn means(patch: &[u8]) -> Vec<u8> {
     let scale = 0.5 * dlco::SIDE as f64 - 2.0;
     let middle = 0.5 * (dlco::SIDE as f64 - 1.0);
-    // Radii of the rings in 21sts of the way from the outermost to the innermost.
+    // Radii of the rings, in 21sts of the distance between the outermost and the innermost ring.
     let radii = [0.0, 6.0, 11.0, 15.0, 18.0, 20.0, 21.0]
         .map(|spaces| scale * (2.0 / 3.0 - spaces / 21.0 * (2.0 / 3.0 - 1.0 / 12.0)));
     (0..usize::from(FIELDS))
         .map(|field| {
             let ring = (field / 6).min(6);
             let radius = if field < 42 { radii[ring] } else { 0.0 };
-            // Every other ring is turned by half the angle between two fields.
+            // Every second ring is turned by half the angle between two fields.
             let turn = (2 * (field % 6) + ring % 2) as f64 / 12.0;
             let angle = core::f64::consts::TAU * turn;
             let half = 0.5 * radii[ring];
@@ -182,15 +183,14 @@ impl Column {
     }
 }
 
-/// What was chosen.
+/// The chosen tests.
 pub(crate) struct Chosen {
     pub(crate) tests: Vec<Test>,
-    /// The correlation that was allowed in the end.
+    /// The limit of the correlation at the end.
     pub(crate) limit: f64,
 }
 
-/// Chooses as many tests as the table of the library has, by the first `triplets` of `set` in random
-/// order.
+/// Chooses as many tests as the table of the library has, with the first `triplets` of `set` in random order.
 pub(crate) fn choose(
     kind: Kind,
     set: &PatchSet,
@@ -226,7 +226,7 @@ pub(crate) fn choose(
             Column::new(answers, count)
         })
         .collect();
-    // The lower the better.
+    // A lower cost is better.
     let cost = |column: &Column| match kind {
         Kind::Orb | Kind::Freak => (column.yes / count as f64 - 0.5).abs(),
         Kind::Latch => {
@@ -272,7 +272,7 @@ pub(crate) fn describe(kind: Kind, tests: &[Test], set: &PatchSet) -> BinaryRows
     BinaryRows::from_vec(tests.len(), words.collect())
 }
 
-/// Mean distance of the tests' shares of yes from a half, and mean absolute correlation of two tests.
+/// Mean distance from a half of the share of "yes" of each test, and mean absolute correlation of two tests.
 pub(crate) fn spread(rows: &BinaryRows, bits: usize) -> (f64, f64) {
     let columns: Vec<Column> = (0..bits)
         .map(|bit| {
@@ -293,7 +293,7 @@ pub(crate) fn spread(rows: &BinaryRows, bits: usize) -> (f64, f64) {
     (shares, correlations / (bits * (bits - 1) / 2) as f64)
 }
 
-/// How many tests of `chosen` are in `table`, whichever of the two compared comes first.
+/// How many tests of `chosen` are also in `table`, whatever the order of the two things that they compare.
 pub(crate) fn shared(kind: Kind, chosen: &[Test], table: &[Test]) -> usize {
     let swapped = |test: &Test| -> Test {
         let unit = if kind == Kind::Freak { 1 } else { 2 };

@@ -3,27 +3,28 @@
 //! T. Trzcinski, M. Christoudias, V. Lepetit: "Learning Image Descriptors with Boosting", IEEE
 //! Transactions on Pattern Analysis and Machine Intelligence 37(3), 2015, sections 3 to 5.
 //!
-//! Over pairs of patches with labels l = 1 (same) or -1, each bit d is learned to agree with them
-//! where the bits before it do not: given the weights W that these leave,
+//! Given are pairs of patches with labels l = 1 (same point) or -1. One bit after the other is learned. Bit d
+//! is to agree with the labels where the bits before it do not. This is expressed by weights W of the pairs,
+//! which follow from the bits before:
 //!
-//! 1. Weak learners by boosting: of some random features, that and the threshold which maximise
-//!    `sum_n W_n l_n h(x_n) h(y_n)`; the weights are updated as in AdaBoost, for this bit only
-//!    (section 3, the boosting trick). All thresholds of a feature are tried at once: h(x) and h(y)
-//!    differ exactly if the threshold lies between the two responses, so the sum is the prefix sum
-//!    of a histogram of where these intervals begin and end.
-//! 2. Their weights b: the leading eigenvector of `sum_n W_n l_n h(x_n) h(y_n)^T`, made symmetric,
-//!    then some steps of gradient ascent on the objective with tanh for the sign (section 5). An
-//!    offset is learned with them.
-//! 3. The new W: the slope of the logistic loss at the margin `l_n (a s_n - b)`, with s_n the sum of
-//!    `C_d(x_n) C_d(y_n)` so far, one step `a` for all bits, and b such that both kinds of pairs
-//!    weigh the same.
+//! 1. Weak learners are chosen by boosting. Out of some random features and all thresholds, the pair is taken
+//!    that maximises `sum_n W_n l_n h(x_n) h(y_n)`. Then the weights are updated as in AdaBoost, for this bit
+//!    only (section 3, the boosting trick). All thresholds of a feature are tried at once: h(x) and h(y) differ
+//!    exactly if the threshold lies between the two responses. So the sum is the prefix sum of a histogram of
+//!    where these intervals begin and end.
+//! 2. The weights b of the weak learners start as the leading eigenvector of `sum_n W_n l_n h(x_n) h(y_n)^T`,
+//!    made symmetric. Some steps of gradient ascent follow, on the objective with tanh instead of the sign
+//!    (section 5). An offset is learned together with them.
+//! 3. The new W is the slope of the logistic loss at the margin `l_n (a s_n - b)`. Here s_n is the sum of
+//!    `C_d(x_n) C_d(y_n)` so far, the step `a` is the same for all bits, and b is chosen such that both kinds
+//!    of pairs have the same total weight.
 //!
-//! *Differs from the paper*, where a_d and W are AdaBoost's: the descriptor's bits all count the same,
-//! so they do in the margin; what tells pairs apart is a threshold of their distance, which is b; and
-//! mislabelled pairs cannot outweigh all others. On the validation scenes this more than halves the
-//! false positives.
+//! *Differs from the paper*, where a_d and W are those of AdaBoost. In the descriptor all bits count the same,
+//! so they do in the margin too. Pairs are told apart by a threshold of their distance, and this threshold is
+//! b. With the logistic loss, pairs with wrong labels cannot outweigh all others. On the validation scenes this
+//! more than halves the false positives.
 //!
-//! BGM, where it began, is the same with one weak learner per bit and no combination.
+//! BGM, from which BinBoost was developed, is the same with one weak learner per bit and no combination.
 
 use anyhow::{Context, Result, ensure};
 use indicatif::ProgressBar;
@@ -39,27 +40,27 @@ use crate::patches::PatchSet;
 use crate::resume::Checkpoint;
 
 const DIRECTIONS: usize = 8;
-/// Bits after which what was learned is written.
+/// The state is saved after this many bits.
 const CHECKPOINT: usize = 8;
 
-/// How BinBoost is learned.
+/// Parameters of the training of BinBoost.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct BoostParams {
-    /// What was learned does not depend on how many bits will follow: more may be added.
+    /// Number of bits. What was learned does not depend on it, so bits can be added later.
     #[serde(skip)]
     pub(crate) bits: usize,
     pub(crate) learners_per_bit: usize,
     pub(crate) boxes: usize,
-    /// Features tried for each weak learner.
+    /// Number of features tried for each weak learner.
     pub(crate) tries: usize,
-    /// Pairs of patches, half of them of one point.
+    /// Number of pairs of patches; half of them show one point.
     pub(crate) pairs: usize,
-    /// What a bit counts in the margin of a pair; above 0.
+    /// Weight of a bit in the margin of a pair; above 0.
     pub(crate) step: f64,
     pub(crate) seed: u64,
 }
 
-/// Learns a table, going on with what `checkpoint` holds.
+/// Learns a table; continues from the state in `checkpoint`.
 pub(crate) fn learn(
     set: &PatchSet,
     params: &BoostParams,
@@ -106,7 +107,7 @@ pub(crate) fn learn(
     Ok(table)
 }
 
-/// Boxes of sides 3 to 15 anywhere in the patch.
+/// Random boxes with sides of 3 to 15 anywhere in the patch.
 fn random_boxes(count: usize, seed: Seed) -> Vec<[u8; 4]> {
     let mut rng = seed.child("boxes").rng();
     (0..count)
@@ -124,14 +125,14 @@ fn random_boxes(count: usize, seed: Seed) -> Vec<[u8; 4]> {
 
 /// The responses of the patches of all pairs.
 struct Data {
-    /// For each feature the responses of the first and of the second patch of each pair.
+    /// For each feature, the responses of the first and of the second patch of each pair.
     responses: Vec<[Vec<u8>; 2]>,
     /// 1 or -1.
     labels: Vec<f32>,
     step: f32,
 }
 
-/// The answers of a bit's weak learners to one patch after the other: 1 or -1.
+/// The answers of the weak learners of a bit, one patch after the other: 1 or -1.
 type Answers = Vec<f32>;
 
 impl Data {
@@ -160,7 +161,7 @@ impl Data {
         }
     }
 
-    /// Adds a bit to the similarities of the pairs: 1 where both ends have it alike, or else -1.
+    /// Adds a bit to the similarities of the pairs: 1 if both ends have the same value, else -1.
     fn compare(&self, similarities: &mut [f32], learners: &[WeakLearner], offset: i16) {
         let [first, second] = [0, 1].map(|end| self.bits(learners, offset, end));
         for ((similarity, x), y) in similarities.iter_mut().zip(&first).zip(&second) {
@@ -168,8 +169,8 @@ impl Data {
         }
     }
 
-    /// What the pairs weigh: more the less the similarities tell what they are, and pairs of one
-    /// point as much as the others together. Returns also the loss.
+    /// The weights of the pairs. A pair weighs more if the similarities say less clearly what it is, and all
+    /// pairs of one point together weigh as much as all others. Also returns the loss.
     fn weights(&self, similarities: &[f32]) -> (Vec<f32>, f64) {
         let scores: Vec<f32> = similarities.iter().map(|s| self.step * s).collect();
         let (mut weights, _) = logistic_weights(&self.labels, &scores);
@@ -180,7 +181,7 @@ impl Data {
         (weights, total / self.labels.len() as f64)
     }
 
-    /// Whether the weighted answers and the offset sum to more than 0, for one end of each pair.
+    /// Whether the weighted answers plus the offset are above 0, for one end of each pair.
     fn bits(&self, learners: &[WeakLearner], offset: i16, end: usize) -> Vec<bool> {
         let mut sums = vec![i32::from(offset); self.labels.len()];
         for learner in learners {
@@ -272,10 +273,9 @@ impl Data {
     }
 }
 
-/// The threshold between whose sides the pairs of least total weight are torn apart, and that
-/// weight.
+/// The threshold that separates pairs of the smallest total weight, and that weight.
 fn best_threshold([x, y]: &[Vec<u8>; 2], signed: &[f32]) -> (f32, u8) {
-    // Four histograms by turns, and none waits for the sum before.
+    // Four histograms in turn, so that no addition waits for the one before.
     let mut changes = [[0.0_f32; 256]; 4];
     for (n, ((&x, &y), &weight)) in x.iter().zip(y).zip(signed).enumerate() {
         changes[n & 3][usize::from(x.min(y))] += weight;
@@ -332,7 +332,7 @@ fn project(answers: &Answers, b: &[f32]) -> Vec<f32> {
         .collect()
 }
 
-/// Adds `sum_n factors[n] h_n`, and last the sum of the factors.
+/// Adds `sum_n factors[n] h_n`, and in the last place the sum of the factors.
 fn combine(answers: &Answers, factors: impl Iterator<Item = f32>, sums: &mut [f32]) {
     let (last, sums) = sums.split_last_mut().expect("an offset");
     for (row, factor) in answers.chunks_exact(sums.len()).zip(factors) {
@@ -343,9 +343,9 @@ fn combine(answers: &Answers, factors: impl Iterator<Item = f32>, sums: &mut [f3
     }
 }
 
-/// Leading eigenvector of `sum_n s_n (h(x_n) h(y_n)^T + h(y_n) h(x_n)^T)`, and last the offset that
-/// centres its projections: the answers are taken relative to their mean, since many learners
-/// mostly say the same, which tells nothing.
+/// The leading eigenvector of `sum_n s_n (h(x_n) h(y_n)^T + h(y_n) h(x_n)^T)`, and in the last place the offset
+/// that centres its projections. The answers are taken relative to their mean, since many learners nearly
+/// always give the same answer, which carries no information.
 fn eigenvector([x, y]: &[Answers; 2], signed: &[f32], count: usize) -> Vec<f32> {
     let pairs = signed.len();
     let x = DMatrixView::from_slice(x, count, pairs);
@@ -365,8 +365,8 @@ fn eigenvector([x, y]: &[Answers; 2], signed: &[f32], count: usize) -> Vec<f32> 
     leading.iter().copied().chain([offset]).collect()
 }
 
-/// Steps of gradient ascent on `sum_n s_n tanh(b.h(x_n)) tanh(b.h(y_n))`; the best place by the
-/// sum with signs instead is kept.
+/// Steps of gradient ascent on `sum_n s_n tanh(b.h(x_n)) tanh(b.h(y_n))`. The result is the b that is best by
+/// the sum with signs in place of tanh.
 fn ascend([x, y]: &[Answers; 2], signed: &[f32], start: Vec<f32>) -> Vec<f32> {
     const STEPS: usize = 10;
     const STEP: f32 = 0.15;
@@ -454,7 +454,7 @@ mod tests {
 
     #[test]
     fn the_combination_trusts_the_learner_that_is_right() {
-        // Learner 0 gives both ends of a same pair one answer, learner 1 answers at random.
+        // Learner 0 gives both ends of a same pair the same answer; learner 1 answers at random.
         let (x, y) = (
             vec![1.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0, -1.0],
             vec![1.0, -1.0, -1.0, -1.0, -1.0, -1.0, 1.0, -1.0],

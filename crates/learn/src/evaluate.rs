@@ -1,4 +1,4 @@
-//! FPR95 of descriptors on the patches of a set.
+//! FPR95 of descriptors on the patches of a set: the false positive rate at a recall of 95 %.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -21,7 +21,7 @@ pub(crate) enum Described {
 }
 
 impl Described {
-    /// SIFT, as it was stored with the patches.
+    /// The SIFT descriptors that are stored with the patches.
     pub(crate) fn sift(set: &PatchSet) -> Self {
         let values = (0..set.len())
             .flat_map(|i| set.sift(i))
@@ -91,7 +91,7 @@ impl Described {
     }
 }
 
-/// A table of FPR95 in percent, random and hard negatives: a row for each source and for all.
+/// A table of FPR95 in percent, for random and hard negatives: a row for each source, and one for all.
 pub(crate) fn report(set: &PatchSet, described: &[(String, Described)]) -> String {
     let mut text = format!("{:<28} {:>8}", "FPR95, % (random / hard)", "triplets");
     for (name, _) in described {

@@ -1,18 +1,18 @@
-//! Learning LBGM, the stage between BGM and BinBoost: a projection of BGM's answers to real values.
+//! Learns LBGM, which projects the answers of BGM's weak learners to real values. It is the stage between BGM
+//! and BinBoost.
 //!
 //! T. Trzcinski, M. Christoudias, V. Lepetit, P. Fua: "Learning Image Descriptors with the Boosting-
 //! Trick", Advances in Neural Information Processing Systems (NIPS) 2012, section 3.
 //!
-//! Given the weak learners h that BGM chose, the similarity `f(x, y) = h(x)^T A h(y)`, A positive
-//! semidefinite, is to minimise a loss of the margins `l_n (f(x_n, y_n) - b)` over pairs of patches with labels l = 1
-//! (same) or -1. A is found by gradient descent, projected to positive semidefinite matrices after
-//! each step; the step doubles after a success and is halved until there is one. The descriptor is
-//! `B^T h(x)` with the leading eigenvectors of A times the square roots of their eigenvalues as
-//! columns of B.
+//! Given are the weak learners h that BGM chose, and pairs of patches with labels l = 1 (same point) or -1. The
+//! similarity is `f(x, y) = h(x)^T A h(y)` with A positive semidefinite. It minimises a loss of the margins
+//! `l_n (f(x_n, y_n) - b)`. A is found by gradient descent and is projected to positive semidefinite matrices
+//! after each step. The step size is doubled after a success, and halved until there is one. The descriptor is
+//! `B^T h(x)`. The columns of B are the leading eigenvectors of A times the square roots of their eigenvalues.
 //!
-//! *Differs from the paper*: the loss is logistic, not exponential, with the best offset b (as in
-//! BinBoost's learning here); the gradient is that of all pairs instead of one after the other, and h is
-//! taken relative to its mean, which no distance between descriptors depends on.
+//! *Differs from the paper*: the loss is logistic, not exponential, with the best offset b (as in the training
+//! of BinBoost here). The gradient is that of all pairs and not of one after the other. h is taken relative to
+//! its mean, which changes no distance between descriptors.
 
 use anyhow::{Context, Result, ensure};
 use indicatif::ProgressBar;
@@ -33,12 +33,12 @@ const MAGIC: &[u8; 4] = b"LBG1";
 pub(crate) struct LbgmTable {
     /// One weak learner for each bit.
     bgm: BinBoostTable,
-    /// A row for each value, a column for each weak learner.
+    /// One row per value, one column per weak learner.
     projection: DMatrix<f32>,
 }
 
 impl LbgmTable {
-    /// Learns `dimensions` rows from pairs of the set's patches.
+    /// Learns `dimensions` rows from pairs of patches of the set.
     pub(crate) fn learn(
         set: &PatchSet,
         bgm: BinBoostTable,
@@ -108,8 +108,8 @@ impl LbgmTable {
         ))
     }
 
-    /// The table as bytes: magic, length of BGM's table and that table, number of rows, their
-    /// values column after column; little-endian.
+    /// The table as bytes: magic number, length of BGM's table and that table, number of rows, their values
+    /// column by column; little-endian.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let bgm = self.bgm.to_bytes();
         let mut bytes = MAGIC.to_vec();
@@ -147,7 +147,7 @@ impl LbgmTable {
     }
 }
 
-/// The weak learners' answers to all patches of a set, 1 or -1, a column for each patch.
+/// The answers of the weak learners to all patches of a set, 1 or -1, one column per patch.
 fn answers(set: &PatchSet, bgm: &BinBoostTable) -> Result<DMatrix<f32>> {
     let describer = BinBoost::with_table(BinBoostParams::default(), bgm.clone())?;
     let rows = describer.describe_patches(set.len(), |i, patch| {
@@ -162,8 +162,8 @@ fn answers(set: &PatchSet, bgm: &BinBoostTable) -> Result<DMatrix<f32>> {
     }))
 }
 
-/// The answers to both patches of each pair relative to their mean, and whether they are the same:
-/// 1 or -1.
+/// The answers to both patches of each pair, relative to their mean, and the labels: 1 if both patches show the
+/// same point, else -1.
 struct Pairs {
     x: DMatrix<f32>,
     y: DMatrix<f32>,
@@ -171,7 +171,7 @@ struct Pairs {
 }
 
 impl Pairs {
-    /// Mean loss, and what each pair's `x y^T` counts in its gradient.
+    /// Mean loss, and the factor of each pair's `x y^T` in its gradient.
     fn loss(&self, metric: &DMatrix<f64>) -> (f64, Vec<f64>) {
         let projected = metric.clone().cast::<f32>() * &self.y;
         let count = self.labels.len() as f64;
@@ -201,7 +201,7 @@ fn positive(matrix: DMatrix<f64>) -> DMatrix<f64> {
     &root * root.transpose()
 }
 
-/// B with `B B^T` the positive part of a symmetric matrix; columns in decreasing order of length.
+/// B such that `B B^T` is the positive part of a symmetric matrix. Columns are in decreasing order of length.
 fn root(matrix: DMatrix<f64>) -> DMatrix<f64> {
     let (values, vectors) = sorted_eigen(matrix);
     let rank = values.iter().take_while(|&&value| value > 0.0).count();

@@ -1,4 +1,5 @@
-//! `matchbench-learn`: learns the tables of trained descriptors, from patches to FPR95.
+//! `matchbench-learn`: makes patches, learns the tables of trained descriptors on them, and measures their
+//! FPR95.
 
 mod binary_tests;
 mod boost;
@@ -43,11 +44,11 @@ enum Command {
     Patches(PatchesArgs),
     /// FPR95 of SIFT and of tables on one part of a set
     Evaluate(EvaluateArgs),
-    /// Learn BGM: bits that are one weak learner each; a table as BinBoost's
+    /// Learn BGM: each bit is one weak learner; the table has the form of BinBoost's
     Bgm(BgmArgs),
     /// Learn LBGM: a projection of BGM's answers to real values
     Lbgm(LbgmArgs),
-    /// Learn BinBoost: bits that are boosted combinations of weak learners
+    /// Learn BinBoost: each bit is a boosted combination of weak learners
     Binboost(BinboostArgs),
     /// Learn DLCO: pooling regions, then the projection
     Dlco(DlcoArgs),
@@ -69,7 +70,7 @@ struct PatchesArgs {
     /// Most triplets of one pair of images
     #[arg(long, value_name = "N", default_value_t = 60)]
     per_pair: usize,
-    /// Warped views of each photograph
+    /// Number of warped views of each photograph
     #[arg(long, value_name = "N", default_value_t = 2)]
     warps: usize,
     /// Blur many of the warped views, and warp rendered images as well
@@ -104,24 +105,24 @@ struct EvaluateArgs {
     dimensions: Vec<usize>,
 }
 
-/// What BGM, LBGM and BinBoost have in common.
+/// Options that BGM, LBGM and BinBoost share.
 #[derive(Debug, Args)]
 struct LearnersArgs {
     /// The set
     set: PathBuf,
-    /// Boxes that weak learners choose from
+    /// Number of boxes that weak learners choose from
     #[arg(long, value_name = "N", default_value_t = 384)]
     boxes: usize,
-    /// Pairs of patches
+    /// Number of pairs of patches
     #[arg(long, value_name = "N", default_value_t = 24_000)]
     pairs: usize,
-    /// What a bit counts in the margin of a pair
+    /// Weight of a bit in the margin of a pair
     #[arg(long, default_value_t = 0.1)]
     step: f64,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// The table; OUT.part beside it is what a stopped run goes on with
+    /// The table to write; a stopped run continues from OUT.part beside it
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }
@@ -133,7 +134,7 @@ struct BgmArgs {
     /// Number of bits
     #[arg(long, value_name = "N", default_value_t = 256)]
     bits: usize,
-    /// Features tried for each weak learner
+    /// Number of features tried for each weak learner
     #[arg(long, value_name = "N", default_value_t = 256)]
     tries: usize,
 }
@@ -142,7 +143,7 @@ struct BgmArgs {
 struct LbgmArgs {
     #[command(flatten)]
     bgm: BgmArgs,
-    /// Values of the descriptor
+    /// Number of values of the descriptor
     #[arg(long, value_name = "N", default_value_t = 64)]
     dimensions: usize,
 }
@@ -154,10 +155,10 @@ struct BinboostArgs {
     /// Number of bits
     #[arg(long, value_name = "N", default_value_t = 256)]
     bits: usize,
-    /// Weak learners of each bit
+    /// Number of weak learners per bit
     #[arg(long, value_name = "N", default_value_t = 4)]
     learners: usize,
-    /// Features tried for each weak learner
+    /// Number of features tried for each weak learner
     #[arg(long, value_name = "N", default_value_t = 256)]
     tries: usize,
 }
@@ -166,25 +167,25 @@ struct BinboostArgs {
 struct DlcoArgs {
     /// The set
     set: PathBuf,
-    /// Values of the descriptor
+    /// Number of values of the descriptor
     #[arg(long, value_name = "N", default_value_t = 120)]
     dimensions: usize,
-    /// Most values that are pooled
+    /// Most pooled values
     #[arg(long, value_name = "N", default_value_t = 640)]
     values: usize,
-    /// Triplets for the selection of rings
+    /// Number of triplets for the selection of rings
     #[arg(long, value_name = "N", default_value_t = 8_000)]
     ring_triplets: usize,
-    /// Triplets for the projection
+    /// Number of triplets for the projection
     #[arg(long, value_name = "N", default_value_t = 30_000)]
     triplets: usize,
-    /// Principal directions that the projection works in
+    /// Number of principal directions that the projection works in
     #[arg(long, value_name = "N", default_value_t = 256)]
     principal: usize,
-    /// Triplets of a step
+    /// Number of triplets in a step
     #[arg(long, value_name = "N", default_value_t = 2_000)]
     batch: usize,
-    /// Steps of the optimisation
+    /// Number of steps of the optimisation
     #[arg(long, value_name = "N", default_value_t = 150)]
     steps: usize,
     /// Weight of the nuclear norm
@@ -196,7 +197,7 @@ struct DlcoArgs {
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// The table; OUT.part beside it is what a stopped run goes on with
+    /// The table to write; a stopped run continues from OUT.part beside it
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }
@@ -205,22 +206,22 @@ struct DlcoArgs {
 struct TestsArgs {
     /// The set
     set: PathBuf,
-    /// Whose tests
+    /// The descriptor whose tests are chosen
     #[arg(long)]
     of: Kind,
     /// Part of the set to compare on
     #[arg(long, default_value = "test")]
     part: String,
-    /// Triplets to choose by
+    /// Number of triplets used to choose
     #[arg(long, value_name = "N", default_value_t = 2_000)]
     triplets: usize,
-    /// Random tests to choose from; FREAK chooses from all
+    /// Number of random tests to choose from; FREAK chooses from all
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     candidates: usize,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// The table, as the library holds it
+    /// The table to write, in the form that the library has
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }
@@ -289,7 +290,7 @@ fn evaluate(args: &EvaluateArgs) -> Result<()> {
     Ok(())
 }
 
-/// The set, the table, and the checkpoint that is no longer needed once it is written.
+/// The set, the table, and the checkpoint, which is not needed any more after the table is written.
 fn learn_bits(
     stage: &str,
     common: &LearnersArgs,
@@ -321,7 +322,7 @@ fn learn_lbgm(args: &LbgmArgs) -> Result<()> {
     let LearnersArgs {
         pairs, seed, out, ..
     } = &args.bgm.common;
-    // The second stage takes seconds, and is simply done again after a stop.
+    // The second stage takes seconds, so it is run again after a stop.
     checkpoint.save(&bgm.to_bytes())?;
     let seed = Seed(*seed).child("lbgm");
     let table = LbgmTable::learn(&set, bgm, args.dimensions, *pairs, seed, &bar("steps"))?;
@@ -339,7 +340,7 @@ fn learn_binboost(args: &BinboostArgs) -> Result<()> {
     finish(&args.common.out, &table.to_bytes(), &checkpoint)
 }
 
-/// Chooses tests, and compares them with those of the library on patches that took no part.
+/// Chooses tests, and compares them with those of the library on patches that were not used to choose.
 fn choose_tests(args: &TestsArgs) -> Result<()> {
     let set = read_part(&args.set, "train")?;
     let (kind, seed) = (args.of, Seed(args.seed).child("tests"));
@@ -392,7 +393,7 @@ fn learn_dlco(args: &DlcoArgs) -> Result<()> {
     finish(&args.out, &table.to_bytes(), &checkpoint)
 }
 
-/// Writes a finished table; what a stopped run would have gone on with is no longer needed.
+/// Writes a finished table, and removes the state from which a stopped run would have continued.
 fn finish(out: &Path, bytes: &[u8], checkpoint: &Checkpoint) -> Result<()> {
     write_whole(out, bytes)?;
     checkpoint.remove();
@@ -415,7 +416,7 @@ fn read(path: &Path) -> Result<Vec<u8>> {
     fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))
 }
 
-/// A bar on standard error where that is a terminal, silent otherwise.
+/// A progress bar on standard error if that is a terminal; otherwise nothing is drawn.
 fn bar(unit: &str) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr_with_hz(5));
     let template = format!("{{bar:30}} {{pos}}/{{len}} {unit}  {{eta}} left  {{msg}}");

@@ -1,25 +1,25 @@
-//! Learning DLCO: which pooling regions, then which projection.
+//! Learns DLCO in two stages: which pooling regions are used, then which projection.
 //!
 //! K. Simonyan, A. Vedaldi, A. Zisserman: "Learning Local Feature Descriptors Using Convex
 //! Optimisation", IEEE Transactions on Pattern Analysis and Machine Intelligence 36(8), 2014.
 //!
-//! Both stages ask that an anchor be nearer to its positive than to its negative by a margin of 1
-//! and both are solved by regularised dual averaging (Xiao, "Dual Averaging Methods for
-//! Regularized Stochastic Learning and Online Optimization", JMLR 11, 2010): the next solution
-//! minimises `<mean gradient, w> + penalty(w) + gamma / (2 sqrt t) |w|^2`, in closed form.
+//! Both stages require that an anchor is nearer to its positive than to its negative, by a margin of 1. Both
+//! are solved by regularised dual averaging (Xiao, "Dual Averaging Methods for Regularized Stochastic Learning
+//! and Online Optimization", JMLR 11, 2010): the next solution minimises
+//! `<mean gradient, w> + penalty(w) + gamma / (2 sqrt t) |w|^2`, in closed form.
 //!
-//! 1. *Regions* (section 3): `d(x, y) = sum_i w_i psi_i(x, y)`, with `psi_i` the squared distance
-//!    of what is pooled in ring i; the penalty is `mu sum w`, w >= 0, which sets most w to 0:
-//!    `w_i = sqrt(t) / gamma max(0, -(mean gradient_i + mu))`. `mu` is the least whose rings give no
-//!    more than the wanted number of values.
-//! 2. *Projection* (section 4): `d(x, y) = (x - y)^T A (x - y)`, A positive semidefinite; the
-//!    penalty `mu trace(A)` makes its rank low: `A = sqrt(t) / gamma` times the positive part of
-//!    `-(mean gradient + mu I)`. The rows of the projection are A's leading eigenvectors times the
-//!    square roots of their eigenvalues.
+//! 1. *Regions* (section 3): `d(x, y) = sum_i w_i psi_i(x, y)`, where `psi_i` is the squared distance of the
+//!    values pooled in ring i. The penalty `mu sum w` with w >= 0 sets most w to 0:
+//!    `w_i = sqrt(t) / gamma max(0, -(mean gradient_i + mu))`. `mu` is the smallest value for which the
+//!    selected rings give at most the wanted number of values.
+//! 2. *Projection* (section 4): `d(x, y) = (x - y)^T A (x - y)` with A positive semidefinite. The penalty
+//!    `mu trace(A)` makes its rank low: `A = sqrt(t) / gamma` times the positive part of
+//!    `-(mean gradient + mu I)`. The rows of the projection are the leading eigenvectors of A times the square
+//!    roots of their eigenvalues.
 //!
-//! *Differs from the paper*: gradients are those of batches of triplets; half of the negatives are
-//! the most similar keypoint elsewhere in the other image, half are random; the second stage works
-//! in the leading principal directions, which hold nearly all of the variance.
+//! *Differs from the paper*: gradients are those of batches of triplets. Half of the negatives are the most
+//! similar keypoint elsewhere in the other image, and half are random. The second stage works in the leading
+//! principal directions, which hold nearly all of the variance.
 
 use anyhow::{Context, Result, bail, ensure};
 use indicatif::ProgressBar;
@@ -33,26 +33,26 @@ use crate::patches::PatchSet;
 use crate::resume::Checkpoint;
 
 const DIRECTIONS: usize = 8;
-/// Steps after which what was learned is written.
+/// The state is saved after this many steps.
 const CHECKPOINT: usize = 10;
 
-/// How DLCO is learned.
+/// Parameters of the training of DLCO.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct MetricParams {
-    /// Values of the descriptor; nothing but the last line of the learning depends on it.
+    /// Number of values of the descriptor. Only the last step of the training depends on it.
     #[serde(skip)]
     pub(crate) dimensions: usize,
-    /// Most values that the selected rings may give.
+    /// Most values that the selected rings may give together.
     pub(crate) values: usize,
-    /// Triplets used for the selection of rings.
+    /// Number of triplets for the selection of rings.
     pub(crate) ring_triplets: usize,
-    /// Triplets used for the projection.
+    /// Number of triplets for the projection.
     pub(crate) triplets: usize,
-    /// Principal directions kept.
+    /// Number of principal directions that are kept.
     pub(crate) principal: usize,
-    /// Triplets of a step.
+    /// Number of triplets in a step.
     pub(crate) batch: usize,
-    /// What was learned does not depend on how many steps will follow: more may be added.
+    /// Number of steps. What was learned does not depend on it, so steps can be added later.
     #[serde(skip)]
     pub(crate) steps: usize,
     /// Weight of the nuclear norm.
@@ -62,13 +62,13 @@ pub(crate) struct MetricParams {
     pub(crate) seed: u64,
 }
 
-/// How far the learning has come.
+/// The state of the training.
 #[derive(Debug, PartialEq)]
 struct State {
     /// Index and weight of each ring.
     rings: Vec<(usize, f32)>,
     steps: usize,
-    /// Sum of the gradients so far, column after column; empty before the first step.
+    /// Sum of the gradients so far, column by column; empty before the first step.
     gradients: Vec<f64>,
 }
 
@@ -107,7 +107,7 @@ impl State {
     }
 }
 
-/// Learns a table, going on with what `checkpoint` holds.
+/// Learns a table; continues from the state in `checkpoint`.
 pub(crate) fn learn(
     set: &PatchSet,
     params: &MetricParams,
@@ -163,7 +163,7 @@ pub(crate) fn learn(
         "the metric has rank {rank}, less than {} dimensions; make --mu smaller",
         params.dimensions
     );
-    // Rows act on the pooled values themselves: weights of rings and basis are folded in.
+    // The rows apply to the pooled values directly: the weights of the rings and the basis are multiplied in.
     let projection = (metric.columns(0, params.dimensions).transpose() * basis.transpose()).cast();
     Ok(DlcoTable {
         rings,
@@ -193,12 +193,12 @@ fn candidates() -> Vec<Ring> {
     rings
 }
 
-/// Values that a ring gives.
+/// Number of values that a ring gives.
 fn values(ring: &Ring) -> usize {
     DIRECTIONS * ring.centres().len()
 }
 
-/// The patches of some triplets: hard negatives and random ones by turns.
+/// The patches of some triplets; hard and random negatives alternate.
 fn patches_of(set: &PatchSet, most: usize, seed: Seed) -> impl Iterator<Item = [usize; 3]> {
     let order = shuffled(set.triplets.len(), seed);
     order
@@ -230,7 +230,7 @@ fn select_rings(
     let mut pooling = Pooling::new(candidates);
     let mut pooled: [Vec<[f32; DIRECTIONS]>; 3] =
         std::array::from_fn(|_| vec![[0.0; DIRECTIONS]; pooling.len()]);
-    // psi of the negative less psi of the positive, a row for each triplet.
+    // psi of the negative minus psi of the positive, one row per triplet.
     let mut margins: Vec<f32> = Vec::with_capacity(count * candidates.len());
     for patches in patches_of(set, count, seed.child("rings")) {
         for (pooled, patch) in pooled.iter_mut().zip(patches) {
@@ -252,7 +252,7 @@ fn select_rings(
         }
         bar.inc(1);
     }
-    // The least penalty whose selection is small enough, by bisection of its logarithm.
+    // Finds the smallest penalty whose selection is small enough, by bisection of its logarithm.
     let (mut low, mut high) = (-16.0, 4.0);
     let mut best = Vec::new();
     for _ in 0..16 {
@@ -279,7 +279,7 @@ fn select_rings(
     best
 }
 
-/// Weights of the rings under penalty `mu`, after some passes over the triplets.
+/// Weights of the rings for the penalty `mu`, after some passes over the triplets.
 fn sparse_weights(margins: &[f32], rings: usize, mu: f64) -> Vec<f32> {
     const PASSES: usize = 4;
     const GAMMA: f64 = 2.0;
@@ -308,8 +308,7 @@ fn sparse_weights(margins: &[f32], rings: usize, mu: f64) -> Vec<f32> {
     weights.into_iter().map(|weight| weight as f32).collect()
 }
 
-/// Differences of pooled vectors, anchor to positive and anchor to negative, in principal
-/// directions.
+/// Differences of pooled vectors in principal directions, from anchor to positive and from anchor to negative.
 struct Triplets {
     size: usize,
     /// A column for each triplet.
@@ -317,7 +316,7 @@ struct Triplets {
 }
 
 impl Triplets {
-    /// Pools, weighs and rotates; also returns what takes principal directions back to pooled
+    /// Pools, weights and rotates. Also returns the matrix that maps principal directions back to pooled
     /// values.
     fn pool(
         set: &PatchSet,
@@ -350,7 +349,7 @@ impl Triplets {
                 differences[k].set_column(n, &(&vectors[0] - &vectors[k + 1]));
             }
         }
-        // Differences of strangers have twice the covariance of the vectors, up to scale.
+        // Differences of patches of different points have twice the covariance of the vectors, up to scale.
         let [_, apart] = &differences;
         let eigen = sorted_eigen((apart * apart.transpose()).cast());
         let size = params.principal.min(all);
@@ -370,8 +369,8 @@ impl Triplets {
         (triplets, back)
     }
 
-    /// Scales so that negatives are 1 apart on average: `mu` and `gamma` then mean the same for
-    /// any data.
+    /// Scales the differences so that negatives have a mean distance of 1. Then `mu` and `gamma` have the same
+    /// meaning for any data.
     fn normalise(&mut self) {
         let count = self.differences[1].ncols() as f32;
         let scale = (count / self.differences[1].norm_squared()).sqrt();
@@ -380,8 +379,7 @@ impl Triplets {
         }
     }
 
-    /// Mean gradient of a batch at `metric = L L^T`, and the share of triplets that violate the
-    /// margin.
+    /// Mean gradient of a batch at `metric = L L^T`, and the share of triplets that violate the margin.
     fn gradient(
         &self,
         metric: &DMatrix<f64>,
@@ -413,7 +411,7 @@ impl Triplets {
     }
 }
 
-/// L of the solution `A = L L^T` after `steps` steps whose gradients sum to `gradients`; columns in
+/// L of the solution `A = L L^T` after `steps` steps whose gradients sum to `gradients`. Columns are in
 /// decreasing order of length.
 fn solve(gradients: &DMatrix<f64>, steps: usize, params: &MetricParams) -> DMatrix<f64> {
     if steps == 0 {
@@ -464,7 +462,7 @@ mod tests {
         let mut rng = Seed(2).rng();
         let mut random =
             |spread: [f64; 3]| DMatrix::from_fn(3, 4000, |i, _| (spread[i] * rng.normal()) as f32);
-        // Same points differ in the third direction only, strangers in the first two.
+        // Patches of one point differ only in the third direction, those of different points in the first two.
         let mut triplets = Triplets {
             size: 3,
             differences: [random([0.1, 0.1, 1.0]), random([1.0, 0.5, 1.0])],

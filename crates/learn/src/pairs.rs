@@ -1,4 +1,4 @@
-//! Pairs of patches that are alike or not, and how well distances tell them apart.
+//! Pairs of patches of one point or of different points, and how well distances separate the two kinds.
 
 use matchbench_vision::seed::Seed;
 
@@ -12,12 +12,12 @@ pub(crate) struct PatchPair {
     pub(crate) same: bool,
 }
 
-/// Where the other patch of a pair that does not match comes from.
+/// Where the negative of a triplet comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Negatives {
-    /// The most similar elsewhere in the other image.
+    /// The most similar keypoint elsewhere in the other image.
     Hard,
-    /// Any triplet.
+    /// A random triplet.
     Random,
 }
 
@@ -29,8 +29,8 @@ pub(crate) fn stranger(set: &PatchSet, index: usize, seed: Seed) -> usize {
     set.triplets[other as usize].positive as usize
 }
 
-/// For each triplet, in an order shuffled by `seed`, its positive and one negative pair, hard and
-/// random ones by turns; `most` pairs at most.
+/// For each triplet, in an order shuffled by `seed`, its positive pair and one negative pair; hard and random
+/// negatives alternate. At most `most` pairs.
 pub(crate) fn training_pairs(set: &PatchSet, most: usize, seed: Seed) -> Vec<PatchPair> {
     let mut pairs = Vec::new();
     for (n, &index) in shuffled(set.triplets.len(), seed)
@@ -66,8 +66,8 @@ pub(crate) fn shuffled(count: usize, seed: Seed) -> Vec<usize> {
     order
 }
 
-/// The slope of the logistic loss of each pair at the margin `label (score - offset)`, and the offset
-/// of least loss, at which both kinds of pairs weigh the same.
+/// The slope of the logistic loss of each pair at the margin `label (score - offset)`, and the offset of least
+/// loss. At this offset both kinds of pairs have the same total weight.
 pub(crate) fn logistic_weights(labels: &[f32], scores: &[f32]) -> (Vec<f32>, f32) {
     let weights = |offset: f32| {
         let margins = labels.iter().zip(scores);
@@ -91,8 +91,8 @@ pub(crate) fn logistic_weights(labels: &[f32], scores: &[f32]) -> (Vec<f32>, f32
     (weights(offset).collect(), offset)
 }
 
-/// Share of the `different` pairs that are accepted by the least threshold that accepts 95 % of
-/// the `same` pairs (FPR95), `None` if either is empty.
+/// The share of the `different` pairs that are accepted by the smallest threshold that accepts 95 % of the
+/// `same` pairs (FPR95). `None` if either list is empty.
 pub(crate) fn fpr95(mut same: Vec<f32>, different: &[f32]) -> Option<f64> {
     same.sort_by(f32::total_cmp);
     let needed = (19 * same.len()).div_ceil(20);

@@ -1,4 +1,4 @@
-//! What a stopped training goes on with: a file beside the table that is being learned.
+//! The saved state of a training, from which a stopped run continues: a file beside the table that is learned.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,8 +12,8 @@ use crate::patches::PatchSet;
 /// Bytes of a key.
 const KEY: usize = blake3::OUT_LEN;
 
-/// The state of a training, in `<table>.part`. It begins with a key of all that the state follows
-/// from, so that it is never continued on other data or with other parameters.
+/// The state of a training, in `<table>.part`. It begins with a key, a hash of everything that the state
+/// depends on. So a training is never continued with other data or other parameters.
 #[derive(Clone, Debug)]
 pub(crate) struct Checkpoint {
     path: PathBuf,
@@ -65,7 +65,7 @@ impl Checkpoint {
         let _ = fs::remove_file(&self.path); // there is none if the training was short
     }
 
-    /// What to say of a state that makes no sense.
+    /// The message if a state is invalid.
     pub(crate) fn damaged(&self) -> String {
         format!("{}: damaged; delete it to begin anew", self.path.display())
     }

@@ -90,8 +90,7 @@ pub(crate) struct ChoiceArgs {
     pub estimator: Vec<String>,
     /// Evaluation protocols, separated by commas, or `all` (see `matchbench list protocols`). A protocol sets
     /// the size of images, the estimator, the unit of its threshold and the repetitions. Several protocols
-    /// share one set of matches, found in images
-    /// of the original size [default: matchbench]
+    /// share one set of matches, found in images of the original size [default: matchbench]
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub protocol: Vec<String>,
     /// Only the first N pairs of each dataset

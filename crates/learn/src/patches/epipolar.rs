@@ -1,4 +1,4 @@
-//! Photographs with known poses: matches that the poses and the other matches agree with.
+//! Matches in photographs with known poses, chosen so that they agree with the poses and with each other.
 
 use core::f32::consts::{PI, TAU};
 
@@ -9,17 +9,16 @@ use matchbench_vision::geometry::{
 use matchbench_vision::matching::two_nearest;
 use nalgebra::Point2;
 
-/// Most distance from the epipolar line, in pixels.
+/// Largest distance from the epipolar line, in pixels.
 const TOLERANCE: f64 = 1.5;
-/// Most difference of a match's change of direction from the median, in radians.
+/// Largest difference between the rotation of a match's keypoints and the median rotation, in radians.
 const DIRECTION: f32 = 0.4;
-/// Most difference of a match's change of size from the median, in octaves.
+/// Largest difference between the scale change of a match's keypoints and the median scale change, in octaves.
 const OCTAVES: f32 = 0.7;
 
-/// Features of `a` and `b` that show the same point, as far as can be told: each is the nearest of
-/// the other, they agree with the epipolar geometry, and their change of direction and of size
-/// with that of the other matches. There is no ratio test, which would leave out those that are
-/// hard to tell apart.
+/// Features of `a` and `b` that probably show the same point: each is the nearest of the other, they agree with
+/// the epipolar geometry, and their change of direction and of size agrees with that of the other matches.
+/// There is no ratio test, since it would leave out the features that are hard to tell apart.
 pub(super) fn agreeing(
     [a, b]: [&Features; 2],
     cameras: [&Camera; 2],
@@ -58,7 +57,7 @@ pub(super) fn agreeing(
         wrap(angle(b, j) - angle(a, i))
     };
     let grown = |&(i, j): &(usize, usize)| libm::log2f(b.keypoints[j].size / a.keypoints[i].size);
-    // Cameras are held nearly upright: the median needs no care for the seam at half a turn.
+    // Cameras are held nearly upright, so the median can ignore the jump of angles at half a turn.
     let (turn, growth) = (
         median(near.iter().map(turned)),
         median(near.iter().map(grown)),

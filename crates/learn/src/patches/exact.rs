@@ -1,25 +1,27 @@
-//! Images whose every pixel is known in the other: keypoints that geometry alone says are one.
+//! Keypoints that are the same by geometry alone, in images where each pixel's place in the other image is
+//! known.
 //!
-//! No descriptor takes part in the choice, so it favours none. The limits are those of the data
-//! set of Brown, Hua and Winder ("Discriminative Learning of Local Image Descriptors", PAMI 2011):
-//! nearly the same place, a quarter of an octave, an eighth of half a turn.
+//! No descriptor is used for the choice, so it favours none. The limits are those of the data set of Brown, Hua
+//! and Winder ("Discriminative Learning of Local Image Descriptors", PAMI 2011): nearly the same place, a
+//! quarter of an octave, an eighth of half a turn.
 
 use matchbench_vision::features::{Features, Keypoint};
 use nalgebra::Point2;
 
 use super::epipolar::wrap;
 
-/// Most difference in place, in sizes of the keypoint, and at most so many pixels more.
+/// Largest difference in place: this share of the size of the keypoint, but at most this many pixels more than
+/// 0.05 of its size, and never less than this many pixels.
 const PLACE: (f32, f32) = (0.15, 0.5);
-/// Most ratio of sizes: a third of an octave, that of neighbouring scales.
+/// Largest ratio of sizes: a third of an octave, which is the ratio of neighbouring scales.
 const RATIO: f32 = 1.26;
-/// Most difference of directions, in radians.
+/// Largest difference of directions, in radians.
 const DIRECTION: f32 = core::f32::consts::PI / 8.0;
 
-/// Where a point of `a` lies in `b`; `None` where it cannot be seen.
+/// Maps a point of `a` to `b`; `None` if it cannot be seen there.
 pub(super) type Transfer<'a> = &'a dyn Fn(Point2<f64>) -> Option<Point2<f64>>;
 
-/// The keypoint as it must look in the other image.
+/// The keypoint as it should look in the other image.
 pub(super) fn carried(keypoint: &Keypoint, transfer: Transfer<'_>) -> Option<Keypoint> {
     let angle = keypoint.angle?;
     let arm = f64::from(keypoint.size);
@@ -30,7 +32,7 @@ pub(super) fn carried(keypoint: &Keypoint, transfer: Transfer<'_>) -> Option<Key
     let along = (offset(cos, sin)? - offset(-cos, -sin)?) * 0.5;
     let across = (offset(-sin, cos)? - offset(sin, -cos)?) * 0.5;
     let area = along.x * across.y - along.y * across.x;
-    // A surface seen from behind, or a step in depth.
+    // A surface seen from behind, or a step in depth, distorts the keypoint too much.
     let stretched = along.norm().max(across.norm()) / along.norm().min(across.norm());
     (area > 0.0 && stretched < 3.0).then(|| Keypoint {
         at: Point2::new(centre.x as f32, centre.y as f32),
@@ -40,7 +42,7 @@ pub(super) fn carried(keypoint: &Keypoint, transfer: Transfer<'_>) -> Option<Key
     })
 }
 
-/// Keypoints of `a` and `b` that are one: for each of `a` the nearest in place of those that agree.
+/// Keypoints of `a` and `b` that are the same: for each of `a`, the nearest of those that agree with it.
 pub(super) fn agreeing(a: &Features, b: &Features, transfer: Transfer<'_>) -> Vec<(usize, usize)> {
     let mut pairs = Vec::new();
     for (i, keypoint) in a.keypoints.iter().enumerate() {
@@ -55,7 +57,7 @@ pub(super) fn agreeing(a: &Features, b: &Features, transfer: Transfer<'_>) -> Ve
             let turn = wrap(found.angle.unwrap_or(0.0) - expected.angle.unwrap_or(0.0));
             ratio < RATIO && ratio > 1.0 / RATIO && turn.abs() < DIRECTION
         };
-        // Keypoints are in the order of columns.
+        // Keypoints are sorted by column.
         let first = b
             .keypoints
             .partition_point(|k| k.at.x < expected.at.x - reach);

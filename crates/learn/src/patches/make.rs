@@ -1,4 +1,4 @@
-//! Making a set of patches from scenes.
+//! Makes a set of patches from scenes.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,13 +20,12 @@ use serde::{Deserialize, Serialize};
 use super::warp::Warp;
 use super::{LENGTHS, Manifest, PARTS, PatchSet, Triplet, epipolar, exact};
 
-/// Side of a patch, in sizes of the keypoint: what the describers use for SIFT's keypoints.
+/// Side of a patch, in sizes of the keypoint, as descriptors on SIFT's keypoints use it.
 const SCALE_FACTOR: f32 = 6.75;
-/// A point seen in `b` may be this much nearer or farther than it should be before it counts as
-/// hidden.
+/// A point counts as hidden in `b` if the depth there differs from its own by more than this share.
 const DEPTH_TOLERANCE: f64 = 0.01;
 
-/// What a set is made of.
+/// What a set is made from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Recipe {
     /// Scenes of each part: folders of datasets, or `rendered:<name>`.
@@ -41,8 +40,8 @@ pub(crate) struct Recipe {
     pub(crate) seed: u64,
 }
 
-/// Makes the set of `recipe` in `folder`, which must not hold one; scenes that were finished before
-/// a stop are not made again.
+/// Makes the set of `recipe` in `folder`, which must not contain a set yet. Scenes that were finished before a
+/// stop are not made again.
 pub(crate) fn make(recipe: &Recipe, folder: &Path, bar: &ProgressBar) -> Result<Manifest> {
     let path = folder.join("manifest.json");
     ensure!(
@@ -80,7 +79,7 @@ pub(crate) fn make(recipe: &Recipe, folder: &Path, bar: &ProgressBar) -> Result<
     Ok(manifest)
 }
 
-/// Whether there is such a scene, before minutes are spent on others.
+/// Checks that a scene exists, before minutes are spent on others.
 fn check(scene: &str) -> Result<()> {
     match scene.strip_prefix("rendered:") {
         Some(name) => rendered_scene(name).map(drop),
@@ -100,7 +99,8 @@ fn rendered_scene(name: &str) -> Result<&'static Scene> {
     })
 }
 
-/// The patches of one scene, from `folder` if it was finished there, or else made and put there.
+/// The patches of one scene. They are read from `folder` if they were finished there; otherwise they are made
+/// and written there.
 fn make_scene(scene: &str, recipe: &Recipe, folder: &Path, bar: &ProgressBar) -> Result<PatchSet> {
     let alone = Recipe {
         scenes: [vec![scene.to_owned()], Vec::new(), Vec::new()],
@@ -141,7 +141,7 @@ struct Maker<'a> {
     bar: &'a ProgressBar,
 }
 
-/// An image and what is needed of it; patches that were stored already are not stored again.
+/// An image and the data needed for it. A patch that is stored already is not stored again.
 struct View {
     features: Features,
     source: PatchSource,
@@ -162,7 +162,7 @@ impl Maker<'_> {
         self.set.sources.len() as u32 - 1
     }
 
-    /// Pairs of photographs by their poses, and each photograph with warped views of itself.
+    /// Adds pairs of photographs by their poses, and pairs of each photograph with warped views of itself.
     fn add_sequence(&mut self, folder: &Path) -> Result<()> {
         let sequence = Sequence::open(folder)?;
         let name = sequence.name.clone();
@@ -193,7 +193,7 @@ impl Maker<'_> {
         Ok(())
     }
 
-    /// Pairs of each image with warped views of it.
+    /// Adds pairs of each image with warped views of it.
     fn add_warps(&mut self, images: &[GrayImage], views: &mut [View], name: &str, seed: Seed) {
         let source = self.source(format!("{name}/warps"));
         for (frame, (image, view)) in images.iter().zip(views).enumerate() {
@@ -209,7 +209,7 @@ impl Maker<'_> {
         }
     }
 
-    /// Pairs of a rendered scene, by its depth, and warped views of its images.
+    /// Adds pairs of images of a rendered scene, by its depth, and pairs with warped views of its images.
     fn add_rendered(&mut self, name: &str) -> Result<()> {
         let scene = rendered_scene(name)?;
         let source = self.source(format!("rendered-{name}/depth"));
@@ -245,8 +245,8 @@ impl Maker<'_> {
         Ok(())
     }
 
-    /// Adds some of the pairs of keypoints, each with the keypoint of `b` that looks most similar
-    /// to that of `a` but is elsewhere.
+    /// Adds some of the pairs of keypoints. Each becomes a triplet with the keypoint of `b` that looks most
+    /// similar to that of `a` but is elsewhere.
     fn add(
         &mut self,
         [a, b]: [&mut View; 2],
@@ -274,7 +274,7 @@ impl Maker<'_> {
         }
     }
 
-    /// Number of the patch of a keypoint, which is stored if it was not.
+    /// The number of the patch of a keypoint; the patch is stored first if it was not yet.
     fn store(&mut self, view: &mut View, keypoint: usize) -> u32 {
         if let Some(&index) = view.stored.get(&keypoint) {
             return index;
@@ -318,7 +318,7 @@ fn most_similar_elsewhere(a: &Features, i: usize, b: &Features, truth: usize) ->
         .map(|(_, j)| j)
 }
 
-/// Where a point of the first image lies in the second, unless something stands before it there.
+/// The place in the second image of a point of the first; `None` if something hides it there.
 fn transfer(
     scene: &Scene,
     [depth_a, depth_b]: [&FloatImage; 2],

@@ -1,5 +1,4 @@
-//! Patches of keypoints and what is known about them: which show the same point, and which look
-//! as if they did.
+//! Patches around keypoints, with triplets that say which show the same point and which only look similar.
 //!
 //! A set is a folder:
 //!
@@ -10,8 +9,8 @@
 //! | `<part>/sift.bin` | SIFT's 128 values of each patch's keypoint, as bytes |
 //! | `<part>/triplets.bin` | anchor, positive, negative, source: 4 little-endian `u32` each |
 //!
-//! The parts are `train`, `validation` and `test`; no scene is in two of them. While the set is being
-//! made, each finished scene is a small set of its own in `unfinished/`.
+//! The parts are `train`, `validation` and `test`; no scene is in two of them. While a set is being made, each
+//! finished scene is a small set of its own in `unfinished/`.
 
 mod epipolar;
 mod exact;
@@ -44,7 +43,7 @@ const FILES: [&str; 4] = [
 /// The parts of a set.
 pub(crate) const PARTS: [&str; 3] = ["train", "validation", "test"];
 
-/// Three patches: two of one point, and one that looks similar but is of another point.
+/// Three patches: two of the same point, and one of another point that looks similar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Triplet {
     pub(crate) anchor: u32,
@@ -54,7 +53,7 @@ pub(crate) struct Triplet {
     pub(crate) source: u32,
 }
 
-/// What `manifest.json` holds.
+/// The content of `manifest.json`.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct Manifest {
     pub(crate) version: u32,
@@ -177,7 +176,7 @@ impl PatchSet {
         self.sources.extend(other.sources);
     }
 
-    /// Writes the four files of part `name` and says what they hold.
+    /// Writes the four files of part `name` and returns their description.
     fn write(&self, folder: &Path, name: &str) -> Result<PartManifest> {
         let folder = folder.join(name);
         fs::create_dir_all(&folder).with_context(|| format!("{}", folder.display()))?;

@@ -1,24 +1,24 @@
-//! A photograph as it would look if it were a plane seen from elsewhere, by another camera.
+//! Warps a photograph as if it were a plane that another camera sees from another place.
 
 use matchbench_vision::image::{FloatImage, GrayImage, Size, gaussian_blur};
 use matchbench_vision::seed::Seed;
 use nalgebra::{Matrix3, Point2, Vector3};
 
-/// Longest way of a shaken camera during the exposure, in pixels.
+/// Longest path of a shaken camera during the exposure, in pixels.
 const SHAKE: f64 = 8.0;
-/// Moments of a shaken exposure.
+/// Number of moments that are averaged in a shaken exposure.
 const MOMENTS: usize = 8;
 
-/// A homography and the image that it makes.
+/// A homography and the image that it gives.
 pub(super) struct Warp {
     pub(super) image: GrayImage,
     b_from_a: Matrix3<f64>,
 }
 
 impl Warp {
-    /// A view of `image`, turned by up to 30 degrees, 0.6 to 1.6 times as large, slanted, with other
-    /// brightness and contrast and some noise; if `blurred`, nearly half of the views are out of
-    /// focus and nearly half shaken, by random amounts.
+    /// A view of `image`: turned by up to 30 degrees, 0.6 to 1.6 times as large, slanted, with other brightness
+    /// and contrast and some noise. If `blurred`, nearly half of the views are out of focus and nearly half are
+    /// shaken, by random amounts.
     pub(super) fn new(image: &GrayImage, blurred: bool, seed: Seed) -> Self {
         let mut rng = seed.rng();
         let mut within = |low: f64, high: f64| low + (high - low) * rng.uniform();
@@ -67,7 +67,7 @@ impl Warp {
         }
     }
 
-    /// Where a point of the photograph lies in the view; `None` outside.
+    /// The place of a point of the photograph in the view; `None` if it is outside.
     pub(super) fn transfer(&self, at: Point2<f64>) -> Option<Point2<f64>> {
         let inside = |p: &Point2<f64>| {
             let size = self.image.size();
@@ -83,9 +83,9 @@ impl Warp {
 
 /// How a view is blurred.
 struct Blur {
-    /// Standard deviation in pixels; small or negative for a sharp view.
+    /// Standard deviation of the defocus, in pixels; small or negative for a sharp view.
     focus: f64,
-    /// Way of the camera during the exposure, in pixels; short for a steady one.
+    /// Path of the camera during the exposure, in pixels; short for a steady camera.
     shake: [f64; 2],
 }
 
@@ -126,7 +126,7 @@ fn apply(h: &Matrix3<f64>, p: Point2<f64>) -> Option<Point2<f64>> {
     (q.z > 0.1).then(|| Point2::new(q.x / q.z, q.y / q.z))
 }
 
-/// Bilinear, with the outermost pixels continued.
+/// Bilinear interpolation; beyond the border the outermost pixels are repeated.
 fn interpolate(image: &GrayImage, at: Point2<f64>) -> f64 {
     let axis = |v: f64, length: usize| {
         let v = v.clamp(0.0, length as f64 - 1.0);
@@ -149,7 +149,7 @@ mod tests {
         let image = GrayImage::from_fn(Size::new(80, 60), |x, y| (40 + 2 * x + y) as u8);
         for n in 0..8 {
             let warp = Warp::new(&image, n % 2 == 1, Seed(n));
-            // Brightness changes, but what is brighter stays brighter.
+            // Brightness changes, but the order of brighter and darker stays.
             let darker = warp.transfer(Point2::new(25.0, 25.0));
             let brighter = warp.transfer(Point2::new(55.0, 35.0));
             let shade =
