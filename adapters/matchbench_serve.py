@@ -1,6 +1,7 @@
-"""Makes two Python functions a matcher of matchbench: the protocol, the images and their sizes.
+"""Makes a matcher of matchbench from one or two Python functions. It handles the protocol, the images and their sizes.
 
-A matcher of pairs, and one that describes images first (they are described once each):
+There are three kinds: a matcher of pairs; one that first extracts something from each image, once per image; and one that
+only describes images, while matchbench compares the descriptors.
 
     serve(match=f)               f(a, b, params)          -> points_a, points_b[, certainty]
     serve(extract=e, match=m)    e(image, params)         -> anything; its points in "keypoints"
@@ -8,14 +9,13 @@ A matcher of pairs, and one that describes images first (they are described once
     serve(describe=d)            d(image, params)         -> keypoints, descriptors[, {"scales": ..}]
                                                              for a manifest of kind = "features"
 
-`prepare(params)`, if there is one, loads what takes its time, before the first pair is waited for and
-timed. `a`, `b` and `image` are `Image`s. `image.gray(n)` and `image.rgb(n)` are its pixels, at most n wide and
-high; points are pixels of that, with the centre of the first pixel at 0, and `serve` brings them back to
-the original image. Certainty is from 0 to 1, higher is better. What a function prints goes to the log;
-what it raises is the reason why this pair failed. `params` is what the function `defaults` gives, changed
-by the manifest; unknown ones are refused.
+`prepare(params)`, if there is one, loads whatever takes long, before the first pair is timed. `a`, `b` and `image` are
+`Image` objects. `image.gray(n)` and `image.rgb(n)` return its pixels, at most n wide and high. Points are in these pixels,
+with the centre of the first pixel at 0; `serve` converts them to the original image. Certainty is from 0 to 1, higher is
+better. Whatever a function prints goes to the log. If it raises an exception, this pair failed, with the exception as the
+reason. `params` are the values of the function `defaults`, changed by the manifest; unknown names are refused.
 
-Needs numpy, and cv2 or PIL to read images. The protocol is described in matchbench's documentation.
+It needs numpy, and cv2 or PIL to read images. The documentation of matchbench describes the protocol.
 """
 
 import hashlib
@@ -34,13 +34,13 @@ PROTOCOL = 1
 
 
 class Image:
-    """An image file, and the pixels that a matcher asked for."""
+    """An image file, and the pixels that a matcher asked for last."""
 
     def __init__(self, path, size):
         self.path, self.size, self.scale = path, tuple(size), (1.0, 1.0)
 
     def gray(self, max_size=None):
-        """Gray pixels, uint8, at most `max_size` wide and high."""
+        """Grey pixels, uint8, at most `max_size` wide and high."""
         return self._shrink(_read(self.path, True), max_size)
 
     def rgb(self, max_size=None):
@@ -48,7 +48,7 @@ class Image:
         return self._shrink(_read(self.path, False), max_size)
 
     def original(self, points):
-        """Points of the pixels that were asked for last, in the original image."""
+        """Converts points in the pixels that were asked for last to the original image."""
         points = np.asarray(points, np.float64).reshape(-1, 2)
         return (points + 0.5) * self.scale - 0.5
 
@@ -67,7 +67,7 @@ class Image:
 
 def serve(match=None, extract=None, describe=None, prepare=None, name=None, version="", defaults=None,
           keep=64):
-    """Serves until the host says goodbye or goes away, then ends. `keep` images are remembered."""
+    """Answers requests until matchbench says goodbye or ends, then exits. The last `keep` images are kept in memory."""
     answers = _take_standard_output()
     requests = queue.Queue()
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
@@ -135,15 +135,15 @@ def serve(match=None, extract=None, describe=None, prepare=None, name=None, vers
             seconds = {}
             answer = (described if request["type"] == "describe" else matches)(request, seconds)
             say(**answer, seconds=seconds, device=str(device))
-        except Exception as error:  # whatever a matcher raises costs this pair and no other
+        except Exception as error:  # an exception of the matcher fails this pair and no other
             traceback.print_exc()
             say(type="failed", reason=f"{type(error).__name__}: {error}", **about)
     sys.stderr.flush()
-    os._exit(0)  # libraries can take longer to clean up than the host waits
+    os._exit(0)  # libraries can take longer to clean up than matchbench waits
 
 
 def _take_standard_output():
-    """Standard output, for answers alone: whatever else is printed goes to standard error."""
+    """Reserves standard output for answers: everything else that is printed goes to standard error."""
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     sys.stdout = sys.stderr
@@ -151,7 +151,7 @@ def _take_standard_output():
 
 
 def _read_requests(requests):
-    """Reads requests; when the host goes away, goes too, also in the middle of a pair."""
+    """Reads requests. If matchbench ends, this process exits, also in the middle of a pair."""
     for line in sys.stdin:
         requests.put(json.loads(line))
         if '"bye"' in line:
@@ -160,13 +160,13 @@ def _read_requests(requests):
 
 
 def _digest(script):
-    """The script in eight letters: one that was changed is another version."""
+    """A hash of the script in eight characters; a script that was changed is another version."""
     with open(script, "rb") as file:
         return hashlib.sha256(file.read()).hexdigest()[:8]
 
 
 def _read(path, gray):
-    """The pixels as they are stored, without a turn by EXIF: cameras belong to these."""
+    """The pixels as they are stored, without a turn by EXIF, since the cameras belong to the stored pixels."""
     try:
         import cv2
     except ImportError:
@@ -180,7 +180,7 @@ def _read(path, gray):
 
 
 def _areas(pixels, count, axis):
-    """`count` means of equal areas along `axis`, as OpenCV's INTER_AREA makes smaller images."""
+    """`count` means of equal areas along `axis`, as OpenCV's INTER_AREA reduces images."""
     length = pixels.shape[axis]
     sums = np.concatenate([np.zeros_like(pixels.take([0], axis), np.float64),
                            pixels.cumsum(axis, dtype=np.float64)], axis)

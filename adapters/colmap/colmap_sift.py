@@ -1,4 +1,4 @@
-"""COLMAP's SIFT, described here and searched by matchbench."""
+"""SIFT of COLMAP. This program describes images, and matchbench compares the descriptors."""
 
 import sys
 from pathlib import Path
@@ -17,7 +17,7 @@ def describe(image, params):
     options.sift.max_num_features = params["max_keypoints"]
     pixels = np.ascontiguousarray(image.gray(params["max_size"]))
     keypoints, descriptors = pycolmap.Sift(options, pycolmap.Device.cpu).extract(pixels)
-    # COLMAP puts the centre of the first pixel at 0.5, and gives the radius of a frame.
+    # In COLMAP the centre of the first pixel is 0.5, and a frame has a radius.
     more = {"scales": 2 * keypoints[:, 2], "angles": keypoints[:, 3] % (2 * np.pi)}
     return keypoints[:, :2] - 0.5, descriptors, more
 

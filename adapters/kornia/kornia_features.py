@@ -1,4 +1,4 @@
-"""Local features of Kornia, by the name of their class, with its mutual ratio test."""
+"""Local features of Kornia, chosen by the name of their class, with Kornia's mutual ratio test."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""SIFT, ORB or AKAZE of OpenCV with its brute-force search, the ratio test, and the mutual check if asked."""
+"""SIFT, ORB or AKAZE of OpenCV with its brute-force search, the ratio test, and the mutual check if asked for."""
 
 import sys
 from pathlib import Path

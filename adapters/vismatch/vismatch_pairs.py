@@ -1,4 +1,4 @@
-"""Any matcher of vismatch by its name; vismatch fetches its weights at the first start."""
+"""Any matcher of vismatch, chosen by its name. vismatch downloads its weights at the first start."""
 
 import sys
 from pathlib import Path

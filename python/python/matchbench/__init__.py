@@ -1,8 +1,8 @@
-"""From two images to the relative pose of their cameras, and the benchmark of what matches them.
+"""Estimates the relative pose of two cameras from their images, and benchmarks feature matchers.
 
-Images are numpy arrays of uint8, height x width (grey) or height x width x 3 (RGB). Positions are x, y in
-pixels, the centre of the first pixel at (0, 0). Every call releases the interpreter, is deterministic, and
-refuses parameters that it does not know.
+Images are numpy arrays of uint8, height x width (grey) or height x width x 3 (RGB). Positions are x, y in pixels; the
+centre of the first pixel is (0, 0). Every call releases the interpreter, is deterministic, and refuses unknown
+parameters.
 """
 
 from ._correspondences import Correspondences, match

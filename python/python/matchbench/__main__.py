@@ -6,7 +6,7 @@ from ._native import command_line
 
 
 def main() -> None:
-    """Does what the arguments ask and exits."""
+    """Executes the command in the arguments and exits."""
     sys.exit(command_line(["matchbench", *sys.argv[1:]]))
 
 

@@ -1,4 +1,4 @@
-"""Putative matches: pairs of features whose descriptors are near."""
+"""Putative matches: pairs of features whose descriptors are close to each other."""
 
 from typing import Any, NamedTuple
 
@@ -14,9 +14,9 @@ class _IndicesAndDistances(NamedTuple):
 
 
 class Correspondences(_IndicesAndDistances):
-    """Unpacks as `indices, distances`: m x 2 (feature of a, feature of b), and m distances of descriptors
-    (Euclidean, or the number of differing bits). `second` has the distances to the second nearest, which
-    selectors and `ambiguity` need."""
+    """Putative matches. Unpacks as `indices, distances`: m x 2 (feature of a, feature of b), and m distances of
+    descriptors (Euclidean, or the number of differing bits). `second` has the distances to the second nearest
+    neighbour, which selectors and `ambiguity` need."""
 
     second: NDArray[np.float32]
 
@@ -24,13 +24,13 @@ class Correspondences(_IndicesAndDistances):
     def of(
         cls, indices: NDArray[np.int64], distances: NDArray[np.float32], second: NDArray[np.float32]
     ) -> "Correspondences":
-        """Matches of anybody; `second` is infinite where there is no second candidate."""
+        """Makes them from your own arrays. `second` is infinite if there is no second candidate."""
         made = cls(indices, distances)
         made.second = second
         return made
 
     def _replace(self, **changes: Any) -> "Correspondences":  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The same with other values of some fields, of which `second` is one."""
+        """The same matches with other values of some fields; `second` is one of the fields."""
         kept = {**vars(self), **{name: changes.pop(name) for name in ("second",) if name in changes}}
         made = super()._replace(**changes)
         vars(made).update(kept)
@@ -40,7 +40,7 @@ class Correspondences(_IndicesAndDistances):
 
     @property
     def ambiguity(self) -> NDArray[np.float32]:
-        """m: nearest over second nearest distance, from 0 (certain) to 1; what estimators take."""
+        """m: nearest divided by second nearest distance, from 0 (certain) to 1, as estimators take it."""
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = self.distances / self.second
         return np.where(np.isnan(ratio), np.float32(1), ratio)
@@ -54,9 +54,9 @@ def match(
 ) -> Correspondences:
     """Exact nearest neighbours of the features of `a` among those of `b`, as `indices, distances`.
 
-    `method`: "nn" keeps all; "ratio" those clearly nearer than the second nearest (Lowe's test at `ratio`,
-    0.8 unless given); "mutual" those that are each other's nearest; "smnn" those that are, and pass the ratio
-    test in both directions.
+    `method` says which neighbours are kept. "nn": all. "ratio": those that are clearly nearer than the second nearest
+    (Lowe's test at `ratio`, 0.8 unless given). "mutual": those where each is the nearest of the other. "smnn": mutual
+    nearest neighbours that also pass the ratio test in both directions.
     """
     for value in (a, b):
         if not isinstance(value, Features):  # pyright: ignore[reportUnnecessaryIsInstance]

@@ -1,8 +1,8 @@
-"""OpenCV's way of calling features, so that one line switches from it: `cv2.SIFT_create` -> `SIFT_create`.
+"""Features with OpenCV's functions and methods, so that one changed line is enough: `cv2.SIFT_create` -> `SIFT_create`.
 
-Keypoints are `cv2.KeyPoint` where cv2 can be imported, and else a tuple with the same names. Arguments have
-OpenCV's names and mean the same; those that have no counterpart here are refused. Colour images are BGR, as cv2
-reads them. A mask keeps the keypoints where it is not 0; a limit on the number of features applies before it.
+Keypoints are `cv2.KeyPoint` if cv2 can be imported, otherwise a tuple with the same names. Arguments have OpenCV's names
+and meanings; those that have no counterpart here are refused. Colour images are BGR, as cv2 reads them. A mask keeps the
+keypoints where it is not 0; a limit on the number of features applies before the mask.
 """
 
 import importlib
@@ -17,7 +17,7 @@ from ._native import Features
 
 
 class KeyPoint(NamedTuple):
-    """The names of cv2.KeyPoint: angle in degrees, -1 where there is none."""
+    """A keypoint with the names of cv2.KeyPoint: angle in degrees, -1 if there is none."""
 
     pt: tuple[float, float]
     size: float
@@ -36,7 +36,7 @@ class Feature2D:
     def detectAndCompute(
         self, image: NDArray[np.uint8], mask: NDArray[np.uint8] | None = None
     ) -> tuple[Sequence[Any], NDArray[Any] | None]:
-        """Keypoints and their descriptors, n x d; None for these where there are no keypoints."""
+        """Keypoints and their descriptors, n x d; None instead of descriptors if there are no keypoints."""
         rgb = image[:, :, ::-1] if getattr(image, "ndim", 0) == 3 else image
         features = self.extractor.extract(rgb)
         if mask is not None:
@@ -66,7 +66,7 @@ def SIFT_create(
 def ORB_create(
     nfeatures: int = 500, scaleFactor: float = 1.2, nlevels: int = 8, fastThreshold: int = 20
 ) -> Feature2D:
-    """As cv2.ORB_create; the other arguments of that one have their defaults."""
+    """As cv2.ORB_create; all other arguments of that function have their defaults."""
     return Feature2D(
         ORB(features=nfeatures, scale_factor=scaleFactor, levels=nlevels, fast_threshold=fastThreshold)
     )
@@ -122,7 +122,7 @@ def _keypoints(features: Features) -> tuple[Any, ...]:
 
 
 def _maker() -> Callable[..., Any]:
-    """Makes a keypoint from x, y, size, angle, response, octave."""
+    """The function that makes a keypoint from x, y, size, angle, response, octave."""
 
     def make(x: float, y: float, *rest: Any) -> KeyPoint:
         return KeyPoint((x, y), *rest)

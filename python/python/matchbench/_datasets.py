@@ -1,4 +1,4 @@
-"""Datasets from other layouts, and rendered ones for trying things out."""
+"""Datasets imported from other layouts, and rendered datasets to try things out."""
 
 import os
 import warnings
@@ -25,9 +25,9 @@ def import_dataset(
     intrinsics: _Path | None = None,
     images: str = "reference",
 ) -> Dataset:
-    """Brings the folder `source`, of the layout `kind` ("tum", "kitti", "folder" ...; `matchbench import --help`
-    describes all), into the new folder `out`, and opens it. Options are that command's; one that the kind has not
-    is refused. What should be known about the dataset is warned of."""
+    """Imports the folder `source`, in the layout `kind` ("tum", "kitti", "folder" ...; `matchbench import --help`
+    describes all), as the new folder `out`, and opens it. The options are those of this command; an option that the
+    kind does not have is refused. Whatever you should know about the dataset is given as a warning."""
     notes = native_import(
         kind,
         source,
@@ -50,6 +50,6 @@ def import_dataset(
 def rendered_scene(
     name: str, folder: _Path, *, frames: int | None = None, size: tuple[int, int] | None = None
 ) -> Dataset:
-    """A scene with exact poses, rendered into `folder` if it is not there yet: no substitute for your own
-    images. `frames` takes the first ones only, `size` is (width, height)."""
+    """A scene with exact poses, rendered into `folder` if it does not exist yet. It does not replace your own images.
+    With `frames`, only the first so many frames are rendered. `size` is (width, height)."""
     return Dataset.open(native_scene(name, folder, frames, size))

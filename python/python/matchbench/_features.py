@@ -1,5 +1,5 @@
-"""Local features: one class for each, all with `extract`. Parameters and their defaults are those of the
-command line (`matchbench list matchers` shows them as `extractor`); `params` tells all of them."""
+"""Local features: one class for each kind, all with the method `extract`. Parameters and their defaults are those of the
+command line (`matchbench list matchers` shows them as `extractor`); `params` returns all of them."""
 
 import json
 from typing import Any, ClassVar
@@ -13,7 +13,7 @@ from ._params import to_json
 
 
 class Extractor:
-    """Finds and describes keypoints. `max_size` (pixels) makes larger images smaller first."""
+    """Finds and describes keypoints. An image that is larger than `max_size` (pixels) is made smaller first."""
 
     _matcher: ClassVar[str]
 
@@ -22,7 +22,7 @@ class Extractor:
 
     @property
     def params(self) -> dict[str, Any]:
-        """Every parameter, also those left at their defaults."""
+        """Every parameter, including those at their defaults."""
         return json.loads(self._native.params)["extractor"]
 
     def extract(self, image: NDArray[np.uint8]) -> Features:
@@ -40,8 +40,8 @@ class SIFT(Extractor):
 
 
 class DSPSIFT(Extractor):
-    """J. Dong, S. Soatto, "Domain-Size Pooling in Local Descriptors: DSP-SIFT", CVPR 2015; with `affine_shape`
-    on ellipses."""
+    """J. Dong, S. Soatto, "Domain-Size Pooling in Local Descriptors: DSP-SIFT", CVPR 2015. With
+    `affine_shape`, ellipses are described."""
 
     _matcher = "dsp-sift"
 

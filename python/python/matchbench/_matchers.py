@@ -12,7 +12,7 @@ from ._params import to_json
 
 
 class Matcher:
-    """A matcher of the command line; see `matcher`."""
+    """A matcher, as the command line has it; see `matcher`."""
 
     def __init__(self, id: str, **params: Any) -> None:
         self._native = NativeMatcher(id, to_json(params))
@@ -24,12 +24,12 @@ class Matcher:
 
     @property
     def native(self) -> NativeMatcher:
-        """The compiled part."""
+        """The compiled object."""
         return self._native
 
     @property
     def params(self) -> dict[str, Any]:
-        """Every parameter, also those left at their defaults."""
+        """Every parameter, including those at their defaults."""
         return json.loads(self._native.params)
 
     def extract(self, image: NDArray[np.uint8]) -> Features:
@@ -45,7 +45,7 @@ class Matcher:
         *,
         seed: int = 0,
     ) -> Matches:
-        """Matched points of two images. Only RepMatch looks at the cameras."""
+        """Matched points of two images. Only RepMatch uses the cameras."""
         return self._native.match_images(image_a, image_b, camera_a, camera_b, seed)
 
     def __repr__(self) -> str:
@@ -53,6 +53,6 @@ class Matcher:
 
 
 def matcher(id: str, **params: Any) -> Matcher:
-    """The matcher called `id` (`matchbench list matchers` names all); what `params` leaves out keeps its
-    default. Parameters of parts are dicts: `matcher("sift", ratio=0.7, extractor={"sigma": 1.2})`."""
+    """The matcher with this `id` (`matchbench list matchers` lists all). Parameters that are not in `params` keep their
+    defaults. The parameters of a part are a dict: `matcher("sift", ratio=0.7, extractor={"sigma": 1.2})`."""
     return Matcher(id, **params)

@@ -1,4 +1,4 @@
-"""The compiled part; `matchbench` gives it its names and defaults."""
+"""The compiled module. The package `matchbench` adds names and defaults."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ _Path = str | os.PathLike[str]
 _Arrays = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]
 
 class Error(Exception):
-    """Something outside the arguments is wrong: a file, a dataset, a run, a matcher that broke."""
+    """A problem outside the arguments: with a file, a dataset or a run, or a matcher that failed."""
 
 class NoPose(Error):
     """The matches determine no pose; the message says why."""
@@ -19,8 +19,8 @@ class NoPose(Error):
 @final
 class Camera:
     """A pinhole camera: `u = fx x + cx`, `v = fy y + cy` for the point (x, y) at depth 1, after lens
-    distortion (k1, k2, p1, p2[, k3], as in OpenCV). `origin` says where the pixel (0, 0) of (cx, cy) is: at
-    the centre of the first pixel (OpenCV, and everywhere here) or at its corner (COLMAP)."""
+    distortion (k1, k2, p1, p2[, k3], as in OpenCV). `origin` says where the origin of (cx, cy) is: at
+    the centre of the first pixel ("center": OpenCV, and everywhere here) or at its corner ("corner": COLMAP)."""
 
     def __new__(
         cls,
@@ -34,7 +34,7 @@ class Camera:
     ) -> Camera: ...
     @staticmethod
     def from_model(model: str, params: Sequence[float], *, origin: str) -> Camera:
-        """A camera by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE,
+        """A camera, given by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE,
         SIMPLE_RADIAL, RADIAL or OPENCV."""
     @property
     def fx(self) -> float: ...
@@ -49,8 +49,8 @@ class Camera:
 
 @final
 class Features:
-    """Keypoints of an image and their descriptors: row i of every array is feature i. The arrays cannot be
-    written; copy one to change it."""
+    """Keypoints of an image and their descriptors: row i of every array is feature i. The arrays are
+    read-only; copy one to change it."""
 
     @staticmethod
     def from_arrays(
@@ -66,9 +66,9 @@ class Features:
         bits: int | None = None,
         origin: str = "center",
     ) -> Features:
-        """Features of anybody: keypoints n x 2 (x, y in pixels), descriptors n x d (float32, or uint8 for
-        bits), (width, height). `bits` says how many bits of a row of bytes count; default: all. Every number is
-        finite, but angles are NaN where there is none; sizes are not below 0."""
+        """Features from your own arrays: keypoints n x 2 (x, y in pixels), descriptors n x d (float32, or uint8 for
+        bits), (width, height). `bits` is the number of bits of a row of bytes that are used; default: all. Every
+        number must be finite, except that an angle is NaN if there is none. Sizes must not be below 0."""
     @property
     def keypoints(self) -> NDArray[np.float32]:
         """n x 2: x, y in pixels of the image; the centre of the first pixel is (0, 0)."""
@@ -77,7 +77,7 @@ class Features:
         """n: diameters of the described neighbourhoods, in pixels."""
     @property
     def angles(self) -> NDArray[np.float32]:
-        """n: orientations in radians, from the x axis towards the y axis; NaN where there is none."""
+        """n: orientations in radians, from the x axis towards the y axis; NaN if there is none."""
     @property
     def responses(self) -> NDArray[np.float32]:
         """n: strength of the detector's response."""
@@ -86,11 +86,11 @@ class Features:
         """n: pyramid levels, as the detector numbers them."""
     @property
     def lafs(self) -> NDArray[np.float32]:
-        """n x 2 x 3: local affine frames as kornia has them; each takes the unit circle to what was
-        described."""
+        """n x 2 x 3: local affine frames in the form of kornia. Each maps the unit circle to the
+        region that was described."""
     @property
     def descriptors(self) -> NDArray[Any]:
-        """n x d: float32, or uint8 for bits (eight in a byte, the first the least significant)."""
+        """n x d: float32, or uint8 for bits (eight per byte, the least significant first)."""
     @property
     def image_size(self) -> tuple[int, int]:
         """Width and height of the image."""
@@ -98,10 +98,10 @@ class Features:
     def bits(self) -> int | None:
         """Bits of a descriptor; None if it has real values."""
     def select(self, indices: Sequence[int] | Sequence[bool] | NDArray[np.integer[Any] | np.bool_]) -> Features:
-        """The features at these indices, in that order, or those that a mask is true for."""
+        """The features at these indices, in that order, or those for which a mask is true."""
     def to_dict(self, *, origin: str = "center") -> dict[str, NDArray[Any]]:
-        """With LightGlue's keys: keypoints, descriptors, keypoint_scores, scales, oris, image_size; without
-        its axis of the batch."""
+        """A dict with LightGlue's keys: keypoints, descriptors, keypoint_scores, scales, oris, image_size; without
+        its batch axis."""
     def __len__(self) -> int: ...
 
 @final
@@ -119,8 +119,8 @@ class Matches:
         """m: from 0 (certain) to 1 (a second candidate is as good)."""
     @property
     def turns(self) -> NDArray[np.float32] | None:
-        """m: by how much the keypoint of b is turned against that of a, in radians from 0 to 2 pi; None where keypoints
-        have no orientation."""
+        """m: the angle by which the keypoint of b is turned relative to that of a, in radians from 0 to 2 pi; None if
+        keypoints have no orientation."""
     @property
     def indices(self) -> NDArray[np.int64]:
         """m x 2: features of a and of b."""
@@ -166,27 +166,27 @@ class PoseEstimate:
         """3 x 3."""
     @property
     def t(self) -> NDArray[np.float64]:
-        """3, of length 1: two images do not tell the scale."""
+        """3, of length 1, since the scale cannot be known from two images."""
     @property
     def q(self) -> NDArray[np.float64]:
         """R as a quaternion w, x, y, z."""
     @property
     def inliers(self) -> NDArray[np.bool_]:
-        """For each match whether it agrees."""
+        """For each match, whether it agrees."""
     @property
     def num_inliers(self) -> int: ...
     @property
     def support(self) -> int:
-        """Matches whose point is in front of both cameras and nearer than the largest depth."""
+        """Number of matches whose point is in front of both cameras and nearer than the largest depth."""
     @property
     def confidence(self) -> float:
-        """The probability that the pose is within 10 degrees of the truth, as the matches tell."""
+        """The probability that the pose is within 10 degrees of the truth, estimated from the matches."""
     @property
     def overlap_probability(self) -> float:
-        """The probability that the images overlap and the matches show it; below 0.5 the answer is "no overlap"."""
+        """The probability that the images overlap and the matches show that; below 0.5 the answer is "no overlap"."""
     @property
     def iterations(self) -> int:
-        """Samples drawn."""
+        """Number of samples drawn."""
 
 @final
 class HomographyEstimate:
@@ -197,12 +197,12 @@ class HomographyEstimate:
         """3 x 3, of norm 1."""
     @property
     def inliers(self) -> NDArray[np.bool_]:
-        """For each match whether it agrees."""
+        """For each match, whether it agrees."""
     @property
     def num_inliers(self) -> int: ...
     @property
     def iterations(self) -> int:
-        """Samples drawn."""
+        """Number of samples drawn."""
 
 @final
 class Estimator:
@@ -237,8 +237,8 @@ class Estimator:
 
 @final
 class Dataset:
-    """Images with known cameras, and pairs of them with their true relative pose. Pickled, it is its folder, which
-    is opened again."""
+    """Images with known cameras, and pairs of them with their true relative pose. A pickle holds only the path of the
+    folder, which is opened again."""
 
     @staticmethod
     def open(folder: _Path) -> Dataset:
@@ -255,12 +255,12 @@ class Dataset:
         """k x 2: frames a and b."""
     @property
     def b_from_a(self) -> NDArray[np.float64]:
-        """k x 4 x 4: the true poses; each takes a point from camera a to camera b. NaN where there is none."""
+        """k x 4 x 4: the true poses; each takes a point from camera a to camera b. NaN if there is none."""
     @property
     def homographies(self) -> NDArray[np.float64]:
-        """k x 3 x 3: true homographies; each takes pixels of a to those of b. NaN where there is none."""
+        """k x 3 x 3: true homographies; each maps pixels of a to those of b. NaN if there is none."""
     def read(self, frame: int) -> NDArray[np.uint8]:
-        """The image of a frame, grey, as a matcher of a run sees it."""
+        """The image of a frame, grey, as a matcher gets it in a run."""
     def camera(self, frame: int) -> Camera: ...
     def __len__(self) -> int: ...
 
@@ -281,7 +281,7 @@ def import_dataset(
 ) -> list[str]: ...
 def rendered_scene(name: str, cache: _Path, frames: int | None, size: tuple[int, int] | None) -> os.PathLike[str]: ...
 def read_gray(path: _Path) -> NDArray[np.uint8]:
-    """The image in a file as height x width, grey, decoded as every command does."""
+    """The image in a file as height x width, grey, decoded as in every command."""
 
 def run(
     datasets: Sequence[Dataset],
@@ -300,7 +300,7 @@ def run(
     progress: Callable[[int, int, str, str], None] | None,
 ) -> tuple[tuple[int, int, int, int], list[str]]: ...
 def pair_seed(dataset: str, matcher: str, a: int, b: int, *, seed: int = 0, repetition: int = 0) -> int:
-    """The seed of a pair in a run: with it `match` and `estimate` come to what the run records."""
+    """The seed of a pair in a run: with it, `match` and `estimate` give the same results as the run."""
 
 def evaluate(folder: _Path) -> tuple[dict[str, list[str] | NDArray[Any]], list[str]]: ...
 def report(

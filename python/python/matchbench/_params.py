@@ -1,4 +1,4 @@
-"""Arguments as they cross to the compiled part, which checks them: parameters as JSON, one or several as a list."""
+"""Converts arguments for the compiled module, which checks them: parameters to JSON, one or several values to a list."""
 
 import json
 import math
@@ -7,18 +7,18 @@ from typing import Any, cast
 
 
 def to_json(params: Mapping[str, Any]) -> str:
-    """The parameters as JSON; numpy's numbers are numbers."""
+    """The parameters as JSON; numpy scalars become numbers."""
 
     return json.dumps(_plain("params", params))
 
 
 def several(given: Any) -> list[Any]:
-    """What is given, as a list: a name, or what has no parts, is one."""
+    """The given values as a list. A name, or any value that cannot be iterated over, is one value."""
     return [given] if isinstance(given, str) or not hasattr(given, "__iter__") else list(given)
 
 
 def _plain(name: str, value: Any) -> Any:
-    """The value of the parameter `name`, of types that JSON knows."""
+    """The value of the parameter `name`, converted to types of JSON."""
     if hasattr(value, "item") and math.prod(value.shape) == 1:
         value = value.item()
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Relative pose: our estimators by name, and PoseLib's function over the one that we recommend."""
+"""Relative pose: our estimators by name, and PoseLib's function, computed by the estimator that we recommend."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,16 +28,16 @@ _LOSSES = {"TRUNCATED": "truncated", "CAUCHY": "cauchy"}
 
 
 def estimator(id: str, **params: Any) -> Estimator:
-    """The estimator called `id` ("best" is our recommendation for poses, "best-h" for homographies;
-    `matchbench list estimators` names all); what `params` leaves out keeps its default.
-    `estimate(points_a, points_b, camera_a, camera_b)` gives a `PoseEstimate`, of an estimator of homographies
-    `estimate_homography(points_a, points_b)` a `HomographyEstimate`; both may raise `NoPose`."""
+    """The estimator with this `id` ("best" is our recommendation for poses, "best-h" for homographies;
+    `matchbench list estimators` lists all). Parameters that are not in `params` keep their defaults.
+    `estimate(points_a, points_b, camera_a, camera_b)` returns a `PoseEstimate`. An estimator of homographies has
+    `estimate_homography(points_a, points_b)` instead, which returns a `HomographyEstimate`. Both may raise `NoPose`."""
     return Estimator(id, to_json(params))
 
 
 @dataclass(frozen=True)
 class CameraPose:
-    """`x_2 = R x_1 + t`, with PoseLib's names."""
+    """The pose `x_2 = R x_1 + t`, with PoseLib's names."""
 
     R: NDArray[np.float64]
     t: NDArray[np.float64]
@@ -62,20 +62,21 @@ def estimate_relative_pose(
 ) -> tuple[CameraPose | None, dict[str, Any]]:
     """PoseLib's function, computed by the estimator "best".
 
-    Cameras are `Camera`, or PoseLib's dicts ("model", "width", "height", "params"); `origin` says where their
-    principal points are counted from, while points are always counted from the centre of the first pixel:
-    "corner" is for COLMAP's cameras with keypoints of cv2 or of this package. Where points and cameras are
-    of one convention, whichever, leave it.
+    Cameras are `Camera` objects, or PoseLib's dicts ("model", "width", "height", "params"). `origin` says where their
+    principal points are counted from; points are always counted from the centre of the first pixel. Use "corner" for
+    COLMAP's cameras together with keypoints of cv2 or of this package. If points and cameras have the same
+    convention, whichever it is, do not give `origin`.
 
-    Keys of `ransac_opt`: max_iterations, min_iterations, success_prob, max_epipolar_error (or max_error; one
-    of the two), progressive_sampling, max_prosac_iterations, seed. Keys of `bundle_opt`: max_iterations,
-    loss_type (TRUNCATED, CAUCHY). Others raise: those of PoseLib that would do nothing here, saying why, and
-    unknown ones. What is left out has the default of "best", not of PoseLib; samples are drawn in the order
-    of `ambiguity` if it is given, or of the points with progressive_sampling, else uniformly.
+    Keys of `ransac_opt`: max_iterations, min_iterations, success_prob, max_epipolar_error (or max_error; one of the
+    two), progressive_sampling, max_prosac_iterations, seed. Keys of `bundle_opt`: max_iterations, loss_type
+    (TRUNCATED, CAUCHY). All other keys raise an error: unknown keys, and keys of PoseLib that would do nothing here,
+    with the reason. A key that is left out has the default of "best", not that of PoseLib. Samples are drawn in the
+    order of `ambiguity` if that is given, in the order of the points with progressive_sampling, and otherwise
+    uniformly.
 
-    Returns the pose and "num_inliers", "inlier_ratio", "inliers" (a list of bool), "iterations". The pose
-    is None where the matches determine none, and "no_pose" says why. PoseLib's "refinements" and
-    "model_score" have no counterpart.
+    Returns the pose and a dict with "num_inliers", "inlier_ratio", "inliers" (a list of bool), "iterations". If the
+    matches determine no pose, the pose is None, and "no_pose" says why. PoseLib's "refinements" and "model_score" have
+    no counterpart.
     """
     params: dict[str, Any] = {"sampler": "prosac" if ambiguity is not None else "uniform"}
     seed = 0
@@ -113,7 +114,7 @@ def estimate_relative_pose(
 
 
 def _put(params: dict[str, Any], where: str, names: Mapping[str, str], key: str, value: Any, *others: str) -> None:
-    """Gives a parameter its value by the name of an option; `others` are options that were looked at before."""
+    """Sets a parameter by the name of an option; `others` are options that were handled before."""
     if key in _WITHOUT_EFFECT:
         raise ValueError(f"{where}: {key} would do nothing: {_WITHOUT_EFFECT[key]}")
     if key not in names:

@@ -1,4 +1,4 @@
-"""How far a run is: a line on a terminal, a line below the cell of a notebook, silence elsewhere."""
+"""Shows the progress of a run: a line on a terminal, a line below the cell of a notebook, nothing elsewhere."""
 
 import sys
 import time
@@ -11,7 +11,7 @@ _Bar = Callable[[int, int, str, str], None]
 
 @contextmanager
 def shown(progress: bool | _Bar) -> Generator[_Bar | None, None, None]:
-    """What a run calls now and then; the line is ended when the run is."""
+    """The function that a run calls from time to time. The line ends with the run."""
     if callable(progress):
         yield progress
         return

@@ -28,7 +28,7 @@ class Run:
     now: int
     """Tasks that this call recorded."""
     failed: int
-    """Recorded tasks that broke; they count as wrong, and their records say why."""
+    """Recorded tasks that failed; they count as wrong, and their records say why."""
 
     @property
     def is_complete(self) -> bool:
@@ -53,26 +53,27 @@ def run(
     threads: int | None = None,
     progress: bool | Callable[[int, int, str, str], None] = True,
 ) -> Run:
-    """Does what is not yet recorded in the folder `out`: what `matchbench run` does, record for record.
-    Datasets, matchers, estimators and settings may be one or several: "sift" is ["sift"].
+    """Runs all tasks that are not yet recorded in the folder `out`. The records are the same as those of `matchbench run`.
+    Datasets, matchers, estimators and settings may be one or several: "sift" means ["sift"].
 
     A matcher is a name ("sift"), the path of a manifest ("./aliked.toml"), what `matcher(...)` returns, or
-    Python: a function of two images, or an object with `extract(image)` and `match(features_a, features_b)`.
-    Images are grey arrays; the answer is `(points_a, points_b)` or `(points_a, points_b, ambiguity)`, or
+    Python code: a function of two images, or an object with `extract(image)` and `match(features_a, features_b)`.
+    Images are grey arrays; the result is `(points_a, points_b)` or `(points_a, points_b, ambiguity)`, or
     `Matches`. Its name in tables is `name`, or that of the function or class; `version` and `params` are
     recorded if it has them. It may be called from several threads, one at a time unless it releases the
-    interpreter. An exception costs the pair, which is tried again when the call is repeated;
-    `retry_failed` tries again whatever failed.
+    interpreter. If it raises an exception, the pair failed; it is tried again when this call is repeated.
+    `retry_failed` tries everything again that failed.
 
-    Estimators are names or what `estimator(...)` returns; without any, each matcher has its own, and one written
-    in Python has "best". `settings` are as on the command line: ["sift.ratio=0.7"]. In tables, names come
-    first, then matchers written in Python, then what `matcher(...)` returned. `progress` may be a function of
-    (done, total, dataset, matcher).
+    Estimators are names or what `estimator(...)` returns; without any, each matcher has its own, and a matcher
+    written in Python has "best". `settings` are as on the command line: ["sift.ratio=0.7"]. In tables, matchers
+    given by name come first, then those written in Python, then those from `matcher(...)`. `progress` may be a
+    function of (done, total, dataset, matcher).
 
-    `keep_matches` says which matches stay on disk, at 20 bytes each: "all" that were selected, from which
-    estimators that are added later start, the "inliers" of each estimator, or "none".
+    `keep_matches` says which matches are kept on disk, at 20 bytes each: "all" selected matches, which estimators that
+    are added later can use; the "inliers" of each estimator; or "none".
 
-    Ctrl-C finishes the pairs in flight and is then raised; the same call goes on from there.
+    After Ctrl-C, the pairs that are being matched are finished, and then the interrupt is raised. The same call
+    continues from there.
     """
     datasets = _some("dataset", dataset, "give at least one")
     contenders = [_any_matcher(each) for each in _some("matchers", matchers, 'give at least one, as in ["sift"]')]
@@ -112,8 +113,8 @@ def report(
     bundle: _Path | None = None,
     pictures: int = 16,
 ) -> Path:
-    """Writes the report of a run and returns its page: `report/index.html` in the folder of the run, or in
-    `out`, or all of it as the one file `bundle`. What is missing in it is warned of."""
+    """Writes the report of a run and returns the path of its page: `report/index.html` in the folder of the run, or in
+    `out`, or everything as the one file `bundle`. Whatever is missing in it is given as a warning."""
     if out is not None and bundle is not None:
         raise ValueError("out is a folder and bundle one file that holds all of it; give one of the two")
     folder = run.path if isinstance(run, Run) else run

@@ -1,4 +1,4 @@
-"""Scores of a run as a table: a dict of columns, which becomes a data frame where there is a library for it."""
+"""Scores of a run as a table: a dict of columns, which can be converted to a data frame."""
 
 import importlib
 import os
@@ -16,9 +16,9 @@ _SHOWN = ("dataset", "matcher", "estimator", "pairs", "failed", "auc", "sp5", "r
 
 
 class Scores(dict[str, "list[str] | NDArray[Any]"]):
-    """One row for each dataset, matcher and estimator; columns of names (lists) and of numbers (arrays): every
-    score of the report, and `_low` and `_high` of its 95 % interval where it has one. `verdicts` says in
-    sentences who is best on each dataset, and how certainly."""
+    """One row per dataset, matcher and estimator. Columns are names (lists) and numbers (arrays): every score of the
+    report, and the ends `_low` and `_high` of its 95 % interval if it has one. `verdicts` says in sentences which
+    method is best on each dataset, and whether that is significant."""
 
     verdicts: list[str]
 
@@ -31,7 +31,7 @@ class Scores(dict[str, "list[str] | NDArray[Any]"]):
         return _module("polars").DataFrame(dict(self))
 
     def rows(self) -> list[list[str]]:
-        """What people look at first, as text."""
+        """The most important columns, as text."""
         columns = [[_text(value) for value in self[name]] for name in _SHOWN]
         return [list(row) for row in zip(*columns, strict=True)]
 

@@ -1,7 +1,7 @@
-"""Selectors: what GMS, KVLD, CODE, RepMatch, GAIM and AdaLAM keep of putative matches.
+"""The selectors of GMS, KVLD, CODE, RepMatch, GAIM and AdaLAM: which of the putative matches are kept.
 
-Each takes features of two images and putative matches (as `match` returns them; the matcher's own search if
-they are left out) and returns those that it keeps. Parameters are those of the matcher of the same name.
+Each takes the features of two images and putative matches, as `match` returns them, and returns the matches that it
+keeps. Without putative matches, the matcher's own search is used. Parameters are those of the matcher of the same name.
 """
 
 from typing import Any
@@ -19,7 +19,7 @@ _Cameras = tuple[Camera, Camera]
 
 
 def gms(a: Features, b: Features, matches: Correspondences | None = None, **params: Any) -> Correspondences:
-    """Those of cells that move together (Bian et al., CVPR 2017). Parameters: factor, scales, rotations."""
+    """Keeps matches in grid cells that move together (Bian et al., CVPR 2017). Parameters: factor, scales, rotations."""
     return _select("gms", {"selection": params}, a, b, matches)
 
 
@@ -32,15 +32,15 @@ def kvld(
     ratio: float = 0.98,
     **params: Any,
 ) -> Correspondences:
-    """Those joined by virtual lines that look the same (Liu, Marlet, BMVC 2012), after a ratio test at
-    `ratio`. It looks at the pixels of both images."""
+    """Keeps matches joined by virtual lines that look the same in both images (Liu, Marlet, BMVC 2012), after a ratio
+    test at `ratio`. It uses the pixels of both images."""
     return _select("kvld", {"ratio": ratio, "lines": params}, a, b, matches, images=images)
 
 
 def code(
     a: Features, b: Features, matches: Correspondences | None = None, *, seed: int = 0, **params: Any
 ) -> Correspondences:
-    """Those that move as their neighbours do (Lin et al., PAMI 2018)."""
+    """Keeps matches that move as their neighbours do (Lin et al., PAMI 2018)."""
     return _select("code", {"coherence": params}, a, b, matches, seed=seed)
 
 
@@ -53,21 +53,21 @@ def repmatch(
     seed: int = 0,
     **params: Any,
 ) -> Correspondences:
-    """CODE, learned again on the matches that one epipolar geometry explains (Lin et al., ECCV 2016)."""
+    """As CODE, but learned again on the matches that one epipolar geometry explains (Lin et al., ECCV 2016)."""
     return _select("repmatch", {"selection": params}, a, b, matches, cameras=cameras, seed=seed)
 
 
 def gaim(
     a: Features, b: Features, matches: Correspondences | None = None, *, seed: int = 0, **params: Any
 ) -> Correspondences:
-    """Candidates chosen together by affine neighbourhoods (Collins, Mesejo, Bartoli, ECCV 2014). Its own
-    search gives several candidates for each feature; leave `matches` out to have them."""
+    """Chooses among the candidates of all features together, by affine neighbourhoods (Collins, Mesejo, Bartoli, ECCV
+    2014). Its own search gives several candidates per feature; leave `matches` out to use it."""
     return _select("gaim", {"selection": params}, a, b, matches, seed=seed)
 
 
 def adalam(a: Features, b: Features, matches: Correspondences | None = None, **params: Any) -> Correspondences:
-    """Those of significant local affine maps around clear ones (Cavalli et al., ECCV 2020). `matches` are all
-    nearest neighbours, before any ratio test."""
+    """Keeps matches that follow significant local affine maps around clear matches (Cavalli et al., ECCV 2020).
+    `matches` must be all nearest neighbours, before any ratio test."""
     return _select("adalam", {"selection": params}, a, b, matches)
 
 

@@ -1,4 +1,4 @@
-"""One pair as a picture: what `matchbench show` draws, in a notebook or a file."""
+"""One pair as a picture, as `matchbench show` draws it, in a notebook or a file."""
 
 import os
 import subprocess
@@ -20,7 +20,7 @@ class Picture:
     png: bytes
 
     def save(self, path: _Path) -> Path:
-        """Writes the PNG and returns where."""
+        """Writes the PNG and returns its path."""
         path = Path(path)
         path.write_bytes(self.png)
         return path
@@ -43,11 +43,12 @@ def show(
     seed: int = 0,
     keypoints: bool = False,
 ) -> Picture:
-    """Matches the pair of frames `a` and `b` as a run would, and draws what was found: matches that agree with
-    the estimate and those that do not, coloured by their distance from the true epipolar line.
+    """Matches the pair of frames `a` and `b` as a run would, and draws the result: matches that agree with the estimate
+    and those that do not, coloured by their distance from the true epipolar line.
 
-    `matcher` is a name or the path of a manifest; without an `estimator` it has its own. `settings` are as on the
-    command line: ["sift.ratio=0.7"], or one of them. With `keypoints`, those without a match are drawn too.
+    `matcher` is a name or the path of a manifest. Without an `estimator`, the one that belongs to the matcher is used.
+    `settings` are as on the command line: ["sift.ratio=0.7"], or one string. With `keypoints`, keypoints without a match
+    are drawn too.
     """
     folder = dataset.path if isinstance(dataset, Dataset) else dataset
     words = ["show", "--matcher", os.fspath(matcher), "--seed", str(seed), "--out", "-"]
@@ -57,7 +58,7 @@ def show(
         words += ["--set", setting]
     if keypoints:
         words.append("--keypoints")
-    # A process of its own: the picture is its standard output, which in this one belongs to the interpreter.
+    # In a process of its own, since the picture is written to standard output, which belongs to the interpreter here.
     words += ["--", os.fspath(folder), str(a), str(b)]
     done = subprocess.run([sys.executable, "-m", "matchbench", *words], capture_output=True)
     if done.returncode != 0:

@@ -1,8 +1,9 @@
-"""The shards of a plan on a Ray cluster: `pip install ray`, and one version of matchbench on every machine.
+"""Runs the shards of a plan on a Ray cluster. It needs `pip install ray` and the same version of matchbench on every
+machine.
 
-A plan is what `matchbench plan` writes. Each of its shards is one task of Ray. A shard whose worker is killed is
-started again and no other; where its folder is still there, it goes on from its last record.
-The merged run is that of one machine, bit for bit but for the times.
+`matchbench plan` writes a plan. Each of its shards is one Ray task. If the worker of a shard is killed, this shard is
+started again, and no other. If its folder still exists, it continues after its last record. The merged run equals that of
+one machine, bit for bit except for the times.
 """
 
 import importlib
@@ -23,10 +24,10 @@ from ._progress import shown
 
 _Path = str | os.PathLike[str]
 _Files = list[tuple[str, Any]]
-"""Files by their paths within a folder, each with its bytes or where these are in Ray's object store."""
+"""Files by their paths within a folder, each with its bytes or with their reference in Ray's object store."""
 
 _NO_RESULTS = ("cache", ".lock")
-"""What the folder of a shard has beside its results."""
+"""Files in the folder of a shard that are not results."""
 
 
 def run(
@@ -41,23 +42,23 @@ def run(
     at_once: int | None = None,
     progress: bool | Callable[[int, int, str, str], None] = True,
 ) -> Path:
-    """Does the shards of the plan in the folder `plan` on a Ray cluster, merges them, and returns the folder of the
-    run: `out`, or `run` in that of the plan.
+    """Runs the shards of the plan in the folder `plan` on a Ray cluster, merges them, and returns the folder of the run:
+    `out`, or `run` in the folder of the plan.
 
-    `address` is that of the cluster, as `ray.init` takes it. Where Ray was started already, that cluster is used;
-    without an address, one on this machine.
+    `address` is the address of the cluster, as `ray.init` takes it. If Ray was started already, its cluster is used.
+    Otherwise, without an address, a cluster is started on this machine.
 
-    `shared`: all machines see the plan and the datasets under the paths that they have here. Otherwise images,
-    matches from files and results travel through Ray's object store, and a machine keeps what it was sent in
-    `matchbench-...` of its temporary folder. A matcher from outside must be at its path on every machine.
+    With `shared`, all machines see the plan and the datasets under the same paths as here. Without it, images, matches
+    from files and results are sent through Ray's object store, and a machine keeps what it was sent in `matchbench-...`
+    in its temporary folder. A matcher from outside must be at the same path on every machine.
 
-    A shard takes `cpus` threads, and `memory` bytes where that is said; Ray starts as many as there is room for. It is
-    handed at most `at_once` of them (default: two for each that fits), so that results do not pile up. A shard whose
-    worker or machine is lost is started again up to `retries` times. `progress` may be a function of (done,
-    total, "shards", "").
+    A shard uses `cpus` threads, and `memory` bytes if that is given. Ray runs as many shards at a time as fit. It is
+    given at most `at_once` of them (default: two for each that fits), so that results do not pile up. If the worker or
+    the machine of a shard is lost, the shard is started again, up to `retries` times. `progress` may be a function of
+    (done, total, "shards", "").
 
-    A shard that cannot be done holds no other up. All of these are named in the error that is raised at the end; the
-    same call goes on from there.
+    A shard that fails does not stop the others. All that failed are named in the error that is raised at the end. The
+    same call continues from there.
     """
     try:
         ray: Any = importlib.import_module("ray")
@@ -116,13 +117,13 @@ def _shard(home: Path, number: int) -> Path:
 
 
 class _Lost(Exception):
-    """Something killed the process that did a shard."""
+    """The process of a shard was killed."""
 
 
 def _work(number: int, home: str, cpus: int, *more: str) -> _Files:
-    """Does a shard in a worker of Ray; there are no results to send."""
+    """Runs a shard in a Ray worker that shares the folders, so no results are sent."""
     words = ["work", home, "--shard", str(number), "--threads", str(cpus), *more]
-    # A process of its own, which ends with this one: a worker does many shards, and a command lives in one process.
+    # In a process of its own that ends with this one: a worker runs many shards, but a process runs only one command.
     child = subprocess.Popen(
         [sys.executable, "-m", __name__, *words], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
     )
@@ -139,8 +140,8 @@ def _work(number: int, home: str, cpus: int, *more: str) -> _Files:
 
 
 def _end_with_the_worker() -> None:
-    """Ends this process when nobody holds the other end of its standard input any more."""
-    # Not by `sys.stdin`, whose lock the interpreter wants at its end.
+    """Ends this process when the other end of its standard input is closed."""
+    # Not with `sys.stdin`, whose lock the interpreter needs when it exits.
     while os.read(0, 4096):
         pass
     os._exit(1)
@@ -149,7 +150,7 @@ def _end_with_the_worker() -> None:
 def _work_on_what_was_sent(
     number: int, earlier: _Files, plan: bytes, inputs: list[tuple[str, str, _Files]], name: str, cpus: int
 ) -> _Files:
-    """Does a shard on a machine that sees no folder of the others, and returns its results."""
+    """Runs a shard on a machine that shares no folder with the others, and returns its results."""
     ray: Any = importlib.import_module("ray")
     home = Path(tempfile.gettempdir()) / f"matchbench-{name}"
     _write_files(home, [("plan.json", plan)])
@@ -158,7 +159,7 @@ def _work_on_what_was_sent(
     more: list[str] = []
     for option, place, files in inputs:
         for inside, where in files:
-            # What is there is whole: another shard on this machine was sent the same.
+            # An existing file is complete: another shard on this machine was sent the same file.
             if not (home / inside).exists():
                 _write_files(home, [(inside, ray.get(where))])
         more += [option, place.format(home=home)]
@@ -167,7 +168,7 @@ def _work_on_what_was_sent(
 
 
 def _inputs(ray: Any, planned: dict[str, Any]) -> list[tuple[str, str, _Files]]:
-    """What a machine is sent: an option of `matchbench work`, its value below `{home}`, and the files."""
+    """All that a machine is sent: an option of `matchbench work`, its value below `{home}`, and the files."""
 
     def sent(root: Path, to: str) -> _Files:
         paths = sorted(path for path in root.rglob("*") if path.is_file()) if root.is_dir() else [root]
@@ -186,7 +187,7 @@ def _inputs(ray: Any, planned: dict[str, Any]) -> list[tuple[str, str, _Files]]:
         files: _Files = []
         for path in map(Path, matches["files"]):
             root = path if path.is_dir() else path.parent
-            # Names are part of the plan.
+            # The names must stay, since they are part of the plan.
             to = f"matches/{matches['name']}/{root.name}"
             files += sent(path, to)
             places.append(f"{{home}}/{to}" if path.is_dir() else f"{{home}}/{to}/{path.name}")
@@ -201,7 +202,7 @@ def _results(folder: Path) -> _Files:
 
 
 def _write_files(folder: Path, files: _Files) -> None:
-    """Writes files of a folder, each whole or not at all."""
+    """Writes the files of a folder, each completely or not at all."""
     for inside, content in files:
         path = folder / inside
         path.parent.mkdir(parents=True, exist_ok=True)
