@@ -1,17 +1,17 @@
-"""AdaLAM beside Kornia's: the same keypoints, the same matches, the same selection?
+"""Compares our AdaLAM with Kornia's: do both select the same matches, from the same keypoints and putative matches?
 
     python compare/adalam.py IMAGE_A IMAGE_B [IMAGE_A IMAGE_B ...] [--programs target/release] [--rounds 3]
 
-SIFT features by `extract` of this folder, all nearest neighbours by numpy; both programs get the same keypoints and matches.
-Checked first, a line for each pair of images:
+SIFT features come from `extract` of this folder, and all nearest neighbours from numpy. Both programs get the same
+keypoints and matches. First the results are checked, one line per pair of images:
 
     seeds, neighbourhoods   those of the definition (below, in numpy) that Kornia's functions find too, in double precision
-    definition              decisions of ours that are those of the definition, with and without the last fit
+    definition              our decisions that are those of the definition, with and without the last fit
     ours, theirs, both      matches that are kept, and share of equal decisions
 
-Then times with the defaults of both, by turns, one thread each. Kornia draws eight of its 128 pairs twice; with 120 both
-draw the same. Its rules for what is kept are others (see `crates/vision/src/matching/adalam/mod.rs`), so `both` is what
-there is to compare. Needs kornia, numpy, opencv. Build first: cargo build --release -p matchbench-compare
+Then times are measured with the defaults of both, in turn, with one thread each. Kornia draws eight of its 128 pairs
+twice; with 120 both draw the same. Kornia keeps matches by other rules (see `crates/vision/src/matching/adalam/mod.rs`),
+so only `both` can be compared. Needs kornia, numpy, opencv. Build first: cargo build --release -p matchbench-compare
 """
 
 import argparse
@@ -40,7 +40,8 @@ def features(program, image, folder):
 
 
 def nearest(a, b):
-    """For each descriptor of a the nearest of b, the two distances, and whether it is the nearest of that one."""
+    """For each descriptor of a: the nearest of b, the distances to the nearest and second nearest, and whether both are
+    each other's nearest."""
     squared = (a**2).sum(1)[:, None] + (b**2).sum(1)[None] - 2 * a @ b.T
     first = squared.argmin(axis=1)
     rows = np.arange(len(a))
@@ -50,7 +51,7 @@ def nearest(a, b):
 
 
 def definition(a, b, ambiguity, mutual, radii, samples, refit):
-    """Seeds, neighbourhoods and decisions as the text of `adalam/mod.rs` has them."""
+    """Seeds, neighbourhoods and decisions, as the text in `adalam/mod.rs` defines them."""
     order = np.argsort(ambiguity, kind="stable")
     place_a, place_b = a[:, :2].astype(float), b[:, :2].astype(float)
     turn, growth = np.degrees(b[:, 3].astype(float) - a[:, 3]), b[:, 2].astype(float) / a[:, 2]
@@ -109,7 +110,7 @@ def inliers(x, y, seed, samples, refit):
 
 
 def tensors(a, b, ambiguity, dtype):
-    """What Kornia's functions take: places, squared ratios, orientations in degrees, sizes; matches are i to i."""
+    """The arguments of Kornia's functions: places, squared ratios, orientations in degrees, sizes; matches are i to i."""
     of = lambda rows: torch.from_numpy(np.asarray(rows, float)).to(dtype)  # noqa: E731
     return {
         "k1": of(a[:, :2]),
@@ -123,7 +124,7 @@ def tensors(a, b, ambiguity, dtype):
 
 
 def seeds_of_kornia(given, mutual, radii):
-    """The neighbourhood of each seed by Kornia's functions."""
+    """The neighbourhood of each seed, computed by Kornia's functions."""
     same = torch.arange(len(mutual))
     between = dist_matrix(given["k1"], given["k1"])
     seeds = select_seeds(between, radii[0], given["scores"], same, torch.from_numpy(mutual))
@@ -135,7 +136,7 @@ def seeds_of_kornia(given, mutual, radii):
 
 
 def kornia(given, mutual, sizes, **config):
-    """Which matches Kornia keeps."""
+    """The matches that Kornia keeps."""
     adalam = AdalamFilter({**get_adalam_default_config(), **config})
     same = torch.arange(len(mutual))
     kept = adalam.filter_matches(
@@ -147,7 +148,7 @@ def kornia(given, mutual, sizes, **config):
 
 
 def ours(program, path, samples, refit):
-    """Milliseconds, and which matches ours keeps."""
+    """Milliseconds, and the matches that ours keeps."""
     command = [program, path, str(samples), str(int(refit))]
     milliseconds, digits = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
     return float(milliseconds), np.frombuffer(digits.encode(), "u1") == ord("1")

@@ -1,25 +1,26 @@
-"""DSP-SIFT and adapted ellipses beside COLMAP's, which are VLFeat's.
+"""Compares our DSP-SIFT and our adapted ellipses with those of COLMAP, which come from VLFeat.
 
     python compare/dsp_sift.py IMAGE_A IMAGE_B [IMAGE_A IMAGE_B ...] --programs target/release [--rounds 3] [--smallest 0.1667]
 
-`--programs` has `extract` of this folder. Needs numpy, opencv and pycolmap. Both get the same grey pixels, thresholds and domain
-sizes: COLMAP's ten from the smallest on, in steps of a tenth of what is left to 3, with roots. For circles and for ellipses, a line each:
+`--programs` is a folder with `extract` of this folder. Needs numpy, opencv and pycolmap. Both get the same grey pixels,
+thresholds and domain sizes: COLMAP's ten sizes. They start at the smallest, and the step is a tenth of the distance from it
+to 3. Descriptors are square-rooted. One line for circles and one for ellipses:
 
     theirs, ours        number of keypoints
-    twins               share of each that has one of the other within 1 px, 10 % in size and 10 degrees (ellipses: within 1 px
-                        and 15 degrees, of any size)
-    of one place        the same by the place and the size alone
-    desc                median distance of the descriptors of twins, both of length 1; and of a keypoint of theirs to the
-                        nearest other one of the same image, as a measure
-    adapted             share of theirs and of ours that are no circles: both leave one where none is found
-    shape               median of how far the squared shapes (of one area) of twins that are adapted on both sides differ
-    nearest             keypoints of image a with a twin whose nearest neighbour in b is, on both sides, at the same place (3 px)
-    ratio 0.8, same     matches of theirs by the ratio test that ours has too, and of ours that theirs has
-    speed               median of theirs / ours over the rounds, by turns, one thread each
+    twins               share of the keypoints of each program that have a twin, which is a keypoint of the other program
+                        within 1 px, 10 % in size and 10 degrees (ellipses: within 1 px and 15 degrees, of any size)
+    of one place        the same, where only place and size count
+    desc                median distance between the descriptors of twins, both of length 1; and for scale, that between a
+                        keypoint of theirs and the nearest other one of the same image
+    adapted             share of theirs and of ours that are not circles: both keep the circle if no ellipse is found
+    shape               median difference of the squared shapes (scaled to one area) of twins that are adapted on both sides
+    nearest             keypoints of image a with a twin whose nearest neighbour in b is at the same place (3 px) on both sides
+    ratio 0.8, same     matches of theirs by the ratio test that ours has too, and matches of ours that theirs has
+    speed               median of theirs / ours over the rounds, in turn, one thread each
 
-COLMAP normalises and clips the descriptor of each size before the mean, ours the mean alone (as the paper); VLFeat samples patches of
-31 x 31 pixels, ours are pixels of a layer; an ellipse of theirs keeps its shorter axis, one of ours its area: areas are made
-equal before shapes are compared.
+COLMAP normalises and clips the descriptor of each size before the mean; we do that for the mean only (as in the paper).
+VLFeat samples patches of 31 x 31 pixels; ours are pixels of a layer. An ellipse of theirs keeps its shorter axis, an ellipse
+of ours its area, so areas are made equal before shapes are compared.
 """
 
 import argparse
@@ -58,7 +59,7 @@ def theirs(image, affine, smallest):
 
 
 def ours(program, image, affine, smallest, folder):
-    """The same; the middles of ten equal parts of a range are COLMAP's sizes."""
+    """The same for ours; COLMAP's sizes are the middles of ten equal parts of a range."""
     step = (HIGH - smallest) / SIZES
     params = {"affine_shape": affine, "root": True, "domains": SIZES}
     params |= {"min_domain": smallest - step / 2, "max_domain": HIGH - step / 2}

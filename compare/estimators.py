@@ -1,12 +1,12 @@
-"""Our estimators beside those of PoseLib, COLMAP, OpenCV and SupeRANSAC, on the matches that a run of matchbench has stored.
+"""Compares our estimators with those of PoseLib, COLMAP, OpenCV and SupeRANSAC, on matches that a run has stored.
 
     python compare/estimators.py RUN DATASET MATCHER --truth DATASET_FOLDER [--every 3] [--seeds 1] [--only "best;COLMAP"]
 
-RUN is the folder of a `matchbench run`; DATASET_FOLDER holds `camera.txt` and `pairs.txt`. Pairs are taken
-in chunks, and within a chunk all estimators one after the other, so that all see the machine in the
-same moods. A pose counts if at least 10 matches support it, as in matchbench. Needs
-`cargo build --release -p matchbench-compare`, and poselib and pycolmap from PyPI (`requirements.txt`); pysuperansac,
-which PyPI has for Python 3.11 on Linux alone, is left out with a word where it is not installed.
+RUN is the folder of a `matchbench run`; DATASET_FOLDER holds `camera.txt` and `pairs.txt`. Pairs are divided into chunks.
+Within a chunk all estimators run one after the other, so that changes in the speed of the machine affect all of them. A
+pose counts if at least 10 matches support it, as in matchbench. Needs `cargo build --release -p matchbench-compare`, and
+poselib and pycolmap from PyPI (`requirements.txt`). pysuperansac is on PyPI only for Python 3.11 on Linux; if it is not
+installed, it is left out with a message.
 """
 
 import argparse
@@ -106,14 +106,14 @@ def peer_opencv(matches, k, method, samples=1000):
 
 
 def check_names(names, only):
-    """Ends the program where `--only` lists a name that is none of these."""
+    """Ends the program if `--only` lists an unknown name."""
     unknown = set(only.split(";") if only else []) - set(names)
     if unknown:
         sys.exit(f"--only: no {', '.join(sorted(unknown))}; there are {'; '.join(names)}")
 
 
 def chosen_names(names, only):
-    """Those that `--only` lists, or all; SupeRANSAC is left out with a word where it is not installed."""
+    """The names that `--only` lists, or all. SupeRANSAC is left out with a message if it is not installed."""
     chosen = [name for name in names if not only or name in only.split(";")]
     if superansac.INSTALLED or not any(name.startswith("SupeRANSAC") for name in chosen):
         return chosen
@@ -122,7 +122,7 @@ def chosen_names(names, only):
 
 
 def versions():
-    """Those of the other libraries, in words."""
+    """The versions of the other libraries, as text."""
     found = [f"OpenCV {cv2.__version__}", f"PoseLib {poselib.__version__}", f"COLMAP {pycolmap.__version__}"]
     return ", ".join(found + ([superansac.version()] if superansac.INSTALLED else []))
 
@@ -141,7 +141,7 @@ def arguments(about, seeds):
 
 
 def read(args):
-    """The camera's matrix, the stored matches of the chosen pairs, and how far a pose is from a pair's true one."""
+    """The camera matrix, the stored matches of the chosen pairs, and a function that gives the error of a pose."""
     k = np.loadtxt(args.truth / "camera.txt").reshape(-1)[:9].reshape(3, 3)
     truth = {(int(r[0]), int(r[1])): r[2:14].reshape(3, 4) for r in np.loadtxt(args.truth / "pairs.txt")}
     pairs = sorted(stored(args.run / "matches" / args.dataset / f"{args.matcher}.bin"), key=lambda p: p[0])

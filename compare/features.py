@@ -1,12 +1,11 @@
-"""Our features beside OpenCV's: the same pixels, the same keypoints?, the same descriptors?, how fast?
+"""Compares our features with OpenCV's on the same pixels: are keypoints and descriptors the same, and how fast are both?
 
     python features.py EXTRACTOR IMAGE... [--repeats N] [--program PATH] [--max-distance PX] [--given]
                        [--threads N | --cpu]
 
-Both sides get the gray pixels of `cv2.imread(path, 0)` and one thread, or as many as told. A keypoint has
-a twin in the other set if one lies within 0.5 px, 5 % in size and 5 degrees. With --given, both describe
-the keypoints of OpenCV's detector, which is not timed. Prints one row per image and a summary.
-See README.md for what the columns mean.
+Both sides get the grey pixels of `cv2.imread(path, 0)` and one thread, or N threads. A keypoint has a twin in the other
+set if there is one within 0.5 px, 5 % in size and 5 degrees. With --given, both describe the keypoints of OpenCV's
+detector, which is not timed. Prints one row per image and a summary. README.md says what the columns mean.
 """
 
 import argparse
@@ -24,12 +23,12 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Extractions whose time on processors is taken together: it is known to 10 ms.
+# Number of extractions whose processor time is measured together, since it is known only to 10 ms.
 CPU_REPEATS = 20
 
 
 class Chain:
-    """A detector and a describer, as one extractor; keypoints are moved by -`shift` in between."""
+    """A detector and a descriptor as one extractor. Keypoints are moved by -`shift` in between."""
 
     def __init__(self, detector, describer, shift=(0, 0)):
         self.detector, self.describer, self.shift = detector, describer, shift
@@ -45,7 +44,7 @@ class Chain:
 
 
 class Given:
-    """A describer of keypoints that are known already."""
+    """Describes given keypoints."""
 
     def __init__(self, keypoints, describer):
         self.keypoints, self.describer = keypoints, describer
@@ -58,18 +57,18 @@ def on_sift(describer):
     return Chain(cv2.SIFT_create(), describer, SIFT_SHIFT)
 
 
-# Positions in the doubled image are halved without taking back its half-pixel offset.
+# OpenCV halves positions in the doubled image without correcting its half-pixel offset.
 SIFT_SHIFT = (0.25, 0.25)
 
 
-# id of ours: (OpenCV's extractor, (x, y) by which OpenCV's positions are known to be shifted).
+# Our id: (OpenCV's extractor, the known shift (x, y) of OpenCV's positions).
 EXTRACTORS = {
     "brisk": (lambda: cv2.BRISK_create(), (0, 0)),
     "akaze": (lambda: cv2.AKAZE_create(), (0, 0)),
     "freak": (lambda: Chain(cv2.xfeatures2d.SURF_create(), cv2.xfeatures2d.FREAK_create()), (0, 0)),
     "freak-sift": (lambda: on_sift(cv2.xfeatures2d.FREAK_create()), (0, 0)),
     "daisy": (lambda: on_sift(cv2.xfeatures2d.DAISY_create()), (0, 0)),
-    # Learned again, on other scenes: the times compare, the descriptors do not.
+    # Ours were learned again on other scenes, so times can be compared but not descriptors.
     "dlco": (lambda: on_sift(cv2.xfeatures2d.VGG_create(100, 1.4, True, True, 6.75, False)), (0, 0)),
     "binboost": (lambda: on_sift(cv2.xfeatures2d.BoostDesc_create(302, True, 6.75)), (0, 0)),
     "latch": (lambda: on_sift(cv2.xfeatures2d.LATCH_create()), (0, 0)),
@@ -77,7 +76,7 @@ EXTRACTORS = {
     "orb": (lambda: cv2.ORB_create(100_000), (0, 0)),
     "orb-gms": (lambda: cv2.ORB_create(10_000, fastThreshold=0), (0, 0)),
     "sift": (lambda: cv2.SIFT_create(), SIFT_SHIFT),
-    "surf": (lambda: cv2.xfeatures2d.SURF_create(), (0, 0)),  # OpenCV 3.4.2 alone
+    "surf": (lambda: cv2.xfeatures2d.SURF_create(), (0, 0)),  # only in OpenCV 3.4.2
 }
 
 
@@ -91,9 +90,9 @@ def opencv(extractor, gray, clock):
 
 
 def opencv_memory(name, path):
-    """MiB by which the peak of a process grows that extracts from an image."""
+    """MiB by which the peak memory of a process grows when it extracts from an image."""
 
-    def peak():  # that of `getrusage` would begin with the size of the parent
+    def peak():  # the peak of `getrusage` would include the size of the parent
         lines = Path("/proc/self/status").read_text().splitlines()
         return int(next(line for line in lines if line.startswith("VmHWM")).split()[1])
 
@@ -109,7 +108,7 @@ def ours(program, extractor, pgm, threads, given, repeats):
     """Keypoints as rows x y size angle, descriptors, seconds for an image, peak MiB of the process and
     its seconds on processors."""
     out = str(pgm.with_suffix(""))
-    # Started by `time`, since the child of a large process counts as large.
+    # Started by `time`, since the child of a large process is counted with the memory of its parent.
     command = ["/usr/bin/time", "-f", "%M %U %S", program, extractor, str(pgm), str(repeats), out, *given]
     environment = {**os.environ, "RAYON_NUM_THREADS": str(threads)}
     run = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
@@ -135,7 +134,7 @@ def twins(a, b, max_distance):
         size = np.abs(b[near, 2] / row[2] - 1)
         fits = (distance <= max_distance) & (size <= 0.05) & (turn <= 5)
         if fits.any():
-            # Several directions at one place: the nearest in all respects.
+            # If there are several directions at one place, the one that is nearest in all respects.
             cost = distance / max_distance + size / 0.05 + turn / 5
             twin[i] = near[np.argmin(np.where(fits, cost, np.inf))]
     return twin
@@ -166,7 +165,7 @@ def compare(name, path, program, repeats, max_distance, scratch, are_given, thre
     clock = time.process_time if cpu else time.perf_counter
     opencv(extractor, gray, clock)  # not timed: first use
     times = []
-    for _ in range(repeats):  # interleaved, so that both see the same machine
+    for _ in range(repeats):  # interleaved, so that changes in the speed of the machine affect both
         reference, reference_rows, theirs = opencv(extractor, gray, clock)
         found, rows, mine, peak, _ = ours(program, name, pgm, threads, given, 1)
         if cpu:

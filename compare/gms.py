@@ -1,9 +1,9 @@
-"""GMS beside OpenCV's matchGMS: the same keypoints, the same matches, the same selection?
+"""Compares our GMS with OpenCV's matchGMS: do both select the same, from the same keypoints and putative matches?
 
     python gms.py IMAGE_A IMAGE_B [--features 10000] [--rounds 5]
 
 Extracts ORB and its nearest neighbours with OpenCV, gives both programs the same matches, and prints
-for each variant how many matches both keep, how many only one, and the median times of the selection.
+for each variant how many matches both keep, how many only one of them keeps, and the median times of the selection.
 Build first: cargo build --release -p matchbench-compare
 """
 

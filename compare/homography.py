@@ -1,12 +1,12 @@
-"""Our estimators of homographies beside OpenCV's and PoseLib's, on the matches that a run of matchbench has stored.
+"""Compares our estimators of homographies with those of OpenCV and PoseLib, on matches that a run has stored.
 
     python compare/homography.py RUN DATASET_FOLDER [--matchers sift orb] [--seeds 5] [--program PATH]
 
-RUN is the folder of a `matchbench run` with all matches kept; DATASET_FOLDER is the dataset as it was
-imported, with its `homographies.txt`; its images stand where `dataset.toml` says, or in `Images`. Within a pair and seed all estimators come one after the other, so that all see
-the machine in the same moods, each with one thread. OpenCV starts its generator anew for each call, so its
-"seeds" are permutations of the matches, which the others get too. The error of a homography is the mean
-distance of the corners of image a, AUC the exact one (as SuperGlue's). Needs `cargo build --release -p
+RUN is the folder of a `matchbench run` with all matches kept. DATASET_FOLDER is the imported dataset with its
+`homographies.txt`; its images are where `dataset.toml` says, or in `Images`. For each pair and seed all estimators run one
+after the other, so that changes in the speed of the machine affect all of them, each with one thread. OpenCV resets its
+random generator at each call, so its "seeds" are permutations of the matches, which the others get too. The error of a
+homography is the mean distance of the corners of image a; the AUC is the exact one (as SuperGlue's). Needs `cargo build --release -p
 matchbench-compare`, and poselib from PyPI (`requirements.txt`).
 """
 

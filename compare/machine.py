@@ -1,4 +1,4 @@
-"""What stands beside every measured time: the processor."""
+"""The name of the processor, which is printed with every measured time."""
 
 import platform
 import re
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def processor():
-    """Its name, family, model and widest instructions, where the system (Linux) tells them."""
+    """Name, family, model and widest instruction set of the processor, if the system (Linux) tells them."""
     try:
         text = Path("/proc/cpuinfo").read_text()
     except OSError:

@@ -1,14 +1,14 @@
-"""AUC over time: our estimators and those of PoseLib, OpenCV, COLMAP and SupeRANSAC, each with several budgets of samples.
+"""AUC over time of our estimators and those of PoseLib, OpenCV, COLMAP and SupeRANSAC, each with several limits of samples.
 
     python compare/over_time.py RUN DATASET MATCHER --truth DATASET_FOLDER --out FOLDER [--every 6] [--seeds 5]
 
-Arguments are those of `estimators.py`; matches, estimators and the way they take turns are the same. Each estimator
-stands for a curve, each budget for a point of it: the mean AUC over seeds with its deviation, and the median time of an
-estimation on one thread. `adaptive` draws 100 samples more than its budget, for the noise. OpenCV has one seed, so for it
-the matches are put in another order each time; where an order has a meaning (PROSAC of PoseLib, OpenCV and SupeRANSAC) the
-clearest match comes first, and the seed alone changes. SupeRANSAC takes no seed: 1.0 draws others at every call, later
-sources the same ones. `superansac.py` says how it is called; where it is not installed, it is left out.
-`FOLDER` gets `DATASET-MATCHER.csv` and a picture of it, and a `table.md` of all that are there.
+Arguments, matches, estimators and the order of their runs are those of `estimators.py`. Each estimator gives a curve, and
+each budget (limit of samples) a point of it: the mean AUC over seeds with its deviation, and the median time of an
+estimation on one thread. `adaptive` draws 100 samples more than its budget, to estimate the noise. OpenCV has one seed, so
+its matches are given in another order each time. If the order has a meaning (PROSAC of PoseLib, OpenCV and SupeRANSAC), the
+clearest match comes first, and only the seed changes. SupeRANSAC takes no seed: version 1.0 draws other samples at every
+call, and later sources the same ones. `superansac.py` says how it is called. If it is not installed, it is left out.
+`FOLDER` gets `DATASET-MATCHER.csv` and a plot of it, and a `table.md` of all these files in it.
 """
 
 import csv
@@ -43,7 +43,7 @@ CURVES = {
     "SupeRANSAC": [200, 1000, 5000, 20000],
 }
 
-# The settings of ours; `turns` says whether how far keypoints turned matters, which the others cannot be told.
+# The settings of our estimators. `turns` says whether the rotation of keypoints is used; the other libraries cannot use it.
 OURS = {
     "best": lambda budget: estimators.preset("best", budget),
     "best, turns": lambda budget: estimators.preset("best", budget) + " turns=true",
@@ -54,7 +54,7 @@ OURS = {
 
 
 def estimate(curve, budget, chunk, k, seed):
-    """A pose and seconds for each pair of the chunk."""
+    """A pose and its seconds for each pair of the chunk."""
     if curve in OURS:
         yield from estimators.ours(chunk, k, OURS[curve](budget), seed)
         return

@@ -1,10 +1,10 @@
-"""The reference estimator beside OpenCV's, on the same matches with the same ground truth.
+"""Compares the reference estimator with OpenCV's, on the same matches with the same ground truth.
 
     python compare/pose.py IMAGES DATASET [--seeds 5] [--every 1] [--width 768]
 
 IMAGES is a folder of images in the order of the dataset's frames; DATASET holds `camera.txt` and
-`pairs.txt` in the authors' format. Matches are OpenCV's SIFT with the ratio test (0.8). OpenCV starts
-its generator anew for each call, so its "seeds" are permutations of the matches; ours get both the
+`pairs.txt` in the authors' format. Matches are OpenCV's SIFT with the ratio test (0.8). OpenCV resets
+its random generator at each call, so its "seeds" are permutations of the matches; ours get both the
 same permutation and a seed. Needs `cargo build --release -p matchbench-compare`.
 """
 
@@ -46,7 +46,7 @@ def ratio_matches(a, b, ratio=0.8):
 
 
 def pose_error(r, t, r_true, t_true):
-    """Larger of the two angles in degrees, the translation's signed."""
+    """The larger of the two angles in degrees; the sign of the translation counts."""
     rotation = np.arccos(np.clip((np.trace(r.T @ r_true) - 1) / 2, -1, 1))
     cosine = t.ravel() @ t_true / np.linalg.norm(t) / np.linalg.norm(t_true)
     return np.degrees(max(rotation, np.arccos(np.clip(cosine, -1, 1))))
@@ -63,7 +63,7 @@ def opencv(points_a, points_b, k):
 
 
 def ours(pairs, k, seed):
-    """The same for many (name, points_a, points_b), and the iterations, by our program."""
+    """The same for many (name, points_a, points_b) with our program, and the number of iterations."""
     camera = " ".join(repr(float(x)) for x in (k[0, 0], k[1, 1], k[0, 2], k[1, 2]))
     with tempfile.NamedTemporaryFile("w", suffix=".txt") as file:
         for name, a, b in pairs:
@@ -103,7 +103,7 @@ def main():
     paths = sorted(p for p in options.images.iterdir() if p.suffix.lower() in (".png", ".jpg", ".jpeg"))
     features = list(sift_features(paths, options.width))
     scale = features[0][2]
-    # Pixel centres are at integers, so the principal point moves by half a pixel, scales and moves back.
+    # Pixel centres are at integers, so the principal point is moved by half a pixel, scaled and moved back.
     k = np.array([[k[0, 0] * scale, 0, (k[0, 2] + 0.5) * scale - 0.5],
                   [0, k[1, 1] * scale, (k[1, 2] + 0.5) * scale - 0.5], [0, 0, 1]])
     truth, matches = {}, []

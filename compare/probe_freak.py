@@ -1,10 +1,10 @@
 """Recover FREAK's 512 pairs by measurement, and write them as crates/vision/src/tables/freak_pairs.bin.
 
-FREAK compares the means over 43 receptive fields of known geometry (section 3 of the paper); which
-512 of the 903 pairs it compares was learned from training images and is printed nowhere. Here they
-are measured. OpenCV describes keypoints in images of noise, without turning them; bit k of each
-descriptor then says whether the mean over field i_k is at least that over field j_k. Each descriptor
-halves the pairs that can explain a bit; after a few hundred exactly one is left, or this script stops.
+FREAK compares the means over 43 receptive fields of known geometry (section 3 of the paper). Which 512 of the 903 pairs it
+compares was learned from training images, and is not published. Here the pairs are measured. OpenCV describes keypoints in
+images of noise, without an orientation. Bit k of each descriptor then says whether the mean over field i_k is at least that
+over field j_k. Each descriptor halves the number of pairs that can explain a bit. After a few hundred descriptors exactly
+one pair is left; otherwise this script stops.
 
     pip install -r compare/requirements.txt
     python compare/probe_freak.py

@@ -1,13 +1,13 @@
 """Recover LATCH's 256 triplets by measurement, and write them as crates/vision/src/tables/latch_triplets.bin.
 
-LATCH compares, for each of its bits, the patch about an anchor with the patches about two companions;
-which triplets was learned from pairs of image patches and is printed nowhere in the paper. Here they
-are measured. OpenCV describes upright keypoints with patches of one pixel, without blur, so that bit i
-says whether (I(anchor) - I(first))^2 < (I(anchor) - I(second))^2.
+For each of its bits, LATCH compares the patch around an anchor with the patches around two companions. The triplets were
+learned from pairs of image patches, and are not printed in the paper. Here they are measured. OpenCV describes upright
+keypoints with patches of one pixel, without blur. So bit i says whether
+(I(anchor) - I(first))^2 < (I(anchor) - I(second))^2.
 
-In an image of black and white noise a bit that is set has anchor and first companion of one colour and
-the second of the other: each such bit halves the triplets that can explain it, until one is left. Which
-of the two of one colour is the anchor is told by noise in all greys.
+In an image of black and white noise, if a bit is set, anchor and first companion have the same colour and the second
+companion has the other. Each such bit halves the number of triplets that can explain it, until one is left. Which of the
+two with the same colour is the anchor follows from noise in all greys.
 
     pip install -r compare/requirements.txt
     python compare/probe_latch.py

@@ -1,12 +1,11 @@
 """Recover ORB's 256 tests by measurement, and write them as crates/vision/src/tables/orb_pairs.bin.
 
-ORB compares the smoothed intensities at two places for each of its 256 bits; the places were
-chosen by a greedy search over training images and are printed nowhere in the paper. Here they are
-measured. OpenCV describes upright keypoints in images of noise; bit i of each descriptor then says
-whether S(p_i) < S(q_i), where S is the image after the 7x7 Gaussian blur. (ORB blurs a part of a
-larger image, for which OpenCV leaves its fixed-point `GaussianBlur` and rounds as `sepFilter2D`
-does.) Each descriptor halves the pairs of places that can explain a bit; after a few hundred
-exactly one is left, or this script stops.
+For each of its 256 bits, ORB compares the smoothed intensities at two places. The places were chosen by a greedy search over
+training images, and are not printed in the paper. Here they are measured. OpenCV describes upright keypoints in images of
+noise. Bit i of each descriptor then says whether S(p_i) < S(q_i), where S is the image after the 7x7 Gaussian blur. (ORB
+blurs a part of a larger image. For this OpenCV does not use its fixed-point `GaussianBlur`, and rounds as `sepFilter2D`
+does.) Each descriptor halves the number of pairs of places that can explain a bit. After a few hundred descriptors exactly
+one pair is left; otherwise this script stops.
 
     pip install -r compare/requirements.txt
     python compare/probe_orb.py

@@ -1,15 +1,15 @@
-"""SuperGlue's protocol in OpenCV beside ours, on any dataset: images of 640x480, SIFT and ORB with the ratio test.
+"""Compares SuperGlue's protocol in OpenCV with ours, on any dataset: images of 640x480, SIFT and ORB, ratio test.
 
     matchbench import superglue PAIRS.txt scannet --image-root IMAGES
     matchbench run scannet --matchers sift,orb --protocol superglue --repeat 10 --out runs/superglue
     python compare/protocol.py scannet --out opencv.csv          # --every N: only every Nth pair, `run --sample` for ours
     matchbench eval runs/superglue --protocol superglue
 
-OpenCV does what the evaluation of SuperGlue does with its matches: K divided by the ratio of the sizes, a threshold of
+Here OpenCV does the same as the evaluation of SuperGlue: K divided by the ratio of the sizes, a threshold of
 1 pixel over the mean of fx of the first and fy of the second camera, findEssentialMat (RANSAC, 0.99999), recoverPose of
-the inliers with depths up to 1e9; errors `max(R, min(t, 180 - t))`; AUC under the recall, by trapezoids. OpenCV starts
-its generator anew for each call, so its runs differ by permutations of the matches. The mean and the standard deviation
-over the runs stand beside those of `matchbench eval`.
+the inliers with depths up to 1e9; errors `max(R, min(t, 180 - t))`; AUC under the recall curve, by trapezoids. OpenCV
+resets its random generator at each call, so its runs differ by permutations of the matches. The mean and the standard
+deviation over the runs can be compared with those of `matchbench eval`.
 """
 
 import argparse
@@ -44,7 +44,7 @@ def ratio_matches(a, b, norm):
 
 
 def error(points, cameras, truth):
-    """Degrees; infinite where there is no pose."""
+    """The error in degrees; infinite if there is no pose."""
     if len(points[0]) < 5:
         return np.inf
     threshold = 1.0 / np.mean([cameras[0][0, 0], cameras[1][1, 1]])

@@ -1,10 +1,10 @@
-"""The Python package beside cv2, poselib and pycolmap: time and agreement, in one run, on one core.
+"""Compares the Python package with cv2, poselib and pycolmap: time and agreement, in one run, on one core.
 
     pip install '.[peers]'
     python compare/python.py IMAGE_A IMAGE_B FOCAL [--repeats 5]
 
-FOCAL is the focal length in pixels; the principal point is taken to be the middle of the image. Times are
-medians of interleaved repetitions; a ratio above 1 says how many times as long the other library takes.
+FOCAL is the focal length in pixels; the principal point is assumed in the middle of the image. Times are medians
+of interleaved repetitions. A ratio above 1 means that the other library takes that many times as long.
 """
 
 import argparse
@@ -36,7 +36,7 @@ def race(ours, theirs, repeats):
 
 
 def near(ours, theirs, radius=0.5):
-    """Share of their points that have one of ours within the radius."""
+    """Share of their points that have a point of ours within the radius."""
     index = cv2.flann_Index(np.ascontiguousarray(ours, np.float32), {"algorithm": 1, "trees": 1})
     _, squared = index.knnSearch(np.ascontiguousarray(theirs, np.float32), 1, params={"checks": -1})
     return float((squared[:, 0] <= radius**2).mean())

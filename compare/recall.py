@@ -2,16 +2,14 @@
 
     python compare/recall.py DATASET NAME=RUN/MATCHER[+ESTIMATOR] ... [--pixels 3] [--step 30]
 
-Each NAME is a stage, in the order of the pipeline, the first being what the others are shares of: the
-folder of a run and the matcher in it whose selected matches are counted. A run keeps selected matches
-alone, so an early stage is a run of a matcher that selects less: `asift` with `--set asift.ratio=1` is
-the input of `code` and `repmatch`, `sift` that of `kvld`, `orb` that of `gms`. With `+ESTIMATOR` only
-those within PIXELS of the epipolar lines of the pose that it found are counted. DATASET is the folder
-with `camera.txt` (one camera, no distortion) and `pairs.txt`.
+Each NAME is a stage, in the order of the pipeline. It is given by the folder of a run and the matcher in it whose selected
+matches are counted. The numbers of later stages are shares of the first. A run keeps only selected matches, so an early
+stage is a run of a matcher that rejects less: `asift` with `--set asift.ratio=1` is the input of `code` and `repmatch`,
+`sift` that of `kvld`, `orb` that of `gms`. With `+ESTIMATOR`, only matches within PIXELS of the epipolar lines of the
+estimated pose are counted. DATASET is the folder with `camera.txt` (one camera, no distortion) and `pairs.txt`.
 
-A match is true if both its points lie within PIXELS of the true epipolar lines, which one in about
-PIXELS * 2 / height of the wrong ones does too: the column `chance` says how many that would be if all
-matches were wrong. With --step there is a row for each STEP degrees of the angle between the two views.
+A match is true if both its points lie within PIXELS of the true epipolar lines. About a share of PIXELS * 2 / height of the
+wrong matches does so too. The column `chance` says how many that would be if all matches were wrong. With --step there is a row for each STEP degrees of the angle between the two views.
 """
 
 import argparse
@@ -33,13 +31,13 @@ def true_poses(dataset):
 
 
 def selected(run, dataset, matcher):
-    """For each pair the matches (x, y in a; x, y in b; ambiguity) of its first repetition."""
+    """The matches (x, y in a; x, y in b; ambiguity) of each pair, in its first repetition."""
     for pair, matches in stored(run / "matches" / dataset / f"{matcher}.bin"):
         yield pair, matches[:, :5]
 
 
 def estimated(run, dataset, matcher, estimator):
-    """For each pair the pose [R t] that was found in its first repetition."""
+    """The estimated pose [R t] of each pair, in its first repetition."""
     poses = {}
     path = run / "records" / dataset / f"{matcher}+{estimator}.jsonl"
     for line in path.read_text().splitlines():

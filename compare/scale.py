@@ -1,10 +1,10 @@
-"""What a plan, its shards and their merging cost, by the number of pairs: seconds and the most memory of each.
+"""Measures the cost of a plan, its shards and their merging, by the number of pairs: seconds and peak memory of each.
 
     python3 compare/scale.py PROGRAM FOLDER --images 64,200,632,1415 --shards 16
 
-Makes a wall of grey patches, photographed from places side by side, all pairs; runs it whole and in shards, one shard
-after the other, with one thread; checks that the merged records are those of the whole run but for the times. 1415
-images are 1,000,405 pairs. Needs a Unix system; nothing but the standard library.
+Makes a dataset with all pairs of images of a wall of grey patches, photographed from places side by side. Runs it as one
+run, and in shards one after the other, with one thread. Checks that the merged records equal those of the one run, except
+for the times. 1415 images are 1,000,405 pairs. Needs a Unix system, and only the standard library.
 """
 
 import argparse
@@ -18,7 +18,7 @@ WIDTH, HEIGHT = 160, 120
 
 
 def wall(shift: int) -> bytes:
-    """A PGM file of patches of 9 x 7 pixels, from `shift` pixels further."""
+    """A PGM file of patches of 9 x 7 pixels, seen from `shift` pixels to the side."""
     rows = bytearray()
     for y in range(HEIGHT):
         for x in range(WIDTH):
@@ -29,7 +29,7 @@ def wall(shift: int) -> bytes:
 
 
 def dataset(folder: Path, images: int) -> Path:
-    """Every image with every later one; neighbours are 2 pixels apart."""
+    """A dataset that pairs every image with every later one; neighbours are 2 pixels apart."""
     if (folder / "pairs.txt").exists():
         return folder
     (folder / "Images").mkdir(parents=True)
@@ -44,7 +44,7 @@ def dataset(folder: Path, images: int) -> Path:
 
 
 def measured(*command: str | Path) -> tuple[float, float, float]:
-    """Seconds of the wall's clock and of the processor, and the most memory in MiB."""
+    """Wall-clock and processor seconds, and peak memory in MiB."""
     begin = time.monotonic()
     child = subprocess.Popen([str(word) for word in command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     _, status, usage = os.wait4(child.pid, 0)
@@ -59,7 +59,7 @@ def timeless(line: str) -> dict[str, object]:
 
 
 def check(merged: Path, whole: Path) -> None:
-    """Whether both runs hold the same."""
+    """Checks that both runs have the same records."""
     for file in sorted(path for path in whole.rglob("*") if path.is_file()):
         inside = file.relative_to(whole)
         if inside.parts[0] in ("cache", ".lock"):

@@ -1,4 +1,4 @@
-"""Exact search side by side with OpenCV's brute-force matcher (and kd-trees with FLANN), one thread each.
+"""Compares our exact search with OpenCV's brute-force matcher (and our kd-trees with FLANN), one thread each.
 
 Takes SIFT, ORB (256 bits, 100,000 features) and BRISK (512 bits) descriptors of two images with
 OpenCV, gives the same descriptors to both programs in turn, checks that neighbours and distances
@@ -19,8 +19,8 @@ import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 SIZES = [500, 1_000, 2_000, 10_000, None]
-# Distances that either program finds in a round, in several searches where one has fewer: a program
-# that has just started runs small sets slower than one that runs on.
+# Least number of distances that either program computes in a round. A small set is searched several times, since a
+# program that has just started is slower than one that has been running.
 DISTANCES_OF_A_ROUND = 40_000_000
 FOUND = np.dtype([("a", "<u4"), ("b", "<u4"), ("distance", "<f4"), ("second", "<f4")])
 
@@ -54,13 +54,13 @@ def knn_table(matches):
 
 
 def disagreements(ours, theirs, a, b, binary):
-    """Rows with other distances, and rows with another neighbour at another distance."""
+    """Number of rows with another distance, and of rows with another neighbour at another distance."""
     index, nearest, second = theirs
     assert np.array_equal(ours["a"], np.arange(len(a)))
     distances = (ours["distance"] != nearest) | (ours["second"] != second)
     other = np.flatnonzero(ours["b"] != index)
     wrong = 0
-    for row in other:  # another neighbour is right only at exactly the same distance
+    for row in other:  # another neighbour is only right if it has exactly the same distance
         pair = b[[ours["b"][row], index[row]]]
         if binary:
             both = np.bitwise_count(pair ^ a[row]).sum(1)
@@ -137,7 +137,7 @@ def main():
         ("ORB", cv2.ORB_create(100_000)),
         ("BRISK", cv2.BRISK_create()),
     ]:
-        # A fixed shuffle: a prefix is then a fair sample of the image.
+        # A fixed shuffle, so that a prefix is a fair sample of the image.
         a, b = (
             np.random.default_rng(0).permutation(extractor.detectAndCompute(image, None)[1])
             for image in images

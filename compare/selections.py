@@ -1,10 +1,12 @@
-"""What `selection` keeps beside Kornia, of the same SIFT features: ratio, mutual, smnn, fginn; and RootSIFT.
+"""Compares the matches that each `selection` keeps with Kornia's, for the same SIFT features: ratio, mutual, smnn, fginn;
+and RootSIFT.
 
     python compare/selections.py DATASET --programs target/release [--pairs N]
 
-`--programs` has `matchbench` and `extract` of this folder. Needs kornia and numpy. A row for each selection: matches of ours,
-of theirs and in both, over the first N pairs; a match is known by its two points. Kornia 0.8.2 measures in `match_fginn`
-from the neighbours of the first feature of all, so there is also a row of what the definition says of all distances.
+`--programs` has `matchbench` and `extract` of this folder. Needs kornia and numpy. Prints a row
+per selection: number of matches of ours, of theirs and in both, over the first N pairs. Matches are the same if their two
+points are. `match_fginn` of Kornia 0.8.2 measures distances from the neighbours of the first feature for all features. So
+there is also a row for the definition, computed from all distances.
 """
 
 import argparse
@@ -28,7 +30,7 @@ def features(program, image, folder):
 
 
 def fginn(a, b):
-    """By the definition: the second neighbour is farther than the radius from the first, of all features."""
+    """By the definition: the second neighbour is the nearest of all features farther than the radius from the first."""
     distances = torch.cdist(a[1].double(), b[1].double()).numpy()
     first = distances.argmin(axis=1)
     apart = np.linalg.norm(b[0][None] - b[0][first][:, None], axis=2) > RADIUS
@@ -39,7 +41,7 @@ def fginn(a, b):
 
 
 def theirs(a, b):
-    """The matches of each row, as indices."""
+    """The matches for each row, as indices."""
     laf = lambda points: kf.laf_from_center_scale_ori(torch.from_numpy(points)[None])  # noqa: E731
     roots = [torch.sqrt(torch.nn.functional.normalize(d, p=1, dim=1)) for d in (a[1], b[1])]
     return {
@@ -53,7 +55,7 @@ def theirs(a, b):
 
 
 def ours(program, dataset, pairs, folder):
-    """The matched points of each pair, for each row."""
+    """The matched points of each pair, for each row of the table."""
     found = {}
     for name in ("ratio", "mutual", "smnn", "fginn", "rootsift"):
         matcher = "rootsift" if name == "rootsift" else "sift"

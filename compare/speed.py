@@ -1,14 +1,14 @@
-"""Everything that is faster or slower than OpenCV, in one table with the processor's name.
+"""Compares all speeds with OpenCV's, in one table with the name of the processor.
 
     cargo build --release --workspace
     python compare/speed.py SMALL_A SMALL_B LARGE_A LARGE_B --dataset FOLDER [--out FOLDER] [--repeats 5]
 
-SMALL and LARGE are two images each of one scene, say 640 x 480 and 3072 x 2048; the dataset is one as `matchbench
-import` makes it. What is run: the features (`features.py`), the exact searches (`search.py`), and the whole protocol
-with SIFT from files to scores, ours and that of `opencv_run.py` with FLANN. Each part runs both sides by turns, checks the
-answers in the same run and stops with an error where they differ. OUT gets table.md, machine.txt and what the
-parts printed. Nothing else should run meanwhile: the load at the beginning stands in machine.txt. With
-MATCHBENCH_SIMD=avx2 OPENCV_CPU_DISABLE=AVX512-SKX in the environment neither side uses AVX-512.
+SMALL and LARGE are two images each of one scene, for example 640 x 480 and 3072 x 2048. The dataset is one that `matchbench
+import` made. Three parts are run: the features (`features.py`), the exact searches (`search.py`), and the whole protocol
+with SIFT from files to scores, ours and that of `opencv_run.py` with FLANN. Each part runs both sides in turn, checks the
+results in the same run, and stops with an error if they differ. OUT gets table.md, machine.txt and the output of the parts.
+No other program should run at the same time; the load at the beginning is written to machine.txt. With
+MATCHBENCH_SIMD=avx2 OPENCV_CPU_DISABLE=AVX512-SKX in the environment, neither side uses AVX-512.
 """
 
 import argparse
@@ -28,16 +28,16 @@ from machine import processor
 HERE = Path(__file__).resolve().parent
 PROGRAMS = HERE.parent / "target/release"
 FEATURES = ["sift", "orb", "brisk", "akaze", "kaze", "latch", "daisy", "freak-sift"]
-# Of the keypoints of either side, the least share with a twin on the other.
+# The least share, in percent, of keypoints of either side that must have a twin on the other.
 LEAST_TWINS = 97.0
-# An AUC of another implementation differs by this much at most.
+# The largest allowed difference of the AUC of the two implementations.
 AUC_TOLERANCE = 0.03
-# What limits the instructions of either side; it stands in machine.txt.
+# Variables that limit the instruction sets of the two sides; they are written to machine.txt.
 LIMITS = ["MATCHBENCH_SIMD", "OPENCV_CPU_DISABLE"]
 
 
 def printed(command, out, **options):
-    """What a part prints, which is kept; its own words are shown as they come."""
+    """The output of a part, which is also written to a file; its messages are shown as they come."""
     run = subprocess.run([str(word) for word in command], stdout=subprocess.PIPE, text=True, **options)
     out.write_text(run.stdout)
     if run.returncode != 0:
@@ -54,7 +54,7 @@ def features(images, repeats, out):
         heads, *lines = [line.split(" | ") for line in text.splitlines() if " | " in line]
         for line in lines:
             row = dict(zip(heads, line))
-            # Description on keypoints of their own is compared where detectors are: twins of SIFT's.
+            # Descriptors on the keypoints of each side are compared as detectors are: by twins of SIFT's keypoints.
             twins = min(float(row["theirs>ours %"]), float(row["ours>theirs %"]))
             if twins < LEAST_TWINS:
                 sys.exit(f"{name} on {row['image']}: {twins:.1f} % of the keypoints have a twin")

@@ -6,8 +6,8 @@ import numpy as np
 
 
 def stored(path):
-    """(a, b) and an array for each pair of a file of matches (see records/matches.rs): x and y in a and in b, the ambiguity,
-    and, where keypoints have an orientation, by how much they turned."""
+    """For each pair in a file of matches (see records/matches.rs): (a, b) and an array. Its columns are x and y in a and in
+    b, the ambiguity, and, if keypoints have an orientation, their turn in radians."""
     data = path.read_bytes()
     at = 8
     while at + 28 <= len(data):
@@ -16,7 +16,7 @@ def stored(path):
         if count != 0xFFFFFFFF:
             turned, count = count >> 31, count & 0x7FFFFFFF
             if at + (24 if turned else 20) * count + 8 > len(data):
-                return  # an entry without its end, of a run that was killed
+                return  # an incomplete entry of a run that was killed
             matches = np.frombuffer(data, "<f4", 5 * count, at).reshape(-1, 5).astype(float)
             at += 20 * count
             if turned:

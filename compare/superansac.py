@@ -1,13 +1,14 @@
-"""SupeRANSAC (Barath, arXiv 2506.04803, 2025) as a peer of estimators, where its package `pysuperansac` is installed.
+"""Runs SupeRANSAC (Barath, arXiv 2506.04803, 2025) for comparison, if its package `pysuperansac` is installed.
 
     python compare/superansac.py
 
-It is called as its authors' tests do: pixels and both cameras, the clearest match first since its sampler is PROSAC, and a pose
-from its essential matrix and the matches that agree with it. All settings but the limit of samples are its defaults, among them
-1.5 px. What is wanted of it may not be what is installed: the package 1.0 on PyPI and the sources of 25 December 2025
-return five-point models that are wrong (transposed; the latter with two wrong signs too), and local optimisation has to mend
-them. So as a script this tries 1000 samples without local optimisation on 300 exact matches, and says how many agree with the
-best: all, if the five-point models are right. compare/README.md has the repair.
+It is called as in its authors' tests. It gets pixels and both cameras, and the clearest match first, since its sampler is
+PROSAC. The pose is computed from its essential matrix and the matches that agree with it. All settings except the limit of
+samples are its defaults, among them 1.5 px. The installed version may have a known error: the package 1.0 on PyPI and the
+sources of 25 December 2025 return wrong five-point models (transposed; the latter with two wrong signs too), which local
+optimisation has to correct. If this file is run as a script, it tries 1000 samples without local optimisation on 300 exact
+matches, and prints how many agree with the best model: all of them, if the five-point models are right. compare/README.md
+has the repair.
 """
 
 import importlib.metadata
@@ -24,29 +25,29 @@ except ImportError:
     pysuperansac = None
 
 INSTALLED = pysuperansac is not None
-# Fewer matches are an error there.
+# With fewer matches it raises an error.
 LEAST_MATCHES = 6
 
 
 def clearest_first(matches):
-    """The order that PROSAC wants: by the fifth column, the distance."""
+    """The order that PROSAC needs: by the fifth column, the distance."""
     return matches[np.argsort(matches[:, 4], kind="stable")]
 
 
 def essential(points, k, options):
     """The essential matrix and the rows of `points` (x and y in the one, in the other image, in pixels) that agree with it."""
-    # A call divides the threshold in the settings by the focal length, so settings serve one call.
+    # A call divides the threshold in the settings by the focal length, so settings can be used for one call only.
     settings = pysuperansac.RANSACSettings()
     for name, value in options.items():
         setattr(settings, name, value)
-    # Sizes of the images, which none of the defaults looks at.
+    # Sizes of the images, which none of the defaults uses.
     sizes = [2 * k[1, 2] + 1, 2 * k[0, 2] + 1] * 2
     e, agreeing, _, _ = pysuperansac.estimateEssentialMatrix(points, k, k, sizes, config=settings)
     return np.ascontiguousarray(e), agreeing
 
 
 def peer(matches, k, options):
-    """A pose or none, and the seconds that it took; `matches` with the clearest first."""
+    """A pose or None, and its seconds; `matches` are sorted with the clearest first."""
     start = time.perf_counter()
     if len(matches) < LEAST_MATCHES:
         return None, time.perf_counter() - start
@@ -60,7 +61,7 @@ def peer(matches, k, options):
 
 
 def agreeing_with_samples(matches=300):
-    """How many of so many exact matches agree with the best of 1000 samples, without local optimisation."""
+    """Number of exact matches, out of `matches`, that agree with the best of 1000 samples without local optimisation."""
     k = np.array([[1000.0, 0.0, 640.0], [0.0, 1000.0, 480.0], [0.0, 0.0, 1.0]])
     rotation, _ = cv2.Rodrigues(np.array([0.05, 0.2, -0.1]))
     seen = np.random.default_rng(0).normal(size=(matches, 3)) + [0.0, 0.0, 8.0]
@@ -72,7 +73,7 @@ def agreeing_with_samples(matches=300):
 
 
 def version():
-    """Which one is installed, and whether its five-point models are right."""
+    """Which version is installed, and whether its five-point models are right."""
     try:
         number = importlib.metadata.version("pysuperansac")
     except importlib.metadata.PackageNotFoundError:
