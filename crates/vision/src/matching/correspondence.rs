@@ -4,7 +4,7 @@ use super::MatcherError;
 use crate::features::{Features, Keypoint};
 use crate::geometry::MatchedPoints;
 
-/// Feature `a` of the first image is taken to show the same point as feature `b` of the second.
+/// Feature `a` of the first image and feature `b` of the second are assumed to show the same point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Correspondence {
     /// Index of the feature in image `a`.
@@ -13,14 +13,15 @@ pub struct Correspondence {
     pub b: u32,
     /// Distance of the two descriptors: Euclidean, or the number of differing bits.
     pub distance: f32,
-    /// Distance from `a` to the second nearest feature of `b`; infinite where there is none. It is
-    /// what the ratio test compares with.
+    /// Distance from `a` to the second nearest feature of `b`; infinite if there is none. The ratio test uses
+    /// it.
     pub second: f32,
 }
 
 impl Correspondence {
-    /// Nearest over second nearest distance: 0 is certain, 1 as ambiguous as can be, and more where it is not the nearest
-    /// that was chosen. Where both distances are zero it is 1, where there is no second it is 0.
+    /// Nearest divided by second nearest distance: 0 is certain, 1 is most ambiguous for a nearest neighbour. It
+    /// is above 1 if a candidate was chosen that is not the nearest. It is 1 if both distances are zero, and 0 if
+    /// there is no second.
     pub fn ambiguity(&self) -> f32 {
         let ratio = self.distance / self.second;
         if ratio.is_nan() { 1.0 } else { ratio }
@@ -31,10 +32,11 @@ impl Correspondence {
 pub type Correspondences = Vec<Correspondence>;
 
 impl MatchedPoints {
-    /// Where the features of `matches` are, how ambiguous each match is, and how far its keypoints turned.
+    /// The positions of the matched features, the ambiguity of each match, and how far its keypoints are
+    /// turned.
     ///
     /// # Errors
-    /// If a match names a feature that is not there, which only a matcher from outside can do.
+    /// If a match names a feature that does not exist; only a matcher from outside can do this.
     pub fn of_matches(
         matches: &[Correspondence],
         a: &Features,
@@ -53,7 +55,7 @@ impl MatchedPoints {
         Ok(Self::of_keypoints(matches, &a.keypoints, &b.keypoints))
     }
 
-    /// The same, where every match is known to name a keypoint.
+    /// The same, if every match is known to name existing keypoints.
     pub(super) fn of_keypoints(matches: &[Correspondence], a: &[Keypoint], b: &[Keypoint]) -> Self {
         let ends = || (matches.iter()).map(|found| (&a[found.a as usize], &b[found.b as usize]));
         let points = Self::new(

@@ -24,13 +24,13 @@ use crate::params::ParamError;
 use crate::seed::Seed;
 use crate::simd::two_nearest_among;
 
-/// Keeps a match if its distance is below a ratio of that to the nearest feature of another place, which becomes its
-/// second.
+/// Keeps a match if its distance is below a ratio of the distance to the nearest feature at another place. That
+/// feature becomes its second nearest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fginn {
     /// The test that a match has to pass.
     pub ratio: RatioTest,
-    /// Features of `b` at most this far from the nearest, in pixels, are of its place.
+    /// Features of `b` within this distance of the nearest, in pixels, are at the same place.
     pub radius_px: f32,
 }
 
@@ -47,7 +47,7 @@ impl Fginn {
     /// A test with this ratio and radius.
     ///
     /// # Errors
-    /// Unless the radius is a number from 0 on.
+    /// If the radius is negative or not finite.
     pub fn new(ratio: RatioTest, radius_px: f32) -> Result<Self, ParamError> {
         let allowed = radius_px >= 0.0 && radius_px.is_finite();
         ParamError::unless(allowed, "radius_px", radius_px, "a number from 0 on")?;
@@ -71,7 +71,8 @@ impl Selector for Fginn {
     }
 }
 
-/// The distance from a feature of `a` to the nearest of the `chosen` ones of `b`; infinite if there are none.
+/// The distance from a feature of `a` to the nearest of the `chosen` features of `b`; infinite if there are
+/// none.
 fn nearest_among(a: &Features, query: u32, b: &Features, chosen: &[u32]) -> f32 {
     match (&a.descriptors, &b.descriptors) {
         (Descriptors::Float(a), Descriptors::Float(b)) => {

@@ -34,10 +34,10 @@ use crate::seed::Seed;
 
 /// Cells along each side of the grid of image a.
 const CELLS: usize = 20;
-/// Cells along each side of the grid of image b, one for each scale: 20 divided by 1, 2, sqrt 2, and
-/// times sqrt 2 and 2.
+/// Cells along each side of the grid of image b, one number for each scale: 20, then 20 divided by 2 and by
+/// sqrt 2, then 20 times sqrt 2 and times 2.
 const CELLS_B: [usize; 5] = [20, 10, 14, 28, 40];
-/// The neighbours of a cell, around it; turning by 45 degrees is a shift by one.
+/// The neighbours of a cell, in the order around it. A rotation by 45 degrees is a shift by one.
 const RING: [(isize, isize); 8] = [
     (-1, -1),
     (0, -1),
@@ -54,7 +54,7 @@ const RING: [(isize, isize); 8] = [
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct GmsParams {
-    /// How far the support must exceed what chance brings.
+    /// How far the support must exceed what is expected by chance.
     pub factor: f64,
     /// Whether five relative scales of the images are tried.
     pub scales: bool,
@@ -72,7 +72,7 @@ impl Default for GmsParams {
     }
 }
 
-/// Keeps the matches of cells that move together.
+/// Keeps the matches of grid cells that move together.
 #[derive(Clone, Copy, Debug)]
 pub struct Gms {
     params: GmsParams,
@@ -137,7 +137,7 @@ impl Selector for Gms {
     }
 }
 
-/// Stands for no cell.
+/// Means "no cell".
 const NONE: u32 = u32::MAX;
 
 /// The cell of each point for the four grids of image a.
@@ -146,7 +146,7 @@ fn grid_places(points: &[Point2<f32>], size: Size) -> [Vec<u32>; 4] {
     [(0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5)].map(|(right, down)| {
         let along = |x: f32, length: f32, shift: f32| {
             let cell = x / length * CELLS as f32 + shift;
-            // A moved grid begins half a cell inside the image.
+            // A shifted grid begins half a cell inside the image.
             let first = if shift > 0.0 { 1.0 } else { 0.0 };
             (cell >= first && cell < CELLS as f32).then_some(cell as u32)
         };

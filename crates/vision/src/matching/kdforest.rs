@@ -40,11 +40,11 @@ use crate::params::ParamError;
 use crate::seed::{Rng, Seed};
 use crate::simd::two_nearest_among;
 
-/// Dimensions of greatest variance among which one is drawn.
+/// A dimension is drawn among this many dimensions of greatest variance.
 const CANDIDATES: usize = 5;
-/// Most descriptors that a mean and a variance are taken of.
+/// Most descriptors that are used for a mean and a variance.
 const SAMPLE: usize = 100;
-/// What links to descriptors carry, and links to nodes do not.
+/// A bit that is set in links to descriptors, and not in links to nodes.
 const LEAF: u32 = 1 << 31;
 
 /// Parameters of [`KdForest`].
@@ -85,8 +85,8 @@ impl KdForest {
         Ok(Self { params })
     }
 
-    /// For each descriptor of `a` the nearest that was found in `b` and the distance to the second
-    /// nearest, in the order of `a`. There are none if `b` is empty.
+    /// For each descriptor of `a`, the nearest that was found in `b`, and the distance to the second nearest
+    /// that was found, in the order of `a`. Empty if `b` is empty.
     ///
     /// # Panics
     /// If the descriptors differ in length, or more than 30 million descriptors are indexed.
@@ -120,16 +120,16 @@ impl Search for KdForest {
     }
 }
 
-/// A cut through one dimension. Links are indices of nodes, or [`LEAF`] and the index of a row.
+/// A split along one dimension. Links are indices of nodes, or [`LEAF`] and the index of a row.
 #[derive(Clone, Copy)]
 struct Node {
     dimension: u32,
     threshold: f32,
-    /// Where the value is below the threshold, and where it is not.
+    /// The link for values below the threshold, and the link for all others.
     sides: [u32; 2],
 }
 
-/// Rows that are still to be cut: a range of their order, and the side of a node that leads to them.
+/// Rows that are still to be split: a range of their order, and the side of the node that leads to them.
 struct Branch {
     range: Range<usize>,
     parent: Option<(usize, usize)>,
@@ -138,7 +138,7 @@ struct Branch {
 /// All trees.
 struct Forest {
     nodes: Vec<Node>,
-    /// A link for each tree; none if there is nothing to find.
+    /// One link per tree; empty if there is no descriptor.
     roots: Vec<u32>,
 }
 
@@ -156,14 +156,14 @@ impl Forest {
         };
         for tree in 0..trees {
             let mut rng = Seed(0).child("kdforest").number(tree as u64).rng();
-            // The first of a part are its sample.
+            // The first rows of a part are its sample.
             rng.shuffle(&mut order);
             forest.grow_tree(rows, &mut order, &mut rng);
         }
         forest
     }
 
-    /// Adds a tree of the rows in `order`, which changes.
+    /// Adds a tree of the rows in `order`, which is reordered.
     fn grow_tree(&mut self, rows: &FloatRows, order: &mut [u32], rng: &mut Rng) {
         if order.is_empty() {
             return;
@@ -204,7 +204,7 @@ impl Forest {
         }
     }
 
-    /// The link to a part that comes next: its only row, or the node that will cut it.
+    /// The link to the next part: its only row, or the node that will split it.
     fn next_link(&self, part: &[u32]) -> u32 {
         match part {
             [row] => LEAF | row,
@@ -213,7 +213,7 @@ impl Forest {
     }
 }
 
-/// Moves those that are `below` to the front; returns their number.
+/// Moves the rows for which `below` is true to the front; returns their number.
 fn split(part: &mut [u32], below: impl Fn(&u32) -> bool) -> usize {
     let mut count = 0;
     for index in 0..part.len() {
@@ -225,10 +225,10 @@ fn split(part: &mut [u32], below: impl Fn(&u32) -> bool) -> usize {
     count
 }
 
-/// How the values of each dimension vary in a sample.
+/// Variances of each dimension in a sample.
 struct Variances {
     means: Vec<f32>,
-    /// Sums of squared deviations: the variances times the same number.
+    /// Sums of squared deviations, which are the variances times a common factor.
     squares: Vec<f32>,
 }
 
@@ -258,8 +258,8 @@ impl Variances {
         }
     }
 
-    /// One of the dimensions of greatest variance, and its mean. Where nothing varies (or sums
-    /// overflow) it is any, and the mean parts nothing.
+    /// One of the dimensions of greatest variance, and its mean. If nothing varies (or sums overflow), it is
+    /// any dimension, and the mean separates nothing.
     fn draw(&self, rng: &mut Rng) -> (usize, f32) {
         let mut best = [(0.0, 0); CANDIDATES];
         let mut found = 0;
@@ -276,14 +276,14 @@ impl Variances {
     }
 }
 
-/// The search of one query after the other.
+/// The state of the search, used for one query after the other.
 struct Walk<'a> {
     forest: &'a Forest,
     checks: usize,
-    /// Sides not taken: the bits of their distance, and their link. Distances are not negative, so
-    /// that their bits have their order.
+    /// Sides that were not taken: the bits of their distance, and their link. Distances are not negative, so
+    /// their bits are ordered in the same way.
     queue: BinaryHeap<Reverse<(u32, u32)>>,
-    /// The last query that found each row, counted from 1.
+    /// For each row, the last query that found it, counted from 1.
     found_by: Vec<u32>,
     query: u32,
     chosen: Vec<u32>,
@@ -320,7 +320,7 @@ impl<'a> Walk<'a> {
         &self.chosen
     }
 
-    /// Goes from a link at a squared `distance` down to a row, and queues the sides not taken.
+    /// Goes from a link at a squared `distance` down to a row, and queues the other sides.
     fn descend(&mut self, query: &[f32], mut link: u32, distance: f32) {
         while link & LEAF == 0 {
             let node = &self.forest.nodes[link as usize];
@@ -329,7 +329,7 @@ impl<'a> Walk<'a> {
                 [below, above] if offset < 0.0 => [below, above],
                 [below, above] => [above, below],
             };
-            // Where sums overflowed the threshold is infinite or NaN: such a side comes last.
+            // If sums overflowed, the threshold is infinite or NaN, and such a side comes last.
             let far_distance = (distance + offset * offset).min(f32::INFINITY);
             self.queue.push(Reverse((far_distance.to_bits(), far)));
             link = near;

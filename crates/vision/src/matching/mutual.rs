@@ -8,7 +8,7 @@
 use super::{Correspondences, Selector, View, two_nearest};
 use crate::seed::Seed;
 
-/// Keeps a match if its feature of `a` is the nearest to its feature of `b`.
+/// Keeps a match if its feature of `a` is the nearest of all features of `a` to its feature of `b`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MutualCheck;
 
@@ -18,8 +18,8 @@ impl Selector for MutualCheck {
     }
 }
 
-/// Keeps a match if its feature of `a` is the nearest to its feature of `b` among the matches from `b` to `a` that
-/// `select` leaves.
+/// Keeps a match if its feature of `a` is the nearest to its feature of `b`, and if the match from `b` to `a`
+/// passes `select`.
 pub(super) fn keep_mutual(
     a: View<'_>,
     b: View<'_>,

@@ -24,8 +24,8 @@ impl Search for NearestNeighbours {
     }
 }
 
-/// For each descriptor of `a` the nearest of `b` and the distance to the second nearest, in the
-/// order of `a`. There are none if `b` is empty.
+/// For each descriptor of `a`, the nearest of `b` and the distance to the second nearest, in the order of `a`.
+/// Empty if `b` is empty.
 ///
 /// # Panics
 /// If the descriptors are of different kinds.

@@ -7,8 +7,7 @@ use crate::features::{Detections, Extractor, Features};
 use crate::image::{GrayImage, Size};
 use crate::seed::Seed;
 
-/// Extraction, search and any number of selectors one after the other: nearly every matcher is
-/// one of these.
+/// Extraction, search and any number of selectors, one after the other. Nearly every matcher is a pipeline.
 ///
 /// ```
 /// use matchbench_vision::features::{Orb, OrbParams};
@@ -24,14 +23,14 @@ use crate::seed::Seed;
 pub struct Pipeline {
     /// Finds and describes features.
     pub extractor: Box<dyn Extractor>,
-    /// Compares them.
+    /// Compares descriptors.
     pub search: Box<dyn Search>,
     /// Prunes the matches, in this order.
     pub selectors: Vec<Box<dyn Selector>>,
 }
 
 impl Pipeline {
-    /// Local features as usual: `extractor`, exact nearest neighbours, the ratio test at 0.8.
+    /// The usual pipeline for local features: `extractor`, exact nearest neighbours, ratio test at 0.8.
     pub fn of_features(extractor: impl Extractor + 'static) -> Self {
         Self {
             extractor: Box::new(extractor),

@@ -28,15 +28,15 @@ use super::{Correspondence, Correspondences, Search, two_nearest};
 use crate::features::{BinaryRows, Descriptors, Features, FloatRows, Keypoint};
 use crate::simd::{complete, near_rows, two_nearest_among};
 
-/// Features in a block.
+/// Number of features in a block.
 const BLOCK: usize = 256;
 
-/// Exact search whose second neighbours are of another place.
+/// Exact search where the second neighbour must be at another place than the nearest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct PlacewiseNeighbours {
-    /// Features nearer to each other than this, in pixels, show the same place.
+    /// Features closer to each other than this, in pixels, are at the same place.
     pub same_place_px: f32,
 }
 
@@ -60,8 +60,8 @@ impl Search for PlacewiseNeighbours {
 }
 
 impl PlacewiseNeighbours {
-    /// The nearest feature of each block for those features of `a` that the fast kernel takes
-    /// (none where the processor lacks it); blocks that cannot change a result are left out.
+    /// The nearest feature of each block, for the features of `a` that the fast kernel can handle (none if the
+    /// processor lacks it). Blocks that cannot change a result are left out.
     fn of_blocks_that_matter(self, a: &Features, b: &Features) -> Vec<Option<Correspondences>> {
         let (Descriptors::Float(rows_a), Descriptors::Float(rows_b)) =
             (&a.descriptors, &b.descriptors)

@@ -15,7 +15,7 @@ use super::{Correspondences, Selector, View};
 use crate::params::ParamError;
 use crate::seed::Seed;
 
-/// Keeps a match if its distance is below [`RatioTest::ratio`] times that of the second nearest.
+/// Keeps a match if its distance is below [`RatioTest::ratio`] times the distance to the second nearest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
@@ -34,7 +34,7 @@ impl RatioTest {
     /// A test with this ratio.
     ///
     /// # Errors
-    /// Unless it is in `(0, 1]`.
+    /// If it is not in `(0, 1]`.
     pub fn new(ratio: f32) -> Result<Self, ParamError> {
         let allowed = ratio > 0.0 && ratio <= 1.0;
         ParamError::unless(allowed, "ratio", ratio, "above 0 and at most 1")?;

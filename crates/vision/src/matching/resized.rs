@@ -17,16 +17,17 @@ use crate::image::{GrayImage, Size, resize, shrink_u8};
 use crate::params::ParamError;
 use crate::seed::Seed;
 
-/// The size that images are looked at in.
+/// The size of the images in which features are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImageSize {
-    /// At most so many pixels wide and high, of the same aspect; smaller images are left alone.
+    /// At most so many pixels wide and high, with the same aspect ratio. Smaller images are not changed.
     AtMost(usize),
-    /// This size, whatever the image's own and its aspect.
+    /// This size, whatever the size and aspect ratio of the image.
     Exactly(Size),
 }
 
-/// A matcher whose features are found in images of another size.
+/// A matcher whose features are found in images of another size. Their coordinates are those of the original
+/// images.
 pub struct Resized {
     matcher: Box<dyn Matcher>,
     size: ImageSize,
@@ -36,7 +37,7 @@ impl Resized {
     /// A `matcher` for images of this `size`.
     ///
     /// # Errors
-    /// Unless a largest size is at least 16, and an exact one 16 to [`Resized::MOST`] in width and height.
+    /// If a largest size is below 16, or an exact one is not from 16 to [`Resized::MOST`] in width and height.
     pub fn new(matcher: Box<dyn Matcher>, size: ImageSize) -> Result<Self, ParamError> {
         match size {
             ImageSize::AtMost(most) => {
@@ -52,10 +53,10 @@ impl Resized {
         Ok(Self { matcher, size })
     }
 
-    /// Largest width and height of an exact size: a small image may be enlarged to it.
+    /// Largest width and height of an exact size, since a small image may be enlarged to it.
     pub const MOST: usize = 8192;
 
-    /// The size that an image of `size` is looked at in.
+    /// The size to which an image of `size` is resampled.
     fn size_for(&self, size: Size) -> Size {
         let most = match self.size {
             ImageSize::AtMost(most) => most,

@@ -6,14 +6,14 @@ use crate::geometry::{Camera, MatchedPoints};
 use crate::image::{GrayImage, Size};
 use crate::seed::Seed;
 
-/// One image as the selection sees it.
+/// One image, with the data that selection may use.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     /// Its features.
     pub features: &'a Features,
-    /// Its pixels, for matchers whose [`Matcher::selects_by_pixels`] says so, else `None`.
+    /// Its pixels, if [`Matcher::selects_by_pixels`] is true for the matcher, else `None`.
     pub image: Option<&'a GrayImage>,
-    /// The camera that took it, where it is known.
+    /// Its camera, if it is known.
     pub camera: Option<&'a Camera>,
 }
 
@@ -22,14 +22,14 @@ pub struct View<'a> {
 /// Users of the library implement it too, so every stage may fail. The benchmark counts a failure against
 /// the pair and goes on.
 pub trait Matcher: Send + Sync {
-    /// Features of one image; once per image.
+    /// Features of one image. Called once per image.
     ///
     /// # Errors
     /// If the stage fails, with the reason in words.
     fn extract(&self, image: &GrayImage) -> Result<Features, MatcherError>;
 
-    /// The same features; keypoints that another matcher with the same detector found before come from
-    /// `detections`.
+    /// The same features, where keypoints that another matcher with the same detector found before are taken
+    /// from `detections`.
     ///
     /// # Errors
     /// If the stage fails, with the reason in words.
@@ -41,13 +41,13 @@ pub trait Matcher: Send + Sync {
         self.extract(image)
     }
 
-    /// Putative correspondences; once per pair.
+    /// Putative correspondences. Called once per pair.
     ///
     /// # Errors
     /// If the stage fails, with the reason in words.
     fn search(&self, a: &Features, b: &Features) -> Result<Correspondences, MatcherError>;
 
-    /// The correspondences worth keeping; once per pair.
+    /// The correspondences that are kept. Called once per pair.
     ///
     /// # Errors
     /// If the stage fails, with the reason in words.
@@ -59,20 +59,19 @@ pub trait Matcher: Send + Sync {
         seed: Seed,
     ) -> Result<Correspondences, MatcherError>;
 
-    /// Whether [`Matcher::select`] looks at the pixels (KVLD does), so that they must be decoded
-    /// for each pair.
+    /// Whether [`Matcher::select`] uses the pixels, so that they must be decoded for each pair. KVLD does.
     fn selects_by_pixels(&self) -> bool {
         false
     }
 
-    /// About how many bytes [`Matcher::extract`] takes for an image of this `size`, so that an image which
-    /// would not fit into memory is refused beforehand; 0 where nobody has said.
+    /// About how many bytes of memory [`Matcher::extract`] needs for an image of this `size`. With it, an image
+    /// that would not fit into memory is refused beforehand. 0 if it is not known.
     fn extraction_memory(&self, _size: Size) -> usize {
         0
     }
 
-    /// All stages on two images: for callers with one pair, who need not keep features. The `cameras` of
-    /// `a` and `b` are used by matchers that select with a pose (RepMatch).
+    /// Runs all stages on two images, for callers that have one pair and need not keep features. The `cameras`
+    /// of `a` and `b` are used only by matchers that select with a pose (RepMatch).
     ///
     /// # Errors
     /// If a stage fails.
@@ -102,7 +101,7 @@ pub trait Matcher: Send + Sync {
 
 /// Finds putative correspondences by comparing descriptors.
 pub trait Search: Send + Sync {
-    /// For each feature of `a` the nearest of `b`, or several candidates, in the order of `a`.
+    /// For each feature of `a`, the nearest of `b` or several candidates, in the order of `a`.
     ///
     /// # Panics
     /// If the two images were described by descriptors of different kinds.
@@ -111,7 +110,7 @@ pub trait Search: Send + Sync {
 
 /// Drops correspondences that look wrong.
 pub trait Selector: Send + Sync {
-    /// Keeps the good ones of `matches`, in their order.
+    /// Keeps only the good ones of `matches`, in their order.
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, seed: Seed);
 
     /// Whether it needs [`View::image`].

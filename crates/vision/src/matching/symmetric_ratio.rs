@@ -14,10 +14,11 @@ use super::{Correspondences, RatioTest, Selector, View};
 use crate::params::ParamError;
 use crate::seed::Seed;
 
-/// Keeps a match if it passes the [`RatioTest`], and so does the match of its feature of `b`, which is the same.
+/// Keeps a match if it passes the [`RatioTest`] in both directions: its feature of `b` must also have this
+/// feature of `a` as its nearest, and that match must pass the test too.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SymmetricRatioTest {
-    /// The test of both directions.
+    /// The test that is applied in each direction.
     one_way: RatioTest,
 }
 
@@ -25,7 +26,7 @@ impl SymmetricRatioTest {
     /// A test with this ratio.
     ///
     /// # Errors
-    /// Unless it is in `(0, 1]`.
+    /// If it is not in `(0, 1]`.
     pub fn new(ratio: f32) -> Result<Self, ParamError> {
         let one_way = RatioTest::new(ratio)?;
         Ok(Self { one_way })

@@ -22,16 +22,18 @@ use super::{
 use crate::features::{Features, features_of_image};
 use crate::seed::Seed;
 
-/// Search and selection of features of [`ImageAndViews`](crate::features::ImageAndViews), those of views where they are needed.
+/// Search and selection for features of [`ImageAndViews`](crate::features::ImageAndViews). Features of views
+/// are used only if they are needed.
 #[derive(Clone, Copy, Debug)]
 pub struct ViewsOnDemand {
-    /// Matches of the images themselves that make views needless; `None` where views are always compared.
+    /// If the images themselves give at least this many matches, views are not compared. `None`: views are
+    /// always compared.
     pub enough: Option<u32>,
     /// Compares all features.
     pub search: PlacewiseNeighbours,
-    /// Selects matches of the images themselves.
+    /// Selects matches if only the images themselves are compared.
     pub of_images: Adalam,
-    /// Selects matches among which are those of views.
+    /// Selects matches if views are compared too.
     pub of_views: Adalam,
 }
 

@@ -42,7 +42,8 @@ use crate::geometry::{
     PointPairs, RelativePose, essential_from_pose, pose_deviation, squared_sampson_distances,
 };
 
-/// Largest angle, of rotation and of translation, between a right pose and the truth, in degrees.
+/// A pose is right if both its rotation and its direction of translation are within this angle of the truth, in
+/// degrees.
 pub const RIGHT_POSE: f64 = 10.0;
 
 /// w_0, and the weights of significance and cells.
@@ -61,16 +62,16 @@ const SAMPLE: usize = 5;
 /// How far an estimated pose can be trusted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Confidence {
-    /// The probability that what agrees with the pose is seen in both images, and does not agree by chance. Below one half the
-    /// answer is: no overlap, as far as these matches tell.
+    /// The probability that both images show the matches that agree with the pose, and that they do not agree
+    /// by chance. Below one half the answer is: no overlap, as far as these matches say.
     pub overlap: f64,
     /// The probability that the pose is right, [within 10 degrees](RIGHT_POSE) of the truth; at most `overlap`.
     pub right: f64,
 }
 
 impl TwoViews<'_> {
-    /// How far a pose can be trusted, as these matches tell: calibrated on scenes of many kinds, whatever
-    /// estimated it.
+    /// How far a pose can be trusted, judged by these matches. The probabilities are calibrated on scenes of
+    /// many kinds, and do not depend on the estimator.
     ///
     /// # Panics
     /// If the lists of the matches have different lengths.
@@ -108,7 +109,7 @@ impl TwoViews<'_> {
     }
 }
 
-/// Logistic regression on the logarithms of `numbers`; the first weight is that of 1.
+/// Logistic regression on the logarithms of `numbers`; the first weight is the constant term.
 fn probability<const N: usize, const M: usize>(weights: [f64; M], numbers: [f64; N]) -> f64 {
     const { assert!(M == N + 1, "a weight for 1 and one for each number") };
     let weighed = weights[1..].iter().zip(numbers);
@@ -118,7 +119,7 @@ fn probability<const N: usize, const M: usize>(weights: [f64; M], numbers: [f64;
     1.0 / (1.0 + libm::exp(-logit))
 }
 
-/// Cells of a grid over the points of one view that have a match of these.
+/// Number of cells of a grid over the points of one view that contain one of the matches `near`.
 fn occupied_cells(x: &[f64], y: &[f64], near: &[u32]) -> usize {
     let all = cells_of(x, y, CELLS);
     let mut cells: Vec<u64> = near.iter().map(|&i| all[i as usize]).collect();
@@ -127,8 +128,8 @@ fn occupied_cells(x: &[f64], y: &[f64], near: &[u32]) -> usize {
     cells.len()
 }
 
-/// The probability that a point, evenly spread over where those of one view lie, comes within `near` of a line through
-/// them: at most what a diagonal covers, and at most one half.
+/// The probability that a random point, uniform in the rectangle around the points of one view, is within
+/// `near` of a line through this rectangle. It is at most the probability for a diagonal, and at most one half.
 fn chance_near(x: &[f64], y: &[f64], near: f64) -> f64 {
     let (width, height) = (span(x), span(y));
     let covered = 2.0 * near * libm::hypot(width, height) / (width * height);
@@ -136,7 +137,8 @@ fn chance_near(x: &[f64], y: &[f64], near: f64) -> f64 {
     if covered < 0.5 { covered } else { 0.5 }
 }
 
-/// `-log10` of the number of false alarms of a model with `near` of `all` matches, each near by this `chance`.
+/// `-log10` of the number of false alarms of a model for which `near` of `all` matches are near, if each is
+/// near with probability `chance`.
 fn significance(near: usize, all: usize, chance: f64) -> f64 {
     if near <= SAMPLE {
         return 0.0;
@@ -150,7 +152,8 @@ fn significance(near: usize, all: usize, chance: f64) -> f64 {
     -ln_alarms / core::f64::consts::LN_10
 }
 
-/// The matches whose parallax, the angle between the rays with the rotation undone, is not far above the median.
+/// The matches whose parallax is not far above the median. The parallax is the angle between the two rays after
+/// the rotation is undone.
 fn of_usual_parallax(b_from_a: &RelativePose, pairs: &PointPairs) -> PointPairs {
     /// Largest parallax over the median.
     const TIMES: f64 = 2.0;

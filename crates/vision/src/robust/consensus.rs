@@ -36,12 +36,12 @@ use super::{Problem, Sampling, Scoring, Support};
 use crate::geometry::PointPairs;
 use crate::seed::Rng;
 
-/// When to stop.
+/// When sampling stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConsensusParams {
-    /// Wanted probability that at least one sample was free of outliers.
+    /// Required probability that at least one sample is free of outliers.
     pub confidence: f64,
-    /// Samples drawn at most.
+    /// Largest number of samples.
     pub max_samples: usize,
 }
 
@@ -50,16 +50,16 @@ pub struct ConsensusParams {
 pub struct Consensus<M> {
     /// The model.
     pub model: M,
-    /// Its quality and number of inliers.
+    /// Its quality and the number of its inliers.
     pub support: Support,
-    /// Numbers of the data that agree with it, ascending.
+    /// Indices of the data that agree with it, ascending.
     pub inliers: Vec<u32>,
     /// Number of samples that were drawn.
     pub samples: usize,
 }
 
-/// The model of the highest `score` among those that samples of the `problem` allow; `None`
-/// where no model has as many inliers as a sample has data.
+/// The model with the highest `score` among the models of random samples of the `problem`. `None` if no model
+/// has at least as many inliers as a sample has data.
 pub fn consensus<P: Problem>(
     problem: &P,
     score: &impl Scoring,
@@ -75,20 +75,20 @@ pub fn consensus<P: Problem>(
     })
 }
 
-/// What may be added to the plain loop.
+/// Optional additions to the plain loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extras {
-    /// Samples drawn at least.
+    /// Least number of samples.
     pub min_samples: usize,
-    /// Steps of each local optimisation; 0 for none.
+    /// Number of steps of each local optimisation; 0 for none.
     pub local_steps: usize,
-    /// Whether bad models are abandoned early by a sequential probability ratio test; without effect where
-    /// the score is no sum over the data. The data must be in random order.
+    /// Whether bad models are rejected early by a sequential probability ratio test. It has no effect if the
+    /// score is not a sum over the data. The data must be in random order.
     pub sprt: bool,
 }
 
 impl Extras {
-    /// The plain loop.
+    /// No additions.
     pub const NONE: Self = Self {
         min_samples: 0,
         local_steps: 0,
@@ -96,9 +96,9 @@ impl Extras {
     };
 }
 
-/// As [`consensus`], with `extras`, and only until `stop` says so, which is asked before each sample
-/// and told how many were drawn. A `stop` that looks at a clock makes results irreproducible, so
-/// time limits are up to the caller.
+/// As [`consensus`], with `extras`, and only until `stop` returns true. It is called before each sample with
+/// the number of samples so far. If `stop` uses a clock, results cannot be reproduced, so a time limit is the
+/// decision of the caller.
 pub fn consensus_until<P: Problem>(
     problem: &P,
     score: &impl Scoring,
@@ -119,7 +119,8 @@ pub fn consensus_until<P: Problem>(
     let mut needed = params.max_samples;
     let mut samples = 0;
     while samples < needed.max(extras.min_samples).min(params.max_samples) && !stop(samples) {
-        // What is drawn together does not depend on what is found meanwhile, so the last ones may be in vain.
+        // Samples that are drawn together do not depend on results in between, so the last ones may not be
+        // needed.
         let next = samples % P::BATCH;
         if next == 0 {
             for sample in drawn.chunks_exact_mut(P::SAMPLE) {
@@ -208,7 +209,7 @@ pub(super) fn inliers_within(squared_residuals: &[f64], squared_threshold: f64) 
         .collect()
 }
 
-/// Matches beyond this multiple of the squared threshold are taken to stay outliers in a local optimisation.
+/// In a local optimisation, matches beyond this multiple of the squared threshold are assumed to stay outliers.
 pub(super) const NEAR: f64 = 9.0;
 
 /// The `pairs` of a problem whose squared residual is at most `squared`.
@@ -223,10 +224,10 @@ pub(super) fn near<P: Problem>(
     pairs.chosen(&inliers_within(&residuals, squared))
 }
 
-/// Data whose residuals are computed before it is checked again whether the model can still win.
+/// Number of residuals that are computed before the loop checks again whether the model can still win.
 const BLOCK: usize = 64;
 
-/// The support of a model if its quality is above the `limit` and `sprt` does not abandon it.
+/// The support of a model, if its quality is above `limit` and `sprt` does not reject it.
 fn support_above<P: Problem>(
     limit: f64,
     problem: &P,
@@ -248,7 +249,7 @@ fn support_above<P: Problem>(
                 inliers: total.inliers + support.inliers,
                 ..support
             });
-            // A quality of NaN wins nothing.
+            // A model with quality NaN never wins.
             let rest = score.upper_bound(range.end..n).unwrap_or(f64::INFINITY);
             let can_win = sum.quality + rest > limit;
             let mut is_bad = || (sprt.as_mut()).is_some_and(|t| t.gives_up(sum.inliers, range.end));
@@ -263,7 +264,7 @@ fn support_above<P: Problem>(
     }
     let support = total.filter(|support| support.quality > limit)?;
     if score.upper_bound(0..n).is_none() {
-        // Such a score leaves other values, or another order, in their place.
+        // Such a score leaves changed values, or another order, in the slice, so residuals are computed again.
         problem.squared_residuals(model, 0..n, residuals);
     }
     if !problem.exclude_impossible(model, support.squared_threshold, residuals) {
@@ -272,17 +273,17 @@ fn support_above<P: Problem>(
     Some(score.support(0..n, residuals)).filter(|support| support.quality > limit)
 }
 
-/// Samples after which one is free of outliers, and its model was not abandoned, with the wanted
-/// confidence; `power` is the probability that a right model is not abandoned.
+/// Number of samples after which, with the required confidence, at least one was free of outliers and its model
+/// was not rejected. `power` is the probability that a right model is not rejected.
 fn samples_needed(inlier_ratio: f64, power: f64, sample: usize, params: ConsensusParams) -> usize {
     let clean = (0..sample).fold(power, |clean, _| clean * inlier_ratio);
     let log_failure = libm::log((1.0 - params.confidence).max(f64::MIN_POSITIVE));
-    // Confidence 0 is there without a sample; with few inliers the other logarithm is 0 too.
+    // Confidence 0 needs no sample; with few inliers the other logarithm is 0 too.
     if log_failure == 0.0 {
         return 0;
     }
     let log_spoilt = libm::log(1.0 - clean);
-    // Infinite where every datum is an inlier: then what was drawn is enough.
+    // Infinite if every datum is an inlier; then the samples so far are enough.
     if log_failure <= params.max_samples as f64 * log_spoilt {
         return params.max_samples;
     }

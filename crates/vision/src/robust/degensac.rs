@@ -31,11 +31,11 @@ use crate::simd;
 const DRAWS: usize = 200;
 const WIDER: f64 = 4.0;
 
-/// Any five of seven contain one of these.
+/// Any five of the seven matches contain at least one of these triplets.
 const TRIPLETS: [[usize; 3]; 5] = [[0, 1, 2], [3, 4, 5], [0, 1, 6], [3, 4, 6], [2, 5, 6]];
 
-/// The best matrix by plane and parallax, where the `sample` that `f` comes from has five matches on a
-/// plane; `None` where it has not, or nothing is off the plane.
+/// If five matches of the `sample` of `f` lie on a plane: the best matrix from this plane and from parallax off
+/// it. `None` if there is no such plane, or if no match is off it.
 pub(super) fn off_the_plane(
     f: &Matrix3<f64>,
     sample: &[u32],
@@ -82,7 +82,7 @@ pub(super) fn off_the_plane(
     best.map(|(_, candidate)| candidate)
 }
 
-/// The homography that five of the sample agree with.
+/// The homography with which five matches of the sample agree.
 fn plane_of(
     f: &Matrix3<f64>,
     sample: &[u32],
@@ -98,7 +98,7 @@ fn plane_of(
     })
 }
 
-/// The homography that agrees with F and takes three points of a to those of b.
+/// The homography that is compatible with F and maps three points of a to those of b.
 fn homography_of(
     f: &Matrix3<f64>,
     triplet: [(Point2<f64>, Point2<f64>); 3],

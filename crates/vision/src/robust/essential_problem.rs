@@ -21,15 +21,15 @@ use crate::geometry::{
 };
 use crate::seed::Rng;
 
-/// Finds the essential matrix; residuals are squared Sampson distances.
+/// The problem of an essential matrix; residuals are squared Sampson distances.
 #[derive(Clone, Copy, Debug)]
 pub struct EssentialProblem<'a> {
     /// The matches, at depth 1.
     pub pairs: &'a PointPairs,
-    /// Whether scene points must lie in front of both cameras: models that put a match of their own
-    /// sample behind one are dropped, and matches that lie behind one do not count as inliers.
+    /// Whether scene points must lie in front of both cameras. Then a model is dropped if it puts a match of
+    /// its own sample behind a camera, and matches behind a camera do not count as inliers.
     pub cheirality: bool,
-    /// Whether the poses that a plane of the inliers allows are rivals of the best one.
+    /// Whether the best pose is compared with the poses that a plane of its inliers allows.
     pub plane_poses: bool,
 }
 
@@ -89,7 +89,7 @@ impl Problem for EssentialProblem<'_> {
         )
     }
 
-    /// Minimises the truncated squared distance over poses, from the matches near the model.
+    /// Minimises the truncated squared distance over poses, using the matches near the model.
     fn refine(
         &self,
         model: &Matrix3<f64>,
@@ -104,8 +104,8 @@ impl Problem for EssentialProblem<'_> {
     }
 }
 
-/// Makes infinite the residuals of inliers that lie behind a camera, in the pose that most inliers
-/// are in front of. A point farther than [`FAR`] may be on either side for all that noise allows.
+/// Sets the residuals of inliers behind a camera to infinity. The pose is the one with most inliers in front of
+/// both cameras. A point farther than [`FAR`] is not excluded, since noise can move it to the other side.
 fn exclude_behind(
     model: &Matrix3<f64>,
     pairs: &PointPairs,

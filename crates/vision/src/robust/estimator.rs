@@ -8,7 +8,7 @@ use nalgebra::Matrix3;
 use crate::geometry::{Camera, MatchedPoints, PointPairs, RelativePose};
 use crate::seed::Seed;
 
-/// Matches of two images, and the cameras that took these.
+/// Matches of two images, and the cameras of these images.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoViews<'a> {
     /// The matches, in pixels.
@@ -20,7 +20,7 @@ pub struct TwoViews<'a> {
 }
 
 impl TwoViews<'_> {
-    /// The matches as points at depth 1: calibration and lens distortion of each camera undone.
+    /// The matches as points at depth 1: calibration and lens distortion of each camera are undone.
     ///
     /// # Panics
     /// If the lists of the matches have different lengths.
@@ -28,7 +28,7 @@ impl TwoViews<'_> {
         self.points.at_depth_1(self.camera_a, self.camera_b)
     }
 
-    /// As [`TwoViews::at_depth_1`]; if a lens distorts, with the covariances that noise in the images has there.
+    /// As [`TwoViews::at_depth_1`], and if a lens distorts, with the covariances of image noise at depth 1.
     ///
     /// # Panics
     /// If the lists of the matches have different lengths.
@@ -48,25 +48,25 @@ impl TwoViews<'_> {
 pub struct PoseEstimate {
     /// The relative pose.
     pub b_from_a: RelativePose,
-    /// Indices of the matches that agree with the model in the consensus stage, ascending.
+    /// Indices of the matches that agree with the estimated matrix (the refined one, if it is refined), ascending.
     pub inliers: Vec<u32>,
     /// Number of matches, out of all that were given, whose triangulated point lies in front of both
     /// cameras and nearer than the estimator's largest depth; the count of correspondences that the
     /// MatchBench paper reports.
     pub support: usize,
-    /// Number of samples that were drawn.
+    /// Number of samples drawn.
     pub iterations: usize,
 }
 
 /// What an estimator of homographies found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HomographyEstimate {
-    /// Takes pixels of a, as `(x, y, 1)`, to those of b; of Frobenius norm 1 and with the sign that gives
-    /// the matches of its first sample a positive third coordinate.
+    /// Maps pixels of a, as `(x, y, 1)`, to those of b. It has Frobenius norm 1, and the sign for which the
+    /// third coordinate of the matches of its first sample is positive.
     pub b_from_a: Matrix3<f64>,
     /// Indices of the matches that agree with it, ascending.
     pub inliers: Vec<u32>,
-    /// Number of samples that were drawn.
+    /// Number of samples drawn.
     pub iterations: usize,
 }
 
@@ -76,18 +76,18 @@ pub struct HomographyEstimate {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(tag = "kind", rename_all = "kebab-case"))]
 pub enum NoPose {
-    /// Not enough matches to begin with.
+    /// There are too few matches.
     TooFewMatches {
-        /// Matches that were given.
+        /// Number of given matches.
         found: usize,
-        /// Matches that are needed.
+        /// Number of required matches.
         needed: usize,
     },
-    /// No model, or none that enough matches agree with.
+    /// There is no model, or too few matches agree with any model.
     NoSupport {
-        /// Matches that support the best pose.
+        /// Number of matches that support the best pose.
         found: usize,
-        /// Matches that are needed.
+        /// Number of required matches.
         needed: usize,
     },
 }
@@ -115,14 +115,14 @@ pub trait PoseEstimator: Send + Sync {
     /// The pose of `b` relative to `a`; the same seed gives the same bits.
     ///
     /// # Errors
-    /// [`NoPose`] where the matches determine none.
+    /// [`NoPose`] if the matches determine none.
     fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoPose>;
 
     /// As [`PoseEstimator::estimate`], but samples are drawn only until `stop` returns true; it is given the number
     /// of samples so far. This allows comparisons at equal time: the caller owns the clock.
     ///
     /// # Errors
-    /// [`NoPose`] where the matches determine none, or the time was too short to find one.
+    /// [`NoPose`] if the matches determine none, or if the time was too short to find one.
     fn estimate_until(
         &self,
         views: TwoViews<'_>,
@@ -131,22 +131,23 @@ pub trait PoseEstimator: Send + Sync {
     ) -> Result<PoseEstimate, NoPose>;
 }
 
-/// Estimates the homography between two images: of a plane, or taken from one place.
+/// Estimates the homography between two images, which exists if the scene is a plane or the camera only
+/// rotated.
 pub trait HomographyEstimator: Send + Sync {
     /// The homography from a to b; the same seed gives the same bits.
     ///
     /// # Errors
-    /// [`NoPose`] where the matches determine none.
+    /// [`NoPose`] if the matches determine none.
     ///
     /// # Panics
     /// If the lists of the matches have different lengths.
     fn estimate(&self, points: &MatchedPoints, seed: Seed) -> Result<HomographyEstimate, NoPose>;
 
-    /// As [`HomographyEstimator::estimate`], but drawing samples only until `stop` says so, as
+    /// As [`HomographyEstimator::estimate`], but samples are drawn only until `stop` returns true, as in
     /// [`PoseEstimator::estimate_until`].
     ///
     /// # Errors
-    /// [`NoPose`] where the matches determine none, or the time was too short to find one.
+    /// [`NoPose`] if the matches determine none, or if the time was too short to find one.
     fn estimate_until(
         &self,
         points: &MatchedPoints,

@@ -33,8 +33,8 @@ use crate::simd::{self, THRESHOLDS};
 /// Thresholds, as multiples of the given one.
 const MULTIPLES: [f64; THRESHOLDS] = [0.5, 1.0, 2.0];
 
-/// The even marginal score: at every noise level an inlier counts more the nearer it is to the model, and the fewer
-/// matches lie around it.
+/// The even marginal score. At every noise level an inlier counts more if it is nearer to the model, and if
+/// fewer matches lie around it.
 #[derive(Clone, Debug)]
 pub struct EvenMarginal {
     squared_threshold: f64,
@@ -43,8 +43,8 @@ pub struct EvenMarginal {
 }
 
 impl EvenMarginal {
-    /// The score of models of these matches, with `cells` x `cells` cells laid over the points of each
-    /// view; an inlier is a match whose squared residual is at most `squared_threshold`.
+    /// The score for models of these matches. A grid of `cells` x `cells` cells is laid over the points of each
+    /// view. An inlier is a match whose squared residual is at most `squared_threshold`.
     ///
     /// # Panics
     /// If there are no cells.
@@ -71,7 +71,7 @@ impl EvenMarginal {
     }
 }
 
-/// The squared thresholds about this one.
+/// The three squared thresholds around this one.
 fn multiples(squared_threshold: f64) -> [f64; THRESHOLDS] {
     MULTIPLES.map(|multiple| multiple * multiple * squared_threshold)
 }

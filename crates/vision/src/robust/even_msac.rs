@@ -10,7 +10,7 @@ use super::{Scoring, Support};
 use crate::geometry::PointPairs;
 use crate::simd;
 
-/// The even MSAC score: an inlier counts more the nearer it is to the model, and the fewer matches lie around it.
+/// The even MSAC score: an inlier counts more if it is nearer to the model, and if fewer matches lie around it.
 #[derive(Clone, Debug)]
 pub struct EvenMsac {
     squared_threshold: f64,
@@ -18,8 +18,8 @@ pub struct EvenMsac {
 }
 
 impl EvenMsac {
-    /// The score of models of these matches, with `cells` x `cells` cells laid over the points of each
-    /// view; an inlier is a match whose squared residual is at most `squared_threshold`.
+    /// The score for models of these matches. A grid of `cells` x `cells` cells is laid over the points of each
+    /// view. An inlier is a match whose squared residual is at most `squared_threshold`.
     ///
     /// # Panics
     /// If there are no cells.

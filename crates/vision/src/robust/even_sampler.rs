@@ -14,10 +14,10 @@ use super::grid::cells_of;
 use crate::geometry::PointPairs;
 use crate::seed::Rng;
 
-/// Draws occupied cells first, then data in them.
+/// A sampler that first draws occupied cells of a grid, then data in these cells.
 #[derive(Clone, Debug)]
 pub struct EvenSampler {
-    /// Numbers of the data, cell after cell.
+    /// Indices of the data, sorted by cell.
     data: Vec<u32>,
     /// Where each occupied cell starts in `data`, and the end.
     starts: Vec<u32>,
@@ -26,7 +26,7 @@ pub struct EvenSampler {
 }
 
 impl EvenSampler {
-    /// Samples from matches, `cells` x `cells` cells laid over the points of view `a`. Matches whose
+    /// A sampler of matches, with a grid of `cells` x `cells` cells over the points of view `a`. Matches whose
     /// coordinates are not finite share a cell.
     ///
     /// # Panics
@@ -56,7 +56,7 @@ impl Sampling for EvenSampler {
     fn draw(&mut self, rng: &mut Rng, sample: &mut [u32]) {
         assert!(sample.len() <= self.data.len(), "enough data for a sample");
         let cells = self.starts.len() as u32 - 1;
-        // Below twice as many cells as needed, rejecting repeated ones would bias or never end.
+        // With fewer than twice as many cells as needed, rejecting repeated cells would be biased or never end.
         let distinct = cells as usize >= 2 * sample.len();
         self.chosen.clear();
         for i in 0..sample.len() {

@@ -30,13 +30,13 @@ use crate::geometry::PointPairs;
 pub(super) struct EvenWeights {
     /// w, in the order of the data.
     weights: Vec<f64>,
-    /// The sum of the weights from each datum on.
+    /// For each datum, the sum of the weights from it to the end.
     sum_from: Vec<f64>,
 }
 
 impl EvenWeights {
-    /// The weights of these matches, with `cells` x `cells` cells laid over the points of each view, times the
-    /// trust in each.
+    /// The weights of these matches, multiplied by the trust in each. A grid of `cells` x `cells` cells is laid
+    /// over the points of each view.
     ///
     /// # Panics
     /// If there are no cells.
@@ -72,7 +72,7 @@ impl EvenWeights {
     }
 }
 
-/// How many points are in the cell of each, itself among them.
+/// For each point, the number of points in its cell, itself included.
 fn crowds(x: &[f64], y: &[f64], cells: u32) -> Vec<u32> {
     let mut crowds = vec![0; cells as usize * cells as usize + 1];
     let cells = cells_of(x, y, cells);

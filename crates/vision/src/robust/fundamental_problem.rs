@@ -19,7 +19,7 @@ use crate::geometry::solvers::{Solutions, seven_point};
 use crate::geometry::{PointPairs, squared_sampson_distances};
 use crate::seed::Rng;
 
-/// Finds the fundamental matrix; residuals are squared Sampson distances.
+/// The problem of a fundamental matrix; residuals are squared Sampson distances.
 #[derive(Clone, Copy, Debug)]
 pub struct FundamentalProblem<'a> {
     /// The matches, at depth 1.
@@ -75,7 +75,7 @@ impl Problem for FundamentalProblem<'_> {
     }
 }
 
-/// The singular matrix that fits the `matches` best in the algebraic sense.
+/// The singular matrix with the least algebraic error over the `matches`.
 fn eight_point(pairs: &PointPairs, matches: &[u32]) -> Option<Matrix3<f64>> {
     let Normalised {
         matrix,

@@ -1,7 +1,7 @@
 //! A grid over the points of one view: which of them are neighbours, and how much of the view they cover.
 
-/// The cell of each point in a grid of `cells` x `cells` over all of them, by rows; those whose
-/// coordinates are not finite share one more, the last.
+/// The cell of each point in a grid of `cells` x `cells` over all points, by rows. Points whose coordinates are
+/// not finite share one additional cell, the last.
 pub(super) fn cells_of(x: &[f64], y: &[f64], cells: u32) -> Vec<u64> {
     let rows = index_along(y, cells);
     let columns = index_along(x, cells);
@@ -13,13 +13,13 @@ pub(super) fn cells_of(x: &[f64], y: &[f64], cells: u32) -> Vec<u64> {
         .collect()
 }
 
-/// How far apart the smallest and the largest finite value are; 0 where none is finite.
+/// The difference of the largest and the smallest finite value; 0 if none is finite.
 pub(super) fn span(values: &[f64]) -> f64 {
     let (low, high) = finite_range(values);
     (high - low).max(0.0)
 }
 
-/// The smallest and the largest finite value; infinity and its negative where none is finite.
+/// The smallest and the largest finite value; infinity and minus infinity if none is finite.
 fn finite_range(values: &[f64]) -> (f64, f64) {
     let finite = || values.iter().copied().filter(|x| x.is_finite());
     (
@@ -28,7 +28,7 @@ fn finite_range(values: &[f64]) -> (f64, f64) {
     )
 }
 
-/// The cell of each value between the smallest and the largest finite one.
+/// The index of the cell of each value, between the smallest and the largest finite value.
 fn index_along(values: &[f64], cells: u32) -> Vec<Option<u32>> {
     let (low, high) = finite_range(values);
     // A span of zero makes NaN of the quotient, which becomes cell 0.

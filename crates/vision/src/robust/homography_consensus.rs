@@ -47,8 +47,8 @@ use crate::geometry::{Loss, MatchedPoints, refine_homography};
 use crate::params::ParamError;
 use crate::seed::Seed;
 
-/// Sample consensus of chosen parts for homographies: [`presets`](crate::robust::presets) has
-/// combinations with names.
+/// Sample consensus for homographies, combined from parts. [`presets`](crate::robust::presets) has named
+/// combinations.
 #[derive(Clone, Copy, Debug)]
 pub struct HomographyConsensus {
     params: HomographyParams,
@@ -99,7 +99,8 @@ impl HomographyConsensus {
     }
 }
 
-/// The matches within the squared threshold that can belong to the model; `residuals` has room for all.
+/// The matches within the squared threshold that can belong to the model; `residuals` is working space for all
+/// matches.
 fn inliers_of(
     problem: &HomographyProblem<'_>,
     model: &Matrix3<f64>,

@@ -14,13 +14,13 @@ use super::consensus::{NEAR, inliers_within, near};
 use crate::geometry::solvers::{Solutions, homography};
 use crate::geometry::{Loss, PointPairs, refine_homography, squared_transfer_distances};
 
-/// Finds the homography; residuals are squared symmetric transfer distances.
+/// The problem of a homography; residuals are squared symmetric transfer distances.
 #[derive(Clone, Copy, Debug)]
 pub struct HomographyProblem<'a> {
     /// The matches, in pixels or at depth 1.
     pub pairs: &'a PointPairs,
-    /// Whether what is seen is seen from one side: samples that would mirror it are refused, and matches
-    /// beyond the line that goes to infinity do not count as inliers.
+    /// Whether the plane is seen from the same side in both images. Then samples that would mirror it are
+    /// refused, and matches beyond the line that is mapped to infinity do not count as inliers.
     pub one_side: bool,
 }
 
@@ -38,7 +38,7 @@ impl Problem for HomographyProblem<'_> {
         let a = std::array::from_fn(|i| point(i).0);
         let b = std::array::from_fn(|i| point(i).1);
         let mut models = Solutions::none();
-        // Of a matrix that keeps points in front, the sign of the determinant tells a mirror.
+        // For a matrix that keeps points in front, the sign of the determinant says whether it mirrors.
         if let Some(model) = homography(&a, &b).filter(|h| !self.one_side || h.determinant() > 0.0)
         {
             models.push(model);
@@ -71,7 +71,7 @@ impl Problem for HomographyProblem<'_> {
         any
     }
 
-    /// Minimises the truncated squared distance, from the matches near the model.
+    /// Minimises the truncated squared distance, using the matches near the model.
     fn refine(
         &self,
         model: &Matrix3<f64>,

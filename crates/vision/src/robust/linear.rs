@@ -14,11 +14,11 @@ use super::Problem;
 use super::consensus::inliers_within;
 use crate::geometry::{PointPairs, normalisation};
 
-/// Matches that a local optimisation looks at, at most.
+/// Most matches that a local optimisation uses.
 const REFIT_MATCHES: usize = 2000;
 
-/// What `fit` makes of the inliers of the `model`, then of the inliers of that, and so on, `steps`
-/// times; `None` where there are fewer than `least`, or `fit` finds nothing.
+/// Calls `fit` with the inliers of the `model`, then with the inliers of its result, and so on, `steps` times.
+/// `None` if there are fewer than `least` inliers, or if `fit` finds no model.
 pub(super) fn refit<P: Problem>(
     problem: &P,
     model: &P::Model,
@@ -41,20 +41,20 @@ pub(super) fn refit<P: Problem>(
     refined
 }
 
-/// At most `most` of the numbers, evenly spread.
+/// At most `most` of the numbers, evenly spread over the list.
 fn thinned(numbers: &[u32], most: usize) -> Vec<u32> {
     let step = numbers.len().div_ceil(most).max(1);
     numbers.iter().copied().step_by(step).collect()
 }
 
-/// A matrix between normalised coordinates, and what takes the points of both images to these.
+/// A matrix between normalised coordinates, and the transformations of the points of both images to these.
 pub(super) struct Normalised {
     pub(super) matrix: Matrix3<f64>,
     pub(super) from_a: Matrix3<f64>,
     pub(super) from_b: Matrix3<f64>,
 }
 
-/// The matrix that violates least the `equations` of the `matches`, in its entries row after row.
+/// The matrix that violates the `equations` of the `matches` least; its entries row after row.
 pub(super) fn least_violating<const N: usize>(
     pairs: &PointPairs,
     matches: &[u32],

@@ -4,16 +4,16 @@ use std::ops::Range;
 
 use super::{Scoring, Support};
 
-/// The median squared residual, as small as possible: needs no threshold, and breaks where half of
-/// the data or more are wrong (Rousseeuw, "Least Median of Squares Regression", Journal of the
-/// American Statistical Association 79, 1984; Rousseeuw, Leroy, "Robust Regression and Outlier
+/// Least median of squares: the score is the median squared residual, which is minimised. It needs no
+/// threshold, and fails if half of the data or more are wrong (Rousseeuw, "Least Median of Squares Regression",
+/// Journal of the American Statistical Association 79, 1984; Rousseeuw, Leroy, "Robust Regression and Outlier
 /// Detection", 1987, sec. 5.1).
 ///
-/// Inliers are what lies within 2.5 robust standard deviations, `1.4826 (1 + 5 / (n - s)) sqrt(med)`
-/// for n data and samples of s.
+/// Inliers are data within 2.5 robust standard deviations. One robust standard deviation is
+/// `1.4826 (1 + 5 / (n - s)) sqrt(med)` for n data and samples of s data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MedianOfSquares {
-    /// s: data in a sample.
+    /// s: number of data in a sample.
     pub sample: usize,
 }
 

@@ -5,28 +5,27 @@ use std::ops::Range;
 
 use super::{Scoring, Support};
 
-/// k: within k sigma lie 99 % of the residuals of right matches (4 degrees of freedom).
+/// k: 99 % of the residuals of right matches are within k sigma (4 degrees of freedom).
 const QUANTILE: f64 = 3.64;
-/// Entries of the table of the loss.
+/// Number of entries of the table of the loss.
 const ENTRIES: usize = 2048;
 
 /// The loss of a residual, marginalised over all noise levels up to a largest one (Barath, Noskova,
 /// Ivashechkin, Matas, "MAGSAC++, a Fast, Reliable and Accurate Robust Estimator", CVPR 2020,
 /// sec. 3.1).
 ///
-/// For `s = r^2 / (2 sigma_max^2)` and n = 4 degrees of freedom, as in the paper for two-view
-/// geometry, the loss is, up to a factor,
-/// `gamma(5/2, s) / 2 + s/2 (Gamma(3/2, s) - Gamma(3/2, k^2/2))` up to `k sigma_max` and constant
-/// beyond. The quality adds one minus the loss relative to that of an outlier.
+/// For `s = r^2 / (2 sigma_max^2)` and n = 4 degrees of freedom, as in the paper for two-view geometry, the
+/// loss is, up to a factor, `gamma(5/2, s) / 2 + s/2 (Gamma(3/2, s) - Gamma(3/2, k^2/2))` up to `k sigma_max`,
+/// and constant beyond. A datum adds one minus its loss, divided by the loss of an outlier, to the quality.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Magsac {
     squared_threshold: f64,
-    /// What a datum adds, over its squared residual from 0 to the threshold.
+    /// The contribution of a datum to the quality, over its squared residual from 0 to the threshold.
     table: Vec<f64>,
 }
 
 impl Magsac {
-    /// The score for a largest residual `k sigma_max` of right matches, given as its square.
+    /// The score, where the residuals of right matches are at most `k sigma_max`; the square of this is given.
     pub fn new(squared_threshold: f64) -> Self {
         let last = 0.5 * QUANTILE * QUANTILE;
         let worst = loss(last, last);

@@ -13,10 +13,10 @@ const STEPS: usize = 3;
 /// Understanding 78(1), 2000, sec. 4.2, eqs. 14-18).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mlesac {
-    /// (1.96 sigma)^2: an inlier is a datum whose squared residual is at most this, as 95 % of the
-    /// right ones are.
+    /// (1.96 sigma)^2: an inlier is a datum whose squared residual is at most this. This holds for 95 % of the
+    /// right data.
     pub squared_threshold: f64,
-    /// v: the length over which wrong residuals are spread.
+    /// v: the length of the interval over which wrong residuals are uniform.
     pub span: f64,
 }
 
@@ -28,7 +28,7 @@ impl Scoring for Mlesac {
             .iter()
             .filter(|&&squared| squared <= self.squared_threshold)
             .count();
-        // From here on they are the densities of a right match.
+        // From here on the values are the densities of a right match.
         for squared in squared_residuals.iter_mut() {
             let exponent = -*squared / (2.0 * squared_sigma);
             *squared = if exponent > -50.0 {
@@ -45,7 +45,7 @@ impl Scoring for Mlesac {
                 .sum();
             share = (right / squared_residuals.len().max(1) as f64).clamp(1e-6, 1.0 - 1e-6);
         }
-        // A product of up to 16 densities before each logarithm, which is what takes long.
+        // Up to 16 densities are multiplied before each logarithm, which is the slow part.
         let quality = (squared_residuals.chunks(16))
             .map(|densities| {
                 let likelihood: f64 = (densities.iter())

@@ -34,23 +34,23 @@
 //! | - | distances below 10 pixels | 6 does as well |
 //! | sigma | 0.1 to 3.2 pixels | a keypoint is not more exact, a right match not less |
 
-/// Distances from here on say nothing, in pixels.
+/// Distances above this carry no information, in pixels.
 const REACH_PX: f64 = 10.0;
-/// How much wider the distances of nearly right matches are, and how many there are at most for each right one.
+/// How much wider the distribution of nearly right matches is, and the largest number of them per right match.
 const WIDER: f64 = 5.0;
 const MOST_NEARLY_RIGHT: f64 = 2.0;
-/// Matches that are taken to have been seen, and their standard deviation in pixels.
+/// A prior, as if this many matches had been seen, and their standard deviation in pixels.
 const PRIOR_MATCHES: f64 = 20.0;
 const PRIOR_PX: f64 = 0.5;
-/// Least and largest sigma in pixels.
+/// Smallest and largest sigma in pixels.
 const LEAST_PX: f64 = 0.1;
 const LARGEST_PX: f64 = 3.2;
 /// Rounds of expectation maximisation, without and with nearly right matches.
 const ROUNDS_OF_TWO: usize = 15;
 const ROUNDS_OF_THREE: usize = 30;
 
-/// Standard deviation of the distances of right matches, in pixels, given the squared distances of all from a
-/// model. Those that are not finite are left out.
+/// Standard deviation of the distances of right matches, in pixels. It is computed from the squared distances
+/// of all matches from a model. Distances that are not finite are left out.
 pub(super) fn noise_scale(squared_distances_px: impl Iterator<Item = f64>) -> f64 {
     let near: Vec<f64> = squared_distances_px
         .filter(|&squared| squared < REACH_PX * REACH_PX)
@@ -72,14 +72,14 @@ pub(super) fn noise_scale(squared_distances_px: impl Iterator<Item = f64>) -> f6
     likelier.variance.sqrt().clamp(LEAST_PX, LARGEST_PX)
 }
 
-/// How the distances are made up.
+/// The mixture of which the distances are drawn.
 #[derive(Clone, Copy)]
 struct Mixture {
     /// Share of right matches.
     right: f64,
-    /// Share of nearly right ones; the others are wrong.
+    /// Share of nearly right matches; the others are wrong.
     nearly_right: f64,
-    /// Square of sigma, in square pixels.
+    /// Square of sigma, in squared pixels.
     variance: f64,
 }
 
@@ -96,7 +96,7 @@ impl Mixture {
         ]
     }
 
-    /// After so many rounds, where at most `most` matches are nearly right for each that is right.
+    /// The mixture after `rounds` rounds, with at most `most` nearly right matches per right match.
     fn refined(mut self, near: &[f64], most: f64, rounds: usize) -> Self {
         for _ in 0..rounds {
             let (mut right, mut nearly_right, mut sum) = (0.0, 0.0, 0.0);
@@ -109,11 +109,11 @@ impl Mixture {
             }
             self.variance = (sum + PRIOR_MATCHES * PRIOR_PX * PRIOR_PX)
                 / (right + nearly_right + PRIOR_MATCHES);
-            // Of three matches more, one is of each kind, so that no share is 0 or 1.
+            // Three additional matches, one of each kind, so that no share is 0 or 1.
             let count = near.len() as f64 + 3.0;
             (self.right, self.nearly_right) = ((right + 1.0) / count, (nearly_right + 1.0) / count);
             if self.nearly_right > most * self.right {
-                // The likeliest shares that the limit allows lie on it.
+                // If the most likely shares exceed the limit, those on the limit are taken.
                 let both = self.right + self.nearly_right;
                 self.right = both / (1.0 + most);
                 self.nearly_right = both - self.right;
@@ -122,7 +122,7 @@ impl Mixture {
         self
     }
 
-    /// Of these distances and of the matches that are taken to have been seen.
+    /// Log-likelihood of these distances and of the prior.
     fn log_likelihood(&self, near: &[f64]) -> f64 {
         let wrong = 1.0 - self.right - self.nearly_right;
         let prior = -0.5 * (libm::log(self.variance) + PRIOR_PX * PRIOR_PX / self.variance);

@@ -29,7 +29,7 @@ pub enum Score {
         threshold_px: f64,
         /// Cells across and down of the grid that finds crowds of matches; 1 to 1000.
         cells: u32,
-        /// Whether matches whose keypoints turned unlike those of most are trusted less, where
+        /// Whether matches whose keypoints are turned by another angle than most are trusted less, if
         /// [turns](crate::geometry::MatchedPoints::turns) are known.
         turns: bool,
         /// Whether bad models are abandoned early.
@@ -37,14 +37,15 @@ pub enum Score {
     },
     /// [`EvenMarginal`](crate::robust::EvenMarginal).
     EvenMarginal {
-        /// Five times the standard deviation of the distances of right matches, in pixels; where the noise is
-        /// estimated, a first guess of it.
+        /// Five times the standard deviation of the distances of right matches, in pixels. If the noise is
+        /// estimated, this is only a first guess.
         threshold_px: f64,
-        /// Samples that are drawn first, to estimate the noise of the pair; 0: the threshold is taken as it is.
+        /// Number of samples that are drawn first to estimate the noise of the pair. 0: the noise is not
+        /// estimated, and the threshold is used as it is.
         noise_iterations: usize,
         /// Cells across and down of the grid that finds crowds of matches; 1 to 1000.
         cells: u32,
-        /// Whether matches whose keypoints turned unlike those of most are trusted less, where
+        /// Whether matches whose keypoints are turned by another angle than most are trusted less, if
         /// [turns](crate::geometry::MatchedPoints::turns) are known.
         turns: bool,
         /// Whether bad models are abandoned early.
@@ -67,7 +68,7 @@ pub enum Score {
 }
 
 impl Score {
-    /// The threshold, where the score has one.
+    /// The threshold, if the score has one.
     pub fn threshold_px(&self) -> Option<f64> {
         match *self {
             Self::InlierCount { threshold_px, .. }
@@ -80,7 +81,7 @@ impl Score {
         }
     }
 
-    /// Cells across and down of the grid that finds crowds of matches, where the score has one.
+    /// Cells across and down of the grid that finds crowds of matches, if the score has one.
     pub fn cells(&self) -> Option<u32> {
         match *self {
             Self::EvenMsac { cells, .. } | Self::EvenMarginal { cells, .. } => Some(cells),
@@ -88,7 +89,7 @@ impl Score {
         }
     }
 
-    /// Whether turns of keypoints matter, where the score can do that.
+    /// Whether turns of keypoints are used, if the score can use them.
     pub fn turns(&self) -> Option<bool> {
         match *self {
             Self::EvenMsac { turns, .. } | Self::EvenMarginal { turns, .. } => Some(turns),
@@ -106,7 +107,7 @@ impl Score {
         }
     }
 
-    /// Whether bad models are abandoned early, where the score allows it.
+    /// Whether bad models are abandoned early, if the score allows it.
     pub fn sprt(&self) -> Option<bool> {
         match *self {
             Self::InlierCount { sprt, .. }
@@ -122,36 +123,37 @@ impl Score {
 /// The sampler, which says which matches are tried next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sampler {
-    /// [`Uniform`](crate::robust::Uniform): all are equally likely.
+    /// [`Uniform`](crate::robust::Uniform): all matches are equally likely.
     Uniform,
-    /// [`Prosac`](crate::robust::Prosac): the least ambiguous first.
+    /// [`Prosac`](crate::robust::Prosac): the least ambiguous matches first.
     Prosac {
-        /// Samples after which all matches are equally likely; at least 1.
+        /// Number of samples after which all matches are equally likely; at least 1.
         horizon: usize,
     },
-    /// [`EvenSampler`](crate::robust::EvenSampler): sparse parts of the image as often as dense ones.
+    /// [`EvenSampler`](crate::robust::EvenSampler): draws from sparse parts of the image as often as from dense
+    /// ones.
     Spread {
         /// Cells across and down of the grid over image `a`; 1 to 1000.
         cells: u32,
     },
 }
 
-/// When fewer samples than the largest number are enough.
+/// When sampling may stop before the largest number of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EarlyStop {
-    /// Wanted probability that at least one sample was free of wrong matches, in `[0, 1)`.
+    /// Required probability that at least one sample is free of wrong matches, in `[0, 1)`.
     pub confidence: f64,
-    /// Samples drawn at least.
+    /// Least number of samples.
     pub min_iterations: usize,
 }
 
-/// The refinement of the best model over the matches near it.
+/// The refinement of the best model, using the matches near it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FinalRefinement {
-    /// What residuals cost. The truncated loss is cut off at the threshold of the score; the scale of
-    /// Cauchy's loss comes from the inliers.
+    /// The cost of residuals. The truncated loss is cut off at the threshold of the score; the scale of
+    /// Cauchy's loss is computed from the inliers.
     pub loss: Loss,
-    /// Steps at most; 1 to 1000.
+    /// Largest number of steps; 1 to 1000.
     pub steps: usize,
 }
 

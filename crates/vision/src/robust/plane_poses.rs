@@ -31,8 +31,8 @@ const ON_THE_PLANE: f64 = 0.5;
 const SAMPLES: usize = 50;
 const WIDER: f64 = 4.0;
 
-/// The essential matrices of the plane on which at least half of these matches lie, which agree with one pose; none where there is
-/// no such plane.
+/// If at least half of these matches, which agree with one pose, lie on a plane: the essential matrices that
+/// this plane allows. Otherwise none.
 pub(super) fn plane_poses(
     inliers: &PointPairs,
     squared_threshold: f64,
@@ -62,7 +62,7 @@ pub(super) fn plane_poses(
         &|_| false,
     );
     let plane = found.filter(|found| {
-        // A few matches are on a plane by themselves.
+        // A few matches lie on some plane by chance.
         let on_it = found.inliers.len();
         on_it > HomographyProblem::SAMPLE && on_it as f64 >= ON_THE_PLANE * inliers.len() as f64
     });

@@ -112,7 +112,8 @@ pub fn lo_ransac_e() -> SampleConsensusParams {
     }
 }
 
-/// MAGSAC++ (Barath, Noskova, Ivashechkin, Matas, CVPR 2020): all noise levels up to a largest one.
+/// MAGSAC++ (Barath, Noskova, Ivashechkin, Matas, CVPR 2020): scores models over all noise levels up to a
+/// largest one.
 pub fn magsac_e() -> SampleConsensusParams {
     SampleConsensusParams {
         geometry: ESSENTIAL,
@@ -155,7 +156,7 @@ pub fn lmeds_e() -> SampleConsensusParams {
     }
 }
 
-/// Least median of squares over samples of seven, of which 881 are needed.
+/// Least median of squares over samples of seven matches, of which 881 are needed.
 pub fn lmeds_f() -> SampleConsensusParams {
     SampleConsensusParams {
         geometry: FUNDAMENTAL,

@@ -4,19 +4,19 @@ use std::ops::{Deref, Range};
 
 use crate::seed::Rng;
 
-/// A model, the data it is estimated from, and how the two are compared. One of the three axes of
+/// A model, the data from which it is estimated, and how the two are compared. One of the three parts of
 /// [`consensus`](super::consensus).
 ///
-/// A problem owns its data, in whatever layout its residuals are computed fastest, and numbers
-/// them from 0; samples are such numbers.
+/// A problem owns its data, in the layout in which residuals are computed fastest. Data are numbered from 0,
+/// and a sample is a list of such numbers.
 pub trait Problem {
     /// What is estimated.
     type Model: Clone;
     /// All models that one sample allows: a fixed-capacity list, so that nothing is allocated.
     type Models: Deref<Target = [Self::Model]>;
-    /// Data in a minimal sample.
+    /// Number of data in a minimal sample.
     const SAMPLE: usize;
-    /// Samples that are best solved together.
+    /// Number of samples that are best solved together.
     const BATCH: usize = 1;
 
     /// Number of data.
@@ -27,29 +27,29 @@ pub trait Problem {
         self.len() == 0
     }
 
-    /// The models that agree with the data of a `sample` of [`Problem::SAMPLE`] distinct numbers;
-    /// none where they are degenerate.
+    /// The models that agree with the data of a `sample` of [`Problem::SAMPLE`] distinct numbers; none if the
+    /// sample is degenerate.
     fn solve(&self, sample: &[u32]) -> Self::Models;
 
-    /// As [`Problem::solve`] of at most [`Problem::BATCH`] samples, whose numbers come one after the other, in the place
-    /// of what is in `models`.
+    /// Writes the results of [`Problem::solve`] for at most [`Problem::BATCH`] samples, whose numbers follow
+    /// each other, to `models`, whose old content is replaced.
     fn solve_each(&self, samples: &[u32], models: &mut Vec<Self::Models>) {
         models.clear();
         let samples = samples.chunks_exact(Self::SAMPLE);
         models.extend(samples.map(|sample| self.solve(sample)));
     }
 
-    /// Squared residuals of the data in `range`, written to `out`: 0 or larger, infinite or NaN for
-    /// data that agree with no model. A range, so that bad models can be abandoned before all data are
-    /// seen.
+    /// Writes the squared residuals of the data in `range` to `out`. They are 0 or larger, or infinite or NaN
+    /// for data that agree with no model. Only a range is computed, so that bad models can be rejected before
+    /// all data are used.
     ///
     /// # Panics
     /// If `range` exceeds the data or `out` has another length.
     fn squared_residuals(&self, model: &Self::Model, range: Range<usize>, out: &mut [f64]);
 
-    /// A model near this one that agrees better with the data within the threshold, for local
-    /// optimisation; `None` where there is none or the problem knows no way. At most `steps` steps
-    /// of whatever iteration is used.
+    /// A model near this one that agrees better with the data within the threshold, for local optimisation. At
+    /// most `steps` steps of an iteration are made. `None` if there is none, or if the problem has no such
+    /// method.
     fn refine(
         &self,
         _model: &Self::Model,
@@ -59,9 +59,9 @@ pub trait Problem {
         None
     }
 
-    /// Looks for data that are within the threshold of the model and still cannot belong to it (a scene
-    /// point behind a camera), sets their residuals to infinity, and returns whether there are any. Too
-    /// costly for every model, so it is asked of those that would be the best only.
+    /// Finds data that are within the threshold of the model but cannot belong to it (a scene point behind a
+    /// camera), sets their residuals to infinity, and returns whether there are any. It is too slow to be
+    /// called for every model, so it is called only for models that would be the best.
     fn exclude_impossible(
         &self,
         _model: &Self::Model,
@@ -71,8 +71,8 @@ pub trait Problem {
         false
     }
 
-    /// Models that most of the data that agree with this one may agree with too. Asked once, of the best model in the
-    /// end; each is refined, and the best of all is kept.
+    /// Other models with which most data that agree with this one may agree too. It is called once at the end,
+    /// for the best model. Each result is refined, and the best of all is kept.
     fn rivals(
         &self,
         _model: &Self::Model,
@@ -82,9 +82,8 @@ pub trait Problem {
         Vec::new()
     }
 
-    /// Another model in place of this one, where the `sample` it comes from does not determine it (most
-    /// of its data lie on one plane). Asked of models that would be the best; `None` where the sample is
-    /// not degenerate.
+    /// A model to replace this one if its `sample` does not determine it (most of its data lie on one plane).
+    /// It is called for models that would be the best. `None` if the sample is not degenerate.
     fn resolve_degeneracy(
         &self,
         _model: &Self::Model,

@@ -18,24 +18,24 @@
 use super::Sampling;
 use crate::seed::Rng;
 
-/// Draws from a set of the most certain data that grows.
+/// A sampler that draws from a growing set of the most certain data.
 #[derive(Clone, Debug)]
 pub struct Prosac {
-    /// Numbers of the data, the most certain first.
+    /// Indices of the data, the most certain first.
     order: Vec<u32>,
     horizon: f64,
     drawn: usize,
-    /// Data in the set, n; 0 before the first draw.
+    /// Number of data in the set, n; 0 before the first draw.
     set: usize,
     /// T_n.
     expected: f64,
-    /// T'_n: the samples after which the set grows.
+    /// T'_n: the number of samples after which the set grows.
     until: usize,
 }
 
 impl Prosac {
-    /// Samples from as many data as there are `ambiguities`, the smallest first (NaN last, equal
-    /// ones by number), uniform after about `horizon` samples.
+    /// A sampler for as many data as there are `ambiguities`. The smallest come first (NaN last, equal ones by
+    /// index), and after about `horizon` samples all are equally likely.
     ///
     /// # Panics
     /// If there are more than `u32` can number.
@@ -80,7 +80,7 @@ impl Sampling for Prosac {
             self.expected = next;
             self.set += 1;
         }
-        // Until the whole set has had its share, the newest datum is in every sample.
+        // Until the whole set has had its share of samples, the newest datum is in every sample.
         let newest = self.drawn <= self.until;
         let (free, below) = if newest {
             (m - 1, self.set - 1)

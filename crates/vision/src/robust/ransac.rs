@@ -37,11 +37,11 @@ use crate::seed::Seed;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct RansacParams {
-    /// Wanted probability that at least one sample was free of wrong matches, in `[0, 1)`.
+    /// Required probability that at least one sample is free of wrong matches, in `[0, 1)`.
     pub confidence: f64,
     /// Largest Sampson distance of an inlier, in pixels.
     pub threshold_px: f64,
-    /// Samples drawn at most.
+    /// Largest number of samples.
     pub max_iterations: usize,
     /// Scene points farther than this, in baselines, do not support a pose.
     pub max_depth: f64,
@@ -58,7 +58,7 @@ impl Default for RansacParams {
     }
 }
 
-/// Five-point RANSAC with the cheirality choice.
+/// Five-point RANSAC; cheirality chooses among the four poses.
 #[derive(Clone, Copy, Debug)]
 pub struct Ransac {
     params: RansacParams,

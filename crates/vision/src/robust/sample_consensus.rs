@@ -60,7 +60,7 @@ use crate::geometry::{
 use crate::params::ParamError;
 use crate::seed::Seed;
 
-/// Sample consensus of chosen parts: [`presets`](crate::robust::presets) has combinations with names.
+/// Sample consensus for poses, combined from parts. [`presets`](crate::robust::presets) has named combinations.
 #[derive(Clone, Copy, Debug)]
 pub struct SampleConsensus {
     params: SampleConsensusParams,
@@ -76,7 +76,7 @@ impl SampleConsensus {
         Ok(Self { params })
     }
 
-    /// The best model by samples, before the final refinement; `focal` takes units of depth 1 to pixels.
+    /// The best model of all samples, before the final refinement. `focal` converts units at depth 1 to pixels.
     fn search(
         &self,
         matches: &Shuffled,
@@ -144,7 +144,7 @@ impl SampleConsensus {
     }
 }
 
-/// Number of matches in front of both cameras, nearer than `max_depth`.
+/// Number of matches in front of both cameras and nearer than `max_depth`.
 fn support(pose: &RelativePose, pairs: &PointPairs, max_depth: f64) -> usize {
     let mut depths = (vec![0.0; pairs.len()], vec![0.0; pairs.len()]);
     triangulate_depths(pose, pairs, &mut depths.0, &mut depths.1);
@@ -193,7 +193,7 @@ impl PoseEstimator for SampleConsensus {
         let agreeing = pairs.chosen(&inliers);
         let b_from_a = match choose_pose(&model, &agreeing, self.params.max_depth) {
             Some((pose, support)) if support > 0 => pose,
-            // No inlier is near enough: then all matches decide.
+            // If no inlier is near enough, all matches decide.
             _ => match choose_pose(&model, pairs, self.params.max_depth) {
                 Some((pose, support)) if support > 0 => pose,
                 _ => {

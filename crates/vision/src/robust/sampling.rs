@@ -2,21 +2,21 @@
 
 use crate::seed::Rng;
 
-/// Draws minimal samples. One of the three axes of [`consensus`](super::consensus).
+/// Draws minimal samples. One of the three parts of [`consensus`](super::consensus).
 pub trait Sampling {
-    /// Fills `sample` with distinct numbers of data. A sampler may remember how often it was asked
-    /// (PROSAC widens its choice with time).
+    /// Fills `sample` with distinct indices of data. A sampler may depend on the number of earlier calls
+    /// (PROSAC draws from more and more data).
     fn draw(&mut self, rng: &mut Rng, sample: &mut [u32]);
 }
 
-/// All data are equally likely.
+/// A sampler for which all data are equally likely.
 #[derive(Clone, Copy, Debug)]
 pub struct Uniform {
     count: u32,
 }
 
 impl Uniform {
-    /// Samples from `count` data.
+    /// A sampler for `count` data.
     ///
     /// # Panics
     /// If there are more than `u32` can number.

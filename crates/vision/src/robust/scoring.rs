@@ -4,17 +4,16 @@ use std::ops::Range;
 
 use crate::simd;
 
-/// Rates models by their squared residuals. One of the three axes of
-/// [`consensus`](super::consensus).
+/// Rates models by their squared residuals. One of the three parts of [`consensus`](super::consensus).
 pub trait Scoring {
-    /// Quality and inliers of a model over the data in `range`, given their squared residuals. Of a
-    /// score without [upper bounds](Self::upper_bound) the slice may be reordered or overwritten (a median and a
-    /// likelihood need it).
+    /// Quality and number of inliers of a model over the data in `range`, given their squared residuals. A
+    /// score without [upper bounds](Self::upper_bound) may reorder or overwrite the slice (a median and a
+    /// likelihood need this).
     fn support(&self, range: Range<usize>, squared_residuals: &mut [f64]) -> Support;
 
-    /// The most that the data in `range` can add to the quality of any model, where the quality is a sum
-    /// over the data; it allows abandoning a model before all data are seen. `None` where the quality is no
-    /// such sum.
+    /// The most that the data in `range` can add to the quality of any model, if the quality is a sum over the
+    /// data. With it, a model can be rejected before all data are used. `None` if the quality is not such a
+    /// sum.
     fn upper_bound(&self, _range: Range<usize>) -> Option<f64> {
         None
     }
@@ -23,7 +22,7 @@ pub trait Scoring {
 /// How well data agree with a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Support {
-    /// The larger, the better; comparable within one score.
+    /// Larger is better. Values can be compared only within one score.
     pub quality: f64,
     /// Number of inliers.
     pub inliers: usize,
@@ -31,7 +30,7 @@ pub struct Support {
     pub squared_threshold: f64,
 }
 
-/// The number of inliers (Fischler, Bolles, "Random Sample Consensus", Communications of the ACM
+/// Scores by the number of inliers (Fischler, Bolles, "Random Sample Consensus", Communications of the ACM
 /// 24(6), 1981).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InlierCount {
@@ -54,9 +53,9 @@ impl Scoring for InlierCount {
     }
 }
 
-/// Inliers count the more the nearer they are: `sum max(0, 1 - r^2 / t^2)`, MSAC (Torr, Zisserman,
-/// "MLESAC: A New Robust Estimator with Application to Estimating Image Geometry", Computer Vision
-/// and Image Understanding 78, 2000, eq. 17, upside down).
+/// MSAC: an inlier counts more the nearer it is, `sum max(0, 1 - r^2 / t^2)` (Torr, Zisserman, "MLESAC: A New
+/// Robust Estimator with Application to Estimating Image Geometry", Computer Vision and Image Understanding 78,
+/// 2000, eq. 17, as a quality and not as a cost).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Msac {
     /// t^2: an inlier is a datum whose squared residual is at most this.

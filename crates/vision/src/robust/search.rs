@@ -29,8 +29,7 @@ pub(super) struct Search {
 }
 
 impl Search {
-    /// Refuses a part that is out of its range; the error calls it as
-    /// [`Settings`](crate::robust::Settings) do.
+    /// Refuses a part that is out of its range. The error names it as [`Settings`](crate::robust::Settings) do.
     pub(super) fn check(&self) -> Result<(), ParamError> {
         if let Some(threshold) = self.score.threshold_px() {
             ParamError::unless(
@@ -86,19 +85,19 @@ impl Search {
     }
 }
 
-/// Matches in random order: the sequential test wants data so, and what comes from a detector is sorted by
-/// place or by scale.
+/// Matches in random order. The sequential test needs this order, and a detector sorts its output by place or
+/// by scale.
 pub(super) struct Shuffled {
     pub(super) pairs: PointPairs,
     ambiguity: Vec<f32>,
-    /// How much each is trusted, where that is asked for and known.
+    /// The trust in each match, if it is asked for and known.
     trust: Option<Vec<f64>>,
-    /// Their numbers before.
+    /// Their earlier indices.
     order: Vec<u32>,
 }
 
 impl Shuffled {
-    /// The matches as `given`, which were made of `points`; whether their turns matter says the `score`.
+    /// The matches `given`, which were made from `points`. The `score` says whether their turns are used.
     pub(super) fn new(
         given: &PointPairs,
         points: &MatchedPoints,
@@ -123,8 +122,8 @@ impl Shuffled {
         }
     }
 
-    /// How ambiguous each match is, those that are trusted less the more. Where another candidate was nearer, an ambiguity
-    /// above 1, there is no certainty that trust could be a factor of.
+    /// The ambiguity of each match, increased for matches that are trusted less. An ambiguity above 1 means that
+    /// another candidate was nearer. Then there is no certainty left that trust could reduce, so it is unchanged.
     fn ambiguity(&self) -> Cow<'_, [f32]> {
         let trusted = |ambiguity: f32, trust: f64| {
             if ambiguity < 1.0 {
@@ -141,7 +140,7 @@ impl Shuffled {
         }
     }
 
-    /// The numbers that these matches had before, ascending.
+    /// The earlier indices of these matches, ascending.
     pub(super) fn before(&self, matches: &[u32]) -> Vec<u32> {
         let mut before: Vec<u32> = matches.iter().map(|&i| self.order[i as usize]).collect();
         before.sort_unstable();
@@ -149,10 +148,10 @@ impl Shuffled {
     }
 }
 
-/// The threshold, in standard deviations of the noise, where that is estimated.
+/// The threshold, in standard deviations of the noise, if the noise is estimated.
 const SIGMAS: f64 = 5.0;
 
-/// One search: everything but the problem, the score and the sampler, which are types.
+/// One search: everything except the problem, the score and the sampler, which are types.
 pub(super) struct Task<'a> {
     pub(super) search: Search,
     pub(super) matches: &'a Shuffled,
@@ -163,7 +162,7 @@ pub(super) struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// The best model by samples.
+    /// The best model of all samples.
     pub(super) fn solve<P>(&self, problem: &P) -> Option<Consensus<Matrix3<f64>>>
     where
         P: Problem<Model = Matrix3<f64>>,
@@ -239,7 +238,7 @@ impl Task<'_> {
         }
     }
 
-    /// The search of so many samples whose best model tells the noise.
+    /// The first search, with so many samples, whose best model is used to estimate the noise.
     fn first(&self, samples: usize) -> Self {
         Task {
             search: Search {
@@ -252,7 +251,7 @@ impl Task<'_> {
         }
     }
 
-    /// The noise of the pair in pixels, by this model.
+    /// The noise of the pair in pixels, judged by this model.
     fn noise_px<P: Problem>(&self, problem: &P, model: &P::Model) -> f64 {
         let mut squared = vec![0.0; problem.len()];
         problem.squared_residuals(model, 0..problem.len(), &mut squared);
@@ -298,7 +297,7 @@ impl Task<'_> {
         P: Problem<Model = Matrix3<f64>>,
     {
         let max_samples = self.search.max_iterations;
-        // Whatever the confidence, a least number of samples that is the largest one leaves none out.
+        // If the least number of samples equals the largest, no sample is left out, whatever the confidence.
         let stop_early = self.search.early_stop.unwrap_or(EarlyStop {
             confidence: 0.0,
             min_iterations: max_samples,
@@ -328,18 +327,19 @@ fn diagonal(pairs: &PointPairs) -> f64 {
     (width * width + height * height).sqrt()
 }
 
-/// What the distances of inliers are measured from.
+/// The kind of distance of inliers.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum DistanceFrom {
-    /// From a line: one normal error, half of which lie within 1 / 1.4826 standard deviations.
+    /// Distance from a line: one normal error, half of which are within 1 / 1.4826 standard deviations.
     Line,
-    /// From a point: two normal errors, half of which lie within sqrt(2 ln 2) standard deviations (Rayleigh).
+    /// Distance from a point: two normal errors, half of which are within sqrt(2 ln 2) standard deviations
+    /// (Rayleigh).
     Point,
 }
 
-/// The square of the scale at which Cauchy's loss keeps 95 % of the efficiency of least squares:
-/// 2.385 standard deviations (Holland, Welsch, "Robust Regression Using Iteratively Reweighted Least-Squares",
-/// Communications in Statistics 6(9), 1977), which the median of the inliers' distances is an estimate of.
+/// The square of the scale at which Cauchy's loss keeps 95 % of the efficiency of least squares: 2.385 standard
+/// deviations (Holland, Welsch, "Robust Regression Using Iteratively Reweighted Least-Squares", Communications
+/// in Statistics 6(9), 1977). The standard deviation is estimated from the median distance of the inliers.
 pub(super) fn squared_cauchy_scale(
     squared_residuals: &[f64],
     inliers: &[u32],

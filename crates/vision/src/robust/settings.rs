@@ -72,11 +72,11 @@ macro_rules! settings {
         }
 
         impl Settings {
-            /// What a name means where neither the user nor the preset says it, since another choice
-            /// made it act.
+            /// The values of parameters that neither the user nor the preset gives, which are needed if another
+            /// choice gives them an effect.
             pub(super) const DEFAULTS: Self = Self { $($name: Some($default),)* };
 
-            /// The names that are given.
+            /// The names that have a value.
             pub(super) fn names(&self) -> Vec<&'static str> {
                 let mut names = Vec::new();
                 $(if self.$name.is_some() {
@@ -85,12 +85,12 @@ macro_rules! settings {
                 names
             }
 
-            /// These, and `others` for what is left out.
+            /// These settings, with `others` for those that are left out.
             pub(super) fn or(self, others: Self) -> Self {
                 Self { $($name: self.$name.or(others.$name),)* }
             }
 
-            /// Only those that `others` has too.
+            /// Only the settings that `others` has too.
             pub(super) fn among(self, others: &Self) -> Self {
                 Self { $($name: self.$name.filter(|_| others.$name.is_some()),)* }
             }
@@ -246,7 +246,7 @@ impl Settings {
         })
     }
 
-    /// Refuses changes that do not act, beside the settings that do.
+    /// Refuses changes that would have no effect; the error lists the settings that have one.
     pub(super) fn check_acting(&self, acting: &Self) -> Result<(), ParamError> {
         let acting = acting.names();
         match self.names().iter().find(|name| !acting.contains(name)) {

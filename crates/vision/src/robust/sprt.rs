@@ -30,17 +30,17 @@ const FIRST_DELTA: f64 = 0.01;
 const SAMPLE_COST: f64 = 1000.0;
 const CHANGE: f64 = 0.05;
 
-/// The test, as it stands for the best model so far.
+/// The test, with the parameters for the best model so far.
 #[derive(Clone, Debug)]
 pub(super) struct Sprt {
     epsilon: f64,
     delta: f64,
-    /// Logarithms of what a datum that agrees, and one that does not, contributes.
+    /// Logarithms of the factors for a datum that agrees and for one that does not.
     agree: f64,
     disagree: f64,
-    /// log A; infinite where bad models look like good ones.
+    /// log A; infinite if bad models look like good ones.
     limit: f64,
-    /// Data seen of models given up, and how many agreed.
+    /// Number of data that were seen of rejected models, and how many of them agreed.
     seen: usize,
     agreed: usize,
 }
@@ -64,7 +64,7 @@ impl Sprt {
         let (epsilon, delta) = (self.epsilon, self.delta);
         self.agree = libm::log(delta / epsilon);
         self.disagree = libm::log((1.0 - delta) / (1.0 - epsilon));
-        // Where a bad model agrees with as much as a good one, there is nothing to test.
+        // If a bad model agrees with as many data as a good one, there is nothing to test.
         self.limit = f64::INFINITY;
         if delta < epsilon && epsilon < 1.0 {
             let k = SAMPLE_COST * ((1.0 - delta) * self.disagree + delta * self.agree) + 1.0;
@@ -73,9 +73,9 @@ impl Sprt {
         }
     }
 
-    /// Whether a model is to be given up that agrees with `agreed` of the first `seen` data.
+    /// Whether to reject a model that agrees with `agreed` of the first `seen` data.
     pub(super) fn gives_up(&mut self, agreed: usize, seen: usize) -> bool {
-        // Where all agree with the best model the ratio of another one that all agree with is no number.
+        // If all data agree with the best model, the ratio for another such model is not a number.
         if self.limit == f64::INFINITY {
             return false;
         }
@@ -94,7 +94,7 @@ impl Sprt {
         true
     }
 
-    /// Takes over the inlier ratio of a new best model.
+    /// Uses the inlier ratio of a new best model.
     pub(super) fn best_is(&mut self, inlier_ratio: f64) {
         if inlier_ratio > self.epsilon {
             self.epsilon = inlier_ratio;
@@ -102,7 +102,7 @@ impl Sprt {
         }
     }
 
-    /// Share of the good models that are not given up, at least.
+    /// A lower bound of the share of good models that are not rejected.
     pub(super) fn power(&self) -> f64 {
         1.0 - libm::exp(-self.limit)
     }

@@ -25,10 +25,10 @@ use std::f64::consts::TAU;
 
 /// Bins of the histogram, of 5 degrees each.
 const BINS: usize = 72;
-/// How far from the common turn a match is within, in turns of a circle: 45 degrees.
+/// A match is near the common turn if it is within this, in fractions of a circle: 45 degrees.
 const REACH: f64 = 0.125;
 
-/// The trust in each match, in (0, 1], from the turns of all in radians.
+/// The trust in each match, in (0, 1], from the turns of all matches in radians.
 pub(super) fn trust(turns: &[f32]) -> Vec<f64> {
     let full: Vec<f64> = (turns.iter())
         .map(|&turn| (f64::from(turn) / TAU).rem_euclid(1.0))
@@ -54,12 +54,12 @@ pub(super) fn trust(turns: &[f32]) -> Vec<f64> {
         .collect()
 }
 
-/// The mean direction of the densest arc, as are the turns: in turns of a circle.
+/// The mean direction of the densest arc, in fractions of a circle, as the turns are.
 fn common_turn(full: &[f64]) -> f64 {
     const ARC: usize = (2.0 * REACH * BINS as f64) as usize;
     let mut counts = [0_usize; BINS];
     for turn in full {
-        // What is not finite is 0; a turn just below 0 may have become 1.
+        // A turn that is not finite becomes 0; a turn just below 0 may have become 1.
         counts[((turn * BINS as f64) as usize).min(BINS - 1)] += 1;
     }
     let bins = |start: usize| (start..start + ARC).map(|bin| bin % BINS);

@@ -64,29 +64,31 @@ use neighbourhood::Neighbourhood;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct AdalamParams {
-    /// Area of an image over that of the circle in which a seed is the clearest match.
+    /// Area of an image divided by that of the circle in which a seed is the clearest match.
     pub area_ratio: f64,
-    /// Radius of a neighbourhood over that of this circle.
+    /// Radius of a neighbourhood divided by that of this circle.
     pub expansion: f64,
     /// Largest ratio of nearest and second nearest distance of a seed, itself excluded; sensible in `(0, 1]`.
     pub seed_ratio: f32,
     /// Whether the features of a seed must be each other's nearest.
     pub mutual_seeds: bool,
-    /// How far the turns of a match and its seed may differ, in degrees; 180 allows all.
+    /// Largest difference between the turns of a match and its seed, in degrees; 180 allows all.
     pub max_turn_deg: f64,
-    /// How far the ratios of sizes of a match and its seed may differ, as a factor.
+    /// Largest factor between the ratios of sizes of a match and its seed.
     pub max_growth: f64,
     /// Whether a match that may be a seed is kept in any case.
     pub keep_clear: bool,
-    /// Pairs of matches that are drawn in each neighbourhood.
+    /// Number of pairs of matches that are drawn in each neighbourhood.
     pub samples: u32,
-    /// How many times more matches than chance brings must agree with the map.
+    /// The number of matches that agree with the map must be at least this many times the number expected by
+    /// chance.
     pub confidence: f64,
-    /// How many more matches than chance brings must agree with the map.
+    /// The number of matches that agree with the map must exceed the number expected by chance by at least
+    /// this.
     pub min_inliers: u32,
     /// Largest change of lengths by a map, as a factor, relative to the sizes of the images.
     pub max_stretch: f64,
-    /// Whether the best map is fitted to its inliers.
+    /// Whether the best map is fitted again to its inliers.
     pub refit: bool,
 }
 
@@ -149,8 +151,8 @@ impl Adalam {
         Ok(Self { params })
     }
 
-    /// Which of the `matches` between features of `a` and `b` are kept. Seeds are taken of those for which
-    /// `may_be_seed` says so, of all if it is `None`; descriptors are not looked at.
+    /// Which of the `matches` between features of `a` and `b` are kept. Seeds are chosen among the matches for
+    /// which `may_be_seed` is true, or among all if it is `None`. Descriptors are not used.
     ///
     /// # Panics
     /// If a match names a feature that is not there, or `may_be_seed` has another length.
@@ -163,7 +165,7 @@ impl Adalam {
     ) -> Vec<bool> {
         assert!(may_be_seed.is_none_or(|may| may.len() == matches.len()));
         let may_be_seed = |i: usize| may_be_seed.is_none_or(|may| may[i]);
-        // The clearest first; the order of equals is that of the matches.
+        // The clearest matches first; equally clear ones keep their order.
         let mut order: Vec<usize> = (0..matches.len()).collect();
         order.sort_by(|&i, &j| matches[i].ambiguity().total_cmp(&matches[j].ambiguity()));
         let candidates: Vec<Candidate> = (order.iter())
@@ -193,7 +195,7 @@ impl Adalam {
         kept
     }
 
-    /// The candidates that are within `reach` of a seed and agree with it, itself among them: step 2.
+    /// The candidates within `reach` of a seed that agree with it, including the seed: step 2.
     fn members(&self, candidates: &[Candidate], seed: usize, reach: [f64; 2]) -> Vec<usize> {
         let seed = &candidates[seed];
         let (near_a, near_b) = (reach[0] * reach[0], reach[1] * reach[1]);
@@ -209,12 +211,12 @@ impl Adalam {
             .collect()
     }
 
-    /// For each of the `matches` whether a seed may be taken of it: whether its features are each other's nearest.
+    /// For each of the `matches`, whether it may be a seed: whether its two features are each other's nearest.
     fn mutual(&self, a: View<'_>, b: View<'_>, matches: &[Correspondence]) -> Vec<bool> {
         let is_clear = |found: &Correspondence| found.ambiguity() < self.params.seed_ratio;
         let mut mutual: Correspondences = matches.iter().copied().filter(is_clear).collect();
         keep_mutual(a, b, &mut mutual, |_| ());
-        // They are left in their order.
+        // The mutual matches keep their order.
         let mut left = mutual.iter().peekable();
         (matches.iter())
             .map(|found| left.next_if(|&next| next == found).is_some())
@@ -237,7 +239,7 @@ fn radius(size: Size, area_ratio: f64) -> f64 {
     (area / (area_ratio * core::f64::consts::PI)).sqrt()
 }
 
-/// Those of `seeds`, the clearest first, that have no clearer one within `radius` in image a: step 1.
+/// Those of `seeds`, sorted by clarity, that have no clearer one within `radius` in image a: step 1.
 fn clearest(seeds: &[usize], candidates: &[Candidate], radius: f64) -> Vec<usize> {
     let near =
         |i: usize, j: usize| (candidates[i].a - candidates[j].a).norm_squared() < radius * radius;
@@ -248,7 +250,7 @@ fn clearest(seeds: &[usize], candidates: &[Candidate], radius: f64) -> Vec<usize
         .collect()
 }
 
-/// A match as the neighbourhoods see it.
+/// A match, with the data that neighbourhoods use.
 struct Candidate {
     a: Point2<f64>,
     b: Point2<f64>,

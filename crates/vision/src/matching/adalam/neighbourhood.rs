@@ -25,19 +25,19 @@ pub(super) struct Neighbourhood {
     seed: usize,
 }
 
-/// What agrees with a map.
+/// The matches that agree with a map.
 struct Support {
-    /// Matches besides those that determine the map.
+    /// Number of inliers, without the matches that determine the map.
     inliers: usize,
-    /// How many of them chance brings.
+    /// Number of inliers expected by chance.
     expected: f64,
-    /// All matches that agree, also those that determine the map.
+    /// All matches that agree, including those that determine the map.
     members: Vec<usize>,
 }
 
 impl Neighbourhood {
-    /// The `members` of `candidates` around a `seed` within `reach` in the two images; `None` if the seed is not one
-    /// of them, as its own numbers make no sense.
+    /// The `members` of `candidates` around a `seed`, within `reach` in the two images. `None` if the seed is
+    /// not one of them, because its own numbers are not finite.
     pub(super) fn new(
         candidates: &[Candidate],
         seed: usize,
@@ -58,7 +58,7 @@ impl Neighbourhood {
         Some(Self { a, b, seed })
     }
 
-    /// The matches that agree with the best map, in their order; none if they may be there by chance.
+    /// The matches that agree with the best map, in their order; none if chance may explain them.
     pub(super) fn inliers(&self, params: &AdalamParams) -> Vec<usize> {
         let mut best = self.best_of_samples(params);
         if params.refit {
@@ -75,7 +75,7 @@ impl Neighbourhood {
             .unwrap_or_default()
     }
 
-    /// Of the maps by `samples` pairs the first with most inliers.
+    /// The first map with most inliers among those of `samples` pairs.
     fn best_of_samples(&self, params: &AdalamParams) -> Option<Support> {
         let count = self.a[0].len();
         if count < params.min_inliers as usize {
@@ -94,7 +94,7 @@ impl Neighbourhood {
         best
     }
 
-    /// The map that takes two matches from a to b, if they determine one.
+    /// The map from a to b through two matches, if they determine one.
     fn through(&self, i: usize, j: usize) -> Option<Matrix2<f64>> {
         let a = Matrix2::from_columns(&[self.at_a(i), self.at_a(j)]);
         let b = Matrix2::from_columns(&[self.at_b(i), self.at_b(j)]);
@@ -103,7 +103,7 @@ impl Neighbourhood {
         determined.then(|| b * adjugate(&a) / determinant)
     }
 
-    /// The map with the least squared residuals of these `members`, if they determine one.
+    /// The map with the least squared residuals over these `members`, if they determine one.
     fn fitted(&self, members: &[usize]) -> Option<Matrix2<f64>> {
         let (mut normal, mut moment) = (Matrix2::zeros(), Matrix2::zeros());
         for &member in members {
@@ -117,8 +117,8 @@ impl Neighbourhood {
         determined.then(|| moment * adjugate(&normal) / determinant)
     }
 
-    /// What agrees with a map that is determined by the matches `fixed`, if it has more than `most` inliers and
-    /// changes no length by too much. `excess` is working space.
+    /// The support of a map that is determined by the matches `fixed`; `None` unless it has more than `most`
+    /// inliers and changes no length by too much. `excess` is working space.
     fn support(
         &self,
         map: Matrix2<f64>,
@@ -146,7 +146,8 @@ impl Neighbourhood {
             excess[fixed] = f64::INFINITY;
         }
         let within = |bound: f64| excess.iter().filter(|&&excess| excess <= bound).count();
-        // From above: no more than these can be inliers, so none can be farther than that many allow.
+        // Starts from the largest number: no more than this can be inliers, so no inlier can be farther than
+        // this number allows.
         let mut inliers = others;
         loop {
             let left = within(inliers as f64);
@@ -179,13 +180,13 @@ impl Neighbourhood {
     }
 }
 
-/// The inverse times the determinant.
+/// The adjugate: the inverse times the determinant.
 fn adjugate(m: &Matrix2<f64>) -> Matrix2<f64> {
     Matrix2::new(m.m22, -m.m12, -m.m21, m.m11)
 }
 
-/// Whether a map changes no length by more than a factor `most`: whether its singular values are within
-/// `1 / most` and `most`.
+/// Whether a map changes no length by more than a factor `most`, that is, whether its singular values are
+/// between `1 / most` and `most`.
 fn is_moderate(map: &Matrix2<f64>, most: f64) -> bool {
     // Sum and product of the squared singular values.
     let (sum, determinant) = (map.norm_squared(), map.determinant());

@@ -9,18 +9,18 @@ use crate::features::Features;
 use crate::matching::Correspondence;
 use crate::seed::Rng;
 
-/// Kernels of the motion: each stands for three coefficients.
+/// Number of kernels of the motion; each has three coefficients.
 const MOTION_CENTRES: usize = 60;
-/// Likelihood above which a seed is verified.
+/// A seed is verified if its likelihood is above this.
 const VERIFIED: f64 = 0.5;
-/// Matches that determine an affine motion.
+/// Number of matches that determine an affine motion.
 const LEAST_VERIFIED: usize = 3;
 
-/// Matches as the functions see them.
+/// Matches in the form that the learned functions take.
 pub(in crate::matching) struct Motions {
-    /// `None` for matches that no function can judge.
+    /// `None` for matches that the functions cannot judge.
     points: Vec<Option<Point>>,
-    /// Where they end, normalised.
+    /// Their places in image b, normalised.
     places_b: Vec<Point2<f64>>,
 }
 
@@ -41,7 +41,7 @@ impl Motions {
     }
 }
 
-/// What was learned from some matches.
+/// The functions that were learned from some matches.
 pub(in crate::matching) struct Coherence {
     centres: Vec<Point>,
     likelihood: Vec<[f64; 1]>,
@@ -50,8 +50,8 @@ pub(in crate::matching) struct Coherence {
 }
 
 impl Coherence {
-    /// Learns from at most `params.seeds` of the matches numbered `candidates`, drawn at random;
-    /// `None` where they determine nothing.
+    /// Learns from at most `params.seeds` of the matches with the indices `candidates`, drawn at random. `None`
+    /// if they do not determine the functions.
     pub(in crate::matching) fn learn(
         motions: &Motions,
         mut candidates: Vec<usize>,
@@ -68,7 +68,7 @@ impl Coherence {
             .filter(|(_, point)| evaluate(&kernels(point, &centres), &likelihood)[0] > VERIFIED)
             .map(|(&i, &point)| (point, motions.places_b[i]))
             .collect();
-        // Of fewer the ridge makes a motion all the same: to the middle of b, if there are none.
+        // With fewer matches the ridge would still give a motion; with none at all, one to the middle of b.
         if verified.len() < LEAST_VERIFIED {
             return None;
         }
@@ -84,7 +84,7 @@ impl Coherence {
         })
     }
 
-    /// Whether match `index` is more likely than `least` or goes where the motion takes it.
+    /// Whether match `index` has a likelihood above `least`, or ends where the motion maps it.
     pub(in crate::matching) fn accepts(
         &self,
         motions: &Motions,
@@ -105,7 +105,7 @@ impl Coherence {
     }
 }
 
-/// A match as a point; `None` where its frames are too unlike or broken.
+/// A match as a point; `None` if its frames differ too much or are invalid.
 fn point(
     (a, b): ([f32; 4], [f32; 4]),
     from: Point2<f64>,
@@ -131,13 +131,13 @@ fn learn_likelihood(
     params: &CodeParams,
 ) -> Option<Vec<[f64; 1]>> {
     let rows: Vec<SparseRow> = seeds.iter().map(|seed| kernels(seed, centres)).collect();
-    // On the coefficients and not on the function's norm: truncated kernels are not positive
-    // definite. A seed on its own still gets 1 / (1 + ridge).
+    // The penalty is on the coefficients and not on the norm of the function, since truncated kernels are not
+    // positive definite. A seed on its own still gets 1 / (1 + ridge).
     let penalty = DMatrix::identity(centres.len(), centres.len()) * params.ridge;
     fit(&rows, &vec![[1.0]; seeds.len()], &penalty, params.huber)
 }
 
-/// Coefficients of the motion, from matches and where they end.
+/// Coefficients of the motion, from matches and the places where they end.
 fn learn_motion(
     verified: &[(Point, Point2<f64>)],
     centres: &[Point],
@@ -147,7 +147,7 @@ fn learn_motion(
         .map(|(point, to)| (affine_row(point, centres), [to.x, to.y]))
         .unzip();
     let count = 3 * (centres.len() + 1);
-    // The affine motion common to all is free.
+    // The affine motion that all matches share has no penalty.
     let penalty = DMatrix::from_fn(count, count, |i, j| match (i == j, i < 3) {
         (false, _) => 0.0,
         (true, true) => 1e-9,
@@ -156,7 +156,7 @@ fn learn_motion(
     fit(&rows, &targets, &penalty, params.huber)
 }
 
-/// What the coefficients of an affine motion that varies with the match are multiplied by.
+/// The row of the linear system for an affine motion that varies with the match.
 fn affine_row(point: &Point, centres: &[Point]) -> SparseRow {
     let monomials = [point[0], point[1], 1.0];
     let mut row: SparseRow = monomials.into_iter().enumerate().collect();
@@ -167,7 +167,7 @@ fn affine_row(point: &Point, centres: &[Point]) -> SparseRow {
     row
 }
 
-/// Places of matched keypoints with zero mean and a mean distance of sqrt(2) from it.
+/// Places of matched keypoints, shifted to zero mean and scaled to a mean distance of sqrt(2) from it.
 fn normalised(
     features: &Features,
     matches: &[Correspondence],

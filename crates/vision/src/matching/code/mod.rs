@@ -49,21 +49,22 @@ use crate::seed::Seed;
 pub struct CodeParams {
     /// Largest ratio of nearest to second nearest distance of a seed, in `(0, 1]`.
     pub seed_ratio: f32,
-    /// Seeds at most, drawn at random from those that pass; at least 10.
+    /// Largest number of seeds, drawn at random from those that pass; at least 10.
     pub seeds: usize,
-    /// Kernels of the likelihood at most; at least 10.
+    /// Largest number of kernels of the likelihood; at least 10.
     pub centres: usize,
-    /// Weight of the squared coefficients against the data, positive.
+    /// Weight of the squared coefficients relative to the data, positive.
     pub ridge: f64,
     /// Residuals above this count linearly, positive.
     pub huber: f64,
-    /// Least likelihood of a match, for each of the two passes.
+    /// Least likelihood of a match, one for each of the two passes.
     pub likelihoods: [f64; 2],
-    /// Largest squared distance from where the motion takes a match, in normalised units.
+    /// Largest squared distance between the place of a match and the place where the motion maps it, in
+    /// normalised units.
     pub squared_transfer: f64,
     /// Largest ratio of the axes of a relative affine frame.
     pub max_aspect: f64,
-    /// Weight of displacements against places in the kernel, positive.
+    /// Weight of displacements relative to places in the kernel, positive.
     pub displacement_scale: f64,
 }
 
@@ -118,7 +119,7 @@ impl Code {
         Ok(Self { params })
     }
 
-    /// For each match whether it moves as its neighbours do.
+    /// For each match, whether it moves as its neighbours do.
     pub(super) fn decide(
         &self,
         motions: &Motions,

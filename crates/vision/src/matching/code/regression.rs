@@ -6,7 +6,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-/// What a match is compared by: position, displacement, relative affine frame.
+/// The coordinates by which matches are compared: position, displacement, relative affine frame.
 pub(super) type Point = [f64; 8];
 
 /// Entries that are not zero: index and value, in order of the indices.

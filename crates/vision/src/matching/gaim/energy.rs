@@ -13,7 +13,7 @@ use super::graph::neighbours;
 use crate::features::Features;
 use crate::matching::Correspondence;
 
-/// What 1 is as a cost.
+/// The integer that represents a cost of 1.
 pub(super) const UNIT: f64 = 10_000.0;
 
 /// A candidate of a node.
@@ -21,11 +21,11 @@ pub(super) const UNIT: f64 = 10_000.0;
 pub(super) struct Label {
     /// Its place in the other image.
     pub(super) at: Vector2<f64>,
-    /// How it maps directions about the node to directions about its place.
+    /// The map of directions around the node to directions around its place.
     pub(super) b_from_a: Matrix2<f64>,
     /// Cost by descriptors.
     pub(super) unary: i64,
-    /// Which correspondence it is.
+    /// Index of its correspondence.
     pub(super) index: usize,
 }
 
@@ -36,7 +36,7 @@ pub(super) struct Problem {
     pub(super) nodes: Vec<Vector2<f64>>,
     /// Candidates of each node, at least one.
     pub(super) labels: Vec<Vec<Label>>,
-    /// Neighbours of each node; each is the other's.
+    /// Neighbours of each node. The relation is symmetric.
     pub(super) neighbours: Vec<Vec<u32>>,
     /// Largest cost of a pair that does not collide.
     pub(super) truncation: f64,
@@ -48,8 +48,8 @@ pub(super) struct Problem {
 const COLLISION: i64 = 1000 * UNIT as i64;
 
 impl Problem {
-    /// The problem to choose one of each node's `candidates`, which are ordered by node. Those with
-    /// a broken place or frame are left out.
+    /// The problem of choosing one of the `candidates` of each node, which are sorted by node. Candidates whose
+    /// place or frame is not finite are left out.
     pub(super) fn new(
         a: &Features,
         b: &Features,
@@ -89,7 +89,7 @@ impl Problem {
         }
     }
 
-    /// What kernels must know of the costs of pairs.
+    /// The limits of the costs of pairs, for the kernels.
     pub(super) fn limits(&self) -> PairLimits {
         PairLimits {
             squared_collision: self.collision * self.collision,
@@ -99,9 +99,9 @@ impl Problem {
         }
     }
 
-    /// Cost of neighbours `p` and `q` having their candidates `i` and `j`: how far the frame of
-    /// one takes the other from its place, in distances of the nodes. The definition of what kernels
-    /// make for many at once.
+    /// Cost of the candidates `i` and `j` for the neighbours `p` and `q`: the distance between the place to
+    /// which the frame of one maps the other and its place, in units of the distance of the nodes. This defines
+    /// what the kernels compute for many pairs at once.
     #[cfg(test)]
     pub(super) fn pair(&self, (p, i): (usize, usize), (q, j): (usize, usize)) -> i64 {
         let (from, to) = (&self.labels[p][i], &self.labels[q][j]);
@@ -136,7 +136,7 @@ impl Problem {
 }
 
 impl Label {
-    /// Its numbers as kernels take them: the place, then the frame row after row.
+    /// Its numbers in the form of the kernels: the place, then the frame row after row.
     pub(super) fn numbers(&self) -> [f64; CANDIDATE] {
         let frame = &self.b_from_a;
         let [xx, xy, yx, yy] = [frame.m11, frame.m12, frame.m21, frame.m22];
@@ -144,10 +144,10 @@ impl Label {
     }
 }
 
-/// The numbers of all candidates, each kind in one array, so that kernels can go through them.
+/// The numbers of all candidates, one array per kind of number, so that kernels can read them in order.
 #[derive(Clone, Debug)]
 pub(super) struct Columns {
-    /// Where the candidates of each node begin, and the end of the last; whole blocks.
+    /// Index where the candidates of each node begin, and the end of the last. Each node has whole blocks.
     starts: Vec<usize>,
     numbers: [Vec<f64>; CANDIDATE],
 }
@@ -166,7 +166,7 @@ impl Columns {
                     column.push(number);
                 }
             }
-            // What fills up a block lies nowhere near.
+            // Filler of a block is infinitely far away.
             let filler = [f64::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0];
             for (column, number) in columns.numbers.iter_mut().zip(filler) {
                 column.resize(end, number);
@@ -176,7 +176,7 @@ impl Columns {
         columns
     }
 
-    /// Those of node `p`, and of the filler behind them.
+    /// The numbers of the candidates of node `p`, followed by filler.
     pub(super) fn of(&self, p: usize) -> [&[f64]; CANDIDATE] {
         let range = self.starts[p]..self.starts[p + 1];
         self.numbers.each_ref().map(|column| &column[range.clone()])

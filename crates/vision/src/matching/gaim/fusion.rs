@@ -14,19 +14,20 @@ use super::energy::Problem;
 use super::quadratic::Quadratic;
 use crate::simd::{CANDIDATE, Others, costs_beside, pair_costs};
 
-/// Mixes proposals into a choice.
+/// Merges proposals into a choice.
 pub(super) struct Fusion<'a> {
     problem: &'a Problem,
     /// The candidate of each node.
     pub(super) choice: Vec<usize>,
     kept: Kept,
-    /// Place of each node in the proposal at work.
+    /// Index of each node in the current proposal.
     places: Vec<u32>,
-    /// How often a choice was changed, and at which of these times last that of each node or of a
+    /// Number of changes of the choice so far, and for each node the number at the last change of it or of a
     /// neighbour.
     time: u64,
     touched: Vec<u64>,
-    /// For each place the cost of what is proposed to the node beside what the neighbour keeps.
+    /// For each place, the cost of the proposed candidate of the node with the candidate that the neighbour
+    /// keeps.
     beside: Vec<i64>,
     pairs: Pairs,
     cut: Quadratic,
@@ -35,19 +36,19 @@ pub(super) struct Fusion<'a> {
 /// Not in the proposal.
 const ABSENT: u32 = u32::MAX;
 
-/// Each node's neighbours side by side, and what they keep: one place for each direction of each pair.
+/// For each node, its neighbours side by side and what they keep: one place per direction of each pair.
 struct Kept {
-    /// Where the places of each node begin, and the end of the last.
+    /// Index where the places of each node begin, and the end of the last.
     starts: Vec<usize>,
     neighbour: Vec<u32>,
     /// The place of the other direction.
     back: Vec<u32>,
-    /// From the node to the neighbour.
+    /// Vector from the node to the neighbour.
     apart: [Vec<f64>; 2],
-    /// Where the neighbour's candidate lies, and where its frame takes `apart`.
+    /// Position of the candidate of the neighbour, and the vector to which its frame maps `apart`.
     at: [Vec<f64>; 2],
     taken: [Vec<f64>; 2],
-    /// The cost of both candidates.
+    /// The cost of the candidates that both keep.
     costs: Vec<i64>,
 }
 
@@ -60,7 +61,7 @@ impl Kept {
             starts.push(next);
         }
         let neighbour: Vec<u32> = problem.neighbours.concat();
-        // Neighbours are in rising order, so that nodes come by in the order of each one's places.
+        // Neighbours are in ascending order, so nodes are visited in the order of the places of each node.
         let mut back = vec![0; neighbour.len()];
         let mut places = starts.clone();
         for (place, &q) in neighbour.iter().enumerate() {
@@ -87,7 +88,7 @@ impl Kept {
         }
     }
 
-    /// Lets the neighbours of `p` know its candidate.
+    /// Updates the candidate of `p` in the places of its neighbours.
     fn tell(&mut self, p: usize, [x, y, xx, xy, yx, yy]: [f64; CANDIDATE]) {
         for place in self.starts[p]..self.starts[p + 1] {
             let apart = [-self.apart[0][place], -self.apart[1][place]];
@@ -99,7 +100,7 @@ impl Kept {
         }
     }
 
-    /// What surrounds node `p`.
+    /// The neighbours of node `p` and what they keep.
     fn others(&self, p: usize) -> Others<'_> {
         let range = self.starts[p]..self.starts[p + 1];
         Others {
@@ -110,22 +111,22 @@ impl Kept {
     }
 }
 
-/// Neighbours that both are in a proposal.
+/// Pairs of neighbours that are both in a proposal.
 #[derive(Default)]
 struct Pairs {
-    /// Their places in the proposal, and that of the second among the first one's neighbours; as many as
-    /// `count` says are in use.
+    /// Their indices in the proposal, and the index of the second among the neighbours of the first. The first
+    /// `count` entries are in use.
     places: Vec<[u32; 3]>,
     count: usize,
     from: [Vec<f64>; CANDIDATE],
     to: [Vec<f64>; CANDIDATE],
     apart: [Vec<f64>; 2],
-    /// The cost of both taking what is proposed.
+    /// The cost if both take the proposed candidates.
     costs: Vec<i64>,
 }
 
 impl Pairs {
-    /// Room for more of them.
+    /// Makes room for more pairs.
     fn room_for(&mut self, more: usize) -> &mut [[u32; 3]] {
         if self.places.len() < self.count + more {
             self.places.resize(2 * (self.count + more), [0; 3]);
@@ -154,19 +155,19 @@ impl<'a> Fusion<'a> {
         fusion
     }
 
-    /// How often a choice was changed.
+    /// Number of changes of the choice so far.
     pub(super) fn time(&self) -> u64 {
         self.time
     }
 
-    /// Whether nothing that `proposal` depends on was changed after `time`: none of its nodes and none
-    /// of their neighbours.
+    /// Whether nothing on which `proposal` depends was changed after `time`: none of its nodes and none of
+    /// their neighbours.
     pub(super) fn is_as_at(&self, time: u64, proposal: &[(usize, usize)]) -> bool {
         proposal.iter().all(|&(node, _)| self.touched[node] <= time)
     }
 
-    /// Takes what pays of `proposal`, pairs of distinct nodes and candidates; whether anything
-    /// was taken.
+    /// Accepts the parts of `proposal` that reduce the cost. `proposal` is a list of distinct nodes with
+    /// candidates. Returns whether anything was changed.
     pub(super) fn fuse(&mut self, proposal: &[(usize, usize)]) -> bool {
         let problem = self.problem;
         let proposal: Vec<(usize, usize)> = (proposal.iter().copied())
@@ -193,7 +194,7 @@ impl<'a> Fusion<'a> {
             let mut count = 0;
             let costs = (self.beside[range.clone()].iter()).zip(&self.kept.costs[range.clone()]);
             let neighbours = self.kept.neighbour[range.clone()].iter().zip(range);
-            // Who is in the proposal cannot be foretold, so there are no branches.
+            // It cannot be predicted which nodes are in the proposal, so there are no branches.
             for ((&q, at), (beside, kept)) in neighbours.zip(costs) {
                 let other = self.places[q as usize];
                 gain += if other == ABSENT { beside - kept } else { 0 };
@@ -258,7 +259,7 @@ impl<'a> Fusion<'a> {
         }
     }
 
-    /// Remembers the changed choices of some nodes.
+    /// Records the changed choices of some nodes.
     fn remember(&mut self, changed: &[usize]) {
         if changed.is_empty() {
             return;

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector2;
 
-/// For each place the indices of its `count` nearest others and of those it is among the nearest
-/// of, in rising order. Of equally near ones those of lower index count.
+/// For each place, the indices of its `count` nearest places and of the places for which it is one of the
+/// nearest, in ascending order. Of equally near places, those with lower indices are taken.
 pub(super) fn neighbours(places: &[Vector2<f64>], count: usize) -> Vec<Vec<u32>> {
     let mut neighbours = vec![Vec::new(); places.len()];
     let mut others: Vec<(f64, u32)> = Vec::with_capacity(places.len());

@@ -10,21 +10,21 @@ use super::super::{Correspondence, Correspondences, Search, two_nearest};
 use crate::features::Features;
 use crate::params::ParamError;
 
-/// Features in a block at most, and blocks for each label at least, if there are so many features.
+/// Largest number of features in a block, and least number of blocks per label if there are that many features.
 const BLOCK: usize = 16;
 const BLOCKS_PER_LABEL: usize = 16;
 
-/// Search for several candidates of the features that were seen without simulation.
+/// Search for several candidates per feature, for features that were found without simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct CandidateLabels {
-    /// Features of the first image at most, those of strongest response; at least 1.
+    /// Largest number of features of the first image, those with the strongest response; at least 1.
     pub nodes: usize,
-    /// Candidates of each at most; at least 1.
+    /// Largest number of candidates per feature; at least 1.
     pub labels: usize,
-    /// Candidates of one feature are at least this far apart, in thousandths of the diagonal of
-    /// their image; at least 0.
+    /// Least distance between candidates of one feature, in thousandths of the diagonal of their image; at
+    /// least 0.
     pub apart_px: f64,
 }
 
@@ -38,7 +38,7 @@ impl Default for CandidateLabels {
     }
 }
 
-/// A thousandth of the diagonal of the image of `features`: a pixel of the paper.
+/// A thousandth of the diagonal of the image of `features`, which is a pixel of the paper.
 pub(super) fn pixel(features: &Features) -> f64 {
     let (width, height) = (features.size.width as f64, features.size.height as f64);
     (width * width + height * height).sqrt() / 1000.0
@@ -54,7 +54,7 @@ impl CandidateLabels {
     }
 
     /// Candidates in `b` of the features `nodes` of `a`, in the order of `nodes`, nearest first.
-    /// [`Correspondence::second`] is the distance of the nearest other place.
+    /// [`Correspondence::second`] is the distance to the nearest descriptor at another place.
     pub(super) fn of(&self, nodes: &[usize], a: &Features, b: &Features) -> Correspondences {
         let queries = a.descriptors.select(nodes.iter().copied());
         let mut nearest = vec![Vec::new(); nodes.len()];
@@ -98,8 +98,8 @@ impl CandidateLabels {
         candidates
     }
 
-    /// The strongest features whose frames are circles, or what became of circles when the image was resampled, in
-    /// their order.
+    /// The strongest features that were found without simulation, in their order. Their frames are circles, or
+    /// the ellipses that circles became when the image was resampled.
     fn unsimulated(&self, features: &Features) -> Vec<usize> {
         let [across, down] = features.stretch();
         let is_unsimulated = |&index: &usize| {
@@ -121,7 +121,7 @@ impl Search for CandidateLabels {
     }
 }
 
-/// Whether a frame is a turn and a scale, as those of features that were seen without simulation.
+/// Whether a frame is a rotation and a scale, as for features that were found without simulation.
 fn is_circle([xx, xy, yx, yy]: [f32; 4]) -> bool {
     let frame = Matrix2::new(xx, xy, yx, yy);
     // r + 1 / r for the ratio r of the axes; this one is 1.05, and rounding sizes makes 1.002.

@@ -18,11 +18,11 @@ struct Arc {
     capacity: i64,
 }
 
-/// A network with capacities; its buffers are used again for the next one.
+/// A network with capacities. Its buffers are used again for the next network.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Network {
     excess: Vec<i64>,
-    /// From, to and capacity of what was added.
+    /// Start, end and capacity of each added arc.
     added: Vec<(u32, u32, i64)>,
     /// Where the arcs of each node begin, and the end of the last.
     starts: Vec<u32>,
@@ -35,24 +35,24 @@ pub(super) struct Network {
 }
 
 impl Network {
-    /// Forgets all, and begins with `nodes` nodes without arcs.
+    /// Removes everything, and starts with `nodes` nodes without arcs.
     pub(super) fn restart(&mut self, nodes: usize) {
         self.excess.clear();
         self.excess.resize(nodes, 0);
         self.added.clear();
     }
 
-    /// An arc from the source to `node`, or to the sink if `capacity` is negative.
+    /// Adds an arc from the source to `node`, or from `node` to the sink if `capacity` is negative.
     pub(super) fn add_terminal(&mut self, node: usize, capacity: i64) {
         self.excess[node] += capacity;
     }
 
-    /// An arc of non-negative `capacity`.
+    /// Adds an arc of non-negative `capacity`.
     pub(super) fn add_arc(&mut self, from: usize, to: usize, capacity: i64) {
         self.added.push((from as u32, to as u32, capacity));
     }
 
-    /// Finds a maximum flow; afterwards [`Self::is_source`] tells the cut.
+    /// Finds a maximum flow. Then [`Self::is_source`] gives the minimum cut.
     pub(super) fn cut(&mut self) {
         self.place_arcs();
         while self.find_levels() {
@@ -60,12 +60,12 @@ impl Network {
         }
     }
 
-    /// Whether `node` lies on the source's side of the smallest minimum cut, after [`Self::cut`].
+    /// Whether `node` is on the source side of the smallest minimum cut, after [`Self::cut`].
     pub(super) fn is_source(&self, node: usize) -> bool {
         self.levels[node] != UNREACHED
     }
 
-    /// Puts what was added and its reverses side by side for each node.
+    /// Stores the added arcs and their reverses, grouped by node.
     fn place_arcs(&mut self) {
         let nodes = self.excess.len();
         self.starts.clear();
@@ -97,7 +97,7 @@ impl Network {
         }
     }
 
-    /// Finds the number of arcs from the source to each node; whether the sink can be reached.
+    /// Computes the number of arcs from the source to each node. Returns whether the sink can be reached.
     fn find_levels(&mut self) -> bool {
         self.levels.clear();
         self.levels.resize(self.excess.len(), UNREACHED);
@@ -117,7 +117,7 @@ impl Network {
             if self.excess[node] < 0 {
                 sink = sink.min(level);
             }
-            // Beyond the sink no shortest path goes on; when none reaches it all must be seen.
+            // No shortest path continues after the sink. If none reaches it, all nodes must be visited.
             if level >= sink {
                 continue;
             }
@@ -157,7 +157,7 @@ impl Network {
                     }
                     continue;
                 }
-                // Nothing leads on from here.
+                // No path continues from here.
                 self.levels[node] = UNREACHED;
                 let Some(last) = self.path.pop() else { break };
                 node = self.start_of(last);
@@ -165,8 +165,8 @@ impl Network {
         }
     }
 
-    /// Sends what the path can carry from `source` to `sink`, a node with a deficit, and gives up
-    /// the path from its first full arc on; the node where it now ends.
+    /// Sends as much flow as the path can carry from `source` to `sink`, a node with a deficit. Drops the path
+    /// from its first full arc on, and returns the node where it now ends.
     fn send(&mut self, source: usize, sink: usize) -> usize {
         let carried = (self.path.iter())
             .map(|&arc| self.arcs[arc as usize].capacity)

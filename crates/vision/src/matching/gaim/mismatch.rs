@@ -5,8 +5,9 @@ use nalgebra::{Matrix3, Matrix3x2, Point2, Vector2, Vector3};
 
 use super::graph::neighbours;
 
-/// Groups places so that each lies within `radius` of the first of its group; earlier places
-/// found groups. For each place the index of the one that founded its group.
+/// Groups places so that each is within `radius` of the first place of its group. Places are taken in their
+/// order, and a place that fits no group starts a new one. Returns for each place the index of the first place
+/// of its group.
 pub(super) fn clusters(places: &[Point2<f32>], radius: f64) -> Vec<usize> {
     let mut founders: Vec<usize> = Vec::new();
     (0..places.len())
@@ -22,9 +23,9 @@ pub(super) fn clusters(places: &[Point2<f32>], radius: f64) -> Vec<usize> {
         .collect()
 }
 
-/// For each of the matches from `a` to `b` whether it follows a smooth deformation: an affine
-/// motion fitted robustly to the `count` matches around it takes it to within `tolerance`. What
-/// does not is left out of the next fit, `rounds` times.
+/// For each of the matches from `a` to `b`, whether it follows a smooth deformation: an affine motion that is
+/// fitted robustly to the `count` matches around it must map it to within `tolerance`. Matches that do not are
+/// left out of the next fit; there are `rounds` fits.
 pub(super) fn smooth(
     a: &[Vector2<f64>],
     b: &[Vector2<f64>],
@@ -63,8 +64,8 @@ pub(super) fn smooth(
 /// Steps of reweighting.
 const STEPS: usize = 10;
 
-/// Where the affine motion of the pairs takes the origin; `None` if they determine none.
-/// Residuals far above `tolerance` hardly count (Geman and McClure).
+/// The place to which the affine motion of the pairs maps the origin; `None` if they determine none. Residuals
+/// far above `tolerance` have almost no weight (Geman and McClure).
 fn offset(pairs: &[[Vector2<f64>; 2]], tolerance: f64) -> Option<Vector2<f64>> {
     let mut weights = vec![1.0; pairs.len()];
     let mut motion = Matrix3x2::zeros();

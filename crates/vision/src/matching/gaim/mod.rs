@@ -53,30 +53,30 @@ use crate::seed::Seed;
 use energy::Problem;
 use labels::pixel;
 
-/// Parameters of [`Gaim`]. Pixels are thousandths of an image's diagonal.
+/// Parameters of [`Gaim`]. A pixel here is a thousandth of the diagonal of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct GaimParams {
-    /// Nodes and their candidates, on the way there and back.
+    /// Nodes and their candidates, for both directions.
     pub labels: CandidateLabels,
-    /// Nodes that each node is joined to, at least 1.
+    /// Number of nodes that each node is connected to, at least 1.
     pub neighbours: usize,
-    /// Cost of a distance of 1 between descriptors, at least 0.
+    /// Cost of a descriptor distance of 1, at least 0.
     pub unary_weight: f64,
     /// Largest cost of a pair of neighbours, positive.
     pub truncation: f64,
-    /// Neighbours must not come nearer to each other than this, at least 0.
+    /// Least distance that neighbours must keep from each other, at least 0.
     pub collision_px: f64,
-    /// Rounds of moves, at least 1.
+    /// Number of rounds of moves, at least 1.
     pub rounds: usize,
-    /// Radius of a cluster of chosen places, at least 0.
+    /// Radius of a cluster of chosen candidates, at least 0.
     pub cluster_px: f64,
-    /// A match stays if its cluster leads back to less than this from its node, positive.
+    /// A match is kept if the way back from its cluster ends within this distance of its node, positive.
     pub consistency_px: f64,
-    /// Matches around a match that its motion is compared with, at least 3.
+    /// Number of matches around a match with which its motion is compared, at least 3.
     pub smooth_neighbours: usize,
-    /// Largest distance from where they would take it, positive.
+    /// Largest distance of a match from the place to which the motion of these maps it, positive.
     pub smooth_px: f64,
 }
 
@@ -145,10 +145,10 @@ impl Gaim {
             .collect()
     }
 
-    /// Keeps what is found again on the way back from `b`.
+    /// Keeps matches that are found again in the direction from `b` to `a`.
     fn keep_consistent(&self, a: &Features, b: &Features, matches: &mut Correspondences) {
         let place = |m: &Correspondence| b.keypoints[m.b as usize].at;
-        // The most certain ones stand for those around them.
+        // The most certain matches represent those around them.
         matches.sort_by(|i, j| i.distance.total_cmp(&j.distance).then(i.a.cmp(&j.a)));
         let places: Vec<_> = matches.iter().map(place).collect();
         let founders = mismatch::clusters(&places, self.params.cluster_px * pixel(b));
@@ -170,7 +170,7 @@ impl Gaim {
         matches.sort_by_key(|m| m.a);
     }
 
-    /// Keeps what moves as the matches around it do.
+    /// Keeps matches that move as the matches around them do.
     fn keep_smooth(&self, a: &Features, b: &Features, matches: &mut Correspondences) {
         let places = |features: &Features, index: fn(&Correspondence) -> u32| -> Vec<_> {
             let at = |m: &Correspondence| features.keypoints[index(m) as usize].at;
@@ -187,7 +187,7 @@ impl Gaim {
     }
 }
 
-/// How often outliers are removed from what is left.
+/// Number of times that outliers are removed.
 const SMOOTH_ROUNDS: usize = 3;
 
 fn retain(matches: &mut Correspondences, kept: &[bool]) {

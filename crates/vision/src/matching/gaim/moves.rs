@@ -14,10 +14,10 @@ use super::energy::{Columns, Label, Problem, UNIT};
 use super::fusion::Fusion;
 use crate::simd::{add_prediction_errors, nearest_place};
 
-/// Nodes that a spreading frame reaches at most.
+/// Largest number of nodes to which a frame is spread.
 const REACHED: usize = 150;
 
-/// Candidates of each node, best supported first, whose frames are spread.
+/// Number of candidates of each node, best supported first, whose frames are spread.
 const SPREAD: usize = 3;
 
 /// A choice of one candidate for each node, of low cost.
@@ -35,7 +35,7 @@ pub(super) fn solve(problem: &Problem, rounds: usize) -> Vec<usize> {
     let mut fusion = Fusion::new(problem, first);
     let mut seeds: Vec<usize> = (0..problem.nodes.len()).collect();
     seeds.sort_by_key(|&p| (support[p][by_support[p][0]], p));
-    // For each node its candidates that were spread in vain, and when.
+    // For each node, its candidates that were spread without success, and when.
     let mut in_vain = vec![Vec::new(); problem.nodes.len()];
     for round in 0..rounds {
         let mut any = false;
@@ -45,7 +45,7 @@ pub(super) fn solve(problem: &Problem, rounds: usize) -> Vec<usize> {
             let around = around(problem, p);
             for label in std::iter::once(fusion.choice[p]).chain(best) {
                 let proposal = spread(problem, &columns, &around, (p, label));
-                // Where nothing has changed since, it would be in vain again.
+                // If nothing has changed since, it would fail again.
                 let is_vain = |&(other, time)| other == label && fusion.is_as_at(time, &proposal);
                 if in_vain[p].iter().any(is_vain) {
                     continue;
@@ -72,8 +72,7 @@ pub(super) fn solve(problem: &Problem, rounds: usize) -> Vec<usize> {
     fusion.choice
 }
 
-/// For each candidate its cost by descriptor and by how well its frame predicts a candidate of
-/// each neighbour.
+/// For each candidate, its cost by descriptor and by how well its frame predicts a candidate of each neighbour.
 fn supports(problem: &Problem, columns: &Columns) -> Vec<Vec<i64>> {
     let mut errors = Vec::new();
     let support = |(p, labels): (usize, &Vec<Label>)| {
@@ -92,7 +91,7 @@ fn supports(problem: &Problem, columns: &Columns) -> Vec<Vec<i64>> {
     problem.labels.iter().enumerate().map(support).collect()
 }
 
-/// What a label of node `p` proposes to the nodes `around` it and to itself.
+/// The proposal of a label of node `p`: candidates for the nodes `around` it and for itself.
 fn spread(
     problem: &Problem,
     columns: &Columns,
@@ -112,7 +111,7 @@ fn spread(
     proposal
 }
 
-/// The neighbours of `p`, then theirs.
+/// The neighbours of `p`, then the neighbours of these.
 fn around(problem: &Problem, p: usize) -> Vec<usize> {
     let mut around: Vec<usize> = problem.neighbours[p].iter().map(|&q| q as usize).collect();
     let direct = around.len();

@@ -13,20 +13,20 @@
 
 use super::max_flow::Network;
 
-/// A quadratic function; its buffers are used again for the next one.
+/// A quadratic function of binary variables. Its buffers are used again for the next function.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Quadratic {
-    /// Cost of 1 over that of 0 while the others are 0.
+    /// Cost of value 1 minus cost of value 0, while all other variables are 0.
     unary: Vec<i64>,
-    /// Two variables, and what both being 1 costs beyond the costs of each.
+    /// Two variables, and the additional cost if both are 1.
     pairs: Vec<(u32, u32, i64)>,
     values: Vec<Option<bool>>,
-    /// The least and the largest cost of 1 over that of 0, whatever the variables do that are not fixed;
-    /// until it is minimised, how far they are from `unary`.
+    /// The smallest and the largest difference between the costs of 1 and 0, over all values of the variables
+    /// that are not fixed. Until the function is minimised, the offsets of these from `unary`.
     bounds: Vec<[i64; 2]>,
-    /// Fixed variables of which their pairs do not know.
+    /// Fixed variables whose pairs are not updated yet.
     fixed: Vec<u32>,
-    /// Where the pairs of each variable begin, and the end of the last; the pairs.
+    /// Index where the pairs of each variable begin, and the end of the last; and the pairs.
     starts: Vec<u32>,
     of_variable: Vec<(u32, i64)>,
     /// Number of each variable among those that are not fixed.
@@ -35,7 +35,7 @@ pub(super) struct Quadratic {
 }
 
 impl Quadratic {
-    /// Forgets all, and begins with so many variables and the function 0.
+    /// Removes everything, and starts with so many variables and the function 0.
     pub(super) fn restart(&mut self, variables: usize) {
         self.unary.clear();
         self.unary.resize(variables, 0);
@@ -48,7 +48,8 @@ impl Quadratic {
         self.unary[p] += cost_of_1;
     }
 
-    /// Adds the costs of `(0, 0)`, `(0, 1)`, `(1, 0)` and `(1, 1)`; once for each two variables.
+    /// Adds the costs of `(0, 0)`, `(0, 1)`, `(1, 0)` and `(1, 1)`. It may be called once for each two
+    /// variables.
     pub(super) fn add_pair(&mut self, p: usize, q: usize, [c00, c01, c10, c11]: [i64; 4]) {
         self.unary[p] += c10 - c00;
         self.unary[q] += c01 - c00;
@@ -63,7 +64,7 @@ impl Quadratic {
         }
     }
 
-    /// Values of a minimum, as far as they are known.
+    /// Values at a minimum, as far as they can be determined.
     pub(super) fn minimise(&mut self) -> &[Option<bool>] {
         self.fix_at_once();
         if self.fixed.len() < self.unary.len() {
@@ -75,7 +76,7 @@ impl Quadratic {
         &self.values
     }
 
-    /// Fixes the variables whose value pays whatever all others do.
+    /// Fixes variables whose best value does not depend on the others.
     fn fix_at_once(&mut self) {
         self.values.clear();
         self.fixed.clear();
@@ -89,7 +90,7 @@ impl Quadratic {
         }
     }
 
-    /// Tells the others what was fixed, and fixes those whose value then pays.
+    /// Updates the pairs of fixed variables, and fixes variables whose best value is then known.
     fn fix_in_turn(&mut self) {
         self.starts.clear();
         self.starts.resize(self.unary.len() + 2, 0);
@@ -131,7 +132,7 @@ impl Quadratic {
         }
     }
 
-    /// Decides the other variables by a cut, as far as it does.
+    /// Decides the remaining variables by a minimum cut, as far as it can.
     fn cut(&mut self) {
         let mut left = 0;
         self.numbers.clear();
@@ -139,7 +140,7 @@ impl Quadratic {
             left += u32::from(value.is_none());
             left.wrapping_sub(1)
         }));
-        // Node `2 p` is on the source's side if `p` is 0, and `2 p + 1` its opposite.
+        // Node `2 p` is on the source side if `p` is 0; node `2 p + 1` is its complement.
         self.network.restart(2 * left as usize);
         for &(p, q, both) in &self.pairs {
             let [p, q] = [p, q].map(|variable| variable as usize);
@@ -176,7 +177,8 @@ impl Quadratic {
     }
 }
 
-/// The value that pays when 1 costs at least and at most so much more than 0.
+/// The better value if the cost of 1 exceeds that of 0 by at least and at most these differences; `None` if
+/// that is open.
 fn value_within([least, largest]: [i64; 2]) -> Option<bool> {
     (least > 0 || largest < 0).then_some(largest < 0)
 }

@@ -16,13 +16,13 @@ use crate::features::{Features, Keypoint};
 use crate::image::GrayImage;
 use crate::matching::Correspondence;
 
-/// Right matches that a neighbourhood is expected to hold.
+/// Expected number of right matches in a neighbourhood.
 const EXPECTED: f64 = 5.0;
-/// Neighbours of one match that are looked at in each of the nine cells around it: bounds the time
-/// where all keypoints lie in one place.
+/// Most neighbours of a match that are tested in each of the nine cells around it. This limits the time if all
+/// keypoints are in one place.
 const MAX_IN_CELL: usize = 400;
 
-/// A match where it lies in the two images.
+/// A match with its positions in the two images.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placed {
     a: Point2<f32>,
@@ -45,7 +45,7 @@ impl Placed {
         }
     }
 
-    /// Mean error of predicting one match by the other, relative to their distance.
+    /// Mean error of predicting each of two matches by the other, relative to their distance.
     fn inconsistency(&self, other: &Self) -> f32 {
         let (a, b) = (other.a - self.a, other.b - self.b);
         let forward = (self.b_from_a * a - b).norm() + (other.b_from_a * a - b).norm();
@@ -54,7 +54,7 @@ impl Placed {
     }
 }
 
-/// The turn and change of size from one keypoint to another.
+/// The rotation and the change of size from one keypoint to another.
 fn similarity(from: &Keypoint, to: &Keypoint) -> Matrix2<f32> {
     let angle = to.angle.unwrap_or(0.0) - from.angle.unwrap_or(0.0);
     let scale = to.size / from.size;
@@ -62,7 +62,7 @@ fn similarity(from: &Keypoint, to: &Keypoint) -> Matrix2<f32> {
     Matrix2::new(x, -y, y, x)
 }
 
-/// The two images, ready for the description of lines.
+/// The two images, prepared for the description of lines.
 pub(super) struct Lines {
     a: GradientPyramid,
     b: GradientPyramid,
@@ -85,7 +85,7 @@ impl Lines {
         }
     }
 
-    /// Distance of the lines between two matches, if both can be described.
+    /// Distance between the descriptors of the two lines that join two matches, if both lines can be described.
     fn distance(&self, i: &Placed, j: &Placed) -> Option<f32> {
         let a = VirtualLine::new(&self.a, &self.window, i.a, j.a)?;
         let b = VirtualLine::new(&self.b, &self.window, i.b, j.b)?;
@@ -148,7 +148,7 @@ impl Graph {
         Self(links)
     }
 
-    /// Which matches are left when nothing changes any more.
+    /// The matches that remain when nothing changes any more.
     pub(super) fn prune(&self, placed: &[Placed], params: &KvldParams) -> Vec<bool> {
         let mut kept = vec![true; placed.len()];
         loop {
@@ -166,7 +166,7 @@ impl Graph {
         }
     }
 
-    /// Drops those whose support, as it is before any of them is dropped, is too small.
+    /// Drops the matches with too little support. The support is computed before any of them is dropped.
     fn keep(&self, kept: &mut [bool], enough: impl Fn(&Support) -> bool) {
         let left: Vec<bool> = (0..kept.len())
             .map(|i| kept[i] && enough(&self.support(i, kept)))
@@ -174,7 +174,7 @@ impl Graph {
         kept.copy_from_slice(&left);
     }
 
-    /// Of the matches that share a place in a or in b, keeps the best supported.
+    /// Keeps only the best supported of the matches that share a place in a or in b.
     fn keep_one_to_one(&self, placed: &[Placed], kept: &mut [bool]) {
         let places: [fn(&Placed) -> Point2<f32>; 2] = [|m| m.a, |m| m.b];
         for place in places {
@@ -200,7 +200,7 @@ impl Graph {
         }
     }
 
-    /// What is left of the neighbours of a match.
+    /// The remaining neighbours of a match.
     fn support(&self, index: usize, kept: &[bool]) -> Support {
         let mut support = Support {
             neighbours: 0,
@@ -220,11 +220,11 @@ impl Graph {
     }
 }
 
-/// The neighbours of a match that are left.
+/// The remaining neighbours of a match.
 struct Support {
     neighbours: u32,
     consistent: u32,
-    /// Sum over the consistent ones.
+    /// Sum over the consistent neighbours.
     distance: f32,
 }
 
@@ -236,7 +236,7 @@ impl Support {
     }
 }
 
-/// Matches by their place in a.
+/// Matches, sorted into cells by their place in a.
 struct Grid {
     cell: f32,
     columns: usize,
@@ -246,8 +246,8 @@ struct Grid {
 }
 
 impl Grid {
-    /// At most this many cells along each side, so that few matches in a large image need no more
-    /// memory than many.
+    /// Largest number of cells along each side, so that few matches in a large image need no more memory than
+    /// many.
     const MAX_CELLS: f32 = 200.0;
 
     fn new(placed: &[Placed], radius: f32) -> Self {
@@ -283,7 +283,7 @@ impl Grid {
         (along(from.x, self.columns), along(from.y, self.rows))
     }
 
-    /// Matches of the cells around a place, best first in each.
+    /// Matches of the cells around a place, best first within each cell.
     fn around(&self, at: Point2<f32>) -> impl Iterator<Item = u32> + '_ {
         let (column, row) = self.place(at);
         let rows = row.saturating_sub(1)..=(row + 1).min(self.rows - 1);

@@ -10,12 +10,12 @@ const SMALLEST: usize = 16;
 /// Units of [`Gradient::magnitude`] in one grey level of a central difference.
 const UNITS: f32 = 128.0;
 
-/// One gradient in polar form, quantised so that a pixel takes four bytes.
+/// One gradient in polar form, quantised to four bytes per pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Gradient {
     /// Length of the central difference, in 128ths of a grey level.
     pub(super) magnitude: u16,
-    /// Direction in 65536ths of a turn, from the x axis upwards, so that differences wrap as
+    /// Direction in 65536ths of a full circle, from the x axis upwards, so that integer differences wrap as
     /// directions do.
     pub(super) direction: u16,
 }
@@ -60,7 +60,7 @@ impl GradientPyramid {
         &self.levels[level]
     }
 
-    /// A place of the image in pixels of a level.
+    /// Converts a position in the image to pixels of a level.
     pub(super) fn place(&self, at: Point2<f32>, level: usize) -> Point2<f32> {
         let size = self.levels[level].size();
         let x = size.width as f32 / self.size.width as f32;
@@ -69,7 +69,7 @@ impl GradientPyramid {
     }
 }
 
-/// `size` divided by the square root of 2 as often as `level` says.
+/// `size` divided by the square root of 2, `level` times.
 fn level_size(size: Size, level: usize) -> Size {
     let shrunk = |length: usize| {
         let length = length >> (level / 2);
@@ -82,7 +82,7 @@ fn level_size(size: Size, level: usize) -> Size {
     Size::new(shrunk(size.width), shrunk(size.height))
 }
 
-/// Gradients of an image, 0 on its border.
+/// Gradients of an image; 0 on its border.
 fn gradients(image: &GrayImage) -> Image<Gradient> {
     let (width, height) = (image.width(), image.height());
     let mut gradients = Image::filled(image.size(), Gradient::default());
@@ -115,7 +115,7 @@ fn gradients(image: &GrayImage) -> Image<Gradient> {
     gradients
 }
 
-/// Turns in 65536ths; a whole turn is none.
+/// An angle given in full circles, in 65536ths; a full circle is 0.
 pub(super) fn wrapped(turns: f32) -> u16 {
     (turns * 65536.0) as u32 as u16
 }

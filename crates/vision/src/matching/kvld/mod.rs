@@ -46,19 +46,19 @@ use consistency::{Graph, Lines, Placed};
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct KvldParams {
-    /// Largest error of predicting one match by another, relative to their distance.
+    /// Largest error when one match is predicted by another, relative to their distance.
     pub max_geometry: f32,
-    /// Largest distance of the descriptors of a line in the two images.
+    /// Largest distance between the descriptors of a line in the two images.
     pub max_distance: f32,
-    /// Share of matches that is taken to be right at first, in `(0, 1]`.
+    /// Share of right matches that is assumed at first, in `(0, 1]`.
     pub inlier_rate: f64,
-    /// Neighbours are at least this far away, in pixels, in both images.
+    /// Least distance of neighbours, in pixels, in both images.
     pub min_length_px: f32,
-    /// Consistent neighbours that are looked for.
+    /// Number of consistent neighbours that are searched for.
     pub max_neighbours: u32,
-    /// Consistent neighbours that a match must have, at least 1.
+    /// Least number of consistent neighbours of a match, at least 1.
     pub least_neighbours: u32,
-    /// Share of its neighbours that a match must be consistent with, in `[0, 1]`.
+    /// Least share of its neighbours with which a match must be consistent, in `[0, 1]`.
     pub least_share: f32,
 }
 
@@ -76,7 +76,7 @@ impl Default for KvldParams {
     }
 }
 
-/// Rates of inliers that are tried.
+/// Number of inlier rates that are tried.
 const ATTEMPTS: usize = 5;
 
 /// Selection by virtual lines.
@@ -116,7 +116,7 @@ impl Kvld {
         Ok(Self { params })
     }
 
-    /// For each match whether it stays.
+    /// For each match, whether it is kept.
     fn decide(&self, placed: &[Placed], lines: &Lines) -> Vec<bool> {
         let mut kept = vec![false; placed.len()];
         let mut params = self.params;
@@ -138,7 +138,7 @@ impl Selector for Kvld {
     /// # Panics
     /// If a view has no image.
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, _seed: Seed) {
-        // The clearest first; the order of equals is that of the matches.
+        // The clearest matches first; equally clear ones keep their order.
         let mut order: Vec<usize> = (0..matches.len()).collect();
         order.sort_by(|&i, &j| matches[i].ambiguity().total_cmp(&matches[j].ambiguity()));
         let placed: Vec<Placed> = (order.iter())

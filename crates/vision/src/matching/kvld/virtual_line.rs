@@ -10,33 +10,33 @@ use nalgebra::Point2;
 use super::gradients::{GradientPyramid, wrapped};
 use crate::simd::turns;
 
-/// Discs on a line.
+/// Number of discs on a line.
 const DISCS: usize = 10;
-/// Bins of a disc's histogram.
+/// Number of bins of the histogram of a disc.
 const BINS: usize = 8;
-/// Directions among which the dominant one is found.
+/// Number of directions among which the dominant one is found.
 const DIRECTIONS: usize = 24;
 /// Smallest radius of a disc in pixels of the image.
 const MIN_RADIUS: f32 = 2.0;
 /// A disc is described at the level where its radius is between this and sqrt(2) times this.
 const LEVEL_RADIUS: f32 = 3.0;
-/// Weight of the histograms against the dominant directions in a distance.
+/// Weight of the histograms in a distance; the rest is that of the dominant directions.
 const HISTOGRAM_SHARE: f32 = 0.36;
-/// Lines of less gradient than this on average, in grey levels per pixel of their level, are not
-/// described: what they show is noise.
+/// A line with a smaller mean gradient than this, in grey levels per pixel of its level, is not described,
+/// since it shows only noise.
 const MIN_CONTRAST: f32 = 1.0;
 
 /// Descriptor of a line.
 #[derive(Clone, Debug)]
 pub(super) struct VirtualLine {
     histograms: [[f32; BINS]; DISCS],
-    /// Number and weight of the dominant direction of each disc.
+    /// Index and weight of the dominant direction of each disc.
     dominant: [(u8, f32); DISCS],
 }
 
 impl VirtualLine {
-    /// The line from `p` to `q`, in pixels of the image; `None` where there is too little contrast
-    /// to tell one line from another.
+    /// The line from `p` to `q`, in pixels of the image; `None` if there is too little contrast to distinguish
+    /// lines.
     pub(super) fn new(
         pyramid: &GradientPyramid,
         window: &Window,
@@ -81,7 +81,8 @@ impl VirtualLine {
         described.normalise(area)
     }
 
-    /// Makes all histograms sum to 1, and all weights; `area` is the weight of all pixels seen.
+    /// Normalises all histograms together to sum 1, and all weights too; `area` is the weight of all pixels
+    /// used.
     fn normalise(mut self, area: f32) -> Option<Self> {
         let sum: f32 = self.histograms.iter().flatten().sum();
         // Magnitudes are 128ths of twice the gradient.
@@ -127,12 +128,12 @@ fn level_of(radius: f32) -> usize {
     level
 }
 
-/// Levels that lines of at most this length need.
+/// Number of levels that are needed for lines of at most this length.
 pub(super) fn levels_for(length: f32) -> usize {
     level_of(length / (DISCS + 1) as f32) + 1
 }
 
-/// The Gaussian of a disc, tabulated over the squared distance from its centre.
+/// The Gaussian weight of a disc, as a table over the squared distance from its centre.
 pub(super) struct Window([f32; Window::STEPS + 1]);
 
 impl Window {
@@ -144,8 +145,8 @@ impl Window {
         Self(std::array::from_fn(weight))
     }
 
-    /// Adds the gradients of a disc to the two histograms, directions counted from `line`; returns
-    /// the weight of the pixels.
+    /// Adds the gradients of a disc to the two histograms, with directions relative to `line`. Returns the
+    /// weight of the pixels.
     fn gather(
         &self,
         level: &crate::image::Image<super::gradients::Gradient>,

@@ -45,14 +45,14 @@ use crate::seed::Seed;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct RepMatchParams {
-    /// Of the functions, and of the first selection.
+    /// Parameters of the functions and of the first selection.
     pub coherence: CodeParams,
-    /// Times that the functions are learned from what agrees with the epipolar geometry; at most
-    /// 10.
+    /// Number of times that the functions are learned again, from the matches that agree with the epipolar
+    /// geometry; at most 10.
     pub rounds: usize,
     /// Least likelihood of a match.
     pub likelihood: f64,
-    /// Of the pose that the kept matches agree on.
+    /// Parameters of the estimator that finds the pose of the kept matches.
     #[cfg_attr(feature = "serde", serde(deserialize_with = "pose_over_default"))]
     pub pose: SampleConsensusParams,
     /// Largest Sampson distance from the epipolar lines, relative to the diagonals of the images;
@@ -72,8 +72,8 @@ impl Default for RepMatchParams {
     }
 }
 
-/// [`presets::best`], but the loss of its refinement is truncated: whether a match is near its epipolar line is
-/// decided by a threshold too.
+/// [`presets::best`], but with a truncated loss in its refinement, since a threshold also decides whether a
+/// match is near its epipolar line.
 fn default_pose() -> SampleConsensusParams {
     SampleConsensusParams {
         final_refinement: Some(FinalRefinement {
@@ -84,7 +84,7 @@ fn default_pose() -> SampleConsensusParams {
     }
 }
 
-/// What is left out keeps the default of this selector, not of the parts.
+/// Parameters that are left out keep the default of this selector, not that of the part.
 #[cfg(feature = "serde")]
 fn pose_over_default<'de, D>(deserializer: D) -> Result<SampleConsensusParams, D::Error>
 where
@@ -129,7 +129,7 @@ impl RepMatch {
         Ok(Self { params, code, pose })
     }
 
-    /// For each match whether it stays.
+    /// For each match, whether it is kept.
     fn decide(
         &self,
         a: View<'_>,
@@ -169,8 +169,8 @@ impl RepMatch {
         kept
     }
 
-    /// For each match whether it lies near its epipolar lines under the pose that the kept ones agree on;
-    /// `None` where they agree on none.
+    /// For each match, whether it is near its epipolar lines under the pose with which the kept matches agree;
+    /// `None` if they determine no pose.
     fn near_epipolar_lines(
         &self,
         scene: &Scene<'_>,
@@ -199,7 +199,7 @@ impl Selector for RepMatch {
     }
 }
 
-/// All matches with the cameras that saw them.
+/// All matches, with the cameras of their images.
 struct Scene<'a> {
     points: MatchedPoints,
     /// The same at depth 1.

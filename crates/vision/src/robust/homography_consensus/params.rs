@@ -6,7 +6,7 @@ use crate::robust::parts::{EarlyStop, FinalRefinement, Sampler, Score};
 use crate::robust::search::Search;
 
 /// Parameters of [`HomographyConsensus`](super::HomographyConsensus). Thresholds are symmetric transfer
-/// distances in pixels: the root of the mean of both squares.
+/// distances in pixels: the root of the mean of the two squared distances.
 ///
 /// ```
 /// use matchbench_vision::robust::{HomographyConsensus, HomographyParams, presets};
@@ -17,20 +17,20 @@ use crate::robust::search::Search;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HomographyParams {
-    /// Which model is best.
+    /// The score, which says which model is best.
     pub score: Score,
-    /// Which matches are tried next.
+    /// The sampler, which says which matches are tried next.
     pub sampler: Sampler,
-    /// When fewer than `max_iterations` samples are enough; `None`: never.
+    /// When sampling may stop before `max_iterations`; `None`: never.
     pub early_stop: Option<EarlyStop>,
-    /// Samples drawn at most; at least 1.
+    /// Largest number of samples; at least 1.
     pub max_iterations: usize,
-    /// Steps of each local optimisation at most, 0 to 1000; 0 for none.
+    /// Largest number of steps of each local optimisation, 0 to 1000; 0 for none.
     pub local_steps: usize,
-    /// How the best model is refined in the end; `None`: not at all.
+    /// The refinement of the best model at the end; `None`: none.
     pub final_refinement: Option<FinalRefinement>,
-    /// Whether what is seen is seen from one side: samples that would mirror it are refused, and matches
-    /// beyond the line that goes to infinity are none of its inliers.
+    /// Whether the plane is seen from the same side in both images. Then samples that would mirror it are
+    /// refused, and matches beyond the line that is mapped to infinity do not count as inliers.
     pub one_side: bool,
 }
 
@@ -87,7 +87,7 @@ impl HomographyParams {
     }
 }
 
-/// By flat names, as people type them.
+/// Parameters by flat names, as users type them.
 #[cfg(feature = "serde")]
 mod flat {
     use serde::de::Error as _;
@@ -98,7 +98,7 @@ mod flat {
     use crate::robust::settings::{Settings, have};
 
     impl HomographyParams {
-        /// These parameters by flat names: those that act.
+        /// These parameters by flat names. Only parameters that have an effect are included.
         pub fn settings(&self) -> Settings {
             Settings {
                 one_side: Some(self.one_side),
@@ -106,10 +106,12 @@ mod flat {
             }
         }
 
-        /// These parameters, changed. What a new choice brings with it and `changes` does not say has its
-        /// general default.
+        /// These parameters with `changes`. If a changed choice needs further parameters that `changes` does
+        /// not give, they have their general defaults.
         ///
         /// # Errors
+        /// If one of the changes would have no effect with these choices; the error lists the parameters that
+        /// have one.
         /// If one of the changes does not act beside the choices; the error names those that do.
         pub fn with(&self, changes: Settings) -> Result<Self, ParamError> {
             let all = changes.or(self.settings()).or(Settings::DEFAULTS);

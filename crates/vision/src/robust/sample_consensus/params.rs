@@ -6,24 +6,25 @@ use crate::params::ParamError;
 use crate::robust::parts::{EarlyStop, FinalRefinement, Sampler, Score};
 use crate::robust::search::Search;
 
-/// What two views are taken to have in common.
+/// The matrix that relates the two views.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Geometry {
-    /// An essential matrix, from five matches: the calibration is known.
+    /// An essential matrix, from five matches; the calibration is used.
     Essential {
-        /// Whether scene points must lie in front of both cameras while models are compared: models
-        /// that put a match of their own sample behind one are dropped, and matches that the model puts
-        /// behind one do not count as its inliers in the search. Chum, Werner, Matas, ICPR 2004. Default: yes.
+        /// Whether scene points must lie in front of both cameras while models are compared. Then a model is
+        /// dropped if it puts a match of its own sample behind a camera, and matches that the model puts behind
+        /// a camera do not count as its inliers in the search. Chum, Werner, Matas, ICPR 2004. Default: yes.
         cheirality: bool,
-        /// Whether the best pose is compared in the end with the two that a plane of its inliers allows. Default:
-        /// no.
+        /// Whether, at the end, the best pose is compared with the two poses that a plane of its inliers
+        /// allows. Default: no.
         plane_poses: bool,
-        /// Whether distances are in units of the image, where a lens distorts, and not of the points at depth 1, which it
-        /// stretches (tangent Sampson distance). Without distortion both are the same. Default:
-        /// no, since wrong matches near the edge agree more often with a model then.
+        /// Whether distances are measured in units of the image if a lens distorts (tangent Sampson distance),
+        /// and not between points at depth 1, where undoing the lens has stretched them. Without distortion
+        /// both are the same. Default: no, since with it wrong matches near the edge agree more often with a
+        /// model.
         tangent_sampson: bool,
     },
-    /// A fundamental matrix, from seven matches: the calibration is used afterwards only.
+    /// A fundamental matrix, from seven matches; the calibration is used only afterwards.
     Fundamental {
         /// Whether a matrix whose sample lies mostly on one plane is replaced by one that also explains
         /// matches off the plane. Chum, Werner, Matas, CVPR 2005. Default: yes.
@@ -45,19 +46,19 @@ pub enum Geometry {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampleConsensusParams {
-    /// What is estimated.
+    /// The matrix that is estimated.
     pub geometry: Geometry,
-    /// Which model is best.
+    /// The score, which says which model is best.
     pub score: Score,
-    /// Which matches are tried next.
+    /// The sampler, which says which matches are tried next.
     pub sampler: Sampler,
-    /// When fewer than `max_iterations` samples are enough; `None`: never.
+    /// When sampling may stop before `max_iterations`; `None`: never.
     pub early_stop: Option<EarlyStop>,
-    /// Samples drawn at most, besides those of [`Score::EvenMarginal::noise_iterations`]; at least 1.
+    /// Largest number of samples, besides those of [`Score::EvenMarginal::noise_iterations`]; at least 1.
     pub max_iterations: usize,
-    /// Steps of each local optimisation at most, 0 to 1000; 0 for none.
+    /// Largest number of steps of each local optimisation, 0 to 1000; 0 for none.
     pub local_steps: usize,
-    /// How the best model is refined in the end; `None`: not at all.
+    /// The refinement of the best model at the end; `None`: none.
     pub final_refinement: Option<FinalRefinement>,
     /// Scene points farther than this, in baselines, do not support a pose; positive, infinite for no
     /// limit.
@@ -104,7 +105,7 @@ impl SampleConsensusParams {
         }
     }
 
-    /// Refuses a parameter that is out of its range; the error calls it as
+    /// Refuses a parameter that is out of its range. The error names it as
     /// [`Settings`](crate::robust::Settings) do.
     pub(super) fn check(&self) -> Result<(), ParamError> {
         self.search().check()?;

@@ -8,7 +8,7 @@ use crate::params::ParamError;
 use crate::robust::settings::{GeometryName, Settings, have};
 
 impl SampleConsensusParams {
-    /// These parameters by flat names: those that act.
+    /// These parameters by flat names. Only parameters that have an effect are included.
     pub fn settings(&self) -> Settings {
         let mut flat = Settings {
             max_depth: Some(self.max_depth),
@@ -33,8 +33,8 @@ impl SampleConsensusParams {
         flat
     }
 
-    /// These parameters, changed. What a new choice brings with it and `changes` does not say has its
-    /// general default.
+    /// These parameters with `changes`. If a changed choice needs further parameters that `changes` does not
+    /// give, they have their general defaults.
     ///
     /// ```
     /// # #[cfg(feature = "serde")] {
@@ -49,7 +49,8 @@ impl SampleConsensusParams {
     /// ```
     ///
     /// # Errors
-    /// If one of the changes does not act beside the choices; the error names those that do.
+    /// If one of the changes would have no effect with these choices; the error lists the parameters that have
+    /// one.
     pub fn with(&self, changes: Settings) -> Result<Self, ParamError> {
         let changed = changes.over(self);
         changes.check_acting(&changed.settings())?;
@@ -58,18 +59,18 @@ impl SampleConsensusParams {
 }
 
 impl Settings {
-    /// Those of a file of an earlier version that act as changes of `base`. Such files hold every name,
-    /// also of the parts that were not chosen.
+    /// The settings of a file of an earlier version that have an effect as changes of `base`. Such files hold
+    /// every name, including those of parts that were not chosen.
     #[must_use]
     pub fn of_earlier_version(mut self, base: &SampleConsensusParams) -> Self {
-        // No sample could be left out, so the confidence did nothing.
+        // All samples were drawn in any case, so the confidence had no effect.
         if self.min_iterations.is_some() && self.min_iterations == self.max_iterations {
             self.confidence = Some(1.0);
         }
         self.among(&self.over(base).settings())
     }
 
-    /// `base` with these changes; those that do not act are left out.
+    /// `base` with these changes; changes that have no effect are left out.
     fn over(self, base: &SampleConsensusParams) -> SampleConsensusParams {
         let all = self.or(base.settings()).or(Self::DEFAULTS);
         let search = all.search();
