@@ -6,7 +6,7 @@
 //!
 //! A [`HomographyEstimator`] takes matched points alone, and [`HomographyConsensus`] is one.
 //!
-//! All run the one sample-consensus loop, [`consensus()`], which has three axes: [`Problem`] (what is
+//! All run the one sample-consensus loop, [`consensus()`], which has three exchangeable parts: [`Problem`] (what is
 //! estimated), [`Scoring`] (which model is best) and [`Sampling`] (which data are tried next).
 //!
 //! ```
