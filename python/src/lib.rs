@@ -24,6 +24,10 @@ mod progress;
 mod run;
 mod scores;
 
+/// For the arrays of Rust; those of numpy have huge pages already.
+#[global_allocator]
+static ALLOCATOR: matchbench::memory::HugePages = matchbench::memory::HugePages;
+
 /// The classes and functions of `matchbench._native`.
 #[pyo3::pymodule(name = "_native")]
 mod native {

@@ -14,12 +14,18 @@ use std::error::Error;
 use std::fs;
 use std::time::Instant;
 
+use matchbench::memory::{HugePages, keep_freed};
 use matchbench_vision::features::{Descriptors, Features, FloatRows, Keypoint};
 use matchbench_vision::image::Size;
 use matchbench_vision::matching::{Adalam, AdalamParams, Correspondence};
 use nalgebra::Point2;
 
+// As in the program.
+#[global_allocator]
+static ALLOCATOR: HugePages = HugePages;
+
 fn main() -> Result<(), Box<dyn Error>> {
+    keep_freed(1);
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [path, samples, refit] = arguments.as_slice() else {
         return Err("usage: adalam MATCHES SAMPLES REFIT".into());

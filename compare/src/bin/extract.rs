@@ -22,6 +22,7 @@ use std::time::Instant;
 
 use matchbench::datasets::read_gray;
 use matchbench::matchers;
+use matchbench::memory::{HugePages, keep_freed};
 use matchbench_vision::features::{
     BinBoost, BinBoostParams, Daisy, DaisyParams, Describer, Descriptors, DetectThenDescribe,
     Detector, Dlco, DlcoParams, Extractor, Features, Freak, FreakParams, Keypoint, Latch,
@@ -34,7 +35,12 @@ use serde_json::{Value, json};
 /// A function that finds the features of an image.
 type Extract = Box<dyn Fn(&GrayImage) -> Features + Sync>;
 
+// As in the program.
+#[global_allocator]
+static ALLOCATOR: HugePages = HugePages;
+
 fn main() -> Result<(), Box<dyn Error>> {
+    keep_freed(rayon::current_num_threads());
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let (arguments, given) = arguments.split_at(arguments.len().min(4));
     let ([id, image, repeats, out], [] | [_]) = (arguments, given) else {

@@ -18,13 +18,19 @@ use std::time::Instant;
 use std::{env, error, fs};
 
 use matchbench::estimators::{self, Estimator};
+use matchbench::memory::{HugePages, keep_freed};
 use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::seed::Seed;
 use nalgebra::Point2;
 
 type Error = Box<dyn error::Error>;
 
+// As in the program.
+#[global_allocator]
+static ALLOCATOR: HugePages = HugePages;
+
 fn main() -> Result<(), Error> {
+    keep_freed(1);
     let mut arguments = env::args().skip(1);
     let usage = "usage: homography MATCHES ESTIMATOR [SEEDS] [FIRST_SEED] [JSON]";
     let file = arguments.next().ok_or(usage)?;

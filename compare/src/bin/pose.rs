@@ -25,6 +25,7 @@
 use std::time::Instant;
 use std::{env, error, fs};
 
+use matchbench::memory::{HugePages, keep_freed};
 use matchbench_vision::geometry::{Camera, Loss, MatchedPoints};
 use matchbench_vision::robust::{
     GeometryName, PoseEstimator, Ransac, RansacParams, SampleConsensus, SampleConsensusParams,
@@ -43,7 +44,12 @@ struct Pair {
     turns: Vec<f32>,
 }
 
+// As in the program.
+#[global_allocator]
+static ALLOCATOR: HugePages = HugePages;
+
 fn main() -> Result<(), Error> {
+    keep_freed(1);
     let mut arguments = env::args().skip(1);
     let file = arguments
         .next()

@@ -16,10 +16,16 @@ use std::error::Error;
 use std::fs;
 use std::time::{Duration, Instant};
 
+use matchbench::memory::{HugePages, keep_freed};
 use matchbench_vision::features::{BinaryRows, Descriptors, FloatRows};
 use matchbench_vision::matching::{KdForest, KdForestParams, two_nearest};
 
+// As in the program.
+#[global_allocator]
+static ALLOCATOR: HugePages = HugePages;
+
 fn main() -> Result<(), Box<dyn Error>> {
+    keep_freed(1);
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [a, b, out, options @ ..] = arguments.as_slice() else {
         return Err("usage: search A B OUT [REPETITIONS [exact | kdforest]]".into());

@@ -109,7 +109,9 @@ fn bytes(text: &str) -> Option<NonZeroU64> {
 /// Executes the command in the one thread pool that all its parts share: decoding, extraction, scoring,
 /// figures.
 fn in_pool(command: &Command) -> anyhow::Result<Ending> {
-    pool(threads(command))?.install(|| dispatch(command))
+    let pool = pool(threads(command))?;
+    matchbench::memory::keep_freed(pool.current_num_threads());
+    pool.install(|| dispatch(command))
 }
 
 /// A thread pool for a run, with stacks that are large enough. It has as many threads as `asked` for, but not

@@ -2,6 +2,11 @@
 
 use std::process::ExitCode;
 
+use matchbench::memory::HugePages;
+
+#[global_allocator]
+static ALLOCATOR: HugePages = HugePages;
+
 fn main() -> ExitCode {
     ExitCode::from(matchbench_cli::run(std::env::args_os()))
 }

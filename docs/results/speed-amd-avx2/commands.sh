@@ -4,4 +4,4 @@ set -e
 cargo build --release --workspace
 matchbench import strecha castle-P30 castle
 MATCHBENCH_SIMD=avx2 OPENCV_CPU_DISABLE=AVX512-SKX python compare/speed.py office/0.png office/1.png castle-P30/images/0000.jpg castle-P30/images/0001.jpg \
-    --dataset castle --repeats 3 --out docs/results/speed-amd-avx2
+    --dataset castle --repeats 5 --out docs/results/speed-amd-avx2

@@ -1,5 +1,5 @@
 //! The house stays as `ARCHITECTURE.md` draws it: rooms look only where its tables let them, every room
-//! is in a table, nothing goes in circles, unsafe code stays in one room, and no file grows without
+//! is in a table, nothing goes in circles, unsafe code stays in two places, and no file grows without
 //! being asked why.
 
 mod circles;
@@ -76,16 +76,17 @@ fn nothing_goes_in_circles() {
 }
 
 #[test]
-fn unsafe_code_stays_in_one_room() {
+fn unsafe_code_stays_in_two_places() {
     for (path, text) in own_files() {
         let in_simd = path.components().any(|part| part.as_os_str() == "simd");
+        let is_allowed = in_simd || path.ends_with("memory/pages.rs");
         for (number, line) in code(&text) {
             let words = line.split(|c: char| !(c.is_alphanumeric() || c == '_'));
             // This test speaks of it in strings.
             let is_unsafe = words.into_iter().any(|word| word == concat!("un", "safe"));
             assert!(
-                in_simd || !is_unsafe,
-                "{}:{number} is outside the simd room",
+                is_allowed || !is_unsafe,
+                "{}:{number} is neither in the simd room nor the allocator",
                 path.display()
             );
         }

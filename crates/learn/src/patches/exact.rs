@@ -2,8 +2,8 @@
 //! known.
 //!
 //! No descriptor is used for the choice, so it favours none. The limits are those of the data set of Brown, Hua
-//! and Winder ("Discriminative Learning of Local Image Descriptors", PAMI 2011): nearly the same place, a
-//! quarter of an octave, an eighth of half a turn.
+//! and Winder ("Discriminative Learning of Local Image Descriptors", PAMI 2011: 5 pixels, a quarter of an octave, an
+//! eighth of half a turn), but places are compared relative to the size, and sizes may differ by a third of an octave.
 
 use matchbench_vision::features::{Features, Keypoint};
 use nalgebra::Point2;

@@ -9,6 +9,7 @@
 //! The answer is an estimate. It prevents work that is known not to fit, but does not promise that all other
 //! work fits.
 
+mod pages;
 mod system;
 
 use std::fmt;
@@ -16,6 +17,7 @@ use std::num::NonZeroU64;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
+pub use pages::{HugePages, keep_freed};
 pub(crate) use system::{forget_peak, peak};
 
 /// Needs below this are not reserved, in bytes.

@@ -1,4 +1,4 @@
-//! Kernels in several instruction sets, and the only unsafe code of the project.
+//! Kernels in several instruction sets, and the only unsafe code of this package.
 //!
 //! **The scalar text is the definition.** A kernel is written once, in portable Rust: fixed
 //! lanes, a fixed tree of sums, `f32::mul_add` where a fused multiply-add is meant. The
