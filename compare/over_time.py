@@ -43,6 +43,21 @@ CURVES = {
     "SupeRANSAC": [200, 1000, 5000, 20000],
 }
 
+# Colours and lines: one colour for each program, and for `best` and `adaptive`, which are dashed if they see points alone.
+STYLES = {
+    "best": ("C0", "--"),
+    "best, turns": ("C0", "-"),
+    "adaptive": ("C1", "-"),
+    "adaptive, points alone": ("C1", "--"),
+    "ransac-e": ("C7", "-"),
+    "PoseLib": ("C3", "--"),
+    "PoseLib, PROSAC": ("C3", "-"),
+    "OpenCV USAC_MAGSAC": ("C2", "--"),
+    "OpenCV USAC_PROSAC": ("C2", "-"),
+    "COLMAP": ("C4", "-"),
+    "SupeRANSAC": ("C5", "-"),
+}
+
 # The settings of our estimators. `turns` says whether the rotation of keypoints is used; the other libraries cannot use it.
 OURS = {
     "best": lambda budget: estimators.preset("best", budget),
@@ -96,13 +111,16 @@ def measure(pairs, error, k, seeds, curves):
 
 
 def draw(rows, title, path):
-    figure, axes = plt.subplots(figsize=(7, 4.5))
+    figure, axes = plt.subplots(figsize=(9, 4.5))
     for curve in dict.fromkeys(row["estimator"] for row in rows):
         points = [row for row in rows if row["estimator"] == curve]
+        colour, line = STYLES[curve]
         axes.errorbar(
             [row["median_ms"] for row in points],
             [row["auc"] for row in points],
             yerr=[row["deviation"] for row in points],
+            color=colour,
+            linestyle=line,
             marker="o",
             markersize=4,
             linewidth=2.2 if curve.startswith(("best", "adaptive")) else 1.2,
@@ -110,7 +128,7 @@ def draw(rows, title, path):
         )
     axes.set(xscale="log", xlabel="median time of an estimation, ms, one thread", ylabel="AUC", title=title)
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0))
     figure.tight_layout()
     figure.savefig(path, metadata={"Date": None})
 

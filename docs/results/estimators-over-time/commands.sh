@@ -1,7 +1,6 @@
 #!/bin/sh
 # castle-P30 of Strecha et al. and freiburg3_long_office_household of TUM RGB-D, as their authors publish them, in folders of
 # these names; compare/requirements.txt is installed, and SupeRANSAC, mended as compare/README.md says.
-# Measured before `adaptive` knew how far keypoints turned: its curve is called `adaptive, points alone` since, by hand.
 set -e
 matchbench import strecha castle-P30 castle
 matchbench import tum rgbd_dataset_freiburg3_long_office_household tum --pairs all
