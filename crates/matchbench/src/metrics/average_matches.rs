@@ -7,15 +7,15 @@
 
 use super::{Angle, PairResult};
 
-/// AP(k), for `k` in degrees; `None` where no pair is right, and where no right pair counts any correspondence: a pose
-/// has some, so nobody told how many.
+/// AP(k), for `k` in degrees; `None` if no pair is right, or if the results do not say how many correspondences a right
+/// pair has.
 pub fn average_matches(pairs: &[PairResult], k: f64) -> Option<f64> {
     let (mut sum, mut right) = (0_u64, 0_u64);
     for pair in pairs.iter().filter(|pair| is_right(pair, k)) {
-        sum += u64::from(pair.correspondences);
+        sum += u64::from(pair.correspondences?);
         right += 1;
     }
-    (sum > 0).then(|| sum as f64 / right as f64)
+    (right > 0).then(|| sum as f64 / right as f64)
 }
 
 /// Whether the pose error of the pair is below `k` degrees.
@@ -43,5 +43,20 @@ mod tests {
     fn no_right_pair_has_no_average() {
         assert_eq!(average_matches(&[solved(0, 9.0, 9.0, 50)], 5.0), None);
         assert_eq!(average_matches(&[], 5.0), None);
+    }
+
+    #[test]
+    fn numbers_that_nobody_told_are_not_taken_for_none() {
+        let told = solved(0, 1.0, 1.0, 50);
+        let untold = PairResult {
+            correspondences: None,
+            ..told.clone()
+        };
+        let wrong = PairResult {
+            correspondences: None,
+            ..solved(0, 9.0, 9.0, 50)
+        };
+        assert_eq!(average_matches(&[told.clone(), untold], 5.0), None);
+        assert_eq!(average_matches(&[told, wrong], 5.0), Some(50.0));
     }
 }

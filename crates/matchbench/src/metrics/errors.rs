@@ -182,7 +182,10 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
             let next = references.len() as u32;
             let a = *references.entry(reference).or_insert(next);
             let mut pair = PairResult::failed(a, index, Failure::Unexplained);
-            pair.outcome = deviation.ok_or(Failure::Unexplained);
+            if let Some(deviation) = deviation {
+                pair.outcome = Ok(deviation);
+                pair.correspondences = None; // the tables tell errors alone
+            }
             Ok(pair)
         })
         .collect()

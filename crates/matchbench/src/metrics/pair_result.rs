@@ -22,8 +22,8 @@ pub struct PairResult {
     pub model: Model,
     /// How far the estimate is from the truth, or why there is none.
     pub outcome: Result<Deviation, Failure>,
-    /// Correspondences that support the estimate, 0 where there is none, and where nobody told how many.
-    pub correspondences: u32,
+    /// Correspondences that support the estimate, 0 if there is no estimate; `None` if the results do not say.
+    pub correspondences: Option<u32>,
     /// The probability that the pose is right, as the matches told; `None` where there is no pose, or nobody said.
     pub confidence: Option<f64>,
     /// The probability that the images overlap and the matches show it; `None` likewise.
@@ -119,7 +119,7 @@ impl PairResult {
             repetition: 0,
             model: Model::Pose,
             outcome: Err(failure),
-            correspondences: 0,
+            correspondences: Some(0),
             confidence: None,
             overlap_probability: None,
             correct: None,
@@ -143,7 +143,7 @@ impl PairResult {
         Self {
             model,
             outcome,
-            correspondences,
+            correspondences: Some(correspondences),
             confidence,
             overlap_probability,
             ..Self::failed(a, b, Failure::Missing)
@@ -273,7 +273,7 @@ impl From<&RunRecord> for PairResult {
             repetition: record.task.repetition,
             model: Model::of(&record.outcome).unwrap_or_default(),
             outcome,
-            correspondences,
+            correspondences: Some(correspondences),
             confidence,
             overlap_probability,
             correct: record.correct,
@@ -298,7 +298,7 @@ pub(super) mod tests {
                 rotation,
                 translation: Some(translation),
             })),
-            correspondences: n,
+            correspondences: Some(n),
             by_depth: Some(Box::new(ByDepth {
                 overlap: Some(0.5),
                 judged: n,
@@ -323,7 +323,7 @@ pub(super) mod tests {
         PairResult {
             model: Model::Homography,
             outcome: Ok(Deviation::Corners(Some(corner_error))),
-            correspondences: n,
+            correspondences: Some(n),
             correct: Some(correct),
             found_again: Some((4 * n, 2 * n)),
             counts: Some(Counts {

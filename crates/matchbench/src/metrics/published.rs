@@ -222,7 +222,7 @@ fn score_row(row: &Row, truth: &Pair) -> PairResult {
     PairResult {
         // The layout does not tell why there is no pose.
         outcome: outcome.map_err(|_| Failure::Unexplained),
-        correspondences,
+        correspondences: Some(correspondences),
         ..failed
     }
 }

@@ -358,7 +358,7 @@ mod tests {
         assert_eq!((&*sets[0].matcher, &*sets[1].matcher), ("orb", "sift"));
         assert_eq!(sets[0].pairs[0].outcome, Err(Failure::Missing));
         let right = &sets[0].pairs[1];
-        assert_eq!((right.a, right.b, right.correspondences), (0, 2, 80));
+        assert_eq!((right.a, right.b, right.correspondences), (0, 2, Some(80)));
         assert_eq!(right.times.search, Some(0.25));
         assert!(sets[1].pairs.iter().all(|pair| pair.outcome.is_ok()));
     }

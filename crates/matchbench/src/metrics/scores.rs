@@ -342,15 +342,11 @@ fn share_of_visible(pair: &PairResult, found: fn(&PairResult) -> Option<u32>) ->
 }
 
 fn ap_term(pair: &PairResult) -> Term {
-    let right = is_right(pair, AP_THRESHOLD);
+    let correspondences = (pair.correspondences).filter(|_| is_right(pair, AP_THRESHOLD));
     Term {
         cluster: pair.a,
-        numerator: if right {
-            pair.correspondences.into()
-        } else {
-            0.0
-        },
-        denominator: if right { 1.0 } else { 0.0 },
+        numerator: correspondences.unwrap_or(0).into(),
+        denominator: if correspondences.is_some() { 1.0 } else { 0.0 },
     }
 }
 

@@ -149,9 +149,10 @@ fn row(duel: &Duel<'_>, twin: &Twin<'_>) -> csv::Row {
             format!("{side}_outcome"),
             Cell::Name(outcome(result).to_owned()),
         ));
-        row.push(count(
+        row.push((
             format!("{side}_correspondences"),
-            result.correspondences,
+            (result.correspondences)
+                .map_or(Cell::Number(None), |number| Cell::Count(number as usize)),
         ));
     }
     row

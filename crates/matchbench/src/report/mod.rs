@@ -166,7 +166,7 @@ mod tests {
                         rotation: 0.1,
                         translation: Some(0.2),
                     }));
-                    pair.correspondences = 100 + a;
+                    pair.correspondences = Some(100 + a);
                 }
                 pair
             })
@@ -199,7 +199,7 @@ mod tests {
         for (error, pair) in (0_u8..).zip(&mut results.pairs) {
             pair.model = Model::Homography;
             pair.outcome = Ok(Deviation::Corners(Some(pixels * f64::from(error))));
-            pair.correspondences = 50;
+            pair.correspondences = Some(50);
             pair.correct = Some([10, 20, 30, 40, 50, 50, 50, 50, 50, 50]);
             pair.found_again = Some((200, 90));
             pair.by_depth = Some(Box::new(ByDepth {

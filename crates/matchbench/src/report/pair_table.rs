@@ -84,7 +84,7 @@ pub(super) fn columns(content: &Content) -> Vec<Column<'_>> {
         error("rotation_error", Angle::Rotation),
         error("translation_error", Angle::Translation),
         number("corner_error", &|row: &Row<'_>| row.pair.corner_error()),
-        index("correspondences", |pair| pair.correspondences),
+        count("correspondences", |pair| pair.correspondences),
         count("putative", |pair| pair.counts.map(|counts| counts.putative)),
         count("selected", |pair| pair.counts.map(|counts| counts.selected)),
         count("within_1px", |pair| Some(pair.correct?[0])),

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use crate::counted::counted;
 use crate::metrics::{
     Angle, Detail, Deviation, Difference, Failure, Lead, Model, PairResult, ScoreKind, Summary,
 };
@@ -54,14 +55,20 @@ pub(super) fn reason(failure: Failure) -> String {
     }
 }
 
+/// The number of correspondences, after a comma, if it is known.
+fn correspondences(pair: &PairResult) -> String {
+    (pair.correspondences).map_or_else(String::new, |number| {
+        format!(", {}", counted(number, "correspondence"))
+    })
+}
+
 /// The result of a pair, in a sentence.
 pub fn sentence(pair: &PairResult) -> String {
     match (&pair.outcome, pair.error(Angle::Pose)) {
         (Err(failure), _) => reason(*failure),
-        (Ok(Deviation::Corners(Some(error))), _) => format!(
-            "corners off by {error:.2} px, {} correspondences",
-            pair.correspondences
-        ),
+        (Ok(Deviation::Corners(Some(error))), _) => {
+            format!("corners off by {error:.2} px{}", correspondences(pair))
+        }
         (Ok(Deviation::Corners(None)), _) => "a corner goes to infinity".to_owned(),
         (Ok(Deviation::Larger(error)), _) => format!("pose off by {error:.2}°"),
         (Ok(Deviation::Pose(error)), None) => {
@@ -78,10 +85,10 @@ pub fn sentence(pair: &PairResult) -> String {
                 })
                 .unwrap_or_default();
             format!(
-                "pose off by {pose:.2}° (rotation {:.2}°, translation {:.2}°), {} correspondences{stated}{no_overlap}",
+                "pose off by {pose:.2}° (rotation {:.2}°, translation {:.2}°){}{stated}{no_overlap}",
                 error.rotation,
                 error.translation.unwrap_or(f64::NAN),
-                pair.correspondences
+                correspondences(pair)
             )
         }
     }

@@ -275,7 +275,7 @@ impl Method<'_> {
             corner.push(hundredths(pair.and_then(PairResult::corner_error)));
         }
         self.correspondences
-            .push(pair.map_or(0, |pair| pair.correspondences));
+            .push(pair.and_then(|pair| pair.correspondences).unwrap_or(0));
         let counts = pair.and_then(|pair| pair.counts);
         self.selected
             .push(counts.map_or(-1, |counts| counts.selected.into()));
