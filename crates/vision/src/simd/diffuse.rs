@@ -17,6 +17,7 @@ pub type Flows = [f32; CHUNK + 1];
 pub const NO_FLOWS: Flows = [0.0; CHUNK + 1];
 
 multiversioned! {
+    #![avx512]
     /// One explicit step for one row, in place: what flows in over the four sides of each pixel,
     /// times `half_time`, is added to it. What flows between two pixels is their difference times
     /// the sum of their conductivities; nothing flows over the border.
