@@ -6,6 +6,8 @@
 //! it. If the need is more than there is at all, it returns an error, and the work is not started. Small needs
 //! are not reserved.
 //!
+//! What an allocation costs in time is another matter: `pages` lowers it for the programs ([`HugePages`], [`keep_freed`]).
+//!
 //! The answer is an estimate. It prevents work that is known not to fit, but does not promise that all other
 //! work fits.
 
