@@ -14,7 +14,7 @@
 //! step reads is still in the cache from the step before.
 
 use super::FloatImage;
-use crate::simd::{Below, NO_FLOWS, diffuse_row};
+use crate::simd::{Below, diffuse_row};
 
 /// Longest stable explicit step.
 const STABLE_TIME: f32 = 0.25;
@@ -79,7 +79,6 @@ fn diffuse_together(
     flows: &mut [f32],
 ) {
     let (width, height) = (image.width(), image.height());
-    let mut leftwards = NO_FLOWS;
     for front in 0..height + steps.len() - 1 {
         let steps = steps.iter().zip(flows.chunks_exact_mut(width));
         for (behind, (step, flow)) in steps.enumerate() {
@@ -95,14 +94,7 @@ fn diffuse_together(
                 conductivity: conductivity.row(y + 1),
             });
             let values = &mut above[y * width..];
-            diffuse_row(
-                values,
-                conductivity.row(y),
-                below,
-                flow,
-                0.5 * step,
-                &mut leftwards,
-            );
+            diffuse_row(values, conductivity.row(y), below, flow, 0.5 * step);
         }
     }
 }

@@ -13,8 +13,8 @@
 use super::blur::{Border, GaussianKernel, RowBlur};
 use super::{FloatImage, RowBuffer, Size};
 use crate::simd::{
-    Across, ROWS_AT_ONCE, Scharr, conductivities, derivatives, determinants, find_largest,
-    gradient_norms, weigh_across,
+    Across, NORM_BINS, NORMS_AT_ONCE, ROWS_AT_ONCE, Scharr, conductivities, count_norms,
+    derivatives, determinants, difference_across, find_largest, gradient_norms, weigh_across,
 };
 
 /// Scharr's 3 x 3 operator without normalisation, as it is used to measure the contrast.
@@ -23,8 +23,6 @@ const CONTRAST: Scharr = Scharr {
     side: 3.0,
     middle: 10.0,
 };
-/// Bins of the histogram of gradients.
-const BINS: usize = 300;
 
 impl Scharr {
     /// The operator of step `step`, scaled to the derivative per pixel.
@@ -70,17 +68,16 @@ pub(crate) fn contrast(image: &FloatImage, share: f32, flat: Flat) -> f32 {
         return DEFAULT_CONTRAST;
     }
     let scale = match flat {
-        Flat::NoGradient => BINS as f32 / largest,
-        Flat::LowestBin => (BINS - 1) as f32 / largest,
+        Flat::NoGradient => NORM_BINS as f32 / largest,
+        Flat::LowestBin => (NORM_BINS - 1) as f32 / largest,
     };
-    let mut histogram = [0_u32; BINS];
+    let mut counts = [[0; NORM_BINS]; NORMS_AT_ONCE];
     let mut without = 0;
     for norms in norms.data().chunks_exact(width) {
-        for norm in &norms[1..width - 1] {
-            without += u32::from(*norm == 0.0);
-            histogram[((norm * scale) as usize).min(BINS - 1)] += 1;
-        }
+        without += count_norms(&norms[1..width - 1], scale, &mut counts);
     }
+    let mut histogram: [u32; NORM_BINS] =
+        std::array::from_fn(|bin| counts.iter().map(|counts| counts[bin]).sum());
     match flat {
         Flat::NoGradient => histogram[0] -= without,
         Flat::LowestBin => histogram[0] = 0,
@@ -89,7 +86,7 @@ pub(crate) fn contrast(image: &FloatImage, share: f32, flat: Flat) -> f32 {
     let mut below = 0;
     for (bin, count) in histogram.iter().enumerate() {
         if bin > 0 && below >= wanted {
-            return largest * bin as f32 / BINS as f32;
+            return largest * bin as f32 / NORM_BINS as f32;
         }
         below += count;
     }
@@ -172,9 +169,10 @@ impl LevelPass {
             let rows = neighbours(y, self.step);
             let [of_x, of_y] = &mut second;
             let of_x = of_x.across(rows.map(|y| out.dx.row(y)));
-            let of_y = of_y.across(rows.map(|y| out.dy.row(y)));
+            let [above, _, below] = rows;
+            let of_y = of_y.difference(out.dy.row(above), out.dy.row(below));
             for row in out.determinant.append(1) {
-                determinants(of_x, of_y.difference, operator, scale, row);
+                determinants(of_x, of_y, operator, scale, row);
             }
             visit(out.determinant);
         }
@@ -239,15 +237,28 @@ impl Pass {
             &mut self.mean[inner.clone()],
             &mut self.difference[inner],
         );
-        let width = self.mean.len() - 2 * step;
         for padded in [&mut self.mean, &mut self.difference] {
-            Border::Mirror.fill_ends(padded, -(step as isize), width);
+            mirror_ends(padded, step);
         }
         Across {
             mean: &self.mean,
             difference: &self.difference,
         }
     }
+
+    /// Of [`Self::across`] the difference alone.
+    fn difference(&mut self, above: &[f32], below: &[f32]) -> &[f32] {
+        let step = self.operator.step;
+        let inner = step..self.difference.len() - step;
+        difference_across(above, below, &mut self.difference[inner]);
+        mirror_ends(&mut self.difference, step);
+        &self.difference
+    }
+}
+
+fn mirror_ends(padded: &mut [f32], step: usize) {
+    let width = padded.len() - 2 * step;
+    Border::Mirror.fill_ends(padded, -(step as isize), width);
 }
 
 #[cfg(test)]

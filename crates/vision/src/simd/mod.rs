@@ -125,7 +125,7 @@ pub use blur8::{weigh_along_u8, weigh_both_u8, weigh_rows_u8};
 pub use brisk::{DirectionWeights, Squares, direction, square_means};
 pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
 pub use daisy::{DAISY_COLUMNS, DAISY_MAPS, DaisyRow, add_between, rectified_gradients};
-pub use diffuse::{Below, NO_FLOWS, diffuse_row};
+pub use diffuse::{Below, diffuse_row};
 pub use extrema::{ThreeRows, find_extrema, find_extrema_of_differences, find_maxima};
 pub use fast::{segment_scores, strict_maxima, weak_maxima};
 #[cfg(test)]
@@ -161,8 +161,8 @@ pub use sampson::{
     sum_truncated,
 };
 pub use scharr::{
-    Across, Scharr, conductivities, derivatives, determinants, find_largest, gradient_norms,
-    weigh_across,
+    Across, NORM_BINS, NORMS_AT_ONCE, Scharr, conductivities, count_norms, derivatives,
+    determinants, difference_across, find_largest, gradient_norms, weigh_across,
 };
 pub use search::{
     Prepared, TwoNearest, complete, near_rows, two_nearest_among, two_nearest_bits,

@@ -4,6 +4,8 @@
 //! `-1`, `0`, `1` along. It is applied in two passes: [`weigh_across`] from row to row, then along
 //! the row one of the others, on rows that reach `s` pixels further on both sides.
 
+use super::truncated;
+
 /// Weights of the widened Scharr operator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scharr {
@@ -23,6 +25,11 @@ pub struct Across<'a> {
     /// The row below minus the row above.
     pub difference: &'a [f32],
 }
+
+/// Bins of the histogram of [`count_norms`].
+pub const NORM_BINS: usize = 300;
+/// Counts for each bin.
+pub const NORMS_AT_ONCE: usize = 4;
 
 multiversioned! {
     #![avx512]
@@ -44,6 +51,18 @@ multiversioned! {
         for x in 0..n {
             let outer = operator.side * (above[x] + below[x]);
             mean[x] = here[x].mul_add(operator.middle, outer);
+            difference[x] = below[x] - above[x];
+        }
+    }
+
+    /// Of [`weigh_across`] the difference alone.
+    ///
+    /// # Panics
+    /// If the lengths differ.
+    pub fn difference_across(above: &[f32], below: &[f32], difference: &mut [f32]) {
+        let n = difference.len();
+        let (above, below) = (&above[..n], &below[..n]);
+        for x in 0..n {
             difference[x] = below[x] - above[x];
         }
     }
@@ -104,6 +123,30 @@ multiversioned! {
         largest.into_iter().fold(0.0, f32::max)
     }
 
+    /// Counts each of `norms`, times `scale`, in the bin of its whole part; what is larger counts in the last bin.
+    /// Returns how many are 0.
+    ///
+    /// Neighbours mostly fall into one bin, and a count in memory waits for the one before it. So there are several
+    /// counts for each bin, whose sum counts.
+    pub fn count_norms(norms: &[f32], scale: f32, counts: &mut [[u32; NORM_BINS]; NORMS_AT_ONCE]) -> u32 {
+        const BLOCK: usize = 64;
+        const LAST: i32 = NORM_BINS as i32 - 1;
+        let mut zeros = 0;
+        for norms in norms.chunks(BLOCK) {
+            let mut bins = [0_i32; BLOCK];
+            for (bin, &norm) in bins.iter_mut().zip(norms) {
+                *bin = truncated(norm * scale).clamp(0, LAST);
+                zeros += u32::from(norm == 0.0);
+            }
+            for bins in bins[..norms.len()].chunks(NORMS_AT_ONCE) {
+                for (counts, &bin) in counts.iter_mut().zip(bins) {
+                    counts[bin.clamp(0, LAST) as usize] += 1;
+                }
+            }
+        }
+        zeros
+    }
+
     /// Conductivities `1 / (1 + |gradient|^2 / k^2)`, the function g2 of Perona and Malik;
     /// `inverse` is `1 / k^2`.
     ///
@@ -152,6 +195,8 @@ impl<'a> Three<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::seed::Seed;
+    use crate::simd::InstructionSet;
 
     #[test]
     fn a_plane_has_one_gradient_and_no_curvature() {
@@ -182,5 +227,29 @@ mod tests {
         determinants(across, &difference, operator, 1.0, &mut dx);
         // xx = 192, xy = 256, yy = 256 if these were first derivatives.
         assert_eq!(dx, [192.0 * 256.0 - 256.0 * 256.0; 23]);
+    }
+
+    #[test]
+    fn norms_are_counted_in_the_bins_of_their_whole_parts_with_every_set_of_instructions() {
+        let mut rng = Seed(4).rng();
+        for count in [1, 3, 63, 64, 130] {
+            let mut norms: Vec<f32> = (0..count).map(|_| 40.0 * rng.uniform() as f32).collect();
+            (norms[0], norms[count / 2]) = (0.0, 1e9);
+            let scale = 8.0;
+            let mut expected = [0; NORM_BINS];
+            for norm in &norms {
+                expected[((norm * scale) as usize).min(NORM_BINS - 1)] += 1;
+            }
+            let zeros = norms.iter().filter(|&&norm| norm == 0.0).count();
+            InstructionSet::for_each(|set| {
+                let mut counts = [[0; NORM_BINS]; NORMS_AT_ONCE];
+                let found = count_norms(&norms, scale, &mut counts);
+                assert_eq!(found as usize, zeros, "{count} norms, {set:?}");
+                for (bin, expected) in expected.into_iter().enumerate() {
+                    let sum: u32 = counts.iter().map(|counts| counts[bin]).sum();
+                    assert_eq!(sum, expected, "bin {bin} of {count} norms, {set:?}");
+                }
+            });
+        }
     }
 }

@@ -62,14 +62,19 @@ multiversioned! {
     /// # Panics
     /// If `columns` does not leave a column free on each side in every row.
     pub fn find_maxima(rows: &ThreeRows<'_>, columns: Range<usize>, threshold: f32, found: &mut Vec<u32>) {
-        const LANES: usize = 16;
         let mut x = columns.start;
         while x + LANES <= columns.end {
-            maxima_block::<LANES>(rows, x, threshold, found);
+            maxima_block::<LANES, WIDER>(rows, x, 0, threshold, found);
             x += LANES;
         }
+        if x < columns.end && columns.len() >= LANES {
+            // The last block again covers some columns of the block before.
+            let start = columns.end - LANES;
+            maxima_block::<LANES, WIDER>(rows, start, x - start, threshold, found);
+            x = columns.end;
+        }
         while x < columns.end {
-            maxima_block::<1>(rows, x, threshold, found);
+            maxima_block::<1, 3>(rows, x, 0, threshold, found);
             x += 1;
         }
     }
@@ -171,8 +176,14 @@ fn candidates<const LAYERS: usize, const L: usize, const WIDTH: usize>(
         let bottom = (centre < -threshold) & (centre <= low);
         *candidate = u8::from(top | bottom);
     }
-    let (eights, rest) = candidates.as_chunks::<8>();
-    let mut bits = rest.first().map_or(0, |&candidate| u64::from(candidate));
+    bits(&candidates)
+}
+
+/// Bit `i` is that of flag `i`, which is 0 or 1. There is one flag, or whole eights.
+#[inline(always)]
+fn bits<const L: usize>(flags: &[u8; L]) -> u64 {
+    let (eights, rest) = flags.as_chunks::<8>();
+    let mut bits = rest.first().map_or(0, |&flag| u64::from(flag));
     for (i, eight) in eights.iter().enumerate() {
         // Moves the lowest bit of each byte to the highest byte.
         let byte = u64::from_le_bytes(*eight).wrapping_mul(0x0102_0408_1020_4080) >> 56;
@@ -237,42 +248,35 @@ fn beats_other_layers<const LAYERS: usize, const WIDTH: usize>(
     true
 }
 
-/// Most blocks end at the threshold.
+/// The block at `x` without its first `done` columns. Most blocks end at the threshold.
 #[inline(always)]
-fn maxima_block<const L: usize>(
-    &[above, here, below]: &ThreeRows<'_>,
+fn maxima_block<const L: usize, const WIDTH: usize>(
+    rows: &ThreeRows<'_>,
     x: usize,
+    done: usize,
     threshold: f32,
     found: &mut Vec<u32>,
 ) {
-    let centre = lanes::<L>(here, x);
-    let mut strong = false;
-    for &value in centre {
-        strong |= value > threshold;
+    let [above, here, below] = [0, 1, 2].map(|row| lanes::<WIDTH>(rows[row], x - 1));
+    let mut strong = 0;
+    for i in 0..L {
+        strong |= u32::from(here[i + 1] > threshold);
     }
-    if !strong {
+    if strong == 0 {
         return;
     }
-    let mut low = *lanes::<L>(here, x - 1);
-    let mut high = low;
-    widen(&mut low, &mut high, lanes(here, x + 1));
-    for row in [above, below] {
-        widen(&mut low, &mut high, lanes(row, x - 1));
-        widen(&mut low, &mut high, lanes(row, x));
-        widen(&mut low, &mut high, lanes(row, x + 1));
-    }
-    for i in 0..L {
-        if centre[i] > threshold && centre[i] > high[i] {
-            found.push((x + i) as u32);
+    let mut maxima = [0_u8; L];
+    for (i, maximum) in maxima.iter_mut().enumerate() {
+        let mut high = larger(here[i], here[i + 2]);
+        for row in [above, below] {
+            high = larger(high, larger(larger(row[i], row[i + 1]), row[i + 2]));
         }
+        *maximum = u8::from((here[i + 1] > threshold) & (here[i + 1] > high));
     }
-}
-
-#[inline(always)]
-fn widen<const L: usize>(low: &mut [f32; L], high: &mut [f32; L], values: &[f32; L]) {
-    for i in 0..L {
-        low[i] = smaller(low[i], values[i]);
-        high[i] = larger(high[i], values[i]);
+    let mut left = bits(&maxima) & (u64::MAX << done);
+    while left != 0 {
+        found.push((x + left.trailing_zeros() as usize) as u32);
+        left &= left - 1;
     }
 }
 
@@ -350,22 +354,31 @@ mod tests {
     #[test]
     fn maxima_exceed_threshold_and_neighbours() {
         let mut rng = Seed(6).rng();
-        let width = 400;
-        let rows: Vec<Vec<f32>> = (0..3)
-            .map(|_| (0..width).map(|_| rng.below(9) as f32 - 4.0).collect())
-            .collect();
-        let layer: ThreeRows<'_> = std::array::from_fn(|y| rows[y].as_slice());
-        let mut found = Vec::new();
-        find_maxima(&layer, 1..width - 1, 1.0, &mut found);
-        let expected: Vec<u32> = (1..width - 1)
-            .filter(|&x| {
-                let value = rows[1][x];
-                let around = rows.iter().flat_map(|row| &row[x - 1..=x + 1]);
-                value > 1.0 && around.filter(|&&v| v >= value).count() == 1
-            })
-            .map(|x| x as u32)
-            .collect();
-        assert!(expected.len() > 10, "the test sees maxima");
-        assert_eq!(found, expected);
+        for width in [3, 40, 66, 67, 400] {
+            let rows: Vec<Vec<f32>> = (0..3)
+                .map(|_| (0..width).map(|_| rng.below(9) as f32 - 4.0).collect())
+                .collect();
+            let layer: ThreeRows<'_> = std::array::from_fn(|y| rows[y].as_slice());
+            let expected: Vec<u32> = (1..width - 1)
+                .filter(|&x| {
+                    let value = rows[1][x];
+                    let around = rows.iter().flat_map(|row| &row[x - 1..=x + 1]);
+                    value > 1.0 && around.filter(|&&v| v >= value).count() == 1
+                })
+                .map(|x| x as u32)
+                .collect();
+            assert!(expected.len() > 10 || width < 400, "the test sees maxima");
+            InstructionSet::for_each(|set| {
+                let mut found = Vec::new();
+                find_maxima(&layer, 1..width - 1, 1.0, &mut found);
+                assert_eq!(found, expected, "{width} columns, {set:?}");
+                found.clear();
+                find_maxima(&layer, width / 3..width / 2, 1.0, &mut found);
+                let some = expected
+                    .iter()
+                    .filter(|&&x| (width / 3..width / 2).contains(&(x as usize)));
+                assert!(found.iter().eq(some), "{width} columns, {set:?}");
+            });
+        }
     }
 }
