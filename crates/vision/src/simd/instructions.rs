@@ -9,6 +9,8 @@
 //! products of bytes (VNNI), counts of bits (VPOPCNTDQ) and permutations of bytes (VBMI). Processors that
 //! have less of it clock down so far for vectors of 64 bytes that those of 32 are as fast, so they use
 //! AVX2. "AMX" is, beside that, what Intel's Sapphire Rapids (2023) brought: products of tiles of bytes.
+//! Zen 4 executes vectors of 64 bytes in halves. Most kernels gain by them nevertheless; those that do not ask for
+//! [`InstructionSet::in_use_unless_halved`].
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -33,6 +35,9 @@ use InstructionSet::{Amx, Avx2, Avx512, Portable};
 
 /// The choice, or 0 before it is made. A race makes the same choice twice.
 static IN_USE: AtomicU8 = AtomicU8::new(0);
+
+/// The bit of the choice that says that vectors of 64 bytes are halved, and that nobody asked for them.
+const HALVED: u8 = 1 << 7;
 
 impl InstructionSet {
     /// All of them, from the narrowest to the widest.
@@ -100,20 +105,53 @@ impl InstructionSet {
         if let Some(set) = tests::FORCED.get() {
             return set;
         }
-        match IN_USE.load(Ordering::Relaxed) {
+        Self::of_choice(Self::choice())
+    }
+
+    /// [`Self::in_use`], but AVX2 instead of AVX-512 where the processor executes vectors of 64 bytes in halves, unless
+    /// `MATCHBENCH_SIMD` asks for AVX-512. For kernels whose version for 64 bytes makes more operations in all.
+    #[cfg(target_arch = "x86_64")]
+    #[inline]
+    pub(super) fn in_use_unless_halved() -> Self {
+        #[cfg(test)]
+        if let Some(set) = tests::FORCED.get() {
+            return set;
+        }
+        let choice = Self::choice();
+        if choice & HALVED == 0 {
+            Self::of_choice(choice)
+        } else {
+            Avx2
+        }
+    }
+
+    #[inline]
+    fn of_choice(choice: u8) -> Self {
+        match choice & !HALVED {
             4 => Amx,
             3 => Avx512,
             2 => Avx2,
-            1 => Portable,
-            _ => Self::choose(),
+            _ => Portable,
+        }
+    }
+
+    /// The set as a number, with [`HALVED`] where that applies.
+    #[inline]
+    fn choice() -> u8 {
+        match IN_USE.load(Ordering::Relaxed) {
+            0 => Self::choose(),
+            choice => choice,
         }
     }
 
     #[cold]
-    fn choose() -> Self {
+    fn choose() -> u8 {
         let set = Self::asked_for().unwrap_or_else(|error| panic!("{error}"));
-        IN_USE.store(set as u8, Ordering::Relaxed);
-        set
+        let is_asked_for = std::env::var_os("MATCHBENCH_SIMD").is_some();
+        let halved = set == Avx512 && !is_asked_for && halves_vectors();
+        let choice = set as u8 | if halved { HALVED } else { 0 };
+        IN_USE.store(choice, Ordering::Relaxed);
+        choice
     }
 
     /// Calls `each` with every set that this processor has, while kernels called from this thread use
@@ -126,6 +164,25 @@ impl InstructionSet {
             tests::FORCED.set(before);
         }
     }
+}
+
+/// Whether this processor, which has AVX-512, executes vectors of 64 bytes in halves: AMD's family 25 (Zen 4).
+fn halves_vectors() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{__cpuid, CpuidResult};
+        #[allow(unused_unsafe)] // which it no longer is in later versions of the language
+        // SAFETY: every processor of 64 bits answers.
+        let answer = |question| unsafe { __cpuid(question) };
+        let CpuidResult { ebx, ecx, edx, .. } = answer(0);
+        let maker = [ebx, edx, ecx].map(u32::to_le_bytes);
+        let version = answer(1).eax;
+        // A family of 15 is continued by the extended family.
+        let family = (version >> 8 & 0xf) + (version >> 20 & 0xff);
+        maker.as_flattened() == b"AuthenticAMD" && family == 25
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    false
 }
 
 #[cfg(test)]
@@ -151,5 +208,21 @@ mod tests {
             InstructionSet::in_use(),
             InstructionSet::asked_for().expect("tests ask for what there is")
         );
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[test]
+    fn vectors_are_halved_only_where_they_are_wide_and_nobody_asked_for_them() {
+        let (set, unless_halved) = (
+            InstructionSet::in_use(),
+            InstructionSet::in_use_unless_halved(),
+        );
+        let is_asked_for = std::env::var_os("MATCHBENCH_SIMD").is_some();
+        if set == Avx512 && halves_vectors() && !is_asked_for {
+            assert_eq!(unless_halved, Avx2);
+        } else {
+            assert_eq!(unless_halved, set);
+        }
+        InstructionSet::for_each(|set| assert_eq!(InstructionSet::in_use_unless_halved(), set));
     }
 }

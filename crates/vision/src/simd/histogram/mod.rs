@@ -56,7 +56,7 @@ multiversioned! {
     pub fn patch_sums(window: &Window<'_>, grid: &PatchGrid, gradients: &mut Gradients) -> PatchSums {
         measure(window, gradients);
         #[cfg(target_arch = "x86_64")]
-        match InstructionSet::in_use() {
+        match InstructionSet::in_use_unless_halved() {
             // SAFETY: what is in use was detected on this processor.
             InstructionSet::Avx512 | InstructionSet::Amx => return unsafe { avx512::sums(grid, gradients) },
             // SAFETY: as before.
