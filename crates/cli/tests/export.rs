@@ -5,6 +5,7 @@ mod planes;
 mod steps;
 
 use std::fs;
+use std::path::Path;
 
 use common::dataset;
 use matchbench::datasets::Sequence;
@@ -73,23 +74,29 @@ fn inliers_are_as_many_as_the_estimator_counted_in_the_pixels_of_its_protocol() 
         "lo-ransac-e@glue-factory",
     ];
     let counts = estimators.map(|estimator| {
-        let format = ["--format", "packed", "--inliers", estimator];
-        succeeds(folder, &[&["export", "run", "out"][..], &format].concat());
-        let out = folder.join("out").join(format!("sift+{estimator}"));
-        let read = MatchFiles::open(&[out], &sequence, &ReadOptions::default());
-        let exported = read.expect("it was written").survey().matches;
-        let records = folder.join(format!("run/records/wall/sift+{estimator}.jsonl"));
-        let records = fs::read_to_string(records).expect("there are records");
-        let counted = records.lines().map(|line| {
-            let record: serde_json::Value = serde_json::from_str(line).expect("a record");
-            let is_first = record["task"]["repetition"] == 0;
-            record["outcome"]["inliers"].as_u64().filter(|_| is_first)
-        });
-        assert_eq!(exported, counted.flatten().sum::<u64>(), "{estimator}");
+        let (exported, counted) = exported_and_counted(folder, &sequence, estimator);
+        assert_eq!(exported, counted, "{estimator}");
         exported
     });
     // A pixel of an image of 1600 is a small part of one of these.
     assert!(0 < counts[3] && counts[3] < counts[0], "{counts:?}");
+}
+
+#[test]
+fn inliers_of_an_estimator_without_a_threshold_are_those_that_it_counted() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let wall = dataset(folder, "wall", 3);
+    let run = ["run", "wall", "--matchers", "sift", "--out", "run"];
+    succeeds(
+        folder,
+        &[&run[..], &["--estimator", "best,adaptive,lmeds-e"]].concat(),
+    );
+    let sequence = Sequence::open(&wall).expect("a dataset");
+    for estimator in ["best", "adaptive", "lmeds-e"] {
+        let (exported, counted) = exported_and_counted(folder, &sequence, estimator);
+        assert_eq!(exported, counted, "{estimator}");
+    }
 }
 
 #[test]
@@ -125,4 +132,21 @@ fn homographies_are_not_exported_as_poses_that_failed() {
         "{said}"
     );
     assert!(!folder.join("none").exists());
+}
+
+/// How many inliers of SIFT and an estimator are exported, and how many its records count.
+fn exported_and_counted(folder: &Path, sequence: &Sequence, estimator: &str) -> (u64, u64) {
+    let format = ["--format", "packed", "--inliers", estimator];
+    succeeds(folder, &[&["export", "run", "out"][..], &format].concat());
+    let out = folder.join("out").join(format!("sift+{estimator}"));
+    let read = MatchFiles::open(&[out], sequence, &ReadOptions::default());
+    let exported = read.expect("it was written").survey().matches;
+    let records = folder.join(format!("run/records/wall/sift+{estimator}.jsonl"));
+    let records = fs::read_to_string(records).expect("there are records");
+    let counted = records.lines().map(|line| {
+        let record: serde_json::Value = serde_json::from_str(line).expect("a record");
+        let is_first = record["task"]["repetition"] == 0;
+        record["outcome"]["inliers"].as_u64().filter(|_| is_first)
+    });
+    (exported, counted.flatten().sum())
 }

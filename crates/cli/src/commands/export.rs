@@ -111,20 +111,11 @@ fn write(
         bail!("`{}` was run without an estimator", matcher.id);
     };
     let records = run.records_of(&sequence.name, &matcher.id, &estimator.id)?;
-    let threshold = estimator
-        .params
-        .get("threshold_px")
-        .and_then(serde_json::Value::as_f64);
-    let threshold = threshold.unwrap_or(1.0);
     let protocol = protocols::of_estimator(&estimator.id);
     let export_of = |matches: &_| {
-        Export::of_run(
-            sequence,
-            matches,
-            &records,
-            threshold,
-            &|cameras, sizes, points| protocol.seen(cameras, sizes, points),
-        )
+        Export::of_run(sequence, matches, &records, &|cameras, sizes, points| {
+            protocol.seen(cameras, sizes, points)
+        })
     };
     let mut export = export_of(&matches)?;
     let mut are_inliers = false;

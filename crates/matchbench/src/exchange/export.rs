@@ -1,9 +1,12 @@
 //! The export of matches: the selected matches of a run, or those that agree with the estimated pose.
 //!
-//! A match agrees with a pose if its Sampson distance is below the estimator's threshold, in pixels of the
-//! mean focal length. These are the pixels in which the estimator saw the pair: a protocol may have pixels of
-//! another size. The reference estimator counts inliers in this way, and it needs nothing but the record.
-//! Estimators whose score weights matches have no more exact notion of an inlier.
+//! The matches that agree with a pose are as many as its record says that the estimator counted, and those with
+//! the least Sampson distances from the pose. An estimator counts the matches within some distance of its model,
+//! and the model is the pose. So these are its own inliers, also where only the estimator knew the distance,
+//! because it was estimated from the matches of the pair. Distances are between the points that the estimator
+//! saw: a protocol may have moved them. Which matches they are is known less exactly in two cases: where the model
+//! was a fundamental matrix, which a pose only approximates, and with `tangent_sampson`, which measures distances
+//! in the image.
 //!
 //! Formats that share keypoints among pairs (COLMAP's and hloc's) need a list of keypoints for each image.
 //! It is made from the matched points: points at the same place are one keypoint, unless one pair matches
@@ -47,8 +50,8 @@ pub struct PairExport {
     pub two_view: Option<TwoView>,
 }
 
-/// How an estimator saw the matched points of two images with these cameras and sizes: points and cameras in the pixels that
-/// its threshold is told in.
+/// How an estimator saw the matched points of two images with these cameras and sizes: points and cameras in the
+/// pixels of its protocol.
 pub type Seen<'a> =
     &'a dyn Fn([&Camera; 2], [Size; 2], &MatchedPoints) -> (MatchedPoints, [Camera; 2]);
 
@@ -85,7 +88,7 @@ impl<'a> Export<'a> {
     }
 
     /// The selected matches in `matches`, of the first repetition, with the poses in `records` that
-    /// one estimator left, and the matches within its threshold, in pixels of what it has `seen`.
+    /// one estimator left, and the matches that it counted as inliers, judged by what it has `seen`.
     ///
     /// # Errors
     /// If the matches or the size of an image cannot be read.
@@ -93,13 +96,15 @@ impl<'a> Export<'a> {
         sequence: &'a Sequence,
         matches: &MatchesFile,
         records: &[RunRecord],
-        threshold_px: f64,
         seen: Seen<'_>,
     ) -> Result<Self, ExchangeError> {
         let mut export = Self::new(sequence, Vec::new())?;
         let poses: BTreeMap<_, _> = (records.iter())
             .filter(|record| record.task.repetition == 0)
-            .filter_map(|record| Some(((record.task.a, record.task.b), record.outcome.pose()?)))
+            .filter_map(|record| {
+                let frames = (record.task.a, record.task.b);
+                Some((frames, (record.outcome.pose()?, record.outcome.inliers()?)))
+            })
             .collect();
         for pair in &sequence.pairs {
             let key = (pair.a, pair.b, 0);
@@ -112,11 +117,11 @@ impl<'a> Export<'a> {
             let frames = [pair.a, pair.b].map(|frame| frame as usize);
             let cameras = frames.map(|frame| &sequence.frames[frame].camera);
             let sizes = frames.map(|frame| export.sizes[frame]);
-            let two_view = poses.get(&(pair.a, pair.b)).map(|pose| {
+            let two_view = poses.get(&(pair.a, pair.b)).map(|(pose, counted)| {
                 let seen = seen(cameras, sizes, &selected.points);
                 TwoView {
                     b_from_a: *pose,
-                    inliers: agreeing(pose, &seen, threshold_px),
+                    inliers: nearest(pose, &seen, *counted as usize),
                 }
             });
             export.pairs.push(PairExport {
@@ -191,21 +196,29 @@ impl PairExport {
     }
 }
 
-/// Which matches are nearer than the threshold to the epipolar geometry of a pose.
-fn agreeing(
+/// Which matches are the `count` nearest to the epipolar geometry of a pose.
+fn nearest(
     pose: &RelativePose,
     (points, [camera_a, camera_b]): &(MatchedPoints, [Camera; 2]),
-    threshold_px: f64,
+    count: usize,
 ) -> Vec<bool> {
     let pairs = points.at_depth_1(camera_a, camera_b);
     let mut squared = vec![0.0; pairs.len()];
     let all = 0..pairs.len();
-    squared_sampson_distances(&essential_from_pose(pose), &pairs, all, &mut squared);
-    let focal = f64::midpoint(camera_a.mean_focal(), camera_b.mean_focal());
-    let threshold = threshold_px / focal;
-    (squared.into_iter())
-        .map(|squared| squared < threshold * threshold)
-        .collect()
+    squared_sampson_distances(
+        &essential_from_pose(pose),
+        &pairs,
+        all.clone(),
+        &mut squared,
+    );
+    let mut order: Vec<usize> = all.collect();
+    // In the total order NaN is the largest, if it has no sign.
+    order.sort_by(|&i, &j| squared[i].abs().total_cmp(&squared[j].abs()));
+    let mut inliers = vec![false; pairs.len()];
+    for &i in order.iter().take(count) {
+        inliers[i] = true;
+    }
+    inliers
 }
 
 /// Keypoints of each image, and matches as indices of them.
@@ -324,7 +337,74 @@ impl Image {
 
 #[cfg(test)]
 mod tests {
+    use matchbench_vision::robust::{PoseEstimator, SampleConsensus, TwoViews, presets};
+    use matchbench_vision::seed::Seed;
+    use nalgebra::{Point3, UnitQuaternion, UnitVector3, Vector3};
+
     use super::*;
+
+    const CAMERA: Camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
+
+    /// Points of a scene that two cameras see with so much `noise` in pixels, and wrong matches.
+    fn noisy(right: usize, wrong: usize, noise: f64) -> MatchedPoints {
+        let mut rng = Seed(7).rng();
+        let mut points = MatchedPoints::default();
+        for i in 0..right + wrong {
+            let mut at = || rng.uniform() - 0.5;
+            let scene = Point3::new(4.0 * at(), 4.0 * at(), 5.0 + 3.0 * at());
+            let anywhere = Point2::new(320.0 + 400.0 * at(), 240.0 + 400.0 * at());
+            let mut see = |p: Point3<f64>| {
+                let off = Vector3::new(rng.normal(), rng.normal(), 0.0).xy() * noise;
+                CAMERA.project(Point2::new(p.x / p.z, p.y / p.z)) + off
+            };
+            let (a, b) = (see(scene), see(scene + Vector3::new(1.0, 0.0, 0.1)));
+            points.push(a, if i < right { b } else { anywhere }, 0.5);
+        }
+        points
+    }
+
+    #[test]
+    fn inliers_are_those_of_the_estimator_whether_or_not_it_has_a_threshold() {
+        let own = [
+            ("best", presets::best()),
+            ("adaptive", presets::adaptive()),
+            ("lmeds-e", presets::lmeds_e()),
+        ];
+        let mut counts = Vec::new();
+        for noise in [0.2, 3.0] {
+            let points = noisy(150, 60, noise);
+            for (id, params) in own {
+                let estimator = SampleConsensus::new(params).expect("a preset");
+                let views = TwoViews {
+                    points: &points,
+                    camera_a: &CAMERA,
+                    camera_b: &CAMERA,
+                };
+                let found = estimator.estimate(views, Seed(1)).expect("most are right");
+                let seen = (points.clone(), [CAMERA; 2]);
+                let nearest = nearest(&found.b_from_a, &seen, found.inliers.len());
+                let nearest: Vec<u32> = (0..).zip(nearest).filter(|x| x.1).map(|x| x.0).collect();
+                assert_eq!(nearest, found.inliers, "{id}, noise {noise}");
+                counts.push(nearest.len());
+            }
+        }
+        // Where there is more noise, a fixed threshold loses what the others keep.
+        assert!(counts[3] < counts[4].min(counts[5]), "{counts:?}");
+    }
+
+    #[test]
+    fn a_distance_that_is_no_number_is_the_largest() {
+        let mut points = noisy(20, 0, 0.0);
+        points.a[3].x = -f64::NAN;
+        let pose = RelativePose {
+            rotation: UnitQuaternion::identity(),
+            direction: UnitVector3::new_normalize(Vector3::new(1.0, 0.0, 0.1)),
+        };
+        let seen = (points, [CAMERA; 2]);
+        let inliers = nearest(&pose, &seen, 19);
+        assert!((0..20).all(|i| inliers[i] == (i != 3)), "{inliers:?}");
+        assert_eq!(nearest(&pose, &seen, 99), [true; 20]);
+    }
 
     fn points(xs: &[f64]) -> Vec<Point2<f64>> {
         xs.iter().map(|&x| Point2::new(x, 0.0)).collect()

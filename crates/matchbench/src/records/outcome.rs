@@ -104,6 +104,14 @@ impl Outcome {
         })
     }
 
+    /// How many matches agree with the estimate, if there is one.
+    pub fn inliers(&self) -> Option<u32> {
+        match self {
+            Self::Pose { inliers, .. } | Self::Homography { inliers, .. } => Some(*inliers),
+            Self::NoPose { .. } | Self::NoHomography { .. } | Self::Failed { .. } => None,
+        }
+    }
+
     /// The estimated pose `b_from_a`, judged by the `truth`.
     ///
     /// # Panics
