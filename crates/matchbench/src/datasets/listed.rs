@@ -11,10 +11,7 @@ use nalgebra::{Isometry3, Matrix3};
 use super::pairs::pair_indices;
 use super::text;
 use super::{DatasetError, Pair, Problem, Truth};
-use crate::files::{LineBlock, LineBlocks, LineError, open_file};
-
-/// The longest line of a list, in bytes; a pair takes about 250.
-const LONGEST_LINE: usize = 1 << 20;
+use crate::files::{LONGEST_LINE, LineBlock, LineBlocks, open_file};
 
 /// A pair as a file lists it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -136,13 +133,7 @@ fn each_row<T: Send>(
     parse: fn(&str) -> Result<T, String>,
     mut each: impl FnMut(Result<Listed<T>, DatasetError>) -> Result<(), DatasetError>,
 ) -> Result<(), DatasetError> {
-    let failed = |error| match error {
-        LineError::Io(error) => DatasetError::io(path, &error),
-        LineError::TooLong { line } => {
-            let what = format!("the line has more than {LONGEST_LINE} bytes");
-            text::error_at(path, line, what)
-        }
-    };
+    let failed = |error| text::unreadable(path, error);
     let mut any = false;
     let mut see = |block: LineBlock<'_>| {
         let rows = block.parsed(|line, bytes| parse_row(line, bytes, frames, parse));

@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vect
 
 use super::DatasetError;
 use crate::counted::counted;
-use crate::files::read_file;
+use crate::files::{LONGEST_LINE, LineError, read_lines};
 
 /// Largest entry of `R^T R - I` in a printed rotation, and largest deviation of the length of a printed
 /// quaternion from 1. A rotation printed with three decimals is below it; a transposed, scaled or mistyped
@@ -26,7 +26,12 @@ pub(super) struct TextFile {
 
 impl TextFile {
     pub(super) fn read(path: &Path) -> Result<Self, DatasetError> {
-        let bytes = read_file(path).map_err(|error| DatasetError::io(path, &error))?;
+        Self::with_lines_of(path, LONGEST_LINE)
+    }
+
+    /// A file whose lines may have so many bytes.
+    pub(super) fn with_lines_of(path: &Path, longest: usize) -> Result<Self, DatasetError> {
+        let bytes = read_lines(path, longest).map_err(|error| unreadable(path, error))?;
         Ok(Self::new(path, &String::from_utf8_lossy(&bytes)))
     }
 
@@ -69,6 +74,14 @@ impl TextFile {
 /// An error in one line of the file at `path`; its remedy is to correct that line.
 pub(super) fn error_at(path: &Path, line: usize, what: impl Into<String>) -> DatasetError {
     DatasetError::new(path, what, "correct this line or take it out").at(line)
+}
+
+/// The lines of the file at `path` cannot be read.
+pub(super) fn unreadable(path: &Path, error: LineError) -> DatasetError {
+    match error {
+        LineError::Io(error) => DatasetError::io(path, &error),
+        LineError::TooLong { line, what } => error_at(path, line, what),
+    }
 }
 
 /// The content of a line, if it is neither white space nor a comment.
@@ -245,6 +258,27 @@ mod tests {
         assert_eq!(
             file.numbers().unwrap(),
             [1., 2., 3., 4., 5., 6., 7., 8., 9.]
+        );
+    }
+
+    #[cfg(unix)] // holes of files take no room
+    #[test]
+    fn a_line_without_an_end_is_named_before_the_rest_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("poses.txt");
+        std::fs::write(&path, "# poses\n1 2 3\n").unwrap();
+        // A hole of 3 GiB: to read all of it takes seconds.
+        let file = std::fs::OpenOptions::new()
+            .append(true)
+            .open(&path)
+            .unwrap();
+        file.set_len(3 << 30).unwrap();
+        let error = TextFile::read(&path).unwrap_err().to_string();
+        assert!(
+            error.ends_with(
+                "poses.txt:3: the line has more than 1048576 bytes; correct this line or take it out"
+            ),
+            "{error}"
         );
     }
 

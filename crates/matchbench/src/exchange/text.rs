@@ -2,7 +2,6 @@
 //! b, and perhaps a score, higher is better. White space or commas separate; `#` begins a comment.
 //! It says nothing about the centre of the first pixel.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::names::PairName;
@@ -10,7 +9,7 @@ use super::probe::{Content, Probe};
 use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source};
 use crate::arrays::{Element, Kind, MOST_BYTES};
 use crate::counted::counted;
-use crate::files::open_file;
+use crate::files::{LONGEST_LINE, LineError, open_file, read_lines};
 use crate::matchers::MOST_MATCHES;
 
 /// The most numbers of a line that are counted.
@@ -50,17 +49,20 @@ impl Source for Text {
 
     fn read(&self, index: usize) -> Result<RawMatches, ExchangeError> {
         let path = &self.files[index];
-        let mut bytes = Vec::new();
-        open_file(path)
-            .and_then(|file| file.take(MOST_BYTES + 1).read_to_end(&mut bytes))
-            .map_err(|error| ExchangeError::unreadable(path, error))?;
-        if bytes.len() as u64 > MOST_BYTES {
-            return Err(ExchangeError::damaged(path, "it is larger than 1 GiB"));
-        }
-        parse(&String::from_utf8_lossy(&bytes), MOST_MATCHES).map_err(|(line, what)| {
+        let unreadable = |error| ExchangeError::unreadable(path, error);
+        let wrong = |(line, what)| {
             ExchangeError::new(path, what, "write x_a y_a x_b y_b [score]")
                 .at(format!("line {line}"))
-        })
+        };
+        let length = open_file(path).and_then(|file| Ok(file.metadata()?.len()));
+        if length.map_err(unreadable)? > MOST_BYTES {
+            return Err(ExchangeError::damaged(path, "it is larger than 1 GiB"));
+        }
+        let bytes = read_lines(path, LONGEST_LINE).map_err(|error| match error {
+            LineError::Io(error) => unreadable(error),
+            LineError::TooLong { line, what } => wrong((line, what)),
+        })?;
+        parse(&String::from_utf8_lossy(&bytes), MOST_MATCHES).map_err(wrong)
     }
 }
 
@@ -136,6 +138,20 @@ mod tests {
         let raw = parse("\u{feff}1 2 3 4 0.5\n1 2 3 4 0.25\n", 4).unwrap();
         assert!(matches!(raw.rating, Rating::Score(scores) if scores == [0.5, 0.25]));
         assert!(parse("", 4).unwrap().a.is_empty());
+    }
+
+    #[cfg(unix)] // holes of files take no room
+    #[test]
+    fn a_line_without_an_end_is_named_before_the_rest_is_read() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), "1 2 3 4\n").unwrap();
+        file.as_file().set_len(MOST_BYTES).unwrap();
+        let files = vec![file.path().to_owned()];
+        let error = Text { files }.read(0).err().unwrap().to_string();
+        assert!(
+            error.contains("line 2: the line has more than 1048576 bytes"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -24,6 +24,8 @@ pub(crate) enum LineError {
     TooLong {
         /// Its number, from 1.
         line: usize,
+        /// How long it may be, in words.
+        what: String,
     },
 }
 
@@ -80,8 +82,7 @@ impl<R: Read> LineBlocks<R> {
                 break new + last + 1;
             }
             if self.bytes.len() > self.longest {
-                let line = self.lines + 1;
-                return Err(LineError::TooLong { line });
+                return Err(too_long(self.lines + 1, self.longest));
             }
             if self.is_at_end {
                 return Ok(None);
@@ -94,7 +95,7 @@ impl<R: Read> LineBlocks<R> {
         };
         for (number, line) in block.lines() {
             if line.len() > self.longest {
-                return Err(LineError::TooLong { line: number });
+                return Err(too_long(number, self.longest));
             }
             self.lines = number;
         }
@@ -111,7 +112,17 @@ impl<R: Read> LineBlocks<R> {
     }
 }
 
+fn too_long(line: usize, longest: usize) -> LineError {
+    let what = format!("the line has more than {longest} bytes");
+    LineError::TooLong { line, what }
+}
+
 impl LineBlock<'_> {
+    /// All its lines, as they stand in the file.
+    pub(super) fn as_bytes(&self) -> &[u8] {
+        self.bytes
+    }
+
     /// Total length of its lines, in bytes.
     pub(crate) fn bytes(&self) -> usize {
         self.bytes.len()
@@ -200,12 +211,15 @@ mod tests {
                     Err(error) => break error,
                 }
             };
-            assert!(matches!(error, LineError::TooLong { line: 2 }), "{error:?}");
+            assert!(
+                matches!(error, LineError::TooLong { line: 2, .. }),
+                "{error:?}"
+            );
         }
         let mut endless = LineBlocks::new(io::repeat(b'1'), 1 << 20);
         assert!(matches!(
             endless.next_block(),
-            Err(LineError::TooLong { line: 1 })
+            Err(LineError::TooLong { line: 1, .. })
         ));
     }
 }

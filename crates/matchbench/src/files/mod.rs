@@ -2,9 +2,10 @@
 //!
 //! A name that a user gives may be anything: a pipe that nobody writes to, a device without an end, or a link
 //! to one. So [`read_file`] refuses everything except regular files, and a read never waits for ever or fills
-//! the memory. Files that may be larger than memory are read by `LineBlocks`. [`write_whole`] replaces regular
-//! files; if a name leads to something else, it writes into that. An `Appender` appends to files.
-//! [`remove_leftovers`] finds and removes incomplete files of processes that were killed.
+//! the memory. Files that may be larger than memory are read by `LineBlocks`, and texts of others by `read_lines`,
+//! which refuses a line without an end. [`write_whole`] replaces regular files; if a name leads to something else,
+//! it writes into that. An `Appender` appends to files. [`remove_leftovers`] finds and removes incomplete files of
+//! processes that were killed.
 
 mod append;
 mod calls;
@@ -22,6 +23,7 @@ pub use leftovers::{remove_leftovers, remove_leftovers_below};
 pub(crate) use lines::{LineBlock, LineBlocks, LineError};
 pub(crate) use names::check_name;
 pub(crate) use read::regular;
+pub(crate) use read::{LONGEST_LINE, read_lines, read_text_lines};
 pub use read::{open_file, read_file, read_text};
 pub(crate) use write::WholeFile;
 pub use write::write_whole;

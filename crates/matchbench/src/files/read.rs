@@ -5,10 +5,14 @@ use std::io::{self, Read};
 use std::path::Path;
 
 use super::calls::{Call, before};
+use super::lines::{LineBlock, LineBlocks, LineError};
 
 /// Most bytes of a file that is read as a whole, 4 GiB. A longer file was not written by this program, and no
 /// memory is allocated for it.
 const MOST_BYTES: u64 = 4 << 30;
+
+/// The longest line of a text that people and other tools write, in bytes. Those that are known have a few hundred.
+pub(crate) const LONGEST_LINE: usize = 1 << 20;
 
 /// Opens a regular file for reading. Links are followed.
 ///
@@ -33,12 +37,43 @@ pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     before(Call::Read, path)?;
     if length > MOST_BYTES || bytes.try_reserve_exact(length as usize).is_err() {
-        return Err(io::Error::new(
-            io::ErrorKind::FileTooLarge,
-            format!("{length} bytes are more than can be read"),
-        ));
+        return Err(too_large(length));
     }
     file.take(MOST_BYTES).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// A file has so many bytes that it cannot be read as a whole.
+fn too_large(bytes: u64) -> io::Error {
+    io::Error::new(
+        io::ErrorKind::FileTooLarge,
+        format!("{bytes} bytes are more than can be read"),
+    )
+}
+
+/// As [`read_file`], where no line may have more than `longest` bytes. Of a longer one no more is read than tells so.
+///
+/// # Errors
+/// As [`read_file`]; also if a line is too long.
+pub(crate) fn read_lines(path: &Path, longest: usize) -> Result<Vec<u8>, LineError> {
+    let file = open_file(path).map_err(LineError::Io)?;
+    let length = file.metadata().map_err(LineError::Io)?.len();
+    before(Call::Read, path).map_err(LineError::Io)?;
+    if length > MOST_BYTES {
+        return Err(LineError::Io(too_large(length)));
+    }
+    let mut bytes = Vec::new();
+    let mut append = |block: LineBlock<'_>| {
+        let reserved = bytes.try_reserve(block.bytes());
+        reserved.map_err(|_| LineError::Io(too_large(length)))?;
+        bytes.extend_from_slice(block.as_bytes());
+        Ok(())
+    };
+    let mut blocks = LineBlocks::new(file.take(MOST_BYTES), longest);
+    while let Some(block) = blocks.next_block()? {
+        append(block)?;
+    }
+    blocks.rest().map_or(Ok(()), append)?;
     Ok(bytes)
 }
 
@@ -47,7 +82,19 @@ pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
 /// # Errors
 /// As [`read_file`]; also if it is not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
-    let mut text = String::from_utf8(read_file(path)?)
+    text_of(read_file(path)?)
+}
+
+/// As [`read_text`], where no line may have more than [`LONGEST_LINE`] bytes.
+///
+/// # Errors
+/// As [`read_text`]; also if a line is too long.
+pub(crate) fn read_text_lines(path: &Path) -> Result<String, LineError> {
+    text_of(read_lines(path, LONGEST_LINE)?).map_err(LineError::Io)
+}
+
+fn text_of(bytes: Vec<u8>) -> io::Result<String> {
+    let mut text = String::from_utf8(bytes)
         .map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "not text in UTF-8"))?;
     if text.starts_with('\u{feff}') {
         text.drain(..'\u{feff}'.len_utf8());
@@ -98,6 +145,30 @@ mod tests {
         }
     }
 
+    #[test]
+    fn lines_come_as_they_stand_up_to_the_longest() {
+        let file = tempfile::NamedTempFile::new().expect("a temporary file");
+        let read = |text: &[u8], longest: usize| {
+            fs::write(file.path(), text).expect("writable");
+            read_lines(file.path(), longest)
+        };
+        for text in ["", "\n", "one\r\n\ntwo", "one\ntwo\n"] {
+            let bytes = read(text.as_bytes(), 5).expect("short lines");
+            assert_eq!(bytes, text.as_bytes());
+        }
+        let error = read(b"one\nthree", 4).expect_err("a long line");
+        let LineError::TooLong { line, what } = error else {
+            panic!("{error:?}")
+        };
+        assert_eq!((line, &*what), (2, "the line has more than 4 bytes"));
+        fs::write(file.path(), "\u{feff}1 2").expect("writable");
+        assert_eq!(read_text_lines(file.path()).expect("readable"), "1 2");
+        assert!(matches!(
+            read_lines(Path::new("/nowhere"), 9),
+            Err(LineError::Io(_))
+        ));
+    }
+
     #[cfg(unix)]
     #[test]
     fn a_file_that_claims_to_be_endless_is_refused() {
@@ -105,5 +176,16 @@ mod tests {
         (file.as_file().set_len(MOST_BYTES + 1)).expect("holes take no room");
         let error = read_file(file.path()).expect_err("too long");
         assert_eq!(error.kind(), io::ErrorKind::FileTooLarge);
+        let error = read_lines(file.path(), LONGEST_LINE).expect_err("too long");
+        assert!(
+            matches!(error, LineError::Io(error) if error.kind() == io::ErrorKind::FileTooLarge)
+        );
+        // A line without an end is seen before the rest is read.
+        (file.as_file().set_len(MOST_BYTES)).expect("holes take no room");
+        let error = read_lines(file.path(), LONGEST_LINE).expect_err("too long");
+        assert!(
+            matches!(error, LineError::TooLong { line: 1, .. }),
+            "{error:?}"
+        );
     }
 }

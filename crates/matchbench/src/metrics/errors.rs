@@ -17,7 +17,7 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::files::read_text;
+use crate::files::{LineError, read_text_lines};
 
 use super::{AngularError, Deviation, Failure, PairResult, ResultSet};
 
@@ -101,12 +101,18 @@ pub fn load_errors(folder: &Path) -> Result<Vec<ResultSet>, ErrorTableError> {
     let method = whole.file_name().unwrap_or_default();
     (files.iter())
         .map(|file| {
-            let text = read_text(file).map_err(io(file))?;
-            let pairs = parse(&text).map_err(|(line, problem)| ErrorTableError::Line {
+            let wrong = |(line, problem)| ErrorTableError::Line {
                 path: file.clone(),
                 line,
                 problem,
+            };
+            let text = read_text_lines(file).map_err(|error| match error {
+                LineError::Io(error) => io(file)(error),
+                LineError::TooLong { line, what } => {
+                    wrong((line, format!("{what}; a table has one pair a line")))
+                }
             })?;
+            let pairs = parse(&text).map_err(wrong)?;
             Ok(ResultSet {
                 dataset: name(file),
                 matcher: method.to_string_lossy().into_owned(),
@@ -225,6 +231,28 @@ fn angle(field: &str) -> Result<Option<f64>, String> {
 mod tests {
     use super::super::{Angle, Bootstrap, Score, Scores, SuccessCurve, exact_auc};
     use super::*;
+
+    #[cfg(unix)] // holes of files take no room
+    #[test]
+    fn a_line_without_an_end_is_named_before_the_rest_is_read() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let table = folder.path().join("wall.csv");
+        fs::write(&table, "pose_error\n1\n").expect("writable");
+        let file = fs::OpenOptions::new()
+            .write(true)
+            .open(table)
+            .expect("it is ours");
+        file.set_len(3 << 30).expect("holes take no room");
+        let error = load_errors(folder.path())
+            .expect_err("a long line")
+            .to_string();
+        assert!(
+            error.ends_with(
+                "wall.csv:3: the line has more than 1048576 bytes; a table has one pair a line"
+            ),
+            "{error}"
+        );
+    }
 
     #[test]
     fn tables_of_zeb_and_csv_hold_the_same() {

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::datasets::{Pair, Sequence, read_pairs, read_poses_of_pairs};
-use crate::files::read_text;
+use crate::files::{LineError, read_text_lines};
 use crate::records::authors::{self, Row};
 
 use super::pair_choice::PairChoice;
@@ -169,9 +169,19 @@ fn is_dataset(datasets: &Path, name: &str) -> bool {
 /// The true poses of a `groundtruth.txt`; where its rows name no pairs, they are those of the
 /// results in `first`.
 fn read_truth(truth: &Path, first: &Path) -> Result<Vec<Pair>, ResultsError> {
-    let text = read_text(truth).map_err(|error| ResultsError::Io {
-        path: truth.to_path_buf(),
-        error,
+    let path = || truth.to_path_buf();
+    let text = read_text_lines(truth).map_err(|error| match error {
+        LineError::Io(error) => ResultsError::Io {
+            path: path(),
+            error,
+        },
+        LineError::TooLong { line, what } => ResultsError::Line {
+            path: path(),
+            line,
+            problem: format!(
+                "{what}; a row is `a b` and the 12 numbers of [R | t], or these alone"
+            ),
+        },
     })?;
     let row = text.lines().find(|line| !line.trim().is_empty());
     if row.is_some_and(|row| row.split_whitespace().count() == 12) {
@@ -316,6 +326,10 @@ mod tests {
         for (truth, expected) in [
             ("0 1 1 0 0 1 0 1 0 0 0 0 1\n", "groundtruth.txt:1"),
             ("1 0 0 1 0 1 0 0 0 0 1 0\n", "1 pose for 66 pairs"),
+            (
+                &"1 ".repeat(1 << 20),
+                "groundtruth.txt:1: the line has more than",
+            ),
         ] {
             let folder = published(|a, b| {
                 if b + a == 1 {

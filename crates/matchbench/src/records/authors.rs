@@ -18,7 +18,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::{MIN_SUPPORT, Outcome, RunRecord, Task};
 use crate::counted::counted;
-use crate::files::{read_file, read_text, write_whole};
+use crate::files::{LineError, read_file, read_text_lines, write_whole};
 
 /// Why a file in the authors' layout cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -101,9 +101,16 @@ impl Row {
 /// # Errors
 /// If the file cannot be read or a line is not a row.
 pub fn read(path: &Path) -> Result<Vec<Row>, AuthorsError> {
-    let text = read_text(path).map_err(|error| AuthorsError::Read {
-        path: path.into(),
-        error,
+    let text = read_text_lines(path).map_err(|error| match error {
+        LineError::Io(error) => AuthorsError::Read {
+            path: path.into(),
+            error,
+        },
+        LineError::TooLong { line, what } => AuthorsError::Row {
+            path: path.into(),
+            line,
+            reason: what,
+        },
     })?;
     (text.lines().enumerate())
         .filter(|(_, line)| !line.trim().is_empty())
@@ -427,6 +434,20 @@ mod tests {
                 "{message}"
             );
         }
+    }
+
+    #[cfg(unix)] // holes of files take no room
+    #[test]
+    fn a_line_without_an_end_is_named_before_the_rest_is_read() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        fs::write(file.path(), "0 2 0 1 0 0 0 0 1 0 0 0 0 1 0\n").unwrap();
+        // A hole, which takes no room.
+        file.as_file().set_len(3 << 30).unwrap();
+        let error = read(file.path()).unwrap_err().to_string();
+        assert!(
+            error.contains(":2: the line has more than 1048576 bytes; a row is"),
+            "{error}"
+        );
     }
 
     #[test]

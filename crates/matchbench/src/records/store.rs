@@ -129,7 +129,7 @@ pub(crate) fn for_each<E: From<StoreError>>(
     };
     let failed = |error| match error {
         LineError::Io(error) => io(error),
-        LineError::TooLong { line } => {
+        LineError::TooLong { line, .. } => {
             corrupt(line, format!("it has no end within {LONGEST_LINE} bytes"))
         }
     };

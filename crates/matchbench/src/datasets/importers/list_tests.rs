@@ -317,3 +317,74 @@ fn megadepth_is_read_from_glue_factorys_texts() {
         "{error}"
     );
 }
+
+#[cfg(unix)] // holes of files take no room
+#[test]
+fn a_line_without_an_end_is_named_whatever_file_it_stands_in() {
+    let pose = "1 0 0 0 0 1 0 0 0 0 1 0\n";
+    for (kind, files, from) in [
+        (
+            "tum",
+            &[("groundtruth.txt", ""), ("rgb.txt", "# images\n")][..],
+            "",
+        ),
+        (
+            "tum",
+            &[("rgb.txt", ""), ("groundtruth.txt", "# poses\n")],
+            "",
+        ),
+        (
+            "kitti",
+            &[
+                ("sequences/00/image_0/000000.png", ""),
+                ("poses/00.txt", pose),
+                ("sequences/00/calib.txt", "P0: 1\n"),
+            ],
+            "",
+        ),
+        (
+            "folder",
+            &[
+                ("a.png", ""),
+                ("camera.txt", "20 0 12 0 20 8 0 0 1\n"),
+                ("poses.txt", pose),
+            ],
+            "",
+        ),
+        ("superglue", &[("list.txt", "# pairs\n")], "list.txt"),
+        ("megadepth", &[("views.txt", "# views\n")], "views.txt"),
+        (
+            "colmap",
+            &[("images.txt", ""), ("cameras.txt", "# cameras\n")],
+            "",
+        ),
+        (
+            "colmap",
+            &[("cameras.txt", ""), ("images.txt", "# images\n")],
+            "",
+        ),
+        (
+            "imc",
+            &[("train_labels.csv", "dataset\n")],
+            "train_labels.csv",
+        ),
+    ] {
+        let (_folder, src) = source("set", files);
+        let (long, _) = files[files.len() - 1];
+        // A hole of 3 GiB takes no room, and to read all of it takes seconds.
+        let file = fs::OpenOptions::new()
+            .write(true)
+            .open(src.join(long))
+            .unwrap();
+        file.set_len(3 << 30).unwrap();
+        let error = read(kind, &src.join(from)).unwrap_err();
+        assert!(
+            error.file.ends_with(long) && error.line == Some(2),
+            "{kind}: {error}"
+        );
+        assert!(
+            error.to_string().contains("the line has more than"),
+            "{kind}: {error}"
+        );
+    }
+}

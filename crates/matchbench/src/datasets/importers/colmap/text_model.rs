@@ -8,6 +8,9 @@ use super::{Cameras, Photograph, distinct, lens};
 use crate::datasets::DatasetError;
 use crate::datasets::text::{self, TextFile};
 
+/// The longest line of `images.txt`, in bytes. It holds the keypoints of an image, and has room for a million.
+const LONGEST_LINE: usize = 32 << 20;
+
 pub(super) fn cameras(path: &Path) -> Result<Cameras, DatasetError> {
     let file = TextFile::read(path)?;
     let mut cameras = Cameras::new();
@@ -33,7 +36,7 @@ pub(super) fn cameras(path: &Path) -> Result<Cameras, DatasetError> {
 }
 
 pub(super) fn images(path: &Path) -> Result<Vec<Photograph>, DatasetError> {
-    let file = TextFile::read(path)?;
+    let file = TextFile::with_lines_of(path, LONGEST_LINE)?;
     let mut lines = (file.text().lines().enumerate())
         .map(|(index, line)| (index + 1, line.trim()))
         .filter(|(_, line)| !line.starts_with('#'));
@@ -51,14 +54,16 @@ pub(super) fn images(path: &Path) -> Result<Vec<Photograph>, DatasetError> {
 }
 
 fn photograph(row: &str) -> Result<Photograph, String> {
-    let words: Vec<&str> = row.split_whitespace().collect();
-    let Some((numbers, [camera, name @ ..])) = words.split_at_checked(8) else {
+    let mut words = row.split_whitespace();
+    let numbers: Vec<&str> = words.by_ref().take(8).collect();
+    let Some(camera) = words.next() else {
         return Err("id, qw qx qy qz, tx ty tz, camera and name are expected".to_owned());
     };
+    let [_id, w, x, y, z, tx, ty, tz] = text::exactly(&numbers.join(" "))?;
+    let name: Vec<&str> = words.collect();
     if name.is_empty() {
         return Err("the image has no name".to_owned());
     }
-    let [_id, w, x, y, z, tx, ty, tz] = text::exactly(&numbers.join(" "))?;
     Ok(Photograph {
         name: name.join(" "),
         camera: (camera.parse()).map_err(|_| format!("`{camera}` is no number of a camera"))?,
@@ -68,13 +73,12 @@ fn photograph(row: &str) -> Result<Photograph, String> {
 }
 
 fn points(row: &str) -> Result<Vec<u64>, String> {
-    let words: Vec<&str> = row.split_whitespace().collect();
-    let (triples, rest) = words.as_chunks::<3>();
-    if !rest.is_empty() {
-        return Err("keypoints are not written as x y point".to_owned());
-    }
+    let mut words = row.split_whitespace();
     let mut points = Vec::new();
-    for [_x, _y, point] in triples {
+    while words.next().is_some() {
+        let (Some(_y), Some(point)) = (words.next(), words.next()) else {
+            return Err("keypoints are not written as x y point".to_owned());
+        };
         match point.parse::<i64>() {
             Ok(-1) => {}
             Ok(point) if point >= 0 => points.push(point as u64),
