@@ -98,6 +98,17 @@ fn misbehave(behaviour: &str, request: &Value) {
             answer["features"] = json!([0, 8]);
             say(&answer);
         }
+        "keeps-writing" => {
+            write_matches(request, &[[1.0; 5]; 3]);
+            let path = request["out"].as_str().expect("a path");
+            let mut file = (fs::OpenOptions::new().append(true).open(path)).expect("it is there");
+            say(&matched(request, 2));
+            // Until somebody ends it.
+            loop {
+                file.write_all(&[0; 100]).expect("can be written");
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        }
         "writes-nothing" => say(&matched(request, 2)),
         "not-a-number" => {
             write_matches(request, &[[1.0, f32::NAN, 1.0, 1.0, 0.0]]);
@@ -304,6 +315,7 @@ fn whoever_misbehaves_over_a_pair_loses_that_pair_alone() {
             "counts-wrong",
             "promises 2 matches of 20 bytes, but wrote 20 bytes",
         ),
+        ("keeps-writing", "promises 2 matches of 20 bytes, but wrote"),
         ("too-few-features", "1 match of 0 and 8 features"),
         ("writes-nothing", "wrote no matches"),
         ("not-a-number", "not finite"),

@@ -128,13 +128,9 @@ pub(super) fn read_rows(
             counted(found, "byte")
         ));
     }
-    // The child may still be writing: of a file that grows no more is read than tells so.
-    let mut bytes = Vec::new();
-    (file.take(expected + 1).read_to_end(&mut bytes)).map_err(unreadable)?;
-    let (rows, rest) = bytes.as_chunks::<ROW>();
-    if rows.len() != count || !rest.is_empty() {
-        return Err("its matches change while they are read".into());
-    }
+    let bytes = read_exactly(file, expected).map_err(unreadable)?;
+    let bytes = bytes.ok_or("its matches change while they are read")?;
+    let (rows, _) = bytes.as_chunks::<ROW>();
     (rows.iter().enumerate())
         .map(|(index, row)| {
             let (values, _) = row.as_chunks::<4>();
@@ -144,6 +140,14 @@ pub(super) fn read_rows(
             Ok(row)
         })
         .collect()
+}
+
+/// All bytes of a file that has so many; `None` if it has more or fewer. The child may still be writing: of a file
+/// that grows no more is read than tells so.
+fn read_exactly(file: impl Read, expected: u64) -> io::Result<Option<Vec<u8>>> {
+    let mut bytes = Vec::new();
+    file.take(expected + 1).read_to_end(&mut bytes)?;
+    Ok((bytes.len() as u64 == expected).then_some(bytes))
 }
 
 fn check_row(row: [f32; 5], a: Size, b: Size) -> Result<(), String> {
@@ -177,6 +181,10 @@ pub fn is_inside(x: f32, y: f32, size: Size) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::{self, OpenOptions};
+    use std::io::Write;
+    use std::thread;
+
     use super::*;
 
     const SIZES: [Size; 2] = [Size::new(640, 480), Size::new(100, 200)];
@@ -237,6 +245,59 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let wrong = read_rows(folder.path(), 1, SIZES, 0.0).unwrap_err();
         assert!(wrong.contains("a folder where a file is needed"), "{wrong}");
+    }
+
+    /// A file that grows as fast as it is read, and how many bytes were read.
+    struct Endless(u64);
+
+    impl Read for Endless {
+        fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+            to.fill(1);
+            self.0 += to.len() as u64;
+            Ok(to.len())
+        }
+    }
+
+    #[test]
+    fn of_a_file_that_grows_while_it_is_read_no_more_is_read_than_tells_so() {
+        let mut endless = Endless(0);
+        assert_eq!(read_exactly(&mut endless, 40).unwrap(), None);
+        assert_eq!(endless.0, 41);
+        assert_eq!(read_exactly(&[1; 39][..], 40).unwrap(), None);
+        assert_eq!(read_exactly(&[1; 40][..], 40).unwrap(), Some(vec![1; 40]));
+    }
+
+    #[test]
+    fn a_file_that_is_being_written_is_refused_or_gives_what_was_promised() {
+        const COUNT: usize = 2000;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("0_1.f32");
+        let row = [1.0, 2.0, 3.0, 4.0, 0.5_f32];
+        let bytes: Vec<u8> = row.iter().flat_map(|value| value.to_le_bytes()).collect();
+        let part = bytes.repeat(COUNT / 4);
+        thread::scope(|scope| {
+            let writer = scope.spawn(|| {
+                for _ in 0..200 {
+                    // Empty again, then up to twice what was promised.
+                    fs::write(&path, b"").unwrap();
+                    let mut file = OpenOptions::new().append(true).open(&path).unwrap();
+                    (0..8).for_each(|_| file.write_all(&part).unwrap());
+                }
+            });
+            while !writer.is_finished() {
+                match read_rows(&path, COUNT, SIZES, 0.0) {
+                    Ok(rows) => assert_eq!(rows, vec![row; COUNT]),
+                    Err(wrong) => {
+                        let named = [
+                            "but wrote",
+                            "change while they are read",
+                            "wrote no matches",
+                        ];
+                        assert!(named.iter().any(|named| wrong.contains(named)), "{wrong}");
+                    }
+                }
+            }
+        });
     }
 
     #[test]

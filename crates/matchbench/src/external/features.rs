@@ -39,15 +39,17 @@ pub(super) fn read_features(
     hamming: bool,
 ) -> Result<Features, String> {
     let wrong = |error: ArrayError| format!("its file of features: {}", error.what());
-    let mut file = Npz::open(path).map_err(wrong)?;
-    if let Some(unknown) = (file.names().iter()).find(|name| !KNOWN.contains(&name.as_str())) {
-        let known = KNOWN.join(", ");
-        return Err(format!("it wrote an array `{unknown}`; there are {known}"));
-    }
     if count > MOST_FEATURES {
         return Err(format!(
             "it promises {count} features; {MOST_FEATURES} are the most"
         ));
+    }
+    // No array of so many features is larger, whatever the file says or becomes.
+    let most_bytes = (count + 1) * LONGEST_DESCRIPTOR * size_of::<f64>();
+    let mut file = (Npz::open(path).map_err(wrong)?).with_arrays_of(most_bytes);
+    if let Some(unknown) = (file.names().iter()).find(|name| !KNOWN.contains(&name.as_str())) {
+        let known = KNOWN.join(", ");
+        return Err(format!("it wrote an array `{unknown}`; there are {known}"));
     }
     let points = array(&mut file, "keypoints", &[count, 2])?.ok_or("it wrote no `keypoints`")?;
     let mut column = |name: &str| array(&mut file, name, &[count]);
@@ -140,6 +142,10 @@ fn read_descriptors(array: &Array, count: usize, hamming: bool) -> Result<Descri
 
 #[cfg(test)]
 mod tests {
+    use std::fs::{self, OpenOptions};
+    use std::io::Write;
+    use std::thread;
+
     use super::*;
     use crate::arrays::testing::{floats, npy, write_npz};
 
@@ -197,6 +203,61 @@ mod tests {
             panic!("real values")
         };
         assert_eq!(values.row(0)[7..], [128.0, 3.0, 4.0]);
+    }
+
+    #[test]
+    fn a_file_that_is_being_written_is_refused_or_gives_what_was_promised() {
+        let points = ("keypoints", floats("(2, 2)", &[0.5, 480.0, 10.0, 20.25]));
+        let rows = (
+            "descriptors",
+            floats("(2, 3)", &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
+        );
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.npz");
+        write_npz(&path, &[points, rows]);
+        let read = || read_features(&path, 2, SIZE, 0.5, false);
+        let expected = read().unwrap();
+        let whole = fs::read(&path).unwrap();
+        // As it is seen at any moment while it grows.
+        for length in 0..whole.len() {
+            fs::write(&path, &whole[..length]).unwrap();
+            let wrong = read().unwrap_err();
+            assert!(
+                wrong.contains("its file of features: no zip file"),
+                "{wrong}"
+            );
+        }
+        // While it is read: complete, with its end again behind it, and with more that is none of it.
+        thread::scope(|scope| {
+            let writer = scope.spawn(|| {
+                for _ in 0..200 {
+                    fs::write(&path, &whole[..whole.len() / 2]).unwrap();
+                    let mut file = OpenOptions::new().append(true).open(&path).unwrap();
+                    file.write_all(&whole[whole.len() / 2..]).unwrap();
+                    for _ in 0..4 {
+                        file.write_all(&whole).unwrap();
+                        file.write_all(&[0; 4096]).unwrap();
+                    }
+                }
+            });
+            while !writer.is_finished() {
+                match read() {
+                    Ok(features) => assert!(features == expected),
+                    Err(wrong) => assert!(wrong.contains("file of features"), "{wrong}"),
+                }
+            }
+        });
+    }
+
+    #[test]
+    fn an_array_has_no_more_bytes_than_so_many_features_can_have() {
+        let points = ("keypoints", floats("(1, 2)", &[1.0, 1.0]));
+        let rows = ("descriptors", floats("(1, 20000)", &vec![0.0; 20_000]));
+        let wrong = read(&[points, rows], 1, false).unwrap_err();
+        assert!(
+            wrong.contains("[1, 20000] is larger than 65536 bytes"),
+            "{wrong}"
+        );
     }
 
     #[test]
