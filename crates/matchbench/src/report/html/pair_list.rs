@@ -67,8 +67,9 @@ struct Method<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     corner: Option<Vec<i32>>,
     translation: Vec<i32>,
-    correspondences: Vec<u32>,
     /// -1 if they were not counted.
+    correspondences: Vec<i64>,
+    /// The same.
     selected: Vec<i64>,
     /// -1 if there is an estimate, else the number of the failure.
     failure: Vec<i8>,
@@ -274,11 +275,12 @@ impl Method<'_> {
         if let Some(corner) = &mut self.corner {
             corner.push(hundredths(pair.and_then(PairResult::corner_error)));
         }
-        self.correspondences
-            .push(pair.and_then(|pair| pair.correspondences).unwrap_or(0));
+        let counted = |number: Option<u32>| number.map_or(-1, i64::from);
+        let correspondences = pair.and_then(|pair| pair.correspondences);
+        self.correspondences.push(counted(correspondences));
         let counts = pair.and_then(|pair| pair.counts);
         self.selected
-            .push(counts.map_or(-1, |counts| counts.selected.into()));
+            .push(counted(counts.map(|counts| counts.selected)));
         let failure = pair.map_or(Some(crate::metrics::Failure::Missing), |pair| {
             pair.outcome.err()
         });
@@ -311,7 +313,9 @@ mod tests {
 
     #[test]
     fn names_cannot_end_the_script_and_columns_are_as_long() {
-        let content = content(&[("</script>", "sift", 6), ("</script>", "orb", 2)]);
+        let mut content = content(&[("</script>", "sift", 6), ("</script>", "orb", 2)]);
+        // Of the first pair nobody told how many there are; of the last, that there are none.
+        content.results[0].pairs[0].correspondences = None;
         let overview = Overview::new(&content.summaries);
         let text = data(&content, &overview, &Extent::default());
         assert!(!text.contains('<'));
@@ -319,7 +323,13 @@ mod tests {
         let listed = &value["datasets"][0];
         assert_eq!(listed["name"], "</script>");
         for method in 0..2 {
-            for column in ["rotation", "translation", "selected", "failure"] {
+            for column in [
+                "rotation",
+                "translation",
+                "correspondences",
+                "selected",
+                "failure",
+            ] {
                 let column = listed["methods"][method][column].as_array().map(Vec::len);
                 assert_eq!(column, Some(10));
             }
@@ -327,5 +337,9 @@ mod tests {
         assert_eq!(listed["methods"][0]["failure"][0], -1);
         assert_eq!(listed["methods"][0]["failure"][9], 1);
         assert_eq!(listed["methods"][0]["translation"][0], 20);
+        let correspondences = &listed["methods"][0]["correspondences"];
+        assert_eq!(correspondences[0], -1);
+        assert!(correspondences[1].as_i64() > Some(0), "{correspondences}");
+        assert_eq!(correspondences[9], 0);
     }
 }

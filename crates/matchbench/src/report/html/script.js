@@ -166,6 +166,7 @@
     const beside = new Map(data.datasets.map((d) => [d, new Set(d.pages)]));
     const paged = () => beside.get(dataset());
     const address = (i) => `${dataset().folder}/${dataset().a[i]}-${dataset().b[i]}.html`;
+    const counted = (number) => (number < 0 ? null : number);
     const degrees = (hundredths) => (hundredths < 0 ? null : hundredths / 100);
     const pose = (m, i) => (m.translation[i] < 0 ? null : Math.max(m.rotation[i], m.translation[i]) / 100);
     const corner = (m, i) => (m.corner ? degrees(m.corner[i]) : null);
@@ -176,8 +177,8 @@
       ["Baseline", (d, m, i) => d.baseline[i] ?? null, 3],
       ["Angle", (d, m, i) => d.angle[i] ?? null, 1],
       ["Overlap", (d, m, i) => d.overlap[i] ?? null, 2],
-      ["Selected", (d, m, i) => (m.selected[i] < 0 ? null : m.selected[i]), 0],
-      ["Correspondences", (d, m, i) => m.correspondences[i], 0],
+      ["Selected", (d, m, i) => counted(m.selected[i]), 0],
+      ["Correspondences", (d, m, i) => counted(m.correspondences[i]), 0],
       ["Error", (d, m, i) => pose(m, i), 2],
       ["Rotation", (d, m, i) => degrees(m.rotation[i]), 2],
       ["Translation", (d, m, i) => degrees(m.translation[i]), 2],
@@ -282,7 +283,7 @@
           sort();
           show(i);
         });
-        const cells = [m.selected[i] < 0 ? "–" : m.selected[i], m.failure[i] < 0 ? m.correspondences[i] : "–", m.failure[i] >= 0 ? data.failures[m.failure[i]] : error(m) === Infinity ? "–" : error(m).toFixed(2) + (m.corner ? " px" : "")];
+        const cells = [counted(m.selected[i]) ?? "–", m.failure[i] < 0 ? counted(m.correspondences[i]) ?? "–" : "–", m.failure[i] >= 0 ? data.failures[m.failure[i]] : error(m) === Infinity ? "–" : error(m).toFixed(2) + (m.corner ? " px" : "")];
         const first = make("th", { scope: "row", className: "name" }, choose, i in m.pictures ? " \u25a3" : "");
         const row = make("tr", { className: m === method() ? "chosen" : "" }, first);
         row.append(...cells.map((textContent) => make("td", { textContent })));
@@ -302,8 +303,9 @@
       const failed = m.failure[i] >= 0;
       const off = () => (m.corner ? `Corners off by ${corner(m, i)?.toFixed(2) ?? "infinitely many"} px.`
         : `Pose off by ${pose(m, i)?.toFixed(2) ?? "–"}°: rotation ${degrees(m.rotation[i]).toFixed(2)}°, translation ${degrees(m.translation[i])?.toFixed(2) ?? "–"}°.`);
-      const words = failed ? data.reasons[m.failure[i]]
-        : `${off()} ${m.correspondences[i]} correspondences${m.selected[i] < 0 ? "" : ` of ${m.selected[i]} selected matches`}.`;
+      const numbers = [[m.correspondences[i], "correspondences"], [m.selected[i], "selected matches"]]
+        .filter(([number]) => counted(number) !== null).map(([number, of]) => `${number} ${of}`).join(" of ");
+      const words = failed ? data.reasons[m.failure[i]] : `${off()}${numbers ? ` ${numbers}.` : ""}`;
       const button = (textContent, action) => {
         const button = make("button", { type: "button", textContent });
         button.addEventListener("click", action);
