@@ -100,6 +100,23 @@ fn inliers_of_an_estimator_without_a_threshold_are_those_that_it_counted() {
 }
 
 #[test]
+fn inliers_of_a_homography_are_those_that_the_estimator_counted() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let wall = dataset(folder, "wall", 3);
+    homographies(&wall, &[(0, 1), (0, 2), (1, 2)]);
+    let run = ["run", "wall", "--matchers", "sift", "--out", "run"];
+    let estimators = ["--estimator", "best-h,ransac-h"];
+    succeeds(folder, &[&run[..], &estimators].concat());
+    let sequence = Sequence::open(&wall).expect("a dataset");
+    for estimator in ["best-h", "ransac-h"] {
+        let (exported, counted) = exported_and_counted(folder, &sequence, estimator);
+        assert!(counted > 0);
+        assert_eq!(exported, counted, "{estimator}");
+    }
+}
+
+#[test]
 fn homographies_are_not_exported_as_poses_that_failed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();

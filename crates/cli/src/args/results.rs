@@ -219,8 +219,8 @@ pub(crate) struct ExportArgs {
     /// packed
     #[arg(long, value_name = "FORMAT", default_value = "authors")]
     pub format: String,
-    /// Only the matches that this estimator counted as inliers of its poses, instead of all selected
-    /// matches; of a fundamental matrix as many, those nearest to the pose
+    /// Only the matches that this estimator counted as inliers of its poses or homographies, instead of all
+    /// selected matches; of a fundamental matrix as many, those nearest to the pose
     #[arg(long, value_name = "ESTIMATOR")]
     pub inliers: Option<String>,
     /// Where datasets are now, if they were moved

@@ -1,6 +1,7 @@
-//! The export of matches: the selected matches of a run, or those that agree with the estimated pose.
+//! The export of matches: the selected matches of a run, or those that agree with the estimated pose or homography.
 //!
-//! The matches that agree with a pose are as many as its record says that the estimator counted, and those with
+//! The matches that agree with a homography are as many as its record says that the estimator counted, and those with
+//! the least symmetric transfer distances. The matches that agree with a pose are as many as its record says that the estimator counted, and those with
 //! the least Sampson distances from the pose. An estimator counts the matches within some distance of its model,
 //! and the model is the pose. So these are its own inliers, also where only the estimator knew the distance,
 //! because it was estimated from the matches of the pair. Distances are between the points that the estimator
@@ -19,10 +20,11 @@ use std::collections::{BTreeMap, BinaryHeap, HashMap};
 use std::path::{Component, Path, PathBuf};
 
 use matchbench_vision::geometry::{
-    Camera, MatchedPoints, RelativePose, essential_from_pose, squared_sampson_distances,
+    Camera, MatchedPoints, PointPairs, RelativePose, essential_from_pose,
+    squared_sampson_distances, squared_transfer_distances,
 };
 use matchbench_vision::image::Size;
-use nalgebra::Point2;
+use nalgebra::{Matrix3, Point2};
 
 use super::ExchangeError;
 use crate::datasets::{Frame, Sequence};
@@ -55,13 +57,22 @@ pub struct PairExport {
 pub type Seen<'a> =
     &'a dyn Fn([&Camera; 2], [Size; 2], &MatchedPoints) -> (MatchedPoints, [Camera; 2]);
 
-/// An estimated relative pose.
+/// What was estimated of two images.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TwoView {
-    /// The pose.
-    pub b_from_a: RelativePose,
-    /// For each match whether it agrees with the pose.
+    /// The estimate.
+    pub b_from_a: Model,
+    /// For each match whether it agrees with the estimate.
     pub inliers: Vec<bool>,
+}
+
+/// An estimate from matches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Model {
+    /// A relative pose.
+    Pose(RelativePose),
+    /// A homography: it takes pixels of a, the first one's centre at (0, 0), to those of b.
+    Homography(Matrix3<f64>),
 }
 
 impl<'a> Export<'a> {
@@ -87,7 +98,7 @@ impl<'a> Export<'a> {
         })
     }
 
-    /// The selected matches in `matches`, of the first repetition, with the poses in `records` that
+    /// The selected matches in `matches`, of the first repetition, with the poses or homographies in `records` that
     /// one estimator left, and the matches that it counted as inliers, judged by what it has `seen`.
     ///
     /// # Errors
@@ -99,11 +110,14 @@ impl<'a> Export<'a> {
         seen: Seen<'_>,
     ) -> Result<Self, ExchangeError> {
         let mut export = Self::new(sequence, Vec::new())?;
-        let poses: BTreeMap<_, _> = (records.iter())
+        let models: BTreeMap<_, _> = (records.iter())
             .filter(|record| record.task.repetition == 0)
             .filter_map(|record| {
+                let outcome = &record.outcome;
+                let model = (outcome.pose().map(Model::Pose))
+                    .or_else(|| outcome.homography().map(Model::Homography));
                 let frames = (record.task.a, record.task.b);
-                Some((frames, (record.outcome.pose()?, record.outcome.inliers()?)))
+                Some((frames, (model?, outcome.inliers()?)))
             })
             .collect();
         for pair in &sequence.pairs {
@@ -117,12 +131,15 @@ impl<'a> Export<'a> {
             let frames = [pair.a, pair.b].map(|frame| frame as usize);
             let cameras = frames.map(|frame| &sequence.frames[frame].camera);
             let sizes = frames.map(|frame| export.sizes[frame]);
-            let two_view = poses.get(&(pair.a, pair.b)).map(|(pose, counted)| {
-                let seen = seen(cameras, sizes, &selected.points);
-                TwoView {
-                    b_from_a: *pose,
-                    inliers: nearest(pose, &seen, *counted as usize),
-                }
+            let two_view = models.get(&(pair.a, pair.b)).map(|&(b_from_a, counted)| {
+                let squared = match &b_from_a {
+                    Model::Pose(pose) => {
+                        to_epipolar_lines(pose, &seen(cameras, sizes, &selected.points))
+                    }
+                    Model::Homography(h) => to_homography(h, &selected.points),
+                };
+                let inliers = nearest(&squared, counted as usize);
+                TwoView { b_from_a, inliers }
             });
             export.pairs.push(PairExport {
                 frames: (pair.a, pair.b),
@@ -133,8 +150,7 @@ impl<'a> Export<'a> {
         Ok(export)
     }
 
-    /// The same with nothing but the matches that agree with the estimated poses; pairs without a
-    /// pose are left out.
+    /// The same with nothing but the matches that agree with the estimates; pairs without an estimate are left out.
     #[must_use]
     pub fn inliers_alone(mut self) -> Self {
         self.pairs.retain(|pair| pair.two_view.is_some());
@@ -196,25 +212,33 @@ impl PairExport {
     }
 }
 
-/// Which matches are the `count` nearest to the epipolar geometry of a pose.
-fn nearest(
+/// Squared Sampson distances of matches from the epipolar geometry of a pose.
+fn to_epipolar_lines(
     pose: &RelativePose,
     (points, [camera_a, camera_b]): &(MatchedPoints, [Camera; 2]),
-    count: usize,
-) -> Vec<bool> {
+) -> Vec<f64> {
     let pairs = points.at_depth_1(camera_a, camera_b);
     let mut squared = vec![0.0; pairs.len()];
-    let all = 0..pairs.len();
-    squared_sampson_distances(
-        &essential_from_pose(pose),
-        &pairs,
-        all.clone(),
-        &mut squared,
-    );
-    let mut order: Vec<usize> = all.collect();
+    let essential = essential_from_pose(pose);
+    squared_sampson_distances(&essential, &pairs, 0..pairs.len(), &mut squared);
+    squared
+}
+
+/// Squared symmetric transfer distances of matches from a homography.
+fn to_homography(homography: &Matrix3<f64>, points: &MatchedPoints) -> Vec<f64> {
+    let pairs: PointPairs =
+        std::iter::zip(points.a.iter().copied(), points.b.iter().copied()).collect();
+    let mut squared = vec![0.0; pairs.len()];
+    squared_transfer_distances(homography, &pairs, 0..pairs.len(), &mut squared);
+    squared
+}
+
+/// Which matches have the `count` least distances.
+fn nearest(squared: &[f64], count: usize) -> Vec<bool> {
+    let mut order: Vec<usize> = (0..squared.len()).collect();
     // In the total order NaN is the largest, if it has no sign.
     order.sort_by(|&i, &j| squared[i].abs().total_cmp(&squared[j].abs()));
-    let mut inliers = vec![false; pairs.len()];
+    let mut inliers = vec![false; squared.len()];
     for &i in order.iter().take(count) {
         inliers[i] = true;
     }
@@ -382,7 +406,10 @@ mod tests {
                 };
                 let found = estimator.estimate(views, Seed(1)).expect("most are right");
                 let seen = (points.clone(), [CAMERA; 2]);
-                let nearest = nearest(&found.b_from_a, &seen, found.inliers.len());
+                let nearest = nearest(
+                    &to_epipolar_lines(&found.b_from_a, &seen),
+                    found.inliers.len(),
+                );
                 let nearest: Vec<u32> = (0..).zip(nearest).filter(|x| x.1).map(|x| x.0).collect();
                 assert_eq!(nearest, found.inliers, "{id}, noise {noise}");
                 counts.push(nearest.len());
@@ -401,9 +428,10 @@ mod tests {
             direction: UnitVector3::new_normalize(Vector3::new(1.0, 0.0, 0.1)),
         };
         let seen = (points, [CAMERA; 2]);
-        let inliers = nearest(&pose, &seen, 19);
+        let squared = to_epipolar_lines(&pose, &seen);
+        let inliers = nearest(&squared, 19);
         assert!((0..20).all(|i| inliers[i] == (i != 3)), "{inliers:?}");
-        assert_eq!(nearest(&pose, &seen, 99), [true; 20]);
+        assert_eq!(nearest(&squared, 99), [true; 20]);
     }
 
     fn points(xs: &[f64]) -> Vec<Point2<f64>> {

@@ -41,7 +41,7 @@ use crate::arrays::Element;
 use crate::config::{self, UnknownName};
 
 pub use error::ExchangeError;
-pub use export::{Export, PairExport, Seen, TwoView};
+pub use export::{Export, Model, PairExport, Seen, TwoView};
 pub use names::NamedBy;
 pub use options::ReadOptions;
 pub use read::{FileMatches, MatchFiles, Survey};

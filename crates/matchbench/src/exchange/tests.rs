@@ -494,10 +494,10 @@ fn export(sequence: &Sequence) -> Export<'_> {
                 range.clone().map(|i| (i as f32 * 0.37).fract()).collect(),
             ),
             two_view: (b == 1).then(|| TwoView {
-                b_from_a: RelativePose {
+                b_from_a: Model::Pose(RelativePose {
                     rotation: UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3),
                     direction: UnitVector3::new_normalize(Vector3::new(1.0, 0.2, 0.1)),
-                },
+                }),
                 inliers: range.map(|i| i % 3 == 0).collect(),
             }),
         }

@@ -3,11 +3,13 @@
 use std::fs;
 use std::path::PathBuf;
 
-use rusqlite::Connection;
+use matchbench_vision::geometry::{MatchedPoints, transfer};
+use nalgebra::{Matrix3, Point2, Vector2};
+use rusqlite::{Connection, Row};
 use tempfile::TempDir;
 
 use super::super::tests::dataset;
-use super::super::{MatchFiles, ReadOptions};
+use super::super::{Export, FORMATS, MatchFiles, Model, PairExport, ReadOptions, TwoView};
 
 /// The database among the fixtures.
 fn database(folder: &TempDir) -> (PathBuf, Connection) {
@@ -39,6 +41,50 @@ fn verified_matches_are_those_of_the_two_view_geometries() {
         message.contains("`two_view_geometries` is empty; leave --verified out"),
         "{message}"
     );
+}
+
+#[test]
+fn a_homography_is_written_in_the_pixels_of_colmap_from_the_smaller_number_of_an_image_to_the_larger()
+ {
+    let (folder, sequence) = dataset();
+    let moved = Matrix3::new(1.0, 0.1, 5.0, 0.0, 0.9, -3.0, 1e-4, 0.0, 1.0);
+    let points: Vec<Point2<f64>> = [(10.0, 20.0), (300.0, 40.0), (200.0, 150.0)]
+        .map(|(x, y)| Point2::new(x, y))
+        .into();
+    let seen: Vec<Point2<f64>> = points.iter().map(|&p| transfer(&moved, p)).collect();
+    for frames in [(0, 1), (1, 0)] {
+        let pair = PairExport {
+            frames,
+            points: MatchedPoints::new(points.clone(), seen.clone(), vec![0.0; 3]),
+            two_view: Some(TwoView {
+                b_from_a: Model::Homography(moved),
+                inliers: vec![true, false, true],
+            }),
+        };
+        let export = Export::new(&sequence, vec![pair]).unwrap();
+        let out = folder.path().join(format!("from-{}", frames.0));
+        let format = FORMATS.iter().find(|format| format.id == "colmap").unwrap();
+        let file = format.write(&out, &export).unwrap().remove(0);
+        let row = "SELECT config, rows, H FROM two_view_geometries";
+        let read = |row: &Row<'_>| Ok((row.get(0)?, row.get(1)?, row.get(2)?));
+        let (config, rows, h): (i64, i64, Vec<u8>) = Connection::open(file)
+            .and_then(|connection| connection.query_row(row, [], read))
+            .unwrap();
+        assert_eq!((config, rows), (6, 2));
+        let h: Vec<f64> = (h.as_chunks().0.iter())
+            .map(|&b| f64::from_le_bytes(b))
+            .collect();
+        let h = Matrix3::from_row_slice(&h);
+        let half = Vector2::new(0.5, 0.5);
+        let (from, to) = if frames.0 == 0 {
+            (&points, &seen)
+        } else {
+            (&seen, &points)
+        };
+        for (from, to) in from.iter().zip(to) {
+            assert!((transfer(&h, from + half) - (to + half)).norm() < 1e-9);
+        }
+    }
 }
 
 #[test]

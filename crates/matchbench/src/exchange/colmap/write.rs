@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::{Camera, RelativePose, essential_from_pose};
 use matchbench_vision::image::Size;
-use nalgebra::{Matrix3, UnitVector3};
+use nalgebra::{Matrix3, UnitVector3, Vector2};
 use rusqlite::{Connection, MAIN_DB, params};
 
-use super::super::export::{TwoView, numbered};
+use super::super::export::{Model, TwoView, numbered};
 use super::super::{ExchangeError, Export};
 use super::{CENTER, MOST_IMAGES};
 use crate::files::write_new;
@@ -63,6 +63,8 @@ CREATE TABLE two_view_geometries (
 
 /// COLMAP's number for a pair of calibrated cameras whose essential matrix is known.
 const CALIBRATED: i64 = 2;
+/// COLMAP's number for a pair whose homography is known: of a plane, or of cameras in one place.
+const PLANAR_OR_PANORAMIC: i64 = 6;
 
 /// Writes `database.db`. Coordinates are float32 with 0.5 added, which rounds them by up to half a
 /// unit in the last place: all that COLMAP can hold.
@@ -140,15 +142,19 @@ fn database(export: &Export<'_>) -> rusqlite::Result<Vec<u8>> {
         let Some(TwoView { b_from_a, inliers }) = &pair.two_view else {
             continue;
         };
-        let pose = if swapped {
-            inverse(b_from_a)
-        } else {
-            *b_from_a
-        };
         let camera = |frame: u32| &export.sequence.frames[frame as usize].camera;
-        let e = essential_from_pose(&pose);
-        let f = fundamental(&e, camera(first), camera(second));
-        let q = pose.rotation.quaternion();
+        let geometry = match b_from_a {
+            Model::Pose(pose) => {
+                let pose = if swapped { inverse(pose) } else { *pose };
+                Geometry::of_pose(&pose, camera(first), camera(second))
+            }
+            Model::Homography(h) => {
+                let Some(h) = (if swapped { h.try_inverse() } else { Some(*h) }) else {
+                    continue;
+                };
+                Geometry::of_homography(&h)
+            }
+        };
         let inlying = rows(&|row| inliers[row]);
         transaction.execute(
             "INSERT INTO two_view_geometries VALUES (?1, ?2, 2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)",
@@ -156,17 +162,63 @@ fn database(export: &Export<'_>) -> rusqlite::Result<Vec<u8>> {
                 pair_id,
                 (inlying.len() / 8) as i64,
                 inlying,
-                CALIBRATED,
-                matrix(&f),
-                matrix(&e),
-                matrix(&Matrix3::zeros()),
-                doubles(&[q.w, q.i, q.j, q.k]),
-                doubles(pose.direction.as_slice()),
+                geometry.config,
+                matrix(&geometry.f),
+                matrix(&geometry.e),
+                matrix(&geometry.h),
+                doubles(&geometry.rotation),
+                doubles(&geometry.translation),
             ],
         )?;
     }
     transaction.commit()?;
     Ok(connection.serialize(MAIN_DB)?.to_vec())
+}
+
+/// What COLMAP keeps of the geometry of two images; matrices that it does not have are zero.
+struct Geometry {
+    /// COLMAP's number of its kind.
+    config: i64,
+    f: Matrix3<f64>,
+    e: Matrix3<f64>,
+    h: Matrix3<f64>,
+    /// A quaternion, w first.
+    rotation: [f64; 4],
+    translation: [f64; 3],
+}
+
+impl Geometry {
+    const NONE: Self = Self {
+        config: 0,
+        f: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        e: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        h: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        rotation: [1.0, 0.0, 0.0, 0.0],
+        translation: [0.0; 3],
+    };
+
+    fn of_pose(pose: &RelativePose, first: &Camera, second: &Camera) -> Self {
+        let e = essential_from_pose(pose);
+        let q = pose.rotation.quaternion();
+        Self {
+            config: CALIBRATED,
+            f: fundamental(&e, first, second),
+            e,
+            rotation: [q.w, q.i, q.j, q.k],
+            translation: pose.direction.into_inner().into(),
+            ..Self::NONE
+        }
+    }
+
+    /// Of a homography of pixels whose first one's centre is at (0, 0).
+    fn of_homography(h: &Matrix3<f64>) -> Self {
+        let shift = |by| Matrix3::new_translation(&Vector2::new(by, by));
+        Self {
+            config: PLANAR_OR_PANORAMIC,
+            h: shift(CENTER) * h * shift(-CENTER),
+            ..Self::NONE
+        }
+    }
 }
 
 /// COLMAP counts images from 1.
