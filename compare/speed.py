@@ -7,7 +7,8 @@ SMALL and LARGE are two images each of one scene, for example 640 x 480 and 3072
 import` made. Three parts are run: the features (`features.py`), the exact searches (`search.py`), and the whole protocol
 with SIFT from files to scores, ours and that of `opencv_run.py` with FLANN. Each part runs both sides in turn, checks the
 results in the same run, and stops with an error if they differ. OpenCV is measured twice: as it comes, and in a process
-that keeps all freed memory (by variables of the C library of GNU), since matchbench keeps some too. OUT gets table.md, machine.txt and the output of the parts.
+that keeps all freed memory (by variables of the C library of GNU), since matchbench keeps some too. OUT gets table.md,
+machine.txt and the output of the parts.
 No other program should run at the same time; the load at the beginning is written to machine.txt. With
 MATCHBENCH_SIMD=avx2 OPENCV_CPU_DISABLE=AVX512-SKX in the environment, neither side uses AVX-512.
 """

@@ -1,13 +1,12 @@
 //! The export of matches: the selected matches of a run, or those that agree with the estimated pose or homography.
 //!
-//! The matches that agree with a homography are as many as its record says that the estimator counted, and those with
-//! the least symmetric transfer distances. The matches that agree with a pose are as many as its record says that the estimator counted, and those with
-//! the least Sampson distances from the pose. An estimator counts the matches within some distance of its model,
-//! and the model is the pose. So these are its own inliers, also where only the estimator knew the distance,
-//! because it was estimated from the matches of the pair. Distances are between the points that the estimator
-//! saw: a protocol may have moved them. Which matches they are is known less exactly in two cases: where the model
-//! was a fundamental matrix, which a pose only approximates, and with `tangent_sampson`, which measures distances
-//! in the image.
+//! The matches that agree with an estimate are as many as its record says that the estimator counted, and those
+//! nearest to it: with the least Sampson distances from a pose, or the least symmetric transfer distances from a
+//! homography. An estimator counts the matches within some distance of its model, and the model is the estimate. So
+//! these are its own inliers, also where only the estimator knew the distance, because it was estimated from the
+//! matches of the pair. Distances from poses are between the points that the estimator saw: a protocol may have moved
+//! them. Which matches they are is known less exactly in two cases: where the model was a fundamental matrix, which
+//! a pose only approximates, and with `tangent_sampson`, which measures distances in the image.
 //!
 //! Formats that share keypoints among pairs (COLMAP's and hloc's) need a list of keypoints for each image.
 //! It is made from the matched points: points at the same place are one keypoint, unless one pair matches

@@ -15,6 +15,7 @@
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use crate::params::ParamError;
+use crate::simd::processor::halves_vectors;
 #[cfg(target_arch = "x86_64")]
 use crate::simd::tiles;
 
@@ -101,10 +102,6 @@ impl InstructionSet {
     /// If [`Self::asked_for`] is an error, which programs should report when they start.
     #[inline]
     pub fn in_use() -> Self {
-        #[cfg(test)]
-        if let Some(set) = tests::FORCED.get() {
-            return set;
-        }
         Self::of_choice(Self::choice())
     }
 
@@ -113,10 +110,6 @@ impl InstructionSet {
     #[cfg(target_arch = "x86_64")]
     #[inline]
     pub(super) fn in_use_unless_halved() -> Self {
-        #[cfg(test)]
-        if let Some(set) = tests::FORCED.get() {
-            return set;
-        }
         let choice = Self::choice();
         if choice & HALVED == 0 {
             Self::of_choice(choice)
@@ -138,6 +131,10 @@ impl InstructionSet {
     /// The set as a number, with [`HALVED`] where that applies.
     #[inline]
     fn choice() -> u8 {
+        #[cfg(test)]
+        if let Some(set) = tests::FORCED.get() {
+            return set as u8;
+        }
         match IN_USE.load(Ordering::Relaxed) {
             0 => Self::choose(),
             choice => choice,
@@ -164,25 +161,6 @@ impl InstructionSet {
             tests::FORCED.set(before);
         }
     }
-}
-
-/// Whether this processor, which has AVX-512, executes vectors of 64 bytes in halves: AMD's family 25 (Zen 4).
-fn halves_vectors() -> bool {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{__cpuid, CpuidResult};
-        #[allow(unused_unsafe)] // which it no longer is in later versions of the language
-        // SAFETY: every processor of 64 bits answers.
-        let answer = |question| unsafe { __cpuid(question) };
-        let CpuidResult { ebx, ecx, edx, .. } = answer(0);
-        let maker = [ebx, edx, ecx].map(u32::to_le_bytes);
-        let version = answer(1).eax;
-        // A family of 15 is continued by the extended family.
-        let family = (version >> 8 & 0xf) + (version >> 20 & 0xff);
-        maker.as_flattened() == b"AuthenticAMD" && family == 25
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    false
 }
 
 #[cfg(test)]

@@ -99,6 +99,7 @@ mod orb;
 mod pooling;
 #[cfg(target_arch = "x86_64")]
 mod prefetch;
+mod processor;
 mod rectify;
 mod refine;
 mod resample;

@@ -133,14 +133,14 @@ multiversioned! {
         const LAST: i32 = NORM_BINS as i32 - 1;
         let mut zeros = 0;
         for norms in norms.chunks(BLOCK) {
-            let mut bins = [0_i32; BLOCK];
+            let mut bins = [0; BLOCK];
             for (bin, &norm) in bins.iter_mut().zip(norms) {
-                *bin = truncated(norm * scale).clamp(0, LAST);
+                *bin = truncated(norm * scale).clamp(0, LAST) as usize;
                 zeros += u32::from(norm == 0.0);
             }
             for bins in bins[..norms.len()].chunks(NORMS_AT_ONCE) {
                 for (counts, &bin) in counts.iter_mut().zip(bins) {
-                    counts[bin.clamp(0, LAST) as usize] += 1;
+                    counts[bin] += 1;
                 }
             }
         }

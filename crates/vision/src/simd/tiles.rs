@@ -13,8 +13,9 @@
 //! by itself, so nothing else can be in them.
 
 use std::arch::asm;
-use std::arch::x86_64::__cpuid_count;
 use std::marker::PhantomData;
+
+use super::processor::answer;
 
 /// Rows of one side that are multiplied with as many of the other.
 pub(super) const ROWS: usize = 32;
@@ -47,9 +48,6 @@ pub(super) fn are_there() -> bool {
     const FEATURES: u32 = 7;
     /// AMX-TILE and AMX-INT8, in EDX.
     const TILES_OF_BYTES: u32 = 1 << 24 | 1 << 25;
-    #[allow(unused_unsafe)] // which it no longer is in later versions of the language
-    // SAFETY: every processor of 64 bits answers.
-    let answer = |question| unsafe { __cpuid_count(question, 0) };
     answer(0).eax >= FEATURES
         && answer(FEATURES).edx & TILES_OF_BYTES == TILES_OF_BYTES
         && are_permitted()

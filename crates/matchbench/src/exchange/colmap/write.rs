@@ -188,15 +188,6 @@ struct Geometry {
 }
 
 impl Geometry {
-    const NONE: Self = Self {
-        config: 0,
-        f: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        e: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        h: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        rotation: [1.0, 0.0, 0.0, 0.0],
-        translation: [0.0; 3],
-    };
-
     fn of_pose(pose: &RelativePose, first: &Camera, second: &Camera) -> Self {
         let e = essential_from_pose(pose);
         let q = pose.rotation.quaternion();
@@ -204,9 +195,9 @@ impl Geometry {
             config: CALIBRATED,
             f: fundamental(&e, first, second),
             e,
+            h: Matrix3::zeros(),
             rotation: [q.w, q.i, q.j, q.k],
             translation: pose.direction.into_inner().into(),
-            ..Self::NONE
         }
     }
 
@@ -215,8 +206,11 @@ impl Geometry {
         let shift = |by| Matrix3::new_translation(&Vector2::new(by, by));
         Self {
             config: PLANAR_OR_PANORAMIC,
+            f: Matrix3::zeros(),
+            e: Matrix3::zeros(),
             h: shift(CENTER) * h * shift(-CENTER),
-            ..Self::NONE
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            translation: [0.0; 3],
         }
     }
 }

@@ -6,9 +6,10 @@
 //! product. Weights and shares are made for sixteen pixels at a time.
 //!
 //! *Benefit*: in the portable text each pixel adds to its own few bins, and a sum in memory waits 16 cycles for the
-//! one before it. Here no sum waits, and there is no branch. Most of the products are zero, so a processor that executes
-//! vectors of 64 bytes in halves is faster with those of 32 ([`super::avx2`]). *Correctness*: the portable text adds the same products
-//! in the same order, except products with zero, which change no sum; a test compares all bits.
+//! one before it. Here no sum waits, and there is no branch. Most of the products are zero, so a processor that
+//! executes vectors of 64 bytes in halves is faster with those of 32 ([`super::avx2`]). *Correctness*: the portable
+//! text adds the same products in the same order, except products with zero, which change no sum; a test compares
+//! all bits.
 
 use std::arch::x86_64::{
     __m512, _CMP_GT_OQ, _CMP_LT_OQ, _MM_FROUND_NO_EXC, _MM_FROUND_TO_NEG_INF, _mm512_add_ps,

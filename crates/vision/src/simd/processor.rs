@@ -1,0 +1,29 @@
+//! What the processor says of itself beside its features, which the standard library knows.
+
+#[cfg(target_arch = "x86_64")]
+use std::arch::x86_64::{__cpuid_count, CpuidResult};
+
+/// What the processor answers to a question (CPUID, with subquestion 0).
+#[cfg(target_arch = "x86_64")]
+pub(super) fn answer(question: u32) -> CpuidResult {
+    #[allow(unused_unsafe)] // which it no longer is in later versions of the language
+    // SAFETY: every processor of 64 bits answers.
+    unsafe {
+        __cpuid_count(question, 0)
+    }
+}
+
+/// Whether this processor, which has AVX-512, executes vectors of 64 bytes in halves: AMD's family 25 (Zen 4).
+pub(super) fn halves_vectors() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let CpuidResult { ebx, ecx, edx, .. } = answer(0);
+        let maker = [ebx, edx, ecx].map(u32::to_le_bytes);
+        let version = answer(1).eax;
+        // A family of 15 is continued by the extended family.
+        let family = (version >> 8 & 0xf) + (version >> 20 & 0xff);
+        maker.as_flattened() == b"AuthenticAMD" && family == 25
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    false
+}
