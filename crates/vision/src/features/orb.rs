@@ -151,7 +151,7 @@ impl Orb {
         wanted
     }
 
-    /// Appends the features of one level.
+    /// Appends the features of one level. `smooth` is for the smoothed level.
     fn extract_level(
         &self,
         image: &GrayImage,
@@ -159,6 +159,7 @@ impl Orb {
         wanted: usize,
         keypoints: &mut Vec<Keypoint>,
         words: &mut Vec<u64>,
+        smooth: &mut Vec<u8>,
     ) {
         let pixels = Pixels {
             data: image.data(),
@@ -190,10 +191,10 @@ impl Orb {
                 }),
         );
 
-        let smooth = gaussian_blur_u8_inside(image, 3, 2.0, MARGIN - PAIR_REACH);
+        gaussian_blur_u8_inside(image, 3, 2.0, MARGIN - PAIR_REACH, smooth);
         let pixels = Pixels {
-            data: smooth.data(),
-            width: smooth.width(),
+            data: smooth,
+            width: image.width(),
         };
         let turns: Vec<[f32; 2]> = angles
             .iter()
@@ -211,6 +212,7 @@ impl Extractor for Orb {
     fn extract(&self, image: &GrayImage) -> Features {
         let mut keypoints = Vec::new();
         let mut words = Vec::new();
+        let mut smooth = Vec::new();
         let mut smaller: Option<GrayImage> = None;
         for (level, wanted) in self.wanted().into_iter().enumerate() {
             if level > 0 {
@@ -221,7 +223,14 @@ impl Extractor for Orb {
             if image.width() <= 2 * MARGIN || image.height() <= 2 * MARGIN {
                 break;
             }
-            self.extract_level(image, level, wanted, &mut keypoints, &mut words);
+            self.extract_level(
+                image,
+                level,
+                wanted,
+                &mut keypoints,
+                &mut words,
+                &mut smooth,
+            );
         }
         let descriptors = Descriptors::Binary(BinaryRows::from_vec(BITS, words));
         Features::new(image.size(), keypoints, descriptors)

@@ -14,10 +14,13 @@ use crate::simd::{weigh_along_u8, weigh_both_u8, weigh_rows_u8};
 /// # Panics
 /// If `sigma` is not positive and finite.
 pub fn gaussian_blur_u8(image: &GrayImage, radius: usize, sigma: f64) -> GrayImage {
-    gaussian_blur_u8_inside(image, radius, sigma, 0)
+    let mut blurred = Vec::new();
+    gaussian_blur_u8_inside(image, radius, sigma, 0, &mut blurred);
+    GrayImage::from_vec(image.size(), blurred)
 }
 
-/// [`gaussian_blur_u8`] of the pixels that are at least `margin` from the border; the others are black.
+/// [`gaussian_blur_u8`] of the pixels that are at least `margin` from the border. `blurred` becomes as long as the
+/// image; its other pixels mean nothing. So it can be used for one image after the other without being cleared.
 ///
 /// # Panics
 /// If `sigma` is not positive and finite.
@@ -26,16 +29,17 @@ pub(crate) fn gaussian_blur_u8_inside(
     radius: usize,
     sigma: f64,
     margin: usize,
-) -> GrayImage {
+    blurred: &mut Vec<u8>,
+) {
     assert!(
         sigma > 0.0 && sigma.is_finite(),
         "a Gaussian of standard deviation {sigma}"
     );
     let half = half_kernel(radius, sigma);
     let (width, height) = (image.width(), image.height());
-    let mut blurred = GrayImage::filled(image.size(), 0);
+    blurred.resize(image.size().area(), 0);
     if width <= 2 * margin || height <= 2 * margin {
-        return blurred;
+        return;
     }
     let mut padded = vec![0.0; width + 2 * radius];
     let mut rows = Vec::with_capacity(2 * radius + 1);
@@ -48,7 +52,7 @@ pub(crate) fn gaussian_blur_u8_inside(
                 .map(|i| image.row(mirror(y as isize + i as isize - radius as isize, height)))
                 .map(|row| &row[read.clone()]),
         );
-        let out = &mut blurred.row_mut(y)[margin..width - margin];
+        let out = &mut blurred[y * width..][margin..width - margin];
         let inside = margin..width - margin + 2 * radius;
         if margin >= radius {
             weigh_both_u8(&rows, &half, &mut padded[inside], out);
@@ -62,7 +66,6 @@ pub(crate) fn gaussian_blur_u8_inside(
         }
         weigh_along_u8(&padded[inside], &half, out);
     }
-    blurred
 }
 
 /// Weights of half of the normalised kernel, from its middle to one end. That of the middle is halved, since it

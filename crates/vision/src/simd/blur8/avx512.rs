@@ -1,95 +1,150 @@
-//! Both passes of a symmetric filter of seven weights in one, in registers (AVX-512), written by hand.
-//!
-//! *Benefit*: the sums between the passes need not be written and read again, at seven places of which most cross
-//! cache lines; this takes less than half the time. *Correctness*: each pixel is computed by the operations of the
-//! portable text in its order; a test compares both.
+//! [Both passes](super) in registers, with vectors of 64 bytes, written by hand.
 
 use std::arch::x86_64::{
-    __m512, _mm_loadu_si128, _mm_storeu_si128, _mm512_add_epi32, _mm512_add_ps,
-    _mm512_castps_si512, _mm512_cvtepi32_epi8, _mm512_cvtepi32_ps, _mm512_cvtepu8_epi32,
-    _mm512_fmadd_ps, _mm512_set1_ps, _mm512_setzero_ps,
+    __m512, __m512i, __mmask64, _mm512_add_epi16, _mm512_add_ps, _mm512_and_si512,
+    _mm512_castps_si512, _mm512_cvtepi32_ps, _mm512_fmadd_ps, _mm512_mask_storeu_epi8,
+    _mm512_maskz_loadu_epi8, _mm512_mul_ps, _mm512_set1_epi16, _mm512_set1_epi32, _mm512_set1_ps,
+    _mm512_slli_epi32, _mm512_srli_epi16, _mm512_srli_epi32, _mm512_ternarylogic_epi32,
 };
 
-use super::ROUND;
+use super::{AROUND, HALF, ROUND, STRIDE, doubled_middle};
 use crate::simd::sixteen::{LANES, from_lane};
 
-/// Weights of one half, with the middle one.
-pub(super) const HALF: usize = 4;
-/// Rows, and columns, that a pixel is made of.
-pub(super) const AROUND: usize = 2 * HALF - 1;
+/// Columns that are looked at together.
+const COLUMNS: usize = STRIDE * LANES;
 
-/// As the function of that name, for at least 16 pixels.
-#[target_feature(enable = "avx512f,avx512bw,avx512vl")]
+/// Bits of a ternary operation that takes those of its second operand where the first has ones, and of the third
+/// elsewhere.
+const SELECT: i32 = 0b1100_1010;
+
+/// As the function of that name.
+#[target_feature(enable = "avx512f,avx512bw")]
 pub(super) fn weigh_both_u8(rows: &[&[u8]; AROUND], half: &[f32; HALF], out: &mut [u8]) {
-    let (count, read) = (out.len(), out.len() + AROUND - 1);
-    assert!(count >= LANES, "a block of pixels");
-    assert!(
-        rows.iter().all(|row| row.len() >= read),
-        "pixels for the weights"
-    );
-    let rows = rows.map(<[u8]>::as_ptr);
-    let weights = half.map(|weight| _mm512_set1_ps(weight));
-    // SAFETY: of each row `read` pixels can be read, at least 22, and `out` has `count`, at least 16.
-    unsafe {
-        let mut here = weigh_columns(rows, &weights, 0);
-        let mut x = 0;
-        while x + 2 * LANES <= read {
-            let next = weigh_columns(rows, &weights, x + LANES);
-            weigh_along(here, next, &weights, out.as_mut_ptr().add(x));
-            here = next;
-            x += LANES;
-        }
-        // The last blocks again make some of what is made, and read no column beyond the six that they need.
-        let last = count - LANES;
-        for x in [x.min(last), last] {
-            let here = weigh_columns(rows, &weights, x);
-            let next = weigh_columns(rows, &weights, x + AROUND - 1);
-            let next = from_lane::<{ (LANES + 1 - AROUND) as i32 }>(next, next);
-            weigh_along(here, next, &weights, out.as_mut_ptr().add(x));
-        }
+    let read = out.len() + AROUND - 1;
+    let rows = rows.map(|row| &row[..read]);
+    let weights = doubled_middle(half).map(|weight| _mm512_set1_ps(weight));
+    // SAFETY: all rows are `read` pixels long.
+    let mut here = unsafe { weigh_columns(rows, &weights, 0, first_bytes(read)) };
+    let mut x = COLUMNS;
+    for out in out.chunks_mut(COLUMNS) {
+        let left = read.saturating_sub(x);
+        // SAFETY: as before. Loads are faster where no mask is needed.
+        let next = unsafe {
+            if left >= COLUMNS {
+                weigh_columns(rows, &weights, x, __mmask64::MAX)
+            } else {
+                weigh_columns(rows, &weights, x, first_bytes(left))
+            }
+        };
+        weigh_along(here, next, &weights, out);
+        here = next;
+        x += COLUMNS;
     }
 }
 
-/// The vertical pass of 16 columns.
+/// The first `count` bytes of a vector, or all.
+#[inline(always)]
+fn first_bytes(count: usize) -> __mmask64 {
+    if count < COLUMNS {
+        (1 << count) - 1
+    } else {
+        __mmask64::MAX
+    }
+}
+
+/// The vertical pass: every fourth column from `x` on, from `x + 1`, `x + 2` and `x + 3`; 0 for columns that are not
+/// `inside`.
 ///
 /// # Safety
-/// Each row must have them.
+/// Columns that are `inside` must lie in each row.
 #[inline]
-#[target_feature(enable = "avx512f,avx512bw,avx512vl")]
-unsafe fn weigh_columns(rows: [*const u8; AROUND], weights: &[__m512; HALF], x: usize) -> __m512 {
-    let mut sum = _mm512_setzero_ps();
-    for (k, &weight) in weights.iter().enumerate() {
+#[target_feature(enable = "avx512f,avx512bw")]
+unsafe fn weigh_columns(
+    rows: [&[u8]; AROUND],
+    weights: &[__m512; HALF],
+    x: usize,
+    inside: __mmask64,
+) -> [__m512; STRIDE] {
+    let load = |row: usize| {
         // SAFETY: the caller's.
-        let [above, below] = [HALF - 1 - k, HALF - 1 + k]
-            .map(|row| unsafe { _mm512_cvtepu8_epi32(_mm_loadu_si128(rows[row].add(x).cast())) });
-        let both = _mm512_cvtepi32_ps(_mm512_add_epi32(above, below));
-        sum = _mm512_fmadd_ps(weight, both, sum);
+        unsafe { _mm512_maskz_loadu_epi8(inside, rows[row].as_ptr().wrapping_add(x).cast()) }
+    };
+    let middle = four_columns(halves(load(HALF - 1)));
+    let mut sums = middle.map(|middle| _mm512_mul_ps(weights[0], middle));
+    for (k, &weight) in weights.iter().enumerate().skip(1) {
+        let [above, below] = [halves(load(HALF - 1 - k)), halves(load(HALF - 1 + k))];
+        let both = [
+            _mm512_add_epi16(above[0], below[0]),
+            _mm512_add_epi16(above[1], below[1]),
+        ];
+        for (sum, both) in sums.iter_mut().zip(four_columns(both)) {
+            *sum = _mm512_fmadd_ps(weight, both, *sum);
+        }
     }
-    sum
+    sums
 }
 
-/// The horizontal pass, from the columns of 16 pixels, the first of which is `HALF - 1` columns further, and the next 16.
-///
-/// # Safety
-/// 16 pixels can be written to `out`.
+/// The even columns as numbers of 16 bits, and the odd ones.
 #[inline]
-#[target_feature(enable = "avx512f,avx512bw,avx512vl")]
-unsafe fn weigh_along(here: __m512, next: __m512, weights: &[__m512; HALF], out: *mut u8) {
+#[target_feature(enable = "avx512f,avx512bw")]
+fn halves(pixels: __m512i) -> [__m512i; 2] {
+    [
+        _mm512_and_si512(pixels, _mm512_set1_epi16(0xff)),
+        _mm512_srli_epi16::<8>(pixels),
+    ]
+}
+
+/// Every fourth column, from the even and the odd ones.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw")]
+fn four_columns([even, odd]: [__m512i; 2]) -> [__m512; STRIDE] {
+    let low = _mm512_set1_epi32(0xffff);
+    [
+        _mm512_cvtepi32_ps(_mm512_and_si512(even, low)),
+        _mm512_cvtepi32_ps(_mm512_and_si512(odd, low)),
+        _mm512_cvtepi32_ps(_mm512_srli_epi32::<16>(even)),
+        _mm512_cvtepi32_ps(_mm512_srli_epi32::<16>(odd)),
+    ]
+}
+
+/// The horizontal pass, from the columns of a block of pixels, the first of which is `HALF - 1` columns further, and
+/// those of the next block. `out` has as many pixels as a block, or fewer.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw")]
+fn weigh_along(
+    here: [__m512; STRIDE],
+    next: [__m512; STRIDE],
+    weights: &[__m512; HALF],
+    out: &mut [u8],
+) {
     let columns = [
-        here,
-        from_lane::<1>(here, next),
-        from_lane::<2>(here, next),
-        from_lane::<3>(here, next),
-        from_lane::<4>(here, next),
-        from_lane::<5>(here, next),
-        from_lane::<6>(here, next),
+        here[0],
+        here[1],
+        here[2],
+        here[3],
+        from_lane::<1>(here[0], next[0]),
+        from_lane::<1>(here[1], next[1]),
+        from_lane::<1>(here[2], next[2]),
+        from_lane::<1>(here[3], next[3]),
+        from_lane::<2>(here[0], next[0]),
+        from_lane::<2>(here[1], next[1]),
     ];
-    let mut sum = _mm512_setzero_ps();
-    for (k, &weight) in weights.iter().enumerate() {
-        let both = _mm512_add_ps(columns[HALF - 1 - k], columns[HALF - 1 + k]);
-        sum = _mm512_fmadd_ps(weight, both, sum);
+    let mut pixels = [_mm512_set1_epi32(0); STRIDE];
+    for (j, pixels) in pixels.iter_mut().enumerate() {
+        let mut sum = _mm512_mul_ps(weights[0], columns[j + HALF - 1]);
+        for (k, &weight) in weights.iter().enumerate().skip(1) {
+            let both = _mm512_add_ps(columns[j + HALF - 1 - k], columns[j + HALF - 1 + k]);
+            sum = _mm512_fmadd_ps(weight, both, sum);
+        }
+        *pixels = _mm512_castps_si512(_mm512_add_ps(sum, _mm512_set1_ps(ROUND)));
     }
-    let rounded = _mm512_castps_si512(_mm512_add_ps(sum, _mm512_set1_ps(ROUND)));
-    // SAFETY: the caller's.
-    unsafe { _mm_storeu_si128(out.cast(), _mm512_cvtepi32_epi8(rounded)) };
+    let byte = _mm512_set1_epi32(0xff);
+    let [low, high] = [[0, 1], [2, 3]].map(|[even, odd]| {
+        let odd = _mm512_slli_epi32::<8>(pixels[odd]);
+        _mm512_ternarylogic_epi32::<SELECT>(byte, pixels[even], odd)
+    });
+    let high = _mm512_slli_epi32::<16>(high);
+    let all = _mm512_ternarylogic_epi32::<SELECT>(_mm512_set1_epi32(0xffff), low, high);
+    // SAFETY: no more bytes are written than there are.
+    unsafe { _mm512_mask_storeu_epi8(out.as_mut_ptr().cast(), first_bytes(out.len()), all) };
 }

@@ -1,5 +1,18 @@
 //! Symmetric filters on 8-bit pixels, with sums in single precision.
+//!
+//! # Both passes in registers
+//! A filter of seven weights (ORB's) is written by hand. The sums between the passes stay in registers, and no pixel
+//! is moved to another lane to become a number: a lane of 32 bits holds four neighbouring pixels, and masks and shifts
+//! take them apart. So four vectors hold every fourth column each. What is to the right of a column of one vector is
+//! then in the same lane of the next vector, or one lane further in the first.
+//!
+//! *Benefit*: with AVX2 0.4 of the time of the portable text, since its sums between the passes are written, and read
+//! again at seven places of which most cross cache lines. *Correctness*: each pixel is computed by the operations of
+//! the portable text in its order. The middle pixel counts twice, and is multiplied by twice its weight, which rounds
+//! alike. A test compares the bits.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 
@@ -11,6 +24,24 @@ const LANES: usize = 32;
 /// Adding this leaves the rounded integer in the lowest bits of the mantissa.
 const ROUND: f32 = 1.5 * (1 << 23) as f32;
 
+/// Weights of one half, with the middle one, of the filter that is written by hand.
+#[cfg(target_arch = "x86_64")]
+const HALF: usize = 4;
+/// Rows, and columns, that a pixel is made of there.
+#[cfg(target_arch = "x86_64")]
+const AROUND: usize = 2 * HALF - 1;
+/// Columns from one to the next of a vector there.
+#[cfg(target_arch = "x86_64")]
+const STRIDE: usize = 4;
+
+/// The weights, for a middle pixel that is not added to itself.
+#[cfg(target_arch = "x86_64")]
+fn doubled_middle(half: &[f32; HALF]) -> [f32; HALF] {
+    let mut weights = *half;
+    weights[0] *= 2.0;
+    weights
+}
+
 /// [`weigh_rows_u8`] and then [`weigh_along_u8`]: rows have `half.len() - 1` pixels more at each end than `out`.
 /// `between` is for what is between the passes; what it holds afterwards means nothing.
 ///
@@ -18,12 +49,16 @@ const ROUND: f32 = 1.5 * (1 << 23) as f32;
 /// If the lengths do not fit.
 pub fn weigh_both_u8(rows: &[&[u8]], half: &[f32], between: &mut [f32], out: &mut [u8]) {
     #[cfg(target_arch = "x86_64")]
-    if InstructionSet::in_use() >= InstructionSet::Avx512
-        && let (Ok(rows), Ok(half)) = (rows.try_into(), half.try_into())
-        && out.len() >= LANES
-    {
-        // SAFETY: what is in use was detected on this processor.
-        return unsafe { avx512::weigh_both_u8(rows, half, out) };
+    if let (Ok(rows), Ok(half)) = (rows.try_into(), half.try_into()) {
+        let set = InstructionSet::in_use();
+        if set >= InstructionSet::Avx512 {
+            // SAFETY: what is in use was detected on this processor.
+            return unsafe { avx512::weigh_both_u8(rows, half, out) };
+        }
+        if set >= InstructionSet::Avx2 && out.len() >= avx2::COLUMNS {
+            // SAFETY: as before.
+            return unsafe { avx2::weigh_both_u8(rows, half, out) };
+        }
     }
     weigh_rows_u8(rows, half, between);
     weigh_along_u8(between, half, out);

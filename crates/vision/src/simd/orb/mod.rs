@@ -1,14 +1,14 @@
 //! What ORB reads around a keypoint: corner strength (Harris), the centre of intensity, and the comparisons of pairs
 //! of intensities.
 
-#[cfg(target_arch = "x86_64")]
-mod avx512;
+mod moments;
+mod pairs;
 
 use std::f32::consts::TAU;
 
-#[cfg(target_arch = "x86_64")]
-use super::InstructionSet;
 use super::gradient::turns;
+pub use moments::intensity_moments;
+pub use pairs::{PAIR_REACH, PairTable, compare_pairs};
 
 /// Pixels of an image, row after row, as the kernels below read them.
 #[derive(Clone, Copy, Debug)]
@@ -31,66 +31,20 @@ impl Pixels<'_> {
             .first_chunk::<L>()
             .expect("inside the image")
     }
-}
 
-/// Radius of the patch whose centre of intensity gives the orientation.
-const MOMENT_RADIUS: usize = 15;
-/// Half the length of the rows of a circular patch, from the middle row outwards: the circle of
-/// radius 15, made symmetric about the diagonals.
-const HALF_ROWS: [usize; MOMENT_RADIUS + 1] =
-    [15, 15, 15, 15, 14, 14, 14, 13, 13, 12, 11, 10, 9, 8, 6, 3];
-
-/// Places of the compared pairs relative to an upright keypoint, bit after bit.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PairTable {
-    /// x, then y, of the first place of each pair.
-    pub first: [[f32; 256]; 2],
-    /// x, then y, of the second place of each pair.
-    pub second: [[f32; 256]; 2],
-}
-
-/// Pixels that turned places reach to each side: they lie in a square of `2 * 19 + 1` rows and columns.
-pub const PAIR_REACH: usize = 19;
-/// Size of the rows of a copy of that square.
-const COPY_ROW: usize = 64;
-
-/// First moments (of x, then of y) of the intensities in the circle of radius 15 about each
-/// centre.
-/// Centres must be at least 20 pixels from the border; nearer to it, pixels from the other end of the row
-/// are read, or it panics.
-pub fn intensity_moments(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<[i32; 2]> {
-    #[cfg(target_arch = "x86_64")]
-    if InstructionSet::in_use() >= InstructionSet::Avx512 {
-        // SAFETY: what is in use was detected on this processor.
-        return unsafe { avx512::intensity_moments(pixels, centres) };
+    /// The square of `2 * reach + 1` rows and columns about `centre`, from its first pixel to its last, with what lies
+    /// between its rows.
+    ///
+    /// # Panics
+    /// If a pixel of the square is not in `data`.
+    #[inline(always)]
+    fn square(&self, centre: [u32; 2], reach: usize) -> &[u8] {
+        let [x, y] = centre.map(|v| v as usize);
+        assert!(reach <= x && reach <= y, "inside the image");
+        let first = (y - reach) * self.width + x - reach;
+        &self.data[first..][..=2 * reach * (self.width + 1)]
     }
-    intensity_moments_by_columns(pixels, centres)
 }
-
-/// 256 bits for each centre: whether the first place of each pair is darker than the second,
-/// all places turned by the angle whose cosine and sine are given, to the nearest pixel.
-/// Centres must be at least 20 pixels from the border; nearer to it, pixels from the other end of the row
-/// are read, or it panics. Places must not be farther from it than 18.5 pixels.
-///
-/// # Panics
-/// If there are not as many turns as centres.
-pub fn compare_pairs(
-    pixels: Pixels<'_>,
-    centres: &[[u32; 2]],
-    turns: &[[f32; 2]],
-    pairs: &PairTable,
-) -> Vec<u64> {
-    assert_eq!(centres.len(), turns.len(), "one turn for each centre");
-    #[cfg(target_arch = "x86_64")]
-    if InstructionSet::in_use() >= InstructionSet::Avx512 {
-        // SAFETY: what is in use was detected on this processor.
-        return unsafe { avx512::compare_pairs(pixels, centres, turns, pairs) };
-    }
-    compare_pair_by_pair(pixels, centres, turns, pairs)
-}
-
-/// Adding this leaves the rounded integer in the lowest bits of the mantissa.
-const ROUND: f32 = 1.5 * (1 << 23) as f32;
 
 multiversioned! {
     #![avx512]
@@ -116,48 +70,6 @@ multiversioned! {
         angles
     }
 
-    /// The definition of [`intensity_moments`].
-    fn intensity_moments_by_columns(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<[i32; 2]> {
-        let mut moments = Vec::with_capacity(centres.len());
-        for &centre in centres {
-            moments.push(intensity_moment(pixels, centre));
-        }
-        moments
-    }
-
-    /// The definition of [`compare_pairs`].
-    fn compare_pair_by_pair(
-        pixels: Pixels<'_>,
-        centres: &[[u32; 2]],
-        turns: &[[f32; 2]],
-        pairs: &PairTable,
-    ) -> Vec<u64> {
-        let mut bits = Vec::with_capacity(4 * centres.len());
-        // As long as a 16-bit index may reach, so that no access needs a check; only the first
-        // rows are used.
-        let copy = vec![0; 1 << 16].into_boxed_slice();
-        let mut copy: Box<[u8; 1 << 16]> = copy.try_into().expect("as long as that");
-        let mut first = [0; 256];
-        let mut second = [0; 256];
-        for (&centre, &turn) in centres.iter().zip(turns) {
-            for (y, row) in copy.chunks_exact_mut(COPY_ROW).take(2 * PAIR_REACH + 1).enumerate() {
-                let down = y as isize - PAIR_REACH as isize;
-                row[..40].copy_from_slice(pixels.run::<40>(centre, PAIR_REACH, down));
-            }
-            turn_places(&pairs.first, turn, &mut first);
-            turn_places(&pairs.second, turn, &mut second);
-            for (first, second) in first.as_chunks::<64>().0.iter().zip(second.as_chunks::<64>().0) {
-                let mut word = 0_u64;
-                for i in (0..64).rev() {
-                    let a = copy[usize::from(first[i])];
-                    let b = copy[usize::from(second[i])];
-                    word = word << 1 | u64::from(a < b);
-                }
-                bits.push(word);
-            }
-        }
-        bits
-    }
 }
 
 #[inline(always)]
@@ -200,110 +112,26 @@ fn harris_strength(pixels: Pixels<'_>, centre: [u32; 2]) -> f32 {
     (a * b - c * c - K * (a + b) * (a + b)) * (SCALE * SCALE * SCALE * SCALE)
 }
 
-#[inline(always)]
-fn intensity_moment(pixels: Pixels<'_>, centre: [u32; 2]) -> [i32; 2] {
-    static IN_CIRCLE: [[u8; 32]; MOMENT_RADIUS + 1] = circle_masks();
-    // Per column: the sum, and the sum weighted by y, at most 31 * 255 and 120 * 255.
-    let mut sums: [i16; 32] = row_in_circle(pixels, centre, 0, &IN_CIRCLE[0]);
-    let mut weighted = [0_i16; 32];
-    for (y, mask) in IN_CIRCLE.iter().enumerate().skip(1) {
-        let above = row_in_circle(pixels, centre, -(y as isize), mask);
-        let below = row_in_circle(pixels, centre, y as isize, mask);
-        for i in 0..32 {
-            sums[i] += above[i] + below[i];
-            weighted[i] += y as i16 * (below[i] - above[i]);
-        }
-    }
-    let mut moment = [0; 2];
-    for i in 0..32 {
-        moment[0] += (i as i32 - MOMENT_RADIUS as i32) * i32::from(sums[i]);
-        moment[1] += i32::from(weighted[i]);
-    }
-    moment
-}
-
-#[inline(always)]
-fn row_in_circle(pixels: Pixels<'_>, centre: [u32; 2], down: isize, mask: &[u8; 32]) -> [i16; 32] {
-    let run = pixels.run::<32>(centre, MOMENT_RADIUS, down);
-    let mut row = [0; 32];
-    for i in 0..32 {
-        row[i] = i16::from(run[i] & mask[i]);
-    }
-    row
-}
-
-const fn circle_masks() -> [[u8; 32]; MOMENT_RADIUS + 1] {
-    let mut masks = [[0; 32]; MOMENT_RADIUS + 1];
-    let mut y = 0;
-    while y <= MOMENT_RADIUS {
-        let mut x = MOMENT_RADIUS - HALF_ROWS[y];
-        while x <= MOMENT_RADIUS + HALF_ROWS[y] {
-            masks[y][x] = 255;
-            x += 1;
-        }
-        y += 1;
-    }
-    masks
-}
-
-/// Places in the copied square, after a turn by the angle of cosine and sine `turn`.
-#[inline(always)]
-fn turn_places(places: &[[f32; 256]; 2], turn: [f32; 2], out: &mut [u16; 256]) {
-    let [cos, sin] = turn;
-    for (i, out) in out.iter_mut().enumerate() {
-        let (x, y) = (places[0][i], places[1][i]);
-        let turned_x = (x * cos - y * sin + ROUND).to_bits() as u16;
-        let turned_y = (x * sin + y * cos + ROUND).to_bits() as u16;
-        let (row, column) = (
-            turned_y.wrapping_add(PAIR_REACH as u16),
-            turned_x.wrapping_add(PAIR_REACH as u16),
-        );
-        *out = row.wrapping_mul(COPY_ROW as u16).wrapping_add(column);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::seed::Seed;
     use crate::simd::InstructionSet;
 
-    const WIDTH: usize = 61;
+    /// Pixels in a row of the images in tests of kernels; they have 50 rows.
+    pub(super) const WIDTH: usize = 61;
 
-    fn noise() -> Vec<u8> {
+    pub(super) fn noise() -> Vec<u8> {
         let mut rng = Seed(8).rng();
         (0..WIDTH * 50).map(|_| rng.below(256) as u8).collect()
     }
 
-    const CENTRES: [[u32; 2]; 3] = [[20, 20], [25, 24], [40, 29]];
+    pub(super) const CENTRES: [[u32; 2]; 3] = [[20, 20], [25, 24], [40, 29]];
 
-    fn pixel(data: &[u8], centre: [u32; 2], x: i32, y: i32) -> i32 {
+    /// The pixel `x` columns and `y` rows from a centre.
+    pub(super) fn pixel(data: &[u8], centre: [u32; 2], x: i32, y: i32) -> i32 {
         let (x, y) = (centre[0] as i32 + x, centre[1] as i32 + y);
         i32::from(data[y as usize * WIDTH + x as usize])
-    }
-
-    #[test]
-    fn moments_follow_the_definition() {
-        let data = noise();
-        let pixels = Pixels {
-            data: &data,
-            width: WIDTH,
-        };
-        InstructionSet::for_each(|set| {
-            let expected = intensity_moments_by_columns(pixels, &CENTRES);
-            assert_eq!(intensity_moments(pixels, &CENTRES), expected, "{set:?}");
-        });
-        for (centre, found) in CENTRES.iter().zip(intensity_moments(pixels, &CENTRES)) {
-            let mut expected = [0, 0];
-            for y in -15..=15_i32 {
-                let half = HALF_ROWS[y.unsigned_abs() as usize] as i32;
-                for x in -half..=half {
-                    expected[0] += x * pixel(&data, *centre, x, y);
-                    expected[1] += y * pixel(&data, *centre, x, y);
-                }
-            }
-            assert_eq!(found, expected);
-        }
     }
 
     #[test]
@@ -353,50 +181,5 @@ mod tests {
             (strengths[2] + 0.04 * trace * trace).abs() < 1e-6,
             "{strengths:?}"
         );
-    }
-
-    #[test]
-    fn bits_follow_the_definition() {
-        let data = noise();
-        let pixels = Pixels {
-            data: &data,
-            width: WIDTH,
-        };
-        let mut rng = Seed(9).rng();
-        let mut places = || std::array::from_fn(|_| rng.below(27) as f32 - 13.0);
-        let pairs = PairTable {
-            first: [places(), places()],
-            second: [places(), places()],
-        };
-        let turns = [[1.0, 0.0], [0.0, -1.0], [0.8, 0.6]];
-        let bits = compare_pairs(pixels, &CENTRES, &turns, &pairs);
-        InstructionSet::for_each(|set| {
-            assert_eq!(
-                compare_pairs(pixels, &CENTRES, &turns, &pairs),
-                bits,
-                "{set:?}"
-            );
-        });
-        assert_eq!(bits.len(), 4 * CENTRES.len());
-        for (k, (&centre, [cos, sin])) in CENTRES.iter().zip(turns).enumerate() {
-            let value = |places: &[[f32; 256]; 2], i: usize| {
-                let (x, y) = (places[0][i], places[1][i]);
-                let round = |v: f32| v.round_ties_even() as i32;
-                pixel(
-                    &data,
-                    centre,
-                    round(x * cos - y * sin),
-                    round(x * sin + y * cos),
-                )
-            };
-            for i in 0..256 {
-                let darker = value(&pairs.first, i) < value(&pairs.second, i);
-                assert_eq!(
-                    bits[4 * k + i / 64] >> (i % 64) & 1,
-                    u64::from(darker),
-                    "{k} {i}"
-                );
-            }
-        }
     }
 }

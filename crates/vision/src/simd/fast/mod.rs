@@ -2,6 +2,11 @@
 //!
 //! 32 or 64 columns are tested side by side.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+
 use super::InstructionSet;
 
 /// Columns looked at together; twice as many where vectors hold them.
@@ -40,7 +45,10 @@ multiversioned! {
     pub fn segment_scores(rows: [&[u8]; 7], threshold: u8, scores: &mut [u8]) {
         let width = scores.len();
         assert!(rows.iter().all(|row| row.len() == width), "rows of one length");
-        scores.fill(0);
+        // All between is overwritten.
+        let (last, edge) = (width.saturating_sub(3), width.min(3));
+        scores[..edge].fill(0);
+        scores[last..].fill(0);
         let mut x = 0;
         if InstructionSet::in_use() >= InstructionSet::Avx512 {
             while x + 2 * LANES + 6 <= width {
@@ -63,56 +71,75 @@ multiversioned! {
             x += 1;
         }
     }
-
-    /// Appends to `found` the columns where `rows[1]` is larger than all eight neighbours.
-    ///
-    /// # Panics
-    /// If the lengths differ.
-    pub fn strict_maxima(rows: [&[u8]; 3], found: &mut Vec<usize>) {
-        maxima(rows, 1, found, |here, most| here > most);
-    }
-
-    /// Appends to `found` the columns where `rows[1]` is at least `least`, and at least as large as
-    /// all eight neighbours.
-    ///
-    /// # Panics
-    /// If the lengths differ, or `least` is 0.
-    pub fn weak_maxima(rows: [&[u8]; 3], least: u8, found: &mut Vec<usize>) {
-        maxima(rows, least, found, |here, most| here >= most);
-    }
 }
 
-/// The columns where a pixel is at least `least` and compares with the largest of its neighbours
+/// How a maximum compares with the largest of its neighbours.
+#[derive(Clone, Copy, Debug)]
+enum Bar {
+    Above,
+    AtLeast,
+}
+
+/// Appends to `found` the columns where `rows[1]` is larger than all eight neighbours.
+///
+/// # Panics
+/// If the lengths differ.
+pub fn strict_maxima(rows: [&[u8]; 3], found: &mut Vec<usize>) {
+    maxima(rows, 1, Bar::Above, found);
+}
+
+/// Appends to `found` the columns where `rows[1]` is at least `least`, and at least as large as
+/// all eight neighbours.
+///
+/// # Panics
+/// If the lengths differ, or `least` is 0.
+pub fn weak_maxima(rows: [&[u8]; 3], least: u8, found: &mut Vec<usize>) {
+    assert!(least > 0, "0 is no score");
+    maxima(rows, least, Bar::AtLeast, found);
+}
+
+/// Appends to `found` the columns where a pixel is at least `least` and compares with the largest of its neighbours
 /// as wanted.
-#[inline(always)]
-fn maxima(rows: [&[u8]; 3], least: u8, found: &mut Vec<usize>, wanted: impl Fn(u8, u8) -> bool) {
+fn maxima(rows: [&[u8]; 3], least: u8, bar: Bar, found: &mut Vec<usize>) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let set = InstructionSet::in_use();
+        if set >= InstructionSet::Avx512 {
+            // SAFETY: what is in use was detected on this processor.
+            return unsafe { avx512::maxima(rows, least, bar, found) };
+        }
+        if set >= InstructionSet::Avx2 && rows[1].len() >= avx2::COLUMNS + 2 {
+            // SAFETY: as before.
+            return unsafe { avx2::maxima(rows, least, bar, found) };
+        }
+    }
+    maxima_of_blocks(rows, least, bar, found);
+}
+
+/// The definition of [`maxima`].
+fn maxima_of_blocks(rows: [&[u8]; 3], least: u8, bar: Bar, found: &mut Vec<usize>) {
     let width = rows[1].len();
     assert!(
         rows.iter().all(|row| row.len() == width),
         "rows of one length"
     );
-    assert!(least > 0, "0 is no score");
     let mut x = 1;
-    if InstructionSet::in_use() >= InstructionSet::Avx512 {
-        while x + 2 * LANES < width {
-            find_in_block::<{ 2 * LANES }>(rows, x, x, least, found, &wanted);
-            x += 2 * LANES;
-        }
-    }
     while x + LANES < width {
-        find_in_block::<LANES>(rows, x, x, least, found, &wanted);
+        push_columns(maxima_block::<LANES>(rows, x, least, bar), x, found);
         x += LANES;
     }
-    if x + 1 < width && LANES + 2 <= width {
-        // The last block has columns that were looked at.
-        find_in_block::<LANES>(rows, width - 1 - LANES, x, least, found, &wanted);
-        x = width - 1;
-    }
     while x + 1 < width {
-        if maxima_block::<1>(rows, x, least, &wanted) == [1] {
-            found.push(x);
-        }
+        push_columns(maxima_block::<1>(rows, x, least, bar), x, found);
         x += 1;
+    }
+}
+
+/// Appends to `found` the columns from `x` on whose bits are set.
+#[inline(always)]
+fn push_columns(mut bits: u64, x: usize, found: &mut Vec<usize>) {
+    while bits != 0 {
+        found.push(x + bits.trailing_zeros() as usize);
+        bits &= bits - 1;
     }
 }
 
@@ -120,41 +147,6 @@ fn maxima(rows: [&[u8]; 3], least: u8, found: &mut Vec<usize>, wanted: impl Fn(u
 /// registers.
 macro_rules! unrolled {
     ($call:expr; $($i:literal)*) => { [$($call($i)),*] };
-}
-
-/// The columns of the block at `x`, from column `first` on.
-#[inline(always)]
-fn find_in_block<const L: usize>(
-    rows: [&[u8]; 3],
-    x: usize,
-    first: usize,
-    least: u8,
-    found: &mut Vec<usize>,
-    wanted: &impl Fn(u8, u8) -> bool,
-) {
-    // Most of a picture is without corners.
-    let here = lanes::<L>(rows[1], x);
-    if zip(here, &[least - 1; L], u8::saturating_sub) == [0; L] {
-        return;
-    }
-    let is_maximum = maxima_block::<L>(rows, x, least, wanted);
-    if is_maximum == [0; L] {
-        return;
-    }
-    // One bit for each column: with a loop for each eight of them, its end would be hard to predict.
-    let mut left = 0_u64;
-    for (i, eight) in is_maximum.as_chunks::<8>().0.iter().enumerate() {
-        // Brings the lowest bits of eight bytes together in the highest byte.
-        let bits = u64::from_le_bytes(*eight).wrapping_mul(0x0102_0408_1020_4080) >> 56;
-        left |= bits << (8 * i);
-    }
-    while left != 0 {
-        let column = x + left.trailing_zeros() as usize;
-        if column >= first {
-            found.push(column);
-        }
-        left &= left - 1;
-    }
 }
 
 /// Scores of the pixels `x + 3 .. x + 3 + L`.
@@ -227,24 +219,30 @@ fn best_arc<const L: usize>(
     best
 }
 
-/// 1 where a pixel of `x .. x + L` is at least `least` and compares with the largest of its
-/// neighbours as wanted, else 0.
+/// A bit for each pixel of `x .. x + L` that is at least `least` and compares with the largest of its neighbours as
+/// wanted.
 #[inline(always)]
-fn maxima_block<const L: usize>(
-    rows: [&[u8]; 3],
-    x: usize,
-    least: u8,
-    wanted: &impl Fn(u8, u8) -> bool,
-) -> [u8; L] {
-    let mut most = zip(lanes(rows[1], x - 1), lanes(rows[1], x + 1), u8::max);
+fn maxima_block<const L: usize>(rows: [&[u8]; 3], x: usize, least: u8, bar: Bar) -> u64 {
+    let here = lanes::<L>(rows[1], x);
+    // Most of a picture is without corners.
+    if zip(here, &[least - 1; L], u8::saturating_sub) == [0; L] {
+        return 0;
+    }
+    let mut most = zip::<L>(lanes(rows[1], x - 1), lanes(rows[1], x + 1), u8::max);
     for row in [rows[0], rows[2]] {
         for x in [x - 1, x, x + 1] {
             most = zip(&most, lanes(row, x), u8::max);
         }
     }
-    zip(lanes(rows[1], x), &most, |here, most| {
-        u8::from(here >= least && wanted(here, most))
-    })
+    let mut bits = 0;
+    for i in 0..L {
+        let is_maximum = match bar {
+            Bar::Above => here[i] > most[i],
+            Bar::AtLeast => here[i] >= most[i],
+        };
+        bits |= u64::from(is_maximum && here[i] >= least) << i;
+    }
+    bits
 }
 
 #[inline(always)]
@@ -319,6 +317,39 @@ mod tests {
                         found, expected,
                         "column {x} of {width}, threshold {threshold}"
                     );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn maxima_are_the_same_in_all_sets() {
+        let mut rng = Seed(7).rng();
+        for width in (0..140).chain([200, 333]) {
+            for levels in [2, 5, 256] {
+                let rows: Vec<Vec<u8>> = (0..3)
+                    .map(|_| (0..width).map(|_| rng.below(levels) as u8).collect())
+                    .collect();
+                let rows = std::array::from_fn(|y| &rows[y][..]);
+                for (least, bar) in [(1, Bar::Above), (1, Bar::AtLeast), (4, Bar::AtLeast)] {
+                    let expected: Vec<usize> = (1..width.max(1) - 1)
+                        .filter(|&x| {
+                            let here = rows[1][x];
+                            let most = (0..9).filter(|&i| i != 4);
+                            let most = most.map(|i| rows[i / 3][x + i % 3 - 1]).max();
+                            let most = most.expect("eight neighbours");
+                            let reached = match bar {
+                                Bar::Above => here > most,
+                                Bar::AtLeast => here >= most,
+                            };
+                            here >= least && reached
+                        })
+                        .collect();
+                    InstructionSet::for_each(|set| {
+                        let mut found = Vec::new();
+                        maxima(rows, least, bar, &mut found);
+                        assert_eq!(found, expected, "{set:?}, {width} columns, {bar:?}");
+                    });
                 }
             }
         }
