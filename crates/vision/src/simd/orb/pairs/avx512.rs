@@ -83,24 +83,21 @@ pub(super) fn compare_pairs(
             *look_up = turned(upright, turn);
         }
         // Each place lies in one table. It stays as it is until that comes, and what was found stays too.
-        let [[mut a, _], [mut b, _], [mut c, _], [mut d, _], ..] = look_ups;
-        let [.., [mut e, _], [mut f, _], [mut g, _], [mut h, _]] = look_ups;
+        let mut found = look_ups.map(|[low, _]| low);
         let corner = pixels.square(centre, PAIR_REACH).as_ptr();
         macro_rules! look_up_in {
-            ($($table:literal)*) => {$(
-                // SAFETY: the pixels of the square were checked.
-                let table = unsafe { load_table::<$table>(corner, pixels.width) };
-                for (pixels, [_, number]) in
-                    [&mut a, &mut b, &mut c, &mut d, &mut e, &mut f, &mut g, &mut h].into_iter().zip(&look_ups)
-                {
-                    let here = _mm512_cmpeq_epi8_mask(*number, _mm512_set1_epi8($table));
-                    *pixels = _mm512_mask2_permutex2var_epi8(table[0], *pixels, here, table[1]);
+            ($($number:literal)*) => {$(
+                // SAFETY: the pixels of the square are there.
+                let table = unsafe { load_table::<$number>(corner, pixels.width) };
+                for (found, [_, number]) in found.iter_mut().zip(&look_ups) {
+                    let here = _mm512_cmpeq_epi8_mask(*number, _mm512_set1_epi8($number));
+                    *found = _mm512_mask2_permutex2var_epi8(table[0], *found, here, table[1]);
                 }
             )*};
         }
         look_up_in!(0 1 2 3 4 5 6 7 8);
-        for (first, second) in [(a, b), (c, d), (e, f), (g, h)] {
-            bits.push(_mm512_cmplt_epu8_mask(first, second));
+        for [first, second] in found.as_chunks::<2>().0 {
+            bits.push(_mm512_cmplt_epu8_mask(*first, *second));
         }
     }
     bits
