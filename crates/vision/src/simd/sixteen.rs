@@ -1,8 +1,7 @@
 //! Vectors of 64 bytes: sixteen values of a slice, or as many as it has, and sixteen that lie across two vectors.
 
-use std::arch::x86_64::{
-    __m512, _mm512_alignr_epi32, _mm512_castps_si512, _mm512_castsi512_ps, _mm512_maskz_loadu_ps,
-};
+use std::arch::asm;
+use std::arch::x86_64::{__m512, _mm512_maskz_loadu_ps};
 
 /// Values of a vector.
 pub(super) const LANES: usize = 16;
@@ -27,14 +26,26 @@ pub(super) fn load_or_zero(values: &[f32], x: usize) -> __m512 {
 }
 
 /// The values from lane `N` of `first` on, with those of `then` behind them; all of `then` for 16.
+///
+/// From the intrinsic for this instruction the compiler makes a permutation, which needs a vector of places and a copy of
+/// `first`.
 #[inline]
 #[target_feature(enable = "avx512f")]
 pub(super) fn from_lane<const N: i32>(first: __m512, then: __m512) -> __m512 {
     if N == LANES as i32 {
         return then;
     }
-    _mm512_castsi512_ps(_mm512_alignr_epi32::<N>(
-        _mm512_castps_si512(then),
-        _mm512_castps_si512(first),
-    ))
+    let shifted: __m512;
+    // SAFETY: the instruction touches nothing but the registers that are named, and AVX-512 is there.
+    unsafe {
+        asm!(
+            "valignd {shifted}, {then}, {first}, {n}",
+            shifted = lateout(zmm_reg) shifted,
+            then = in(zmm_reg) then,
+            first = in(zmm_reg) first,
+            n = const N,
+            options(pure, nomem, nostack, preserves_flags)
+        );
+    }
+    shifted
 }

@@ -22,12 +22,12 @@ const BLOCK: usize = 4;
 /// The largest radius for which [`weigh_symmetric`] works.
 pub(super) const LARGEST_RADIUS: usize = LANES;
 
-/// The first rows of `out`, as many as are made at once.
+/// The first rows of `out`, as many as are made at once. `AHEAD` prefetches the next columns.
 ///
 /// # Panics
 /// As [`weigh_rows`](super::weigh_rows), and if there are fewer taps or outputs than rows at once.
 #[target_feature(enable = "avx512f")]
-pub(super) fn weigh_rows(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) {
+pub(super) fn weigh_rows<const AHEAD: bool>(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) {
     let rows = &rows[..taps.len() + ROWS_AT_ONCE - 1];
     let out = out.first_chunk_mut().expect("rows were counted");
     let width = out[0].len();
@@ -37,22 +37,22 @@ pub(super) fn weigh_rows(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) 
     );
     let mut x = 0;
     while x + BLOCK * LANES <= width {
-        rows_block::<BLOCK, true>(rows, taps, out, x);
+        rows_block::<BLOCK, true, AHEAD>(rows, taps, out, x);
         x += BLOCK * LANES;
     }
     while x + LANES <= width {
-        rows_block::<1, true>(rows, taps, out, x);
+        rows_block::<1, true, AHEAD>(rows, taps, out, x);
         x += LANES;
     }
     if x < width {
-        rows_block::<1, false>(rows, taps, out, x);
+        rows_block::<1, false, AHEAD>(rows, taps, out, x);
     }
 }
 
 /// `V` vectors of columns from `x` on, or what there is of them unless the block is `FULL`.
 #[inline]
 #[target_feature(enable = "avx512f")]
-fn rows_block<const V: usize, const FULL: bool>(
+fn rows_block<const V: usize, const FULL: bool, const AHEAD: bool>(
     rows: &[&[f32]],
     taps: &[f32],
     out: &mut [&mut [f32]; ROWS_AT_ONCE],
@@ -61,9 +61,9 @@ fn rows_block<const V: usize, const FULL: bool>(
     const R: usize = ROWS_AT_ONCE;
     let count = taps.len();
     let mut sums = [[_mm512_setzero_ps(); V]; R];
-    // The rows lie in the second-level cache, too far apart for the processor to guess the next block.
+    // The rows lie in the second-level cache, too far apart for some processors to guess the next block.
     let prefetch_next = |row: &[f32]| {
-        if let Some(next) = row[x..].get(V * LANES..2 * V * LANES) {
+        if AHEAD && let Some(next) = row[x..].get(V * LANES..2 * V * LANES) {
             prefetch(next);
         }
     };

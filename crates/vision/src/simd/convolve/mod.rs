@@ -24,8 +24,17 @@ pub fn weigh_rows(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) {
         && out.len() == ROWS_AT_ONCE
         && taps.len() >= ROWS_AT_ONCE
     {
+        // Zen 4, which halves vectors, guesses what is read next.
+        let is_halved = InstructionSet::in_use_unless_halved() < InstructionSet::Avx512;
         // SAFETY: what is in use was detected on this processor.
-        return unsafe { avx512::weigh_rows(rows, taps, out) };
+        unsafe {
+            if is_halved {
+                avx512::weigh_rows::<false>(rows, taps, out);
+            } else {
+                avx512::weigh_rows::<true>(rows, taps, out);
+            }
+        }
+        return;
     }
     weigh_some_rows(rows, taps, out);
 }
