@@ -1,16 +1,18 @@
 """Compares our estimators with those of PoseLib, COLMAP, OpenCV and SupeRANSAC, on matches that a run has stored.
 
-    python compare/estimators.py RUN DATASET MATCHER --truth DATASET_FOLDER [--every 3] [--seeds 1] [--only "best;COLMAP"]
+    python compare/estimators.py RUN DATASET MATCHER --truth DATASET_FOLDER [--every 3] [--seeds 5] [--only "best;COLMAP"]
 
 RUN is the folder of a `matchbench run`; DATASET_FOLDER holds `camera.txt` and `pairs.txt`. Pairs are divided into chunks.
-Within a chunk all estimators run one after the other, so that changes in the speed of the machine affect all of them. A
-pose counts if at least 10 matches support it, as in matchbench. Needs `cargo build --release -p matchbench-compare`, and
+Within a chunk all estimators run one after the other, so that changes in the speed of the machine affect all of them. AUC
+is the mean over seeds, with its standard deviation. OpenCV has one seed, so its matches are given in another order each
+time. A pose counts if at least 10 matches support it, as in matchbench. Needs `cargo build --release -p matchbench-compare`, and
 poselib and pycolmap from PyPI (`requirements.txt`). pysuperansac is on PyPI only for Python 3.11 on Linux; if it is not
 installed, it is left out with a message.
 """
 
 import argparse
 import pathlib
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -105,6 +107,11 @@ def peer_opencv(matches, k, method, samples=1000):
     return ((r, t.ravel()) if support >= MIN_SUPPORT else None), time.perf_counter() - start
 
 
+def shuffled(key, matches, seed):
+    """The matches of a pair in an order that depends on the seed, for estimators that take none."""
+    return matches[np.random.default_rng([seed, *key]).permutation(len(matches))]
+
+
 def check_names(names, only):
     """Ends the program if `--only` lists an unknown name."""
     unknown = set(only.split(";") if only else []) - set(names)
@@ -153,7 +160,7 @@ def read(args):
 
 
 def main():
-    args = arguments(__doc__, seeds=1).parse_args()
+    args = arguments(__doc__, seeds=5).parse_args()
     groups = (OURS, POSELIB, COLMAP, OPENCV, SUPERANSAC)
     check_names([name for group in groups for name in group], args.only)
     chosen = [{name: group[name] for name in chosen_names(group, args.only)} for group in groups]
@@ -161,11 +168,12 @@ def main():
     k, pairs, error = read(args)
     results = {}
 
-    def note(name, key, outcome):
-        pose, seconds = outcome
-        results.setdefault(name, []).append((error(key, pose), seconds))
-
     for seed in range(args.seeds):
+
+        def note(name, key, outcome):
+            pose, seconds = outcome
+            results.setdefault(name, [[] for _ in range(args.seeds)])[seed].append((error(key, pose), seconds))
+
         for start in range(0, len(pairs), CHUNK):
             chunk = pairs[start : start + CHUNK]
             for name, settings in chosen[0].items():
@@ -177,15 +185,16 @@ def main():
                 for name, options in chosen[2].items():
                     note(name, key, peer_colmap(matches, k, options, seed))
                 for name, method in chosen[3].items():
-                    note(name, key, peer_opencv(matches, k, method))
+                    note(name, key, peer_opencv(shuffled(key, matches, seed), k, method))
                 for name, options in chosen[4].items():
                     note(name, key, superansac.peer(superansac.clearest_first(matches), k, options))
     print(f"{args.dataset}, {args.matcher}: {len(pairs)} pairs, {args.seeds} seeds, {versions()}")
-    print(f"{'':28} {'AUC':>6} {'median ms':>10} {'90 % ms':>10}")
-    for name, rows in results.items():
-        errors, seconds = np.array(rows).T
-        low, high = np.percentile(seconds * 1e3, [50, 90])
-        print(f"{name:28} {auc(list(errors)):6.3f} {low:10.2f} {high:10.2f}")
+    print(f"{'':28} {'AUC':>6} {'+-':>6} {'median ms':>10} {'90 % ms':>10}")
+    for name, by_seed in results.items():
+        aucs = [auc([error for error, _ in rows]) for rows in by_seed]
+        deviation = statistics.stdev(aucs) if len(aucs) > 1 else 0.0
+        low, high = np.percentile([seconds * 1e3 for rows in by_seed for _, seconds in rows], [50, 90])
+        print(f"{name:28} {statistics.mean(aucs):6.3f} {deviation:6.3f} {low:10.2f} {high:10.2f}")
 
 
 if __name__ == "__main__":

@@ -73,17 +73,17 @@ def estimate(curve, budget, chunk, k, seed):
     if curve in OURS:
         yield from estimators.ours(chunk, k, OURS[curve](budget), seed)
         return
-    for (a, b), matches in chunk:
+    for key, matches in chunk:
         clearest = superansac.clearest_first(matches)
-        shuffled = np.random.default_rng([seed, a, b]).permutation(len(matches))
+        shuffled = estimators.shuffled(key, matches, seed)
         if curve == "PoseLib":
             options = {"max_iterations": budget, "min_iterations": min(100, budget)}
-            yield estimators.peer_poselib(matches[shuffled], k, options, seed)
+            yield estimators.peer_poselib(shuffled, k, options, seed)
         elif curve == "PoseLib, PROSAC":
             options = {"max_iterations": budget, "min_iterations": min(100, budget), "progressive_sampling": True}
             yield estimators.peer_poselib(clearest, k, options, seed)
         elif curve == "OpenCV USAC_MAGSAC":
-            yield estimators.peer_opencv(matches[shuffled], k, cv2.USAC_MAGSAC, budget)
+            yield estimators.peer_opencv(shuffled, k, cv2.USAC_MAGSAC, budget)
         elif curve == "OpenCV USAC_PROSAC":
             yield estimators.peer_opencv(clearest, k, cv2.USAC_PROSAC, budget)
         elif curve == "SupeRANSAC":
@@ -91,7 +91,7 @@ def estimate(curve, budget, chunk, k, seed):
             yield superansac.peer(clearest, k, options)
         else:
             options = {"max_num_trials": budget, "min_num_trials": min(100, budget), "max_error": 1.0}
-            yield estimators.peer_colmap(matches[shuffled], k, options, seed)
+            yield estimators.peer_colmap(shuffled, k, options, seed)
 
 
 def measure(pairs, error, k, seeds, curves):
