@@ -89,16 +89,19 @@ multiversioned! {
 /// Places in the copied square, after a turn by the angle of cosine and sine `turn`.
 #[inline(always)]
 fn turn_places(places: &[[f32; 256]; 2], turn: [f32; 2], out: &mut [u16; 256]) {
+    const ROW: u32 = COPY_ROW as u32;
+    const MIDDLE: u32 = PAIR_REACH as u32 * (ROW + 1);
     let [cos, sin] = turn;
     for (i, out) in out.iter_mut().enumerate() {
         let (x, y) = (places[0][i], places[1][i]);
-        let turned_x = (x * cos - y * sin + ROUND).to_bits() as u16;
-        let turned_y = (x * sin + y * cos + ROUND).to_bits() as u16;
-        let (row, column) = (
-            turned_y.wrapping_add(PAIR_REACH as u16),
-            turned_x.wrapping_add(PAIR_REACH as u16),
-        );
-        *out = row.wrapping_mul(COPY_ROW as u16).wrapping_add(column);
+        let turned_x = (x * cos - y * sin + ROUND).to_bits();
+        let turned_y = (x * sin + y * cos + ROUND).to_bits();
+        // Made shorter only at the end, since that moves numbers from lane to lane. Of `ROUND` nothing is left then.
+        let place = turned_y
+            .wrapping_mul(ROW)
+            .wrapping_add(turned_x)
+            .wrapping_add(MIDDLE);
+        *out = place as u16;
     }
 }
 
