@@ -1,7 +1,7 @@
 //! Vectors of 64 bytes: sixteen values of a slice, or as many as it has, and sixteen that lie across two vectors.
 
 use std::arch::asm;
-use std::arch::x86_64::{__m512, _mm512_maskz_loadu_ps};
+use std::arch::x86_64::{__m512, __m512i, _mm512_maskz_loadu_ps, _mm512_ternarylogic_epi32};
 
 /// Values of a vector.
 pub(super) const LANES: usize = 16;
@@ -48,4 +48,12 @@ pub(super) fn from_lane<const N: i32>(first: __m512, then: __m512) -> __m512 {
         );
     }
     shifted
+}
+
+/// The bits of `there` where `mask` has ones, and those of `elsewhere` where it has zeros.
+#[inline]
+#[target_feature(enable = "avx512f")]
+pub(super) fn select(mask: __m512i, there: __m512i, elsewhere: __m512i) -> __m512i {
+    // For each of the eight combinations of three bits.
+    _mm512_ternarylogic_epi32::<0b1100_1010>(mask, there, elsewhere)
 }

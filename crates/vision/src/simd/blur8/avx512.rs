@@ -4,18 +4,14 @@ use std::arch::x86_64::{
     __m512, __m512i, __mmask64, _mm512_add_epi16, _mm512_add_ps, _mm512_and_si512,
     _mm512_castps_si512, _mm512_cvtepi32_ps, _mm512_fmadd_ps, _mm512_mask_storeu_epi8,
     _mm512_maskz_loadu_epi8, _mm512_mul_ps, _mm512_set1_epi16, _mm512_set1_epi32, _mm512_set1_ps,
-    _mm512_slli_epi32, _mm512_srli_epi16, _mm512_srli_epi32, _mm512_ternarylogic_epi32,
+    _mm512_slli_epi32, _mm512_srli_epi16, _mm512_srli_epi32,
 };
 
 use super::{AROUND, HALF, ROUND, STRIDE, doubled_middle};
-use crate::simd::sixteen::{LANES, from_lane};
+use crate::simd::sixteen::{LANES, from_lane, select};
 
 /// Columns that are looked at together.
 const COLUMNS: usize = STRIDE * LANES;
-
-/// Bits of a ternary operation that takes those of its second operand where the first has ones, and of the third
-/// elsewhere.
-const SELECT: i32 = 0b1100_1010;
 
 /// As the function of that name.
 #[target_feature(enable = "avx512f,avx512bw")]
@@ -141,10 +137,10 @@ fn weigh_along(
     let byte = _mm512_set1_epi32(0xff);
     let [low, high] = [[0, 1], [2, 3]].map(|[even, odd]| {
         let odd = _mm512_slli_epi32::<8>(pixels[odd]);
-        _mm512_ternarylogic_epi32::<SELECT>(byte, pixels[even], odd)
+        select(byte, pixels[even], odd)
     });
     let high = _mm512_slli_epi32::<16>(high);
-    let all = _mm512_ternarylogic_epi32::<SELECT>(_mm512_set1_epi32(0xffff), low, high);
+    let all = select(_mm512_set1_epi32(0xffff), low, high);
     // SAFETY: no more bytes are written than there are.
     unsafe { _mm512_mask_storeu_epi8(out.as_mut_ptr().cast(), first_bytes(out.len()), all) };
 }

@@ -9,25 +9,20 @@ use std::arch::x86_64::{
     _mm256_setzero_si256,
 };
 
-use super::{OFFSETS, RADIUS};
+use super::{OFFSETS, middle_row};
 use crate::simd::orb::Pixels;
 
 /// As the kernel of that name.
 #[target_feature(enable = "avx2")]
 pub(super) fn intensity_moments(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<[i32; 2]> {
-    // Of each row 32 pixels are read, one more than the circle is wide.
-    const REACH: usize = RADIUS + 1;
     let mut moments = Vec::with_capacity(centres.len());
     let width = pixels.width;
     for &centre in centres {
-        let middle = pixels
-            .square(centre, REACH)
-            .as_ptr()
-            .wrapping_add(REACH * width + 1);
+        let middle = middle_row(pixels, centre);
         let (mut x, mut y) = (_mm256_setzero_si256(), _mm256_setzero_si256());
         let mut down = 0;
         for [along, across] in &OFFSETS.0 {
-            // SAFETY: the pixels of the square were checked.
+            // SAFETY: all rows of the circle can be read.
             let rows = unsafe {
                 [
                     _mm256_loadu_si256(middle.wrapping_sub(down).cast()),

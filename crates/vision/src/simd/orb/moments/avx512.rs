@@ -9,27 +9,22 @@ use std::arch::x86_64::{
     _mm512_inserti64x4, _mm512_load_si512, _mm512_reduce_add_epi32, _mm512_setzero_si512,
 };
 
-use super::{OFFSETS, RADIUS};
+use super::{OFFSETS, middle_row};
 use crate::simd::orb::Pixels;
 
 /// As the kernel of that name.
 #[target_feature(enable = "avx512f,avx512vnni")]
 pub(super) fn intensity_moments(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<[i32; 2]> {
-    // Of each row 32 pixels are read, one more than the circle is wide.
-    const REACH: usize = RADIUS + 1;
     let mut moments = Vec::with_capacity(centres.len());
     let width = pixels.width;
     for &centre in centres {
-        let middle = pixels
-            .square(centre, REACH)
-            .as_ptr()
-            .wrapping_add(REACH * width + 1);
+        let middle = middle_row(pixels, centre);
         // A sum waits for the one before it, so there are two for the even rows and two for the odd ones.
         let zero = _mm512_setzero_si512();
         let (mut even, mut odd) = ([zero, zero], [zero, zero]);
         let mut down = 0;
         for [next, after] in OFFSETS.0.as_chunks::<2>().0 {
-            // SAFETY: the pixels of the square were checked.
+            // SAFETY: all rows of the circle can be read.
             even = unsafe { add_rows(even, middle, down, next) };
             // SAFETY: as before.
             odd = unsafe { add_rows(odd, middle, down + width, after) };

@@ -51,6 +51,20 @@ fn intensity_moments_by_columns(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec
     moments
 }
 
+/// The first of 32 pixels of the row of `centre`, one more than the circle is wide. As many can be read in each of the
+/// `RADIUS` rows above and below.
+///
+/// # Panics
+/// If they are not all inside the image.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn middle_row(pixels: Pixels<'_>, centre: [u32; 2]) -> *const u8 {
+    const REACH: usize = RADIUS + 1;
+    // Of the whole square, since rows above are read too.
+    let square = pixels.square(centre, REACH).as_ptr();
+    square.wrapping_add(REACH * pixels.width + 1)
+}
+
 #[inline(always)]
 fn intensity_moment(pixels: Pixels<'_>, centre: [u32; 2]) -> [i32; 2] {
     static IN_CIRCLE: [[u8; 32]; RADIUS + 1] = circle_masks();

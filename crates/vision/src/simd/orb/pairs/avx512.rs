@@ -14,11 +14,12 @@ use std::arch::x86_64::{
     _mm512_mask_blend_epi16, _mm512_mask_loadu_epi8, _mm512_mask2_permutex2var_epi8,
     _mm512_maskz_loadu_epi8, _mm512_mul_ps, _mm512_permutex2var_epi16, _mm512_set1_epi8,
     _mm512_set1_epi16, _mm512_set1_ps, _mm512_setzero_si512, _mm512_slli_epi16, _mm512_slli_epi32,
-    _mm512_srli_epi16, _mm512_sub_ps, _mm512_ternarylogic_epi32,
+    _mm512_srli_epi16, _mm512_sub_ps,
 };
 
 use super::{PAIR_REACH, PairTable, ROUND};
 use crate::simd::orb::Pixels;
+use crate::simd::sixteen::select;
 
 /// Bytes of a vector.
 const VECTOR: usize = 64;
@@ -42,10 +43,6 @@ struct Middles([u16; 64]);
 
 /// Vectors of places: 64 first ones of pairs, their second ones, and so on.
 const LOOK_UPS: usize = 512 / VECTOR;
-
-/// Bits of a ternary operation that takes those of its second operand where the first has ones, and of the third
-/// elsewhere.
-const SELECT: i32 = 0b1100_1010;
 
 /// x of 64 places, then y. Four vectors hold every fourth of them each, so that the rounded numbers need no shuffle to
 /// become bytes in the order of the places.
@@ -171,7 +168,7 @@ fn turned(Places([x, y]): &Places, turn: [f32; 2]) -> [__m512i; 2] {
         let row = _mm512_permutex2var_epi16(middles[0], halves(rows, i), middles[1]);
         _mm512_add_epi16(row, halves(columns, i))
     };
-    let bytes = |even, odd| _mm512_ternarylogic_epi32::<SELECT>(_mm512_set1_epi16(0xff), even, odd);
+    let bytes = |even, odd| select(_mm512_set1_epi16(0xff), even, odd);
     let (even, odd) = (place(0), place(1));
     [
         bytes(even, _mm512_slli_epi16::<8>(odd)),

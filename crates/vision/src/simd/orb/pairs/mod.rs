@@ -49,8 +49,6 @@ pub fn compare_pairs(
 const ROUND: f32 = 1.5 * (1 << 23) as f32;
 
 multiversioned! {
-    #![avx512]
-
     /// The definition of [`compare_pairs`].
     fn compare_pair_by_pair(
         pixels: Pixels<'_>,
