@@ -3,8 +3,7 @@
 use crate::image::RowBuffer;
 use crate::simd::{Gradients, Span, Window};
 
-/// Rows are lengthened to whole blocks of this many pixels where the image allows; the pixels
-/// beyond the patch have weight 0.
+/// Rows are read in whole blocks of this many pixels where the image allows.
 const BLOCK: i32 = 8;
 
 /// Pixels beyond its radius that a patch reads: neighbours, and what completes a block.
@@ -63,8 +62,7 @@ impl Patch {
             if last < first {
                 return Span { first, count: 0 };
             }
-            let whole_blocks = (last - first + BLOCK) / BLOCK * BLOCK;
-            let count = whole_blocks.min(right - x - first + 1) as usize;
+            let count = (last - first + 1) as usize;
             Span { first, count }
         }));
         let start = layer.columns().start as i32;

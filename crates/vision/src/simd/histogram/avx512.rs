@@ -14,14 +14,14 @@
 use std::arch::x86_64::{
     __m512, _CMP_GT_OQ, _CMP_LT_OQ, _MM_FROUND_NO_EXC, _MM_FROUND_TO_NEG_INF, _mm512_add_ps,
     _mm512_and_si512, _mm512_castpd_ps, _mm512_castps_pd, _mm512_castps_si512, _mm512_cmp_ps_mask,
-    _mm512_cmpeq_epi32_mask, _mm512_fmadd_ps, _mm512_fmsub_ps, _mm512_loadu_ps, _mm512_loadu_si512,
+    _mm512_cmpeq_epi32_mask, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_loadu_si512,
     _mm512_mask_mov_ps, _mm512_maskz_mov_ps, _mm512_mul_ps, _mm512_permutex2var_ps,
-    _mm512_roundscale_ps, _mm512_set1_epi32, _mm512_set1_ps, _mm512_setr_ps, _mm512_setzero_ps,
-    _mm512_storeu_ps, _mm512_storeu_si512, _mm512_sub_ps, _mm512_unpackhi_pd, _mm512_unpackhi_ps,
-    _mm512_unpacklo_pd, _mm512_unpacklo_ps,
+    _mm512_roundscale_ps, _mm512_set1_epi32, _mm512_set1_ps, _mm512_setzero_ps, _mm512_storeu_ps,
+    _mm512_storeu_si512, _mm512_sub_ps, _mm512_unpackhi_pd, _mm512_unpackhi_ps, _mm512_unpacklo_pd,
+    _mm512_unpacklo_ps,
 };
 
-use super::{Block, Gradients, MIDDLE, NO_FRACTION, PatchGrid, PatchSums};
+use super::{Eight, Measured, NO_FRACTION, PatchSums};
 use crate::simd::sixteen::{LANES, load_or_zero};
 
 /// Directions.
@@ -41,7 +41,7 @@ static WEIGHTS: [[Lanes<u32>; 32]; LANES / 4] = weights();
 #[repr(align(64))]
 struct Lanes<T>([T; LANES]);
 
-/// What two blocks add. It goes through memory, since sums get it from there number by number.
+/// What sixteen pixels add. It goes through memory, since sums get it from there number by number.
 #[derive(Clone, Copy)]
 struct Step {
     places: Lanes<u32>,
@@ -56,33 +56,29 @@ type Sums = [[__m512; BINS]; 2];
 
 /// The sums of gradients that are measured.
 #[target_feature(enable = "avx512f")]
-pub(super) fn sums(grid: &PatchGrid, gradients: &Gradients) -> PatchSums {
-    let blocks = &gradients.blocks;
-    let values = gradients.values[..blocks.len()].as_flattened();
-    let directions = gradients.directions[..blocks.len()].as_flattened();
+pub(super) fn sums(first_direction: f32, measured: Measured<'_>) -> PatchSums {
+    let Measured {
+        columns,
+        lines,
+        directions,
+        values,
+    } = measured;
+    let numbers = [columns, lines, directions, values].map(<[Eight]>::as_flattened);
     let mut sums: Sums = [[_mm512_setzero_ps(); BINS]; 2];
     let mut steps = [Step {
         places: Lanes([0; LANES]),
         weights: [Lanes([0.0; LANES]); 4],
         shares: [Lanes([0.0; LANES]); BINS],
     }; STEPS];
-    let mut start = 0;
-    for blocks in blocks.chunks(2 * STEPS) {
-        let pairs = blocks.chunks(2);
-        let count = pairs.len();
-        for (step, pair) in steps.iter_mut().zip(pairs) {
-            let value = load_or_zero(values, start);
-            let direction = load_or_zero(directions, start);
-            prepare(
-                grid,
-                [&pair[0], &pair[pair.len() - 1]],
-                value,
-                direction,
-                step,
-            );
-            start += LANES;
+    let count = numbers[0].len().div_ceil(LANES);
+    for first in (0..count).step_by(STEPS) {
+        let steps = &mut steps[..STEPS.min(count - first)];
+        for (step, i) in steps.iter_mut().zip(first..) {
+            let [column, line, direction, value] =
+                numbers.map(|numbers| load_or_zero(numbers, LANES * i));
+            prepare(first_direction, [column, line], value, direction, step);
         }
-        for step in &steps[..count] {
+        for step in steps {
             add(step, &mut sums);
         }
     }
@@ -97,12 +93,12 @@ pub(super) fn sums(grid: &PatchGrid, gradients: &Gradients) -> PatchSums {
     by_cell
 }
 
-/// Weights and shares of the pixels of two blocks.
+/// Weights and shares of sixteen pixels.
 #[inline]
 #[target_feature(enable = "avx512f")]
 fn prepare(
-    grid: &PatchGrid,
-    [first, second]: [&Block; 2],
+    first_direction: f32,
+    [column, line]: [__m512; 2],
     value: __m512,
     direction: __m512,
     step: &mut Step,
@@ -112,16 +108,6 @@ fn prepare(
         let bits = _mm512_castps_si512(_mm512_add_ps(x, _mm512_set1_ps(NO_FRACTION)));
         _mm512_and_si512(bits, _mm512_set1_epi32(0x003f_ffff))
     };
-    let of_each =
-        |first, second| _mm512_mask_mov_ps(_mm512_set1_ps(first), 0xff00, _mm512_set1_ps(second));
-    let (cos, sin) = (_mm512_set1_ps(grid.cos), _mm512_set1_ps(grid.sin));
-    let (x, y) = (of_each(first.x, second.x), of_each(first.y, second.y));
-    let x = _mm512_fmadd_ps(of_each(first.step, second.step), numbers(), x);
-    let middle = _mm512_set1_ps(MIDDLE);
-    let column = _mm512_fmadd_ps(x, cos, _mm512_mul_ps(y, sin));
-    let column = _mm512_add_ps(column, middle);
-    let line = _mm512_fmsub_ps(y, cos, _mm512_mul_ps(x, sin));
-    let line = _mm512_add_ps(line, middle);
     let (least, most) = (_mm512_set1_ps(-1.0), _mm512_set1_ps(4.0));
     let inside = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(line, least)
         & _mm512_cmp_ps_mask::<_CMP_LT_OQ>(line, most)
@@ -130,7 +116,7 @@ fn prepare(
     let value = _mm512_maskz_mov_ps(inside, value);
     let column = _mm512_maskz_mov_ps(inside, column);
     let line = _mm512_maskz_mov_ps(inside, line);
-    let bin = _mm512_sub_ps(direction, _mm512_set1_ps(grid.direction));
+    let bin = _mm512_sub_ps(direction, _mm512_set1_ps(first_direction));
     let bin = _mm512_mul_ps(bin, _mm512_set1_ps(8.0));
     let column0 = _mm512_roundscale_ps::<FLOOR>(column);
     let line0 = _mm512_roundscale_ps::<FLOOR>(line);
@@ -205,15 +191,6 @@ fn transposed([a, b, c, d]: [__m512; 4]) -> [__m512; 4] {
         _mm512_unpackhi_pd(ab2, cd2),
     ]
     .map(|fours| _mm512_castpd_ps(fours))
-}
-
-/// 0 to 7, twice.
-#[inline]
-#[target_feature(enable = "avx512f")]
-fn numbers() -> __m512 {
-    _mm512_setr_ps(
-        0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0,
-    )
 }
 
 #[inline]

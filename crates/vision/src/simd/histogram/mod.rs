@@ -11,7 +11,7 @@ mod gradients;
 #[cfg(target_arch = "x86_64")]
 use super::InstructionSet;
 use super::truncated;
-use gradients::{Block, Eight, measure};
+use gradients::{Eight, Measured, measure};
 pub use gradients::{Gradients, Span, Window};
 
 /// Sums of a patch: `[row][column][direction]` of a grid of 4 x 4 cells with 8 directions each.
@@ -37,15 +37,15 @@ multiversioned! {
     /// # Panics
     /// If rows or weights do not reach one pixel beyond the spans.
     pub fn add_directions(window: &Window<'_>, gradients: &mut Gradients, histogram: &mut [f32; 36]) {
-        measure(window, gradients);
-        let count = gradients.blocks.len();
-        let Gradients { directions, values, bins, .. } = gradients;
-        let (directions, values) = (&directions[..count], &values[..count]);
+        measure(window, None, gradients);
+        let mut bins = std::mem::take(&mut gradients.bins);
+        let Measured { directions, values, .. } = gradients.measured();
         bins.clear();
         bins.extend(directions.as_flattened().iter().map(|direction| whole(direction * 36.0)));
         for (&bin, value) in bins.iter().zip(values.as_flattened()) {
             histogram[if bin < 36 { bin as usize } else { 0 }] += value;
         }
+        gradients.bins = bins;
     }
 
     /// Adds the gradient of each pixel to the eight bins around it, by magnitude times weight and the
@@ -54,19 +54,19 @@ multiversioned! {
     /// # Panics
     /// If rows or weights do not reach one pixel beyond the spans.
     pub fn patch_sums(window: &Window<'_>, grid: &PatchGrid, gradients: &mut Gradients) -> PatchSums {
-        measure(window, gradients);
+        measure(window, Some(grid), gradients);
         #[cfg(target_arch = "x86_64")]
         match InstructionSet::in_use_unless_halved() {
             // SAFETY: what is in use was detected on this processor.
-            InstructionSet::Avx512 | InstructionSet::Amx => return unsafe { avx512::sums(grid, gradients) },
+            InstructionSet::Avx512 | InstructionSet::Amx => return unsafe { avx512::sums(grid.direction, gradients.measured()) },
             // SAFETY: as before.
-            InstructionSet::Avx2 => return unsafe { avx2::sums(grid, gradients) },
+            InstructionSet::Avx2 => return unsafe { avx2::sums(grid.direction, gradients.measured()) },
             InstructionSet::Portable => {}
         }
         let mut histogram = PatchHistogram([0.0; 1024]);
-        let Gradients { blocks, directions, values, .. } = gradients;
-        for ((block, directions), values) in blocks.iter().zip(directions).zip(values) {
-            add_block(grid, block, values, directions, &mut histogram);
+        let Measured { columns, lines, directions, values } = gradients.measured();
+        for (((columns, lines), directions), values) in columns.iter().zip(lines).zip(directions).zip(values) {
+            add_block(grid.direction, [columns, lines], values, directions, &mut histogram);
         }
         std::array::from_fn(|i| {
             let (row, column, bin) = (i / 32, i / 8 % 4, i % 8);
@@ -125,8 +125,8 @@ const MIDDLE: f32 = 1.5;
 
 #[inline(always)]
 fn add_block(
-    grid: &PatchGrid,
-    block: &Block,
+    first_direction: f32,
+    [columns, lines]: [&Eight; 2],
     values: &Eight,
     directions: &Eight,
     histogram: &mut PatchHistogram,
@@ -137,14 +137,12 @@ fn add_block(
     let mut nexts = [0.0_f32; L];
     let mut corners = [[0.0_f32; L]; 4];
     for i in 0..L {
-        let x = block.x + block.step * i as f32;
-        let column = x.mul_add(grid.cos, block.y * grid.sin) + MIDDLE;
-        let line = block.y.mul_add(grid.cos, -(x * grid.sin)) + MIDDLE;
+        let (column, line) = (columns[i], lines[i]);
         let inside = (line > -1.0) & (line < 4.0) & (column > -1.0) & (column < 4.0);
         let value = if inside { values[i] } else { 0.0 };
         let column = if inside { column } else { 0.0 };
         let line = if inside { line } else { 0.0 };
-        let bin = (directions[i] - grid.direction) * 8.0;
+        let bin = (directions[i] - first_direction) * 8.0;
         let (column0, line0, bin0) = (column.floor(), line.floor(), bin.floor());
         let (column1, line1, bin1) = (column - column0, line - line0, bin - bin0);
         cells[i] = whole(line0.mul_add(64.0, column0.mul_add(8.0, 72.0)));
@@ -314,6 +312,34 @@ mod tests {
             }
             assert_eq!(sums.iter().sum::<f32>(), 8.0);
         });
+    }
+
+    #[test]
+    fn rows_that_end_within_a_block_lose_no_pixel() {
+        let grid = PatchGrid {
+            cos: 0.1,
+            sin: 0.06,
+            direction: 0.3,
+        };
+        let row: Vec<f32> = (0..40).map(|x| ((x * x) % 17) as f32).collect();
+        for count in 1..20 {
+            let spans = [Span { first: -9, count }; 8];
+            let sums = |beyond: usize| {
+                let rows = [&row[..count + 2 + beyond]; 10];
+                let window = Window {
+                    rows: &rows,
+                    left: -10,
+                    top: -4,
+                    spans: &spans,
+                    weights: &[1.0; 40],
+                    radius: 12,
+                };
+                patch_sums(&window, &grid, &mut Gradients::default())
+            };
+            let (ending, longer) = (sums(0), sums(8));
+            let difference = |i: usize| (ending[i] - longer[i]).abs();
+            assert!((0..128).all(|i| difference(i) < 1e-3), "{count} pixels");
+        }
     }
 
     #[test]
