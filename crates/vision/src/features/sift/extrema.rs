@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Point2, Vector3};
 
-use super::SiftParams;
+use super::{MOST_SCALES, SiftParams};
 use crate::image::{RowBuffer, Strip};
 use crate::simd::{ThreeRows, find_extrema_of_differences};
 
@@ -14,6 +14,8 @@ const MAX_STEPS: usize = 5;
 pub(super) const WANDERING: usize = 8;
 /// Pixels to each side that the search and its fits look at.
 pub(super) const REACH: usize = WANDERING;
+/// Layers of an octave that has the most scales.
+const MOST_LAYERS: usize = MOST_SCALES + 3;
 /// Thresholds are for grey values in 0..=1, images are in 0..=255.
 const GREY: f32 = 1.0 / 255.0;
 
@@ -33,14 +35,15 @@ pub(super) struct Extremum {
 /// Finds extrema in a scale space at work.
 pub(super) struct ExtremumFinder<'a> {
     params: &'a SiftParams,
-    columns: Vec<u32>,
+    /// Columns of each layer.
+    columns: Vec<Vec<u32>>,
 }
 
 impl<'a> ExtremumFinder<'a> {
     pub(super) fn new(params: &'a SiftParams) -> Self {
         Self {
             params,
-            columns: Vec::new(),
+            columns: vec![Vec::new(); params.octave_layers],
         }
     }
 
@@ -66,35 +69,22 @@ impl<'a> ExtremumFinder<'a> {
         let threshold = (0.5 * contrast_threshold / octave_layers as f32 / GREY).floor();
         // All rows from one column of the image on, the same multiple of a cache line as their buffers.
         let first = (start - 1) / 16 * 16;
-        let mut rows: [ThreeRows<'_>; 4] = [[&[]; 3]; 4];
-        for (number, layer) in strip.layers().iter().enumerate() {
+        let layers = strip.layers();
+        let mut rows: [ThreeRows<'_>; MOST_LAYERS] = [[&[]; 3]; MOST_LAYERS];
+        for (rows, layer) in rows.iter_mut().zip(layers) {
             let skipped = first - layer.columns().start;
-            let next = |y: usize| &layer.row(y)[skipped..];
-            rows = [
-                rows[1],
-                rows[2],
-                rows[3],
-                [next(y - 1), next(y), next(y + 1)],
-            ];
-            let Some(layer) = number.checked_sub(2).filter(|&layer| layer > 0) else {
-                continue;
-            };
-            self.columns.clear();
-            find_extrema_of_differences(
-                &rows,
-                start - first..end - first,
-                threshold,
-                &mut self.columns,
-            );
-            let fit = Fit {
-                params: self.params,
-                layers: strip.layers(),
-            };
-            found.extend(
-                self.columns
-                    .iter()
-                    .filter_map(|&x| fit.run(layer, first + x as usize, y)),
-            );
+            *rows = [y - 1, y, y + 1].map(|y| &layer.row(y)[skipped..]);
+        }
+        self.columns.iter_mut().for_each(Vec::clear);
+        let within = start - first..end - first;
+        find_extrema_of_differences(&rows[..layers.len()], within, threshold, &mut self.columns);
+        let fit = Fit {
+            params: self.params,
+            layers,
+        };
+        for (columns, layer) in self.columns.iter().zip(1..) {
+            let columns = columns.iter().map(|&x| first + x as usize);
+            found.extend(columns.filter_map(|x| fit.run(layer, x, y)));
         }
     }
 }

@@ -60,6 +60,9 @@ pub(super) use places::BYTES_A_PLACE;
 /// Bytes for each pixel of the image, measured: bases of two octaves, one of them doubled.
 const BYTES_A_PIXEL: usize = 6;
 
+/// Scales that an octave may have.
+const MOST_SCALES: usize = 16;
+
 /// Parameters of [`Sift`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -121,7 +124,7 @@ impl Sift {
             ..
         } = params;
         ParamError::unless(
-            (1..=16).contains(&octave_layers),
+            (1..=MOST_SCALES).contains(&octave_layers),
             "octave_layers",
             octave_layers,
             "1 to 16",

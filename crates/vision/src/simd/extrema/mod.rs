@@ -15,25 +15,28 @@ use super::InstructionSet;
 /// Three neighbouring rows of one layer.
 pub type ThreeRows<'a> = [&'a [f32]; 3];
 
-/// [`find_extrema`] in three differences that are stored nowhere: difference `d` is layer `d + 1`
-/// minus layer `d`.
+/// [`find_extrema`] in differences that are stored nowhere, at all scales in one pass over the rows: difference `d` is
+/// layer `d + 1` minus layer `d`, and `found[s]` gets the columns of difference `s + 1`, whose neighbours are `s` and
+/// `s + 2`.
 ///
 /// # Panics
-/// If `columns` does not leave a column free on each side in every row.
+/// If there are not three more layers than `found`, or if `columns` does not leave a column free on each side in every
+/// row.
 pub fn find_extrema_of_differences(
-    layers: &[ThreeRows<'_>; 4],
+    layers: &[ThreeRows<'_>],
     columns: Range<usize>,
     threshold: f32,
-    found: &mut Vec<u32>,
+    found: &mut [Vec<u32>],
 ) {
+    let mut rows = layers.as_flattened().iter();
+    assert!(
+        columns.start > 0 && rows.all(|row| columns.end < row.len()),
+        "a column on each side"
+    );
+    assert_eq!(layers.len(), found.len() + 3);
     #[cfg(target_arch = "x86_64")]
     if InstructionSet::in_use() >= InstructionSet::Avx512 {
-        let mut rows = layers.as_flattened().iter();
-        assert!(
-            columns.start > 0 && rows.all(|row| columns.end < row.len()),
-            "a column on each side"
-        );
-        // SAFETY: what is in use was detected on this processor.
+        // SAFETY: what is in use was detected on this processor, and rows are long enough.
         return unsafe { avx512::find(layers, columns, threshold, found) };
     }
     search_differences(layers, columns, threshold, found);
@@ -49,12 +52,12 @@ multiversioned! {
     /// # Panics
     /// If `columns` does not leave a column free on each side in every row.
     pub fn find_extrema(layers: &[ThreeRows<'_>; 3], columns: Range<usize>, threshold: f32, found: &mut Vec<u32>) {
-        search(layers, columns, threshold, found);
+        search::<3>(layers, columns, threshold, std::slice::from_mut(found));
     }
 
     /// The definition of [`find_extrema_of_differences`].
-    fn search_differences(layers: &[ThreeRows<'_>; 4], columns: Range<usize>, threshold: f32, found: &mut Vec<u32>) -> () {
-        search(layers, columns, threshold, found);
+    fn search_differences(layers: &[ThreeRows<'_>], columns: Range<usize>, threshold: f32, found: &mut [Vec<u32>]) -> () {
+        search::<4>(layers, columns, threshold, found);
     }
 
     /// Columns in `columns` where `rows[1]` exceeds `threshold` and each of its 8 neighbours.
@@ -90,28 +93,43 @@ const WIDER: usize = LANES + 2;
 /// Three rows of each layer about a block, from the column before it on.
 type Windows<'a, const LAYERS: usize, const WIDTH: usize> = [[&'a [f32; WIDTH]; 3]; LAYERS];
 
-/// Three layers are searched as they are, of four the differences.
+/// Three layers are searched as they are, of four the differences. All scales of a block are searched before the next
+/// block, so that rows are read once.
 #[inline(always)]
 fn search<const LAYERS: usize>(
-    layers: &[ThreeRows<'_>; LAYERS],
+    layers: &[ThreeRows<'_>],
     columns: Range<usize>,
     threshold: f32,
-    found: &mut Vec<u32>,
+    found: &mut [Vec<u32>],
 ) {
     let mut x = columns.start;
     while x + LANES <= columns.end {
-        block::<LAYERS, LANES, WIDER>(layers, x, 0, threshold, found);
+        blocks::<LAYERS, LANES, WIDER>(layers, x, 0, threshold, found);
         x += LANES;
     }
     if x < columns.end && columns.len() >= LANES {
         // The last block again covers some columns of the block before.
         let start = columns.end - LANES;
-        block::<LAYERS, LANES, WIDER>(layers, start, x - start, threshold, found);
+        blocks::<LAYERS, LANES, WIDER>(layers, start, x - start, threshold, found);
         x = columns.end;
     }
     while x < columns.end {
-        block::<LAYERS, 1, 3>(layers, x, 0, threshold, found);
+        blocks::<LAYERS, 1, 3>(layers, x, 0, threshold, found);
         x += 1;
+    }
+}
+
+#[inline(always)]
+fn blocks<const LAYERS: usize, const L: usize, const WIDTH: usize>(
+    layers: &[ThreeRows<'_>],
+    x: usize,
+    done: usize,
+    threshold: f32,
+    found: &mut [Vec<u32>],
+) {
+    for (layers, found) in layers.windows(LAYERS).zip(found) {
+        let layers = layers.first_chunk().expect("a window");
+        block::<LAYERS, L, WIDTH>(layers, x, done, threshold, found);
     }
 }
 
@@ -329,26 +347,49 @@ mod tests {
             .collect();
         assert!(expected.len() > 10 || width < 400, "the test sees extrema");
         assert_eq!(found, expected);
+    }
 
-        // Layers of which these are the differences.
-        let mut sums = vec![vec![0.0; width]; 3];
-        for row in &rows {
-            let sum = sums[sums.len() - 3].iter().zip(row);
-            sums.push(sum.map(|(a, b)| a + b).collect());
-        }
-        let layers: [ThreeRows<'_>; 4] =
-            std::array::from_fn(|l| std::array::from_fn(|y| sums[3 * l + y].as_slice()));
-        InstructionSet::for_each(|set| {
-            found.clear();
-            find_extrema_of_differences(&layers, 1..width - 1, 2.0, &mut found);
-            assert_eq!(found, expected, "{set:?}");
-            found.clear();
-            find_extrema_of_differences(&layers, width / 3..width / 2, 2.0, &mut found);
-            let some = expected
+    #[test]
+    fn all_scales_find_what_each_finds_in_its_differences() {
+        let mut rng = Seed(7).rng();
+        for (width, scales) in [(3, 1), (40, 2), (66, 3), (67, 5), (400, 3), (400, 7)] {
+            let differences: Vec<Vec<f32>> = (0..3 * (scales + 2))
+                .map(|_| (0..width).map(|_| rng.below(13) as f32 - 6.0).collect())
+                .collect();
+            // Layers of which these are the differences.
+            let mut sums = vec![vec![0.0; width]; 3];
+            for row in &differences {
+                let sum = sums[sums.len() - 3].iter().zip(row);
+                sums.push(sum.map(|(a, b)| a + b).collect());
+            }
+            let (sums, _) = sums.as_chunks::<3>();
+            let layers: Vec<ThreeRows<'_>> = sums
                 .iter()
-                .filter(|&&x| (width / 3..width / 2).contains(&(x as usize)));
-            assert!(found.iter().eq(some), "{set:?}");
-        });
+                .map(|three| three.each_ref().map(Vec::as_slice))
+                .collect();
+            let (differences, _) = differences.as_chunks::<3>();
+            for columns in [1..width - 1, (width / 3).max(1)..width / 2] {
+                let expected: Vec<Vec<u32>> = (0..scales)
+                    .map(|scale| {
+                        let mut found = Vec::new();
+                        let three: &[[Vec<f32>; 3]; 3] = differences[scale..]
+                            .first_chunk()
+                            .expect("two more than scales");
+                        let three = three
+                            .each_ref()
+                            .map(|rows| rows.each_ref().map(Vec::as_slice));
+                        find_extrema(&three, columns.clone(), 2.0, &mut found);
+                        found
+                    })
+                    .collect();
+                assert!(width < 400 || expected.iter().all(|found| found.len() > 1));
+                InstructionSet::for_each(|set| {
+                    let mut found = vec![Vec::new(); scales];
+                    find_extrema_of_differences(&layers, columns.clone(), 2.0, &mut found);
+                    assert_eq!(found, expected, "{width} columns, {scales} scales, {set:?}");
+                });
+            }
+        }
     }
 
     #[test]
