@@ -387,3 +387,103 @@ fn links_are_not_followed() {
             .is_some_and(|reason| reason.contains("is a link"))
     );
 }
+
+/// Changes the records of a run that is handed in, and what its plan says. Checksums are no obstacle: everybody can
+/// compute them, and the first format has none.
+fn forge(run: &Path, settings: Value, records: impl Fn(Vec<Value>) -> Vec<Value>) {
+    of_first_format(run);
+    let plan = run.join("plan.json");
+    let text = fs::read_to_string(&plan).expect("it was written");
+    let mut forged: Value = serde_json::from_str(&text).expect("JSON");
+    for (name, value) in settings.as_object().expect("settings") {
+        forged["settings"][name] = value.clone();
+    }
+    fs::write(&plan, forged.to_string()).expect("writable");
+    rewrite(run, |text| {
+        let record = |line: &str| {
+            let (body, _) = line.split_once(",\"check\"").expect("it has one");
+            serde_json::from_str(&format!("{body}}}")).expect("a record")
+        };
+        let forged = records(text.lines().map(record).collect());
+        let lines = forged.iter().map(|record| format!("{record}\n"));
+        lines.collect()
+    });
+}
+
+#[test]
+fn who_repeats_the_pairs_that_went_well_or_chooses_them_is_refused() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "data/wall", 4);
+    one_run(folder, &[]);
+    for name in ["chosen", "honest", "repeated"] {
+        copy(
+            &folder.join("entries/a"),
+            &folder.join("entries").join(name),
+        );
+    }
+    fs::remove_dir_all(folder.join("entries/a")).expect("it is there");
+    // Of six pairs, each planned twice, one is recorded seven times and the others once.
+    let repeated = folder.join("entries/repeated");
+    forge(
+        &repeated,
+        serde_json::json!({"repetitions": 2}),
+        |mut all| {
+            assert_eq!(all.len(), 6);
+            for repetition in 1..7 {
+                let mut again = all[0].clone();
+                again["task"]["repetition"] = repetition.into();
+                all.push(again);
+            }
+            all
+        },
+    );
+    // A sample of two would be the first and the fourth.
+    let chosen = folder.join("entries/chosen");
+    forge(&chosen, serde_json::json!({"sample": 2}), |all| {
+        all[1..3].to_vec()
+    });
+    let output = go(folder, &["leaderboard", "entries", "--out", "site"]);
+    assert_eq!(output.status.code(), Some(2));
+    let json = fs::read_to_string(folder.join("site/leaderboard.json")).expect("it was written");
+    let board: Value = serde_json::from_str(&json).expect("JSON");
+    let rows = list(&board["groups"][0]["rows"]);
+    assert!(rows.len() == 1 && rows[0]["entry"] == "honest", "{rows:?}");
+    let reasons: Vec<&str> = list(&board["refused"])
+        .iter()
+        .map(|refused| text(&refused["reason"]))
+        .collect();
+    assert_eq!(
+        reasons,
+        [
+            "its plan does not choose the pair 0 2 of the 6 that the dataset lists",
+            "not every pair is recorded in its 2 planned repetitions"
+        ]
+    );
+}
+
+#[test]
+fn sizes_of_images_that_are_handed_in_judge_nobody() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let wall = dataset(folder, "data/wall", 3);
+    fs::remove_file(wall.join("pairs.txt")).expect("it is there");
+    homographies(&wall, &[(0, 1), (0, 2)]);
+    one_run(folder, &["--estimator", "best-h"]);
+    fs::create_dir_all(folder.join("entries/data")).expect("writable");
+    fs::rename(&wall, folder.join("entries/data/wall")).expect("writable");
+    let plan = folder.join("entries/a/plan.json");
+    let mut moved: Value =
+        serde_json::from_str(&fs::read_to_string(&plan).expect("it was written")).expect("JSON");
+    moved["datasets"][0]["path"] = "entries/data/wall".into();
+    fs::write(&plan, moved.to_string()).expect("writable");
+    let is_checked = |more: &[&str]| {
+        let words = ["leaderboard", "entries", "--out", "site"];
+        succeeds(folder, &[&words[..], more].concat());
+        let json = fs::read_to_string(folder.join("site/leaderboard.json"));
+        let board: Value = serde_json::from_str(&json.expect("it was written")).expect("JSON");
+        board["groups"][0]["rows"][0]["errors_checked"] == true
+    };
+    assert!(!is_checked(&[]));
+    assert!(is_checked(&["--datasets", "entries/data"]));
+}

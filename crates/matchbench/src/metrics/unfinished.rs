@@ -49,6 +49,6 @@ pub fn unfinished(plan: &Plan, sets: &[ResultSet]) -> Vec<String> {
 }
 
 /// Tasks of a method that have a record.
-pub(crate) fn recorded(set: &ResultSet) -> usize {
+fn recorded(set: &ResultSet) -> usize {
     set.ignored + set.pairs.len() - set.missing()
 }

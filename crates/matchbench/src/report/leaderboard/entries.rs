@@ -4,17 +4,18 @@
 //! of a run must name everything that its records belong to. An unfinished run, a tuning and a shard are not
 //! results yet, and are refused. Every error is reported for the file that it is found in.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::{self, BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use crate::counted::counted;
 use crate::files::open_file;
-use crate::metrics::{Failure, FileResults, ResultSet, load_each, recorded};
-use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, RunFolder};
+use crate::metrics::{Failure, FileResults, ResultSet, load_each};
+use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, RunFolder, Task};
 
 use super::super::command_line::{self, CommandLine, Origin};
-use super::truth::{Truths, check};
+use super::truth::{Truth, Truths, check};
 use super::{Refused, Source};
 
 /// All that was found.
@@ -64,7 +65,7 @@ impl Reader<'_> {
         if inside.iter().any(|it| it.name == "plan.json") {
             let run = RunFolder::open(folder);
             for dataset in run.iter().flat_map(|run| &run.plan().datasets) {
-                self.truths.expect(dataset, self.datasets);
+                self.truths.expect(dataset, self.datasets, self.root);
             }
             return;
         }
@@ -152,13 +153,13 @@ impl Reader<'_> {
             return Err("another file of this run holds the same".to_owned());
         }
         seen.push(names);
-        is_finished(run.plan(), dataset, &set)?;
+        let names = [&*set.dataset, &*set.matcher, &*set.estimator];
+        let truth = self.truths.of(dataset);
+        is_finished(run, dataset, names, truth)?;
+        let checked = truth.map_or(Ok(false), |truth| check(run, names, truth))?;
         // Pairs that are missing now are only in the other files, which do not say what is planned.
         set.pairs
             .retain(|pair| pair.outcome != Err(Failure::Missing));
-        let truth = self.truths.of(dataset);
-        let names = [&*set.dataset, &*set.matcher, &*set.estimator];
-        let checked = truth.map_or(Ok(false), |truth| check(run, names, truth))?;
         let again = command_line::cell(run.plan(), dataset, (matcher, estimator), "again");
         let note = match (&again, Origin::of(matcher)) {
             (None, _) => "no command asks for it; its plan says what was run".to_owned(),
@@ -367,17 +368,38 @@ fn planned<'a>(
     }
 }
 
-/// Refuses unfinished results. Their missing pairs would count as wrong, or would not count at all.
-fn is_finished(plan: &Plan, dataset: &DatasetPlan, set: &ResultSet) -> Result<(), String> {
-    let (done, tasks) = (recorded(set), plan.tasks_on(dataset));
-    if done == tasks {
-        Ok(())
-    } else {
-        Err(format!(
-            "{done} of {} recorded",
-            counted(tasks, "planned task")
-        ))
+/// Refuses results of other tasks than those that are planned. Missing pairs would count as wrong, or would not
+/// count at all, and pairs that somebody chose may be easier than those of the plan.
+fn is_finished(
+    run: &RunFolder,
+    dataset: &DatasetPlan,
+    names: [&str; 3],
+    truth: Option<&Truth>,
+) -> Result<(), String> {
+    let plan = run.plan();
+    let mut tasks = BTreeSet::new();
+    let read = run.for_each_of(names, |record| {
+        let Task {
+            a, b, repetition, ..
+        } = record.task;
+        tasks.insert((a, b, repetition));
+    });
+    read.map_err(|error| error.to_string())?;
+    let planned = plan.tasks_on(dataset);
+    if tasks.len() != planned {
+        let planned = counted(planned, "planned task");
+        return Err(format!("{} of {planned} recorded", tasks.len()));
     }
+    let repetitions = plan.settings.repetitions.get();
+    let pairs: BTreeSet<_> = tasks.iter().map(|&(a, b, _)| (a, b)).collect();
+    let beyond = tasks.iter().any(|&(.., number)| number >= repetitions);
+    if beyond || pairs.len() * repetitions as usize != planned {
+        let repetitions = counted(repetitions as usize, "planned repetition");
+        return Err(format!("not every pair is recorded in its {repetitions}"));
+    }
+    truth.map_or(Ok(()), |truth| {
+        truth.has_chosen(&plan.settings, &pairs, dataset)
+    })
 }
 
 fn below_folder(folder: &Path, path: &Path) -> String {

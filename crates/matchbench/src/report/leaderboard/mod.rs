@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-use crate::metrics::{Bootstrap, Model, ResultSet, Summary};
+use crate::metrics::{Bootstrap, Model, ResultSet, Summary, groups};
 
 use super::content::{Content, RunFacts};
 use entries::{Entries, Scored};
@@ -167,7 +167,9 @@ fn group(key: Key, scored: Vec<Scored>, keys: &[Key]) -> Group {
         sets.push(set);
         sources.push((name.0, scored.source));
     }
-    let content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+    let mut content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+    let files: Vec<&str> = sources.iter().map(|(_, source)| &*source.blake3).collect();
+    compare_once(&mut content, &files);
     let mut rows: Vec<Row> = (content.summaries.iter().zip(sources))
         .map(|(summary, (matcher, source))| Row {
             rank: 0,
@@ -202,6 +204,25 @@ fn group(key: Key, scored: Vec<Scored>, keys: &[Key]) -> Group {
         namesakes,
         rows,
         content,
+    }
+}
+
+/// Compares every file once, however often it was handed in: each more method to compare asks for larger differences
+/// between all others. Copies have the letters of the first.
+fn compare_once(content: &mut Content, files: &[&str]) {
+    let first_of = |file: &&str| files.iter().position(|other| other == file);
+    let first: Vec<usize> = files.iter().filter_map(first_of).collect();
+    let once: Vec<usize> = (0..first.len()).filter(|&i| first[i] == i).collect();
+    if once.len() == files.len() {
+        return;
+    }
+    let sets: Vec<ResultSet> = once.iter().map(|&i| content.results[i].clone()).collect();
+    let letters = groups(&sets).letters;
+    for (summary, first) in content.summaries.iter_mut().zip(first) {
+        let place = once
+            .binary_search(&first)
+            .expect("the first is one of them");
+        summary.group.clone_from(&letters[place]);
     }
 }
 

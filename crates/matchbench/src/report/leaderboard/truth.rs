@@ -2,7 +2,8 @@
 //!
 //! A record holds the pose or homography that was estimated, and its stated error. If the dataset is available,
 //! the stated error need not be trusted: it is computed again from the estimate. The error of a homography is
-//! measured at the corners of the first image, so the file of this image must be available too.
+//! measured at the corners of the first image, so the file of this image must be available too, and not among the
+//! entries: nothing says of what size an image was, so that whoever hands in a dataset could choose it.
 
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -11,8 +12,9 @@ use std::path::{Path, PathBuf};
 use matchbench_vision::image::Size;
 use matchbench_vision::robust::HomographyEstimate;
 
+use crate::counted::counted;
 use crate::datasets::{Pair, Sequence};
-use crate::records::{DatasetPlan, Outcome, RunFolder, RunRecord};
+use crate::records::{DatasetPlan, Outcome, RunFolder, RunRecord, Settings};
 
 /// Largest allowed difference between a stated error and the computed one, in degrees or pixels (for large
 /// pixel errors, relative to them). Records are rounded, and small angles lose half of their digits.
@@ -23,24 +25,35 @@ const ROUNDED: f64 = 1e-3;
 pub(super) struct Truth {
     pairs: BTreeMap<(u32, u32), Pair>,
     sequence: Sequence,
-    /// The size of the image of each frame, read when it is first needed.
+    /// The size of the image of each frame, read when it is first needed; none where nobody can be believed.
     sizes: Vec<OnceCell<Option<Size>>>,
 }
 
 /// The truth of the datasets that are available, by their fingerprints.
 #[derive(Debug, Default)]
 pub(super) struct Truths {
-    /// Where the datasets may be: in the folder of datasets that was given, and where runs had them.
-    places: BTreeMap<String, [BTreeSet<PathBuf>; 2]>,
+    /// Where the datasets may be: in the folder of datasets that was given, where runs had them, and of these last
+    /// what lies among the entries.
+    places: BTreeMap<String, [BTreeSet<PathBuf>; 3]>,
     known: BTreeMap<String, Option<Truth>>,
 }
 
 impl Truths {
-    /// Notes that a planned dataset may be in the folder `datasets`, or where the run had it.
-    pub(super) fn expect(&mut self, dataset: &DatasetPlan, datasets: Option<&Path>) {
+    /// Notes that a planned dataset may be in the folder `datasets`, or where the run had it, which may be below the
+    /// folder of `entries`.
+    pub(super) fn expect(
+        &mut self,
+        dataset: &DatasetPlan,
+        datasets: Option<&Path>,
+        entries: &Path,
+    ) {
         let places = self.places.entry(dataset.fingerprint.clone());
-        let [named, had] = places.or_default();
+        let [named, had, handed_in] = places.or_default();
         named.extend(datasets.map(|datasets| datasets.join(&dataset.name)));
+        let had = match (dataset.path.canonicalize(), entries.canonicalize()) {
+            (Ok(path), Ok(entries)) if path.starts_with(&entries) => handed_in,
+            _ => had,
+        };
         had.insert(dataset.path.clone());
     }
 
@@ -48,13 +61,25 @@ impl Truths {
     /// place or a wrong one does not hide it from the others.
     pub(super) fn of(&mut self, dataset: &DatasetPlan) -> Option<&Truth> {
         let find = || {
-            let places = self.places.get(&dataset.fingerprint)?.iter().flatten();
-            let mut open = places.filter_map(|path| Sequence::open(path).ok());
-            let sequence = open.find(|found| found.fingerprint() == dataset.fingerprint)?;
+            let places = self.places.get(&dataset.fingerprint)?;
+            let open = |path: &PathBuf| {
+                let found = Sequence::open(path).ok()?;
+                (found.fingerprint() == dataset.fingerprint).then_some(found)
+            };
+            let (sequence, is_handed_in) =
+                places.iter().enumerate().find_map(|(kind, paths)| {
+                    let sequence = paths.iter().find_map(open)?;
+                    Some((sequence, kind == 2))
+                })?;
             let pairs = sequence.pairs.iter().map(|pair| ((pair.a, pair.b), *pair));
+            let size = if is_handed_in {
+                OnceCell::from(None)
+            } else {
+                OnceCell::new()
+            };
             Some(Truth {
                 pairs: pairs.collect(),
-                sizes: vec![OnceCell::new(); sequence.frames.len()],
+                sizes: vec![size; sequence.frames.len()],
                 sequence,
             })
         };
@@ -68,6 +93,35 @@ impl Truth {
     fn size(&self, frame: u32) -> Option<Size> {
         let frame = frame as usize;
         *self.sizes[frame].get_or_init(|| self.sequence.frames[frame].size().ok())
+    }
+
+    /// Refuses other `pairs` than those that these settings choose from the list of the dataset.
+    ///
+    /// # Errors
+    /// A pair that was not to be chosen, or the numbers of pairs, in words.
+    pub(super) fn has_chosen(
+        &self,
+        settings: &Settings,
+        pairs: &BTreeSet<(u32, u32)>,
+        dataset: &DatasetPlan,
+    ) -> Result<(), String> {
+        let listed = &self.sequence.pairs;
+        let chosen = settings.chosen(listed.len()).map(|i| &listed[i]);
+        let chosen: BTreeSet<_> = chosen.map(|pair| (pair.a, pair.b)).collect();
+        if let Some((a, b)) = pairs.difference(&chosen).next() {
+            return Err(format!(
+                "its plan does not choose the pair {a} {b} of the {} that the dataset lists",
+                listed.len()
+            ));
+        }
+        if pairs.len() != chosen.len() {
+            return Err(format!(
+                "its plan says that the dataset lists {}, which has {}",
+                counted(dataset.pairs, "pair"),
+                listed.len()
+            ));
+        }
+        Ok(())
     }
 
     /// Judges the estimate of a record again; `None` if this is not possible. An outcome without an estimate is
