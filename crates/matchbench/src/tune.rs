@@ -14,7 +14,8 @@ use crate::config::{Changes, ConfigError};
 use crate::estimators;
 use crate::metrics::{ResultsError, load_run, ranking_auc};
 use crate::protocols::MATCHBENCH;
-use crate::records::{FolderError, RunFolder, Settings, Tuned, TunedOn};
+use crate::records::images::ImageNotes;
+use crate::records::{DatasetPlan, FolderError, RunFolder, Settings, Tuned, TunedOn};
 use crate::run::{
     Cancel, Contender, ContenderError, Dataset, Observer, Outside, Run, RunError, RunSummary,
     Variant,
@@ -185,14 +186,21 @@ fn choose(
         .max_by(|(_, x), (_, y)| x.total_cmp(y))
         .expect("there are values");
     let plan = folder.plan();
+    let on = |dataset: &DatasetPlan| {
+        let images = ImageNotes::open(folder.path(), &dataset.name)?;
+        let hashes = images
+            .known()
+            .values()
+            .map(|hash| hash.to_hex().to_string());
+        Ok::<_, FolderError>(TunedOn {
+            name: dataset.name.clone(),
+            fingerprint: dataset.fingerprint.clone(),
+            images: hashes.collect(),
+        })
+    };
     Ok(Tuned {
         setting: format!("{}={best}", tuning.parameter),
-        datasets: (plan.datasets.iter())
-            .map(|dataset| TunedOn {
-                name: dataset.name.clone(),
-                fingerprint: dataset.fingerprint.clone(),
-            })
-            .collect(),
+        datasets: plan.datasets.iter().map(on).collect::<Result<_, _>>()?,
         matchers: (plan.matchers.iter())
             .map(|matcher| matcher.id.clone())
             .collect(),

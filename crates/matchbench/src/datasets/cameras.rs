@@ -22,23 +22,47 @@ const LENS_TOLERANCE_PX: f64 = 0.1;
 /// Most cameras that [`camera_problems`] checks.
 const CAMERAS: usize = 100;
 
+/// Most images of which [`camera_problems`] reads the size.
+const IMAGES: usize = 10_000;
+
 /// What is wrong with the cameras of an opened dataset in the folder `dir`. Only the first cameras are checked,
-/// each with the size of the first image that it took. This is quick: only the headers of images are read.
+/// each with the size of the first image that it took; of the others that it took, the first of another size is noted. This
+/// is quick: only the headers of images are read.
 /// Images without a valid header are skipped; they are reported when their pixels are read.
 pub fn camera_problems(dir: &Path, sequence: &Sequence) -> Vec<Problem> {
     let mut problems = Vec::new();
-    let mut judged: Vec<&Camera> = Vec::new();
-    for frame in &sequence.frames {
-        if judged.len() < CAMERAS
-            && !judged.contains(&&frame.camera)
-            && let Ok(size) = read_size(&frame.image)
-        {
-            judged.push(&frame.camera);
-            let size = frame.turn.size(size);
+    let mut judged: Vec<(&Camera, Size, bool)> = Vec::new();
+    for frame in sequence.frames.iter().take(IMAGES) {
+        let known = (judged.iter()).position(|(camera, ..)| **camera == frame.camera);
+        if known.is_none() && judged.len() == CAMERAS {
+            continue;
+        }
+        let Ok(size) = read_size(&frame.image) else {
+            continue;
+        };
+        let size = frame.turn.size(size);
+        let Some(known) = known else {
+            judged.push((&frame.camera, size, false));
             check_camera(&frame.camera, size, dir, &frame.image, &mut problems);
+            continue;
+        };
+        let (_, other, is_noted) = &mut judged[known];
+        if size != *other && !*is_noted {
+            problems.push(other_size(&frame.image, size, *other));
+            *is_noted = true;
         }
     }
     problems
+}
+
+/// An image has another size than the images of the same camera have.
+pub(super) fn other_size(image: &Path, size: Size, other: Size) -> Problem {
+    DatasetError::new(
+        image,
+        format!("the image is {size}, others of the same camera are {other}"),
+        "give it its own camera in dataset.toml, or bring all to one size",
+    )
+    .into()
 }
 
 /// Notes what is wrong with a camera, given in `file`, for an image of this size.
@@ -97,5 +121,32 @@ pub(super) fn check_camera(
             )
             .into(),
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn the_first_image_of_another_size_is_noted_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let dir = &folder.path().join("wall");
+        fs::create_dir_all(dir.join("Images")).unwrap();
+        fs::write(dir.join("camera.txt"), "5 0 3.5\n0 5 2.5\n0 0 1").unwrap();
+        fs::write(dir.join("pairs.txt"), "0 1 1 0 0 1 0 1 0 0 0 0 1 0\n").unwrap();
+        for (name, size) in [("0", [8, 6]), ("1", [8, 6]), ("2", [16, 12]), ("3", [4, 3])] {
+            let [width, height] = size;
+            let mut image = format!("P5 {width} {height} 255\n").into_bytes();
+            image.resize(image.len() + width * height, 7);
+            fs::write(dir.join(format!("Images/000{name}.pgm")), image).unwrap();
+        }
+        let sequence = Sequence::open(dir).unwrap();
+        let problems = camera_problems(dir, &sequence);
+        let words: Vec<String> = problems.iter().map(ToString::to_string).collect();
+        let said = "0002.pgm: the image is 16x12, others of the same camera are 8x6";
+        assert!(words.len() == 1 && words[0].contains(said), "{words:?}");
     }
 }

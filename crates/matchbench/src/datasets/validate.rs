@@ -13,7 +13,7 @@ use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rayon::prelude::*;
 
-use super::cameras::check_camera;
+use super::cameras::{check_camera, other_size};
 use super::decode::{decode_gray, exif_orientation};
 use super::images::IMAGES;
 use super::listed::Listed;
@@ -155,14 +155,7 @@ fn check_cameras(
             continue;
         }
         if !own && let Some((_, other)) = judged.iter().find(|(c, _)| *c == camera) {
-            problems.push(
-                DatasetError::new(
-                    image,
-                    format!("the image is {size}, others of the same camera are {other}"),
-                    "give it its own camera in dataset.toml, or bring all to one size",
-                )
-                .into(),
-            );
+            problems.push(other_size(image, size, *other));
         }
         judged.push((camera, size));
         if let Some(camera) = camera {

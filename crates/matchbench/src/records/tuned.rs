@@ -2,10 +2,13 @@
 //! `tuning.json` of every run that takes it over.
 //!
 //! A score on a scene that a parameter was tuned on is no test. So the scenes are named by their
-//! fingerprints, and a run that uses the parameter on one of them is refused.
+//! fingerprints and by their images, and a run that uses the parameter on one of them is refused. The fingerprint tells a
+//! scene without its images, and the images tell it with other pairs.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -36,6 +39,9 @@ pub struct TunedOn {
     pub name: String,
     /// Its fingerprint, as in the [plan](super::DatasetPlan).
     pub fingerprint: String,
+    /// The images that were used, each by the BLAKE3 hash of its file, so that the scene is known with other pairs too.
+    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
+    pub images: BTreeSet<String>,
 }
 
 impl Tuned {
@@ -92,14 +98,16 @@ impl Tuned {
         )
     }
 
-    /// Refuses a plan that reports on scenes that this was tuned on.
+    /// Refuses a plan that reports on scenes that this was tuned on. `frames` are the files of the images of each dataset
+    /// of the plan; one that cannot be read is no image of a scene.
     ///
     /// # Errors
-    /// If a dataset of the plan is one of them, whatever it is called.
-    pub fn check(&self, plan: &Plan) -> Result<(), FolderError> {
-        for dataset in &plan.datasets {
+    /// If a dataset of the plan is one of them, whatever it is called and whatever its pairs are, or has an image of one.
+    pub fn check(&self, plan: &Plan, frames: &[Vec<&Path>]) -> Result<(), FolderError> {
+        for (dataset, frames) in plan.datasets.iter().zip(frames) {
             let seen = |on: &&TunedOn| on.fingerprint == dataset.fingerprint;
-            if let Some(on) = self.datasets.iter().find(seen) {
+            let on = self.datasets.iter().find(seen);
+            if let Some(on) = on.or_else(|| self.with_image_among(frames)) {
                 return Err(FolderError::TunedOn {
                     setting: self.setting.clone(),
                     tuned_on: on.name.clone(),
@@ -108,6 +116,18 @@ impl Tuned {
             }
         }
         Ok(())
+    }
+
+    /// The dataset that it was tuned on that has one of these images.
+    fn with_image_among(&self, frames: &[&Path]) -> Option<&TunedOn> {
+        if self.datasets.iter().all(|on| on.images.is_empty()) {
+            return None; // an earlier version did not note them
+        }
+        frames.par_iter().find_map_any(|frame| {
+            let hash = blake3::hash(&read_file(frame).ok()?).to_hex();
+            let mut datasets = self.datasets.iter();
+            datasets.find(|on| on.images.contains(hash.as_str()))
+        })
     }
 }
 

@@ -62,7 +62,9 @@ use crate::cache::FeatureCache;
 use crate::datasets::{DatasetError, Sequence, Unpaired, Whole, decode_gray};
 use crate::records::images::ImageNotes;
 use crate::records::store::RecordWriter;
-use crate::records::{KeepMatches, RunFolder, RunRecord, RunWriter, Settings, Tuned};
+use crate::records::{
+    FolderError, KeepMatches, Plan, RunFolder, RunRecord, RunWriter, Settings, Tuned,
+};
 use depth::DepthMaps;
 use kept::{Kept, Retried};
 use pair::PairStages;
@@ -215,7 +217,7 @@ impl Run<'_> {
         cancel: &Cancel,
     ) -> Result<RunSummary, RunError> {
         let mut plan = plan(self.datasets, self.contenders, self.settings)?;
-        (self.tuned.iter()).try_for_each(|tuned| tuned.check(&plan))?;
+        refuse_tuned(self.tuned, &plan, self.datasets)?;
         let part;
         let mut datasets = self.datasets;
         if let Some(shard) = self.shard {
@@ -373,6 +375,19 @@ impl Run<'_> {
         let milliseconds = self.settings.time_budget_ms?;
         Some(Duration::from_millis(milliseconds.get().into()))
     }
+}
+
+/// Refuses to report on datasets that something was tuned on.
+fn refuse_tuned(tuned: &[Tuned], plan: &Plan, datasets: &[Dataset]) -> Result<(), FolderError> {
+    let frames: Vec<Vec<&Path>> = (datasets.iter())
+        .map(|dataset| {
+            let frames = dataset.sequence.frames.iter();
+            frames.map(|frame| &*frame.image).collect()
+        })
+        .collect();
+    tuned
+        .iter()
+        .try_for_each(|tuned| tuned.check(plan, &frames))
 }
 
 /// The images that earlier processes worked with on each dataset of which something is left to be

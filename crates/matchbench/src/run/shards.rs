@@ -6,7 +6,7 @@
 //! in both halves together. This gives tiles where all images are matched with all, and runs of neighbours
 //! where images follow each other.
 
-use super::{Contender, Dataset, RunError, plan};
+use super::{Contender, Dataset, RunError, plan, refuse_tuned};
 use crate::counted::counted;
 use crate::datasets::{DatasetError, Sequence, Unpaired};
 use crate::records::shards::{Asked, Cut, PairsHash, Part, ShardPlan, Stretches, part_of};
@@ -42,7 +42,7 @@ pub fn plan_shards(
         return Err(RunError::Contradiction(reason.into()));
     }
     let plan = plan(datasets, contenders, settings)?;
-    (tuned.iter()).try_for_each(|tuned| tuned.check(&plan))?;
+    refuse_tuned(tuned, &plan, datasets)?;
     let cut = cut(datasets, settings, shards)?;
     Ok(ShardPlan::new(
         plan,
