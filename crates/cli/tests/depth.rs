@@ -132,10 +132,24 @@ fn depth_that_is_damaged_or_of_another_image_fails_its_pairs_by_name() {
         assert_eq!(record["outcome"]["kind"] == "failed", broken, "{record}");
         assert_eq!(record["by_depth"].is_null(), broken, "{record}");
     }
-    // What is mended is done at the next start.
+    // What is mended is done at the next start; what was good and is another now is refused.
     fs::copy(depth(1), depth(0)).expect("writable");
     fs::copy(depth(1), depth(3)).expect("writable");
     succeeds(folder, &RUN);
+    let more = [&RUN[..], &["--estimator", "best,ransac-e"]].concat();
+    let good = fs::read(depth(2)).expect("it is there");
+    let mut other = good.clone();
+    *other.last_mut().expect("pixels") ^= 1;
+    fs::write(depth(2), other).expect("writable");
+    let refused = go(folder, &more);
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("2.pgm is not the file that the run"),
+        "{said}"
+    );
+    fs::write(depth(2), good).expect("writable");
+    succeeds(folder, &more);
     fs::remove_file(depth(2)).expect("it is there");
     let missing = go(
         folder,

@@ -58,13 +58,13 @@ pub enum FolderError {
     },
     /// An image is not the one that records were made from.
     #[error(
-        "{} is not the image that the run in {} has worked with: frame {frame} of {dataset} has \
-         changed; put the image back, or choose another folder for a run of the new one",
+        "{} is not the file that the run in {} has worked with: frame {frame} of {dataset} has \
+         changed; put it back, or choose another folder for a run of the new one",
         image.display(),
         folder.display()
     )]
     ImageChanged {
-        /// The image.
+        /// The image, or its depth.
         image: PathBuf,
         /// The folder of the run.
         folder: PathBuf,

@@ -203,6 +203,14 @@ impl RunFolder {
         ImageNotes::open(&self.path, dataset)
     }
 
+    /// The depth of these images, by which the records are judged.
+    ///
+    /// # Errors
+    /// As [`RunFolder::images_of`].
+    pub(crate) fn depth_of(&self, dataset: &str) -> Result<ImageNotes, FolderError> {
+        ImageNotes::open_depth(&self.path, dataset)
+    }
+
     /// The inliers of one matcher with one estimator on one dataset; none where they were not kept.
     ///
     /// # Errors

@@ -5,6 +5,8 @@
 //! image is first read, since reading all images at the start would delay it. A run that is resumed
 //! compares the images that it has noted, and refuses those that have changed. Otherwise some pairs would
 //! be of an old and a new image, and an estimator that is added later would judge matches of other images.
+//!
+//! `depth/<dataset>.txt` is the same of the depth of the images, which matches and keypoints are judged by.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -19,7 +21,10 @@ use crate::files::{Appender, read_file, read_text};
 /// The folder of these files within the folder of a run.
 const FOLDER: &str = "images";
 
-/// The images of one dataset that a run has used.
+/// That of the files of depth.
+const DEPTH: &str = "depth";
+
+/// The images of one dataset that a run has used, or the depth of these.
 #[derive(Debug)]
 pub(crate) struct ImageNotes {
     run: PathBuf,
@@ -38,7 +43,19 @@ impl ImageNotes {
     /// # Errors
     /// If the file cannot be read, or has a line that is none of these.
     pub(crate) fn open(run: &Path, dataset: &str) -> Result<Self, FolderError> {
-        let path = run.join(FOLDER).join(format!("{dataset}.txt"));
+        Self::open_in(run, FOLDER, dataset)
+    }
+
+    /// What is noted of the depth of the images, likewise.
+    ///
+    /// # Errors
+    /// As [`ImageNotes::open`].
+    pub(crate) fn open_depth(run: &Path, dataset: &str) -> Result<Self, FolderError> {
+        Self::open_in(run, DEPTH, dataset)
+    }
+
+    fn open_in(run: &Path, folder: &str, dataset: &str) -> Result<Self, FolderError> {
+        let path = run.join(folder).join(format!("{dataset}.txt"));
         let text = match read_text(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
             text => text.map_err(FolderError::io("read", &path))?,
@@ -188,6 +205,10 @@ mod tests {
         );
         fs::remove_file(&image).unwrap();
         again.verify(|_| Some(&*image)).unwrap();
+        let mut depth = ImageNotes::open_depth(folder.path(), "room").unwrap();
+        assert!(!depth.is_noted(1), "depth is noted apart");
+        depth.note(1, &image, hash).unwrap();
+        assert!(folder.path().join("depth/room.txt").exists());
         fs::write(&file, "1 x\n").unwrap();
         let error = ImageNotes::open(folder.path(), "room").unwrap_err();
         assert!(error.to_string().contains("line 1"), "{error}");

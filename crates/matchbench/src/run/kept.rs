@@ -1,4 +1,4 @@
-//! What stays on disk beside records: notes of images, selected matches, inliers. It is there before the records
+//! What stays on disk beside records: notes of images and depth, selected matches, inliers. It is there before the records
 //! that refer to it, and brought to the disk before them, at most once a second.
 
 use std::sync::Mutex;
@@ -20,6 +20,7 @@ pub(super) struct Kept<'a> {
     inliers: Vec<MatchesFile>,
     frames: &'a [Frame],
     images: &'a Mutex<ImageNotes>,
+    depth: ImageNotes,
     synced: Instant,
 }
 
@@ -33,7 +34,7 @@ impl<'a> Kept<'a> {
         progress: &MatcherProgress<'a>,
         folder: &RunWriter,
         images: &'a Mutex<ImageNotes>,
-    ) -> Result<Self, StoreError> {
+    ) -> Result<Self, RunError> {
         let (dataset, matcher) = (&progress.sequence.name, progress.contender.source.id());
         let folder = folder.folder();
         let matches = (keep == KeepMatches::All).then(|| folder.matches_of(dataset, matcher));
@@ -48,6 +49,7 @@ impl<'a> Kept<'a> {
             inliers: inliers.collect::<Result<_, _>>()?,
             frames: &progress.sequence.frames,
             images,
+            depth: folder.depth_of(dataset)?,
             synced: Instant::now(),
         })
     }
@@ -57,8 +59,14 @@ impl<'a> Kept<'a> {
         for &(frame, hash) in &done.images {
             lock(self.images).note(frame, &self.frames[frame as usize].image, hash)?;
         }
+        for &(frame, hash) in &done.depth {
+            if let Some(depth) = &self.frames[frame as usize].depth {
+                self.depth.note(frame, &depth.path, hash)?;
+            }
+        }
         // Seldom: once for each image.
         lock(self.images).sync()?;
+        self.depth.sync()?;
         for (estimator, key, inliers) in &done.inliers {
             self.inliers[*estimator].append(*key, inliers)?;
         }

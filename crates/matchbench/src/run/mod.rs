@@ -391,7 +391,7 @@ fn refuse_tuned(tuned: &[Tuned], plan: &Plan, datasets: &[Dataset]) -> Result<()
 }
 
 /// The images that earlier processes worked with on each dataset of which something is left to be
-/// done; they must be the same still.
+/// done; they must be the same still, and so must their depth.
 fn images<'d>(
     datasets: &'d [Dataset],
     progresses: &[MatcherProgress<'_>],
@@ -406,6 +406,8 @@ fn images<'d>(
             let notes = folder.folder().images_of(name)?;
             notes.verify(|frame| Some(&*frames.get(frame as usize)?.image))?;
             images.insert(&**name, Mutex::new(notes));
+            let depth = |frame: u32| Some(&*frames.get(frame as usize)?.depth.as_ref()?.path);
+            folder.folder().depth_of(name)?.verify(depth)?;
         }
     }
     Ok(images)

@@ -79,16 +79,23 @@ pub(super) struct PairDone {
     pub(super) inliers: Vec<(usize, MatchesKey, SelectedMatches)>,
     /// The images that a source read, which are to be noted, and their content.
     pub(super) images: Vec<(u32, blake3::Hash)>,
+    /// The depth by which the pair is judged, which is to be noted too.
+    pub(super) depth: Vec<(u32, blake3::Hash)>,
 }
 
 impl PairDone {
-    /// Nothing yet of so many tasks.
-    fn of(tasks: usize) -> Self {
+    /// Nothing yet of so many tasks of a pair.
+    fn of(truth: &PairTruth<'_>, tasks: usize) -> Self {
+        let frames = [truth.pair.a, truth.pair.b];
+        let depth = truth.readable_depth().and_then(PairDepth::files);
         Self {
             records: Vec::with_capacity(tasks),
             matches: Vec::new(),
             inliers: Vec::new(),
             images: Vec::new(),
+            depth: (depth.into_iter())
+                .flat_map(|files| frames.into_iter().zip(files))
+                .collect(),
         }
     }
 }
@@ -127,7 +134,7 @@ impl PairStages<'_> {
             .and_then(|(homography, (a, b))| repeated(homography, a, b));
         let repeated_by_depth =
             (truth.readable_depth().zip(found)).map(|(depth, (a, b))| depth.repeated(a, b));
-        let mut done = PairDone::of(job.due.len());
+        let mut done = PairDone::of(&truth, job.due.len());
         for due in by_repetition(job.due) {
             let repetition = due[0].repetition;
             let selected = match &searched {
@@ -177,7 +184,6 @@ impl PairStages<'_> {
         source: &BuiltPointSource,
         tasks: &PairTasks<'_>,
     ) -> Result<PairDone, RunError> {
-        let mut done = PairDone::of(tasks.due.len());
         let (sequence, pair) = (self.progress.sequence, tasks.pair);
         let image = |frame: u32| &*sequence.frames[frame as usize].image;
         let files = ImageFiles {
@@ -187,6 +193,7 @@ impl PairStages<'_> {
         };
         let hashes = self.hashes(pair)?;
         let truth = self.truth(pair);
+        let mut done = PairDone::of(&truth, tasks.due.len());
         for due in by_repetition(&tasks.due) {
             let repetition = due[0].repetition;
             let seed = self.seed(pair, repetition);
@@ -228,8 +235,8 @@ impl PairStages<'_> {
         tasks: &PairTasks<'_>,
         stored: &MatchesFile,
     ) -> Result<PairDone, StoreError> {
-        let mut done = PairDone::of(tasks.due.len());
         let truth = self.truth(tasks.pair);
+        let mut done = PairDone::of(&truth, tasks.due.len());
         for due in by_repetition(&tasks.due) {
             let matches = stored.read((tasks.pair.a, tasks.pair.b, due[0].repetition))?;
             let matches = matches.expect("the caller saw that they are there");

@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use super::super::images::ImageNotes;
 use super::super::matches::{self, MAGIC};
 use super::super::{
-    DatasetPlan, EstimatorPlan, KeepMatches, MIN_MATCHES, MatcherPlan, Outcome, RunRecord,
-    RunWriter, Task, store,
+    DatasetPlan, EstimatorPlan, FolderError, KeepMatches, MIN_MATCHES, MatcherPlan, Outcome,
+    RunRecord, RunWriter, Task, store,
 };
 use super::entry_file::EntryFile;
 use super::folders::gather;
@@ -235,16 +235,38 @@ impl Merging<'_> {
         }
     }
 
-    /// The notes of the images of a dataset, in the order of their first use.
+    /// The notes of the images of a dataset, in the order of their first use, and of their depth.
     fn images(
         &self,
         writer: &RunWriter,
         dataset: &DatasetPlan,
         frames: &Frames,
     ) -> Result<(), ShardError> {
+        let images = self.same_in_all(dataset, ImageNotes::open)?;
+        let depth = self.same_in_all(dataset, ImageNotes::open_depth)?;
+        let folder = writer.folder();
+        for (noted, mut notes) in [
+            (images, folder.images_of(&dataset.name)?),
+            (depth, folder.depth_of(&dataset.name)?),
+        ] {
+            for frame in &frames.order {
+                if let Some((shard, hash)) = noted.get(frame) {
+                    notes.note(*frame, &self.folders[*shard], *hash)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What shards have noted of each frame, and the first of them; all must have noted the same.
+    fn same_in_all(
+        &self,
+        dataset: &DatasetPlan,
+        open: fn(&Path, &str) -> Result<ImageNotes, FolderError>,
+    ) -> Result<BTreeMap<u32, (usize, blake3::Hash)>, ShardError> {
         let mut hashes = BTreeMap::new();
         for (shard, folder) in self.folders.iter().enumerate() {
-            for (&frame, &hash) in ImageNotes::open(folder, &dataset.name)?.known() {
+            for (&frame, &hash) in open(folder, &dataset.name)?.known() {
                 let (first, known) = *hashes.entry(frame).or_insert((shard, hash));
                 if known != hash {
                     return Err(ShardError::OtherImage {
@@ -255,13 +277,7 @@ impl Merging<'_> {
                 }
             }
         }
-        let mut notes = writer.folder().images_of(&dataset.name)?;
-        for frame in &frames.order {
-            if let Some((shard, hash)) = hashes.get(frame) {
-                notes.note(*frame, &self.folders[*shard], *hash)?;
-            }
-        }
-        Ok(())
+        Ok(hashes)
     }
 
     fn broken(&self, shard: usize, reason: &str) -> ShardError {

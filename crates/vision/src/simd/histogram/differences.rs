@@ -13,10 +13,45 @@ use std::arch::x86_64::{
     _mm256_set1_ps, _mm256_storeu_ps, _mm256_sub_ps,
 };
 
-use super::gradients::{BLOCK, Eight, Gradients};
 use super::{MIDDLE, PatchGrid};
 #[cfg(target_arch = "x86_64")]
 use crate::simd::InstructionSet;
+
+/// Pixels that are taken together.
+pub(super) const BLOCK: usize = 8;
+
+pub(super) type Eight = [f32; BLOCK];
+
+/// What is taken of the pixels, each at its place.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Places {
+    /// Where they lie in a grid, if there is one.
+    pub(super) columns: Vec<f32>,
+    pub(super) lines: Vec<f32>,
+    /// Differences along x.
+    pub(super) directions: Vec<f32>,
+    /// Differences along y (upwards).
+    pub(super) rises: Vec<f32>,
+    /// Weights.
+    pub(super) values: Vec<f32>,
+}
+
+impl Places {
+    /// At least so many places.
+    #[inline(always)]
+    pub(super) fn make_room(&mut self, count: usize) {
+        let Self {
+            columns,
+            lines,
+            directions,
+            rises,
+            values,
+        } = self;
+        for numbers in [columns, lines, directions, rises, values] {
+            numbers.resize(count.max(numbers.len()), 0.0);
+        }
+    }
+}
 
 /// Pixels of a row and their neighbours, each from that of the first pixel on.
 pub(super) struct Row<'a> {
@@ -53,7 +88,7 @@ pub(super) fn take_blocks(
     blocks: usize,
     grid: Option<&PatchGrid>,
     at: usize,
-    to: &mut Gradients,
+    to: &mut Places,
 ) {
     #[cfg(target_arch = "x86_64")]
     if InstructionSet::in_use() >= InstructionSet::Avx2 {
@@ -92,16 +127,15 @@ fn take_blocks_avx2(
     blocks: usize,
     grid: Option<&PatchGrid>,
     at: usize,
-    to: &mut Gradients,
+    to: &mut Places,
 ) {
     assert!(blocks <= row.whole_blocks());
-    let Gradients {
+    let Places {
         columns,
         lines,
         directions,
         rises,
         values,
-        ..
     } = to;
     for numbers in [&*columns, lines, directions, rises, values] {
         assert!(at + BLOCK * blocks <= numbers.len());
@@ -141,7 +175,7 @@ pub(super) fn take_rest(
     left: Range<usize>,
     grid: Option<&PatchGrid>,
     at: usize,
-    to: &mut Gradients,
+    to: &mut Places,
 ) {
     let next = |row: &[f32]| at_even_places(&row[left.clone()]);
     put(

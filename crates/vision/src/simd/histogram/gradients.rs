@@ -1,7 +1,7 @@
 //! The gradients of the pixels about a keypoint, in blocks of eight.
 
 use super::PatchGrid;
-use super::differences::{Row, take_blocks, take_rest};
+use super::differences::{BLOCK, Eight, Places, Row, take_blocks, take_rest};
 use crate::simd::gradient::turns;
 
 /// The pixels about a keypoint, which offsets are counted from.
@@ -39,15 +39,8 @@ pub struct Span {
 pub struct Gradients {
     /// How many blocks of eight there are. What completes the last has weight 0.
     count: usize,
-    /// Where the pixels lie in a grid, if there is one.
-    pub(super) columns: Vec<f32>,
-    pub(super) lines: Vec<f32>,
-    /// First the differences along x, then the directions in turns.
-    pub(super) directions: Vec<f32>,
-    /// Differences along y (upwards).
-    pub(super) rises: Vec<f32>,
-    /// First the weights, then the magnitudes times weight.
-    pub(super) values: Vec<f32>,
+    /// First differences and weights; then, in their places, directions in turns and magnitudes times weight.
+    places: Places,
     /// Of whoever measured them.
     pub(super) bins: Vec<u32>,
 }
@@ -64,21 +57,16 @@ pub(super) struct Measured<'a> {
     pub(super) values: &'a [Eight],
 }
 
-pub(super) type Eight = [f32; BLOCK];
-
-/// Pixels that are measured together.
-pub(super) const BLOCK: usize = 8;
-
 impl Gradients {
     /// What was measured last.
     #[inline(always)]
     pub(super) fn measured(&self) -> Measured<'_> {
         let blocks = |values| blocks(values, self.count);
         Measured {
-            columns: blocks(&self.columns),
-            lines: blocks(&self.lines),
-            directions: blocks(&self.directions),
-            values: blocks(&self.values),
+            columns: blocks(&self.places.columns),
+            lines: blocks(&self.places.lines),
+            directions: blocks(&self.places.directions),
+            values: blocks(&self.places.values),
         }
     }
 }
@@ -93,14 +81,13 @@ fn blocks(values: &[f32], count: usize) -> &[Eight] {
 #[inline(always)]
 pub(super) fn measure(window: &Window<'_>, grid: Option<&PatchGrid>, gradients: &mut Gradients) {
     take_differences(window, grid, gradients);
-    let Gradients {
-        count,
+    let Places {
         directions,
         rises,
         values,
         ..
-    } = gradients;
-    let directions = &mut directions[..BLOCK * *count];
+    } = &mut gradients.places;
+    let directions = &mut directions[..BLOCK * gradients.count];
     for ((direction, &dy), value) in directions.iter_mut().zip(&*rises).zip(values) {
         let dx = *direction;
         *value *= dx.mul_add(dx, dy * dy).sqrt();
@@ -115,17 +102,8 @@ fn take_differences(window: &Window<'_>, grid: Option<&PatchGrid>, gradients: &m
     // one or two blocks.
     let spans = window.spans.iter();
     let most = spans.map(|span| span.count + 2 * BLOCK).sum::<usize>();
-    let Gradients {
-        columns,
-        lines,
-        directions,
-        rises,
-        values,
-        ..
-    } = gradients;
-    for numbers in [columns, lines, directions, rises, values] {
-        numbers.resize(most.max(numbers.len()), 0.0);
-    }
+    let places = &mut gradients.places;
+    places.make_room(most);
     let mut end = 0;
     for (i, (span, y)) in window.spans.iter().zip(window.top..).enumerate() {
         let count = span.count;
@@ -145,17 +123,17 @@ fn take_differences(window: &Window<'_>, grid: Option<&PatchGrid>, gradients: &m
             y: y as f32,
         };
         let whole = row.whole_blocks().min(count.div_ceil(BLOCK));
-        take_blocks(&row, whole, grid, end, gradients);
+        take_blocks(&row, whole, grid, end, places);
         // Of an odd span the next place is none of it; else the next span is written there.
-        gradients.values[end + count] = 0.0;
+        places.values[end + count] = 0.0;
         let mut from = BLOCK * whole;
         end += from.min(count.next_multiple_of(2));
         while from < count {
-            take_rest(&row, from..count, grid, end, gradients);
+            take_rest(&row, from..count, grid, end, places);
             end += BLOCK;
             from += BLOCK / 2;
         }
     }
-    gradients.values[end..end.next_multiple_of(BLOCK)].fill(0.0);
+    places.values[end..end.next_multiple_of(BLOCK)].fill(0.0);
     gradients.count = end.div_ceil(BLOCK);
 }

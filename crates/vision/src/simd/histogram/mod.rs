@@ -12,8 +12,9 @@ mod gradients;
 #[cfg(target_arch = "x86_64")]
 use super::InstructionSet;
 use super::truncated;
-use gradients::{Eight, Measured, measure};
+use differences::Eight;
 pub use gradients::{Gradients, Span, Window};
+use gradients::{Measured, measure};
 
 /// Sums of a patch: `[row][column][direction]` of a grid of 4 x 4 cells with 8 directions each.
 pub type PatchSums = [f32; 128];
