@@ -6,7 +6,8 @@ mod steps;
 use std::fs;
 use std::path::Path;
 
-use common::dataset;
+use common::{dataset, matchbench};
+use matchbench::datasets::rendered;
 use steps::{go, succeeds};
 
 /// What the program says where it ends with an error.
@@ -173,4 +174,32 @@ fn values_that_are_equal_or_equally_good_are_told() {
         table.contains("all values are equally good") && !table.contains("<- best"),
         "{table}"
     );
+}
+
+#[test]
+fn a_damaged_scene_in_the_cache_of_the_demo_is_to_be_deleted() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let cache = folder.path().join("cache");
+    let mut scene = rendered::scenes()[0].clone();
+    (scene.size.width, scene.size.height) = (16, 12);
+    let rendered = rendered::ensure_scenes(&cache.join("scenes"), &[scene], &|_| ());
+    let damaged = rendered.expect("it can be rendered").remove(0);
+    for scene in rendered::scenes() {
+        fs::create_dir_all(damaged.with_file_name(scene.name)).expect("writable");
+    }
+    fs::write(damaged.join("pairs.txt"), "garbage\n").expect("writable");
+    let demo = matchbench()
+        .args(["demo", "--out", "run"])
+        .current_dir(folder.path())
+        .env("MATCHBENCH_CACHE", &cache)
+        .output();
+    let demo = demo.expect("the program starts");
+    let said = String::from_utf8_lossy(&demo.stderr);
+    assert_eq!(demo.status.code(), Some(1), "{said}");
+    let remedy = format!("delete the folder {}", damaged.display());
+    assert!(
+        said.contains("pairs.txt:1") && said.contains(&remedy),
+        "{said}"
+    );
+    assert!(!said.contains("correct this line"), "{said}");
 }

@@ -138,6 +138,11 @@ fn misbehave(behaviour: &str, request: &Value) {
             answer["seconds"] = json!({"match": -1.0});
             say(&answer);
         }
+        "endless-time" => {
+            let mut answer = matched(request, 0);
+            answer["seconds"] = json!({"extract": 1e308, "match": 1e308});
+            say(&answer);
+        }
         "greets-again" => say(&ready(1, "1.0", 0.5)),
         "cannot" => {
             say(&json!({"type": "failed", "pair": request["pair"], "reason": "no\x07 memory"}));
@@ -325,6 +330,7 @@ fn whoever_misbehaves_over_a_pair_loses_that_pair_alone() {
         ("answers-twice", "answers for pair 0 12"),
         ("misspells", "feature"),
         ("negative-time", "seconds"),
+        ("endless-time", "1e308 seconds are no time of a stage"),
         ("greets-again", "not asked for"),
     ] {
         let bench = Bench::new(behaviour);

@@ -3,11 +3,11 @@
 
 use std::env;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
-use matchbench::datasets::rendered;
+use matchbench::datasets::{DatasetError, Sequence, rendered};
 use matchbench::report::ReportOptions;
 use matchbench::study::{Study, StudyDataset};
 
@@ -78,8 +78,22 @@ fn scenes() -> Result<Vec<(PathBuf, bool)>> {
     })
     .context("set MATCHBENCH_CACHE to a folder that can be written to");
     bar.finish_and_clear();
+    let folders = folders?;
+    folders.iter().try_for_each(|folder| check(folder))?;
     let plane = (rendered::scenes().iter()).map(|scene| scene.homography(0, 1).is_some());
-    Ok(folders?.into_iter().zip(plane).collect())
+    Ok(folders.into_iter().zip(plane).collect())
+}
+
+/// Whether the dataset in a folder of the cache can be opened. Nobody wrote it by hand, so there is nothing to correct.
+fn check(folder: &Path) -> Result<(), DatasetError> {
+    let damaged = |error| DatasetError {
+        remedy: format!(
+            "the cache is damaged: delete the folder {}, and the scene is rendered again",
+            folder.display()
+        ),
+        ..error
+    };
+    Sequence::open(folder).map(drop).map_err(damaged)
 }
 
 /// The folder for data that are kept between runs: `MATCHBENCH_CACHE`, else the cache folder of the user.

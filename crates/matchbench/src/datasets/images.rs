@@ -1,7 +1,8 @@
 //! Finds the image file of each frame.
 
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, HashSet};
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -15,6 +16,13 @@ pub(super) const IMAGES: &str = "Images";
 /// Endings of the image files that can be decoded.
 const EXTENSIONS: [&str; 10] = [
     "png", "jpg", "jpeg", "bmp", "tif", "tiff", "webp", "pgm", "ppm", "pnm",
+];
+
+/// Endings of files that are images too, but cannot be decoded; the last nine are raw formats of cameras.
+const UNREAD: [&str; 28] = [
+    "gif", "pbm", "pam", "pfm", "jp2", "j2k", "jpf", "jpx", "jxl", "avif", "heic", "heif", "exr",
+    "hdr", "tga", "dds", "ico", "psd", "svg", "dng", "cr2", "cr3", "nef", "arw", "orf", "raf",
+    "rw2", "raw",
 ];
 
 /// The image of every frame: the one that the manifest names, else `Images/%04d.*`.
@@ -143,6 +151,22 @@ fn numbered_images(folder: &Path, problems: &mut Vec<Problem>) -> Vec<PathBuf> {
 
 /// The visible image files of a folder, in natural order (`2.png` before `10.png`).
 pub(super) fn image_files(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
+    files_ending_in(&EXTENSIONS, folder)
+}
+
+/// The visible files of a folder that are images in formats that cannot be read, in natural order. Those beside
+/// which the same image is in a format that can be read (`2.nef` and `2.jpg`) are not among them.
+pub(super) fn unread_image_files(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
+    let read: HashSet<_> = (image_files(folder)?.iter())
+        .filter_map(|image| image.file_stem().map(OsStr::to_owned))
+        .collect();
+    let mut unread = files_ending_in(&UNREAD, folder)?;
+    unread.retain(|image| image.file_stem().is_none_or(|stem| !read.contains(stem)));
+    Ok(unread)
+}
+
+/// The visible files of a folder with one of these endings, in natural order.
+fn files_ending_in(extensions: &[&str], folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     let entries = fs::read_dir(folder).map_err(|error| DatasetError::io(folder, &error))?;
     let mut files = Vec::new();
     for entry in entries {
@@ -155,7 +179,7 @@ pub(super) fn image_files(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
         let hidden = path
             .file_name()
             .is_some_and(|name| name.to_string_lossy().starts_with('.'));
-        if !hidden && extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str())) {
+        if !hidden && extension.is_some_and(|e| extensions.contains(&e.as_str())) {
             files.push(path);
         }
     }

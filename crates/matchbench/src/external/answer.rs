@@ -10,7 +10,7 @@ use matchbench_vision::image::Size;
 
 use crate::counted::counted;
 use crate::files::open_file;
-use crate::matchers::MOST_MATCHES;
+use crate::matchers::{MOST_MATCHES, check_seconds};
 
 /// Bytes of a match.
 const ROW: usize = 5 * size_of::<f32>();
@@ -64,12 +64,16 @@ impl Times {
         own: BTreeMap<String, f64>,
         device: Option<String>,
     ) -> Result<Self, String> {
-        let wrong = |(stage, seconds): (&String, &f64)| {
-            stage.len() > STAGES.1 || !(seconds.is_finite() && *seconds >= 0.0)
-        };
-        if own.len() > STAGES.0 || own.iter().any(wrong) {
+        if own.len() > STAGES.0 || own.keys().any(|stage| stage.len() > STAGES.1) {
             return Err("its `seconds` are no times of stages".into());
         }
+        for (stage, &seconds) in &own {
+            check_seconds(seconds)
+                .map_err(|wrong| format!("its `seconds` of {stage:?}: {wrong}"))?;
+        }
+        // A record has one time for several of them.
+        check_seconds(own.values().sum())
+            .map_err(|wrong| format!("its `seconds` together: {wrong}"))?;
         let printable = |device: &String| {
             device.chars().count() <= DEVICE && !device.chars().any(char::is_control)
         };
@@ -186,6 +190,7 @@ mod tests {
     use std::thread;
 
     use super::*;
+    use crate::matchers::LONGEST_STAGE;
 
     const SIZES: [Size; 2] = [Size::new(640, 480), Size::new(100, 200)];
 
@@ -325,9 +330,25 @@ mod tests {
     fn times_are_times() {
         let own = |seconds| BTreeMap::from([("match".to_owned(), seconds)]);
         assert!(Times::new(1.0, own(0.5), Some("cpu".into())).is_ok());
-        for seconds in [-1.0, f64::NAN, f64::INFINITY] {
-            assert!(Times::new(1.0, own(seconds), None).is_err());
+        assert!(Times::new(1.0, own(LONGEST_STAGE), None).is_ok());
+        for (seconds, named) in [
+            (-1.0, "-1.0 seconds"),
+            (f64::NAN, "NaN seconds"),
+            (f64::INFINITY, "inf seconds"),
+            (
+                1e308,
+                "1e308 seconds are no time of a stage; 0 to 10000000 are",
+            ),
+        ] {
+            let wrong = Times::new(1.0, own(seconds), None).unwrap_err();
+            assert!(
+                wrong.contains("\"match\"") && wrong.contains(named),
+                "{wrong}"
+            );
         }
+        let two = ["search", "match"].map(|stage| (stage.to_owned(), 0.6 * LONGEST_STAGE));
+        let wrong = Times::new(1.0, two.into(), None).unwrap_err();
+        assert!(wrong.contains("together"), "{wrong}");
         assert!(Times::new(1.0, own(0.5), Some("\x1b[2J".into())).is_err());
     }
 }

@@ -37,8 +37,8 @@ use serde_json::{Value, json};
 
 pub use from_files::MatchesFrom;
 pub use source::{
-    BuiltPointSource, ImageFiles, MOST_MATCHES, PointSource, Source, SourceError, SourceSeconds,
-    SourcedMatches,
+    BuiltPointSource, ImageFiles, LONGEST_STAGE, MOST_MATCHES, PointSource, Source, SourceError,
+    SourceSeconds, SourcedMatches, check_seconds,
 };
 
 use crate::config::{self, ConfigError, UnknownName};

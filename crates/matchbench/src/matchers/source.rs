@@ -16,6 +16,22 @@ use super::BuiltMatcher;
 /// Most matches of a pair that are accepted from a source from outside: a hundred megabytes.
 pub const MOST_MATCHES: usize = 5_000_000;
 
+/// Longest time of a stage that is accepted, in seconds: 116 days. Sums and means of such times are finite.
+pub const LONGEST_STAGE: f64 = 1e7;
+
+/// Whether a stage can have taken so long.
+///
+/// # Errors
+/// If not, in words.
+pub fn check_seconds(seconds: f64) -> Result<(), String> {
+    if (0.0..=LONGEST_STAGE).contains(&seconds) {
+        return Ok(());
+    }
+    Err(format!(
+        "{seconds:?} seconds are no time of a stage; 0 to {LONGEST_STAGE} are"
+    ))
+}
+
 /// The source of the matches of a contender.
 pub enum Source {
     /// Features are extracted, searched and selected.

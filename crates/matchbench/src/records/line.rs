@@ -124,6 +124,17 @@ mod tests {
     }
 
     #[test]
+    fn a_time_that_no_stage_takes_is_refused() {
+        let mut record = record([0.1, 0.2, 0.3], [1.0, 2.0, 3.0]);
+        assert!(parse(&to_line(&record)).is_ok());
+        for seconds in [-1.0, 1e308] {
+            record.times.search = Some(seconds);
+            let wrong = parse(&to_line(&record)).unwrap_err();
+            assert!(wrong.contains("no time of a stage"), "{wrong}");
+        }
+    }
+
+    #[test]
     fn every_bit_that_flips_is_found() {
         let line = to_line(&record([0.1, 0.2, 0.3], [1.0, 2.0, 3.0]));
         let ends = line.len() - 1;

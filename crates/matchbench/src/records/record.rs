@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Outcome;
+use crate::matchers::check_seconds;
 
 /// Everything that one task left behind. Apart from [`RunRecord::times`] it is the same, bit for
 /// bit, on every machine and for any number of threads.
@@ -44,11 +45,7 @@ impl RunRecord {
         if self.task.a == self.task.b {
             return Err(format!("frame {} is matched with itself", self.task.a));
         }
-        for seconds in self.times.all() {
-            if !(seconds >= 0.0 && seconds.is_finite()) {
-                return Err(format!("{seconds} seconds are no time"));
-            }
-        }
+        self.times.all().try_for_each(check_seconds)?;
         self.check_correct()?;
         self.repeated.as_ref().map_or(Ok(()), Repeated::check)?;
         self.check_by_depth()?;

@@ -11,7 +11,8 @@ use crate::records::{MIN_MATCHES, MIN_SUPPORT};
 
 use super::citations::{BENCHMARK, TOOL, citations};
 use super::content::Content;
-use super::latex::escape;
+use super::latex;
+use super::markdown;
 use super::names::{defaults, references, title};
 use super::words::protocol_notes;
 
@@ -24,7 +25,8 @@ enum Piece {
 /// The paragraph as Markdown.
 pub(super) fn markdown(content: &Content) -> String {
     let piece = |piece: &Piece| match piece {
-        Piece::Text(text) => text.replace(char::is_control, " "),
+        // An @ would begin a citation.
+        Piece::Text(text) => markdown::escape(text).replace('@', "\\@"),
         Piece::Cite(keys) => {
             let keys: Vec<String> = keys.iter().map(|key| format!("@{key}")).collect();
             format!(" [{}]", keys.join("; "))
@@ -36,7 +38,7 @@ pub(super) fn markdown(content: &Content) -> String {
 /// The paragraph as LaTeX.
 pub(super) fn latex(content: &Content) -> String {
     let piece = |piece: &Piece| match piece {
-        Piece::Text(text) => escape(text),
+        Piece::Text(text) => latex::escape(text),
         Piece::Cite(keys) => format!("~\\cite{{{}}}", keys.join(",")),
     };
     pieces(content).iter().map(piece).collect::<String>() + "\n"
@@ -283,8 +285,8 @@ mod tests {
             "with matchbench ",
             "room (10 pairs, wide baselines)",
             "SIFT (ratio = 0.7) [@lowe2004",
-            "GMS [@bian2017gms] and mine_2.",
-            "ransac-e (threshold_px = 3.0) (for SIFT, mine_2) [@nist",
+            "GMS [@bian2017gms] and mine\\_2.",
+            "ransac-e (threshold\\_px = 3.0) (for SIFT, mine\\_2) [@nist",
             "rich (for GMS)",
             "the seed 7",
         ] {
@@ -298,6 +300,15 @@ mod tests {
         let text = latex(&content);
         assert!(
             text.contains("GMS~\\cite{bian2017gms} and mine\\_2"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn names_are_plain_text() {
+        let text = markdown(&content(&[("<b>@a\n*[x](y)", "sift", 6)]));
+        assert!(
+            text.contains("&lt;b&gt;\\@a \\*\\[x\\](y) (10 pairs"),
             "{text}"
         );
     }

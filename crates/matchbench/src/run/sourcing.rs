@@ -12,7 +12,9 @@ use super::guard::{Broken, guard};
 use super::matching::count;
 use super::seeds::selection_seed;
 use crate::counted::counted;
-use crate::matchers::{BuiltPointSource, ImageFiles, MOST_MATCHES, SourceError, SourcedMatches};
+use crate::matchers::{
+    BuiltPointSource, ImageFiles, MOST_MATCHES, SourceError, SourcedMatches, check_seconds,
+};
 use crate::records::{Counts, SelectedMatches, StageTimes};
 
 /// The matched points of a pair, or why there are none; `seed` is that of the pair.
@@ -99,17 +101,13 @@ fn check(matches: &SourcedMatches) -> Result<(), String> {
             return Err(format!("match {index} has a turn that is not finite"));
         }
     }
-    let mut seconds = [
+    let seconds = [
         seconds.extract[0],
         seconds.extract[1],
         seconds.matching,
         seconds.wall,
-    ]
-    .into_iter();
-    match seconds.find_map(|time| time.filter(|time| !(*time >= 0.0 && time.is_finite()))) {
-        Some(time) => Err(format!("{time} seconds are no time")),
-        None => Ok(()),
-    }
+    ];
+    seconds.into_iter().flatten().try_for_each(check_seconds)
 }
 
 #[cfg(test)]
@@ -255,7 +253,7 @@ mod tests {
                     m.seconds.matching = Some(-1.0);
                     Ok(())
                 },
-                "-1 seconds",
+                "-1.0 seconds",
             ),
             (|_| Err(SourceError::Pair("too dark".into())), "too dark"),
         ];

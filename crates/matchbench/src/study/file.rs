@@ -162,6 +162,25 @@ mod tests {
                 3,
                 "a tolerance of -1",
             ),
+            ("seed = 1\nout = ''\n", 2, "the path is empty"),
+            ("\ncache = ''\n", 2, "the path is empty"),
+            ("\ntuned = ['t.json', '']\n", 2, "the path is empty"),
+            ("[[dataset]]\npath = ''\n", 2, "the path is empty"),
+            (
+                "[[dataset]]\npath = 'x'\nimport.kind = 'tum'\nimport.source = ''\n",
+                4,
+                "the path is empty",
+            ),
+            (
+                "[[dataset]]\npath = 'x'\n[dataset.import]\nkind = 'tum'\nsource = 'y'\nposes = ''\n",
+                6,
+                "the path is empty",
+            ),
+            (
+                "seed = 1\n[[matches]]\nname = 'x'\nfiles = ['a', '']\n",
+                2,
+                "the path is empty",
+            ),
             ("matchers = [\n", 1, ""),
         ] {
             let Err(StudyError::File {

@@ -47,6 +47,7 @@ pub use prepare::{News, Prepared, sources_as_planned};
 #[serde(default, deny_unknown_fields)]
 pub struct Study {
     /// The folder of the run. If it exists, the run is resumed.
+    #[serde(deserialize_with = "names::some_path")]
     pub out: Option<PathBuf>,
     /// The matchers: ids, manifests of matchers from outside, or `all`.
     #[serde(deserialize_with = "names::matchers")]
@@ -76,8 +77,10 @@ pub struct Study {
     #[serde(skip)]
     pub set_at: BTreeMap<String, (PathBuf, usize)>,
     /// Files of `matchbench tune` whose choices are used; `set` wins over them.
+    #[serde(deserialize_with = "names::paths")]
     pub tuned: Vec<PathBuf>,
     /// The folder of the feature cache. Default: `cache` in the folder of the run.
+    #[serde(deserialize_with = "names::some_path")]
     pub cache: Option<PathBuf>,
     /// Which matches are kept: `all`, `inliers` or `none`. Default: all.
     pub keep_matches: KeepMatches,
@@ -90,6 +93,7 @@ pub struct Study {
     #[serde(rename = "dataset")]
     pub datasets: Vec<StudyDataset>,
     /// Matches of other tools, which are used on every dataset.
+    #[serde(deserialize_with = "names::matches")]
     pub matches: Vec<MatchesFrom>,
 }
 
@@ -144,6 +148,7 @@ impl Study {
 #[serde(deny_unknown_fields)]
 pub struct StudyDataset {
     /// Its folder. The name of the folder is the name of the dataset, unless its `dataset.toml` has another.
+    #[serde(deserialize_with = "names::path")]
     pub path: PathBuf,
     /// How it is made if it does not exist. If it exists, it must be the same.
     pub import: Option<StudyImport>,
@@ -170,6 +175,7 @@ pub struct StudyImport {
     #[serde(deserialize_with = "names::kind")]
     pub kind: String,
     /// The data as their authors publish them.
+    #[serde(deserialize_with = "names::path")]
     pub source: PathBuf,
     /// Which pairs of images are matched. Default: the pairs that the paper uses for this kind.
     #[serde(default, deserialize_with = "names::pair_rule")]
@@ -177,8 +183,10 @@ pub struct StudyImport {
     /// Which sequence, if the source holds several.
     pub sequence: Option<String>,
     /// The calibration, if the source has none or another one shall be used.
+    #[serde(default, deserialize_with = "names::some_path")]
     pub camera: Option<PathBuf>,
     /// The poses.
+    #[serde(default, deserialize_with = "names::some_path")]
     pub poses: Option<PathBuf>,
     /// Largest difference in time between an image and its pose, in seconds.
     #[serde(default, deserialize_with = "names::tolerance")]
@@ -187,8 +195,10 @@ pub struct StudyImport {
     #[serde(default)]
     pub interpolate: bool,
     /// Folder to which image names are relative.
+    #[serde(default, deserialize_with = "names::some_path")]
     pub image_root: Option<PathBuf>,
     /// The calibration matrices.
+    #[serde(default, deserialize_with = "names::some_path")]
     pub intrinsics: Option<PathBuf>,
     /// What the images show, in a few words.
     pub property: Option<String>,

@@ -1,7 +1,8 @@
-//! Checks names, parameters and rules of a run file while it is read, so that errors have a line.
+//! Checks names, paths, parameters and rules of a run file while it is read, so that errors have a line.
 
 use std::fmt;
 use std::marker::PhantomData;
+use std::path::{Path, PathBuf};
 
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, Visitor};
 use serde::{Deserialize, de};
@@ -11,7 +12,7 @@ use crate::config::{self, Changes, ConfigError, UnknownName};
 use crate::datasets::{KINDS, PairRule};
 use crate::estimators::{self, ESTIMATORS};
 use crate::external::Manifest;
-use crate::matchers::{self, MATCHERS};
+use crate::matchers::{self, MATCHERS, MatchesFrom};
 use crate::protocols;
 
 /// The kinds of things that a name can name.
@@ -92,6 +93,58 @@ pub(super) fn protocols<'de, D: Deserializer<'de>>(
     deserializer: D,
 ) -> Result<Vec<String>, D::Error> {
     known::<Protocol, D>(deserializer)
+}
+
+/// An empty path would be the folder of the run file itself.
+fn check_path<E: Error>(path: &Path) -> Result<(), E> {
+    if path.as_os_str().is_empty() {
+        return Err(E::custom("the path is empty"));
+    }
+    Ok(())
+}
+
+/// A path that is not empty.
+struct Place(PathBuf);
+
+impl<'de> Deserialize<'de> for Place {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let path = PathBuf::deserialize(deserializer)?;
+        check_path(&path)?;
+        Ok(Self(path))
+    }
+}
+
+pub(super) fn path<'de, D: Deserializer<'de>>(deserializer: D) -> Result<PathBuf, D::Error> {
+    Ok(Place::deserialize(deserializer)?.0)
+}
+
+pub(super) fn some_path<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<PathBuf>, D::Error> {
+    path(deserializer).map(Some)
+}
+
+pub(super) fn paths<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<PathBuf>, D::Error> {
+    let places = Vec::<Place>::deserialize(deserializer)?;
+    Ok(places.into_iter().map(|place| place.0).collect())
+}
+
+/// Matches of another tool, whose files have paths that are not empty.
+struct Placed(MatchesFrom);
+
+impl<'de> Deserialize<'de> for Placed {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let matches = MatchesFrom::deserialize(deserializer)?;
+        matches.files.iter().try_for_each(|file| check_path(file))?;
+        Ok(Self(matches))
+    }
+}
+
+pub(super) fn matches<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Vec<MatchesFrom>, D::Error> {
+    let placed = Vec::<Placed>::deserialize(deserializer)?;
+    Ok(placed.into_iter().map(|placed| placed.0).collect())
 }
 
 pub(super) fn pair_rule<'de, D: Deserializer<'de>>(

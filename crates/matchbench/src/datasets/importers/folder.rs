@@ -4,15 +4,16 @@
 //! `poses.txt` has one camera-to-world line per image, in that order: 12 numbers (KITTI) or
 //! `time tx ty tz qx qy qz qw` (TUM). The times in it are normally ignored. But if the images are named by
 //! their times (`1341847980.722988.png`) and the poses are in TUM's format, images and poses are associated by
-//! time. `camera.txt` or `K.txt` holds K, optionally followed by `k1 k2 p1 p2 [k3]`.
+//! time. Otherwise a folder that has images in formats that are not read too (`3.gif`) is refused, since a line might
+//! be theirs. `camera.txt` or `K.txt` holds K, optionally followed by `k1 k2 p1 p2 [k3]`.
 
 use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
 
-use super::{ImportOptions, Imported, base_name, given_camera, images_left_out};
+use super::{ImportOptions, Imported, base_name, given_camera, images_left_out, note_of};
 use crate::counted::counted;
-use crate::datasets::images::image_files;
+use crate::datasets::images::{image_files, unread_image_files};
 use crate::datasets::text::TextFile;
 use crate::datasets::trajectory::{parse_kitti, parse_tum, parse_tum_lines};
 use crate::datasets::{About, DatasetError, Frame};
@@ -25,12 +26,16 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             "write fx 0 cx, 0 fy cy, 0 0 1 into this file",
         )
     })?;
-    let images = images(src)?;
+    let folder = folder_of_images(src);
+    let images = image_files(&folder)?;
+    let unread: Vec<String> = (unread_image_files(&folder)?.iter())
+        .map(|image| base_name(image))
+        .collect();
     let file = options
         .poses
         .clone()
         .unwrap_or_else(|| src.join("poses.txt"));
-    let poses = poses(&TextFile::read(&file)?, &images, options)?;
+    let poses = poses(&TextFile::read(&file)?, &images, &unread, options)?;
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
     for (image, pose) in images.into_iter().zip(poses) {
@@ -39,32 +44,37 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             Some(pose) => frames.push(Frame::with_pose(image, camera, pose)),
         }
     }
+    let notes = [
+        images_left_out("without a pose", &left_out),
+        note_of(&format!("left out: {}", in_other_formats(&unread)), &unread),
+    ];
     Ok(Imported {
         about: About {
             origin: format!("folder {}", base_name(src)),
-            notes: images_left_out("without a pose", &left_out)
-                .into_iter()
-                .collect(),
+            notes: notes.into_iter().flatten().collect(),
             ..About::default()
         },
         ..Imported::of(frames)
     })
 }
 
-fn images(src: &Path) -> Result<Vec<PathBuf>, DatasetError> {
-    for name in ["images", "Images", "rgb"] {
-        let folder = src.join(name);
-        if folder.is_dir() {
-            return image_files(&folder);
-        }
-    }
-    image_files(src)
+fn folder_of_images(src: &Path) -> PathBuf {
+    let inside = ["images", "Images", "rgb"].map(|name| src.join(name));
+    (inside.into_iter())
+        .find(|folder| folder.is_dir())
+        .unwrap_or_else(|| src.to_owned())
 }
 
-/// The pose of every image.
+fn in_other_formats(unread: &[String]) -> String {
+    let count = counted(unread.len(), "image");
+    format!("{count} in formats that are not read")
+}
+
+/// The pose of every image; beside the images are others, `unread`.
 fn poses(
     file: &TextFile,
     images: &[PathBuf],
+    unread: &[String],
     options: &ImportOptions<'_>,
 ) -> Result<Vec<Option<Isometry3<f64>>>, DatasetError> {
     let association = options.association()?;
@@ -103,6 +113,17 @@ fn poses(
                 "leave {option} out, or give poses in TUM's format and name the images by their times \
                  (1341847980.722988.png)"
             ),
+        ));
+    }
+    let of_unread = format!("{} beside them", in_other_formats(unread));
+    if let Some(unread) = note_of(&of_unread, unread) {
+        return Err(file.error(
+            format!(
+                "{} for {}, and {unread}, so it is not certain which pose is of which image",
+                counted(poses.len(), "pose"),
+                counted(images.len(), "image")
+            ),
+            "convert those to PNG or move them out of the folder, or name all images by their times",
         ));
     }
     if poses.len() != images.len() {

@@ -363,6 +363,53 @@ fn a_plain_folder_takes_poses_in_either_format() {
 }
 
 #[test]
+fn images_that_are_not_read_leave_no_doubt_about_poses() {
+    let files = [
+        ("1.gif", "GIF89a"),
+        ("2.JP2", ""),
+        ("a.png", ""),
+        ("a.nef", ""),
+        ("b.png", ""),
+        (
+            "poses.txt",
+            "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 1 0 1 0 0 0 0 1 0\n",
+        ),
+        ("tum.txt", TUM_POSES),
+        ("K.txt", K),
+    ];
+    let (_folder, src) = source("mine", &files);
+    let refused = |named: &str| {
+        let error = read("folder", &src).unwrap_err();
+        assert!(error.what.contains(named), "{error}");
+        assert!(error.remedy.contains("convert"), "{error}");
+    };
+    refused(
+        "2 poses for 2 images, and 2 images in formats that are not read beside them (1.gif, 2.JP2)",
+    );
+    // Named by their times, images have the poses of their times, and the others are noted.
+    fs::rename(src.join("a.png"), src.join("1.005.png")).unwrap();
+    fs::rename(src.join("b.png"), src.join("2.5.png")).unwrap();
+    let options = ImportOptions {
+        poses: Some(src.join("tum.txt")),
+        ..ImportOptions::default()
+    };
+    let found = read_source("folder", &src, &options).unwrap();
+    let notes = found.about.notes.join("\n");
+    assert!(
+        notes.contains("left out: 3 images in formats that are not read (1.gif, 2.JP2, a.nef)"),
+        "{notes}"
+    );
+    for name in ["1.005.png", "2.5.png", "a.nef"] {
+        fs::remove_file(src.join(name)).unwrap();
+    }
+    refused("2 poses for 0 images, and 2 images");
+    fs::rename(src.join("1.gif"), src.join("1.png")).unwrap();
+    fs::rename(src.join("2.JP2"), src.join("2.png")).unwrap();
+    fs::write(src.join("2.nef"), "").unwrap();
+    assert_eq!(xs(&read("folder", &src).unwrap()), [0.0, 1.0]);
+}
+
+#[test]
 fn an_import_is_a_sound_dataset_with_the_frames_of_its_rule() {
     let images: Vec<_> = (0..7).map(|i| format!("{i}.png")).collect();
     let rows: Vec<_> = (0..7)

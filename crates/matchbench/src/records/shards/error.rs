@@ -121,6 +121,17 @@ pub enum ShardError {
         /// What is wrong with it.
         reason: String,
     },
+    /// The shards could not be merged to the end.
+    #[error(
+        "{error}; {} is unfinished: once this is mended, merge again into it",
+        out.display()
+    )]
+    Unfinished {
+        /// The folder of the run that was to be made.
+        out: PathBuf,
+        /// Why not.
+        error: Box<ShardError>,
+    },
     /// A folder of a run cannot be read or written.
     #[error(transparent)]
     Folder(#[from] FolderError),

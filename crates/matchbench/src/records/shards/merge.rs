@@ -39,7 +39,7 @@ pub struct Merged {
 ///
 /// # Errors
 /// If a shard is missing, not done, not of this plan, damaged, or there twice with different results;
-/// if `out` holds another run, or cannot be written to.
+/// if `out` holds another run, or cannot be written to. [`ShardError::Unfinished`] if `out` was begun.
 pub fn merge(
     plan: &ShardPlan,
     home: &Path,
@@ -48,32 +48,17 @@ pub fn merge(
 ) -> Result<Merged, ShardError> {
     let folders = gather(plan, home, copies)?;
     let writer = RunWriter::start(out, plan.plan().clone())?;
-    if !plan.tuned().is_empty() {
-        writer.note_tuned(plan.tuned())?;
-    }
     let merging = Merging {
         plan,
         folders: &folders,
         out,
     };
-    let mut merged = Merged::default();
-    let mut frames = vec![Frames::default(); plan.plan().datasets.len()];
-    for matcher in &plan.plan().matchers {
-        for (index, estimator) in matcher.estimators.iter().enumerate() {
-            let files = Files {
-                matcher,
-                estimator,
-                is_first: index == 0,
-            };
-            let done = merging.records(&files, &mut frames)?;
-            merged.tasks += done.tasks;
-            merged.failed += done.failed;
-        }
-    }
-    for (dataset, frames) in plan.plan().datasets.iter().zip(&frames) {
-        merging.images(&writer, dataset, frames)?;
-    }
-    Ok(merged)
+    merging
+        .all(&writer)
+        .map_err(|error| ShardError::Unfinished {
+            out: out.into(),
+            error: Box::new(error),
+        })
 }
 
 /// The shards and where they go.
@@ -107,6 +92,32 @@ impl Frames {
 }
 
 impl Merging<'_> {
+    /// All files of the run besides its plan.
+    fn all(&self, writer: &RunWriter) -> Result<Merged, ShardError> {
+        if !self.plan.tuned().is_empty() {
+            writer.note_tuned(self.plan.tuned())?;
+        }
+        let plan = self.plan.plan();
+        let mut merged = Merged::default();
+        let mut frames = vec![Frames::default(); plan.datasets.len()];
+        for matcher in &plan.matchers {
+            for (index, estimator) in matcher.estimators.iter().enumerate() {
+                let files = Files {
+                    matcher,
+                    estimator,
+                    is_first: index == 0,
+                };
+                let done = self.records(&files, &mut frames)?;
+                merged.tasks += done.tasks;
+                merged.failed += done.failed;
+            }
+        }
+        for (dataset, frames) in plan.datasets.iter().zip(&frames) {
+            self.images(writer, dataset, frames)?;
+        }
+        Ok(merged)
+    }
+
     /// The records of a matcher with an estimator on all datasets, and what was kept of their matches.
     fn records(&self, files: &Files<'_>, frames: &mut [Frames]) -> Result<Merged, ShardError> {
         let mut merged = Merged::default();

@@ -346,16 +346,15 @@ fn shards_of_different_images_and_damaged_shards_are_refused() {
     let bench = bench();
     let plan = bench.plan("plan", 2, KeepMatches::All);
     bench.shards(&plan, "plan", [1, 2]);
-    let merged = || {
-        let done = merge(&plan, &bench.path("plan"), &[], &bench.path("merged"));
-        done.unwrap_err().to_string()
-    };
+    let merged = || merge(&plan, &bench.path("plan"), &[], &bench.path("merged"));
     let spoil = |file: &str, spoiled: &dyn Fn(Vec<u8>) -> Vec<u8>, named: &str| {
         let file = bench.path("plan/shards").join(file);
         let sound = fs::read(&file).unwrap();
         fs::write(&file, spoiled(sound.clone())).unwrap();
-        let error = merged();
+        let error = merged().unwrap_err().to_string();
         assert!(error.contains(named), "{error}");
+        let unfinished = format!("{} is unfinished", bench.path("merged").display());
+        assert!(error.contains(&unfinished), "{error}");
         fs::write(&file, sound).unwrap();
     };
     let flipped = |at: usize| {
@@ -410,6 +409,7 @@ fn shards_of_different_images_and_damaged_shards_are_refused() {
         text.replacen(shared, &changed, 1).into_bytes()
     };
     spoil("2/images/street.txt", &other, "different images");
+    merged().unwrap();
 }
 
 /// A dataset of so many frames and these pairs; nobody looks at its images.
