@@ -144,7 +144,7 @@ fn an_image_that_is_another_is_refused_and_one_that_was_mended_is_tried_again() 
         "ransac-e,lmeds-e",
         "--out",
     ];
-    refused(&go(&more, &[&run, &wall]), "0002.pgm is not the image");
+    refused(&go(&more, &[&run, &wall]), "0002.pgm is not the file");
 }
 
 #[test]
