@@ -253,3 +253,51 @@ fn say_what_is_twice(rows: &mut [Row]) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::{AngularError, Deviation, Failure, PairResult};
+
+    /// A pair for each of 60 images, whose error the function gives.
+    fn set(matcher: &str, error: impl Fn(u32) -> f64) -> ResultSet {
+        let pair = |a| PairResult {
+            outcome: Ok(Deviation::Pose(AngularError {
+                rotation: error(a),
+                translation: Some(0.0),
+            })),
+            ..PairResult::failed(a, a + 1, Failure::Missing)
+        };
+        ResultSet {
+            dataset: "room".into(),
+            matcher: matcher.into(),
+            estimator: String::new(),
+            repetitions: 1,
+            pairs: (0..60).map(pair).collect(),
+            ignored: 0,
+        }
+    }
+
+    #[test]
+    fn copies_make_no_difference_to_the_letters_of_others() {
+        // Worse on six of sixty images: enough for one comparison, not for many.
+        let worse = |a: u32| if a.is_multiple_of(10) { 6.0 } else { 3.0 };
+        let mut sets = vec![set("good", |_| 3.0), set("worse", worse)];
+        let mut files = vec!["good", "worse"];
+        let letters = |sets: &[ResultSet]| groups(sets).letters;
+        assert_eq!(letters(&sets), ["a", "b"]);
+        for copy in ["x", "y", "z", "u", "v", "w"] {
+            sets.push(set(copy, worse));
+            files.push("worse");
+        }
+        assert_eq!(
+            letters(&sets)[0],
+            letters(&sets)[1],
+            "the test sees nothing"
+        );
+        let mut content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+        compare_once(&mut content, &files);
+        let groups: Vec<&str> = content.summaries.iter().map(|row| &*row.group).collect();
+        assert_eq!(groups, ["a", "b", "b", "b", "b", "b", "b", "b"]);
+    }
+}
