@@ -8,6 +8,7 @@
 
 mod points;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -232,6 +233,13 @@ fn inspect(pair: &CheckPair, matched: &Matched, tell: &mut dyn FnMut(Finding)) {
         let text = format!("{name}: with fewer than {FEW} matches no pose is estimated");
         return tell(doubtful(text));
     }
+    let points = different_points(&matched.rows);
+    if points < FEW {
+        let points = counted(points, "different point");
+        let text =
+            format!("{name}: all matches are of {points} of an image, which no pose is known from");
+        return tell(doubtful(text));
+    }
     let near = share_near(pair, &matched.rows);
     let percent = 100.0 * near;
     let where_they_lie = format!(
@@ -249,6 +257,17 @@ fn inspect(pair: &CheckPair, matched: &Matched, tell: &mut dyn FnMut(Finding)) {
             "{where_they_lie}: are they points of the original images, in pixels, x before y, a before b?"
         ))),
     }
+}
+
+/// How many pixels the points of matches lie in, in the image where they are fewer.
+fn different_points(rows: &[[f32; 5]]) -> usize {
+    let pixels = |x: usize| {
+        let pixels = rows
+            .iter()
+            .map(|row| [row[x], row[x + 1]].map(|v| v.round() as i64));
+        pixels.collect::<BTreeSet<_>>().len()
+    };
+    pixels(0).min(pixels(2))
 }
 
 /// Whether the same question has the same answer.
@@ -374,6 +393,11 @@ mod tests {
             told(&|row| [half(row[0]), half(row[1]), half(row[2]), half(row[3]), 0.0]);
         assert!(
             verdict == Verdict::Wrong && text.contains("resized to 640"),
+            "{text}"
+        );
+        let (verdict, text) = told(&|row| [row[0], row[1], right[0][2], right[0][3], 0.0]);
+        assert!(
+            verdict == Verdict::Doubtful && text.contains("1 different point"),
             "{text}"
         );
         let (verdict, text) = told(&|row| [row[0], row[1], row[1], row[0], 0.0]);
