@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use common::dataset;
 use planes::homographies;
-use serde_json::Value;
+use serde_json::{Value, json};
 use steps::{go, succeeds};
 
 fn copy(from: &Path, to: &Path) {
@@ -86,19 +86,37 @@ fn entries(folder: &Path) {
     fs::write(folder.join("entries/<img src=x>/plan.json"), "{}").expect("writable");
 }
 
-/// Makes all records of a run state the same error of the rotation; without a checksum, as those of the first format.
+/// Makes all records of a run state the same error of the rotation.
 fn state_other_errors(run: &Path) {
-    of_first_format(run);
-    rewrite(run, |text| {
-        let mut praised = String::new();
-        for line in text.lines() {
-            let (body, _) = line.split_once(",\"check\"").expect("it has one");
-            let mut record: Value = serde_json::from_str(&format!("{body}}}")).expect("a record");
+    forge(run, json!({}), |mut all| {
+        for record in &mut all {
             record["outcome"]["rotation_error"] = 12.5.into();
-            praised.extend([record.to_string(), "\n".to_owned()]);
         }
-        praised
+        all
     });
+}
+
+/// Changes the records of a run that is handed in, and what its plan says. Checksums are no obstacle: everybody can
+/// compute them, and the first format has none.
+fn forge(run: &Path, settings: Value, records: impl Fn(Vec<Value>) -> Vec<Value>) {
+    of_first_format(run);
+    let plan = run.join("plan.json");
+    let mut forged = json_of(&plan);
+    for (name, value) in settings.as_object().expect("settings") {
+        forged["settings"][name] = value.clone();
+    }
+    fs::write(&plan, forged.to_string()).expect("writable");
+    rewrite(run, |text| {
+        let forged = records(text.lines().map(unsealed).collect());
+        let lines = forged.iter().map(|record| format!("{record}\n"));
+        lines.collect()
+    });
+}
+
+/// A record without its checksum.
+fn unsealed(line: &str) -> Value {
+    let (body, _) = line.split_once(",\"check\"").expect("it has one");
+    serde_json::from_str(&format!("{body}}}")).expect("a record")
 }
 
 /// Says that a run is of the first format, whose records have no checksum.
@@ -107,6 +125,12 @@ fn of_first_format(run: &Path) {
     let text = fs::read_to_string(&plan).expect("it was written");
     assert!(text.contains("\"format\": 2"));
     fs::write(&plan, text.replacen("\"format\": 2", "\"format\": 1", 1)).expect("writable");
+}
+
+/// What a file of JSON holds.
+fn json_of(file: &Path) -> Value {
+    let text = fs::read_to_string(file).expect("it was written");
+    serde_json::from_str(&text).expect("JSON")
 }
 
 /// A file of results that was exported.
@@ -146,8 +170,7 @@ fn board(folder: &Path) -> Value {
     assert_eq!(output.status.code(), Some(2), "{said}");
     let damaged = "damaged/records/wall/sift+ransac-e.jsonl";
     assert_eq!(said.matches(damaged).count(), 1, "{said}");
-    let json = fs::read_to_string(folder.join("site/leaderboard.json")).expect("it was written");
-    serde_json::from_str(&json).expect("JSON")
+    json_of(&folder.join("site/leaderboard.json"))
 }
 
 fn list(value: &Value) -> &[Value] {
@@ -264,8 +287,7 @@ fn corner_errors_are_computed_again_where_the_images_are() {
     let file = folder.join("entries/praised/records/wall/sift+best-h.jsonl");
     let mut praised = String::new();
     for line in fs::read_to_string(&file).expect("readable").lines() {
-        let (body, _) = line.split_once(",\"check\"").expect("it has one");
-        let mut record: Value = serde_json::from_str(&format!("{body}}}")).expect("a record");
+        let mut record = unsealed(line);
         let error = &mut record["outcome"]["corner_error"];
         *error = (error.as_f64().expect("an estimate") + 0.5).into();
         praised.extend([record.to_string(), "\n".to_owned()]);
@@ -279,8 +301,7 @@ fn corner_errors_are_computed_again_where_the_images_are() {
         let page = fs::read_to_string(folder.join("site/index.html")).expect("it was written");
         assert!(page.contains("</bdi>, homographies</h2>") && page.contains(">AUC 3 px<"));
         assert_eq!(output.status.code(), Some(if images { 2 } else { 0 }));
-        let json = fs::read_to_string(folder.join("site/leaderboard.json"));
-        serde_json::from_str(&json.expect("it was written")).expect("JSON")
+        json_of(&folder.join("site/leaderboard.json"))
     };
     let with_images = board(true);
     let rows = list(&with_images["groups"][0]["rows"]);
@@ -312,14 +333,12 @@ fn an_entry_that_hides_its_dataset_is_judged_where_another_has_it() {
         state_other_errors(&folder.join("entries").join(name));
     }
     let plan = folder.join("entries/a/plan.json");
-    let text_of_plan = fs::read_to_string(&plan).expect("it was written");
-    let mut hidden: Value = serde_json::from_str(&text_of_plan).expect("JSON");
+    let mut hidden = json_of(&plan);
     hidden["datasets"][0]["path"] = "nowhere".into();
     fs::write(&plan, hidden.to_string()).expect("writable");
     let output = go(folder, &["leaderboard", "entries", "--out", "site"]);
     assert_eq!(output.status.code(), Some(2));
-    let json = fs::read_to_string(folder.join("site/leaderboard.json")).expect("it was written");
-    let board: Value = serde_json::from_str(&json).expect("JSON");
+    let board = json_of(&folder.join("site/leaderboard.json"));
     let rows = list(&board["groups"][0]["rows"]);
     assert!(rows.len() == 1 && rows[0]["entry"] == "c" && rows[0]["errors_checked"] == true);
     let refused = list(&board["refused"]);
@@ -377,8 +396,7 @@ fn links_are_not_followed() {
         .expect("writable");
     let output = go(folder, &["leaderboard", "entries", "--out", "site"]);
     assert_eq!(output.status.code(), Some(2));
-    let json = fs::read_to_string(folder.join("site/leaderboard.json")).expect("it was written");
-    let board: Value = serde_json::from_str(&json).expect("JSON");
+    let board = json_of(&folder.join("site/leaderboard.json"));
     assert_eq!(board["groups"][0]["rows"].as_array().map(Vec::len), Some(1));
     assert_eq!(board["refused"].as_array().map(Vec::len), Some(1));
     assert!(
@@ -386,28 +404,6 @@ fn links_are_not_followed() {
             .as_str()
             .is_some_and(|reason| reason.contains("is a link"))
     );
-}
-
-/// Changes the records of a run that is handed in, and what its plan says. Checksums are no obstacle: everybody can
-/// compute them, and the first format has none.
-fn forge(run: &Path, settings: Value, records: impl Fn(Vec<Value>) -> Vec<Value>) {
-    of_first_format(run);
-    let plan = run.join("plan.json");
-    let text = fs::read_to_string(&plan).expect("it was written");
-    let mut forged: Value = serde_json::from_str(&text).expect("JSON");
-    for (name, value) in settings.as_object().expect("settings") {
-        forged["settings"][name] = value.clone();
-    }
-    fs::write(&plan, forged.to_string()).expect("writable");
-    rewrite(run, |text| {
-        let record = |line: &str| {
-            let (body, _) = line.split_once(",\"check\"").expect("it has one");
-            serde_json::from_str(&format!("{body}}}")).expect("a record")
-        };
-        let forged = records(text.lines().map(record).collect());
-        let lines = forged.iter().map(|record| format!("{record}\n"));
-        lines.collect()
-    });
 }
 
 #[test]
@@ -425,28 +421,21 @@ fn who_repeats_the_pairs_that_went_well_or_chooses_them_is_refused() {
     fs::remove_dir_all(folder.join("entries/a")).expect("it is there");
     // Of six pairs, each planned twice, one is recorded seven times and the others once.
     let repeated = folder.join("entries/repeated");
-    forge(
-        &repeated,
-        serde_json::json!({"repetitions": 2}),
-        |mut all| {
-            assert_eq!(all.len(), 6);
-            for repetition in 1..7 {
-                let mut again = all[0].clone();
-                again["task"]["repetition"] = repetition.into();
-                all.push(again);
-            }
-            all
-        },
-    );
+    forge(&repeated, json!({"repetitions": 2}), |mut all| {
+        assert_eq!(all.len(), 6);
+        for repetition in 1..7 {
+            let mut again = all[0].clone();
+            again["task"]["repetition"] = repetition.into();
+            all.push(again);
+        }
+        all
+    });
     // A sample of two would be the first and the fourth.
     let chosen = folder.join("entries/chosen");
-    forge(&chosen, serde_json::json!({"sample": 2}), |all| {
-        all[1..3].to_vec()
-    });
+    forge(&chosen, json!({"sample": 2}), |all| all[1..3].to_vec());
     let output = go(folder, &["leaderboard", "entries", "--out", "site"]);
     assert_eq!(output.status.code(), Some(2));
-    let json = fs::read_to_string(folder.join("site/leaderboard.json")).expect("it was written");
-    let board: Value = serde_json::from_str(&json).expect("JSON");
+    let board = json_of(&folder.join("site/leaderboard.json"));
     let rows = list(&board["groups"][0]["rows"]);
     assert!(rows.len() == 1 && rows[0]["entry"] == "honest", "{rows:?}");
     let reasons: Vec<&str> = list(&board["refused"])
@@ -473,15 +462,13 @@ fn sizes_of_images_that_are_handed_in_judge_nobody() {
     fs::create_dir_all(folder.join("entries/data")).expect("writable");
     fs::rename(&wall, folder.join("entries/data/wall")).expect("writable");
     let plan = folder.join("entries/a/plan.json");
-    let mut moved: Value =
-        serde_json::from_str(&fs::read_to_string(&plan).expect("it was written")).expect("JSON");
+    let mut moved = json_of(&plan);
     moved["datasets"][0]["path"] = "entries/data/wall".into();
     fs::write(&plan, moved.to_string()).expect("writable");
     let is_checked = |more: &[&str]| {
         let words = ["leaderboard", "entries", "--out", "site"];
         succeeds(folder, &[&words[..], more].concat());
-        let json = fs::read_to_string(folder.join("site/leaderboard.json"));
-        let board: Value = serde_json::from_str(&json.expect("it was written")).expect("JSON");
+        let board = json_of(&folder.join("site/leaderboard.json"));
         board["groups"][0]["rows"][0]["errors_checked"] == true
     };
     assert!(!is_checked(&[]));

@@ -18,6 +18,7 @@
 
 use std::path::PathBuf;
 
+use blake3::Hash;
 use image::DynamicImage;
 use matchbench_vision::image::{Image, Size};
 use nalgebra::Point2;
@@ -79,6 +80,7 @@ pub struct Depth {
     unit: DepthUnit,
     /// Pixels of depth in a pixel of the image, along x and y.
     scale: [f64; 2],
+    hash: Hash,
 }
 
 impl DepthFile {
@@ -90,9 +92,13 @@ impl DepthFile {
     pub fn read(&self, image: Size, turn: Turn) -> Result<Depth, DatasetError> {
         let bytes = read_file(&self.path).map_err(|error| DatasetError::io(&self.path, &error))?;
         let stored = decode_depth(&bytes).map_err(|error| error.in_file(&self.path))?;
-        Depth::new(stored, self.unit, image, turn).map_err(|what| {
+        let depth = Depth::new(stored, self.unit, image, turn).map_err(|what| {
             let remedy = "give the depth of the same image, or take `depth` of this frame out of dataset.toml";
             DatasetError::new(&self.path, what, remedy)
+        })?;
+        Ok(Depth {
+            hash: blake3::hash(&bytes),
+            ..depth
         })
     }
 }
@@ -143,7 +149,13 @@ impl Depth {
             } else {
                 scale
             },
+            hash: blake3::hash(&[]),
         })
+    }
+
+    /// BLAKE3 of the file that it was read from, of no bytes where there was none.
+    pub fn hash(&self) -> Hash {
+        self.hash
     }
 
     /// The depth of an image of the same size.

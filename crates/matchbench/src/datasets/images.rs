@@ -2,7 +2,6 @@
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, HashSet};
-use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -155,10 +154,14 @@ pub(super) fn image_files(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
 }
 
 /// The visible files of a folder that are images in formats that cannot be read, in natural order. Those beside
-/// which the same image is in a format that can be read (`2.nef` and `2.jpg`) are not among them.
-pub(super) fn unread_image_files(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
-    let read: HashSet<_> = (image_files(folder)?.iter())
-        .filter_map(|image| image.file_stem().map(OsStr::to_owned))
+/// which the same image is among the `images` that can be read (`2.nef` and `2.jpg`) are not among them.
+pub(super) fn unread_image_files(
+    folder: &Path,
+    images: &[PathBuf],
+) -> Result<Vec<PathBuf>, DatasetError> {
+    let read: HashSet<_> = images
+        .iter()
+        .filter_map(|image| image.file_stem())
         .collect();
     let mut unread = files_ending_in(&UNREAD, folder)?;
     unread.retain(|image| image.file_stem().is_none_or(|stem| !read.contains(stem)));

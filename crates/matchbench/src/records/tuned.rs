@@ -8,7 +8,6 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -98,16 +97,17 @@ impl Tuned {
         )
     }
 
-    /// Refuses a plan that reports on scenes that this was tuned on. `frames` are the files of the images of each dataset
-    /// of the plan; one that cannot be read is no image of a scene.
+    /// Refuses a plan that reports on scenes that this was tuned on. `images` are the hashes of the images of each dataset of
+    /// the plan, as in [`TunedOn::images`].
     ///
     /// # Errors
     /// If a dataset of the plan is one of them, whatever it is called and whatever its pairs are, or has an image of one.
-    pub fn check(&self, plan: &Plan, frames: &[Vec<&Path>]) -> Result<(), FolderError> {
-        for (dataset, frames) in plan.datasets.iter().zip(frames) {
-            let seen = |on: &&TunedOn| on.fingerprint == dataset.fingerprint;
-            let on = self.datasets.iter().find(seen);
-            if let Some(on) = on.or_else(|| self.with_image_among(frames)) {
+    pub fn check(&self, plan: &Plan, images: &[BTreeSet<String>]) -> Result<(), FolderError> {
+        for (dataset, images) in plan.datasets.iter().zip(images) {
+            let seen = |on: &&TunedOn| {
+                on.fingerprint == dataset.fingerprint || !on.images.is_disjoint(images)
+            };
+            if let Some(on) = self.datasets.iter().find(seen) {
                 return Err(FolderError::TunedOn {
                     setting: self.setting.clone(),
                     tuned_on: on.name.clone(),
@@ -116,18 +116,6 @@ impl Tuned {
             }
         }
         Ok(())
-    }
-
-    /// The dataset that it was tuned on that has one of these images.
-    fn with_image_among(&self, frames: &[&Path]) -> Option<&TunedOn> {
-        if self.datasets.iter().all(|on| on.images.is_empty()) {
-            return None; // an earlier version did not note them
-        }
-        frames.par_iter().find_map_any(|frame| {
-            let hash = blake3::hash(&read_file(frame).ok()?).to_hex();
-            let mut datasets = self.datasets.iter();
-            datasets.find(|on| on.images.contains(hash.as_str()))
-        })
     }
 }
 

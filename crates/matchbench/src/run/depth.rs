@@ -16,7 +16,6 @@
 //!   CVPRW 2018: matching score.)
 
 use std::collections::VecDeque;
-use std::fmt::Display;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use blake3::Hash;
@@ -28,7 +27,6 @@ use super::guard::Broken;
 use super::repeatability::{found_again, is_inside, places};
 use super::trial::counts_within;
 use crate::datasets::{Depth, Pair, Sequence};
-use crate::files::read_file;
 use crate::records::{ByDepth, Repeated};
 
 /// How much the depths of a point in two views may differ, as a share of one.
@@ -40,7 +38,7 @@ const KEPT: usize = 64 << 20;
 
 /// The depth of frames, as far as there is room for it.
 #[derive(Debug, Default)]
-pub(super) struct DepthMaps(Mutex<VecDeque<(u32, Arc<Depth>, Hash)>>);
+pub(super) struct DepthMaps(Mutex<VecDeque<(u32, Arc<Depth>)>>);
 
 impl DepthMaps {
     /// What depth says of a pair; `None` where one of its images has none, or its pose is not known.
@@ -55,45 +53,31 @@ impl DepthMaps {
         let Some(b_from_a) = pair.pose() else {
             return Ok(None);
         };
-        let (Some((a, of_a)), Some((b, of_b))) =
-            (self.of(sequence, pair.a)?, self.of(sequence, pair.b)?)
-        else {
+        let (Some(a), Some(b)) = (self.of(sequence, pair.a)?, self.of(sequence, pair.b)?) else {
             return Ok(None);
         };
         let camera = |frame: u32| &sequence.frames[frame as usize].camera;
         let cameras = [camera(pair.a), camera(pair.b)];
-        Ok(Some(PairDepth {
-            files: Some([of_a, of_b]),
-            ..PairDepth::new([a, b], cameras, b_from_a)
-        }))
+        Ok(Some(PairDepth::new([a, b], cameras, b_from_a)))
     }
 
-    /// The depth of a frame, and the hash of its file.
-    fn of(&self, sequence: &Sequence, frame: u32) -> Result<Option<(Arc<Depth>, Hash)>, Broken> {
+    fn of(&self, sequence: &Sequence, frame: u32) -> Result<Option<Arc<Depth>>, Broken> {
         // Nothing is left half done by a thread that panics.
         let kept = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, depth, hash)) = kept().iter().find(|(other, ..)| *other == frame) {
-            return Ok(Some((Arc::clone(depth), *hash)));
+        if let Some((_, depth)) = kept().iter().find(|(other, _)| *other == frame) {
+            return Ok(Some(Arc::clone(depth)));
         }
-        let broken = |error: &dyn Display| Broken::for_now(error.to_string());
-        let of_frame = &sequence.frames[frame as usize];
-        let read = of_frame.read_depth().map_err(|error| broken(&error))?;
-        let (Some(depth), Some(file)) = (read, &of_frame.depth) else {
+        let read = sequence.frames[frame as usize].read_depth();
+        let Some(depth) = read.map_err(|error| Broken::for_now(error.to_string()))? else {
             return Ok(None);
         };
-        let bytes = read_file(&file.path).map_err(|error| broken(&error))?;
-        let (depth, hash) = (Arc::new(depth), blake3::hash(&bytes));
+        let depth = Arc::new(depth);
         let mut kept = kept();
-        kept.push_back((frame, Arc::clone(&depth), hash));
-        while kept
-            .iter()
-            .map(|(_, depth, _)| depth.bytes())
-            .sum::<usize>()
-            > KEPT
-        {
+        kept.push_back((frame, Arc::clone(&depth)));
+        while kept.iter().map(|(_, depth)| depth.bytes()).sum::<usize>() > KEPT {
             kept.pop_front();
         }
-        Ok(Some((depth, hash)))
+        Ok(Some(depth))
     }
 }
 
@@ -103,8 +87,6 @@ pub(super) struct PairDepth<'a> {
     /// From a to b, and from b to a.
     views: [View<'a>; 2],
     overlap: Option<f64>,
-    /// Hashes of the two files of depth, where it came from files.
-    files: Option<[Hash; 2]>,
 }
 
 /// One image as seen from the other.
@@ -135,16 +117,12 @@ impl<'a> PairDepth<'a> {
         ];
         let [there, back] = views.each_ref().map(View::share_seen);
         let overlap = there.zip(back).map(|(there, back)| there.min(back));
-        Self {
-            views,
-            overlap,
-            files: None,
-        }
+        Self { views, overlap }
     }
 
     /// Hashes of the two files of depth.
-    pub(super) fn files(&self) -> Option<[Hash; 2]> {
-        self.files
+    pub(super) fn hashes(&self) -> [Hash; 2] {
+        self.views[0].depths.each_ref().map(|depth| depth.hash())
     }
 
     /// What it says of the selected matches.

@@ -58,8 +58,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Duration;
 
+use rayon::prelude::*;
+
 use crate::cache::FeatureCache;
-use crate::datasets::{DatasetError, Sequence, Unpaired, Whole, decode_gray};
+use crate::datasets::{DatasetError, Frame, Sequence, Unpaired, Whole, decode_gray};
+use crate::files::read_file;
 use crate::records::images::ImageNotes;
 use crate::records::store::RecordWriter;
 use crate::records::{
@@ -377,17 +380,23 @@ impl Run<'_> {
     }
 }
 
-/// Refuses to report on datasets that something was tuned on.
+/// Refuses to report on datasets that something was tuned on. Their images are read only if there is a choice to check; one
+/// that cannot be read is no image of a scene.
 fn refuse_tuned(tuned: &[Tuned], plan: &Plan, datasets: &[Dataset]) -> Result<(), FolderError> {
-    let frames: Vec<Vec<&Path>> = (datasets.iter())
+    if tuned.is_empty() {
+        return Ok(());
+    }
+    let hash = |frame: &Frame| {
+        let file = read_file(&frame.image).ok()?;
+        Some(blake3::hash(&file).to_hex().to_string())
+    };
+    let images: Vec<BTreeSet<String>> = (datasets.iter())
         .map(|dataset| {
-            let frames = dataset.sequence.frames.iter();
-            frames.map(|frame| &*frame.image).collect()
+            let frames = dataset.sequence.frames.par_iter();
+            frames.filter_map(hash).collect()
         })
         .collect();
-    tuned
-        .iter()
-        .try_for_each(|tuned| tuned.check(plan, &frames))
+    (tuned.iter()).try_for_each(|tuned| tuned.check(plan, &images))
 }
 
 /// The images that earlier processes worked with on each dataset of which something is left to be

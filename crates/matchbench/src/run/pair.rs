@@ -87,14 +87,14 @@ impl PairDone {
     /// Nothing yet of so many tasks of a pair.
     fn of(truth: &PairTruth<'_>, tasks: usize) -> Self {
         let frames = [truth.pair.a, truth.pair.b];
-        let depth = truth.readable_depth().and_then(PairDepth::files);
+        let depth = truth.readable_depth().map(PairDepth::hashes);
         Self {
             records: Vec::with_capacity(tasks),
             matches: Vec::new(),
             inliers: Vec::new(),
             images: Vec::new(),
             depth: (depth.into_iter())
-                .flat_map(|files| frames.into_iter().zip(files))
+                .flat_map(|hashes| frames.into_iter().zip(hashes))
                 .collect(),
         }
     }

@@ -28,7 +28,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     })?;
     let folder = folder_of_images(src);
     let images = image_files(&folder)?;
-    let unread: Vec<String> = (unread_image_files(&folder)?.iter())
+    let unread: Vec<String> = (unread_image_files(&folder, &images)?.iter())
         .map(|image| base_name(image))
         .collect();
     let file = options

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use crate::counted::counted;
 use crate::files::open_file;
 use crate::metrics::{Failure, FileResults, ResultSet, load_each};
-use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, RunFolder, Task};
+use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, RunFolder};
 
 use super::super::command_line::{self, CommandLine, Origin};
 use super::truth::{Truth, Truths, check};
@@ -155,7 +155,7 @@ impl Reader<'_> {
         seen.push(names);
         let names = [&*set.dataset, &*set.matcher, &*set.estimator];
         let truth = self.truths.of(dataset);
-        is_finished(run, dataset, names, truth)?;
+        is_finished(run.plan(), dataset, &set, truth)?;
         let checked = truth.map_or(Ok(false), |truth| check(run, names, truth))?;
         // Pairs that are missing now are only in the other files, which do not say what is planned.
         set.pairs
@@ -371,20 +371,15 @@ fn planned<'a>(
 /// Refuses results of other tasks than those that are planned. Missing pairs would count as wrong, or would not
 /// count at all, and pairs that somebody chose may be easier than those of the plan.
 fn is_finished(
-    run: &RunFolder,
+    plan: &Plan,
     dataset: &DatasetPlan,
-    names: [&str; 3],
+    set: &ResultSet,
     truth: Option<&Truth>,
 ) -> Result<(), String> {
-    let plan = run.plan();
-    let mut tasks = BTreeSet::new();
-    let read = run.for_each_of(names, |record| {
-        let Task {
-            a, b, repetition, ..
-        } = record.task;
-        tasks.insert((a, b, repetition));
-    });
-    read.map_err(|error| error.to_string())?;
+    let recorded = (set.pairs.iter()).filter(|pair| pair.outcome != Err(Failure::Missing));
+    let tasks: BTreeSet<_> = recorded
+        .map(|pair| (pair.a, pair.b, pair.repetition))
+        .collect();
     let planned = plan.tasks_on(dataset);
     if tasks.len() != planned {
         let planned = counted(planned, "planned task");
