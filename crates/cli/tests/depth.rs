@@ -161,3 +161,38 @@ fn depth_that_is_damaged_or_of_another_image_fails_its_pairs_by_name() {
         "{said}"
     );
 }
+
+#[test]
+fn shards_with_depth_merge_into_the_run_of_one_machine_and_all_see_the_same_depth() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    wall(folder);
+    succeeds(folder, &RUN);
+    let plan = ["plan", "wall", "--matchers", "sift", "--shards", "2"];
+    let work = |plan: &str, shard: &str| {
+        succeeds(folder, &["work", plan, "--shard", shard]);
+    };
+    succeeds(folder, &[&plan[..], &["--out", "plan"]].concat());
+    work("plan", "1");
+    work("plan", "2");
+    succeeds(folder, &["merge", "plan", "--out", "merged"]);
+    let depth = |run: &str| fs::read(folder.join(run).join("depth/wall.txt")).expect("it is noted");
+    assert_eq!(depth("merged"), depth("run"));
+
+    succeeds(folder, &[&plan[..], &["--out", "again"]].concat());
+    work("again", "1");
+    for frame in 0..4 {
+        let file = folder.join(format!("wall/depth/{frame}.pgm"));
+        let mut other = fs::read(&file).expect("it is there");
+        *other.last_mut().expect("pixels") ^= 1;
+        fs::write(&file, other).expect("writable");
+    }
+    work("again", "2");
+    let refused = go(folder, &["merge", "again", "--out", "mixed"]);
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("not worked with the same depth of frame") && said.contains("shards/2"),
+        "{said}"
+    );
+}

@@ -474,37 +474,6 @@ fn nothing_waits_for_a_pipe_in_the_folder_of_a_run() {
 }
 
 #[test]
-fn a_report_neither_writes_nor_deletes_where_links_in_its_folder_lead() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let (_, run) = run_of(folder.path());
-    let (report, other) = (run.join("report"), folder.path().join("other"));
-    assert_eq!(go(&["report"], &[&run]).status.code(), Some(0));
-    fs::create_dir(&other).expect("writable");
-    let theirs = other.join("theirs");
-    fs::write(&theirs, "theirs").expect("writable");
-
-    symlink(&other, report.join("link")).expect("writable");
-    let list = fs::read_to_string(report.join(".files")).expect("written");
-    fs::write(report.join(".files"), list + "link/theirs\n").expect("writable");
-    assert_eq!(go(&["report"], &[&run]).status.code(), Some(0));
-    assert!(theirs.exists());
-
-    let table = report.join("tables/scores.csv");
-    fs::remove_file(&table).expect("there");
-    symlink(&theirs, &table).expect("writable");
-    refused(&go(&["report"], &[&run]), "scores.csv: it is a link");
-    assert_eq!(fs::read(&theirs).expect("there"), b"theirs");
-
-    // A folder of the report, too.
-    let scores = other.join("scores.csv");
-    fs::write(&scores, "theirs").expect("writable");
-    fs::remove_dir_all(report.join("tables")).expect("there");
-    symlink(&other, report.join("tables")).expect("writable");
-    refused(&go(&["report"], &[&run]), "tables: it is a link");
-    assert_eq!(fs::read(&scores).expect("there"), b"theirs");
-}
-
-#[test]
 fn names_of_a_plan_lead_to_no_other_folder() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (_, run) = run_of(folder.path());

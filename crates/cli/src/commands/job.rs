@@ -61,7 +61,7 @@ pub(crate) fn tell_news(news: News<'_>) {
                 say!("  note: {note}");
             }
         }
-        News::Camera(problem) => say!(
+        News::Problem(problem) => say!(
             "warning: {}; `matchbench validate` says more",
             problem.error
         ),

@@ -18,6 +18,7 @@ mod jpeg;
 mod listed;
 mod manifest;
 mod native;
+mod pair_poses;
 mod pairs;
 mod problem;
 pub mod rendered;
@@ -46,6 +47,7 @@ pub use importers::{
 };
 pub use manifest::{About, describe};
 pub use native::{Unpaired, read_pairs, read_poses_of_pairs};
+pub use pair_poses::pair_pose_problem;
 pub use pairs::{PairRule, PairRuleError, relative_pose};
 pub use problem::{Problem, Severity};
 pub use sequence::{Frame, Pair, Sequence, Truth};

@@ -10,24 +10,17 @@ use std::path::Path;
 
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::cameras::{check_camera, other_size};
 use super::decode::{decode_gray, exif_orientation};
 use super::images::IMAGES;
-use super::listed::Listed;
 use super::native::{CAMERA, Contents, HOMOGRAPHIES, PAIRS, POSES};
-use super::{DatasetError, Problem, manifest, relative_pose};
+use super::pair_poses::{contradiction, remedy};
+use super::{DatasetError, Problem, manifest};
 use crate::files::read_file;
 
-/// Largest angle between the rotation of a pair and that of the poses, in radians (0.1 degrees; both are
-/// printed with about six digits).
-const PAIR_ROTATION_TOLERANCE: f64 = 1.75e-3;
-/// Largest difference of the translations, as a share of the baseline ...
-const PAIR_TRANSLATION_TOLERANCE: f64 = 0.01;
-/// ... plus the uncertainty of six printed digits, as a share of the distances of the cameras from the origin.
-const PRINTED_DIGITS: f64 = 1e-5;
 /// All problems of the dataset in the folder `dir`; empty if there are none.
 ///
 /// First come problems of the text files alone, then those of images and cameras, and then contradictions
@@ -199,36 +192,10 @@ fn check_pairs(dir: &Path, contents: &Contents, problems: &mut Vec<Problem>) {
         let (Some(a), Some(b)) = (pose(pair.a), pose(pair.b)) else {
             continue;
         };
-        if let Some(what) = contradiction(pair, a, b) {
-            let remedy = format!(
-                "both say world_from_camera and x_b = R x_a + t? Correct this line or {}",
-                dir.join(IMAGES).join(POSES).display()
-            );
-            problems.push(DatasetError::new(&file, what, remedy).at(line).into());
+        if let Some(what) = contradiction((pair.a, pair.b), &pair.truth, [a, b]) {
+            problems.push(DatasetError::new(&file, what, remedy(dir)).at(line).into());
         }
     }
-}
-
-fn contradiction(
-    pair: &Listed<Isometry3<f64>>,
-    a: &Isometry3<f64>,
-    b: &Isometry3<f64>,
-) -> Option<String> {
-    let expected = relative_pose(a, b);
-    let angle = pair.truth.rotation.angle_to(&expected.rotation);
-    let shift = (pair.truth.translation.vector - expected.translation.vector).norm();
-    let baseline = expected.translation.vector.norm();
-    let from_origin = a.translation.vector.norm() + b.translation.vector.norm();
-    let allowed = PAIR_TRANSLATION_TOLERANCE * baseline + PRINTED_DIGITS * from_origin;
-    (angle > PAIR_ROTATION_TOLERANCE || shift > allowed).then(|| {
-        format!(
-            "the pair {} {} differs from pose.txt by {:.2} degrees and {shift:.3e} of a baseline \
-             of {baseline:.3e}",
-            pair.a,
-            pair.b,
-            angle.to_degrees()
-        )
-    })
 }
 
 /// Rows and columns of the grid of pixels at which a homography is tested.

@@ -4,13 +4,14 @@
 //! to one. So [`read_file`] refuses everything except regular files, and a read never waits for ever or fills
 //! the memory. Files that may be larger than memory are read by `LineBlocks`, and texts of others by `read_lines`,
 //! which refuses a line without an end. [`write_whole`] replaces regular files; if a name leads to something else,
-//! it writes into that. An `Appender` appends to files. [`remove_leftovers`] finds and removes incomplete files of
+//! it writes into that. `link_in` finds links where writing must not follow them. An `Appender` appends to files. [`remove_leftovers`] finds and removes incomplete files of
 //! processes that were killed.
 
 mod append;
 mod calls;
 mod leftovers;
 mod lines;
+mod links;
 mod names;
 mod read;
 mod write;
@@ -21,6 +22,7 @@ pub(crate) use calls::{Fault, break_calls};
 pub(crate) use leftovers::{HELD, PREFIX, hold};
 pub use leftovers::{remove_leftovers, remove_leftovers_below};
 pub(crate) use lines::{LineBlock, LineBlocks, LineError};
+pub(crate) use links::{link_in, link_on_the_way};
 pub(crate) use names::check_name;
 pub(crate) use read::regular;
 pub(crate) use read::{LONGEST_LINE, read_lines, read_text_lines};

@@ -79,6 +79,16 @@ pub enum FolderError {
         /// The folder of the run.
         folder: PathBuf,
     },
+    /// A file of a run is a link, which could lead to any file of whoever runs it.
+    #[error(
+        "{} is a link, and a run writes into no file that a link leads to; put the file itself there, or \
+         choose another folder",
+        path.display()
+    )]
+    Link {
+        /// The link.
+        path: PathBuf,
+    },
     /// A file is not what tuning writes.
     #[error("{}: not what `matchbench tune` writes ({reason})", path.display())]
     NotTuned {

@@ -7,6 +7,7 @@
 //! | `matches/<dataset>/<matcher>.bin` | selected matches, see [`matches`]; absent if they were not kept |
 //! | `inliers/<dataset>/<matcher>+<estimator>.bin` | their inliers, where these alone were kept |
 //! | `images/<dataset>.txt` | the content of the images that the records are of, see `images` |
+//! | `depth/<dataset>.txt` | that of their depth, where records are judged by depth |
 //! | `tuning.json` | a list of [`Tuned`], if settings were taken over from tuning |
 //! | `tuned.json` | a [`Tuned`], in the folder of a tuning |
 //! | `logs/<matcher>.log` | what a matcher from outside printed |
@@ -14,7 +15,7 @@
 //! | `cache/`, `report/` | where features and the report go unless another place is asked for; can be deleted |
 //!
 //! One process writes ([`RunWriter`]), for one plan. Anybody may read ([`RunFolder`]), also while it
-//! writes.
+//! writes. A run folder may come from somebody else, so nothing in it is written through a link.
 //!
 //! # Versions of the format
 //! | `format` | since | what changed |
@@ -41,13 +42,15 @@ use super::{
     FORMAT, FolderError, MatchesFile, Plan, RunRecord, StoreError, Task, Tuned, matches, store,
 };
 use crate::files::{
-    make_folder, read_file, read_text, regular, remove_leftovers, remove_leftovers_below,
+    link_in, make_folder, read_file, read_text, regular, remove_leftovers, remove_leftovers_below,
     sync_folder_of, write_whole,
 };
 
 const PLAN: &str = "plan.json";
 const TUNING: &str = "tuning.json";
 const TUNED: &str = "tuned.json";
+const CACHE: &str = "cache";
+const REPORT: &str = "report";
 
 /// The folder of a run, to be read.
 #[derive(Clone, Debug)]
@@ -248,12 +251,12 @@ impl RunFolder {
 
     /// [`RunFolder::default_cache`] of a folder that need not be there yet.
     pub fn default_cache_at(folder: &Path) -> PathBuf {
-        folder.join("cache")
+        folder.join(CACHE)
     }
 
     /// Where the report is written unless another place is asked for.
     pub fn default_report(&self) -> PathBuf {
-        self.path.join("report")
+        self.path.join(REPORT)
     }
 
     /// Where a tuning writes what it chose.
@@ -276,6 +279,7 @@ impl RunWriter {
     /// If it has another plan, is in use, damaged, or cannot be written to.
     pub fn start(path: &Path, plan: Plan) -> Result<Self, FolderError> {
         make_folder(path).map_err(FolderError::io("make the folder", path))?;
+        refuse_links(path)?;
         let locks = lock(path)?;
         // Nobody else writes here now: records that were rewritten, two folders down.
         remove_leftovers(path);
@@ -353,6 +357,17 @@ impl RunWriter {
         let file = store::path(&self.folder.path, dataset, matcher, estimator);
         RecordWriter::open(&file)
     }
+}
+
+/// Refuses a folder in which one of the files of a run, or a folder of them, is a link.
+fn refuse_links(folder: &Path) -> Result<(), FolderError> {
+    /// Folders of caches and reports, which the run does not write itself.
+    const OTHERS: [&str; 2] = [CACHE, REPORT];
+    let entries = fs::read_dir(folder).map_err(FolderError::io("read", folder))?;
+    let link = (entries.flatten())
+        .filter(|entry| OTHERS.iter().all(|other| entry.file_name() != *other))
+        .find_map(|entry| link_in(&entry.path(), 2));
+    link.map_or(Ok(()), |path| Err(FolderError::Link { path }))
 }
 
 /// What one process holds of a folder: the file that all versions of this program lock, and, where the

@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 use serde_json::Value;
 
-use crate::files::{read_text, remove_leftovers_below, write_whole_file};
+use crate::files::{link_on_the_way, read_text, remove_leftovers_below, write_whole_file};
 use crate::metrics::{Angle, Portion};
 
 use super::again::Again;
@@ -36,8 +36,7 @@ const PNG_SCALE: f32 = 2.0;
 /// step.
 ///
 /// # Errors
-/// If a file or folder cannot be written.
-/// A file or folder that cannot be written.
+/// If a file or folder cannot be written; the error names it.
 pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
     let out = Pages::new(folder)?;
     let summaries = &content.summaries;
@@ -147,7 +146,7 @@ impl<'a> Pages<'a> {
         for name in read_text(&list).unwrap_or_default().lines() {
             let path = Path::new(name);
             let is_below = (path.components()).all(|part| matches!(part, Component::Normal(_)));
-            if is_below && !written.contains(name) && link_below(self.folder, path).is_none() {
+            if is_below && !written.contains(name) && link_on_the_way(self.folder, path).is_none() {
                 // It may have been removed by hand.
                 let _ = fs::remove_file(self.folder.join(path));
             }
@@ -161,22 +160,11 @@ impl<'a> Pages<'a> {
 /// Writes a file of a report. Folders of reports can come from other people, so a file that a link in such a
 /// folder leads to must not be overwritten.
 fn write_own(folder: &Path, name: &Path, contents: &[u8]) -> io::Result<()> {
-    if let Some(link) = link_below(folder, name) {
+    if let Some(link) = link_on_the_way(folder, name) {
         let what = format!("cannot write {}: it is a link; delete it", link.display());
         return Err(io::Error::other(what));
     }
     write_whole_file(&folder.join(name), contents)
-}
-
-/// The first link on the way from a folder to a file in it.
-fn link_below(folder: &Path, name: &Path) -> Option<PathBuf> {
-    let is_link = |place: &PathBuf| fs::symlink_metadata(place).is_ok_and(|it| it.is_symlink());
-    (name.components())
-        .scan(folder.to_owned(), |place, part| {
-            place.push(part);
-            Some(place.clone())
-        })
-        .find(is_link)
 }
 
 /// A figure: its name, its drawing and its specification.

@@ -35,6 +35,15 @@ pub(super) fn markdown(content: &Content) -> String {
     pieces(content).iter().map(piece).collect::<String>() + "\n"
 }
 
+/// The paragraph as plain text, to be read on a page.
+pub(super) fn plain(content: &Content) -> String {
+    let piece = |piece: &Piece| match piece {
+        Piece::Text(text) => text.clone(),
+        Piece::Cite(keys) => format!(" [{}]", keys.join("; ")),
+    };
+    pieces(content).iter().map(piece).collect()
+}
+
 /// The paragraph as LaTeX.
 pub(super) fn latex(content: &Content) -> String {
     let piece = |piece: &Piece| match piece {

@@ -9,7 +9,9 @@ use serde_json::Value;
 use super::{MatchesFrom, Study, StudyDataset, StudyError};
 use crate::cache::FeatureCache;
 use crate::config::Changes;
-use crate::datasets::{DatasetError, ImportReport, Problem, Sequence, camera_problems};
+use crate::datasets::{
+    DatasetError, ImportReport, Problem, Sequence, camera_problems, pair_pose_problem,
+};
 use crate::exchange::{MatchSource, ReadOptions};
 use crate::external::{Manifest, StartError};
 use crate::matchers::{self, BuiltPointSource, MATCHERS};
@@ -40,8 +42,8 @@ pub struct Prepared {
 pub enum News<'a> {
     /// A dataset was imported into this folder.
     Imported(&'a Path, &'a ImportReport),
-    /// The camera of a dataset looks wrong.
-    Camera(&'a Problem),
+    /// The camera of a dataset looks wrong, or its pairs contradict its poses.
+    Problem(&'a Problem),
     /// Matches of this name were read from files.
     Matches(&'a str, &'a MatchSource),
 }
@@ -130,8 +132,10 @@ impl Study {
                     folder: folder.to_path_buf(),
                 });
             }
-            for problem in camera_problems(&dataset.path, &dataset.sequence) {
-                tell(News::Camera(&problem));
+            let (path, sequence) = (&dataset.path, &dataset.sequence);
+            let problems = camera_problems(path, sequence).into_iter();
+            for problem in problems.chain(pair_pose_problem(path, sequence)) {
+                tell(News::Problem(&problem));
             }
         }
         let sources = self.sources(&datasets, tell)?;

@@ -96,14 +96,16 @@ pub enum ShardError {
         /// The line, from 1.
         line: usize,
     },
-    /// Two shards worked with different images.
+    /// Two shards worked with different images, or with different depth of one.
     #[error(
-        "{} and {} have worked with different images as frame {frame} of {dataset}; see which image is right, \
+        "{} and {} have not worked with the same {what} of frame {frame} of {dataset}; see which is right, \
          delete the folder of the other shard and run it again",
         folders[0].display(),
         folders[1].display()
     )]
     OtherImage {
+        /// What they have not in common: `image` or `depth`.
+        what: &'static str,
         /// Name of the dataset.
         dataset: String,
         /// Index of the frame.

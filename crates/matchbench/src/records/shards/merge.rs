@@ -253,8 +253,8 @@ impl Merging<'_> {
         dataset: &DatasetPlan,
         frames: &Frames,
     ) -> Result<(), ShardError> {
-        let images = self.same_in_all(dataset, ImageNotes::open)?;
-        let depth = self.same_in_all(dataset, ImageNotes::open_depth)?;
+        let images = self.same_in_all(dataset, "image", ImageNotes::open)?;
+        let depth = self.same_in_all(dataset, "depth", ImageNotes::open_depth)?;
         let folder = writer.folder();
         for (noted, mut notes) in [
             (images, folder.images_of(&dataset.name)?),
@@ -273,6 +273,7 @@ impl Merging<'_> {
     fn same_in_all(
         &self,
         dataset: &DatasetPlan,
+        what: &'static str,
         open: fn(&Path, &str) -> Result<ImageNotes, FolderError>,
     ) -> Result<BTreeMap<u32, (usize, blake3::Hash)>, ShardError> {
         let mut hashes = BTreeMap::new();
@@ -281,6 +282,7 @@ impl Merging<'_> {
                 let (first, known) = *hashes.entry(frame).or_insert((shard, hash));
                 if known != hash {
                     return Err(ShardError::OtherImage {
+                        what,
                         dataset: dataset.name.clone(),
                         frame,
                         folders: [self.folders[first].clone(), folder.clone()],

@@ -156,7 +156,7 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
                 context! { name => *name, url => Value::from_safe_string(url) }
             })
             .collect::<Vec<_>>(),
-        method => (!summaries.is_empty()).then(|| method::markdown(content)),
+        method => (!summaries.is_empty()).then(|| method::plain(content)),
         plan => facts.plan.as_deref(),
     };
     template

@@ -10,7 +10,7 @@ use std::io::{self, BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use crate::counted::counted;
-use crate::files::open_file;
+use crate::files::{link_in, open_file};
 use crate::metrics::{Failure, FileResults, ResultSet, load_each};
 use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, RunFolder};
 
@@ -326,16 +326,7 @@ fn begins_with_a_result(file: &Path) -> io::Result<bool> {
 /// Refuses an entry if one of its parts with these names is a link that leads elsewhere; the empty name stands
 /// for the entry itself.
 fn no_links(entry: &Path, parts: &[&str]) -> Result<(), String> {
-    fn first(path: &Path, levels: usize) -> Option<PathBuf> {
-        let what = fs::symlink_metadata(path).ok()?.file_type();
-        if what.is_symlink() {
-            return Some(path.to_path_buf());
-        }
-        let levels = levels.checked_sub(1).filter(|_| what.is_dir())?;
-        let mut inside = fs::read_dir(path).ok()?.flatten();
-        inside.find_map(|entry| first(&entry.path(), levels))
-    }
-    match parts.iter().find_map(|part| first(&entry.join(part), 3)) {
+    match parts.iter().find_map(|part| link_in(&entry.join(part), 3)) {
         Some(link) => Err(format!(
             "{} is a link, and links are not followed",
             link.display()

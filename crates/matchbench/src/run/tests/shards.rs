@@ -408,7 +408,7 @@ fn shards_of_different_images_and_damaged_shards_are_refused() {
         let text = String::from_utf8(bytes).unwrap();
         text.replacen(shared, &changed, 1).into_bytes()
     };
-    spoil("2/images/street.txt", &other, "different images");
+    spoil("2/images/street.txt", &other, "the same image of frame");
     merged().unwrap();
 }
 

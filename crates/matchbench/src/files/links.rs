@@ -1,0 +1,53 @@
+//! Finds symbolic links in folders that may come from other people, where writing through a link would change
+//! a file somewhere else.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Whether there is a link at `path`, whatever it leads to.
+pub(crate) fn is_link(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|there| there.is_symlink())
+}
+
+/// The first link on the way from a folder to a file in it; `name` is relative to the folder.
+pub(crate) fn link_on_the_way(folder: &Path, name: &Path) -> Option<PathBuf> {
+    (name.components())
+        .scan(folder.to_owned(), |place, part| {
+            place.push(part);
+            Some(place.clone())
+        })
+        .find(|place| is_link(place))
+}
+
+/// A link at `path` or in it, up to `levels` levels down.
+pub(crate) fn link_in(path: &Path, levels: usize) -> Option<PathBuf> {
+    if is_link(path) {
+        return Some(path.into());
+    }
+    let levels = levels.checked_sub(1)?;
+    // A file has no entries.
+    let mut entries = fs::read_dir(path).ok()?.flatten();
+    entries.find_map(|entry| link_in(&entry.path(), levels))
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::os::unix::fs::symlink;
+
+    use super::*;
+
+    #[test]
+    fn links_are_found_as_far_down_as_asked() {
+        let folder = tempfile::tempdir().unwrap();
+        let (below, link) = (folder.path().join("a/b"), folder.path().join("a/b/link"));
+        fs::create_dir_all(&below).unwrap();
+        assert_eq!(link_in(folder.path(), 5), None);
+        symlink("nothing", &link).unwrap();
+        assert_eq!(link_in(folder.path(), 2), None);
+        assert_eq!(link_in(folder.path(), 3), Some(link.clone()));
+        assert_eq!(link_in(&link, 0), Some(link.clone()));
+        let on_the_way = |name: &str| link_on_the_way(folder.path(), Path::new(name));
+        assert_eq!(on_the_way("a/b/link/file"), Some(link));
+        assert_eq!(on_the_way("a/b/file"), None);
+    }
+}
