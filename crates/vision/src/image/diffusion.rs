@@ -10,11 +10,11 @@
 //! far above that limit, which together are stable and last `(n^2 + n) / 12`. During these steps c stays the
 //! same. The steps are reordered so that rounding errors do not grow.
 //!
-//! Several steps run through the image together and in place, each one row behind the step before. So what one
-//! step reads is still in the cache from the step before.
+//! Several steps run through the image together and in place, some rows at a time, each step one row behind the one
+//! before. So what one step reads is still in the cache from the step before.
 
 use super::FloatImage;
-use crate::simd::{Below, diffuse_row};
+use crate::simd::{Below, DIFFUSED_AT_ONCE, diffuse_rows};
 
 /// Longest stable explicit step.
 const STABLE_TIME: f32 = 0.25;
@@ -79,23 +79,21 @@ fn diffuse_together(
     flows: &mut [f32],
 ) {
     let (width, height) = (image.width(), image.height());
-    for front in 0..height + steps.len() - 1 {
-        let steps = steps.iter().zip(flows.chunks_exact_mut(width));
-        for (behind, (step, flow)) in steps.enumerate() {
-            let Some(y) = front.checked_sub(behind) else {
-                break;
-            };
-            if y >= height {
-                continue;
-            }
-            let (above, below) = image.data_mut().split_at_mut((y + 1) * width);
-            let below = (y + 1 < height).then(|| Below {
+    let mut front = 0;
+    while front < height + steps.len() {
+        for (behind, (step, flow)) in steps.iter().zip(flows.chunks_exact_mut(width)).enumerate() {
+            let row = |front: usize| front.saturating_sub(behind).min(height);
+            let (first, end) = (row(front), row(front + DIFFUSED_AT_ONCE));
+            let (above, below) = image.data_mut().split_at_mut(end * width);
+            let below = (end < height).then(|| Below {
                 values: &below[..width],
-                conductivity: conductivity.row(y + 1),
+                conductivity: conductivity.row(end),
             });
-            let values = &mut above[y * width..];
-            diffuse_row(values, conductivity.row(y), below, flow, 0.5 * step);
+            let values = &mut above[first * width..];
+            let conductivity = &conductivity.data()[first * width..end * width];
+            diffuse_rows(values, conductivity, below, flow, 0.5 * step);
         }
+        front += DIFFUSED_AT_ONCE;
     }
 }
 

@@ -1,7 +1,10 @@
 //! Vectors of 64 bytes: sixteen values of a slice, or as many as it has, and sixteen that lie across two vectors.
 
 use std::arch::asm;
-use std::arch::x86_64::{__m512, __m512i, _mm512_maskz_loadu_ps, _mm512_ternarylogic_epi32};
+use std::arch::x86_64::{
+    __m512, __m512i, _mm512_loadu_ps, _mm512_mask_storeu_ps, _mm512_maskz_loadu_ps,
+    _mm512_setzero_ps, _mm512_storeu_ps, _mm512_ternarylogic_epi32,
+};
 
 /// Values of a vector.
 pub(super) const LANES: usize = 16;
@@ -23,6 +26,57 @@ pub(super) fn load_or_zero(values: &[f32], x: usize) -> __m512 {
     let values = &values[x.min(values.len())..];
     // SAFETY: lanes beyond the slice are not read.
     unsafe { _mm512_maskz_loadu_ps(first_lanes(values.len()), values.as_ptr()) }
+}
+
+/// Vectors from place `x` on; what lies beyond the end is zero, and there is nothing if they are `FULL`.
+///
+/// # Panics
+/// If they are `FULL` and there are fewer values.
+#[inline]
+#[target_feature(enable = "avx512f")]
+pub(super) fn load<const V: usize, const FULL: bool>(values: &[f32], x: usize) -> [__m512; V] {
+    let mut vectors = [_mm512_setzero_ps(); V];
+    if FULL {
+        let values = &values[x..][..V * LANES];
+        for (vector, values) in vectors.iter_mut().zip(values.as_chunks::<LANES>().0) {
+            // SAFETY: 16 values can be read from 16 values.
+            *vector = unsafe { _mm512_loadu_ps(values.as_ptr()) };
+        }
+    } else {
+        for (j, vector) in vectors.iter_mut().enumerate() {
+            *vector = load_or_zero(values, x + LANES * j);
+        }
+    }
+    vectors
+}
+
+/// Writes vectors from place `x` on, as far as there are places; all if they are `FULL`.
+///
+/// # Panics
+/// As [`load`].
+#[inline]
+#[target_feature(enable = "avx512f")]
+pub(super) fn store<const V: usize, const FULL: bool>(
+    values: &mut [f32],
+    x: usize,
+    vectors: [__m512; V],
+) {
+    if FULL {
+        let values = &mut values[x..][..V * LANES];
+        for (values, vector) in values.as_chunks_mut::<LANES>().0.iter_mut().zip(vectors) {
+            // SAFETY: 16 values can be written to 16 values.
+            unsafe { _mm512_storeu_ps(values.as_mut_ptr(), vector) };
+        }
+    } else {
+        for (j, vector) in vectors.into_iter().enumerate() {
+            let start = (x + LANES * j).min(values.len());
+            let values = &mut values[start..];
+            // SAFETY: lanes beyond the slice are not written.
+            unsafe {
+                _mm512_mask_storeu_ps(values.as_mut_ptr(), first_lanes(values.len()), vector);
+            }
+        }
+    }
 }
 
 /// The values from lane `N` of `first` on, with those of `then` behind them; all of `then` for 16.

@@ -8,13 +8,12 @@
 //! compares all bits. A comment in front of each access says why it is within its slice.
 
 use std::arch::x86_64::{
-    __m512, _mm512_add_ps, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_mask_storeu_ps, _mm512_set1_ps,
-    _mm512_setzero_ps, _mm512_storeu_ps,
+    __m512, _mm512_add_ps, _mm512_fmadd_ps, _mm512_set1_ps, _mm512_setzero_ps,
 };
 
 use super::ROWS_AT_ONCE;
 use crate::simd::prefetch::prefetch;
-use crate::simd::sixteen::{LANES, first_lanes, from_lane, load_or_zero};
+use crate::simd::sixteen::{LANES, from_lane, load, load_or_zero, store};
 
 /// Vectors of a block: with as many sums at work no unit waits for the sum before.
 const BLOCK: usize = 4;
@@ -152,46 +151,6 @@ fn symmetric_block<const V: usize, const FULL: bool>(
     add_pairs!(16 15 14 13 12 11 10 9 8 7 6 5 4 3 2 1);
     add_scaled(&mut sums, middles, taps[radius]);
     store::<V, FULL>(out, x, sums);
-}
-
-/// Vectors from place `x` on; what lies beyond the end is zero, and there is nothing if they are `FULL`.
-#[inline]
-#[target_feature(enable = "avx512f")]
-fn load<const V: usize, const FULL: bool>(values: &[f32], x: usize) -> [__m512; V] {
-    let mut vectors = [_mm512_setzero_ps(); V];
-    if FULL {
-        let values = &values[x..][..V * LANES];
-        for (vector, values) in vectors.iter_mut().zip(values.as_chunks::<LANES>().0) {
-            // SAFETY: 16 values can be read from 16 values.
-            *vector = unsafe { _mm512_loadu_ps(values.as_ptr()) };
-        }
-    } else {
-        for (j, vector) in vectors.iter_mut().enumerate() {
-            *vector = load_or_zero(values, x + LANES * j);
-        }
-    }
-    vectors
-}
-
-#[inline]
-#[target_feature(enable = "avx512f")]
-fn store<const V: usize, const FULL: bool>(values: &mut [f32], x: usize, vectors: [__m512; V]) {
-    if FULL {
-        let values = &mut values[x..][..V * LANES];
-        for (values, vector) in values.as_chunks_mut::<LANES>().0.iter_mut().zip(vectors) {
-            // SAFETY: 16 values can be written to 16 values.
-            unsafe { _mm512_storeu_ps(values.as_mut_ptr(), vector) };
-        }
-    } else {
-        for (j, vector) in vectors.into_iter().enumerate() {
-            let start = (x + LANES * j).min(values.len());
-            let values = &mut values[start..];
-            // SAFETY: lanes beyond the slice are not written.
-            unsafe {
-                _mm512_mask_storeu_ps(values.as_mut_ptr(), first_lanes(values.len()), vector);
-            }
-        }
-    }
 }
 
 #[inline]

@@ -1,16 +1,18 @@
-//! Explicit nonlinear diffusion, one row at a time and in place.
+//! Explicit nonlinear diffusion, in place, one or two rows at a time.
 //!
 //! What flows from a pixel into the one to its left is kept for the next pixel, so that each flow is computed once and
 //! none goes through memory: the compiler keeps vectors of flows, and puts those from the left together from two of
-//! them.
+//! them. Two rows at once keep the flows between them too.
 
 #[cfg(target_arch = "x86_64")]
 use super::InstructionSet;
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 
-/// The row below the one that is diffused.
+/// The row below those that are diffused.
 #[derive(Clone, Copy, Debug)]
 pub struct Below<'a> {
     /// Its pixels.
@@ -19,51 +21,123 @@ pub struct Below<'a> {
     pub conductivity: &'a [f32],
 }
 
-/// One explicit step for one row, in place: what flows in over the four sides of each pixel,
-/// times `half_time`, is added to it. What flows between two pixels is their difference times
+/// Two rows of one width, the row below them, and what flows from the first into the row above it.
+#[cfg(target_arch = "x86_64")]
+struct TwoRows<'a> {
+    values: [&'a mut [f32]; 2],
+    conductivity: [&'a [f32]; 2],
+    below: Below<'a>,
+    upwards: &'a mut [f32],
+}
+
+/// Most rows that are diffused faster together than one by one.
+pub const DIFFUSED_AT_ONCE: usize = 2;
+
+/// One explicit step for one row, or for rows that lie one after the other, in place: what flows in over the four sides
+/// of each pixel, times `half_time`, is added to it. What flows between two pixels is their difference times
 /// the sum of their conductivities; nothing flows over the border.
 ///
-/// `upwards` holds what flows from this row into the one above (zero for the first row), and
-/// afterwards what flows from the row below into this one.
+/// `upwards`, which has the width of a row, holds what flows from the first of these rows into the one above (zero for
+/// the first row of the image), and afterwards what flows from the row below into the last of them.
 ///
 /// # Panics
 /// If the lengths differ.
-pub fn diffuse_row(
+pub fn diffuse_rows(
     values: &mut [f32],
     conductivity: &[f32],
     below: Option<Below<'_>>,
     upwards: &mut [f32],
     half_time: f32,
 ) {
+    assert_eq!(values.len(), conductivity.len(), "rows of one size");
+    let width = upwards.len();
+    if width == 0 {
+        return;
+    }
+    assert!(values.len().is_multiple_of(width), "whole rows");
     #[cfg(target_arch = "x86_64")]
     if let Some(below) = below
-        && InstructionSet::in_use() == InstructionSet::Avx2
+        && values.len() == 2 * width
+        && InstructionSet::in_use() >= InstructionSet::Avx2
     {
-        // SAFETY: what is in use was detected on this processor.
-        let (x, from_left) =
-            unsafe { avx2::diffuse_columns(values, conductivity, below, upwards, half_time) };
+        return diffuse_two_rows(values, conductivity, below, upwards, half_time);
+    }
+    let (mut rest, mut conductivity) = (values, conductivity);
+    while !rest.is_empty() {
+        let (row, others) = rest.split_at_mut(width);
+        let (c, conductivities) = conductivity.split_at(width);
+        let next = Below {
+            values: others,
+            conductivity: conductivities,
+        };
+        let below = if others.is_empty() { below } else { Some(next) };
+        diffuse_rest(row, c, below, upwards, half_time, 0.0);
+        (rest, conductivity) = (others, conductivities);
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+fn diffuse_two_rows(
+    values: &mut [f32],
+    conductivity: &[f32],
+    below: Below<'_>,
+    upwards: &mut [f32],
+    half_time: f32,
+) {
+    let width = upwards.len();
+    let (first, second) = values.split_at_mut(width);
+    let (c_first, c_second) = conductivity.split_at(width);
+    let mut rows = TwoRows {
+        values: [first, second],
+        conductivity: [c_first, c_second],
+        below: Below {
+            values: &below.values[..width],
+            conductivity: &below.conductivity[..width],
+        },
+        upwards,
+    };
+    // SAFETY: what is in use was detected on this processor.
+    unsafe {
+        if InstructionSet::in_use() >= InstructionSet::Avx512 {
+            return avx512::diffuse_two_rows(rows, half_time);
+        }
+        let (x, from_left) = avx2::diffuse_columns(&mut rows, half_time);
+        let TwoRows {
+            values: [first, second],
+            conductivity: [c_first, c_second],
+            below,
+            upwards,
+        } = rows;
+        let second_below = Below {
+            values: &second[x..],
+            conductivity: &c_second[x..],
+        };
         let below = Below {
             values: &below.values[x..],
             conductivity: &below.conductivity[x..],
         };
-        let (values, upwards) = (&mut values[x..], &mut upwards[x..]);
-        let conductivity = &conductivity[x..];
-        return diffuse_rest(
-            values,
-            conductivity,
+        let upwards = &mut upwards[x..];
+        diffuse_rest(
+            &mut first[x..],
+            &c_first[x..],
+            Some(second_below),
+            upwards,
+            half_time,
+            from_left[0],
+        );
+        diffuse_rest(
+            &mut second[x..],
+            &c_second[x..],
             Some(below),
             upwards,
             half_time,
-            from_left,
+            from_left[1],
         );
     }
-    diffuse_rest(values, conductivity, below, upwards, half_time, 0.0);
 }
 
 multiversioned! {
-    #![avx512]
-
-    /// The definition of [`diffuse_row`], for a row or the rest of one. What flows from its first pixel into the one
+    /// The definition of [`diffuse_rows`], for one row or the rest of one. What flows from its first pixel into the one
     /// to the left of it is given.
     fn diffuse_rest(
         values: &mut [f32],
@@ -115,23 +189,28 @@ mod tests {
 
     #[test]
     fn all_sets_of_instructions_give_the_same_bits() {
-        for width in [1, 2, 8, 9, 16, 17, 33, 100] {
+        for width in [1, 2, 8, 9, 16, 17, 31, 32, 33, 48, 49, 100] {
             let mut rng = Seed(width as u64).rng();
-            let mut row = || -> Vec<f32> { (0..width).map(|_| rng.uniform() as f32).collect() };
-            let [values, c, v_below, c_below, upwards] = [row(), row(), row(), row(), row()];
-            let mut all = Vec::new();
-            InstructionSet::for_each(|_| {
-                let (mut values, mut upwards) = (values.clone(), upwards.clone());
-                for values_below in [Some(&v_below), None] {
-                    let below = values_below.map(|values| Below {
-                        values,
-                        conductivity: &c_below,
-                    });
-                    diffuse_row(&mut values, &c, below, &mut upwards, 0.2);
-                }
-                all.push((values, upwards));
-            });
-            assert!(all.iter().all(|rows| *rows == all[0]), "{width}");
+            let mut rows = |count: usize| -> Vec<f32> {
+                (0..count * width).map(|_| rng.uniform() as f32).collect()
+            };
+            for count in [1, 2, 3] {
+                let [values, c] = [rows(count), rows(count)];
+                let [v_below, c_below, upwards] = [rows(1), rows(1), rows(1)];
+                let mut all = Vec::new();
+                InstructionSet::for_each(|_| {
+                    let (mut values, mut upwards) = (values.clone(), upwards.clone());
+                    for values_below in [Some(&v_below), None] {
+                        let below = values_below.map(|values| Below {
+                            values,
+                            conductivity: &c_below,
+                        });
+                        diffuse_rows(&mut values, &c, below, &mut upwards, 0.2);
+                    }
+                    all.push((values, upwards));
+                });
+                assert!(all.iter().all(|rows| *rows == all[0]), "{count} of {width}");
+            }
         }
     }
 
@@ -139,25 +218,31 @@ mod tests {
     fn a_row_gains_what_flows_in_over_four_sides() {
         for width in [1, 2, 7, 15, 16, 17, 1100] {
             let mut rng = Seed(width as u64).rng();
-            let mut row = || -> Vec<f32> { (0..width).map(|_| rng.uniform() as f32).collect() };
-            let (mut values, c, v_below, c_below, mut upwards) =
-                (row(), row(), row(), row(), row());
-            let (before, from_above) = (values.clone(), upwards.clone());
-            let below = Below {
-                values: &v_below,
-                conductivity: &c_below,
+            let mut rows = |count: usize| -> Vec<f32> {
+                (0..count * width).map(|_| rng.uniform() as f32).collect()
             };
-            diffuse_row(&mut values, &c, Some(below), &mut upwards, 0.1);
-            let flow = |x: usize, right: usize| (c[x] + c[right]) * (before[right] - before[x]);
-            for x in 0..width {
-                let left = if x > 0 { flow(x - 1, x) } else { 0.0 };
-                let right = if x + 1 < width { flow(x, x + 1) } else { 0.0 };
-                let down = (c[x] + c_below[x]) * (v_below[x] - before[x]);
-                let sum: f32 = right - left + down - from_above[x];
-                assert_eq!(values[x], sum.mul_add(0.1, before[x]), "{x} of {width}");
-                assert_eq!(upwards[x], down);
+            // The row above, two rows, and the one below.
+            let (before, c) = (rows(4), rows(4));
+            let flow = |from: usize, to: usize| (c[to] + c[from]) * (before[from] - before[to]);
+            let mut values = before[width..3 * width].to_vec();
+            let mut upwards: Vec<f32> = (0..width).map(|x| flow(width + x, x)).collect();
+            let below = Below {
+                values: &before[3 * width..],
+                conductivity: &c[3 * width..],
+            };
+            let two = &c[width..3 * width];
+            diffuse_rows(&mut values, two, Some(below), &mut upwards, 0.1);
+            for (i, value) in values.iter().enumerate() {
+                let (x, at) = (i % width, width + i);
+                let left = if x > 0 { flow(at, at - 1) } else { 0.0 };
+                let right = if x + 1 < width { flow(at + 1, at) } else { 0.0 };
+                let sum = right - left + flow(at + width, at) - flow(at, at - width);
+                let expected = sum.mul_add(0.1, before[at]);
+                assert_eq!(*value, expected, "{i} of two rows of {width}");
             }
+            let last = |x: usize| flow(3 * width + x, 2 * width + x);
+            assert!((0..width).all(|x| upwards[x] == last(x)));
         }
-        diffuse_row(&mut [], &[], None, &mut [], 0.1);
+        diffuse_rows(&mut [], &[], None, &mut [], 0.1);
     }
 }
