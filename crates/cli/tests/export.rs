@@ -142,6 +142,28 @@ fn homographies_are_not_exported_as_poses_that_failed() {
         .map(|file| file.expect("it can be listed").file_name())
         .collect();
     assert_eq!(names, ["sift.txt"]);
+    // A pose and a homography are not compared.
+    let both = ["compare", "both", "--matchers", "sift+best,sift+best-h"];
+    let done = go(folder, &both);
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert!(
+        done.status.code() == Some(1)
+            && said.contains("one estimates poses and the other homographies"),
+        "{said}"
+    );
+    // Homographies alone are listed too.
+    fs::remove_file(wall.join("pairs.txt")).expect("it is there");
+    let table = succeeds(
+        folder,
+        &["eval", "planes", "--datasets", ".", "--format", "csv"],
+    );
+    assert!(
+        table
+            .lines()
+            .nth(1)
+            .is_some_and(|row| row.starts_with("wall,sift,best-h,6,")),
+        "{table}"
+    );
     let done = go(folder, &["export", "planes", "none"]);
     let said = String::from_utf8_lossy(&done.stderr);
     assert!(
@@ -149,6 +171,43 @@ fn homographies_are_not_exported_as_poses_that_failed() {
         "{said}"
     );
     assert!(!folder.join("none").exists());
+}
+
+#[test]
+fn a_dataset_that_is_another_now_is_not_exported() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let wall = dataset(folder, "wall", 3);
+    succeeds(
+        folder,
+        &["run", "wall", "--matchers", "sift", "--out", "run"],
+    );
+    let export = ["export", "run", "out", "--format", "packed"];
+    let refused = |named: &str| {
+        let done = go(folder, &export);
+        let said = String::from_utf8_lossy(&done.stderr);
+        assert!(
+            done.status.code() == Some(1) && said.contains(named),
+            "{said}"
+        );
+    };
+    let changed = |file: &str, change: &dyn Fn(&mut Vec<u8>), named: &str| {
+        let sound = fs::read(wall.join(file)).expect("it is there");
+        let mut other = sound.clone();
+        change(&mut other);
+        fs::write(wall.join(file), other).expect("writable");
+        refused(named);
+        fs::write(wall.join(file), sound).expect("writable");
+    };
+    let another = |camera: &mut Vec<u8>| *camera = b"500 0 80 0 500 60 0 0 1".to_vec();
+    changed("camera.txt", &another, "wall is another dataset now");
+    let brighter = |image: &mut Vec<u8>| *image.last_mut().expect("pixels") ^= 1;
+    changed(
+        "Images/0001.pgm",
+        &brighter,
+        "0001.pgm is not the file that the run",
+    );
+    succeeds(folder, &export);
 }
 
 /// How many inliers of SIFT and an estimator are exported, and how many its records count.

@@ -6,7 +6,7 @@ mod steps;
 
 use std::fs;
 use std::os::unix::fs::symlink;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use common::dataset;
 use steps::{go, succeeds};
@@ -17,6 +17,19 @@ const RUN: [&str; 6] = ["run", "wall", "--matchers", "sift", "--out", "run"];
 fn run_in(folder: &Path) {
     dataset(folder, "wall", 3);
     succeeds(folder, &RUN);
+}
+
+/// The first file of features in a cache.
+fn cached(cache: &Path) -> PathBuf {
+    let first = |folder: &Path| {
+        let mut entries = fs::read_dir(folder).expect("it is there");
+        entries
+            .next()
+            .expect("it is not empty")
+            .expect("readable")
+            .path()
+    };
+    first(&first(cache))
 }
 
 fn refused(folder: &Path, words: &[&str], named: &str) {
@@ -78,6 +91,12 @@ fn a_run_goes_on_through_no_link_in_its_folder() {
         );
         fs::rename(&kept, &own).expect("both are ours");
     }
+    // What its cache writes, too: there another matcher begins.
+    let (features, kept) = (cached(&run.join("cache")), folder.join("kept"));
+    fs::rename(&features, &kept).expect("it was just found");
+    symlink(&theirs, &features).expect("writable");
+    refused(folder, &RUN, "features is a link");
+    fs::rename(&kept, &features).expect("both are ours");
     // A folder of the run, too; the run's own folder may be a link, which its owner made.
     fs::rename(run.join("matches"), folder.join("matches")).expect("there");
     symlink(folder.join("matches"), run.join("matches")).expect("writable");

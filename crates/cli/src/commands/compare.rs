@@ -211,6 +211,15 @@ fn methods<'a>(
         named[1],
         named[0]
     );
+    let is_of_one_kind = |[one, other]: &[&ResultSet; 2]| one.model() == other.model();
+    if let Some([one, other]) = pairs.iter().find(|sets| !is_of_one_kind(sets)) {
+        bail!(
+            "of {} and {} one estimates poses and the other homographies, which are scored by other errors; name two \
+             methods that estimate the same",
+            method(one),
+            method(other)
+        );
+    }
     ensure!(
         !same_run
             || pairs
@@ -320,8 +329,8 @@ fn table(rows: &[Row<'_>]) -> String {
         "\nchange: of the AUC, on the pairs that both runs have, with the paired interval (reference \
          images resampled);\nbetter and worse: the interval leaves out 0, and so does a paired t test over \
          reference images (5 %, at least 6 of them);\ngained and lost: pairs below 5 degrees after but not before, and the \
-         reverse; changed: pairs with another result.\nOf homographies it is the area under recall up \
-         to 3 pixels of corner error, and pairs are below these.\n",
+         reverse; changed: pairs with another result.\nOf homographies it is the mean of 1 - error / 3 px, \
+         or 0 beyond 3 px of corner error, and pairs are below these.\n",
     );
     text
 }

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail, ensure};
 use matchbench::config::find;
 use matchbench::counted::counted;
 use matchbench::datasets::Sequence;
-use matchbench::exchange::{Export, Format};
+use matchbench::exchange::{Export, Format, check_dataset};
 use matchbench::protocols;
 use matchbench::records::{MatcherPlan, Outcome, RunFolder, RunRecord, Task, authors};
 
@@ -63,6 +63,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
             .find(|path| path.file_name().is_some_and(|name| *name == *dataset.name));
         let sequence = Sequence::open(moved.unwrap_or(&dataset.path))
             .context("if the dataset has moved, say where it is with --datasets")?;
+        check_dataset(&run, &sequence)?;
         let is_run = |id: &String| (dataset.matchers.as_ref()).is_none_or(|own| own.contains(id));
         for matcher in matchers.iter().filter(|matcher| is_run(&matcher.id)) {
             write(args, &run, format, &sequence, matcher)?;

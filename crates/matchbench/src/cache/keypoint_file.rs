@@ -15,6 +15,7 @@ use matchbench_vision::features::Keypoint;
 
 use super::Key;
 use super::reader::{CHECKSUM, Reader, push_keypoint};
+use crate::matchers::check_seconds;
 
 const MAGIC: [u8; 8] = *b"MBKEYP01";
 
@@ -44,6 +45,8 @@ pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<(Vec<Keypoint>, f64)> 
         return None;
     }
     let seconds = f64::from_le_bytes(reader.array()?);
+    // A cache can come from somebody else.
+    check_seconds(seconds).ok()?;
     let count = reader.number()?;
     let keypoints = (0..count)
         .map(|_| reader.keypoint())
@@ -66,6 +69,8 @@ mod tests {
             response: 1e-30,
             octave: -1,
         };
+        let seconds = |seconds| from_bytes(&to_bytes(&[], seconds, KEY), KEY);
+        assert!(seconds(2.0).is_some() && seconds(-1.0).is_none() && seconds(1e300).is_none());
         for keypoints in [vec![], vec![keypoint(0), keypoint(1)]] {
             let file = to_bytes(&keypoints, 0.25, KEY);
             assert_eq!(from_bytes(&file, KEY), Some((keypoints, 0.25)));

@@ -46,7 +46,7 @@ pub use importers::{
     read_source,
 };
 pub use manifest::{About, describe};
-pub use native::{Unpaired, read_pairs, read_poses_of_pairs};
+pub use native::{Unpaired, read_dataset_pairs, read_pairs, read_poses_of_pairs};
 pub use pair_poses::pair_pose_problem;
 pub use pairs::{PairRule, PairRuleError, relative_pose};
 pub use problem::{Problem, Severity};

@@ -163,6 +163,28 @@ pub fn read_pairs(file: &Path) -> Result<Vec<Pair>, DatasetError> {
     Ok(listed.into_iter().map(pair).collect())
 }
 
+/// Reads the pairs of the dataset in the folder `dir` from its `pairs.txt` and `homographies.txt`, of which one may be
+/// missing: only the ground truth, for scoring without images.
+///
+/// # Errors
+/// If a file cannot be read or a line is invalid, or if there is neither.
+pub fn read_dataset_pairs(dir: &Path) -> Result<Vec<Pair>, DatasetError> {
+    let (poses, homographies) = (dir.join(PAIRS), dir.join(HOMOGRAPHIES));
+    let mut pairs = Vec::new();
+    // Without images it is not known how many frames there are.
+    let most = u32::MAX as usize;
+    each_pair(&poses, &homographies, most, |pair| {
+        pairs.push(pair);
+    })?;
+    if has_one_twice(&pairs) {
+        let mut problems = Vec::new();
+        listed(&poses, None, parse_pose, &mut problems);
+        listed(&homographies, None, parse_homography, &mut problems);
+        first_error(problems)?;
+    }
+    Ok(pairs)
+}
+
 /// Reads the true poses of `pairs` from a file with one row of 12 numbers for each pair, in their order.
 ///
 /// # Errors

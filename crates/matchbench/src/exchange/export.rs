@@ -27,7 +27,7 @@ use nalgebra::{Matrix3, Point2};
 
 use super::ExchangeError;
 use crate::datasets::{Frame, Sequence};
-use crate::records::{MatchesFile, RunRecord};
+use crate::records::{FolderError, MatchesFile, RunFolder, RunRecord};
 
 /// Matches of one matcher on one dataset, to be written.
 pub struct Export<'a> {
@@ -72,6 +72,25 @@ pub enum Model {
     Pose(RelativePose),
     /// A homography: it takes pixels of a, the first one's centre at (0, 0), to those of b.
     Homography(Matrix3<f64>),
+}
+
+/// Refuses a dataset that is not the one of this name that the run was of: its matches would come to other images, and
+/// inliers would be those of other cameras.
+///
+/// # Errors
+/// If cameras, pairs, true poses or images are others, or if what the run has noted cannot be read.
+pub fn check_dataset(run: &RunFolder, sequence: &Sequence) -> Result<(), FolderError> {
+    let planned = run.plan().datasets.iter();
+    for dataset in planned.filter(|dataset| dataset.name == sequence.name) {
+        if dataset.fingerprint != sequence.fingerprint() {
+            return Err(FolderError::OtherDataset {
+                folder: run.path().into(),
+                dataset: dataset.name.clone(),
+            });
+        }
+    }
+    let image = |frame: u32| Some(&*sequence.frames.get(frame as usize)?.image);
+    run.images_of(&sequence.name)?.verify(image)
 }
 
 impl<'a> Export<'a> {

@@ -9,7 +9,7 @@ use std::path::Path;
 use super::names::PairName;
 use super::probe::{Content, Probe};
 use super::sparse::{columns, keypoints};
-use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source};
+use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source, bounded};
 use crate::arrays::{Array, Hdf5};
 
 pub(super) const IMC: Format = Format {
@@ -130,7 +130,7 @@ fn indexed(a: &Array, b: &Array, indices: &Array) -> Result<RawMatches, String> 
         element: a.element(),
         keypoints: Some(counts),
     };
-    for i in 0..count {
+    for i in 0..bounded(count)? {
         raw.a.push(a.point(index(i, counts[0])?, columns_a));
         raw.b.push(b.point(index(count + i, counts[1])?, columns_b));
     }

@@ -39,9 +39,10 @@ use std::path::{Path, PathBuf};
 
 use crate::arrays::Element;
 use crate::config::{self, UnknownName};
+use crate::matchers::MOST_MATCHES;
 
 pub use error::ExchangeError;
-pub use export::{Export, Model, PairExport, Seen, TwoView};
+pub use export::{Export, Model, PairExport, Seen, TwoView, check_dataset};
 pub use names::NamedBy;
 pub use options::ReadOptions;
 pub use read::{FileMatches, MatchFiles, Survey};
@@ -145,6 +146,18 @@ trait Source: Send + Sync {
 
     /// Its matches.
     fn read(&self, index: usize) -> Result<RawMatches, ExchangeError>;
+}
+
+/// The number of matches of a pair, if that many are read: a small file that is compressed can promise any number, so it
+/// is asked before there is memory for them.
+///
+/// # Errors
+/// If it is more than [`MOST_MATCHES`].
+fn bounded(matches: usize) -> Result<usize, String> {
+    if matches > MOST_MATCHES {
+        return Err(format!("{matches} matches; {MOST_MATCHES} are the most"));
+    }
+    Ok(matches)
 }
 
 /// Matches of a pair as they are in the file.

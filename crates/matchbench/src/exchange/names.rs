@@ -2,7 +2,9 @@
 //!
 //! Tools name an image by its path below some root (`db/0001.jpg`), by its file name, or without the
 //! extension; hloc writes `-` for `/` in names of pairs. All of these are understood, as long as only one
-//! image has a path that ends so. A name is never opened as a file.
+//! image has a path that ends so. The root of a tool may lie above that of the dataset. So if a file has no name that is
+//! the end of a path, its names are looked up without their first folders. If it has some, its other names mean
+//! other images, such as those of other scenes. A name is never opened as a file.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -44,6 +46,8 @@ pub enum NamedBy {
     Frame,
     /// By the name of the image.
     Image,
+    /// By the name of the image without its first folders, which are those of another root.
+    ImageEnd,
 }
 
 /// The names that the frames of a dataset answer to.
@@ -75,18 +79,18 @@ impl Names {
 
     /// The frame of that name.
     fn by_image(&self, name: &str) -> Option<u32> {
-        if let Some(frame) = self.frames.get(name) {
-            return *frame;
-        }
-        // The root of the names may lie above the folder of the images.
+        self.frames.get(name).copied().flatten()
+    }
+
+    /// The frame of the longest end of that name which is a name.
+    fn by_end(&self, name: &str) -> Option<u32> {
         let mut rest = name;
-        while let Some((_, below)) = rest.split_once('/') {
-            if let Some(frame) = self.frames.get(below) {
+        loop {
+            if let Some(frame) = self.frames.get(rest) {
                 return *frame;
             }
-            rest = below;
+            (_, rest) = rest.split_once('/')?;
         }
-        None
     }
 
     fn by_number(&self, name: &str) -> Option<u32> {
@@ -99,6 +103,7 @@ impl Names {
         match by {
             NamedBy::Frame => self.by_number(name),
             NamedBy::Image => self.by_image(name),
+            NamedBy::ImageEnd => self.by_end(name),
         }
     }
 
@@ -131,21 +136,35 @@ impl Names {
     /// dataset, and images where both mean as many. True beside it, where some pair could be meant
     /// either way and would be another.
     pub(super) fn kind(&self, names: &[PairName]) -> (NamedBy, bool) {
+        if names
+            .iter()
+            .any(|name| matches!(name, PairName::Frames(..)))
+        {
+            return (NamedBy::Frame, false);
+        }
+        let found = |name, by| self.pair(name, by).ok().flatten();
+        let has_names = names
+            .iter()
+            .any(|name| found(name, NamedBy::Image).is_some());
+        let by_name = if has_names {
+            NamedBy::Image
+        } else {
+            NamedBy::ImageEnd
+        };
         let (mut images, mut frames, mut doubtful) = (0, 0, false);
         for name in names {
-            if let PairName::Frames(..) = name {
-                return (NamedBy::Frame, false);
-            }
-            let image = self.pair(name, NamedBy::Image).ok().flatten();
-            let frame = self.pair(name, NamedBy::Frame).ok().flatten();
+            let image = found(name, by_name);
+            let frame = found(name, NamedBy::Frame);
             images += usize::from(image.is_some());
             frames += usize::from(frame.is_some());
             doubtful |= image.is_some() && frame.is_some() && image != frame;
         }
         let by = if frames > images {
             NamedBy::Frame
-        } else {
+        } else if images == 0 {
             NamedBy::Image
+        } else {
+            by_name
         };
         (by, doubtful)
     }
@@ -213,7 +232,7 @@ mod tests {
             ("query/0007.jpg", Some(1)),
             ("query-0007.jpg", Some(1)),
             ("data/db/0007", Some(0)),
-            ("elsewhere/query/0007.jpg", Some(1)),
+            ("elsewhere/query/0007.jpg", None),
             ("1.2", Some(2)),
             ("1.2.png", Some(2)),
             ("0007.jpg", None),
@@ -223,6 +242,29 @@ mod tests {
         ] {
             assert_eq!(names.by_image(name), frame, "{name}");
         }
+        assert_eq!(names.by_end("elsewhere/query/0007.jpg"), Some(1));
+        assert_eq!(names.by_end("elsewhere/0007.jpg"), None, "there are two");
+        assert_eq!(names.by_end("elsewhere/0008.jpg"), None);
+    }
+
+    #[test]
+    fn other_scenes_of_a_file_are_no_images_of_this_one() {
+        let names = names(&["/data/scene8/color/1.png", "/data/scene8/color/2.png"]);
+        let pair = |scene: &str| {
+            PairName::Two(
+                format!("{scene}/color/1.png"),
+                format!("{scene}/color/2.png"),
+            )
+        };
+        let of_both = [pair("scene7"), pair("scene8")];
+        let (by, _) = names.kind(&of_both);
+        assert_eq!(by, NamedBy::Image);
+        assert_eq!(names.pair(&of_both[0], by), Ok(None));
+        assert_eq!(names.pair(&of_both[1], by), Ok(Some((0, 1))));
+        // Without a name of the dataset, the folders may be those of another root.
+        let (by, _) = names.kind(&[pair("elsewhere")]);
+        assert_eq!(by, NamedBy::ImageEnd);
+        assert_eq!(names.pair(&pair("elsewhere"), by), Ok(Some((0, 1))));
     }
 
     #[test]

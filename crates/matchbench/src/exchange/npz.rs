@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 
 use super::names::PairName;
 use super::probe::{Content, Probe};
-use super::{Contents, ExchangeError, Export, Format, Rating, RawMatches, ReadOptions, Source};
+use super::{
+    Contents, ExchangeError, Export, Format, Rating, RawMatches, ReadOptions, Source, bounded,
+};
 use crate::arrays::{self, Array};
 use crate::counted::counted;
 use crate::files::write_new;
@@ -71,6 +73,7 @@ fn matches(a: &Array, b: &Array, score: Option<&Array>) -> Result<RawMatches, St
             counted(count, "point")
         ));
     }
+    bounded(count)?;
     Ok(RawMatches {
         a: (0..count).map(|row| a.point(row, 2)).collect(),
         b: (0..count).map(|row| b.point(row, 2)).collect(),

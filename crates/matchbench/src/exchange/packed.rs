@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 
 use super::names::PairName;
 use super::probe::{Content, Probe};
-use super::{Contents, ExchangeError, Export, Format, Rating, RawMatches, ReadOptions, Source};
+use super::{
+    Contents, ExchangeError, Export, Format, Rating, RawMatches, ReadOptions, Source, bounded,
+};
 use crate::arrays::{Array, Npz, npz};
 use crate::counted::counted;
 use crate::files::write_new;
@@ -75,6 +77,7 @@ impl Source for Packed {
 
     fn read(&self, index: usize) -> Result<RawMatches, ExchangeError> {
         let rows = self.offsets[index]..self.offsets[index + 1];
+        bounded(rows.len()).map_err(|what| ExchangeError::damaged(&self.path, what))?;
         let point = |row: usize, column: usize| {
             [
                 self.xy.get(5 * row + column),
@@ -93,6 +96,9 @@ impl Source for Packed {
     }
 }
 
+/// The most pairs of a file, whose names need many times its bytes if it is compressed.
+const MOST_PAIRS: usize = 10_000_000;
+
 fn frames(pairs: &Array) -> Result<Vec<PairName>, String> {
     let frame = |index: usize| {
         let number = pairs.index(index, u32::MAX as usize)?;
@@ -100,7 +106,11 @@ fn frames(pairs: &Array) -> Result<Vec<PairName>, String> {
             .map(|number| number as u32)
             .ok_or_else(|| format!("entry {index} is -1"))
     };
-    (0..pairs.rows(2)?)
+    let count = pairs.rows(2)?;
+    if count > MOST_PAIRS {
+        return Err(format!("{count} pairs; {MOST_PAIRS} are the most"));
+    }
+    (0..count)
         .map(|row| Ok(PairName::Frames(frame(2 * row)?, frame(2 * row + 1)?)))
         .collect()
 }

@@ -15,9 +15,8 @@ use nalgebra::Point2;
 
 use super::names::{NamedBy, Names};
 use super::probe::Probe;
-use super::{ExchangeError, RawMatches, ReadOptions, Scores, Source, Understood};
+use super::{ExchangeError, RawMatches, ReadOptions, Scores, Source, Understood, bounded};
 use crate::datasets::Sequence;
-use crate::matchers::MOST_MATCHES;
 
 /// Points that fill less of the image's width and height than this, in all pairs, are warned about.
 const FILLED: f64 = 0.6;
@@ -152,7 +151,7 @@ impl MatchFiles {
         if doubtful {
             this.survey.warnings.push(
                 match named_by {
-                    NamedBy::Image => {
+                    NamedBy::Image | NamedBy::ImageEnd => {
                         "names of images are numbers of other frames too; they were taken as names"
                     }
                     NamedBy::Frame => {
@@ -271,10 +270,7 @@ impl MatchFiles {
         (a, b): (u32, u32),
     ) -> Result<RawMatches, ExchangeError> {
         let mut raw = (self.source.read(index)).map_err(|error| error.at(pair_in_words(a, b)))?;
-        if raw.a.len() > MOST_MATCHES {
-            let what = format!("{} matches; {MOST_MATCHES} are the most", raw.a.len());
-            return Err(self.wrong(index, (a, b), what));
-        }
+        bounded(raw.a.len()).map_err(|what| self.wrong(index, (a, b), what))?;
         if swapped {
             std::mem::swap(&mut raw.a, &mut raw.b);
             for turn in raw.turns.iter_mut().flatten() {

@@ -2,7 +2,7 @@
 //! that hloc, glue-factory and SuperGlue share. -1 means none; a score stands beside each keypoint
 //! of the first image, matched or not.
 
-use super::{ExchangeError, Rating, RawMatches};
+use super::{ExchangeError, Rating, RawMatches, bounded};
 use crate::arrays::{Array, Hdf5};
 use crate::counted::counted;
 
@@ -42,6 +42,7 @@ pub(super) fn matched(
             .index(i, counts[1])
             .map_err(|what| format!("matches: {what}"))?
         {
+            bounded(a.len() + 1)?;
             a.push(keypoints_a.point(i, columns_a));
             b.push(keypoints_b.point(j, columns_b));
             rating.extend(scores.map(|scores| scores.get(i)));
@@ -71,6 +72,7 @@ pub(super) fn row_by_row(
     if count != count_b {
         return Err(format!("{} of a, {count_b} of b", counted(count, "point")));
     }
+    bounded(count)?;
     Ok(RawMatches {
         a: (0..count).map(|row| a.point(row, columns_a)).collect(),
         b: (0..count).map(|row| b.point(row, columns_b)).collect(),

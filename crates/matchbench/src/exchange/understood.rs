@@ -114,6 +114,9 @@ impl fmt::Display for Understood {
         f.write_str(match self.named_by {
             NamedBy::Frame => "; frames by number",
             NamedBy::Image => "; frames by image name",
+            NamedBy::ImageEnd => {
+                "; frames by image name, without the first folders, which the dataset does not have"
+            }
         })?;
         write!(f, "; first pixel's centre at {}", self.pixel_center)?;
         if let Some([width, height]) = self.resized {

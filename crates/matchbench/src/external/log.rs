@@ -5,6 +5,8 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use crate::files::is_link;
+
 /// Bytes after which a log is full.
 const FULL: u64 = 16 << 20;
 /// Letters of a line that are told to the user.
@@ -30,7 +32,7 @@ impl Log {
     /// Opens the log at `path` for appending; it and its folder are made if they are not there.
     ///
     /// # Errors
-    /// If it cannot be opened; the error names it.
+    /// If it or its folder is a link, or it cannot be opened; the error names it.
     pub fn open(path: &Path) -> io::Result<Self> {
         Self::with_room(path, FULL)
     }
@@ -41,6 +43,12 @@ impl Log {
             io::Error::new(error.kind(), message)
         };
         if let Some(folder) = path.parent() {
+            // A run folder of somebody else could lead to any file.
+            if is_link(folder) || is_link(path) {
+                return Err(named(io::Error::other(
+                    "it is a link, or its folder is; delete it",
+                )));
+            }
             fs::create_dir_all(folder).map_err(named)?;
         }
         let about = fs::metadata(path);
@@ -123,6 +131,22 @@ pub(super) fn told(line: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn nothing_is_written_through_a_link() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let (theirs, logs) = (folder.path().join("theirs"), folder.path().join("logs"));
+        fs::create_dir(&logs).unwrap();
+        symlink(&theirs, logs.join("x.log")).unwrap();
+        let error = Log::open(&logs.join("x.log")).unwrap_err().to_string();
+        assert!(error.contains("it is a link"), "{error}");
+        symlink(&logs, folder.path().join("elsewhere")).unwrap();
+        let error = Log::open(&folder.path().join("elsewhere/y.log")).unwrap_err();
+        assert!(error.to_string().contains("it is a link"), "{error}");
+        assert!(!theirs.exists() && !logs.join("y.log").exists());
+    }
 
     #[test]
     fn a_log_is_full_and_says_so_once() {

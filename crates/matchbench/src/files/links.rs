@@ -24,10 +24,18 @@ pub(crate) fn link_in(path: &Path, levels: usize) -> Option<PathBuf> {
     if is_link(path) {
         return Some(path.into());
     }
+    link_below(path, levels)
+}
+
+fn link_below(folder: &Path, levels: usize) -> Option<PathBuf> {
     let levels = levels.checked_sub(1)?;
     // A file has no entries.
-    let mut entries = fs::read_dir(path).ok()?.flatten();
-    entries.find_map(|entry| link_in(&entry.path(), levels))
+    let mut entries = fs::read_dir(folder).ok()?.flatten();
+    entries.find_map(|entry| match entry.file_type().ok()? {
+        kind if kind.is_symlink() => Some(entry.path()),
+        kind if kind.is_dir() => link_below(&entry.path(), levels),
+        _ => None,
+    })
 }
 
 #[cfg(all(test, unix))]

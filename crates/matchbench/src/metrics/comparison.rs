@@ -91,7 +91,7 @@ pub struct Lead {
 /// The best of each dataset against each of the others, in the order of `sets`, whose `groups` say what is certain.
 pub fn leads(sets: &[ResultSet], groups: &Groups, bootstrap: &Bootstrap) -> Vec<Lead> {
     let auc = |set: &ResultSet| ranking_auc(&set.pairs);
-    let key = |set: &ResultSet| (set.dataset.clone(), Model::of_all(&set.pairs));
+    let key = |set: &ResultSet| (set.dataset.clone(), set.model());
     let mut best = BTreeMap::<(String, Model), (usize, f64)>::new();
     for (i, set) in sets.iter().enumerate() {
         if set.pairs.is_empty() {
@@ -108,7 +108,7 @@ pub fn leads(sets: &[ResultSet], groups: &Groups, bootstrap: &Bootstrap) -> Vec<
         .filter(|&(best, _, set)| method(&sets[best]) != method(set))
         .map(|(best, i, set)| Lead {
             dataset: set.dataset.clone(),
-            model: Model::of_all(&set.pairs),
+            model: set.model(),
             best: method(&sets[best]),
             other: method(set),
             difference: Difference {

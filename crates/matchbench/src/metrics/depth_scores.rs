@@ -10,7 +10,7 @@ use super::{PairResult, Term};
 
 const PRECISION: &str = "Precision k px: share of the selected matches within k pixels of where the depth of one image and the \
                          true pose take them in the other; matches without depth at either end do not count; the mean over all \
-                         pairs with depth, of which one without matches has 0.";
+                         pairs with depth, of which one without matches that count has 0.";
 const FOUND_BY_DEPTH: &str = "Repeatability and matching score by depth: of the keypoints that the other image shows by the depth of \
                               both (not hidden, consistent within 5 %; the smaller number of both), the share with one of the \
                               other image within 3 pixels, one to one, and the share that was matched within 3 pixels (matches that \
@@ -60,12 +60,11 @@ pub(super) const MATCHING_SCORE: ScoreKind = ScoreKind {
 
 /// The share of the pair's matches with depth that are correct within so many pixels.
 fn precision_term(pair: &PairResult, pixels: usize) -> Term {
-    let selected = pair.counts.map_or(0, |counts| counts.selected);
-    // Of matches none of which has depth nothing is known.
-    let known = (pair.by_depth.as_ref()).filter(|by_depth| by_depth.judged > 0 || selected == 0);
+    // A pair none of whose matches has depth counts too: else one match in the sky would spare a matcher the pair.
+    let by_depth = pair.by_depth.as_ref();
     share_term(
         pair,
-        known.map(|by_depth| (by_depth.within[pixels - 1], by_depth.judged)),
+        by_depth.map(|by_depth| (by_depth.within[pixels - 1], by_depth.judged)),
     )
 }
 
@@ -103,12 +102,12 @@ mod tests {
         assert!((value("precision_3px") - 0.5).abs() < 1e-12);
         assert!((value("depth_repeatability") - 0.5).abs() < 1e-12);
         assert!((value("depth_matching_score") - 0.125).abs() < 1e-12);
-        // Without matches nothing is right; of matches without depth nothing is known.
-        let [mut none, mut unknown] = [solved(0, 1.0, 1.0, 0), solved(0, 1.0, 1.0, 0)];
+        // Nothing is right without matches, and no better if there are some without depth.
+        let [mut none, mut undecided] = [solved(0, 1.0, 1.0, 0), solved(0, 1.0, 1.0, 0)];
         let precision = |pair: PairResult| mean_of_terms(&[pair], |pair| precision_term(pair, 3));
         none.counts = Some(Counts::default());
         assert_eq!(precision(none), 0.0);
-        unknown.counts.as_mut().expect("counted").selected = 7;
-        assert!(precision(unknown).is_nan());
+        undecided.counts.as_mut().expect("counted").selected = 7;
+        assert_eq!(precision(undecided), 0.0);
     }
 }

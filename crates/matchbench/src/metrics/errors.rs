@@ -161,6 +161,7 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
         .iter()
         .position(|head| head.eq_ignore_ascii_case(IDENTIFIERS));
     let mut references = HashMap::new();
+    let mut first_lines = HashMap::new();
     lines
         .zip(0..)
         .map(|((line, row), index)| {
@@ -182,6 +183,15 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
                     })
                 }),
             };
+            if let Some(column) = identifiers
+                && let Some(first) = first_lines.insert(fields[column].clone(), line)
+            {
+                let problem = format!(
+                    "the pair `{}` is listed on line {first} already; delete one of the two lines",
+                    fields[column]
+                );
+                return Err((line, problem));
+            }
             let reference = identifiers
                 .and_then(|column| fields[column].rsplit_once('#'))
                 .map_or_else(|| index.to_string(), |(reference, _)| reference.to_owned());
@@ -318,6 +328,16 @@ mod tests {
             assert!(problem.contains(expected), "{problem}");
             assert_eq!(line, 1 + usize::from(text.contains("errs")));
         }
+    }
+
+    #[test]
+    fn a_pair_that_is_listed_twice_is_named_by_both_lines() {
+        let table = "identifiers R_errs t_errs\na#b 1 1\na#c 50 50\na#b 1 1\n";
+        let (line, problem) = parse(table).expect_err("a#b counts once");
+        assert!(
+            line == 4 && problem.contains("`a#b` is listed on line 2 already"),
+            "{problem}"
+        );
     }
 
     #[test]

@@ -76,7 +76,7 @@ impl Rivals {
     fn of_all(sets: &[ResultSet]) -> Vec<Self> {
         let mut rivals = BTreeMap::<(&str, Model), Vec<usize>>::new();
         for (i, set) in sets.iter().enumerate() {
-            let key = (set.dataset.as_str(), Model::of_all(&set.pairs));
+            let key = (set.dataset.as_str(), set.model());
             rivals.entry(key).or_default().push(i);
         }
         (rivals.into_values())

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use crate::datasets::{Pair, Sequence, read_pairs, read_poses_of_pairs};
 use crate::files::{LineError, read_text_lines};
+use crate::protocols;
 use crate::records::authors::{self, Row};
 
 use super::pair_choice::PairChoice;
@@ -125,7 +126,10 @@ fn judged(
     let (listed, of_dataset) = match (datasets, truth) {
         (Some(datasets), truth) if truth.is_none() || is_dataset(datasets, dataset) => {
             let dir = datasets.join(dataset);
-            (listed_pairs(datasets, dataset)?, Some(dir))
+            let mut listed = listed_pairs(datasets, dataset)?;
+            // The layout holds poses alone.
+            listed.retain(|pair| pair.pose().is_some());
+            (listed, Some(dir))
         }
         (_, Some(truth)) => (read_truth(&truth, &files[0].1)?, None),
         _ => {
@@ -154,11 +158,12 @@ fn set_of(
 ) -> Result<ResultSet, ResultsError> {
     let parts = (stem.rsplit_once('+')).filter(|parts| !parts.0.is_empty() && !parts.1.is_empty());
     let (matcher, estimator) = parts.unwrap_or((stem, ""));
+    let min_support = protocols::of_estimator(estimator).min_support;
     Ok(ResultSet {
         dataset: dataset.to_owned(),
         matcher: matcher.to_owned(),
         estimator: estimator.to_owned(),
-        ..score_rows(file, listed)?
+        ..score_rows(file, listed, min_support)?
     })
 }
 
@@ -195,7 +200,7 @@ fn read_truth(truth: &Path, first: &Path) -> Result<Vec<Pair>, ResultsError> {
 }
 
 /// The rows of one file against the listed pairs; the names are left empty.
-fn score_rows(file: &Path, listed: &[Pair]) -> Result<ResultSet, ResultsError> {
+fn score_rows(file: &Path, listed: &[Pair], min_support: usize) -> Result<ResultSet, ResultsError> {
     let mut rows = BTreeMap::new();
     for row in authors::read(file)? {
         let pair = (row.a, row.b);
@@ -206,7 +211,7 @@ fn score_rows(file: &Path, listed: &[Pair]) -> Result<ResultSet, ResultsError> {
     let found = rows.len();
     let pairs: Vec<PairResult> = (listed.iter())
         .map(|pair| match rows.remove(&(pair.a, pair.b)) {
-            Some(row) => score_row(&row, pair),
+            Some(row) => score_row(&row, pair, min_support),
             None => PairResult::failed(pair.a, pair.b, Failure::Missing),
         })
         .collect();
@@ -223,12 +228,12 @@ fn score_rows(file: &Path, listed: &[Pair]) -> Result<ResultSet, ResultsError> {
     })
 }
 
-fn score_row(row: &Row, truth: &Pair) -> PairResult {
+fn score_row(row: &Row, truth: &Pair, min_support: usize) -> PairResult {
     let failed = PairResult::failed(row.a, row.b, Failure::Unexplained);
     let Some(b_from_a) = truth.pose() else {
         return failed; // a pose cannot be judged by anything else
     };
-    let (outcome, correspondences) = scored(&row.outcome(b_from_a));
+    let (outcome, correspondences) = scored(&row.outcome(b_from_a, min_support));
     PairResult {
         // The layout does not tell why there is no pose.
         outcome: outcome.map_err(|_| Failure::Unexplained),

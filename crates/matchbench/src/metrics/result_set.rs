@@ -1,6 +1,6 @@
 //! All results of one method on one dataset.
 
-use super::{Failure, PairResult};
+use super::{Failure, Model, PairResult};
 
 /// The results of one matcher with one estimator on one dataset.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,5 +26,10 @@ impl ResultSet {
         pairs
             .filter(|pair| pair.outcome == Err(Failure::Missing))
             .count()
+    }
+
+    /// What was estimated: those of one kind alone can be compared.
+    pub fn model(&self) -> Model {
+        Model::of_all(&self.pairs)
     }
 }

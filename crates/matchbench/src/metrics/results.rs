@@ -18,7 +18,7 @@ use std::io;
 use std::mem;
 use std::path::{Path, PathBuf};
 
-use crate::datasets::{DatasetError, Pair, read_pairs};
+use crate::datasets::{DatasetError, Pair, read_dataset_pairs};
 use crate::records::authors::AuthorsError;
 use crate::records::{FolderError, Plan, RunFolder, StoreError};
 
@@ -229,15 +229,22 @@ fn check_tasks(file: &Path, mut lines: Vec<([u32; 3], usize)>) -> Result<(), Res
     Ok(())
 }
 
+/// The pairs of a dataset in the folder `datasets`, with their truth.
 pub(super) fn listed_pairs(datasets: &Path, dataset: &str) -> Result<Vec<Pair>, ResultsError> {
-    let file = datasets.join(dataset).join("pairs.txt");
-    if !file.is_file() {
+    let dir = datasets.join(dataset);
+    if !["pairs.txt", "homographies.txt"]
+        .iter()
+        .any(|list| dir.join(list).is_file())
+    {
         return Err(ResultsError::Layout {
-            path: file,
-            problem: format!("needed to score the results for {dataset}, but not there"),
+            path: dir,
+            problem: format!(
+                "neither pairs.txt nor homographies.txt is there, which the results for {dataset} are scored by; name \
+                 the folder that holds {dataset}/pairs.txt with --datasets"
+            ),
         });
     }
-    Ok(read_pairs(&file)?)
+    Ok(read_dataset_pairs(&dir)?)
 }
 
 /// Datasets and matchers in the order in which the plan names them; what it does not name comes

@@ -16,7 +16,7 @@ use matchbench_vision::geometry::RelativePose;
 use matchbench_vision::robust::NoPose;
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::{MIN_SUPPORT, Outcome, RunRecord, Task};
+use super::{Outcome, RunRecord, Task};
 use crate::counted::counted;
 use crate::files::{LineError, read_file, read_text_lines, write_whole};
 
@@ -78,17 +78,17 @@ pub struct Row {
 }
 
 impl Row {
-    /// What the row says, judged by the `truth`. A pose with fewer than [`MIN_SUPPORT`] inliers
-    /// does not count.
-    pub fn outcome(&self, truth: &Isometry3<f64>) -> Outcome {
+    /// What the row says, judged by the `truth`. A pose with fewer than `min_support` inliers does not count: that
+    /// is [`MIN_SUPPORT`](super::MIN_SUPPORT), or what the protocol asks for under which the pose was estimated.
+    pub fn outcome(&self, truth: &Isometry3<f64>, min_support: usize) -> Outcome {
         match self.b_from_a {
-            Some(b_from_a) if self.inliers as usize >= MIN_SUPPORT => {
+            Some(b_from_a) if self.inliers as usize >= min_support => {
                 Outcome::judged(&b_from_a, truth, self.inliers, self.inliers, 0)
             }
             _ => Outcome::NoPose {
                 reason: NoPose::NoSupport {
                     found: self.inliers as usize,
-                    needed: MIN_SUPPORT,
+                    needed: min_support,
                 },
             },
         }
@@ -126,7 +126,7 @@ pub fn read(path: &Path) -> Result<Vec<Row>, AuthorsError> {
 }
 
 /// Writes `records` as `out/<dataset>/<matcher>.txt`, or `<matcher>+<estimator>.txt` where a matcher
-/// was run with several estimators, and returns the files. The layout has one row per pair, so
+/// was run with several estimators or under a protocol, by which its rows are to be read, and returns the files. The layout has one row per pair, so
 /// only the first repetition is written, and no place for homographies, so methods that estimate these are left out.
 ///
 /// # Errors
@@ -162,9 +162,11 @@ pub fn write(out: &Path, records: &[RunRecord]) -> Result<Vec<PathBuf>, AuthorsE
     (texts.into_iter())
         .map(|((matcher, estimator), text)| {
             let (dataset, id) = matcher;
-            let name = match estimators[&matcher].len() {
-                1 => format!("{id}.txt"),
-                _ => format!("{id}+{estimator}.txt"),
+            let is_plain = estimators[&matcher].len() == 1 && !estimator.contains('@');
+            let name = if is_plain {
+                format!("{id}.txt")
+            } else {
+                format!("{id}+{estimator}.txt")
             };
             let path = out.join(dataset).join(name);
             if read_file(&path).is_ok_and(|there| there != text.as_bytes()) {
@@ -255,7 +257,7 @@ mod tests {
 
     use nalgebra::Translation3;
 
-    use super::super::{Counts, StageTimes};
+    use super::super::{Counts, MIN_SUPPORT, StageTimes};
     use super::*;
 
     fn record(estimator: &str, b: u32, repetition: u32, outcome: Outcome) -> RunRecord {
@@ -323,13 +325,13 @@ mod tests {
             rotation_error,
             translation_error,
             ..
-        } = rows[0].outcome(&truth())
+        } = rows[0].outcome(&truth(), MIN_SUPPORT)
         else {
             panic!("the first row has a pose")
         };
         assert!(rotation_error < 1e-6 && translation_error.unwrap() < 1e-5);
         assert!(matches!(
-            rows[1].outcome(&truth()),
+            rows[1].outcome(&truth(), MIN_SUPPORT),
             Outcome::NoPose {
                 reason: NoPose::NoSupport {
                     found: 0,
@@ -356,6 +358,19 @@ mod tests {
     }
 
     #[test]
+    fn a_protocol_is_told_by_the_name_of_the_file_and_says_how_much_support_a_pose_needs() {
+        let out = tempfile::tempdir().unwrap();
+        let pose = RelativePose::from_isometry(&truth()).unwrap();
+        let weak = Outcome::judged(&pose, &truth(), 6, 6, 30);
+        let files = write(out.path(), &[record("ransac-e@superglue", 1, 0, weak)]).unwrap();
+        let expected = out.path().join("05-castle/sift+ransac-e@superglue.txt");
+        assert_eq!(files, [expected]);
+        let rows = read(&files[0]).unwrap();
+        let is_pose = |needed| matches!(rows[0].outcome(&truth(), needed), Outcome::Pose { .. });
+        assert!(is_pose(1) && is_pose(6) && !is_pose(7));
+    }
+
+    #[test]
     fn several_estimators_are_told_apart_by_the_name_of_the_file() {
         let out = tempfile::tempdir().unwrap();
         let records = [
@@ -377,7 +392,10 @@ mod tests {
         assert_eq!(rows.len(), 2);
         assert_eq!(rows[0].b_from_a.unwrap().direction.z, 0.8);
         assert!(
-            matches!(rows[1].outcome(&truth()), Outcome::NoPose { .. }),
+            matches!(
+                rows[1].outcome(&truth(), MIN_SUPPORT),
+                Outcome::NoPose { .. }
+            ),
             "9 inliers are too few"
         );
     }
@@ -392,7 +410,7 @@ mod tests {
                 translation,
                 translation_error,
                 ..
-            } = rows[0].outcome(&truth)
+            } = rows[0].outcome(&truth, MIN_SUPPORT)
             else {
                 panic!("a pose with twelve inliers")
             };

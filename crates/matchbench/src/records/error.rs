@@ -56,6 +56,18 @@ pub enum FolderError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A dataset is not the one that records were made from.
+    #[error(
+        "{dataset} is another dataset now than the run in {} was of: cameras, pairs or true poses differ; put back what \
+         it was, or run it anew",
+        folder.display()
+    )]
+    OtherDataset {
+        /// The folder of the run.
+        folder: PathBuf,
+        /// Name of the dataset.
+        dataset: String,
+    },
     /// An image is not the one that records were made from.
     #[error(
         "{} is not the file that the run in {} has worked with: frame {frame} of {dataset} has \

@@ -4,7 +4,8 @@
 //! opcode or function that is not on the list below is an error that names it. The others build lists, tuples,
 //! dictionaries, text, numbers and arrays (of numbers, or of further values). All values are in one store and
 //! refer to each other by number. So a value that refers to itself, or that is nested deeply, needs no more
-//! memory than its bytes.
+//! memory than its bytes. The contents of an array are copied from another value; all copies together may be
+//! some times as large as the pickle.
 //!
 //! Opcodes (of protocols 2 to 5): PROTO FRAME STOP MARK MEMOIZE BINPUT LONG_BINPUT BINGET
 //! LONG_BINGET NONE NEWTRUE NEWFALSE BININT BININT1 BININT2 LONG1 BINFLOAT BINUNICODE
@@ -69,6 +70,7 @@ impl Pickled {
             stack: Vec::new(),
             marks: Vec::new(),
             memo: Vec::new(),
+            left: bytes.len().saturating_mul(MOST_COPIES),
         };
         loop {
             let at = machine.at;
@@ -110,7 +112,13 @@ struct Machine<'a> {
     /// Heights of the stack at its marks.
     marks: Vec<usize>,
     memo: Vec<Option<Id>>,
+    /// Bytes that may still be copied.
+    left: usize,
 }
+
+/// How many times as large as the pickle all contents of arrays may be: each is copied once, and a number of a
+/// value, which can be a byte in the pickle, takes eight here.
+const MOST_COPIES: usize = 16;
 
 impl Machine<'_> {
     /// Executes one instruction. Returns the result of the program when it stops.
@@ -373,7 +381,15 @@ impl Machine<'_> {
     }
 
     /// The object after its state was set.
-    fn build(&self, object: Id, state: Id) -> Result<Value, String> {
+    fn build(&mut self, object: Id, state: Id) -> Result<Value, String> {
+        let contents = self.list(state)?.get(4).map(|id| &self.values[*id]);
+        let copied = match contents {
+            Some(Value::Bytes(data)) => data.len(),
+            Some(Value::List(items)) => size_of_val(&items[..]),
+            _ => 0,
+        };
+        let left = self.left.checked_sub(copied);
+        self.left = left.ok_or("its arrays share their contents too often")?;
         let state = self.list(state)?;
         let part = |index: usize| -> Result<&Value, String> {
             let id = state
@@ -503,6 +519,19 @@ mod tests {
         ] {
             assert!(Pickled::parse(bytes).is_err(), "{bytes:?}");
         }
+        // A thousand arrays, all with the same contents.
+        let mut shared = b"\x80\x02B\x00\x10\x00\x00".to_vec();
+        shared.extend([0; 4096]);
+        shared.extend(b"q\0cnumpy\ndtype\nq\x01X\x02\0\0\0u1K\0K\x01\x87Rq\x02");
+        for _ in 0..1000 {
+            shared.extend(
+                b"cnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\0\x85C\x01b\x87R",
+            );
+            shared.extend(b"(K\x01M\x00\x10\x85h\x02\x89h\0tb");
+        }
+        shared.push(b'.');
+        let error = Pickled::parse(&shared).unwrap_err();
+        assert!(error.contains("share their contents too often"), "{error}");
         // A list that holds itself, and one hundred thousand lists in each other.
         let own = Pickled::parse(b"]q\0h\0a.").unwrap();
         assert_eq!(own.root(), &Value::List(vec![0]));

@@ -18,15 +18,16 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 
 use rusqlite::limits::Limit;
-use rusqlite::{Connection, OpenFlags, OptionalExtension};
+use rusqlite::{Connection, ErrorCode, OpenFlags, OptionalExtension};
 
 use super::names::PairName;
 use super::probe::{Content, Probe};
 use super::sparse::columns;
-use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source};
+use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source, bounded};
 use crate::arrays::{Array, Element, Kind};
 use crate::files::open_file;
 use crate::matchers::MOST_MATCHES;
@@ -52,9 +53,12 @@ fn open(probe: Probe, options: &ReadOptions) -> Result<Contents, ExchangeError> 
         let what = format!("{} databases where there is to be one", probe.files.len());
         return Err(ExchangeError::new(&probe.files[0], what, "name one"));
     };
+    let steps = Arc::new(Steps::default());
     let database = Database {
         path: path.clone(),
-        connection: Mutex::new(connect(path)?),
+        connection: Mutex::new(connect(path, &steps)?),
+        bytes: fs::metadata(path).map_or(0, |file| file.len()),
+        steps,
         table: if options.verified {
             "two_view_geometries"
         } else {
@@ -92,15 +96,30 @@ fn open(probe: Probe, options: &ReadOptions) -> Result<Contents, ExchangeError> 
 struct Database {
     path: PathBuf,
     connection: Mutex<Connection>,
+    /// Its size.
+    bytes: u64,
+    steps: Arc<Steps>,
     /// Where matches are read from.
     table: &'static str,
     /// Ids of both images.
     pairs: Vec<[i64; 2]>,
 }
 
-/// Opens the database for reading and nothing else: nothing is created beside it.
-fn connect(path: &Path) -> Result<Connection, ExchangeError> {
-    open_file(path).map_err(|error| ExchangeError::unreadable(path, error))?;
+/// Steps of SQLite between two looks at how many a statement took.
+const STEPS_AT_ONCE: i32 = 10_000;
+/// Steps of a statement on an empty file.
+const FEWEST_STEPS: u64 = 1_000_000;
+
+/// How many steps the statement in progress has taken. A row is some 4 steps and at least 16 bytes. But pages of a
+/// hostile file can name each other in a circle, so that its rows have no end.
+#[derive(Debug, Default)]
+struct Steps(AtomicU64);
+
+/// Opens the database for reading and nothing else: nothing is created beside it. A statement ends with an error if it
+/// takes more steps than a file of that size explains.
+fn connect(path: &Path, steps: &Arc<Steps>) -> Result<Connection, ExchangeError> {
+    let file = open_file(path).map_err(|error| ExchangeError::unreadable(path, error))?;
+    let bytes = file.metadata().map_or(0, |file| file.len());
     let mut log = path.as_os_str().to_owned();
     log.push("-wal");
     if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
@@ -118,11 +137,20 @@ fn connect(path: &Path) -> Result<Connection, ExchangeError> {
         })
         .collect();
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_URI;
-    let connection = Connection::open_with_flags(format!("file:{path_in_uri}?immutable=1"), flags)
-        .map_err(|error| ExchangeError::unreadable(path, error))?;
+    let mut connection =
+        Connection::open_with_flags(format!("file:{path_in_uri}?immutable=1"), flags)
+            .map_err(|error| ExchangeError::unreadable(path, error))?;
     // The whole of a blob is in memory, and more than once.
     connection
         .set_limit(Limit::SQLITE_LIMIT_LENGTH, MOST_BLOB)
+        .map_err(|error| ExchangeError::unreadable(path, error))?;
+    let (steps, most) = (Arc::clone(steps), FEWEST_STEPS + bytes);
+    let is_enough = move || {
+        let before = steps.0.fetch_add(STEPS_AT_ONCE as u64, Ordering::Relaxed);
+        before > most
+    };
+    connection
+        .progress_handler(STEPS_AT_ONCE, Some(is_enough))
         .map_err(|error| ExchangeError::unreadable(path, error))?;
     // A view could compute without end, and a schema call functions: only tables are read.
     for table in ["images", "keypoints", "matches", "two_view_geometries"] {
@@ -145,9 +173,17 @@ fn connect(path: &Path) -> Result<Connection, ExchangeError> {
 impl Database {
     /// Names of the images by id.
     fn images(&self) -> Result<BTreeMap<i64, String>, ExchangeError> {
-        self.query("SELECT image_id, name FROM images", |row| {
-            Ok((row.get(0)?, row.get(1)?))
-        })
+        let mut left = self.bytes;
+        let images = self.query("SELECT image_id, name FROM images", |row| {
+            let (id, name): (i64, String) = (row.get(0)?, row.get(1)?);
+            let bytes = name.len() as u64;
+            // Names can share bytes of a hostile file.
+            let fits = left >= bytes;
+            left = left.saturating_sub(bytes);
+            Ok(fits.then_some((id, name)))
+        });
+        let images: Option<_> = images?;
+        images.ok_or_else(|| self.damaged("its images have longer names than it has bytes"))
     }
 
     fn pair_ids(&self) -> Result<Vec<[i64; 2]>, ExchangeError> {
@@ -164,14 +200,10 @@ impl Database {
         read: impl FnMut(&rusqlite::Row<'_>) -> rusqlite::Result<T>,
     ) -> Result<C, ExchangeError> {
         let connection = self.connection.lock().expect("no thread panics with it");
-        let mut statement = connection
-            .prepare(sql)
-            .map_err(|error| self.damaged(error))?;
-        let rows = statement
-            .query_map([], read)
-            .map_err(|error| self.damaged(error))?;
-        rows.collect::<rusqlite::Result<_>>()
-            .map_err(|error| self.damaged(error))
+        self.steps.0.store(0, Ordering::Relaxed);
+        let all =
+            || -> rusqlite::Result<C> { connection.prepare(sql)?.query_map([], read)?.collect() };
+        all().map_err(|error| self.damaged(reason(&error)))
     }
 
     /// The blob in the row `id` of a `table`, as an array of 4-byte elements; empty where there is
@@ -179,6 +211,7 @@ impl Database {
     fn blob(&self, table: &str, key: &str, id: i64, kind: Kind) -> Result<Array, ExchangeError> {
         let place = || format!("{table} of {key} {id}");
         let connection = self.connection.lock().expect("no thread panics with it");
+        self.steps.0.store(0, Ordering::Relaxed);
         let sql = format!("SELECT rows, cols, data FROM {table} WHERE {key} = ?1");
         let row = (connection.prepare(&sql))
             .and_then(|mut statement| {
@@ -189,7 +222,7 @@ impl Database {
                 };
                 statement.query_row([id], read).optional()
             })
-            .map_err(|error| self.damaged(error).at(place()))?;
+            .map_err(|error| self.damaged(reason(&error)).at(place()))?;
         let (rows, columns, data): (usize, usize, Vec<u8>) = row.unwrap_or_default();
         let element = Element::new(kind, 4, false).expect("4 bytes exist for all kinds");
         Array::new(vec![rows, columns], element, data)
@@ -198,6 +231,16 @@ impl Database {
 
     fn damaged(&self, what: impl std::fmt::Display) -> ExchangeError {
         ExchangeError::damaged(&self.path, what)
+    }
+}
+
+/// Why a statement failed.
+fn reason(error: &rusqlite::Error) -> String {
+    match error.sqlite_error_code() {
+        Some(ErrorCode::OperationInterrupted) => {
+            "a table has more rows than the file has bytes for".to_owned()
+        }
+        _ => error.to_string(),
     }
 }
 
@@ -232,10 +275,7 @@ fn joined(a: &Array, b: &Array, indices: &Array) -> Result<RawMatches, String> {
             .index(place, end)?
             .ok_or_else(|| format!("entry {place} is -1"))
     };
-    let rows = indices.rows(2)?;
-    if rows > MOST_MATCHES {
-        return Err(format!("{rows} matches; {MOST_MATCHES} are the most"));
-    }
+    let rows = bounded(indices.rows(2)?)?;
     let mut turns = Vec::new();
     for row in 0..rows {
         let (i, j) = (index(2 * row, counts[0])?, index(2 * row + 1, counts[1])?);

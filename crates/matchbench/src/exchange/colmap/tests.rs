@@ -162,3 +162,57 @@ fn blobs_that_would_fill_the_memory_are_refused_before_they_are_read() {
     let message = refused("UPDATE matches SET rows = 5000001, data = zeroblob(40000008)");
     assert!(message.contains("5000001 matches"), "{message}");
 }
+
+/// A page of the tree of a table: five hundred pages below it, all of them `child`.
+fn interior_page(child: u32) -> Vec<u8> {
+    const CELLS: u16 = 500;
+    const CELL: u16 = 5;
+    let cells = PAGE as u16 - CELL * CELLS;
+    let mut page = vec![5, 0, 0];
+    page.extend(CELLS.to_be_bytes());
+    page.extend(cells.to_be_bytes());
+    page.push(0);
+    page.extend(child.to_be_bytes());
+    for cell in 0..CELLS {
+        page.extend((cells + CELL * cell).to_be_bytes());
+    }
+    page.resize(cells.into(), 0);
+    for _ in 0..CELLS {
+        page.extend(child.to_be_bytes());
+        page.push(1);
+    }
+    page
+}
+
+const PAGE: usize = 4096;
+
+#[test]
+fn rows_without_an_end_are_refused() {
+    let (folder, sequence) = dataset();
+    let (path, connection) = database(&folder);
+    connection
+        .execute_batch("PRAGMA page_size = 4096; VACUUM")
+        .unwrap();
+    let query = "SELECT rootpage FROM sqlite_master WHERE name = 'matches'";
+    let root: u32 = connection.query_row(query, [], |row| row.get(0)).unwrap();
+    drop(connection);
+    let mut file = fs::read(&path).unwrap();
+    let root = (root as usize - 1) * PAGE..root as usize * PAGE;
+    let leaf = file[root.clone()].to_vec();
+    // Four levels, and the rows that were there below them.
+    let first = (file.len() / PAGE) as u32 + 1;
+    for level in 1..4 {
+        file.extend(interior_page(first + level));
+    }
+    file.extend(leaf);
+    file[root].copy_from_slice(&interior_page(first));
+    let pages = (file.len() / PAGE) as u32;
+    file[28..32].copy_from_slice(&pages.to_be_bytes());
+    fs::write(&path, file).unwrap();
+    let opened = MatchFiles::open(&[path], &sequence, &ReadOptions::default());
+    let message = opened.err().unwrap().to_string();
+    assert!(
+        message.contains("more rows than the file has bytes for"),
+        "{message}"
+    );
+}

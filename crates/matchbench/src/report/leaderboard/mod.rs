@@ -139,7 +139,7 @@ impl Key {
         Self {
             dataset: set.dataset.clone(),
             fingerprint: scored.fingerprint.clone(),
-            model: Model::of_all(&set.pairs),
+            model: set.model(),
             protocol: crate::protocols::of_estimator(&set.estimator).id,
             pairs: hasher.finalize().to_hex().to_string(),
         }
