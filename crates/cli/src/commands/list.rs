@@ -8,9 +8,9 @@ use matchbench::datasets::KINDS;
 use matchbench::datasets::rendered;
 use matchbench::estimators::ESTIMATORS;
 use matchbench::exchange::FORMATS;
-use matchbench::matchers::MATCHERS;
+use matchbench::matchers::{self, MATCHERS};
 use matchbench::protocols::PROTOCOLS;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::Ending;
 use crate::args::{ListArgs, Listed};
@@ -21,7 +21,7 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
     if wanted(Listed::Matchers) {
         writeln!(
             out,
-            "Matchers (--matchers ID,...; parameters: --set ID.NAME=VALUE)\n"
+            "Matchers (--matchers ID,...; parameters: --set ID.NAME=VALUE)\n\n{SIZES}\n"
         )?;
         for entry in MATCHERS {
             let estimator = format!("estimator: {}", entry.estimator());
@@ -31,6 +31,7 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
                 entry.summary(),
                 entry.reference(),
                 &entry.defaults(),
+                &|params| Some(matchers::build(*entry, Some(params)).err()?.reason),
             )?;
             writeln!(out, "      {estimator}\n")?;
         }
@@ -47,6 +48,7 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
                 entry.summary(),
                 entry.reference(),
                 &entry.defaults(),
+                &|params| Some(entry.build(Some(params)).err()?.reason),
             )?;
             writeln!(out)?;
         }
@@ -118,23 +120,46 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
     Ok(Ending::Done)
 }
 
+/// The parameters that every matcher has, see [`matchers::build`].
+const SIZES: &str = "  \
+  Every matcher also has one of these two. Without either, images keep their size.
+      extractor.max_size   images that are wider or higher than so many pixels are made smaller
+      extractor.size       every image is made this size, for example 640x480";
+
+/// Prints an entry. `refusal` says why parameters are refused, if they are.
 fn describe(
     out: &mut impl Write,
     id: &str,
     summary: &str,
     reference: &str,
     defaults: &Value,
+    refusal: &dyn Fn(&Value) -> Option<String>,
 ) -> io::Result<()> {
     writeln!(out, "  {id:<14} {summary}")?;
     writeln!(out, "      {reference}")?;
     for (name, value) in parameters("", defaults) {
-        writeln!(out, "      {name} = {value}")?;
+        write!(out, "      {name} = {value}")?;
+        if value.is_string() {
+            write!(out, "  ({})", values(&name, refusal).join(", "))?;
+        }
+        writeln!(out)?;
     }
     Ok(())
 }
 
+/// All values that the parameter `name`, a word, may have: the refusal of any other word names them.
+fn values(name: &str, refusal: &dyn Fn(&Value) -> Option<String>) -> Vec<String> {
+    let other = name
+        .rsplit('.')
+        .fold(json!("?"), |inner, part| json!({part: inner}));
+    let reason = refusal(&other).unwrap_or_default();
+    let (_, expected) = reason.split_once("expected ").unwrap_or_default();
+    let words = expected.split('`').skip(1).step_by(2);
+    words.map(str::to_owned).collect()
+}
+
 /// Every parameter by its full name: `{"extractor": {"sigma": 1.6}}` is `extractor.sigma`.
-fn parameters(prefix: &str, value: &Value) -> Vec<(String, String)> {
+fn parameters(prefix: &str, value: &Value) -> Vec<(String, Value)> {
     match value {
         Value::Object(object) => object
             .iter()
@@ -143,6 +168,43 @@ fn parameters(prefix: &str, value: &Value) -> Vec<(String, String)> {
                 parameters(&format!("{prefix}{dot}{name}"), value)
             })
             .collect(),
-        value => vec![(prefix.to_owned(), value.to_string())],
+        value => vec![(prefix.to_owned(), value.clone())],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_parameter_that_is_a_word_has_its_values() {
+        let mut count = 0;
+        let mut check = |id: &str, defaults: &Value, refusal: &dyn Fn(&Value) -> Option<String>| {
+            for (name, value) in parameters("", defaults) {
+                let Some(word) = value.as_str() else { continue };
+                let values = values(&name, refusal);
+                let given = values.iter().any(|value| value == word);
+                assert!(given && values.len() > 1, "{id}.{name}: {values:?}");
+                count += 1;
+            }
+        };
+        for entry in MATCHERS {
+            check(entry.id(), &entry.defaults(), &|params| {
+                Some(matchers::build(*entry, Some(params)).err()?.reason)
+            });
+        }
+        for entry in ESTIMATORS {
+            check(entry.id(), &entry.defaults(), &|params| {
+                Some(entry.build(Some(params)).err()?.reason)
+            });
+        }
+        assert!(count > 50, "{count}");
+    }
+
+    #[test]
+    fn every_matcher_has_the_two_sizes_that_are_listed_once() {
+        for name in matchers::SIZES {
+            assert!(SIZES.contains(&format!("extractor.{name} ")), "{name}");
+        }
     }
 }
