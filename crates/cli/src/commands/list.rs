@@ -20,39 +20,10 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
     let mut out = io::stdout().lock();
     let wanted = |what| args.what.is_none_or(|only| only == what);
     if wanted(Listed::Matchers) {
-        writeln!(
-            out,
-            "Matchers (--matchers ID,...; parameters: --set ID.NAME=VALUE)\n\n{SIZES}\n"
-        )?;
-        for entry in MATCHERS {
-            let estimator = format!("estimator: {}", entry.estimator());
-            describe(
-                &mut out,
-                entry.id(),
-                entry.summary(),
-                entry.reference(),
-                &entry.defaults(),
-                &|given| Ok(matchers::build(*entry, Some(given))?.params),
-            )?;
-            writeln!(out, "      {estimator}\n")?;
-        }
+        list_matchers(&mut out)?;
     }
     if wanted(Listed::Estimators) {
-        writeln!(
-            out,
-            "Estimators (--estimator ID,...; parameters: --set ID.NAME=VALUE)\n"
-        )?;
-        for entry in ESTIMATORS {
-            describe(
-                &mut out,
-                entry.id(),
-                entry.summary(),
-                entry.reference(),
-                &entry.defaults(),
-                &|given| Ok(entry.build(Some(given))?.params),
-            )?;
-            writeln!(out)?;
-        }
+        list_estimators(&mut out)?;
     }
     if wanted(Listed::Protocols) {
         writeln!(
@@ -119,6 +90,44 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
         }
     }
     Ok(Ending::Done)
+}
+
+fn list_matchers(out: &mut impl Write) -> io::Result<()> {
+    writeln!(
+        out,
+        "Matchers (--matchers ID,...; parameters: --set ID.NAME=VALUE)\n\n{SIZES}\n"
+    )?;
+    for entry in MATCHERS {
+        describe(
+            out,
+            entry.id(),
+            entry.summary(),
+            entry.reference(),
+            &entry.defaults(),
+            &|given| Ok(matchers::build(*entry, Some(given))?.params),
+        )?;
+        writeln!(out, "      estimator: {}\n", entry.estimator())?;
+    }
+    Ok(())
+}
+
+fn list_estimators(out: &mut impl Write) -> io::Result<()> {
+    writeln!(
+        out,
+        "Estimators (--estimator ID,...; parameters: --set ID.NAME=VALUE)\n"
+    )?;
+    for entry in ESTIMATORS {
+        describe(
+            out,
+            entry.id(),
+            entry.summary(),
+            entry.reference(),
+            &entry.defaults(),
+            &|given| Ok(entry.build(Some(given))?.params),
+        )?;
+        writeln!(out)?;
+    }
+    Ok(())
 }
 
 /// The parameters that every matcher has, see [`matchers::build`].
