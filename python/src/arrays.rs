@@ -258,7 +258,6 @@ pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyRes
 ///
 /// # Errors
 /// If it is anything else, or contains a number that is not finite.
-/// If it is something else, or holds a number that is not finite.
 pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyResult<Descriptors> {
     let expected = "an array n x d, of float32 (real values) or uint8 (bits, eight in a byte)";
     if let Ok(floats) = value.cast::<PyArray2<f32>>() {

@@ -41,7 +41,9 @@ impl Origin {
     }
 }
 
-/// A pinhole camera with optional lens distortion (k1, k2, p1, p2, k3, as in OpenCV).
+/// A pinhole camera: `u = fx x + cx`, `v = fy y + cy` for the point (x, y) at depth 1, after lens distortion (k1, k2,
+/// p1, p2[, k3], as in OpenCV). `origin` says where the origin of (cx, cy) is: at the centre of the first pixel
+/// ("center": OpenCV, and everywhere here) or at its corner ("corner": COLMAP).
 #[pyclass(frozen, eq, from_py_object, module = "matchbench")]
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct Camera {
@@ -75,7 +77,8 @@ impl Camera {
         checked([fx, fy, cx + shift, cy + shift], distortion)
     }
 
-    /// A camera, given by the name of its model in COLMAP and PoseLib and the parameters of that model.
+    /// A camera, given by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL
+    /// or OPENCV.
     #[staticmethod]
     #[pyo3(signature = (model, params, *, origin))]
     fn from_model(model: &str, params: Vec<f64>, origin: &str) -> PyResult<Self> {
@@ -101,26 +104,31 @@ impl Camera {
         checked([fx, fy, cx + shift, cy + shift], lens)
     }
 
+    /// Focal length along x, in pixels.
     #[getter]
     fn fx(&self) -> f64 {
         self.inner.fx
     }
 
+    /// Focal length along y, in pixels.
     #[getter]
     fn fy(&self) -> f64 {
         self.inner.fy
     }
 
+    /// x of the principal point; the centre of the first pixel is at 0.
     #[getter]
     fn cx(&self) -> f64 {
         self.inner.cx
     }
 
+    /// y of the principal point; the centre of the first pixel is at 0.
     #[getter]
     fn cy(&self) -> f64 {
         self.inner.cy
     }
 
+    /// Lens distortion (k1, k2, p1, p2, k3), as in OpenCV; None if there is none.
     #[getter]
     fn distortion(&self) -> Option<(f64, f64, f64, f64, f64)> {
         let lens = self.inner.distortion?;

@@ -16,7 +16,7 @@ use crate::features::Features;
 /// Pairs of indices (m x 2), distances, and distances to the second nearest.
 pub(crate) type Arrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
-/// Nearest neighbours that pass a test.
+/// Nearest neighbours that pass a test: indices, distances, and distances to the second nearest; `match` calls it.
 #[pyfunction]
 #[pyo3(signature = (a, b, method, ratio=None))]
 pub(crate) fn search<'py>(
@@ -103,6 +103,14 @@ pub(crate) fn of_arrays(
     let pairs = index_pairs(&indices, [a.len(), b.len()])?;
     let distances = column(&distances, "distances", pairs.len())?;
     let second = column(&second, "second", pairs.len())?;
+    for (name, values) in [("distances", &distances), ("second", &second)] {
+        if let Some(row) = values.iter().position(|value| value.is_nan()) {
+            return Err(value_error(format!(
+                "`{name}` is NaN in row {row}; leave such matches out, or set `second` to infinity where there is no \
+                 second candidate"
+            )));
+        }
+    }
     let values = distances.into_iter().zip(second);
     let matches = pairs.into_iter().zip(values);
     Ok(matches

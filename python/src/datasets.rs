@@ -15,7 +15,8 @@ use crate::detached::detached;
 use crate::errors::{error, value_error};
 use crate::pickled::{Reduced, by_method};
 
-/// Images with known cameras, and pairs of them with their true relative pose.
+/// Images with known cameras, and pairs of them with their true relative pose. A pickle holds only the path of the
+/// folder, which is opened again.
 #[pyclass(frozen, module = "matchbench")]
 pub(crate) struct Dataset {
     pub(crate) inner: run::Dataset,
@@ -33,6 +34,7 @@ impl Dataset {
 
 #[pymethods]
 impl Dataset {
+    /// The dataset in a folder of this project's layout; see `import_dataset` for others.
     #[staticmethod]
     fn open(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
         let inner = detached(py, || run::Dataset::open(&folder))?.map_err(error)?;
@@ -44,22 +46,26 @@ impl Dataset {
         by_method::<Self>(py, ("open", self.path()), None)
     }
 
+    /// The name of the dataset.
     #[getter]
     fn name(&self) -> &str {
         &self.inner.sequence.name
     }
 
+    /// The folder of the dataset.
     #[getter]
     fn path(&self) -> PathBuf {
         self.inner.path.clone()
     }
 
+    /// The image files, one for each frame.
     #[getter]
     fn images(&self) -> Vec<PathBuf> {
         let frames = self.inner.sequence.frames.iter();
         frames.map(|frame| frame.image.clone()).collect()
     }
 
+    /// k x 2: frames a and b.
     #[getter]
     fn pairs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let pairs = &self.inner.sequence.pairs;
@@ -70,6 +76,7 @@ impl Dataset {
         matrix(py, flat.collect(), [pairs.len(), 2])
     }
 
+    /// k x 4 x 4: the true poses; each takes a point from camera a to camera b. NaN if there is none.
     #[getter]
     fn b_from_a<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let pairs = &self.inner.sequence.pairs;
@@ -80,6 +87,7 @@ impl Dataset {
         matrix(py, poses.collect(), [pairs.len(), 4, 4])
     }
 
+    /// k x 3 x 3: true homographies; each maps pixels of a to those of b. NaN if there is none.
     #[getter]
     fn homographies<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let pairs = &self.inner.sequence.pairs;
@@ -90,11 +98,13 @@ impl Dataset {
         matrix(py, truths.collect(), [pairs.len(), 3, 3])
     }
 
+    /// The image of a frame, grey, as a matcher gets it in a run.
     fn read<'py>(&self, py: Python<'py>, frame: isize) -> PyResult<Bound<'py, PyAny>> {
         let frame = self.frame(frame)?;
         pixels(py, &detached(py, || frame.pixels())?.map_err(error)?)
     }
 
+    /// The camera of a frame.
     fn camera(&self, frame: isize) -> PyResult<Camera> {
         let inner = self.frame(frame)?.camera;
         Ok(Camera { inner })
@@ -115,7 +125,7 @@ impl Dataset {
 /// Converts a folder in another layout to ours; returns the notes of the import.
 #[pyfunction]
 #[pyo3(signature = (kind, source, out, pairs, sequence, camera, poses, tolerance, interpolate, image_root,
-                    intrinsics, images))]
+                    intrinsics, property, images))]
 pub(crate) fn import_dataset(
     py: Python<'_>,
     kind: &str,
@@ -129,6 +139,7 @@ pub(crate) fn import_dataset(
     interpolate: bool,
     image_root: Option<PathBuf>,
     intrinsics: Option<PathBuf>,
+    property: Option<String>,
     images: &str,
 ) -> PyResult<Vec<String>> {
     let pairs = pairs.map(str::parse).transpose().map_err(value_error)?;
@@ -152,8 +163,8 @@ pub(crate) fn import_dataset(
             interpolate,
             image_root,
             intrinsics,
+            property,
             images,
-            ..ImportOptions::default()
         };
         datasets::import(kind, &source, &out, &options).map_err(error)
     })??;
@@ -200,7 +211,7 @@ pub(crate) fn rendered_scene(
     Ok(folders.map_err(error)?.swap_remove(0))
 }
 
-/// The image in a file, grey, decoded as in every command.
+/// The image in a file as height x width, grey, decoded as in every command.
 #[pyfunction]
 pub(crate) fn read_gray(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
     let image = detached(py, || datasets::read_gray(&path))?.map_err(error)?;

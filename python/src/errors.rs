@@ -12,7 +12,7 @@ pyo3::create_exception!(
     matchbench,
     Error,
     PyException,
-    "Something outside the arguments is wrong: a file, a dataset, a run, a matcher that broke."
+    "A problem outside the arguments: with a file, a dataset or a run, or a matcher that failed."
 );
 pyo3::create_exception!(
     matchbench,

@@ -18,7 +18,7 @@ use crate::errors::{NoPose, value_error};
 use crate::params::parse;
 use crate::pickled::{Reduced, by_method};
 
-/// An estimator of the library with its parameters.
+/// An estimator with its parameters; `estimator(...)` makes it.
 #[pyclass(frozen, module = "matchbench")]
 pub(crate) struct Estimator {
     built: BuiltEstimator,
@@ -31,6 +31,25 @@ impl Estimator {
     /// None that the first build did not have.
     pub(crate) fn rebuild(&self) -> PyResult<BuiltEstimator> {
         build(&self.built.id, &self.built.params)
+    }
+
+    /// Checks that `turns`, if they are given, are used.
+    ///
+    /// # Errors
+    /// If they would do nothing.
+    fn check_turns(&self, turns: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        let setting = self.built.params.get("turns").and_then(Value::as_bool);
+        if turns.is_none() || setting == Some(true) {
+            return Ok(());
+        }
+        let id = &self.built.id;
+        let remedy = match setting {
+            Some(_) => format!("make it by estimator(\"{id}\", turns=True), or leave them out"),
+            None => "leave them out, or use estimator(\"adaptive\")".to_owned(),
+        };
+        Err(value_error(format!(
+            "`turns` would do nothing: this `{id}` uses points alone; {remedy}"
+        )))
     }
 }
 
@@ -47,6 +66,7 @@ impl Estimator {
         Ok(Self { built })
     }
 
+    /// Its name in commands, records and tables.
     #[getter]
     pub(crate) fn id(&self) -> &str {
         &self.built.id
@@ -62,6 +82,17 @@ impl Estimator {
         (py.get_type::<Self>(), (self.id(), self.params_json()))
     }
 
+    /// The relative pose of camera b from matched points: row i of `points_a` and of `points_b`, m x 2 in pixels, is
+    /// one match. Points are pixels of the original images, whose cameras these are; the centre of the first pixel is
+    /// (0, 0).
+    ///
+    /// `ambiguity` has m numbers from 0 (certain) to 1 (a second candidate is as good); without it every match has
+    /// 0.5. Progressive samplers (`sampler="prosac"`) draw the least ambiguous matches first.
+    /// `turns` has m angles in radians by which the keypoint of b is turned relative to that of a (`Matches.turns`).
+    /// An estimator uses them with `turns=True`, as "adaptive" has it by default; every other one refuses them.
+    /// With the `seed` of `pair_seed`, the result is that of a run; the same input and seed give the same bits.
+    ///
+    /// Raises `NoPose` if the matches determine no pose.
     #[pyo3(signature = (points_a, points_b, camera_a, camera_b, *, ambiguity=None, turns=None, seed=0))]
     fn estimate(
         &self,
@@ -81,6 +112,7 @@ impl Estimator {
             );
             return Err(value_error(message));
         };
+        self.check_turns(turns.as_ref())?;
         let matches = matched(points_a, points_b, ambiguity, turns)?;
         let count = matches.len();
         let found = detached(py, || {
@@ -109,6 +141,10 @@ impl Estimator {
         matches!(self.built.estimator, Built::Homography(_))
     }
 
+    /// The homography from image a to image b: row i of `points_a` and of `points_b`, m x 2 in pixels, is one match.
+    /// `ambiguity`, `turns` and `seed` are those of `estimate`.
+    ///
+    /// Raises `NoPose` if the matches determine no homography.
     #[pyo3(signature = (points_a, points_b, *, ambiguity=None, turns=None, seed=0))]
     fn estimate_homography(
         &self,
@@ -123,6 +159,7 @@ impl Estimator {
             let message = format!("`{}` estimates poses; call `estimate`", self.built.id);
             return Err(value_error(message));
         };
+        self.check_turns(turns.as_ref())?;
         let matches = matched(points_a, points_b, ambiguity, turns)?;
         let seed = estimation_seed(Seed(seed), &self.built.id);
         match detached(py, || homography.estimate(&matches, seed))? {
@@ -198,7 +235,7 @@ fn unmasked(mask: &Bound<'_, PyAny>) -> PyResult<(Vec<u32>, usize)> {
     Ok((agreeing.into_iter().map(|i| i as u32).collect(), count))
 }
 
-/// A homography, and the matches that agree with it.
+/// A homography, `x_b ~ H x_a` for pixels `(x, y, 1)`, and the matches that agree with it.
 #[pyclass(frozen, module = "matchbench")]
 pub(crate) struct HomographyEstimate {
     inner: robust::HomographyEstimate,
@@ -226,7 +263,7 @@ impl HomographyEstimate {
         by_method::<Self>(py, call, None)
     }
 
-    /// Maps pixels of a, as (x, y, 1), to those of b.
+    /// 3 x 3, of norm 1: maps pixels of a, as (x, y, 1), to those of b.
     #[getter(H)]
     fn homography<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let rows = self.inner.b_from_a.transpose().as_slice().to_vec();
@@ -239,11 +276,13 @@ impl HomographyEstimate {
         mask(py, &self.inner.inliers, self.count)
     }
 
+    /// Number of matches that agree.
     #[getter]
     fn num_inliers(&self) -> usize {
         self.inner.inliers.len()
     }
 
+    /// Number of samples drawn.
     #[getter]
     fn iterations(&self) -> usize {
         self.inner.iterations
@@ -258,7 +297,7 @@ impl HomographyEstimate {
     }
 }
 
-/// A relative pose, and the matches that agree with it.
+/// A relative pose, `x_b = R x_a + t`, and the matches that agree with it.
 #[pyclass(frozen, module = "matchbench")]
 pub(crate) struct PoseEstimate {
     inner: robust::PoseEstimate,
@@ -320,7 +359,7 @@ impl PoseEstimate {
         by_method::<Self>(py, call, None)
     }
 
-    /// R of `x_b = R x_a + t`.
+    /// 3 x 3: R of `x_b = R x_a + t`.
     #[getter(R)]
     fn rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let rotation = self.inner.b_from_a.rotation.to_rotation_matrix();
@@ -331,13 +370,13 @@ impl PoseEstimate {
         )
     }
 
-    /// t, of length 1.
+    /// 3: t of `x_b = R x_a + t`, of length 1, since the scale cannot be known from two images.
     #[getter]
     fn t<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         matrix(py, self.inner.b_from_a.direction.as_slice().to_vec(), [3])
     }
 
-    /// The rotation as a quaternion w, x, y, z.
+    /// R as a quaternion w, x, y, z.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let q = self.inner.b_from_a.rotation;
@@ -350,26 +389,31 @@ impl PoseEstimate {
         mask(py, &self.inner.inliers, self.count)
     }
 
+    /// Number of matches that agree.
     #[getter]
     fn num_inliers(&self) -> usize {
         self.inner.inliers.len()
     }
 
+    /// Number of matches whose point is in front of both cameras and nearer than the largest depth.
     #[getter]
     fn support(&self) -> usize {
         self.inner.support
     }
 
+    /// The probability that the pose is within 10 degrees of the truth, estimated from the matches.
     #[getter]
     fn confidence(&self) -> f64 {
         self.confidence.right
     }
 
+    /// The probability that the images overlap and the matches show that; below 0.5 the answer is "no overlap".
     #[getter]
     fn overlap_probability(&self) -> f64 {
         self.confidence.overlap
     }
 
+    /// Number of samples drawn.
     #[getter]
     fn iterations(&self) -> usize {
         self.inner.iterations

@@ -17,11 +17,13 @@ use crate::camera::Origin;
 use crate::detached::detached;
 use crate::pickled::{Reduced, by_method};
 
-/// Keypoints of an image and their descriptors. Each array is made once, when it is first asked for. The arrays
-/// are read-only, since searches and selectors use the same data.
+/// Keypoints of an image and their descriptors: row i of every array is feature i. The arrays are read-only; copy
+/// one to change it.
 #[pyclass(frozen, module = "matchbench")]
 pub(crate) struct Features {
     pub(crate) inner: Arc<features::Features>,
+    /// Each is made once, when it is first asked for. They are read-only, since searches and selectors use the same
+    /// data.
     arrays: [PyOnceLock<Py<PyAny>>; 7],
 }
 
@@ -73,6 +75,10 @@ impl Features {
 
 #[pymethods]
 impl Features {
+    /// Features from your own arrays: keypoints n x 2 (x, y in pixels), descriptors n x d (float32, or uint8 for
+    /// bits), (width, height). `bits` is the number of bits of a row of bytes that are used; default: all. Every
+    /// number must be finite, except that an angle is NaN if there is none. Sizes must not be below 0. Octaves are
+    /// whole numbers from -32768 to 32767.
     #[staticmethod]
     #[pyo3(signature = (keypoints, descriptors, image_size, *, sizes=None, angles=None, responses=None,
                         octaves=None, lafs=None, bits=None, origin="center"))]
@@ -131,6 +137,14 @@ impl Features {
             let message = format!("octaves: {octave}, which is no whole number");
             return Err(PyValueError::new_err(message));
         }
+        let levels = f32::from(i16::MIN)..=f32::from(i16::MAX);
+        if let Some(row) = octaves.iter().position(|octave| !levels.contains(octave)) {
+            return Err(PyValueError::new_err(format!(
+                "`octaves` are from -32768 to 32767; row {row} is {}. cv2's SIFT packs octave, layer and scale into \
+                 one number; take its lowest byte, by (octaves & 255).astype(numpy.int8)",
+                octaves[row]
+            )));
+        }
         let keypoints: Vec<_> = (0..at.len())
             .map(|i| Keypoint {
                 at: [(at[i].x + shift) as f32, (at[i].y + shift) as f32].into(),
@@ -175,6 +189,7 @@ impl Features {
         by_method::<Self>(py, call, Some(&keywords))
     }
 
+    /// n x 2: x, y in pixels of the image; the centre of the first pixel is (0, 0).
     #[getter]
     fn keypoints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, 0, |inner| {
@@ -183,26 +198,32 @@ impl Features {
         })
     }
 
+    /// n: diameters of the described neighbourhoods, in pixels.
     #[getter]
     fn sizes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.column(py, 1, |keypoint| keypoint.size)
     }
 
+    /// n: orientations in radians, from the x axis towards the y axis; NaN if there is none.
     #[getter]
     fn angles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.column(py, 2, |keypoint| keypoint.angle.unwrap_or(f32::NAN))
     }
 
+    /// n: strength of the detector's response.
     #[getter]
     fn responses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.column(py, 3, |keypoint| keypoint.response)
     }
 
+    /// n: pyramid levels, as the detector numbers them.
     #[getter]
     fn octaves<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.column(py, 4, |keypoint| i32::from(keypoint.octave))
     }
 
+    /// n x 2 x 3: local affine frames in the form of kornia. Each maps the unit circle to the region that was
+    /// described.
     #[getter]
     fn lafs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, 5, |inner| {
@@ -214,16 +235,19 @@ impl Features {
         })
     }
 
+    /// n x d: float32, or uint8 for bits (eight per byte, the least significant first).
     #[getter]
     fn descriptors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, 6, |inner| descriptors_out(py, &inner.descriptors))
     }
 
+    /// Width and height of the image.
     #[getter]
     fn image_size(&self) -> (usize, usize) {
         (self.inner.size.width, self.inner.size.height)
     }
 
+    /// Bits of a descriptor; None if it has real values.
     #[getter]
     fn bits(&self) -> Option<usize> {
         match self.inner.descriptors.kind() {
@@ -232,7 +256,7 @@ impl Features {
         }
     }
 
-    /// The features at `indices`, in that order, or those for which a mask is true.
+    /// The features at these indices, in that order, or those for which a mask is true.
     fn select(&self, py: Python<'_>, indices: Bound<'_, PyAny>) -> PyResult<Self> {
         let inner = &self.inner;
         let indices = chosen(&indices, inner.len())?;
@@ -247,6 +271,8 @@ impl Features {
         })
     }
 
+    /// A dict with LightGlue's keys: keypoints, descriptors, keypoint_scores, scales, oris, image_size; without its
+    /// batch axis.
     #[pyo3(signature = (*, origin="center"))]
     fn to_dict<'py>(&self, py: Python<'py>, origin: &str) -> PyResult<Bound<'py, PyDict>> {
         let shift = Origin::parse(origin)?.shift() as f32;

@@ -4,7 +4,8 @@
 //! package around it (`python/python/matchbench`) adds familiar names and defaults. Each file here handles one
 //! kind of values that are passed between Python and Rust. Three rules hold for all of them:
 //!
-//! - The interpreter is released while anything is computed, read or written.
+//! - The interpreter is released while features, matches, poses and scores are computed and files are read or
+//!   written. It is held while arrays are copied from and to Python, which includes the conversion of colours to grey.
 //! - Parameters are passed as JSON, so the same code checks them as for the command line.
 //! - A refusal says in words what was given and what is expected.
 

@@ -7,6 +7,7 @@ use matchbench::matchers::{self, BuiltMatcher};
 use matchbench::run::selection_seed;
 use matchbench_vision::features::Features as Inner;
 use matchbench_vision::geometry::MatchedPoints;
+use matchbench_vision::image::GrayImage;
 use matchbench_vision::matching::{MatcherError, View};
 use matchbench_vision::seed::Seed;
 use pyo3::prelude::*;
@@ -23,7 +24,7 @@ use crate::features::Features;
 use crate::params::parse;
 use crate::pickled::{Reduced, by_method};
 
-/// A matcher of the library with its parameters.
+/// A matcher of the library with its parameters, which are JSON; `matchbench.Matcher` is made of it.
 #[pyclass(frozen, module = "matchbench._native")]
 pub(crate) struct Matcher {
     built: BuiltMatcher,
@@ -52,6 +53,7 @@ impl Matcher {
         Ok(Self { built })
     }
 
+    /// Its name in commands, records and tables.
     #[getter]
     fn id(&self) -> &str {
         &self.built.id
@@ -67,12 +69,14 @@ impl Matcher {
         (py.get_type::<Self>(), (self.id(), self.params()))
     }
 
+    /// The features of an image.
     fn extract(&self, py: Python<'_>, pixels: &Bound<'_, PyAny>) -> PyResult<Features> {
         let image = image(pixels)?;
         let found = detached(py, || self.built.matcher.extract(&image))?.map_err(error)?;
         Ok(found.into())
     }
 
+    /// The putative matches of two images: indices, distances, and distances to the second nearest.
     fn search<'py>(&self, py: Python<'py>, a: &Features, b: &Features) -> PyResult<Arrays<'py>> {
         same_kind(&a.inner, &b.inner)?;
         let found = detached(py, || self.built.matcher.search(&a.inner, &b.inner))?;
@@ -93,7 +97,11 @@ impl Matcher {
     ) -> PyResult<Arrays<'py>> {
         let putative = of_arrays(putative, &a.inner, &b.inner)?;
         let images = match &images {
-            Some((a, b)) => Some([image(a)?, image(b)?]),
+            Some(given) => {
+                let images = [image(&given.0)?, image(&given.1)?];
+                of_features(&images, [&*a.inner, &*b.inner])?;
+                Some(images)
+            }
             None if self.built.matcher.selects_by_pixels() => {
                 let message = format!("{} looks at the pixels; give images=(a, b)", self.built.id);
                 return Err(value_error(message));
@@ -116,7 +124,7 @@ impl Matcher {
         arrays(py, &kept.map_err(error)?)
     }
 
-    /// Runs all stages.
+    /// Matched points of two images: all stages, one after the other.
     #[pyo3(name = "match_images", signature = (a, b, camera_a, camera_b, seed))]
     fn match_images(
         &self,
@@ -155,7 +163,25 @@ impl Matcher {
     }
 }
 
-/// Matched points of two images, and the indices of their features.
+/// Checks that the `images` of a and b are those of these `features`, by their sizes.
+///
+/// # Errors
+/// If one has another size.
+fn of_features(images: &[GrayImage; 2], features: [&Inner; 2]) -> PyResult<()> {
+    for ((name, image), features) in ["a", "b"].iter().zip(images).zip(features) {
+        if image.size() != features.size {
+            return Err(value_error(format!(
+                "images: image {name} is {}, but its features are of an image of {}; give the image that they were \
+                 found in",
+                image.size(),
+                features.size
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Matched points of two images, and the features that they are made of.
 #[pyclass(frozen, module = "matchbench")]
 pub(crate) struct Matches {
     points: MatchedPoints,
@@ -219,23 +245,28 @@ impl Matches {
         by_method::<Self>(py, call, None)
     }
 
+    /// m x 2, in pixels of image a.
     #[getter]
     fn points_a<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let values = self.points.a.iter().flat_map(|p| [p.x, p.y]);
         matrix(py, values.collect(), [self.points.len(), 2])
     }
 
+    /// m x 2, in pixels of image b.
     #[getter]
     fn points_b<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let values = self.points.b.iter().flat_map(|p| [p.x, p.y]);
         matrix(py, values.collect(), [self.points.len(), 2])
     }
 
+    /// m: from 0 (certain) to 1 (a second candidate is as good).
     #[getter]
     fn ambiguity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         matrix(py, self.points.ambiguity.clone(), [self.points.len()])
     }
 
+    /// m: the angle by which the keypoint of b is turned relative to that of a, in radians from 0 to 2 pi; None if
+    /// keypoints have no orientation.
     #[getter]
     fn turns<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let turns = self.points.turns.clone();
@@ -244,17 +275,20 @@ impl Matches {
             .transpose()
     }
 
+    /// m x 2: features of a and of b.
     #[getter]
     fn indices<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let flat = self.indices.iter().flatten().copied().collect();
         matrix(py, flat, [self.indices.len(), 2])
     }
 
+    /// The features of image a.
     #[getter]
     fn features_a(&self) -> Features {
         Arc::clone(&self.features[0]).into()
     }
 
+    /// The features of image b.
     #[getter]
     fn features_b(&self) -> Features {
         Arc::clone(&self.features[1]).into()

@@ -253,7 +253,7 @@ fn listening(
     }
 }
 
-/// The seed of a pair in a run.
+/// The seed of a pair in a run: with it, `match` and `estimate` give the same results as the run.
 #[pyfunction]
 #[pyo3(signature = (dataset, matcher, a, b, *, seed=0, repetition=0))]
 pub(crate) fn pair_seed(

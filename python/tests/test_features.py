@@ -194,6 +194,21 @@ def test_numbers_that_are_not_finite_are_refused_by_array_and_row(name, value):
         mb.Features.from_arrays(image_size=(10, 10), **arrays)
 
 
+def test_octaves_are_levels_and_not_opencvs_packed_numbers():
+    def made(octaves):
+        return mb.Features.from_arrays(np.zeros((3, 2)), np.zeros((3, 8), np.float32), (10, 10), octaves=octaves)
+
+    assert made([-32768, 0, 32767]).octaves.tolist() == [-32768, 0, 32767]
+    for outside in (-32769, 32768):
+        with pytest.raises(ValueError, match=f"`octaves` are from -32768 to 32767; row 1 is {outside}"):
+            made([0, outside, 0])
+    packed = np.array([0x00A103FF, 0x007C0200, 0x00110101])  # octaves -1, 0 and 1, with their layers and scales
+    with pytest.raises(ValueError, match="cv2's SIFT packs") as caught:
+        made(packed)
+    told = str(caught.value).split(" by ", 1)[1]
+    assert made(eval(told, {"octaves": packed, "numpy": np})).octaves.tolist() == [-1, 0, 1]
+
+
 def test_sizes_below_0_are_refused_by_row():
     with pytest.raises(ValueError, match="`sizes` are diameters, not below 0; row 2 is -1.5"):
         mb.Features.from_arrays(np.zeros((3, 2)), np.zeros((3, 8), np.float32), (10, 10), sizes=[1, 0, -1.5])
@@ -224,6 +239,16 @@ def test_one_line_switches_from_opencv(images):
         assert len(create().detectAndCompute(images[0], None)[0]) > 0
     with pytest.raises(TypeError, match="scoreType"):
         mb.ORB_create(scoreType=1)
+
+
+def test_an_argument_that_stands_elsewhere_in_opencv_is_given_by_name():
+    """cv2's fourth argument of ORB is edgeThreshold; the first ones of AKAZE and KAZE are the kind of descriptor."""
+    for create, values in [(mb.ORB_create, (1000, 1.2, 8, 31)), (mb.AKAZE_create, (5,)), (mb.KAZE_create, (True,))]:
+        with pytest.raises(TypeError, match="positional argument"):
+            create(*values)
+    assert mb.ORB_create(1000, 1.2, 8, fastThreshold=31).extractor.params["fast_threshold"] == 31
+    for create in (mb.AKAZE_create, mb.KAZE_create):
+        assert create(threshold=0.002).extractor.params["threshold"] == 0.002
 
 
 def test_limits_of_the_environment_hold_from_the_import_on():

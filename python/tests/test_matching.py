@@ -84,6 +84,31 @@ def test_selectors_keep_some_of_what_they_are_given(features, images, dataset):
             mb.gms(a, b, wrong)
 
 
+def test_pixels_of_another_image_are_refused_by_size(features, images):
+    a, b = features
+    for wrong, words in [
+        ((images[0][:100], images[1]), "image a is 320x100, but its features are of an image of 320x240"),
+        ((images[0], images[1][:, :100]), "image b is 100x240, but its features are of an image of 320x240"),
+    ]:
+        with pytest.raises(ValueError, match=f"images: {words}; give the image that they were found in"):
+            mb.kvld(a, b, images=wrong)
+    small = [mb.SIFT(max_size=200).extract(image) for image in images]
+    assert len(mb.kvld(*small, images=tuple(images)).indices) > 0  # positions are those of the whole image
+
+
+def test_a_distance_that_is_no_number_is_refused_by_row(features):
+    a, b = features
+    indices = np.array([[0, 1], [2, 3]])
+    one, broken = np.ones(2, np.float32), np.array([1, np.nan], np.float32)
+    with pytest.raises(ValueError, match="`distances` is NaN in row 1"):
+        mb.gms(a, b, mb.Correspondences.of(indices, broken, one))
+    with pytest.raises(ValueError, match="`second` is NaN in row 1.*infinity where there is no second"):
+        mb.gms(a, b, mb.Correspondences.of(indices, one, broken))
+    alone = mb.match(a.select([0, 1, 2]), b.select([0]), "nn")
+    assert np.isinf(alone.second).all()  # no second candidate
+    mb.gms(a.select([0, 1, 2]), b.select([0]), alone)
+
+
 def test_replacing_a_field_of_correspondences_keeps_second(features):
     matches = mb.match(*features)
     halved = matches._replace(distances=matches.distances / 2)

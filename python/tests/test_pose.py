@@ -150,6 +150,32 @@ def test_too_few_matches_are_no_pose():
         mb.estimator("best", treshold=1)
 
 
+def test_turns_are_refused_where_they_would_do_nothing(matches, dataset):
+    points, camera = (matches.points_a, matches.points_b), dataset.camera(0)
+
+    def pose(estimator, turns):
+        return estimator.estimate(*points, camera, camera, turns=turns)
+
+    unlike = np.linspace(0, 6, len(matches), dtype=np.float32)
+    for estimator in (mb.estimator("adaptive"), mb.estimator("best", turns=True)):
+        found = [pose(estimator, turns).R.tobytes() for turns in (None, matches.turns, unlike)]
+        assert len(set(found)) > 1
+    for id, params, remedy in [
+        ("best", {}, r'estimator\("best", turns=True\)'),
+        ("adaptive", {"turns": False}, r'estimator\("adaptive", turns=True\)'),
+        ("ransac-e", {}, "leave them out, or use"),
+        ("lmeds-e", {}, "leave them out, or use"),
+    ]:
+        estimator = mb.estimator(id, **params)
+        with pytest.raises(ValueError, match=f"`turns` would do nothing: this `{id}` uses points alone; .*{remedy}"):
+            pose(estimator, matches.turns)
+        assert pose(estimator, None).num_inliers > 0
+    flat = np.random.default_rng(0).uniform(0, 300, (20, 2))
+    with pytest.raises(ValueError, match="`turns` would do nothing.*best-h"):
+        mb.estimator("best-h").estimate_homography(flat, flat, turns=np.zeros(20))
+    assert mb.estimator("best-h", turns=True).estimate_homography(flat, flat, turns=np.zeros(20)).num_inliers == 20
+
+
 def test_an_array_without_an_end_is_an_error():
     endless = np.broadcast_to(np.zeros((1, 2)), (10**13, 2))
     camera = mb.Camera(100, 100, 50, 50)
@@ -173,7 +199,7 @@ def test_a_list_is_not_believed_to_be_as_long_as_it_says():
     points = np.zeros((3, 2))
     for turns in [endless, endless[:, 0], Boundless()]:
         with pytest.raises((TypeError, ValueError), match="`turns` must be an array of 3 numbers"):
-            mb.estimator("best").estimate(points, points, camera, camera, turns=turns)
+            mb.estimator("adaptive").estimate(points, points, camera, camera, turns=turns)
     with pytest.raises((TypeError, ValueError, MemoryError), match="points_a"):
         mb.estimator("best").estimate(endless, points, camera, camera)
 

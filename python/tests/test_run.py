@@ -208,6 +208,17 @@ def test_a_manifest_beside_a_name(dataset, tmp_path):
     assert run.is_complete and any("absent" in str(warning.message) for warning in said)
 
 
+def test_a_table_shows_the_scores_that_a_run_has(dataset, command_line_run, tmp_path):
+    of_poses = mb.evaluate(command_line_run)
+    assert str(of_poses).splitlines()[0].split()[5:9] == ["auc", "sp5", "rotation_auc", "translation_auc"]
+    wall = mb.rendered_scene("mural", tmp_path / "scenes", frames=3, size=(160, 120))
+    run = mb.run(wall, "orb", "best-h", out=tmp_path / "run", progress=False)
+    scores = mb.evaluate(run)
+    head, row = (line.split() for line in str(scores).splitlines()[:2])
+    assert head[5:] == ["auc_h1", "auc_h3", "auc_h5", "mma3"] and len(row) == len(head) and "nan" not in row
+    assert "<th>auc_h3</th>" in scores._repr_html_() and "<th>auc</th>" not in scores._repr_html_()
+
+
 def test_tables_become_data_frames_where_there_is_a_library(dataset, command_line_run):
     scores = mb.evaluate(command_line_run)
     assert len(scores["auc"]) == 4
@@ -231,7 +242,8 @@ def test_datasets_are_imported(dataset, images, tmp_path):
     (source / "K.txt").write_text(f"{camera.fx} 0 {camera.cx}\n0 {camera.fy} {camera.cy}\n0 0 1\n")
     lines = [f"{i} {i} 0 0 0 0 0 1" for i in range(len(dataset))]
     (source / "poses.txt").write_text("\n".join(lines) + "\n")
-    imported = mb.import_dataset("folder", source, tmp_path / "out", pairs="all")
+    imported = mb.import_dataset("folder", source, tmp_path / "out", pairs="all", property="a cabinet")
+    assert 'property = "a cabinet"' in (tmp_path / "out" / "dataset.toml").read_text()
     assert len(imported) == 4 and len(imported.pairs) == 6 and imported.camera(3) == camera
     assert np.array_equal(mb.read_gray(imported.images[0]), images[0])
     with pytest.raises(mb.Error, match="use one of"):

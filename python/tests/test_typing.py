@@ -30,6 +30,27 @@ def test_the_package_says_that_it_is_typed_and_names_all():
     assert set(mb.__all__) == public
 
 
+def test_everything_compiled_has_a_docstring_that_the_stub_has_too():
+    def words(text):
+        return " ".join((text or "").split())
+
+    tree = ast.parse((pathlib.Path(mb.__file__).parent / "_native.pyi").read_text())
+    public = {name: value for name, value in vars(mb._native).items() if not name.startswith("_")}
+    stubs = {node.name: node for node in tree.body if isinstance(node, (ast.ClassDef, ast.FunctionDef))}
+    assert public.keys() == stubs.keys()
+    for name, value in public.items():
+        assert words(value.__doc__), name
+        if isinstance(stubs[name], ast.FunctionDef):
+            continue
+        assert words(value.__doc__) == words(ast.get_docstring(stubs[name])), name
+        inner = {node.name: node for node in stubs[name].body if isinstance(node, ast.FunctionDef)}
+        own = {member for member in vars(value) if not member.startswith("_")}
+        assert own == {member for member in inner if not member.startswith("_")}, name
+        for member in own:
+            said = words(getattr(value, member).__doc__)
+            assert said and said == words(ast.get_docstring(inner[member])), f"{name}.{member}"
+
+
 def test_stubs_say_which_classes_cannot_be_subclassed():
     tree = ast.parse((pathlib.Path(mb.__file__).parent / "_native.pyi").read_text())
     for stub in (node for node in tree.body if isinstance(node, ast.ClassDef)):

@@ -33,6 +33,11 @@ fn list_names_every_parameter() {
     for expected in [
         "sift",
         "extractor.contrast_threshold = 0.04",
+        "extractor.max_size ",
+        "extractor.size ",
+        "selection = \"ratio\"  (ratio, mutual, smnn, fginn)",
+        "budget = \"authors\"  (authors, small)",
+        "sampler = \"prosac\"  (uniform, prosac, spread)",
         "ransac-e",
         "strecha",
     ] {

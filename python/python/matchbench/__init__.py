@@ -1,8 +1,8 @@
 """Estimates the relative pose of two cameras from their images, and benchmarks feature matchers.
 
 Images are numpy arrays of uint8, height x width (grey) or height x width x 3 (RGB). Positions are x, y in pixels; the
-centre of the first pixel is (0, 0). Every call releases the interpreter, is deterministic, and refuses unknown
-parameters.
+centre of the first pixel is (0, 0). Every call is deterministic and refuses unknown parameters. The interpreter is
+released while features, matches, poses and scores are computed, but not while arrays are copied.
 """
 
 from ._correspondences import Correspondences, match

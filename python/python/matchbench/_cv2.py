@@ -1,8 +1,8 @@
 """Features with OpenCV's functions and methods, so that one changed line is enough: `cv2.SIFT_create` -> `SIFT_create`.
 
-Keypoints are `cv2.KeyPoint` if cv2 can be imported, otherwise a tuple with the same names. Arguments have OpenCV's names
-and meanings; those that have no counterpart here are refused. Colour images are BGR, as cv2 reads them. A mask keeps the
-keypoints where it is not 0; a limit on the number of features applies before the mask.
+Keypoints are `cv2.KeyPoint` if cv2 can be imported, otherwise a tuple with the same names. Arguments have OpenCV's names,
+meanings and positions; those that have no counterpart here are refused. Colour images are BGR, as cv2 reads them. A mask
+keeps the keypoints where it is not 0; a limit on the number of features applies before the mask.
 """
 
 import importlib
@@ -64,9 +64,10 @@ def SIFT_create(
 
 
 def ORB_create(
-    nfeatures: int = 500, scaleFactor: float = 1.2, nlevels: int = 8, fastThreshold: int = 20
+    nfeatures: int = 500, scaleFactor: float = 1.2, nlevels: int = 8, *, fastThreshold: int = 20
 ) -> Feature2D:
-    """As cv2.ORB_create; all other arguments of that function have their defaults."""
+    """As cv2.ORB_create; all other arguments of that function have their defaults. The fourth by position is another
+    one there, so `fastThreshold` is given by name."""
     return Feature2D(
         ORB(features=nfeatures, scale_factor=scaleFactor, levels=nlevels, fast_threshold=fastThreshold)
     )
@@ -77,13 +78,14 @@ def BRISK_create(thresh: int = 30, octaves: int = 3) -> Feature2D:
     return Feature2D(BRISK(threshold=thresh, octaves=octaves))
 
 
-def AKAZE_create(threshold: float = 0.001, nOctaves: int = 4, nOctaveLayers: int = 4) -> Feature2D:
-    """As cv2.AKAZE_create: all 486 bits of M-LDB."""
+def AKAZE_create(*, threshold: float = 0.001, nOctaves: int = 4, nOctaveLayers: int = 4) -> Feature2D:
+    """As cv2.AKAZE_create: all 486 bits of M-LDB. By position, the first arguments are others there, so these are given
+    by name."""
     return Feature2D(AKAZE(threshold=threshold, octaves=nOctaves, levels=nOctaveLayers))
 
 
-def KAZE_create(threshold: float = 0.001, nOctaves: int = 4, nOctaveLayers: int = 4) -> Feature2D:
-    """As cv2.KAZE_create: 64 values."""
+def KAZE_create(*, threshold: float = 0.001, nOctaves: int = 4, nOctaveLayers: int = 4) -> Feature2D:
+    """As cv2.KAZE_create: 64 values. By position, the first arguments are others there, so these are given by name."""
     return Feature2D(KAZE(threshold=threshold, octaves=nOctaves, levels=nOctaveLayers))
 
 

@@ -23,11 +23,13 @@ def import_dataset(
     interpolate: bool = False,
     image_root: _Path | None = None,
     intrinsics: _Path | None = None,
+    property: str | None = None,
     images: str = "reference",
 ) -> Dataset:
     """Imports the folder `source`, in the layout `kind` ("tum", "kitti", "folder" ...; `matchbench import --help`
     describes all), as the new folder `out`, and opens it. The options are those of this command; an option that the
-    kind does not have is refused. Whatever you should know about the dataset is given as a warning."""
+    kind does not have is refused. `property` says in a few words what the images show, for the report. Whatever you
+    should know about the dataset is given as a warning."""
     notes = native_import(
         kind,
         source,
@@ -40,6 +42,7 @@ def import_dataset(
         interpolate,
         image_root,
         intrinsics,
+        property,
         images,
     )
     for note in notes:

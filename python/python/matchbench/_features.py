@@ -1,5 +1,6 @@
 """Local features: one class for each kind, all with the method `extract`. Parameters and their defaults are those of the
-command line (`matchbench list matchers` shows them as `extractor`); `params` returns all of them."""
+command line (`matchbench list matchers` shows them as `extractor`); `params` returns all of them, but of `max_size` and
+`size` only one that was given."""
 
 import json
 from typing import Any, ClassVar
@@ -13,7 +14,8 @@ from ._params import to_json
 
 
 class Extractor:
-    """Finds and describes keypoints. An image that is larger than `max_size` (pixels) is made smaller first."""
+    """Finds and describes keypoints. With `max_size` (pixels), an image that is wider or higher is made smaller first;
+    with `size` ("640x480"), every image is made that size. Positions are those in the image that is given."""
 
     _matcher: ClassVar[str]
 
@@ -22,7 +24,7 @@ class Extractor:
 
     @property
     def params(self) -> dict[str, Any]:
-        """Every parameter, including those at their defaults."""
+        """Every parameter, including those at their defaults; `max_size` or `size` only if it was given."""
         return json.loads(self._native.params)["extractor"]
 
     def extract(self, image: NDArray[np.uint8]) -> Features:

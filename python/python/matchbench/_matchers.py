@@ -29,7 +29,8 @@ class Matcher:
 
     @property
     def params(self) -> dict[str, Any]:
-        """Every parameter, including those at their defaults."""
+        """Every parameter, including those at their defaults; the `max_size` or `size` of the extractor only if it was
+        given."""
         return json.loads(self._native.params)
 
     def extract(self, image: NDArray[np.uint8]) -> Features:

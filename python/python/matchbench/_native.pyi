@@ -37,15 +37,20 @@ class Camera:
         """A camera, given by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE,
         SIMPLE_RADIAL, RADIAL or OPENCV."""
     @property
-    def fx(self) -> float: ...
+    def fx(self) -> float:
+        """Focal length along x, in pixels."""
     @property
-    def fy(self) -> float: ...
+    def fy(self) -> float:
+        """Focal length along y, in pixels."""
     @property
-    def cx(self) -> float: ...
+    def cx(self) -> float:
+        """x of the principal point; the centre of the first pixel is at 0."""
     @property
-    def cy(self) -> float: ...
+    def cy(self) -> float:
+        """y of the principal point; the centre of the first pixel is at 0."""
     @property
-    def distortion(self) -> tuple[float, float, float, float, float] | None: ...
+    def distortion(self) -> tuple[float, float, float, float, float] | None:
+        """Lens distortion (k1, k2, p1, p2, k3), as in OpenCV; None if there is none."""
 
 @final
 class Features:
@@ -68,7 +73,8 @@ class Features:
     ) -> Features:
         """Features from your own arrays: keypoints n x 2 (x, y in pixels), descriptors n x d (float32, or uint8 for
         bits), (width, height). `bits` is the number of bits of a row of bytes that are used; default: all. Every
-        number must be finite, except that an angle is NaN if there is none. Sizes must not be below 0."""
+        number must be finite, except that an angle is NaN if there is none. Sizes must not be below 0. Octaves are
+        whole numbers from -32768 to 32767."""
     @property
     def keypoints(self) -> NDArray[np.float32]:
         """n x 2: x, y in pixels of the image; the centre of the first pixel is (0, 0)."""
@@ -106,7 +112,7 @@ class Features:
 
 @final
 class Matches:
-    """Matched points of two images."""
+    """Matched points of two images, and the features that they are made of."""
 
     @property
     def points_a(self) -> NDArray[np.float64]:
@@ -125,20 +131,28 @@ class Matches:
     def indices(self) -> NDArray[np.int64]:
         """m x 2: features of a and of b."""
     @property
-    def features_a(self) -> Features: ...
+    def features_a(self) -> Features:
+        """The features of image a."""
     @property
-    def features_b(self) -> Features: ...
+    def features_b(self) -> Features:
+        """The features of image b."""
     def __len__(self) -> int: ...
 
 @final
 class Matcher:
+    """A matcher of the library with its parameters, which are JSON; `matchbench.Matcher` is made of it."""
+
     def __new__(cls, id: str, params: str) -> Matcher: ...
     @property
-    def id(self) -> str: ...
+    def id(self) -> str:
+        """Its name in commands, records and tables."""
     @property
-    def params(self) -> str: ...
-    def extract(self, pixels: NDArray[np.uint8]) -> Features: ...
-    def search(self, a: Features, b: Features) -> _Arrays: ...
+    def params(self) -> str:
+        """All parameters, as JSON."""
+    def extract(self, pixels: NDArray[np.uint8]) -> Features:
+        """The features of an image."""
+    def search(self, a: Features, b: Features) -> _Arrays:
+        """The putative matches of two images: indices, distances, and distances to the second nearest."""
     def select(
         self,
         a: Features,
@@ -147,7 +161,8 @@ class Matcher:
         images: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None,
         cameras: tuple[Camera, Camera] | None,
         seed: int,
-    ) -> _Arrays: ...
+    ) -> _Arrays:
+        """The putative matches that the matcher keeps."""
     def match_images(
         self,
         a: NDArray[np.uint8],
@@ -155,7 +170,8 @@ class Matcher:
         camera_a: Camera | None,
         camera_b: Camera | None,
         seed: int,
-    ) -> Matches: ...
+    ) -> Matches:
+        """Matched points of two images: all stages, one after the other."""
 
 @final
 class PoseEstimate:
@@ -163,10 +179,10 @@ class PoseEstimate:
 
     @property
     def R(self) -> NDArray[np.float64]:
-        """3 x 3."""
+        """3 x 3: R of `x_b = R x_a + t`."""
     @property
     def t(self) -> NDArray[np.float64]:
-        """3, of length 1, since the scale cannot be known from two images."""
+        """3: t of `x_b = R x_a + t`, of length 1, since the scale cannot be known from two images."""
     @property
     def q(self) -> NDArray[np.float64]:
         """R as a quaternion w, x, y, z."""
@@ -174,7 +190,8 @@ class PoseEstimate:
     def inliers(self) -> NDArray[np.bool_]:
         """For each match, whether it agrees."""
     @property
-    def num_inliers(self) -> int: ...
+    def num_inliers(self) -> int:
+        """Number of matches that agree."""
     @property
     def support(self) -> int:
         """Number of matches whose point is in front of both cameras and nearer than the largest depth."""
@@ -194,23 +211,28 @@ class HomographyEstimate:
 
     @property
     def H(self) -> NDArray[np.float64]:
-        """3 x 3, of norm 1."""
+        """3 x 3, of norm 1: maps pixels of a, as (x, y, 1), to those of b."""
     @property
     def inliers(self) -> NDArray[np.bool_]:
         """For each match, whether it agrees."""
     @property
-    def num_inliers(self) -> int: ...
+    def num_inliers(self) -> int:
+        """Number of matches that agree."""
     @property
     def iterations(self) -> int:
         """Number of samples drawn."""
 
 @final
 class Estimator:
+    """An estimator with its parameters; `estimator(...)` makes it."""
+
     def __new__(cls, id: str, params: str) -> Estimator: ...
     @property
-    def id(self) -> str: ...
+    def id(self) -> str:
+        """Its name in commands, records and tables."""
     @property
-    def params_json(self) -> str: ...
+    def params_json(self) -> str:
+        """All parameters, as JSON."""
     @property
     def of_homographies(self) -> bool:
         """Whether it estimates homographies, and not poses."""
@@ -222,7 +244,11 @@ class Estimator:
         ambiguity: ArrayLike | None = None,
         turns: ArrayLike | None = None,
         seed: int = 0,
-    ) -> HomographyEstimate: ...
+    ) -> HomographyEstimate:
+        """The homography from image a to image b: row i of `points_a` and of `points_b`, m x 2 in pixels, is one match.
+        `ambiguity`, `turns` and `seed` are those of `estimate`.
+
+        Raises `NoPose` if the matches determine no homography."""
     def estimate(
         self,
         points_a: ArrayLike,
@@ -233,7 +259,18 @@ class Estimator:
         ambiguity: ArrayLike | None = None,
         turns: ArrayLike | None = None,
         seed: int = 0,
-    ) -> PoseEstimate: ...
+    ) -> PoseEstimate:
+        """The relative pose of camera b from matched points: row i of `points_a` and of `points_b`, m x 2 in pixels, is
+        one match. Points are pixels of the original images, whose cameras these are; the centre of the first pixel is
+        (0, 0).
+
+        `ambiguity` has m numbers from 0 (certain) to 1 (a second candidate is as good); without it every match has
+        0.5. Progressive samplers (`sampler="prosac"`) draw the least ambiguous matches first.
+        `turns` has m angles in radians by which the keypoint of b is turned relative to that of a (`Matches.turns`).
+        An estimator uses them with `turns=True`, as "adaptive" has it by default; every other one refuses them.
+        With the `seed` of `pair_seed`, the result is that of a run; the same input and seed give the same bits.
+
+        Raises `NoPose` if the matches determine no pose."""
 
 @final
 class Dataset:
@@ -244,9 +281,11 @@ class Dataset:
     def open(folder: _Path) -> Dataset:
         """The dataset in a folder of this project's layout; see `import_dataset` for others."""
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """The name of the dataset."""
     @property
-    def path(self) -> os.PathLike[str]: ...
+    def path(self) -> os.PathLike[str]:
+        """The folder of the dataset."""
     @property
     def images(self) -> list[os.PathLike[str]]:
         """The image files, one for each frame."""
@@ -261,7 +300,8 @@ class Dataset:
         """k x 3 x 3: true homographies; each maps pixels of a to those of b. NaN if there is none."""
     def read(self, frame: int) -> NDArray[np.uint8]:
         """The image of a frame, grey, as a matcher gets it in a run."""
-    def camera(self, frame: int) -> Camera: ...
+    def camera(self, frame: int) -> Camera:
+        """The camera of a frame."""
     def __len__(self) -> int: ...
 
 def search(a: Features, b: Features, method: str, ratio: float | None = None) -> _Arrays: ...
@@ -277,6 +317,7 @@ def import_dataset(
     interpolate: bool,
     image_root: _Path | None,
     intrinsics: _Path | None,
+    property: str | None,
     images: str,
 ) -> list[str]: ...
 def rendered_scene(name: str, cache: _Path, frames: int | None, size: tuple[int, int] | None) -> os.PathLike[str]: ...

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from ._native import evaluate as native_evaluate
 from ._runs import Run
 
-_SHOWN = ("dataset", "matcher", "estimator", "pairs", "failed", "auc", "sp5", "rotation_auc", "translation_auc", "ap5")
+_ROW = ("dataset", "matcher", "estimator", "pairs", "failed")
+_OF_POSES = ("auc", "sp5", "rotation_auc", "translation_auc", "ap5")
+_OF_HOMOGRAPHIES = ("auc_h1", "auc_h3", "auc_h5", "mma3")
 
 
 class Scores(dict[str, "list[str] | NDArray[Any]"]):
@@ -30,13 +32,18 @@ class Scores(dict[str, "list[str] | NDArray[Any]"]):
         """As a polars.DataFrame."""
         return _module("polars").DataFrame(dict(self))
 
+    def shown(self) -> list[str]:
+        """The names of the most important columns: those of poses, of homographies, or both, if any row has them."""
+        known = [name for name in _OF_POSES + _OF_HOMOGRAPHIES if not np.isnan(np.asarray(self[name])).all()]
+        return [*_ROW, *known]
+
     def rows(self) -> list[list[str]]:
-        """The most important columns, as text."""
-        columns = [[_text(value) for value in self[name]] for name in _SHOWN]
+        """The columns of `shown`, as text."""
+        columns = [[_text(value) for value in self[name]] for name in self.shown()]
         return [list(row) for row in zip(*columns, strict=True)]
 
     def __str__(self) -> str:
-        rows = [list(_SHOWN), *self.rows()]
+        rows = [self.shown(), *self.rows()]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines = ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)) for row in rows]
         return "\n".join([*(line.rstrip() for line in lines), *self.verdicts])
@@ -45,7 +52,7 @@ class Scores(dict[str, "list[str] | NDArray[Any]"]):
         def row(tag: str, cells: list[str]) -> str:
             return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
-        rows = [row("th", list(_SHOWN)), *(row("td", cells) for cells in self.rows())]
+        rows = [row("th", self.shown()), *(row("td", cells) for cells in self.rows())]
         return f"<table>{''.join(rows)}</table><p>{'<br>'.join(map(escape, self.verdicts))}</p>"
 
 

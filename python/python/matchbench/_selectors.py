@@ -33,7 +33,7 @@ def kvld(
     **params: Any,
 ) -> Correspondences:
     """Keeps matches joined by virtual lines that look the same in both images (Liu, Marlet, BMVC 2012), after a ratio
-    test at `ratio`. It uses the pixels of both images."""
+    test at `ratio`. It uses the pixels of both images, which must be those that the features were found in."""
     return _select("kvld", {"ratio": ratio, "lines": params}, a, b, matches, images=images)
 
 

@@ -257,6 +257,9 @@ mod tests {
             ("docs/protocol.md", 4),
             ("docs/report.md", 5),
             ("docs/leaderboard.md", 2),
+            ("docs/formats.md", 2),
+            ("docs/results.md", 6),
+            ("adapters/README.md", 3),
         ] {
             let text = std::fs::read_to_string(format!("{repository}/{page}"));
             let text = text.expect("it is part of the repository");

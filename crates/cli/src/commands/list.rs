@@ -3,14 +3,15 @@
 use std::io::{self, Write};
 
 use anyhow::Result;
+use matchbench::config::ConfigError;
 use matchbench::counted::counted;
 use matchbench::datasets::KINDS;
 use matchbench::datasets::rendered;
 use matchbench::estimators::ESTIMATORS;
 use matchbench::exchange::FORMATS;
-use matchbench::matchers::MATCHERS;
+use matchbench::matchers::{self, MATCHERS};
 use matchbench::protocols::PROTOCOLS;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::Ending;
 use crate::args::{ListArgs, Listed};
@@ -19,37 +20,10 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
     let mut out = io::stdout().lock();
     let wanted = |what| args.what.is_none_or(|only| only == what);
     if wanted(Listed::Matchers) {
-        writeln!(
-            out,
-            "Matchers (--matchers ID,...; parameters: --set ID.NAME=VALUE)\n"
-        )?;
-        for entry in MATCHERS {
-            let estimator = format!("estimator: {}", entry.estimator());
-            describe(
-                &mut out,
-                entry.id(),
-                entry.summary(),
-                entry.reference(),
-                &entry.defaults(),
-            )?;
-            writeln!(out, "      {estimator}\n")?;
-        }
+        list_matchers(&mut out)?;
     }
     if wanted(Listed::Estimators) {
-        writeln!(
-            out,
-            "Estimators (--estimator ID,...; parameters: --set ID.NAME=VALUE)\n"
-        )?;
-        for entry in ESTIMATORS {
-            describe(
-                &mut out,
-                entry.id(),
-                entry.summary(),
-                entry.reference(),
-                &entry.defaults(),
-            )?;
-            writeln!(out)?;
-        }
+        list_estimators(&mut out)?;
     }
     if wanted(Listed::Protocols) {
         writeln!(
@@ -118,23 +92,95 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
     Ok(Ending::Done)
 }
 
+fn list_matchers(out: &mut impl Write) -> io::Result<()> {
+    writeln!(
+        out,
+        "Matchers (--matchers ID,...; parameters: --set ID.NAME=VALUE)\n\n{SIZES}\n"
+    )?;
+    for entry in MATCHERS {
+        describe(
+            out,
+            entry.id(),
+            entry.summary(),
+            entry.reference(),
+            &entry.defaults(),
+            &|given| Ok(matchers::build(*entry, Some(given))?.params),
+        )?;
+        writeln!(out, "      estimator: {}\n", entry.estimator())?;
+    }
+    Ok(())
+}
+
+fn list_estimators(out: &mut impl Write) -> io::Result<()> {
+    writeln!(
+        out,
+        "Estimators (--estimator ID,...; parameters: --set ID.NAME=VALUE)\n"
+    )?;
+    for entry in ESTIMATORS {
+        describe(
+            out,
+            entry.id(),
+            entry.summary(),
+            entry.reference(),
+            &entry.defaults(),
+            &|given| Ok(entry.build(Some(given))?.params),
+        )?;
+        writeln!(out)?;
+    }
+    Ok(())
+}
+
+/// The parameters that every matcher has, see [`matchers::build`].
+const SIZES: &str = "  \
+  Every matcher also has one of these two. Without either, images keep their size.
+      extractor.max_size   images that are wider or higher than so many pixels are made smaller
+      extractor.size       every image is made this size, for example 640x480";
+
+/// All parameters of an entry where some are given.
+type Build<'a> = dyn Fn(&Value) -> Result<Value, ConfigError> + 'a;
+
+/// Prints an entry.
 fn describe(
     out: &mut impl Write,
     id: &str,
     summary: &str,
     reference: &str,
     defaults: &Value,
+    build: &Build<'_>,
 ) -> io::Result<()> {
     writeln!(out, "  {id:<14} {summary}")?;
     writeln!(out, "      {reference}")?;
     for (name, value) in parameters("", defaults) {
-        writeln!(out, "      {name} = {value}")?;
+        write!(out, "      {name} = {value}")?;
+        if value.is_string() {
+            write!(out, "  ({})", values(&name, build).join(", "))?;
+        }
+        writeln!(out)?;
     }
     Ok(())
 }
 
+/// All values that the parameter `name`, a word, may have: the refusal of any other word names them. Names of earlier
+/// versions, which become others, are left out.
+fn values(name: &str, build: &Build<'_>) -> Vec<String> {
+    let with = |word: &str| {
+        let given = (name.rsplit('.')).fold(json!(word), |inner, part| json!({part: inner}));
+        build(&given)
+    };
+    let reason = with("?").map_or_else(|error| error.reason, |_| String::new());
+    let (_, expected) = reason.split_once("expected ").unwrap_or_default();
+    let words = expected.split('`').skip(1).step_by(2);
+    let place = format!("/{}", name.replace('.', "/"));
+    let is_kept = |word: &&str| {
+        with(word).map_or(true, |params| {
+            params.pointer(&place).and_then(Value::as_str) == Some(*word)
+        })
+    };
+    words.filter(is_kept).map(str::to_owned).collect()
+}
+
 /// Every parameter by its full name: `{"extractor": {"sigma": 1.6}}` is `extractor.sigma`.
-fn parameters(prefix: &str, value: &Value) -> Vec<(String, String)> {
+fn parameters(prefix: &str, value: &Value) -> Vec<(String, Value)> {
     match value {
         Value::Object(object) => object
             .iter()
@@ -143,6 +189,44 @@ fn parameters(prefix: &str, value: &Value) -> Vec<(String, String)> {
                 parameters(&format!("{prefix}{dot}{name}"), value)
             })
             .collect(),
-        value => vec![(prefix.to_owned(), value.to_string())],
+        value => vec![(prefix.to_owned(), value.clone())],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_parameter_that_is_a_word_has_its_values() {
+        let mut count = 0;
+        let mut check = |id: &str, defaults: &Value, build: &Build<'_>| {
+            for (name, value) in parameters("", defaults) {
+                let Some(word) = value.as_str() else { continue };
+                let values = values(&name, build);
+                let given = values.iter().any(|value| value == word);
+                assert!(given && values.len() > 1, "{id}.{name}: {values:?}");
+                assert!(!values.contains(&"median".into()), "now `lmeds`");
+                count += 1;
+            }
+        };
+        for entry in MATCHERS {
+            check(entry.id(), &entry.defaults(), &|given| {
+                Ok(matchers::build(*entry, Some(given))?.params)
+            });
+        }
+        for entry in ESTIMATORS {
+            check(entry.id(), &entry.defaults(), &|given| {
+                Ok(entry.build(Some(given))?.params)
+            });
+        }
+        assert!(count > 50, "{count}");
+    }
+
+    #[test]
+    fn every_matcher_has_the_two_sizes_that_are_listed_once() {
+        for name in matchers::SIZES {
+            assert!(SIZES.contains(&format!("extractor.{name} ")), "{name}");
+        }
     }
 }

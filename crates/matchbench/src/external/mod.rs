@@ -19,7 +19,8 @@
 //! `out` holds `count` times five little-endian `f32`: x_a, y_a, x_b, y_b in pixels of the original images,
 //! whose first pixel has its centre at `pixel_center` (0 or 0.5), and the ambiguity, from 0 (certain) to 1.
 //! `features` are the numbers of features of a and b; `count` is at most their product. Neither cameras nor
-//! poses are sent, so no answer can make use of the truth.
+//! poses are sent: the child is not given the truth. It is not kept from looking for it either: it gets the paths of
+//! images, and nothing confines it.
 //!
 //! With `kind = "features"` the child describes images, and search and selection are native:
 //!

@@ -1,6 +1,6 @@
 //! `matchbench`: the protocol of the paper that this benchmark implements.
 //!
-//! Bian, Yang, Liu, Zhang, Cheng, Reid, Wang, "MatchBench: An Evaluation of Feature Matchers", 2018.
+//! Bian, Yang, Liu, Zhang, Cheng, Reid, Wu, "MatchBench: An Evaluation of Feature Matchers", 2018.
 //!
 //! Images keep their size. Poses come from OpenCV's `findEssentialMat` and `recoverPose` over all matches, or
 //! from the estimator that the paper uses with the matcher. The sign of the translation counts. The AUC is the
@@ -14,7 +14,7 @@ use super::{Centres, EstimatorRule, Focal, Pixels, Protocol, SizeRule};
 pub const MATCHBENCH: Protocol = Protocol {
     id: "matchbench",
     summary: "the paper of this benchmark; that of every run without another",
-    reference: "Bian, Yang, Liu, Zhang, Cheng, Reid, Wang, \"MatchBench: An Evaluation of Feature Matchers\", 2018",
+    reference: "Bian, Yang, Liu, Zhang, Cheng, Reid, Wu, \"MatchBench: An Evaluation of Feature Matchers\", 2018",
     source: "the paper and its authors' published results",
     size: SizeRule::AsIs,
     estimator: EstimatorRule::Own,
