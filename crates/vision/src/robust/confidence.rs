@@ -17,8 +17,9 @@
 //! *Near* matches are those within 2 pixels of their epipolar lines. The *number of false alarms* is how many
 //! models with so many near matches are expected if all matches are wrong and spread evenly (Moisan, Stival, "A
 //! Probabilistic Criterion to Detect Rigid Point Matches Between Two Images and Estimate the Fundamental Matrix",
-//! IJCV 57(3), 2004, eq. 13; samples have five matches here). Wrong matches are often crowded in few places, which
-//! the cells tell.
+//! IJCV 57(3), 2004, eq. 13). Samples have five matches here. *Differs*: the factor for the number of models that a
+//! sample allows (3 there, 10 here) is left out. It would lower every significance by 1, and the weights were fitted
+//! without it. Wrong matches are often crowded in few places, which the cells tell.
 //!
 //! The *parallax* of a match is the angle between its two rays, with the rotation undone. It is *usual* if it is at
 //! most twice the median plus 0.05 degrees. Wrong matches that are near by chance mostly have a larger parallax.

@@ -24,7 +24,7 @@
 //! | | `geometry.tangent_sampson` | no | Terekhov, Larsson, ICCV 2023 |
 //! | | `geometry.degensac` | yes | Chum, Werner, Matas, CVPR 2005 |
 //! | | `score.sprt` | yes | Matas, Chum, ICCV 2005 |
-//! | | `early_stop.min_iterations` | 50 | Lebeda et al.: the first models are not worth optimising |
+//! | | `early_stop.min_iterations` | 50 | ours; as many as Lebeda et al. draw before they optimise |
 //! | | `max_iterations` | 1000 | the benchmark's protocol |
 //! | | `local_steps` | 10 | ours |
 //! | | `final_refinement.loss` | truncated | |
@@ -38,6 +38,9 @@
 //! *Choices the papers leave open*: local optimisation is non-linear from the start, where the papers fit linear
 //! models to inner samples of a larger size. A pose has only five degrees of freedom, and with the truncated loss
 //! non-minimal linear solvers have no advantage.
+//!
+//! *Differs* from Lebeda et al.: their local optimisation begins after 50 samples, ours with the first (see
+//! [`consensus_until`]). `min_iterations` only says how many samples are drawn at least.
 
 mod params;
 #[cfg(feature = "serde")]
