@@ -85,9 +85,11 @@ pub enum NoPose {
         /// Number of required matches.
         needed: usize,
     },
-    /// There is no model, or too few matches agree with any model.
+    /// There is no model, or too few matches agree with the best one, or lie in front of both cameras of the best
+    /// pose.
     NoSupport {
-        /// Number of matches that support the best pose.
+        /// Number of these matches; 0 if there is no model, since models with fewer inliers than a sample has
+        /// matches are not kept.
         found: usize,
         /// Number of required matches.
         needed: usize,
