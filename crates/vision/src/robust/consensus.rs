@@ -196,16 +196,41 @@ pub fn consensus_until<P: Problem>(
             (model, support) = (refined, better);
         }
     }
+    Some(with_inliers(problem, model, support, samples))
+}
+
+/// The `model`, which was found with so many samples, with the support that `score` gives it. `None` if fewer data
+/// agree with it than a sample has.
+pub(super) fn judged<P: Problem>(
+    problem: &P,
+    score: &impl Scoring,
+    model: P::Model,
+    samples: usize,
+) -> Option<Consensus<P::Model>> {
+    let mut residuals = vec![0.0; problem.len()];
+    let limit = f64::NEG_INFINITY;
+    let support = support_above(limit, problem, score, &model, None, &mut residuals)?;
+    (support.inliers >= P::SAMPLE).then(|| with_inliers(problem, model, support, samples))
+}
+
+/// A model with the list of data that agree with it.
+fn with_inliers<P: Problem>(
+    problem: &P,
+    model: P::Model,
+    support: Support,
+    samples: usize,
+) -> Consensus<P::Model> {
+    let mut residuals = vec![0.0; problem.len()];
     problem.squared_residuals(&model, 0..problem.len(), &mut residuals);
     // Not without the impossible ones: final refinements take their scale from these, and published results were
     // computed so.
     let inliers = inliers_within(&residuals, support.squared_threshold);
-    Some(Consensus {
+    Consensus {
         model,
         support,
         inliers,
         samples,
-    })
+    }
 }
 
 /// Indices of the data whose squared residual is at most the threshold, ascending.

@@ -42,6 +42,7 @@ use nalgebra::Matrix3;
 pub use params::HomographyParams;
 
 use super::consensus::inliers_within;
+use super::grid::NOTHING_IS_FAR;
 use super::search::{DistanceFrom, Shuffled, Task, squared_cauchy_scale};
 use super::{
     Consensus, HomographyEstimate, HomographyEstimator, HomographyProblem, NoPose, Problem,
@@ -141,6 +142,7 @@ impl HomographyEstimator for HomographyConsensus {
             search: self.params.search(),
             matches: &matches,
             pixels: 1.0,
+            far: NOTHING_IS_FAR,
             seed,
             stop,
         };
