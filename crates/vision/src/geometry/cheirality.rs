@@ -27,20 +27,29 @@ pub fn choose_pose(
     let mut support = [0; 4];
     for rotation in 0..2 {
         triangulate_depths(&poses[rotation], pairs, &mut depths.0, &mut depths.1);
-        let count = |sign: f64| {
-            let within = |depth: f64| depth * sign > 0.0 && depth * sign < max_depth;
-            (depths.0.iter().zip(&depths.1))
-                .filter(|&(&a, &b)| within(a) && within(b))
-                .count()
-        };
-        support[rotation] = count(1.0);
-        support[rotation + 2] = count(-1.0);
+        support[rotation] = supporting(&depths, 1.0, max_depth);
+        support[rotation + 2] = supporting(&depths, -1.0, max_depth);
     }
     let best = (1..4).fold(
         0,
         |best, i| if support[i] > support[best] { i } else { best },
     );
     Some((poses[best], support[best]))
+}
+
+/// Number of matches that support a pose, as [`choose_pose`] counts them.
+pub(crate) fn pose_support(pose: &RelativePose, pairs: &PointPairs, max_depth: f64) -> usize {
+    let mut depths = (vec![0.0; pairs.len()], vec![0.0; pairs.len()]);
+    triangulate_depths(pose, pairs, &mut depths.0, &mut depths.1);
+    supporting(&depths, 1.0, max_depth)
+}
+
+/// Number of matches whose depths in both views, times `sign`, are in `(0, max_depth)`.
+fn supporting(depths: &(Vec<f64>, Vec<f64>), sign: f64, max_depth: f64) -> usize {
+    let within = |depth: f64| depth * sign > 0.0 && depth * sign < max_depth;
+    (depths.0.iter().zip(&depths.1))
+        .filter(|&(&a, &b)| within(a) && within(b))
+        .count()
 }
 
 #[cfg(test)]
@@ -107,5 +116,14 @@ mod tests {
         let pairs: PointPairs = [(nan, nan)].into_iter().collect();
         assert_eq!(choose_pose(&e, &pairs, 50.0).unwrap().1, 0);
         assert_eq!(choose_pose(&Matrix3::zeros(), &pairs, 50.0), None);
+    }
+
+    #[test]
+    #[should_panic(expected = "one entry for each match")]
+    fn depths_need_room_for_each_match() {
+        let pairs: PointPairs = [(Point2::origin(), Point2::origin()); 3]
+            .into_iter()
+            .collect();
+        ray_depths(&pose(), &pairs, &mut [0.0; 2], &mut [0.0; 2]);
     }
 }

@@ -11,15 +11,16 @@
 //! if a pixel has the same length everywhere; with a lens they are `(J^T g)^T (J^T g) = g^T (J J^T) g`. The
 //! matrix `J J^T` is called the *covariance* of a point: that of noise of one pixel.
 //!
-//! *Choice the paper leaves open*: the polynomials of a lens model may fold the image over, or stretch it more
-//! than fourfold, beyond the pixels that they were fitted to. There the model is not used, and the covariance
-//! is the identity.
+//! *Choice the paper leaves open*: the polynomials of a lens model may fold the image over, or stretch it a lot,
+//! beyond the pixels that they were fitted to. Where the image is folded, or the squared stretches along the axes of
+//! the ellipse of noise sum up to more than 16, the model is not used, and the covariance is the identity. So no length
+//! is stretched more than fourfold, and where both axes are stretched alike, not more than 2.83-fold.
 
 use nalgebra::{Matrix2, Point2};
 
 use super::Distortion;
 
-/// Largest stretch of a length for which the lens model is used.
+/// Largest root of the sum of both squared stretches for which the lens model is used.
 const MOST_STRETCH: f64 = 4.0;
 
 /// The covariance of each point of [`PointPairs`](super::PointPairs): the entries xx, xy and yy of a symmetric

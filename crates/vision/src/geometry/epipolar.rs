@@ -50,7 +50,8 @@ pub fn squared_sampson_distances(
 /// RANSAC Benefits from the Oriented Epipolar Constraint", ICPR 2004, eq. 2).
 ///
 /// With `e_b` the epipole in b, `e_b x b` and `E a` are the same epipolar line, so they are equal up to a
-/// factor. The factors of all scene points in front of both cameras have the same sign.
+/// factor. The factors of all scene points in front of both cameras have the same sign, and so have those of points
+/// behind both.
 pub fn agree_in_orientation(
     e: &Matrix3<f64>,
     matches: impl IntoIterator<Item = (Point2<f64>, Point2<f64>)>,
@@ -144,7 +145,7 @@ mod tests {
             seen(0.5, -0.1, 2.0),
             seen(-0.2, -0.4, 9.0),
         ];
-        // Behind b, in front of a.
+        // Behind a, in front of b.
         let behind = seen(-0.4, 0.1, -0.2);
         for sign in [1.0, -1e-3] {
             assert!(agree_in_orientation(&(e * sign), front));

@@ -20,6 +20,7 @@ mod triangulation;
 
 pub use camera::{Camera, CameraError, Distortion};
 pub use cheirality::choose_pose;
+pub(crate) use cheirality::pose_support;
 pub use covariances::Covariances;
 pub use epipolar::{agree_in_orientation, epipole_in_b, squared_sampson_distances};
 pub use essential::{decompose_essential, essential_defect, essential_from_pose};

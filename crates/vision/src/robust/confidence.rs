@@ -17,8 +17,9 @@
 //! *Near* matches are those within 2 pixels of their epipolar lines. The *number of false alarms* is how many
 //! models with so many near matches are expected if all matches are wrong and spread evenly (Moisan, Stival, "A
 //! Probabilistic Criterion to Detect Rigid Point Matches Between Two Images and Estimate the Fundamental Matrix",
-//! IJCV 57(3), 2004, eq. 13; samples have five matches here). Wrong matches are often crowded in few places, which
-//! the cells tell.
+//! IJCV 57(3), 2004, eq. 13). Samples have five matches here. *Differs*: the factor for the number of models that a
+//! sample allows (3 there, 10 here) is left out. It would lower every significance by 1, and the weights were fitted
+//! without it. Wrong matches are often crowded in few places, which the cells tell.
 //!
 //! The *parallax* of a match is the angle between its two rays, with the rotation undone. It is *usual* if it is at
 //! most twice the median plus 0.05 degrees. Wrong matches that are near by chance mostly have a larger parallax.
@@ -37,7 +38,7 @@
 
 use super::TwoViews;
 use super::consensus::inliers_within;
-use super::grid::{cells_of, span};
+use super::grid::{FAR_AT_DEPTH_1, cells_of, span};
 use crate::geometry::{
     PointPairs, RelativePose, essential_from_pose, pose_deviation, squared_sampson_distances,
 };
@@ -119,9 +120,9 @@ fn probability<const N: usize, const M: usize>(weights: [f64; M], numbers: [f64;
     1.0 / (1.0 + libm::exp(-logit))
 }
 
-/// Number of cells of a grid over the points of one view that contain one of the matches `near`.
+/// Number of cells of a grid over the points of one view, at depth 1, that contain one of the matches `near`.
 fn occupied_cells(x: &[f64], y: &[f64], near: &[u32]) -> usize {
-    let all = cells_of(x, y, CELLS);
+    let all = cells_of(x, y, CELLS, FAR_AT_DEPTH_1);
     let mut cells: Vec<u64> = near.iter().map(|&i| all[i as usize]).collect();
     cells.sort_unstable();
     cells.dedup();
@@ -131,7 +132,7 @@ fn occupied_cells(x: &[f64], y: &[f64], near: &[u32]) -> usize {
 /// The probability that a random point, uniform in the rectangle around the points of one view, is within
 /// `near` of a line through this rectangle. It is at most the probability for a diagonal, and at most one half.
 fn chance_near(x: &[f64], y: &[f64], near: f64) -> f64 {
-    let (width, height) = (span(x), span(y));
+    let (width, height) = (span(x, FAR_AT_DEPTH_1), span(y, FAR_AT_DEPTH_1));
     let covered = 2.0 * near * libm::hypot(width, height) / (width * height);
     // A single point has no span.
     if covered < 0.5 { covered } else { 0.5 }
@@ -233,6 +234,26 @@ mod tests {
         );
         assert!(good.right > 0.8 && good.overlap > 0.95, "{good:?}");
         assert!(bad.right <= bad.overlap && bad.overlap < 0.2, "{bad:?}");
+    }
+
+    #[test]
+    fn a_match_far_beside_the_image_says_nothing() {
+        let points = matches(300, 100, 1.0);
+        let good = confidence(&points);
+        for far in [10.0, 100.0, 1e9] {
+            let mut points = points.clone();
+            let at = CAMERA.project(Point2::new(far, far));
+            points.push(at, at, 0.5);
+            let found = confidence(&points);
+            assert!(
+                (found.overlap - good.overlap).abs() < 0.01,
+                "{far}: {found:?} {good:?}"
+            );
+            assert!(
+                (found.right - good.right).abs() < 0.05,
+                "{far}: {found:?} {good:?}"
+            );
+        }
     }
 
     #[test]

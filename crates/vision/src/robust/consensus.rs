@@ -16,7 +16,11 @@
 //! With `local_steps`, each new best model is improved by [`Problem::refine`], and the improved model replaces it
 //! if it is better. This is local optimisation (Chum, Matas, Kittler, "Locally Optimized RANSAC", DAGM 2003), in
 //! the form that Lebeda, Matas, Chum, "Fixing the Locally Optimized RANSAC", BMVC 2012 recommend: with a truncated
-//! quadratic score, and not before a number of samples were drawn.
+//! quadratic score.
+//!
+//! *Differs* from Lebeda et al., and from RansacLib (`lo_starting_iterations`): both draw 50 samples before the
+//! first local optimisation. Here every new best model is improved, from the first sample on.
+//! [`Extras::min_samples`] does not delay this; it only says how many samples are drawn at least.
 //!
 //! In the end the best model is compared with its rivals ([`Problem::rivals`]). If the sample of a new best model
 //! is degenerate, another model may replace it ([`Problem::resolve_degeneracy`]). Data that cannot belong to it are
@@ -50,9 +54,11 @@ pub struct ConsensusParams {
 pub struct Consensus<M> {
     /// The model.
     pub model: M,
-    /// Its quality and the number of its inliers.
+    /// Its quality and the number of its inliers, without data that [cannot belong to
+    /// it](Problem::exclude_impossible).
     pub support: Support,
-    /// Indices of the data that agree with it, ascending.
+    /// Indices of the data within the threshold of it, ascending. Data that cannot belong to it are among them, so
+    /// they may be more than `support.inliers`.
     pub inliers: Vec<u32>,
     /// Number of samples that were drawn.
     pub samples: usize,
@@ -190,14 +196,41 @@ pub fn consensus_until<P: Problem>(
             (model, support) = (refined, better);
         }
     }
+    Some(with_inliers(problem, model, support, samples))
+}
+
+/// The `model`, which was found with so many samples, with the support that `score` gives it. `None` if fewer data
+/// agree with it than a sample has.
+pub(super) fn judged<P: Problem>(
+    problem: &P,
+    score: &impl Scoring,
+    model: P::Model,
+    samples: usize,
+) -> Option<Consensus<P::Model>> {
+    let mut residuals = vec![0.0; problem.len()];
+    let limit = f64::NEG_INFINITY;
+    let support = support_above(limit, problem, score, &model, None, &mut residuals)?;
+    (support.inliers >= P::SAMPLE).then(|| with_inliers(problem, model, support, samples))
+}
+
+/// A model with the list of data that agree with it.
+fn with_inliers<P: Problem>(
+    problem: &P,
+    model: P::Model,
+    support: Support,
+    samples: usize,
+) -> Consensus<P::Model> {
+    let mut residuals = vec![0.0; problem.len()];
     problem.squared_residuals(&model, 0..problem.len(), &mut residuals);
+    // Not without the impossible ones: final refinements take their scale from these, and published results were
+    // computed so.
     let inliers = inliers_within(&residuals, support.squared_threshold);
-    Some(Consensus {
+    Consensus {
         model,
         support,
         inliers,
         samples,
-    })
+    }
 }
 
 /// Indices of the data whose squared residual is at most the threshold, ascending.

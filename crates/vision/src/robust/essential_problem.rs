@@ -26,8 +26,11 @@ use crate::seed::Rng;
 pub struct EssentialProblem<'a> {
     /// The matches, at depth 1.
     pub pairs: &'a PointPairs,
-    /// Whether scene points must lie in front of both cameras. Then a model is dropped if it puts a match of
-    /// its own sample behind a camera, and matches behind a camera do not count as inliers.
+    /// Whether scene points must lie in front of both cameras. Then a model is dropped if the matches of its own
+    /// sample do not [agree in orientation](crate::geometry::agree_in_orientation). This tests only that, under one
+    /// pose, both depths of each have the same sign: a match may still be behind both cameras. And matches
+    /// behind a camera count neither for the quality of a model nor for the number of its inliers, though they are in
+    /// the list [`Consensus::inliers`](super::Consensus::inliers).
     pub cheirality: bool,
     /// Whether the best pose is compared with the poses that a plane of its inliers allows.
     pub plane_poses: bool,
@@ -157,8 +160,7 @@ mod tests {
             rotation: UnitQuaternion::from_euler_angles(0.1, -0.3, 0.2),
             direction: UnitVector3::new_normalize(Vector3::new(0.8, 0.1, 0.3)),
         };
-        // Scene points at these depths in a; those below zero are mirrored through the camera, and
-        // the last is too far to say.
+        // Scene points at these depths in a; those below zero are behind camera a, and the last is too far to say.
         let depths = [2.0, 3.0, -3.0, 4.0, -0.5, 5.0, -1e4];
         let pairs: PointPairs = (depths.iter().enumerate())
             .map(|(i, &depth)| {

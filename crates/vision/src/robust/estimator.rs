@@ -48,11 +48,13 @@ impl TwoViews<'_> {
 pub struct PoseEstimate {
     /// The relative pose.
     pub b_from_a: RelativePose,
-    /// Indices of the matches that agree with the estimated matrix (the refined one, if it is refined), ascending.
+    /// Indices of the matches within the threshold of the estimated matrix (the refined one, if it is refined),
+    /// ascending. Some of them may lie behind a camera.
     pub inliers: Vec<u32>,
-    /// Number of matches, out of all that were given, whose triangulated point lies in front of both
-    /// cameras and nearer than the estimator's largest depth; the count of correspondences that the
-    /// MatchBench paper reports.
+    /// Number of matches, out of all that were given and whatever their distance from the matrix, whose triangulated
+    /// point lies in front of both cameras and nearer than the estimator's largest depth; the count of
+    /// correspondences that the MatchBench paper reports. It has nothing to do with the
+    /// [`Support`](super::Support) by which models are compared.
     pub support: usize,
     /// Number of samples drawn.
     pub iterations: usize,
@@ -83,9 +85,11 @@ pub enum NoPose {
         /// Number of required matches.
         needed: usize,
     },
-    /// There is no model, or too few matches agree with any model.
+    /// There is no model, or too few matches agree with the best one, or lie in front of both cameras of the best
+    /// pose.
     NoSupport {
-        /// Number of matches that support the best pose.
+        /// Number of these matches; 0 if there is no model, since models with fewer inliers than a sample has
+        /// matches are not kept.
         found: usize,
         /// Number of required matches.
         needed: usize,

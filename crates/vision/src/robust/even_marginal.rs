@@ -26,6 +26,7 @@
 use std::ops::Range;
 
 use super::even_weights::EvenWeights;
+use super::grid::NOTHING_IS_FAR;
 use super::{Scoring, Support};
 use crate::geometry::PointPairs;
 use crate::simd::{self, THRESHOLDS};
@@ -47,9 +48,10 @@ impl EvenMarginal {
     /// view. An inlier is a match whose squared residual is at most `squared_threshold`.
     ///
     /// # Panics
-    /// If there are no cells.
+    /// If there are no cells, or more than 1000 across.
     pub fn new(pairs: &PointPairs, cells: u32, squared_threshold: f64) -> Self {
-        Self::weighing(EvenWeights::new(pairs, cells, None), squared_threshold)
+        let weights = EvenWeights::new(pairs, cells, NOTHING_IS_FAR, None);
+        Self::weighing(weights, squared_threshold)
     }
 
     /// The same score with given weights of the matches.

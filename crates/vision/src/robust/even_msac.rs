@@ -6,6 +6,7 @@
 use std::ops::Range;
 
 use super::even_weights::EvenWeights;
+use super::grid::NOTHING_IS_FAR;
 use super::{Scoring, Support};
 use crate::geometry::PointPairs;
 use crate::simd;
@@ -22,9 +23,10 @@ impl EvenMsac {
     /// view. An inlier is a match whose squared residual is at most `squared_threshold`.
     ///
     /// # Panics
-    /// If there are no cells.
+    /// If there are no cells, or more than 1000 across.
     pub fn new(pairs: &PointPairs, cells: u32, squared_threshold: f64) -> Self {
-        Self::weighing(EvenWeights::new(pairs, cells, None), squared_threshold)
+        let weights = EvenWeights::new(pairs, cells, NOTHING_IS_FAR, None);
+        Self::weighing(weights, squared_threshold)
     }
 
     /// The same score with given weights of the matches.
@@ -101,6 +103,12 @@ mod tests {
         }
         assert!((sum - whole).abs() < 1e-9);
         assert!((score.upper_bound(0..100).unwrap() - 100.0).abs() < 1e-9);
+    }
+
+    #[test]
+    #[should_panic(expected = "1 to 1000 cells")]
+    fn a_grid_too_fine_to_count_in_is_refused() {
+        EvenMsac::new(&crowd_and_others(), u32::MAX, 4.0);
     }
 
     #[test]

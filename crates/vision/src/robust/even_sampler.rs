@@ -10,7 +10,7 @@
 //! | | `cells` | 20 across and down | GMS's grid |
 
 use super::Sampling;
-use super::grid::cells_of;
+use super::grid::{NOTHING_IS_FAR, cells_of};
 use crate::geometry::PointPairs;
 use crate::seed::Rng;
 
@@ -32,9 +32,14 @@ impl EvenSampler {
     /// # Panics
     /// If there are more than `u32` can number, or no cells.
     pub fn new(pairs: &PointPairs, cells: u32) -> Self {
+        Self::within(pairs, cells, NOTHING_IS_FAR)
+    }
+
+    /// The same sampler, with a grid that [far](super::grid) coordinates do not widen.
+    pub(super) fn within(pairs: &PointPairs, cells: u32, far: f64) -> Self {
         assert!(cells > 0, "a grid has cells");
         let count = u32::try_from(pairs.len()).expect("data are numbered by u32");
-        let cells = cells_of(&pairs.a_x, &pairs.a_y, cells);
+        let cells = cells_of(&pairs.a_x, &pairs.a_y, cells, far);
         let cell = |i: u32| cells[i as usize];
         let mut data: Vec<u32> = (0..count).collect();
         data.sort_by_key(|&i| cell(i));

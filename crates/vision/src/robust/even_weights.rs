@@ -22,7 +22,7 @@
 
 use std::ops::Range;
 
-use super::grid::cells_of;
+use super::grid::{MOST_CELLS, cells_of};
 use crate::geometry::PointPairs;
 
 /// A weight for each match.
@@ -36,14 +36,15 @@ pub(super) struct EvenWeights {
 
 impl EvenWeights {
     /// The weights of these matches, multiplied by the trust in each. A grid of `cells` x `cells` cells is laid
-    /// over the points of each view.
+    /// over the points of each view; [far](super::grid) coordinates do not widen it.
     ///
     /// # Panics
-    /// If there are no cells.
-    pub(super) fn new(pairs: &PointPairs, cells: u32, trust: Option<&[f64]>) -> Self {
-        assert!(cells > 0, "a grid has cells");
-        let in_a = crowds(&pairs.a_x, &pairs.a_y, cells);
-        let in_b = crowds(&pairs.b_x, &pairs.b_y, cells);
+    /// If there are no cells, or more than 1000 across.
+    pub(super) fn new(pairs: &PointPairs, cells: u32, far: f64, trust: Option<&[f64]>) -> Self {
+        let allowed = (1..=MOST_CELLS).contains(&cells);
+        assert!(allowed, "a grid of crowds has 1 to 1000 cells across");
+        let in_a = crowds(&pairs.a_x, &pairs.a_y, cells, far);
+        let in_b = crowds(&pairs.b_x, &pairs.b_y, cells, far);
         let mut weights: Vec<f64> = (in_a.into_iter().zip(in_b))
             .map(|(a, b)| 1.0 / f64::from(a.max(b)).sqrt())
             .collect();
@@ -73,9 +74,9 @@ impl EvenWeights {
 }
 
 /// For each point, the number of points in its cell, itself included.
-fn crowds(x: &[f64], y: &[f64], cells: u32) -> Vec<u32> {
+fn crowds(x: &[f64], y: &[f64], cells: u32, far: f64) -> Vec<u32> {
     let mut crowds = vec![0; cells as usize * cells as usize + 1];
-    let cells = cells_of(x, y, cells);
+    let cells = cells_of(x, y, cells, far);
     for &cell in &cells {
         crowds[cell as usize] += 1;
     }

@@ -17,7 +17,7 @@
 //! | | `sampler` | [`Sampler::Uniform`] | |
 //! | p | `early_stop.confidence` | 0.999 | as for poses |
 //! | t | `score.threshold_px` | 3.0 | OpenCV 4's `findHomography` |
-//! | | `early_stop.min_iterations` | 50 | Lebeda et al.: the first models are not worth optimising |
+//! | | `early_stop.min_iterations` | 50 | ours; as many as Lebeda et al. draw before they optimise |
 //! | | `max_iterations` | 2000 | OpenCV 4 |
 //! | | `local_steps` | 10 | ours |
 //! | | `final_refinement.loss` | truncated | |
@@ -29,6 +29,9 @@
 //! "Epipolar Geometry Estimation via RANSAC Benefits from the Oriented Epipolar Constraint", ICPR 2004,
 //! for homographies).
 //!
+//! *Differs* from Lebeda et al.: their local optimisation begins after 50 samples, ours with the first.
+//! `min_iterations` only says how many samples are drawn at least.
+//!
 //! Cameras are not used. If a lens bends the image of a plane, no homography describes it exactly; where that
 //! matters, straighten the image first.
 
@@ -39,6 +42,7 @@ use nalgebra::Matrix3;
 pub use params::HomographyParams;
 
 use super::consensus::inliers_within;
+use super::grid::NOTHING_IS_FAR;
 use super::search::{DistanceFrom, Shuffled, Task, squared_cauchy_scale};
 use super::{
     Consensus, HomographyEstimate, HomographyEstimator, HomographyProblem, NoPose, Problem,
@@ -138,6 +142,7 @@ impl HomographyEstimator for HomographyConsensus {
             search: self.params.search(),
             matches: &matches,
             pixels: 1.0,
+            far: NOTHING_IS_FAR,
             seed,
             stop,
         };

@@ -20,7 +20,9 @@ pub struct HomographyProblem<'a> {
     /// The matches, in pixels or at depth 1.
     pub pairs: &'a PointPairs,
     /// Whether the plane is seen from the same side in both images. Then samples that would mirror it are
-    /// refused, and matches beyond the line that is mapped to infinity do not count as inliers.
+    /// refused, and matches beyond the line that is mapped to infinity count neither for the quality of a model nor
+    /// for the number of its inliers, though they are in the list
+    /// [`Consensus::inliers`](super::Consensus::inliers).
     pub one_side: bool,
 }
 

@@ -4,6 +4,9 @@ use std::ops::Range;
 
 use super::{Scoring, Support};
 
+/// Largest ratio of the densities of a right and of a wrong match. The product of 16 of them is still a finite number.
+const MOST_LIKELY: f64 = 1e19;
+
 /// Steps of expectation maximisation for the share of inliers.
 const STEPS: usize = 3;
 
@@ -37,7 +40,8 @@ impl Scoring for Mlesac {
                 0.0
             };
         }
-        let outlier = 1.0 / self.span;
+        // Only a span that is no distance in an image needs a limit.
+        let outlier = (1.0 / self.span).max(scale / MOST_LIKELY).min(f64::MAX);
         let mut share = 0.5;
         for _ in 0..STEPS {
             let right: f64 = (squared_residuals.iter())
@@ -85,5 +89,28 @@ mod tests {
         let broken = score.support(0..2, &mut [f64::NAN, f64::INFINITY]);
         assert_eq!(broken.inliers, 0);
         assert!(score.support(0..0, &mut []).quality == 0.0);
+    }
+
+    #[test]
+    fn however_wide_the_points_are_spread_more_inliers_are_likelier() {
+        for span in [1e18, 1e20, 1e155, f64::MAX, f64::INFINITY] {
+            let score = Mlesac {
+                squared_threshold: 1.0,
+                span,
+            };
+            let qualities = [0, 16, 17, 40, 100].map(|inliers| {
+                let mut residuals = vec![1e4; 100];
+                residuals[..inliers].fill(0.1);
+                score.support(0..100, &mut residuals).quality
+            });
+            assert!(
+                qualities.iter().all(|quality| quality.is_finite()),
+                "{span}: {qualities:?}"
+            );
+            assert!(
+                qualities.is_sorted_by(|a, b| a < b),
+                "{span}: {qualities:?}"
+            );
+        }
     }
 }

@@ -4,9 +4,10 @@
 use crate::geometry::Loss;
 use crate::params::ParamError;
 
-/// The score, which says which model is best. `threshold_px` is the largest Sampson distance of an inlier, in
-/// pixels. `sprt` says whether bad models are abandoned early by a sequential probability ratio test (Matas, Chum,
-/// ICCV 2005). Only scores that are sums over the matches allow that.
+/// The score, which says which model is best. `threshold_px` is the largest distance of an inlier, in pixels: the
+/// Sampson distance where a pose is estimated, the symmetric transfer distance where it is a homography. `sprt`
+/// says whether bad models are abandoned early by a sequential probability ratio test (Matas, Chum, ICCV 2005).
+/// Only scores that are sums over the matches allow that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Score {
     /// [`InlierCount`](crate::robust::InlierCount).

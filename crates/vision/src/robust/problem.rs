@@ -61,7 +61,8 @@ pub trait Problem {
 
     /// Finds data that are within the threshold of the model but cannot belong to it (a scene point behind a
     /// camera), sets their residuals to infinity, and returns whether there are any. It is too slow to be
-    /// called for every model, so it is called only for models that would be the best.
+    /// called for every model, so it is called only for models that would be the best. It decides which model that
+    /// is; the data that it finds are still in the list [`Consensus::inliers`](super::Consensus::inliers).
     fn exclude_impossible(
         &self,
         _model: &Self::Model,

@@ -19,7 +19,8 @@ pub trait Scoring {
     }
 }
 
-/// How well data agree with a model.
+/// How well data agree with a model. ([`PoseEstimate::support`](super::PoseEstimate::support) is something else: the
+/// number of all matches in front of both cameras.)
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Support {
     /// Larger is better. Values can be compared only within one score.

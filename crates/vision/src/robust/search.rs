@@ -2,11 +2,13 @@
 //! poses and of homographies have in common.
 
 use std::borrow::Cow;
+use std::cell::Cell;
 
 use nalgebra::Matrix3;
 
+use super::consensus::judged;
 use super::even_weights::EvenWeights;
-use super::grid::span;
+use super::grid::{MOST_CELLS, span};
 use super::noise_scale::noise_scale;
 use super::parts::{EarlyStop, Sampler, Score};
 use super::turns::trust;
@@ -41,7 +43,7 @@ impl Search {
         }
         if let Some(cells) = self.score.cells() {
             ParamError::unless(
-                (1..=1000).contains(&cells),
+                (1..=MOST_CELLS).contains(&cells),
                 "score_cells",
                 cells,
                 "1 to 1000",
@@ -53,7 +55,8 @@ impl Search {
                 ParamError::unless(horizon > 0, "prosac_horizon", horizon, "at least 1")?;
             }
             Sampler::Spread { cells } => {
-                ParamError::unless((1..=1000).contains(&cells), "cells", cells, "1 to 1000")?;
+                let allowed = (1..=MOST_CELLS).contains(&cells);
+                ParamError::unless(allowed, "cells", cells, "1 to 1000")?;
             }
         }
         ParamError::unless(
@@ -157,6 +160,8 @@ pub(super) struct Task<'a> {
     pub(super) matches: &'a Shuffled,
     /// Pixels per unit of the residuals.
     pub(super) pixels: f64,
+    /// Coordinates beyond this are far beside the image; see [`grid`](super::grid).
+    pub(super) far: f64,
     pub(super) seed: Seed,
     pub(super) stop: &'a dyn Fn(usize) -> bool,
 }
@@ -172,7 +177,8 @@ impl Task<'_> {
             threshold * threshold
         };
         let pairs = &self.matches.pairs;
-        let weights = |cells| EvenWeights::new(pairs, cells, self.matches.trust.as_deref());
+        let weights =
+            |cells| EvenWeights::new(pairs, cells, self.far, self.matches.trust.as_deref());
         match self.search.score {
             Score::InlierCount { threshold_px, sprt } => {
                 let squared_threshold = squared(threshold_px);
@@ -206,20 +212,32 @@ impl Task<'_> {
                 let drawn = first
                     .as_ref()
                     .map_or(noise_iterations, |first| first.samples);
-                let score = match first {
+                let score = match &first {
                     Some(first) => {
                         let sigma = self.noise_px(problem, &first.model);
                         guess.at(squared(SIGMAS * sigma))
                     }
                     None => guess,
                 };
-                let stop = |samples| (self.stop)(drawn + samples);
+                // The number of samples after which the caller ended the search.
+                let ended = Cell::new(None);
+                let stop = |samples| {
+                    let stops = (self.stop)(drawn + samples);
+                    if stops {
+                        ended.set(Some(drawn + samples));
+                    }
+                    stops
+                };
                 let rest = Task {
                     stop: &stop,
                     ..*self
                 };
-                let found = rest.sampled(problem, &score, sprt)?;
-                Some(Consensus {
+                let found = rest.sampled(problem, &score, sprt);
+                if let (None, Some(first), Some(samples)) = (&found, first, ended.get()) {
+                    // There was no time for more than the model that told the noise.
+                    return judged(problem, &score, first.model, samples);
+                }
+                found.map(|found| Consensus {
                     samples: drawn + found.samples,
                     ..found
                 })
@@ -230,7 +248,7 @@ impl Task<'_> {
             Score::Mlesac { threshold_px } => {
                 let score = Mlesac {
                     squared_threshold: squared(threshold_px),
-                    span: diagonal(pairs).max(f64::MIN_POSITIVE),
+                    span: diagonal(pairs, self.far).max(f64::MIN_POSITIVE),
                 };
                 self.sampled(problem, &score, false)
             }
@@ -280,7 +298,7 @@ impl Task<'_> {
                 self.run(problem, score, sprt, &mut sampler)
             }
             Sampler::Spread { cells } => {
-                let mut sampler = EvenSampler::new(&matches.pairs, cells);
+                let mut sampler = EvenSampler::within(&matches.pairs, cells, self.far);
                 self.run(problem, score, sprt, &mut sampler)
             }
         }
@@ -322,9 +340,15 @@ impl Task<'_> {
 }
 
 /// Diagonal of the rectangle around the points in b.
-fn diagonal(pairs: &PointPairs) -> f64 {
-    let (width, height) = (span(&pairs.b_x), span(&pairs.b_y));
-    (width * width + height * height).sqrt()
+fn diagonal(pairs: &PointPairs, far: f64) -> f64 {
+    let (width, height) = (span(&pairs.b_x, far), span(&pairs.b_y, far));
+    let diagonal = (width * width + height * height).sqrt();
+    // `hypot` differs in the last bit, so it is used only where the squares are too large.
+    if diagonal.is_finite() {
+        diagonal
+    } else {
+        libm::hypot(width, height)
+    }
 }
 
 /// The kind of distance of inliers.

@@ -66,6 +66,10 @@ multiversioned! {
         depth_b: &mut [f64],
     ) {
         let n = depth_a.len();
+        assert!(
+            a_x.len() == n && a_y.len() == n && b_x.len() == n && b_y.len() == n && depth_b.len() == n,
+            "one entry for each match"
+        );
         let (a_x, a_y, b_x, b_y) = (&a_x[..n], &a_y[..n], &b_x[..n], &b_y[..n]);
         let depth_b = &mut depth_b[..n];
         for i in 0..n {

@@ -2,9 +2,12 @@
 //!
 //! Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2nd edition, 2004, sec. 11.1.2.
 //!
-//! 1. Seven equations `b^T F a = 0` leave `F = x X + (1 - x) Y`.
-//! 2. F is singular: `det F = 0` is a cubic in x, whose coefficients follow from its values at four
-//!    places. [`real_roots`] finds its roots.
+//! 1. Seven equations `b^T F a = 0` leave `F = s X + Y`, up to scale.
+//! 2. F is singular: `det F = 0` is a cubic in s. Its coefficients follow from its values at 0, 1 and -1, and from
+//!    `det X`, which is the leading one. [`real_roots`] finds its roots.
+//!
+//! *Differs from the book*, which has `F = s X + (1 - s) Y`. Both leave out one matrix, X - Y there and X here (s
+//! is infinite), which is singular only by chance.
 //!
 //! The points may be pixels or points at depth 1, which are better conditioned. With points at depth 1 the
 //! result is `K_b^T F K_a` for the fundamental matrix F of the pixels. This is the essential matrix, as far as
@@ -23,7 +26,7 @@ pub fn seven_point(a: &[Point2<f64>; 7], b: &[Point2<f64>; 7]) -> Solutions<Matr
         return solutions;
     };
     let [x, y] = basis.map(|flat| Matrix3::from_row_slice(&flat));
-    // Homogeneous in (x, y), so the direction of Y alone is a root of its own.
+    // X alone, where s is infinite, is left out.
     let determinant = |s: f64| (x * s + y).determinant();
     let (at_0, at_1, at_minus_1) = (determinant(0.0), determinant(1.0), determinant(-1.0));
     let c3 = x.determinant();

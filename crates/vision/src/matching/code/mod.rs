@@ -49,15 +49,15 @@ use crate::seed::Seed;
 pub struct CodeParams {
     /// Largest ratio of nearest to second nearest distance of a seed, in `(0, 1]`.
     pub seed_ratio: f32,
-    /// Largest number of seeds, drawn at random from those that pass; at least 10.
+    /// Largest number of seeds, drawn at random from those that pass; 10 to 20,000.
     pub seeds: usize,
-    /// Largest number of kernels of the likelihood; at least 10.
+    /// Largest number of kernels of the likelihood; 10 to 2000. Memory grows with its square, time with its cube.
     pub centres: usize,
     /// Weight of the squared coefficients relative to the data, positive.
     pub ridge: f64,
     /// Residuals above this count linearly, positive.
     pub huber: f64,
-    /// Least likelihood of a match, one for each of the two passes.
+    /// Least likelihood of a match, one for each of the two passes; finite.
     pub likelihoods: [f64; 2],
     /// Largest squared distance between the place of a match and the place where the motion maps it, in
     /// normalised units.
@@ -107,8 +107,18 @@ impl Code {
             let fine = value > 0.0 && value.is_finite();
             ParamError::unless(fine, name, value, "positive and finite")?;
         }
-        for (name, value) in [("seeds", params.seeds), ("centres", params.centres)] {
-            ParamError::unless(value >= 10, name, value, "at least 10")?;
+        let (seeds, centres) = (params.seeds, params.centres);
+        let allowed = (10..=20_000).contains(&seeds);
+        ParamError::unless(allowed, "seeds", seeds, "10 to 20000")?;
+        let allowed = (10..=2000).contains(&centres);
+        ParamError::unless(allowed, "centres", centres, "10 to 2000")?;
+        for least in params.likelihoods {
+            ParamError::unless(
+                least.is_finite(),
+                "likelihoods",
+                least,
+                "two finite numbers",
+            )?;
         }
         ParamError::unless(
             params.max_aspect >= 1.0,

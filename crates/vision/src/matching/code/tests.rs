@@ -129,10 +129,38 @@ fn few_or_broken_matches_are_no_trouble() {
 
 #[test]
 fn parameters_out_of_range_are_named() {
-    let params = CodeParams {
-        huber: 0.0,
-        ..CodeParams::default()
-    };
-    let message = Code::new(params).unwrap_err().to_string();
-    assert!(message.contains("huber"), "{message}");
+    let default = CodeParams::default();
+    for (name, params) in [
+        (
+            "huber",
+            CodeParams {
+                huber: 0.0,
+                ..default
+            },
+        ),
+        (
+            "seeds",
+            CodeParams {
+                seeds: usize::MAX,
+                ..default
+            },
+        ),
+        (
+            "centres",
+            CodeParams {
+                centres: 2001,
+                ..default
+            },
+        ),
+        (
+            "likelihoods",
+            CodeParams {
+                likelihoods: [0.6, f64::NAN],
+                ..default
+            },
+        ),
+    ] {
+        let message = Code::new(params).unwrap_err().to_string();
+        assert!(message.contains(name), "{message}");
+    }
 }

@@ -13,6 +13,8 @@ use crate::params::ParamError;
 /// Largest number of features in a block, and least number of blocks per label if there are that many features.
 const BLOCK: usize = 16;
 const BLOCKS_PER_LABEL: usize = 16;
+/// Most candidates per feature.
+const MOST_LABELS: usize = 10_000;
 
 /// Search for several candidates per feature, for features that were found without simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,7 +23,7 @@ const BLOCKS_PER_LABEL: usize = 16;
 pub struct CandidateLabels {
     /// Largest number of features of the first image, those with the strongest response; at least 1.
     pub nodes: usize,
-    /// Largest number of candidates per feature; at least 1.
+    /// Largest number of candidates per feature; 1 to 10,000.
     pub labels: usize,
     /// Least distance between candidates of one feature, in thousandths of the diagonal of their image; at
     /// least 0.
@@ -48,7 +50,8 @@ impl CandidateLabels {
     /// Refuses parameters out of range.
     pub(super) fn check(&self) -> Result<(), ParamError> {
         ParamError::unless(self.nodes >= 1, "nodes", self.nodes, "at least 1")?;
-        ParamError::unless(self.labels >= 1, "labels", self.labels, "at least 1")?;
+        let allowed = (1..=MOST_LABELS).contains(&self.labels);
+        ParamError::unless(allowed, "labels", self.labels, "1 to 10000")?;
         let fine = self.apart_px >= 0.0 && self.apart_px.is_finite();
         ParamError::unless(fine, "apart_px", self.apart_px, "at least 0")
     }

@@ -261,6 +261,16 @@ fn parameters_out_of_range_are_named() {
             },
         ),
         (
+            "labels",
+            GaimParams {
+                labels: CandidateLabels {
+                    labels: 1 << 60,
+                    ..default.labels
+                },
+                ..default
+            },
+        ),
+        (
             "truncation",
             GaimParams {
                 truncation: f64::NAN,

@@ -112,7 +112,6 @@ mod flat {
         /// # Errors
         /// If one of the changes would have no effect with these choices; the error lists the parameters that
         /// have one.
-        /// If one of the changes does not act beside the choices; the error names those that do.
         pub fn with(&self, changes: Settings) -> Result<Self, ParamError> {
             let all = changes.or(self.settings()).or(Settings::DEFAULTS);
             let search = all.search();

@@ -12,8 +12,11 @@ pub enum Geometry {
     /// An essential matrix, from five matches; the calibration is used.
     Essential {
         /// Whether scene points must lie in front of both cameras while models are compared. Then a model is
-        /// dropped if it puts a match of its own sample behind a camera, and matches that the model puts behind
-        /// a camera do not count as its inliers in the search. Chum, Werner, Matas, ICPR 2004. Default: yes.
+        /// dropped if the matches of its own sample do not
+        /// [agree in orientation](crate::geometry::agree_in_orientation): if under each of its poses the two depths
+        /// of some match differ in sign. And matches that the model puts behind a camera do not count for it in the
+        /// search; those within the threshold are still among the inliers of the result. Chum, Werner, Matas, ICPR
+        /// 2004. Default: yes.
         cheirality: bool,
         /// Whether, at the end, the best pose is compared with the two poses that a plane of its inliers
         /// allows. Default: no.

@@ -3,7 +3,7 @@
 use nalgebra::{Point2, Rotation3, UnitQuaternion, UnitVector3, Vector3};
 
 use super::*;
-use crate::geometry::{Camera, Distortion, MatchedPoints};
+use crate::geometry::{Camera, Distortion, MatchedPoints, RelativePose};
 use crate::robust::{EarlyStop, FinalRefinement, Sampler, Score, presets};
 
 const CAMERA: Camera = Camera::pinhole(600.0, 610.0, 320.0, 240.0);
@@ -266,10 +266,9 @@ fn stopping_at_once_finds_nothing_and_stopping_later_takes_no_more_samples() {
     let adaptive = SampleConsensus::new(presets::adaptive()).expect("a preset is in range");
     for most in [60, 160] {
         let found = adaptive.estimate_until(views, Seed(1), &|samples| samples >= most);
-        assert!(
-            found.map_or(most == 60, |found| found.iterations == most),
-            "{most}"
-        );
+        let found = found.expect("the model that tells the noise is one");
+        assert_eq!(found.iterations, most);
+        assert!(found.inliers.len() >= 5, "{}", found.inliers.len());
     }
 }
 
