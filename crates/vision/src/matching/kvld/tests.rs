@@ -171,32 +171,6 @@ fn of_matches_at_one_place_one_stays() {
 }
 
 #[test]
-fn matches_beyond_the_clearest_of_a_crowded_cell_are_compared_with_these() {
-    let mut rng = Seed(4).rng();
-    let mut pairs = Vec::new();
-    for i in 0..440 {
-        // All in one cell; four right ones and 396 wrong ones are clearer than the last 40, which are right.
-        let along = |uniform: f64| 100.0 + 60.0 * uniform as f32;
-        let a = Point2::new(along(rng.uniform()), along(rng.uniform()));
-        let (b, angle) = if (4..400).contains(&i) {
-            let angle = std::f32::consts::TAU * rng.uniform() as f32;
-            (random_place(&mut rng), angle)
-        } else {
-            (motion() * a, 0.3)
-        };
-        pairs.push((keypoint(a, 4.0, 0.0), keypoint(b, 4.4, angle)));
-    }
-    let params = KvldParams {
-        max_neighbours: 60,
-        ..KvldParams::default()
-    };
-    let kept = kept_with(params, &pairs, |i| [if i < 400 { 0.5 } else { 0.9 }, 1.0]);
-    let beyond = kept.iter().filter(|&&i| i >= 400).count();
-    let wrong = kept.iter().filter(|i| (4..400).contains(*i)).count();
-    assert!(beyond >= 25 && wrong <= 10, "{beyond} right, {wrong} wrong");
-}
-
-#[test]
 fn few_broken_and_crowded_matches_are_no_trouble() {
     assert_eq!(kept(&[]), []);
     assert_eq!(kept(&keypoints(1, 0)), []);
