@@ -2,7 +2,7 @@
 //!
 //! What flows from a pixel into the one to its left is kept for the next pixel, so that each flow is computed once and
 //! none goes through memory: the compiler keeps vectors of flows, and puts those from the left together from two of
-//! them. Two rows at once keep the flows between them too.
+//! them. Two rows at once, with vectors of 64 bytes, keep the flows between them too.
 
 #[cfg(target_arch = "x86_64")]
 use super::InstructionSet;
@@ -19,6 +19,17 @@ pub struct Below<'a> {
     pub values: &'a [f32],
     /// Their conductivities.
     pub conductivity: &'a [f32],
+}
+
+impl Below<'_> {
+    /// Its columns from `x` to `end`.
+    #[cfg(target_arch = "x86_64")]
+    fn from(&self, x: usize, end: usize) -> Self {
+        Self {
+            values: &self.values[x..end],
+            conductivity: &self.conductivity[x..end],
+        }
+    }
 }
 
 /// Two rows of one width, the row below them, and what flows from the first into the row above it.
@@ -58,82 +69,59 @@ pub fn diffuse_rows(
     #[cfg(target_arch = "x86_64")]
     if let Some(below) = below
         && values.len() == 2 * width
-        && InstructionSet::in_use() >= InstructionSet::Avx2
+        && InstructionSet::in_use() >= InstructionSet::Avx512
     {
-        return diffuse_two_rows(values, conductivity, below, upwards, half_time);
+        let (first, second) = values.split_at_mut(width);
+        let (conductivity_first, conductivity_second) = conductivity.split_at(width);
+        let rows = TwoRows {
+            values: [first, second],
+            conductivity: [conductivity_first, conductivity_second],
+            below: below.from(0, width),
+            upwards,
+        };
+        // SAFETY: what is in use was detected on this processor.
+        return unsafe { avx512::diffuse_two_rows(rows, half_time) };
     }
     let (mut rest, mut conductivity) = (values, conductivity);
     while !rest.is_empty() {
         let (row, others) = rest.split_at_mut(width);
-        let (c, conductivities) = conductivity.split_at(width);
+        let (of_row, conductivities) = conductivity.split_at(width);
         let next = Below {
             values: others,
             conductivity: conductivities,
         };
         let below = if others.is_empty() { below } else { Some(next) };
-        diffuse_rest(row, c, below, upwards, half_time, 0.0);
+        diffuse_row(row, of_row, below, upwards, half_time);
         (rest, conductivity) = (others, conductivities);
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-fn diffuse_two_rows(
+/// [`diffuse_rows`] for one row.
+fn diffuse_row(
     values: &mut [f32],
     conductivity: &[f32],
-    below: Below<'_>,
+    below: Option<Below<'_>>,
     upwards: &mut [f32],
     half_time: f32,
 ) {
-    let width = upwards.len();
-    let (first, second) = values.split_at_mut(width);
-    let (c_first, c_second) = conductivity.split_at(width);
-    let mut rows = TwoRows {
-        values: [first, second],
-        conductivity: [c_first, c_second],
-        below: Below {
-            values: &below.values[..width],
-            conductivity: &below.conductivity[..width],
-        },
-        upwards,
-    };
-    // SAFETY: what is in use was detected on this processor.
-    unsafe {
-        if InstructionSet::in_use() >= InstructionSet::Avx512 {
-            return avx512::diffuse_two_rows(rows, half_time);
-        }
-        let (x, from_left) = avx2::diffuse_columns(&mut rows, half_time);
-        let TwoRows {
-            values: [first, second],
-            conductivity: [c_first, c_second],
-            below,
-            upwards,
-        } = rows;
-        let second_below = Below {
-            values: &second[x..],
-            conductivity: &c_second[x..],
-        };
-        let below = Below {
-            values: &below.values[x..],
-            conductivity: &below.conductivity[x..],
-        };
-        let upwards = &mut upwards[x..];
-        diffuse_rest(
-            &mut first[x..],
-            &c_first[x..],
-            Some(second_below),
-            upwards,
+    #[cfg(target_arch = "x86_64")]
+    if let Some(below) = below
+        && InstructionSet::in_use() == InstructionSet::Avx2
+    {
+        let width = values.len();
+        // SAFETY: what is in use was detected on this processor.
+        let (x, from_left) =
+            unsafe { avx2::diffuse_columns(values, conductivity, below, upwards, half_time) };
+        return diffuse_rest(
+            &mut values[x..],
+            &conductivity[x..],
+            Some(below.from(x, width)),
+            &mut upwards[x..],
             half_time,
-            from_left[0],
-        );
-        diffuse_rest(
-            &mut second[x..],
-            &c_second[x..],
-            Some(below),
-            upwards,
-            half_time,
-            from_left[1],
+            from_left,
         );
     }
+    diffuse_rest(values, conductivity, below, upwards, half_time, 0.0);
 }
 
 multiversioned! {
