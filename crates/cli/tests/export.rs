@@ -201,6 +201,11 @@ fn a_dataset_that_is_another_now_is_not_exported() {
     };
     let another = |camera: &mut Vec<u8>| *camera = b"500 0 80 0 500 60 0 0 1".to_vec();
     changed("camera.txt", &another, "wall is another dataset now");
+    // Whatever it is called now.
+    let manifest = wall.join("dataset.toml");
+    fs::write(&manifest, "version = 1\nname = \"other\"\n").expect("writable");
+    changed("camera.txt", &another, "wall is another dataset now");
+    fs::remove_file(&manifest).expect("it is ours");
     let brighter = |image: &mut Vec<u8>| *image.last_mut().expect("pixels") ^= 1;
     changed(
         "Images/0001.pgm",

@@ -63,7 +63,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
             .find(|path| path.file_name().is_some_and(|name| *name == *dataset.name));
         let sequence = Sequence::open(moved.unwrap_or(&dataset.path))
             .context("if the dataset has moved, say where it is with --datasets")?;
-        check_dataset(&run, &sequence)?;
+        check_dataset(&run, dataset, &sequence)?;
         let is_run = |id: &String| (dataset.matchers.as_ref()).is_none_or(|own| own.contains(id));
         for matcher in matchers.iter().filter(|matcher| is_run(&matcher.id)) {
             write(args, &run, format, &sequence, matcher)?;

@@ -177,10 +177,8 @@ pub fn read_dataset_pairs(dir: &Path) -> Result<Vec<Pair>, DatasetError> {
         pairs.push(pair);
     })?;
     if has_one_twice(&pairs) {
-        let mut problems = Vec::new();
-        listed(&poses, None, parse_pose, &mut problems);
-        listed(&homographies, None, parse_homography, &mut problems);
-        first_error(problems)?;
+        // The list of poses: that of homographies was checked as it was read. This knows the lines.
+        read_pairs(&poses)?;
     }
     Ok(pairs)
 }
@@ -435,6 +433,27 @@ mod tests {
     use super::*;
 
     #[test]
+    fn pairs_for_scoring_come_from_both_lists_and_none_twice() {
+        let (_folder, dir) = testing::dataset();
+        let pairs = read_dataset_pairs(&dir).unwrap();
+        let (poses, homographies) = (dir.join(PAIRS), dir.join(HOMOGRAPHIES));
+        fs::write(&homographies, "0 1 1 0 5 0 1 -3 0 0 1\n").unwrap();
+        let both = read_dataset_pairs(&dir).unwrap();
+        assert_eq!(both.len(), pairs.len());
+        assert!(
+            both.iter()
+                .any(|pair| pair.pose().and(pair.homography()).is_some())
+        );
+        let text = fs::read_to_string(&poses).unwrap();
+        let first = text.lines().next().unwrap();
+        fs::write(&poses, format!("{text}{first}\n")).unwrap();
+        let error = read_dataset_pairs(&dir).unwrap_err();
+        assert_eq!(error.line, Some(text.lines().count() + 1), "{error}");
+        fs::remove_file(&poses).unwrap();
+        assert_eq!(read_dataset_pairs(&dir).unwrap().len(), 1);
+    }
+
+    #[test]
     fn a_published_folder_is_read_with_all_its_irregularities() {
         let folder = tempfile::tempdir().unwrap();
         let dir = folder.path().join("09-mine");
@@ -461,6 +480,7 @@ mod tests {
         assert_eq!((sequence.pairs[0].a, sequence.pairs[0].b), (0, 1));
         assert_eq!(sequence.pairs[0].pose(), Some(&pose.inverse()));
         assert_eq!(read_pairs(&dir.join("pairs.txt")).unwrap(), sequence.pairs);
+        assert_eq!(read_dataset_pairs(&dir).unwrap(), sequence.pairs);
     }
 
     #[test]

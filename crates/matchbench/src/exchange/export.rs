@@ -27,7 +27,7 @@ use nalgebra::{Matrix3, Point2};
 
 use super::ExchangeError;
 use crate::datasets::{Frame, Sequence};
-use crate::records::{FolderError, MatchesFile, RunFolder, RunRecord};
+use crate::records::{DatasetPlan, FolderError, MatchesFile, RunFolder, RunRecord};
 
 /// Matches of one matcher on one dataset, to be written.
 pub struct Export<'a> {
@@ -74,23 +74,24 @@ pub enum Model {
     Homography(Matrix3<f64>),
 }
 
-/// Refuses a dataset that is not the one of this name that the run was of: its matches would come to other images, and
+/// Refuses a sequence that is not the `dataset` of the run any more: its matches would come to other images, and
 /// inliers would be those of other cameras.
 ///
 /// # Errors
 /// If cameras, pairs, true poses or images are others, or if what the run has noted cannot be read.
-pub fn check_dataset(run: &RunFolder, sequence: &Sequence) -> Result<(), FolderError> {
-    let planned = run.plan().datasets.iter();
-    for dataset in planned.filter(|dataset| dataset.name == sequence.name) {
-        if dataset.fingerprint != sequence.fingerprint() {
-            return Err(FolderError::OtherDataset {
-                folder: run.path().into(),
-                dataset: dataset.name.clone(),
-            });
-        }
+pub fn check_dataset(
+    run: &RunFolder,
+    dataset: &DatasetPlan,
+    sequence: &Sequence,
+) -> Result<(), FolderError> {
+    if dataset.fingerprint != sequence.fingerprint() {
+        return Err(FolderError::OtherDataset {
+            folder: run.path().into(),
+            dataset: dataset.name.clone(),
+        });
     }
     let image = |frame: u32| Some(&*sequence.frames.get(frame as usize)?.image);
-    run.images_of(&sequence.name)?.verify(image)
+    run.images_of(&dataset.name)?.verify(image)
 }
 
 impl<'a> Export<'a> {

@@ -4,8 +4,8 @@
 //! to one. So [`read_file`] refuses everything except regular files, and a read never waits for ever or fills
 //! the memory. Files that may be larger than memory are read by `LineBlocks`, and texts of others by `read_lines`,
 //! which refuses a line without an end. [`write_whole`] replaces regular files; if a name leads to something else,
-//! it writes into that. `link_in` finds links where writing must not follow them. An `Appender` appends to files. [`remove_leftovers`] finds and removes incomplete files of
-//! processes that were killed.
+//! it writes into that. `link_in` finds links where writing must not follow them. An `Appender` appends to files.
+//! [`remove_leftovers`] finds and removes incomplete files of processes that were killed.
 
 mod append;
 mod calls;

@@ -79,21 +79,6 @@ impl RunFolder {
         path.join(PLAN).is_file()
     }
 
-    /// Refuses a folder in which a file of a run, of its logs or of its cache is a link, or a folder of them. Whoever
-    /// writes there asks this first. A report refuses links by itself.
-    ///
-    /// # Errors
-    /// If there is one. A folder that is not there has none.
-    pub fn refuse_links(path: &Path) -> Result<(), FolderError> {
-        let entries = fs::read_dir(path).into_iter().flatten().flatten();
-        let mut parts = entries.map(|entry| entry.path());
-        let link = parts.find_map(|part| {
-            let is_report = part.file_name().is_some_and(|name| name == REPORT);
-            link_in(&part, if is_report { 0 } else { 2 })
-        });
-        link.map_or(Ok(()), |path| Err(FolderError::Link { path }))
-    }
-
     /// Where it is.
     pub fn path(&self) -> &Path {
         &self.path
@@ -294,7 +279,7 @@ impl RunWriter {
     /// If it has another plan, is in use, damaged, or cannot be written to.
     pub fn start(path: &Path, plan: Plan) -> Result<Self, FolderError> {
         make_folder(path).map_err(FolderError::io("make the folder", path))?;
-        RunFolder::refuse_links(path)?;
+        refuse_links(path)?;
         let locks = lock(path)?;
         // Nobody else writes here now: records that were rewritten, two folders down.
         remove_leftovers(path);
@@ -372,6 +357,17 @@ impl RunWriter {
         let file = store::path(&self.folder.path, dataset, matcher, estimator);
         RecordWriter::open(&file)
     }
+}
+
+/// Refuses a folder in which a file of a run, of its logs or of its cache is a link, or a folder of them. Logs are
+/// opened before, and refuse links by themselves, as files of a report do.
+fn refuse_links(folder: &Path) -> Result<(), FolderError> {
+    let entries = fs::read_dir(folder).map_err(FolderError::io("read", folder))?;
+    let link = entries.flatten().find_map(|entry| {
+        let is_report = entry.file_name() == REPORT;
+        link_in(&entry.path(), if is_report { 0 } else { 2 })
+    });
+    link.map_or(Ok(()), |path| Err(FolderError::Link { path }))
 }
 
 /// What one process holds of a folder: the file that all versions of this program lock, and, where the

@@ -53,11 +53,13 @@ fn open(probe: Probe, options: &ReadOptions) -> Result<Contents, ExchangeError> 
         let what = format!("{} databases where there is to be one", probe.files.len());
         return Err(ExchangeError::new(&probe.files[0], what, "name one"));
     };
+    let file = open_file(path).and_then(|file| file.metadata());
+    let bytes = (file.map_err(|error| ExchangeError::unreadable(path, error))?).len();
     let steps = Arc::new(Steps::default());
     let database = Database {
         path: path.clone(),
-        connection: Mutex::new(connect(path, &steps)?),
-        bytes: fs::metadata(path).map_or(0, |file| file.len()),
+        connection: Mutex::new(connect(path, bytes, &steps)?),
+        bytes,
         steps,
         table: if options.verified {
             "two_view_geometries"
@@ -116,10 +118,8 @@ const FEWEST_STEPS: u64 = 1_000_000;
 struct Steps(AtomicU64);
 
 /// Opens the database for reading and nothing else: nothing is created beside it. A statement ends with an error if it
-/// takes more steps than a file of that size explains.
-fn connect(path: &Path, steps: &Arc<Steps>) -> Result<Connection, ExchangeError> {
-    let file = open_file(path).map_err(|error| ExchangeError::unreadable(path, error))?;
-    let bytes = file.metadata().map_or(0, |file| file.len());
+/// takes more steps than a file of so many bytes explains.
+fn connect(path: &Path, bytes: u64, steps: &Arc<Steps>) -> Result<Connection, ExchangeError> {
     let mut log = path.as_os_str().to_owned();
     log.push("-wal");
     if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
