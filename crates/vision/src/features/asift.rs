@@ -162,7 +162,7 @@ mod tests {
 
     use super::*;
     use crate::features::simulation::{extract_view, simulate};
-    use crate::features::{Descriptors, Orb, OrbParams, Sift, SiftParams};
+    use crate::features::{Descriptors, DspSift, DspSiftParams, Orb, OrbParams, Sift, SiftParams};
     use crate::image::Size;
     use crate::seed::Seed;
     use crate::simd::{Prepared, two_nearest_floats};
@@ -181,6 +181,26 @@ mod tests {
             let mut rng = Seed(4).number((x / 9) as u64).number((y / 9) as u64).rng();
             30 + rng.below(200) as u8
         })
+    }
+
+    #[test]
+    fn frames_of_the_extractor_are_kept() {
+        let params = DspSiftParams {
+            affine_shape: true,
+            ..DspSiftParams::default()
+        };
+        let dsp_sift = DspSift::new(params).expect("in range");
+        let image = textured(Size::new(120, 100));
+        let alone = dsp_sift.extract(&image);
+        let is_circle = |features: &Features, index: usize| {
+            let [xx, xy, yx, yy] = features.frame(index);
+            (xx - yy).abs() < 1e-3 * xx.abs() && (xy + yx).abs() < 1e-3 * xx.abs()
+        };
+        assert!((0..alone.len()).any(|index| !is_circle(&alone, index)));
+        let seen = extract_view(&dsp_sift, &image, SimulatedView::IMAGE);
+        for index in 0..alone.len() {
+            assert_eq!(seen.frame(index), alone.frame(index));
+        }
     }
 
     #[test]

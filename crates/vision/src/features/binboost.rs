@@ -123,7 +123,23 @@ impl BinBoostTable {
     /// # Errors
     /// If they are not such a table.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ParamError> {
-        Self::parse(bytes).ok_or_else(|| ParamError("not a BinBoost table".into()))
+        (Self::parse(bytes).filter(Self::is_sound))
+            .ok_or_else(|| ParamError("not a BinBoost table".into()))
+    }
+
+    /// Whether patches can be described with it, and its counts can be written.
+    fn is_sound(&self) -> bool {
+        let inside = |&[left, top, right, bottom]: &[u8; 4]| {
+            left < right && top < bottom && usize::from(right.max(bottom)) <= INNER
+        };
+        let features = DIRECTIONS * self.boxes.len();
+        // More learners could overflow the sums of `vote`.
+        (1..=256).contains(&self.learners_per_bit)
+            && (1..=usize::from(u16::MAX)).contains(&self.bits())
+            && u16::try_from(self.boxes.len()).is_ok()
+            && self.learners.len() == self.bits() * self.learners_per_bit
+            && self.boxes.iter().all(inside)
+            && (self.learners.iter()).all(|l| usize::from(l.feature) < features)
     }
 
     fn parse(bytes: &[u8]) -> Option<Self> {
@@ -143,19 +159,8 @@ impl BinBoostTable {
         let offsets: Vec<i16> = (offsets.as_chunks::<2>().0.iter())
             .map(|&offset| i16::from_le_bytes(offset))
             .collect();
-        let inside = |&[left, top, right, bottom]: &[u8; 4]| {
-            left < right && top < bottom && usize::from(right.max(bottom)) <= INNER
-        };
-        let features = DIRECTIONS * boxes.len();
-        // More learners could overflow the sums of `vote`.
-        let whole = (1..=256).contains(&count(2))
-            && !learners.is_empty()
-            && bytes.len() == 4 * learners.len() + 2 * count(1)
-            && offsets.len() == count(1);
-        (whole
-            && boxes.iter().all(inside)
-            && learners.iter().all(|l| usize::from(l.feature) < features))
-        .then_some(Self {
+        let whole = bytes.len() == 4 * learners.len() + 2 * count(1);
+        whole.then_some(Self {
             boxes,
             learners_per_bit: count(2),
             learners,
@@ -230,8 +235,12 @@ impl BinBoost {
     /// A describer with a table of one's own.
     ///
     /// # Errors
-    /// If a parameter is out of its range.
+    /// If a parameter is out of its range, or if the table has no bits, not as many learners as its bits need, more than
+    /// 256 for a bit, or boxes that do not lie within the patch.
     pub fn with_table(params: BinBoostParams, table: BinBoostTable) -> Result<Self, ParamError> {
+        if !table.is_sound() {
+            return Err(ParamError("not a BinBoost table".into()));
+        }
         ParamError::unless(
             params.scale_factor > 0.0 && params.scale_factor.is_finite(),
             "scale_factor",
@@ -418,5 +427,23 @@ mod tests {
         assert_eq!(keypoints.len(), 1);
         let empty = GrayImage::filled(Size::new(0, 0), 0);
         assert!(describer.describe(&empty, &mut keypoints).is_empty());
+    }
+
+    #[test]
+    fn tables_of_ones_own_are_looked_at() {
+        let table = BinBoostTable::from_bytes(BINBOOST).expect("its own table");
+        let refuses = |change: &dyn Fn(&mut BinBoostTable)| {
+            let mut table = table.clone();
+            change(&mut table);
+            BinBoost::with_table(BinBoostParams::default(), table).is_err()
+        };
+        assert!(!refuses(&|_| ()));
+        assert!(refuses(
+            &|table| (table.learners, table.offsets) = (vec![], vec![])
+        ));
+        assert!(refuses(&|table| table.learners_per_bit = 0));
+        assert!(refuses(&|table| table.offsets.push(0)));
+        assert!(refuses(&|table| table.learners[0].feature = u16::MAX));
+        assert!(refuses(&|table| table.boxes[0] = [0, 0, 200, 3]));
     }
 }

@@ -194,18 +194,29 @@ impl BinaryRows {
         Self::from_vec(bits, Vec::new())
     }
 
-    /// Rows of `bits` bits over `data`.
+    /// Rows of `bits` bits over `data`. What is set beyond them in the last word of a row is cleared.
     ///
     /// # Panics
     /// If `bits` is 0 or its number of words does not divide the length of `data`.
     pub fn from_vec(bits: usize, data: Vec<u64>) -> Self {
-        let rows = Self { bits, data };
+        let mut rows = Self { bits, data };
         assert!(
             bits > 0 && rows.data.len().is_multiple_of(rows.words()),
             "{} words in rows of {bits} bits",
             rows.data.len()
         );
+        rows.clear_padding(0);
         rows
+    }
+
+    /// Clears what is set beyond the bits of the rows from `first` on, since searches compare whole words.
+    fn clear_padding(&mut self, first: usize) {
+        let (words, used) = (self.words(), self.bits % 64);
+        if used > 0 {
+            for row in self.data[first * words..].chunks_exact_mut(words) {
+                row[words - 1] &= (1 << used) - 1;
+            }
+        }
     }
 
     /// Bits in a row.
@@ -238,13 +249,15 @@ impl BinaryRows {
         &self.data
     }
 
-    /// Appends a row.
+    /// Appends a row. What is set beyond its bits is cleared.
     ///
     /// # Panics
     /// If `row` does not have [`BinaryRows::words`] words.
     pub fn push(&mut self, row: &[u64]) {
         assert_eq!(row.len(), self.words(), "a row has {} words", self.words());
+        let index = self.len();
         self.data.extend_from_slice(row);
+        self.clear_padding(index);
     }
 }
 
@@ -260,6 +273,15 @@ mod tests {
         assert_eq!(rows.words(), 8);
         rows.push(&[7; 8]);
         assert_eq!((rows.len(), rows.row(0)), (1, &[7; 8][..]));
+    }
+
+    #[test]
+    fn what_is_set_beyond_the_bits_counts_nowhere() {
+        let mut rows = BinaryRows::from_vec(70, vec![u64::MAX; 4]);
+        rows.push(&[u64::MAX; 2]);
+        for index in 0..3 {
+            assert_eq!(rows.row(index), [u64::MAX, 0b11_1111]);
+        }
     }
 
     #[test]

@@ -68,6 +68,8 @@ const INNERMOST: f64 = 2.0 / 24.0;
 const SCALES: usize = 64;
 /// Number of angles.
 const TURNS: i32 = 256;
+/// What the largest pattern may reach, in pixels.
+const LARGEST_PATTERN: f32 = 4096.0;
 /// Keypoints up to this size get the smallest pattern.
 const SMALLEST_SIZE: f32 = 7.0;
 
@@ -80,7 +82,7 @@ const SMALLEST_SIZE: f32 = 7.0;
 )]
 pub struct FreakParams {
     /// Size of the smallest pattern: its fields reach as far from the keypoint, in pixels. 8 to
-    /// 100.
+    /// 100, and at most 4096 in the last octave.
     pub pattern_scale: f32,
     /// Octaves over which the pattern grows with the keypoint, 1 to 6.
     pub octaves: usize,
@@ -96,7 +98,7 @@ impl Default for FreakParams {
 }
 
 /// The FREAK descriptor. It sets the orientation of keypoints, and drops those whose pattern does
-/// not lie within the image.
+/// not lie within the image. Sizes of 7 pixels or less, and those that are no numbers, get the smallest pattern.
 #[derive(Clone, Debug)]
 pub struct Freak {
     params: FreakParams,
@@ -142,6 +144,10 @@ impl Freak {
             "8 to 100",
         )?;
         ParamError::unless((1..=6).contains(&octaves), "octaves", octaves, "1 to 6")?;
+        // Sums over the fields of larger patterns have more digits than 31 bits.
+        let largest = pattern_scale * (1 << octaves) as f32;
+        let range = format!("at most {LARGEST_PATTERN} in the last of {octaves} octaves");
+        ParamError::unless(largest <= LARGEST_PATTERN, "pattern_scale", largest, &range)?;
         let turns = (0..TURNS)
             .map(|turn| {
                 std::array::from_fn(|i| {

@@ -56,6 +56,9 @@ impl<E: Extractor> Extractor for ImageAndViews<E> {
 }
 
 /// Of the features of an [`ImageAndViews`] those of the image itself: the first ones, up to the first that is tilted.
+///
+/// They are known by their frames. So this is for extractors that describe circles, and where the image has no feature of
+/// its own, those of its first view can be taken for them.
 pub fn features_of_image(features: &Features) -> Features {
     /// `t + 1/t` for a tilt that is none: between 2 and 2.12 of the smallest tilt, the root of 2.
     const UNTILTED: f32 = 2.05;

@@ -31,6 +31,19 @@ impl Keypoint {
         [x, -y, y, x]
     }
 
+    /// Whether it lies on a pixel of an image of this size and has a neighbourhood to describe: a size from 1e-12
+    /// pixels on, and an angle that is a number unless it has none.
+    pub(super) fn is_describable_in(&self, image: Size) -> bool {
+        /// Squares of smaller sizes are soon nothing in single precision, and weights then no numbers.
+        const SMALLEST: f32 = 1e-12;
+        let within = |v: f32, length: usize| v >= -0.5 && v < length as f32 - 0.5;
+        within(self.at.x, image.width)
+            && within(self.at.y, image.height)
+            && self.size >= SMALLEST
+            && self.size.is_finite()
+            && self.angle.is_none_or(f32::is_finite)
+    }
+
     /// By how much `other`, the same point seen in another image, is turned against this keypoint, in radians
     /// from 0 to 2 pi; `None` where one of them has no orientation.
     pub fn turn_to(&self, other: &Self) -> Option<f32> {

@@ -97,10 +97,10 @@ impl Latch {
             "0 to 3",
         )?;
         ParamError::unless(
-            (0.0..=10.0).contains(&params.sigma),
+            params.sigma == 0.0 || (0.01..=10.0).contains(&params.sigma),
             "sigma",
             params.sigma,
-            "0 to 10",
+            "0, or 0.01 to 10",
         )?;
         let places = LATCH_TRIPLETS.as_chunks::<2>().0;
         let coordinate = |axis: usize| {

@@ -29,6 +29,10 @@
 //! degrees. The pairs are the ones of the authors, which the paper does not print; they were
 //! measured (`tables/SOURCES.toml`).
 //!
+//! Positions on a level are multiplied by its scale `s`, as there. The levels are resampled so that pixel centres
+//! correspond at `s (x + 1/2) - 1/2`, so keypoints of coarse levels lie `(s - 1) / 2` pixels too far left and up: 1.3
+//! pixels on the eighth.
+//!
 //! # Differences from OpenCV
 //! None in keypoints; one bit in a million, where sums in floating point round differently. Where
 //! more corners are found than wanted, the ones that are kept stay in the order of rows (OpenCV
@@ -147,7 +151,10 @@ impl Orb {
             wanted.push(share.round_ties_even() as usize);
             share *= ratio;
         }
-        wanted.push(features.saturating_sub(wanted.iter().sum()));
+        let finer = wanted
+            .iter()
+            .fold(0, |sum: usize, &w| sum.saturating_add(w));
+        wanted.push(features.saturating_sub(finer));
         wanted
     }
 
@@ -166,7 +173,9 @@ impl Orb {
             width: image.width(),
         };
         let mut corners = corners(image, self.params.fast_threshold, MARGIN);
-        retain_best(&mut corners, 2 * wanted, |corner| f32::from(corner.score));
+        retain_best(&mut corners, wanted.saturating_mul(2), |corner| {
+            f32::from(corner.score)
+        });
         let centres: Vec<[u32; 2]> = corners.iter().map(|corner| corner.at).collect();
         let strengths = harris_strengths(pixels, &centres);
         let mut corners: Vec<(Corner, f32)> = corners.into_iter().zip(strengths).collect();
@@ -430,5 +439,27 @@ mod tests {
             ..OrbParams::default()
         };
         assert!(Orb::new(params).is_err());
+    }
+
+    #[test]
+    fn any_number_of_features_may_be_wanted() {
+        let squares = |x: usize, y: usize| {
+            let noise = Seed(3).number(x as u64).number(y as u64).rng().below(20) as u8;
+            noise + if x % 12 < 5 && y % 12 < 5 { 200 } else { 20 }
+        };
+        let image = GrayImage::from_fn(Size::new(150, 140), squares);
+        let count = |features, levels| {
+            let params = OrbParams {
+                features,
+                levels,
+                ..OrbParams::default()
+            };
+            Orb::new(params).expect("in range").extract(&image).len()
+        };
+        assert!(count(100_000, 1) > 0);
+        for levels in [1, 8] {
+            assert_eq!(count(usize::MAX, levels), count(100_000, levels));
+            assert_eq!(count(1 << 63, levels), count(100_000, levels));
+        }
     }
 }

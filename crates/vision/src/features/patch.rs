@@ -37,13 +37,7 @@ impl PatchSource {
     /// keypoint lies in it and has a size.
     pub fn holds(&self, keypoint: &Keypoint) -> bool {
         let size = self.octaves[0].size();
-        let within = |v: f32, length: usize| v >= -0.5 && v < length as f32 - 0.5;
-        size.width.min(size.height) >= 2
-            && within(keypoint.at.x, size.width)
-            && within(keypoint.at.y, size.height)
-            && keypoint.size > 0.0
-            && keypoint.size.is_finite()
-            && keypoint.angle.is_none_or(f32::is_finite)
+        size.width.min(size.height) >= 2 && keypoint.is_describable_in(size)
     }
 
     /// Fills `patch`, square and row after row, from the square about `keypoint` whose side is

@@ -45,7 +45,7 @@ pub struct ShearedParams {
     pub scale_steps: usize,
     /// Ratio of neighbouring anisotropic scales, above 1 and at most 4.
     pub scale_step: f64,
-    /// Views are left out if one of their axes is compressed by more than this; at least 1.
+    /// Views are left out if one of their axes is compressed by more than this; 1 to 100.
     pub max_tilt: f64,
     /// Diagonal of the image in which features are found, in pixels; 1 to 10,000.
     pub diagonal_px: f64,
@@ -94,11 +94,16 @@ impl<E: Extractor> Sheared<E> {
         for (name, value, above, to) in [
             ("max_shear", max_shear, 0.0, 5.0),
             ("scale_step", scale_step, 1.0, 4.0),
-            ("max_tilt", max_tilt, 1.0_f64.next_down(), 100.0),
-            ("diagonal_px", diagonal_px, 1.0_f64.next_down(), 10_000.0),
         ] {
             let range = format!("above {above} and at most {to}");
             ParamError::unless(value > above && value <= to, name, value, &range)?;
+        }
+        for (name, value, to) in [
+            ("max_tilt", max_tilt, 100.0),
+            ("diagonal_px", diagonal_px, 10_000.0),
+        ] {
+            let range = format!("1 to {to}");
+            ParamError::unless((1.0..=to).contains(&value), name, value, &range)?;
         }
         Ok(Self { extractor, params })
     }

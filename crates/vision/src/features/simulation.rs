@@ -76,7 +76,8 @@ pub(super) fn extract_view<E: Extractor>(
 ) -> Features {
     if view.tilt == 1.0 {
         let features = extractor.extract(image);
-        let frames = features.keypoints.iter().map(Keypoint::frame).collect();
+        let frames = (0..features.len()).map(|index| features.frame(index));
+        let frames = frames.collect();
         return features.with_frames(frames);
     }
     let (view, placement) = simulate(image, view);
@@ -87,7 +88,7 @@ pub(super) fn extract_view<E: Extractor>(
         if placement.distance_to_border(keypoint.at) < MARGIN * keypoint.size {
             continue;
         }
-        let (keypoint, frame) = placement.to_image(keypoint);
+        let (keypoint, frame) = placement.to_image(keypoint, features.frame(index));
         keypoints.push(keypoint);
         frames.push(frame);
         kept.push(index);
@@ -127,9 +128,9 @@ impl Placement {
 
     /// A keypoint of the view in the image, and its frame there. Its size becomes that of the
     /// circle of equal area, its angle that of the direction it maps to.
-    fn to_image(self, keypoint: &Keypoint) -> (Keypoint, [f32; 4]) {
+    fn to_image(self, keypoint: &Keypoint, frame: [f32; 4]) -> (Keypoint, [f32; 4]) {
         let m = self.image_from_view;
-        let [xx, xy, yx, yy] = keypoint.frame();
+        let [xx, xy, yx, yy] = frame;
         let frame = m * Matrix2::new(xx, xy, yx, yy);
         let keypoint = Keypoint {
             at: self.point(keypoint.at),

@@ -21,10 +21,10 @@ impl GaussianKernel {
     /// `8 sigma + 1`.
     ///
     /// # Panics
-    /// If `sigma` is not positive and finite.
+    /// If `sigma` is not between 0.001 and 10,000.
     pub fn new(sigma: f64) -> Self {
         assert!(
-            sigma > 0.0 && sigma.is_finite(),
+            (1e-3..=1e4).contains(&sigma),
             "a Gaussian of standard deviation {sigma}"
         );
         Self::with_radius(
@@ -59,7 +59,7 @@ impl GaussianKernel {
 /// `image` blurred by a Gaussian of standard deviation `sigma` pixels.
 ///
 /// # Panics
-/// If `sigma` is not positive and finite.
+/// If `sigma` is not between 0.001 and 10,000.
 pub fn gaussian_blur(image: &FloatImage, sigma: f64) -> FloatImage {
     blur_whole(
         image,

@@ -164,7 +164,7 @@ impl RowBuffer {
     /// The next `count` rows (fewer at the end), to be written together.
     ///
     /// # Panics
-    /// Unless `count` is a divisor of `ROWS_AT_ONCE`, and the same in each call.
+    /// If the rows do not lie in one piece, as they do if each call has the same `count`, a divisor of `ROWS_AT_ONCE`.
     pub fn append(&mut self, count: usize) -> impl Iterator<Item = &mut [f32]> {
         if self.made == self.first + self.capacity {
             self.first = self.made;

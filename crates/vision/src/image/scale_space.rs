@@ -85,6 +85,9 @@ impl ScaleSpaceShape {
     }
 
     /// Makes the scale space of `image` for a visitor.
+    ///
+    /// # Panics
+    /// If there are no `intervals`, or if blurs between layers are not between 0.001 and 10,000 pixels.
     pub fn visit(&self, image: &GrayImage, visitor: &mut impl LayerVisitor) {
         let mut base = None;
         let mut spare = Vec::new();

@@ -49,7 +49,11 @@ fn spans(length: usize, count: usize) -> Vec<Span> {
     let scale = length as f64 / count as f64;
     (0..count)
         .map(|i| {
-            let (start, end) = (i as f64 * scale, (i + 1) as f64 * scale);
+            // The last end can be rounded to more than the length.
+            let (start, end) = (
+                i as f64 * scale,
+                ((i + 1) as f64 * scale).min(length as f64),
+            );
             let first = start as usize;
             let share = |p: usize| (end.min((p + 1) as f64) - start.max(p as f64)).max(0.0) / scale;
             Span {
@@ -69,6 +73,15 @@ mod tests {
         let image = FloatImage::from_fn(Size::new(4, 2), |x, y| (10 * x + y) as f32);
         let half = shrink(&image, Size::new(2, 1));
         assert_eq!(half.data(), [5.5, 25.5]);
+    }
+
+    #[test]
+    fn nothing_beyond_the_image_counts() {
+        for length in 2..3000 {
+            let last = spans(length, length / 2).pop().expect("at least one");
+            let covered = last.weights.iter().filter(|&&weight| weight > 0.0).count();
+            assert!(last.first + covered <= length, "{length}");
+        }
     }
 
     #[test]

@@ -59,7 +59,8 @@ multiversioned! {
                 total[i] = below.wrapping_sub(above);
             }
             for i in 0..LANES {
-                // Both are exact below 2^24; the quotient may have been rounded up.
+                // Both are exact below 2^24, in fields of up to 256 pixels; the quotient may have been rounded up. In
+                // larger fields a mean can be one off.
                 let total = (total[i] + area[i] / 2) as i32;
                 let mean = truncated(total as f32 / area[i] as i32 as f32);
                 let rounded_up = mean * area[i] as i32 > total;

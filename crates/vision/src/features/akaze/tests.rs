@@ -65,6 +65,15 @@ fn levels_have_the_scales_and_sizes_of_the_paper() {
     assert_eq!(counts, [3, 3, 4, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29]);
 }
 
+/// Heights whose halves do not divide them: 900 halves to 225 and then to 112, of which each is 2.0089... pixels.
+#[test]
+fn any_height_can_be_halved_again_and_again() {
+    for height in [89, 107, 178, 249, 675, 900] {
+        let image = GrayImage::filled(Size::new(200, height), 90);
+        assert!(akaze().extract(&image).is_empty(), "{height}");
+    }
+}
+
 #[test]
 fn parameters_out_of_range_are_refused() {
     for params in [

@@ -99,8 +99,10 @@ impl Dlco {
     /// A describer with a table of one's own.
     ///
     /// # Errors
-    /// If a parameter is out of its range.
+    /// If a parameter is out of its range, or if the table has no rings or rows, rows that are not as long as what is
+    /// pooled, or numbers that are not finite or make no region.
     pub fn with_table(params: DlcoParams, table: &DlcoTable) -> Result<Self, ParamError> {
+        table.check()?;
         let DlcoParams {
             dimensions,
             scale_factor,

@@ -39,7 +39,34 @@ impl DlcoTable {
     /// # Errors
     /// If they are not such a table.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ParamError> {
-        Self::parse(bytes).ok_or_else(|| ParamError("not a DLCO table".into()))
+        let table = Self::parse(bytes).ok_or_else(Self::refusal)?;
+        table.check()?;
+        Ok(table)
+    }
+
+    /// Whether patches can be described with it, and its counts can be written.
+    ///
+    /// # Errors
+    /// If not.
+    pub(super) fn check(&self) -> Result<(), ParamError> {
+        let columns = self.pooled();
+        let fits = |count: usize| (1..=usize::from(u16::MAX)).contains(&count);
+        let sound = |ring: &Ring| {
+            let is_finite = ring.turn.is_finite() && ring.sigma.is_finite();
+            is_finite && ring.sigma > 0.0 && (0.0..=64.0).contains(&ring.radius)
+        };
+        let whole =
+            |row: &Vec<f32>| row.len() == columns && row.iter().all(|value| value.is_finite());
+        (fits(self.rings.len())
+            && fits(self.projection.len())
+            && self.rings.iter().all(sound)
+            && self.projection.iter().all(whole))
+        .then_some(())
+        .ok_or_else(Self::refusal)
+    }
+
+    fn refusal() -> ParamError {
+        ParamError("not a DLCO table".into())
     }
 
     fn parse(bytes: &[u8]) -> Option<Self> {
@@ -60,14 +87,7 @@ impl DlcoTable {
             })
             .collect();
         let columns = pooled(&rings);
-        let sound = |ring: &Ring| ring.sigma > 0.0 && (0.0..=64.0).contains(&ring.radius);
-        (rest.is_empty()
-            && columns > 0
-            && count(1) > 0
-            && projection.len() == count(1) * columns
-            && rings.iter().all(sound)
-            && values.iter().all(|value| value.is_finite()))
-        .then(|| Self {
+        (rest.is_empty() && columns > 0 && projection.len() == count(1) * columns).then(|| Self {
             rings,
             projection: projection
                 .chunks_exact(columns)
@@ -84,6 +104,28 @@ fn pooled(rings: &[Ring]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn tables_of_ones_own_are_looked_at() {
+        let ring = Ring {
+            radius: 5.0,
+            turn: 0.125,
+            sigma: 3.0,
+        };
+        let table = |rings: &[Ring], row: Vec<f32>| DlcoTable {
+            rings: rings.to_vec(),
+            projection: vec![row],
+        };
+        assert!(table(&[ring], vec![0.5; 32]).check().is_ok());
+        assert!(table(&[], vec![]).check().is_err());
+        assert!(table(&[ring], vec![0.5; 31]).check().is_err());
+        assert!(table(&[ring], vec![f32::NAN; 32]).check().is_err());
+        assert!(
+            table(&[Ring { sigma: 0.0, ..ring }], vec![0.5; 32])
+                .check()
+                .is_err()
+        );
+    }
 
     #[test]
     fn a_table_survives_being_written_and_damage_is_seen() {

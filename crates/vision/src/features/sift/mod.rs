@@ -74,7 +74,7 @@ pub struct SiftParams {
     pub octave_layers: usize,
     /// Least contrast times `octave_layers`, for grey values in 0..=1.
     pub contrast_threshold: f32,
-    /// Largest ratio of the principal curvatures, above 1.
+    /// Largest ratio of the principal curvatures, above 1; finite.
     pub edge_threshold: f32,
     /// Blur of the first layer of each octave, in its pixels; 0.5 to 8.
     pub sigma: f64,
@@ -103,8 +103,8 @@ impl Default for SiftParams {
 ///
 /// As a [`Describer`] it describes keypoints of any detector: one whose number does not agree with
 /// its size is described at the scale nearest to its size, one without an angle gets the highest
-/// peak of the direction histogram. Keypoints outside the image, or without a positive size, are
-/// removed.
+/// peak of the direction histogram. Keypoints outside the image, or with a size below 1e-12
+/// pixels, are removed.
 #[derive(Clone, Debug)]
 pub struct Sift {
     params: SiftParams,
@@ -136,10 +136,10 @@ impl Sift {
             "at least 0",
         )?;
         ParamError::unless(
-            edge_threshold > 1.0,
+            edge_threshold > 1.0 && edge_threshold.is_finite(),
             "edge_threshold",
             edge_threshold,
-            "above 1",
+            "above 1 and finite",
         )?;
         ParamError::unless((0.5..=8.0).contains(&sigma), "sigma", sigma, "0.5 to 8")?;
         Ok(Self { params })
@@ -241,7 +241,7 @@ impl Describer for Sift {
 
     fn describe(&self, image: &GrayImage, keypoints: &mut Vec<Keypoint>) -> Descriptors {
         let is_describable = !self.shape().octaves(image.size()).is_empty();
-        keypoints.retain(|keypoint| is_describable && is_inside(keypoint, image));
+        keypoints.retain(|keypoint| is_describable && keypoint.is_describable_in(image.size()));
         let (mut describer, mut orientations) =
             (PatchDescriber::default(), Orientations::default());
         let mut descriptors = vec![0.0; LENGTH * keypoints.len()];
@@ -283,15 +283,6 @@ impl Extractor for Sift {
 /// Width of a pixel of an octave in pixels of the image.
 fn spacing(octave: i32) -> f32 {
     libm::scalbnf(1.0, octave)
-}
-
-pub(super) fn is_inside(keypoint: &Keypoint, image: &GrayImage) -> bool {
-    let within = |v: f32, length: usize| v >= -0.5 && v < length as f32 - 0.5;
-    within(keypoint.at.x, image.width())
-        && within(keypoint.at.y, image.height())
-        && keypoint.size > 0.0
-        && keypoint.size.is_finite()
-        && keypoint.angle.is_none_or(f32::is_finite)
 }
 
 /// Indices of the keypoints: by column, then row, larger before smaller, then angle, and stronger

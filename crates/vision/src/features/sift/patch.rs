@@ -27,7 +27,7 @@ impl Patch {
     pub(super) fn reset(&mut self, radius: i32, exponent: f32) {
         self.radius = radius;
         self.weights.clear();
-        let half = (0..=radius).map(|i| libm::expf((i * i) as f32 * exponent));
+        let half = (0..=radius).map(|i| libm::expf(i as f32 * i as f32 * exponent));
         self.weights.extend(half);
         self.weights.reverse();
         self.weights.extend_from_within(..radius as usize);

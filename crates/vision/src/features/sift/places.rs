@@ -5,11 +5,11 @@ use std::ops::Range;
 
 use nalgebra::Point2;
 
+use super::Sift;
 use super::descriptor::patch_radius;
 use super::orientation::window_radius;
 use super::passes::ROUNDING;
 use super::patch::BEYOND;
-use super::{Sift, is_inside};
 use crate::features::Keypoint;
 use crate::image::{GrayImage, LayerVisitor, Octave, Reach, RowBuffer, Strip};
 
@@ -77,7 +77,7 @@ impl<F: FnMut(Place<'_>)> Places<F> {
         let octaves = sift.shape().octaves(image.size());
         let mut sites: Vec<Vec<Site>> = Vec::new();
         for (index, keypoint) in keypoints.into_iter().enumerate() {
-            debug_assert!(is_inside(&keypoint, image), "{keypoint:?}");
+            debug_assert!(keypoint.is_describable_in(image.size()), "{keypoint:?}");
             let (octave, layer) = sift.level(&keypoint, &octaves);
             let Octave { number, size } = octaves[octave];
             let (at, scale) = sift.in_octave(&keypoint, number);
