@@ -1,6 +1,6 @@
 //! Gaussian blur, as two one-dimensional passes.
 //!
-//! Each output row is first a weighted sum of input rows (vertical pass, four output rows at once), then a
+//! Each output row is first a weighted sum of input rows (vertical pass, four or eight output rows at once), then a
 //! weighted sum along that row. Unless an algorithm says otherwise, the kernel reaches four standard deviations
 //! to each side, and the image is mirrored beyond its border ([`Border`]). Kernel size and border are those of
 //! OpenCV's `GaussianBlur` on floats.
@@ -8,7 +8,7 @@
 use std::ops::Range;
 
 use super::{FloatImage, RowBuffer, Size};
-use crate::simd::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
+use crate::simd::{ROWS_AT_ONCE, rows_together, weigh_rows, weigh_symmetric};
 
 /// A sampled and normalised Gaussian.
 #[derive(Clone, Debug, PartialEq)]
@@ -174,7 +174,7 @@ impl RowBlur {
 
     /// The number of input rows that must exist before the output rows after `made` can be made.
     pub(crate) fn needs(&self, made: usize, height: usize) -> usize {
-        height.min(made + ROWS_AT_ONCE + self.kernel.radius())
+        height.min(made + rows_together() + self.kernel.radius())
     }
 
     /// Makes the next rows of `output`. The rows of the input start at column `start` of the image and hold all
@@ -188,7 +188,8 @@ impl RowBlur {
         let radius = self.kernel.radius();
         let (size, columns) = (output.size(), output.columns());
         let (made, taps) = (output.made(), self.kernel.taps());
-        let count = ROWS_AT_ONCE.min(size.height - made);
+        let together = rows_together();
+        let count = together.min(size.height - made);
         // The columns where the kernel's support lies, as far as there are any.
         let place = start as isize - self.first;
         let (before, place) = ((-place).max(0) as usize, place.max(0) as usize);
@@ -205,7 +206,7 @@ impl RowBlur {
             .collect();
         weigh_rows(&rows, taps, &mut middles);
         let skipped = (columns.start as isize - radius as isize - self.first) as usize;
-        for (padded, out) in padded.iter_mut().zip(output.append(ROWS_AT_ONCE)) {
+        for (padded, out) in padded.iter_mut().zip(output.append(together)) {
             self.border.fill_ends(padded, self.first, size.width);
             weigh_symmetric(&padded[skipped..], taps, out);
         }

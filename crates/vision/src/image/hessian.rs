@@ -14,7 +14,8 @@ use super::blur::{Border, GaussianKernel, RowBlur};
 use super::{FloatImage, RowBuffer, Size};
 use crate::simd::{
     Across, NORM_BINS, NORMS_AT_ONCE, ROWS_AT_ONCE, Scharr, conductivities, count_norms,
-    derivatives, determinants, difference_across, find_largest, gradient_norms, weigh_across,
+    derivatives, determinants, difference_across, find_largest, gradient_norms, rows_together,
+    weigh_across,
 };
 
 /// Scharr's 3 x 3 operator without normalisation, as it is used to measure the contrast.
@@ -203,7 +204,7 @@ impl<'a> Smoothed<'a> {
                 blur.advance(0, |y| self.image.row(y), &mut self.rows);
             } else {
                 let first = self.rows.made();
-                for (i, out) in self.rows.append(ROWS_AT_ONCE).enumerate() {
+                for (i, out) in self.rows.append(rows_together()).enumerate() {
                     out.copy_from_slice(self.image.row(first + i));
                 }
             }

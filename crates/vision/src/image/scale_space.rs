@@ -19,7 +19,7 @@ use std::ops::Range;
 
 use super::blur::{ALIGNED, Border, GaussianKernel, RowBlur};
 use super::{FloatImage, GrayImage, RowBuffer, Size};
-use crate::simd::{ROWS_AT_ONCE, double_row, halve_row};
+use crate::simd::{ROWS_AT_ONCE, double_row, halve_row, rows_together};
 
 /// Columns of a strip, without the columns that its neighbours make as well.
 const STRIP: usize = 1024;
@@ -172,7 +172,7 @@ impl Base for Halved<'_> {
     fn advance(&mut self, output: &mut RowBuffer) {
         let first = output.made();
         let columns = output.columns();
-        for (i, out) in output.append(ROWS_AT_ONCE).enumerate() {
+        for (i, out) in output.append(rows_together()).enumerate() {
             out.copy_from_slice(&self.0.row(first + i)[columns.clone()]);
         }
     }
@@ -213,7 +213,7 @@ impl<'a> BlurredImage<'a> {
         let first = self.pixels.made();
         let last = self.image.height() - 1;
         let columns = self.pixels.columns();
-        for (i, out) in self.pixels.append(ROWS_AT_ONCE).enumerate() {
+        for (i, out) in self.pixels.append(rows_together()).enumerate() {
             let y = first + i;
             if self.double {
                 // Rows 2 y and 2 y + 1 lie a quarter pixel above and below row y.

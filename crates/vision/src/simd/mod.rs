@@ -124,7 +124,7 @@ pub use area::{Cover, cover_columns, cover_rows, halve_rows_u8, integrate_row};
 pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};
 pub use blur8::{weigh_along_u8, weigh_both_u8, weigh_rows_u8};
 pub use brisk::{DirectionWeights, Squares, direction, square_means};
-pub use convolve::{ROWS_AT_ONCE, weigh_rows, weigh_symmetric};
+pub use convolve::{ROWS_AT_ONCE, rows_together, weigh_rows, weigh_symmetric};
 pub use daisy::{DAISY_COLUMNS, DAISY_MAPS, DaisyRow, add_between, rectified_gradients};
 pub use diffuse::{Below, DIFFUSED_AT_ONCE, diffuse_rows};
 pub use extrema::{ThreeRows, find_extrema, find_extrema_of_differences, find_maxima};

@@ -1,7 +1,8 @@
 //! The two passes with vectors of 64 bytes, written by hand.
 //!
-//! *Benefit*: the vertical pass keeps eight sums at work, as many as two units of four cycles need. Compiled from the
-//! portable text it has four sums, or, asked for eight, puts them into memory. In the horizontal pass every vector of
+//! *Benefit*: the vertical pass keeps at least eight sums at work, as many as two units of four cycles need, and for eight
+//! rows at once loads a row for half as many sums again. Compiled from the portable text it has four sums, or, asked for
+//! eight, puts them into memory. In the horizontal pass every vector of
 //! 64 bytes that is not aligned lies across two cache lines and costs two loads. Those to the right are put together
 //! from registers instead, one instruction each, since the compiler knows how far they are shifted.
 //! *Correctness*: each lane does what the portable text does for its column, in the same order; a test
@@ -11,7 +12,6 @@ use std::arch::x86_64::{
     __m512, _mm512_add_ps, _mm512_fmadd_ps, _mm512_set1_ps, _mm512_setzero_ps,
 };
 
-use super::ROWS_AT_ONCE;
 use crate::simd::prefetch::prefetch;
 use crate::simd::sixteen::{LANES, from_lane, load, load_or_zero, store};
 
@@ -21,43 +21,48 @@ const BLOCK: usize = 4;
 /// The largest radius for which [`weigh_symmetric`] works.
 pub(super) const LARGEST_RADIUS: usize = LANES;
 
-/// The first rows of `out`, as many as are made at once. `AHEAD` prefetches the next columns.
+/// The first `R` rows of `out`, in blocks of `V` vectors; returns `R`. `AHEAD` prefetches the next columns.
 ///
 /// # Panics
-/// As [`weigh_rows`](super::weigh_rows), and if there are fewer taps or outputs than rows at once.
+/// As [`weigh_rows`](super::weigh_rows), and if there are fewer than `R` taps or outputs.
 #[target_feature(enable = "avx512f")]
-pub(super) fn weigh_rows<const AHEAD: bool>(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) {
-    let rows = &rows[..taps.len() + ROWS_AT_ONCE - 1];
-    let out = out.first_chunk_mut().expect("rows were counted");
+pub(super) fn weigh_rows<const R: usize, const V: usize, const AHEAD: bool>(
+    rows: &[&[f32]],
+    taps: &[f32],
+    out: &mut [&mut [f32]],
+) -> usize {
+    // If the compiler knew how many rows follow the last whole sum, it would write them out, with more sums than registers.
+    let rows = std::hint::black_box(&rows[..taps.len() + R - 1]);
+    let out = out.first_chunk_mut::<R>().expect("rows were counted");
     let width = out[0].len();
     assert!(
         rows.iter().all(|row| row.len() >= width),
         "rows as long as an output"
     );
     let mut x = 0;
-    while x + BLOCK * LANES <= width {
-        rows_block::<BLOCK, true, AHEAD>(rows, taps, out, x);
-        x += BLOCK * LANES;
+    while x + V * LANES <= width {
+        rows_block::<R, V, true, AHEAD>(rows, taps, out, x);
+        x += V * LANES;
     }
     while x + LANES <= width {
-        rows_block::<1, true, AHEAD>(rows, taps, out, x);
+        rows_block::<R, 1, true, AHEAD>(rows, taps, out, x);
         x += LANES;
     }
     if x < width {
-        rows_block::<1, false, AHEAD>(rows, taps, out, x);
+        rows_block::<R, 1, false, AHEAD>(rows, taps, out, x);
     }
+    R
 }
 
 /// `V` vectors of columns from `x` on, or what there is of them unless the block is `FULL`.
 #[inline]
 #[target_feature(enable = "avx512f")]
-fn rows_block<const V: usize, const FULL: bool, const AHEAD: bool>(
+fn rows_block<const R: usize, const V: usize, const FULL: bool, const AHEAD: bool>(
     rows: &[&[f32]],
     taps: &[f32],
-    out: &mut [&mut [f32]; ROWS_AT_ONCE],
+    out: &mut [&mut [f32]; R],
     x: usize,
 ) {
-    const R: usize = ROWS_AT_ONCE;
     let count = taps.len();
     let mut sums = [[_mm512_setzero_ps(); V]; R];
     // The rows lie in the second-level cache, too far apart for some processors to guess the next block.

@@ -22,7 +22,7 @@ use std::arch::x86_64::{
 };
 
 use super::{Eight, Measured, NO_FRACTION, PatchSums};
-use crate::simd::sixteen::{LANES, load_or_zero};
+use crate::simd::sixteen::{LANES, load, load_or_zero};
 
 /// Directions.
 const BINS: usize = 8;
@@ -74,8 +74,12 @@ pub(super) fn sums(first_direction: f32, measured: Measured<'_>) -> PatchSums {
     for first in (0..count).step_by(STEPS) {
         let steps = &mut steps[..STEPS.min(count - first)];
         for (step, i) in steps.iter_mut().zip(first..) {
-            let [column, line, direction, value] =
-                numbers.map(|numbers| load_or_zero(numbers, LANES * i));
+            let from = LANES * i;
+            let [column, line, direction, value] = if from + LANES <= numbers[0].len() {
+                numbers.map(|numbers| load::<1, true>(numbers, from)[0])
+            } else {
+                numbers.map(|numbers| load_or_zero(numbers, from))
+            };
             prepare(first_direction, [column, line], value, direction, step);
         }
         for step in steps {

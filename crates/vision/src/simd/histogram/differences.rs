@@ -1,21 +1,31 @@
 //! Differences of the pixels of a row about a keypoint to their neighbours, with their weights and places in the grid.
 //!
 //! *How it works.* Eight pixels are taken at a time and written to any place, over what an earlier block left there.
-//! With AVX2 this is written by hand. *Benefit*: rows are short, and the compiler begins each of them with a search for
-//! overlaps between ten slices, if it does not check every access to them. *Correctness*: the same operations in the
-//! same order; a test compares all bits.
+//! With AVX2 and AVX-512 this is written by hand. *Benefit*: rows are short, and the compiler begins each of them with a
+//! search for overlaps between ten slices, if it does not check every access to them. With AVX-512 all rows of a patch take
+//! as many vectors, so that no branch has to be guessed. *Correctness*: the same operations in the same order; a test
+//! compares all bits.
 
 use std::ops::Range;
 
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::{
     _mm256_add_ps, _mm256_fmadd_ps, _mm256_fmsub_ps, _mm256_loadu_ps, _mm256_mul_ps,
-    _mm256_set1_ps, _mm256_storeu_ps, _mm256_sub_ps,
+    _mm256_set1_ps, _mm256_storeu_ps, _mm256_sub_ps, _mm512_add_ps, _mm512_fmadd_ps,
+    _mm512_fmsub_ps, _mm512_loadu_ps, _mm512_maskz_loadu_ps, _mm512_mul_ps, _mm512_set1_ps,
+    _mm512_storeu_ps, _mm512_sub_ps,
 };
 
 use super::{MIDDLE, PatchGrid};
 #[cfg(target_arch = "x86_64")]
 use crate::simd::InstructionSet;
+#[cfg(target_arch = "x86_64")]
+use crate::simd::sixteen::{LANES, first_lanes};
+
+/// Vectors of 64 bytes up to which all rows take as many as the longest.
+pub(super) const ALIKE: usize = 4;
+/// Places that a row may write beyond its own.
+pub(super) const BEYOND: usize = 16 * ALIKE;
 
 /// Pixels that are taken together.
 pub(super) const BLOCK: usize = 8;
@@ -168,6 +178,62 @@ fn take_blocks_avx2(
     }
 }
 
+/// [`take_blocks`] with vectors of 64 bytes, in as many as are asked for or as the row needs. What they write beyond the
+/// blocks is zero or written over later.
+///
+/// # Panics
+/// Also if there are more than [`ALIKE`] beyond what the row needs and `to` has no room for them.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+#[target_feature(enable = "avx512f")]
+pub(super) fn take_vectors(
+    row: &Row<'_>,
+    blocks: usize,
+    vectors: Option<usize>,
+    grid: Option<&PatchGrid>,
+    at: usize,
+    to: &mut Places,
+) {
+    let wanted = BLOCK * blocks;
+    assert!(blocks <= row.whole_blocks());
+    let vectors = vectors.unwrap_or(wanted.div_ceil(LANES));
+    let Places {
+        columns,
+        lines,
+        directions,
+        rises,
+        values,
+    } = to;
+    for numbers in [&*columns, lines, directions, rises, values] {
+        assert!(at + LANES * vectors <= numbers.len());
+    }
+    let weight = _mm512_set1_ps(row.weight);
+    // SAFETY: there are sixteen numbers.
+    let numbers = unsafe { _mm512_loadu_ps(SIXTEEN_NUMBERS.as_ptr()) };
+    let mut x = _mm512_add_ps(_mm512_set1_ps(row.x), numbers);
+    for from in (0..vectors).map(|vector| LANES * vector) {
+        let lanes = first_lanes(wanted.saturating_sub(from));
+        // SAFETY: of the row only wanted pixels are read, which all have, and there is room for a vector; both were checked.
+        unsafe {
+            let next = |row: &[f32]| _mm512_maskz_loadu_ps(lanes, row.as_ptr().wrapping_add(from));
+            let put =
+                |to: &mut [f32], vector| _mm512_storeu_ps(to.as_mut_ptr().add(at + from), vector);
+            put(directions, _mm512_sub_ps(next(row.right), next(row.left)));
+            put(rises, _mm512_sub_ps(next(row.above), next(row.below)));
+            put(values, _mm512_mul_ps(weight, next(row.weights)));
+            if let Some(grid) = grid {
+                let (cos, sin) = (_mm512_set1_ps(grid.cos), _mm512_set1_ps(grid.sin));
+                let (middle, y) = (_mm512_set1_ps(MIDDLE), _mm512_set1_ps(row.y));
+                let column = _mm512_fmadd_ps(x, cos, _mm512_mul_ps(y, sin));
+                let line = _mm512_fmsub_ps(y, cos, _mm512_mul_ps(x, sin));
+                put(columns, _mm512_add_ps(column, middle));
+                put(lines, _mm512_add_ps(line, middle));
+                x = _mm512_add_ps(x, _mm512_set1_ps(LANES as f32));
+            }
+        }
+    }
+}
+
 /// Writes the first four of the pixels that are left of a row, or as many as there are, to the even places of a block.
 #[inline(always)]
 pub(super) fn take_rest(
@@ -193,6 +259,11 @@ pub(super) fn take_rest(
 }
 
 const NUMBERS: Eight = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+
+#[cfg(target_arch = "x86_64")]
+const SIXTEEN_NUMBERS: [f32; LANES] = [
+    0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0,
+];
 
 impl PatchGrid {
     /// Columns and lines of eight pixels, of which the first is at an offset `x` and the others follow by `step`.

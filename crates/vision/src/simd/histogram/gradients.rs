@@ -1,8 +1,12 @@
 //! The gradients of the pixels about a keypoint, in blocks of eight.
 
 use super::PatchGrid;
-use super::differences::{BLOCK, Eight, Places, Row, take_blocks, take_rest};
+#[cfg(target_arch = "x86_64")]
+use super::differences::{ALIKE, take_vectors};
+use super::differences::{BEYOND, BLOCK, Eight, Places, Row, take_blocks, take_rest};
 use crate::simd::gradient::turns;
+#[cfg(target_arch = "x86_64")]
+use crate::simd::{InstructionSet, sixteen::LANES};
 
 /// The pixels about a keypoint, which offsets are counted from.
 #[derive(Clone, Copy, Debug)]
@@ -98,12 +102,49 @@ pub(super) fn measure(window: &Window<'_>, grid: Option<&PatchGrid>, gradients: 
 /// Differences and weights of the pixels, and their places in the grid.
 #[inline(always)]
 fn take_differences(window: &Window<'_>, grid: Option<&PatchGrid>, gradients: &mut Gradients) {
+    #[cfg(target_arch = "x86_64")]
+    if InstructionSet::in_use_unless_halved() >= InstructionSet::Avx512 {
+        // SAFETY: what is in use was detected on this processor.
+        return unsafe { take_differences_avx512(window, grid, gradients) };
+    }
+    take_differences_by(window, grid, gradients, take_blocks);
+}
+
+/// All rows in one function, in which the compiler keeps what they share.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f")]
+fn take_differences_avx512(
+    window: &Window<'_>,
+    grid: Option<&PatchGrid>,
+    gradients: &mut Gradients,
+) {
+    let longest = window.spans.iter().map(|span| span.count).max();
+    let vectors = longest.unwrap_or(0).div_ceil(LANES);
+    // As many vectors for each row, since their number could not be predicted if it changed from row to row.
+    let vectors = (vectors <= ALIKE).then_some(vectors);
+    take_differences_by(
+        window,
+        grid,
+        gradients,
+        #[inline(always)]
+        |row, blocks, grid, at, to| take_vectors(row, blocks, vectors, grid, at, to),
+    );
+}
+
+/// As [`take_differences`], where `take` writes the first blocks of a row.
+#[inline(always)]
+fn take_differences_by(
+    window: &Window<'_>,
+    grid: Option<&PatchGrid>,
+    gradients: &mut Gradients,
+    take: impl Fn(&Row<'_>, usize, Option<&PatchGrid>, usize, &mut Places),
+) {
     // The last block of a span is written whole, and the next span over what is not of it; what is left of a row takes
-    // one or two blocks.
+    // one or two blocks. Vectors reach beyond as far as those of the longest row.
     let spans = window.spans.iter();
     let most = spans.map(|span| span.count + 2 * BLOCK).sum::<usize>();
     let places = &mut gradients.places;
-    places.make_room(most);
+    places.make_room(most + BEYOND);
     let mut end = 0;
     for (i, (span, y)) in window.spans.iter().zip(window.top..).enumerate() {
         let count = span.count;
@@ -123,7 +164,7 @@ fn take_differences(window: &Window<'_>, grid: Option<&PatchGrid>, gradients: &m
             y: y as f32,
         };
         let whole = row.whole_blocks().min(count.div_ceil(BLOCK));
-        take_blocks(&row, whole, grid, end, places);
+        take(&row, whole, grid, end, places);
         // Of an odd span the next place is none of it; else the next span is written there.
         places.values[end + count] = 0.0;
         let mut from = BLOCK * whole;
