@@ -207,11 +207,18 @@ fn numbers<'py>(
     }
 }
 
-/// The value as a numpy array.
+/// The value as a numpy array whose elements are aligned.
 fn as_array<'py>(value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
     let numpy = value.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (value,))?;
-    Ok(array.cast_into::<PyUntypedArray>()?)
+    Ok(aligned(&array)?.cast_into::<PyUntypedArray>()?)
+}
+
+/// The array itself, or a copy of it if its elements are not aligned (those of a column of records, for example).
+/// Elements that are not aligned must not be read through references.
+fn aligned<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let numpy = array.py().import("numpy")?;
+    numpy.call_method1("require", (array, array.py().None(), ["A"]))
 }
 
 /// Pairs of indices: m x 2, each below its count.
@@ -260,6 +267,11 @@ pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyRes
 /// If it is anything else, or contains a number that is not finite.
 pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyResult<Descriptors> {
     let expected = "an array n x d, of float32 (real values) or uint8 (bits, eight in a byte)";
+    // Anything else than an array is refused below, in words.
+    let value = &match value.cast::<PyUntypedArray>() {
+        Ok(array) => aligned(array)?,
+        Err(_) => value.clone(),
+    };
     if let Ok(floats) = value.cast::<PyArray2<f32>>() {
         let floats = floats.try_readonly()?;
         let dim = floats.shape()[1];

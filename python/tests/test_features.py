@@ -148,6 +148,27 @@ def test_arrays_go_out_and_in_again(images):
     assert len(mb.Features.from_arrays(none.keypoints, none.descriptors, none.image_size, lafs=none.lafs)) == 0
 
 
+def unaligned(array):
+    """The same values, one byte off the places that numbers of this type have in memory."""
+    moved = np.frombuffer(b"\0" + array.tobytes(), array.dtype, array.size, 1).reshape(array.shape)
+    assert not moved.flags.aligned
+    return moved
+
+
+def test_arrays_need_not_be_aligned(features):
+    one = features[0]
+    packed = np.zeros(len(one), [("octave", "u1"), ("size", "f4"), ("at", "f8", 2), ("descriptor", "f4", 128)])
+    packed["size"], packed["at"], packed["descriptor"] = one.sizes, one.keypoints, one.descriptors
+    assert not packed["size"].flags.aligned
+    columns = packed["at"], packed["descriptor"], packed["size"]
+    for at, descriptors, sizes in [columns, tuple(unaligned(np.ascontiguousarray(column)) for column in columns)]:
+        same = mb.Features.from_arrays(at, descriptors, one.image_size, sizes=sizes, lafs=unaligned(one.lafs))
+        for name in ("keypoints", "descriptors", "sizes", "lafs"):
+            np.testing.assert_array_equal(getattr(same, name), getattr(one, name))
+    indices = np.array([3, 1])
+    np.testing.assert_array_equal(one.select(unaligned(indices)).keypoints, one.select(indices).keypoints)
+
+
 def test_origins_differ_by_half_a_pixel(features):
     dict_ = features[0].to_dict(origin="corner")
     assert np.array_equal(dict_["keypoints"], features[0].keypoints + np.float32(0.5))
