@@ -159,7 +159,7 @@ pub(crate) fn rows(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyRe
 pub(crate) fn chosen(value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<usize>> {
     let expected = format!("a list of whole numbers, or a mask of {count} bools");
     let refuse = || refused(value, "indices", &expected);
-    let array = as_array(value).map_err(|_| refuse())?;
+    let array = array_or(value, refuse)?;
     if array.len() == 0 && array.ndim() == 1 && array.dtype().kind() != b'b' {
         return Ok(Vec::new());
     }
@@ -200,11 +200,28 @@ fn numbers<'py>(
     name: &str,
     expected: &str,
 ) -> PyResult<Bound<'py, PyUntypedArray>> {
-    let array = as_array(value).map_err(|_| refused(value, name, expected))?;
+    let array = array_or(value, || refused(value, name, expected))?;
     match array.dtype().kind() {
         b'b' | b'f' | b'i' | b'u' | b'O' => Ok(array),
         _ => Err(refused(value, name, expected)),
     }
+}
+
+/// The value as an array, or the refusal, caused by what numpy says of a value that is none. Other errors are not about
+/// the value (too little memory, Ctrl-C) and stay what they are.
+fn array_or<'py>(
+    value: &Bound<'py, PyAny>,
+    refusal: impl Fn() -> PyErr,
+) -> PyResult<Bound<'py, PyUntypedArray>> {
+    let py = value.py();
+    as_array(value).map_err(|error| {
+        if !error.is_instance_of::<PyTypeError>(py) && !error.is_instance_of::<PyValueError>(py) {
+            return error;
+        }
+        let refusal = refusal();
+        refusal.set_cause(py, Some(error));
+        refusal
+    })
 }
 
 /// The value as a numpy array whose elements are aligned.
@@ -227,16 +244,16 @@ fn aligned<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
 /// If they are anything else, or an index is out of range.
 pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyResult<Vec<[u32; 2]>> {
     let expected = "an array of whole numbers, m x 2 (feature of a, feature of b)";
-    let refuse = |_| refused(value, "indices", expected);
+    let refuse = || refused(value, "indices", expected);
     // A conversion to integers would drop fractions, and would turn a mask into zeros and ones.
-    let whole = as_array(value).map_err(refuse)?;
+    let whole = array_or(value, refuse)?;
     if whole.len() > 0 && !matches!(whole.dtype().kind(), b'i' | b'u') {
-        return Err(refused(value, "indices", expected));
+        return Err(refuse());
     }
-    let array: PyArrayLike2<'_, i64, AllowTypeChange> = whole.extract().map_err(refuse)?;
+    let array: PyArrayLike2<'_, i64, AllowTypeChange> = whole.extract().map_err(|_| refuse())?;
     let view = array.as_array();
     if view.ncols() != 2 {
-        return Err(refused(value, "indices", expected));
+        return Err(refuse());
     }
     let mut pairs = room(view.nrows())?;
     for (number, row) in view.rows().into_iter().enumerate() {
