@@ -224,7 +224,11 @@ fn listening(
                 };
                 let state = observer.state();
                 // The first error is raised in the end, and nothing is shown after it.
-                if let Err(raised) = Python::attach(|py| py.check_signals()) {
+                let signalled = Python::attach(|py| {
+                    py.check_signals()?;
+                    Ok::<_, PyErr>(())
+                });
+                if let Err(raised) = signalled {
                     cancel.set();
                     if interrupted.is_some() {
                         external::end_all();
