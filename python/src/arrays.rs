@@ -159,7 +159,7 @@ pub(crate) fn rows(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyRe
 pub(crate) fn chosen(value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<usize>> {
     let expected = format!("a list of whole numbers, or a mask of {count} bools");
     let refuse = || refused(value, "indices", &expected);
-    let array = as_array(value).map_err(|_| refuse())?;
+    let array = array_or(value, refuse)?;
     if array.len() == 0 && array.ndim() == 1 && array.dtype().kind() != b'b' {
         return Ok(Vec::new());
     }
@@ -200,18 +200,42 @@ fn numbers<'py>(
     name: &str,
     expected: &str,
 ) -> PyResult<Bound<'py, PyUntypedArray>> {
-    let array = as_array(value).map_err(|_| refused(value, name, expected))?;
+    let array = array_or(value, || refused(value, name, expected))?;
     match array.dtype().kind() {
         b'b' | b'f' | b'i' | b'u' | b'O' => Ok(array),
         _ => Err(refused(value, name, expected)),
     }
 }
 
-/// The value as a numpy array.
+/// The value as an array, or the refusal, caused by what numpy says of a value that is none. Other errors are not about
+/// the value (too little memory, Ctrl-C) and stay what they are.
+fn array_or<'py>(
+    value: &Bound<'py, PyAny>,
+    refusal: impl Fn() -> PyErr,
+) -> PyResult<Bound<'py, PyUntypedArray>> {
+    let py = value.py();
+    as_array(value).map_err(|error| {
+        if !error.is_instance_of::<PyTypeError>(py) && !error.is_instance_of::<PyValueError>(py) {
+            return error;
+        }
+        let refusal = refusal();
+        refusal.set_cause(py, Some(error));
+        refusal
+    })
+}
+
+/// The value as a numpy array whose elements are aligned.
 fn as_array<'py>(value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
     let numpy = value.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (value,))?;
-    Ok(array.cast_into::<PyUntypedArray>()?)
+    Ok(aligned(&array)?.cast_into::<PyUntypedArray>()?)
+}
+
+/// The array itself, or a copy of it if its elements are not aligned (those of a column of records, for example).
+/// Elements that are not aligned must not be read through references.
+fn aligned<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let numpy = array.py().import("numpy")?;
+    numpy.call_method1("require", (array, array.py().None(), ["A"]))
 }
 
 /// Pairs of indices: m x 2, each below its count.
@@ -220,16 +244,16 @@ fn as_array<'py>(value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArra
 /// If they are anything else, or an index is out of range.
 pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyResult<Vec<[u32; 2]>> {
     let expected = "an array of whole numbers, m x 2 (feature of a, feature of b)";
-    let refuse = |_| refused(value, "indices", expected);
+    let refuse = || refused(value, "indices", expected);
     // A conversion to integers would drop fractions, and would turn a mask into zeros and ones.
-    let whole = as_array(value).map_err(refuse)?;
+    let whole = array_or(value, refuse)?;
     if whole.len() > 0 && !matches!(whole.dtype().kind(), b'i' | b'u') {
-        return Err(refused(value, "indices", expected));
+        return Err(refuse());
     }
-    let array: PyArrayLike2<'_, i64, AllowTypeChange> = whole.extract().map_err(refuse)?;
+    let array: PyArrayLike2<'_, i64, AllowTypeChange> = whole.extract().map_err(|_| refuse())?;
     let view = array.as_array();
     if view.ncols() != 2 {
-        return Err(refused(value, "indices", expected));
+        return Err(refuse());
     }
     let mut pairs = room(view.nrows())?;
     for (number, row) in view.rows().into_iter().enumerate() {
@@ -260,6 +284,11 @@ pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyRes
 /// If it is anything else, or contains a number that is not finite.
 pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyResult<Descriptors> {
     let expected = "an array n x d, of float32 (real values) or uint8 (bits, eight in a byte)";
+    // Anything else than an array is refused below, in words.
+    let value = &match value.cast::<PyUntypedArray>() {
+        Ok(array) => aligned(array)?,
+        Err(_) => value.clone(),
+    };
     if let Ok(floats) = value.cast::<PyArray2<f32>>() {
         let floats = floats.try_readonly()?;
         let dim = floats.shape()[1];

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use matchbench::counted::counted;
 use matchbench_vision::features::{self, DescriptorKind, Keypoint};
 use matchbench_vision::image::Size;
+use nalgebra::Point2;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -22,8 +23,8 @@ use crate::pickled::{Reduced, by_method};
 #[pyclass(frozen, module = "matchbench")]
 pub(crate) struct Features {
     pub(crate) inner: Arc<features::Features>,
-    /// Each is made once, when it is first asked for. They are read-only, since searches and selectors use the same
-    /// data.
+    /// Each is made once, when it is first asked for. They are copies, and read-only: a change would not reach searches
+    /// and selectors.
     arrays: [PyOnceLock<Py<PyAny>>; 7],
 }
 
@@ -73,12 +74,19 @@ impl Features {
     }
 }
 
+/// Whether the centre of a local affine frame is at a keypoint, but for rounding to single precision.
+fn lies_at(centre: [f32; 2], at: &Point2<f64>) -> bool {
+    (centre.into_iter().zip([at.x, at.y])).all(|(centre, at)| {
+        (f64::from(centre) - at).abs() <= 1e-3 + f64::from(f32::EPSILON) * at.abs()
+    })
+}
+
 #[pymethods]
 impl Features {
     /// Features from your own arrays: keypoints n x 2 (x, y in pixels), descriptors n x d (float32, or uint8 for
     /// bits), (width, height). `bits` is the number of bits of a row of bytes that are used; default: all. Every
     /// number must be finite, except that an angle is NaN if there is none. Sizes must not be below 0. Octaves are
-    /// whole numbers from -32768 to 32767.
+    /// whole numbers from -32768 to 32767. The centres of `lafs` are the keypoints.
     #[staticmethod]
     #[pyo3(signature = (keypoints, descriptors, image_size, *, sizes=None, angles=None, responses=None,
                         octaves=None, lafs=None, bits=None, origin="center"))]
@@ -163,6 +171,16 @@ impl Features {
             let flat = lafs.call_method1("reshape", (inner.len(), 6));
             let flat = flat.map_err(|_| refused(&lafs, "lafs", &expected))?;
             let lafs = rows(&flat, "lafs", 6)?;
+            let centres = lafs.chunks(6).map(|l| [l[2], l[5]]);
+            if let Some(row) = (centres.zip(&at)).position(|(centre, at)| !lies_at(centre, at)) {
+                return Err(PyValueError::new_err(format!(
+                    "`lafs` have their centres at the keypoints; in row {row} it is ({}, {}), the keypoint is ({}, {})",
+                    lafs[6 * row + 2],
+                    lafs[6 * row + 5],
+                    at[row].x,
+                    at[row].y
+                )));
+            }
             let frames = lafs.chunks(6).map(|l| [l[0], l[1], l[3], l[4]]);
             inner = inner.with_frames(frames.collect());
         }

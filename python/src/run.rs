@@ -194,7 +194,8 @@ fn contenders(
 }
 
 /// Executes the run in its own threads. The first Ctrl-C stops it after the pairs that are being matched, and
-/// is raised when these are recorded. A second one also ends the programs of matchers from outside.
+/// is raised when these are recorded; so does an error of `progress`, which is not called again. A further Ctrl-C
+/// also ends the programs of matchers from outside.
 fn listening(
     py: Python<'_>,
     run: &Run<'_>,
@@ -222,24 +223,31 @@ fn listening(
                     Err(RecvTimeoutError::Disconnected) => return None,
                 };
                 let state = observer.state();
-                let heard = Python::attach(|py| {
+                // The first error is raised in the end, and nothing is shown after it.
+                let signalled = Python::attach(|py| {
                     py.check_signals()?;
-                    if let Some(progress) = progress
-                        && state.total > 0
-                        && shown.as_ref() != Some(&state)
-                    {
-                        let (dataset, matcher) = &state.part;
-                        progress.call1(py, (state.done, state.total, dataset, matcher))?;
-                    }
                     Ok::<_, PyErr>(())
                 });
-                shown = Some(state);
-                if let Err(raised) = heard {
+                if let Err(raised) = signalled {
                     cancel.set();
-                    if interrupted.replace(raised).is_some() {
+                    if interrupted.is_some() {
                         external::end_all();
                     }
+                    interrupted.get_or_insert(raised);
                 }
+                if let Some(progress) = progress
+                    && interrupted.is_none()
+                    && state.total > 0
+                    && shown.as_ref() != Some(&state)
+                {
+                    let (dataset, matcher) = &state.part;
+                    let told = (state.done, state.total, dataset, matcher);
+                    if let Err(raised) = Python::attach(|py| progress.call1(py, told).map(drop)) {
+                        cancel.set();
+                        interrupted = Some(raised);
+                    }
+                }
+                shown = Some(state);
                 if ended.is_some() {
                     return ended;
                 }

@@ -148,6 +148,66 @@ def test_arrays_go_out_and_in_again(images):
     assert len(mb.Features.from_arrays(none.keypoints, none.descriptors, none.image_size, lafs=none.lafs)) == 0
 
 
+def unaligned(array):
+    """The same values, one byte off the places that numbers of this type have in memory."""
+    moved = np.frombuffer(b"\0" + array.tobytes(), array.dtype, array.size, 1).reshape(array.shape)
+    assert not moved.flags.aligned
+    return moved
+
+
+def test_arrays_need_not_be_aligned(features):
+    one = features[0]
+    packed = np.zeros(len(one), [("octave", "u1"), ("size", "f4"), ("at", "f8", 2), ("descriptor", "f4", 128)])
+    packed["size"], packed["at"], packed["descriptor"] = one.sizes, one.keypoints, one.descriptors
+    assert not packed["size"].flags.aligned
+    columns = packed["at"], packed["descriptor"], packed["size"]
+    for at, descriptors, sizes in [columns, tuple(unaligned(np.ascontiguousarray(column)) for column in columns)]:
+        same = mb.Features.from_arrays(at, descriptors, one.image_size, sizes=sizes, lafs=unaligned(one.lafs))
+        for name in ("keypoints", "descriptors", "sizes", "lafs"):
+            np.testing.assert_array_equal(getattr(same, name), getattr(one, name))
+    indices = np.array([3, 1])
+    np.testing.assert_array_equal(one.select(unaligned(indices)).keypoints, one.select(indices).keypoints)
+
+
+def test_frames_that_are_centred_elsewhere_are_refused_by_row(features):
+    one = features[0]
+    corner = one.keypoints + np.float64(0.5)
+    lafs = one.lafs.copy()
+    lafs[:, :, 2] += 0.5
+    same = mb.Features.from_arrays(corner, one.descriptors, one.image_size, lafs=lafs, origin="corner")
+    np.testing.assert_array_equal(same.lafs[:, :, :2], one.lafs[:, :, :2])
+    lafs[3, 0, 2] += 0.01
+    with pytest.raises(ValueError, match="`lafs` .* row 3 "):
+        mb.Features.from_arrays(corner, one.descriptors, one.image_size, lafs=lafs, origin="corner")
+
+
+class NoArray:
+    """What numpy cannot make an array of."""
+
+    def __init__(self, error):
+        self.error = error
+
+    def __array__(self, *_, **__):
+        raise self.error
+
+
+def test_only_errors_about_the_value_become_refusals(features):
+    one, image_size = features[0], features[0].image_size
+    calls = [
+        lambda value: mb.Features.from_arrays(value, one.descriptors, image_size),
+        lambda value: mb.Features.from_arrays(one.keypoints, one.descriptors, image_size, sizes=value),
+        one.select,
+    ]
+    for call in calls:
+        with pytest.raises(TypeError, match="`(keypoints|sizes|indices)` must be") as refused:
+            call(NoArray(ValueError("ragged")))
+        assert str(refused.value.__cause__) == "ragged"
+        for other in (MemoryError("full"), KeyboardInterrupt()):
+            with pytest.raises(type(other)) as raised:
+                call(NoArray(other))
+            assert raised.value is other
+
+
 def test_origins_differ_by_half_a_pixel(features):
     dict_ = features[0].to_dict(origin="corner")
     assert np.array_equal(dict_["keypoints"], features[0].keypoints + np.float32(0.5))

@@ -151,6 +151,22 @@ def test_progress_is_told_and_may_interrupt(dataset, tmp_path):
         mb.run(dataset, ["orb"], ["best"], out=tmp_path / "b", progress=enough)
 
 
+def test_progress_that_raises_is_not_called_again(dataset, tmp_path):
+    calls = []
+
+    def slow(image_a, image_b):
+        time.sleep(0.3)
+        return np.zeros((0, 2)), np.zeros((0, 2))
+
+    def breaks(*state):
+        calls.append(state)
+        raise ValueError(f"call {len(calls)}")
+
+    with pytest.raises(ValueError, match="call 1"):
+        mb.run(dataset, [slow], ["best"], out=tmp_path / "run", threads=1, progress=breaks)
+    assert len(calls) == 1
+
+
 def test_wrong_runs_are_refused_in_words(dataset, tmp_path):
     def start(matchers=("sift",), estimators=("best",), **options):
         return mb.run(dataset, matchers, estimators, out=tmp_path / "run", progress=False, **options)

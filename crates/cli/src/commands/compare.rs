@@ -329,8 +329,8 @@ fn table(rows: &[Row<'_>]) -> String {
         "\nchange: of the AUC, on the pairs that both runs have, with the paired interval (reference \
          images resampled);\nbetter and worse: the interval leaves out 0, and so does a paired t test over \
          reference images (5 %, at least 6 of them);\ngained and lost: pairs below 5 degrees after but not before, and the \
-         reverse; changed: pairs with another result.\nOf homographies it is the mean of 1 - error / 3 px, \
-         or 0 beyond 3 px of corner error, and pairs are below these.\n",
+         reverse; changed: pairs with another result.\nOf homographies it is the AUC of the corner error at \
+         3 px, the test is of the mean of 1 - error / 3 px (0 beyond 3 px), and pairs are below 3 px.\n",
     );
     text
 }

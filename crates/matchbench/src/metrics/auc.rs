@@ -46,29 +46,61 @@ pub(super) fn corner_auc_interval(
     limit: f64,
     bootstrap: &Bootstrap,
 ) -> Option<Interval> {
-    let homographies = || pairs.iter().filter(|pair| pair.model == Model::Homography);
-    let mut images = BTreeMap::<u32, (usize, f64)>::new();
-    for pair in homographies() {
-        let next = images.len();
-        images.entry(pair.a).or_insert((next, 0.0)).1 += 1.0;
+    let homographies = pairs.iter().filter(|pair| pair.model == Model::Homography);
+    let corners = CornersOfImages::new(homographies, limit);
+    bootstrap.interval_of(corners.sizes.len(), |times| corners.auc(times))
+}
+
+/// [`corner_auc`] of the second less that of the first of each two results of the same pair, and its interval over
+/// the reference images.
+pub(super) fn corner_auc_difference(
+    twins: &[(&PairResult, &PairResult)],
+    limit: f64,
+    bootstrap: &Bootstrap,
+) -> (f64, Option<Interval>) {
+    let before = CornersOfImages::new(twins.iter().map(|(before, _)| *before), limit);
+    let after = CornersOfImages::new(twins.iter().map(|(_, after)| *after), limit);
+    let difference = |times: &[u32]| after.auc(times) - before.auc(times);
+    let images = before.sizes.len();
+    let interval = bootstrap.interval_of(images, difference);
+    (difference(&vec![1; images]), interval)
+}
+
+/// Corner errors with the reference images that they belong to, which are numbered as they come.
+struct CornersOfImages {
+    limit: f64,
+    /// The number of pairs of each image.
+    sizes: Vec<f64>,
+    /// The errors below the limit in their order, each with its image.
+    sorted: Vec<(f64, usize)>,
+}
+
+impl CornersOfImages {
+    fn new<'a>(pairs: impl Iterator<Item = &'a PairResult> + Clone, limit: f64) -> Self {
+        let mut images = BTreeMap::<u32, usize>::new();
+        let mut sizes = Vec::new();
+        for pair in pairs.clone() {
+            let image = *images.entry(pair.a).or_insert(sizes.len());
+            if image == sizes.len() {
+                sizes.push(0.0);
+            }
+            sizes[image] += 1.0;
+        }
+        let errors = pairs.filter_map(|pair| Some((pair.corner_error()?, images[&pair.a])));
+        Self {
+            limit,
+            sorted: sorted_below(errors, limit),
+            sizes,
+        }
     }
-    let mut sizes = vec![0.0; images.len()];
-    for &(image, size) in images.values() {
-        sizes[image] = size;
+
+    /// Area under recall where each image comes so many times.
+    fn auc(&self, times: &[u32]) -> f64 {
+        let sizes = self.sizes.iter().zip(times);
+        let pairs: f64 = sizes.map(|(size, n)| size * f64::from(*n)).sum();
+        let weighed = (self.sorted.iter()).map(|&(error, image)| (error, f64::from(times[image])));
+        area_under_recall(weighed, self.limit) / (self.limit * pairs)
     }
-    let errors = homographies().filter_map(|pair| Some((pair.corner_error()?, images[&pair.a].0)));
-    let sorted = sorted_below(errors, limit);
-    bootstrap.interval_of(images.len(), |times| {
-        let pairs: f64 = sizes
-            .iter()
-            .zip(times)
-            .map(|(size, n)| size * f64::from(*n))
-            .sum();
-        let weighed = sorted
-            .iter()
-            .map(|&(error, image)| (error, f64::from(times[image])));
-        area_under_recall(weighed, limit) / (limit * pairs)
-    })
 }
 
 /// The errors below the limit in their order, each with what comes with it.

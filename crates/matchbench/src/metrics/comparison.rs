@@ -9,7 +9,8 @@ use super::average_matches::is_right;
 use super::scores::{AP_THRESHOLD, HEADLINE_PX};
 use super::success::gain;
 use super::{
-    Angle, Bootstrap, Difference, Groups, Model, PairResult, ResultSet, Term, ranking_auc,
+    Angle, Bootstrap, Difference, Groups, Model, PairResult, ResultSet, Term,
+    corner_auc_difference, ranking_auc,
 };
 
 /// What changed from one set of results to another on the pairs that both have.
@@ -17,12 +18,11 @@ use super::{
 pub struct Comparison {
     /// How many pairs (and repetitions) both have.
     pub pairs: usize,
-    /// The paper's AUC before, on these pairs, or of homographies the area under recall up to 3 pixels;
-    /// `None` where there are none.
+    /// The score that methods are ranked by ([`ranking_auc`]) before, on these pairs; `None` where there are none.
     pub before: Option<f64>,
     /// The same after.
     pub after: Option<f64>,
-    /// Difference of the AUC, after minus before, with its paired interval.
+    /// Difference of this score, after minus before, with its paired interval.
     pub auc: Difference,
     /// The same of the rotation alone.
     pub rotation_auc: Difference,
@@ -39,18 +39,18 @@ pub struct Comparison {
 /// Compares two sets of results of one dataset.
 pub fn compare(before: &ResultSet, after: &ResultSet, bootstrap: &Bootstrap) -> Comparison {
     let twins = twins(before, after);
-    let mean = |value: &dyn Fn(&(&PairResult, &PairResult)) -> f64| {
-        let sum: f64 = twins.iter().map(value).sum();
-        (!twins.is_empty()).then(|| sum / twins.len() as f64)
-    };
+    let (pairs_before, pairs_after): (Vec<PairResult>, Vec<PairResult>) = (twins.iter())
+        .map(|&(before, after)| (before.clone(), after.clone()))
+        .unzip();
+    let score = |pairs: &[PairResult]| Some(ranking_auc(pairs)).filter(|score| !score.is_nan());
     let right = |pair: &PairResult| match pair.model {
         Model::Pose => is_right(pair, AP_THRESHOLD),
         Model::Homography => pair.corner_error().is_some_and(|error| error < HEADLINE_PX),
     };
     Comparison {
         pairs: twins.len(),
-        before: mean(&|(before, _)| gain(before, Angle::Pose)),
-        after: mean(&|(_, after)| gain(after, Angle::Pose)),
+        before: score(&pairs_before),
+        after: score(&pairs_after),
         auc: difference(&twins, Angle::Pose, bootstrap),
         rotation_auc: difference(&twins, Angle::Rotation, bootstrap),
         translation_auc: difference(&twins, Angle::Translation, bootstrap),
@@ -66,8 +66,8 @@ pub fn compare(before: &ResultSet, after: &ResultSet, bootstrap: &Bootstrap) -> 
     }
 }
 
-/// How much better `this` is than `other` on the pairs that both have, in the paper's AUC: the
-/// difference and its paired bootstrap interval. Both must come from the same dataset.
+/// How much better `this` is than `other` on the pairs that both have, in the score that methods are ranked by
+/// ([`ranking_auc`]): the difference and its paired bootstrap interval. Both must come from the same dataset.
 pub fn auc_difference(this: &ResultSet, other: &ResultSet, bootstrap: &Bootstrap) -> Difference {
     difference(&twins(other, this), Angle::Pose, bootstrap)
 }
@@ -84,7 +84,7 @@ pub struct Lead {
     /// Matcher and estimator that they are compared with.
     pub other: (String, String),
     /// How much better the best are, with the paired interval; certain if the best share no letter with the others
-    /// (see [`groups`](super::groups())).
+    /// (see [`groups`](super::groups())), and of homographies are better on the pairs that both have.
     pub difference: Difference,
 }
 
@@ -106,15 +106,21 @@ pub fn leads(sets: &[ResultSet], groups: &Groups, bootstrap: &Bootstrap) -> Vec<
     (sets.iter().enumerate())
         .filter_map(|(i, set)| Some((best.get(&key(set))?.0, i, set)))
         .filter(|&(best, _, set)| method(&sets[best]) != method(set))
-        .map(|(best, i, set)| Lead {
-            dataset: set.dataset.clone(),
-            model: set.model(),
-            best: method(&sets[best]),
-            other: method(set),
-            difference: Difference {
-                is_certain: groups.differ(best, i),
-                ..auc_difference(&sets[best], set, bootstrap)
-            },
+        .map(|(best, i, set)| {
+            let difference = auc_difference(&sets[best], set, bootstrap);
+            // Letters are by the mean over pairs, which of homographies is only nearly their score.
+            let agrees =
+                set.model() == Model::Pose || difference.value.is_some_and(|value| value > 0.0);
+            Lead {
+                dataset: set.dataset.clone(),
+                model: set.model(),
+                best: method(&sets[best]),
+                other: method(set),
+                difference: Difference {
+                    is_certain: groups.differ(best, i) && agrees,
+                    ..difference
+                },
+            }
         })
         .collect()
 }
@@ -128,6 +134,7 @@ fn twins<'a>(before: &'a ResultSet, after: &'a ResultSet) -> Vec<(&'a PairResult
         .collect()
 }
 
+/// Of one angle of the error; of homographies, which have no angles, that of the corner error for [`Angle::Pose`].
 fn difference(
     twins: &[(&PairResult, &PairResult)],
     angle: Angle,
@@ -140,6 +147,12 @@ fn difference(
             denominator: 1.0,
         })
         .collect();
+    let corners = |pair: &PairResult| pair.model == Model::Homography;
+    let of_corners = (twins.iter()).all(|(before, after)| corners(before) && corners(after));
+    if of_corners && angle == Angle::Pose && !twins.is_empty() {
+        let (value, interval) = corner_auc_difference(twins, HEADLINE_PX, bootstrap);
+        return Difference::of(Some(value), interval, &terms);
+    }
     let interval = bootstrap.interval(terms.iter().copied());
     Difference::new(&terms, interval)
 }
@@ -147,7 +160,7 @@ fn difference(
 #[cfg(test)]
 mod tests {
     use super::super::pair_result::tests::solved;
-    use super::super::{Failure, groups};
+    use super::super::{Deviation, Failure, groups};
     use super::*;
 
     fn results(pairs: Vec<PairResult>) -> ResultSet {
@@ -206,6 +219,31 @@ mod tests {
         assert!(!same.auc.is_certain);
         let none = compare(&results(vec![]), &one, &Bootstrap::default());
         assert_eq!((none.pairs, none.before, none.auc.value), (0, None, None));
+    }
+
+    #[test]
+    fn homographies_differ_by_the_score_of_tables() {
+        // The mean of 1 - error / 3 is 0.5 of both, the area under recall is not.
+        let corners = |errors: [f64; 2]| {
+            let pair = |a: u32| PairResult {
+                model: Model::Homography,
+                outcome: Ok(Deviation::Corners(Some(errors[a as usize % 2]))),
+                ..solved(a, 0.0, 0.0, 50)
+            };
+            results((0..8).map(pair).collect())
+        };
+        let (one, other) = (corners([1.5, 1.5]), corners([0.0, 4.0]));
+        let comparison = compare(&one, &other, &Bootstrap::default());
+        let scores = [&one, &other].map(|set| ranking_auc(&set.pairs));
+        assert_eq!([comparison.before, comparison.after], scores.map(Some));
+        assert_eq!(comparison.auc.value, Some(scores[1] - scores[0]));
+        let interval = comparison.auc.interval.expect("eight images");
+        assert!(interval.low < interval.high && !comparison.auc.is_zero());
+        assert!(!comparison.auc.is_certain);
+        let same = compare(&one, &one, &Bootstrap::default()).auc;
+        assert!(same.is_zero() && same.interval.is_some_and(|i| i.low == 0.0 && i.high == 0.0));
+        let better = compare(&one, &corners([0.2, 0.3]), &Bootstrap::default()).auc;
+        assert!(better.is_certain && better.value > Some(0.0));
     }
 
     #[test]

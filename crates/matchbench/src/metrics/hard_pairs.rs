@@ -165,25 +165,27 @@ fn by_counts(sets: &[&ResultSet]) -> [BTreeSet<(u32, u32)>; 2] {
     let mut votes = BTreeMap::<(u32, u32), [usize; 2]>::new();
     let mut voters = 0;
     for set in matchers.into_values() {
-        let counted: Vec<((u32, u32), f64, f64)> = (set.pairs.iter())
+        // A pair without putative matches has features, but no share.
+        let counted: Vec<((u32, u32), f64, Option<f64>)> = (set.pairs.iter())
             .filter(|pair| pair.repetition == 0)
             .filter_map(|pair| {
-                let counts = pair.counts.filter(|counts| counts.putative > 0)?;
+                let counts = pair.counts?;
                 let features = counts.features_a.min(counts.features_b);
-                let share = f64::from(counts.selected) / f64::from(counts.putative);
+                let share = (counts.putative > 0)
+                    .then(|| f64::from(counts.selected) / f64::from(counts.putative));
                 Some(((pair.a, pair.b), f64::from(features), share))
             })
             .collect();
         let [features, share] = [
             counted.iter().map(|(_, features, _)| *features).collect(),
-            counted.iter().map(|(_, _, share)| *share).collect(),
+            counted.iter().filter_map(|(_, _, share)| *share).collect(),
         ]
         .map(median);
         voters += usize::from(!counted.is_empty());
         for (pair, its_features, its_share) in counted {
             let votes = votes.entry(pair).or_default();
             votes[0] += usize::from(its_features < features / 2.0);
-            votes[1] += usize::from(its_share < share / 2.0);
+            votes[1] += usize::from(its_share.is_some_and(|its| its < share / 2.0));
         }
     }
     [0, 1].map(|vote| {
@@ -273,6 +275,19 @@ mod tests {
         // Without the geometry, counts alone.
         assert_eq!(hard_pairs(&[&results], None).len(), 2);
         assert_eq!(hard_pairs(&[], None), []);
+    }
+
+    #[test]
+    fn a_pair_without_any_match_may_have_little_texture() {
+        let mut results = set(&[(true, 900, 50), (true, 900, 50), (false, 0, 0)]);
+        if let Some(counts) = &mut results.pairs[2].counts {
+            counts.putative = 0;
+        }
+        let found = hard_pairs(&[&results], None);
+        let kinds: Vec<_> = (found.iter())
+            .map(|hard| (hard.hardship, hard.telling))
+            .collect();
+        assert_eq!(kinds, [(Hardship::LittleTexture, Some((2, 3)))]);
     }
 
     #[test]

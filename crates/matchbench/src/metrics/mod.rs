@@ -38,8 +38,8 @@ mod summary;
 mod times;
 mod unfinished;
 
-use auc::corner_auc_interval;
 pub use auc::{corner_auc, exact_auc, maa};
+use auc::{corner_auc_difference, corner_auc_interval};
 pub use average_matches::average_matches;
 pub use bootstrap::{Bootstrap, Interval, LEAST_IMAGES, Term};
 pub use comparison::{Comparison, Lead, auc_difference, compare, leads};

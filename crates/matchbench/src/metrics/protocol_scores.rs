@@ -10,6 +10,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::{PairResult, ResultSet, ScoreKind, score_kind};
+use crate::counted::counted;
 use crate::estimators;
 use crate::matchers::SIZES;
 use crate::protocols::{self, Centres, EstimatorRule, Protocol, SizeRule};
@@ -209,7 +210,9 @@ fn otherwise(set: &ResultSet, plan: Option<&Plan>, protocol: &Protocol) -> Vec<S
     if set.repetitions < protocol.shuffles {
         let (theirs, ours) = (set.repetitions, protocol.shuffles);
         found.push(format!(
-            "{theirs} estimation of each pair was pooled, not {ours}"
+            "{} of each pair {} pooled, not {ours}",
+            counted(theirs, "estimation"),
+            if theirs == 1 { "was" } else { "were" }
         ));
     }
     found

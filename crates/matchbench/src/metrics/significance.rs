@@ -35,14 +35,23 @@ pub struct Difference {
 impl Difference {
     /// Of a score whose terms are differences on pairs, with the interval that these have.
     pub(super) fn new(terms: &[Term], interval: Option<Interval>) -> Self {
+        let value = ratio(&sums_by_cluster(terms.iter().copied()));
+        Self::of(value, interval, terms)
+    }
+
+    /// Of a score that is no mean over pairs, with its interval. The terms, whose mean is nearly the score, are what
+    /// is tested.
+    pub(super) fn of(value: Option<f64>, interval: Option<Interval>, terms: &[Term]) -> Self {
         let sums = sums_by_cluster(terms.iter().copied());
         let leaves_out_zero =
             interval.is_some_and(|interval| interval.low > ROUNDING || interval.high < -ROUNDING);
+        // The mean of what is tested must have the sign of the score.
+        let agrees = (value.zip(ratio(&sums))).is_some_and(|(value, mean)| value * mean > 0.0);
         Self {
-            value: ratio(&sums),
+            value,
             interval,
             images: sums.len(),
-            is_certain: leaves_out_zero && p_value(&sums).is_some_and(|p| p <= ALPHA),
+            is_certain: leaves_out_zero && agrees && p_value(&sums).is_some_and(|p| p <= ALPHA),
         }
     }
 

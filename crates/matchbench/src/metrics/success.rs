@@ -86,9 +86,10 @@ impl Serialize for SuccessCurve {
     }
 }
 
-/// What a pair adds to the score that methods are compared by: the share of the paper's thresholds that its
-/// pose error is below, or how far its corner error is below 3 pixels, as a share of these. The mean of the
-/// latter is the area under recall over the corner error, without the trapezoids of [`corner_auc`].
+/// What a pair adds to the mean that is tested where methods are compared: the share of the paper's thresholds that
+/// its pose error is below, or how far its corner error is below 3 pixels, as a share of these. The mean of the
+/// former is the paper's AUC; that of the latter is [`corner_auc`] without the trapezoids, so at most half a pair
+/// from it.
 ///
 /// [`corner_auc`]: super::corner_auc
 pub(super) fn gain(pair: &PairResult, angle: Angle) -> f64 {

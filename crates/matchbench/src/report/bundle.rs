@@ -94,6 +94,7 @@ mod tests {
         for name in ["scores.csv", "cite.bib", "pairs.csv", "auc.tex"] {
             assert!(page.contains(&format!("download=\"{name}\"")), "{name}");
         }
+        assert!(page.contains("all pairs are in the file <code>pairs.csv</code>"));
         for beside in [
             "href=\"figures/",
             "href=\"tables/",
@@ -110,6 +111,7 @@ mod tests {
         let whole = bundle(&content, MOST_BUNDLED).expect("it is small");
         let less = bundle(&content, whole.len() - 1).expect("without its pairs it fits");
         assert!(less.len() < whole.len() && !less.contains("download=\"pairs.csv\""));
+        assert!(less.contains("This list needs JavaScript.</p>"));
         assert!(less.contains("scores.csv"));
         assert_eq!(bundle(&content, 1000), None);
     }

@@ -277,8 +277,8 @@ pub(super) fn leads_on<'a>(
     (content.leads.iter()).filter(move |lead| lead.dataset == dataset && lead.model == model)
 }
 
-/// AUC of matchers by estimators on one dataset, or the mean over all datasets. `None` if there is only one
-/// estimator.
+/// AUC of matchers by estimators on one dataset, or the mean over all datasets, of those that were run on all of
+/// them. `None` if there is only one estimator, or no AUC.
 pub(super) fn estimator_figure(
     summaries: &[Summary],
     dataset: Option<&str>,
@@ -298,18 +298,18 @@ pub(super) fn estimator_figure(
     if estimators.len() < 2 {
         return None;
     }
+    let datasets: BTreeSet<&str> = (summaries.iter().map(|s| &*s.dataset))
+        .filter(|name| dataset.is_none_or(|one| one == *name))
+        .collect();
     let mean = |matcher: &str, estimator: &str| {
-        let here = |s: &&Summary| {
-            s.matcher == matcher
-                && s.estimator == estimator
-                && dataset.is_none_or(|name| s.dataset == name)
+        let on = |name: &&str| {
+            let of = |s: &&Summary| {
+                s.dataset == **name && s.matcher == matcher && s.estimator == estimator
+            };
+            summaries.iter().find(of)?.auc().value
         };
-        let values: Vec<f64> = summaries
-            .iter()
-            .filter(here)
-            .filter_map(|s| s.auc().value)
-            .collect();
-        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+        let values: Option<Vec<f64>> = datasets.iter().map(on).collect();
+        values.map(|values| values.iter().sum::<f64>() / values.len().max(1) as f64)
     };
     let cells: Vec<Vec<Option<f64>>> = (matchers.iter())
         .map(|matcher| {
@@ -319,6 +319,9 @@ pub(super) fn estimator_figure(
                 .collect()
         })
         .collect();
+    if cells.iter().flatten().all(Option::is_none) {
+        return None;
+    }
     let title = format!(
         "AUC by estimator: {}",
         dataset.unwrap_or("mean over all datasets")
@@ -473,7 +476,7 @@ pub(super) fn ap_figure(overview: &Overview<'_>, column: usize, target: Target) 
 #[cfg(test)]
 mod tests {
     use super::super::RunFacts;
-    use super::super::tests::{homography_results, results};
+    use super::super::tests::{homography_results, results, summary};
     use super::*;
     use crate::metrics::Bootstrap;
 
@@ -491,6 +494,25 @@ mod tests {
         assert!(svg.contains("AUC by which sift + ransac-e leads"), "{svg}");
         assert_eq!(svg.matches("class=\"rival").count(), 1, "{svg}");
         assert!(!svg.contains("best-h"), "{svg}");
+    }
+
+    #[test]
+    fn a_mean_over_all_datasets_is_of_all_of_them() {
+        let by = |dataset: &str, matcher: &str, tenths, estimator: &str| Summary {
+            estimator: estimator.into(),
+            ..summary(dataset, matcher, tenths)
+        };
+        let mut summaries = vec![
+            by("wall", "sift", 7, "ransac-e"),
+            by("room", "sift", 5, "ransac-e"),
+            by("wall", "sift", 9, "best"),
+        ];
+        let svg = estimator_figure(&summaries, None, Target::File).expect("two estimators");
+        assert!(svg.contains("0.600") && !svg.contains("0.900"), "{svg}");
+        summaries.remove(1);
+        summaries.push(by("room", "orb", 5, "best"));
+        assert!(estimator_figure(&summaries, None, Target::File).is_none());
+        assert!(estimator_figure(&summaries, Some("wall"), Target::File).is_some());
     }
 
     #[test]

@@ -85,10 +85,15 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
                 format!("{spec:#}\n").as_bytes(),
             )?;
             out.write(&drawings.join(format!("{name}.svg")), svg.as_bytes())?;
-            out.write(
-                &drawings.join(format!("{name}.png")),
-                &png(&svg, PNG_SCALE)?,
-            )
+            let (ending, bytes) = match png(&svg, PNG_SCALE) {
+                Ok(bytes) => ("png", bytes),
+                // The drawing itself is there.
+                Err(broken) => {
+                    let note = format!("{name}.svg cannot be drawn as PNG: {broken}\n");
+                    ("png.txt", note.into_bytes())
+                }
+            };
+            out.write(&drawings.join(format!("{name}.{ending}")), &bytes)
         })?;
     html::pair_pages(content, &overview)
         .into_par_iter()

@@ -26,10 +26,10 @@ pub(super) fn render(summaries: &[Summary]) -> String {
         line(&mut text, std::iter::once(escape(&row.label)).chain(cells));
     }
     let bases = (overview.datasets.iter().enumerate())
-        .map(|(column, name)| format!("{}: {}", escape(name), overview.basis(column)));
+        .map(|(column, name)| format!("{}: {}", escape(name), escape(&overview.basis(column))));
     let _ = write!(text, "\n{}.\n", bases.collect::<Vec<_>>().join("; "));
-    if let Some(note) = overview.footnote(escape) {
-        let _ = write!(text, "\n{note}.\n");
+    if let Some(note) = overview.footnote(str::to_owned) {
+        let _ = write!(text, "\n{}.\n", escape(&note));
     }
     let of = |model| summaries.iter().any(|s| s.model == model);
     text.push_str(match (of(Model::Pose), of(Model::Homography)) {
@@ -177,6 +177,23 @@ mod tests {
                 kind.id
             );
             assert!(text.contains(&escape(kind.definition)), "{}", kind.id);
+        }
+    }
+
+    #[test]
+    fn estimators_are_escaped_too() {
+        let by = |matcher: &str, estimator: &str| Summary {
+            estimator: estimator.into(),
+            ..summary("room", matcher, 6)
+        };
+        // Named after the dataset, and in the footnote.
+        for summaries in [
+            vec![by("sift", "<b>_x")],
+            vec![by("sift", "<b>_x"), by("orb", "|<i>")],
+        ] {
+            let text = render(&summaries);
+            assert!(text.contains("&lt;b&gt;\\_x"), "{text}");
+            assert!(!text.contains("<b>") && !text.contains("<i>"), "{text}");
         }
     }
 

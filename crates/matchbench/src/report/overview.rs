@@ -56,7 +56,7 @@ pub(super) struct Row<'a> {
     pub(super) matcher: &'a str,
     /// Id of the estimator.
     pub(super) estimator: &'a str,
-    /// Number of its colour, marker and dash; no two rows have the same.
+    /// Number of its colour, marker and dash; up to 192 rows, no two have the same.
     pub(super) series: usize,
     /// Whether it is the baseline that the others are compared with.
     pub(super) is_baseline: bool,

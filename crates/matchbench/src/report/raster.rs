@@ -12,7 +12,10 @@ use resvg::usvg::{Options, Tree, fontdb};
 /// Name of the font that is part of the program.
 const TYPEFACE: &str = "DejaVu Sans";
 
-/// The drawing as a PNG file, `scale` pixels for one unit.
+/// Most pixels of a file: a figure of hundreds of methods would fill gigabytes.
+const MOST_PIXELS: f32 = 50e6;
+
+/// The drawing as a PNG file, `scale` pixels for one unit, or fewer where it would have more than 50 million pixels.
 ///
 /// # Errors
 /// If the drawing is not valid SVG, or too large for memory.
@@ -23,12 +26,27 @@ pub(super) fn png(svg: &str, scale: f32) -> io::Result<Vec<u8>> {
     };
     let tree = Tree::from_str(svg, &options).map_err(io::Error::other)?;
     let size = tree.size().to_int_size();
-    let side = |side: u32| (side as f32 * scale).ceil() as u32;
-    let mut pixels = Pixmap::new(side(size.width()), side(size.height()))
+    let (scale, [width, height]) = bounded([size.width(), size.height()], scale);
+    let mut pixels = Pixmap::new(width, height)
         .ok_or_else(|| io::Error::other("a picture of this size cannot be drawn"))?;
     let transform = Transform::from_scale(scale, scale);
     resvg::render(&tree, transform, &mut pixels.as_mut());
     pixels.encode_png().map_err(io::Error::other)
+}
+
+/// The scale of a drawing with these sides, lowered if necessary, and its sides in pixels.
+fn bounded(sides: [u32; 2], scale: f32) -> (f32, [u32; 2]) {
+    let [width, height] = sides.map(|side| side as f32);
+    let most = (MOST_PIXELS / (width * height)).sqrt();
+    if scale <= most {
+        (
+            scale,
+            [width, height].map(|side| (side * scale).ceil() as u32),
+        )
+    } else {
+        let pixels = |side: f32| ((side * most).floor() as u32).max(1);
+        (most, [width, height].map(pixels))
+    }
 }
 
 /// Our font, then the fonts of this machine, which take a moment to find.
@@ -59,6 +77,19 @@ mod tests {
         assert_eq!(image.dimensions(), (8, 4));
         assert_eq!(image.get_pixel(5, 2).0, [255, 0, 0, 255]);
         assert!(png("no drawing", 1.0).is_err());
+    }
+
+    #[test]
+    fn large_drawings_have_a_lower_scale() {
+        assert_eq!(bounded([400, 300], 2.0), (2.0, [800, 600]));
+        for sides in [[10_000, 10_000], [1_000_000, 300], [300, 40_000_000]] {
+            let (scale, [width, height]) = bounded(sides, 2.0);
+            let pixels = u64::from(width) * u64::from(height);
+            assert!(
+                scale < 2.0 && (40_000_000..=50_000_000).contains(&pixels),
+                "{pixels}"
+            );
+        }
     }
 
     #[test]

@@ -65,7 +65,7 @@
     }
   }
 
-  // A matcher is switched in all figures at once, and stands out while its switch is pointed at.
+  // A matcher is switched in all figures at once, and stands out while its switch is pointed at or has the focus.
   const switches = [...document.querySelectorAll(".legend button")];
   const turn = (series, on) => {
     for (const twin of document.querySelectorAll(`.legend button[data-series="${series}"]`)) twin.setAttribute("aria-pressed", String(on));
@@ -78,18 +78,24 @@
     const { series } = button.dataset;
     const light = (on) => {
       document.body.classList.toggle("dim", on);
-      for (const curve of document.querySelectorAll(`.series[data-series~="${series}"]`)) curve.classList.toggle("lit", on);
+      for (const curve of document.querySelectorAll(".series")) curve.classList.toggle("lit", on && curve.matches(`[data-series~="${series}"]`));
     };
     button.addEventListener("click", () => turn(series, button.getAttribute("aria-pressed") !== "true"));
-    button.addEventListener("pointerenter", () => light(true));
-    button.addEventListener("pointerleave", () => light(false));
+    for (const event of ["pointerenter", "focus"]) button.addEventListener(event, () => light(true));
+    for (const event of ["pointerleave", "blur"]) button.addEventListener(event, () => light(false));
   }
+  // Every section has a legend with the same series, and the same presets.
+  const entries = [...new Map(switches.map((button) => [button.dataset.series, button])).values()];
+  let isOpen = false;
   for (const preset of document.querySelectorAll(".presets button")) {
     const { only, estimator } = preset.dataset;
     const wanted = (button) => (only === "all" ? true : only === "none" ? false : button.dataset.estimator === estimator);
-    const choose = () => { for (const button of switches) turn(button.dataset.series, wanted(button)); };
+    const choose = () => { for (const button of entries) turn(button.dataset.series, wanted(button)); };
     preset.addEventListener("click", choose);
-    if ("opening" in preset.dataset) choose();
+    if ("opening" in preset.dataset && !isOpen) {
+      isOpen = true;
+      choose();
+    }
   }
 
   // Values under the pointer, best first.
@@ -252,9 +258,17 @@
 
     // The address of a pair, to be sent to somebody.
     const link = (d, m, i) => `#pair=${[d.name, `${d.a[i]}-${d.b[i]}-${d.repetition[i]}`, m.matcher, m.estimator].map(encodeURIComponent).join("/")}`;
+    const decoded = (part) => {
+      try {
+        return decodeURIComponent(part);
+      } catch {
+        // A % that escapes nothing.
+        return part;
+      }
+    };
     const follow = () => {
       if (!location.hash.startsWith("#pair=")) return;
-      const [name, frames, matcher, estimator] = location.hash.slice(6).split("/").map(decodeURIComponent);
+      const [name, frames, matcher, estimator] = location.hash.slice(6).split("/").map(decoded);
       const d = data.datasets.findIndex((d) => d.name === name);
       const m = d < 0 ? -1 : data.datasets[d].methods.findIndex((m) => m.matcher === matcher && m.estimator === estimator);
       const i = d < 0 ? -1 : data.datasets[d].a.findIndex((a, i) => `${a}-${data.datasets[d].b[i]}-${data.datasets[d].repetition[i]}` === frames);

@@ -169,10 +169,10 @@ fn axis(max: f64) -> (f64, f64) {
 
 /// The number of an axis tick: as many decimals as its step has.
 fn tick(value: f64, step: f64) -> String {
-    let decimals = [1.0, 0.1, 0.01, 0.001]
+    let decimals = [1.0, 0.1, 0.01, 0.001, 0.0001]
         .iter()
         .position(|unit| ((step / unit).round() - step / unit).abs() < 1e-6)
-        .unwrap_or(3);
+        .unwrap_or(4);
     format!("{value:.decimals$}")
 }
 
@@ -199,6 +199,7 @@ mod tests {
         }
         assert_eq!(tick(0.5, 0.25), "0.50");
         assert_eq!(tick(0.4, 0.2), "0.4");
+        assert_eq!(tick(0.0075, 0.0025), "0.0075");
         assert_eq!(tick(1500.0, 500.0), "1500");
     }
 
