@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::{ImportOptions, ImportReport, make};
 use crate::counted::counted;
-use crate::datasets::{DatasetError, Frame, Pair, Sequence};
+use crate::datasets::{DatasetError, Pair, Sequence};
 
 /// Imports as [`import`](super::import) does. If the dataset exists already, it must be the one that this
 /// import would make; then nothing is done and the result is `None`.
