@@ -33,7 +33,6 @@ pub(super) fn is_there(path: &Path) -> bool {
 ///
 /// # Errors
 /// The first problem.
-/// The first thing that is wrong.
 pub(super) fn each_pair(
     poses: &Path,
     homographies: &Path,

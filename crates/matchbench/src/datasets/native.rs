@@ -272,7 +272,7 @@ impl Contents {
         let all_have_cameras =
             !manifest.frames.is_empty() && manifest.frames.iter().all(|f| f.camera.is_some());
         let camera_file = dir.join(CAMERA);
-        let camera = if all_have_cameras && !camera_file.exists() {
+        let camera = if all_have_cameras && !is_there(&camera_file) {
             None
         } else {
             TextFile::read(&camera_file)

@@ -107,6 +107,7 @@ fn sensor_of(file: &TextFile) -> Result<(Camera, Isometry3<f64>), DatasetError> 
         }),
         ..pinhole
     };
+    camera.check().map_err(|error| fail(error.to_string()))?;
     Ok((camera, text::rigid_motion_4x4(&pose).map_err(fail)?))
 }
 

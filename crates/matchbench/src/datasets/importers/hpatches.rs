@@ -12,14 +12,13 @@
 
 use std::path::Path;
 
-use super::oxford::{Series, folders_with};
+use super::oxford::{Series, folders_with, is_series};
 use super::{ImportOptions, Imported, base_name};
 use crate::datasets::DatasetError;
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
-    let name = |k: usize| format!("H_1_{k}");
     let mut series = Series::default();
-    if src.join(name(2)).is_file() && options.sequence.is_none() {
+    if is_series(src, name) && options.sequence.is_none() {
         series.add(src, "", name)?;
     } else {
         for folder in folders(src, options.sequence.as_deref())? {
@@ -29,9 +28,14 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     Ok(series.finish(format!("HPatches, {}", base_name(src))))
 }
 
+/// The name of a homography.
+fn name(k: usize) -> String {
+    format!("H_1_{k}")
+}
+
 /// The wanted folders that hold a homography, sorted by name.
 fn folders(src: &Path, wanted: Option<&str>) -> Result<Vec<String>, DatasetError> {
-    let mut found = folders_with(src, "H_1_2")?;
+    let mut found = folders_with(src, name)?;
     found.retain(|name| {
         wanted.is_none_or(|wanted| name == wanted || name.split('_').next() == Some(wanted))
     });

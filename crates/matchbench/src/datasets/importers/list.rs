@@ -2,13 +2,13 @@
 //! counted from the corner of the image.
 
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Matrix3};
 
-use crate::datasets::{DepthFile, Frame, Turn};
+use crate::datasets::{DatasetError, DepthFile, Frame, Turn, read_size};
 
 /// Frames in the order in which a list first names them. One image is one frame, unless the list
 /// gives it several cameras or turns.
@@ -65,6 +65,40 @@ pub(super) fn from_corner(camera: Camera) -> Camera {
         cy: camera.cy - 0.5,
         ..camera
     }
+}
+
+/// Checks that the image, if it exists, has the `expected` size, for which its camera `whose` is.
+///
+/// # Errors
+/// If it has another, or if its size cannot be read; `error` makes the first error from what is wrong.
+pub(super) fn check_size(
+    image: &Path,
+    expected: Size,
+    whose: &str,
+    error: impl FnOnce(String) -> DatasetError,
+) -> Result<(), DatasetError> {
+    if !image.is_file() {
+        return Ok(());
+    }
+    let found = read_size(image)?;
+    if found == expected {
+        return Ok(());
+    }
+    let what = format!("{whose} is for {expected} pixels, its image has {found}");
+    let remedy = "use the original images, or scale K and size of the camera with them";
+    Err(DatasetError {
+        remedy: remedy.to_owned(),
+        ..error(what)
+    })
+}
+
+/// The size in words as a list writes it.
+pub(super) fn size(width: &str, height: &str) -> Result<Size, String> {
+    let side = |word: &str| {
+        let side = word.parse().ok();
+        side.ok_or_else(|| format!("`{word}` is no width or height of an image"))
+    };
+    Ok(Size::new(side(width)?, side(height)?))
 }
 
 /// Nine numbers, row by row, as a camera.

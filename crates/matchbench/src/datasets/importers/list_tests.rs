@@ -299,7 +299,11 @@ fn megadepth_is_read_from_loftrs_pickle() {
 fn megadepth_is_read_from_glue_factorys_texts() {
     let views = "p/a.png 1 0 0 0 1 0 0 0 1 0 0 0 PINHOLE 24 17 20 21 12 8.5\n\
                  p/b.png 1 0 0 0 1 0 0 0 1 2 0 0 SIMPLE_RADIAL 24 17 20 12 8.5 0.125\n";
-    let files = [("views.txt", views), ("pairs.txt", "p/a.png p/b.png 0.3\n")];
+    let files = [
+        ("views.txt", views),
+        ("pairs.txt", "p/a.png p/b.png 0.3\n"),
+        ("p/b.png", ""),
+    ];
     let (_folder, src) = source("gf", &files);
     let found = read("megadepth", &src).unwrap();
     assert_eq!(
@@ -308,6 +312,13 @@ fn megadepth_is_read_from_glue_factorys_texts() {
     );
     assert_eq!(found.frames[1].camera.distortion.unwrap().k1, 0.125);
     assert_eq!(x_of(&found.pairs.unwrap()[0]), 2.0);
+    let smaller = views.replace("RADIAL 24 17", "RADIAL 48 34");
+    fs::write(src.join("views.txt"), smaller).unwrap();
+    let error = read("megadepth", &src).unwrap_err();
+    assert_eq!(error.line, Some(2));
+    let what = "the camera of p/b.png is for 48x34 pixels, its image has 24x17";
+    assert_eq!(error.what, what);
+    fs::write(src.join("views.txt"), views).unwrap();
     fs::write(src.join("pairs.txt"), "p/a.png p/c.png").unwrap();
     let error = read("megadepth", &src.join("views.txt")).unwrap_err();
     assert!(

@@ -9,20 +9,21 @@
 //!
 //! glue-factory publishes the same pairs (and other sets) as two text files. `views.txt` has one view per line:
 //! `name R (9) t (3) MODEL width height params`, world to camera. `pairs.txt` beside it has two names per line;
-//! further columns are ignored.
+//! further columns are ignored. Images that exist must have the size in `views.txt`.
 //!
 //! Both come from COLMAP. cx, cy are half the size of the undistorted images, so the origin is the corner of
 //! the image, and half a pixel is subtracted here. Names are relative to the image root.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::Camera;
+use matchbench_vision::image::Size;
 use nalgebra::Isometry3;
 
 use super::colmap::lens;
-use super::list::{NamedFrames, camera, from_corner};
+use super::list::{NamedFrames, camera, check_size, from_corner, size};
 use super::pickle::{Id, Pickled, Value};
 use super::{ImportOptions, Imported, base_name};
 use crate::datasets::pairs::relative_pose;
@@ -203,20 +204,28 @@ fn read_views(file: &Path, options: &ImportOptions<'_>) -> Result<Imported, Data
     let list = TextFile::read(file)?;
     let mut views = HashMap::new();
     for (line, row) in list.rows() {
-        let (name, camera, pose) = view(row).map_err(|what| list.error_at(line, what))?;
-        if views.insert(name, (camera, pose)).is_some() {
+        let View {
+            name,
+            camera,
+            size,
+            pose,
+        } = view(row).map_err(|what| list.error_at(line, what))?;
+        if views.insert(name, (line, camera, size, pose)).is_some() {
             return Err(list.error_at(line, format!("{name} stands here a second time")));
         }
     }
     let pairs_file = TextFile::read(&folder.join("pairs.txt"))?;
     let mut frames = NamedFrames::default();
     let mut pairs = Vec::new();
+    let mut named = BTreeMap::new();
     for (line, row) in pairs_file.rows() {
         let mut names = row.split_whitespace();
         let mut next = || {
             let name = names.next().ok_or("two names are expected")?;
             let view = views.get(name);
-            let (camera, pose) = *view.ok_or_else(|| format!("{name} is not in views.txt"))?;
+            let (line, camera, size, pose) =
+                *view.ok_or_else(|| format!("{name} is not in views.txt"))?;
+            named.insert(line, (name, size));
             let number = frames.number(root.join(name), Turn::None, camera, Some(pose));
             Ok::<_, String>((number, pose))
         };
@@ -227,11 +236,26 @@ fn read_views(file: &Path, options: &ImportOptions<'_>) -> Result<Imported, Data
         }
         pairs.push(Pair::with_pose(a, b, relative_pose(&from_a, &from_b)));
     }
+    for (line, (name, size)) in named {
+        let whose = format!("the camera of {name}");
+        check_size(&root.join(name), size, &whose, |what| {
+            list.error_at(line, what)
+        })?;
+    }
     let origin = format!("glue-factory, {}", base_name(folder));
     Ok(Imported::listed(origin, frames.into_frames(), pairs))
 }
 
-fn view(row: &str) -> Result<(&str, Camera, Isometry3<f64>), String> {
+/// A line of `views.txt`.
+struct View<'a> {
+    name: &'a str,
+    camera: Camera,
+    /// The size of the images of the camera.
+    size: Size,
+    pose: Isometry3<f64>,
+}
+
+fn view(row: &str) -> Result<View<'_>, String> {
     let words: Vec<&str> = row.split_whitespace().collect();
     let [name, pose @ ..] = &words[..] else {
         return Err("the line is empty".to_owned());
@@ -245,14 +269,15 @@ fn view(row: &str) -> Result<(&str, Camera, Isometry3<f64>), String> {
     let motion = [
         m[0], m[1], m[2], m[9], m[3], m[4], m[5], m[10], m[6], m[7], m[8], m[11],
     ];
-    let [model, _width, _height, params @ ..] = camera else {
+    let [model, width, height, params @ ..] = camera else {
         return Err("the camera is missing: MODEL, width, height, parameters".to_owned());
     };
     let params = text::numbers(&params.join(" "))?;
     let camera_from_world = text::rigid_motion(&motion)?;
-    Ok((
+    Ok(View {
         name,
-        lens::camera(model, &params)?,
-        camera_from_world.inverse(),
-    ))
+        camera: lens::camera(model, &params)?,
+        size: size(width, height)?,
+        pose: camera_from_world.inverse(),
+    })
 }

@@ -33,6 +33,7 @@ use matchbench_vision::geometry::Camera;
 pub use once::import_once;
 pub use options::{ImportOption, ImportOptions};
 
+use super::listed::is_there;
 use super::native::parse_camera;
 use super::pairs::{covisible, with_poses};
 use super::rendered::Scene;
@@ -382,7 +383,12 @@ fn given_camera(
     options: &ImportOptions<'_>,
     names: &[&str],
 ) -> Result<Option<Camera>, DatasetError> {
-    let in_source = || names.iter().map(|name| src.join(name)).find(|p| p.exists());
+    let in_source = || {
+        names
+            .iter()
+            .map(|name| src.join(name))
+            .find(|p| is_there(p))
+    };
     match options.camera.clone().or_else(in_source) {
         Some(file) => parse_camera(&TextFile::read(&file)?).map(Some),
         None => Ok(None),

@@ -95,6 +95,9 @@ fn damaged_models_are_refused() {
         error.contains("the camera model OPENCV_FISHEYE is not supported"),
         "{error}"
     );
+    let lens = with("cameras.txt", "0.125", "1e9");
+    assert!(lens.contains("line 3 of cameras.txt: k1 is"), "{lens}");
+    assert!(with("cameras.txt", "24 17", "24 h").contains("cameras.txt:2: `h` is no width"));
     assert!(with("images.txt", "5 b.png", "6 b.png").contains("camera 6, which is not there"));
     assert!(with("images.txt", "9 1 0 0 0", "9 1 1 0 0").contains("images.txt:2: the quaternion"));
     assert!(with("images.txt", "2.5 -1", "2.5 -2").contains("images.txt:3: `-2`"));
@@ -110,11 +113,36 @@ fn damaged_models_are_refused() {
                 .ends_with("images.bin")
         );
     }
+    let mut cameras = fs::read(fixture("model/cameras.bin")).unwrap();
+    cameras.copy_within(8..12, 56); // the number of the first camera for that of the second
+    fs::write(src.join("cameras.bin"), cameras).unwrap();
+    let error = read("colmap", &src).unwrap_err();
+    assert!(error.file.ends_with("cameras.bin"), "{error}");
+    assert!(error.what.contains("a second time"), "{error}");
+    fs::copy(fixture("model/cameras.bin"), src.join("cameras.bin")).unwrap();
     for name in ["images.bin", "images.txt"] {
         fs::remove_file(src.join(name)).unwrap();
     }
     let error = read("colmap", &src).unwrap_err();
     assert!(error.file.ends_with("images.bin"), "{error}");
+}
+
+#[test]
+fn images_of_another_size_than_their_camera_are_refused() {
+    let larger = CAMERAS.replace("24 17 20 12", "48 34 20 12");
+    let files = [
+        ("cameras.txt", larger.as_str()),
+        ("images.txt", IMAGES),
+        ("a.png", ""),
+    ];
+    let (_folder, src) = source("model", &files);
+    let error = read("colmap", &src).unwrap_err();
+    assert!(error.file.ends_with("cameras.txt"), "{error}");
+    let what = "the camera 1 of a.png is for 48x34 pixels, its image has 24x17";
+    assert_eq!(error.what, what);
+    assert!(error.remedy.contains("original images"), "{error}");
+    fs::remove_file(src.join("a.png")).unwrap();
+    assert!(read("colmap", &src).is_ok(), "images may be added later");
 }
 
 #[test]
@@ -374,6 +402,9 @@ fn euroc_brings_the_camera_to_the_body() {
             .what
             .contains("distortion_model")
     );
+    fs::write(&yaml, sensor.replace("-0.28", "-1e9")).unwrap();
+    let error = read("euroc", &src).unwrap_err();
+    assert!(error.what.starts_with("k1 is"), "{error}");
     fs::write(&yaml, sensor.replace("T_BS", "T_SB")).unwrap();
     assert!(read("euroc", &src).unwrap_err().what.contains("T_BS"));
 }
@@ -437,6 +468,18 @@ fn planes_of_three_sets_are_read() {
     );
     fs::remove_file(src.join("i_ajuntament/2.png")).unwrap();
     assert!(read("hpatches", &src).unwrap_err().what.contains("missing"));
+    // A homography in the middle or at the end, and the first one.
+    for missing in ["H1to2p", "H1to3p"] {
+        let (_folder, src) = source("oxford", &oxford);
+        fs::remove_file(src.join(missing)).unwrap();
+        let error = read("oxford", &src).unwrap_err();
+        assert!(error.file.ends_with(missing), "{error}");
+        assert!(error.what.contains("the homography is missing"), "{error}");
+    }
+    fs::write(src.join("v_wall/H_1_3"), SHIFT).unwrap();
+    fs::remove_file(src.join("v_wall/H_1_2")).unwrap();
+    let error = read_source("hpatches", &src, &with("v")).unwrap_err();
+    assert!(error.file.ends_with("v_wall/H_1_2"), "{error}");
 }
 
 #[test]

@@ -14,13 +14,16 @@ use super::{ImportOptions, Imported, base_name};
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{DatasetError, Pair, Turn, read_size};
 
+/// Images of a published series.
+const IMAGES: usize = 6;
+
 pub(super) fn read(src: &Path, _: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let name = |k: usize| format!("H1to{k}p");
     let mut series = Series::default();
-    let several = if src.join(name(2)).is_file() {
+    let several = if is_series(src, name) {
         Vec::new()
     } else {
-        folders_with(src, &name(2))?
+        folders_with(src, name)?
     };
     for folder in &several {
         series.add(&src.join(folder), "img", name)?;
@@ -31,12 +34,20 @@ pub(super) fn read(src: &Path, _: &ImportOptions<'_>) -> Result<Imported, Datase
     Ok(series.finish(format!("Oxford affine, {}", base_name(src))))
 }
 
-/// The names of the folders in `src` that hold a file of this name, sorted.
-pub(super) fn folders_with(src: &Path, file: &str) -> Result<Vec<String>, DatasetError> {
+/// Whether the folder holds a homography of a series.
+pub(super) fn is_series(folder: &Path, homography: impl Fn(usize) -> String) -> bool {
+    (2..=IMAGES).any(|k| folder.join(homography(k)).is_file())
+}
+
+/// The names of the folders in `src` that hold a homography of a series, sorted.
+pub(super) fn folders_with(
+    src: &Path,
+    homography: impl Fn(usize) -> String,
+) -> Result<Vec<String>, DatasetError> {
     let entries = fs::read_dir(src).map_err(|error| DatasetError::io(src, &error))?;
     let mut found: Vec<String> = entries
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-        .filter(|name| src.join(name).join(file).is_file())
+        .filter(|name| is_series(&src.join(name), &homography))
         .collect();
     found.sort();
     Ok(found)
@@ -53,7 +64,8 @@ impl Series {
     /// Adds the series of a folder, whose images are called `prefix` and a number from 1.
     ///
     /// # Errors
-    /// If the first image or an image that has a homography is missing, or if a homography is invalid.
+    /// If the first image, an image that has a homography, or the homography of an image is missing, or if a
+    /// homography is invalid.
     pub(super) fn add(
         &mut self,
         folder: &Path,
@@ -69,10 +81,18 @@ impl Series {
         let first = image(1)?;
         for k in 2.. {
             let file = folder.join(homography(k));
-            if !file.is_file() {
-                break;
+            if file.is_file() {
+                self.pair(first.clone(), image(k)?, &file)?;
+                continue;
             }
-            self.pair(first.clone(), image(k)?, &file)?;
+            // The series ends here, unless something of this or a later image is there.
+            let is_there = |k| image(k).is_ok() || folder.join(homography(k)).is_file();
+            if (k..=k.max(IMAGES)).any(is_there) {
+                let what = "the homography is missing, and its image or later ones are there";
+                let remedy = "put it there, or take the images and homographies from here on away";
+                return Err(DatasetError::new(file, what, remedy));
+            }
+            break;
         }
         Ok(())
     }

@@ -10,7 +10,8 @@
 //!
 //! K is not distributed with the colour images. The default, 525 525 320 240, is the Kinect's
 //! nominal colour camera; `camera-intrinsics.txt`, which some copies add, is the depth camera's
-//! (585) and is not used. Another K can be given as an option or as `camera.txt`.
+//! (585) and is not used. Another K can be given as an option, or as `camera.txt` in the folder of the images or in the
+//! source.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -35,7 +36,12 @@ const DEPTH: DepthUnit = DepthUnit {
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let folder = choose(src, options.sequence.as_deref())?;
     let mut notes = Vec::new();
-    let given = given_camera(&folder, options, &["camera.txt", "K.txt"])?;
+    // One camera took all sequences of a scene, so its file may lie beside their folders.
+    let names = ["camera.txt", "K.txt"];
+    let given = match given_camera(&folder, options, &names)? {
+        None => given_camera(src, options, &names)?,
+        found => found,
+    };
     if given.is_none() {
         notes.push(
             "K 525 525 320 240, the Kinect's nominal colour camera, was assumed; camera.txt in the \

@@ -294,6 +294,20 @@ fn seven_scenes_skips_lost_poses() {
             .fx,
         20.0
     );
+    let first = ImportOptions {
+        camera: None,
+        ..options.clone()
+    };
+    let focal = || Ok::<_, DatasetError>(read_source("7scenes", &src, &first)?.frames[0].camera.fx);
+    assert_eq!(focal().unwrap(), 20.0, "K.txt beside the sequences");
+    fs::write(src.join("seq-01/camera.txt"), K.replace("20 0", "30 0")).unwrap();
+    assert_eq!(focal().unwrap(), 30.0, "the nearer one");
+    #[cfg(unix)]
+    {
+        fs::remove_file(src.join("seq-01/camera.txt")).unwrap();
+        std::os::unix::fs::symlink("nowhere", src.join("seq-01/camera.txt")).unwrap();
+        assert!(focal().unwrap_err().file.ends_with("seq-01/camera.txt"));
+    }
     fs::remove_file(src.join("seq-01/frame-000000.pose.txt")).unwrap();
     let error = read_source("7scenes", &src, &options).unwrap_err();
     assert!(error.file.ends_with("frame-000000.pose.txt"));

@@ -10,6 +10,8 @@
 
 use std::path::Path;
 
+use matchbench_vision::image::Size;
+
 use super::{Cameras, Photograph, distinct, lens};
 use crate::counted::counted;
 use crate::datasets::DatasetError;
@@ -25,11 +27,16 @@ pub(super) fn cameras(path: &Path) -> Result<Cameras, DatasetError> {
             let model = lens::MODELS.get(number as usize);
             let &(model, parameters) =
                 model.ok_or_else(|| format!("the camera model {number} is not known"))?;
-            let _size = (bytes.u64()?, bytes.u64()?);
+            // A side that is no usize is that of no image.
+            let mut side = || Ok::<_, String>(usize::try_from(bytes.u64()?).unwrap_or(usize::MAX));
+            let size = Size::new(side()?, side()?);
             let params: Vec<f64> = (0..parameters)
                 .map(|_| bytes.f64())
                 .collect::<Result<_, _>>()?;
-            cameras.insert(id, lens::camera(model, &params));
+            let camera = lens::camera(model, &params).map(|camera| (camera, size));
+            if cameras.insert(id, camera).is_some() {
+                return Err(format!("the camera {id} is there a second time"));
+            }
         }
         Ok(cameras)
     })

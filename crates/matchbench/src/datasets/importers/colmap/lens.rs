@@ -79,11 +79,12 @@ pub(in crate::datasets::importers) fn camera(
     if !params.iter().all(|parameter| parameter.is_finite()) {
         return Err("a parameter is not finite".to_owned());
     }
-    let camera = Camera {
+    let camera = list::from_corner(Camera {
         distortion,
         ..pinhole
-    };
-    Ok(list::from_corner(camera))
+    });
+    camera.check().map_err(|error| error.to_string())?;
+    Ok(camera)
 }
 
 #[cfg(test)]

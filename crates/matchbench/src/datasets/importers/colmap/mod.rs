@@ -9,6 +9,7 @@
 //!   pixel is subtracted from principal points.
 //! - Camera models: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, and FULL_OPENCV where k4, k5 and k6 are 0;
 //!   others are refused by name.
+//! - Images that exist must have the size of their camera. (Other sizes need another K.)
 //! - Frames are sorted by name, since the order in a model is that of the reconstruction.
 //! - Image names are relative to the image root. This is the given folder, or else the folder of the model or
 //!   the nearest one above it that has `images/`.
@@ -23,13 +24,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::Camera;
+use matchbench_vision::image::Size;
 use nalgebra::Isometry3;
 
-use super::{ImportOptions, Imported, base_name};
+use super::{ImportOptions, Imported, base_name, list};
 use crate::datasets::{About, DatasetError, Frame};
 
-/// A camera, or the reason why it cannot be used. The reason is reported only if an image has this camera.
-type Cameras = BTreeMap<u32, Result<Camera, String>>;
+/// A camera and the size of its images, or the reason why it cannot be used. The reason is reported only if an
+/// image has this camera.
+type Cameras = BTreeMap<u32, Result<(Camera, Size), String>>;
 
 /// A photograph of a model.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,14 +47,20 @@ struct Photograph {
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let has = |name: &str| src.join(name).is_file();
     let is_binary = has("images.bin") || has("cameras.bin") && !has("images.txt");
-    let (cameras, mut photographs, file) = if is_binary {
-        let file = src.join("images.bin");
-        let cameras = binary::cameras(&src.join("cameras.bin"))?;
-        (cameras, binary::images(&file)?, file)
+    let (cameras, mut photographs, [cameras_file, file]) = if is_binary {
+        let files = ["cameras.bin", "images.bin"].map(|name| src.join(name));
+        (
+            binary::cameras(&files[0])?,
+            binary::images(&files[1])?,
+            files,
+        )
     } else {
-        let file = src.join("images.txt");
-        let cameras = text_model::cameras(&src.join("cameras.txt"))?;
-        (cameras, text_model::images(&file)?, file)
+        let files = ["cameras.txt", "images.txt"].map(|name| src.join(name));
+        (
+            text_model::cameras(&files[0])?,
+            text_model::images(&files[1])?,
+            files,
+        )
     };
     photographs.sort_by(|p, q| p.name.cmp(&q.name));
     let fail = |what: String| DatasetError::new(&file, what, "export the model from COLMAP again");
@@ -74,7 +83,8 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         points,
     } in photographs
     {
-        let camera = match cameras.get(&camera) {
+        let (id, image) = (camera, root.join(&name));
+        let (camera, size) = match cameras.get(&camera) {
             Some(Ok(camera)) => *camera,
             Some(Err(what)) => return Err(fail(format!("the camera {camera} of {name}: {what}"))),
             None => {
@@ -83,11 +93,13 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
                 )));
             }
         };
-        frames.push(Frame::with_pose(
-            root.join(name),
-            camera,
-            camera_from_world.inverse(),
-        ));
+        list::check_size(
+            &image,
+            size,
+            &format!("the camera {id} of {name}"),
+            |what| DatasetError::new(&cameras_file, what, ""),
+        )?;
+        frames.push(Frame::with_pose(image, camera, camera_from_world.inverse()));
         seen.push(points);
     }
     Ok(Imported {

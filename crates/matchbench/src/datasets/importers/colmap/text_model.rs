@@ -6,6 +6,7 @@ use std::path::Path;
 
 use super::{Cameras, Photograph, distinct, lens};
 use crate::datasets::DatasetError;
+use crate::datasets::importers::list::size;
 use crate::datasets::text::{self, TextFile};
 
 /// The longest line of `images.txt`, in bytes. It holds the keypoints of an image, and has room for a million.
@@ -17,11 +18,15 @@ pub(super) fn cameras(path: &Path) -> Result<Cameras, DatasetError> {
     for (line, row) in file.rows() {
         let words: Vec<&str> = row.split_whitespace().collect();
         let parsed = match words[..] {
-            [id, model, _width, _height, ref params @ ..] => (id.parse::<u32>())
+            [id, model, width, height, ref params @ ..] => (id.parse::<u32>())
                 .map_err(|_| format!("`{id}` is no number of a camera"))
                 .and_then(|id| {
+                    let size = size(width, height)?;
                     let params = text::numbers(&params.join(" "))?;
-                    Ok((id, lens::camera(model, &params)))
+                    Ok((
+                        id,
+                        lens::camera(model, &params).map(|camera| (camera, size)),
+                    ))
                 }),
             _ => Err("id, MODEL, width, height and parameters are expected".to_owned()),
         };
