@@ -5,4 +5,4 @@ set -e
 cargo build --release --workspace
 matchbench import strecha castle-P30 castle
 python compare/speed.py office/0.png office/1.png castle-P30/images/0000.jpg castle-P30/images/0001.jpg \
-    --dataset castle --repeats 3 --out docs/results/speed-intel-avx512
+    --dataset castle --repeats 5 --out docs/results/speed-intel-avx512
