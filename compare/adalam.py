@@ -28,6 +28,9 @@ from kornia.feature.adalam.adalam import AdalamFilter, get_adalam_default_config
 from kornia.feature.adalam.core import extract_neighborhood_sets, select_seeds
 from kornia.feature.adalam.utils import dist_matrix
 
+# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
+GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+
 EXPANSION, TURN, GROWTH, CONFIDENCE, LEAST, STRETCH = 4.0, 30.0, 1.5, 200.0, 6, 5.0
 
 
@@ -166,7 +169,7 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for image_a, image_b in zip(images[::2], images[1::2], strict=True):
-            sizes = [cv2.imread(str(image), cv2.IMREAD_GRAYSCALE).shape[::-1] for image in (image_a, image_b)]
+            sizes = [cv2.imread(str(image), GRAY).shape[::-1] for image in (image_a, image_b)]
             (a, rows_a), (b, rows_b) = (
                 features(arguments.programs / "extract", image, folder) for image in (image_a, image_b)
             )

@@ -36,6 +36,9 @@ import cv2
 import numpy as np
 import pycolmap
 
+# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
+GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+
 CONTRAST, EDGE = 0.04, 10.0
 HIGH, SIZES = 3.0, 10
 
@@ -166,7 +169,7 @@ def main():
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--smallest", type=float, default=1 / 6, help="smallest size of a domain")
     arguments = parser.parse_args()
-    images = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in arguments.images]
+    images = [cv2.imread(str(path), GRAY) for path in arguments.images]
     program = (arguments.programs / "extract").resolve()
     print("| | theirs | ours | twins of theirs, of ours | of one place | desc, others | adapted | shape | nearest | ratio 0.8, same | speed |")
     print("| --- | " + "---: | " * 10)

@@ -2,7 +2,8 @@
 
     python compare/estimators.py RUN DATASET MATCHER --truth DATASET_FOLDER [--every 3] [--seeds 5] [--only "best;COLMAP"]
 
-RUN is the folder of a `matchbench run`; DATASET_FOLDER holds `camera.txt` and `pairs.txt`. Pairs are divided into chunks.
+RUN is the folder of a `matchbench run`; DATASET_FOLDER holds `camera.txt` (one camera, no
+distortion) and `pairs.txt`. Pairs are divided into chunks.
 Within a chunk all estimators run one after the other, so that changes in the speed of the machine affect all of them. AUC
 is the mean over seeds, with its standard deviation. OpenCV has one seed, so its matches are given in another order each
 time. A pose counts if at least 10 matches support it, as in matchbench. Needs `cargo build --release -p matchbench-compare`, and
@@ -24,6 +25,7 @@ import poselib
 import pycolmap
 
 import superansac
+from dataset import one_camera
 from pose import MIN_SUPPORT, POSE, auc, pose_error
 from stored import stored
 
@@ -149,7 +151,7 @@ def arguments(about, seeds):
 
 def read(args):
     """The camera matrix, the stored matches of the chosen pairs, and a function that gives the error of a pose."""
-    k = np.loadtxt(args.truth / "camera.txt").reshape(-1)[:9].reshape(3, 3)
+    k = one_camera(args.truth)
     truth = {(int(r[0]), int(r[1])): r[2:14].reshape(3, 4) for r in np.loadtxt(args.truth / "pairs.txt")}
     pairs = sorted(stored(args.run / "matches" / args.dataset / f"{args.matcher}.bin"), key=lambda p: p[0])
 

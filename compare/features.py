@@ -3,7 +3,7 @@
     python features.py EXTRACTOR IMAGE... [--repeats N] [--program PATH] [--max-distance PX] [--given]
                        [--threads N | --cpu]
 
-Both sides get the grey pixels of `cv2.imread(path, 0)` and one thread, or N threads. A keypoint has a twin in the other
+Both sides get the grey pixels of `cv2.imread`, as they are stored, and one thread, or N threads. A keypoint has a twin in the other
 set if there is one within 0.5 px, 5 % in size and 5 degrees. With --given, both describe the keypoints of OpenCV's
 detector, which is not timed. Prints one row per image and a summary. README.md says what the columns mean.
 """
@@ -20,6 +20,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+
+# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
+GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -97,7 +100,7 @@ def opencv_memory(name, path):
         return int(next(line for line in lines if line.startswith("VmHWM")).split()[1])
 
     cv2.setNumThreads(1)
-    gray = cv2.imread(path, cv2.IMREAD_GRAYSCALE)
+    gray = cv2.imread(path, GRAY)
     extractor = EXTRACTORS[name][0]()
     before = peak()
     extractor.detectAndCompute(gray, None)
@@ -149,7 +152,7 @@ def descriptor_distances(a, b):
 
 def compare(name, path, program, repeats, max_distance, scratch, are_given, threads, cpu):
     make, shift = EXTRACTORS[name]
-    gray = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    gray = cv2.imread(str(path), GRAY)
     if gray is None:
         sys.exit(f"{path}: not an image")
     pgm = scratch / f"{Path(path).stem}.pgm"

@@ -15,13 +15,16 @@ import pathlib
 import subprocess
 import tempfile
 import time
-import tomllib
 
 import cv2
 import numpy as np
 import poselib
 
+from dataset import images_of
 from stored import stored
+
+# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
+GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 LIMITS = (1, 3, 5, 10)
@@ -93,12 +96,8 @@ def dataset(folder):
     """The true homographies, and the size of each first image."""
     rows = np.loadtxt(folder / "homographies.txt", ndmin=2)
     truth = {(int(r[0]), int(r[1])): r[2:11].reshape(3, 3) for r in rows}
-    about = tomllib.loads((folder / "dataset.toml").read_text())
-    if "image_root" in about:
-        images = [pathlib.Path(about["image_root"]) / frame["image"] for frame in about["frames"]]
-    else:
-        images = sorted((folder / "Images").glob("0*"))
-    return truth, {a: cv2.imread(str(images[a]), 0).shape[::-1] for a, _ in truth}
+    images = images_of(folder)
+    return truth, {a: cv2.imread(str(images[a]), GRAY).shape[::-1] for a, _ in truth}
 
 
 def main():

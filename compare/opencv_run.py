@@ -11,12 +11,16 @@ matches or fewer than 10 supporting matches is a failure, which is a missing row
 """
 
 import argparse
-import tomllib
 from pathlib import Path
 from time import perf_counter
 
 import cv2
 import numpy as np
+
+from dataset import read_dataset
+
+# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
+GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
 
 RATIO = 0.8
 NEEDED_MATCHES, NEEDED_SUPPORT = 20, 10
@@ -45,32 +49,9 @@ MATCHERS = {
 }
 
 
-def read_dataset(folder):
-    """Image paths, K of each image, and the pairs of a dataset folder."""
-    manifest = folder / "dataset.toml"
-    manifest = tomllib.loads(manifest.read_text()) if manifest.exists() else {}
-    if manifest.get("distortion"):
-        raise SystemExit(f"{folder}: lens distortion is not supported here")
-    root = folder / manifest.get("image_root", ".")
-    frames = manifest.get("frames", [])
-    if frames and "image" in frames[0]:
-        images = [root / frame["image"] for frame in frames]
-    else:
-        images = sorted(p for p in (folder / "Images").iterdir() if p.stem.isdigit())
-    shared = np.loadtxt(folder / "camera.txt") if (folder / "camera.txt").exists() else None
-    cameras = [shared] * len(images)
-    for index, frame in enumerate(frames):
-        if camera := frame.get("camera"):
-            cameras[index] = np.array(
-                [[camera["fx"], 0, camera["cx"]], [0, camera["fy"], camera["cy"]], [0, 0, 1]]
-            )
-    pairs = [tuple(map(int, line.split()[:2])) for line in open(folder / "pairs.txt") if line.strip()]
-    return images, cameras, pairs
-
-
 def extract(matcher, path):
     make_detector, make_describer, _ = MATCHERS[matcher]
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    image = cv2.imread(str(path), GRAY)
     if image is None:
         raise SystemExit(f"{path}: cannot be read")
     detector = make_detector()

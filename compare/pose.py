@@ -2,7 +2,7 @@
 
     python compare/pose.py IMAGES DATASET [--seeds 5] [--every 1] [--width 768]
 
-IMAGES is a folder of images in the order of the dataset's frames; DATASET holds `camera.txt` and
+IMAGES is a folder of images in the order of the dataset's frames; DATASET holds `camera.txt` (one camera) and
 `pairs.txt` in the authors' format. Matches are OpenCV's SIFT with the ratio test (0.8). OpenCV resets
 its random generator at each call, so its "seeds" are permutations of the matches; ours get both the
 same permutation and a seed. Needs `cargo build --release -p matchbench-compare`.
@@ -18,6 +18,11 @@ import time
 import cv2
 import numpy as np
 
+from dataset import one_camera
+
+# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
+GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 POSE = ROOT / "target" / "release" / "pose"
 MIN_SELECTED, MIN_SUPPORT = 20, 10
@@ -27,7 +32,7 @@ CHUNK = 24
 def sift_features(images, width):
     sift = cv2.SIFT_create()
     for path in images:
-        image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        image = cv2.imread(str(path), GRAY)
         scale = 1.0
         if width and width < image.shape[1]:
             scale = width / image.shape[1]
@@ -98,7 +103,7 @@ def main():
     options = parser.parse_args()
     cv2.setNumThreads(1)
 
-    k = np.loadtxt(options.dataset / "camera.txt")
+    k = one_camera(options.dataset)
     rows = np.loadtxt(options.dataset / "pairs.txt")[:: options.every]
     paths = sorted(p for p in options.images.iterdir() if p.suffix.lower() in (".png", ".jpg", ".jpeg"))
     features = list(sift_features(paths, options.width))

@@ -17,7 +17,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from opencv_run import MATCHERS, RATIO, read_dataset
+
+from dataset import read_dataset
+from opencv_run import MATCHERS, RATIO
+
+# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
+GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
 
 SIZE = (640, 480)
 
@@ -29,7 +34,7 @@ def read_truth(folder):
 
 def features(matcher, path):
     """Points in the resized image, descriptors, and the ratios of the sizes."""
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    image = cv2.imread(str(path), GRAY)
     ratios = np.array([image.shape[1] / SIZE[0], image.shape[0] / SIZE[1]])
     keypoints, descriptors = MATCHERS[matcher][0]().detectAndCompute(cv2.resize(image, SIZE), None)
     return np.array([k.pt for k in keypoints], np.float64).reshape(-1, 2), descriptors, ratios

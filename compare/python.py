@@ -23,6 +23,9 @@ import pycolmap
 
 from machine import processor
 
+# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
+GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+
 
 def race(ours, theirs, repeats):
     """Results of both, and their median times in milliseconds."""
@@ -57,7 +60,7 @@ def main():
     parser.add_argument("--repeats", type=int, default=5)
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    a, b = (cv2.imread(path, cv2.IMREAD_GRAYSCALE) for path in options.images)
+    a, b = (cv2.imread(path, GRAY) for path in options.images)
     height, width = a.shape
     print(f"{width}x{height}, {processor()}, cv2 {cv2.__version__}, pycolmap {pycolmap.__version__}, "
           f"poselib {poselib.__version__}\n")  # fmt: skip

@@ -19,7 +19,9 @@ import pathlib
 
 import numpy as np
 
+from dataset import one_camera
 from stored import stored
+
 
 def true_poses(dataset):
     poses = {}
@@ -75,7 +77,7 @@ def main():
     parser.add_argument("--step", type=float)
     arguments = parser.parse_args()
     dataset, pixels = arguments.dataset.resolve(), arguments.pixels
-    camera = np.loadtxt(dataset / "camera.txt")
+    camera = one_camera(dataset)
     inverse_k, height = np.linalg.inv(camera), 2 * camera[1, 2]
     truth = true_poses(dataset)
 

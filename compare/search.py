@@ -17,6 +17,9 @@ import time
 import cv2
 import numpy as np
 
+# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
+GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 SIZES = [500, 1_000, 2_000, 10_000, None]
 # Least number of distances that either program computes in a round. A small set is searched several times, since a
@@ -126,7 +129,7 @@ def main():
     if hasattr(os, "sched_setaffinity"):
         # Both programs on the same processor: another may be slower or busier.
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    images = [cv2.imread(path, cv2.IMREAD_GRAYSCALE) for path in (arguments.a, arguments.b)]
+    images = [cv2.imread(path, GRAY) for path in (arguments.a, arguments.b)]
     if any(image is None for image in images):
         parser.error("an image cannot be read")
 

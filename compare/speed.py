@@ -5,8 +5,9 @@
 
 SMALL and LARGE are two images each of one scene, for example 640 x 480 and 3072 x 2048. The dataset is one that `matchbench
 import` made. Three parts are run: the features (`features.py`), the exact searches (`search.py`), and the whole protocol
-with SIFT from files to scores, ours and that of `opencv_run.py` with FLANN. Each part runs both sides in turn, checks the
-results in the same run, and stops with an error if they differ. OpenCV is measured twice: as it comes, and in a process
+with SIFT from files to scores, ours and that of `opencv_run.py` with FLANN. The first two run both sides in turn. The rows
+of the protocol are measured once each, one after the other. Each part checks the results in the same run, and stops with an
+error if they differ. OpenCV is measured twice: as it comes, and in a process
 that keeps all freed memory (by variables of the C library of GNU), since matchbench keeps some too. OUT gets table.md,
 machine.txt and the output of the parts.
 No other program should run at the same time; the load at the beginning is written to machine.txt. With
@@ -137,7 +138,7 @@ def main():
     limits = [f"{name}={os.environ[name]}" for name in LIMITS if name in os.environ]
     machine = (
         f"{' '.join([processor(), *limits])}\n{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} at the beginning, {platform.system()}\n"
-        f"{version.strip()}, OpenCV {cv2.__version__}, medians of {arguments.repeats} repetitions by turns\n"
+        f"{version.strip()}, OpenCV {cv2.__version__}, features and searches: medians of {arguments.repeats} repetitions by turns\n"
     )
     (out / "machine.txt").write_text(machine)
     print(machine, flush=True)
@@ -151,7 +152,7 @@ def main():
         "| --- | --- | ---: | ---: | ---: |",
         *searches(large, arguments.repeats, out),
         "",
-        "| SIFT, from files to poses | s | AUC | speed |",
+        "| SIFT, from files to poses, each row measured once | s | AUC | speed |",
         "| --- | ---: | ---: | ---: |",
         *protocol(arguments.dataset, arguments.threads, out),
     ]

@@ -12,8 +12,14 @@ DEFAULTS = {"detector": "SIFT", "max_features": 0, "ratio": 0.8, "mutual": False
 DETECTORS = {
     "SIFT": lambda n: (cv2.SIFT_create(nfeatures=n), cv2.NORM_L2),
     "ORB": lambda n: (cv2.ORB_create(nfeatures=n or 100000), cv2.NORM_HAMMING),
-    "AKAZE": lambda n: (cv2.AKAZE_create(), cv2.NORM_HAMMING),
+    # Older versions do not take `max_points`; then a number of features is refused by `prepare`.
+    "AKAZE": lambda n: (cv2.AKAZE_create(**({"max_points": n} if n else {})), cv2.NORM_HAMMING),
 }
+
+
+def prepare(params):
+    """Refuses a detector that is not there, or that cannot take the parameters."""
+    DETECTORS[params["detector"]](params["max_features"])
 
 
 def extract(image, params):
@@ -35,4 +41,5 @@ def match(a, b, params):
     return points_a, points_b, [1 - m.distance / s.distance for m, s in good]
 
 
-serve(match=match, extract=extract, name="OpenCV", version=cv2.__version__, defaults=DEFAULTS)
+serve(match=match, extract=extract, prepare=prepare, name="OpenCV", version=cv2.__version__,
+      defaults=DEFAULTS)

@@ -17,8 +17,10 @@ networks = {}
 
 def load(params):
     """The networks, which choose their device themselves."""
+    if params["matcher"] not in ("mutual", "lighterglue"):
+        raise ValueError(f"matcher is {params['matcher']!r}; use 'mutual' or 'lighterglue'")
     networks["xfeat"] = XFeat()
-    if params["matcher"] != "mutual":
+    if params["matcher"] == "lighterglue":
         networks["glue"] = LighterGlue()
     params["device"] = str(networks["xfeat"].dev)
 

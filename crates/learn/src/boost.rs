@@ -81,6 +81,9 @@ pub(crate) fn learn(
     };
     if let Some(state) = checkpoint.load()? {
         table = BinBoostTable::from_bytes(&state).with_context(|| checkpoint.damaged())?;
+        // The training may be stopped with more bits than are asked for now. The first ones are the same.
+        table.offsets.truncate(params.bits);
+        (table.learners).truncate(params.bits * params.learners_per_bit);
     }
     bar.set_message("responses");
     bar.set_length(params.bits as u64);

@@ -118,7 +118,17 @@ pub(crate) fn learn(
     let seed = Seed(params.seed).child("dlco");
     let candidates = candidates();
     let mut state = if let Some(bytes) = checkpoint.load()? {
-        State::from_bytes(&bytes).with_context(|| checkpoint.damaged())?
+        let state = State::from_bytes(&bytes)
+            .filter(|state| (state.rings.iter()).all(|&(ring, _)| ring < candidates.len()))
+            .with_context(|| checkpoint.damaged())?;
+        // What the earlier steps found is not kept.
+        ensure!(
+            state.steps <= params.steps,
+            "{}: took {} steps already; give --steps that many at least, or delete it to begin anew",
+            checkpoint.path().display(),
+            state.steps
+        );
+        state
     } else {
         let state = State {
             rings: select_rings(set, params, &candidates, seed, bar),
@@ -455,6 +465,43 @@ mod tests {
         let weights = sparse_weights(&margins, 3, 0.05);
         assert!(weights[0] > 1.0, "{weights:?}");
         assert_eq!(weights[1..], [0.0, 0.0]);
+    }
+
+    #[test]
+    fn a_state_of_more_steps_or_unknown_rings_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut set = PatchSet::default();
+        set.triplets.push(crate::patches::Triplet {
+            anchor: 0,
+            positive: 1,
+            negative: 2,
+            source: 0,
+        });
+        let params = MetricParams {
+            dimensions: 1,
+            values: 8,
+            ring_triplets: 1,
+            triplets: 1,
+            principal: 8,
+            batch: 1,
+            steps: 10,
+            mu: 1e-5,
+            gamma: 1e-3,
+            seed: 1,
+        };
+        let checkpoint = Checkpoint::new(&folder.path().join("t"), &set, &()).unwrap();
+        let error = |ring, steps| {
+            let state = State {
+                rings: vec![(ring, 1.0)],
+                steps,
+                gradients: Vec::new(),
+            };
+            checkpoint.save(&state.to_bytes()).unwrap();
+            let learnt = learn(&set, &params, &checkpoint, &ProgressBar::hidden());
+            learnt.unwrap_err().to_string()
+        };
+        assert!(error(0, 11).contains("t.part: took 11 steps"));
+        assert!(error(1_000_000, 0).contains("t.part: damaged"));
     }
 
     #[test]

@@ -65,6 +65,11 @@ impl Checkpoint {
         let _ = fs::remove_file(&self.path); // there is none if the training was short
     }
 
+    /// The file.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// The message if a state is invalid.
     pub(crate) fn damaged(&self) -> String {
         format!("{}: damaged; delete it to begin anew", self.path.display())

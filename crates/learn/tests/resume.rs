@@ -100,9 +100,46 @@ fn a_killed_run_goes_on_and_ends_with_the_same_bytes() {
     }
     same("/manifest.json");
 
+    // One scene that is written in two ways is in two parts.
+    let output = learn(
+        folder,
+        "patches --train wall --test ./floor/../wall",
+        "shared",
+    )
+    .output();
+    let message = String::from_utf8(output.expect("it starts").stderr).expect("text");
+    assert!(message.contains("named twice (as wall)"), "{message}");
+
     // A folder is in the way of the table that is made next.
     fs::rename(folder.join("unbroken"), folder.join("set")).expect("both are there");
     fs::remove_dir_all(folder.join("stopped")).expect("it is there");
+    for option in ["--tries", "--boxes"] {
+        let output = learn(folder, &format!("bgm set {option} 0"), "none").output();
+        let message = String::from_utf8(output.expect("it starts").stderr).expect("text");
+        assert!(message.contains("must be 1 at least"), "{message}");
+    }
+    // A run that was stopped with more bits than the next one asks for.
+    let bits = |bits: usize| format!("bgm set --bits {bits} --boxes 32 --tries 16");
+    let mut run = learn(folder, &bits(1600), "stopped").spawn();
+    let run = run.as_mut().expect("it starts");
+    let start = Instant::now();
+    while !folder.join("stopped.part").exists() {
+        assert!(
+            start.elapsed() < Duration::from_secs(60),
+            "nothing is saved"
+        );
+        sleep(Duration::from_millis(1));
+    }
+    run.kill().expect("it runs");
+    run.wait().expect("it was started");
+    for table in ["unbroken", "stopped"] {
+        let run = learn(folder, &bits(4), table).status();
+        assert!(run.expect("it starts").success());
+    }
+    same("");
+    for table in ["unbroken", "stopped"] {
+        fs::remove_file(folder.join(table)).expect("it is there");
+    }
     for command in [
         "binboost set --bits 240 --learners 4 --boxes 32 --tries 4",
         "bgm set --bits 1600 --boxes 32 --tries 16",

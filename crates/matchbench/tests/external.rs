@@ -456,7 +456,7 @@ fn workers_share_the_pairs() {
 fn a_program_that_prints_matches_is_a_matcher_by_a_shell_script() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let program = folder.path().join("matches.sh");
-    let text = "case $2 in *b.png) printf '1.5 2 3 4.25\\n5 6 7 8 0.5\\n' ;; *) exit 1 ;; esac\n";
+    let text = "case $2 in *b.png) printf '1.5 2 3 4.25\\n5 6 7 8 0.5' ;; *d.png) echo 'found 2 matches: 1' ;; *) exit 1 ;; esac\n";
     fs::write(&program, text).expect("can be written");
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../adapters/command/serve.sh");
     let text = format!(
@@ -479,6 +479,18 @@ fn a_program_that_prints_matches_is_a_matcher_by_a_shell_script() {
     );
     let said = ask("/nowhere/c.png").expect_err("the program fails");
     assert_eq!(said, Breakdown::Said("sh failed".into()));
+    let said = ask("/nowhere/d.png").expect_err("a line of words is no match");
+    assert_eq!(said, Breakdown::Said("sh failed".into()));
+
+    // A parameter that would do nothing.
+    let text = format!("{text}[params]\nmax_size = 100\n");
+    let manifest = Manifest::parse(&folder.path().join("y.toml"), &text, &BuiltIn::default())
+        .expect("well-formed");
+    let log = Log::open(&folder.path().join("y.log")).expect("can be written");
+    let Err(error) = External::start(manifest, log) else {
+        panic!("it is refused")
+    };
+    assert!(error.to_string().contains("has no parameters"), "{error}");
 }
 
 /// A host that waits for a child that hangs, to be killed.

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use indicatif::ProgressBar;
 use matchbench::datasets::Sequence;
 use matchbench::datasets::rendered::{self, Scene, World};
@@ -51,12 +51,11 @@ pub(crate) fn make(recipe: &Recipe, folder: &Path, bar: &ProgressBar) -> Result<
     );
     let mut seen = Vec::new();
     for scene in recipe.scenes.iter().flatten() {
-        ensure!(
-            !seen.contains(&scene),
-            "{scene}: is named twice; parts must not share scenes"
-        );
-        check(scene)?;
-        seen.push(scene);
+        let place = place(scene)?;
+        if let Some((_, first)) = seen.iter().find(|(other, _)| *other == place) {
+            bail!("{scene}: is named twice (as {first}); parts must not share scenes");
+        }
+        seen.push((place, scene));
     }
     let unfinished = folder.join("unfinished");
     let mut parts = Vec::new();
@@ -79,12 +78,14 @@ pub(crate) fn make(recipe: &Recipe, folder: &Path, bar: &ProgressBar) -> Result<
     Ok(manifest)
 }
 
-/// Checks that a scene exists, before minutes are spent on others.
-fn check(scene: &str) -> Result<()> {
-    match scene.strip_prefix("rendered:") {
-        Some(name) => rendered_scene(name).map(drop),
-        None => Ok(Sequence::open(Path::new(scene)).map(drop)?),
+/// What a scene is, however it is written: its folder without links, or its name if it is rendered. It must
+/// exist, before minutes are spent on others.
+fn place(scene: &str) -> Result<PathBuf> {
+    if let Some(name) = scene.strip_prefix("rendered:") {
+        return rendered_scene(name).map(|_| PathBuf::from(scene));
     }
+    Sequence::open(Path::new(scene))?;
+    fs::canonicalize(scene).with_context(|| scene.to_owned())
 }
 
 fn rendered_scene(name: &str) -> Result<&'static Scene> {

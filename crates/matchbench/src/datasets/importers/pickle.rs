@@ -13,7 +13,10 @@
 //! TUPLE2 TUPLE3 EMPTY_DICT SETITEM SETITEMS GLOBAL STACK_GLOBAL REDUCE BUILD. Functions: numpy's
 //! `ndarray`, `dtype`, `_reconstruct` and `scalar`.
 
+use std::collections::BTreeMap;
+
 use crate::arrays::{Array, Element};
+use crate::datasets::text::brief;
 
 /// Number of a value in the store.
 pub(super) type Id = usize;
@@ -37,8 +40,8 @@ pub(super) enum Value {
     Known(Known),
     /// An array whose contents come later in the pickle.
     Promise,
-    /// A type of numbers.
-    Kind(String),
+    /// A type of numbers, or the name of one that is not read.
+    Kind(Result<Element, String>),
 }
 
 /// The functions and classes that a pickle may name.
@@ -69,7 +72,7 @@ impl Pickled {
             values: Vec::new(),
             stack: Vec::new(),
             marks: Vec::new(),
-            memo: Vec::new(),
+            memo: BTreeMap::new(),
             left: bytes.len().saturating_mul(MOST_COPIES),
         };
         loop {
@@ -111,10 +114,15 @@ struct Machine<'a> {
     stack: Vec<Id>,
     /// Heights of the stack at its marks.
     marks: Vec<usize>,
-    memo: Vec<Option<Id>>,
+    /// Values by the slots that remember them. Slots may be left out, so that they take no memory.
+    memo: BTreeMap<usize, Id>,
     /// Bytes that may still be copied.
     left: usize,
 }
+
+/// Values that a pickle may have in any case: `None` is a byte there and takes many here. A larger pickle may have
+/// more, which take [`MOST_COPIES`] times its bytes.
+const MOST_VALUES: usize = 1_000_000;
 
 /// How many times as large as the pickle all contents of arrays may be: each is copied once, and a number of a
 /// value, which can be a byte in the pickle, takes eight here.
@@ -154,29 +162,29 @@ impl Machine<'_> {
                 let slot = u32::from_le_bytes(self.take()?) as usize;
                 self.recall(slot)?;
             }
-            b'N' => self.push(Value::None),
-            0x88 => self.push(Value::Bool(true)),
-            0x89 => self.push(Value::Bool(false)),
+            b'N' => self.push(Value::None)?,
+            0x88 => self.push(Value::Bool(true))?,
+            0x89 => self.push(Value::Bool(false))?,
             b'J' => {
                 let number = i32::from_le_bytes(self.take()?);
-                self.push(Value::Number(number.into()));
+                self.push(Value::Number(number.into()))?;
             }
             b'K' => {
                 let [number] = self.take()?;
-                self.push(Value::Number(number.into()));
+                self.push(Value::Number(number.into()))?;
             }
             b'M' => {
                 let number = u16::from_le_bytes(self.take()?);
-                self.push(Value::Number(number.into()));
+                self.push(Value::Number(number.into()))?;
             }
             0x8a => {
                 let [length] = self.take()?;
                 let number = long(self.slice(length.into())?)?;
-                self.push(Value::Number(number));
+                self.push(Value::Number(number))?;
             }
             b'G' => {
                 let number = f64::from_be_bytes(self.take()?);
-                self.push(Value::Number(number));
+                self.push(Value::Number(number))?;
             }
             0x8c => {
                 let [length] = self.take()?;
@@ -189,14 +197,14 @@ impl Machine<'_> {
             b'C' => {
                 let [length] = self.take()?;
                 let bytes = self.slice(length.into())?.to_vec();
-                self.push(Value::Bytes(bytes));
+                self.push(Value::Bytes(bytes))?;
             }
             b'B' => {
                 let length = u32::from_le_bytes(self.take()?);
                 let bytes = self.slice(length as usize)?.to_vec();
-                self.push(Value::Bytes(bytes));
+                self.push(Value::Bytes(bytes))?;
             }
-            b']' | b')' => self.push(Value::List(Vec::new())),
+            b']' | b')' => self.push(Value::List(Vec::new()))?,
             b'a' => {
                 let item = self.pop()?;
                 self.append(vec![item])?;
@@ -207,15 +215,15 @@ impl Machine<'_> {
             }
             b't' => {
                 let items = self.pop_to_mark()?;
-                self.push(Value::List(items));
+                self.push(Value::List(items))?;
             }
             count @ 0x85..=0x87 => {
                 let count = usize::from(count - 0x84);
                 let from = self.above(count)?;
                 let items = self.stack.split_off(from);
-                self.push(Value::List(items));
+                self.push(Value::List(items))?;
             }
-            b'}' => self.push(Value::Dict(Vec::new())),
+            b'}' => self.push(Value::Dict(Vec::new()))?,
             b's' => {
                 let from = self.above(2)?;
                 let items = self.stack.split_off(from);
@@ -227,7 +235,7 @@ impl Machine<'_> {
             }
             b'c' => {
                 let (module, name) = (self.line()?, self.line()?);
-                self.push(Value::Known(known(&module, &name)?));
+                self.push(Value::Known(known(&module, &name)?))?;
             }
             0x93 => {
                 let (name, module) = (self.pop()?, self.pop()?);
@@ -237,12 +245,12 @@ impl Machine<'_> {
                     return Err("the name of a function is no text".to_owned());
                 };
                 let known = known(module, name)?;
-                self.push(Value::Known(known));
+                self.push(Value::Known(known))?;
             }
             b'R' => {
                 let (arguments, function) = (self.pop()?, self.pop()?);
                 let made = self.reduce(function, arguments)?;
-                self.push(made);
+                self.push(made)?;
             }
             b'b' => {
                 let state = self.pop()?;
@@ -282,13 +290,18 @@ impl Machine<'_> {
     fn text(&mut self, length: usize) -> Result<(), String> {
         let text = std::str::from_utf8(self.slice(length)?).map_err(|_| "text is not UTF-8")?;
         let text = text.to_owned();
-        self.push(Value::Text(text));
+        self.push(Value::Text(text))?;
         Ok(())
     }
 
-    fn push(&mut self, value: Value) {
+    fn push(&mut self, value: Value) -> Result<(), String> {
+        let most = MOST_VALUES + MOST_COPIES * self.bytes.len() / size_of::<Value>();
+        if self.values.len() >= most {
+            return Err(format!("it makes more than {most} values"));
+        }
         self.stack.push(self.values.len());
         self.values.push(value);
+        Ok(())
     }
 
     fn pop(&mut self) -> Result<Id, String> {
@@ -317,18 +330,16 @@ impl Machine<'_> {
         let value = self.last()?;
         // Slots are numbered in the order in which they are filled, so a valid pickle has no slot far beyond
         // the others.
-        if slot > self.memo.len() + 1000 {
+        let next = self.memo.last_key_value().map_or(0, |(last, _)| last + 1);
+        if slot > next + 1000 {
             return Err(format!("value {slot} is remembered before its time"));
         }
-        if self.memo.len() <= slot {
-            self.memo.resize(slot + 1, None);
-        }
-        self.memo[slot] = Some(value);
+        self.memo.insert(slot, value);
         Ok(())
     }
 
     fn recall(&mut self, slot: usize) -> Result<(), String> {
-        let value = self.memo.get(slot).copied().flatten();
+        let value = self.memo.get(&slot).copied();
         let value = value.ok_or_else(|| format!("value {slot} was not remembered"))?;
         self.stack.push(value);
         Ok(())
@@ -370,7 +381,8 @@ impl Machine<'_> {
                 Ok(Value::Promise)
             }
             (Value::Known(Known::Dtype), Some(Value::Text(kind)), _) => {
-                Ok(Value::Kind(kind.clone()))
+                let read = Element::of_numpy(kind);
+                Ok(Value::Kind(read.ok_or_else(|| brief(kind))))
             }
             (Value::Known(Known::Scalar), Some(Value::Kind(kind)), Some(Value::Bytes(bytes))) => {
                 let one = Array::new(vec![1], element(kind)?, bytes.clone())?;
@@ -448,8 +460,8 @@ fn known(module: &str, name: &str) -> Result<Known, String> {
     }
 }
 
-fn element(kind: &str) -> Result<Element, String> {
-    Element::of_numpy(kind).ok_or_else(|| format!("numbers of type `{kind}` are not read"))
+fn element(kind: &Result<Element, String>) -> Result<Element, String> {
+    (kind.clone()).map_err(|name| format!("numbers of type `{name}` are not read"))
 }
 
 /// An integer of up to eight bytes, little-endian, in two's complement.
@@ -532,6 +544,19 @@ mod tests {
         shared.push(b'.');
         let error = Pickled::parse(&shared).unwrap_err();
         assert!(error.contains("share their contents too often"), "{error}");
+        // A type of numbers with a long name, made many times from one text; a long run of values of one byte.
+        let mut types = b"\x80\x02cnumpy\ndtype\nq\0X\x40\x42\x0f\0".to_vec();
+        types.extend(b"x".repeat(1_000_000));
+        types.extend(b"\x85q\x01");
+        types.extend(b"h\0h\x01R".repeat(1000));
+        types.push(b'.');
+        let found = Pickled::parse(&types).unwrap();
+        let Value::Kind(Err(name)) = found.root() else {
+            panic!("no type of numbers");
+        };
+        assert!(name.len() < 1000, "{}", name.len());
+        let error = Pickled::parse(&b"N".repeat(3_000_000)).unwrap_err();
+        assert!(error.contains("values"), "{error}");
         // A list that holds itself, and one hundred thousand lists in each other.
         let own = Pickled::parse(b"]q\0h\0a.").unwrap();
         assert_eq!(own.root(), &Value::List(vec![0]));

@@ -1,0 +1,62 @@
+"""What the scripts of this folder read from a dataset of matchbench. What they cannot take into account is refused."""
+
+import sys
+import tomllib
+
+import numpy as np
+
+
+def manifest_of(folder):
+    """The content of `dataset.toml`, empty if there is none; no camera has a lens and no image is turned."""
+    path = folder / "dataset.toml"
+    manifest = tomllib.loads(path.read_text()) if path.exists() else {}
+    frames = manifest.get("frames", [])
+    if manifest.get("distortion") or any(frame.get("camera", {}).get("distortion") for frame in frames):
+        sys.exit(f"{path}: lens distortion is not supported here")
+    if any(frame.get("turn") for frame in frames):
+        sys.exit(f"{path}: turns of images are not supported here")
+    return manifest
+
+
+def images_of(folder):
+    """The paths of the images."""
+    manifest = manifest_of(folder)
+    frames = manifest.get("frames", [])
+    if frames and "image" in frames[0]:
+        root = folder / manifest.get("image_root", ".")
+        return [root / frame["image"] for frame in frames]
+    return sorted(p for p in (folder / "Images").iterdir() if p.stem.isdigit())
+
+
+def cameras_of(folder):
+    """K of `camera.txt`, None if there is none, and K of each frame that has its own."""
+    path = folder / "camera.txt"
+    rows = path.read_text(encoding="utf-8-sig").splitlines() if path.exists() else []
+    numbers = [float(word) for row in rows for word in row.partition("#")[0].split()]
+    if numbers and any(numbers[9:]):
+        sys.exit(f"{path}: lens distortion is not supported here")
+    own = {}
+    for index, frame in enumerate(manifest_of(folder).get("frames", [])):
+        if camera := frame.get("camera"):
+            own[index] = np.array(
+                [[camera["fx"], 0, camera["cx"]], [0, camera["fy"], camera["cy"]], [0, 0, 1]]
+            )
+    return np.reshape(numbers[:9], (3, 3)) if numbers else None, own
+
+
+def one_camera(folder):
+    """K of all images, for scripts that have one camera for all."""
+    shared, own = cameras_of(folder)
+    known = [shared, *own.values()] if shared is not None else [*own.values()]
+    if not known or not all(np.array_equal(k, known[0]) for k in known):
+        sys.exit(f"{folder}: this script needs one camera for all images")
+    return known[0]
+
+
+def read_dataset(folder):
+    """Image paths, K of each image, and the pairs of a dataset folder."""
+    images = images_of(folder)
+    shared, own = cameras_of(folder)
+    cameras = [own.get(index, shared) for index in range(len(images))]
+    pairs = [tuple(map(int, line.split()[:2])) for line in open(folder / "pairs.txt") if line.strip()]
+    return images, cameras, pairs
