@@ -19,8 +19,8 @@ use super::images::IMAGES;
 use super::manifest::{self, Manifest, ManifestFrame};
 use super::native::{CAMERA, HOMOGRAPHIES, PAIRS, POSES};
 use super::text::matrix_rows;
-use super::{About, DatasetError, Frame, Sequence};
-use crate::files::{HELD, PREFIX, hold, open_file, remove_leftovers};
+use super::{About, DatasetError, Frame, Sequence, read_size};
+use crate::files::{HELD, PREFIX, hold, remove_leftovers};
 
 const INFALLIBLE: &str = "writing to a string cannot fail";
 
@@ -303,8 +303,10 @@ fn bring(
     let target = folder.join(&name);
     match how {
         ImageStorage::Copy => {
-            // A copy from a pipe would wait for data.
-            open_file(&source).and_then(|_| fs::copy(&source, &target).map(drop))
+            // A list may name any file by a mistake or on purpose, and only images are copied. (A copy from a pipe
+            // would wait for data.)
+            read_size(&source)?;
+            fs::copy(&source, &target).map(drop)
         }
         _ => link(&source, &target),
     }
@@ -480,6 +482,24 @@ mod tests {
         let problems = validate(&folder.path().join("new/reference"));
         assert_eq!(problems.len(), 1, "one for the folder, not one per image");
         assert!(open("reference").unwrap_err().remedy.contains("image_root"));
+    }
+
+    #[test]
+    fn only_images_are_copied() {
+        let (folder, source) = testing::dataset();
+        let mut sequence = Sequence::open(&source).unwrap();
+        let secret = folder.path().join("secret.png");
+        fs::write(&secret, "a private key").unwrap();
+        sequence.frames[1].image = source.join("../secret.png");
+        let out = folder.path().join("out");
+        let copy = |sequence: &Sequence| {
+            write_native(&out, sequence, &About::default(), ImageStorage::Copy)
+        };
+        let error = copy(&sequence).unwrap_err();
+        assert!(error.file.ends_with("secret.png"), "{error}");
+        assert!(!out.exists());
+        sequence.frames[1].image = source.join("../small/Images/0001.png");
+        copy(&sequence).unwrap();
     }
 
     #[test]

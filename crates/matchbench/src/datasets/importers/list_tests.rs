@@ -293,6 +293,13 @@ fn megadepth_is_read_from_loftrs_pickle() {
     fs::write(src.join("cut.npz"), &bytes).unwrap();
     fs::write(src.join("more.npz"), &bytes).unwrap();
     assert_eq!(read("megadepth", &src).unwrap().pairs.unwrap().len(), 4);
+    let out = src.join("out");
+    let error = import("megadepth", &src, &out, &ImportOptions::default()).unwrap_err();
+    assert!(
+        error.what.starts_with("its pairs 1 and 3 are the same"),
+        "{error}"
+    );
+    assert!(!out.exists());
 }
 
 #[test]

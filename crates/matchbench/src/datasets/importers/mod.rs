@@ -26,6 +26,7 @@ mod tum;
 mod zeb;
 
 use crate::counted::counted;
+use std::collections::HashMap;
 use std::path::Path;
 
 use matchbench_vision::geometry::Camera;
@@ -248,7 +249,7 @@ impl Imported {
 ///
 /// # Errors
 /// If the kind is unknown or does not have one of the `options`, if the source does not have its layout, if
-/// there are no pairs, or if `out` exists.
+/// there are no pairs or one stands twice, or if `out` exists.
 pub fn import(
     kind: &str,
     src: &Path,
@@ -302,6 +303,7 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
             "choose another rule for the pairs",
         ));
     }
+    check_distinct(src, &frames, &pairs)?;
     if let Some(rule) = rule {
         about.origin = format!("{}; pairs {rule}", about.origin);
     }
@@ -321,6 +323,24 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
         rule: rule.cloned(),
         scene,
     })
+}
+
+/// No dataset may have a pair twice, though sources may.
+fn check_distinct(src: &Path, frames: &[Frame], pairs: &[Pair]) -> Result<(), DatasetError> {
+    let mut first = HashMap::new();
+    for (index, pair) in pairs.iter().enumerate() {
+        if let Some(before) = first.insert((pair.a, pair.b), index) {
+            let image = |frame: u32| frames[frame as usize].image.display();
+            let (a, b) = (image(pair.a), image(pair.b));
+            let what = format!(
+                "its pairs {} and {} are the same, {a} with {b}",
+                before + 1,
+                index + 1
+            );
+            return Err(DatasetError::new(src, what, "take one of them out"));
+        }
+    }
+    Ok(())
 }
 
 /// Reads the source `src` without writing anything.
