@@ -97,12 +97,18 @@ impl Hdf5 {
                 .map_err(|what| self.damaged(what))?;
             found.arrays.push(format!("{prefix}{name}"));
         }
-        for name in groups {
+        for name in &groups {
             found
-                .count(prefix, &name)
+                .count(prefix, name)
                 .map_err(|what| self.damaged(what))?;
-            let inner = group.group(&name).map_err(|error| self.damaged(error))?;
-            self.collect(&inner, &format!("{prefix}{name}/"), depth + 1, found)?;
+        }
+        if groups.is_empty() {
+            return Ok(());
+        }
+        // All at once: each by its name would look through all names again.
+        for inner in group.groups().map_err(|error| self.damaged(error))? {
+            let prefix = format!("{prefix}{}/", inner.name());
+            self.collect(&inner, &prefix, depth + 1, found)?;
         }
         Ok(())
     }

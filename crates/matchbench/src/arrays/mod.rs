@@ -15,4 +15,5 @@ pub(crate) mod testing;
 pub(crate) use array::{Array, Element, Kind, MOST_BYTES};
 pub(crate) use error::ArrayError;
 pub(crate) use hdf5::{Hdf5, Hdf5Out};
+pub(crate) use npy::MOST_SIDES;
 pub(crate) use npz::{Npz, npz};

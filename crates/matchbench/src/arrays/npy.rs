@@ -17,7 +17,7 @@ const MAGIC: &[u8] = b"\x93NUMPY";
 /// Longest header; numpy itself refuses longer ones.
 const MOST_HEADER: usize = 10_000;
 /// The most dimensions of an array.
-const MOST_SIDES: usize = 8;
+pub(crate) const MOST_SIDES: usize = 8;
 
 /// The header of an array, padded so that the elements begin at a multiple of 64 bytes.
 pub(super) fn header(descr: &str, shape: &[usize]) -> Vec<u8> {

@@ -74,11 +74,12 @@ fn matches(a: &Array, b: &Array, score: Option<&Array>) -> Result<RawMatches, St
         ));
     }
     bounded(count)?;
+    let rating = score.map_or(Ok(Rating::None), |score| Rating::of_scores(score, count))?;
     Ok(RawMatches {
         a: (0..count).map(|row| a.point(row, 2)).collect(),
         b: (0..count).map(|row| b.point(row, 2)).collect(),
         turns: None,
-        rating: score.map_or(Rating::None, |score| Rating::Score(score.to_vec())),
+        rating,
         element: a.element(),
         keypoints: None,
     })

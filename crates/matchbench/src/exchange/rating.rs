@@ -4,6 +4,7 @@
 //! out, and [`Rating::ambiguities`] uses it.
 
 use super::Scores;
+use crate::arrays::Array;
 use crate::counted::counted;
 
 /// What a file says about how certain its matches are.
@@ -18,6 +19,16 @@ pub(super) enum Rating {
 }
 
 impl Rating {
+    /// The scores of `count` matches.
+    ///
+    /// # Errors
+    /// If there are not as many.
+    pub(super) fn of_scores(scores: &Array, count: usize) -> Result<Self, String> {
+        // Before each takes eight bytes: a small file can hold very many of one.
+        one_each(scores.len(), count)?;
+        Ok(Self::Score(scores.to_vec()))
+    }
+
     /// What the scores of a file look like, with this pair after those that were seen `before`.
     pub(super) fn seen_after(&self, before: Scores) -> Scores {
         match (self, before) {
@@ -41,13 +52,7 @@ impl Rating {
             Self::None => return Ok(vec![0.0; count]),
             Self::Score(values) | Self::Ambiguity(values) => values,
         };
-        if values.len() != count {
-            return Err(format!(
-                "{} for {}",
-                counted(values.len(), "score"),
-                counted(count, "match")
-            ));
-        }
+        one_each(values.len(), count)?;
         (values.iter().enumerate())
             .map(|(number, &value)| {
                 let ambiguity = match self {
@@ -68,4 +73,11 @@ impl Rating {
             })
             .collect()
     }
+}
+fn one_each(scores: usize, matches: usize) -> Result<(), String> {
+    if scores == matches {
+        return Ok(());
+    }
+    let (scores, matches) = (counted(scores, "score"), counted(matches, "match"));
+    Err(format!("{scores} for {matches}"))
 }

@@ -73,11 +73,12 @@ pub(super) fn row_by_row(
         return Err(format!("{} of a, {count_b} of b", counted(count, "point")));
     }
     bounded(count)?;
+    let rating = scores.map_or(Ok(Rating::None), |scores| Rating::of_scores(scores, count))?;
     Ok(RawMatches {
         a: (0..count).map(|row| a.point(row, columns_a)).collect(),
         b: (0..count).map(|row| b.point(row, columns_b)).collect(),
         turns: None,
-        rating: scores.map_or(Rating::None, |scores| Rating::Score(scores.to_vec())),
+        rating,
         element: a.element(),
         keypoints: None,
     })

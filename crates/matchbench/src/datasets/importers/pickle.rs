@@ -15,7 +15,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::arrays::{Array, Element};
+use crate::arrays::{Array, Element, MOST_SIDES};
 use crate::datasets::text::brief;
 
 /// Number of a value in the store.
@@ -421,6 +421,9 @@ impl Machine<'_> {
                 else {
                     return Err("the state of an array is not known".to_owned());
                 };
+                if sides.len() > MOST_SIDES {
+                    return Err(format!("an array has {} dimensions", sides.len()));
+                }
                 let side = |id: &Id| match self.values[*id] {
                     Value::Number(side) if (0.0..1e15).contains(&side) => Ok(side as usize),
                     _ => Err("a side of an array is no number".to_owned()),
@@ -544,6 +547,19 @@ mod tests {
         shared.push(b'.');
         let error = Pickled::parse(&shared).unwrap_err();
         assert!(error.contains("share their contents too often"), "{error}");
+        // A thousand arrays of one byte, all with one shape of a thousand sides.
+        let mut sides = b"\x80\x02cnumpy\ndtype\nq\x01X\x02\0\0\0u1K\0K\x01\x87Rq\x02(".to_vec();
+        sides.extend(b"K\x01".repeat(1000));
+        sides.extend(b"tq\x03");
+        for _ in 0..1000 {
+            sides.extend(
+                b"cnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\0\x85C\x01b\x87R",
+            );
+            sides.extend(b"(K\x01h\x03h\x02\x89C\x01xtb");
+        }
+        sides.push(b'.');
+        let error = Pickled::parse(&sides).unwrap_err();
+        assert!(error.contains("1000 dimensions"), "{error}");
         // A type of numbers with a long name, made many times from one text; a long run of values of one byte.
         let mut types = b"\x80\x02cnumpy\ndtype\nq\0X\x40\x42\x0f\0".to_vec();
         types.extend(b"x".repeat(1_000_000));

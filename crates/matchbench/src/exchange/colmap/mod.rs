@@ -152,17 +152,17 @@ fn connect(path: &Path, bytes: u64, steps: &Arc<Steps>) -> Result<Connection, Ex
     connection
         .progress_handler(STEPS_AT_ONCE, Some(is_enough))
         .map_err(|error| ExchangeError::unreadable(path, error))?;
-    // A view could compute without end, and a schema call functions: only tables are read.
+    // A view, a virtual table and a column that is generated could compute without end: only what is stored is read.
     for table in ["images", "keypoints", "matches", "two_view_geometries"] {
-        let kind: Option<String> = connection
+        let is_stored: bool = connection
             .query_row(
-                "SELECT type FROM sqlite_master WHERE name = ?1",
+                "SELECT EXISTS (SELECT 1 FROM pragma_table_list WHERE name = ?1 AND schema = 'main' AND type = 'table')
+                    AND NOT EXISTS (SELECT 1 FROM pragma_table_xinfo(?1) WHERE hidden <> 0)",
                 [table],
                 |row| row.get(0),
             )
-            .optional()
             .map_err(|error| ExchangeError::damaged(path, error))?;
-        if kind.as_deref() != Some("table") {
+        if !is_stored {
             let what = format!("it has no table `{table}`");
             return Err(ExchangeError::new(path, what, "name a database of COLMAP"));
         }

@@ -187,6 +187,26 @@ fn interior_page(child: u32) -> Vec<u8> {
 const PAGE: usize = 4096;
 
 #[test]
+fn tables_that_compute_are_refused() {
+    for images in [
+        "CREATE TABLE images (image_id INTEGER PRIMARY KEY, camera_id INTEGER,
+            name TEXT AS (hex(zeroblob(image_id))))",
+        "CREATE TABLE images (image_id INTEGER PRIMARY KEY, camera_id INTEGER,
+            name TEXT AS (hex(zeroblob(image_id))) STORED)",
+        "CREATE VIRTUAL TABLE images USING fts5 (image_id, camera_id, name)",
+        "CREATE VIEW images AS SELECT 1 AS image_id, 1 AS camera_id, 'a' AS name",
+    ] {
+        let (folder, sequence) = dataset();
+        let (path, connection) = database(&folder);
+        (connection.execute_batch(&format!("DROP TABLE images; {images}"))).unwrap();
+        drop(connection);
+        let error = MatchFiles::open(&[path], &sequence, &ReadOptions::default()).err();
+        let message = error.expect("no table of images").to_string();
+        assert!(message.contains("it has no table `images`"), "{message}");
+    }
+}
+
+#[test]
 fn rows_without_an_end_are_refused() {
     let (folder, sequence) = dataset();
     let (path, connection) = database(&folder);

@@ -26,6 +26,8 @@ pub(super) struct Grid {
     centre: Vec<i32>,
     /// Units of a byte in one unit of the values.
     pub(super) scale: f32,
+    /// Whether the candidates are whole numbers, which as bytes lose nothing.
+    pub(super) is_whole: bool,
     /// The greatest length of a query's bytes with which sums of products fit.
     longest: f32,
 }
@@ -83,6 +85,7 @@ impl Grid {
             centre: centre.collect(),
             least,
             scale,
+            is_whole: false,
             longest: PRODUCT / (of_candidate * scale + 2.0 * rounding(dim)),
         })
     }
@@ -90,11 +93,12 @@ impl Grid {
     /// The grid where sums may be of any size.
     fn of_columns(columns: Columns, range: f32) -> Self {
         // Whole numbers lose nothing when they become bytes, nor do those of queries if they are alike.
-        let is_exact = columns.is_whole && range <= 255.0;
-        let are_bytes = is_exact && columns.lie_within(0.0, 255.0);
+        let is_whole = columns.is_whole && range <= 255.0;
+        let are_bytes = is_whole && columns.lie_within(0.0, 255.0);
         Self {
             centre: vec![128; columns.least.len()],
-            scale: if is_exact { 1.0 } else { 255.0 / range },
+            scale: if is_whole { 1.0 } else { 255.0 / range },
+            is_whole,
             least: if are_bytes {
                 vec![0.0; columns.least.len()]
             } else {
@@ -102,6 +106,12 @@ impl Grid {
             },
             longest: f32::INFINITY,
         }
+    }
+
+    /// Whether queries whose bytes lost nothing are whole numbers too: a fraction may be lost already when the least
+    /// value of a column is taken off, which then counts as no error.
+    pub(super) fn is_whole_for(&self, queries: &[f32]) -> bool {
+        self.is_whole && (self.least.iter().all(|&least| least == 0.0) || are_whole(queries))
     }
 
     /// The bytes of queries, 0 to 255, in an order; `None` where a value is not finite or so far from all candidates
@@ -300,6 +310,11 @@ multiversioned! {
             }
         }
         [is_finite, is_whole]
+    }
+
+    /// Whether all values are whole numbers.
+    fn are_whole(values: &[f32]) -> bool {
+        values.iter().fold(true, |are_whole, value| are_whole & (value.floor() == *value))
     }
 }
 

@@ -7,6 +7,9 @@ use crate::simd::search::pack;
 /// By how much two sums of the same squares in another order may differ, generously.
 pub(super) const ROUNDING: f32 = 1e-3;
 
+/// What 32-bit floating point may lose, generously, of the length of a row or of a distance, in units of the bytes.
+const LOST: f32 = 0.01;
+
 /// Rows of at most so many bytes have squared distances that 32-bit floating point holds to the last digit.
 pub(super) const MAX_EXACT_DIM: usize = (1 << 24) / (255 * 255);
 
@@ -54,7 +57,7 @@ impl Panels {
 
     /// Whether bytes are the values of the candidates, and squared distances of such bytes have few digits.
     pub(super) fn are_exact(&self) -> bool {
-        self.grid.scale == 1.0 && self.dim <= MAX_EXACT_DIM && self.error == 0.0
+        self.grid.is_whole && self.dim <= MAX_EXACT_DIM && self.error == 0.0
     }
 
     /// The bytes of all candidates, one candidate after the other, and their parts of squared distances.
@@ -117,7 +120,9 @@ impl<'a> Bounds<'a> {
         queries.quads.resize(blocks * ROWS * panels.width, 0);
         let scale = panels.grid.scale;
         Some(Self {
-            are_exact: panels.are_exact() && queries.error() == 0.0,
+            are_exact: panels.are_exact()
+                && queries.error() == 0.0
+                && panels.grid.is_whole_for(rows),
             error: panels.error,
             scale,
             unit: 1.0 / scale,
@@ -159,14 +164,14 @@ impl<'a> Bounds<'a> {
     /// distance, is at least `sum`.
     pub(super) fn largest(&self, query: usize, sum: i32) -> f32 {
         let distance = (self.queries.norms[query] - 2 * sum + 1) as f32;
-        (distance.sqrt() + self.queries.errors[query] + self.error) * self.unit
+        (distance.sqrt() + self.queries.errors[query] + self.error + LOST) * self.unit
     }
 
     /// The largest squared distance in bytes, less the query's part of it, of candidates that may be
     /// within a bound.
     pub(super) fn limit(&self, query: usize, bound: f32) -> i32 {
         let bound = bound * self.scale;
-        let reach = (bound + self.queries.errors[query] + self.error) * (1.0 + ROUNDING) + 0.01;
+        let reach = (bound + self.queries.errors[query] + self.error) * (1.0 + ROUNDING) + LOST;
         ((reach * reach) as i32).saturating_sub(self.queries.norms[query])
     }
 

@@ -311,6 +311,47 @@ fn bytes_that_hold_fractions_exactly_tell_no_distances() {
 }
 
 #[test]
+fn rows_that_differ_by_a_rounding_error_are_found() {
+    // On a grid of even numbers that lose nothing the bytes of query and candidates are the same, and of odd length.
+    let (dim, mut rng) = (128, Seed(16).rng());
+    let mut b: Vec<f32> = (0..520 * dim).map(|_| 2.0 * rng.below(50) as f32).collect();
+    for row in b.chunks_exact_mut(dim) {
+        row[0] = 2.0 * rng.below(255) as f32 - 254.0;
+    }
+    [b[2 * dim], b[3 * dim]] = [-254.0, 256.0];
+    for column in 1..dim {
+        [b[column], b[dim + column]] = [0.0; 2];
+    }
+    [b[0], b[dim]] = [100.0; 2];
+    let mut a = b[..dim].to_vec();
+    a[0] = a[0].next_up();
+    InstructionSet::for_each(|_| {
+        compare(&a, &b, dim);
+    });
+}
+
+#[test]
+fn fractions_that_an_offset_hides_are_seen() {
+    let (dim, mut rng) = (128, Seed(17).rng());
+    let mut b: Vec<f32> = (0..400 * dim)
+        .map(|_| rng.below(202) as f32 - 100.0)
+        .collect();
+    for column in 0..dim {
+        [b[column], b[dim + column]] = [-100.0, 101.0];
+    }
+    // Of the query 100 + 2^-17 less -100 is rounded to 200; two candidates are as far from 100, but not from it.
+    let (first, second) = (5 * dim, 6 * dim);
+    b.copy_within(first..first + dim, second);
+    [b[first], b[second]] = [99.0, 101.0];
+    let mut a = b[first..][..dim].to_vec();
+    a[0] = 100.000_01;
+    assert!(a[0] > 100.0 && a[0] + 100.0 == 200.0);
+    InstructionSet::for_each(|_| {
+        compare(&a, &b, dim);
+    });
+}
+
+#[test]
 fn a_column_whose_sum_is_infinite_changes_no_result() {
     // Few rows, of which each query may have all.
     let (dim, mut rng) = (1_000, Seed(14).rng());
