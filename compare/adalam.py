@@ -28,8 +28,7 @@ from kornia.feature.adalam.adalam import AdalamFilter, get_adalam_default_config
 from kornia.feature.adalam.core import extract_neighborhood_sets, select_seeds
 from kornia.feature.adalam.utils import dist_matrix
 
-# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
-GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+from pixels import GRAY
 
 EXPANSION, TURN, GROWTH, CONFIDENCE, LEAST, STRETCH = 4.0, 30.0, 1.5, 200.0, 6, 5.0
 

@@ -36,8 +36,7 @@ import cv2
 import numpy as np
 import pycolmap
 
-# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
-GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+from pixels import GRAY
 
 CONTRAST, EDGE = 0.04, 10.0
 HIGH, SIZES = 3.0, 10

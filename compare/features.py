@@ -21,8 +21,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
-GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+from pixels import GRAY
 
 ROOT = Path(__file__).resolve().parent.parent
 

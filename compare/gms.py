@@ -20,8 +20,7 @@ import time
 import cv2
 import numpy as np
 
-# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
-GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+from pixels import GRAY
 
 PROGRAM = pathlib.Path(__file__).resolve().parent.parent / "target/release/gms"
 

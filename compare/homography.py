@@ -21,10 +21,8 @@ import numpy as np
 import poselib
 
 from dataset import images_of
+from pixels import GRAY
 from stored import stored
-
-# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
-GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 LIMITS = (1, 3, 5, 10)

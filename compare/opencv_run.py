@@ -18,9 +18,7 @@ import cv2
 import numpy as np
 
 from dataset import read_dataset
-
-# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
-GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+from pixels import GRAY
 
 RATIO = 0.8
 NEEDED_MATCHES, NEEDED_SUPPORT = 20, 10

@@ -19,9 +19,7 @@ import cv2
 import numpy as np
 
 from dataset import one_camera
-
-# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
-GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+from pixels import GRAY
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 POSE = ROOT / "target" / "release" / "pose"

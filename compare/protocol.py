@@ -20,9 +20,7 @@ import numpy as np
 
 from dataset import read_dataset
 from opencv_run import MATCHERS, RATIO
-
-# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
-GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+from pixels import GRAY
 
 SIZE = (640, 480)
 

@@ -22,10 +22,7 @@ import poselib
 import pycolmap
 
 from machine import processor
-
-# Pixels as they are stored, as matchbench reads them, without a turn by EXIF.
-GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
-
+from pixels import GRAY
 
 def race(ours, theirs, repeats):
     """Results of both, and their median times in milliseconds."""

@@ -32,10 +32,12 @@ use patches::{PatchSet, Recipe};
 use resume::Checkpoint;
 
 /// A number of things that there must be.
-const COUNT: fn(&str) -> Result<usize, String> = |text| match text.parse() {
-    Ok(0) => Err("must be 1 at least".to_owned()),
-    count => count.map_err(|error: ParseIntError| error.to_string()),
-};
+fn count(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(0) => Err("must be 1 at least".to_owned()),
+        count => count.map_err(|error: ParseIntError| error.to_string()),
+    }
+}
 
 /// Learns the tables of matchbench's trained descriptors from images with known cameras.
 #[derive(Debug, Parser)]
@@ -108,7 +110,7 @@ struct EvaluateArgs {
     #[arg(long, value_name = "FILE", num_args = 1..)]
     lbgm: Vec<PathBuf>,
     /// Values of DLCO's descriptor
-    #[arg(long, value_name = "N", num_args = 1.., default_values_t = [120], value_parser = COUNT)]
+    #[arg(long, value_name = "N", num_args = 1.., default_values_t = [120], value_parser = count)]
     dimensions: Vec<usize>,
 }
 
@@ -118,10 +120,10 @@ struct LearnersArgs {
     /// The set
     set: PathBuf,
     /// Number of boxes that weak learners choose from
-    #[arg(long, value_name = "N", default_value_t = 384, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 384, value_parser = count)]
     boxes: usize,
     /// Number of pairs of patches
-    #[arg(long, value_name = "N", default_value_t = 24_000, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 24_000, value_parser = count)]
     pairs: usize,
     /// Weight of a bit in the margin of a pair
     #[arg(long, default_value_t = 0.1)]
@@ -139,10 +141,10 @@ struct BgmArgs {
     #[command(flatten)]
     common: LearnersArgs,
     /// Number of bits
-    #[arg(long, value_name = "N", default_value_t = 256, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = count)]
     bits: usize,
     /// Number of features tried for each weak learner
-    #[arg(long, value_name = "N", default_value_t = 256, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = count)]
     tries: usize,
 }
 
@@ -151,7 +153,7 @@ struct LbgmArgs {
     #[command(flatten)]
     bgm: BgmArgs,
     /// Number of values of the descriptor
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = count)]
     dimensions: usize,
 }
 
@@ -160,13 +162,13 @@ struct BinboostArgs {
     #[command(flatten)]
     common: LearnersArgs,
     /// Number of bits
-    #[arg(long, value_name = "N", default_value_t = 256, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = count)]
     bits: usize,
     /// Number of weak learners per bit
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = count)]
     learners: usize,
     /// Number of features tried for each weak learner
-    #[arg(long, value_name = "N", default_value_t = 256, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = count)]
     tries: usize,
 }
 
@@ -175,25 +177,25 @@ struct DlcoArgs {
     /// The set
     set: PathBuf,
     /// Number of values of the descriptor
-    #[arg(long, value_name = "N", default_value_t = 120, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 120, value_parser = count)]
     dimensions: usize,
     /// Most pooled values
-    #[arg(long, value_name = "N", default_value_t = 640, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 640, value_parser = count)]
     values: usize,
     /// Number of triplets for the selection of rings
-    #[arg(long, value_name = "N", default_value_t = 8_000, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 8_000, value_parser = count)]
     ring_triplets: usize,
     /// Number of triplets for the projection
-    #[arg(long, value_name = "N", default_value_t = 30_000, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 30_000, value_parser = count)]
     triplets: usize,
     /// Number of principal directions that the projection works in
-    #[arg(long, value_name = "N", default_value_t = 256, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = count)]
     principal: usize,
     /// Number of triplets in a step
-    #[arg(long, value_name = "N", default_value_t = 2_000, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 2_000, value_parser = count)]
     batch: usize,
     /// Number of steps of the optimisation
-    #[arg(long, value_name = "N", default_value_t = 150, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 150, value_parser = count)]
     steps: usize,
     /// Weight of the nuclear norm
     #[arg(long, default_value_t = 1e-5)]
@@ -220,10 +222,10 @@ struct TestsArgs {
     #[arg(long, default_value = "test")]
     part: String,
     /// Number of triplets used to choose
-    #[arg(long, value_name = "N", default_value_t = 2_000, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 2_000, value_parser = count)]
     triplets: usize,
     /// Number of random tests to choose from; FREAK chooses from all
-    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = COUNT)]
+    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = count)]
     candidates: usize,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]

@@ -36,14 +36,8 @@ fn learn(folder: &Path, command: &str, out: &str) -> Command {
     learn
 }
 
-/// Runs `command` once to its end, and once more with a stop as soon as `begun` exists.
-fn unbroken_and_stopped(folder: &Path, command: &str, begun: &str, done: &str) {
-    assert!(
-        learn(folder, command, "unbroken")
-            .status()
-            .expect("it starts")
-            .success()
-    );
+/// Runs `command` into `stopped`, and kills it as soon as `begun` exists.
+fn start_and_stop(folder: &Path, command: &str, begun: &str) {
     let mut run = learn(folder, command, "stopped")
         .spawn()
         .expect("it starts");
@@ -57,6 +51,17 @@ fn unbroken_and_stopped(folder: &Path, command: &str, begun: &str, done: &str) {
     }
     run.kill().expect("it runs");
     run.wait().expect("it was started");
+}
+
+/// Runs `command` once to its end, and once more with a stop as soon as `begun` exists.
+fn unbroken_and_stopped(folder: &Path, command: &str, begun: &str, done: &str) {
+    assert!(
+        learn(folder, command, "unbroken")
+            .status()
+            .expect("it starts")
+            .success()
+    );
+    start_and_stop(folder, command, begun);
     assert!(
         !folder.join(done).exists(),
         "{command}: was done before it could be stopped"
@@ -120,18 +125,7 @@ fn a_killed_run_goes_on_and_ends_with_the_same_bytes() {
     }
     // A run that was stopped with more bits than the next one asks for.
     let bits = |bits: usize| format!("bgm set --bits {bits} --boxes 32 --tries 16");
-    let mut run = learn(folder, &bits(1600), "stopped").spawn();
-    let run = run.as_mut().expect("it starts");
-    let start = Instant::now();
-    while !folder.join("stopped.part").exists() {
-        assert!(
-            start.elapsed() < Duration::from_secs(60),
-            "nothing is saved"
-        );
-        sleep(Duration::from_millis(1));
-    }
-    run.kill().expect("it runs");
-    run.wait().expect("it was started");
+    start_and_stop(folder, &bits(1600), "stopped.part");
     for table in ["unbroken", "stopped"] {
         let run = learn(folder, &bits(4), table).status();
         assert!(run.expect("it starts").success());

@@ -12,7 +12,7 @@ use resvg::usvg::{Options, Tree, fontdb};
 /// Name of the font that is part of the program.
 const TYPEFACE: &str = "DejaVu Sans";
 
-/// Most pixels of a file: a figure of hundreds of methods would fill gigabytes.
+/// Most pixels of a file: a figure of hundreds of methods has no other bound.
 const MOST_PIXELS: f32 = 50e6;
 
 /// The drawing as a PNG file, `scale` pixels for one unit, or fewer where it would have more than 50 million pixels.

@@ -123,23 +123,33 @@ impl BinBoostTable {
     /// # Errors
     /// If they are not such a table.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ParamError> {
-        (Self::parse(bytes).filter(Self::is_sound))
-            .ok_or_else(|| ParamError("not a BinBoost table".into()))
+        let table = Self::parse(bytes).ok_or_else(Self::refusal)?;
+        table.check()?;
+        Ok(table)
     }
 
     /// Whether patches can be described with it, and its counts can be written.
-    fn is_sound(&self) -> bool {
+    ///
+    /// # Errors
+    /// If not.
+    fn check(&self) -> Result<(), ParamError> {
         let inside = |&[left, top, right, bottom]: &[u8; 4]| {
             left < right && top < bottom && usize::from(right.max(bottom)) <= INNER
         };
         let features = DIRECTIONS * self.boxes.len();
         // More learners could overflow the sums of `vote`.
-        (1..=256).contains(&self.learners_per_bit)
+        ((1..=256).contains(&self.learners_per_bit)
             && (1..=usize::from(u16::MAX)).contains(&self.bits())
             && u16::try_from(self.boxes.len()).is_ok()
             && self.learners.len() == self.bits() * self.learners_per_bit
             && self.boxes.iter().all(inside)
-            && (self.learners.iter()).all(|l| usize::from(l.feature) < features)
+            && (self.learners.iter()).all(|l| usize::from(l.feature) < features))
+        .then_some(())
+        .ok_or_else(Self::refusal)
+    }
+
+    fn refusal() -> ParamError {
+        ParamError("not a BinBoost table".into())
     }
 
     fn parse(bytes: &[u8]) -> Option<Self> {
@@ -238,9 +248,7 @@ impl BinBoost {
     /// If a parameter is out of its range, or if the table has no bits, not as many learners as its bits need, more than
     /// 256 for a bit, or boxes that do not lie within the patch.
     pub fn with_table(params: BinBoostParams, table: BinBoostTable) -> Result<Self, ParamError> {
-        if !table.is_sound() {
-            return Err(ParamError("not a BinBoost table".into()));
-        }
+        table.check()?;
         ParamError::unless(
             params.scale_factor > 0.0 && params.scale_factor.is_finite(),
             "scale_factor",

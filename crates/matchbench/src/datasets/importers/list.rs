@@ -67,19 +67,16 @@ pub(super) fn from_corner(camera: Camera) -> Camera {
     }
 }
 
-/// Checks that the image, if it exists, has the `expected` size, for which its camera `whose` is.
+/// Checks that the image has the `expected` size, for which its camera `whose` is.
 ///
 /// # Errors
 /// If it has another, or if its size cannot be read; `error` makes the first error from what is wrong.
-pub(super) fn check_size(
+pub(super) fn check_camera_size(
     image: &Path,
     expected: Size,
     whose: &str,
     error: impl FnOnce(String) -> DatasetError,
 ) -> Result<(), DatasetError> {
-    if !image.is_file() {
-        return Ok(());
-    }
     let found = read_size(image)?;
     if found == expected {
         return Ok(());

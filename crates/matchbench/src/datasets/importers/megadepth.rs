@@ -23,7 +23,7 @@ use matchbench_vision::image::Size;
 use nalgebra::Isometry3;
 
 use super::colmap::lens;
-use super::list::{NamedFrames, camera, check_size, from_corner, size};
+use super::list::{NamedFrames, camera, check_camera_size, from_corner, size};
 use super::pickle::{Id, Pickled, Value};
 use super::{ImportOptions, Imported, base_name};
 use crate::datasets::pairs::relative_pose;
@@ -152,7 +152,7 @@ impl<'a> Listing<'a> {
         };
         let numbers: Vec<f64> = match info.first().map(|&id| self.pickled.value(id)) {
             Some(Value::Array(array)) => array.to_vec(),
-            Some(Value::List(items)) => (items.iter())
+            Some(Value::List(items)) if items.len() == 2 => (items.iter())
                 .filter_map(|&id| match self.pickled.value(id) {
                     Value::Number(number) => Some(*number),
                     _ => None,
@@ -237,10 +237,11 @@ fn read_views(file: &Path, options: &ImportOptions<'_>) -> Result<Imported, Data
         pairs.push(Pair::with_pose(a, b, relative_pose(&from_a, &from_b)));
     }
     for (line, (name, size)) in named {
-        let whose = format!("the camera of {name}");
-        check_size(&root.join(name), size, &whose, |what| {
-            list.error_at(line, what)
-        })?;
+        let image = root.join(name);
+        if image.is_file() {
+            let whose = format!("the camera of {name}");
+            check_camera_size(&image, size, &whose, |what| list.error_at(line, what))?;
+        }
     }
     let origin = format!("glue-factory, {}", base_name(folder));
     Ok(Imported::listed(origin, frames.into_frames(), pairs))

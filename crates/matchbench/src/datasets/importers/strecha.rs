@@ -12,12 +12,13 @@ use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Matrix3};
 
+use super::list::check_camera_size;
 use super::{ImportOptions, Imported, base_name, images_left_out};
 use crate::counted::counted;
 use crate::datasets::images::image_files;
 use crate::datasets::native::parse_camera;
 use crate::datasets::text::{self, TextFile};
-use crate::datasets::{About, DatasetError, Frame, read_size};
+use crate::datasets::{About, DatasetError, Frame};
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let given = match &options.camera {
@@ -40,13 +41,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         };
         let file = TextFile::read(&file)?;
         let (camera, pose, size) = parse(&file)?;
-        let found = read_size(&image)?;
-        if found != size {
-            return Err(file.error(
-                format!("the camera is for {size} pixels, its image has {found}"),
-                "use the original images, or scale K with the image",
-            ));
-        }
+        check_camera_size(&image, size, "the camera", |what| file.error(what, ""))?;
         frames.push(Frame::with_pose(image, given.unwrap_or(camera), pose));
     }
     Ok(Imported {

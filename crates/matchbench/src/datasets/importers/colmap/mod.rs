@@ -93,12 +93,11 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
                 )));
             }
         };
-        list::check_size(
-            &image,
-            size,
-            &format!("the camera {id} of {name}"),
-            |what| DatasetError::new(&cameras_file, what, ""),
-        )?;
+        if image.is_file() {
+            let whose = format!("the camera {id} of {name}");
+            let error = |what| DatasetError::new(&cameras_file, what, "");
+            list::check_camera_size(&image, size, &whose, error)?;
+        }
         frames.push(Frame::with_pose(image, camera, camera_from_world.inverse()));
         seen.push(points);
     }
