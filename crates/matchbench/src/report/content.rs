@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use crate::metrics::{Bootstrap, DatasetGeometry, Lead, ResultSet, Summary, groups, leads};
+use crate::metrics::{Bootstrap, DatasetGeometry, Groups, Lead, ResultSet, Summary, groups, leads};
 use crate::records::Plan;
 
 use super::{DatasetFacts, PairView};
@@ -51,10 +51,20 @@ pub struct Content {
 impl Content {
     /// Scores the results. Threads are used, and do not change the result.
     pub fn new(results: Vec<ResultSet>, bootstrap: &Bootstrap, facts: RunFacts) -> Self {
+        let groups = groups(&results);
+        Self::compared(results, groups, bootstrap, facts)
+    }
+
+    /// The same of results that were compared before.
+    pub(super) fn compared(
+        results: Vec<ResultSet>,
+        groups: Groups,
+        bootstrap: &Bootstrap,
+        facts: RunFacts,
+    ) -> Self {
         let mut summaries: Vec<Summary> = (results.par_iter())
             .map(|set| Summary::new(set, bootstrap))
             .collect();
-        let groups = groups(&results);
         let leads = leads(&results, &groups, bootstrap);
         for (summary, letters) in summaries.iter_mut().zip(groups.letters) {
             summary.group = letters;
