@@ -78,6 +78,17 @@ impl Default for Extent {
     }
 }
 
+impl Extent {
+    /// The file with all pairs: beside the page, or embedded in it.
+    fn all_pairs(&self) -> Option<&'static str> {
+        if self.files.is_empty() {
+            return Some("tables/pairs.csv");
+        }
+        let mut embedded = self.files.iter().map(|(name, _)| *name);
+        embedded.find(|name| *name == "pairs.csv")
+    }
+}
+
 /// The page as text, for the folder of a report.
 pub(super) fn render(content: &Content) -> String {
     render_extent(content, &Extent::default())
