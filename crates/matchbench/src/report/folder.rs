@@ -12,13 +12,14 @@ use rayon::prelude::*;
 use serde_json::Value;
 
 use crate::files::{link_on_the_way, read_text, remove_leftovers_below, write_whole_file};
-use crate::metrics::{Angle, Portion};
+use crate::metrics::{Angle, Model, Portion};
 
 use super::again::Again;
+use super::by_estimator::estimator_figure;
 use super::content::Content;
 use super::figures::{
-    Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, estimator_figure,
-    lead_figure, reliabilities, reliability_figure, sp_figure, time_figure,
+    Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, lead_figure,
+    reliabilities, reliability_figure, sp_figure, time_figure,
 };
 use super::file_names::file_names;
 use super::overview::Overview;
@@ -222,9 +223,18 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
             let spec = vega::time(content, overview, column);
             figures.push((format!("time-{name}"), svg, spec));
         }
-        if let Some(svg) = estimator_figure(&content.summaries, Some(dataset), Target::File) {
-            let spec = vega::estimators(&content.summaries, dataset);
-            figures.push((format!("estimators-{name}"), svg, spec));
+        for model in [Model::Pose, Model::Homography] {
+            let (summaries, on) = (&content.summaries, Some(*dataset));
+            if let Some(svg) = estimator_figure(summaries, on, model, Target::File) {
+                let spec = vega::estimators(summaries, dataset, model);
+                let prefix = match model {
+                    Model::Homography if overview.model(column) == Model::Pose => {
+                        "estimators-homographies"
+                    }
+                    _ => "estimators",
+                };
+                figures.push((format!("{prefix}-{name}"), svg, spec));
+            }
         }
     }
     figures

@@ -7,6 +7,7 @@
 mod again;
 mod booktabs;
 mod bundle;
+mod by_estimator;
 mod citations;
 mod command_line;
 mod content;
