@@ -21,7 +21,7 @@ use super::figures::{
     Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, lead_figure,
     reliabilities, reliability_figure, sp_figure, time_figure,
 };
-use super::file_names::file_names;
+use super::file_names::{file_names, unique};
 use super::overview::Overview;
 use super::pair_table::columns;
 use super::raster::png;
@@ -176,7 +176,7 @@ fn write_own(folder: &Path, name: &Path, contents: &[u8]) -> io::Result<()> {
 /// A figure: its name, its drawing and its specification.
 type Figure = (String, String, Value);
 
-/// Every figure.
+/// Every figure. No two names are equal, whatever the datasets are called.
 fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
     let panel = |portion: Portion| {
         let svg = ap_panel_figure(overview, portion, Target::File)?;
@@ -277,6 +277,11 @@ mod tests {
                 "scores.json",
                 "scores.md"
             ]
+    // `sp-rotation-room` is a figure of `room` and one of `rotation-room`.
+    let mut taken = BTreeSet::new();
+    for (name, ..) in &mut figures {
+        *name = unique(name, &mut taken);
+    }
         );
         // Four of each dataset and one of their portion, each as three files.
         assert_eq!(names("figures").len(), 27);
@@ -308,3 +313,25 @@ mod tests {
         assert!(error.to_string().contains("scores.csv"), "{error}");
     }
 }
+    #[test]
+    fn figures_of_datasets_with_odd_names_do_not_replace_each_other() {
+        let names = ["room", "rotation-room", "wide-baselines"];
+        let content = content(&names.map(|name| (name, "sift", 4)));
+        let figures = figures(&content, &Overview::new(&content.summaries));
+        let names: BTreeSet<&str> = figures.iter().map(|(name, ..)| &**name).collect();
+        assert_eq!(names.len(), figures.len());
+        for (name, text) in [
+            ("sp-rotation-room", "SP curves of the rotation: room ("),
+            ("sp-rotation-room-2", "SP curves: rotation-room ("),
+            ("ap-wide-baselines", "AP bars at 5 degrees: wide baselines"),
+            (
+                "ap-wide-baselines-2",
+                "AP bars at 5 degrees: wide-baselines (",
+            ),
+        ] {
+            let figure = figures.iter().find(|(other, ..)| other == name);
+            let (_, svg, _) = figure.expect("there is one");
+            assert!(svg.contains(text), "{name}: {svg}");
+        }
+    }
+
