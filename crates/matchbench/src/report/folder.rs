@@ -108,6 +108,9 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
 /// not have.
 const LIST: &str = ".files";
 
+/// What every page of a report says, and every page of the paper.
+const OURS: [&str; 2] = ["matchbench", "MatchBench: tables and figures, run again"];
+
 /// Writes the files of a report.
 pub(super) struct Pages<'a> {
     folder: &'a Path,
@@ -118,7 +121,7 @@ impl<'a> Pages<'a> {
     /// Refuses a folder whose page is not a report, since that page would be overwritten.
     pub(super) fn new(folder: &'a Path) -> io::Result<Self> {
         let page = folder.join("index.html");
-        let is_report = |page: String| page.contains("matchbench");
+        let is_report = |page: String| OURS.iter().any(|words| page.contains(words));
         if !folder.join(LIST).exists() && read_text(&page).is_ok_and(|page| !is_report(page)) {
             return Err(io::Error::new(
                 io::ErrorKind::AlreadyExists,
@@ -130,6 +133,39 @@ impl<'a> Pages<'a> {
             folder,
             written: Mutex::default(),
         })
+    }
+
+    /// Refuses the folder if one of the files that will be written there is somebody else's: no earlier report
+    /// listed it. In a folder without a list all are taken for ours if its page is, since early versions wrote
+    /// no list.
+    pub(super) fn refuse_others(&self, names: &[&str]) -> io::Result<()> {
+        let list = self.folder.join(LIST);
+        if !list.exists() && self.folder.join("index.html").exists() {
+            return Ok(());
+        }
+        let earlier = read_text(&list).unwrap_or_default();
+        let is_other = |name: &&&str| {
+            !earlier.lines().any(|own| own == **name) && self.folder.join(name).exists()
+        };
+        match names.iter().find(is_other) {
+            Some(name) => Err(io::Error::new(
+                io::ErrorKind::AlreadyExists,
+                format!(
+                    "{} is not of an earlier report; write into another folder",
+                    self.folder.join(name).display()
+                ),
+            )),
+            None => Ok(()),
+        }
+    }
+
+    /// The same, and lists these files before they are written, so that they are known as ours even if the report
+    /// is interrupted.
+    pub(super) fn claim(&self, names: &[&str]) -> io::Result<()> {
+        self.refuse_others(names)?;
+        let earlier = read_text(&self.folder.join(LIST)).unwrap_or_default();
+        let all: BTreeSet<&str> = earlier.lines().chain(names.iter().copied()).collect();
+        write_list(self.folder, all)
     }
 
     /// Writes one file; its name is relative to the folder.
@@ -157,10 +193,14 @@ impl<'a> Pages<'a> {
                 let _ = fs::remove_file(self.folder.join(path));
             }
         }
-        let names: Vec<String> = written.into_iter().collect();
-        let listed = names.join("\n") + "\n";
-        write_own(self.folder, Path::new(LIST), listed.as_bytes())
+        write_list(self.folder, written.iter().map(String::as_str))
     }
+}
+
+fn write_list<'n>(folder: &Path, names: impl IntoIterator<Item = &'n str>) -> io::Result<()> {
+    let names: Vec<&str> = names.into_iter().collect();
+    let listed = names.join("\n") + "\n";
+    write_own(folder, Path::new(LIST), listed.as_bytes())
 }
 
 /// Writes a file of a report. Folders of reports can come from other people, so a file that a link in such a
@@ -237,6 +277,11 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
             }
         }
     }
+    // `sp-rotation-room` is a figure of `room` and one of `rotation-room`.
+    let mut taken = BTreeSet::new();
+    for (name, ..) in &mut figures {
+        *name = unique(name, &mut taken);
+    }
     figures
 }
 
@@ -277,11 +322,6 @@ mod tests {
                 "scores.json",
                 "scores.md"
             ]
-    // `sp-rotation-room` is a figure of `room` and one of `rotation-room`.
-    let mut taken = BTreeSet::new();
-    for (name, ..) in &mut figures {
-        *name = unique(name, &mut taken);
-    }
         );
         // Four of each dataset and one of their portion, each as three files.
         assert_eq!(names("figures").len(), 27);
@@ -305,15 +345,6 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_cannot_be_made_is_named() {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let file = folder.path().join("file");
-        fs::write(&file, "").expect("it is ours");
-        let error = write_report(&file, &Content::default()).expect_err("a file is there");
-        assert!(error.to_string().contains("scores.csv"), "{error}");
-    }
-}
-    #[test]
     fn figures_of_datasets_with_odd_names_do_not_replace_each_other() {
         let names = ["room", "rotation-room", "wide-baselines"];
         let content = content(&names.map(|name| (name, "sift", 4)));
@@ -335,3 +366,12 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_folder_that_cannot_be_made_is_named() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = folder.path().join("file");
+        fs::write(&file, "").expect("it is ours");
+        let error = write_report(&file, &Content::default()).expect_err("a file is there");
+        assert!(error.to_string().contains("scores.csv"), "{error}");
+    }
+}
