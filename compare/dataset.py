@@ -5,6 +5,9 @@ import tomllib
 
 import numpy as np
 
+# Endings of the files in `Images` that are images, as matchbench has them.
+IMAGES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm", ".pnm"}
+
 
 def manifest_of(folder):
     """The content of `dataset.toml`, empty if there is none; no camera has a lens and no image is turned."""
@@ -19,13 +22,15 @@ def manifest_of(folder):
 
 
 def images_of(folder):
-    """The paths of the images."""
+    """The paths of the images, by their numbers where the manifest does not name them."""
     manifest = manifest_of(folder)
     frames = manifest.get("frames", [])
     if frames and "image" in frames[0]:
         root = folder / manifest.get("image_root", ".")
         return [root / frame["image"] for frame in frames]
-    return sorted(p for p in (folder / "Images").iterdir() if p.stem.isdigit())
+    images = [path for path in (folder / "Images").iterdir() if path.suffix.lower() in IMAGES]
+    numbered = [path for path in images if path.stem.isascii() and path.stem.isdigit()]
+    return sorted(numbered, key=lambda path: int(path.stem))
 
 
 def cameras_of(folder):

@@ -6,8 +6,10 @@ Arguments, matches, estimators and the order of their runs are those of `estimat
 each budget (limit of samples) a point of it: the mean AUC over seeds with its deviation, and the median time of an
 estimation on one thread. `adaptive` draws 100 samples more than its budget, to estimate the noise. OpenCV has one seed, so
 its matches are given in another order each time. If the order has a meaning (PROSAC of PoseLib, OpenCV and SupeRANSAC), the
-clearest match comes first, and only the seed changes. SupeRANSAC takes no seed: version 1.0 draws other samples at every
-call, and later sources the same ones. `superansac.py` says how it is called. If it is not installed, it is left out.
+clearest match comes first, and only the seed changes. So OpenCV's USAC_PROSAC, which has one order and one seed, gives one
+result, however many seeds are asked for. SupeRANSAC takes no seed: version 1.0 draws other samples at every call, and later
+sources the same ones, which is one result too. One result has no deviation. `superansac.py` says how SupeRANSAC is called.
+If it is not installed, it is left out.
 `FOLDER` gets `DATASET-MATCHER.csv` and a plot of it, and a `table.md` of all these files in it.
 """
 
@@ -110,6 +112,12 @@ def measure(pairs, error, k, seeds, curves):
     return errors, seconds
 
 
+def spread(row):
+    """` ± DEVIATION` of a row, or nothing if all its seeds gave one result."""
+    deviation = float(row["deviation"])
+    return f" ± {deviation:.3f}" if deviation else ""
+
+
 def draw(rows, title, path):
     figure, axes = plt.subplots(figsize=(9, 4.5))
     for curve in dict.fromkeys(row["estimator"] for row in rows):
@@ -141,7 +149,7 @@ def tabulate(folder):
             table.write(f"## {path.stem}\n\n{about.removeprefix('# ')}\n\n")
             table.write("| estimator | samples | AUC | median ms | ms of 90 % |\n| --- | ---: | ---: | ---: | ---: |\n")
             for row in csv.DictReader(lines):
-                score = f"{float(row['auc']):.3f} ± {float(row['deviation']):.3f}"
+                score = f"{float(row['auc']):.3f}{spread(row)}"
                 times = f"{float(row['median_ms']):.2f} | {float(row['ms_of_90_percent']):.2f}"
                 table.write(f"| {row['estimator']} | {row['samples']} | {score} | {times} |\n")
             table.write("\n")
@@ -169,7 +177,7 @@ def main():
             "ms_of_90_percent": round(float(high), 3),
         }
         rows.append(row)
-        print(f"{curve:20} {budget:6} {row['auc']:.3f} +- {row['deviation']:.3f} {low:9.2f} ms {high:9.2f} ms")
+        print(f"{curve:20} {budget:6} {row['auc']:.3f}{spread(row):8} {low:9.2f} ms {high:9.2f} ms")
     args.out.mkdir(parents=True, exist_ok=True)
     name = f"{args.dataset}-{args.matcher}"
     with open(args.out / f"{name}.csv", "w", newline="") as file:

@@ -4,7 +4,8 @@
 
 Makes a dataset with all pairs of images of a wall of grey patches, photographed from places side by side. Runs it as one
 run, and in shards one after the other, with one thread. Checks that the merged records equal those of the one run, except
-for the times. 1415 images are 1,000,405 pairs. Needs a Unix system, and only the standard library.
+for the times. 1415 images are 1,000,405 pairs. A dataset in FOLDER from before is used again; results from before are
+refused, since a run that is finished costs nothing. Needs a Unix system, and only the standard library.
 """
 
 import argparse
@@ -83,8 +84,13 @@ def main() -> None:
     parser.add_argument("--keep-matches", default="none")
     arguments = parser.parse_args()
     program, shards = arguments.program, arguments.shards
+    counts = [int(word) for word in arguments.images.split(",")]
+    made = ["whole", "plan", "merged", *(f"cache{k}" for k in range(1, shards + 1))]
+    for there in (arguments.folder / str(images) / name for images in counts for name in made):
+        if there.exists():
+            raise SystemExit(f"{there} is there already, so not all work would be measured; delete it or choose another folder")
     print("| pairs | | processor s | us a pair | MiB | disk, bytes a pair |\n| ---: | --- | ---: | ---: | ---: | ---: |")
-    for images in map(int, arguments.images.split(",")):
+    for images in counts:
         pairs = images * (images - 1) // 2
         here = arguments.folder / str(images)
         data = dataset(here / "wall", images)

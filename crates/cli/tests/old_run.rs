@@ -76,6 +76,8 @@ fn it_is_scored_and_reported_as_it_is() {
     succeeded(&go(&["report"], &[&run]));
     let page = fs::read_to_string(run.join("report/index.html")).expect("it was written");
     assert!(page.contains("threshold_px=0.5 was chosen on training"));
+    // Where it was run is not known: here it is only reported.
+    assert!(page.contains("<dt>seed</dt>") && !page.contains("<dt>platform</dt>"));
     let authors = folder.path().join("authors");
     succeeded(&go(&["export"], &[&run, &authors]));
     let rows = fs::read_to_string(authors.join("wall/sift.txt")).expect("it was written");

@@ -106,9 +106,17 @@ fn what_belongs_where_is_said() {
     ] {
         assert!(list.contains(named), "{named}: {list}");
     }
-    fs::create_dir(folder.path().join("empty")).expect("writable");
+    for name in ["empty", "mine"] {
+        fs::create_dir(folder.path().join(name)).expect("writable");
+    }
+    fs::write(folder.path().join("mine/paper.tex"), "mine").expect("writable");
     for (arguments, named) in [
-        (&["empty", "--out", "out"][..], "--where"),
+        // Before anything is run, not after hours.
+        (
+            &["data", "--out", "mine"][..],
+            "mine/paper.tex is not of an earlier report",
+        ),
+        (&["empty", "--out", "out"], "--where"),
         (
             &["empty", "--out", "out", "--sequences", "5"],
             "did you mean `05`",

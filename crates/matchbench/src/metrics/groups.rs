@@ -40,6 +40,16 @@ impl Groups {
     pub(super) fn differ(&self, one: usize, other: usize) -> bool {
         self.different.contains(&(one.min(other), one.max(other)))
     }
+
+    /// The same of a longer list, in which each set is a copy of the set of these at one of the `places`.
+    pub(crate) fn of_copies(&self, places: &[usize]) -> Self {
+        let all = (0..places.len()).flat_map(|one| (one + 1..places.len()).map(move |o| (one, o)));
+        Self {
+            letters: (places.iter().map(|&at| self.letters[at].clone())).collect(),
+            different: (all.filter(|&(one, other)| self.differ(places[one], places[other])))
+                .collect(),
+        }
+    }
 }
 
 /// Compares the sets of each dataset, all with all.

@@ -1,7 +1,6 @@
 //! Scores of easy and hard pairs apart: AUC over baseline, view angle or overlap.
 
-use super::success::gain;
-use super::{Angle, DatasetGeometry, PairGeometry, ResultSet};
+use super::{DatasetGeometry, PairGeometry, PairResult, ResultSet, ranking_auc};
 
 /// A range of difficulty, with about as many pairs as the others.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,32 +36,33 @@ pub fn strata(
     strata
 }
 
-/// The paper's AUC of the pairs in each stratum; `None` where the results have none.
+/// The AUC that methods are ranked by ([`ranking_auc`]) of the pairs in each stratum; `None` where the results
+/// have none.
 pub fn auc_by_stratum(
     results: &ResultSet,
     geometry: &DatasetGeometry,
     value: impl Fn(&PairGeometry) -> Option<f64>,
     strata: &[Stratum],
 ) -> Vec<Option<f64>> {
-    let mut sums = vec![(0.0, 0_usize); strata.len()];
+    let mut inside: Vec<Vec<PairResult>> = vec![Vec::new(); strata.len()];
     for pair in &results.pairs {
         let Some(value) = geometry.get(&(pair.a, pair.b)).and_then(&value) else {
             continue;
         };
-        let inside = |stratum: &Stratum| stratum.low <= value && value <= stratum.high;
-        if let Some(at) = strata.iter().position(inside) {
-            sums[at].0 += gain(pair, Angle::Pose);
-            sums[at].1 += 1;
+        let holds = |stratum: &Stratum| stratum.low <= value && value <= stratum.high;
+        if let Some(at) = strata.iter().position(holds) {
+            inside[at].push(pair.clone());
         }
     }
-    (sums.into_iter())
-        .map(|(sum, pairs)| (pairs > 0).then(|| sum / pairs as f64))
+    (inside.iter())
+        .map(|pairs| (!pairs.is_empty()).then(|| ranking_auc(pairs)))
         .collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::pair_result::tests::solved;
+    use super::super::corner_auc;
+    use super::super::pair_result::tests::{solved, transferred};
     use super::*;
 
     fn geometry(baselines: &[f64]) -> DatasetGeometry {
@@ -76,6 +76,17 @@ mod tests {
             ((a as u32, a as u32 + 1), geometry)
         };
         baselines.iter().enumerate().map(pair).collect()
+    }
+
+    fn results(pairs: Vec<PairResult>) -> ResultSet {
+        ResultSet {
+            dataset: String::new(),
+            matcher: String::new(),
+            estimator: String::new(),
+            repetitions: 1,
+            pairs,
+            ignored: 0,
+        }
     }
 
     #[test]
@@ -105,20 +116,13 @@ mod tests {
     #[test]
     fn each_pair_counts_in_its_stratum() {
         let geometry = geometry(&[1.0, 5.0, 6.0]);
-        let results = ResultSet {
-            dataset: String::new(),
-            matcher: String::new(),
-            estimator: String::new(),
-            repetitions: 1,
-            // The last pair has no geometry: it is in no stratum.
-            pairs: vec![
-                solved(0, 0.1, 0.1, 30),
-                solved(1, 0.1, 12.0, 30),
-                solved(2, 0.1, 20.0, 30),
-                solved(7, 0.1, 0.1, 30),
-            ],
-            ignored: 0,
-        };
+        // The last pair has no geometry: it is in no stratum.
+        let results = results(vec![
+            solved(0, 0.1, 0.1, 30),
+            solved(1, 0.1, 12.0, 30),
+            solved(2, 0.1, 20.0, 30),
+            solved(7, 0.1, 0.1, 30),
+        ]);
         let strata = [
             Stratum {
                 low: 1.0,
@@ -135,5 +139,17 @@ mod tests {
         ];
         let auc = auc_by_stratum(&results, &geometry, |g| g.baseline, &strata);
         assert_eq!(auc, [Some(1.0), Some(0.1), None]);
+    }
+
+    #[test]
+    fn homographies_have_the_score_of_tables() {
+        let pairs = vec![transferred(0, 0.0, 30), transferred(1, 1.5, 30)];
+        let all = corner_auc(&pairs, 3.0);
+        let geometry = geometry(&[1.0, 1.0]);
+        let strata = strata(&geometry, |g| g.baseline, 4);
+        let auc = auc_by_stratum(&results(pairs), &geometry, |g| g.baseline, &strata);
+        assert_eq!(auc, [Some(all)]);
+        // The mean of 1 - error / 3 px is another number.
+        assert!(all > 0.75 + 0.1, "{all}");
     }
 }

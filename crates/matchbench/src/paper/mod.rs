@@ -19,6 +19,7 @@ use std::path::{Path, PathBuf};
 use crate::config::{Changes, UnknownName, find};
 use crate::datasets::DatasetError;
 use crate::records::FolderError;
+use crate::report::check_paper_folder;
 use crate::study::{News, Study, StudyError};
 use crate::time::TimeError;
 
@@ -90,12 +91,14 @@ impl Paper {
     /// that are left out.
     ///
     /// # Errors
-    /// If there is no sequence with a requested number, or if none of the data can be used.
+    /// If there is no sequence with a requested number, if none of the data can be used, or if the folder has files
+    /// that are not of an earlier paper where its own would be.
     pub fn study(&self, tell: &dyn Fn(News<'_>)) -> Result<(Study, Vec<LeftOut>), PaperError> {
         let mut study = Study::parse(STUDY, Path::new("paper.toml"))?;
         for asked in &self.sequences {
             find("sequence", &NUMBERS, |number| number, asked)?;
         }
+        check_paper_folder(&self.folder())?;
         study.set = study.set.with(self.set.clone());
         study.out = Some(self.folder().join("run"));
         study.cache = Some(self.out.join("cache"));

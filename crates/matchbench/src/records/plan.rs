@@ -11,6 +11,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::earlier_plans::modernized;
 use crate::files::check_name;
 use crate::matchers::Extraction;
 
@@ -75,6 +76,13 @@ impl Plan {
     /// The plan as `plan.json` holds it.
     pub fn to_json(&self) -> Value {
         serde_json::to_value(self).expect("a plan is plain JSON")
+    }
+
+    /// The plan as this version writes it: parameters of earlier versions that had no effect are left out.
+    pub(crate) fn modernized(&self) -> Self {
+        let plan = modernized(self.to_json());
+        serde_json::from_value(plan)
+            .expect("what is written for earlier parameters is what this version writes")
     }
 
     /// The matcher with this id, if it is planned.

@@ -114,8 +114,13 @@ impl Again {
             self.scoring.iter().for_each(|command| line(command));
             return text;
         }
+        let same = if self.varies {
+            "the same numbers only if machines are equally fast, since the time of estimators was limited"
+        } else {
+            "every number but times, to the last digit"
+        };
         line(&format!(
-            "# Computes the report again, with matchbench {}: every number but times, to the last digit.",
+            "# Computes the report again, with matchbench {}: {same}.",
             self.version
         ));
         for dataset in &self.datasets {
@@ -254,4 +259,24 @@ fn eval(run: &str) -> String {
 /// The command that writes the report of a run.
 fn report(run: &str) -> String {
     CommandLine::new(["report", run]).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_script_promises_no_more_than_the_page() {
+        let script = |varies| {
+            Again {
+                varies,
+                ..Again::default()
+            }
+            .script()
+        };
+        assert!(script(false).contains("to the last digit"));
+        let limited = script(true);
+        assert!(!limited.contains("to the last digit"), "{limited}");
+        assert!(limited.contains("only if machines are equally fast"));
+    }
 }

@@ -95,6 +95,8 @@ mod tests {
             assert!(page.contains(&format!("download=\"{name}\"")), "{name}");
         }
         assert!(page.contains("all pairs are in the file <code>pairs.csv</code>"));
+        assert!(page.contains(r#""all_pairs":"pairs.csv""#));
+        assert!(!page.contains("tables/pairs.csv"));
         for beside in [
             "href=\"figures/",
             "href=\"tables/",
@@ -112,6 +114,7 @@ mod tests {
         let less = bundle(&content, whole.len() - 1).expect("without its pairs it fits");
         assert!(less.len() < whole.len() && !less.contains("download=\"pairs.csv\""));
         assert!(less.contains("This list needs JavaScript.</p>"));
+        assert!(!less.contains(r#""all_pairs""#) && !less.contains("tables/pairs.csv"));
         assert!(less.contains("scores.csv"));
         assert_eq!(bundle(&content, 1000), None);
     }

@@ -2,7 +2,8 @@
 //!
 //! Seeds belong to tasks. So one matcher with one estimator on one dataset, if it is run alone, gets the same
 //! records as in a run with others. A parameter of the plan that is not the default of this version is given by
-//! `--set`, everything else by the option that it came from. Words with special characters are quoted for the
+//! `--set`, everything else by the option that it came from. So plans of earlier versions must be modernized first
+//! ([`Plan::modernized`]). Words with special characters are quoted for the
 //! shell, since names come from plans and datasets of anybody.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -375,8 +376,12 @@ fn of_matcher(matcher: &MatcherPlan) -> Settings {
     match Origin::of(matcher) {
         Origin::Native => {
             if let Some(entry) = MATCHERS.iter().find(|entry| entry.id() == matcher.id) {
-                let params = entry.modernized(&matcher.params);
-                differences(&matcher.id, &params, &entry.defaults(), &mut settings);
+                differences(
+                    &matcher.id,
+                    &matcher.params,
+                    &entry.defaults(),
+                    &mut settings,
+                );
             }
         }
         Origin::Outside => {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use crate::metrics::{Bootstrap, DatasetGeometry, Lead, ResultSet, Summary, groups, leads};
+use crate::metrics::{Bootstrap, DatasetGeometry, Groups, Lead, ResultSet, Summary, groups, leads};
 use crate::records::Plan;
 
 use super::{DatasetFacts, PairView};
@@ -51,10 +51,20 @@ pub struct Content {
 impl Content {
     /// Scores the results. Threads are used, and do not change the result.
     pub fn new(results: Vec<ResultSet>, bootstrap: &Bootstrap, facts: RunFacts) -> Self {
+        let groups = groups(&results);
+        Self::compared(results, groups, bootstrap, facts)
+    }
+
+    /// The same of results that were compared before.
+    pub(super) fn compared(
+        results: Vec<ResultSet>,
+        groups: Groups,
+        bootstrap: &Bootstrap,
+        facts: RunFacts,
+    ) -> Self {
         let mut summaries: Vec<Summary> = (results.par_iter())
             .map(|set| Summary::new(set, bootstrap))
             .collect();
-        let groups = groups(&results);
         let leads = leads(&results, &groups, bootstrap);
         for (summary, letters) in summaries.iter_mut().zip(groups.letters) {
             summary.group = letters;
@@ -68,8 +78,54 @@ impl Content {
         }
     }
 
-    /// The plan of the run; `None` if the results did not come from a run.
+    /// The plan of the run, as this version would write it: commands are for this version. `None` if the results
+    /// did not come from a run.
     pub(super) fn plan(&self) -> Option<Plan> {
-        serde_json::from_str(self.facts.plan.as_deref()?).ok()
+        let plan: Plan = serde_json::from_str(self.facts.plan.as_deref()?).ok()?;
+        Some(plan.modernized())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::super::again::Again;
+    use super::super::names::defaults;
+    use super::super::{method, tests};
+
+    #[test]
+    fn commands_and_words_have_no_parameter_of_an_earlier_version() {
+        let mut content = tests::content(&[("room", "sift", 6)]);
+        content.summaries[0].estimator = "lmeds-e".into();
+        let mut lmeds = defaults("lmeds-e").expect("it is built in");
+        lmeds["threshold_px"] = json!(1.0); // which had no effect, and is refused now
+        let plan = json!({
+            "version": "0.1.0",
+            "settings": {"seed": 7, "repetitions": 1, "limit": null},
+            "datasets": [
+                {"name": "room", "path": "/x/room", "frames": 3, "pairs": 3, "fingerprint": "ab"},
+            ],
+            "matchers": [{
+                "id": "sift", "params": defaults("sift"),
+                "extraction": {"extractor": "x", "params": {}, "revision": 1},
+                "estimators": [{"id": "lmeds-e", "params": lmeds}],
+            }],
+        });
+        content.facts.plan = Some(plan.to_string());
+        let room = &Again::of(&content).datasets[0];
+        let (whole, cell) = (room.whole.first(), room.cells[0].run.as_ref());
+        for line in [whole, cell] {
+            let line = line.expect("a command can");
+            assert!(
+                line.contains("lmeds-e") && !line.contains("--set"),
+                "{line}"
+            );
+        }
+        let text = method::plain(&content);
+        assert!(
+            text.contains("lmeds-e") && !text.contains("threshold_px"),
+            "{text}"
+        );
     }
 }

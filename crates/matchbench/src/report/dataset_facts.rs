@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::datasets::{Sequence, describe, read_size};
+use crate::datasets::{Sequence, describe};
 use crate::metrics::{PairResult, Portion};
 
 use super::Thumbnail;
@@ -21,7 +21,7 @@ pub struct DatasetFacts {
     pub frames: usize,
     /// How many pairs it lists.
     pub pairs: usize,
-    /// Columns and rows of the first image, where it can be read.
+    /// Columns and rows of the first image as it is used (turned), where it can be read.
     pub resolution: Option<(usize, usize)>,
     /// Where it comes from; empty if the dataset does not say.
     pub origin: String,
@@ -45,10 +45,7 @@ impl DatasetFacts {
         let picture = sequence
             .frames
             .get(middle.map_or(0, |pair| pair.a as usize));
-        let size = sequence
-            .frames
-            .first()
-            .and_then(|frame| read_size(&frame.image).ok());
+        let size = sequence.frames.first().and_then(|frame| frame.size().ok());
         Self {
             name: sequence.name.clone(),
             portion: Portion::of(&pairs),
@@ -69,6 +66,37 @@ impl DatasetFacts {
         match self.resolution {
             Some((width, height)) => format!("{width} × {height}"),
             None => super::numbers::NONE.to_owned(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use matchbench_vision::geometry::Camera;
+    use nalgebra::Isometry3;
+
+    use super::*;
+    use crate::datasets::{Frame, Turn};
+
+    #[test]
+    fn the_size_is_that_of_the_turned_image() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let image = folder.path().join("0.pgm");
+        fs::write(&image, [b"P5 3 2 255\n", &[0; 6][..]].concat()).expect("writable");
+        let camera = Camera::pinhole(1.0, 1.0, 1.0, 1.0);
+        let mut sequence = Sequence {
+            name: "room".into(),
+            frames: vec![Frame::with_pose(image, camera, Isometry3::identity())],
+            pairs: Vec::new(),
+        };
+        for (turn, size) in [(Turn::None, (3, 2)), (Turn::Quarter, (2, 3))] {
+            sequence.frames[0].turn = turn;
+            let facts = DatasetFacts::of_sequence(folder.path(), &sequence);
+            assert_eq!(facts.resolution, Some(size));
+            let thumbnail = facts.thumbnail.expect("it can be read");
+            assert_eq!(thumbnail.original, size);
         }
     }
 }

@@ -10,10 +10,10 @@ use crate::metrics::{
 use super::content::Content;
 use super::latex::sequence_numbers;
 use super::numbers::short;
-use super::overview::{Overview, REFERENCE};
+use super::overview::Overview;
 use super::svg::{
-    ApSeries, Axes, Curve, Dot, Rival, Target, ap_bars, ap_panel, forest, heat_map,
-    reliability_diagram, scatter, sp_curves, strata_curves,
+    ApSeries, Axes, Curve, Dot, Rival, Target, ap_bars, ap_panel, forest, reliability_diagram,
+    scatter, sp_curves, strata_curves,
 };
 use super::words::advantage;
 
@@ -67,8 +67,8 @@ fn named(overview: &Overview<'_>, column: usize) -> String {
 /// Number and name of a matcher, and its AUC in each range.
 type Line<'a> = (usize, &'a str, Vec<Option<f64>>);
 
-/// The ranges of a difficulty, and the AUC of every matcher in each range. Empty if the difficulty is not known
-/// on this dataset.
+/// The ranges of a difficulty, and the AUC of every matcher in each range. If there are both poses and
+/// homographies, of poses. `None` if the difficulty is not known on this dataset.
 pub(super) fn difficulty_lines<'a>(
     content: &Content,
     overview: &'a Overview<'_>,
@@ -87,7 +87,9 @@ pub(super) fn difficulty_lines<'a>(
         (low, high) => format!("{low}–{high}"),
     };
     let ranges: Vec<String> = strata.iter().map(label).collect();
+    let model = overview.model(column);
     let lines = (overview.ranked(column).into_iter())
+        .filter(|(_, summary)| summary.model == model)
         .filter_map(|(row, summary)| {
             let set = set_of(content, summary)?;
             Some((
@@ -277,58 +279,6 @@ pub(super) fn leads_on<'a>(
     (content.leads.iter()).filter(move |lead| lead.dataset == dataset && lead.model == model)
 }
 
-/// AUC of matchers by estimators on one dataset, or the mean over all datasets, of those that were run on all of
-/// them. `None` if there is only one estimator, or no AUC.
-pub(super) fn estimator_figure(
-    summaries: &[Summary],
-    dataset: Option<&str>,
-    target: Target,
-) -> Option<String> {
-    let mut matchers: Vec<&str> = Vec::new();
-    let mut estimators: Vec<&str> = Vec::new();
-    for summary in summaries {
-        if !matchers.contains(&&*summary.matcher) {
-            matchers.push(&summary.matcher);
-        }
-        if !estimators.contains(&&*summary.estimator) {
-            estimators.push(&summary.estimator);
-        }
-    }
-    estimators.sort_by_key(|id| *id != REFERENCE);
-    if estimators.len() < 2 {
-        return None;
-    }
-    let datasets: BTreeSet<&str> = (summaries.iter().map(|s| &*s.dataset))
-        .filter(|name| dataset.is_none_or(|one| one == *name))
-        .collect();
-    let mean = |matcher: &str, estimator: &str| {
-        let on = |name: &&str| {
-            let of = |s: &&Summary| {
-                s.dataset == **name && s.matcher == matcher && s.estimator == estimator
-            };
-            summaries.iter().find(of)?.auc().value
-        };
-        let values: Option<Vec<f64>> = datasets.iter().map(on).collect();
-        values.map(|values| values.iter().sum::<f64>() / values.len().max(1) as f64)
-    };
-    let cells: Vec<Vec<Option<f64>>> = (matchers.iter())
-        .map(|matcher| {
-            estimators
-                .iter()
-                .map(|estimator| mean(matcher, estimator))
-                .collect()
-        })
-        .collect();
-    if cells.iter().flatten().all(Option::is_none) {
-        return None;
-    }
-    let title = format!(
-        "AUC by estimator: {}",
-        dataset.unwrap_or("mean over all datasets")
-    );
-    Some(heat_map(target, &title, &matchers, &estimators, &cells))
-}
-
 /// The curve of a summary for one angle of the error. For homographies the curve of the corner error is used
 /// instead of that of the pose error; the other angles have none.
 pub(super) fn success_curve(summary: &Summary, angle: Angle) -> Option<&SuccessCurve> {
@@ -476,7 +426,7 @@ pub(super) fn ap_figure(overview: &Overview<'_>, column: usize, target: Target) 
 #[cfg(test)]
 mod tests {
     use super::super::RunFacts;
-    use super::super::tests::{homography_results, results, summary};
+    use super::super::tests::{homography_results, results};
     use super::*;
     use crate::metrics::Bootstrap;
 
@@ -497,22 +447,25 @@ mod tests {
     }
 
     #[test]
-    fn a_mean_over_all_datasets_is_of_all_of_them() {
-        let by = |dataset: &str, matcher: &str, tenths, estimator: &str| Summary {
-            estimator: estimator.into(),
-            ..summary(dataset, matcher, tenths)
-        };
-        let mut summaries = vec![
-            by("wall", "sift", 7, "ransac-e"),
-            by("room", "sift", 5, "ransac-e"),
-            by("wall", "sift", 9, "best"),
+    fn poses_and_homographies_share_no_axis_of_difficulty() {
+        let sets = vec![
+            homography_results("wall", "sift", 1.0),
+            results("wall", "sift", 7),
         ];
-        let svg = estimator_figure(&summaries, None, Target::File).expect("two estimators");
-        assert!(svg.contains("0.600") && !svg.contains("0.900"), "{svg}");
-        summaries.remove(1);
-        summaries.push(by("room", "orb", 5, "best"));
-        assert!(estimator_figure(&summaries, None, Target::File).is_none());
-        assert!(estimator_figure(&summaries, Some("wall"), Target::File).is_some());
+        let mut content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+        let known = |a: u32| PairGeometry {
+            baseline: Some(f64::from(a)),
+            view_angle: None,
+            overlap: 0.5,
+            is_measured: false,
+        };
+        let pairs = (0..10).map(|a| ((a, a + 1), known(a)));
+        content.geometry.insert("wall".into(), pairs.collect());
+        let overview = Overview::new(&content.summaries);
+        let lines = difficulty_lines(&content, &overview, 0, Difficulty::Baseline);
+        let (_, lines) = lines.expect("the baselines are known");
+        let names: Vec<&str> = lines.iter().map(|(_, name, _)| *name).collect();
+        assert_eq!(names, ["ransac-e"]);
     }
 
     #[test]

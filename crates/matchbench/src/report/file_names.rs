@@ -22,7 +22,12 @@ fn file_name(dataset: &str, taken: &mut BTreeSet<String>) -> String {
         })
         .take(80)
         .collect();
-    let mut name = plain.clone();
+    unique(&plain, taken)
+}
+
+/// The name, with a number after it if another has it, also if upper and lower case are not distinguished.
+pub(super) fn unique(plain: &str, taken: &mut BTreeSet<String>) -> String {
+    let mut name = plain.to_owned();
     let mut number = 2;
     while !taken.insert(name.to_ascii_lowercase()) {
         name = format!("{plain}-{number}");

@@ -12,15 +12,16 @@ use rayon::prelude::*;
 use serde_json::Value;
 
 use crate::files::{link_on_the_way, read_text, remove_leftovers_below, write_whole_file};
-use crate::metrics::{Angle, Portion};
+use crate::metrics::{Angle, Model, Portion};
 
 use super::again::Again;
+use super::by_estimator::estimator_figure;
 use super::content::Content;
 use super::figures::{
-    Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, estimator_figure,
-    lead_figure, reliabilities, reliability_figure, sp_figure, time_figure,
+    Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, lead_figure,
+    reliabilities, reliability_figure, sp_figure, time_figure,
 };
-use super::file_names::file_names;
+use super::file_names::{file_names, unique};
 use super::overview::Overview;
 use super::pair_table::columns;
 use super::raster::png;
@@ -107,6 +108,9 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
 /// not have.
 const LIST: &str = ".files";
 
+/// What every page of a report says, and every page of the paper.
+const OURS: [&str; 2] = ["matchbench", "MatchBench: tables and figures, run again"];
+
 /// Writes the files of a report.
 pub(super) struct Pages<'a> {
     folder: &'a Path,
@@ -117,7 +121,7 @@ impl<'a> Pages<'a> {
     /// Refuses a folder whose page is not a report, since that page would be overwritten.
     pub(super) fn new(folder: &'a Path) -> io::Result<Self> {
         let page = folder.join("index.html");
-        let is_report = |page: String| page.contains("matchbench");
+        let is_report = |page: String| OURS.iter().any(|words| page.contains(words));
         if !folder.join(LIST).exists() && read_text(&page).is_ok_and(|page| !is_report(page)) {
             return Err(io::Error::new(
                 io::ErrorKind::AlreadyExists,
@@ -129,6 +133,39 @@ impl<'a> Pages<'a> {
             folder,
             written: Mutex::default(),
         })
+    }
+
+    /// Refuses the folder if one of the files that will be written there is somebody else's: no earlier report
+    /// listed it. In a folder without a list all are taken for ours if its page is, since early versions wrote
+    /// no list.
+    pub(super) fn refuse_others(&self, names: &[&str]) -> io::Result<()> {
+        let list = self.folder.join(LIST);
+        if !list.exists() && self.folder.join("index.html").exists() {
+            return Ok(());
+        }
+        let earlier = read_text(&list).unwrap_or_default();
+        let is_other = |name: &&&str| {
+            !earlier.lines().any(|own| own == **name) && self.folder.join(name).exists()
+        };
+        match names.iter().find(is_other) {
+            Some(name) => Err(io::Error::new(
+                io::ErrorKind::AlreadyExists,
+                format!(
+                    "{} is not of an earlier report; write into another folder",
+                    self.folder.join(name).display()
+                ),
+            )),
+            None => Ok(()),
+        }
+    }
+
+    /// The same, and lists these files before they are written, so that they are known as ours even if the report
+    /// is interrupted.
+    pub(super) fn claim(&self, names: &[&str]) -> io::Result<()> {
+        self.refuse_others(names)?;
+        let earlier = read_text(&self.folder.join(LIST)).unwrap_or_default();
+        let all: BTreeSet<&str> = earlier.lines().chain(names.iter().copied()).collect();
+        write_list(self.folder, all)
     }
 
     /// Writes one file; its name is relative to the folder.
@@ -156,10 +193,14 @@ impl<'a> Pages<'a> {
                 let _ = fs::remove_file(self.folder.join(path));
             }
         }
-        let names: Vec<String> = written.into_iter().collect();
-        let listed = names.join("\n") + "\n";
-        write_own(self.folder, Path::new(LIST), listed.as_bytes())
+        write_list(self.folder, written.iter().map(String::as_str))
     }
+}
+
+fn write_list<'n>(folder: &Path, names: impl IntoIterator<Item = &'n str>) -> io::Result<()> {
+    let names: Vec<&str> = names.into_iter().collect();
+    let listed = names.join("\n") + "\n";
+    write_own(folder, Path::new(LIST), listed.as_bytes())
 }
 
 /// Writes a file of a report. Folders of reports can come from other people, so a file that a link in such a
@@ -175,7 +216,7 @@ fn write_own(folder: &Path, name: &Path, contents: &[u8]) -> io::Result<()> {
 /// A figure: its name, its drawing and its specification.
 type Figure = (String, String, Value);
 
-/// Every figure.
+/// Every figure. No two names are equal, whatever the datasets are called.
 fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
     let panel = |portion: Portion| {
         let svg = ap_panel_figure(overview, portion, Target::File)?;
@@ -222,10 +263,24 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
             let spec = vega::time(content, overview, column);
             figures.push((format!("time-{name}"), svg, spec));
         }
-        if let Some(svg) = estimator_figure(&content.summaries, Some(dataset), Target::File) {
-            let spec = vega::estimators(&content.summaries, dataset);
-            figures.push((format!("estimators-{name}"), svg, spec));
+        for model in [Model::Pose, Model::Homography] {
+            let (summaries, on) = (&content.summaries, Some(*dataset));
+            if let Some(svg) = estimator_figure(summaries, on, model, Target::File) {
+                let spec = vega::estimators(summaries, dataset, model);
+                let prefix = match model {
+                    Model::Homography if overview.model(column) == Model::Pose => {
+                        "estimators-homographies"
+                    }
+                    _ => "estimators",
+                };
+                figures.push((format!("{prefix}-{name}"), svg, spec));
+            }
         }
+    }
+    // `sp-rotation-room` is a figure of `room` and one of `rotation-room`.
+    let mut taken = BTreeSet::new();
+    for (name, ..) in &mut figures {
+        *name = unique(name, &mut taken);
     }
     figures
 }
@@ -287,6 +342,28 @@ mod tests {
         write_report(folder.path(), &content(&[("a", "sift", 4)])).expect("it is ours");
         assert!(figure("a").is_file() && figure("mine").is_file());
         assert!(!figure("b").exists(), "a figure of the report before");
+    }
+
+    #[test]
+    fn figures_of_datasets_with_odd_names_do_not_replace_each_other() {
+        let names = ["room", "rotation-room", "wide-baselines"];
+        let content = content(&names.map(|name| (name, "sift", 4)));
+        let figures = figures(&content, &Overview::new(&content.summaries));
+        let names: BTreeSet<&str> = figures.iter().map(|(name, ..)| &**name).collect();
+        assert_eq!(names.len(), figures.len());
+        for (name, text) in [
+            ("sp-rotation-room", "SP curves of the rotation: room ("),
+            ("sp-rotation-room-2", "SP curves: rotation-room ("),
+            ("ap-wide-baselines", "AP bars at 5 degrees: wide baselines"),
+            (
+                "ap-wide-baselines-2",
+                "AP bars at 5 degrees: wide-baselines (",
+            ),
+        ] {
+            let figure = figures.iter().find(|(other, ..)| other == name);
+            let (_, svg, _) = figure.expect("there is one");
+            assert!(svg.contains(text), "{name}: {svg}");
+        }
     }
 
     #[test]

@@ -164,9 +164,13 @@ pub(super) fn comment(text: &str) -> String {
     text.replace(char::is_control, " ")
 }
 
-/// A name as plain text.
+/// A name as plain text. After the end of a row or a rule, a `[` or `*` at the beginning would be its argument.
 pub(super) fn escape(name: &str) -> String {
     let mut text = String::new();
+    let is_space = |c: char| c.is_whitespace() || c.is_control();
+    if name.trim_start_matches(is_space).starts_with(['[', '*']) {
+        text.push_str("{}");
+    }
     for c in name.chars() {
         match c {
             '\\' => text.push_str("\\textbackslash{}"),
@@ -248,5 +252,10 @@ mod tests {
             escape("50%_of $x^2 & {a}~#\\"),
             "50\\%\\_of \\$x\\textasciicircum{}2 \\& \\{a\\}\\textasciitilde{}\\#\\textbackslash{}"
         );
+        // `\\` would take these for its argument, and a rule of booktabs too.
+        for name in ["[1pt]", "*", "\n [a"] {
+            assert!(escape(name).starts_with("{}"), "{name}");
+        }
+        assert_eq!(escape("a[1]*"), "a[1]*");
     }
 }

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::counted::counted;
 use crate::metrics::{Bootstrap, Model, Portion};
-use crate::records::{MIN_MATCHES, MIN_SUPPORT};
+use crate::records::{MIN_MATCHES, MIN_SUPPORT, Plan};
 
 use super::citations::{BENCHMARK, TOOL, citations};
 use super::content::Content;
@@ -55,9 +55,8 @@ pub(super) fn latex(content: &Content) -> String {
 
 fn pieces(content: &Content) -> Vec<Piece> {
     let summaries = &content.summaries;
-    let plan: Value = (content.facts.plan.as_deref())
-        .and_then(|plan| serde_json::from_str(plan).ok())
-        .unwrap_or_default();
+    let plan = content.plan();
+    let planned = || plan.iter().flat_map(|plan| &plan.matchers);
     let mut pieces = Vec::new();
     let mut say = |text: String| pieces.push(Piece::Text(text));
     if summaries.is_empty() {
@@ -100,7 +99,8 @@ fn pieces(content: &Content) -> Vec<Piece> {
     }
     pieces.push(Piece::Text("The matchers are ".to_owned()));
     for (i, matcher) in matchers.iter().enumerate() {
-        let name = title(matcher) + &changed(&plan["matchers"], matcher);
+        let params = planned().map(|planned| (&*planned.id, &planned.params));
+        let name = title(matcher) + &changed(params, matcher);
         push(
             &mut pieces,
             i,
@@ -109,12 +109,6 @@ fn pieces(content: &Content) -> Vec<Piece> {
             &references(matcher, "")[..1],
         );
     }
-    // Every matcher lists its own estimators; those with the same name have the same parameters everywhere.
-    let planned: Value = (plan["matchers"].as_array().into_iter().flatten())
-        .filter_map(|matcher| matcher["estimators"].as_array())
-        .flatten()
-        .cloned()
-        .collect();
     let of = |model| summaries.iter().any(|s| s.model == model);
     let estimated = match (of(Model::Pose), of(Model::Homography)) {
         (_, false) => "pose",
@@ -128,7 +122,9 @@ fn pieces(content: &Content) -> Vec<Piece> {
         } else {
             (*estimator).to_owned()
         };
-        name += &changed(&planned, estimator);
+        // Every matcher lists its own estimators; those with the same name have the same parameters everywhere.
+        let params = planned().flat_map(|matcher| &matcher.estimators);
+        name += &changed(params.map(|e| (&*e.id, &e.params)), estimator);
         if its.len() < matchers.len() {
             let its: Vec<String> = its.iter().map(|id| title(id)).collect();
             let _ = write!(name, " (for {})", its.join(", "));
@@ -141,7 +137,7 @@ fn pieces(content: &Content) -> Vec<Piece> {
             &references("", estimator)[1..],
         );
     }
-    pieces.push(Piece::Text(protocol(content, &plan)));
+    pieces.push(Piece::Text(protocol(content, plan.as_ref())));
     pieces
 }
 
@@ -188,17 +184,13 @@ fn data(content: &Content) -> String {
 }
 
 /// Parameters of the plan that are not the defaults: ` (ratio = 0.7)`.
-fn changed(entries: &Value, id: &str) -> String {
+fn changed<'p>(mut planned: impl Iterator<Item = (&'p str, &'p Value)>, id: &str) -> String {
     let Some(defaults) = defaults(id) else {
         return String::new();
     };
-    let its = |entry: &&Value| entry["id"] == id;
-    let entry = entries
-        .as_array()
-        .and_then(|entries| entries.iter().find(its));
     let mut found = Vec::new();
-    if let Some(entry) = entry {
-        differences("", &entry["params"], &defaults, &mut found);
+    if let Some((_, params)) = planned.find(|(other, _)| *other == id) {
+        differences("", params, &defaults, &mut found);
     }
     match found.len() {
         0 => String::new(),
@@ -222,7 +214,7 @@ fn differences(path: &str, value: &Value, default: &Value, found: &mut Vec<Strin
     }
 }
 
-fn protocol(content: &Content, plan: &Value) -> String {
+fn protocol(content: &Content, plan: Option<&Plan>) -> String {
     let bootstrap = Bootstrap::default();
     let repetitions = content
         .summaries
@@ -261,7 +253,8 @@ fn protocol(content: &Content, plan: &Value) -> String {
             " Every pair was run {repetitions} times with other random choices."
         );
     }
-    if let Some(seed) = plan["settings"]["seed"].as_u64() {
+    if let Some(plan) = plan {
+        let seed = plan.settings.seed;
         let _ = write!(text, " All random choices follow from the seed {seed}.");
     }
     text.push_str(" Parameters are the defaults of this version where none are named.");
@@ -285,7 +278,8 @@ mod tests {
         ]);
         content.summaries[1].estimator = "rich".into();
         content.facts.plan = Some(
-            r#"{"settings": {"seed": 7}, "matchers": [{"id": "sift", "params": {"ratio": 0.7},
+            r#"{"version": "0.1.0", "settings": {"seed": 7, "repetitions": 1, "limit": null}, "datasets": [],
+                "matchers": [{"id": "sift", "params": {"ratio": 0.7},
                 "estimators": [{"id": "ransac-e", "params": {"threshold_px": 3.0}}]}]}"#
                 .into(),
         );

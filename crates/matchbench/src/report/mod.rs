@@ -7,6 +7,7 @@
 mod again;
 mod booktabs;
 mod bundle;
+mod by_estimator;
 mod citations;
 mod command_line;
 mod content;
@@ -67,7 +68,7 @@ pub use pair_view::{
     EpipolarLines, MatchView, PairPoses, PairView, Points, Tally, Thumbnail, epipolar_lines,
     evenly, match_views,
 };
-pub use paper::{PaperTimes, write_paper};
+pub use paper::{PaperTimes, check_paper_folder, write_paper};
 pub use picture::{picture_png, picture_svg};
 pub use pictures::view;
 pub use protocol_table::render_protocols;

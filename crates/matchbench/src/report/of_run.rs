@@ -162,13 +162,10 @@ fn write(run: &RunFolder, options: &ReportOptions<'_>, content: &Content) -> io:
 
 fn facts(run: &RunFolder) -> Result<RunFacts, FolderError> {
     let plan = run.plan();
+    // Nothing of the machine that writes the report: the run may have been done elsewhere.
     let mut facts = vec![
         ("version".into(), format!("matchbench {}", plan.version)),
         ("seed".into(), plan.settings.seed.to_string()),
-        (
-            "platform".into(),
-            format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
-        ),
     ];
     let tuned = run.tuned()?;
     facts.extend((tuned.iter()).map(|tuned| ("tuned parameter".to_owned(), tuned.in_words())));

@@ -228,7 +228,11 @@ impl<'a> Overview<'a> {
 
     /// The number of pairs from which the numbers of a dataset are computed: `171 pairs`.
     pub(super) fn pairs(&self, column: usize) -> String {
-        let Some(summary) = self.first(column) else {
+        self.pairs_of(column, self.model(column))
+    }
+
+    fn pairs_of(&self, column: usize, model: Model) -> String {
+        let Some(summary) = self.first(column, model) else {
             return String::new();
         };
         let pairs = counted(summary.pairs / summary.repetitions.max(1) as usize, "pair");
@@ -238,18 +242,25 @@ impl<'a> Overview<'a> {
         }
     }
 
-    fn first(&self, column: usize) -> Option<&'a Summary> {
-        let mut cells = self
+    fn first(&self, column: usize, model: Model) -> Option<&'a Summary> {
+        let cells = self
             .rows
             .iter()
             .filter_map(|row| row.cells[column].as_ref());
-        cells.next().map(|cell| cell.summary)
+        let mut summaries = cells.map(|cell| cell.summary);
+        summaries.find(|summary| summary.model == model)
     }
 
-    /// Pairs, and the names that stand in no label: `171 pairs, ransac-e`.
+    /// Pairs, and the names that stand in no label: `171 pairs, ransac-e`. If there are both poses and
+    /// homographies, of poses.
     pub(super) fn basis(&self, column: usize) -> String {
-        let mut basis = self.pairs(column);
-        let Some(summary) = self.first(column) else {
+        self.basis_of(column, self.model(column))
+    }
+
+    /// The same of what was estimated of this kind.
+    pub(super) fn basis_of(&self, column: usize, model: Model) -> String {
+        let mut basis = self.pairs_of(column, model);
+        let Some(summary) = self.first(column, model) else {
             return basis;
         };
         let silent = match self.subject {
@@ -262,7 +273,7 @@ impl<'a> Overview<'a> {
         if !silent.is_empty() {
             let _ = write!(basis, ", {silent}");
         }
-        if self.model(column) == Model::Homography {
+        if model == Model::Homography {
             basis.push_str(", AUC at 3 px");
         }
         basis

@@ -9,6 +9,7 @@ use crate::metrics::{
     Angle, Model, Portion, Reliability, ReliabilityRange, Score, Summary, THRESHOLDS,
 };
 
+use super::by_estimator;
 use super::content::Content;
 use super::figures::{
     Difficulty, accuracies, difficulty_lines, leads_on, seconds_for_a_pair, success_curve,
@@ -207,11 +208,11 @@ pub(super) fn time(content: &Content, overview: &Overview<'_>, column: usize) ->
     )
 }
 
-/// AUC of matchers by estimators on one dataset.
-pub(super) fn estimators(summaries: &[Summary], dataset: &str) -> Value {
+/// AUC of matchers by the estimators of one model on one dataset.
+pub(super) fn estimators(summaries: &[Summary], dataset: &str, model: Model) -> Value {
     let rows = summaries
         .iter()
-        .filter(|s| s.dataset == dataset)
+        .filter(|s| s.dataset == dataset && s.model == model)
         .map(|s| json!({"matcher": s.matcher, "estimator": s.estimator, "auc": s.auc().value}));
     let encoding = json!({
         "x": {"field": "estimator", "type": "nominal", "sort": null},
@@ -219,7 +220,7 @@ pub(super) fn estimators(summaries: &[Summary], dataset: &str) -> Value {
         "color": {"field": "auc", "type": "quantitative", "title": "AUC"},
     });
     figure(
-        format!("AUC by estimator: {dataset}"),
+        format!("{}: {dataset}", by_estimator::title(model)),
         rows.collect(),
         json!({"mark": "rect", "encoding": encoding}),
     )
@@ -305,7 +306,7 @@ mod tests {
         check(&lead(&content, &overview, 0));
         check(&difficulty(&content, &overview, 0, Difficulty::Overlap).expect("it is known"));
         check(&time(&content, &overview, 0));
-        check(&estimators(&content.summaries, "01-room"));
+        check(&estimators(&content.summaries, "01-room", Model::Pose));
         let panel = ap_panel(&overview, Portion::Wide);
         assert_eq!(
             panel["data"]["values"][0],

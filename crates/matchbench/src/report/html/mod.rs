@@ -34,10 +34,10 @@ use crate::metrics::{
 };
 
 use super::again::Again;
+use super::by_estimator::estimator_figure;
 use super::content::Content;
 use super::figures::{
-    accuracy_figure, ap_figure, ap_panel_figure, estimator_figure, lead_figure, sp_figure,
-    time_figure, untimed,
+    accuracy_figure, ap_figure, ap_panel_figure, lead_figure, sp_figure, time_figure, untimed,
 };
 use super::method;
 use super::numbers::{self, interval};
@@ -78,6 +78,17 @@ impl Default for Extent {
     }
 }
 
+impl Extent {
+    /// The file with all pairs: beside the page, or embedded in it.
+    fn all_pairs(&self) -> Option<&'static str> {
+        if self.files.is_empty() {
+            return Some("tables/pairs.csv");
+        }
+        let mut embedded = self.files.iter().map(|(name, _)| *name);
+        embedded.find(|name| *name == "pairs.csv")
+    }
+}
+
 /// The page as text, for the folder of a report.
 pub(super) fn render(content: &Content) -> String {
     render_extent(content, &Extent::default())
@@ -98,7 +109,7 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         title => &facts.title,
         style => include_str!("style.css"),
         script => include_str!("script.js"),
-        headline => headline(&overview),
+        headlines => headlines(&overview),
         gallery => gallery(content),
         datasets => overview.datasets.len(),
         compared => compared(summaries),
@@ -195,28 +206,48 @@ fn template<'a>(environment: &'a Environment<'_>, name: &str) -> Template<'a, 'a
     environment.get_template(name).expect("it was added")
 }
 
-/// A sentence about the best matcher, which is the one that leads on most datasets.
-fn headline(overview: &Overview<'_>) -> Option<Value> {
-    let wins = |i: usize| {
-        let cells = overview.rows[i].cells.iter().flatten();
-        cells.filter(|cell| cell.rank == Some(1)).count()
+/// A sentence about the best matcher, which is the one that leads on most datasets. If there are both poses and
+/// homographies, one sentence about each.
+fn headlines(overview: &Overview<'_>) -> Vec<Value> {
+    let models = [Model::Pose, Model::Homography];
+    let both = models.iter().all(|&model| overview.has(model));
+    let each = models.into_iter().filter_map(|model| {
+        let of = match model {
+            _ if !both => "",
+            Model::Pose => " of poses",
+            Model::Homography => " of homographies",
+        };
+        headline(overview, model, of)
+    });
+    each.collect()
+}
+
+fn headline(overview: &Overview<'_>, model: Model, of: &str) -> Option<Value> {
+    let cells = |i: usize| {
+        let cells = overview.rows[i].cells.iter().enumerate();
+        let cells = cells.filter_map(|(column, cell)| Some((column, cell.as_ref()?)));
+        cells.filter(move |(_, cell)| cell.summary.model == model)
     };
-    let most = (0..overview.rows.len())
-        .map(wins)
-        .max()
-        .filter(|&n| n > 0)?;
-    let winners: Vec<&str> = (0..overview.rows.len())
+    let rivals = || (0..overview.rows.len()).filter(|&i| cells(i).next().is_some());
+    let wins = |i: usize| cells(i).filter(|(_, cell)| cell.rank == Some(1)).count();
+    let most = rivals().map(wins).max().filter(|&n| n > 0)?;
+    let winners: Vec<&str> = rivals()
         .filter(|&i| wins(i) == most)
         .map(|i| &*overview.rows[i].label)
         .collect();
-    let many = format!("{} of {}", winners.len(), overview.rows.len());
+    let many = format!("{} of {}", winners.len(), rivals().count());
     let names = match winners.split_last() {
         _ if winners.len() > MOST_WINNERS => many,
         Some((last, [])) => (*last).to_owned(),
         Some((last, others)) => format!("{} and {last}", others.join(", ")),
         None => return None,
     };
-    Some(context! { names, several => winners.len() > 1, most })
+    let columns: BTreeSet<usize> = rivals().flat_map(cells).map(|(column, _)| column).collect();
+    let only = columns.first().filter(|_| columns.len() == 1);
+    let only = only.map(|&column| overview.datasets[column]);
+    Some(
+        context! { names, several => winners.len() > 1, of, most, datasets => columns.len(), only },
+    )
 }
 
 /// What is compared, counted or named: `8 matchers with 3 estimators`, `8 matchers with ransac-e`.
@@ -353,19 +384,35 @@ fn scatters(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
         .collect()
 }
 
-/// Matchers by estimators: the mean over all datasets, then each.
+/// Matchers by estimators: the mean over all datasets, then each. Poses and homographies apart.
 fn estimators(summaries: &[Summary], overview: &Overview<'_>) -> Vec<Value> {
-    let figure = |name: &str, basis: String, dataset| {
-        let svg = estimator_figure(summaries, dataset, Target::Page)?;
+    let models = [Model::Pose, Model::Homography];
+    let figure = |name: &str, basis: String, dataset, model| {
+        let svg = estimator_figure(summaries, dataset, model, Target::Page)?;
         Some(context! { dataset => name, basis, svg => Value::from_safe_string(svg) })
     };
-    let several = overview.datasets.len() > 1;
-    let mean = several
-        .then(|| figure("Mean over all datasets", String::new(), None))
-        .flatten();
+    let means = models.into_iter().filter_map(|model| {
+        let of_model = summaries.iter().filter(|s| s.model == model);
+        let datasets: BTreeSet<&str> = of_model.map(|s| &*s.dataset).collect();
+        let name = match model {
+            _ if datasets.len() < 2 => return None,
+            _ if datasets.len() == overview.datasets.len() => "Mean over all datasets",
+            Model::Pose => "Mean over all datasets with poses",
+            Model::Homography => "Mean over all datasets with homographies",
+        };
+        let basis = match model {
+            Model::Pose => String::new(),
+            Model::Homography => "AUC at 3 px".to_owned(),
+        };
+        figure(name, basis, None, model)
+    });
     let each = (overview.datasets.iter().enumerate())
-        .filter_map(|(column, dataset)| figure(dataset, overview.basis(column), Some(dataset)));
-    mean.into_iter().chain(each).collect()
+        .flat_map(|(column, dataset)| models.map(|model| (column, *dataset, model)))
+        .filter_map(|(column, dataset, model)| {
+            let basis = overview.basis_of(column, model);
+            figure(dataset, basis, Some(dataset), model)
+        });
+    means.chain(each).collect()
 }
 
 /// Names of a row, and its numbers as text.

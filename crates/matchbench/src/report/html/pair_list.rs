@@ -32,6 +32,9 @@ struct Data<'a> {
     distances: [(&'static str, &'static str); 4],
     /// Images as data URLs.
     images: Vec<String>,
+    /// The file with the pairs that are not listed; absent if there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    all_pairs: Option<&'static str>,
 }
 
 /// The pairs of one dataset, column by column; angles are in hundredths of a degree.
@@ -119,6 +122,7 @@ pub(super) fn data(content: &Content, overview: &Overview<'_>, extent: &Extent) 
         reasons: FAILURES.map(reason),
         distances: DISTANCES,
         images: images.urls,
+        all_pairs: extent.all_pairs(),
     };
     // Inside `script`, HTML only looks for the end tag; `<` is escaped so that there is no such tag in the
     // data.

@@ -250,7 +250,7 @@
         return row;
       }));
       const end = Math.min(start + PAGE, order.length);
-      const left = d.left_out ? `; ${d.left_out} more in tables/pairs.csv` : "";
+      const left = d.left_out ? `; ${d.left_out} more${data.all_pairs ? ` in ${data.all_pairs}` : ""}` : "";
       byId("range").textContent = order.length ? `${start + 1} to ${end} of ${order.length}${left}` : `none${left}`;
       byId("before").disabled = start === 0;
       byId("after").disabled = end === order.length;

@@ -1,9 +1,9 @@
 //! What stands on the page, and where it stands.
 
-use super::super::tests::{content, homographies};
+use super::super::tests::{content, homographies, homography_results};
 use super::super::{DatasetFacts, RunFacts};
 use super::*;
-use crate::metrics::{Portion, Quartiles, SCORES};
+use crate::metrics::{Bootstrap, Portion, Quartiles, SCORES};
 
 fn page(sets: &[(&str, &str, u32)], title: &str) -> String {
     let mut content = content(sets);
@@ -141,6 +141,28 @@ fn what_only_some_reports_have_is_there_where_they_have_it() {
     content.geometry.insert("room".into(), pairs.collect());
     let page = render(&content);
     assert!(page.contains("chart heat") && page.contains("chart strata"));
+}
+
+#[test]
+fn the_best_of_poses_and_of_homographies_are_named_apart() {
+    let mut content = content(&[("room", "sift", 4), ("room", "orb", 2)]);
+    let lead = "has the highest AUC";
+    assert!(render(&content).contains(&format!("<strong>sift</strong> {lead} on <bdi>room<")));
+    let sets = [
+        homography_results("room", "sift", 3.0),
+        homography_results("room", "orb", 1.0),
+    ];
+    let sets = content.results.iter().cloned().chain(sets).collect();
+    content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+    let page = render(&content);
+    for line in [
+        format!("<strong>sift + ransac-e</strong> {lead} of poses on <bdi>room<"),
+        format!("<strong>orb + best-h</strong> {lead} of homographies on <bdi>room<"),
+    ] {
+        assert!(page.contains(&line), "{line}");
+    }
+    // Each model has one estimator: there is nothing to compare in a heat map.
+    assert!(!page.contains("chart heat"));
 }
 
 #[test]

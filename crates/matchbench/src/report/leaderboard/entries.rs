@@ -128,10 +128,11 @@ impl Reader<'_> {
         if each.is_empty() {
             return Err("the run has no records yet".to_owned());
         }
+        let plan = run.plan().modernized();
         let mut seen = Vec::new();
         for file in each {
             let path = file.file.clone();
-            match self.records(&run, file, &mut seen) {
+            match self.records(&run, &plan, file, &mut seen) {
                 Ok(scored) => self.found.scored.push(scored),
                 Err(reason) => self.refuse(&path, reason),
             }
@@ -143,11 +144,12 @@ impl Reader<'_> {
     fn records(
         &mut self,
         run: &RunFolder,
+        plan: &Plan,
         FileResults { file, results, .. }: FileResults,
         seen: &mut Vec<[String; 3]>,
     ) -> Result<Scored, String> {
         let mut set = results.map_err(|error| error.to_string())?;
-        let (dataset, matcher, estimator) = planned(run.plan(), &set)?;
+        let (dataset, matcher, estimator) = planned(plan, &set)?;
         let names = [&set.dataset, &set.matcher, &set.estimator].map(String::clone);
         if seen.contains(&names) {
             return Err("another file of this run holds the same".to_owned());
@@ -155,12 +157,12 @@ impl Reader<'_> {
         seen.push(names);
         let names = [&*set.dataset, &*set.matcher, &*set.estimator];
         let truth = self.truths.of(dataset);
-        is_finished(run.plan(), dataset, &set, truth)?;
+        is_finished(plan, dataset, &set, truth)?;
         let checked = truth.map_or(Ok(false), |truth| check(run, names, truth))?;
         // Pairs that are missing now are only in the other files, which do not say what is planned.
         set.pairs
             .retain(|pair| pair.outcome != Err(Failure::Missing));
-        let again = command_line::cell(run.plan(), dataset, (matcher, estimator), "again");
+        let again = command_line::cell(plan, dataset, (matcher, estimator), "again");
         let note = match (&again, Origin::of(matcher)) {
             (None, _) => "no command asks for it; its plan says what was run".to_owned(),
             (_, Origin::Native) => String::new(),
@@ -178,7 +180,7 @@ impl Reader<'_> {
             source: Source {
                 file: below_folder(run.path(), &file),
                 blake3: hash(&file)?,
-                version: run.plan().version.clone(),
+                version: plan.version.clone(),
                 checked,
                 commands: again
                     .into_iter()

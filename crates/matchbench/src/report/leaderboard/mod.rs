@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-use crate::metrics::{Bootstrap, Model, ResultSet, Summary, groups};
+use crate::metrics::{Bootstrap, Groups, Model, ResultSet, Summary, groups};
 
 use super::content::{Content, RunFacts};
 use entries::{Entries, Scored};
@@ -167,9 +167,10 @@ fn group(key: Key, scored: Vec<Scored>, keys: &[Key]) -> Group {
         sets.push(set);
         sources.push((name.0, scored.source));
     }
-    let mut content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
     let files: Vec<&str> = sources.iter().map(|(_, source)| &*source.blake3).collect();
-    compare_once(&mut content, &files);
+    let compared = compare_once(&sets, &files);
+    let (bootstrap, facts) = (Bootstrap::default(), RunFacts::default());
+    let content = Content::compared(sets, compared, &bootstrap, facts);
     let mut rows: Vec<Row> = (content.summaries.iter().zip(sources))
         .map(|(summary, (matcher, source))| Row {
             rank: 0,
@@ -208,22 +209,20 @@ fn group(key: Key, scored: Vec<Scored>, keys: &[Key]) -> Group {
 }
 
 /// Compares every file once, however often it was handed in: each more method to compare asks for larger differences
-/// between all others. Copies have the letters of the first.
-fn compare_once(content: &mut Content, files: &[&str]) {
-    let first_of = |file: &&str| files.iter().position(|other| other == file);
-    let first: Vec<usize> = files.iter().filter_map(first_of).collect();
-    let once: Vec<usize> = (0..first.len()).filter(|&i| first[i] == i).collect();
-    if once.len() == files.len() {
-        return;
+/// between all others. Copies differ from what the first differs from, and have its letters.
+fn compare_once(sets: &[ResultSet], files: &[&str]) -> Groups {
+    let mut once: Vec<&str> = Vec::new();
+    let mut distinct: Vec<ResultSet> = Vec::new();
+    let mut places = Vec::with_capacity(files.len());
+    for (set, file) in sets.iter().zip(files) {
+        let place = once.iter().position(|other| other == file);
+        places.push(place.unwrap_or(once.len()));
+        if place.is_none() {
+            once.push(file);
+            distinct.push(set.clone());
+        }
     }
-    let sets: Vec<ResultSet> = once.iter().map(|&i| content.results[i].clone()).collect();
-    let letters = groups(&sets).letters;
-    for (summary, first) in content.summaries.iter_mut().zip(first) {
-        let place = once
-            .binary_search(&first)
-            .expect("the first is one of them");
-        summary.group.clone_from(&letters[place]);
-    }
+    groups(&distinct).of_copies(&places)
 }
 
 /// Adds a note to every file that has exactly the same bytes as that of another row.
@@ -279,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn copies_make_no_difference_to_the_letters_of_others() {
+    fn copies_make_no_difference_to_what_is_certain_of_others() {
         // Worse on six of sixty images: enough for one comparison, not for many.
         let worse = |a: u32| if a.is_multiple_of(10) { 6.0 } else { 3.0 };
         let mut sets = vec![set("good", |_| 3.0), set("worse", worse)];
@@ -295,9 +294,34 @@ mod tests {
             letters(&sets)[1],
             "the test sees nothing"
         );
-        let mut content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
-        compare_once(&mut content, &files);
+        let compared = compare_once(&sets, &files);
+        let (bootstrap, facts) = (Bootstrap::default(), RunFacts::default());
+        let content = Content::compared(sets, compared, &bootstrap, facts);
         let groups: Vec<&str> = content.summaries.iter().map(|row| &*row.group).collect();
         assert_eq!(groups, ["a", "b", "b", "b", "b", "b", "b", "b"]);
+        // What the figure of the leads says agrees with the letters.
+        assert_eq!(content.leads.len(), 7);
+        assert!(content.leads.iter().all(|lead| lead.difference.is_certain));
+    }
+
+    #[test]
+    fn copies_of_the_best_do_not_differ_from_it() {
+        let worse = |a: u32| if a.is_multiple_of(10) { 6.0 } else { 3.0 };
+        let names = ["worse", "good", "again", "copy"];
+        let sets = names.map(|name| match name {
+            "worse" => set(name, worse),
+            _ => set(name, |_| 3.0),
+        });
+        let compared = compare_once(&sets, &["worse", "good", "good", "good"]);
+        assert_eq!(compared.letters, ["b", "a", "a", "a"]);
+        let (bootstrap, facts) = (Bootstrap::default(), RunFacts::default());
+        let content = Content::compared(sets.to_vec(), compared, &bootstrap, facts);
+        let certain: Vec<(&str, bool)> = (content.leads.iter())
+            .map(|lead| (&*lead.other.0, lead.difference.is_certain))
+            .collect();
+        assert_eq!(
+            certain,
+            [("worse", true), ("again", false), ("copy", false)]
+        );
     }
 }

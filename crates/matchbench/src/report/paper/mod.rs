@@ -23,9 +23,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::csv::field;
+use super::folder::Pages;
 use super::raster::png;
 use super::{Content, MatcherTimes};
-use crate::files::write_whole;
 
 /// The content of Table 3, and how it was measured.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -87,35 +87,62 @@ const NOTHING: &str = "/";
 /// Colours of the best three, as the paper has them.
 const RANKS: [&str; 3] = ["red", "green", "blue"];
 
-/// Writes tables, figures, page and document into `folder`, and returns the path of the page. The page links to
-/// the complete report of the run at `report/index.html` in this folder.
+/// All files that a paper can have.
+const FILES: [&str; 14] = [
+    "index.html",
+    "paper.tex",
+    "tables/table1.tex",
+    "tables/table1.csv",
+    "tables/table2.tex",
+    "tables/table2.csv",
+    "tables/table3.tex",
+    "tables/table3.csv",
+    "figures/figure1.svg",
+    "figures/figure1.png",
+    "figures/figure2.svg",
+    "figures/figure2.png",
+    "figures/figure3.svg",
+    "figures/figure3.png",
+];
+
+/// Refuses a folder in which [`write_paper`] would replace files that are not of an earlier paper.
 ///
 /// # Errors
-/// A file that cannot be written.
+/// The error names such a file.
+pub fn check_paper_folder(folder: &Path) -> io::Result<()> {
+    Pages::new(folder)?.refuse_others(&FILES)
+}
+
+/// Writes tables, figures, page and document into `folder`, and returns the path of the page. The page links to
+/// the complete report of the run at `report/index.html` in this folder. Files of an earlier paper are replaced.
+///
+/// # Errors
+/// A file that cannot be written, or that is there and not of an earlier paper.
 pub fn write_paper(folder: &Path, content: &Content, times: &PaperTimes) -> io::Result<PathBuf> {
+    let out = Pages::new(folder)?;
+    out.claim(&FILES)?;
+    let write = |name: &str, contents: &[u8]| out.write(Path::new(name), contents);
     let sheets = [
         tables::datasets(content),
         tables::auc(content),
         tables::speed(times),
     ];
     for sheet in &sheets {
-        let file = |ending: &str| folder.join(format!("tables/{}.{ending}", sheet.name));
-        write_whole(&file("tex"), latex::table(sheet).as_bytes())?;
-        write_whole(&file("csv"), csv(sheet).as_bytes())?;
+        let file = |ending: &str| format!("tables/{}.{ending}", sheet.name);
+        write(&file("tex"), latex::table(sheet).as_bytes())?;
+        write(&file("csv"), csv(sheet).as_bytes())?;
     }
     let figures = figures::all(content);
     figures.par_iter().try_for_each(|figure| {
-        let file = |ending: &str| folder.join(format!("figures/{}.{ending}", figure.name));
-        write_whole(&file("svg"), figure.svg.as_bytes())?;
-        write_whole(&file("png"), &png(&figure.svg, figures::PNG_SCALE)?)
+        let file = |ending: &str| format!("figures/{}.{ending}", figure.name);
+        write(&file("svg"), figure.svg.as_bytes())?;
+        write(&file("png"), &png(&figure.svg, figures::PNG_SCALE)?)
     })?;
-    write_whole(
-        &folder.join("paper.tex"),
-        latex::document(&sheets, &figures).as_bytes(),
-    )?;
-    let page = folder.join("index.html");
-    write_whole(&page, page::render(&sheets, &figures).as_bytes())?;
-    Ok(page)
+    write("paper.tex", latex::document(&sheets, &figures).as_bytes())?;
+    let page = page::render(&sheets, &figures);
+    write("index.html", page.as_bytes())?;
+    out.remove_earlier()?;
+    Ok(folder.join("index.html"))
 }
 
 /// One line per cell: row, column, ours, published. A missing number is an empty field.
@@ -233,5 +260,54 @@ mod tests {
         assert!(names(&short).eq(["figure2", "figure3"]));
         let nothing = write_paper(folder.path(), &Content::default(), &PaperTimes::default());
         assert!(nothing.is_ok());
+    }
+
+    #[test]
+    fn only_files_of_an_earlier_paper_are_replaced_and_removed() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let at = |name: &str| folder.path().join(name);
+        let short = content(&[("01-office", "sift", 4)]);
+        // Somebody's own paper.
+        for name in ["paper.tex", "figures/figure2.png", "index.html"] {
+            let file = at(name);
+            std::fs::create_dir_all(file.parent().expect("it has one")).expect("writable");
+            std::fs::write(&file, "mine").expect("writable");
+            for result in [
+                check_paper_folder(folder.path()),
+                write_paper(folder.path(), &short, &times()).map(drop),
+            ] {
+                let told = result.expect_err("it is not ours").to_string();
+                assert!(told.contains(name), "{told}");
+            }
+            assert_eq!(std::fs::read_to_string(&file).expect("there"), "mine");
+            std::fs::remove_file(&file).expect("it is there");
+        }
+        write_paper(folder.path(), &short, &times()).expect("nothing is in the way");
+        assert!(check_paper_folder(folder.path()).is_ok() && at("figures/figure2.svg").is_file());
+        // Every name is known before it is written.
+        let listed = std::fs::read_to_string(at(".files")).expect("a list");
+        assert!(listed.lines().all(|name| FILES.contains(&name)), "{listed}");
+        // A folder of an earlier version, which kept no list.
+        std::fs::remove_file(at(".files")).expect("it is there");
+        std::fs::write(at("notes.txt"), "mine").expect("writable");
+        write_paper(folder.path(), &short, &times()).expect("its page is ours");
+        write_paper(folder.path(), &scores(), &times()).expect("it is ours");
+        assert!(!at("figures/figure2.svg").exists(), "of the paper before");
+        assert!(at("figures/figure3.svg").is_file() && at("notes.txt").is_file());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_not_written_through() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let elsewhere = folder.path().join("elsewhere");
+        let out = folder.path().join("out");
+        std::fs::create_dir_all(&elsewhere).expect("writable");
+        write_paper(&out, &scores(), &times()).expect("it is ours");
+        std::fs::remove_dir_all(out.join("tables")).expect("it is there");
+        std::os::unix::fs::symlink(&elsewhere, out.join("tables")).expect("writable");
+        let told = write_paper(&out, &scores(), &times()).expect_err("a link");
+        assert!(told.to_string().contains("it is a link"), "{told}");
+        assert_eq!(std::fs::read_dir(&elsewhere).expect("there").count(), 0);
     }
 }
