@@ -6,7 +6,8 @@
 use nalgebra::Matrix3;
 
 /// The transformation that moves the centroid of the points to the origin and makes their mean distance from it
-/// sqrt 2. Not finite if there are no points, or if all points are the same.
+/// sqrt 2. Not finite if there are no points, and huge or not finite if all points are the
+/// same.
 pub(crate) fn normalisation(points: impl Iterator<Item = (f64, f64)> + Clone) -> Matrix3<f64> {
     let count = points.clone().count() as f64;
     let mean_x = points.clone().map(|(x, _)| x).sum::<f64>() / count;

@@ -93,7 +93,8 @@ struct Frames {
 }
 
 impl Frames {
-    /// `None` if there are no points, or if all points of an image are the same.
+    /// `None` if there are no points, and for some where all points of an image are the same: elsewhere the coordinates
+    /// of these are as good as any.
     fn around(pairs: &PointPairs, h: &Matrix3<f64>) -> Option<Self> {
         let of = |x: &[f64], y: &[f64]| {
             let points = x.iter().zip(y).map(|(x, y)| (*x, *y));

@@ -59,8 +59,8 @@ impl Resized {
     /// The size to which an image of `size` is resampled.
     fn size_for(&self, size: Size) -> Size {
         let most = match self.size {
+            _ if size.area() == 0 => return size,
             ImageSize::AtMost(most) => most,
-            ImageSize::Exactly(_) if size.area() == 0 => return size,
             ImageSize::Exactly(exact) => return exact,
         };
         let long = size.width.max(size.height);
@@ -153,6 +153,20 @@ mod tests {
             let square = Seed(4).number((x / side) as u64).number((y / side) as u64);
             square.rng().below(256) as u8
         })
+    }
+
+    #[test]
+    fn an_empty_image_has_no_features_however_long_it_is() {
+        for size in [Size::new(0, 5000), Size::new(5000, 0), Size::new(0, 0)] {
+            for wanted in [
+                ImageSize::AtMost(1000),
+                ImageSize::Exactly(Size::new(64, 64)),
+            ] {
+                let resized = Resized::new(orb(), wanted).expect("in range");
+                let found = resized.extract(&GrayImage::from_vec(size, Vec::new()));
+                assert_eq!(found.expect("it cannot fail").len(), 0);
+            }
+        }
     }
 
     #[test]

@@ -14,12 +14,17 @@
 //! | precise | deviation | how far the pose may be off in degrees, by the noise and the near matches of usual parallax; 0.01 to 180 |
 //! | precise | noise | variance of the distances of near matches in square pixels, at least 0.01 |
 //!
-//! *Near* matches are those within 2 pixels of their epipolar lines. The *number of false alarms* is how many
+//! *Near* matches are those whose Sampson distance is at most 2 pixels. The *number of false alarms* is how many
 //! models with so many near matches are expected if all matches are wrong and spread evenly (Moisan, Stival, "A
 //! Probabilistic Criterion to Detect Rigid Point Matches Between Two Images and Estimate the Fundamental Matrix",
 //! IJCV 57(3), 2004, eq. 13). Samples have five matches here. *Differs*: the factor for the number of models that a
 //! sample allows (3 there, 10 here) is left out. It would lower every significance by 1, and the weights were fitted
-//! without it. Wrong matches are often crowded in few places, which the cells tell.
+//! without it. *Choice*: the chance is that of a point to be within 2 pixels of a line. Where both images look alike, a
+//! Sampson distance of 2 pixels is 2.8 from the line; but the line is taken to be as long as a diagonal, which most
+//! are not. Wrong matches are often crowded in few places, which the cells tell.
+//!
+//! Where chance alone brings as many near matches, very many wrong matches fill most cells. So without any
+//! significance the answer is no overlap, whatever the cells say.
 //!
 //! The *parallax* of a match is the angle between its two rays, with the rotation undone. It is *usual* if it is at
 //! most twice the median plus 0.05 degrees. Wrong matches that are near by chance mostly have a larger parallax.
@@ -51,6 +56,8 @@ pub const RIGHT_POSE: f64 = 10.0;
 const OVERLAP: [f64; 3] = [-10.537, 0.795, 3.049];
 /// w_0, and the weights of deviation and noise.
 const PRECISE: [f64; 3] = [1.486, -1.375, -0.963];
+/// Most that `overlap` may be where chance brings as many near matches: just not the answer that there is overlap.
+const BY_CHANCE: f64 = 0.49;
 /// Distance of near matches in pixels.
 const NEAR_PX: f64 = 2.0;
 /// Least noise of a match in pixels.
@@ -99,6 +106,11 @@ impl TwoViews<'_> {
                 cells[0].min(cells[1]) as f64 + 1.0,
             ],
         );
+        let overlap = if significance > 0.0 {
+            overlap
+        } else {
+            overlap.min(BY_CHANCE)
+        };
         let usual = of_usual_parallax(b_from_a, &near);
         let deviation = pose_deviation(b_from_a, &usual, noise).to_degrees();
         let noise_px = noise * focal;
@@ -179,7 +191,7 @@ mod tests {
 
     use super::*;
     use crate::geometry::{Camera, MatchedPoints};
-    use crate::robust::{PoseEstimator, SampleConsensus, presets};
+    use crate::robust::{PoseEstimator, SampleConsensus, SampleConsensusParams, presets};
     use crate::seed::Seed;
 
     const CAMERA: Camera = Camera::pinhole(600.0, 600.0, 320.0, 240.0);
@@ -216,12 +228,16 @@ mod tests {
 
     /// The confidence in what `best` estimates.
     fn confidence(points: &MatchedPoints) -> Confidence {
+        confidence_in(presets::best(), points)
+    }
+
+    fn confidence_in(params: SampleConsensusParams, points: &MatchedPoints) -> Confidence {
         let views = TwoViews {
             points,
             camera_a: &CAMERA,
             camera_b: &CAMERA,
         };
-        let estimator = SampleConsensus::new(presets::best()).expect("a preset is in range");
+        let estimator = SampleConsensus::new(params).expect("a preset is in range");
         let estimate = estimator.estimate(views, Seed(1)).expect("a pose");
         views.confidence(&estimate.b_from_a)
     }
@@ -234,6 +250,18 @@ mod tests {
         );
         assert!(good.right > 0.8 && good.overlap > 0.95, "{good:?}");
         assert!(bad.right <= bad.overlap && bad.overlap < 0.2, "{bad:?}");
+    }
+
+    #[test]
+    fn thousands_of_random_matches_are_no_overlap() {
+        // Near the best model there are enough to fill half of the cells, but no more than chance brings. (`best` gives
+        // up all models.)
+        for wrong in [4_000, 10_000] {
+            let found = confidence_in(presets::mlesac_e(), &matches(0, wrong, 1.0));
+            assert!(found.overlap < 0.5, "{wrong}: {found:?}");
+        }
+        let found = confidence(&matches(2_000, 8_000, 1.0));
+        assert!(found.overlap > 0.95, "{found:?}");
     }
 
     #[test]

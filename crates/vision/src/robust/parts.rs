@@ -142,7 +142,8 @@ pub enum Sampler {
 /// When sampling may stop before the largest number of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EarlyStop {
-    /// Required probability that at least one sample is free of wrong matches, in `[0, 1)`.
+    /// Required probability that at least one sample is free of wrong matches, in `[0, 1)`, as if samples were drawn
+    /// uniformly.
     pub confidence: f64,
     /// Least number of samples.
     pub min_iterations: usize,

@@ -233,14 +233,23 @@ impl Task<'_> {
                     ..*self
                 };
                 let found = rest.sampled(problem, &score, sprt);
-                if let (None, Some(first), Some(samples)) = (&found, first, ended.get()) {
-                    // There was no time for more than the model that told the noise.
-                    return judged(problem, &score, first.model, samples);
-                }
-                found.map(|found| Consensus {
+                let found = found.map(|found| Consensus {
                     samples: drawn + found.samples,
                     ..found
-                })
+                });
+                let (Some(first), Some(samples)) = (first, ended.get()) else {
+                    return found;
+                };
+                // There may have been no time for a better model than the one that told the noise.
+                let first = judged(problem, &score, first.model, samples);
+                let quality = |found: &Option<Consensus<P::Model>>| {
+                    (found.as_ref()).map_or(f64::NEG_INFINITY, |found| found.support.quality)
+                };
+                if quality(&first) > quality(&found) {
+                    first
+                } else {
+                    found
+                }
             }
             Score::Magsac { threshold_px, sprt } => {
                 self.sampled(problem, &Magsac::new(squared(threshold_px)), sprt)

@@ -107,6 +107,8 @@ impl Code {
             let fine = value > 0.0 && value.is_finite();
             ParamError::unless(fine, name, value, "positive and finite")?;
         }
+        let ratio = params.seed_ratio;
+        ParamError::unless(ratio <= 1.0, "seed_ratio", ratio, "above 0 and at most 1")?;
         let (seeds, centres) = (params.seeds, params.centres);
         let allowed = (10..=20_000).contains(&seeds);
         ParamError::unless(allowed, "seeds", seeds, "10 to 20000")?;

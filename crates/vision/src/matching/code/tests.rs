@@ -139,6 +139,13 @@ fn parameters_out_of_range_are_named() {
             },
         ),
         (
+            "seed_ratio",
+            CodeParams {
+                seed_ratio: 5.0,
+                ..default
+            },
+        ),
+        (
             "seeds",
             CodeParams {
                 seeds: usize::MAX,

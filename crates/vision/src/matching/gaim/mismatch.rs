@@ -24,7 +24,7 @@ pub(super) fn clusters(places: &[Point2<f32>], radius: f64) -> Vec<usize> {
 }
 
 /// For each of the matches from `a` to `b`, whether it follows a smooth deformation: an affine motion that is
-/// fitted robustly to the `count` matches around it must map it to within `tolerance`. Matches that do not are
+/// fitted robustly to its [`neighbours`] must map it to within `tolerance`. Matches that do not are
 /// left out of the next fit; there are `rounds` fits.
 pub(super) fn smooth(
     a: &[Vector2<f64>],

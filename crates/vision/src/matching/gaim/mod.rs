@@ -133,6 +133,9 @@ impl Gaim {
             let fine = value >= 0.0 && value.is_finite();
             ParamError::unless(fine, name, value, "at least 0 and finite")?;
         }
+        // Energies are whole numbers, and sums of very many.
+        let weight = params.unary_weight;
+        ParamError::unless(weight <= 1e4, "unary_weight", weight, "0 to 10000")?;
         Ok(Self { params })
     }
 

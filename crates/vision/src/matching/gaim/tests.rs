@@ -278,6 +278,13 @@ fn parameters_out_of_range_are_named() {
             },
         ),
         (
+            "unary_weight",
+            GaimParams {
+                unary_weight: 1e300,
+                ..default
+            },
+        ),
+        (
             "rounds",
             GaimParams {
                 rounds: 0,

@@ -129,6 +129,13 @@ impl Kvld {
         ] {
             ParamError::unless(count > 0, name, count, "at least 1")?;
         }
+        let (least, most) = (params.least_neighbours, params.max_neighbours);
+        ParamError::unless(
+            least <= most,
+            "least_neighbours",
+            least,
+            &format!("at most `max_neighbours`, {most}: comparing ends there"),
+        )?;
         Ok(Self { params })
     }
 

@@ -238,6 +238,13 @@ fn parameters_out_of_range_are_named() {
                 ..default
             },
         ),
+        (
+            "at most `max_neighbours`, 2",
+            KvldParams {
+                max_neighbours: 2,
+                ..default
+            },
+        ),
     ] {
         let message = Kvld::new(params).unwrap_err().to_string();
         assert!(message.contains(name), "{message}");

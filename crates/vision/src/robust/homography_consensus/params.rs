@@ -83,6 +83,12 @@ impl HomographyParams {
                 "0 for homographies: what is known of noise is how far points are from lines",
             )?;
         }
+        ParamError::unless(
+            !matches!(self.score, Score::Mlesac { .. }),
+            "score",
+            "mlesac",
+            "another for homographies: its likelihoods are those of distances from lines",
+        )?;
         FinalRefinement::check(self.final_refinement)
     }
 }

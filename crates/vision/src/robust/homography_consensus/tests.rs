@@ -146,6 +146,16 @@ fn flat_names_that_do_not_act_are_refused() {
 }
 
 #[test]
+fn likelihoods_of_distances_from_lines_are_refused() {
+    let params = HomographyParams {
+        score: Score::Mlesac { threshold_px: 3.0 },
+        ..HomographyParams::default()
+    };
+    let refused = HomographyConsensus::new(params);
+    assert!(refused.is_err_and(|error| error.to_string().contains("mlesac")));
+}
+
+#[test]
 fn noise_of_distances_from_lines_is_refused() {
     let with = |noise_iterations| {
         HomographyConsensus::new(HomographyParams {

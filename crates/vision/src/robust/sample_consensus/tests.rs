@@ -270,6 +270,12 @@ fn stopping_at_once_finds_nothing_and_stopping_later_takes_no_more_samples() {
         assert_eq!(found.iterations, most);
         assert!(found.inliers.len() >= 5, "{}", found.inliers.len());
     }
+    // One more sample is no reason to forget the best of those that told the noise.
+    let [before, after] = [100, 101].map(|most| {
+        let found = adaptive.estimate_until(views, Seed(1), &|samples| samples >= most);
+        found.expect("a pose").inliers
+    });
+    assert_eq!(before, after);
 }
 
 #[test]
