@@ -15,14 +15,13 @@
 //! | n | [`Fginn::radius_px`] | 10 | section 2.3 |
 //!
 //! *Left open by the paper*: as with the ratio test, a match without a second neighbour is dropped. So where
-//! all of `b` is one place, no match is left. Distances are compared with every feature of the other places,
-//! not only with a few nearest.
+//! all of `b` is one place, no match is left. Every feature of the other places counts, not only a few nearest.
 
-use super::{Correspondences, RatioTest, Selector, View, two_nearest};
-use crate::features::{Descriptors, Features};
+use super::{Correspondences, RatioTest, Selector, View};
+use crate::features::{BinaryRows, Descriptors, FloatRows, Keypoint};
 use crate::params::ParamError;
 use crate::seed::Seed;
-use crate::simd::two_nearest_among;
+use crate::simd::{near_rows, nearest_bits_among, two_nearest_among};
 
 /// Keeps a match if its distance is below a ratio of the distance to the nearest feature at another place. That
 /// feature becomes its second nearest.
@@ -57,33 +56,74 @@ impl Fginn {
 
 impl Selector for Fginn {
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, seed: Seed) {
-        let places = &b.features.keypoints;
-        let mut elsewhere = Vec::with_capacity(places.len());
-        for found in &mut *matches {
-            let place = places[found.b as usize].at;
-            let is_elsewhere =
-                |index: &u32| (places[*index as usize].at - place).norm() > self.radius_px;
-            elsewhere.clear();
-            elsewhere.extend((0..places.len() as u32).filter(is_elsewhere));
-            found.second = nearest_among(a.features, found.a, b.features, &elsewhere);
+        let places = Places {
+            keypoints: &b.features.keypoints,
+            radius_px: self.radius_px,
+        };
+        match (&a.features.descriptors, &b.features.descriptors) {
+            (Descriptors::Float(a), Descriptors::Float(b)) => {
+                places.find_second_floats(a, b, matches);
+            }
+            (Descriptors::Binary(a), Descriptors::Binary(b)) => {
+                places.find_second_bits(a, b, matches);
+            }
+            _ => panic!("descriptors of one kind"),
         }
         self.ratio.select(a, b, matches, seed);
     }
 }
 
-/// The distance from a feature of `a` to the nearest of the `chosen` features of `b`; infinite if there are
-/// none.
-fn nearest_among(a: &Features, query: u32, b: &Features, chosen: &[u32]) -> f32 {
-    match (&a.descriptors, &b.descriptors) {
-        (Descriptors::Float(a), Descriptors::Float(b)) => {
-            let query = a.row(query as usize);
-            two_nearest_among(query, b.data(), chosen).nearest.sqrt()
+/// The places of the features of `b`.
+#[derive(Clone, Copy)]
+struct Places<'a> {
+    keypoints: &'a [Keypoint],
+    radius_px: f32,
+}
+
+impl Places<'_> {
+    fn distance(&self, i: u32, j: u32) -> f32 {
+        let [i, j] = [i, j].map(|index| self.keypoints[index as usize].at);
+        (j - i).norm()
+    }
+
+    /// Those of the `indices` that are at another place than a feature.
+    fn elsewhere(
+        &self,
+        feature: u32,
+        indices: impl Iterator<Item = u32>,
+    ) -> impl Iterator<Item = u32> {
+        indices.filter(move |&index| self.distance(index, feature) > self.radius_px)
+    }
+
+    /// Sets the second nearest of each match to the nearest row of `b` elsewhere; infinite if there is none.
+    fn find_second_floats(&self, a: &FloatRows, b: &FloatRows, matches: &mut Correspondences) {
+        let rows = matches.iter().flat_map(|found| a.row(found.a as usize));
+        let rows: Vec<f32> = rows.copied().collect();
+        // Of two features so far apart one at least is elsewhere, wherever a match is. So the nearest elsewhere is no
+        // farther than the farther of any two that are.
+        let are_apart = |i, j| self.distance(i, j) > 2.0 * self.radius_px;
+        let near = near_rows(&rows, b.data(), a.dim(), b.prepared(), Some(&are_apart));
+        let all: Vec<u32> = (0..b.len() as u32).collect();
+        let mut elsewhere = Vec::new();
+        for (found, near) in matches.iter_mut().zip(near) {
+            let near = near.as_deref().unwrap_or(&all);
+            elsewhere.clear();
+            elsewhere.extend(self.elsewhere(found.b, near.iter().copied()));
+            let query = a.row(found.a as usize);
+            let nearest = two_nearest_among(query, b.data(), &elsewhere).nearest;
+            found.second = nearest.sqrt();
         }
-        (a, b) => {
-            let query = a.select([query as usize]);
-            let chosen = b.select(chosen.iter().map(|&index| index as usize));
-            let nearest = two_nearest(&query, &chosen);
-            (nearest.first()).map_or(f32::INFINITY, |nearest| nearest.distance)
+    }
+
+    /// The same of rows of bits.
+    fn find_second_bits(&self, a: &BinaryRows, b: &BinaryRows, matches: &mut Correspondences) {
+        let mut elsewhere = Vec::new();
+        for found in matches {
+            elsewhere.clear();
+            elsewhere.extend(self.elsewhere(found.b, 0..b.len() as u32));
+            let query = a.row(found.a as usize);
+            let nearest = nearest_bits_among(query, b.data(), &elsewhere);
+            found.second = nearest.map_or(f32::INFINITY, |bits| bits as f32);
         }
     }
 }
@@ -93,9 +133,10 @@ mod tests {
     use nalgebra::Point2;
 
     use super::*;
-    use crate::features::{BinaryRows, FloatRows, Keypoint};
+    use crate::features::Features;
     use crate::image::Size;
     use crate::matching::{NearestNeighbours, Search};
+    use crate::simd::InstructionSet;
 
     fn features(places: &[f32], descriptors: Descriptors) -> Features {
         let keypoint = |&x: &f32| Keypoint {
@@ -142,6 +183,54 @@ mod tests {
         let b = features(&[20.0, 25.0, 41.0], bits(&[1, 2, 0xff]));
         assert_eq!(left(&a, &b, 4.0), []);
         assert_eq!(left(&a, &b, 10.0), [(0, 0, 8.0)]);
+    }
+
+    #[test]
+    fn bounds_change_no_second_nearest() {
+        // Of each query of `a`, four rows of `b` are near: two on either side of the nearest, which come first and are
+        // farther from each other than the radius but not from the nearest; the nearest; and the nearest elsewhere.
+        const NEAR: [(f32, f32); 4] = [(-8.0, 0.2), (8.0, 0.3), (0.0, 0.1), (90.0, 0.4)];
+        let (count, dim, mut rng) = (200, 64, Seed(5).rng());
+        let queries: Vec<f32> = (0..count * dim)
+            .map(|_| 9.0 * rng.uniform() as f32)
+            .collect();
+        let (mut places, mut rows) = (Vec::new(), Vec::new());
+        for query in queries.chunks_exact(dim) {
+            let place = 500.0 * rng.uniform() as f32;
+            for (shift, difference) in NEAR {
+                places.push(place + shift);
+                let row = query.iter().map(|value| {
+                    let noise = 0.02 * rng.normal() as f32;
+                    value + difference + noise
+                });
+                rows.extend(row);
+            }
+        }
+        let rows_a = FloatRows::from_vec(dim, queries);
+        let rows_b = FloatRows::from_vec(dim, rows);
+        let a = features(&vec![0.0; count], Descriptors::Float(rows_a.clone()));
+        let b = features(&places, Descriptors::Float(rows_b.clone()));
+        let mut matches = NearestNeighbours.search(&a, &b);
+        // One that is no nearest neighbour, as selectors before may leave.
+        matches[3].b = (matches[3].b + 11) % rows_b.len() as u32;
+        let places = Places {
+            keypoints: &b.keypoints,
+            radius_px: 10.0,
+        };
+        let expected: Vec<f32> = (matches.iter())
+            .map(|found| {
+                let all = places.elsewhere(found.b, 0..rows_b.len() as u32);
+                let query = rows_a.row(found.a as usize);
+                let found = two_nearest_among(query, rows_b.data(), &all.collect::<Vec<u32>>());
+                found.nearest.sqrt()
+            })
+            .collect();
+        InstructionSet::for_each(|set| {
+            let mut matches = matches.clone();
+            places.find_second_floats(&rows_a, &rows_b, &mut matches);
+            let found: Vec<f32> = matches.iter().map(|found| found.second).collect();
+            assert_eq!(found, expected, "{set:?}");
+        });
     }
 
     #[test]

@@ -166,8 +166,8 @@ pub use scharr::{
     determinants, difference_across, find_largest, gradient_norms, weigh_across,
 };
 pub use search::{
-    Prepared, TwoNearest, complete, near_rows, two_nearest_among, two_nearest_bits,
-    two_nearest_floats,
+    Prepared, TwoNearest, complete, near_rows, nearest_bits_among, two_nearest_among,
+    two_nearest_bits, two_nearest_floats,
 };
 pub use surf::{
     BoxRows, BoxWeights, PATCH_SIDE, PackedWindow, Shares, WAVELETS, WINDOW_SIDE, box_determinants,

@@ -1,4 +1,4 @@
-//! The nearest among a few chosen rows, compared by the definition of the distance.
+//! The nearest among chosen rows, compared by the definition of the distance.
 
 use super::TwoNearest;
 
@@ -21,6 +21,17 @@ multiversioned! {
             }
         }
         best
+    }
+
+    /// The least number of bits in which one of the `chosen` rows of `rows` differs from the row `query`; `None` if none
+    /// is chosen.
+    pub fn nearest_bits_among(query: &[u64], rows: &[u64], chosen: &[u32]) -> Option<u32> {
+        let words = query.len();
+        let distance = |&index: &u32| {
+            let row = &rows[index as usize * words..][..words];
+            query.iter().zip(row).map(|(a, b)| (a ^ b).count_ones()).sum()
+        };
+        chosen.iter().map(distance).min()
     }
 }
 
@@ -73,6 +84,14 @@ mod tests {
             let exact = two_nearest_floats(&query, &rows, dim, &Prepared::default());
             assert_eq!(two_nearest_among(&query, &rows, &all), exact[0]);
         }
+    }
+
+    #[test]
+    fn the_nearest_bits_are_those_of_a_chosen_row() {
+        let rows = [0, 0, 7, 0, 1, u64::MAX];
+        assert_eq!(nearest_bits_among(&[0, 0], &rows, &[1, 2]), Some(3));
+        assert_eq!(nearest_bits_among(&[1, u64::MAX], &rows, &[0, 2]), Some(0));
+        assert_eq!(nearest_bits_among(&[0, 0], &rows, &[]), None);
     }
 
     #[test]

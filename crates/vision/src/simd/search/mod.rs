@@ -20,7 +20,7 @@ mod coarse;
 mod float;
 mod prepared;
 
-pub use among::two_nearest_among;
+pub use among::{nearest_bits_among, two_nearest_among};
 pub use bits::two_nearest_bits;
 pub use float::{complete, near_rows, two_nearest_floats};
 pub use prepared::Prepared;
