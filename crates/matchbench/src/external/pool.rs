@@ -11,7 +11,7 @@ use matchbench_vision::image::Size;
 use tempfile::TempDir;
 
 use super::answer::{self, Described, Matched, Times};
-use super::features::read_features;
+use super::features::{memory_for, read_features};
 use super::log::Log;
 use super::manifest::{Kind, Manifest};
 use super::message::{Answer, Request};
@@ -68,7 +68,7 @@ pub struct StartError {
 /// Why a question has no answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Breakdown {
-    /// The child says that it cannot do this one. Asked again, it would say so again.
+    /// The child says that it cannot do this one, or there is no memory for its answer. Asked again, it would be so again.
     Said(String),
     /// The child broke over this one and was ended. It may go better another time.
     Broke(String),
@@ -167,7 +167,7 @@ impl External {
                     times,
                 })
             }
-            _ => Err("it answers something that was not asked for".into()),
+            _ => Err(Fault::unasked()),
         })
     }
 
@@ -191,17 +191,20 @@ impl External {
                 seconds,
                 device,
                 ..
-            } => Ok(Described {
-                features: read_features(
-                    &out,
-                    count,
-                    image.size,
-                    self.identity.pixel_center,
-                    matching.hamming,
-                )?,
-                times: Times::new(wall, seconds, device)?,
-            }),
-            _ => Err("it answers something that was not asked for".into()),
+            } => {
+                let _memory = memory_for(&out).map_err(|missing| {
+                    Fault::Said(format!(
+                        "its features are too many: {missing}; let it find fewer, free memory, or set \
+                         MATCHBENCH_MAX_MEMORY"
+                    ))
+                })?;
+                let center = self.identity.pixel_center;
+                Ok(Described {
+                    features: read_features(&out, count, image.size, center, matching.hamming)?,
+                    times: Times::new(wall, seconds, device)?,
+                })
+            }
+            _ => Err(Fault::unasked()),
         })
     }
 
@@ -210,14 +213,14 @@ impl External {
         &self,
         request: Request<'_>,
         out: &Path,
-        read: impl FnOnce(Answer, f64) -> Result<T, String>,
+        read: impl FnOnce(Answer, f64) -> Result<T, Fault>,
     ) -> Result<T, Breakdown> {
         let mut worker = match self.take()? {
             Ok(worker) => worker,
             Err(reason) => return Err(self.give_up_on(reason)),
         };
         let asked = worker.ask(request);
-        let answer = asked.and_then(|(answer, wall)| read(answer, wall).map_err(Fault::Broke));
+        let answer = asked.and_then(|(answer, wall)| read(answer, wall));
         // The file may be absent, or another kind of thing; the folder goes with the matcher.
         let _ = std::fs::remove_file(out);
         match answer {

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::Path;
 
+use super::Run;
 use crate::cache::FeatureCache;
 use crate::config::{Changes, ConfigError, UnknownName, together};
 use crate::estimators::{self, BuiltEstimator, ESTIMATORS};
@@ -184,7 +185,9 @@ impl Contender {
                 match External::start(manifest, Log::open(&log)?) {
                     Err(error) => absent.push(error),
                     Ok(external) => contenders.push(Self {
-                        source: Source::Points(external.into_source(outside.cache.clone())),
+                        source: Source::Points(
+                            external.into_source(outside.cache.clone(), Run::FEATURE_MEMORY),
+                        ),
                         estimators,
                     }),
                 }
