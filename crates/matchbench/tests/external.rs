@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use matchbench::external::{Breakdown, BuiltIn, External, Image, Log, Manifest, StartError};
+use matchbench::external::{self, Breakdown, BuiltIn, External, Image, Log, Manifest, StartError};
 use matchbench_vision::image::Size;
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -20,6 +20,8 @@ use tempfile::TempDir;
 const SIZE: Size = Size::new(640, 480);
 /// A behaviour: of the child with this name, when it is asked for this pair.
 const BEHAVIOUR: &str = "MATCHBENCH_TEST_CHILD";
+/// Features of an image.
+const MANY: usize = 600;
 /// Where the child writes its process number, a line for each start.
 const STARTS: &str = "MATCHBENCH_TEST_STARTS";
 
@@ -59,6 +61,10 @@ fn child() {
                 misbehave(&behaviour, &request);
             }
             Some("match") => {
+                if behaviour == "stays" {
+                    // Long enough for others to be asked meanwhile.
+                    std::thread::sleep(Duration::from_millis(500));
+                }
                 write_matches(&request, &[[10.5, 20.5, 30.5, 40.5, 0.25], [1.0; 5]]);
                 say(&matched(&request, 2));
                 answers += 1;
@@ -66,6 +72,11 @@ fn child() {
                     say(&matched(&request, 2));
                 }
             }
+            Some("describe") => {
+                write_features(&request);
+                say(&json!({"type": "described", "image": request["image"], "count": MANY}));
+            }
+            Some("bye") if behaviour == "stays" => sleep(),
             Some("bye") => {
                 eprintln!("goodbye after {answers} answers");
                 return;
@@ -172,6 +183,26 @@ fn write_matches(request: &Value, rows: &[[f32; 5]]) {
         .flat_map(|value| value.to_le_bytes())
         .collect();
     fs::write(request["out"].as_str().expect("a path"), bytes).expect("can be written");
+}
+
+/// Features of a size for which memory is asked before they are read: [`MANY`] with 4096 values each.
+fn write_features(request: &Value) {
+    let path = request["out"].as_str().expect("a path");
+    let mut file = zip::ZipWriter::new(fs::File::create(path).expect("can be written"));
+    let stored =
+        zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    for (name, columns) in [("keypoints", 2), ("descriptors", 4096)] {
+        let header =
+            format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({MANY}, {columns}), }}\n");
+        let length = u16::try_from(header.len()).expect("short").to_le_bytes();
+        let start = [&b"\x93NUMPY\x01\x00"[..], &length, header.as_bytes()].concat();
+        file.start_file(format!("{name}.npy"), stored)
+            .expect("can be written");
+        file.write_all(&start).expect("can be written");
+        file.write_all(&vec![0; 4 * MANY * columns])
+            .expect("can be written");
+    }
+    file.finish().expect("can be written");
 }
 
 /// As a program does that has lost its way.
@@ -450,6 +481,88 @@ fn workers_share_the_pairs() {
     assert!((1..=2).contains(&children.len()), "{children:?}");
     drop(bench);
     assert!(children.into_iter().all(|child| !exists(child)));
+}
+
+#[test]
+fn those_that_stay_after_goodbye_are_waited_for_together() {
+    let bench = Bench::with("stays", "workers = 4\n");
+    std::thread::scope(|scope| {
+        for b in 1..5 {
+            let bench = &bench;
+            scope.spawn(move || assert_eq!(bench.ask(b), Ok(2)));
+        }
+    });
+    let children = bench.children();
+    assert!(children.len() > 2, "{children:?}");
+    let start = Instant::now();
+    drop(bench);
+    let waited = start.elapsed();
+    assert!(waited < Duration::from_secs(6), "{waited:?}");
+    assert!(children.into_iter().all(|child| !exists(child)));
+}
+
+/// A host whose children are all ended.
+#[test]
+#[ignore = "started by another test"]
+fn host_that_ends_all() {
+    let bench = Bench::new("");
+    assert_eq!(bench.ask(1), Ok(2));
+    let ended = external::end_all();
+    for _ in 0..2 {
+        let Err(Breakdown::Broke(_)) = bench.ask(1) else {
+            panic!("it was ended")
+        };
+    }
+    assert_eq!(bench.children().len(), 1, "none takes its place");
+    assert!(Bench::new("").external.is_err(), "nor does another matcher");
+    drop(ended);
+    assert_eq!(bench.ask(1), Ok(2));
+}
+
+/// A host that has no memory for the features of an image.
+#[test]
+#[ignore = "started by another test"]
+fn host_without_memory() {
+    let bench = Bench::with("describes", "kind = \"features\"\n");
+    let image = Image {
+        path: Path::new("/nowhere/image.png"),
+        size: SIZE,
+    };
+    let described = bench.external().describe(image);
+    assert_eq!(described.expect("there is memory").features.len(), MANY);
+    matchbench::memory::limit_memory(1.try_into().expect("not zero"));
+    for _ in 0..4 {
+        let Err(Breakdown::Said(reason)) = bench.external().describe(image) else {
+            panic!("it is read, or the child has to go")
+        };
+        assert!(
+            reason.contains("its features are too many: about 39 MB of memory are needed"),
+            "{reason}"
+        );
+    }
+    assert_eq!(bench.children().len(), 1);
+}
+
+#[test]
+fn features_for_which_there_is_no_memory_are_not_read() {
+    // In a process of its own: the limit is for all of it.
+    succeeds("host_without_memory");
+}
+
+#[test]
+fn none_is_started_after_all_were_ended() {
+    // In a process of its own: all children are ended.
+    succeeds("host_that_ends_all");
+}
+
+/// Runs one of the tests that are ignored.
+fn succeeds(test: &str) {
+    let host = Command::new(this_program())
+        .args([test, "--exact", "--ignored"])
+        .output()
+        .expect("this program can be started");
+    let said = String::from_utf8_lossy(&host.stdout);
+    assert!(host.status.success(), "{said}");
 }
 
 #[test]

@@ -62,7 +62,6 @@ impl Worker {
     /// # Errors
     /// If it does not get ready, in words.
     pub(super) fn start(manifest: &Manifest, log: &Log) -> Result<Self, String> {
-        log.take_last();
         let mut process = Process::start(&manifest.command, manifest.folder(), log)?;
         let hello = Request::Hello {
             protocol: PROTOCOL,
