@@ -155,6 +155,23 @@ fn a_manifest_is_used_wherever_an_id_is() {
         said(&timed)
     );
 
+    // Arguments may choose the weights; where the program is installed makes no difference.
+    let text = fs::read_to_string(&manifest).expect("it was written");
+    for (command, code) in [
+        ("\"sh\", \"toy.sh\", \"large\"", 1),
+        ("\"/bin/sh\", \"toy.sh\"", 0),
+    ] {
+        fs::write(&manifest, text.replace("\"sh\", \"toy.sh\"", command)).expect("writable");
+        let again = output(&asked, &[&run, &wall]);
+        assert_eq!(again.status.code(), Some(code), "{}", said(&again));
+        assert_eq!(
+            code == 1,
+            said(&again).contains("command"),
+            "{}",
+            said(&again)
+        );
+    }
+
     fs::write(home.join("version"), "2.0").expect("writable");
     let other = output(&asked, &[&run, &wall]);
     assert_eq!(

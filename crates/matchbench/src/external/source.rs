@@ -47,8 +47,8 @@ impl External {
             Kind::Features(matching) => Box::new(Described {
                 extraction: Extraction {
                     extractor: manifest.name.clone(),
-                    params: json!({"identity": identity, "params": manifest.params,
-                                   "hamming": matching.hamming}),
+                    params: json!({"identity": identity, "command": manifest.started(),
+                                   "params": manifest.params, "hamming": matching.hamming}),
                     revision: REVISION,
                 },
                 external: self,
@@ -60,6 +60,7 @@ impl External {
         BuiltPointSource {
             id: manifest.name.clone(),
             version: Some(format!("{} {}", identity.name, identity.version)),
+            command: Some(manifest.started()),
             params: manifest.effective(),
             notes,
             source,

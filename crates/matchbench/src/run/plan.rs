@@ -86,23 +86,26 @@ fn matcher_plan(contender: &Contender) -> MatcherPlan {
         params: variant.estimator.params.clone(),
         protocol: variant.protocol.rules(),
     });
-    let (version, params, extraction, notes) = match &contender.source {
-        Source::Matcher(matcher) => {
-            let extraction = Some(matcher.extraction.clone());
-            (None, &matcher.params, extraction, Vec::new())
-        }
-        Source::Points(source) => {
-            let (version, notes) = (source.version.clone(), source.notes.clone());
-            (version, &source.params, None, notes)
-        }
-    };
-    MatcherPlan {
-        id: contender.source.id().into(),
-        version,
-        params: params.clone(),
-        extraction,
-        notes,
-        estimators: estimators.collect(),
+    let (id, estimators) = (contender.source.id().into(), estimators.collect());
+    match &contender.source {
+        Source::Matcher(matcher) => MatcherPlan {
+            id,
+            version: None,
+            command: None,
+            params: matcher.params.clone(),
+            extraction: Some(matcher.extraction.clone()),
+            notes: Vec::new(),
+            estimators,
+        },
+        Source::Points(source) => MatcherPlan {
+            id,
+            version: source.version.clone(),
+            command: source.command.clone(),
+            params: source.params.clone(),
+            extraction: None,
+            notes: source.notes.clone(),
+            estimators,
+        },
     }
 }
 
