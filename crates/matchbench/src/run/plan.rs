@@ -134,7 +134,7 @@ fn check_names<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(
 /// [`RunError::Contradiction`] if it does not.
 pub fn check_turns(sequence: &Sequence, contender: &Contender) -> Result<(), RunError> {
     let outside = contender.source.matcher().is_none();
-    if outside && sequence.frames.iter().any(|frame| !frame.turn.is_none()) {
+    if outside && sequence.turned().is_some() {
         return contradiction(format!(
             "dataset `{}` turns some of its images, which `{}` would see as they are stored; turn the files \
              themselves and import them again",
