@@ -10,6 +10,7 @@ mod args;
 mod commands;
 mod output;
 mod progress;
+mod stop;
 mod threads;
 
 use std::ffi::OsString;
@@ -22,6 +23,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use args::{Cli, Command};
 use output::say;
+use stop::STOPPED;
 use threads::Threads;
 
 /// Bytes of the stack of a thread: as many as the system gives the main thread.
@@ -57,7 +59,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     match ending {
         Ok(Ending::Done) => 0,
         Ok(Ending::SomeFailed) => 2,
-        Ok(Ending::Stopped) => 130,
+        Ok(Ending::Stopped) => STOPPED,
         Err(error) if is_broken_pipe(&error) => 0,
         Err(error) => {
             say!("error: {error:#}");

@@ -13,6 +13,7 @@ use crate::Ending;
 use crate::args::CheckArgs;
 use crate::commands::job::changes;
 use crate::output::stdout;
+use crate::stop::end_on_ctrl_c;
 
 pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
     let changes = changes(&args.set)?;
@@ -22,6 +23,7 @@ pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
     }
     let dataset = (args.dataset.as_deref()).map(Sequence::open).transpose()?;
     let log = new_log(&manifest.name)?;
+    end_on_ctrl_c()?;
     let mut out = stdout();
     let mut worst = Verdict::Good;
     let mut printed = Ok(());

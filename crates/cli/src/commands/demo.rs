@@ -16,7 +16,7 @@ use super::{eval, report};
 use crate::Ending;
 use crate::args::DemoArgs;
 use crate::output::stdout;
-use crate::progress::cancel_on_ctrl_c;
+use crate::stop::cancel_on_ctrl_c;
 
 pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
     // Checked before minutes are spent on images.

@@ -17,7 +17,8 @@ use super::matches::describe;
 use crate::Ending;
 use crate::args::ChoiceArgs;
 use crate::output::say;
-use crate::progress::{Bar, cancel_on_ctrl_c};
+use crate::progress::Bar;
+use crate::stop::cancel_on_ctrl_c;
 
 /// Printed when Ctrl-C stops a run.
 pub(crate) const AFTER_PAIRS: &str = "stopping after the pairs in flight; again to stop at once";

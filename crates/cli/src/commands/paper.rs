@@ -11,7 +11,7 @@ use super::job::{AFTER_PAIRS, changes, execute_until, tell_news};
 use crate::Ending;
 use crate::args::PaperArgs;
 use crate::output::say;
-use crate::progress::cancel_on_ctrl_c;
+use crate::stop::cancel_on_ctrl_c;
 
 pub(crate) fn run(args: &PaperArgs) -> Result<Ending> {
     let mut out = std::io::stdout();

@@ -14,7 +14,8 @@ use super::job::{AFTER_PAIRS, cache, changes, check_names, open, tell};
 use crate::Ending;
 use crate::args::TuneArgs;
 use crate::output::stdout;
-use crate::progress::{Bar, cancel_on_ctrl_c};
+use crate::progress::Bar;
+use crate::stop::cancel_on_ctrl_c;
 
 pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
     check_names(&args.matchers)?;
