@@ -1,6 +1,7 @@
 //! `matchbench check`: tries out a matcher from outside.
 
 use std::env;
+use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -54,10 +55,12 @@ pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
 /// belong to another user, or be a link to somebody's file.
 fn new_log(matcher: &str) -> Result<PathBuf> {
     let prefix = format!("matchbench-check-{matcher}-");
-    let file = (tempfile::Builder::new()
-        .prefix(&prefix)
-        .suffix(".log")
-        .tempfile())
-    .with_context(|| format!("cannot make a log in {}", env::temp_dir().display()))?;
+    let folder = env::temp_dir();
+    // A log is not opened in a folder that is a link; this link is the user's own.
+    let file = fs::canonicalize(&folder).and_then(|folder| {
+        let mut file = tempfile::Builder::new();
+        file.prefix(&prefix).suffix(".log").tempfile_in(folder)
+    });
+    let file = file.with_context(|| format!("cannot make a log in {}", folder.display()))?;
     Ok(file.keep()?.1)
 }
