@@ -43,6 +43,19 @@ pub(crate) enum Ending {
     Stopped,
 }
 
+impl Ending {
+    /// This ending, after what there is to tell was `printed`: it stays the same if the reader has gone.
+    pub(crate) fn after(
+        self,
+        printed: Result<(), impl Into<anyhow::Error>>,
+    ) -> anyhow::Result<Self> {
+        match printed.map_err(Into::into) {
+            Err(error) if !is_broken_pipe(&error) => Err(error),
+            _ => Ok(self),
+        }
+    }
+}
+
 /// Executes the command in `arguments`, the first of which is the name of the program, and returns the exit
 /// code: 0 if everything was done, 1 after an error, which is printed, 2 if some tasks failed, 130 if the user
 /// stopped it. Handles the signals by which users stop it.

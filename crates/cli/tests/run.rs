@@ -135,6 +135,22 @@ fn an_image_that_cannot_be_read_is_counted_and_the_exit_code_is_2() {
     }
 }
 
+#[test]
+fn failures_are_told_by_the_exit_code_though_nobody_reads_the_table() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 3);
+    fs::write(wall.join("Images/0002.pgm"), "P5 160 120 255\n").expect("writable");
+    let mut child = matchbench()
+        .args(["run", "--matchers", "sift", "--out"])
+        .args([&folder.path().join("run"), &wall])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    drop(child.stdout.take());
+    assert_eq!(child.wait().expect("it ran").code(), Some(2));
+}
+
 #[cfg(unix)]
 #[test]
 fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {

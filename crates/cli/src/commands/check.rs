@@ -43,12 +43,12 @@ pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
             printed = std::mem::replace(&mut printed, Ok(())).and(line);
         },
     )?;
-    printed?;
-    writeln!(out, "what it printed is in {}", log.display())?;
-    Ok(match worst {
+    let printed = printed.and_then(|()| writeln!(out, "what it printed is in {}", log.display()));
+    let ending = match worst {
         Verdict::Wrong => Ending::SomeFailed,
         Verdict::Good | Verdict::Doubtful => Ending::Done,
-    })
+    };
+    ending.after(printed)
 }
 
 /// A new file for the output of the matcher. In a folder that everybody may write to, an existing file may

@@ -50,9 +50,9 @@ pub(crate) fn run(args: &PaperArgs) -> Result<Ending> {
     for note in &reported.notes {
         say!("note: {note}");
     }
-    writeln!(out, "{}", reported.page.display())?;
-    Ok(match ending {
+    let ending = match ending {
         Ending::Done if is_broken => Ending::SomeFailed,
         ending => ending,
-    })
+    };
+    ending.after(writeln!(out, "{}", reported.page.display()))
 }

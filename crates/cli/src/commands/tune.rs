@@ -40,11 +40,11 @@ pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
     let done = tune(&tuning, &bar, &cancel);
     bar.finish();
     let done = done?;
-    let ending = tell(&done.summary, &args.out);
-    if let Some(tuned) = &done.tuned {
-        print(tuned, &args.parameter, &args.out)?;
+    let ending = tell(&done.summary, &args.out, &cancel);
+    match &done.tuned {
+        Some(tuned) => ending.after(print(tuned, &args.parameter, &args.out)),
+        None => Ok(ending),
     }
-    Ok(ending)
 }
 
 fn print(tuned: &Tuned, parameter: &str, folder: &Path) -> Result<()> {
