@@ -48,6 +48,8 @@ fn a_dataset_that_was_moved_is_known_by_its_name_or_its_content() {
     let done = export("out", "renamed");
     assert!(done.status.success(), "{}", said(&done));
     assert!(folder.join("out/sift/wall").is_dir() && folder.join("out/sift/tower").is_dir());
+    let poses = go(folder, &["export", "run", "poses", "--datasets", "renamed"]);
+    assert_eq!(poses.status.code(), Some(1), "they need no dataset");
     for (datasets, named) in [
         (
             "renamed,other",
