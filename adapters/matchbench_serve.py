@@ -68,9 +68,9 @@ class Image:
 def serve(match=None, extract=None, describe=None, prepare=None, name=None, version="", defaults=None,
           keep=64):
     """Answers requests until matchbench says goodbye or ends, then exits. The last `keep` images are kept in memory."""
-    answers = _take_standard_output()
+    lines, answers = _take_standard_streams()
     requests = queue.Queue()
-    threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
+    threading.Thread(target=_read_requests, args=(lines, requests), daemon=True).start()
     say = lambda **answer: print(json.dumps(answer), file=answers, flush=True)
     hello = requests.get()
     if hello.get("protocol") != PROTOCOL:
@@ -142,19 +142,24 @@ def serve(match=None, extract=None, describe=None, prepare=None, name=None, vers
     os._exit(0)  # libraries can take longer to clean up than matchbench waits
 
 
-def _take_standard_output():
-    """Reserves standard output for answers: everything else that is printed goes to standard error."""
-    answers = os.fdopen(os.dup(1), "w")
+def _take_standard_streams():
+    """Reserves standard input for requests and standard output for answers: whatever else reads finds nothing, and what
+    it prints goes to standard error. Programs that a matcher starts inherit this."""
+    lines, answers = os.fdopen(os.dup(0), encoding="utf-8"), os.fdopen(os.dup(1), "w")
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
     os.dup2(2, 1)
     sys.stdout = sys.stderr
-    return answers
+    return lines, answers
 
 
-def _read_requests(requests):
+def _read_requests(lines, requests):
     """Reads requests. If matchbench ends, this process exits, also in the middle of a pair."""
-    for line in sys.stdin:
-        requests.put(json.loads(line))
-        if '"bye"' in line:
+    for line in lines:
+        request = json.loads(line)
+        requests.put(request)
+        if request["type"] == "bye":
             return
     os._exit(0)
 

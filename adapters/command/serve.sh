@@ -14,15 +14,26 @@ PACK='my @n = split;
     or die "line $. is not `x_a y_a x_b y_b [ambiguity]`: $_";
 print pack("f<5", @n[0..3], $n[4] // 0);'
 
+# What matches depend on besides the program: its arguments, and the contents of those that are files.
+arguments() {
+    shift
+    for argument; do
+        printf '%s\n' "$argument"
+        if [ -f "$argument" ]; then cksum <"$argument"; fi
+    done
+}
+
 field() { printf '%s\n' "$line" | sed -n "s/.*\"$1\":\"\([^\"]*\)\".*/\1/p"; }
 
 while IFS= read -r line; do
     case $line in
     *'"type":"hello"'*'"params":{}'*)
-        # A program that was changed is another version.
+        # A program that was changed is another version, and so are other arguments.
         version=$(cksum <"$(command -v "$1")" 2>/dev/null | tr ' ' -)
+        version=${version:-unknown}
+        if [ $# -gt 1 ]; then version=$version+$(arguments "$@" | cksum | tr ' ' -); fi
         printf '{"type":"ready","protocol":1,"name":"%s","version":"%s","pixel_center":0}\n' \
-            "${1##*/}" "${version:-unknown}"
+            "${1##*/}" "$version"
         ;;
     *'"type":"hello"'*)
         printf '{"type":"refused","reason":"%s"}\n' \

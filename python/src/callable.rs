@@ -56,6 +56,7 @@ impl PythonMatcher {
         Ok(BuiltPointSource {
             id: self.name,
             version: Some(self.version),
+            command: None,
             params: parse(&self.params)?,
             notes: vec!["a matcher written in Python, in the process of the run".into()],
             source: Box::new(InProcess {

@@ -206,6 +206,8 @@ fn listening(
 ) -> PyResult<RunSummary> {
     let pool = matchbench_cli::pool(threads).map_err(|broken| error(format!("{broken:#}")))?;
     let mut interrupted = None;
+    // Until this run is over: none takes their place, but the next run has its own.
+    let mut all_ended = None;
     let ended = py.detach(|| {
         thread::scope(|scope| {
             let (done, waiting) = channel();
@@ -231,7 +233,7 @@ fn listening(
                 if let Err(raised) = signalled {
                     cancel.set();
                     if interrupted.is_some() {
-                        external::end_all();
+                        all_ended.get_or_insert_with(external::end_all);
                     }
                     interrupted.get_or_insert(raised);
                 }

@@ -2,6 +2,7 @@
 
 import _thread
 import json
+import signal
 import subprocess
 import sys
 import threading
@@ -291,6 +292,15 @@ except KeyboardInterrupt:
     files = list((tmp_path / "run").glob("records/*/*.jsonl"))
     recorded = sum(len(path.read_text().splitlines()) for path in files)
     assert recorded == 2 < len(dataset.pairs), "the pair in flight is finished, and no other begun"
+
+
+def test_ctrl_c_ends_a_command_that_has_nothing_to_finish(command_line_run):
+    # It writes more than a pipe holds, and nobody reads on.
+    words = [sys.executable, "-m", "matchbench", "report", command_line_run, "--bundle", "-"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as command:
+        assert command.stdout.read(1)
+        command.send_signal(signal.SIGINT)
+        assert command.wait(timeout=60) == -signal.SIGINT
 
 
 def test_a_pair_is_drawn(dataset, tmp_path):

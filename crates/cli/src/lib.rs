@@ -10,6 +10,7 @@ mod args;
 mod commands;
 mod output;
 mod progress;
+mod stop;
 mod threads;
 
 use std::ffi::OsString;
@@ -22,6 +23,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use args::{Cli, Command};
 use output::say;
+use stop::STOPPED;
 use threads::Threads;
 
 /// Bytes of the stack of a thread: as many as the system gives the main thread.
@@ -41,6 +43,19 @@ pub(crate) enum Ending {
     Stopped,
 }
 
+impl Ending {
+    /// This ending, after what there is to tell was `printed`: it stays the same if the reader has gone.
+    pub(crate) fn after(
+        self,
+        printed: Result<(), impl Into<anyhow::Error>>,
+    ) -> anyhow::Result<Self> {
+        match printed.map_err(Into::into) {
+            Err(error) if !is_broken_pipe(&error) => Err(error),
+            _ => Ok(self),
+        }
+    }
+}
+
 /// Executes the command in `arguments`, the first of which is the name of the program, and returns the exit
 /// code: 0 if everything was done, 1 after an error, which is printed, 2 if some tasks failed, 130 if the user
 /// stopped it. Handles the signals by which users stop it.
@@ -57,7 +72,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     match ending {
         Ok(Ending::Done) => 0,
         Ok(Ending::SomeFailed) => 2,
-        Ok(Ending::Stopped) => 130,
+        Ok(Ending::Stopped) => STOPPED,
         Err(error) if is_broken_pipe(&error) => 0,
         Err(error) => {
             say!("error: {error:#}");

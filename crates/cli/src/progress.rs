@@ -1,13 +1,11 @@
-//! Shows the progress of a run, and lets the user stop it.
+//! Shows the progress of a run.
 
 use std::time::Duration;
 
-use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use matchbench::counted::counted;
-use matchbench::external;
 use matchbench::records::{Plan, RunRecord};
-use matchbench::run::{Cancel, Observer, RunSummary};
+use matchbench::run::{Observer, RunSummary};
 
 use crate::output::say;
 
@@ -63,21 +61,4 @@ impl Observer for Bar {
         self.0.set_message("");
         self.0.inc(1);
     }
-}
-
-/// A token that is set by Ctrl-C (or by a signal to terminate), which also prints a message. A second one ends
-/// the process at once; then only the pairs in flight are lost.
-pub(crate) fn cancel_on_ctrl_c(said: &'static str) -> Result<Cancel> {
-    let cancel = Cancel::default();
-    let token = cancel.clone();
-    ctrlc::set_handler(move || {
-        if token.is_set() {
-            external::end_all();
-            std::process::exit(130);
-        }
-        token.set();
-        say!("\n{said}");
-    })
-    .context("cannot listen for Ctrl-C")?;
-    Ok(cancel)
 }

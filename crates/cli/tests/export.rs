@@ -30,6 +30,43 @@ fn a_matcher_is_exported_on_the_datasets_that_it_was_run_on() {
 }
 
 #[test]
+fn a_dataset_that_was_moved_is_known_by_its_name_or_its_content() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    for name in ["wall", "tower"] {
+        dataset(folder, name, if name == "wall" { 3 } else { 4 });
+    }
+    let run = ["run", "wall", "tower", "--matchers", "sift", "--out", "run"];
+    succeeds(folder, &run);
+    let export = |out: &str, datasets: &str| {
+        let what = ["export", "run", out, "--format", "packed"];
+        go(folder, &[&what[..], &["--datasets", datasets]].concat())
+    };
+    let said = |output: &std::process::Output| String::from_utf8_lossy(&output.stderr).into_owned();
+    // It is written under the name that it has in the run.
+    fs::rename(folder.join("wall"), folder.join("renamed")).expect("ours");
+    let done = export("out", "renamed");
+    assert!(done.status.success(), "{}", said(&done));
+    assert!(folder.join("out/sift/wall").is_dir() && folder.join("out/sift/tower").is_dir());
+    let poses = go(folder, &["export", "run", "poses", "--datasets", "renamed"]);
+    assert_eq!(poses.status.code(), Some(1), "they need no dataset");
+    for (datasets, named) in [
+        (
+            "renamed,other",
+            "names other, which is no dataset of the run",
+        ),
+        ("renamed,wall", "names wall, and another folder before it"),
+    ] {
+        dataset(folder, "other", 5);
+        dataset(folder, "wall", 3);
+        let refused = export("again", datasets);
+        let message = said(&refused);
+        assert_eq!(refused.status.code(), Some(1), "{message}");
+        assert!(message.contains(named), "{message}");
+    }
+}
+
+#[test]
 fn inliers_are_those_of_the_matchers_that_were_run_with_the_estimator() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();

@@ -6,11 +6,11 @@ mod common;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use common::{dataset, matchbench};
+use common::{dataset, matchbench, send, stop_signal};
 
 /// A program in the language of the shell: every pair has the matches of `matches.f32`, unless there is
 /// a file `break`, whose text it runs instead.
@@ -155,6 +155,23 @@ fn a_manifest_is_used_wherever_an_id_is() {
         said(&timed)
     );
 
+    // Arguments may choose the weights; where the program is installed makes no difference.
+    let text = fs::read_to_string(&manifest).expect("it was written");
+    for (command, code) in [
+        ("\"sh\", \"toy.sh\", \"large\"", 1),
+        ("\"/bin/sh\", \"toy.sh\"", 0),
+    ] {
+        fs::write(&manifest, text.replace("\"sh\", \"toy.sh\"", command)).expect("writable");
+        let again = output(&asked, &[&run, &wall]);
+        assert_eq!(again.status.code(), Some(code), "{}", said(&again));
+        assert_eq!(
+            code == 1,
+            said(&again).contains("command"),
+            "{}",
+            said(&again)
+        );
+    }
+
     fs::write(home.join("version"), "2.0").expect("writable");
     let other = output(&asked, &[&run, &wall]);
     assert_eq!(
@@ -206,6 +223,27 @@ fn a_program_that_breaks_costs_no_other_matcher() {
     assert_all_gone(&home);
 }
 
+/// Waits until the program is at work, as `break` says it.
+fn wait_for(file: &Path) {
+    let patience = Instant::now() + Duration::from_secs(60);
+    while !file.exists() {
+        assert!(
+            Instant::now() < patience,
+            "it was not asked within a minute"
+        );
+        sleep(Duration::from_millis(5));
+    }
+}
+
+/// Stops the host as often as this, and returns its exit code.
+fn stopped(mut host: Child, times: usize) -> Option<i32> {
+    for _ in 0..times {
+        send(stop_signal(), host.id());
+        sleep(Duration::from_millis(300));
+    }
+    host.wait().expect("it ended").code()
+}
+
 #[test]
 fn ctrl_c_twice_ends_the_program_too() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -213,7 +251,7 @@ fn ctrl_c_twice_ends_the_program_too() {
     let (manifest, home) = toy(folder.path());
     let run = folder.path().join("run");
     fs::write(home.join("break"), "touch waiting; sleep 600\n").expect("writable");
-    let mut host = matchbench()
+    let host = matchbench()
         .args(["run", "--threads", "1", "--matchers"])
         .arg(&manifest)
         .arg("--out")
@@ -222,23 +260,81 @@ fn ctrl_c_twice_ends_the_program_too() {
         .stdout(Stdio::null())
         .spawn()
         .expect("the program starts");
-    let patience = Instant::now() + Duration::from_secs(60);
-    while !home.join("waiting").exists() {
-        assert!(
-            Instant::now() < patience,
-            "it was not asked within a minute"
-        );
-        sleep(Duration::from_millis(5));
-    }
-    for _ in 0..2 {
-        let sent = Command::new("kill")
-            .args(["-INT", &host.id().to_string()])
-            .status();
-        assert!(sent.expect("kill is everywhere").success());
-        sleep(Duration::from_millis(300));
-    }
-    assert_eq!(host.wait().expect("it ended").code(), Some(130));
+    wait_for(&home.join("waiting"));
+    assert_eq!(stopped(host, 2), Some(130));
     assert_all_gone(&home);
+}
+
+#[test]
+fn ctrl_c_ends_the_program_also_where_nothing_is_to_be_finished_and_while_it_starts() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 3);
+    let (manifest, home) = toy(folder.path());
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let (toy, wall) = (manifest.display().to_string(), wall.display().to_string());
+    let (plan, picture) = (at("plan"), at("pair.svg"));
+    let planned = [
+        "plan",
+        &wall,
+        "--matchers",
+        &toy,
+        "--shards",
+        "1",
+        "--out",
+        &plan,
+    ];
+    assert_eq!(output(&planned, &[]).status.code(), Some(0));
+    let waiting = home.join("waiting");
+    // The program starts, and does not get ready.
+    let version = "touch waiting; sleep 600; cat version";
+    let slow = PROGRAM.replace("cat version", version);
+    for (command, times) in [
+        (&["check", &toy][..], 1),
+        (
+            &[
+                "show",
+                &wall,
+                "0",
+                "1",
+                "--matcher",
+                &toy,
+                "--out",
+                &picture,
+            ],
+            1,
+        ),
+        (&[&planned[..7], &[&at("other")]].concat(), 1),
+        (&["work", &plan, "--shard", "1"], 2),
+        (&["run", &wall, "--matchers", &toy, "--out", &at("run")], 2),
+    ] {
+        fs::write(home.join("toy.sh"), &slow).expect("writable");
+        let host = matchbench()
+            .args(command)
+            .stderr(Stdio::null())
+            .stdout(Stdio::null())
+            .spawn()
+            .expect("the program starts");
+        wait_for(&waiting);
+        fs::remove_file(&waiting).expect("it was there");
+        assert_eq!(stopped(host, times), Some(130), "{command:?}");
+        assert_all_gone(&home);
+    }
+}
+
+#[test]
+fn a_matcher_that_ends_while_the_user_stops_the_run_hides_nothing() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 4);
+    let (manifest, home) = toy(folder.path());
+    let run = folder.path().join("run");
+    // Three pairs wait for it, none of which it does.
+    let text = "test -e sent || { touch sent; sleep 1; kill -TERM $PPID; sleep 1; }; exit 3\n";
+    fs::write(home.join("break"), text).expect("writable");
+    let toy = manifest.to_str().expect("UTF-8");
+    let asked = ["run", "--threads", "4", "--matchers", toy, "--out"];
+    let done = output(&asked, &[&run, &wall]);
+    assert!(said(&done).contains("toy has ended"), "{}", said(&done));
+    assert_eq!(done.status.code(), Some(130), "{}", said(&done));
 }
 
 #[test]
@@ -262,5 +358,26 @@ fn a_program_that_ended_is_not_waited_for_though_another_holds_its_output() {
     assert!(
         record.contains("it ended without an answer (exit status: 3"),
         "{record}"
+    );
+}
+
+#[test]
+fn a_check_keeps_its_log_where_the_folder_of_temporary_files_is_a_link() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (manifest, _) = toy(folder.path());
+    let (real, link) = (folder.path().join("real"), folder.path().join("link"));
+    fs::create_dir(&real).expect("writable");
+    std::os::unix::fs::symlink(&real, &link).expect("writable");
+    let checked = matchbench()
+        .arg("check")
+        .arg(&manifest)
+        .env("TMPDIR", &link)
+        .output()
+        .expect("the program starts");
+    let printed = String::from_utf8_lossy(&checked.stdout);
+    assert!(
+        printed.contains("what it printed is in"),
+        "{printed}{}",
+        said(&checked)
     );
 }

@@ -9,6 +9,8 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use common::{dataset, matchbench};
+#[cfg(unix)]
+use common::{send, stop_signal};
 
 const FRAMES: usize = 12;
 const PAIRS: usize = FRAMES * (FRAMES - 1) / 2;
@@ -133,6 +135,22 @@ fn an_image_that_cannot_be_read_is_counted_and_the_exit_code_is_2() {
     }
 }
 
+#[test]
+fn failures_are_told_by_the_exit_code_though_nobody_reads_the_table() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 3);
+    fs::write(wall.join("Images/0002.pgm"), "P5 160 120 255\n").expect("writable");
+    let mut child = matchbench()
+        .args(["run", "--matchers", "sift", "--out"])
+        .args([&folder.path().join("run"), &wall])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    drop(child.stdout.take());
+    assert_eq!(child.wait().expect("it ran").code(), Some(2));
+}
+
 #[cfg(unix)]
 #[test]
 fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {
@@ -151,10 +169,7 @@ fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {
         assert!(Instant::now() < patience, "no record within a minute");
         sleep(Duration::from_millis(1));
     }
-    let interrupted = std::process::Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
-        .status();
-    assert!(interrupted.expect("kill is everywhere").success());
+    send(stop_signal(), child.id());
     let output = child.wait_with_output().expect("it ended");
     let message = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(130), "{message}");
@@ -197,10 +212,35 @@ fn ctrl_c_leaves_no_temporary_folder() {
         );
         sleep(Duration::from_millis(1));
     }
-    let interrupted = std::process::Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
-        .status();
-    assert!(interrupted.expect("kill is everywhere").success());
+    send(stop_signal(), child.id());
     let output = child.wait_with_output().expect("it ended");
     assert_eq!((output.status.code(), entries()), (Some(130), 0));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_signal_that_was_ignored_at_the_start_stops_nothing() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", FRAMES);
+    let run = folder.path().join("run");
+    // As by `nohup`, and as a script does for what it starts in the background.
+    let child = std::process::Command::new("sh")
+        .args(["-c", "trap '' HUP INT; exec \"$@\"", "sh"])
+        .arg(matchbench().get_program())
+        .args(["run", "--matchers", "sift", "--threads", "1", "--out"])
+        .args([&run, &wall])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn();
+    let mut child = child.expect("there is a shell");
+    let patience = Instant::now() + Duration::from_secs(60);
+    while lines(&run) == 0 {
+        assert!(Instant::now() < patience, "no record within a minute");
+        sleep(Duration::from_millis(1));
+    }
+    for signal in ["HUP", "INT", "HUP"] {
+        send(signal, child.id());
+    }
+    assert_eq!(child.wait().expect("it ran").code(), Some(0));
+    assert_eq!(records(&run, "wall", "sift").len(), PAIRS);
 }

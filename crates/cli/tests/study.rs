@@ -95,3 +95,29 @@ fn mistakes_are_told_by_file_and_line() {
     let message = String::from_utf8_lossy(&both.stderr);
     assert!(message.contains("stands alone"), "{message}");
 }
+
+#[test]
+fn matches_that_are_given_replace_those_of_the_same_name() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| folder.path().join(name);
+    dataset(folder.path(), "wall", 2);
+    let rows = (0..60).map(|i| (12 * (i % 8) + 30, 14 * (i / 8) + 10 + i % 3));
+    let rows: Vec<String> = rows
+        .map(|(x, y)| format!("{x} {y} {} {y} 0.25", x - 5))
+        .collect();
+    fs::create_dir(at("there")).expect("writable");
+    fs::write(at("there/0_1.txt"), rows.join("\n")).expect("writable");
+    let study = "out = 'run'\nestimators = ['ransac-e']\n[[dataset]]\npath = 'wall'\n\
+        [[matches]]\nname = 'mine'\nfiles = ['absent']\n";
+    fs::write(at("study.toml"), study).expect("writable");
+    let moved = [
+        "study.toml",
+        "--matches",
+        "mine=there",
+        "--pixel-center",
+        "0",
+    ];
+    let output = run(&moved, folder.path());
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    assert_eq!(poses(&at("run"), "wall", "mine").len(), 1);
+}

@@ -28,8 +28,8 @@ pub(crate) struct DemoArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 A run file says the same in TOML. It also says which matchers are run on which dataset, and from
-what datasets are imported. Options on the command line replace what it says, and --set comes
-last. docs/formats.md lists its keys:
+what datasets are imported. Options on the command line replace what it says: --matches what has
+the same name. --tuned is added to it, and --set comes last. docs/formats.md lists its keys:
 
   out = \"runs/study\"                   # paths start from the folder of the file
   matchers = [\"sift\", \"orb\"]

@@ -1,6 +1,7 @@
 //! `matchbench check`: tries out a matcher from outside.
 
 use std::env;
+use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -13,6 +14,7 @@ use crate::Ending;
 use crate::args::CheckArgs;
 use crate::commands::job::changes;
 use crate::output::stdout;
+use crate::stop::end_on_ctrl_c;
 
 pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
     let changes = changes(&args.set)?;
@@ -22,6 +24,7 @@ pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
     }
     let dataset = (args.dataset.as_deref()).map(Sequence::open).transpose()?;
     let log = new_log(&manifest.name)?;
+    end_on_ctrl_c()?;
     let mut out = stdout();
     let mut worst = Verdict::Good;
     let mut printed = Ok(());
@@ -40,22 +43,24 @@ pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
             printed = std::mem::replace(&mut printed, Ok(())).and(line);
         },
     )?;
-    printed?;
-    writeln!(out, "what it printed is in {}", log.display())?;
-    Ok(match worst {
+    let printed = printed.and_then(|()| writeln!(out, "what it printed is in {}", log.display()));
+    let ending = match worst {
         Verdict::Wrong => Ending::SomeFailed,
         Verdict::Good | Verdict::Doubtful => Ending::Done,
-    })
+    };
+    ending.after(printed)
 }
 
 /// A new file for the output of the matcher. In a folder that everybody may write to, an existing file may
 /// belong to another user, or be a link to somebody's file.
 fn new_log(matcher: &str) -> Result<PathBuf> {
     let prefix = format!("matchbench-check-{matcher}-");
-    let file = (tempfile::Builder::new()
-        .prefix(&prefix)
-        .suffix(".log")
-        .tempfile())
-    .with_context(|| format!("cannot make a log in {}", env::temp_dir().display()))?;
+    let folder = env::temp_dir();
+    // A log is not opened in a folder that is a link; this link is the user's own.
+    let file = fs::canonicalize(&folder).and_then(|folder| {
+        let mut file = tempfile::Builder::new();
+        file.prefix(&prefix).suffix(".log").tempfile_in(folder)
+    });
+    let file = file.with_context(|| format!("cannot make a log in {}", folder.display()))?;
     Ok(file.keep()?.1)
 }

@@ -16,7 +16,7 @@ use super::{eval, report};
 use crate::Ending;
 use crate::args::DemoArgs;
 use crate::output::stdout;
-use crate::progress::cancel_on_ctrl_c;
+use crate::stop::cancel_on_ctrl_c;
 
 pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
     // Checked before minutes are spent on images.
@@ -52,18 +52,23 @@ pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
         eval::print(&homographies)
     });
     // Written even if the table could not be printed: a closed pipe, a full disk.
-    let pages = [&args.out, &homographies].map(|run| report::write(run, &ReportOptions::default()));
-    printed?;
+    let write = |run| report::write(run, &ReportOptions::default());
+    let pages = [write(&args.out)?, write(&homographies)?];
+    ending.after(printed.and_then(|()| tell(&pages)))
+}
+
+/// Prints where the pages are, and what to do next.
+fn tell(pages: &[PathBuf; 2]) -> Result<()> {
     let mut out = stdout();
     writeln!(
         out,
         "\nThese scenes are rendered: a test of the tool, no substitute for your own images."
     )?;
     writeln!(out, "Next: matchbench import --help")?;
-    for (page, what) in pages.into_iter().zip(["", " (homographies)"]) {
-        writeln!(out, "Open {}{what}", std::path::absolute(page?)?.display())?;
+    for (page, what) in pages.iter().zip(["", " (homographies)"]) {
+        writeln!(out, "Open {}{what}", std::path::absolute(page)?.display())?;
     }
-    Ok(ending)
+    Ok(())
 }
 
 /// The folders of the built-in scenes, and whether each scene is a plane. Scenes are rendered the first time.

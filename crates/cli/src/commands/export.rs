@@ -1,9 +1,10 @@
 //! `matchbench export`: writes the poses of a run in the layout of the paper's authors, or its matches in the
 //! formats of other tools.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::iter;
+use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail, ensure};
 use matchbench::config::find;
@@ -11,7 +12,7 @@ use matchbench::counted::counted;
 use matchbench::datasets::Sequence;
 use matchbench::exchange::{Export, Format, check_dataset};
 use matchbench::protocols;
-use matchbench::records::{MatcherPlan, Outcome, RunFolder, RunRecord, Task, authors};
+use matchbench::records::{DatasetPlan, MatcherPlan, Outcome, RunFolder, RunRecord, Task, authors};
 
 use crate::Ending;
 use crate::args::ExportArgs;
@@ -33,6 +34,10 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
         ensure!(
             args.inliers.is_none(),
             "--inliers: the authors' format holds only poses"
+        );
+        ensure!(
+            args.datasets.is_empty(),
+            "--datasets: poses are written without the datasets"
         );
         let records = run.records()?;
         ensure!(
@@ -58,18 +63,54 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
     }
     let format = Format::find(&args.format)?;
     let matchers = with_estimator(&run.plan().matchers, args.inliers.as_deref())?;
+    let mut moved = moved(&run.plan().datasets, &args.datasets)?;
     for dataset in &run.plan().datasets {
-        let moved = (args.datasets.iter())
-            .find(|path| path.file_name().is_some_and(|name| *name == *dataset.name));
-        let sequence = Sequence::open(moved.unwrap_or(&dataset.path))
-            .context("if the dataset has moved, say where it is with --datasets")?;
+        let sequence = moved.remove(&*dataset.name).map_or_else(
+            || {
+                Sequence::open(&dataset.path)
+                    .context("if the dataset has moved, say where it is with --datasets")
+            },
+            Ok,
+        )?;
         check_dataset(&run, dataset, &sequence)?;
         let is_run = |id: &String| (dataset.matchers.as_ref()).is_none_or(|own| own.contains(id));
         for matcher in matchers.iter().filter(|matcher| is_run(&matcher.id)) {
-            write(args, &run, format, &sequence, matcher)?;
+            write(args, &run, format, (dataset, &sequence), matcher)?;
         }
     }
     Ok(Ending::Done)
+}
+
+/// The datasets in these folders, by the names that they have in the plan: by the name of the folder, or by its content
+/// if that is another name.
+fn moved<'a>(
+    planned: &'a [DatasetPlan],
+    folders: &[PathBuf],
+) -> Result<BTreeMap<&'a str, Sequence>> {
+    let mut found = BTreeMap::new();
+    for folder in folders {
+        let sequence = Sequence::open(folder).context("--datasets")?;
+        let fingerprint = sequence.fingerprint();
+        let by_name = planned.iter().find(|dataset| dataset.name == sequence.name);
+        let by_content = || {
+            planned
+                .iter()
+                .find(|dataset| dataset.fingerprint == fingerprint)
+        };
+        let dataset = by_name.or_else(by_content).with_context(|| {
+            format!(
+                "--datasets names {}, which is no dataset of the run, neither by its name nor by its content",
+                folder.display()
+            )
+        })?;
+        ensure!(
+            found.insert(&*dataset.name, sequence).is_none(),
+            "--datasets names {}, and another folder before it for the dataset {}",
+            folder.display(),
+            dataset.name
+        );
+    }
+    Ok(found)
 }
 
 /// The matchers that were run with this estimator, if one is given; prints which are left out.
@@ -100,10 +141,10 @@ fn write(
     args: &ExportArgs,
     run: &RunFolder,
     format: &Format,
-    sequence: &Sequence,
+    (dataset, sequence): (&DatasetPlan, &Sequence),
     matcher: &MatcherPlan,
 ) -> Result<()> {
-    let matches = run.matches_of(&sequence.name, &matcher.id)?;
+    let matches = run.matches_of(&dataset.name, &matcher.id)?;
     let estimator = match &args.inliers {
         None => matcher.estimators.first(),
         Some(id) => matcher.estimators.iter().find(|known| known.id == *id),
@@ -111,7 +152,7 @@ fn write(
     let Some(estimator) = estimator else {
         bail!("`{}` was run without an estimator", matcher.id);
     };
-    let records = run.records_of(&sequence.name, &matcher.id, &estimator.id)?;
+    let records = run.records_of(&dataset.name, &matcher.id, &estimator.id)?;
     let protocol = protocols::of_estimator(&estimator.id);
     let export_of = |matches: &_| {
         Export::of_run(sequence, matches, &records, &|cameras, sizes, points| {
@@ -121,7 +162,7 @@ fn write(
     let mut export = export_of(&matches)?;
     let mut are_inliers = false;
     if args.inliers.is_some() && export.pairs.is_empty() {
-        let inliers = run.inliers_of(&sequence.name, &matcher.id, &estimator.id)?;
+        let inliers = run.inliers_of(&dataset.name, &matcher.id, &estimator.id)?;
         export = export_of(&inliers)?;
         are_inliers = true;
     }
@@ -130,7 +171,7 @@ fn write(
         "{} holds no matches of `{}` on `{}`; run it with --keep-matches all",
         args.run.display(),
         matcher.id,
-        sequence.name
+        dataset.name
     );
     if !are_inliers {
         let is_missing = |record: &&RunRecord| {
@@ -147,7 +188,7 @@ fn write(
                 "warning: the matches of `{}` for {missing} of `{}` are gone and are left out; the command that \
                  made the run makes them again",
                 matcher.id,
-                sequence.name
+                dataset.name
             );
         }
     }
@@ -158,7 +199,7 @@ fn write(
         }
         folder = format!("{folder}+{}", estimator.id);
     }
-    let folder = args.out.join(folder).join(&sequence.name);
+    let folder = args.out.join(folder).join(&dataset.name);
     let files = format.write(&folder, &export)?;
     match &files[..] {
         [] => bail!("there is no match to be written"),

@@ -17,7 +17,8 @@ use super::matches::describe;
 use crate::Ending;
 use crate::args::ChoiceArgs;
 use crate::output::say;
-use crate::progress::{Bar, cancel_on_ctrl_c};
+use crate::progress::Bar;
+use crate::stop::cancel_on_ctrl_c;
 
 /// Printed when Ctrl-C stops a run.
 pub(crate) const AFTER_PAIRS: &str = "stopping after the pairs in flight; again to stop at once";
@@ -47,7 +48,7 @@ pub(crate) fn execute_run(run: &Run<'_>, cancel: &Cancel) -> Result<Ending> {
     let bar = Bar::new();
     let summary = run.execute(&bar, cancel);
     bar.finish();
-    Ok(tell(&summary?, run.folder))
+    Ok(tell(&summary?, run.folder, cancel))
 }
 
 /// Prints the events while a study is prepared.
@@ -110,9 +111,9 @@ pub(crate) fn cache(asked: Option<&Path>, folder: &Path) -> FeatureCache {
     FeatureCache::new(asked.map_or_else(default, Path::to_path_buf))
 }
 
-/// Prints how a run ended.
-pub(crate) fn tell(summary: &RunSummary, folder: &Path) -> Ending {
-    if summary.ended > 0 {
+/// Prints how a run ended, which the user may have stopped.
+pub(crate) fn tell(summary: &RunSummary, folder: &Path, cancel: &Cancel) -> Ending {
+    if summary.ended > 0 && !cancel.is_set() {
         let done = summary.before + summary.now;
         say!(
             "{done} of {} done; the same command tries the rest again",

@@ -1,11 +1,12 @@
 //! `matchbench leaderboard`: ranks the runs and results below a folder on one page.
 
 use std::io::Write;
+use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use matchbench::counted::counted;
 use matchbench::metrics::{Angle, Model};
-use matchbench::report::{Refused, leaderboard, write_leaderboard};
+use matchbench::report::{Leaderboard, Refused, leaderboard, write_leaderboard};
 
 use crate::Ending;
 use crate::args::LeaderboardArgs;
@@ -33,6 +34,16 @@ pub(crate) fn run(args: &LeaderboardArgs) -> Result<Ending> {
         args.entries.display()
     );
     let page = write_leaderboard(&args.out, &board)?;
+    let ending = if board.refused.is_empty() {
+        Ending::Done
+    } else {
+        Ending::SomeFailed
+    };
+    ending.after(print(&board, &page))
+}
+
+/// Prints who is first in each group.
+fn print(board: &Leaderboard, page: &Path) -> Result<()> {
     let mut out = stdout();
     for group in &board.groups {
         let best = &group.rows[0];
@@ -53,9 +64,5 @@ pub(crate) fn run(args: &LeaderboardArgs) -> Result<Ending> {
         )?;
     }
     writeln!(out, "{}", page.display())?;
-    Ok(if board.refused.is_empty() {
-        Ending::Done
-    } else {
-        Ending::SomeFailed
-    })
+    Ok(())
 }

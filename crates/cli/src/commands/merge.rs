@@ -21,13 +21,14 @@ pub(crate) fn run(args: &MergeArgs) -> Result<Ending> {
         counted(plan.shards(), "shard"),
         args.out.display()
     );
-    writeln!(stdout(), "Next: matchbench eval {}", typed(&args.out))?;
+    let printed = writeln!(stdout(), "Next: matchbench eval {}", typed(&args.out));
+    let mut ending = Ending::Done;
     if merged.failed > 0 {
         say!(
             "{} FAILED, counted as wrong; records say why (\"kind\":\"failed\")",
             counted(merged.failed, "task")
         );
-        return Ok(Ending::SomeFailed);
+        ending = Ending::SomeFailed;
     }
-    Ok(Ending::Done)
+    ending.after(printed)
 }

@@ -11,7 +11,7 @@ use super::job::{AFTER_PAIRS, changes, execute_until, tell_news};
 use crate::Ending;
 use crate::args::PaperArgs;
 use crate::output::say;
-use crate::progress::cancel_on_ctrl_c;
+use crate::stop::cancel_on_ctrl_c;
 
 pub(crate) fn run(args: &PaperArgs) -> Result<Ending> {
     let mut out = std::io::stdout();
@@ -50,9 +50,9 @@ pub(crate) fn run(args: &PaperArgs) -> Result<Ending> {
     for note in &reported.notes {
         say!("note: {note}");
     }
-    writeln!(out, "{}", reported.page.display())?;
-    Ok(match ending {
+    let ending = match ending {
         Ending::Done if is_broken => Ending::SomeFailed,
         ending => ending,
-    })
+    };
+    ending.after(writeln!(out, "{}", reported.page.display()))
 }

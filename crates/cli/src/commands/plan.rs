@@ -16,6 +16,7 @@ use super::matches;
 use crate::Ending;
 use crate::args::PlanArgs;
 use crate::output::{say, stdout, typed};
+use crate::stop::end_on_ctrl_c;
 
 pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
     let mut study = Study {
@@ -36,6 +37,7 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
             );
         }
     }
+    end_on_ctrl_c()?;
     let prepared = study.prepare_plan(&tell_news)?;
     for error in &prepared.absent {
         say!("error: {error}");

@@ -19,21 +19,18 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
         return Ok(ending);
     }
     let printed = eval::print(&folder);
-    let mut out = stdout();
-    if study.report {
+    let next = if study.report {
         let options = ReportOptions {
             cache: study.cache.as_deref(),
             ..ReportOptions::default()
         };
         // Written even if the table could not be printed: a closed pipe, a full disk.
         let page = report::write(&folder, &options)?;
-        printed?;
-        writeln!(out, "\nreport: {}", page.display())?;
+        format!("report: {}", page.display())
     } else {
-        printed?;
-        writeln!(out, "\nNext: matchbench report {}", typed(&folder))?;
-    }
-    Ok(ending)
+        format!("Next: matchbench report {}", typed(&folder))
+    };
+    ending.after(printed.and_then(|()| Ok(writeln!(stdout(), "\n{next}")?)))
 }
 
 /// What is asked for: the run file, if there is one, with the arguments replacing its settings.
@@ -59,7 +56,10 @@ fn study(args: &RunArgs) -> Result<Study> {
         }
     }
     choose(&mut study, &args.choices)?;
-    study.matches.extend(matches::asked(&args.files)?);
+    let matches = matches::asked(&args.files)?;
+    let is_replaced = |name: &str| matches.iter().any(|from| from.name == name);
+    study.matches.retain(|from| !is_replaced(&from.name));
+    study.matches.extend(matches);
     study.out = args.out.clone().or(study.out);
     study.cache = args.cache.clone().or(study.cache);
     study.sample = args.sample.or(study.sample);

@@ -20,6 +20,7 @@ use super::job::{changes, check_names};
 use crate::Ending;
 use crate::args::ShowArgs;
 use crate::output::{is_standard_output, stdout, write_result};
+use crate::stop::end_on_ctrl_c;
 
 /// Longest side of an image in the picture, and its JPEG quality.
 const DRAWN: (u32, u8) = (1600, 88);
@@ -134,6 +135,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
 fn contender(args: &ShowArgs) -> Result<(TempDir, Contender)> {
     let matcher = std::slice::from_ref(&args.matcher);
     check_names(matcher)?;
+    end_on_ctrl_c()?;
     let estimators: Vec<String> = args.estimator.iter().cloned().collect();
     let folder = tempfile::Builder::new()
         .prefix("matchbench-show-")

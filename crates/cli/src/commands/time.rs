@@ -14,7 +14,7 @@ use crate::Ending;
 use crate::args::TimeArgs;
 use crate::commands::job::{changes, check_names};
 use crate::output::{say, stdout, write_result};
-use crate::progress::cancel_on_ctrl_c;
+use crate::stop::cancel_on_ctrl_c;
 
 pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
     check_names(&args.matchers)?;

@@ -14,7 +14,8 @@ use super::job::{AFTER_PAIRS, cache, changes, check_names, open, tell};
 use crate::Ending;
 use crate::args::TuneArgs;
 use crate::output::stdout;
-use crate::progress::{Bar, cancel_on_ctrl_c};
+use crate::progress::Bar;
+use crate::stop::cancel_on_ctrl_c;
 
 pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
     check_names(&args.matchers)?;
@@ -39,11 +40,11 @@ pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
     let done = tune(&tuning, &bar, &cancel);
     bar.finish();
     let done = done?;
-    let ending = tell(&done.summary, &args.out);
-    if let Some(tuned) = &done.tuned {
-        print(tuned, &args.parameter, &args.out)?;
+    let ending = tell(&done.summary, &args.out, &cancel);
+    match &done.tuned {
+        Some(tuned) => ending.after(print(tuned, &args.parameter, &args.out)),
+        None => Ok(ending),
     }
-    Ok(ending)
 }
 
 fn print(tuned: &Tuned, parameter: &str, folder: &Path) -> Result<()> {

@@ -50,3 +50,27 @@ fn wall(shift: usize) -> Vec<u8> {
     }
     file
 }
+
+/// Sends a signal to a process.
+#[cfg(unix)]
+#[allow(dead_code)] // by some of the tests
+pub(crate) fn send(signal: &str, process: u32) {
+    let sent = Command::new("kill")
+        .args([&format!("-{signal}"), &process.to_string()])
+        .status();
+    assert!(sent.expect("kill is everywhere").success());
+}
+
+/// The signal of Ctrl-C, or one to terminate where Ctrl-C is ignored, as in the background of a script.
+#[cfg(unix)]
+#[allow(dead_code)] // by some of the tests
+pub(crate) fn stop_signal() -> &'static str {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    if mask.unwrap_or(0) & 0b10 == 0 {
+        "INT"
+    } else {
+        "TERM"
+    }
+}

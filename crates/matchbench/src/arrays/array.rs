@@ -125,8 +125,9 @@ impl Array {
     ) -> Result<Self, String> {
         let stored = Self::new(shape, element, bytes)?;
         let (rows, columns) = match stored.shape[..] {
-            [rows, columns] => (rows, columns),
+            // One without columns may claim any number of rows.
             _ if stored.shape.len() < 2 || stored.len() == 0 => return Ok(stored),
+            [rows, columns] => (rows, columns),
             _ => {
                 return Err(
                     "it is stored column by column; write numpy.ascontiguousarray of it".into(),
@@ -360,6 +361,9 @@ mod tests {
         assert_eq!(of(&[6]).unwrap().to_vec(), [0., 1., 2., 3., 4., 5.]);
         assert!(of(&[1, 2, 3]).unwrap_err().contains("column by column"));
         assert!(of(&[2, 2]).is_err());
+        // It would take years to go through rows that have nothing in them.
+        let empty = Array::by_columns(vec![10_usize.pow(18), 0], element, Vec::new());
+        assert_eq!(empty.unwrap().len(), 0);
     }
 
     #[test]

@@ -57,6 +57,13 @@ impl Npz {
         &self.path
     }
 
+    /// How many bytes the archive says that all arrays together have.
+    pub(crate) fn stated_bytes(&mut self) -> u64 {
+        let sizes = (0..self.zip.len())
+            .map(|index| self.zip.by_index_raw(index).map_or(0, |file| file.size()));
+        sizes.fold(0, u64::saturating_add)
+    }
+
     /// Names of the arrays.
     pub(crate) fn names(&self) -> Vec<String> {
         let names = self.zip.file_names().filter_map(Result::ok);

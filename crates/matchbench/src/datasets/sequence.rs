@@ -62,6 +62,14 @@ pub enum Truth {
     },
 }
 
+impl Sequence {
+    /// The first frame whose stored pixels are turned before they are used; programs from outside would see them as
+    /// they are stored.
+    pub fn turned(&self) -> Option<&Frame> {
+        self.frames.iter().find(|frame| !frame.turn.is_none())
+    }
+}
+
 impl Frame {
     /// A frame whose image is used as it is stored, and whose camera and pose (camera-to-world) are known.
     pub fn with_pose(

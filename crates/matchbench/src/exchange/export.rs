@@ -100,7 +100,7 @@ impl<'a> Export<'a> {
     /// # Errors
     /// If the dataset turns an image, or the size of one cannot be read.
     pub fn new(sequence: &'a Sequence, pairs: Vec<PairExport>) -> Result<Self, ExchangeError> {
-        if let Some(frame) = sequence.frames.iter().find(|frame| !frame.turn.is_none()) {
+        if let Some(frame) = sequence.turned() {
             return Err(ExchangeError::new(
                 &frame.image,
                 "the dataset turns the image, and other tools read it as it is stored",

@@ -84,6 +84,7 @@ impl MatchSource {
         BuiltPointSource {
             id: id.into(),
             version: None,
+            command: None,
             params: json!({ "datasets": params }),
             notes,
             source: Box::new(self),

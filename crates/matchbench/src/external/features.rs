@@ -19,6 +19,7 @@ use nalgebra::Point2;
 
 use super::answer::is_inside;
 use crate::arrays::{Array, ArrayError, Npz};
+use crate::memory::{Reserved, TooMuch, reserve};
 
 /// Most features of an image.
 const MOST_FEATURES: usize = 1_000_000;
@@ -26,6 +27,18 @@ const MOST_FEATURES: usize = 1_000_000;
 const LONGEST_DESCRIPTOR: usize = 4096;
 /// Arrays that are known.
 const KNOWN: [&str; 5] = ["keypoints", "descriptors", "scales", "angles", "scores"];
+
+/// Memory for the features in this file. An array is held as it is stored, as numbers, and as it is saved, and searches
+/// keep less than that once more.
+///
+/// # Errors
+/// If there is not so much.
+pub(super) fn memory_for(path: &Path) -> Result<Option<Reserved<'static>>, TooMuch> {
+    // What is wrong with the file shows when it is read.
+    let stated = Npz::open(path).ok().map(|mut file| file.stated_bytes());
+    let needed = stated.map(|bytes| usize::try_from(bytes.saturating_mul(4)).unwrap_or(usize::MAX));
+    needed.map(reserve).transpose()
+}
 
 /// Reads the `count` features of an image of this size.
 ///

@@ -24,8 +24,6 @@ struct State {
     path: PathBuf,
     file: File,
     room: u64,
-    /// The last complaint that was not blank.
-    last: String,
 }
 
 impl Log {
@@ -70,21 +68,12 @@ impl Log {
             path: path.into(),
             file: file.map_err(named)?,
             room: full - length,
-            last: String::new(),
         }))))
     }
 
     /// Where it is.
     pub fn path(&self) -> PathBuf {
         self.state().path.clone()
-    }
-
-    /// Appends a line of standard error, which is remembered: it may say why a child ended.
-    pub(super) fn complaint(&self, line: &[u8]) {
-        if !line.trim_ascii().is_empty() {
-            self.state().last = told(line);
-        }
-        self.line(line);
     }
 
     /// Appends a line.
@@ -101,12 +90,6 @@ impl Log {
         if state.file.write_all(&text).is_err() {
             state.room = 0;
         }
-    }
-
-    /// The last complaint, fit to be shown; it is forgotten.
-    pub(super) fn take_last(&self) -> Option<String> {
-        let last = std::mem::take(&mut self.state().last);
-        (!last.is_empty()).then_some(last)
     }
 
     fn state(&self) -> std::sync::MutexGuard<'_, State> {
@@ -154,13 +137,11 @@ mod tests {
         let path = folder.path().join("logs/x.log");
         let log = Log::with_room(&path, 20).unwrap();
         for line in ["123456789", "12345678", "more", "and more"] {
-            log.complaint(line.as_bytes());
+            log.line(line.as_bytes());
         }
         let text = fs::read_to_string(&path).unwrap();
         let note = "(the log is full; the rest is dropped)\n";
         assert_eq!(text, format!("123456789\n12345678\n{note}"));
-        assert_eq!(log.take_last().as_deref(), Some("and more"));
-        assert_eq!(log.take_last(), None);
         let again = Log::with_room(&path, 20).unwrap();
         again.line(b"new");
         assert_eq!(fs::read_to_string(&path).unwrap(), "new\n");

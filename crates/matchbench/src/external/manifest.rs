@@ -22,6 +22,7 @@
 //!
 //! An unknown key is an error, except in `params`, which belong to the child.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -304,7 +305,21 @@ impl Manifest {
         self.path.parent().unwrap_or(Path::new("/"))
     }
 
-    /// Everything that the results depend on, besides what the child says of itself.
+    /// The command, as far as the results depend on it. A program with an absolute path is known by its name alone,
+    /// since on another machine it may be installed elsewhere; all else is as it is written.
+    pub fn started(&self) -> Vec<String> {
+        let mut command = self.command.clone();
+        if let [program, ..] = &mut command[..]
+            && let path = Path::new(&*program)
+            && path.is_absolute()
+            && let Some(name) = path.file_name().and_then(OsStr::to_str)
+        {
+            *program = name.to_owned();
+        }
+        command
+    }
+
+    /// Everything that the results depend on, besides the command and what the child says of itself.
     pub fn effective(&self) -> Value {
         let mut all = self.params.clone();
         if let Kind::Features(matching) = &self.kind {
@@ -445,133 +460,4 @@ fn one() -> toml::Spanned<usize> {
 }
 
 #[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-    use serde_json::json;
-
-    use super::*;
-
-    const LEAST: &str = "name = 'x'\ncommand = ['serve']\n";
-
-    fn parse(text: &str) -> Result<Manifest, ManifestError> {
-        let built_in = BuiltIn {
-            matchers: vec!["sift"],
-            estimators: vec!["best"],
-        };
-        Manifest::parse(Path::new("/m/x.toml"), text, &built_in)
-    }
-
-    #[test]
-    fn what_is_left_out_has_its_default() {
-        let manifest = parse(LEAST).unwrap();
-        assert_eq!(manifest.kind, Kind::Matches);
-        assert_eq!(manifest.workers, 1);
-        let seconds = [manifest.timeout, manifest.start_timeout].map(|wait| wait.as_secs());
-        assert_eq!(seconds, [60, 300]);
-        assert_eq!(manifest.folder(), Path::new("/m"));
-        assert_eq!(manifest.effective(), json!({}));
-    }
-
-    #[test]
-    fn what_cannot_be_is_named_with_its_line() {
-        for (text, line, named) in [
-            ("name = 'x'\ncommand = ['a']\ncolour = 3\n", 3, "colour"),
-            ("name = 'X y'\ncommand = ['a']\n", 1, "X y"),
-            ("name = 'all'\ncommand = ['a']\n", 1, "all"),
-            ("\nname = 'sift'\ncommand = ['a']\n", 2, "sift"),
-            ("name = 'best'\ncommand = ['a']\n", 1, "best"),
-            ("name = 'x'\ncommand = []\n", 2, "command"),
-            ("name = 'x'\ncommand = ['']\n", 2, "command"),
-            ("name = 'x'\ncommand = 'a'\n", 2, "sequence"),
-            (
-                "name = 'x'\ncommand = ['a']\ntimeout_s = 0\n",
-                3,
-                "timeout_s",
-            ),
-            ("name = 'x'\ncommand = ['a']\ntimeout_s = nan\n", 3, "NaN"),
-            (
-                "name = 'x'\ncommand = ['a']\nstart_timeout_s = 1e9\n",
-                3,
-                "1000000000",
-            ),
-            ("name = 'x'\ncommand = ['a']\nworkers = 0\n", 3, "workers"),
-            (
-                "name = 'x'\ncommand = ['a']\nestimator = 'bset'\n",
-                3,
-                "unknown estimator `bset` (did you mean `best`?)",
-            ),
-            ("name = 'x'\ncommand = ['a']\nkind = 'poses'\n", 3, "poses"),
-            (
-                "name = 'x'\ncommand = ['a']\n[matching]\nratio = 0.8\n",
-                3,
-                "matching",
-            ),
-            (
-                "name = 'x'\ncommand = ['a']\nkind = 'features'\n[matching]\nratio = 1.5\n",
-                4,
-                "1.5",
-            ),
-        ] {
-            let error = parse(text).expect_err(text);
-            assert_eq!(error.line, Some(line), "{text}: {error}");
-            assert!(error.to_string().contains(named), "{text}: {error}");
-        }
-    }
-
-    #[test]
-    fn settings_change_parameters_at_every_depth() {
-        let text = format!("{LEAST}[params]\nmodel = 'n16'\nsize = {{ w = 640, h = 480 }}\n");
-        let changes = json!({"model": "n32", "size": {"w": 1024}, "new": 1});
-        let manifest = parse(&text).unwrap().with(&changes).unwrap();
-        assert_eq!(
-            manifest.effective(),
-            json!({"model": "n32", "size": {"w": 1024, "h": 480}, "new": 1})
-        );
-        assert!(parse(&text).unwrap().with(&json!(3)).is_err());
-    }
-
-    #[test]
-    fn the_matching_of_features_is_set_apart_from_parameters() {
-        let text = format!("{LEAST}kind = 'features'\n");
-        let manifest = parse(&text).unwrap();
-        assert_eq!(manifest.kind, Kind::Features(Matching::default()));
-        assert!(Matching::default().is_mutual());
-        let changed = manifest.clone().with(&json!({"matching": {"ratio": 0.8}}));
-        let Kind::Features(matching) = changed.unwrap().kind else {
-            panic!("still features")
-        };
-        assert!(matching.ratio == Some(0.8) && !matching.is_mutual());
-        for wrong in [json!({"ratoi": 0.8}), json!({"ratio": 2}), json!(3)] {
-            let error = manifest.clone().with(&json!({"matching": wrong}));
-            assert!(error.is_err(), "{wrong}");
-        }
-        for params in [
-            "matching = 3",
-            "at = 2020-01-01",
-            "ratio = nan",
-            "all = [inf]",
-        ] {
-            let text = format!("{text}[params]\n{params}\n");
-            assert!(parse(&text).is_err(), "{params}");
-        }
-    }
-
-    #[test]
-    fn paths_are_told_from_ids() {
-        for (name, path) in [
-            ("sift", false),
-            ("x.toml", true),
-            ("./x", true),
-            ("a/b", true),
-        ] {
-            assert_eq!(Manifest::is_path(name), path, "{name}");
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn no_text_panics(text in "(name = 'x'\ncommand = \\['a'\\]\n)?.{0,60}") {
-            let _ = parse(&text);
-        }
-    }
-}
+mod tests;

@@ -61,5 +61,5 @@ pub use check::{Finding, Verdict, check};
 pub use log::Log;
 pub use manifest::{BuiltIn, Kind, Manifest, ManifestError, Matching};
 pub use pool::{Breakdown, External, Image, StartError};
-pub use process::end_all;
+pub use process::{Ended, end_all};
 pub use worker::Identity;

@@ -11,7 +11,7 @@ use matchbench_vision::image::Size;
 use tempfile::TempDir;
 
 use super::answer::{self, Described, Matched, Times};
-use super::features::read_features;
+use super::features::{memory_for, read_features};
 use super::log::Log;
 use super::manifest::{Kind, Manifest};
 use super::message::{Answer, Request};
@@ -30,14 +30,14 @@ pub struct External {
     scratch: TempDir,
     questions: AtomicU64,
     pool: Mutex<Pool>,
-    /// Told when a worker becomes free.
+    /// Told when a place becomes free.
     freed: Condvar,
 }
 
 struct Pool {
     idle: Vec<Worker>,
-    /// Workers that may yet be started, or are to be replaced.
-    missing: usize,
+    /// Places of workers that are taken by those who ask.
+    taken: usize,
     /// Questions that failed since one was answered.
     strikes: u32,
     /// Why the matcher was given up.
@@ -68,7 +68,7 @@ pub struct StartError {
 /// Why a question has no answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Breakdown {
-    /// The child says that it cannot do this one. Asked again, it would say so again.
+    /// The child says that it cannot do this one, or there is no memory for its answer. Asked again, it would be so again.
     Said(String),
     /// The child broke over this one and was ended. It may go better another time.
     Broke(String),
@@ -103,7 +103,7 @@ impl External {
             identity: worker.identity().clone(),
             pool: Mutex::new(Pool {
                 idle: vec![worker],
-                missing: manifest.workers - 1,
+                taken: 0,
                 strikes: 0,
                 ended: None,
             }),
@@ -167,7 +167,7 @@ impl External {
                     times,
                 })
             }
-            _ => Err("it answers something that was not asked for".into()),
+            _ => Err(Fault::unasked()),
         })
     }
 
@@ -191,17 +191,20 @@ impl External {
                 seconds,
                 device,
                 ..
-            } => Ok(Described {
-                features: read_features(
-                    &out,
-                    count,
-                    image.size,
-                    self.identity.pixel_center,
-                    matching.hamming,
-                )?,
-                times: Times::new(wall, seconds, device)?,
-            }),
-            _ => Err("it answers something that was not asked for".into()),
+            } => {
+                let _memory = memory_for(&out).map_err(|missing| {
+                    Fault::Said(format!(
+                        "its features are too many: {missing}; let it find fewer, free memory, or set \
+                         MATCHBENCH_MAX_MEMORY"
+                    ))
+                })?;
+                let center = self.identity.pixel_center;
+                Ok(Described {
+                    features: read_features(&out, count, image.size, center, matching.hamming)?,
+                    times: Times::new(wall, seconds, device)?,
+                })
+            }
+            _ => Err(Fault::unasked()),
         })
     }
 
@@ -210,14 +213,15 @@ impl External {
         &self,
         request: Request<'_>,
         out: &Path,
-        read: impl FnOnce(Answer, f64) -> Result<T, String>,
+        read: impl FnOnce(Answer, f64) -> Result<T, Fault>,
     ) -> Result<T, Breakdown> {
-        let mut worker = match self.take()? {
+        let (_place, idle) = self.take()?;
+        let mut worker = match idle.map_or_else(|| self.start_another(), Ok) {
             Ok(worker) => worker,
             Err(reason) => return Err(self.give_up_on(reason)),
         };
         let asked = worker.ask(request);
-        let answer = asked.and_then(|(answer, wall)| read(answer, wall).map_err(Fault::Broke));
+        let answer = asked.and_then(|(answer, wall)| read(answer, wall));
         // The file may be absent, or another kind of thing; the folder goes with the matcher.
         let _ = std::fs::remove_file(out);
         match answer {
@@ -236,48 +240,42 @@ impl External {
         }
     }
 
-    /// A worker that nobody else has; `Err` inside if a new one does not start.
-    fn take(&self) -> Result<Result<Worker, String>, Breakdown> {
+    /// A place that nobody else has, and its worker, unless one is to be started first.
+    fn take(&self) -> Result<(Place<'_>, Option<Worker>), Breakdown> {
         let mut pool = self.pool();
         loop {
             if let Some(reason) = &pool.ended {
                 return Err(Breakdown::Ended(reason.clone()));
             }
-            if let Some(worker) = pool.idle.pop() {
-                return Ok(Ok(worker));
-            }
-            if pool.missing > 0 {
-                pool.missing -= 1;
-                break;
+            let idle = pool.idle.pop();
+            if idle.is_some() || pool.taken < self.manifest.workers {
+                pool.taken += 1;
+                return Ok((Place(self), idle));
             }
             pool = (self.freed.wait(pool)).unwrap_or_else(PoisonError::into_inner);
         }
-        drop(pool);
-        let worker = Worker::start(&self.manifest, &self.log).and_then(|worker| {
-            if *worker.identity() == self.identity {
-                return Ok(worker);
-            }
-            let now = &worker.identity().version;
-            Err(format!("it became another program: version {now}"))
-        });
-        Ok(worker)
+    }
+
+    fn start_another(&self) -> Result<Worker, String> {
+        let worker = Worker::start(&self.manifest, &self.log)?;
+        if *worker.identity() == self.identity {
+            return Ok(worker);
+        }
+        let now = &worker.identity().version;
+        Err(format!("it became another program: version {now}"))
     }
 
     fn give_back(&self, worker: Worker) {
         let mut pool = self.pool();
         pool.strikes = 0;
         pool.idle.push(worker);
-        self.freed.notify_one();
     }
 
     /// Notes that a worker was lost for this `reason`, and whether the matcher is with it.
     fn give_up_on(&self, reason: String) -> Breakdown {
         let mut pool = self.pool();
-        pool.missing += 1;
         pool.strikes += 1;
-
         if pool.strikes < STRIKES {
-            self.freed.notify_one();
             Breakdown::Broke(reason)
         } else {
             let reason = format!(
@@ -302,6 +300,17 @@ impl External {
     }
 }
 
+/// A place of a worker, taken by whoever asks. It is free again when this value is dropped, by a panic too, which loses
+/// the worker.
+struct Place<'a>(&'a External);
+
+impl Drop for Place<'_> {
+    fn drop(&mut self) {
+        self.0.pool().taken -= 1;
+        self.0.freed.notify_one();
+    }
+}
+
 impl Drop for External {
     fn drop(&mut self) {
         // All are asked to go before any is waited for.
@@ -317,4 +326,60 @@ fn absolute(folder: TempDir) -> io::Result<TempDir> {
     }
     let parent = std::path::absolute(std::env::temp_dir())?;
     (tempfile::Builder::new().prefix("matchbench-")).tempdir_in(parent)
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+    use std::sync::mpsc;
+    use std::thread;
+    use std::time::Duration;
+
+    use super::super::manifest::BuiltIn;
+    use super::*;
+
+    /// A program in the language of the shell that matches nothing.
+    const PROGRAM: &str = r#"
+while read -r line; do
+    case $line in
+    *hello*) echo '{"type":"ready","protocol":1,"name":"x","version":"1","pixel_center":0}' ;;
+    *) echo '{"type":"matched","pair":[0,1],"count":0}' ;;
+    esac
+done
+"#;
+
+    #[test]
+    fn a_panic_frees_the_place_that_it_took() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("x.sh"), PROGRAM).unwrap();
+        let text = "name = 'x'\ncommand = ['sh', 'x.sh']\nworkers = 1\n";
+        let manifest =
+            Manifest::parse(&folder.path().join("x.toml"), text, &BuiltIn::default()).unwrap();
+        let log = Log::open(&folder.path().join("x.log")).unwrap();
+        let external = External::start(manifest, log).unwrap();
+        let out = external.out("x");
+        let request = || Request::Match {
+            pair: [0, 1],
+            a: Path::new("/a"),
+            b: Path::new("/b"),
+            size_a: [1, 1],
+            size_b: [1, 1],
+            out: &out,
+        };
+        let broken = AssertUnwindSafe(|| {
+            external.ask(request(), &out, |_, _| -> Result<(), Fault> {
+                panic!("as a bug would")
+            })
+        });
+        assert!(catch_unwind(broken).is_err());
+        let (answered, waiting) = mpsc::channel();
+        thread::scope(|scope| {
+            scope.spawn(|| answered.send(external.ask(request(), &out, |_, _| Ok(()))));
+            let answer = waiting.recv_timeout(Duration::from_secs(20));
+            // Whoever waits for a place that is not free any more would wait for ever.
+            external.pool().ended.get_or_insert_default();
+            external.freed.notify_all();
+            assert_eq!(answer, Ok(Ok(())));
+        });
+    }
 }

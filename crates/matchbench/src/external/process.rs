@@ -11,7 +11,7 @@
 //! | the matcher is done | `bye`, standard input closed, [`GRACE`] to go, then killed |
 //! | it misbehaves, or the host panics | killed |
 //! | Ctrl-C once | as done, after the pairs in flight: its group is not the terminal's |
-//! | Ctrl-C twice | the command line calls [`end_all`] before it exits |
+//! | Ctrl-C twice | the command line calls [`end_all`] before it exits; no other is started in its place |
 //! | the host is killed | its standard input closes, upon which it has to go |
 //!
 //! The whole group is killed, so that programs started by the child end too, unless they left it. It is
@@ -23,7 +23,7 @@ use std::io::{BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, SyncSender};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -45,8 +45,18 @@ const LOOK: Duration = Duration::from_millis(200);
 /// How long the last words of a child that has ended are waited for.
 const LAST_WORDS: Duration = Duration::from_millis(300);
 
-/// Leaders of the groups that are alive.
-static ALIVE: Mutex<BTreeSet<u32>> = Mutex::new(BTreeSet::new());
+/// The groups of all children.
+static GROUPS: Mutex<Groups> = Mutex::new(Groups {
+    alive: BTreeSet::new(),
+    ended: 0,
+});
+
+struct Groups {
+    /// Leaders of those that are alive.
+    alive: BTreeSet<u32>,
+    /// How many [`Ended`] there are.
+    ended: usize,
+}
 
 /// A child that is heard line by line; dropping it ends it.
 pub(super) struct Process {
@@ -56,7 +66,10 @@ pub(super) struct Process {
     lines: Receiver<Heard>,
     /// Disconnected when standard error has ended.
     errors: Receiver<()>,
-    log: Log,
+    /// The last line of standard error that was not blank, fit to be shown: it may say why the child ended.
+    complaint: Arc<Mutex<String>>,
+    /// Until when it may go, once it was asked to.
+    grace: Option<Instant>,
     reaped: bool,
 }
 
@@ -97,10 +110,13 @@ impl Process {
         group::lead(&mut command);
         let mut child = {
             // Held over the start: `end_all` sees this child, or it is not started.
-            let mut alive = alive();
+            let mut groups = groups();
+            if groups.ended > 0 {
+                return Err("all matchers from outside were ended".into());
+            }
             let child = (command.spawn())
                 .map_err(|error| format!("`{program}` cannot be started: {error}"))?;
-            alive.insert(child.id());
+            groups.alive.insert(child.id());
             child
         };
         let stdin = child.stdin.take().expect("piped");
@@ -109,19 +125,22 @@ impl Process {
         let (requests, to_write) = mpsc::channel();
         let (heard, lines) = mpsc::sync_channel(WAITING);
         let (ended, errors) = mpsc::sync_channel(0);
-        thread::spawn(move || write_all(stdin, &to_write));
-        let out_log = log.clone();
-        thread::spawn(move || sort(stdout, &heard, &out_log));
-        let error_log = log.clone();
-        thread::spawn(move || copy(stderr, &error_log, ended));
-        Ok(Self {
+        let complaint = Arc::default();
+        // From here on the child ends if something fails.
+        let process = Self {
             child,
             requests: Some(requests),
             lines,
             errors,
-            log: log.clone(),
+            complaint: Arc::clone(&complaint),
+            grace: None,
             reaped: false,
-        })
+        };
+        let (out_log, error_log) = (log.clone(), log.clone());
+        serve(move || write_all(stdin, &to_write))?;
+        serve(move || sort(stdout, &heard, &out_log))?;
+        serve(move || copy(stderr, &error_log, &complaint, ended))?;
+        Ok(process)
     }
 
     /// Sends a line. Whether it arrives shows in the answer.
@@ -162,16 +181,17 @@ impl Process {
             Some(status) if by_itself => status.to_string(),
             _ => "it was killed".into(),
         };
-        match self.log.take_last() {
-            Some(last) => format!("{how}; it last printed: {last}"),
-            None => how,
+        match &**lock(&self.complaint) {
+            "" => how,
+            last => format!("{how}; it last printed: {last}"),
         }
     }
 
-    /// Closes its standard input; it has [`GRACE`] from the moment that it is dropped.
+    /// Asks it to go and closes its standard input; when it is dropped, it has what is left of [`GRACE`].
     pub(super) fn say_goodbye(&mut self, bye: Vec<u8>) {
         self.send(bye);
         self.requests = None;
+        self.grace = Some(Instant::now() + GRACE);
     }
 
     /// Waits `grace` for its end, kills what is left of its group, and reaps it.
@@ -183,7 +203,7 @@ impl Process {
         self.wait_to_end(grace);
         group::kill(self.child.id());
         // Before its number can become another's.
-        alive().remove(&self.child.id());
+        groups().alive.remove(&self.child.id());
         self.reaped = true;
         let _ = self.child.kill();
         self.child.wait().ok()
@@ -206,27 +226,52 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        let said_goodbye = self.requests.is_none();
-        if self
-            .end(if said_goodbye { GRACE } else { Duration::ZERO })
-            .is_some()
-        {
+        let grace = self.grace.map_or(Duration::ZERO, |until| {
+            until.saturating_duration_since(Instant::now())
+        });
+        if self.end(grace).is_some() {
             // What it said last is to be in the log before the host goes on, and perhaps ends.
             let _ = self.errors.recv_timeout(LAST_WORDS);
         }
     }
 }
 
-/// Kills all children of this process and what they started, for a host that is about to exit.
-pub fn end_all() {
-    let alive = alive();
-    for &leader in &*alive {
+/// Kills all children of this process and what they started, for a host that is about to exit. None is started,
+/// neither in their place nor for another matcher, as long as the returned value lives.
+pub fn end_all() -> Ended {
+    let mut groups = groups();
+    groups.ended += 1;
+    for &leader in &groups.alive {
         group::kill(leader);
+    }
+    Ended(())
+}
+
+/// As long as it lives, no child is started, see [`end_all`].
+#[derive(Debug)]
+#[must_use]
+pub struct Ended(());
+
+impl Drop for Ended {
+    fn drop(&mut self) {
+        groups().ended -= 1;
     }
 }
 
-fn alive() -> MutexGuard<'static, BTreeSet<u32>> {
-    ALIVE.lock().unwrap_or_else(PoisonError::into_inner)
+fn groups() -> MutexGuard<'static, Groups> {
+    lock(&GROUPS)
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Starts a thread that serves a child.
+fn serve(work: impl FnOnce() + Send + 'static) -> Result<(), String> {
+    let started = thread::Builder::new().spawn(work);
+    started
+        .map(drop)
+        .map_err(|error| format!("no thread can be started for it: {error}"))
 }
 
 /// A program that is a path counts from the folder of the manifest; another is looked up as usual.
@@ -273,13 +318,19 @@ fn sort(stdout: impl Read, heard: &SyncSender<Heard>, log: &Log) {
     }
 }
 
-fn copy(stderr: impl Read, log: &Log, _ended: SyncSender<()>) {
+/// All goes to the log; the last line that is not blank is the `complaint`.
+fn copy(stderr: impl Read, log: &Log, complaint: &Mutex<String>, _ended: SyncSender<()>) {
     let mut stderr = BufReader::new(stderr);
     let mut line = Vec::new();
     loop {
         match read_line(&mut stderr, LONGEST_LOGGED, &mut line) {
             Ok(lines::Line::Whole) if line.is_empty() => {}
-            Ok(lines::Line::Whole | lines::Line::TooLong) => log.complaint(&line),
+            Ok(lines::Line::Whole | lines::Line::TooLong) => {
+                if !line.trim_ascii().is_empty() {
+                    *lock(complaint) = told(&line);
+                }
+                log.line(&line);
+            }
             Ok(lines::Line::End) | Err(_) => return,
         }
     }

@@ -1,12 +1,12 @@
 //! Matchers from outside as sources of a run's matched points.
 //!
 //! A matcher that answers matches is asked for each pair. One that answers features is asked for each
-//! image. Its answers are kept in the cache of the run, under the content of the image, the child's version
-//! and its parameters; the search, the ratio test and the mutual check are native and timed here.
+//! image. Its answers are kept in the cache of the run, under the content of the image, the child's version,
+//! its command and its parameters; the search, the ratio test and the mutual check are native and timed here.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use matchbench_vision::features::Features;
@@ -26,15 +26,13 @@ use crate::matchers::{
     SourcedMatches,
 };
 
-/// Images whose features are kept in memory: pairs come grouped by their first image.
-const KEPT: usize = 64;
 /// Raised whenever the same files of features come to be read as other features.
 const REVISION: u32 = 1;
 
 impl External {
     /// The matcher as a source of matched points; the features of one that describes images are kept
-    /// in `cache`.
-    pub fn into_source(self, cache: FeatureCache) -> BuiltPointSource {
+    /// in `cache`, and those of the images that were used last in so many bytes of `memory`.
+    pub fn into_source(self, cache: FeatureCache, memory: usize) -> BuiltPointSource {
         let identity = self.identity().clone();
         let manifest = self.manifest().clone();
         let mut notes = vec![format!(
@@ -49,19 +47,20 @@ impl External {
             Kind::Features(matching) => Box::new(Described {
                 extraction: Extraction {
                     extractor: manifest.name.clone(),
-                    params: json!({"identity": identity, "params": manifest.params,
-                                   "hamming": matching.hamming}),
+                    params: json!({"identity": identity, "command": manifest.started(),
+                                   "params": manifest.params, "hamming": matching.hamming}),
                     revision: REVISION,
                 },
                 external: self,
                 matching,
                 cache,
-                known: Mutex::default(),
+                known: Mutex::new(Known::new(memory)),
             }),
         };
         BuiltPointSource {
             id: manifest.name.clone(),
             version: Some(format!("{} {}", identity.name, identity.version)),
+            command: Some(manifest.started()),
             params: manifest.effective(),
             notes,
             source,
@@ -122,12 +121,58 @@ struct Described {
 /// The features of an image, once they are known.
 type Slot = Arc<Mutex<Option<Arc<Features>>>>;
 
-/// The features of the images that were asked for last.
-#[derive(Default)]
+/// The features of the images that were used last: pairs come grouped by their first image.
 struct Known {
-    features: BTreeMap<PathBuf, Slot>,
-    /// The images in the order in which they came.
-    order: VecDeque<PathBuf>,
+    /// How many bytes they may take; the image that was used last is kept in any case.
+    budget: usize,
+    uses: u64,
+    images: BTreeMap<PathBuf, KnownImage>,
+}
+
+#[derive(Default)]
+struct KnownImage {
+    slot: Slot,
+    /// What its features take; 0 while they are not known.
+    bytes: usize,
+    /// Its last use, counted over all images.
+    used: u64,
+}
+
+impl Known {
+    fn new(budget: usize) -> Self {
+        Self {
+            budget,
+            uses: 0,
+            images: BTreeMap::new(),
+        }
+    }
+
+    /// The place of the features of an image, which are used now.
+    fn slot(&mut self, path: &Path) -> Slot {
+        self.uses += 1;
+        let image = self.images.entry(path.into()).or_default();
+        image.used = self.uses;
+        Arc::clone(&image.slot)
+    }
+
+    /// Notes what the features of an image take; those of the images that were used longest ago go, until all fit.
+    fn note(&mut self, path: &Path, bytes: usize) {
+        self.images.entry(path.into()).or_default().bytes = bytes;
+        let mut held: usize = self.images.values().map(|image| image.bytes).sum();
+        while held > self.budget {
+            let others = self
+                .images
+                .iter()
+                .filter(|(other, image)| *other != path && image.bytes > 0);
+            let Some(oldest) = others
+                .min_by_key(|(_, image)| image.used)
+                .map(|(path, _)| path.clone())
+            else {
+                return;
+            };
+            held -= self.images.remove(&oldest).map_or(0, |image| image.bytes);
+        }
+    }
 }
 
 impl PointSource for Described {
@@ -166,7 +211,7 @@ impl Described {
     /// The features of an image, and how long that took, if they were not known.
     fn features(&self, path: &Path) -> Result<(Arc<Features>, Option<Times>), SourceError> {
         let path = absolute(path)?;
-        let slot = self.slot(&path);
+        let slot = self.known().slot(&path);
         // Held while the image is described: whoever else needs it waits.
         let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(features) = &*slot {
@@ -186,22 +231,12 @@ impl Described {
         };
         let features = Arc::new(features);
         *slot = Some(Arc::clone(&features));
+        self.known().note(&path, features.memory());
         Ok((features, times))
     }
 
-    fn slot(&self, path: &Path) -> Slot {
-        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(slot) = known.features.get(path) {
-            return Arc::clone(slot);
-        }
-        if known.order.len() >= KEPT
-            && let Some(oldest) = known.order.pop_front()
-        {
-            known.features.remove(&oldest);
-        }
-        known.order.push_back(path.into());
-        let slot = known.features.entry(path.into()).or_default();
-        Arc::clone(slot)
+    fn known(&self) -> MutexGuard<'_, Known> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -223,4 +258,28 @@ fn absolute(path: &Path) -> Result<PathBuf, SourceError> {
 fn image(path: &Path) -> Result<Image<'_>, SourceError> {
     let size = read_size(path).map_err(|error| SourceError::Pair(error.to_string()))?;
     Ok(Image { path, size })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn features_are_kept_by_their_bytes() {
+        let mut known = Known::new(100);
+        let mut take = |name: &str, bytes: usize| {
+            let path = Path::new(name);
+            known.slot(path);
+            known.note(path, bytes);
+            let names = known.images.keys().map(|path| path.display().to_string());
+            names.collect::<Vec<_>>().concat()
+        };
+        assert_eq!(take("a", 40), "a");
+        assert_eq!(take("b", 40), "ab");
+        take("a", 40);
+        assert_eq!(take("c", 40), "ac", "`b` was used longest ago");
+        assert_eq!(take("d", 10), "acd");
+        assert_eq!(take("e", 1000), "e", "more than may be kept, but in use");
+        assert_eq!(take("f", 1), "f");
+    }
 }

@@ -36,10 +36,24 @@ pub(super) struct Worker {
 /// Why a question has no answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Fault {
-    /// The child says that it cannot, and can go on.
+    /// The child says that it cannot, or cannot be asked or heard; it can go on.
     Said(String),
     /// The child does not keep to the protocol; it has to go.
     Broke(String),
+}
+
+impl Fault {
+    /// An answer of another kind.
+    pub(super) fn unasked() -> Self {
+        Self::Broke("it answers something that was not asked for".into())
+    }
+}
+
+impl From<String> for Fault {
+    /// What is wrong with an answer.
+    fn from(wrong: String) -> Self {
+        Self::Broke(wrong)
+    }
 }
 
 impl Worker {
@@ -48,7 +62,6 @@ impl Worker {
     /// # Errors
     /// If it does not get ready, in words.
     pub(super) fn start(manifest: &Manifest, log: &Log) -> Result<Self, String> {
-        log.take_last();
         let mut process = Process::start(&manifest.command, manifest.folder(), log)?;
         let hello = Request::Hello {
             protocol: PROTOCOL,

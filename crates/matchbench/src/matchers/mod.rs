@@ -149,6 +149,17 @@ pub fn find(id: &str) -> Result<&'static dyn MatcherEntry, UnknownName> {
     config::find("matcher", MATCHERS, MatcherEntry::id, id)
 }
 
+/// The names, with those of all matchers of [`MATCHERS`] in the place of `all`.
+pub fn expanded(names: &[String]) -> Vec<String> {
+    let all = || MATCHERS.iter().map(|entry| entry.id().to_owned());
+    (names.iter())
+        .flat_map(|name| match &**name {
+            "all" => all().collect(),
+            _ => vec![name.clone()],
+        })
+        .collect()
+}
+
 /// The matcher of an `entry` with the given parameters: the entry's own, see [`MatcherEntry::build`], and one
 /// of two that all matchers have. With `extractor.max_size`, features are found in images reduced to at most so
 /// many pixels in width and height. With `extractor.size`, such as `"640x480"`, they are found in images of

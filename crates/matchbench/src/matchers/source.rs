@@ -46,6 +46,8 @@ pub struct BuiltPointSource {
     pub id: String,
     /// Its version, as it states it.
     pub version: Option<String>,
+    /// How it was started, if it is a program, as far as its results depend on that.
+    pub command: Option<Vec<String>>,
     /// Every parameter.
     pub params: Value,
     /// What a reader should know about it, in sentences.

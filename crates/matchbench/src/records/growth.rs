@@ -8,6 +8,9 @@ use serde_json::Value;
 use super::Plan;
 use super::earlier_plans::modernized;
 
+/// How a program is started, in the plan of a matcher.
+const COMMAND: &str = "command";
+
 /// Where `plan` first differs from the plan that was `written` before, in words; `None` if a run of
 /// one goes on with a run of the other. A run may grow: by datasets, matchers (of a dataset too) and
 /// estimators of a matcher, and by a higher limit. It cannot lose any. They may come in another order, a dataset may move,
@@ -19,9 +22,10 @@ pub(super) fn difference(written: &Plan, plan: &Plan) -> Option<String> {
             .any(|dataset| dataset.matchers.is_some())
     };
     let names_matchers = has_own(written) || has_own(plan);
-    let written = modernized(what_decides(written, names_matchers));
+    let mut written = modernized(what_decides(written, names_matchers));
     let mut plan = what_decides(plan, names_matchers);
     keep_known(&written, &mut plan);
+    forget_commands(&mut written, &mut plan);
     another_dataset(&written, &plan).or_else(|| first_difference(&written, &plan, ""))
 }
 
@@ -68,6 +72,27 @@ fn keep_known(written: &Value, plan: &mut Value) {
         && now.is_none_or(|now| now > before)
     {
         plan["settings"]["limit"] = before.into();
+    }
+}
+
+/// Takes the command of a matcher out of one plan if the other does not have it: earlier plans did not say how
+/// programs are started.
+fn forget_commands(written: &mut Value, plan: &mut Value) {
+    let [Some(written), Some(plan)] =
+        [written, plan].map(|plan| plan.get_mut("matchers").and_then(Value::as_array_mut))
+    else {
+        return;
+    };
+    for matcher in written {
+        let twin = plan.iter_mut().find(|twin| name(twin) == name(matcher));
+        if let Some((matcher, twin)) = matcher
+            .as_object_mut()
+            .zip(twin.and_then(Value::as_object_mut))
+            && matcher.contains_key(COMMAND) != twin.contains_key(COMMAND)
+        {
+            matcher.remove(COMMAND);
+            twin.remove(COMMAND);
+        }
     }
 }
 

@@ -160,6 +160,9 @@ pub struct MatcherPlan {
     /// Its version, where it is no part of matchbench.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub version: Option<String>,
+    /// How it is started, where it is a program from outside. Plans that were written before this field lack it too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command: Option<Vec<String>>,
     /// Every parameter.
     pub params: Value,
     /// How its features are extracted; absent where matches come without features.

@@ -61,6 +61,7 @@ mod tests {
         let plan = |version: Option<&str>, params| MatcherPlan {
             id: "x".into(),
             version: version.map(str::to_owned),
+            command: None,
             params,
             extraction: None,
             notes: Vec::new(),

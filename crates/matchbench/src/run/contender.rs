@@ -3,11 +3,12 @@
 use std::io;
 use std::path::Path;
 
+use super::Run;
 use crate::cache::FeatureCache;
 use crate::config::{Changes, ConfigError, UnknownName, together};
 use crate::estimators::{self, BuiltEstimator, ESTIMATORS};
 use crate::external::{BuiltIn, External, Log, Manifest, ManifestError, StartError};
-use crate::matchers::{self, BuiltMatcher, BuiltPointSource, MATCHERS, SIZES, Source};
+use crate::matchers::{self, BuiltMatcher, BuiltPointSource, MATCHERS, SIZES, Source, expanded};
 use crate::protocols::{EstimatorRule, MATCHBENCH, Protocol};
 
 /// A source of matches and the estimators that turn its matches into poses.
@@ -144,7 +145,7 @@ impl Contender {
         }
     }
 
-    /// The matchers called `names` (`all` alone for all), each with the estimators called `estimators`,
+    /// The matchers called `names` (`all` stands for all native ones), each with the estimators called `estimators`,
     /// or with its own where that is empty; what `changes` does not name keeps its default.
     ///
     /// Under `protocols`, each estimator is there once for each of them, and without `estimators` it is that of the
@@ -168,18 +169,13 @@ impl Contender {
         changes: &Changes,
         outside: Option<&Outside<'_>>,
     ) -> Result<(Vec<Self>, Vec<StartError>), ContenderError> {
-        let all: Vec<String> = MATCHERS.iter().map(|entry| entry.id().to_owned()).collect();
-        let names = match names {
-            [name] if name == "all" => &all,
-            names => names,
-        };
         let built = |own: &str| Variant::all_of(own, estimators, protocols, changes);
         let size = match protocols {
             [one] => one.size.params(),
             _ => None,
         };
         let (mut contenders, mut absent) = (Vec::new(), Vec::new());
-        for name in names {
+        for name in &expanded(names) {
             if let Some(outside) = outside
                 && Manifest::is_path(name)
             {
@@ -189,7 +185,9 @@ impl Contender {
                 match External::start(manifest, Log::open(&log)?) {
                     Err(error) => absent.push(error),
                     Ok(external) => contenders.push(Self {
-                        source: Source::Points(external.into_source(outside.cache.clone())),
+                        source: Source::Points(
+                            external.into_source(outside.cache.clone(), Run::FEATURE_MEMORY),
+                        ),
                         estimators,
                     }),
                 }
@@ -251,6 +249,21 @@ pub fn manifest(path: &Path, changes: &Changes) -> Result<Manifest, ManifestErro
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn all_may_stand_among_other_names() {
+        let count = |names: &[&str]| {
+            let names: Vec<String> = names.iter().map(ToString::to_string).collect();
+            Contender::all_of(&names, &[], &Changes::default(), None)
+                .map(|all| all.len())
+                .ok()
+        };
+        let all = MATCHERS.len();
+        assert_eq!(
+            (count(&["all"]), count(&["all", "sift"])),
+            (Some(all), Some(all + 1))
+        );
+    }
 
     #[test]
     fn a_setting_for_nobody_is_an_error() {

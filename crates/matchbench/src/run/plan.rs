@@ -86,23 +86,26 @@ fn matcher_plan(contender: &Contender) -> MatcherPlan {
         params: variant.estimator.params.clone(),
         protocol: variant.protocol.rules(),
     });
-    let (version, params, extraction, notes) = match &contender.source {
-        Source::Matcher(matcher) => {
-            let extraction = Some(matcher.extraction.clone());
-            (None, &matcher.params, extraction, Vec::new())
-        }
-        Source::Points(source) => {
-            let (version, notes) = (source.version.clone(), source.notes.clone());
-            (version, &source.params, None, notes)
-        }
-    };
-    MatcherPlan {
-        id: contender.source.id().into(),
-        version,
-        params: params.clone(),
-        extraction,
-        notes,
-        estimators: estimators.collect(),
+    let (id, estimators) = (contender.source.id().into(), estimators.collect());
+    match &contender.source {
+        Source::Matcher(matcher) => MatcherPlan {
+            id,
+            version: None,
+            command: None,
+            params: matcher.params.clone(),
+            extraction: Some(matcher.extraction.clone()),
+            notes: Vec::new(),
+            estimators,
+        },
+        Source::Points(source) => MatcherPlan {
+            id,
+            version: source.version.clone(),
+            command: source.command.clone(),
+            params: source.params.clone(),
+            extraction: None,
+            notes: source.notes.clone(),
+            estimators,
+        },
     }
 }
 
@@ -131,7 +134,7 @@ fn check_names<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(
 /// [`RunError::Contradiction`] if it does not.
 pub fn check_turns(sequence: &Sequence, contender: &Contender) -> Result<(), RunError> {
     let outside = contender.source.matcher().is_none();
-    if outside && sequence.frames.iter().any(|frame| !frame.turn.is_none()) {
+    if outside && sequence.turned().is_some() {
         return contradiction(format!(
             "dataset `{}` turns some of its images, which `{}` would see as they are stored; turn the files \
              themselves and import them again",

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use matchbench_vision::features::{Descriptors, Features, Keypoint};
+use matchbench_vision::features::Features;
 
 use super::frame::Extracted;
 use super::guard::Broken;
@@ -109,7 +109,7 @@ impl Resident {
     }
 
     pub(super) fn insert(&mut self, frame: u32, extracted: Extracted) {
-        let bytes = extracted.features.as_ref().map_or(0, size_in_memory);
+        let bytes = extracted.features.as_ref().map_or(0, Features::memory);
         self.largest = self.largest.max(Some(bytes));
         let slot = Slot {
             extracted,
@@ -147,17 +147,9 @@ impl Resident {
     }
 }
 
-fn size_in_memory(features: &Features) -> usize {
-    let descriptors = match &features.descriptors {
-        Descriptors::Float(rows) => rows.memory(),
-        Descriptors::Binary(rows) => size_of_val(rows.data()),
-    };
-    features.len() * size_of::<Keypoint>() + descriptors
-}
-
 #[cfg(test)]
 mod tests {
-    use matchbench_vision::features::FloatRows;
+    use matchbench_vision::features::{Descriptors, FloatRows, Keypoint};
     use matchbench_vision::image::Size;
     use nalgebra::{Isometry3, Point2};
 

@@ -153,6 +153,7 @@ mod tests {
         let source = BuiltPointSource {
             id: "outside".into(),
             version: Some("2.1".into()),
+            command: None,
             params: json!({"keypoints": 90}),
             notes: vec!["weights of somewhere".into()],
             source: Box::new(Outside(change)),

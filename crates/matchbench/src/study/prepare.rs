@@ -14,7 +14,7 @@ use crate::datasets::{
 };
 use crate::exchange::{MatchSource, ReadOptions};
 use crate::external::{Manifest, StartError};
-use crate::matchers::{self, BuiltPointSource, MATCHERS};
+use crate::matchers::{self, BuiltPointSource, expanded};
 use crate::protocols;
 use crate::records::{KeepMatches, Plan, RunFolder, Settings, Tuned};
 use crate::run::{Contender, ContenderError, Dataset, Outside, Run, built_in, manifest};
@@ -314,17 +314,6 @@ fn open(
     Ok(open_dataset(&asked.path)?)
 }
 
-/// The names; if one of them is `all`, all matchers.
-fn expanded(names: &[String]) -> Vec<String> {
-    let all = || MATCHERS.iter().map(|entry| entry.id().to_owned());
-    (names.iter())
-        .flat_map(|name| match &**name {
-            "all" => all().collect(),
-            _ => vec![name.clone()],
-        })
-        .collect()
-}
-
 /// The id that a matcher of this name has in a run.
 fn id(name: &str, changes: &Changes) -> Result<String, StudyError> {
     if Manifest::is_path(name) {
@@ -341,6 +330,7 @@ fn is_same(a: &Path, b: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::matchers::MATCHERS;
 
     #[test]
     fn matchers_of_a_dataset_take_the_place_of_those_of_the_study() {

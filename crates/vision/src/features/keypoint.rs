@@ -108,6 +108,19 @@ impl Features {
         }
     }
 
+    /// About how much memory they take, in bytes, together with what searches among them keep, at most.
+    pub fn memory(&self) -> usize {
+        let descriptors = match &self.descriptors {
+            Descriptors::Float(rows) => rows.memory(),
+            Descriptors::Binary(rows) => size_of_val(rows.data()),
+        };
+        let frames = self
+            .frames
+            .as_ref()
+            .map_or(0, |frames| size_of_val(&frames[..]));
+        size_of_val(&self.keypoints[..]) + descriptors + frames
+    }
+
     /// The same features, of which ellipses were described and not circles.
     ///
     /// # Panics

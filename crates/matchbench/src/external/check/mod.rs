@@ -1,7 +1,7 @@
 //! Trying a manifest out: what is wrong, in words.
 //!
-//! Two pairs with known poses are matched, the first of them twice, and one of tiny images. The child never
-//! sees the true poses. They show what the protocol alone cannot show: whether points are what they should
+//! Two pairs are matched, the first of them twice, and one of tiny images. Their true poses or homographies, which the
+//! child never sees, show what the protocol alone cannot show: whether points are what they should
 //! be. If matches do not lie near their true epipolar lines, the usual mistakes are undone one by one (x
 //! and y exchanged, the images exchanged, pixels of a resized image), and the mistake that explains the
 //! matches is named.
@@ -15,13 +15,12 @@ use std::time::Instant;
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::{GrayImage, Size};
 use matchbench_vision::seed::Seed;
-use nalgebra::Isometry3;
 
-use points::{NEAR, SOUND, mistake, share_near};
+use points::{Known, NEAR, SOUND, mistake, share_near};
 
 use crate::counted::counted;
 use crate::datasets::rendered::{self, World, scenes};
-use crate::datasets::{DatasetError, Sequence, read_size};
+use crate::datasets::{DatasetError, Sequence, Truth, read_size};
 
 use super::answer::{Matched, Times};
 use super::log::Log;
@@ -46,8 +45,8 @@ struct CheckPair {
     sizes: [Size; 2],
     /// Their cameras.
     cameras: [Camera; 2],
-    /// The true pose.
-    b_from_a: Option<Isometry3<f64>>,
+    /// What is known about them.
+    truth: Truth,
 }
 
 /// How something that was tried came out.
@@ -74,13 +73,20 @@ pub struct Finding {
 /// `tell` with each finding as it comes. What the matcher prints goes to `log`.
 ///
 /// # Errors
-/// If an image of the dataset cannot be read, or a temporary file cannot be written.
+/// If the dataset turns an image, an image of it cannot be read, or a temporary file cannot be written.
 pub fn check(
     manifest: Manifest,
     log: Log,
     dataset: Option<&Sequence>,
     tell: &mut dyn FnMut(Finding),
 ) -> Result<(), DatasetError> {
+    if let Some(frame) = dataset.and_then(Sequence::turned) {
+        return Err(DatasetError::new(
+            &frame.image,
+            "the dataset turns the image, and a program from outside sees it as it is stored",
+            "store the images turned and import them again",
+        ));
+    }
     let folder = tempfile::tempdir().map_err(|error| unwritable(&std::env::temp_dir(), &error))?;
     let start = Instant::now();
     let kind = manifest.kind;
@@ -150,7 +156,7 @@ fn pairs_of(dataset: &Sequence) -> Result<Vec<CheckPair>, DatasetError> {
                 paths: [a.0, b.0],
                 sizes: [a.1, b.1],
                 cameras: frames.map(|frame| frame.camera),
-                b_from_a: pair.pose().copied(),
+                truth: pair.truth,
             })
         })
         .collect()
@@ -240,15 +246,22 @@ fn inspect(pair: &CheckPair, matched: &Matched, tell: &mut dyn FnMut(Finding)) {
             format!("{name}: all matches are of {points} of an image, which no pose is known from");
         return tell(doubtful(text));
     }
-    let near = share_near(pair, &matched.rows);
+    let Some(known) = Known::of(pair) else {
+        return tell(doubtful(format!(
+            "{name}: neither a pose with a baseline nor a homography is known of it, so nothing says whether the points \
+             are right"
+        )));
+    };
+    let near = share_near(pair, &known, &matched.rows);
     let percent = 100.0 * near;
     let where_they_lie = format!(
-        "{name}: {percent:.0} % of the matches lie within {NEAR} pixels of their true lines"
+        "{name}: {percent:.0} % of the matches lie within {NEAR} pixels of their true {}",
+        known.noun()
     );
     if near >= SOUND {
         return tell(good(where_they_lie));
     }
-    match mistake(pair, &matched.rows) {
+    match mistake(pair, &known, &matched.rows) {
         Some((mistake, share)) => tell(wrong(format!(
             "{where_they_lie}; {:.0} % would if {mistake}",
             100.0 * share
@@ -332,9 +345,11 @@ fn wrong(text: String) -> Finding {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Point2, Point3, Translation3, UnitQuaternion};
+    use nalgebra::{Isometry3, Matrix3, Point2, Point3, Translation3, UnitQuaternion};
 
+    use super::super::manifest::BuiltIn;
     use super::*;
+    use crate::datasets::Turn;
 
     /// Matches of points in space that two cameras see, without error.
     fn rows(pair: &CheckPair) -> Vec<[f32; 5]> {
@@ -347,10 +362,71 @@ mod tests {
                     camera.project(Point2::new(point.x / point.z, point.y / point.z))
                 };
                 let a = project(&pair.cameras[0], point);
-                let b = project(&pair.cameras[1], pair.b_from_a.unwrap() * point);
+                let b = project(&pair.cameras[1], pair.truth.pose().unwrap() * point);
                 [a.x as f32, a.y as f32, b.x as f32, b.y as f32, 0.0]
             })
             .collect()
+    }
+
+    /// What is said last of these matches.
+    fn told(pair: &CheckPair, rows: Vec<[f32; 5]>) -> (Verdict, String) {
+        let matched = Matched {
+            rows,
+            features: None,
+            times: Times::default(),
+        };
+        let mut told = Vec::new();
+        inspect(pair, &matched, &mut |finding| told.push(finding));
+        let last = told.pop().unwrap();
+        (last.verdict, last.text)
+    }
+
+    #[test]
+    fn without_a_pose_the_homography_judges_and_without_either_nothing_is_certified() {
+        let twice = Matrix3::new(2.0, 0.0, 1.0, 0.0, 2.0, 3.0, 0.0, 0.0, 1.0);
+        let mut pair = CheckPair {
+            pair: [0, 1],
+            paths: ["/a.png", "/b.png"].map(PathBuf::from),
+            sizes: [Size::new(1280, 960); 2],
+            cameras: [Camera::pinhole(1100.0, 1100.0, 640.0, 480.0); 2],
+            truth: Truth::Homography(twice),
+        };
+        let point = |i: u8| [f32::from(i) * 7.0, f32::from(i % 9) * 50.0];
+        let right = |i: u8| point(i).map(|x| [x, 2.0 * x]);
+        let right = (0..50)
+            .map(right)
+            .map(|[x, y]| [x[0], y[0], x[1] + 1.0, y[1] + 3.0, 0.0]);
+        let right: Vec<[f32; 5]> = right.collect();
+        let (verdict, text) = told(&pair, right.clone());
+        assert!(
+            verdict == Verdict::Good && text.contains("true places"),
+            "{text}"
+        );
+        let exchanged = right.iter().map(|&[xa, ya, xb, yb, q]| [xb, yb, xa, ya, q]);
+        let (verdict, text) = told(&pair, exchanged.collect());
+        assert!(
+            verdict == Verdict::Wrong && text.contains("a and b"),
+            "{text}"
+        );
+        pair.truth = Truth::Pose(Isometry3::identity());
+        let (verdict, text) = told(&pair, right);
+        assert!(
+            verdict == Verdict::Doubtful && text.contains("nothing says"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn a_dataset_that_turns_images_is_refused() {
+        let mut sequence = rendered::sequence(&scenes()[0]);
+        sequence.frames[1].turn = Turn::Half;
+        let folder = tempfile::tempdir().unwrap();
+        let text = "name = 'x'\ncommand = ['no-such-program']\n";
+        let path = folder.path().join("x.toml");
+        let manifest = Manifest::parse(&path, text, &BuiltIn::default()).unwrap();
+        let log = Log::open(&folder.path().join("x.log")).unwrap();
+        let error = check(manifest, log, Some(&sequence), &mut |_| {}).unwrap_err();
+        assert!(error.to_string().contains("turns the image"), "{error}");
     }
 
     #[test]
@@ -360,22 +436,14 @@ mod tests {
             paths: ["/a.png", "/b.png"].map(PathBuf::from),
             sizes: [Size::new(1280, 960); 2],
             cameras: [Camera::pinhole(1100.0, 1100.0, 640.0, 480.0); 2],
-            b_from_a: Some(Isometry3::from_parts(
+            truth: Truth::Pose(Isometry3::from_parts(
                 Translation3::new(1.0, 0.3, 0.4),
                 UnitQuaternion::from_euler_angles(0.05, 0.2, 0.3),
             )),
         };
         let right = rows(&pair);
         let told = |change: &dyn Fn([f32; 5]) -> [f32; 5]| {
-            let matched = Matched {
-                rows: right.iter().map(|&row| change(row)).collect(),
-                features: None,
-                times: Times::default(),
-            };
-            let mut told = Vec::new();
-            inspect(&pair, &matched, &mut |finding| told.push(finding));
-            let last = told.pop().unwrap();
-            (last.verdict, last.text)
+            told(&pair, right.iter().map(|&row| change(row)).collect())
         };
         assert_eq!(told(&|row| row).0, Verdict::Good);
         let (verdict, text) = told(&|[xa, ya, xb, yb, q]| [ya, xa, yb, xb, q]);

@@ -52,6 +52,7 @@ fn every_parameter_that_is_changed_is_set_to_the_same_again() {
             let planned = MatcherPlan {
                 id: entry.id().into(),
                 version: None,
+                command: None,
                 params: built.params.clone(),
                 extraction: Some(built.extraction),
                 notes: Vec::new(),

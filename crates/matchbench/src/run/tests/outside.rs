@@ -51,6 +51,7 @@ impl Flaky {
             source: Source::Points(BuiltPointSource {
                 id: "flaky".into(),
                 version: Some("1".into()),
+                command: None,
                 params: json!({}),
                 notes: Vec::new(),
                 source: Box::new(self),
@@ -140,4 +141,24 @@ fn another_version_is_refused() {
     source.version = Some("2".into());
     let error = bench.run("run").unwrap_err().to_string();
     assert!(error.contains("version"), "{error}");
+}
+
+#[test]
+fn another_command_is_refused_unless_the_plan_is_of_a_version_that_wrote_none() {
+    let mut bench = Bench::new(vec![Flaky::default().contender()]);
+    let mut run_with = |argument: Option<&str>| {
+        let Source::Points(source) = &mut bench.contenders[0].source else {
+            panic!("it is a source")
+        };
+        source.command = argument.map(|argument| vec!["flaky".into(), argument.into()]);
+        bench.run("run").map_err(|error| error.to_string())
+    };
+    run_with(None).unwrap();
+    run_with(Some("--model=a")).unwrap();
+    let error = run_with(Some("--model=b")).unwrap_err();
+    assert!(
+        error.contains("`matchers[0].command[1]` is \"--model=a\" there and \"--model=b\" here"),
+        "{error}"
+    );
+    run_with(Some("--model=a")).unwrap();
 }

@@ -1,183 +1,26 @@
 //! Matchers as processes, with a child for each way in which one can misbehave.
 //!
-//! The child is this test program itself, started again to run [`child`] alone with a behaviour in its
+//! The child is this test program itself, started again to run [`child::child`] alone with a behaviour in its
 //! environment; the line that the test harness prints first is the noise that libraries make.
 
 #![cfg(unix)] // `env`, `sh` and signals
 
+mod child;
+
 use std::env;
 use std::fs;
-use std::io::{self, BufRead, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use matchbench::external::{Breakdown, BuiltIn, External, Image, Log, Manifest, StartError};
+use matchbench::external::{self, Breakdown, BuiltIn, External, Image, Log, Manifest, StartError};
 use matchbench_vision::image::Size;
-use serde_json::{Value, json};
+use serde_json::json;
 use tempfile::TempDir;
 
+use child::{BEHAVIOUR, MANY, STARTS, sleep};
+
 const SIZE: Size = Size::new(640, 480);
-/// A behaviour: of the child with this name, when it is asked for this pair.
-const BEHAVIOUR: &str = "MATCHBENCH_TEST_CHILD";
-/// Where the child writes its process number, a line for each start.
-const STARTS: &str = "MATCHBENCH_TEST_STARTS";
-
-/// A child that does as it should, unless it is asked for a pair with `b` = 13.
-#[test]
-#[ignore = "started by the other tests"]
-fn child() {
-    let behaviour = env::var(BEHAVIOUR).unwrap_or_default();
-    let starts = env::var(STARTS).expect("set by the parent");
-    let mut starts = (fs::OpenOptions::new()
-        .append(true)
-        .create(true)
-        .open(starts))
-    .expect("can be written");
-    writeln!(starts, "{}", std::process::id()).expect("can be written");
-    eprintln!("loading weights ...");
-    // The harness may have begun a line.
-    println!("\nnoise {{\"no\": \"type\"}}\n{{\"no\": \"type\"}}");
-    let mut answers = 0;
-    for line in io::stdin().lock().lines() {
-        let request: Value = serde_json::from_str(&line.expect("UTF-8")).expect("JSON");
-        let unlucky = request["pair"][1] == 13;
-        match request["type"].as_str() {
-            Some("hello") => match behaviour.as_str() {
-                "never-ready" => sleep(),
-                "ends-at-once" => {
-                    eprintln!("ModuleNotFoundError: No module named 'weights'");
-                    std::process::exit(3);
-                }
-                "refuses" => say(&json!({"type": "refused", "reason": "no parameter `x`"})),
-                "other-protocol" => say(&ready(2, "1", 0.0)),
-                "odd-pixels" => say(&ready(1, "1", 0.25)),
-                "new-version" => say(&ready(1, &std::process::id().to_string(), 0.0)),
-                _ => say(&ready(1, "1.0", 0.5)),
-            },
-            Some("match") if unlucky || behaviour == "always-ends" => {
-                misbehave(&behaviour, &request);
-            }
-            Some("match") => {
-                write_matches(&request, &[[10.5, 20.5, 30.5, 40.5, 0.25], [1.0; 5]]);
-                say(&matched(&request, 2));
-                answers += 1;
-                if behaviour == "answers-twice" && request["pair"][1] == 12 {
-                    say(&matched(&request, 2));
-                }
-            }
-            Some("bye") => {
-                eprintln!("goodbye after {answers} answers");
-                return;
-            }
-            other => panic!("{other:?}"),
-        }
-    }
-}
-
-fn misbehave(behaviour: &str, request: &Value) {
-    match behaviour {
-        "hangs" => sleep(),
-        "always-ends" | "ends" => std::process::exit(0),
-        "crashes" => std::process::abort(),
-        "floods" => {
-            let line = vec![b'x'; 1 << 16];
-            for _ in 0..64 {
-                io::stdout().write_all(&line).expect("the parent reads");
-            }
-            sleep();
-        }
-        "chatters" => (0..200_000).for_each(|i| println!("still working on it: {i}")),
-        "counts-wrong" => {
-            write_matches(request, &[[1.0; 5]]);
-            say(&matched(request, 2));
-        }
-        "too-few-features" => {
-            write_matches(request, &[[1.0; 5]]);
-            let mut answer = matched(request, 1);
-            answer["features"] = json!([0, 8]);
-            say(&answer);
-        }
-        "keeps-writing" => {
-            write_matches(request, &[[1.0; 5]; 3]);
-            let path = request["out"].as_str().expect("a path");
-            let mut file = (fs::OpenOptions::new().append(true).open(path)).expect("it is there");
-            say(&matched(request, 2));
-            // Until somebody ends it.
-            loop {
-                file.write_all(&[0; 100]).expect("can be written");
-                std::thread::sleep(Duration::from_millis(1));
-            }
-        }
-        "writes-nothing" => say(&matched(request, 2)),
-        "not-a-number" => {
-            write_matches(request, &[[1.0, f32::NAN, 1.0, 1.0, 0.0]]);
-            say(&matched(request, 1));
-        }
-        "outside" => {
-            write_matches(request, &[[1.0, 481.0, 1.0, 1.0, 0.0]]);
-            say(&matched(request, 1));
-        }
-        "too-certain" => {
-            write_matches(request, &[[1.0, 1.0, 1.0, 1.0, -0.1]]);
-            say(&matched(request, 1));
-        }
-        "other-pair" => {
-            write_matches(request, &[]);
-            let mut answer = matched(request, 0);
-            answer["pair"] = json!([0, 99]);
-            say(&answer);
-        }
-        "misspells" => {
-            let mut answer = matched(request, 0);
-            answer["feature"] = json!([1, 2]);
-            say(&answer);
-        }
-        "negative-time" => {
-            let mut answer = matched(request, 0);
-            answer["seconds"] = json!({"match": -1.0});
-            say(&answer);
-        }
-        "endless-time" => {
-            let mut answer = matched(request, 0);
-            answer["seconds"] = json!({"extract": 1e308, "match": 1e308});
-            say(&answer);
-        }
-        "greets-again" => say(&ready(1, "1.0", 0.5)),
-        "cannot" => {
-            say(&json!({"type": "failed", "pair": request["pair"], "reason": "no\x07 memory"}));
-        }
-        other => panic!("no behaviour is called {other}"),
-    }
-}
-
-fn ready(protocol: u32, version: &str, pixel_center: f32) -> Value {
-    json!({"type": "ready", "protocol": protocol, "name": "test", "version": version,
-           "pixel_center": pixel_center})
-}
-
-fn matched(request: &Value, count: usize) -> Value {
-    json!({"type": "matched", "pair": request["pair"], "count": count, "features": [7, 8],
-           "seconds": {"match": 0.5}, "device": "abacus"})
-}
-
-fn say(message: &Value) {
-    println!("{message}");
-}
-
-fn write_matches(request: &Value, rows: &[[f32; 5]]) {
-    let bytes: Vec<u8> = rows
-        .iter()
-        .flatten()
-        .flat_map(|value| value.to_le_bytes())
-        .collect();
-    fs::write(request["out"].as_str().expect("a path"), bytes).expect("can be written");
-}
-
-/// As a program does that has lost its way.
-fn sleep() {
-    std::thread::sleep(Duration::from_secs(600));
-}
 
 /// A matcher whose child has this behaviour, with the folder of its log.
 struct Bench {
@@ -232,7 +75,7 @@ fn manifest(folder: &Path, behaviour: &str, more: &str) -> Manifest {
         format!("{BEHAVIOUR}={behaviour}"),
         format!("{STARTS}={}", folder.join("starts").display()),
         this_program().display().to_string(),
-        "child".into(),
+        "child::child".into(),
         "--exact".into(),
         "--ignored".into(),
         "--nocapture".into(),
@@ -453,6 +296,88 @@ fn workers_share_the_pairs() {
 }
 
 #[test]
+fn those_that_stay_after_goodbye_are_waited_for_together() {
+    let bench = Bench::with("stays", "workers = 4\n");
+    std::thread::scope(|scope| {
+        for b in 1..5 {
+            let bench = &bench;
+            scope.spawn(move || assert_eq!(bench.ask(b), Ok(2)));
+        }
+    });
+    let children = bench.children();
+    assert!(children.len() > 2, "{children:?}");
+    let start = Instant::now();
+    drop(bench);
+    let waited = start.elapsed();
+    assert!(waited < Duration::from_secs(6), "{waited:?}");
+    assert!(children.into_iter().all(|child| !exists(child)));
+}
+
+/// A host whose children are all ended.
+#[test]
+#[ignore = "started by another test"]
+fn host_that_ends_all() {
+    let bench = Bench::new("");
+    assert_eq!(bench.ask(1), Ok(2));
+    let ended = external::end_all();
+    for _ in 0..2 {
+        let Err(Breakdown::Broke(_)) = bench.ask(1) else {
+            panic!("it was ended")
+        };
+    }
+    assert_eq!(bench.children().len(), 1, "none takes its place");
+    assert!(Bench::new("").external.is_err(), "nor does another matcher");
+    drop(ended);
+    assert_eq!(bench.ask(1), Ok(2));
+}
+
+/// A host that has no memory for the features of an image.
+#[test]
+#[ignore = "started by another test"]
+fn host_without_memory() {
+    let bench = Bench::with("describes", "kind = \"features\"\n");
+    let image = Image {
+        path: Path::new("/nowhere/image.png"),
+        size: SIZE,
+    };
+    let described = bench.external().describe(image);
+    assert_eq!(described.expect("there is memory").features.len(), MANY);
+    matchbench::memory::limit_memory(1.try_into().expect("not zero"));
+    for _ in 0..4 {
+        let Err(Breakdown::Said(reason)) = bench.external().describe(image) else {
+            panic!("it is read, or the child has to go")
+        };
+        assert!(
+            reason.contains("its features are too many: about 39 MB of memory are needed"),
+            "{reason}"
+        );
+    }
+    assert_eq!(bench.children().len(), 1);
+}
+
+#[test]
+fn features_for_which_there_is_no_memory_are_not_read() {
+    // In a process of its own: the limit is for all of it.
+    succeeds("host_without_memory");
+}
+
+#[test]
+fn none_is_started_after_all_were_ended() {
+    // In a process of its own: all children are ended.
+    succeeds("host_that_ends_all");
+}
+
+/// Runs one of the tests that are ignored.
+fn succeeds(test: &str) {
+    let host = Command::new(this_program())
+        .args([test, "--exact", "--ignored"])
+        .output()
+        .expect("this program can be started");
+    let said = String::from_utf8_lossy(&host.stdout);
+    assert!(host.status.success(), "{said}");
+}
+
+#[test]
 fn a_program_that_prints_matches_is_a_matcher_by_a_shell_script() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let program = folder.path().join("matches.sh");
@@ -481,6 +406,23 @@ fn a_program_that_prints_matches_is_a_matcher_by_a_shell_script() {
     assert_eq!(said, Breakdown::Said("sh failed".into()));
     let said = ask("/nowhere/d.png").expect_err("a line of words is no match");
     assert_eq!(said, Breakdown::Said("sh failed".into()));
+
+    // What is in a file that it is given, and every argument, is part of its version.
+    let weights = folder.path().join("weights");
+    let version = |content: &str, quality: &str| {
+        fs::write(&weights, content).expect("can be written");
+        let command = json!(["sh", script, "sh", program, weights, quality]);
+        let text = format!("name = 'shell'\ncommand = {command}\n");
+        let manifest = Manifest::parse(&folder.path().join("x.toml"), &text, &BuiltIn::default())
+            .expect("well-formed");
+        let log = Log::open(&folder.path().join("x.log")).expect("can be written");
+        let external = External::start(manifest, log).expect("it starts");
+        external.identity().version.clone()
+    };
+    let versions = [("a", "1"), ("b", "1"), ("a", "2"), ("a", "1")];
+    let [first, other, finer, again] = versions.map(|(content, quality)| version(content, quality));
+    assert!(first != other && first != finer, "{first} {other} {finer}");
+    assert_eq!(first, again);
 
     // A parameter that would do nothing.
     let text = format!("{text}[params]\nmax_size = 100\n");

@@ -1,0 +1,73 @@
+//! How the user stops the program: by Ctrl-C, by a signal to terminate, or by closing the terminal.
+//!
+//! Signals that were ignored when the program started stay ignored. `nohup` ignores the one that a closed terminal
+//! sends, and a script ignores Ctrl-C for what it starts in the background.
+
+use anyhow::{Context, Result};
+use matchbench::external;
+use matchbench::run::Cancel;
+
+use crate::output::say;
+
+/// The exit code after the user stopped the program.
+pub(crate) const STOPPED: u8 = 130;
+
+/// A token that is set when the user stops the program, which also prints a message. The second time ends the process
+/// at once; then only the pairs in flight are lost.
+pub(crate) fn cancel_on_ctrl_c(said: &'static str) -> Result<Cancel> {
+    let cancel = Cancel::default();
+    let token = cancel.clone();
+    listen(move || {
+        if token.is_set() {
+            end();
+        }
+        token.set();
+        say!("\n{said}");
+    })?;
+    Ok(cancel)
+}
+
+/// Lets the user end the process at once, with the matchers from outside that it started: where there is nothing to
+/// be finished first.
+pub(crate) fn end_on_ctrl_c() -> Result<()> {
+    listen(|| end())
+}
+
+/// Ends the process, and the matchers from outside before it: they are no longer in the group that the terminal stops.
+fn end() -> ! {
+    // None is started while the process goes.
+    let _ended = external::end_all();
+    std::process::exit(STOPPED.into())
+}
+
+/// Calls `stop`, in a thread of its own, each time the user stops the program.
+#[cfg(unix)]
+fn listen(mut stop: impl FnMut() + Send + 'static) -> Result<()> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    use signal_hook::iterator::Signals;
+
+    let ignored = ignored();
+    let heard = [SIGINT, SIGTERM, SIGHUP].into_iter();
+    let heard = heard.filter(|signal| ignored >> (signal - 1) & 1 == 0);
+    let what = "cannot listen for Ctrl-C";
+    let mut signals = Signals::new(heard).context(what)?;
+    let thread = std::thread::Builder::new().name("signals".into());
+    let listening = thread.spawn(move || signals.forever().for_each(|_| stop()));
+    listening.map(drop).context(what)
+}
+
+/// The signals that this process ignores: bit n - 1 for number n. Linux tells in a file; where there is none (elsewhere
+/// only unsafe code could ask), none count as ignored.
+#[cfg(unix)]
+fn ignored() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok())
+        .unwrap_or(0)
+}
+
+/// The same by what other systems have instead of signals.
+#[cfg(not(unix))]
+fn listen(stop: impl FnMut() + Send + 'static) -> Result<()> {
+    ctrlc::set_handler(stop).context("cannot listen for Ctrl-C")
+}

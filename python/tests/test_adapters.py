@@ -1,0 +1,44 @@
+"""`adapters/matchbench_serve.py`: the protocol in Python, spoken with a matcher that misbehaves."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+ADAPTERS = Path(__file__).parents[2] / "adapters"
+MATCHER = f"""
+import subprocess, sys
+sys.path.insert(0, {str(ADAPTERS)!r})
+from matchbench_serve import serve
+
+
+def match(a, b, params):
+    # Either would take the next request, or wait for it.
+    left = sys.stdin.read()
+    taken = subprocess.run(["cat"], capture_output=True, text=True).stdout
+    print("found nothing", left, taken)
+    return [[1, 2]], [[3, 4]]
+
+
+serve(match=match, defaults={{"word": ""}})
+"""
+
+
+def test_a_matcher_that_reads_standard_input_takes_no_request(tmp_path: Path) -> None:
+    script = tmp_path / "matcher.py"
+    script.write_text(MATCHER)
+    pair = {"type": "match", "a": "/a", "b": "/b", "size_a": [9, 9], "size_b": [9, 9]}
+    pairs = [{**pair, "pair": [0, b], "out": str(tmp_path / f"{b}.f32")} for b in (1, 2)]
+    hello = {"type": "hello", "protocol": 1, "params": {"word": "bye"}}
+    requests = "".join(json.dumps(each) + "\n" for each in [hello, *pairs, {"type": "bye"}])
+    done = subprocess.run(
+        [sys.executable, os.fspath(script)], input=requests, capture_output=True, text=True, timeout=60, check=True
+    )
+    kinds = [json.loads(line)["type"] for line in done.stdout.splitlines()]
+    assert kinds == ["ready", "matched", "matched"], done.stderr
+    assert done.stderr.count("found nothing") == 2
+    for b in (1, 2):
+        assert np.fromfile(tmp_path / f"{b}.f32", "<f4").tolist() == [1, 2, 3, 4, 0]
