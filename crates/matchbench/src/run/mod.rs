@@ -309,7 +309,7 @@ impl Run<'_> {
             observer.on_record(record);
         };
         let kept = Kept::open(self.keep_matches, progress, folder, images)?;
-        let work = Work {
+        let mut work = Work {
             run: self,
             stages: PairStages {
                 progress,
@@ -342,6 +342,10 @@ impl Run<'_> {
         });
         retried.write()?;
         done?;
+        if progress.failed_pairs().next().is_some() {
+            // Other estimators of these pairs start from what was just kept.
+            work.stored = folder.folder().matches_of(dataset, matcher)?;
+        }
 
         let mut kept = retried.kept;
         if progress.lost() > 0 {
