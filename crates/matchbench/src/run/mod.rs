@@ -167,7 +167,9 @@ pub struct Run<'a> {
     pub folder: &'a Path,
     /// Features that were extracted before; may be shared by runs.
     pub cache: FeatureCache,
-    /// How an image file becomes pixels; [`decode`] serves well.
+    /// How an image file becomes pixels; [`decode`] serves well. Neither the plan nor the keys of `cache` say which
+    /// function it is: whoever gives another needs a folder and a cache of its own, or features of the pixels of one
+    /// are taken for those of the other.
     pub decode: Decode,
     /// Which matches are written into the folder.
     pub keep_matches: KeepMatches,
