@@ -37,11 +37,11 @@ impl External {
     pub fn into_source(self, cache: FeatureCache) -> BuiltPointSource {
         let identity = self.identity().clone();
         let manifest = self.manifest().clone();
-        let mut version = format!("{} {}", identity.name, identity.version);
         // The same pixels by another convention are other matches, which no run may mix.
-        if identity.pixel_center != 0.0 {
-            version += &format!(", first pixel's centre at {}", identity.pixel_center);
-        }
+        let center = match identity.pixel_center {
+            0.0 => String::new(),
+            center => format!(", first pixel's centre at {center}"),
+        };
         let mut notes = vec![format!(
             "a program from outside: {} ({}); its times are its own word",
             manifest.summary, identity.name
@@ -66,7 +66,7 @@ impl External {
         };
         BuiltPointSource {
             id: manifest.name.clone(),
-            version: Some(version),
+            version: Some(format!("{} {}{center}", identity.name, identity.version)),
             params: manifest.effective(),
             notes,
             source,

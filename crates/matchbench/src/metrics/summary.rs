@@ -153,8 +153,8 @@ fn auc_deviation(results: &ResultSet) -> Option<f64> {
     let mut pairs: Vec<&PairResult> = results.pairs.iter().collect();
     pairs.sort_by_key(|pair| pair.repetition);
     let auc = |pairs: &[&PairResult]| {
-        let pairs = pairs.iter().map(|pair| PairResult::clone(pair));
-        ranking_auc(&pairs.collect::<Vec<_>>())
+        let pairs: Vec<PairResult> = pairs.iter().copied().cloned().collect();
+        ranking_auc(&pairs)
     };
     let aucs: Vec<f64> = (pairs.chunk_by(|one, next| one.repetition == next.repetition))
         .map(auc)
