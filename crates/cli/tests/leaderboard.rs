@@ -442,13 +442,98 @@ fn who_repeats_the_pairs_that_went_well_or_chooses_them_is_refused() {
         .iter()
         .map(|refused| text(&refused["reason"]))
         .collect();
-    assert_eq!(
-        reasons,
-        [
-            "its plan does not choose the pair 0 2 of the 6 that the dataset lists",
-            "not every pair is recorded in its 2 planned repetitions"
-        ]
+    assert_eq!(reasons.len(), 2, "{reasons:?}");
+    let named = [
+        "its plan does not choose the pair 0 2 of the 6 that the dataset lists",
+        "repetition 6 of the pair 0 1, of 2 planned repetitions",
+    ];
+    for (reason, named) in reasons.iter().zip(named) {
+        assert!(reason.contains(named), "{reason}");
+    }
+}
+
+#[test]
+fn errors_that_are_stated_a_little_too_small_gain_nothing() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "data/wall", 4);
+    one_run(folder, &[]);
+    let shaved = folder.join("entries/shaved");
+    copy(&folder.join("entries/a"), &shaved);
+    forge(&shaved, json!({}), |mut all| {
+        for record in &mut all {
+            for which in ["rotation_error", "translation_error"] {
+                if let Some(error) = record["outcome"][which].as_f64() {
+                    record["outcome"][which] = (error - 9e-4).max(0.0).into();
+                }
+            }
+        }
+        all
+    });
+    succeeds(folder, &["leaderboard", "entries", "--out", "site"]);
+    let board = json_of(&folder.join("site/leaderboard.json"));
+    let rows = list(&board["groups"][0]["rows"]);
+    let scores = |row: &Value| {
+        ["exact_auc_5", "exact_auc_20"].map(|id| row["scores"][id].as_f64().expect("a number"))
+    };
+    let [honest, praised] = [scores(&rows[0]), scores(&rows[1])];
+    for (honest, praised) in honest.iter().zip(praised) {
+        assert!(*honest > 0.0, "the test sees nothing");
+        assert!((honest - praised).abs() < 1e-9, "{honest} and {praised}");
+    }
+}
+
+#[test]
+fn an_estimator_under_the_rules_of_another_protocol_than_its_name_says_is_refused() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "data/wall", 3);
+    one_run(folder, &[]);
+    succeeds(
+        folder,
+        &[
+            "run",
+            "data/wall",
+            "--matchers",
+            "sift",
+            "--protocol",
+            "loftr",
+            "--out",
+            "entries/b",
+        ],
     );
+    for name in ["c", "d"] {
+        copy(
+            &folder.join("entries/b"),
+            &folder.join("entries").join(name),
+        );
+        let plan = folder.join("entries").join(name).join("plan.json");
+        let mut forged = json_of(&plan);
+        let protocol = &mut forged["matchers"][0]["estimators"][0]["protocol"];
+        match name {
+            "c" => protocol["min_matches"] = 0.into(),
+            _ => *protocol = Value::Null,
+        }
+        fs::write(&plan, forged.to_string()).expect("writable");
+    }
+    let output = go(folder, &["leaderboard", "entries", "--out", "site"]);
+    assert_eq!(output.status.code(), Some(2));
+    let board = json_of(&folder.join("site/leaderboard.json"));
+    let of = |group: &Value| {
+        let entries = list(&group["rows"])
+            .iter()
+            .map(|row| text(&row["entry"]).to_owned());
+        entries.collect::<Vec<_>>().concat()
+    };
+    let entries: String = list(&board["groups"]).iter().map(of).collect();
+    assert!(entries == "ab" || entries == "ba", "{entries}");
+    for refused in list(&board["refused"]) {
+        assert!(
+            text(&refused["reason"]).contains("other rules for the estimator"),
+            "{refused}"
+        );
+    }
+    assert_eq!(list(&board["refused"]).len(), 2);
 }
 
 #[test]

@@ -180,6 +180,13 @@ fn a_manifest_is_used_wherever_an_id_is() {
         "another version is another matcher"
     );
     assert!(said(&other).contains("toy"), "{}", said(&other));
+
+    fs::write(home.join("version"), "1.0").expect("writable");
+    let moved = PROGRAM.replace("\"pixel_center\":0", "\"pixel_center\":0.5");
+    fs::write(home.join("toy.sh"), moved).expect("writable");
+    let other = output(&asked, &[&run, &wall]);
+    assert_eq!(other.status.code(), Some(1), "other pixels, other matches");
+    assert!(said(&other).contains("centre at 0.5"), "{}", said(&other));
     assert_all_gone(&home);
 }
 

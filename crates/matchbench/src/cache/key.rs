@@ -18,12 +18,11 @@ impl Key {
     pub fn new(file: &[u8], quarters: u8, extraction: &Extraction) -> Self {
         let extraction = serde_json::to_vec(extraction).expect("an extraction is plain JSON");
         let mut hasher = blake3::Hasher::new();
-        hasher.update(&(extraction.len() as u64).to_le_bytes());
+        // The length of an extraction leaves the upper byte free. After the file the turn could be a byte of it.
+        let length = extraction.len() as u64 | u64::from(quarters) << 56;
+        hasher.update(&length.to_le_bytes());
         hasher.update(&extraction);
         hasher.update(file);
-        if quarters != 0 {
-            hasher.update(&[quarters]);
-        }
         Self(*hasher.finalize().as_bytes())
     }
 }
@@ -63,5 +62,7 @@ mod tests {
         assert_ne!(changed(|e| e.revision = 2), original);
         assert_ne!(Key::new(b"imagf", 0, &extraction()), original);
         assert_ne!(Key::new(b"image", 2, &extraction()), original);
+        let turned = Key::new(b"image", 2, &extraction());
+        assert_ne!(Key::new(b"image\x02", 0, &extraction()), turned);
     }
 }

@@ -34,12 +34,18 @@ impl Sequence {
 }
 
 /// A fingerprint that is being computed, pair by pair.
-pub(super) struct Fingerprint(blake3::Hasher);
+pub(super) struct Fingerprint {
+    hasher: blake3::Hasher,
+    has_poses: bool,
+}
 
 impl Fingerprint {
     /// Starts the fingerprint of a dataset with these frames; it has no pairs yet.
     pub(super) fn of(frames: &[Frame]) -> Self {
-        let mut this = Self(blake3::Hasher::new());
+        let mut this = Self {
+            hasher: blake3::Hasher::new(),
+            has_poses: false,
+        };
         for frame in frames {
             let Camera {
                 fx,
@@ -63,8 +69,14 @@ impl Fingerprint {
         if let Some(b_from_a) = pair.pose() {
             self.numbers(b_from_a.rotation.coords.as_slice());
             self.numbers(b_from_a.translation.vector.as_slice());
+            self.has_poses = true;
         }
         if let Some(homography) = pair.homography() {
+            // As many numbers as a pair with a pose has, and no dataset has this one. Where homographies are
+            // alone, as in earlier fingerprints, every pair has as many.
+            if self.has_poses {
+                self.numbers(&[f64::INFINITY]);
+            }
             self.numbers(homography.as_slice());
         }
     }
@@ -82,7 +94,7 @@ impl Fingerprint {
                 self.numbers(&[index as f64, depth.unit.per_unit, invalid]);
             }
         }
-        self.0.finalize().to_hex().to_string()
+        self.hasher.finalize().to_hex().to_string()
     }
 
     fn numbers(&mut self, numbers: &[f64]) {
@@ -94,7 +106,52 @@ impl Fingerprint {
             for (bytes, number) in bytes.iter_mut().zip(some) {
                 *bytes = number.to_le_bytes();
             }
-            self.0.update(bytes[..some.len()].as_flattened());
+            self.hasher.update(bytes[..some.len()].as_flattened());
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
+
+    use super::super::Truth;
+    use super::*;
+
+    fn of(pairs: &[Pair]) -> String {
+        let sequence = Sequence {
+            name: "room".into(),
+            frames: Vec::new(),
+            pairs: pairs.to_vec(),
+        };
+        sequence.fingerprint()
+    }
+
+    fn posed(a: u32, b: u32, x: f64) -> Pair {
+        let turn = UnitQuaternion::identity();
+        let b_from_a = Isometry3::from_parts(Translation3::new(x, 2.0, 3.0), turn);
+        Pair::with_pose(a, b, b_from_a)
+    }
+
+    #[test]
+    fn a_homography_is_not_taken_for_another_pair_with_a_pose() {
+        let first = posed(0, 1, 1.0);
+        // The numbers of the second pair: its frames, the rotation 0 0 0 1, the translation.
+        let numbers = [2.0, 3.0, 0.0, 0.0, 0.0, 1.0, 4.0, 2.0, 3.0];
+        let both = Pair {
+            truth: Truth::Both {
+                b_from_a: *first.pose().expect("it has one"),
+                homography: Matrix3::from_column_slice(&numbers),
+            },
+            ..first
+        };
+        assert_ne!(of(&[both]), of(&[first, posed(2, 3, 4.0)]));
+    }
+
+    #[test]
+    fn fingerprints_of_one_kind_of_truth_stay() {
+        let plane = Pair::with_homography(0, 1, Matrix3::identity());
+        let known = [posed(0, 1, 1.0), plane].map(|pair| of(&[pair])[..16].to_owned());
+        assert_eq!(known, ["732a9fa2db6a6d8c", "f9f0d3ccaf78cb09"]);
     }
 }

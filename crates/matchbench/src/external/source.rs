@@ -35,6 +35,11 @@ impl External {
     pub fn into_source(self, cache: FeatureCache, memory: usize) -> BuiltPointSource {
         let identity = self.identity().clone();
         let manifest = self.manifest().clone();
+        // The same pixels by another convention are other matches, which no run may mix.
+        let center = match identity.pixel_center {
+            0.0 => String::new(),
+            center => format!(", first pixel's centre at {center}"),
+        };
         let mut notes = vec![format!(
             "a program from outside: {} ({}); its times are its own word",
             manifest.summary, identity.name
@@ -59,7 +64,7 @@ impl External {
         };
         BuiltPointSource {
             id: manifest.name.clone(),
-            version: Some(format!("{} {}", identity.name, identity.version)),
+            version: Some(format!("{} {}{center}", identity.name, identity.version)),
             command: Some(manifest.started()),
             params: manifest.effective(),
             notes,

@@ -18,6 +18,7 @@ use std::io;
 use std::mem;
 use std::path::{Path, PathBuf};
 
+use crate::counted::counted;
 use crate::datasets::{DatasetError, Pair, read_dataset_pairs};
 use crate::records::authors::AuthorsError;
 use crate::records::{FolderError, Plan, RunFolder, StoreError};
@@ -99,7 +100,8 @@ pub(super) fn of_run(
     Ok(sets)
 }
 
-/// The results in each file of records of a run by themselves; none of a file without records.
+/// The results in each file of records of a run by themselves, in the order of the pairs; none of a file without
+/// records. Only what is recorded: the other files may be anybody's, and do not say what this one lacks.
 pub(super) fn each_of_run(run: &RunFolder) -> Result<Vec<FileResults>, ResultsError> {
     let mut each = Vec::new();
     for file in run.record_files()? {
@@ -114,8 +116,16 @@ pub(super) fn each_of_run(run: &RunFolder) -> Result<Vec<FileResults>, ResultsEr
     let sound = each
         .iter_mut()
         .filter_map(|file| file.results.as_mut().ok());
-    complete_all(sound, None, &PairChoice::Listed)?;
+    let mut sound: Vec<&mut ResultSet> = sound.collect();
+    for set in &mut sound {
+        set.pairs.sort_unstable_by_key(task);
+    }
+    count_broken(&mut sound);
     Ok(each)
+}
+
+fn task(pair: &PairResult) -> (u32, u32, u32) {
+    (pair.a, pair.b, pair.repetition)
 }
 
 /// Brings sets of results into line with the pairs that count of their datasets.
@@ -152,7 +162,6 @@ fn complete_all<'a>(
 
 /// Brings the pairs of a run into line with the listed ones, which are sorted: others out, missing ones in.
 fn complete(set: &mut ResultSet, listed: &[(u32, u32)]) {
-    let task = |pair: &PairResult| (pair.a, pair.b, pair.repetition);
     set.pairs.sort_unstable_by_key(task);
     let repetitions = set.repetitions;
     let expected =
@@ -198,13 +207,26 @@ fn read_records(run: &RunFolder, file: &Path) -> Result<Option<ResultSet>, Resul
         set.pairs.push(PairResult::from(&record));
         Ok::<_, ResultsError>(())
     })?;
-    check_tasks(file, lines)?;
+    check_tasks(file, lines, run.plan().settings.repetitions.get() as usize)?;
     Ok(set)
 }
 
-/// Whether no task, a pair and a repetition of it, stands in two lines, and none without the repetition before it.
-fn check_tasks(file: &Path, mut lines: Vec<([u32; 3], usize)>) -> Result<(), ResultsError> {
+/// Whether no task, a pair and a repetition of it, stands in two lines, none without the repetition before it, and
+/// every pair in the `planned` number of repetitions. Only the pair that was recorded last may have fewer, so that a
+/// few lines do not stand for millions of results that are missing.
+fn check_tasks(
+    file: &Path,
+    mut lines: Vec<([u32; 3], usize)>,
+    planned: usize,
+) -> Result<(), ResultsError> {
     lines.sort_unstable();
+    let wrong = |line, problem| {
+        Err(ResultsError::Line {
+            path: file.to_path_buf(),
+            line,
+            problem,
+        })
+    };
     let mut before = None;
     for &(task, line) in &lines {
         let [a, b, repetition] = task;
@@ -216,15 +238,29 @@ fn check_tasks(file: &Path, mut lines: Vec<([u32; 3], usize)>) -> Result<(), Res
         // A run does them in their order, so a number stands for that many records.
         let follows = |(other, earlier)| other == [a, b, repetition - 1] && earlier < line;
         if repetition > 0 && !before.is_some_and(follows) {
-            return Err(ResultsError::Line {
-                path: file.to_path_buf(),
-                line,
-                problem: format!(
-                    "repetition {repetition} of the pair {a} {b} without the one before it; delete this line"
-                ),
-            });
+            let problem = format!(
+                "repetition {repetition} of the pair {a} {b} without the one before it; delete this line"
+            );
+            return wrong(line, problem);
         }
         before = Some((task, line));
+    }
+    let last = lines.iter().map(|&(_, line)| line).max();
+    for pair in lines.chunk_by(|(task, _), (next, _)| task[..2] == next[..2]) {
+        let ([a, b, repetition], line) = pair[pair.len() - 1];
+        if pair.len() > planned {
+            let planned = counted(planned, "planned repetition");
+            let problem = format!("repetition {repetition} of the pair {a} {b}, of {planned}");
+            return wrong(line, format!("{problem} from 0 on; delete this line"));
+        }
+        if pair.len() < planned && Some(line) != last {
+            let planned = counted(planned, "planned repetition");
+            let problem = format!(
+                "the pair {a} {b} ends here after {} of {planned}",
+                pair.len()
+            );
+            return wrong(line, format!("{problem}; delete its lines"));
+        }
     }
     Ok(())
 }
@@ -317,7 +353,7 @@ pub(super) fn twice(file: &Path, line: usize, (a, b): (u32, u32), first: usize) 
 mod tests {
     use serde_json::json;
 
-    use super::super::load;
+    use super::super::{load, load_each};
     use super::*;
 
     /// A record as a run writes it, right up to 5 degrees.
@@ -335,7 +371,7 @@ mod tests {
         let run = tempfile::tempdir().expect("a temporary folder");
         let records = run.path().join("records/room");
         fs::create_dir_all(&records).expect("a folder can be made");
-        plan(run.path(), &[]);
+        plan(run.path(), &[], 1);
         for (matcher, text) in files {
             let name = format!("{matcher}+ransac-e.jsonl");
             fs::write(records.join(name), text).expect("it is ours");
@@ -343,14 +379,14 @@ mod tests {
         run
     }
 
-    /// Writes a plan that names these matchers.
-    fn plan(run: &Path, matchers: &[&str]) {
+    /// Writes a plan of so many repetitions that names these matchers.
+    fn plan(run: &Path, matchers: &[&str], repetitions: u32) {
         let matchers: Vec<_> = (matchers.iter())
             .map(|id| json!({"id": id, "params": {}, "estimators": []}))
             .collect();
         let plan = json!({
             "version": "0.1.0",
-            "settings": {"seed": 0, "repetitions": 1, "limit": null},
+            "settings": {"seed": 0, "repetitions": repetitions, "limit": null},
             "datasets": [],
             "matchers": matchers
         });
@@ -399,9 +435,32 @@ mod tests {
     #[test]
     fn each_repetition_counts() {
         let text = line("sift", 0, 1, 0) + &line("sift", 0, 1, 1) + &line("sift", 0, 2, 0);
-        let sets = load(run_folder(&[("sift", text)]).path(), None).expect("in order");
+        let run = run_folder(&[("sift", text)]);
+        plan(run.path(), &[], 2);
+        let sets = load(run.path(), None).expect("in order");
         assert_eq!((sets[0].repetitions, sets[0].pairs.len()), (2, 4));
         assert_eq!(sets[0].pairs[3].outcome, Err(Failure::Missing));
+    }
+
+    #[test]
+    fn few_lines_do_not_stand_for_many_missing_results() {
+        let short = line("sift", 0, 1, 0) + &line("sift", 0, 2, 0) + &line("sift", 0, 2, 1);
+        let run = run_folder(&[("sift", short)]);
+        let refused = |expected: &str| {
+            let error = load(run.path(), None).expect_err(expected).to_string();
+            assert!(error.contains(expected), "{error}");
+        };
+        refused(":3: repetition 1 of the pair 0 2, of 1 planned repetition");
+        plan(run.path(), &[], 2);
+        refused(":1: the pair 0 1 ends here after 1 of 2 planned repetitions");
+        // By themselves files have what is recorded, whatever stands in others.
+        let whole = line("orb", 0, 1, 0) + &line("orb", 0, 1, 1);
+        let run = run_folder(&[("orb", whole), ("sift", line("sift", 0, 3, 0))]);
+        plan(run.path(), &[], 2);
+        let each = load_each(run.path(), None).expect("both can be read");
+        let recorded = |file: &FileResults| file.results.as_ref().expect("in order").pairs.len();
+        let recorded: Vec<usize> = each.iter().map(recorded).collect();
+        assert_eq!(recorded, [2, 1]);
     }
 
     #[test]
@@ -419,7 +478,7 @@ mod tests {
             ("orb", line("orb", 0, 1, 0)),
             ("sift", line("sift", 0, 1, 0)),
         ]);
-        plan(run.path(), &["sift"]);
+        plan(run.path(), &["sift"], 1);
         let sets = load(run.path(), None).expect("in order");
         assert_eq!((&*sets[0].matcher, &*sets[1].matcher), ("sift", "orb"));
     }

@@ -150,13 +150,18 @@ pub fn shown_scores(summaries: &[Summary]) -> Vec<&'static ScoreKind> {
 
 /// Sample standard deviation of the AUC over the repetitions.
 fn auc_deviation(results: &ResultSet) -> Option<f64> {
-    let aucs: Vec<f64> = (0..results.repetitions)
-        .map(|repetition| {
-            let pairs = results.pairs.iter();
-            let pairs = pairs.filter(|pair| pair.repetition == repetition).cloned();
-            ranking_auc(&pairs.collect::<Vec<_>>())
-        })
+    let mut pairs: Vec<&PairResult> = results.pairs.iter().collect();
+    pairs.sort_by_key(|pair| pair.repetition);
+    let auc = |pairs: &[&PairResult]| {
+        let pairs: Vec<PairResult> = pairs.iter().copied().cloned().collect();
+        ranking_auc(&pairs)
+    };
+    let aucs: Vec<f64> = (pairs.chunk_by(|one, next| one.repetition == next.repetition))
+        .map(auc)
         .collect();
+    if aucs.len() != results.repetitions as usize {
+        return None;
+    }
     let mean = aucs.iter().sum::<f64>() / aucs.len() as f64;
     let squares: f64 = aucs.iter().map(|auc| (auc - mean) * (auc - mean)).sum();
     let variance = squares / (aucs.len() as f64 - 1.0);
@@ -227,6 +232,9 @@ mod tests {
         let deviation = Summary::new(&set, &Bootstrap::default()).auc_deviation;
         // The AUCs are 15, 12 and 9 of 15.
         assert!((deviation.expect("three repetitions") - 0.2).abs() < 1e-12);
+        set.repetitions = 4;
+        let deviation = Summary::new(&set, &Bootstrap::default()).auc_deviation;
+        assert_eq!(deviation, None, "nothing is known of the fourth");
     }
 
     #[test]

@@ -62,7 +62,7 @@ impl StageQuartiles {
             .filter(|pair| pair.outcome != Err(Failure::Broken))
             .filter_map(|pair| pair.counts)
             // Matches that come from outside may come without the number of features.
-            .filter(|counts| counts.selected == 0 || counts.features_a + counts.features_b > 0)
+            .filter(|counts| counts.selected == 0 || counts.features_a > 0 || counts.features_b > 0)
             .flat_map(|counts| [counts.features_a, counts.features_b]);
         Self {
             features: Quartiles::of(features.map(f64::from)),
@@ -86,6 +86,20 @@ impl StageQuartiles {
 mod tests {
     use super::super::pair_result::tests::solved;
     use super::*;
+    use crate::records::Counts;
+
+    #[test]
+    fn numbers_of_features_may_be_as_large_as_records_hold() {
+        let mut pair = solved(0, 1.0, 1.0, 30);
+        pair.counts = Some(Counts {
+            features_a: u32::MAX,
+            features_b: 1,
+            putative: 30,
+            selected: 30,
+        });
+        let features = StageQuartiles::new(&[pair]).features;
+        assert_eq!(features.map(|f| f.upper > 1e9), Some(true));
+    }
 
     #[test]
     fn cached_stages_have_no_time() {

@@ -167,7 +167,9 @@ pub struct Run<'a> {
     pub folder: &'a Path,
     /// Features that were extracted before; may be shared by runs.
     pub cache: FeatureCache,
-    /// How an image file becomes pixels; [`decode`] serves well.
+    /// How an image file becomes pixels; [`decode`] serves well. Neither the plan nor the keys of `cache` say which
+    /// function it is: whoever gives another needs a folder and a cache of its own, or features of the pixels of one
+    /// are taken for those of the other.
     pub decode: Decode,
     /// Which matches are written into the folder.
     pub keep_matches: KeepMatches,
@@ -309,7 +311,7 @@ impl Run<'_> {
             observer.on_record(record);
         };
         let kept = Kept::open(self.keep_matches, progress, folder, images)?;
-        let work = Work {
+        let mut work = Work {
             run: self,
             stages: PairStages {
                 progress,
@@ -342,6 +344,10 @@ impl Run<'_> {
         });
         retried.write()?;
         done?;
+        if progress.failed_pairs().next().is_some() {
+            // Other estimators of these pairs start from what was just kept.
+            work.stored = folder.folder().matches_of(dataset, matcher)?;
+        }
 
         let mut kept = retried.kept;
         if progress.lost() > 0 {

@@ -2,16 +2,19 @@
 //! order.
 
 use std::collections::BTreeMap;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard};
 
 use super::{Cancel, RunError};
+
+/// How many items for each thread may be taken up beyond the first one that is not finished: what is finished waits
+/// in memory for that one.
+const AHEAD: usize = 8;
 
 /// Does `work` for every item, on all threads of the current pool, and hands the results to `sink` in the order
 /// of the items, each as soon as those before it are there.
 ///
 /// Items are taken up one by one from the front (rayon's iterators would start in many places at
-/// once), so that what is finished is always nearly a prefix: few results wait, and a process that
+/// once), so that what is finished is always nearly a prefix: few results wait ([`AHEAD`]), and a process that
 /// is killed loses little. Once `cancel` is set no more items are taken up; those in flight end
 /// and their results are handed over.
 ///
@@ -23,31 +26,47 @@ pub(super) fn each_in_order<I: Sync, T: Send>(
     work: impl Fn(&I) -> Result<T, RunError> + Sync,
     sink: impl FnMut(T) -> Result<(), RunError> + Send,
 ) -> Result<(), RunError> {
-    let taken = AtomicUsize::new(0);
-    let broken = AtomicBool::new(false);
     let exit = Mutex::new(Exit {
+        items: items.len(),
+        ahead: AHEAD * rayon::current_num_threads(),
+        taken: 0,
+        is_full: false,
         next: 0,
         waiting: BTreeMap::new(),
         sink,
         ended: Ok(()),
     });
-    rayon::broadcast(|_| {
-        while !cancel.is_set() && !broken.load(Ordering::Relaxed) {
-            let index = taken.fetch_add(1, Ordering::Relaxed);
-            let Some(item) = items.get(index) else { break };
-            let result = work(item);
-            let mut exit = exit.lock().expect("no thread panicked at the exit");
-            exit.arrive(index, result);
-            broken.store(exit.ended.is_err(), Ordering::Relaxed);
-        }
-    });
+    // A thread that waited here for another could be the one that the other waits for: inside of its work a thread
+    // takes up what rayon has for it, this too. So no thread waits. When too many results do, all threads finish
+    // what they have and come back for the next round.
+    while lock(&exit).next_round(cancel) {
+        rayon::broadcast(|_| {
+            let mut held = lock(&exit);
+            while let Some(index) = held.take(cancel) {
+                drop(held);
+                let result = work(&items[index]);
+                held = lock(&exit);
+                held.arrive(index, result);
+            }
+        });
+    }
     exit.into_inner()
         .expect("no thread panicked at the exit")
         .ended
 }
 
-/// Where results wait for those before them.
+fn lock<T, S>(exit: &Mutex<Exit<T, S>>) -> MutexGuard<'_, Exit<T, S>> {
+    exit.lock().expect("no thread panicked at the exit")
+}
+
+/// Where items are taken up, and results wait for those before them.
 struct Exit<T, S> {
+    items: usize,
+    /// Most items that may be taken up beyond `next`.
+    ahead: usize,
+    taken: usize,
+    /// Whether so many are taken up that this round ends.
+    is_full: bool,
     next: usize,
     waiting: BTreeMap<usize, Result<T, RunError>>,
     sink: S,
@@ -55,6 +74,26 @@ struct Exit<T, S> {
 }
 
 impl<T, S: FnMut(T) -> Result<(), RunError>> Exit<T, S> {
+    /// Begins a round, when all that was taken up has arrived; says whether there is anything left for it.
+    fn next_round(&mut self, cancel: &Cancel) -> bool {
+        self.is_full = false;
+        self.is_left(cancel)
+    }
+
+    fn is_left(&self, cancel: &Cancel) -> bool {
+        self.taken < self.items && self.ended.is_ok() && !cancel.is_set()
+    }
+
+    /// The index of the next item, unless none is to be taken up in this round.
+    fn take(&mut self, cancel: &Cancel) -> Option<usize> {
+        self.is_full |= self.taken >= self.next + self.ahead;
+        if self.is_full || !self.is_left(cancel) {
+            return None;
+        }
+        self.taken += 1;
+        Some(self.taken - 1)
+    }
+
     fn arrive(&mut self, index: usize, result: Result<T, RunError>) {
         self.waiting.insert(index, result);
         while self.ended.is_ok()
@@ -68,9 +107,11 @@ impl<T, S: FnMut(T) -> Result<(), RunError>> Exit<T, S> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
     use std::thread;
     use std::time::Duration;
 
+    use rayon::prelude::*;
     use rayon::{ThreadPool, ThreadPoolBuilder};
 
     use super::*;
@@ -146,5 +187,57 @@ mod tests {
             .unwrap();
         assert_eq!(left, items[..taken.into_inner()]);
         assert!(left.len() >= 8 && left.len() < items.len());
+    }
+
+    #[test]
+    fn few_results_wait_for_one_that_takes_long() {
+        let items: Vec<usize> = (0..1000).collect();
+        let (slow_is_done, most) = (AtomicBool::new(false), AtomicUsize::new(0));
+        let mut left = Vec::new();
+        let work = |&item: &usize| {
+            if item == 100 {
+                thread::sleep(Duration::from_millis(100));
+                slow_is_done.store(true, Ordering::Relaxed);
+            } else if !slow_is_done.load(Ordering::Relaxed) {
+                most.fetch_max(item, Ordering::Relaxed);
+            }
+            Ok(item)
+        };
+        let sink = |item| {
+            left.push(item);
+            Ok(())
+        };
+        pool(3)
+            .install(|| each_in_order(&Cancel::default(), &items, work, sink))
+            .unwrap();
+        assert_eq!(left, items);
+        let most = most.into_inner();
+        assert!(most < 100 + 3 * AHEAD, "{most}");
+    }
+
+    #[test]
+    fn work_that_uses_the_same_threads_ends() {
+        let items: Vec<u64> = (0..300).collect();
+        let work = |&item: &u64| {
+            if item.is_multiple_of(50) {
+                thread::sleep(Duration::from_millis(5));
+            }
+            Ok((0..64).into_par_iter().map(|i: u64| i * item).sum::<u64>())
+        };
+        pool(4).install(|| {
+            // Two at a time, as nobody should.
+            let all = || {
+                let mut sum = 0;
+                let sink = |part| {
+                    sum += part;
+                    Ok(())
+                };
+                each_in_order(&Cancel::default(), &items, work, sink).unwrap();
+                sum
+            };
+            let (one, other) = rayon::join(all, all);
+            let expected = 300 * 299 / 2 * 64 * 63 / 2;
+            assert_eq!((one, other), (expected, expected));
+        });
     }
 }

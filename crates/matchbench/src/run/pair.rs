@@ -175,15 +175,21 @@ impl PairStages<'_> {
             || (pair.pose().is_some() && has_depth(pair.a) && has_depth(pair.b))
     }
 
-    /// Does all tasks that are due of a pair of images that a `source` matches.
+    /// Does all tasks that are due of a pair of images that a `source` matches. It is not asked for matches that
+    /// are `stored`: asked again, it may give others than those that other estimators got.
     ///
     /// # Errors
-    /// If the source ended, or an image that it reads is another than the run has worked with.
+    /// If the source ended, an image that it reads is another than the run has worked with, or what is stored
+    /// cannot be read.
     pub(super) fn source(
         &self,
         source: &BuiltPointSource,
         tasks: &PairTasks<'_>,
+        stored: &MatchesFile,
     ) -> Result<PairDone, RunError> {
+        if is_stored(stored, tasks.pair, &tasks.due) {
+            return Ok(self.estimate(tasks, stored)?);
+        }
         let (sequence, pair) = (self.progress.sequence, tasks.pair);
         let image = |frame: u32| &*sequence.frames[frame as usize].image;
         let files = ImageFiles {
@@ -196,6 +202,11 @@ impl PairStages<'_> {
         let mut done = PairDone::of(&truth, tasks.due.len());
         for due in by_repetition(&tasks.due) {
             let repetition = due[0].repetition;
+            if let Some(matches) = stored.read((pair.a, pair.b, repetition))? {
+                let (counts, times) = (matches.counts, StageTimes::default());
+                self.estimate_all(&truth, due, &Ok(matches), counts, times, &mut done);
+                continue;
+            }
             let seed = self.seed(pair, repetition);
             let (mut counts, mut times) = (Counts::default(), StageTimes::default());
             let (first, mut device) = (done.records.len(), None);

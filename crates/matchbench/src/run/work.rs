@@ -19,7 +19,7 @@ const PAIRS_AT_ONCE: usize = 1 << 16;
 pub(super) struct Work<'a> {
     pub(super) run: &'a Run<'a>,
     pub(super) stages: PairStages<'a>,
-    /// Matches that were there before.
+    /// Matches that were there before; what is appended later is in it when it is opened again.
     pub(super) stored: MatchesFile,
     pub(super) observer: &'a dyn Observer,
     pub(super) cancel: &'a Cancel,
@@ -41,16 +41,18 @@ impl Work<'_> {
             if some.is_empty() || self.cancel.is_set() {
                 return Ok(());
             }
-            let (matched, unmatched) = some.split_at(self.selected_before(&some));
-            let estimate = |tasks: &PairTasks<'_>| Ok(self.stages.estimate(tasks, &self.stored)?);
-            each_in_order(self.cancel, matched, estimate, &mut append)?;
             match &self.stages.progress.contender.source {
                 Source::Matcher(matcher) => {
+                    let (matched, unmatched) = some.split_at(self.selected_before(&some));
+                    let estimate =
+                        |tasks: &PairTasks<'_>| Ok(self.stages.estimate(tasks, &self.stored)?);
+                    each_in_order(self.cancel, matched, estimate, &mut append)?;
                     self.extract_and_match(matcher, unmatched, &mut resident, &mut append)?;
                 }
                 Source::Points(source) => {
-                    let matched = |tasks: &PairTasks<'_>| self.stages.source(source, tasks);
-                    each_in_order(self.cancel, unmatched, matched, &mut append)?;
+                    let matched =
+                        |tasks: &PairTasks<'_>| self.stages.source(source, tasks, &self.stored);
+                    each_in_order(self.cancel, &some, matched, &mut append)?;
                 }
             }
         }
@@ -107,10 +109,9 @@ impl Work<'_> {
     /// How many of the first `pairs` need an estimation alone: their matches are stored, and nothing is to be said of
     /// their keypoints.
     fn selected_before(&self, pairs: &[PairTasks<'_>]) -> usize {
-        let has_keypoints = matches!(self.stages.progress.contender.source, Source::Matcher(_));
         let is_enough = |tasks: &&PairTasks<'_>| {
             is_stored(&self.stored, tasks.pair, &tasks.due)
-                && !(has_keypoints && self.stages.judges_keypoints(tasks.pair))
+                && !self.stages.judges_keypoints(tasks.pair)
         };
         pairs.iter().take_while(is_enough).count()
     }

@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use super::super::images::ImageNotes;
 use super::super::matches::{self, MAGIC};
 use super::super::{
-    DatasetPlan, EstimatorPlan, FolderError, KeepMatches, MIN_MATCHES, MatcherPlan, Outcome,
-    RunRecord, RunWriter, Task, store,
+    Counts, DatasetPlan, EstimatorPlan, FolderError, KeepMatches, MatcherPlan, Outcome, RunRecord,
+    RunWriter, Task, store,
 };
 use super::entry_file::EntryFile;
 use super::folders::gather;
@@ -227,13 +227,14 @@ impl Merging<'_> {
         out: &mut Output,
     ) -> Result<(), ShardError> {
         let must_be = match (self.plan.keep_matches(), &record.outcome) {
-            // Without a selection there are none, and an estimator only breaks on enough of them.
+            // Without a selection there are none.
             (KeepMatches::All, Outcome::Failed { .. }) => false,
             (KeepMatches::All, _) => true,
             (_, outcome) if outcome.is_estimate() => true,
             _ => return Ok(()),
         };
-        let is_likely = must_be || record.counts.selected as usize >= MIN_MATCHES;
+        // What broke after the selection has some: an estimator, the depth, the size of an image.
+        let is_likely = must_be || record.counts != Counts::default();
         let Task {
             a, b, repetition, ..
         } = record.task;

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use crate::counted::counted;
 use crate::files::{link_in, open_file};
 use crate::metrics::{Failure, FileResults, ResultSet, load_each};
+use crate::protocols;
 use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, RunFolder};
 
 use super::super::command_line::{self, CommandLine, Origin};
@@ -150,18 +151,15 @@ impl Reader<'_> {
     ) -> Result<Scored, String> {
         let mut set = results.map_err(|error| error.to_string())?;
         let (dataset, matcher, estimator) = planned(plan, &set)?;
+        is_under_its_protocol(estimator)?;
         let names = [&set.dataset, &set.matcher, &set.estimator].map(String::clone);
         if seen.contains(&names) {
             return Err("another file of this run holds the same".to_owned());
         }
         seen.push(names);
-        let names = [&*set.dataset, &*set.matcher, &*set.estimator];
         let truth = self.truths.of(dataset);
         is_finished(plan, dataset, &set, truth)?;
-        let checked = truth.map_or(Ok(false), |truth| check(run, names, truth))?;
-        // Pairs that are missing now are only in the other files, which do not say what is planned.
-        set.pairs
-            .retain(|pair| pair.outcome != Err(Failure::Missing));
+        let checked = truth.map_or(Ok(false), |truth| check(run, &mut set, truth))?;
         let again = command_line::cell(plan, dataset, (matcher, estimator), "again");
         let note = match (&again, Origin::of(matcher)) {
             (None, _) => "no command asks for it; its plan says what was run".to_owned(),
@@ -361,6 +359,19 @@ fn planned<'a>(
     }
 }
 
+/// Refuses an estimator whose name says another protocol than its rules are of: by the name it is compared with
+/// others.
+fn is_under_its_protocol(estimator: &EstimatorPlan) -> Result<(), String> {
+    let protocol = protocols::of_estimator(&estimator.id);
+    if estimator.protocol == protocol.rules() {
+        return Ok(());
+    }
+    Err(format!(
+        "its plan has other rules for the estimator {} than those of the protocol {} in this version",
+        estimator.id, protocol.id
+    ))
+}
+
 /// Refuses results of other tasks than those that are planned. Missing pairs would count as wrong, or would not
 /// count at all, and pairs that somebody chose may be easier than those of the plan.
 fn is_finished(
@@ -369,22 +380,13 @@ fn is_finished(
     set: &ResultSet,
     truth: Option<&Truth>,
 ) -> Result<(), String> {
-    let recorded = (set.pairs.iter()).filter(|pair| pair.outcome != Err(Failure::Missing));
-    let tasks: BTreeSet<_> = recorded
-        .map(|pair| (pair.a, pair.b, pair.repetition))
-        .collect();
-    let planned = plan.tasks_on(dataset);
-    if tasks.len() != planned {
+    // Whoever read the records has seen that none is there twice, and each pair in its planned repetitions.
+    let (recorded, planned) = (set.pairs.len(), plan.tasks_on(dataset));
+    if recorded != planned {
         let planned = counted(planned, "planned task");
-        return Err(format!("{} of {planned} recorded", tasks.len()));
+        return Err(format!("{recorded} of {planned} recorded"));
     }
-    let repetitions = plan.settings.repetitions.get();
-    let pairs: BTreeSet<_> = tasks.iter().map(|&(a, b, _)| (a, b)).collect();
-    let beyond = tasks.iter().any(|&(.., number)| number >= repetitions);
-    if beyond || pairs.len() * repetitions as usize != planned {
-        let repetitions = counted(repetitions as usize, "planned repetition");
-        return Err(format!("not every pair is recorded in its {repetitions}"));
-    }
+    let pairs: BTreeSet<_> = set.pairs.iter().map(|pair| (pair.a, pair.b)).collect();
     truth.map_or(Ok(()), |truth| {
         truth.has_chosen(&plan.settings, &pairs, dataset)
     })

@@ -1,5 +1,7 @@
 //! Sources outside fail, end, and may do better another time.
 
+use std::sync::Arc;
+
 use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::seed::Seed;
 use nalgebra::Point2;
@@ -15,10 +17,13 @@ use crate::matchers::{
 struct Flaky {
     fails: Vec<[u32; 2]>,
     ends: Option<[u32; 2]>,
+    /// How often it was asked.
+    asked: Arc<AtomicUsize>,
 }
 
 impl PointSource for Flaky {
     fn matches(&self, pair: &ImageFiles<'_>, _: Seed) -> Result<SourcedMatches, SourceError> {
+        self.asked.fetch_add(1, Ordering::Relaxed);
         if self.ends == Some(pair.frames) {
             return Err(SourceError::Ended("as the test wants".into()));
         }
@@ -46,7 +51,11 @@ impl PointSource for Flaky {
 
 impl Flaky {
     fn contender(self) -> Contender {
-        let estimators = ["first", "second"].map(|id| Toy::default().estimator(id).into());
+        self.with(&["first", "second"])
+    }
+
+    fn with(self, estimators: &[&str]) -> Contender {
+        let estimators = estimators.iter().map(|id| Toy::default().estimator(id));
         Contender {
             source: Source::Points(BuiltPointSource {
                 id: "flaky".into(),
@@ -56,7 +65,7 @@ impl Flaky {
                 notes: Vec::new(),
                 source: Box::new(self),
             }),
-            estimators: estimators.into(),
+            estimators: estimators.map(Variant::from).collect(),
         }
     }
 }
@@ -71,7 +80,7 @@ fn whole() -> Vec<RunRecord> {
 fn failures_of_a_source_are_tried_again_and_their_records_replaced() {
     let flaky = Flaky {
         fails: vec![[0, 1], [2, 3]],
-        ends: None,
+        ..Flaky::default()
     };
     let mut bench = Bench::new(vec![flaky.contender()]);
     let summary = bench.run("run").unwrap();
@@ -89,8 +98,8 @@ fn failures_of_a_source_are_tried_again_and_their_records_replaced() {
 #[test]
 fn a_source_that_ends_ends_no_other() {
     let flaky = Flaky {
-        fails: Vec::new(),
         ends: Some([1, 3]),
+        ..Flaky::default()
     };
     let toy = || Toy::default().contender("bright", &["first"]);
     let mut bench = Bench::new(vec![flaky.contender(), toy()]);
@@ -161,4 +170,54 @@ fn another_command_is_refused_unless_the_plan_is_of_a_version_that_wrote_none() 
         "{error}"
     );
     run_with(Some("--model=a")).unwrap();
+}
+
+#[test]
+fn another_estimator_asks_only_for_the_matches_that_are_not_stored() {
+    let failing = || vec![[0, 1], [2, 3]];
+    for (repetitions, fails_again) in [(1, true), (1, false), (3, true), (3, false)] {
+        let first = Flaky {
+            fails: failing(),
+            ..Flaky::default()
+        };
+        let mut bench = Bench::new(vec![first.with(&["first"])]);
+        bench.settings = repeated(repetitions);
+        bench.run("run").unwrap();
+        let fails = if fails_again { failing() } else { Vec::new() };
+        let second = Flaky {
+            fails,
+            ..Flaky::default()
+        };
+        let asked = second.asked.clone();
+        bench.contenders = vec![second.contender()];
+        assert!(bench.run("run").unwrap().is_complete());
+        // Two pairs of each of two datasets have no matches; those that fail again are asked for once more.
+        let tries = if fails_again { 2 } else { 1 };
+        let expected = tries * 4 * repetitions as usize;
+        assert_eq!(asked.load(Ordering::Relaxed), expected);
+        if !fails_again {
+            bench.contenders = vec![Flaky::default().contender()];
+            bench.run("whole").unwrap();
+            assert_eq!(bench.records("run"), bench.records("whole"));
+        }
+    }
+}
+
+#[test]
+fn of_some_repetitions_alone_the_matches_are_stored() {
+    let mut bench = Bench::new(vec![Flaky::default().with(&["first"])]);
+    bench.settings = repeated(2);
+    bench.run("run").unwrap();
+    let expected = bench.records("run");
+    // The first repetition of the first pair stays.
+    let matches = bench.path("run").join("matches/street/flaky.bin");
+    let whole = fs::read(&matches).unwrap();
+    fs::write(&matches, &whole[..8 + 28 + 40 * 20 + 8]).unwrap();
+    let flaky = Flaky::default();
+    let asked = flaky.asked.clone();
+    bench.contenders = vec![flaky.with(&["first"])];
+    bench.run("run").unwrap();
+    assert_eq!(asked.load(Ordering::Relaxed), 2 * 21 - 1);
+    assert_eq!(bench.records("run"), expected);
+    assert_eq!(fs::read(&matches).unwrap(), whole);
 }

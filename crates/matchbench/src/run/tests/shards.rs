@@ -516,3 +516,34 @@ fn what_is_surveyed_is_planned_as_what_is_opened() {
     assert!(refused.contains("no pose of the pair 3 0"), "{refused}");
     assert_eq!(planned(Dataset::survey(&dir), None), Err(refused));
 }
+
+#[test]
+fn a_shard_is_merged_where_what_broke_later_has_few_matches() {
+    let toy = Toy {
+        threshold: 200,
+        ..Toy::default()
+    };
+    let bench = Bench::new(vec![toy.contender("toy", &["first"])]);
+    let plan = bench.plan("plan", 1, KeepMatches::All);
+    // The pairs of an image that came late have their matches at the end of the file.
+    let image = bench.path("street/0000.raw");
+    fs::rename(&image, bench.path("away")).unwrap();
+    bench.shards(&plan, "plan", [1]);
+    fs::rename(bench.path("away"), &image).unwrap();
+    bench.shards(&plan, "plan", [1]);
+    let file = store::path(&bench.path("plan/shards/1"), "street", "toy", "first");
+    let mut records = store::read(&file).unwrap();
+    for record in records.iter_mut().filter(|record| record.task.a == 0) {
+        let selected = record.counts.selected as usize;
+        assert!(selected > 0 && selected < MIN_MATCHES, "{selected}");
+        record.outcome = Outcome::Failed {
+            reason: "its depth cannot be read".into(),
+            may_pass: true,
+        };
+    }
+    store::rewrite(&file, &records).unwrap();
+    merge(&plan, &bench.path("plan"), &[], &bench.path("merged")).unwrap();
+    bench.run("single").unwrap();
+    let matches = |run: &str| fs::read(bench.path(run).join("matches/street/toy.bin")).unwrap();
+    assert_eq!(matches("merged"), matches("single"));
+}
