@@ -160,6 +160,40 @@ fn the_tables_of_results_are_what_the_files_say() {
     }
 }
 
+/// The estimators of the table of five matchers, in its order.
+const ELEVEN: [&str; 11] = [
+    "ransac-e",
+    "prosac-e",
+    "lo-ransac-e",
+    "rich",
+    "best",
+    "mlesac-e",
+    "magsac-e",
+    "lmeds-e",
+    "ransac-f",
+    "usac-f",
+    "lmeds-f",
+];
+
+#[test]
+fn the_table_of_eleven_estimators_is_what_the_files_say() {
+    let (book, castle) = (text("docs/results.md"), Scores::of("castle"));
+    let scores = Scores(rows("docs/results/castle-estimators-rest/scores.csv"));
+    let header = ELEVEN.map(|estimator| format!("`{estimator}`")).join(" | ");
+    assert!(book.contains(&format!("| matcher | {header} |")));
+    for id in ["kvld", "gaim", "asift", "code", "repmatch"] {
+        let expected = ELEVEN.map(|estimator| scores.auc(id, estimator));
+        assert_eq!(
+            cells(&book, "### Five more matchers with eleven estimators", id)[1..],
+            expected,
+            "{id}"
+        );
+        for estimator in ["ransac-e", "rich", "best"] {
+            assert_eq!(scores.auc(id, estimator), castle.auc(id, estimator), "{id}");
+        }
+    }
+}
+
 #[test]
 fn the_times_of_speed_are_what_the_files_say() {
     let book = text("docs/speed.md");
