@@ -361,7 +361,7 @@ mod tests {
         assert_eq!(of(&[6]).unwrap().to_vec(), [0., 1., 2., 3., 4., 5.]);
         assert!(of(&[1, 2, 3]).unwrap_err().contains("column by column"));
         assert!(of(&[2, 2]).is_err());
-        // It would take years to go through rows that have nothing in them.
+        // Rows that have nothing in them are not gone through.
         let empty = Array::by_columns(vec![10_usize.pow(18), 0], element, Vec::new());
         assert_eq!(empty.unwrap().len(), 0);
     }

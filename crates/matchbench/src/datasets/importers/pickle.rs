@@ -534,31 +534,28 @@ mod tests {
         ] {
             assert!(Pickled::parse(bytes).is_err(), "{bytes:?}");
         }
-        // A thousand arrays, all with the same contents.
+        // A thousand arrays with one state.
+        let a_thousand = |mut bytes: Vec<u8>, state: &[u8]| {
+            for _ in 0..1000 {
+                bytes.extend(
+                    b"cnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\0\x85C\x01b\x87R",
+                );
+                bytes.extend(state);
+            }
+            bytes.push(b'.');
+            Pickled::parse(&bytes).unwrap_err()
+        };
+        // All with the same contents.
         let mut shared = b"\x80\x02B\x00\x10\x00\x00".to_vec();
         shared.extend([0; 4096]);
         shared.extend(b"q\0cnumpy\ndtype\nq\x01X\x02\0\0\0u1K\0K\x01\x87Rq\x02");
-        for _ in 0..1000 {
-            shared.extend(
-                b"cnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\0\x85C\x01b\x87R",
-            );
-            shared.extend(b"(K\x01M\x00\x10\x85h\x02\x89h\0tb");
-        }
-        shared.push(b'.');
-        let error = Pickled::parse(&shared).unwrap_err();
+        let error = a_thousand(shared, b"(K\x01M\x00\x10\x85h\x02\x89h\0tb");
         assert!(error.contains("share their contents too often"), "{error}");
-        // A thousand arrays of one byte, all with one shape of a thousand sides.
+        // Of one byte each, all with one shape of a thousand sides.
         let mut sides = b"\x80\x02cnumpy\ndtype\nq\x01X\x02\0\0\0u1K\0K\x01\x87Rq\x02(".to_vec();
         sides.extend(b"K\x01".repeat(1000));
         sides.extend(b"tq\x03");
-        for _ in 0..1000 {
-            sides.extend(
-                b"cnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\0\x85C\x01b\x87R",
-            );
-            sides.extend(b"(K\x01h\x03h\x02\x89C\x01xtb");
-        }
-        sides.push(b'.');
-        let error = Pickled::parse(&sides).unwrap_err();
+        let error = a_thousand(sides, b"(K\x01h\x03h\x02\x89C\x01xtb");
         assert!(error.contains("1000 dimensions"), "{error}");
         // A type of numbers with a long name, made many times from one text; a long run of values of one byte.
         let mut types = b"\x80\x02cnumpy\ndtype\nq\0X\x40\x42\x0f\0".to_vec();

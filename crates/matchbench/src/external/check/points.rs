@@ -1,9 +1,8 @@
 //! Whether matches can be right, and if not, which of the usual mistakes explains them.
 //!
 //! Right matches lie near their true epipolar lines, or near the points that a homography takes them to, and few others
-//! do. Where most do not, they are
-//! measured again as if x and y, or the images, had been exchanged, or as if the points were pixels of a
-//! resized image.
+//! do. Where most do not, they are measured again as if x and y, or the images, had been exchanged, or as if the points
+//! were pixels of a resized image.
 
 use matchbench_vision::geometry::{RelativePose, essential_from_pose, transfer};
 use nalgebra::{Matrix3, Point2};
