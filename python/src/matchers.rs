@@ -102,7 +102,7 @@ impl Matcher {
                 of_features(&images, [&*a.inner, &*b.inner])?;
                 Some(images)
             }
-            None if self.built.matcher.selects_by_pixels() => {
+            None if self.built.matcher.uses_pixels() => {
                 let message = format!("{} looks at the pixels; give images=(a, b)", self.built.id);
                 return Err(value_error(message));
             }
@@ -154,7 +154,7 @@ impl Matcher {
             let seed = selection_seed(Seed(seed));
             let kept = matcher.select(view_a, view_b, putative, seed)?;
             Ok::<_, MatcherError>(Matches {
-                points: MatchedPoints::of_matches(&kept, &features_a, &features_b)?,
+                points: matcher.place(view_a, view_b, &kept)?,
                 indices: kept.iter().map(|m| [m.a, m.b].map(i64::from)).collect(),
                 features: [features_a, features_b].map(Arc::new),
             })

@@ -29,8 +29,8 @@ class Matcher:
 
     @property
     def params(self) -> dict[str, Any]:
-        """Every parameter, including those at their defaults; the `max_size` or `size` of the extractor only if it was
-        given."""
+        """Every parameter, including those at their defaults; the `max_size` or `size` of the extractor and `refine`
+        only if they were given."""
         return json.loads(self._native.params)
 
     def extract(self, image: NDArray[np.uint8]) -> Features:
@@ -55,5 +55,6 @@ class Matcher:
 
 def matcher(id: str, **params: Any) -> Matcher:
     """The matcher with this `id` (`matchbench list matchers` lists all). Parameters that are not in `params` keep their
-    defaults. The parameters of a part are a dict: `matcher("sift", ratio=0.7, extractor={"sigma": 1.2})`."""
+    defaults. The parameters of a part are a dict: `matcher("sift", ratio=0.7, extractor={"sigma": 1.2})`. With
+    `refine=True` the points of `match` are moved to where the pixels about them agree best."""
     return Matcher(id, **params)

@@ -95,7 +95,7 @@ pub(crate) fn run(args: &ListArgs) -> Result<Ending> {
 fn list_matchers(out: &mut impl Write) -> io::Result<()> {
     writeln!(
         out,
-        "Matchers (--matchers ID,...; parameters: --set ID.NAME=VALUE)\n\n{SIZES}\n"
+        "Matchers (--matchers ID,...; parameters: --set ID.NAME=VALUE)\n\n{OF_ALL}\n"
     )?;
     for entry in MATCHERS {
         describe(
@@ -131,10 +131,12 @@ fn list_estimators(out: &mut impl Write) -> io::Result<()> {
 }
 
 /// The parameters that every matcher has, see [`matchers::build`].
-const SIZES: &str = "  \
+const OF_ALL: &str = "  \
   Every matcher also has one of these two. Without either, images keep their size.
       extractor.max_size   images that are wider or higher than so many pixels are made smaller
-      extractor.size       every image is made this size, for example 640x480";
+      extractor.size       every image is made this size, for example 640x480
+  And every matcher has
+      refine               true: matches are moved to where the pixels about their points agree best";
 
 /// All parameters of an entry where some are given.
 type Build<'a> = dyn Fn(&Value) -> Result<Value, ConfigError> + 'a;
@@ -224,9 +226,10 @@ mod tests {
     }
 
     #[test]
-    fn every_matcher_has_the_two_sizes_that_are_listed_once() {
+    fn what_every_matcher_has_is_listed_once() {
         for name in matchers::SIZES {
-            assert!(SIZES.contains(&format!("extractor.{name} ")), "{name}");
+            assert!(OF_ALL.contains(&format!("extractor.{name} ")), "{name}");
         }
+        assert!(OF_ALL.contains(&format!("      {} ", matchers::REFINE)));
     }
 }

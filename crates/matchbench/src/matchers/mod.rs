@@ -10,6 +10,7 @@ mod asift;
 mod binboost;
 mod brisk;
 mod code;
+mod common;
 mod daisy;
 mod dlco;
 mod dsp_sift;
@@ -30,11 +31,11 @@ mod sift;
 mod source;
 mod surf;
 
-use matchbench_vision::image::Size;
-use matchbench_vision::matching::{ImageSize, Matcher, Resized};
+use matchbench_vision::matching::Matcher;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::Value;
 
+pub use common::{REFINE, SIZES, build};
 pub use from_files::MatchesFrom;
 pub use source::{
     BuiltPointSource, ImageFiles, LONGEST_STAGE, MOST_MATCHES, PointSource, Source, SourceError,
@@ -160,104 +161,6 @@ pub fn expanded(names: &[String]) -> Vec<String> {
         .collect()
 }
 
-/// The matcher of an `entry` with the given parameters: the entry's own, see [`MatcherEntry::build`], and one
-/// of two that all matchers have. With `extractor.max_size`, features are found in images reduced to at most so
-/// many pixels in width and height. With `extractor.size`, such as `"640x480"`, they are found in images of
-/// that size (see [`Resized`]). Without either, the images keep their size.
-///
-/// # Errors
-/// If a parameter is unknown, would do nothing, or is of another type or out of range.
-pub fn build(
-    entry: &dyn MatcherEntry,
-    params: Option<&Value>,
-) -> Result<BuiltMatcher, ConfigError> {
-    let (sizes, own) = take_sizes(params);
-    let mut built = entry
-        .build(own.as_ref())
-        .map_err(|error| unknown_of_extractor(entry, own.as_ref()).unwrap_or(error))?;
-    let refused = |reason: String| ConfigError::new(entry.id(), reason);
-    let (name, given) = match &sizes[..] {
-        [] => return Ok(built),
-        [one] => one,
-        _ => {
-            let both = "`max_size` and `size` say two things of the same images; leave one out";
-            return Err(refused(both.into()));
-        }
-    };
-    let size = image_size(name, given).map_err(refused)?;
-    let resized = Resized::new(built.matcher, size).map_err(|error| refused(error.to_string()))?;
-    built.matcher = Box::new(resized);
-    built.params["extractor"][*name] = given.clone();
-    for extraction in [Some(&mut built.extraction), built.detection.as_mut()]
-        .into_iter()
-        .flatten()
-    {
-        let own = extraction.params.take();
-        extraction.params = json!({*name: given, "of": own});
-        if let ImageSize::Exactly(_) = size {
-            extraction.revision += EXACT_SIZE_REVISION;
-        }
-    }
-    Ok(built)
-}
-
-/// Added to the revision of an extractor for images of an exact size. It is increased when features in such images
-/// are changed in another way than before.
-const EXACT_SIZE_REVISION: u32 = 1;
-
-/// Names of the parameters that set the size of the images.
-pub const SIZES: [&str; 2] = ["max_size", "size"];
-
-/// The error for the first unknown parameter of the extractor. The error of the entry alone would not list
-/// [`SIZES`].
-fn unknown_of_extractor(entry: &dyn MatcherEntry, own: Option<&Value>) -> Option<ConfigError> {
-    let given = own?.get("extractor")?.as_object()?;
-    let defaults = entry.defaults();
-    let known = defaults.get("extractor").and_then(Value::as_object);
-    let known = known.into_iter().flatten().map(|(name, _)| &**name);
-    let known: Vec<&str> = known.chain(SIZES).collect();
-    let look_up = |wanted: &String| config::find("`extractor` parameter", &known, |n| n, wanted);
-    let unknown = given.keys().find_map(|name| look_up(name).err())?;
-    Some(ConfigError::new(entry.id(), unknown))
-}
-
-/// The value of a parameter of [`SIZES`].
-fn image_size(name: &str, given: &Value) -> Result<ImageSize, String> {
-    if name == "max_size" {
-        let most = given.as_u64().and_then(|most| usize::try_from(most).ok());
-        let most = most.ok_or_else(|| format!("max_size is {given}; give pixels"))?;
-        return Ok(ImageSize::AtMost(most));
-    }
-    let sides = given.as_str().and_then(|text| text.split_once('x'));
-    sides
-        .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)))
-        .map(|(width, height)| ImageSize::Exactly(Size::new(width, height)))
-        .ok_or_else(|| format!("size is {given}; give width and height, for example 640x480"))
-}
-
-/// The given parameters of [`SIZES`], and the other parameters.
-fn take_sizes(params: Option<&Value>) -> (Vec<(&'static str, Value)>, Option<Value>) {
-    let mut own = params.cloned();
-    let extractor = own.as_mut().and_then(|own| own.get_mut("extractor"));
-    let Some(extractor) = extractor.and_then(Value::as_object_mut) else {
-        return (Vec::new(), own);
-    };
-    let given = SIZES.map(|name| Some((name, extractor.remove(name)?)));
-    let sizes = given
-        .into_iter()
-        .flatten()
-        .filter(|(_, size)| !size.is_null());
-    let sizes: Vec<_> = sizes.collect();
-    // A matcher without this group of parameters would refuse it.
-    let is_empty = extractor.is_empty();
-    if let Some(own) = own.as_mut().and_then(Value::as_object_mut)
-        && is_empty
-    {
-        own.remove("extractor");
-    }
-    (sizes, own)
-}
-
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
@@ -266,9 +169,10 @@ mod tests {
 
     use super::*;
     use matchbench_vision::features::{Detections, Features, Keypoint};
-    use matchbench_vision::image::GrayImage;
+    use matchbench_vision::image::{GrayImage, Size};
     use matchbench_vision::matching::{Correspondences, View};
     use matchbench_vision::seed::Seed;
+    use serde_json::json;
 
     /// Patches of random grey with a little noise, moved by `shift` pixels: corners, blobs and
     /// edges for every detector.
@@ -312,7 +216,7 @@ mod tests {
         let putative = matcher.search(features_a, features_b).unwrap();
         let view = |features, image| View {
             features,
-            image: matcher.selects_by_pixels().then_some(image),
+            image: matcher.uses_pixels().then_some(image),
             camera: None,
         };
         let (view_a, view_b) = (view(features_a, a), view(features_b, b));
@@ -360,7 +264,9 @@ mod tests {
                     .unwrap()
                     .replace('_', "-")
             })
-            .filter(|stem| !["mod", "from-files", "local-features", "source"].contains(&&**stem))
+            .filter(|stem| {
+                !["mod", "common", "from-files", "local-features", "source"].contains(&&**stem)
+            })
             .collect();
         let ids: BTreeSet<String> = MATCHERS.iter().map(|entry| entry.id().into()).collect();
         assert_eq!(
@@ -553,6 +459,25 @@ mod tests {
         let both = json!({"extractor": {"size": "120x90", "max_size": 100}});
         let message = build(entry, Some(&both)).err().unwrap().to_string();
         assert!(message.contains("two things"), "{message}");
+    }
+
+    #[test]
+    fn every_matcher_can_move_its_matches_and_does_so_only_if_asked() {
+        for entry in MATCHERS {
+            let plain = build(*entry, None).unwrap();
+            let given = |refine: Value| build(*entry, Some(&json!({"refine": refine})));
+            let refined = given(json!(true)).unwrap();
+            assert!(refined.matcher.uses_pixels(), "{}", entry.id());
+            assert_eq!(refined.params["refine"], true);
+            assert_eq!(refined.extraction, plain.extraction, "the same features");
+            let again = build(*entry, Some(&refined.params)).unwrap();
+            assert_eq!(again.params, refined.params, "{}", entry.id());
+            for off in [json!(false), Value::Null] {
+                assert_eq!(given(off).unwrap().params, plain.params);
+            }
+            let wrong = given(json!("yes")).err().unwrap().to_string();
+            assert!(wrong.ends_with("must be true or false"), "{wrong}");
+        }
     }
 
     #[test]

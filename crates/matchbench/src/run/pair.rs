@@ -353,7 +353,7 @@ impl PairStages<'_> {
         Ok(Searched {
             a,
             b,
-            images: (matcher.matcher.selects_by_pixels())
+            images: (matcher.matcher.uses_pixels())
                 .then(|| Ok::<_, Broken>((image(job.pair.a)?, image(job.pair.b)?)))
                 .transpose()?,
             putative,

@@ -221,7 +221,7 @@ impl Matcher for Toy {
         Ok(putative)
     }
 
-    fn selects_by_pixels(&self) -> bool {
+    fn uses_pixels(&self) -> bool {
         self.by_pixels
     }
 }

@@ -15,8 +15,8 @@ mod shrink8;
 
 use std::fmt;
 
+pub(crate) use blur::{Border, RowBlur, gaussian_blur_within};
 pub use blur::{GaussianKernel, gaussian_blur};
-pub(crate) use blur::{RowBlur, gaussian_blur_within};
 pub use blur8::gaussian_blur_u8;
 pub(crate) use blur8::gaussian_blur_u8_inside;
 pub use integral::IntegralImage;

@@ -71,7 +71,7 @@ impl Matcher for Pipeline {
         Ok(matches)
     }
 
-    fn selects_by_pixels(&self) -> bool {
+    fn uses_pixels(&self) -> bool {
         self.selectors.iter().any(|selector| selector.by_pixels())
     }
 

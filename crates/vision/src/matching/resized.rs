@@ -11,8 +11,9 @@
 //!
 //! A point at `x` lies at `(x + 1/2) s - 1/2` of the original, where `s` is the ratio of the sizes.
 
-use super::{Correspondences, Matcher, MatcherError, View};
+use super::{Correspondence, Correspondences, Matcher, MatcherError, View};
 use crate::features::{Detections, Features};
+use crate::geometry::MatchedPoints;
 use crate::image::{GrayImage, Size, resize, shrink_u8};
 use crate::params::ParamError;
 use crate::seed::Seed;
@@ -121,8 +122,17 @@ impl Matcher for Resized {
         self.matcher.select(a, b, putative, seed)
     }
 
-    fn selects_by_pixels(&self) -> bool {
-        self.matcher.selects_by_pixels()
+    fn place(
+        &self,
+        a: View<'_>,
+        b: View<'_>,
+        selected: &[Correspondence],
+    ) -> Result<MatchedPoints, MatcherError> {
+        self.matcher.place(a, b, selected)
+    }
+
+    fn uses_pixels(&self) -> bool {
+        self.matcher.uses_pixels()
     }
 
     fn extraction_memory(&self, size: Size) -> usize {

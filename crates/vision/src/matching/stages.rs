@@ -1,6 +1,6 @@
 //! What a matcher is: three stages (extract, search, select), each of which the caller can time.
 
-use super::{Correspondences, MatcherError};
+use super::{Correspondence, Correspondences, MatcherError};
 use crate::features::{Detections, Features};
 use crate::geometry::{Camera, MatchedPoints};
 use crate::image::{GrayImage, Size};
@@ -11,7 +11,7 @@ use crate::seed::Seed;
 pub struct View<'a> {
     /// Its features.
     pub features: &'a Features,
-    /// Its pixels, if [`Matcher::selects_by_pixels`] is true for the matcher, else `None`.
+    /// Its pixels, if [`Matcher::uses_pixels`] is true for the matcher, else `None`.
     pub image: Option<&'a GrayImage>,
     /// Its camera, if it is known.
     pub camera: Option<&'a Camera>,
@@ -59,8 +59,23 @@ pub trait Matcher: Send + Sync {
         seed: Seed,
     ) -> Result<Correspondences, MatcherError>;
 
-    /// Whether [`Matcher::select`] uses the pixels, so that they must be decoded for each pair. KVLD does.
-    fn selects_by_pixels(&self) -> bool {
+    /// The points of the correspondences that were kept: those of their keypoints, unless a matcher finds better ones.
+    /// Called once per pair.
+    ///
+    /// # Errors
+    /// If a correspondence names a feature that does not exist, or if the stage fails, with the reason in words.
+    fn place(
+        &self,
+        a: View<'_>,
+        b: View<'_>,
+        selected: &[Correspondence],
+    ) -> Result<MatchedPoints, MatcherError> {
+        MatchedPoints::of_matches(selected, a.features, b.features)
+    }
+
+    /// Whether [`Matcher::select`] or [`Matcher::place`] uses the pixels, so that they must be decoded for each pair.
+    /// KVLD and [`Refined`](super::Refined) do.
+    fn uses_pixels(&self) -> bool {
         false
     }
 
@@ -95,7 +110,7 @@ pub trait Matcher: Send + Sync {
             camera: cameras.map(|(_, camera)| camera),
         };
         let selected = self.select(view_a, view_b, putative, seed)?;
-        MatchedPoints::of_matches(&selected, &features_a, &features_b)
+        self.place(view_a, view_b, &selected)
     }
 }
 

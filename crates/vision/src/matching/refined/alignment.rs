@@ -1,0 +1,239 @@
+//! The place in image `b` where the neighbourhood of a point of image `a` is found, by least squares.
+//!
+//! *How it works.* `T(g)` is the window of `a` at the places `g` of its samples, about its middle, and `I(p + M g)` what an
+//! affine map finds of it in `b`. Both are taken less their mean and divided by their standard deviation, so that
+//! neither brightness nor contrast counts. The sum of `w(g) (T(g) - I(p + M g))^2`, with a Gaussian weight `w`, becomes
+//! smaller in Gauss-Newton steps. In the inverse compositional form (Baker and Matthews, 2004, section 3.2) a step is found for
+//! the window of `a`, and its inverse put before the map. So gradients and normal equations are those of `a` and are
+//! computed once. What a change of brightness or contrast explains is taken out of the gradients (Bartoli, "Groupwise
+//! Geometric and Photometric Direct Image Registration", PAMI 30(12), 2008).
+
+use nalgebra::{Cholesky, Matrix2, Matrix6, Point2, Vector2, Vector6};
+
+use super::window::{Piece, REACH, SIDE};
+use crate::image::GrayImage;
+
+/// Samples of a window.
+const SAMPLES: usize = SIDE * SIDE;
+
+/// Standard deviation of the weights, in samples.
+const SPREAD: f32 = 0.6 * REACH as f32;
+
+/// Largest ratio of the scales of the two images.
+const SCALES: f64 = 4.0;
+
+/// Least standard deviation of a window, in grey levels: less is noise.
+const CONTRAST: f32 = 1.0;
+
+/// Steps at most: nearly all matches need fewer than eight.
+const STEPS: usize = 12;
+
+/// A step that moves the middle by less, in distances of samples, is the last.
+const SMALL: f64 = 0.01;
+
+/// How far the middle may move, in distances of samples.
+const FARTHEST: f64 = 0.35 * REACH as f64;
+
+/// How much larger or smaller the map may make an area than the keypoints say.
+const AREAS: f64 = 3.0;
+
+/// Least correlation of the two windows.
+const CORRELATION: f32 = 0.8;
+
+/// The place of `b` that shows what is at the place of `a`, where the keypoints say that it is about at the place of `b` and
+/// that the linear map takes its neighbourhood there. `None` where this cannot be told better.
+pub(super) fn aligned(
+    weights: &Weights,
+    [image_a, image_b]: [&GrayImage; 2],
+    [at_a, at_b]: [Point2<f64>; 2],
+    b_from_a: Matrix2<f64>,
+) -> Option<Point2<f64>> {
+    let area = b_from_a.determinant();
+    let scale = area.sqrt(); // NaN where the neighbourhood is mirrored
+    if !(1.0 / SCALES..=SCALES).contains(&scale) {
+        return None;
+    }
+    // Samples are a pixel apart in the image that shows it smaller.
+    let apart = [1.0_f64.max(1.0 / scale), 1.0_f64.max(scale)];
+    let template = Template::of(weights, image_a, at_a, apart[0])?;
+    let first = b_from_a * apart[0];
+    let reach = first.row_iter().map(|row| row.abs().sum());
+    // Room for the map to grow and the middle to move.
+    let reach = 1.2 * REACH as f64 * reach.fold(0.0, f64::max) + FARTHEST * apart[1];
+    if reach > LARGEST {
+        return None;
+    }
+    let piece = Piece::about(image_b, at_b, reach, apart[1])?;
+    let (mut map, mut at) = (first, at_b);
+    for _ in 0..STEPS {
+        let (window, _) = weights.normalized(sampled(&piece, at, map)?)?;
+        let (change, shift) = template.step(&window);
+        map *= change.try_inverse()?;
+        let shift = map * shift;
+        at -= shift;
+        if (at - at_b).norm() > FARTHEST * apart[1] {
+            return None;
+        }
+        if shift.norm() < SMALL * apart[1] {
+            let (window, _) = weights.normalized(sampled(&piece, at, map)?)?;
+            let areas = map.determinant() / first.determinant();
+            let is_good = (1.0 / AREAS..=AREAS).contains(&areas)
+                && weights.product(&template.values, &window) >= CORRELATION;
+            return is_good.then_some(at);
+        }
+    }
+    None
+}
+
+/// Farthest pixel of `b` that is looked at, from the place of its keypoint: very flat ellipses are left alone.
+const LARGEST: f64 = 80.0;
+
+/// The values at the places `at + map g` of an image; `None` where it has not all of them.
+fn sampled(piece: &Piece, at: Point2<f64>, map: Matrix2<f64>) -> Option<[f32; SAMPLES]> {
+    let reach = REACH as f64;
+    let corners = [
+        (-reach, -reach),
+        (-reach, reach),
+        (reach, -reach),
+        (reach, reach),
+    ];
+    let corners = corners.map(|(x, y)| piece.inside(at + map * Vector2::new(x, y)));
+    // Half a pixel for the rounding of the places between them.
+    let margin = |[x, y]: [f32; 2]| piece.has([x - 0.5, y - 0.5]) && piece.has([x + 0.5, y + 0.5]);
+    if !corners.into_iter().all(margin) {
+        return None;
+    }
+    let [x, y] = piece.inside(at);
+    let [xx, yx, xy, yy] = [map.m11, map.m21, map.m12, map.m22].map(|v| v as f32);
+    let mut values = [0.0; SAMPLES];
+    for (row, line) in values.as_chunks_mut::<SIDE>().0.iter_mut().enumerate() {
+        let down = row as f32 - REACH as f32;
+        let (x, y) = (x + xy * down, y + yy * down);
+        for (column, value) in line.iter_mut().enumerate() {
+            let across = column as f32 - REACH as f32;
+            *value = piece.sample([x + xx * across, y + yx * across]);
+        }
+    }
+    Some(values)
+}
+
+/// The window of `a`.
+struct Template {
+    /// Values, of mean 0 and standard deviation 1.
+    values: [f32; SAMPLES],
+    /// For each parameter of a step the derivatives of the values, times the weights.
+    slopes: [[f32; SAMPLES]; 6],
+    /// The matrix of the normal equations.
+    normal: Cholesky<f64, nalgebra::Const<6>>,
+}
+
+impl Template {
+    /// The window about a place; `None` where the image does not have all of it, or where its texture does not tell the
+    /// place.
+    fn of(weights: &Weights, image: &GrayImage, at: Point2<f64>, apart: f64) -> Option<Self> {
+        /// Samples of a side with one more on each end, for the gradients.
+        const WIDE: usize = SIDE + 2;
+        let reach = (REACH + 1) as f64 * apart;
+        let piece = Piece::about(image, at, reach, apart)?;
+        let [x, y] = piece.inside(at);
+        let place = |v: f32, i: usize| v + (i as f32 - (REACH + 1) as f32) * apart as f32;
+        let mut wide = [[0.0; WIDE]; WIDE];
+        for (row, line) in wide.iter_mut().enumerate() {
+            for (column, value) in line.iter_mut().enumerate() {
+                let at = [place(x, column), place(y, row)];
+                *value = if piece.has(at) {
+                    piece.sample(at)
+                } else {
+                    return None;
+                };
+            }
+        }
+        let inner = |f: &dyn Fn(usize, usize) -> f32| -> [f32; SAMPLES] {
+            std::array::from_fn(|i| f(i / SIDE + 1, i % SIDE + 1))
+        };
+        let raw = inner(&|row, column| wide[row][column]);
+        let (values, deviation) = weights.normalized(raw)?;
+        let half = 0.5 / deviation;
+        let across = inner(&|row, column| half * (wide[row][column + 1] - wide[row][column - 1]));
+        let down = inner(&|row, column| half * (wide[row + 1][column] - wide[row - 1][column]));
+        let mut slopes = [[0.0; SAMPLES]; 6];
+        for i in 0..SAMPLES {
+            let [x, y] = [i % SIDE, i / SIDE].map(|v| (v as f32 - REACH as f32) / REACH as f32);
+            let (along, below) = (across[i], down[i]);
+            let all = [along, below, along * x, along * y, below * x, below * y];
+            for (slopes, slope) in slopes.iter_mut().zip(all) {
+                slopes[i] = slope;
+            }
+        }
+        for slopes in &mut slopes {
+            // What brightness and contrast explain.
+            let (mean, share) = (weights.mean(slopes), weights.product(slopes, &values));
+            for (slope, value) in slopes.iter_mut().zip(&values) {
+                *slope -= mean + share * value;
+            }
+        }
+        let normal = Matrix6::from_fn(|i, j| f64::from(weights.product(&slopes[i], &slopes[j])));
+        // Directions that the texture does not tell stay nearly as they are.
+        let normal = normal + Matrix6::identity() * (DAMPING * normal.trace());
+        for slopes in &mut slopes {
+            for (slope, weight) in slopes.iter_mut().zip(&weights.0) {
+                *slope *= weight;
+            }
+        }
+        Some(Self {
+            values,
+            slopes,
+            normal: Cholesky::new(normal)?,
+        })
+    }
+
+    /// The step that takes this window to another: the change of the linear part, and of the middle, in samples.
+    fn step(&self, window: &[f32; SAMPLES]) -> (Matrix2<f64>, Vector2<f64>) {
+        let sums = self.slopes.each_ref().map(|slopes| {
+            let terms = slopes.iter().zip(window.iter().zip(&self.values));
+            f64::from(terms.map(|(slope, (b, a))| slope * (b - a)).sum::<f32>())
+        });
+        let step = self.normal.solve(&Vector6::from(sums));
+        let linear = |i: usize| step[i] / REACH as f64;
+        let change = Matrix2::new(1.0 + linear(2), linear(3), linear(4), 1.0 + linear(5));
+        (change, Vector2::new(step[0], step[1]))
+    }
+}
+
+/// What is added to the diagonal of the normal equations, as a share of its sum.
+const DAMPING: f64 = 1e-4;
+
+/// The weights of samples, whose sum is 1.
+pub(super) struct Weights([f32; SAMPLES]);
+
+impl Weights {
+    /// A Gaussian about the middle.
+    pub(super) fn new() -> Self {
+        let weights: [f32; SAMPLES] = std::array::from_fn(|i| {
+            let [x, y] = [i % SIDE, i / SIDE].map(|v| v as f32 - REACH as f32);
+            libm::expf(-(x * x + y * y) / (2.0 * SPREAD * SPREAD))
+        });
+        let sum: f32 = weights.iter().sum();
+        Self(weights.map(|weight| weight / sum))
+    }
+
+    /// The weighted sum of products.
+    fn product(&self, a: &[f32; SAMPLES], b: &[f32; SAMPLES]) -> f32 {
+        let products = self.0.iter().zip(a.iter().zip(b));
+        products.map(|(weight, (a, b))| weight * a * b).sum()
+    }
+
+    /// The weighted mean.
+    fn mean(&self, values: &[f32; SAMPLES]) -> f32 {
+        let products = self.0.iter().zip(values);
+        products.map(|(weight, value)| weight * value).sum()
+    }
+
+    /// Values less their mean and divided by their standard deviation, and the latter; `None` where they are nearly the same.
+    fn normalized(&self, mut values: [f32; SAMPLES]) -> Option<([f32; SAMPLES], f32)> {
+        let mean = self.mean(&values);
+        values = values.map(|value| value - mean);
+        let deviation = self.product(&values, &values).sqrt();
+        (deviation > CONTRAST).then(|| (values.map(|value| value / deviation), deviation))
+    }
+}
