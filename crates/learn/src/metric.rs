@@ -119,7 +119,10 @@ pub(crate) fn learn(
     let candidates = candidates();
     let mut state = if let Some(bytes) = checkpoint.load()? {
         let state = State::from_bytes(&bytes)
-            .filter(|state| (state.rings.iter()).all(|&(ring, _)| ring < candidates.len()))
+            .filter(|state| {
+                let known = |&(ring, _): &(usize, f32)| ring < candidates.len();
+                !state.rings.is_empty() && state.rings.iter().all(known)
+            })
             .with_context(|| checkpoint.damaged())?;
         // What the earlier steps found is not kept.
         ensure!(
@@ -130,8 +133,14 @@ pub(crate) fn learn(
         );
         state
     } else {
+        let rings = select_rings(set, params, &candidates, seed, bar);
+        ensure!(
+            !rings.is_empty(),
+            "no pooling regions of at most {} values tell these patches apart; allow more --values, or learn from more patches",
+            params.values
+        );
         let state = State {
-            rings: select_rings(set, params, &candidates, seed, bar),
+            rings,
             steps: 0,
             gradients: Vec::new(),
         };
@@ -226,7 +235,7 @@ fn patches_of(set: &PatchSet, most: usize, seed: Seed) -> impl Iterator<Item = [
         })
 }
 
-/// Indices of the selected rings and their weights.
+/// Indices of the selected rings and their weights; none if there is no selection of at most `values` values.
 fn select_rings(
     set: &PatchSet,
     params: &MetricParams,
