@@ -407,15 +407,15 @@ impl Triplets {
     ) -> (DMatrix<f64>, f64) {
         let count = self.differences[0].ncols();
         let batch = params.batch.min(count);
-        let first = step * batch % (count - batch + 1);
-        let [same, apart] = self.differences.each_ref().map(|d| d.columns(first, batch));
+        let columns: Vec<usize> = batch_of(step, batch, count).collect();
+        let [same, apart] = (self.differences.each_ref()).map(|d| d.select_columns(&columns));
         let rows: DMatrix<f32> = metric.transpose().cast();
         let squares = |d: &DMatrix<f32>, n: usize| d.column(n).norm_squared();
-        let (near, far) = (&rows * same, &rows * apart);
+        let (near, far) = (&rows * &same, &rows * &apart);
         let violating: Vec<usize> = (0..batch)
             .filter(|&n| squares(&near, n) + 1.0 > squares(&far, n))
             .collect();
-        let chosen = |d: &nalgebra::DMatrixView<'_, f32>| {
+        let chosen = |d: &DMatrix<f32>| {
             let columns: Vec<_> = violating.iter().map(|&n| d.column(n)).collect();
             if columns.is_empty() {
                 DMatrix::zeros(self.size, 1)
@@ -428,6 +428,11 @@ impl Triplets {
         let mean = sum.cast::<f64>() / batch as f64;
         (mean, violating.len() as f64 / batch as f64)
     }
+}
+
+/// The triplets of a step, out of `count`: each step goes on where the one before ended, and begins again at the end.
+fn batch_of(step: usize, batch: usize, count: usize) -> impl Iterator<Item = usize> {
+    (step * batch..(step + 1) * batch).map(move |number| number % count)
 }
 
 /// L of the solution `A = L L^T` after `steps` steps whose gradients sum to `gradients`. Columns are in
@@ -511,6 +516,21 @@ mod tests {
         };
         assert!(error(0, 11).contains("t.part: took 11 steps"));
         assert!(error(1_000_000, 0).contains("t.part: damaged"));
+    }
+
+    #[test]
+    fn every_triplet_is_used_as_often_as_any_other() {
+        for count in [50, 60, 75, 99, 149, 503] {
+            let mut uses = vec![0; count];
+            for step in 0..60 {
+                batch_of(step, 50, count).for_each(|triplet| uses[triplet] += 1);
+            }
+            let (least, most) = (uses.iter().min().unwrap(), uses.iter().max().unwrap());
+            assert!(
+                *least >= 5 && most - least <= 1,
+                "{count}: {least} to {most}"
+            );
+        }
     }
 
     #[test]
