@@ -1,5 +1,6 @@
 """What the scripts of this folder read from a dataset of matchbench. What they cannot take into account is refused."""
 
+import re
 import sys
 import tomllib
 
@@ -31,6 +32,13 @@ def images_of(folder):
     images = [path for path in (folder / "Images").iterdir() if path.suffix.lower() in IMAGES]
     numbered = [path for path in images if path.stem.isascii() and path.stem.isdigit()]
     return sorted(numbered, key=lambda path: int(path.stem))
+
+
+def images_in(folder):
+    """The images of any folder, in the order of the numbers in their names (`2.png` before `10.png`), as `import folder`."""
+    images = [path for path in folder.iterdir() if path.suffix.lower() in IMAGES and not path.name.startswith(".")]
+    parts = lambda path: [int(part) if part.isdigit() else part for part in re.split("([0-9]+)", path.name)]  # noqa: E731
+    return sorted(images, key=parts)
 
 
 def cameras_of(folder):

@@ -18,7 +18,7 @@ import time
 import cv2
 import numpy as np
 
-from dataset import one_camera
+from dataset import images_in, one_camera
 from pixels import GRAY
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
@@ -103,8 +103,7 @@ def main():
 
     k = one_camera(options.dataset)
     rows = np.loadtxt(options.dataset / "pairs.txt")[:: options.every]
-    paths = sorted(p for p in options.images.iterdir() if p.suffix.lower() in (".png", ".jpg", ".jpeg"))
-    features = list(sift_features(paths, options.width))
+    features = list(sift_features(images_in(options.images), options.width))
     scale = features[0][2]
     # Pixel centres are at integers, so the principal point is moved by half a pixel, scaled and moved back.
     k = np.array([[k[0, 0] * scale, 0, (k[0, 2] + 0.5) * scale - 0.5],

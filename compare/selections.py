@@ -19,6 +19,8 @@ import kornia.feature as kf
 import numpy as np
 import torch
 
+from dataset import images_of
+
 RATIO, RADIUS = 0.8, 10.0
 
 
@@ -75,11 +77,11 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--programs", type=Path, default=Path("target/release"))
-    parser.add_argument("--images", type=Path, nargs="*", help="the frames in their order, if not in DATASET/Images")
+    parser.add_argument("--images", type=Path, nargs="*", help="the frames in their order, if not where the dataset says")
     parser.add_argument("--pairs", type=int, default=3)
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    images = arguments.images or sorted((arguments.dataset / "Images").glob("[0-9]*"))
+    images = arguments.images or images_of(arguments.dataset)
     counts = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

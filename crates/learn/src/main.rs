@@ -11,7 +11,7 @@ mod patches;
 mod resume;
 
 use std::fs;
-use std::num::ParseIntError;
+use std::num::{ParseFloatError, ParseIntError};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -36,6 +36,33 @@ fn count(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(0) => Err("must be 1 at least".to_owned()),
         count => count.map_err(|error: ParseIntError| error.to_string()),
+    }
+}
+
+/// A number of pairs of patches: one of the same point and one of different points, at least.
+fn count_of_pairs(text: &str) -> Result<usize, String> {
+    match count(text)? {
+        1 => Err("must be 2 at least".to_owned()),
+        count => Ok(count),
+    }
+}
+
+/// A number above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    number(text, |number| number > 0.0, "must be above 0")
+}
+
+/// A number from 0 on.
+fn not_negative(text: &str) -> Result<f64, String> {
+    number(text, |number| number >= 0.0, "must be 0 at least")
+}
+
+fn number(text: &str, is_allowed: fn(f64) -> bool, rule: &str) -> Result<f64, String> {
+    let number: f64 = (text.parse()).map_err(|error: ParseFloatError| error.to_string())?;
+    if number.is_finite() && is_allowed(number) {
+        Ok(number)
+    } else {
+        Err(rule.to_owned())
     }
 }
 
@@ -123,10 +150,10 @@ struct LearnersArgs {
     #[arg(long, value_name = "N", default_value_t = 384, value_parser = count)]
     boxes: usize,
     /// Number of pairs of patches
-    #[arg(long, value_name = "N", default_value_t = 24_000, value_parser = count)]
+    #[arg(long, value_name = "N", default_value_t = 24_000, value_parser = count_of_pairs)]
     pairs: usize,
     /// Weight of a bit in the margin of a pair
-    #[arg(long, default_value_t = 0.1)]
+    #[arg(long, default_value_t = 0.1, value_parser = positive)]
     step: f64,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]
@@ -198,10 +225,10 @@ struct DlcoArgs {
     #[arg(long, value_name = "N", default_value_t = 150, value_parser = count)]
     steps: usize,
     /// Weight of the nuclear norm
-    #[arg(long, default_value_t = 1e-5)]
+    #[arg(long, default_value_t = 1e-5, value_parser = not_negative)]
     mu: f64,
     /// Inverse step size
-    #[arg(long, default_value_t = 1e-3)]
+    #[arg(long, default_value_t = 1e-3, value_parser = positive)]
     gamma: f64,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]

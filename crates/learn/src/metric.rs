@@ -119,7 +119,10 @@ pub(crate) fn learn(
     let candidates = candidates();
     let mut state = if let Some(bytes) = checkpoint.load()? {
         let state = State::from_bytes(&bytes)
-            .filter(|state| (state.rings.iter()).all(|&(ring, _)| ring < candidates.len()))
+            .filter(|state| {
+                let known = |&(ring, _): &(usize, f32)| ring < candidates.len();
+                !state.rings.is_empty() && state.rings.iter().all(known)
+            })
             .with_context(|| checkpoint.damaged())?;
         // What the earlier steps found is not kept.
         ensure!(
@@ -130,8 +133,14 @@ pub(crate) fn learn(
         );
         state
     } else {
+        let rings = select_rings(set, params, &candidates, seed, bar);
+        ensure!(
+            !rings.is_empty(),
+            "no pooling regions of at most {} values tell these patches apart; allow more --values, or learn from more patches",
+            params.values
+        );
         let state = State {
-            rings: select_rings(set, params, &candidates, seed, bar),
+            rings,
             steps: 0,
             gradients: Vec::new(),
         };
@@ -226,7 +235,7 @@ fn patches_of(set: &PatchSet, most: usize, seed: Seed) -> impl Iterator<Item = [
         })
 }
 
-/// Indices of the selected rings and their weights.
+/// Indices of the selected rings and their weights; none if there is no selection of at most `values` values.
 fn select_rings(
     set: &PatchSet,
     params: &MetricParams,
@@ -398,15 +407,15 @@ impl Triplets {
     ) -> (DMatrix<f64>, f64) {
         let count = self.differences[0].ncols();
         let batch = params.batch.min(count);
-        let first = step * batch % (count - batch + 1);
-        let [same, apart] = self.differences.each_ref().map(|d| d.columns(first, batch));
+        let columns: Vec<usize> = batch_of(step, batch, count).collect();
+        let [same, apart] = (self.differences.each_ref()).map(|d| d.select_columns(&columns));
         let rows: DMatrix<f32> = metric.transpose().cast();
         let squares = |d: &DMatrix<f32>, n: usize| d.column(n).norm_squared();
-        let (near, far) = (&rows * same, &rows * apart);
+        let (near, far) = (&rows * &same, &rows * &apart);
         let violating: Vec<usize> = (0..batch)
             .filter(|&n| squares(&near, n) + 1.0 > squares(&far, n))
             .collect();
-        let chosen = |d: &nalgebra::DMatrixView<'_, f32>| {
+        let chosen = |d: &DMatrix<f32>| {
             let columns: Vec<_> = violating.iter().map(|&n| d.column(n)).collect();
             if columns.is_empty() {
                 DMatrix::zeros(self.size, 1)
@@ -419,6 +428,11 @@ impl Triplets {
         let mean = sum.cast::<f64>() / batch as f64;
         (mean, violating.len() as f64 / batch as f64)
     }
+}
+
+/// The triplets of a step, out of `count`: each step goes on where the one before ended, and begins again at the end.
+fn batch_of(step: usize, batch: usize, count: usize) -> impl Iterator<Item = usize> {
+    (step * batch..(step + 1) * batch).map(move |number| number % count)
 }
 
 /// L of the solution `A = L L^T` after `steps` steps whose gradients sum to `gradients`. Columns are in
@@ -502,6 +516,21 @@ mod tests {
         };
         assert!(error(0, 11).contains("t.part: took 11 steps"));
         assert!(error(1_000_000, 0).contains("t.part: damaged"));
+    }
+
+    #[test]
+    fn every_triplet_is_used_as_often_as_any_other() {
+        for count in [50, 60, 75, 99, 149, 503] {
+            let mut uses = vec![0; count];
+            for step in 0..60 {
+                batch_of(step, 50, count).for_each(|triplet| uses[triplet] += 1);
+            }
+            let (least, most) = (uses.iter().min().unwrap(), uses.iter().max().unwrap());
+            assert!(
+                *least >= 5 && most - least <= 1,
+                "{count}: {least} to {most}"
+            );
+        }
     }
 
     #[test]

@@ -118,10 +118,21 @@ fn a_killed_run_goes_on_and_ends_with_the_same_bytes() {
     // A folder is in the way of the table that is made next.
     fs::rename(folder.join("unbroken"), folder.join("set")).expect("both are there");
     fs::remove_dir_all(folder.join("stopped")).expect("it is there");
-    for option in ["--tries", "--boxes"] {
-        let output = learn(folder, &format!("bgm set {option} 0"), "none").output();
+    for (command, expected) in [
+        ("bgm set --tries 0", "must be 1 at least"),
+        ("bgm set --boxes 0", "must be 1 at least"),
+        ("binboost set --pairs 1", "must be 2 at least"),
+        ("binboost set --step nan", "must be above 0"),
+        ("dlco set --gamma 0", "must be above 0"),
+        ("dlco set --mu=-1", "must be 0 at least"),
+        (
+            "dlco set --values 7 --ring-triplets 20",
+            "no pooling regions of at most 7 values",
+        ),
+    ] {
+        let output = learn(folder, command, "none").output();
         let message = String::from_utf8(output.expect("it starts").stderr).expect("text");
-        assert!(message.contains("must be 1 at least"), "{message}");
+        assert!(message.contains(expected), "{command}: {message}");
     }
     // A run that was stopped with more bits than the next one asks for.
     let bits = |bits: usize| format!("bgm set --bits {bits} --boxes 32 --tries 16");

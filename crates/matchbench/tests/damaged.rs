@@ -6,7 +6,7 @@ use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
 
-use doors::{CAMERA, DOORS, Doors, PAIRS, offer};
+use doors::{CAMERA, Doors, PAIRS, names, offer};
 use matchbench::records::store::RecordWriter;
 use matchbench::records::{
     ByDepth, Counts, MatchesFile, Outcome, RunRecord, SelectedMatches, StageTimes, Task,
@@ -70,15 +70,24 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
             "# Image list\n1 1 0 0 0 0 0 0 1 0000.pgm\n1.5 1 7 2 2 -1\n2 0.6 0.8 0 0 1 0 0 1 0001.pgm\n1 1 7\n",
         ]),
         "colmap binary" => vec![colmap_images()],
+        "features of others" => vec![fs::read(doors.at("hloc/features.h5")).expect("readable")],
         "matches of others" => text(&["1 1 2 2\n2 1 3 2\n", "# x y x y score\n1.5,1,2,2,0.5\n"])
             .into_iter()
             .chain([npz("keypoints0", &[0; 32])])
+            .chain(["npz", "packed", "glue-factory", "colmap"].map(|format| {
+                let files = doors.exported(format);
+                fs::read(&files[0]).expect("it was written")
+            }))
             .collect(),
         "manifest" => text(&[
             "name = \"mine\"\nsummary = \"mine\"\nreference = \"a paper\"\n\
              command = [\"mine\", \"--flag\"]\n\n[params]\nmax_size = 640\n",
         ]),
-        other => panic!("{other} has no corpus"),
+        "run file" => text(&[
+            "matchers = [\"sift\", \"orb\"]\nestimators = \"best\"\nrepeat = 2\n[set.best]\nthreshold_px = 2\n\
+             [[dataset]]\npath = \"room\"\n",
+        ]),
+        source => vec![doors.sound(source)],
     }
 }
 
@@ -308,10 +317,10 @@ fn try_door(name: &str, count: u64) -> u64 {
 fn what_any_door_lets_pass_is_as_promised() {
     // Nothing is sound at the doors whose files have many parts: what is there is a part.
     const PARTS: [&str; 3] = ["scannet", "megadepth", "imc"];
-    for (name, _) in DOORS {
+    for name in names() {
         let accepted = try_door(name, 300);
         assert!(
-            accepted > 0 || PARTS.contains(name),
+            accepted > 0 || PARTS.contains(&name),
             "{name} accepts nothing"
         );
     }
@@ -325,12 +334,33 @@ fn many_more() {
         .ok()
         .and_then(|count| count.parse().ok());
     let only = std::env::var("MATCHBENCH_DOOR").ok();
-    for (name, _) in DOORS {
+    for name in names() {
         if only.as_ref().is_none_or(|only| only == name) {
             let count = count.unwrap_or(10_000);
             println!("{name}: {count} inputs, {} accepted", try_door(name, count));
         }
     }
+}
+
+#[test]
+fn every_door_has_a_fuzz_target() {
+    let fuzz = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz");
+    let manifest = fs::read_to_string(fuzz.join("Cargo.toml")).expect("readable");
+    for door in names() {
+        let target = door.replace([' ', '.'], "_");
+        let path = fuzz.join(format!("fuzz_targets/{target}.rs"));
+        let program = fs::read_to_string(path).unwrap_or_default();
+        assert!(
+            program.contains(&format!("offer({door:?}, bytes)")),
+            "{door}"
+        );
+        assert!(
+            manifest.contains(&format!("path = \"fuzz_targets/{target}.rs\"")),
+            "{door}"
+        );
+    }
+    let targets = fs::read_dir(fuzz.join("fuzz_targets")).expect("readable");
+    assert_eq!(targets.count(), names().count());
 }
 
 /// Writes the sound files of every door into a folder of `MATCHBENCH_CORPUS`, for a fuzzer.
@@ -340,7 +370,7 @@ fn corpus_for_a_fuzzer() {
     let Some(folder) = std::env::var_os("MATCHBENCH_CORPUS") else {
         return;
     };
-    for (name, _) in DOORS {
+    for name in names() {
         let folder = Path::new(&folder).join(name.replace([' ', '.'], "_"));
         fs::create_dir_all(&folder).expect("writable");
         for (number, sound) in corpus(&Doors::new(), name).iter().enumerate() {

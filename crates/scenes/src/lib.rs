@@ -60,7 +60,7 @@ struct Readme;
 
 /// Increased with every change that alters a bit of any picture or pose. Pictures that were kept are then
 /// rendered again.
-pub const REVISION: u32 = 1;
+pub const REVISION: u32 = 2;
 
 /// The scenes: eight in the order of the paper's sequences, then two that are planes.
 pub fn scenes() -> &'static [Scene] {
@@ -105,13 +105,13 @@ mod tests {
     fn pictures_are_those_of_this_revision() {
         // If this fails because pictures were changed on purpose, increase REVISION and copy the hashes.
         let golden = [
-            ("office", "abc37e3229d609cd"),
-            ("object", "1cf4a9519c618fdf"),
-            ("cabinet", "0ebe0314de347c0a"),
-            ("street", "baaeae39729b02b3"),
-            ("facade", "533561c5f03652eb"),
-            ("mural", "d5d877544623e344"),
-            ("tiling", "2007698d02160925"),
+            ("office", "b2e8452b7faf68de"),
+            ("object", "355323ee303015a3"),
+            ("cabinet", "e493ced498315808"),
+            ("street", "ddf6977559359338"),
+            ("facade", "8df3cc37eb3b90f6"),
+            ("mural", "a3f4d57246777353"),
+            ("tiling", "0545b2f4263318e9"),
         ];
         let rendered = golden.map(|(name, _)| {
             let scene = small(name);
@@ -119,7 +119,7 @@ mod tests {
             (name, blake3::hash(picture.data()).to_hex()[..16].to_owned())
         });
         let golden = golden.map(|(name, hash)| (name, hash.to_owned()));
-        assert_eq!((REVISION, rendered), (1, golden));
+        assert_eq!((REVISION, rendered), (2, golden));
     }
 
     #[test]

@@ -117,13 +117,7 @@ impl World {
                 )
             })
             .collect();
-        // Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018.
-        let places: Vec<(f64, f64)> = (1..=samples)
-            .map(|i| {
-                let part = |step: f64| (0.5 + step * i as f64).fract() - 0.5;
-                (part(0.754_877_666_246_692_7), part(0.569_840_290_998_053_2))
-            })
-            .collect();
+        let places = places(samples);
         Image::from_fn(scene.size, |x, y| {
             let mut sum = 0.0;
             for (views, places) in views.chunks_exact(LANES).zip(places.chunks_exact(LANES)) {
@@ -224,6 +218,22 @@ impl World {
     }
 }
 
+/// Where in a pixel each of its samples lies, from its centre. They are evenly spread, and their mean is the centre,
+/// so that a picture shows each point where its camera says.
+///
+/// Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018.
+fn places(samples: usize) -> Vec<(f64, f64)> {
+    const STEPS: (f64, f64) = (0.754_877_666_246_692_7, 0.569_840_290_998_053_2);
+    let axis = |step: f64| {
+        let parts: Vec<f64> = (1..=samples)
+            .map(|i| (0.5 + step * i as f64).fract())
+            .collect();
+        let mean = parts.iter().sum::<f64>() / samples as f64;
+        parts.into_iter().map(move |part| part - mean)
+    };
+    axis(STEPS.0).zip(axis(STEPS.1)).collect()
+}
+
 impl View {
     fn new(world_from_camera: &Isometry3<f64>) -> Self {
         let rotation = world_from_camera.rotation.to_rotation_matrix();
@@ -247,4 +257,28 @@ fn sky(direction: &Vector3<f32>) -> f32 {
     let (u, v) = (0.05 * direction.x / height, 0.05 * direction.y / height);
     let cloud = smoothstep(-0.3, 0.9, octaves(u, v, 8, 3, 0.55, 301));
     0.65 + 0.5 * cloud
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_samples_of_a_pixel_lie_around_its_centre() {
+        for samples in [4, 8, 12, 16] {
+            let places = places(samples);
+            let mean = |axis: fn(&(f64, f64)) -> f64| {
+                places.iter().map(axis).sum::<f64>() / samples as f64
+            };
+            let off = libm::hypot(mean(|place| place.0), mean(|place| place.1));
+            assert!(off < 1e-12, "{samples} samples: {off} pixels");
+            for (i, (x, y)) in places.iter().enumerate() {
+                assert!(x.abs() < 0.5 && y.abs() < 0.5, "{x} {y}");
+                let others = places[..i].iter();
+                let nearest = others.map(|other| libm::hypot(x - other.0, y - other.1));
+                let apart = nearest.fold(f64::INFINITY, f64::min);
+                assert!(apart * (samples as f64).sqrt() > 0.5, "{apart}");
+            }
+        }
+    }
 }

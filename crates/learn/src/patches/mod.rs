@@ -146,7 +146,7 @@ impl PatchSet {
         let triplets = read(3)?;
         let number = |bytes: [u8; 4]| u32::from_le_bytes(bytes);
         let triplets = triplets.as_chunks::<4>().0.as_chunks::<4>().0.iter();
-        Ok(Self {
+        let set = Self {
             data: [read(0)?, read(1)?, read(2)?],
             triplets: triplets
                 .map(|&[anchor, positive, negative, source]| Triplet {
@@ -158,7 +158,32 @@ impl PatchSet {
                 .collect(),
             sources: about.sources.iter().map(|(name, _)| name.clone()).collect(),
             hashes: about.hashes.clone(),
-        })
+        };
+        ensure!(
+            set.is_consistent(),
+            "{}: the files of its part `{part}` contradict each other; make the set again",
+            folder.display()
+        );
+        Ok(set)
+    }
+
+    /// Whether every patch has all its data, and every triplet has its patches and its source. The hashes say
+    /// only that the files are those of the manifest, and anybody can write a manifest.
+    fn is_consistent(&self) -> bool {
+        let patches = self.len();
+        let whole = (self.data.iter().zip(LENGTHS)).all(|(data, one)| data.len() == patches * one);
+        let known = |triplet: &Triplet| {
+            let Triplet {
+                anchor,
+                positive,
+                negative,
+                source,
+            } = *triplet;
+            let is_patch = |index: u32| (index as usize) < patches;
+            [anchor, positive, negative].into_iter().all(is_patch)
+                && (source as usize) < self.sources.len()
+        };
+        whole && self.triplets.iter().all(known)
     }
 
     /// Adds the patches, triplets and sources of another set.
@@ -208,4 +233,54 @@ impl PatchSet {
 
 fn hash(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_set_whose_files_contradict_each_other_is_refused() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let read = |change: &dyn Fn(&mut PatchSet)| {
+            let mut set = PatchSet {
+                data: LENGTHS.map(|one| vec![7; 3 * one]),
+                triplets: vec![Triplet {
+                    anchor: 0,
+                    positive: 1,
+                    negative: 2,
+                    source: 0,
+                }],
+                sources: vec!["wall/poses".into()],
+                hashes: Vec::new(),
+            };
+            change(&mut set);
+            let part = set.write(folder.path(), PARTS[0]).expect("writable");
+            let manifest = Manifest {
+                version: 1,
+                recipe: Recipe {
+                    scenes: [const { Vec::new() }; 3],
+                    per_pair: 1,
+                    warps: 0,
+                    blurred: false,
+                    seed: 1,
+                },
+                parts: vec![part],
+            };
+            manifest.write(folder.path()).expect("writable");
+            PatchSet::read(folder.path(), PARTS[0]).map(|set| set.triplets.len())
+        };
+        assert_eq!(read(&|_| ()).expect("it is consistent"), 1);
+        let changes: [&dyn Fn(&mut PatchSet); 5] = [
+            &|set| set.triplets[0].anchor = 3,
+            &|set| set.triplets[0].negative = u32::MAX,
+            &|set| set.triplets[0].source = 1,
+            &|set| set.data[0].truncate(LENGTHS[0]),
+            &|set| set.data[2].truncate(1),
+        ];
+        for change in changes {
+            let error = read(change).unwrap_err().to_string();
+            assert!(error.contains("contradict each other"), "{error}");
+        }
+    }
 }

@@ -16,6 +16,7 @@ use hdf5_writer::{DatasetBuilder, Hdf5Builder, WriteOptions};
 
 use super::ArrayError;
 use super::array::{Array, Element, Kind, MOST_BYTES};
+use crate::counted::counted;
 use crate::files::{open_file, write_new};
 
 /// The most groups and arrays of a file, since each needs memory for its name. A file with a hundred thousand
@@ -27,11 +28,16 @@ const MOST_NAME_BYTES: usize = 1 << 30;
 /// The deepest nesting of groups. It is limited because links may form cycles; names of images may contain
 /// folders.
 const DEEPEST: usize = 24;
+/// The most bytes of an array for each byte of its file. Deflate, the strongest filter in use, makes up to 1032 of one.
+/// Without this limit, an array of which nothing is stored could claim any shape, and all of it would be filled.
+const MOST_GROWTH: u64 = 1100;
 
 /// An opened file.
 pub(crate) struct Hdf5 {
     path: PathBuf,
     file: Reader,
+    /// Its size.
+    bytes: u64,
 }
 
 impl Hdf5 {
@@ -41,6 +47,7 @@ impl Hdf5 {
     /// If it cannot be read or is not an HDF5 file.
     pub(crate) fn open(path: &Path) -> Result<Self, ArrayError> {
         let file = open_file(path).map_err(|error| ArrayError::unreadable(path, error))?;
+        let about = (file.metadata()).map_err(|error| ArrayError::unreadable(path, error))?;
         let storage =
             FileStorage::from_file(file).map_err(|error| ArrayError::unreadable(path, error))?;
         let options = OpenOptions::default()
@@ -51,6 +58,7 @@ impl Hdf5 {
         Ok(Self {
             path: path.into(),
             file,
+            bytes: about.len(),
         })
     }
 
@@ -120,12 +128,20 @@ impl Hdf5 {
     pub(crate) fn array(&self, path: &str) -> Result<Array, ArrayError> {
         let array = || {
             let dataset = self.file.dataset(path).map_err(|error| error.to_string())?;
-            let shape = (dataset.shape().iter())
+            let shape: Vec<usize> = (dataset.shape().iter())
                 .map(|&side| usize::try_from(side).map_err(|_| "its shape is absurd".to_owned()))
                 .collect::<Result<_, _>>()?;
             let element = element(dataset.dtype()).ok_or_else(|| {
                 format!("its elements are {}, not numbers", kind(dataset.dtype()))
             })?;
+            let claimed = dataset.raw_byte_len().map_err(|error| error.to_string())?;
+            if claimed as u64 / MOST_GROWTH > self.bytes {
+                return Err(format!(
+                    "its shape {shape:?} claims {}, more than a file of {} can hold",
+                    counted(claimed, "byte"),
+                    self.bytes
+                ));
+            }
             let bytes = dataset
                 .read_raw_bytes()
                 .map_err(|error| error.to_string())?;
@@ -262,45 +278,98 @@ mod tests {
         );
     }
 
-    /// A file of the first format: `groups` groups in a chain, each with `links` links of one letter to the next.
-    fn chain(groups: u64, links: u8) -> Vec<u8> {
-        const HEAD: u64 = 96;
-        let message = |kind: u16, data: &[u8]| {
-            let mut bytes = [kind.to_le_bytes(), (data.len() as u16).to_le_bytes()].concat();
-            bytes.extend([0; 4]);
-            bytes.extend(data);
-            bytes
-        };
-        let header = |next: Option<u64>| {
-            // Links are in the group itself: no heap, no tree.
-            let mut messages = message(2, &[[0; 2].as_slice(), &[0xff; 16], &[0; 6]].concat());
-            messages.extend(message(10, &[0; 8]));
-            let count = next.map_or(0, |_| links);
-            for letter in 0..count {
-                let mut link = vec![1, 0, 1, b'a' + letter];
-                link.extend(next.expect("there are links").to_le_bytes());
-                link.resize(16, 0);
-                messages.extend(message(6, &link));
-            }
-            let mut bytes = vec![1, 0];
-            bytes.extend((2 + u16::from(count)).to_le_bytes());
-            bytes.extend(1_u32.to_le_bytes());
-            bytes.extend((messages.len() as u32).to_le_bytes());
-            bytes.extend([0; 4]);
-            bytes.extend(messages);
-            bytes
-        };
-        let size = header(Some(0)).len() as u64;
+    /// Where the first object of a file of the first format begins.
+    const HEAD: u64 = 96;
+
+    /// A message of an object.
+    fn message(kind: u16, data: &[u8]) -> Vec<u8> {
+        let length = data.len().next_multiple_of(8);
+        let mut bytes = [kind.to_le_bytes(), (length as u16).to_le_bytes()].concat();
+        bytes.extend([0; 4]);
+        bytes.extend(data);
+        bytes.resize(8 + length, 0);
+        bytes
+    }
+
+    /// An object of these messages.
+    fn object(messages: &[Vec<u8>]) -> Vec<u8> {
+        let count = messages.len() as u16;
+        let messages = messages.concat();
+        let mut bytes = vec![1, 0];
+        bytes.extend(count.to_le_bytes());
+        bytes.extend(1_u32.to_le_bytes());
+        bytes.extend((messages.len() as u32).to_le_bytes());
+        bytes.extend([0; 4]);
+        bytes.extend(messages);
+        bytes
+    }
+
+    /// A group with links of one letter, `a` and so on, to objects at these places.
+    fn group(links: &[u64]) -> Vec<u8> {
+        // Links are in the group itself: no heap, no tree.
+        let mut messages = vec![
+            message(2, &[[0; 2].as_slice(), &[0xff; 16], &[0; 6]].concat()),
+            message(10, &[0; 8]),
+        ];
+        messages.extend((b'a'..).zip(links).map(|(letter, to)| {
+            let link = [&[1, 0, 1, letter][..], &to.to_le_bytes()].concat();
+            message(6, &link)
+        }));
+        object(&messages)
+    }
+
+    /// A file of the first format with these objects one after the other; the first is the root.
+    fn file_of(objects: &[Vec<u8>]) -> Vec<u8> {
+        let objects = objects.concat();
         let mut file = b"\x89HDF\r\n\x1a\n\0\0\0\0\0\x08\x08\0\x04\0\x10\0\0\0\0\0".to_vec();
-        for address in [0, u64::MAX, HEAD + groups * size, u64::MAX, 0, HEAD, 0] {
+        let end = HEAD + objects.len() as u64;
+        for address in [0, u64::MAX, end, u64::MAX, 0, HEAD, 0] {
             file.extend(address.to_le_bytes());
         }
         file.resize(HEAD as usize, 0);
-        for group in 1..=groups {
-            let next = (group < groups).then_some(HEAD + group * size);
-            file.extend(header(next));
-        }
+        file.extend(objects);
         file
+    }
+
+    /// `groups` groups in a chain, each with `links` links to the next.
+    fn chain(groups: u64, links: usize) -> Vec<u8> {
+        let size = group(&vec![0; links]).len() as u64;
+        let of = |number: u64| {
+            let next = if number < groups { links } else { 0 };
+            group(&vec![HEAD + number * size; next])
+        };
+        file_of(&(1..=groups).map(of).collect::<Vec<_>>())
+    }
+
+    /// One array `a` of bytes in this shape, of which none was written.
+    fn promise(shape: &[u64]) -> Vec<u8> {
+        let to = HEAD + group(&[0]).len() as u64;
+        let sides = shape.iter().flat_map(|side| side.to_le_bytes());
+        let space = [1, shape.len() as u8, 0, 0, 0, 0, 0, 0].into_iter();
+        let array = object(&[
+            message(1, &space.chain(sides).collect::<Vec<u8>>()),
+            message(3, &[0x10, 0, 0, 0, 1, 0, 0, 0, 0, 0, 8, 0]),
+            message(8, &[&[3, 1][..], &[0xff; 8], &[0; 8]].concat()),
+        ]);
+        file_of(&[group(&[to]), array])
+    }
+
+    #[test]
+    fn an_array_that_claims_more_than_its_file_can_hold_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.h5");
+        let read = |shape: &[u64]| {
+            std::fs::write(&path, promise(shape)).unwrap();
+            let file = Hdf5::open(&path)?;
+            assert_eq!(file.arrays()?, ["a"]);
+            file.array("a").map(|array| array.len())
+        };
+        assert_eq!(read(&[5, 2]).unwrap(), 10);
+        for shape in [&[1 << 29, 2][..], &[1 << 20]] {
+            let error = read(shape).unwrap_err().what();
+            assert!(error.contains("more than a file of"), "{error}");
+        }
+        assert!(read(&[1 << 40, 1 << 40]).is_err());
     }
 
     #[test]

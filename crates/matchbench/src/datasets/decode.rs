@@ -12,7 +12,7 @@
 //!
 //! Choices. The format is recognised by content, not by name. Pixels are taken as stored: an EXIF orientation
 //! is *not* applied (OpenCV applies it), because cameras and poses of all supported datasets belong to the
-//! stored pixels; `validate` warns of such files. The inverse cosine transform of a JPEG may differ from that
+//! stored pixels; `validate` warns of such files of any format. The inverse cosine transform of a JPEG may differ from that
 //! of libjpeg by one grey level. It is the portable integer version, so every machine gets the same pixels. A
 //! damaged or truncated file is an error, and never gives half an image.
 
@@ -28,8 +28,8 @@ use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
+use super::DatasetError;
 use super::jpeg::{self, JpegError};
-use super::{DatasetError, exif};
 use crate::files::{open_file, read_file};
 use crate::memory::{TooMuch, reserve};
 
@@ -147,17 +147,6 @@ pub fn read_size(path: &Path) -> Result<Size, DatasetError> {
     .map_err(|error| error.in_file(path))
 }
 
-/// EXIF orientation of the JPEG in `bytes`: 1 if pixels are stored upright or the file does not say.
-pub(super) fn exif_orientation(bytes: &[u8]) -> u16 {
-    if !bytes.starts_with(&JPEG_MAGIC) {
-        return 1;
-    }
-    jpeg_header(ZCursor::new(bytes))
-        .ok()
-        .and_then(|decoder| exif::orientation(decoder.exif()?))
-        .unwrap_or(1)
-}
-
 /// Decodes the image in `bytes`.
 ///
 /// # Errors
@@ -228,7 +217,8 @@ fn jpeg_options() -> DecoderOptions {
         .set_max_height(MAX_SIDE)
 }
 
-fn jpeg_header<R: ZByteReaderTrait>(reader: R) -> Result<JpegDecoder<R>, DecodeError> {
+/// A JPEG of which everything before the pixels was read.
+pub(super) fn jpeg_header<R: ZByteReaderTrait>(reader: R) -> Result<JpegDecoder<R>, DecodeError> {
     let mut decoder = JpegDecoder::new_with_options(reader, jpeg_options());
     decoder
         .decode_headers()
@@ -311,7 +301,8 @@ pub(super) fn gray_of_other(
     })
 }
 
-fn limits(pixels: u64) -> image::Limits {
+/// The limits of a decoder whose pixels take so many bytes.
+pub(super) fn limits(pixels: u64) -> image::Limits {
     let mut limits = image::Limits::no_limits();
     limits.max_alloc = Some(pixels + BESIDE_PIXELS);
     limits
@@ -575,14 +566,6 @@ mod tests {
         assert!(read_size(&path).is_err());
     }
 
-    #[test]
-    fn a_turned_picture_is_known_by_its_tag() {
-        assert_eq!(exif_orientation(&fixture("turned.jpg")), 6);
-        assert_eq!(exif_orientation(&fixture("color.jpg")), 1);
-        assert_eq!(exif_orientation(&fixture("color.png")), 1);
-        assert_eq!(exif_orientation(b""), 1);
-    }
-
     proptest! {
         #[test]
         fn damaged_bytes_do_not_panic(
@@ -594,7 +577,6 @@ mod tests {
             let at = at % bytes.len();
             bytes[at] = byte;
             let _ = decode_gray(&bytes);
-            let _ = exif_orientation(&bytes);
         }
     }
 }

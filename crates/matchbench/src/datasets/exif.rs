@@ -1,7 +1,33 @@
-//! Reads from EXIF data how the camera was held, and nothing else.
+//! Reads from an image file how the camera was held, and nothing else.
+
+use std::io::Cursor;
+
+use image::{ImageDecoder, ImageReader};
+use zune_core::bytestream::ZCursor;
+
+use super::decode::{JPEG_MAGIC, jpeg_header, limits};
+
+/// The orientation of the image in `bytes`, as EXIF numbers it: 1 if pixels are stored upright or the file does
+/// not say.
+pub(super) fn orientation_of(bytes: &[u8]) -> u16 {
+    let found = if bytes.starts_with(&JPEG_MAGIC) {
+        (jpeg_header(ZCursor::new(bytes)).ok()).and_then(|decoder| orientation(decoder.exif()?))
+    } else {
+        orientation_of_other(bytes)
+    };
+    found.unwrap_or(1)
+}
+
+/// The same for what is not a JPEG.
+fn orientation_of_other(bytes: &[u8]) -> Option<u16> {
+    let mut reader = (ImageReader::new(Cursor::new(bytes)).with_guessed_format()).ok()?;
+    reader.limits(limits(0));
+    let orientation = reader.into_decoder().ok()?.orientation().ok()?;
+    Some(orientation.to_exif().into())
+}
 
 /// The orientation tag (0x0112) in the first directory of a TIFF block, as EXIF embeds it.
-pub(super) fn orientation(exif: &[u8]) -> Option<u16> {
+fn orientation(exif: &[u8]) -> Option<u16> {
     let exif = exif.strip_prefix(b"Exif\0\0").unwrap_or(exif);
     let little = exif.starts_with(b"II");
     let u16_at = |at: usize| {
@@ -29,9 +55,36 @@ pub(super) fn orientation(exif: &[u8]) -> Option<u16> {
 
 #[cfg(test)]
 mod tests {
+    use image::codecs::png::PngEncoder;
+    use image::{ExtendedColorType, ImageEncoder};
     use proptest::prelude::*;
 
     use super::*;
+
+    /// An image of this repository; see `decode`.
+    fn fixture(name: &str) -> Vec<u8> {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/images/");
+        std::fs::read(format!("{folder}{name}")).expect("part of the repository")
+    }
+
+    #[test]
+    fn a_turned_picture_is_known_by_its_tag() {
+        assert_eq!(orientation_of(&fixture("turned.jpg")), 6);
+        for upright in ["color.jpg", "color.png", "color.webp", "color.tif"] {
+            assert_eq!(orientation_of(&fixture(upright)), 1, "{upright}");
+        }
+        assert_eq!(orientation_of(b""), 1);
+    }
+
+    #[test]
+    fn pictures_that_are_no_jpegs_have_the_tag_too() {
+        let exif = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";
+        let mut png = Vec::new();
+        let mut encoder = PngEncoder::new(&mut png);
+        encoder.set_exif_metadata(exif.to_vec()).unwrap();
+        (encoder.write_image(&[1, 2], 2, 1, ExtendedColorType::L8)).unwrap();
+        assert_eq!(orientation_of(&png), 6);
+    }
 
     #[test]
     fn both_byte_orders_are_read() {
@@ -47,6 +100,15 @@ mod tests {
         #[test]
         fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..60)) {
             let _ = orientation(&bytes);
+        }
+
+        #[test]
+        fn damaged_files_do_not_panic(which in 0..4_usize, at in 0..2000_usize, byte in any::<u8>()) {
+            let names = ["turned.jpg", "color.webp", "palette.png", "color.tif"];
+            let mut bytes = fixture(names[which]);
+            let at = at % bytes.len();
+            bytes[at] = byte;
+            let _ = orientation_of(&bytes);
         }
     }
 }

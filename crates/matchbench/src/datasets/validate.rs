@@ -14,7 +14,8 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::cameras::{check_camera, other_size};
-use super::decode::{decode_gray, exif_orientation};
+use super::decode::decode_gray;
+use super::exif::orientation_of;
 use super::images::IMAGES;
 use super::native::{CAMERA, Contents, HOMOGRAPHIES, PAIRS, POSES};
 use super::pair_poses::{contradiction, remedy};
@@ -72,7 +73,7 @@ fn check_images(contents: &Contents, problems: &mut Vec<Problem>) -> Vec<Option<
                 Ok(pixels) => pixels.size(),
                 Err(error) => return (None, hash, Some(error.in_file(image).into())),
             };
-            let orientation = exif_orientation(&bytes);
+            let orientation = orientation_of(&bytes);
             let turned = (orientation != 1 && turn.is_none()).then(|| {
                 Problem::warning(DatasetError::new(
                     image,

@@ -5,6 +5,8 @@
 //! `fuzz/` with whatever a fuzzer comes upon. An error is always right; a panic or a promise that does not
 //! hold never is.
 
+mod sources;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -12,32 +14,42 @@ use matchbench::datasets::{
     DepthFile, DepthUnit, ImportOptions, Imported, Pair, Sequence, Truth, Turn, decode_gray,
     read_pairs, read_source,
 };
-use matchbench::exchange::{MatchFiles, ReadOptions};
+use matchbench::exchange::{Export, Format, MatchFiles, PairExport, ReadOptions};
 use matchbench::external::{BuiltIn, Manifest};
 use matchbench::metrics::load;
 use matchbench::records::store::{self, RecordWriter};
 use matchbench::records::{MatchesFile, RunFolder, authors};
-use matchbench_vision::geometry::Camera;
+use matchbench::study::Study;
+use matchbench_vision::geometry::{Camera, MatchedPoints};
 use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Matrix3, Point2};
 
+use sources::{MODEL_CAMERAS, SourceDoor, binary_cameras, source_doors, sources};
+
 /// A door: its name, and what it does with bytes. It says whether they were accepted.
-pub(crate) type Door = (&'static str, fn(&Doors, &[u8]) -> bool);
+type Door = (&'static str, fn(&Doors, &[u8]) -> bool);
 
 /// Offers bytes to a door, and says whether they were accepted.
 pub(crate) fn offer(name: &str, bytes: &[u8]) -> bool {
     thread_local! {
         static HERE: Doors = Doors::new();
     }
-    let (_, door) = DOORS
-        .iter()
-        .find(|(other, _)| *other == name)
-        .expect("it is listed");
-    HERE.with(|doors| door(doors, bytes))
+    assert!(names().any(|door| door == name), "{name} is no door");
+    let door = DOORS.iter().find(|(other, _)| *other == name);
+    HERE.with(|doors| match door {
+        Some((_, door)) => door(doors, bytes),
+        None => doors.source(name, bytes),
+    })
 }
 
-/// All doors.
-pub(crate) const DOORS: &[Door] = &[
+/// The names of all doors.
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+    let doors = DOORS.iter().map(|(name, _)| *name);
+    doors.chain(source_doors().map(|door| door.name))
+}
+
+/// All doors but those to sources.
+const DOORS: &[Door] = &[
     ("image", |_, bytes| image(bytes)),
     ("depth", Doors::depth),
     ("records", Doors::records),
@@ -74,8 +86,17 @@ pub(crate) const DOORS: &[Door] = &[
     ("colmap binary", |doors, bytes| {
         doors.model("binary", "images.bin", bytes)
     }),
-    ("matches of others", Doors::exchange),
+    ("matches of others", |doors, bytes| {
+        doors.exchange(&[doors.file("0_1.txt", bytes)])
+    }),
+    ("features of others", |doors, bytes| {
+        doors.exchange(&[
+            doors.file("features.h5", bytes),
+            doors.at("hloc/matches.h5"),
+        ])
+    }),
     ("manifest", Doors::manifest),
+    ("run file", Doors::study),
 ];
 
 /// A folder with a dataset and room for files.
@@ -110,7 +131,30 @@ impl Doors {
         }
         fs::write(doors.at("text/cameras.txt"), MODEL_CAMERAS).expect("writable");
         fs::write(doors.at("binary/cameras.bin"), binary_cameras()).expect("writable");
+        for (path, content) in sources() {
+            let path = doors.at(path);
+            fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
+            fs::write(path, content).expect("writable");
+        }
+        doors.exported("hloc");
         doors
+    }
+
+    /// Matches of two pairs in a format of other tools; returns the files.
+    pub(crate) fn exported(&self, format: &str) -> Vec<PathBuf> {
+        let sequence = Sequence::open(&self.at("truth/sound")).expect("it is sound");
+        let points = |by: f64| (0..3).map(|i| Point2::new(f64::from(i), by)).collect();
+        let pair = |frames| PairExport {
+            frames,
+            points: MatchedPoints::new(points(0.5), points(1.5), vec![0.25, 0.5, 0.75]),
+            two_view: None,
+        };
+        let pairs = vec![pair((0, 1)), pair((1, 2))];
+        let export = Export::new(&sequence, pairs).expect("images of some size");
+        let format = Format::find(format).expect("a format");
+        let folder = self.at(format.id);
+        fs::create_dir_all(&folder).expect("writable");
+        format.write(&folder, &export).expect("writable")
     }
 
     pub(crate) fn at(&self, name: &str) -> PathBuf {
@@ -294,14 +338,29 @@ impl Doors {
         check_imported(read_source("colmap", &self.at(folder), &options).ok())
     }
 
-    fn exchange(&self, bytes: &[u8]) -> bool {
+    /// A source of a dataset, sound but for the file of this door.
+    fn source(&self, door: &str, bytes: &[u8]) -> bool {
+        let SourceDoor { kind, file, .. } = source_door(door);
+        let (path, sound) = (self.at(file), self.sound(door));
+        fs::write(&path, bytes).expect("writable");
+        let folder = file.split('/').next().expect("a folder");
+        let imported = read_source(kind, &self.at(folder), &ImportOptions::default());
+        fs::write(&path, sound).expect("writable");
+        check_imported(imported.ok())
+    }
+
+    /// The file of a door to a source, as it is between offers.
+    pub(crate) fn sound(&self, door: &str) -> Vec<u8> {
+        fs::read(self.at(source_door(door).file)).expect("it is there")
+    }
+
+    fn exchange(&self, paths: &[PathBuf]) -> bool {
         let sequence = Sequence::open(&self.at("truth/sound")).expect("it is sound");
-        let paths = [self.file("0_1.txt", bytes)];
         let options = ReadOptions {
             pixel_center: Some(0.0),
             ..ReadOptions::default()
         };
-        let Ok(files) = MatchFiles::open(&paths, &sequence, &options) else {
+        let Ok(files) = MatchFiles::open(paths, &sequence, &options) else {
             return false;
         };
         for pair in &sequence.pairs {
@@ -324,6 +383,16 @@ impl Doors {
         };
         Manifest::parse(&self.at("matcher.toml"), &text, &built_in).is_ok()
     }
+
+    fn study(&self, bytes: &[u8]) -> bool {
+        let text = String::from_utf8_lossy(bytes);
+        Study::parse(&text, &self.at("study.toml")).is_ok()
+    }
+}
+
+/// The door to a source that has this name.
+fn source_door(name: &str) -> SourceDoor {
+    (source_doors().find(|door| door.name == name)).expect("it is listed")
 }
 
 fn image(bytes: &[u8]) -> bool {
@@ -391,19 +460,3 @@ fn check_pose(pose: &Isometry3<f64>) {
 
 pub(crate) const CAMERA: &str = "4 0 1.5\n0 4 1\n0 0 1\n";
 pub(crate) const PAIRS: &str = "0 1 1 0 0 -0.05 0 1 0 0 0 0 1 0\n0 2 1 0 0 -0.1 0 1 0 0 0 0 1 0\n1 2 0 -1 0 1 1 0 0 2 0 0 1 3\n";
-pub(crate) const MODEL_CAMERAS: &str =
-    "1 PINHOLE 4 3 4 4 1.5 1\n2 SIMPLE_RADIAL 4 3 4 1.5 1 0.01\n";
-
-/// The first of [`MODEL_CAMERAS`] as COLMAP's other form has it.
-fn binary_cameras() -> Vec<u8> {
-    let mut file = 1_u64.to_le_bytes().to_vec();
-    file.extend(1_u32.to_le_bytes());
-    file.extend(1_i32.to_le_bytes());
-    file.extend([4_u64, 3].iter().flat_map(|side| side.to_le_bytes()));
-    file.extend(
-        [4.0_f64, 4.0, 1.5, 1.0]
-            .iter()
-            .flat_map(|x| x.to_le_bytes()),
-    );
-    file
-}
