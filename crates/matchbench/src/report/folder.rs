@@ -11,7 +11,9 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 use serde_json::Value;
 
-use crate::files::{link_on_the_way, read_text, remove_leftovers_below, write_whole_file};
+use crate::files::{
+    link_on_the_way, read_text, refuse_link, refuse_links, remove_leftovers_below, write_whole_file,
+};
 use crate::metrics::{Angle, Model, Portion};
 
 use super::again::Again;
@@ -102,6 +104,16 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
     out.write(Path::new("index.html"), html::render(content).as_bytes())?;
     out.remove_earlier()?;
     Ok(folder.join("index.html"))
+}
+
+/// The same in a folder inside that of a run or of results. Nobody chose it, and the folder around it may come from
+/// somebody else, so it is refused if it is a link.
+///
+/// # Errors
+/// As [`write_report`].
+pub fn write_inner_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
+    refuse_link(folder)?;
+    write_report(folder, content)
 }
 
 /// The list of the files of a report, kept in its folder. A later report removes the listed files that it does
@@ -206,10 +218,7 @@ fn write_list<'n>(folder: &Path, names: impl IntoIterator<Item = &'n str>) -> io
 /// Writes a file of a report. Folders of reports can come from other people, so a file that a link in such a
 /// folder leads to must not be overwritten.
 fn write_own(folder: &Path, name: &Path, contents: &[u8]) -> io::Result<()> {
-    if let Some(link) = link_on_the_way(folder, name) {
-        let what = format!("cannot write {}: it is a link; delete it", link.display());
-        return Err(io::Error::other(what));
-    }
+    refuse_links(folder, name)?;
     write_whole_file(&folder.join(name), contents)
 }
 

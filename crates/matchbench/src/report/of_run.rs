@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use super::bundle::write_bundle;
 use super::content::{Content, RunFacts};
 use super::dataset_facts::DatasetFacts;
-use super::folder::write_report;
+use super::folder::{write_inner_report, write_report};
 use super::outside::outside;
 use super::paper::{PaperTimes, write_paper};
 use super::pictures::{self, Keypoints};
@@ -94,7 +94,7 @@ pub fn paper_of_run(
     folder: &Path,
 ) -> Result<Reported, ReportError> {
     let (content, notes) = content_of_run(run, options)?;
-    write_report(&folder.join("report"), &content)?;
+    write_inner_report(&folder.join("report"), &content)?;
     Ok(Reported {
         page: write_paper(folder, &content, times)?,
         notes,
@@ -156,8 +156,10 @@ fn write(run: &RunFolder, options: &ReportOptions<'_>, content: &Content) -> io:
     if let Some(file) = options.bundle {
         return write_bundle(file, content);
     }
-    let out = (options.out).map_or_else(|| run.default_report(), Path::to_path_buf);
-    write_report(&out, content)
+    match options.out {
+        Some(out) => write_report(out, content),
+        None => write_inner_report(&run.default_report(), content),
+    }
 }
 
 fn facts(run: &RunFolder) -> Result<RunFacts, FolderError> {
