@@ -32,9 +32,6 @@ use super::{
     Format, booktabs, citations, dataset_table, html, method, pairs_csv, parquet, render, vega,
 };
 
-/// Pixels of a PNG figure for each unit of its drawing: sharp on dense screens and in print.
-const PNG_SCALE: f32 = 2.0;
-
 /// Writes the report and returns the path of its page. Files of an earlier report are replaced, each in one
 /// step.
 ///
@@ -79,24 +76,15 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
         pairs_csv::render(&pairs).as_bytes(),
     )?;
     out.write(&tables.join("pairs.parquet"), &parquet::render(&pairs))?;
-    let drawings = Path::new("figures");
     figures(content, &overview)
         .into_par_iter()
         .try_for_each(|(name, svg, spec)| {
             out.write(
-                &drawings.join(format!("{name}.vl.json")),
+                Path::new(&format!("{FIGURES}/{name}.vl.json")),
                 format!("{spec:#}\n").as_bytes(),
             )?;
-            out.write(&drawings.join(format!("{name}.svg")), svg.as_bytes())?;
-            let (ending, bytes) = match png(&svg, PNG_SCALE) {
-                Ok(bytes) => ("png", bytes),
-                // The drawing itself is there.
-                Err(broken) => {
-                    let note = format!("{name}.svg cannot be drawn as PNG: {broken}\n");
-                    ("png.txt", note.into_bytes())
-                }
-            };
-            out.write(&drawings.join(format!("{name}.{ending}")), &bytes)
+            // A note of a missing picture stands beside the drawing.
+            out.write_drawing(&name, &svg).map(drop)
         })?;
     html::pair_pages(content, &overview)
         .into_par_iter()
@@ -115,6 +103,11 @@ pub fn write_inner_report(folder: &Path, content: &Content) -> io::Result<PathBu
     refuse_link(folder)?;
     write_report(folder, content)
 }
+
+/// The folder of the figures.
+const FIGURES: &str = "figures";
+/// Pixels of a PNG figure for each unit of its drawing: sharp on dense screens and in print.
+const PNG_SCALE: f32 = 2.0;
 
 /// The list of the files of a report, kept in its folder. A later report removes the listed files that it does
 /// not have.
@@ -187,6 +180,21 @@ impl<'a> Pages<'a> {
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         written.insert(name);
         Ok(())
+    }
+
+    /// Writes the figure `name` as the drawing that it is, and as PNG. Where that cannot be made, a note is in its
+    /// place, and is returned.
+    pub(super) fn write_drawing(&self, name: &str, svg: &str) -> io::Result<Option<String>> {
+        let file = |ending: &str| PathBuf::from(format!("{FIGURES}/{name}.{ending}"));
+        self.write(&file("svg"), svg.as_bytes())?;
+        match png(svg, PNG_SCALE) {
+            Ok(bytes) => self.write(&file("png"), &bytes).map(|()| None),
+            Err(broken) => {
+                let note = format!("{name}.svg cannot be drawn as PNG: {broken}");
+                self.write(&file("png.txt"), format!("{note}\n").as_bytes())?;
+                Ok(Some(note))
+            }
+        }
     }
 
     /// Removes the files of the earlier report that this one does not have, such as pages of pairs that are not

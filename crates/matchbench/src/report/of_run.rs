@@ -93,12 +93,11 @@ pub fn paper_of_run(
     times: &PaperTimes,
     folder: &Path,
 ) -> Result<Reported, ReportError> {
-    let (content, notes) = content_of_run(run, options)?;
+    let (content, mut notes) = content_of_run(run, options)?;
     write_inner_report(&folder.join("report"), &content)?;
-    Ok(Reported {
-        page: write_paper(folder, &content, times)?,
-        notes,
-    })
+    let (page, missing) = write_paper(folder, &content, times)?;
+    notes.extend(missing);
+    Ok(Reported { page, notes })
 }
 
 /// The content of the report of a run, and what is missing in it and why, in sentences.
