@@ -113,8 +113,10 @@ const PNG_SCALE: f32 = 2.0;
 /// not have.
 const LIST: &str = ".files";
 
-/// What every page of a report says, and every page of the paper.
-const OURS: [&str; 2] = ["matchbench", "MatchBench: tables and figures, run again"];
+/// What every page of a report says.
+const OF_REPORT: &str = "matchbench";
+/// What every page of the paper says, and no other.
+const OF_PAPER: &str = "MatchBench: tables and figures, run again";
 
 /// Writes the files of a report.
 pub(super) struct Pages<'a> {
@@ -126,8 +128,8 @@ impl<'a> Pages<'a> {
     /// Refuses a folder whose page is not a report, since that page would be overwritten.
     pub(super) fn new(folder: &'a Path) -> io::Result<Self> {
         let page = folder.join("index.html");
-        let is_report = |page: String| OURS.iter().any(|words| page.contains(words));
-        if !folder.join(LIST).exists() && read_text(&page).is_ok_and(|page| !is_report(page)) {
+        let is_other = |page: String| !page.contains(OF_REPORT) && !page.contains(OF_PAPER);
+        if !folder.join(LIST).exists() && read_text(&page).is_ok_and(is_other) {
             return Err(io::Error::new(
                 io::ErrorKind::AlreadyExists,
                 format!("{} is no report; write into another folder", page.display()),
@@ -140,12 +142,12 @@ impl<'a> Pages<'a> {
         })
     }
 
-    /// Refuses the folder if one of the files that will be written there is somebody else's: no earlier report
-    /// listed it. In a folder without a list all are taken for ours if its page is, since early versions wrote
-    /// no list.
+    /// Refuses the folder if one of the files of a paper that will be written there is somebody else's: no earlier
+    /// paper listed it. In a folder without a list all are taken for ours if its page is that of a paper, since early
+    /// versions wrote no list.
     pub(super) fn refuse_others(&self, names: &[&str]) -> io::Result<()> {
-        let list = self.folder.join(LIST);
-        if !list.exists() && self.folder.join("index.html").exists() {
+        let (list, page) = (self.folder.join(LIST), self.folder.join("index.html"));
+        if !list.exists() && read_text(&page).is_ok_and(|page| page.contains(OF_PAPER)) {
             return Ok(());
         }
         let earlier = read_text(&list).unwrap_or_default();

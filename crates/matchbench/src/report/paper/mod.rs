@@ -335,7 +335,15 @@ mod tests {
         // Every name is known before it is written.
         let listed = std::fs::read_to_string(at(".files")).expect("a list");
         assert!(listed.lines().all(|name| FILES.contains(&name)), "{listed}");
-        // A folder of an earlier version, which kept no list.
+        // Nor is a report a paper, in a folder of an earlier version, which kept no list.
+        let report = tempfile::tempdir().expect("a temporary folder");
+        let theirs = report.path().join("paper.tex");
+        super::super::write_report(report.path(), &short).expect("nothing is in the way");
+        std::fs::remove_file(report.path().join(".files")).expect("it is there");
+        std::fs::write(&theirs, "mine").expect("writable");
+        let told = check_paper_folder(report.path()).expect_err("it is not ours");
+        assert!(told.to_string().contains("is not of an earlier"), "{told}");
+        // A paper of such a version.
         std::fs::remove_file(at(".files")).expect("it is there");
         std::fs::write(at("notes.txt"), "mine").expect("writable");
         write_paper(folder.path(), &short, &times()).expect("its page is ours");
