@@ -5,6 +5,7 @@
 
 use anyhow::{Context, Result};
 use matchbench::external;
+use matchbench::files::remove_temporary_folders;
 use matchbench::run::Cancel;
 
 use crate::output::say;
@@ -34,9 +35,11 @@ pub(crate) fn end_on_ctrl_c() -> Result<()> {
 }
 
 /// Ends the process, and the matchers from outside before it: they are no longer in the group that the terminal stops.
+/// Temporary folders go too.
 fn end() -> ! {
     // None is started while the process goes.
     let _ended = external::end_all();
+    remove_temporary_folders();
     std::process::exit(STOPPED.into())
 }
 

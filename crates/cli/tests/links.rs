@@ -72,6 +72,46 @@ fn a_report_neither_writes_nor_deletes_where_links_in_its_folder_lead() {
 }
 
 #[test]
+fn the_folder_of_a_report_inside_a_run_or_results_may_be_no_link() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    run_in(folder);
+    let other = folder.join("other");
+    fs::create_dir(&other).expect("writable");
+    symlink(&other, folder.join("run/report")).expect("writable");
+    refused(folder, &["report", "run"], "report: it is a link");
+    assert_eq!(fs::read_dir(&other).expect("there").count(), 0);
+    // A place that the user chose may be one.
+    succeeds(folder, &["report", "run", "--out", "run/report"]);
+    assert!(other.join("index.html").exists());
+}
+
+#[test]
+fn a_cache_of_somebody_else_is_not_written_through_its_links() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    run_in(folder);
+    let (cache, theirs) = (folder.join("cache"), folder.join("theirs"));
+    fs::rename(folder.join("run/cache"), &cache).expect("a run has it");
+    let features = cached(&cache);
+    fs::remove_file(&features).expect("it was just found");
+    fs::write(&theirs, "theirs").expect("writable");
+    symlink(&theirs, &features).expect("writable");
+    let again = [
+        "run",
+        "wall",
+        "--matchers",
+        "sift",
+        "--out",
+        "again",
+        "--cache",
+        "cache",
+    ];
+    refused(folder, &again, "features: it is a link");
+    assert_eq!(fs::read(&theirs).expect("there"), b"theirs");
+}
+
+#[test]
 fn a_run_goes_on_through_no_link_in_its_folder() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();

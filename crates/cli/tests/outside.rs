@@ -256,20 +256,25 @@ fn ctrl_c_twice_ends_the_program_too() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let wall = dataset(folder.path(), "wall", 3);
     let (manifest, home) = toy(folder.path());
-    let run = folder.path().join("run");
+    let (run, temporary) = (folder.path().join("run"), folder.path().join("temporary"));
+    fs::create_dir(&temporary).expect("writable");
     fs::write(home.join("break"), "touch waiting; sleep 600\n").expect("writable");
     let host = matchbench()
         .args(["run", "--threads", "1", "--matchers"])
         .arg(&manifest)
         .arg("--out")
         .args([&run, &wall])
+        .env("TMPDIR", &temporary)
         .stderr(Stdio::null())
         .stdout(Stdio::null())
         .spawn()
         .expect("the program starts");
     wait_for(&home.join("waiting"));
+    let left = || fs::read_dir(&temporary).expect("it is there").count();
+    assert_eq!(left(), 1, "the folder of its answers");
     assert_eq!(stopped(host, 2), Some(130));
     assert_all_gone(&home);
+    assert_eq!(left(), 0);
 }
 
 #[test]

@@ -15,6 +15,7 @@ use std::thread::available_parallelism;
 use matchbench_vision::InstructionSet;
 use rayon::ThreadPoolBuilder;
 
+use crate::files::TemporaryFolder;
 use crate::memory;
 use crate::metrics::{PairResult, Quartiles, ResultSet, ResultsError, StageQuartiles, load_run};
 use crate::records::{FolderError, KeepMatches, RunFolder, Settings, StageTimes};
@@ -110,7 +111,7 @@ fn measure(
     pairs: usize,
     cancel: &Cancel,
 ) -> Result<Option<ResultSet>, TimeError> {
-    let folder = tempfile::tempdir()?;
+    let folder = TemporaryFolder::new()?;
     let run = Run {
         settings: Settings {
             limit: Some(pairs),

@@ -7,9 +7,9 @@ use matchbench::config::ConfigError;
 use matchbench::counted::counted;
 use matchbench::datasets::KINDS;
 use matchbench::datasets::rendered;
-use matchbench::estimators::ESTIMATORS;
+use matchbench::estimators::{ESTIMATORS, EstimatorEntry};
 use matchbench::exchange::FORMATS;
-use matchbench::matchers::{self, MATCHERS};
+use matchbench::matchers::{self, MATCHERS, MatcherEntry};
 use matchbench::protocols::PROTOCOLS;
 use serde_json::{Value, json};
 
@@ -98,14 +98,7 @@ fn list_matchers(out: &mut impl Write) -> io::Result<()> {
         "Matchers (--matchers ID,...; parameters: --set ID.NAME=VALUE)\n\n{OF_ALL}\n"
     )?;
     for entry in MATCHERS {
-        describe(
-            out,
-            entry.id(),
-            entry.summary(),
-            entry.reference(),
-            &entry.defaults(),
-            &|given| Ok(matchers::build(*entry, Some(given))?.params),
-        )?;
+        describe(out, &of_matcher(*entry))?;
         writeln!(out, "      estimator: {}\n", entry.estimator())?;
     }
     Ok(())
@@ -117,14 +110,7 @@ fn list_estimators(out: &mut impl Write) -> io::Result<()> {
         "Estimators (--estimator ID,...; parameters: --set ID.NAME=VALUE)\n"
     )?;
     for entry in ESTIMATORS {
-        describe(
-            out,
-            entry.id(),
-            entry.summary(),
-            entry.reference(),
-            &entry.defaults(),
-            &|given| Ok(entry.build(Some(given))?.params),
-        )?;
+        describe(out, &of_estimator(*entry))?;
         writeln!(out)?;
     }
     Ok(())
@@ -139,23 +125,44 @@ const OF_ALL: &str = "  \
       refine               true: matches are moved to where the pixels about their points agree best";
 
 /// All parameters of an entry where some are given.
-type Build<'a> = dyn Fn(&Value) -> Result<Value, ConfigError> + 'a;
+type Build = dyn Fn(&Value) -> Result<Value, ConfigError>;
 
-/// Prints an entry.
-fn describe(
-    out: &mut impl Write,
-    id: &str,
-    summary: &str,
-    reference: &str,
-    defaults: &Value,
-    build: &Build<'_>,
-) -> io::Result<()> {
-    writeln!(out, "  {id:<14} {summary}")?;
-    writeln!(out, "      {reference}")?;
-    for (name, value) in parameters("", defaults) {
+/// What matchers and estimators have in common.
+struct Entry {
+    id: &'static str,
+    summary: &'static str,
+    reference: &'static str,
+    defaults: Value,
+    build: Box<Build>,
+}
+
+fn of_matcher(entry: &'static dyn MatcherEntry) -> Entry {
+    Entry {
+        id: entry.id(),
+        summary: entry.summary(),
+        reference: entry.reference(),
+        defaults: entry.defaults(),
+        build: Box::new(move |given| Ok(matchers::build(entry, Some(given))?.params)),
+    }
+}
+
+fn of_estimator(entry: &'static dyn EstimatorEntry) -> Entry {
+    Entry {
+        id: entry.id(),
+        summary: entry.summary(),
+        reference: entry.reference(),
+        defaults: entry.defaults(),
+        build: Box::new(move |given| Ok(entry.build(Some(given))?.params)),
+    }
+}
+
+fn describe(out: &mut impl Write, entry: &Entry) -> io::Result<()> {
+    writeln!(out, "  {:<14} {}", entry.id, entry.summary)?;
+    writeln!(out, "      {}", entry.reference)?;
+    for (name, value) in parameters("", &entry.defaults) {
         write!(out, "      {name} = {value}")?;
         if value.is_string() {
-            write!(out, "  ({})", values(&name, build).join(", "))?;
+            write!(out, "  ({})", values(&name, &entry.build).join(", "))?;
         }
         writeln!(out)?;
     }
@@ -164,7 +171,7 @@ fn describe(
 
 /// All values that the parameter `name`, a word, may have: the refusal of any other word names them. Names of earlier
 /// versions, which become others, are left out.
-fn values(name: &str, build: &Build<'_>) -> Vec<String> {
+fn values(name: &str, build: &Build) -> Vec<String> {
     let with = |word: &str| {
         let given = (name.rsplit('.')).fold(json!(word), |inner, part| json!({part: inner}));
         build(&given)
@@ -202,25 +209,17 @@ mod tests {
     #[test]
     fn every_parameter_that_is_a_word_has_its_values() {
         let mut count = 0;
-        let mut check = |id: &str, defaults: &Value, build: &Build<'_>| {
-            for (name, value) in parameters("", defaults) {
+        let matchers = MATCHERS.iter().map(|entry| of_matcher(*entry));
+        let estimators = ESTIMATORS.iter().map(|entry| of_estimator(*entry));
+        for entry in matchers.chain(estimators) {
+            for (name, value) in parameters("", &entry.defaults) {
                 let Some(word) = value.as_str() else { continue };
-                let values = values(&name, build);
+                let values = values(&name, &entry.build);
                 let given = values.iter().any(|value| value == word);
-                assert!(given && values.len() > 1, "{id}.{name}: {values:?}");
+                assert!(given && values.len() > 1, "{}.{name}: {values:?}", entry.id);
                 assert!(!values.contains(&"median".into()), "now `lmeds`");
                 count += 1;
             }
-        };
-        for entry in MATCHERS {
-            check(entry.id(), &entry.defaults(), &|given| {
-                Ok(matchers::build(*entry, Some(given))?.params)
-            });
-        }
-        for entry in ESTIMATORS {
-            check(entry.id(), &entry.defaults(), &|given| {
-                Ok(entry.build(Some(given))?.params)
-            });
         }
         assert!(count > 50, "{count}");
     }

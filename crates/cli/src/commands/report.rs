@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, ensure};
 use matchbench::records::RunFolder;
 use matchbench::report::{
-    Content, ReportOptions, bundled, content_of_run, of_results, of_run, write_bundle, write_report,
+    Content, ReportOptions, bundled, content_of_run, of_results, of_run, write_bundle,
+    write_inner_report, write_report,
 };
 
 use super::eval::choice;
@@ -72,7 +73,7 @@ fn write_of_results(args: &ReportArgs) -> Result<PathBuf> {
     Ok(match (&args.bundle, &args.out) {
         (Some(file), _) => write_bundle(file, &content)?,
         (None, Some(folder)) => write_report(folder, &content)?,
-        (None, None) => write_report(&args.run.join("report"), &content)?,
+        (None, None) => write_inner_report(&args.run.join("report"), &content)?,
     })
 }
 

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use matchbench::cache::FeatureCache;
 use matchbench::counted::counted;
+use matchbench::files::TemporaryFolder;
 use matchbench::matchers::ImageFiles;
 use matchbench::metrics::PairResult;
 use matchbench::records::Outcome;
@@ -14,7 +15,6 @@ use matchbench::run::{
     Contender, ContenderError, Dataset, ImagePair, Outside, check_truth, check_turns, evaluate,
     pair_seed,
 };
-use tempfile::TempDir;
 
 use super::job::{changes, check_names};
 use crate::Ending;
@@ -132,14 +132,12 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
 
 /// The matcher with its estimator, and the folder of the files that a matcher from outside leaves behind, which
 /// must exist longer than the matcher.
-fn contender(args: &ShowArgs) -> Result<(TempDir, Contender)> {
+fn contender(args: &ShowArgs) -> Result<(TemporaryFolder, Contender)> {
     let matcher = std::slice::from_ref(&args.matcher);
     check_names(matcher)?;
     end_on_ctrl_c()?;
     let estimators: Vec<String> = args.estimator.iter().cloned().collect();
-    let folder = tempfile::Builder::new()
-        .prefix("matchbench-show-")
-        .tempdir()?;
+    let folder = TemporaryFolder::new()?;
     let outside = Outside {
         logs: folder.path(),
         cache: &FeatureCache::new(folder.path().join("cache")),
@@ -152,7 +150,7 @@ fn contender(args: &ShowArgs) -> Result<(TempDir, Contender)> {
         Err(error) => {
             if let ContenderError::Start(_) = error {
                 // The message names the log in it.
-                let _ = folder.keep();
+                folder.keep();
             }
             Err(error.into())
         }

@@ -98,7 +98,7 @@ impl Hdf5 {
         if depth > DEEPEST {
             return Err(self.damaged(format!("groups are nested deeper than {DEEPEST}")));
         }
-        let (groups, arrays) = group.member_names().map_err(|error| self.damaged(error))?;
+        let (groups, arrays) = group.member_names().map_err(|error| self.unlisted(error))?;
         for name in &arrays {
             found
                 .count(prefix, name)
@@ -114,7 +114,7 @@ impl Hdf5 {
             return Ok(());
         }
         // All at once: each by its name would look through all names again.
-        for inner in group.groups().map_err(|error| self.damaged(error))? {
+        for inner in group.groups().map_err(|error| self.unlisted(error))? {
             let prefix = format!("{prefix}{}/", inner.name());
             self.collect(&inner, &prefix, depth + 1, found)?;
         }
@@ -152,6 +152,22 @@ impl Hdf5 {
 
     fn damaged(&self, what: impl std::fmt::Display) -> ArrayError {
         ArrayError::damaged(&self.path, what)
+    }
+
+    /// The error for a group whose members cannot be listed. The decoder takes a large group of the latest format for
+    /// one that is cut, so the tool that made it would write the same again.
+    fn unlisted(&self, error: hdf5_reader::error::Error) -> ArrayError {
+        let damaged = self.damaged(error);
+        // Where it is a group in the listed one, the decoder tells its error in words alone.
+        if !damaged.what.contains("unexpected end of data") {
+            return damaged;
+        }
+        ArrayError {
+            remedy: "if other programs read it, a group has more members than are read in files of \
+                     libver=\"latest\" (some 10,000): copy it into a file with libver=\"earliest\"; else write it \
+                     again with the tool that made it",
+            ..damaged
+        }
     }
 }
 
@@ -394,6 +410,17 @@ mod tests {
             let error = file.arrays_within(limits.0, limits.1).unwrap_err();
             assert!(error.what().contains(what), "{error:?}");
         }
+    }
+
+    #[test]
+    fn a_group_that_seems_cut_may_be_a_large_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.h5");
+        let whole = chain(3, 2);
+        std::fs::write(&path, &whole[..whole.len() - 8]).unwrap();
+        let error = Hdf5::open(&path).unwrap().arrays().unwrap_err();
+        assert!(error.what().contains("unexpected end of data"), "{error:?}");
+        assert!(error.remedy.contains("libver=\"earliest\""), "{error:?}");
     }
 
     #[test]

@@ -13,7 +13,7 @@ use matchbench_vision::features::{Features, Keypoint};
 
 pub use key::Key;
 
-use crate::files::{read_file, remove_leftovers_below, write_whole_file};
+use crate::files::{read_file, refuse_links, remove_leftovers_below, write_whole_file};
 use crate::matchers::Extraction;
 
 /// A folder of features. Any number of runs may use one folder at the same time. It can be deleted when no run
@@ -53,7 +53,7 @@ impl FeatureCache {
     /// # Errors
     /// If the file cannot be written; the error names it.
     pub fn save(&self, key: Key, features: &Features) -> io::Result<()> {
-        write_whole_file(&self.path(key), &feature_file::to_bytes(features, key))
+        self.write(&Self::name(key), &feature_file::to_bytes(features, key))
     }
 
     /// The keypoints that were saved under `key`, and the seconds that it took to find them.
@@ -67,16 +67,24 @@ impl FeatureCache {
     /// # Errors
     /// If the file cannot be written; the error names it.
     pub fn save_keypoints(&self, key: Key, keypoints: &[Keypoint], seconds: f64) -> io::Result<()> {
-        let path = self.path(key).with_extension("keypoints");
-        write_whole_file(&path, &keypoint_file::to_bytes(keypoints, seconds, key))
+        let name = Self::name(key).with_extension("keypoints");
+        self.write(&name, &keypoint_file::to_bytes(keypoints, seconds, key))
+    }
+
+    /// Writes a file. A cache can be another person's, so a file that a link in it leads to must not be overwritten.
+    fn write(&self, name: &Path, contents: &[u8]) -> io::Result<()> {
+        refuse_links(&self.folder, name)?;
+        write_whole_file(&self.folder.join(name), contents)
+    }
+
+    fn path(&self, key: Key) -> PathBuf {
+        self.folder.join(Self::name(key))
     }
 
     /// The first two digits are a folder, so that no folder has more files than file systems handle well.
-    fn path(&self, key: Key) -> PathBuf {
+    fn name(key: Key) -> PathBuf {
         let name = key.to_string();
-        self.folder
-            .join(&name[..2])
-            .join(format!("{name}.features"))
+        Path::new(&name[..2]).join(format!("{name}.features"))
     }
 }
 

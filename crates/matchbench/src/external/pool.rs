@@ -2,13 +2,11 @@
 //! given up.
 
 use std::fmt;
-use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 use matchbench_vision::image::Size;
-use tempfile::TempDir;
 
 use super::answer::{self, Described, Matched, Times};
 use super::features::{memory_for, read_features};
@@ -16,6 +14,7 @@ use super::log::Log;
 use super::manifest::{Kind, Manifest};
 use super::message::{Answer, Request};
 use super::worker::{Fault, Identity, Worker};
+use crate::files::TemporaryFolder;
 
 /// Questions that fail one after the other until a matcher is given up.
 const STRIKES: u32 = 3;
@@ -27,7 +26,7 @@ pub struct External {
     identity: Identity,
     log: Log,
     /// Where children write their answers.
-    scratch: TempDir,
+    scratch: TemporaryFolder,
     questions: AtomicU64,
     pool: Mutex<Pool>,
     /// Told when a place becomes free.
@@ -95,8 +94,8 @@ impl External {
             reason,
             log: log.path(),
         };
-        let scratch = (tempfile::Builder::new().prefix("matchbench-").tempdir())
-            .and_then(absolute)
+        // Children run elsewhere, so they need its absolute path.
+        let scratch = TemporaryFolder::new()
             .map_err(|error| failed(format!("no folder for its answers: {error}")))?;
         let worker = Worker::start(&manifest, &log).map_err(failed)?;
         Ok(Self {
@@ -317,15 +316,6 @@ impl Drop for External {
         let mut idle = std::mem::take(&mut self.pool().idle);
         idle.iter_mut().for_each(Worker::say_goodbye);
     }
-}
-
-/// The same folder, if its path is absolute, as children need it: they run elsewhere.
-fn absolute(folder: TempDir) -> io::Result<TempDir> {
-    if folder.path().is_absolute() {
-        return Ok(folder);
-    }
-    let parent = std::path::absolute(std::env::temp_dir())?;
-    (tempfile::Builder::new().prefix("matchbench-")).tempdir_in(parent)
 }
 
 #[cfg(all(test, unix))]

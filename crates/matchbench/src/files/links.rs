@@ -2,6 +2,7 @@
 //! a file somewhere else.
 
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Whether there is a link at `path`, whatever it leads to.
@@ -17,6 +18,23 @@ pub(crate) fn link_on_the_way(folder: &Path, name: &Path) -> Option<PathBuf> {
             Some(place.clone())
         })
         .find(|place| is_link(place))
+}
+
+/// Refuses to write to `path` if it is a link.
+pub(crate) fn refuse_link(path: &Path) -> io::Result<()> {
+    refuse(is_link(path).then(|| path.to_owned()))
+}
+
+/// Refuses to write to a file in a folder if there is a link on the way to it; `name` is relative to the folder.
+pub(crate) fn refuse_links(folder: &Path, name: &Path) -> io::Result<()> {
+    refuse(link_on_the_way(folder, name))
+}
+
+fn refuse(link: Option<PathBuf>) -> io::Result<()> {
+    link.map_or(Ok(()), |link| {
+        let what = format!("cannot write {}: it is a link; delete it", link.display());
+        Err(io::Error::other(what))
+    })
 }
 
 /// A link at `path` or in it, up to `levels` levels down.

@@ -5,7 +5,8 @@
 //! the memory. Files that may be larger than memory are read by `LineBlocks`, and texts of others by `read_lines`,
 //! which refuses a line without an end. [`write_whole`] replaces regular files; if a name leads to something else,
 //! it writes into that. `link_in` finds links where writing must not follow them. An `Appender` appends to files.
-//! [`remove_leftovers`] finds and removes incomplete files of processes that were killed.
+//! [`remove_leftovers`] finds and removes incomplete files of processes that were killed. A [`TemporaryFolder`] is for
+//! what nobody keeps.
 
 mod append;
 mod calls;
@@ -14,6 +15,7 @@ mod lines;
 mod links;
 mod names;
 mod read;
+mod temporary;
 mod write;
 
 pub(crate) use append::Appender;
@@ -22,11 +24,12 @@ pub(crate) use calls::{Fault, break_calls};
 pub(crate) use leftovers::{HELD, PREFIX, hold};
 pub use leftovers::{remove_leftovers, remove_leftovers_below};
 pub(crate) use lines::{LineBlock, LineBlocks, LineError};
-pub(crate) use links::{is_link, link_in, link_on_the_way};
+pub(crate) use links::{is_link, link_in, link_on_the_way, refuse_link, refuse_links};
 pub(crate) use names::check_name;
 pub(crate) use read::regular;
 pub(crate) use read::{LONGEST_LINE, read_lines, read_text_lines};
 pub use read::{open_file, read_file, read_text};
+pub use temporary::{TemporaryFolder, remove_temporary_folders};
 pub(crate) use write::WholeFile;
 pub use write::write_whole;
 pub(crate) use write::{make_folder, sync_folder_of, write_new, write_unnamed, write_whole_file};

@@ -96,7 +96,7 @@ pub(super) fn of_run(
     }
     sort(&mut sets);
     order_as_planned(&mut sets, run.plan());
-    complete_all(sets.iter_mut(), datasets, choice)?;
+    complete_all(run.path(), sets.iter_mut(), datasets, choice)?;
     Ok(sets)
 }
 
@@ -128,8 +128,20 @@ fn task(pair: &PairResult) -> (u32, u32, u32) {
     (pair.a, pair.b, pair.repetition)
 }
 
-/// Brings sets of results into line with the pairs that count of their datasets.
+/// Missing results that are always made.
+const MISSING: u64 = 20_000_000;
+/// More of them are made if there are no more than so many to each record. A run finishes one matcher after the other,
+/// so there are few, but thousands of files with a line each would stand for millions.
+const MISSING_FOR_EACH: u64 = 20;
+
+/// Whether so many missing results are not made beside those that were `found`.
+fn are_too_many(missing: u64, found: u64) -> bool {
+    missing > MISSING.max(found.saturating_mul(MISSING_FOR_EACH))
+}
+
+/// Brings sets of results of a `run` into line with the pairs that count of their datasets.
 fn complete_all<'a>(
+    run: &Path,
     sets: impl Iterator<Item = &'a mut ResultSet>,
     datasets: Option<&Path>,
     choice: &PairChoice,
@@ -152,6 +164,23 @@ fn complete_all<'a>(
     for (dataset, pairs) in &mut listed {
         let chosen = choice.of(dataset)?;
         pairs.retain(|&(a, b)| chosen(a, b));
+    }
+    let expected = |set: &&mut ResultSet| {
+        (listed[&set.dataset].len() as u64).saturating_mul(u64::from(set.repetitions))
+    };
+    let found: u64 = sets.iter().map(|set| set.pairs.len() as u64).sum();
+    let missing = (sets.iter().map(expected))
+        .fold(0, u64::saturating_add)
+        .saturating_sub(found);
+    if are_too_many(missing, found) {
+        let files = counted(sets.len(), "file");
+        return Err(ResultsError::Layout {
+            path: run.to_path_buf(),
+            problem: format!(
+                "{files} with {found} records in all stand for {missing} missing ones; finish the run, choose fewer \
+                 pairs, or delete the files of matchers that were hardly begun"
+            ),
+        });
     }
     for set in &mut sets {
         complete(set, &listed[&set.dataset]);
@@ -461,6 +490,38 @@ mod tests {
         let recorded = |file: &FileResults| file.results.as_ref().expect("in order").pairs.len();
         let recorded: Vec<usize> = each.iter().map(recorded).collect();
         assert_eq!(recorded, [2, 1]);
+    }
+
+    #[test]
+    fn few_files_do_not_stand_for_many_missing_results() {
+        // As many files as pairs, each with one of them.
+        let sets = |count: u32| {
+            let set = |i: u32| ResultSet {
+                dataset: "room".into(),
+                matcher: i.to_string(),
+                estimator: "ransac-e".into(),
+                repetitions: 1,
+                pairs: vec![PairResult::failed(0, i + 1, Failure::NoSupport)],
+                ignored: 0,
+            };
+            (0..count).map(set).collect::<Vec<_>>()
+        };
+        let complete = |sets: &mut [ResultSet]| {
+            complete_all(Path::new("run"), sets.iter_mut(), None, &PairChoice::Listed)
+        };
+        let mut few = sets(30);
+        complete(&mut few).expect("few are missing");
+        assert!(few.iter().all(|set| set.pairs.len() == 30));
+        let mut many = sets(4_500);
+        let error = complete(&mut many).expect_err("too many").to_string();
+        assert!(
+            error
+                .starts_with("run: 4500 files with 4500 records in all stand for 20245500 missing"),
+            "{error}"
+        );
+        assert!(many.iter().all(|set| set.pairs.len() == 1));
+        // A large run may miss as many as it likes of what it has begun.
+        assert!(!are_too_many(100_000_000, 5_000_000));
     }
 
     #[test]

@@ -385,7 +385,7 @@ pub(super) fn accuracies<'a>(
     rows
 }
 
-/// The paper's panel of AP bars of one portion, if any dataset belongs to it.
+/// The paper's panel of AP bars of one portion, if poses were estimated on any dataset that belongs to it.
 pub(super) fn ap_panel_figure(
     overview: &Overview<'_>,
     portion: Portion,
@@ -393,6 +393,7 @@ pub(super) fn ap_panel_figure(
 ) -> Option<String> {
     let columns: Vec<usize> = (0..overview.datasets.len())
         .filter(|&column| overview.portions[column] == portion)
+        .filter(|&column| overview.model(column) == Model::Pose)
         .collect();
     let numbers = sequence_numbers(&overview.datasets);
     let sequences: Vec<String> = columns
@@ -444,6 +445,18 @@ mod tests {
         assert!(svg.contains("AUC by which sift + ransac-e leads"), "{svg}");
         assert_eq!(svg.matches("class=\"rival").count(), 1, "{svg}");
         assert!(!svg.contains("best-h"), "{svg}");
+    }
+
+    #[test]
+    fn homographies_have_no_panel_of_correspondences_of_poses() {
+        let panel = |sets| {
+            let content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+            let overview = Overview::new(&content.summaries);
+            ap_panel_figure(&overview, overview.portions[0], Target::File)
+        };
+        let plane = homography_results("wall", "sift", 1.0);
+        assert_eq!(panel(vec![plane.clone()]), None);
+        assert!(panel(vec![plane, results("wall", "sift", 7)]).is_some());
     }
 
     #[test]

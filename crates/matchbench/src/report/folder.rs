@@ -11,7 +11,9 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 use serde_json::Value;
 
-use crate::files::{link_on_the_way, read_text, remove_leftovers_below, write_whole_file};
+use crate::files::{
+    link_on_the_way, read_text, refuse_link, refuse_links, remove_leftovers_below, write_whole_file,
+};
 use crate::metrics::{Angle, Model, Portion};
 
 use super::again::Again;
@@ -29,9 +31,6 @@ use super::svg::Target;
 use super::{
     Format, booktabs, citations, dataset_table, html, method, pairs_csv, parquet, render, vega,
 };
-
-/// Pixels of a PNG figure for each unit of its drawing: sharp on dense screens and in print.
-const PNG_SCALE: f32 = 2.0;
 
 /// Writes the report and returns the path of its page. Files of an earlier report are replaced, each in one
 /// step.
@@ -77,24 +76,15 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
         pairs_csv::render(&pairs).as_bytes(),
     )?;
     out.write(&tables.join("pairs.parquet"), &parquet::render(&pairs))?;
-    let drawings = Path::new("figures");
     figures(content, &overview)
         .into_par_iter()
         .try_for_each(|(name, svg, spec)| {
             out.write(
-                &drawings.join(format!("{name}.vl.json")),
+                Path::new(&format!("{FIGURES}/{name}.vl.json")),
                 format!("{spec:#}\n").as_bytes(),
             )?;
-            out.write(&drawings.join(format!("{name}.svg")), svg.as_bytes())?;
-            let (ending, bytes) = match png(&svg, PNG_SCALE) {
-                Ok(bytes) => ("png", bytes),
-                // The drawing itself is there.
-                Err(broken) => {
-                    let note = format!("{name}.svg cannot be drawn as PNG: {broken}\n");
-                    ("png.txt", note.into_bytes())
-                }
-            };
-            out.write(&drawings.join(format!("{name}.{ending}")), &bytes)
+            // A note of a missing picture stands beside the drawing.
+            out.write_drawing(&name, &svg).map(drop)
         })?;
     html::pair_pages(content, &overview)
         .into_par_iter()
@@ -104,12 +94,29 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
     Ok(folder.join("index.html"))
 }
 
+/// The same in a folder inside that of a run or of results. Nobody chose it, and the folder around it may come from
+/// somebody else, so it is refused if it is a link.
+///
+/// # Errors
+/// As [`write_report`].
+pub fn write_inner_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
+    refuse_link(folder)?;
+    write_report(folder, content)
+}
+
+/// The folder of the figures.
+const FIGURES: &str = "figures";
+/// Pixels of a PNG figure for each unit of its drawing: sharp on dense screens and in print.
+const PNG_SCALE: f32 = 2.0;
+
 /// The list of the files of a report, kept in its folder. A later report removes the listed files that it does
 /// not have.
 const LIST: &str = ".files";
 
-/// What every page of a report says, and every page of the paper.
-const OURS: [&str; 2] = ["matchbench", "MatchBench: tables and figures, run again"];
+/// What every page of a report says.
+const OF_REPORT: &str = "matchbench";
+/// What every page of the paper says, and no other.
+const OF_PAPER: &str = "MatchBench: tables and figures, run again";
 
 /// Writes the files of a report.
 pub(super) struct Pages<'a> {
@@ -121,8 +128,8 @@ impl<'a> Pages<'a> {
     /// Refuses a folder whose page is not a report, since that page would be overwritten.
     pub(super) fn new(folder: &'a Path) -> io::Result<Self> {
         let page = folder.join("index.html");
-        let is_report = |page: String| OURS.iter().any(|words| page.contains(words));
-        if !folder.join(LIST).exists() && read_text(&page).is_ok_and(|page| !is_report(page)) {
+        let is_other = |page: String| !page.contains(OF_REPORT) && !page.contains(OF_PAPER);
+        if !folder.join(LIST).exists() && read_text(&page).is_ok_and(is_other) {
             return Err(io::Error::new(
                 io::ErrorKind::AlreadyExists,
                 format!("{} is no report; write into another folder", page.display()),
@@ -135,12 +142,12 @@ impl<'a> Pages<'a> {
         })
     }
 
-    /// Refuses the folder if one of the files that will be written there is somebody else's: no earlier report
-    /// listed it. In a folder without a list all are taken for ours if its page is, since early versions wrote
-    /// no list.
+    /// Refuses the folder if one of the files of a paper that will be written there is somebody else's: no earlier
+    /// paper listed it. In a folder without a list all are taken for ours if its page is that of a paper, since early
+    /// versions wrote no list.
     pub(super) fn refuse_others(&self, names: &[&str]) -> io::Result<()> {
-        let list = self.folder.join(LIST);
-        if !list.exists() && self.folder.join("index.html").exists() {
+        let (list, page) = (self.folder.join(LIST), self.folder.join("index.html"));
+        if !list.exists() && read_text(&page).is_ok_and(|page| page.contains(OF_PAPER)) {
             return Ok(());
         }
         let earlier = read_text(&list).unwrap_or_default();
@@ -177,6 +184,21 @@ impl<'a> Pages<'a> {
         Ok(())
     }
 
+    /// Writes the figure `name` as the drawing that it is, and as PNG. Where that cannot be made, a note is in its
+    /// place, and is returned.
+    pub(super) fn write_drawing(&self, name: &str, svg: &str) -> io::Result<Option<String>> {
+        let file = |ending: &str| PathBuf::from(format!("{FIGURES}/{name}.{ending}"));
+        self.write(&file("svg"), svg.as_bytes())?;
+        match png(svg, PNG_SCALE) {
+            Ok(bytes) => self.write(&file("png"), &bytes).map(|()| None),
+            Err(broken) => {
+                let note = format!("{name}.svg cannot be drawn as PNG: {broken}");
+                self.write(&file("png.txt"), format!("{note}\n").as_bytes())?;
+                Ok(Some(note))
+            }
+        }
+    }
+
     /// Removes the files of the earlier report that this one does not have, such as pages of pairs that are not
     /// shown any more. Files that no report listed belong to somebody else, and stay.
     pub(super) fn remove_earlier(self) -> io::Result<()> {
@@ -206,10 +228,7 @@ fn write_list<'n>(folder: &Path, names: impl IntoIterator<Item = &'n str>) -> io
 /// Writes a file of a report. Folders of reports can come from other people, so a file that a link in such a
 /// folder leads to must not be overwritten.
 fn write_own(folder: &Path, name: &Path, contents: &[u8]) -> io::Result<()> {
-    if let Some(link) = link_on_the_way(folder, name) {
-        let what = format!("cannot write {}: it is a link; delete it", link.display());
-        return Err(io::Error::other(what));
-    }
+    refuse_links(folder, name)?;
     write_whole_file(&folder.join(name), contents)
 }
 

@@ -59,7 +59,7 @@ pub use content::{Content, RunFacts};
 pub use dataset_facts::DatasetFacts;
 pub use difference::{Duel, Side};
 pub use difference_files::write_differences;
-pub use folder::write_report;
+pub use folder::{write_inner_report, write_report};
 pub use leaderboard::{Group, Leaderboard, Refused, Row, Source, leaderboard};
 pub use leaderboard_files::write_leaderboard;
 pub use of_results::of_results;

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use super::bundle::write_bundle;
 use super::content::{Content, RunFacts};
 use super::dataset_facts::DatasetFacts;
-use super::folder::write_report;
+use super::folder::{write_inner_report, write_report};
 use super::outside::outside;
 use super::paper::{PaperTimes, write_paper};
 use super::pictures::{self, Keypoints};
@@ -93,12 +93,11 @@ pub fn paper_of_run(
     times: &PaperTimes,
     folder: &Path,
 ) -> Result<Reported, ReportError> {
-    let (content, notes) = content_of_run(run, options)?;
-    write_report(&folder.join("report"), &content)?;
-    Ok(Reported {
-        page: write_paper(folder, &content, times)?,
-        notes,
-    })
+    let (content, mut notes) = content_of_run(run, options)?;
+    write_inner_report(&folder.join("report"), &content)?;
+    let (page, missing) = write_paper(folder, &content, times)?;
+    notes.extend(missing);
+    Ok(Reported { page, notes })
 }
 
 /// The content of the report of a run, and what is missing in it and why, in sentences.
@@ -156,8 +155,10 @@ fn write(run: &RunFolder, options: &ReportOptions<'_>, content: &Content) -> io:
     if let Some(file) = options.bundle {
         return write_bundle(file, content);
     }
-    let out = (options.out).map_or_else(|| run.default_report(), Path::to_path_buf);
-    write_report(&out, content)
+    match options.out {
+        Some(out) => write_report(out, content),
+        None => write_inner_report(&run.default_report(), content),
+    }
 }
 
 fn facts(run: &RunFolder) -> Result<RunFacts, FolderError> {

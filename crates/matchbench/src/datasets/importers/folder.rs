@@ -11,9 +11,12 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
 
-use super::{ImportOptions, Imported, base_name, given_camera, images_left_out, note_of};
+use super::{
+    ImportOptions, Imported, base_name, given_camera, images_left_out, in_other_formats, note_of,
+    unread_images, unread_left_out,
+};
 use crate::counted::counted;
-use crate::datasets::images::{image_files, unread_image_files};
+use crate::datasets::images::image_files;
 use crate::datasets::text::TextFile;
 use crate::datasets::trajectory::{parse_kitti, parse_tum, parse_tum_lines};
 use crate::datasets::{About, DatasetError, Frame};
@@ -28,9 +31,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     })?;
     let folder = folder_of_images(src);
     let images = image_files(&folder)?;
-    let unread: Vec<String> = (unread_image_files(&folder, &images)?.iter())
-        .map(|image| base_name(image))
-        .collect();
+    let unread = unread_images(&folder, &images)?;
     let file = options
         .poses
         .clone()
@@ -46,7 +47,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     }
     let notes = [
         images_left_out("without a pose", &left_out),
-        note_of(&format!("left out: {}", in_other_formats(&unread)), &unread),
+        unread_left_out(&unread),
     ];
     Ok(Imported {
         about: About {
@@ -63,11 +64,6 @@ fn folder_of_images(src: &Path) -> PathBuf {
     (inside.into_iter())
         .find(|folder| folder.is_dir())
         .unwrap_or_else(|| src.to_owned())
-}
-
-fn in_other_formats(unread: &[String]) -> String {
-    let count = counted(unread.len(), "image");
-    format!("{count} in formats that are not read")
 }
 
 /// The pose of every image; beside the images are others, `unread`.

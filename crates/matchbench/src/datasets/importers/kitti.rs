@@ -12,7 +12,10 @@ use std::path::{Path, PathBuf};
 use matchbench_vision::geometry::Camera;
 use nalgebra::Matrix3;
 
-use super::{ImportOptions, Imported, base_name, given_camera, images_left_out};
+use super::{
+    ImportOptions, Imported, base_name, given_camera, images_left_out, unread_images,
+    unread_left_out,
+};
 use crate::counted::counted;
 use crate::datasets::images::image_files;
 use crate::datasets::text::{self, TextFile};
@@ -29,7 +32,9 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let poses = parse_kitti(&TextFile::read(&poses_file(src, &number))?)?;
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
-    for image in image_files(&folder.join("image_0"))? {
+    let images = image_files(&folder.join("image_0"))?;
+    let unread = unread_images(&folder.join("image_0"), &images)?;
+    for image in images {
         let stem = image.file_stem().unwrap_or_default().to_string_lossy();
         let pose = stem.parse().ok().and_then(|i: usize| poses.get(i));
         match pose {
@@ -37,8 +42,9 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             Some(&pose) => frames.push(Frame::with_pose(image, camera, pose)),
         }
     }
-    let mut notes: Vec<_> = images_left_out("without a pose", &left_out)
+    let mut notes: Vec<String> = images_left_out("without a pose", &left_out)
         .into_iter()
+        .chain(unread_left_out(&unread))
         .collect();
     if frames.len() < poses.len() {
         notes.push(format!(

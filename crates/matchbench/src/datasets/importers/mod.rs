@@ -27,13 +27,14 @@ mod zeb;
 
 use crate::counted::counted;
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::Camera;
 
 pub use once::import_once;
 pub use options::{ImportOption, ImportOptions};
 
+use super::images::unread_image_files;
 use super::listed::is_there;
 use super::native::parse_camera;
 use super::pairs::{covisible, with_poses};
@@ -440,6 +441,22 @@ fn source_name(path: &Path, scene: Option<&Scene>) -> String {
 fn images_left_out(why: &str, images: &[String]) -> Option<String> {
     let count = counted(images.len(), "image");
     note_of(&format!("left out: {count} {why}"), images)
+}
+
+/// Names of the images of a folder that are not among its `images`, since their formats are not read.
+fn unread_images(folder: &Path, images: &[PathBuf]) -> Result<Vec<String>, DatasetError> {
+    let unread = unread_image_files(folder, images)?;
+    Ok(unread.iter().map(|image| base_name(image)).collect())
+}
+
+/// "left out: 3 images in formats that are not read (a, b, c)", if there is any.
+fn unread_left_out(unread: &[String]) -> Option<String> {
+    note_of(&format!("left out: {}", in_other_formats(unread)), unread)
+}
+
+fn in_other_formats(unread: &[String]) -> String {
+    let count = counted(unread.len(), "image");
+    format!("{count} in formats that are not read")
 }
 
 /// "`what` (a, b, ...)", if there is any.

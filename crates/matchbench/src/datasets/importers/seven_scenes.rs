@@ -19,7 +19,10 @@ use std::path::{Path, PathBuf};
 use matchbench_vision::geometry::Camera;
 use nalgebra::Isometry3;
 
-use super::{ImportOptions, Imported, base_name, given_camera, images_left_out};
+use super::{
+    ImportOptions, Imported, base_name, given_camera, images_left_out, unread_images,
+    unread_left_out,
+};
 use crate::counted::counted;
 use crate::datasets::images::image_files;
 use crate::datasets::text::{self, TextFile};
@@ -27,6 +30,9 @@ use crate::datasets::{About, DatasetError, DepthFile, DepthUnit, Frame};
 
 /// Nominal calibration of the Kinect's colour camera at 640x480.
 const KINECT_COLOR: Camera = Camera::pinhole(525.0, 525.0, 320.0, 240.0);
+
+/// What stands in the names of colour images, between their number and their ending.
+const COLOR: &str = ".color.";
 
 const DEPTH: DepthUnit = DepthUnit {
     invalid: Some(65535),
@@ -52,9 +58,12 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let camera = given.unwrap_or(KINECT_COLOR);
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
-    for image in image_files(&folder)? {
+    let images = image_files(&folder)?;
+    let mut unread = unread_images(&folder, &images)?;
+    unread.retain(|name| name.contains(COLOR));
+    for image in images {
         let name = base_name(&image);
-        let Some((stem, _)) = name.split_once(".color.") else {
+        let Some((stem, _)) = name.split_once(COLOR) else {
             continue; // depth images lie beside
         };
         let file = folder.join(format!("{stem}.pose.txt"));
@@ -68,6 +77,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         }
     }
     notes.extend(images_left_out("whose pose is not finite", &left_out));
+    notes.extend(unread_left_out(&unread));
     Ok(Imported {
         about: About {
             origin: format!("7-Scenes, {}", base_name(&folder)),

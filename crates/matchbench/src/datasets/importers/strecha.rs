@@ -13,7 +13,7 @@ use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Matrix3};
 
 use super::list::check_camera_size;
-use super::{ImportOptions, Imported, base_name, images_left_out};
+use super::{ImportOptions, Imported, base_name, images_left_out, unread_images, unread_left_out};
 use crate::counted::counted;
 use crate::datasets::images::image_files;
 use crate::datasets::native::parse_camera;
@@ -34,7 +34,9 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let places = [folder.clone(), src.join("gt_dense_cameras"), src.to_owned()];
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
-    for image in image_files(&folder)? {
+    let images = image_files(&folder)?;
+    let unread = unread_images(&folder, &images)?;
+    for image in images {
         let Some(file) = camera_file(&image, &places) else {
             left_out.push(base_name(&image));
             continue;
@@ -47,9 +49,13 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     Ok(Imported {
         about: About {
             origin: format!("Strecha et al. 2008, {}", base_name(src)),
-            notes: images_left_out("without a .camera file", &left_out)
-                .into_iter()
-                .collect(),
+            notes: [
+                images_left_out("without a .camera file", &left_out),
+                unread_left_out(&unread),
+            ]
+            .into_iter()
+            .flatten()
+            .collect(),
             ..About::default()
         },
         ..Imported::of(frames)

@@ -172,6 +172,7 @@ fn kitti_takes_the_pose_with_the_number_of_the_image() {
     let calib = "P0: 20 0 12 0 0 20 8 0 0 0 1 0\nP1: 1\n";
     let files = [
         ("sequences/06/image_0/000000.png", ""),
+        ("sequences/06/image_0/000001.gif", ""),
         ("sequences/06/image_0/000002.png", ""),
         ("sequences/06/image_0/000003.png", ""),
         ("sequences/06/calib.txt", calib),
@@ -190,8 +191,10 @@ fn kitti_takes_the_pose_with_the_number_of_the_image() {
         found.about.notes[0],
         "left out: 1 image without a pose (000003.png)"
     );
+    let unread = "left out: 1 image in formats that are not read (000001.gif)";
+    assert_eq!(found.about.notes[1], unread);
     assert!(
-        found.about.notes[2].starts_with("times.txt has 7 lines"),
+        found.about.notes[3].starts_with("times.txt has 7 lines"),
         "{:?}",
         found.about.notes
     );
@@ -223,6 +226,7 @@ fn strecha_gives_each_image_its_camera() {
         ("images/0000.png", ""),
         ("images/0001.png", ""),
         ("images/0002.png", ""),
+        ("images/0003.jp2", ""),
         ("images/0000.png.camera", first.as_str()),
         ("gt_dense_cameras/0001.png.camera", second.as_str()),
     ];
@@ -234,6 +238,7 @@ fn strecha_gives_each_image_its_camera() {
         found.about.notes[0].starts_with("left out: ")
             && found.about.notes[0].ends_with(" (0002.png)")
     );
+    assert!(found.about.notes[1].ends_with("are not read (0003.jp2)"));
     // Cameras that differ stand in dataset.toml.
     let out = folder.path().join("05");
     import("strecha", &src, &out, &ImportOptions::default()).unwrap();
@@ -260,6 +265,8 @@ fn seven_scenes_skips_lost_poses() {
         ("seq-01/frame-000000.color.png", ""),
         ("seq-01/frame-000000.depth.png", ""),
         ("seq-01/frame-000000.pose.txt", pose),
+        ("seq-01/frame-000002.color.jxl", ""),
+        ("seq-01/frame-000002.depth.pfm", ""),
         ("seq-01/frame-000001.color.png", ""),
         ("seq-01/frame-000001.pose.txt", lost.as_str()),
     ];
@@ -275,6 +282,7 @@ fn seven_scenes_skips_lost_poses() {
         found.about.notes[1].starts_with("left out: ")
             && found.about.notes[1].ends_with(" (frame-000001.color.png)")
     );
+    assert!(found.about.notes[2].ends_with("are not read (frame-000002.color.jxl)"));
     fs::create_dir(src.join("seq-02")).unwrap();
     assert!(
         read("7scenes", &src)

@@ -21,6 +21,7 @@ use points::{Known, NEAR, SOUND, mistake, share_near};
 use crate::counted::counted;
 use crate::datasets::rendered::{self, World, scenes};
 use crate::datasets::{DatasetError, Sequence, Truth, read_size};
+use crate::files::TemporaryFolder;
 
 use super::answer::{Matched, Times};
 use super::log::Log;
@@ -87,7 +88,8 @@ pub fn check(
             "store the images turned and import them again",
         ));
     }
-    let folder = tempfile::tempdir().map_err(|error| unwritable(&std::env::temp_dir(), &error))?;
+    let folder =
+        TemporaryFolder::new().map_err(|error| unwritable(&std::env::temp_dir(), &error))?;
     let start = Instant::now();
     let kind = manifest.kind;
     let external = match External::start(manifest, log) {

@@ -196,8 +196,12 @@ impl Merging<'_> {
                     merged.tasks += 1;
                     merged.failed += u64::from(has_failed(&record));
                     is_noted |= !has_failed(&record) || record.counts.selected > 0;
-                    if let Some(file) = &mut shard.entries {
-                        self.entry(index, file, &record, &mut entries)?;
+                    if let Some(file) = &mut shard.entries
+                        && let Some(entry) = self.entry(index, files.matcher, file, &record)?
+                    {
+                        // Whatever broke, there were matches, if only none.
+                        is_noted = true;
+                        entries.write(&entry)?;
                     }
                 }
                 if let Some((a, b)) = pair {
@@ -218,32 +222,33 @@ impl Merging<'_> {
         Ok(merged)
     }
 
-    /// Writes the matches that belong to a record, if it has any.
+    /// The entry of the matches that belong to a record of a matcher, if it has any.
     fn entry(
         &self,
         shard: usize,
+        matcher: &MatcherPlan,
         file: &mut EntryFile,
         record: &RunRecord,
-        out: &mut Output,
-    ) -> Result<(), ShardError> {
+    ) -> Result<Option<Vec<u8>>, ShardError> {
         let must_be = match (self.plan.keep_matches(), &record.outcome) {
             // Without a selection there are none.
             (KeepMatches::All, Outcome::Failed { .. }) => false,
             (KeepMatches::All, _) => true,
             (_, outcome) if outcome.is_estimate() => true,
-            _ => return Ok(()),
+            _ => return Ok(None),
         };
-        // What broke after the selection has some: an estimator, the depth, the size of an image.
-        let is_likely = must_be || record.counts != Counts::default();
+        // What broke after the selection has some: an estimator, the depth, the size of an image. A matcher from
+        // outside may have found no matches then, and need not tell how many features there were.
+        let is_likely =
+            must_be || record.counts != Counts::default() || matcher.extraction.is_none();
         let Task {
             a, b, repetition, ..
         } = record.task;
         match file.take((a, b, repetition), is_likely)? {
-            Some(entry) => Ok(out.write(&entry)?),
             None if must_be => {
                 Err(self.broken(shard, &format!("it has lost the matches of {a} {b}")))
             }
-            None => Ok(()),
+            entry => Ok(entry),
         }
     }
 

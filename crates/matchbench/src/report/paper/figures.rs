@@ -9,8 +9,6 @@ use super::super::overview::Overview;
 use super::super::svg::{Target, gallery, stack};
 use super::published::{SEQUENCES, SHORT};
 
-/// Pixels of a PNG for each unit of its drawing.
-pub(super) const PNG_SCALE: f32 = 2.0;
 /// Panels side by side.
 const COLUMNS: usize = 2;
 /// Pictures of sequences side by side.

@@ -73,7 +73,7 @@ fn bold_if(bold: bool, text: String) -> String {
 }
 
 /// A document that shows tables and figures; they stand beside it.
-pub(super) fn document(sheets: &[Sheet], figures: &[PaperFigure]) -> String {
+pub(super) fn document(sheets: &[Sheet], figures: &[&PaperFigure]) -> String {
     let mut text = String::from(
         "\\documentclass{article}\n\\usepackage[a4paper,margin=2cm]{geometry}\n\\usepackage{graphicx}\n\
          \\usepackage{xcolor}\n\\definecolor{green}{rgb}{0,0.6,0}\n\\begin{document}\n\

@@ -5,6 +5,7 @@
 //! | `index.html` | a page with all of it |
 //! | `tables/table{1,2,3}.{tex,csv}` | sequences, AUC, times |
 //! | `figures/figure{1,2,3}.{svg,png}` | the sequences; SP curves and AP bars of the two portions |
+//! | `figures/figure{1,2,3}.png.txt` | why a PNG could not be drawn, in its place |
 //! | `paper.tex` | a document of these, for LaTeX |
 //!
 //! The paper has its curves only as drawings, so figures show ours alone.
@@ -22,9 +23,9 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use self::figures::PaperFigure;
 use super::csv::field;
 use super::folder::Pages;
-use super::raster::png;
 use super::{Content, MatcherTimes};
 
 /// The content of Table 3, and how it was measured.
@@ -88,7 +89,7 @@ const NOTHING: &str = "/";
 const RANKS: [&str; 3] = ["red", "green", "blue"];
 
 /// All files that a paper can have.
-const FILES: [&str; 14] = [
+const FILES: [&str; 17] = [
     "index.html",
     "paper.tex",
     "tables/table1.tex",
@@ -99,10 +100,13 @@ const FILES: [&str; 14] = [
     "tables/table3.csv",
     "figures/figure1.svg",
     "figures/figure1.png",
+    "figures/figure1.png.txt",
     "figures/figure2.svg",
     "figures/figure2.png",
+    "figures/figure2.png.txt",
     "figures/figure3.svg",
     "figures/figure3.png",
+    "figures/figure3.png.txt",
 ];
 
 /// Refuses a folder in which [`write_paper`] would replace files that are not of an earlier paper.
@@ -113,12 +117,27 @@ pub fn check_paper_folder(folder: &Path) -> io::Result<()> {
     Pages::new(folder)?.refuse_others(&FILES)
 }
 
-/// Writes tables, figures, page and document into `folder`, and returns the path of the page. The page links to
-/// the complete report of the run at `report/index.html` in this folder. Files of an earlier paper are replaced.
+/// Writes tables, figures, page and document into `folder`, and returns the path of the page, and what is missing and
+/// why, in sentences. The page links to the complete report of the run at `report/index.html` in this folder. Files of
+/// an earlier paper are replaced.
 ///
 /// # Errors
 /// A file that cannot be written, or that is there and not of an earlier paper.
-pub fn write_paper(folder: &Path, content: &Content, times: &PaperTimes) -> io::Result<PathBuf> {
+pub fn write_paper(
+    folder: &Path,
+    content: &Content,
+    times: &PaperTimes,
+) -> io::Result<(PathBuf, Vec<String>)> {
+    write_figures(folder, content, times, &figures::all(content))
+}
+
+/// The same with these figures. One that cannot be drawn as PNG is not in the document, which needs that.
+fn write_figures(
+    folder: &Path,
+    content: &Content,
+    times: &PaperTimes,
+    figures: &[PaperFigure],
+) -> io::Result<(PathBuf, Vec<String>)> {
     let out = Pages::new(folder)?;
     out.claim(&FILES)?;
     let write = |name: &str, contents: &[u8]| out.write(Path::new(name), contents);
@@ -132,17 +151,20 @@ pub fn write_paper(folder: &Path, content: &Content, times: &PaperTimes) -> io::
         write(&file("tex"), latex::table(sheet).as_bytes())?;
         write(&file("csv"), csv(sheet).as_bytes())?;
     }
-    let figures = figures::all(content);
-    figures.par_iter().try_for_each(|figure| {
-        let file = |ending: &str| format!("figures/{}.{ending}", figure.name);
-        write(&file("svg"), figure.svg.as_bytes())?;
-        write(&file("png"), &png(&figure.svg, figures::PNG_SCALE)?)
-    })?;
-    write("paper.tex", latex::document(&sheets, &figures).as_bytes())?;
-    let page = page::render(&sheets, &figures);
+    let notes: Vec<Option<String>> = (figures.par_iter())
+        .map(|figure| out.write_drawing(figure.name, &figure.svg))
+        .collect::<io::Result<_>>()?;
+    let drawn: Vec<&PaperFigure> = (figures.iter().zip(&notes))
+        .filter_map(|(figure, note)| note.is_none().then_some(figure))
+        .collect();
+    write("paper.tex", latex::document(&sheets, &drawn).as_bytes())?;
+    let page = page::render(&sheets, figures);
     write("index.html", page.as_bytes())?;
     out.remove_earlier()?;
-    Ok(folder.join("index.html"))
+    Ok((
+        folder.join("index.html"),
+        notes.into_iter().flatten().collect(),
+    ))
 }
 
 /// One line per cell: row, column, ours, published. A missing number is an empty field.
@@ -241,7 +263,8 @@ mod tests {
     #[test]
     fn everything_is_written_and_names_are_text() {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let page = write_paper(folder.path(), &scores(), &times()).expect("it is ours");
+        let (page, notes) = write_paper(folder.path(), &scores(), &times()).expect("it is ours");
+        assert_eq!(notes, [""; 0]);
         let html = std::fs::read_to_string(page).expect("just written");
         assert!(html.contains("a &lt;machine&gt;") && !html.contains("<machine>"));
         for file in [
@@ -260,6 +283,31 @@ mod tests {
         assert!(names(&short).eq(["figure2", "figure3"]));
         let nothing = write_paper(folder.path(), &Content::default(), &PaperTimes::default());
         assert!(nothing.is_ok());
+    }
+
+    #[test]
+    fn a_picture_that_cannot_be_drawn_is_left_out_and_noted() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let mut figures = figures::all(&content(&[
+            ("01-office", "sift", 4),
+            ("05-castle", "sift", 4),
+        ]));
+        figures[0].svg = "no drawing".into();
+        let written = write_figures(folder.path(), &scores(), &times(), &figures);
+        let (page, notes) = written.expect("all the rest is there");
+        let [note] = &notes[..] else {
+            panic!("{notes:?}")
+        };
+        assert!(
+            note.starts_with("figure2.svg cannot be drawn as PNG"),
+            "{note}"
+        );
+        let read = |name: &str| std::fs::read_to_string(folder.path().join(name));
+        assert!(read("figures/figure2.png.txt").is_ok_and(|text| text.contains(note)));
+        assert!(page.is_file() && folder.path().join("figures/figure3.png").is_file());
+        let document = read("paper.tex").expect("a document");
+        assert!(document.contains("figure3.png") && !document.contains("figure2.png"));
+        assert!(check_paper_folder(folder.path()).is_ok());
     }
 
     #[test]
@@ -287,7 +335,15 @@ mod tests {
         // Every name is known before it is written.
         let listed = std::fs::read_to_string(at(".files")).expect("a list");
         assert!(listed.lines().all(|name| FILES.contains(&name)), "{listed}");
-        // A folder of an earlier version, which kept no list.
+        // Nor is a report a paper, in a folder of an earlier version, which kept no list.
+        let report = tempfile::tempdir().expect("a temporary folder");
+        let theirs = report.path().join("paper.tex");
+        super::super::write_report(report.path(), &short).expect("nothing is in the way");
+        std::fs::remove_file(report.path().join(".files")).expect("it is there");
+        std::fs::write(&theirs, "mine").expect("writable");
+        let told = check_paper_folder(report.path()).expect_err("it is not ours");
+        assert!(told.to_string().contains("is not of an earlier"), "{told}");
+        // A paper of such a version.
         std::fs::remove_file(at(".files")).expect("it is there");
         std::fs::write(at("notes.txt"), "mine").expect("writable");
         write_paper(folder.path(), &short, &times()).expect("its page is ours");

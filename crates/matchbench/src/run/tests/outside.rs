@@ -14,8 +14,10 @@ use crate::matchers::{
 
 /// The same matches for all pairs, but for those that it fails over and the one that it ends at.
 #[derive(Default)]
-struct Flaky {
+pub(super) struct Flaky {
     fails: Vec<[u32; 2]>,
+    /// Pairs that it has no matches of, and tells no features.
+    empty: Vec<[u32; 2]>,
     ends: Option<[u32; 2]>,
     /// How often it was asked.
     asked: Arc<AtomicUsize>,
@@ -31,13 +33,14 @@ impl PointSource for Flaky {
             return Err(SourceError::Pair("as the test wants".into()));
         }
         let mut points = MatchedPoints::default();
-        for x in 0..40 {
+        let is_empty = self.empty.contains(&pair.frames);
+        for x in 0..if is_empty { 0 } else { 40 } {
             let at = Point2::new(f64::from(x % 8), f64::from(x / 8));
             points.push(at, at, 0.5);
         }
         Ok(SourcedMatches {
             points,
-            features: [50, 60],
+            features: if is_empty { [0; 2] } else { [50, 60] },
             putative: None,
             seconds: SourceSeconds {
                 matching: Some(0.25),
@@ -50,7 +53,15 @@ impl PointSource for Flaky {
 }
 
 impl Flaky {
-    fn contender(self) -> Contender {
+    pub(super) fn on(fails: &[[u32; 2]], empty: &[[u32; 2]]) -> Self {
+        Self {
+            fails: fails.into(),
+            empty: empty.into(),
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn contender(self) -> Contender {
         self.with(&["first", "second"])
     }
 

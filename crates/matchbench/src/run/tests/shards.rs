@@ -1,7 +1,8 @@
 //! Shards, merged, are the run of one machine.
 
+use super::outside::Flaky;
 use super::*;
-use crate::datasets::DatasetError;
+use crate::datasets::{DatasetError, DepthFile, DepthUnit};
 use crate::records::shards::{Asked, Merged, Part, merge};
 use crate::records::{KeepMatches, ShardError, ShardPlan};
 
@@ -179,6 +180,37 @@ fn a_shard_that_was_stopped_torn_and_mended_elsewhere_comes_to_the_same() {
     let copies = [bench.path("node"), bench.path("plan")];
     merge(&plan, &bench.path("plan"), &copies, &bench.path("merged")).unwrap();
     assert!(bench.results("merged") == bench.results("single"));
+}
+
+#[test]
+fn a_source_that_failed_and_then_found_nothing_is_merged() {
+    // What it finds of this pair, and of some others, fails, since their depth cannot be read.
+    let pair = [0, 1];
+    let mut bench = Bench::new(Vec::new());
+    for frame in &mut bench.datasets[0].sequence.frames[..2] {
+        frame.depth = Some(DepthFile {
+            path: "nowhere.png".into(),
+            unit: DepthUnit::MILLIMETRES,
+        });
+    }
+    bench.contenders = vec![Flaky::on(&[pair], &[]).contender()];
+    let plan = bench.plan("plan", 2, KeepMatches::All);
+    bench.shards(&plan, "plan", [1, 2]);
+    bench.contenders = vec![Flaky::on(&[], &[pair]).contender()];
+    // Its matches, none, come behind those of the other pairs.
+    bench.shards(&plan, "plan", [1, 2]);
+    let merged = merge(&plan, &bench.path("plan"), &[], &bench.path("merged")).unwrap();
+    let single = bench.work(KeepMatches::All, "single", None, &Stop::never());
+    assert!(single.failed > 0 && merged.failed == single.failed as u64);
+    let but_for_devices = |name| {
+        let (mut records, others) = bench.results(name);
+        // What was tried again with matches that were stored has none.
+        for record in &mut records {
+            record.device = None;
+        }
+        (records, others)
+    };
+    assert!(but_for_devices("merged") == but_for_devices("single"));
 }
 
 #[test]
