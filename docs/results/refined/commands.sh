@@ -1,0 +1,21 @@
+#!/bin/sh
+# freiburg3_long_office_household of TUM RGB-D and castle-P30 of Strecha et al., imported as tum and castle (docs/results says how).
+set -e
+refined() { for id in "$@"; do echo "--set $id.refine=true"; done; }
+all="sift rootsift surf orb brisk akaze adalam adalam-asift"
+for scene in object-wide office-wide facade; do
+    matchbench import rendered $scene $scene
+done
+matchbench run tum --matchers "$(echo $all | tr ' ' ,)" --estimator ransac-e,best --repeat 5 --out runs/tum-plain
+matchbench run tum --matchers "$(echo $all | tr ' ' ,)" --estimator ransac-e,best --repeat 5 $(refined $all) --out runs/tum-refined
+matchbench run castle --matchers sift,orb --estimator ransac-e,best --repeat 5 --out runs/castle-plain
+matchbench run castle --matchers sift,orb --estimator ransac-e,best --repeat 5 $(refined sift orb) --out runs/castle-refined
+matchbench run object-wide office-wide facade --matchers sift,orb,akaze --estimator best --repeat 3 --out runs/rendered-plain
+matchbench run object-wide office-wide facade --matchers sift,orb,akaze --estimator best --repeat 3 $(refined sift orb akaze) --out runs/rendered-refined
+matchbench compare runs/tum-plain runs/tum-refined
+matchbench compare runs/castle-plain runs/castle-refined
+matchbench compare runs/rendered-plain runs/rendered-refined
+matchbench import oxford oxford oxf
+matchbench run oxf --matchers sift,orb,akaze --estimator ransac-h,best-h --repeat 5 --out runs/oxf-plain
+matchbench run oxf --matchers sift,orb,akaze --estimator ransac-h,best-h --repeat 5 $(refined sift orb akaze) --out runs/oxf-refined
+matchbench compare runs/oxf-plain runs/oxf-refined
