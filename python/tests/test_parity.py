@@ -125,3 +125,11 @@ def test_the_command_is_the_program():
     assert listed.returncode == 0 and "repmatch" in listed.stdout
     assert command("rnu").returncode == 1
     assert command("--version").stdout.startswith("matchbench")
+
+
+def test_refined_matches_are_the_same_at_other_places(images):
+    plain, refined = (mb.matcher("orb", **params).match(*images) for params in ({}, {"refine": True}))
+    assert np.array_equal(plain.indices, refined.indices)
+    assert np.array_equal(plain.points_a, refined.points_a)
+    moved = np.linalg.norm(plain.points_b - refined.points_b, axis=1)
+    assert (moved > 0).mean() > 0.5 and np.median(moved) < 2
