@@ -47,7 +47,7 @@ fn build_resized(
     let (sizes, own) = take_sizes(params);
     let mut built = entry
         .build(own.as_ref())
-        .map_err(|error| unknown_of_extractor(entry, own.as_ref()).unwrap_or(error))?;
+        .map_err(|error| unknown(entry, own.as_ref()).unwrap_or(error))?;
     let refused = |reason: String| ConfigError::new(entry.id(), reason);
     let (name, given) = match &sizes[..] {
         [] => return Ok(built),
@@ -84,16 +84,25 @@ pub const REFINE: &str = "refine";
 /// Names of the parameters that set the size of the images.
 pub const SIZES: [&str; 2] = ["max_size", "size"];
 
-/// The error for the first unknown parameter of the extractor. The error of the entry alone would not list
-/// [`SIZES`].
-fn unknown_of_extractor(entry: &dyn MatcherEntry, own: Option<&Value>) -> Option<ConfigError> {
-    let given = own?.get("extractor")?.as_object()?;
-    let defaults = entry.defaults();
-    let known = defaults.get("extractor").and_then(Value::as_object);
-    let known = known.into_iter().flatten().map(|(name, _)| &**name);
-    let known: Vec<&str> = known.chain(SIZES).collect();
-    let look_up = |wanted: &String| config::find("`extractor` parameter", &known, |n| n, wanted);
-    let unknown = given.keys().find_map(|name| look_up(name).err())?;
+/// The error for the first unknown parameter, of the entry or of its extractor. The error of the entry alone would not
+/// list those that all matchers have.
+fn unknown(entry: &dyn MatcherEntry, own: Option<&Value>) -> Option<ConfigError> {
+    const EXTRACTOR: &str = "extractor";
+    let (own, mut defaults) = (own?, entry.defaults());
+    let of_extractor = defaults[EXTRACTOR].take();
+    let first = |what, given: &Value, known: &Value, of_all: &[&'static str]| {
+        let known = known.as_object().into_iter().flatten();
+        let known = known.map(|(name, _)| &**name);
+        let known: Vec<&str> = known.chain(of_all.iter().copied()).collect();
+        let look_up = |wanted: &String| config::find(what, &known, |n| n, wanted).err();
+        given.as_object()?.keys().find_map(look_up)
+    };
+    let of_part = || {
+        let given = own.get(EXTRACTOR)?;
+        first("`extractor` parameter", given, &of_extractor, &SIZES)
+    };
+    // `extractor` is there now, whether it was or not.
+    let unknown = first("parameter", own, &defaults, &[REFINE]).or_else(of_part)?;
     Some(ConfigError::new(entry.id(), unknown))
 }
 

@@ -477,6 +477,9 @@ mod tests {
             }
             let wrong = given(json!("yes")).err().unwrap().to_string();
             assert!(wrong.ends_with("must be true or false"), "{wrong}");
+            let misspelt = build(*entry, Some(&json!({"refin": true}))).err().unwrap();
+            let misspelt = misspelt.to_string();
+            assert!(misspelt.contains("did you mean `refine`?"), "{misspelt}");
         }
     }
 

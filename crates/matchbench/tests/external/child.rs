@@ -25,7 +25,9 @@ fn child() {
         .create(true)
         .open(starts))
     .expect("can be written");
-    writeln!(starts, "{}", std::process::id()).expect("can be written");
+    // At once, since others write there too.
+    let line = format!("{}\n", std::process::id());
+    starts.write_all(line.as_bytes()).expect("can be written");
     eprintln!("loading weights ...");
     // The harness may have begun a line.
     println!("\nnoise {{\"no\": \"type\"}}\n{{\"no\": \"type\"}}");
