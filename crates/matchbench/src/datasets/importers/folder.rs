@@ -12,11 +12,10 @@ use std::path::{Path, PathBuf};
 use nalgebra::Isometry3;
 
 use super::{
-    ImportOptions, Imported, base_name, given_camera, images_left_out, in_other_formats, note_of,
-    unread_images, unread_left_out,
+    ImportOptions, Imported, base_name, given_camera, images_and_unread, images_left_out,
+    in_other_formats, note_of, unread_left_out,
 };
 use crate::counted::counted;
-use crate::datasets::images::image_files;
 use crate::datasets::text::TextFile;
 use crate::datasets::trajectory::{parse_kitti, parse_tum, parse_tum_lines};
 use crate::datasets::{About, DatasetError, Frame};
@@ -30,8 +29,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         )
     })?;
     let folder = folder_of_images(src);
-    let images = image_files(&folder)?;
-    let unread = unread_images(&folder, &images)?;
+    let (images, unread) = images_and_unread(&folder)?;
     let file = options
         .poses
         .clone()

@@ -13,11 +13,10 @@ use matchbench_vision::geometry::Camera;
 use nalgebra::Matrix3;
 
 use super::{
-    ImportOptions, Imported, base_name, given_camera, images_left_out, unread_images,
+    ImportOptions, Imported, base_name, given_camera, images_and_unread, images_left_out,
     unread_left_out,
 };
 use crate::counted::counted;
-use crate::datasets::images::image_files;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::trajectory::parse_kitti;
 use crate::datasets::{About, DatasetError, Frame};
@@ -32,8 +31,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let poses = parse_kitti(&TextFile::read(&poses_file(src, &number))?)?;
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
-    let images = image_files(&folder.join("image_0"))?;
-    let unread = unread_images(&folder.join("image_0"), &images)?;
+    let (images, unread) = images_and_unread(&folder.join("image_0"))?;
     for image in images {
         let stem = image.file_stem().unwrap_or_default().to_string_lossy();
         let pose = stem.parse().ok().and_then(|i: usize| poses.get(i));

@@ -34,7 +34,7 @@ use matchbench_vision::geometry::Camera;
 pub use once::import_once;
 pub use options::{ImportOption, ImportOptions};
 
-use super::images::unread_image_files;
+use super::images::{image_files, unread_image_files};
 use super::listed::is_there;
 use super::native::parse_camera;
 use super::pairs::{covisible, with_poses};
@@ -443,10 +443,12 @@ fn images_left_out(why: &str, images: &[String]) -> Option<String> {
     note_of(&format!("left out: {count} {why}"), images)
 }
 
-/// Names of the images of a folder that are not among its `images`, since their formats are not read.
-fn unread_images(folder: &Path, images: &[PathBuf]) -> Result<Vec<String>, DatasetError> {
-    let unread = unread_image_files(folder, images)?;
-    Ok(unread.iter().map(|image| base_name(image)).collect())
+/// The images of a folder, and the names of those in formats that are not read.
+fn images_and_unread(folder: &Path) -> Result<(Vec<PathBuf>, Vec<String>), DatasetError> {
+    let images = image_files(folder)?;
+    let unread = unread_image_files(folder, &images)?;
+    let unread = unread.iter().map(|image| base_name(image)).collect();
+    Ok((images, unread))
 }
 
 /// "left out: 3 images in formats that are not read (a, b, c)", if there is any.

@@ -20,11 +20,10 @@ use matchbench_vision::geometry::Camera;
 use nalgebra::Isometry3;
 
 use super::{
-    ImportOptions, Imported, base_name, given_camera, images_left_out, unread_images,
+    ImportOptions, Imported, base_name, given_camera, images_and_unread, images_left_out,
     unread_left_out,
 };
 use crate::counted::counted;
-use crate::datasets::images::image_files;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{About, DatasetError, DepthFile, DepthUnit, Frame};
 
@@ -58,8 +57,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let camera = given.unwrap_or(KINECT_COLOR);
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
-    let images = image_files(&folder)?;
-    let mut unread = unread_images(&folder, &images)?;
+    let (images, mut unread) = images_and_unread(&folder)?;
     unread.retain(|name| name.contains(COLOR));
     for image in images {
         let name = base_name(&image);

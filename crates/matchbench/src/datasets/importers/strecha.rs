@@ -13,9 +13,10 @@ use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Matrix3};
 
 use super::list::check_camera_size;
-use super::{ImportOptions, Imported, base_name, images_left_out, unread_images, unread_left_out};
+use super::{
+    ImportOptions, Imported, base_name, images_and_unread, images_left_out, unread_left_out,
+};
 use crate::counted::counted;
-use crate::datasets::images::image_files;
 use crate::datasets::native::parse_camera;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{About, DatasetError, Frame};
@@ -34,8 +35,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let places = [folder.clone(), src.join("gt_dense_cameras"), src.to_owned()];
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
-    let images = image_files(&folder)?;
-    let unread = unread_images(&folder, &images)?;
+    let (images, unread) = images_and_unread(&folder)?;
     for image in images {
         let Some(file) = camera_file(&image, &places) else {
             left_out.push(base_name(&image));

@@ -25,7 +25,13 @@ const SCALES: f64 = 4.0;
 /// Least standard deviation of a window, in grey levels: less is noise.
 const CONTRAST: f32 = 1.0;
 
-/// Steps at most: nearly all matches need fewer than eight.
+/// Farthest pixel of `b` that is looked at, from the place of its keypoint: very flat ellipses are left alone.
+const LARGEST: f64 = 80.0;
+
+/// What is added to the diagonal of the normal equations, as a share of its sum.
+const DAMPING: f64 = 1e-4;
+
+/// Steps at most.
 const STEPS: usize = 12;
 
 /// A step that moves the middle by less, in distances of samples, is the last.
@@ -84,9 +90,6 @@ pub(super) fn aligned(
     }
     None
 }
-
-/// Farthest pixel of `b` that is looked at, from the place of its keypoint: very flat ellipses are left alone.
-const LARGEST: f64 = 80.0;
 
 /// The values at the places `at + map g` of an image; `None` where it has not all of them.
 fn sampled(piece: &Piece, at: Point2<f64>, map: Matrix2<f64>) -> Option<[f32; SAMPLES]> {
@@ -199,9 +202,6 @@ impl Template {
         (change, Vector2::new(step[0], step[1]))
     }
 }
-
-/// What is added to the diagonal of the normal equations, as a share of its sum.
-const DAMPING: f64 = 1e-4;
 
 /// The weights of samples, whose sum is 1.
 pub(super) struct Weights([f32; SAMPLES]);

@@ -4,9 +4,8 @@
 //! Photogrammetry, Remote Sensing and Cartography 14(3), 1985; in the inverse compositional form of S. Baker and I.
 //! Matthews, "Lucas-Kanade 20 Years On: A Unifying Framework", International Journal of Computer Vision 56(3), 2004.
 //!
-//! A detector finds a point in each image by itself, and the two differ from one another by some tenths of a pixel
-//! (SIFT) to whole pixels (ORB, on its coarse levels), although descriptors match. That is what limits poses of right
-//! matches.
+//! A detector finds a point in each image by itself, so the two points of a right match show slightly different places
+//! of the scene. ORB's are whole pixels of a smaller image on its coarse levels.
 //!
 //! *How it works.* For each match:
 //! 1. The keypoints say how the neighbourhood of one is turned, scaled and, where they have ellipses, stretched in the other
