@@ -240,6 +240,16 @@ pub(crate) fn rewrite(path: &Path, records: &[RunRecord]) -> Result<(), StoreErr
 /// How long records may be known to the operating system alone; tests do not wait for it.
 pub(crate) const UNSYNCED: Duration = Duration::from_secs(if cfg!(test) { 0 } else { 1 });
 
+/// A record as it stands in a file.
+#[derive(Debug)]
+pub(crate) struct RecordLine(Vec<u8>);
+
+impl RecordLine {
+    pub(crate) fn of(record: &RunRecord) -> Self {
+        Self(to_line(record))
+    }
+}
+
 /// Appends records to one file.
 #[derive(Debug)]
 pub struct RecordWriter {
@@ -265,7 +275,12 @@ impl RecordWriter {
     /// # Errors
     /// If it cannot be written (a full disk). The file may then end in a torn line.
     pub fn append(&mut self, record: &RunRecord) -> Result<(), StoreError> {
-        let appended = self.file.append(&to_line(record));
+        self.append_line(&RecordLine::of(record))
+    }
+
+    /// As [`append`](Self::append), of a record that was written as a line before.
+    pub(crate) fn append_line(&mut self, line: &RecordLine) -> Result<(), StoreError> {
+        let appended = self.file.append(&line.0);
         appended
             .map(drop)
             .map_err(StoreError::io("append to", &self.path))

@@ -365,9 +365,9 @@ impl Run<'_> {
             .collect::<Result<Vec<_>, _>>()?;
         let done = work.all(progress.pending_pairs(), |done| {
             kept.keep(&done)?;
-            for (estimator, record) in done.records {
-                writers[estimator].append(&record)?;
-                told(&record);
+            for ((estimator, record), line) in done.records.iter().zip(&done.lines) {
+                writers[*estimator].append_line(line)?;
+                told(record);
             }
             if kept.is_time() {
                 kept.sync()?;

@@ -26,6 +26,7 @@ use crate::datasets::Pair;
 use crate::matchers::{BuiltMatcher, BuiltPointSource, ImageFiles};
 use crate::records::images::ImageNotes;
 use crate::records::matches::MatchesKey;
+use crate::records::store::RecordLine;
 use crate::records::{
     Counts, KeepMatches, MatchesFile, RunRecord, SelectedMatches, StageTimes, StoreError,
 };
@@ -73,6 +74,8 @@ struct Searched<'a> {
 pub(super) struct PairDone {
     /// The records of the tasks that were due, each with the index of its estimator.
     pub(super) records: Vec<(usize, RunRecord)>,
+    /// The same as they stand in files: threads write lines side by side, and append them one after the other.
+    pub(super) lines: Vec<RecordLine>,
     /// The selected matches of each repetition that was computed, if all are kept.
     pub(super) matches: Vec<(MatchesKey, SelectedMatches)>,
     /// The inliers of each estimate, with the index of its estimator, if these are kept.
@@ -90,6 +93,7 @@ impl PairDone {
         let depth = truth.readable_depth().map(PairDepth::hashes);
         Self {
             records: Vec::with_capacity(tasks),
+            lines: Vec::new(),
             matches: Vec::new(),
             inliers: Vec::new(),
             images: Vec::new(),
@@ -97,6 +101,13 @@ impl PairDone {
                 .flat_map(|hashes| frames.into_iter().zip(hashes))
                 .collect(),
         }
+    }
+
+    /// The same, with the line of each record.
+    pub(super) fn with_lines(mut self) -> Self {
+        let records = self.records.iter();
+        self.lines = records.map(|(_, record)| RecordLine::of(record)).collect();
+        self
     }
 }
 

@@ -10,15 +10,17 @@ use super::guard::Broken;
 use super::progress::{PairTasks, PendingTask};
 use crate::datasets::Pair;
 
-/// Most frames that are extracted before the pairs that need them are done: many enough to keep
-/// all threads busy, few enough that records keep coming.
+/// Most frames that are extracted before the pairs that need them are done, or so many for each thread: many enough
+/// to keep all threads busy, few enough that records keep coming.
 const NEW_FRAMES: usize = 64;
+const NEW_FRAMES_OF_A_THREAD: usize = 8;
 /// What the features of a frame are taken to need before the first is known (60,000 of SIFT, and what searches keep).
 const ASSUMED: usize = 56 << 20;
 
 /// Features by frame, within a budget of bytes.
 pub(super) struct Resident {
     budget: usize,
+    threads: usize,
     /// The most that a frame has needed so far.
     largest: Option<usize>,
     windows: u64,
@@ -49,20 +51,43 @@ pub(super) struct Side<'a> {
 }
 
 impl Resident {
-    /// No features yet, and later about `budget` bytes of them.
-    pub(super) fn new(budget: usize) -> Self {
+    /// No features yet, and later about `budget` bytes of them, which so many threads extract.
+    pub(super) fn new(budget: usize, threads: usize) -> Self {
         Self {
             budget,
+            threads,
             largest: None,
             windows: 0,
             slots: BTreeMap::new(),
         }
     }
 
+    /// As long as nothing is known of the size of features: the first frames of these `pairs`, as many for each thread
+    /// as fit, and at least one.
+    pub(super) fn first_frames(&self, pairs: &[PairTasks<'_>]) -> Vec<u32> {
+        if self.largest.is_some() {
+            return Vec::new();
+        }
+        let room = self.budget / ASSUMED;
+        // The extraction itself takes more memory of each thread than what comes of it.
+        let count = (room - room % self.threads).max(self.threads);
+        let (mut frames, mut seen) = (Vec::new(), BTreeSet::new());
+        for frame in pairs.iter().flat_map(|tasks| [tasks.pair.a, tasks.pair.b]) {
+            if frames.len() == count {
+                break;
+            }
+            if seen.insert(frame) {
+                frames.push(frame);
+            }
+        }
+        frames
+    }
+
     /// How many of the next `pairs` can be done at once: at least one, and so many that their
     /// features fit into the budget.
     pub(super) fn window(&self, pairs: &[PairTasks<'_>]) -> usize {
         let room = self.budget / self.largest.unwrap_or(ASSUMED).max(1);
+        let most_new = NEW_FRAMES.max(NEW_FRAMES_OF_A_THREAD * self.threads);
         let (mut frames, mut new) = (BTreeSet::new(), 0);
         let fits = |tasks: &&PairTasks<'_>| {
             for frame in [tasks.pair.a, tasks.pair.b] {
@@ -70,7 +95,7 @@ impl Resident {
                     new += 1;
                 }
             }
-            frames.len() <= room && new <= NEW_FRAMES
+            frames.len() <= room && new <= most_new
         };
         pairs
             .iter()
@@ -197,7 +222,7 @@ mod tests {
 
     /// Goes through all pairs; returns the frames of each window and the most bytes that were held.
     fn walk(pairs: &[Pair], count: usize, budget: usize) -> (Vec<Vec<u32>>, usize) {
-        let (pairs, mut resident) = (without_tasks(pairs), Resident::new(budget));
+        let (pairs, mut resident) = (without_tasks(pairs), Resident::new(budget, 2));
         let (mut loads, mut most, mut rest) = (Vec::new(), 0, &pairs[..]);
         while !rest.is_empty() {
             let (window, later) = rest.split_at(resident.window(rest));
@@ -242,15 +267,33 @@ mod tests {
     #[test]
     fn a_window_is_never_longer_than_what_is_left() {
         let pairs = pairs(&[(0, 0), (0, 0)]);
-        let resident = Resident::new(64 << 20);
+        let resident = Resident::new(64 << 20, 2);
         assert_eq!(resident.window(&without_tasks(&pairs)), 2);
         assert_eq!(resident.window(&[]), 0);
     }
 
     #[test]
+    fn the_first_frames_are_as_many_for_each_thread_as_fit() {
+        let pairs = pairs(&[(4, 1), (4, 2), (1, 2), (2, 7), (7, 8), (4, 3)]);
+        let pairs = without_tasks(&pairs);
+        let first = |budget, threads| Resident::new(budget, threads).first_frames(&pairs);
+        assert_eq!(first(5 * ASSUMED, 2), [4, 1, 2, 7]);
+        assert_eq!(first(5 * ASSUMED, 1), [4, 1, 2, 7, 8]);
+        assert_eq!(first(1, 3), [4, 1, 2], "one of each thread");
+        assert_eq!(
+            first(9 * ASSUMED, 3),
+            [4, 1, 2, 7, 8, 3],
+            "no more than there are"
+        );
+        let mut known = Resident::new(5 * ASSUMED, 2);
+        known.insert(4, extracted(1));
+        assert!(known.first_frames(&pairs).is_empty());
+    }
+
+    #[test]
     fn the_time_of_an_extraction_goes_to_the_first_pair() {
         let pairs = pairs(&[(0, 1), (0, 2)]);
-        let (pairs, mut resident) = (without_tasks(&pairs), Resident::new(64 << 20));
+        let (pairs, mut resident) = (without_tasks(&pairs), Resident::new(64 << 20, 2));
         for frame in resident.make_room(&pairs) {
             resident.insert(frame, extracted(1));
         }

@@ -35,7 +35,8 @@ impl Work<'_> {
     ) -> Result<(), RunError> {
         let left = memory::left().map_or(u64::MAX, |left| left.bytes);
         let half = usize::try_from(left / 2).unwrap_or(usize::MAX);
-        let mut resident = Resident::new(self.run.feature_memory.min(half));
+        let budget = self.run.feature_memory.min(half);
+        let mut resident = Resident::new(budget, rayon::current_num_threads());
         loop {
             let some: Vec<PairTasks<'u>> = pairs.by_ref().take(PAIRS_AT_ONCE).collect();
             if some.is_empty() || self.cancel.is_set() {
@@ -44,14 +45,17 @@ impl Work<'_> {
             match &self.stages.progress.contender.source {
                 Source::Matcher(matcher) => {
                     let (matched, unmatched) = some.split_at(self.selected_before(&some));
-                    let estimate =
-                        |tasks: &PairTasks<'_>| Ok(self.stages.estimate(tasks, &self.stored)?);
+                    let estimate = |tasks: &PairTasks<'_>| {
+                        Ok(self.stages.estimate(tasks, &self.stored)?.with_lines())
+                    };
                     each_in_order(self.cancel, matched, estimate, &mut append)?;
                     self.extract_and_match(matcher, unmatched, &mut resident, &mut append)?;
                 }
                 Source::Points(source) => {
-                    let matched =
-                        |tasks: &PairTasks<'_>| self.stages.source(source, tasks, &self.stored);
+                    let matched = |tasks: &PairTasks<'_>| {
+                        let done = self.stages.source(source, tasks, &self.stored)?;
+                        Ok(done.with_lines())
+                    };
                     each_in_order(self.cancel, &some, matched, &mut append)?;
                 }
             }
@@ -72,25 +76,12 @@ impl Work<'_> {
             decode: self.run.decode,
             images: self.stages.images,
         };
-        let frames = &self.stages.progress.sequence.frames;
+        let first = resident.first_frames(pairs);
+        self.extract(&frame_stage, &first, resident)?;
         while !pairs.is_empty() && !self.cancel.is_set() {
             let (window, later) = pairs.split_at(resident.window(pairs));
             let missing = resident.make_room(window);
-            each_in_order(
-                self.cancel,
-                &missing,
-                |&frame| Ok((frame, frame_stage.extract(frame, &frames[frame as usize])?)),
-                |(frame, features)| {
-                    // In order, so that the notes are the same for any number of threads.
-                    if let Some(hash) = features.hash {
-                        let image = &frames[frame as usize].image;
-                        lock(self.stages.images).note(frame, image, hash)?;
-                    }
-                    self.observer.on_frame(frame, features.seconds.is_some());
-                    resident.insert(frame, features);
-                    Ok(())
-                },
-            )?;
+            self.extract(&frame_stage, &missing, resident)?;
             if self.cancel.is_set() {
                 break;
             }
@@ -98,12 +89,37 @@ impl Work<'_> {
             each_in_order(
                 self.cancel,
                 &jobs,
-                |job| self.stages.run(matcher, job, &self.stored),
+                |job| Ok(self.stages.run(matcher, job, &self.stored)?.with_lines()),
                 &mut *append,
             )?;
             pairs = later;
         }
         Ok(())
+    }
+
+    /// Extracts the features of some frames.
+    fn extract(
+        &self,
+        stage: &FrameStage<'_>,
+        frames: &[u32],
+        resident: &mut Resident,
+    ) -> Result<(), RunError> {
+        let all = &self.stages.progress.sequence.frames;
+        each_in_order(
+            self.cancel,
+            frames,
+            |&frame| Ok((frame, stage.extract(frame, &all[frame as usize])?)),
+            |(frame, features)| {
+                // In order, so that the notes are the same for any number of threads.
+                if let Some(hash) = features.hash {
+                    let image = &all[frame as usize].image;
+                    lock(self.stages.images).note(frame, image, hash)?;
+                }
+                self.observer.on_frame(frame, features.seconds.is_some());
+                resident.insert(frame, features);
+                Ok(())
+            },
+        )
     }
 
     /// How many of the first `pairs` need an estimation alone: their matches are stored, and nothing is to be said of
