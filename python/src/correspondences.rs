@@ -48,7 +48,7 @@ pub(crate) fn search<'py>(
         }
     };
     let found = detached(py, || {
-        let mut found = NearestNeighbours.search(a, b);
+        let mut found = NearestNeighbours.search_for(a, b, selector.as_deref());
         if let Some(selector) = selector {
             let [a, b] = [a, b].map(|features| View {
                 features,

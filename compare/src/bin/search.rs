@@ -1,11 +1,12 @@
 //! Searches nearest neighbours between two files of descriptors and measures the time.
 //!
 //! ```text
-//! search A B OUT [REPETITIONS [exact | kdforest]]
+//! search A B OUT [REPETITIONS [exact | kdforest | ratio] [kept]]
 //! ```
 //!
 //! prints the median time of a first search in milliseconds (without reading and writing) and writes the
-//! correspondences. All numbers are little-endian.
+//! correspondences; with `ratio` those that pass the ratio test, for which the search is made. With `kept` all searches but
+//! the first find what was prepared of B. All numbers are little-endian.
 //!
 //! - Descriptors: `u32` kind (0 real values, 1 bits), `u32` values or bits in a row, `u32` rows; then the rows:
 //!   `f32` values, or whole bytes whose least significant bit comes first.
@@ -18,7 +19,9 @@ use std::time::{Duration, Instant};
 
 use matchbench::memory::{HugePages, keep_freed};
 use matchbench_vision::features::{BinaryRows, Descriptors, FloatRows};
-use matchbench_vision::matching::{KdForest, KdForestParams, two_nearest};
+use matchbench_vision::matching::{
+    Correspondence, KdForest, KdForestParams, RatioTest, two_nearest, two_nearest_below,
+};
 
 // As in the program.
 #[global_allocator]
@@ -28,13 +31,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     keep_freed(1);
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [a, b, out, options @ ..] = arguments.as_slice() else {
-        return Err("usage: search A B OUT [REPETITIONS [exact | kdforest]]".into());
+        return Err("usage: search A B OUT [REPETITIONS [exact | kdforest | ratio] [kept]]".into());
     };
     let repetitions = options
         .first()
         .map_or(Ok(5), |text| text.parse::<usize>())?;
+    let is_kept = options.get(2).is_some_and(|option| option == "kept");
+    let ratio = (options.get(1))
+        .filter(|option| *option == "ratio")
+        .map(|_| RatioTest::default().ratio);
     let kdforest = match options.get(1).map(String::as_str) {
-        None | Some("exact") => None,
+        None | Some("exact" | "ratio") => None,
         Some("kdforest") => Some(KdForest::new(KdForestParams::default())?),
         Some(other) => return Err(format!("no search `{other}`").into()),
     };
@@ -45,13 +52,18 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let mut times: Vec<Duration> = Vec::new();
     let mut matches = Vec::new();
+    let known = b.clone();
     for _ in 0..repetitions.max(1) {
         // A copy, since the prepared candidates of a search are kept with the descriptors for the next one; so
         // each search is a first search.
-        let b = b.clone();
+        let copy = b.clone();
+        let b = if is_kept { &known } else { &copy };
         let start = Instant::now();
-        matches = match (&kdforest, &a, &b) {
-            (None, ..) => two_nearest(&a, &b),
+        matches = match (&kdforest, &a, b) {
+            (None, ..) => match ratio {
+                Some(ratio) => two_nearest_below(&a, b, ratio),
+                None => two_nearest(&a, b),
+            },
             (Some(forest), Descriptors::Float(a), Descriptors::Float(b)) => {
                 forest.two_nearest(a, b)
             }
@@ -62,8 +74,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     times.sort_unstable();
     println!("{:.3}", times[times.len() / 2].as_secs_f64() * 1e3);
 
+    let passes = |m: &&Correspondence| ratio.is_none_or(|ratio| m.distance < ratio * m.second);
     let bytes: Vec<u8> = matches
         .iter()
+        .filter(passes)
         .flat_map(|m| [m.a, m.b, m.distance.to_bits(), m.second.to_bits()])
         .flat_map(u32::to_le_bytes)
         .collect();

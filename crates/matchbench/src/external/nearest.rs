@@ -21,14 +21,16 @@ impl Matching {
             image: None,
             camera: None,
         };
-        let mut matches = NearestNeighbours.search(a, b);
+        let ratio = self.ratio.map(|ratio| RatioTest { ratio });
+        let first = ratio.as_ref().map(|ratio| ratio as &dyn Selector);
+        let mut matches = NearestNeighbours.search_for(a, b, first);
         let putative = matches.len();
         // Neither draws random numbers.
         let mut prune = |selector: &dyn Selector| {
             selector.select(view(a), view(b), &mut matches, Seed(0));
         };
-        if let Some(ratio) = self.ratio {
-            prune(&RatioTest { ratio });
+        if let Some(ratio) = &ratio {
+            prune(ratio);
         }
         if self.is_mutual() {
             prune(&MutualCheck);

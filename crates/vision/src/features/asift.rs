@@ -286,6 +286,7 @@ mod tests {
                 rows_b.data(),
                 rows_a.dim(),
                 &Prepared::default(),
+                None,
             );
             let error = |a: Point2<f32>, b: Point2<f32>| (placement.point(a) - b).norm();
             (a.keypoints.iter().zip(nearest))

@@ -292,7 +292,7 @@ mod tests {
         let mut rows = FloatRows::from_vec(dim, values);
         let query = FloatRows::from_vec(dim, vec![255.0; dim]);
         let find = |rows: &FloatRows| {
-            two_nearest_floats(query.data(), rows.data(), dim, rows.prepared())[0].index
+            two_nearest_floats(query.data(), rows.data(), dim, rows.prepared(), None)[0].index
         };
         assert!(find(&rows) < 500);
         rows.push(&vec![254.0; dim]);

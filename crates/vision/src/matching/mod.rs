@@ -37,7 +37,7 @@ pub use gms::{Gms, GmsParams};
 pub use kdforest::{KdForest, KdForestParams};
 pub use kvld::{Kvld, KvldParams};
 pub use mutual::MutualCheck;
-pub use nearest::{NearestNeighbours, two_nearest};
+pub use nearest::{NearestNeighbours, two_nearest, two_nearest_below};
 pub use pipeline::Pipeline;
 pub use placewise::PlacewiseNeighbours;
 pub use ratio::RatioTest;

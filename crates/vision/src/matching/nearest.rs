@@ -22,6 +22,10 @@ impl Search for NearestNeighbours {
     fn search(&self, a: &Features, b: &Features) -> Correspondences {
         two_nearest(&a.descriptors, &b.descriptors)
     }
+
+    fn search_below(&self, a: &Features, b: &Features, ratio: f32) -> Correspondences {
+        two_nearest_below(&a.descriptors, &b.descriptors, ratio)
+    }
 }
 
 /// For each descriptor of `a`, the nearest of `b` and the distance to the second nearest, in the order of `a`.
@@ -30,10 +34,23 @@ impl Search for NearestNeighbours {
 /// # Panics
 /// If the descriptors are of different kinds.
 pub fn two_nearest(a: &Descriptors, b: &Descriptors) -> Correspondences {
+    found(a, b, None)
+}
+
+/// [`two_nearest`] in less time, for a [`RatioTest`](super::RatioTest) at this `ratio`: see [`Search::search_below`].
+///
+/// # Panics
+/// If the descriptors are of different kinds.
+pub fn two_nearest_below(a: &Descriptors, b: &Descriptors, ratio: f32) -> Correspondences {
+    found(a, b, Some(ratio))
+}
+
+/// [`two_nearest`], or [`two_nearest_below`] a `ratio`.
+fn found(a: &Descriptors, b: &Descriptors, ratio: Option<f32>) -> Correspondences {
     assert_eq!(a.kind(), b.kind(), "descriptors of one kind");
     let (best, squared) = match (a, b) {
         (Descriptors::Float(a), Descriptors::Float(b)) => {
-            let found = two_nearest_floats(a.data(), b.data(), a.dim(), b.prepared());
+            let found = two_nearest_floats(a.data(), b.data(), a.dim(), b.prepared(), ratio);
             (found, true)
         }
         (Descriptors::Binary(a), Descriptors::Binary(b)) => {

@@ -54,7 +54,8 @@ impl Matcher for Pipeline {
     }
 
     fn search(&self, a: &Features, b: &Features) -> Result<Correspondences, MatcherError> {
-        Ok(self.search.search(a, b))
+        let first = self.selectors.first().map(|first| &**first);
+        Ok(self.search.search_for(a, b, first))
     }
 
     fn select(

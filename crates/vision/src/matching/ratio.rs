@@ -46,6 +46,10 @@ impl Selector for RatioTest {
     fn select(&self, _a: View<'_>, _b: View<'_>, matches: &mut Correspondences, _seed: Seed) {
         matches.retain(|m| m.second.is_finite() && m.distance < self.ratio * m.second);
     }
+
+    fn ratio(&self) -> Option<f32> {
+        Some(self.ratio)
+    }
 }
 
 #[cfg(test)]

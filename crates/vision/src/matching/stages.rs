@@ -41,7 +41,8 @@ pub trait Matcher: Send + Sync {
         self.extract(image)
     }
 
-    /// Putative correspondences. Called once per pair.
+    /// Putative correspondences. Called once per pair. Of those that [`select`](Self::select) drops in any case, the
+    /// candidate and the distances may be others than those of the two nearest.
     ///
     /// # Errors
     /// If the stage fails, with the reason in words.
@@ -121,12 +122,39 @@ pub trait Search: Send + Sync {
     /// # Panics
     /// If the two images were described by descriptors of different kinds.
     fn search(&self, a: &Features, b: &Features) -> Correspondences;
+
+    /// The same for a [`Selector`] that drops what is not below a `ratio`, in less time where that is known: those
+    /// correspondences whose distance is not below `ratio` times that of the second nearest may be others, with other
+    /// distances, of which the same is true.
+    fn search_below(&self, a: &Features, b: &Features, _ratio: f32) -> Correspondences {
+        self.search(a, b)
+    }
+
+    /// [`search_below`](Self::search_below) the ratio of the `first` selector of the correspondences, where it has one:
+    /// what that one drops, no other sees.
+    fn search_for(
+        &self,
+        a: &Features,
+        b: &Features,
+        first: Option<&dyn Selector>,
+    ) -> Correspondences {
+        match first.and_then(Selector::ratio) {
+            Some(ratio) => self.search_below(a, b, ratio),
+            None => self.search(a, b),
+        }
+    }
 }
 
 /// Drops correspondences that look wrong.
 pub trait Selector: Send + Sync {
     /// Keeps only the good ones of `matches`, in their order.
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, seed: Seed);
+
+    /// A ratio, if every correspondence is dropped whose distance is not below this ratio of that of the second nearest,
+    /// and the others are kept or dropped whatever these are.
+    fn ratio(&self) -> Option<f32> {
+        None
+    }
 
     /// Whether it needs [`View::image`].
     fn by_pixels(&self) -> bool {

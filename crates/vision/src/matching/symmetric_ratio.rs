@@ -38,6 +38,10 @@ impl Selector for SymmetricRatioTest {
         self.one_way.select(a, b, matches, seed);
         keep_mutual(a, b, matches, |back| self.one_way.select(b, a, back, seed));
     }
+
+    fn ratio(&self) -> Option<f32> {
+        self.one_way.ratio()
+    }
 }
 
 #[cfg(test)]

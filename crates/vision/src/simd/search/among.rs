@@ -81,7 +81,7 @@ mod tests {
             };
             let (query, rows) = (draw(1), draw(count));
             let all: Vec<u32> = (0..count as u32).collect();
-            let exact = two_nearest_floats(&query, &rows, dim, &Prepared::default());
+            let exact = two_nearest_floats(&query, &rows, dim, &Prepared::default(), None);
             assert_eq!(two_nearest_among(&query, &rows, &all), exact[0]);
         }
     }

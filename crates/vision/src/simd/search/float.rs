@@ -15,6 +15,10 @@ const ROWS: usize = 6;
 /// fused multiply-add each. Where the processor can, most candidates are rejected by a cheap lower bound
 /// first; the results are identical.
 ///
+/// With the `ratio` of a ratio test, only rows of `a` whose nearest is at less than `ratio` times the distance (not the
+/// squared one) of the second nearest are sure to have these two. The others may have any two whose distances have no
+/// such ratio, with squared distances that are rounded otherwise.
+///
 /// # Panics
 /// If `dim` is 0.
 pub fn two_nearest_floats(
@@ -22,11 +26,15 @@ pub fn two_nearest_floats(
     b: &[f32],
     dim: usize,
     prepared: &Prepared,
+    ratio: Option<f32>,
 ) -> Vec<TwoNearest> {
     #[cfg(target_arch = "x86_64")]
-    let found = super::coarse::two_nearest(a, b, dim, &prepared.kept);
+    let found = super::coarse::two_nearest(a, b, dim, &prepared.kept, ratio);
     #[cfg(not(target_arch = "x86_64"))]
-    let found = not_found(a, dim, prepared);
+    let found = {
+        let _ = ratio;
+        not_found(a, dim, prepared)
+    };
     complete(found, |missing| {
         if missing.len() * dim == a.len() {
             return two_nearest(a, b, dim);
@@ -159,7 +167,7 @@ mod tests {
                 let shape = format!("{rows_a} and {rows_b} rows of {dim}");
                 assert_eq!(two_nearest(&a, &b, dim), expected, "{shape}");
                 assert_eq!(
-                    two_nearest_floats(&a, &b, dim, &Prepared::default()),
+                    two_nearest_floats(&a, &b, dim, &Prepared::default(), None),
                     expected,
                     "{shape}"
                 );
@@ -208,7 +216,10 @@ mod tests {
         for (a, b) in [(&a, &b), (&b, &a)] {
             let expected = defined(a, b, 1);
             assert_eq!(two_nearest(a, b, 1), expected);
-            assert_eq!(two_nearest_floats(a, b, 1, &Prepared::default()), expected);
+            assert_eq!(
+                two_nearest_floats(a, b, 1, &Prepared::default(), None),
+                expected
+            );
         }
     }
 }

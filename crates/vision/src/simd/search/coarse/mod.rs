@@ -8,17 +8,20 @@
 //!    bytes, or 64.
 //! 3. A candidate is rejected if even the lower bound of its distance exceeds the second smallest distance so
 //!    far. For the few others the distance is computed in full, which may lower that second smallest.
-//! 4. With AVX-512 the second smallest distance of the first few hundred candidates is found at once, without looking
-//!    at single candidates, so that few candidates are within the bounds from the start.
+//! 4. The second smallest distance of the first few hundred candidates is found at once, without looking at single
+//!    candidates, so that few candidates are within the bounds from the start.
 //! 5. Large searches look first only at the first principal components, a quarter of the bytes of SIFT: of 85,000
 //!    candidates these leave about one in 160 (ASIFT, castle, AVX-512). Queries that are near to each other see the
 //!    candidates near to them first, so small distances are known from the start.
 //! 6. The candidates that are left, mostly the two nearest themselves, are compared by the definition of the
 //!    distance. So the results are those of the search by definition. With AVX-512 bytes hold whole numbers exactly,
 //!    such as those of SIFT, and distances from such bytes are those of the definition.
-//! 7. What is computed from candidates alone is computed once for all searches among them (see [`Kept`]).
-//! 8. Where bytes are exact and the processor multiplies tiles of them, [all products](exact) are computed: steps 3
-//!    to 6 are not needed.
+//! 7. For a ratio test most searches need not find the second nearest. Where the two nearest so far fail the test, only
+//!    a candidate nearer than the ratio times the nearest can make it pass; all others are skipped from then on. The few
+//!    rows that pass in the end are searched for again, since their second nearest may be among what was skipped.
+//! 8. What is computed from candidates alone is computed once for all searches among them (see [`Kept`]).
+//! 9. Where bytes are exact and the processor multiplies tiles of them, [all products](exact) are computed: steps 3
+//!    to 7 are not needed.
 
 mod candidates;
 mod exact;
@@ -38,7 +41,7 @@ use self::candidates::Candidates;
 use self::grid::MAX_DIM;
 use self::panels::Bounds;
 use self::searching::{Found, search};
-use self::tile::Apart;
+use self::tile::{Apart, Wanted};
 use super::{TwoNearest, two_nearest_among};
 use crate::simd::{InstructionSet, tiles::Tiles};
 
@@ -47,6 +50,9 @@ pub(super) use self::candidates::{Kept, most_bytes};
 /// Values of `b` from which on bytes are worth the work of making them: with fewer, too many of the
 /// candidates are measured.
 const WORTH: usize = 40_000;
+
+/// Ratios above this rule out too little.
+const MOST_RATIO: f32 = 0.9;
 
 /// For each row of `a` the rows of `b` that may be nearest, in ascending order, where bytes help to find these. Among
 /// them are all that are, by the definition, at most as far as the farther of any two that are `apart`: without it of any
@@ -61,20 +67,25 @@ pub(super) fn near_rows(
     kept: &Kept,
     apart: Option<Apart>,
 ) -> Vec<Option<Vec<u32>>> {
-    let rows_of = |_, found: Found| found.near.iter().map(|&(index, _)| index).collect();
+    let rows_of = |_, found: Found| match found {
+        Found::Near { near, .. } => near.iter().map(|&(index, _)| index).collect(),
+        Found::Above { .. } | Found::Below => unreachable!("no ratio is wanted"),
+    };
     match prepared([a, b], dim, kept) {
         // SAFETY: AVX2 and FMA were detected on this processor.
-        Some(candidates) => unsafe { search([a, b], &candidates, apart, rows_of) },
+        Some(candidates) => unsafe { search([a, b], &candidates, Wanted::Near(apart), rows_of) },
         None => none(a, dim),
     }
 }
 
-/// For each row of `a` its two nearest of `b`, where bytes help to find these: see [`near_rows`].
+/// For each row of `a` its two nearest of `b`, where bytes help to find these: see [`near_rows`]. With a `ratio`, those
+/// whose distances have no ratio below it may be others of which the same is true.
 pub(super) fn two_nearest(
     a: &[f32],
     b: &[f32],
     dim: usize,
     kept: &Kept,
+    ratio: Option<f32>,
 ) -> Vec<Option<TwoNearest>> {
     let Some(candidates) = prepared([a, b], dim, kept) else {
         return none(a, dim);
@@ -88,24 +99,76 @@ pub(super) fn two_nearest(
             return best.into_iter().map(Some).collect();
         }
     }
-    // SAFETY: as before.
-    unsafe { search([a, b], &candidates, None, two_nearest_of([a, b], dim)) }
+    let Some(ratio) = ratio.filter(|&ratio| ratio <= MOST_RATIO) else {
+        // SAFETY: as before.
+        let found = unsafe {
+            let result = two_nearest_of([a, b], dim);
+            search([a, b], &candidates, Wanted::Near(None), result)
+        };
+        return found.into_iter().map(Option::flatten).collect();
+    };
+    two_nearest_below([a, b], dim, &candidates, ratio)
 }
 
-/// The two nearest among those that were found for a row of `a`.
-fn two_nearest_of([a, b]: [&[f32]; 2], dim: usize) -> impl FnMut(usize, Found) -> TwoNearest {
+/// [`two_nearest`] with a `ratio`: candidates that do not decide on it are skipped, and rows of `a` whose two nearest may
+/// be among these are searched for once more.
+fn two_nearest_below(
+    [a, b]: [&[f32]; 2],
+    dim: usize,
+    candidates: &Candidates,
+    ratio: f32,
+) -> Vec<Option<TwoNearest>> {
+    let result = two_nearest_of([a, b], dim);
+    // SAFETY: AVX2 and FMA were detected on this processor.
+    let found = unsafe { search([a, b], candidates, Wanted::Below(ratio), result) };
+    let (mut again, mut rows) = (Vec::new(), Vec::new());
+    for (row, found) in found.iter().enumerate() {
+        if matches!(found, Some(None)) {
+            again.push(row);
+            rows.extend_from_slice(&a[row * dim..][..dim]);
+        }
+    }
+    let mut best: Vec<Option<TwoNearest>> = found.into_iter().map(Option::flatten).collect();
+    let result = two_nearest_of([&rows, b], dim);
+    // SAFETY: as before.
+    let found = unsafe { search([&rows, b], candidates, Wanted::Near(None), result) };
+    for (row, found) in again.into_iter().zip(found) {
+        best[row] = found.flatten();
+    }
+    best
+}
+
+/// The two nearest among those that were found for a row of `a`; `None` where others may be nearer.
+fn two_nearest_of(
+    [a, b]: [&[f32]; 2],
+    dim: usize,
+) -> impl FnMut(usize, Found) -> Option<TwoNearest> {
     let mut chosen = Vec::new();
-    move |row, found| {
-        if found.are_exact {
+    move |row, found| match found {
+        Found::Near {
+            near,
+            are_exact: true,
+        } => {
             let mut best = TwoNearest::none(f32::INFINITY);
-            for &(index, squared) in found.near {
+            for &(index, squared) in near {
                 best.offer(squared, index);
             }
-            return best;
+            Some(best)
         }
-        chosen.clear();
-        chosen.extend(found.near.iter().map(|&(index, _)| index));
-        two_nearest_among(&a[row * dim..][..dim], b, &chosen)
+        Found::Near { near, .. } => {
+            chosen.clear();
+            chosen.extend(near.iter().map(|&(index, _)| index));
+            Some(two_nearest_among(&a[row * dim..][..dim], b, &chosen))
+        }
+        Found::Above {
+            index,
+            squared: [nearest, second],
+        } => Some(TwoNearest {
+            nearest,
+            second,
+            index,
+        }),
+        Found::Below => None,
     }
 }
 

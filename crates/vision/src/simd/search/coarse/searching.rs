@@ -6,8 +6,8 @@ use super::grid::squared_distance;
 use super::keep::{keep, keep_avx512};
 use super::panels::Bounds;
 use super::principal::{self, Projected, mean_of};
-use super::tile::{Apart, Tile};
-use super::within::{LANES, ROWS, second_sums_avx512, within, within_avx512};
+use super::tile::{Query, Tile, Wanted};
+use super::within::{LANES, ROWS, second_sums, second_sums_avx512, within, within_avx512};
 use crate::simd::prefetch::prefetch;
 
 /// Queries that see a panel one after the other: whole blocks. Their bytes fill a tenth of a second-level
@@ -26,17 +26,50 @@ const LEFT: usize = 400;
 /// See [`MEASURED`].
 const MEASURED_SHARE: usize = 16;
 
-/// Panels whose second smallest distance is found at once: with 2 of them 9,800 x 7,500 descriptors of SIFT take 4 %
-/// longer, with 16 of them 2 %.
-const FIRST: usize = 8;
+/// Panels whose second smallest distance is found at once.
+const FIRST: usize = 4;
+
+/// The same with AVX-512: with 2 of them 9,800 x 7,500 descriptors of SIFT take 4 % longer, with 16 of them 2 %.
+const FIRST_AVX512: usize = 8;
+
+/// Panels after which candidates are skipped that do not decide on a ratio: fewer would leave more queries to a second
+/// search.
+const PATIENCE: usize = 8;
 
 /// Candidates that were found for a query.
 #[derive(Clone, Copy)]
-pub(super) struct Found<'a> {
-    /// In ascending order, and their squared distances.
-    pub(super) near: &'a [(u32, f32)],
-    /// Whether these are those of the definition, to the last bit.
-    pub(super) are_exact: bool,
+pub(super) enum Found<'a> {
+    /// All that may be nearest.
+    Near {
+        /// In ascending order, and their squared distances.
+        near: &'a [(u32, f32)],
+        /// Whether these are those of the definition, to the last bit.
+        are_exact: bool,
+    },
+    /// Two whose distances have no ratio as it is wanted.
+    Above {
+        /// The nearer one.
+        index: u32,
+        /// Squared distances to both, the nearer one first.
+        squared: [f32; 2],
+    },
+    /// The ratio is as it is wanted, and candidates were skipped that may be among the two nearest.
+    Below,
+}
+
+impl<'a> Found<'a> {
+    fn of(query: &'a mut Query, wanted: Wanted, are_exact: bool) -> Self {
+        if let Wanted::Below(ratio) = wanted {
+            if let Some((index, squared)) = query.two_above(ratio) {
+                return Self::Above { index, squared };
+            }
+            if query.has_skipped() {
+                return Self::Below;
+            }
+        }
+        let near = query.near_enough();
+        Self::Near { near, are_exact }
+    }
 }
 
 /// What `result` makes of the candidates that may be nearest to each row of `a`, the first of `rows`; `None` where bytes
@@ -45,7 +78,7 @@ pub(super) struct Found<'a> {
 pub(super) fn search<T>(
     rows: [&[f32]; 2],
     candidates: &Candidates,
-    apart: Option<Apart>,
+    wanted: Wanted,
     result: impl FnMut(usize, Found) -> T,
 ) -> Vec<Option<T>> {
     let dim = candidates.dim;
@@ -60,7 +93,7 @@ pub(super) fn search<T>(
         rows,
         dim,
         orders: [&order, &candidates.order],
-        apart,
+        wanted,
         is_wide: candidates.is_wide,
     };
     let Some(whole) = Bounds::of(&candidates.whole, rows[0], &order) else {
@@ -108,7 +141,7 @@ struct Search<'a> {
     rows: [&'a [f32]; 2],
     dim: usize,
     orders: [&'a [u32]; 2],
-    apart: Option<Apart<'a>>,
+    wanted: Wanted<'a>,
     /// See [`Candidates::is_wide`].
     is_wide: bool,
 }
@@ -146,10 +179,7 @@ impl Search<'_> {
                 break;
             }
             for (query, &row) in tile.queries.iter_mut().zip(queries) {
-                let found = Found {
-                    near: query.near_enough(),
-                    are_exact: whole.are_exact(),
-                };
+                let found = Found::of(query, self.wanted, whole.are_exact());
                 results[row as usize] = Some(result(row as usize, found));
             }
         }
@@ -171,6 +201,11 @@ impl Search<'_> {
         let is_warm = self.warm_up(step, whole, order, tile);
         let (mut left, mut seen) = (0, 0);
         for &number in order {
+            if seen == PATIENCE * LANES
+                && let Wanted::Below(ratio) = self.wanted
+            {
+                tile.skip(ratio, step, whole);
+            }
             let first = number * LANES;
             let lanes = u64::MAX >> (LANES - LANES.min(self.orders[1].len() - first));
             if seen == 0 && !is_warm {
@@ -192,20 +227,25 @@ impl Search<'_> {
     /// Sets the bounds of a tile of queries by the first panels of an order; whether that could be done.
     #[target_feature(enable = "avx2,fma")]
     fn warm_up(&self, step: &Bounds, whole: &Bounds, order: &[usize], tile: &mut Tile) -> bool {
-        if !self.is_wide || self.apart.is_some() {
+        if matches!(self.wanted, Wanted::Near(Some(_))) {
             return false;
         }
+        let first = if self.is_wide { FIRST_AVX512 } else { FIRST };
         // Lanes without a candidate would pass for some.
         let full = self.orders[1].len() / LANES;
-        let panels = order.iter().filter(|&&number| number < full).take(FIRST);
+        let panels = order.iter().filter(|&&number| number < full).take(first);
         let panels: Vec<_> = panels.map(|&number| whole.panels.panel(number)).collect();
         if panels.is_empty() {
             return false;
         }
         let queries = whole.queries_from(tile.first);
         let mut second = vec![[0; ROWS]; tile.least.len()];
-        // SAFETY: what is in use was detected on this processor.
-        unsafe { second_sums_avx512(queries, &panels, &mut second) };
+        if self.is_wide {
+            // SAFETY: what is in use was detected on this processor.
+            unsafe { second_sums_avx512(queries, &panels, &mut second) };
+        } else {
+            second_sums(queries, &panels, &mut second);
+        }
         for (number, &sum) in (0..tile.queries.len()).zip(second.as_flattened()) {
             tile.queries[number].bound = whole.largest(tile.first + number, sum);
             tile.set_limits(number, step, whole);
@@ -258,7 +298,7 @@ impl Search<'_> {
                 squared_distance(self.row(0, place), self.row(1, candidate))
             };
             let query = &mut tile.queries[pair.query()];
-            if query.offer(self.orders[1][candidate], squared, self.apart) {
+            if query.offer(self.orders[1][candidate], squared, self.wanted) {
                 tile.set_limits(pair.query(), step, whole);
             }
         }

@@ -1,6 +1,6 @@
 //! Both ways of searching beside the definition.
 
-use super::super::{Prepared, TwoNearest, two_nearest_among, two_nearest_floats};
+use super::super::{Prepared, TwoNearest, complete, two_nearest_among, two_nearest_floats};
 use super::candidates::Candidates;
 use super::principal::Principal;
 use super::searching::QUERIES;
@@ -59,7 +59,7 @@ fn find<T>(
     b: &[f32],
     dim: usize,
     is_large: bool,
-    apart: Option<Apart>,
+    wanted: Wanted,
     result: impl FnMut(usize, Found) -> T,
 ) -> Vec<Option<T>> {
     if dim > MAX_DIM || !has_avx2_and_fma() {
@@ -68,10 +68,40 @@ fn find<T>(
     // SAFETY: AVX2 and FMA were detected on this processor.
     unsafe {
         match Candidates::of(b, dim, is_wide(), is_large) {
-            Some(candidates) => search([a, b], &candidates, apart, result),
+            Some(candidates) => search([a, b], &candidates, wanted, result),
             None => (0..a.len() / dim).map(|_| None).collect(),
         }
     }
+}
+
+/// Checks that a ratio test keeps the same of what was found for it as of the definition.
+fn check_below(found: &[TwoNearest], expected: &[TwoNearest], ratio: f32) {
+    let is_kept = |best: &TwoNearest| best.nearest.sqrt() < ratio * best.second.sqrt();
+    assert_eq!(found.len(), expected.len());
+    for (row, (found, expected)) in found.iter().zip(expected).enumerate() {
+        assert_eq!(is_kept(found), is_kept(expected), "row {row} at {ratio}");
+        if is_kept(expected) {
+            assert_eq!(found, expected, "row {row} at {ratio}");
+        }
+        let are_finite = [found, expected].map(|best| best.nearest.is_finite());
+        assert_eq!(are_finite[0], are_finite[1], "row {row} at {ratio}");
+    }
+}
+
+/// The search for a ratio test, in two steps if `is_large`.
+fn below(a: &[f32], b: &[f32], dim: usize, is_large: bool, ratio: f32) -> Vec<TwoNearest> {
+    let count = a.len() / dim;
+    let found = if has_avx2_and_fma() {
+        // SAFETY: AVX2 and FMA were detected on this processor.
+        let candidates = unsafe { Candidates::of(b, dim, is_wide(), is_large) }.expect("bytes");
+        super::two_nearest_below([a, b], dim, &candidates, ratio)
+    } else {
+        vec![None; count]
+    };
+    complete(found, |missing| {
+        let all = defined(a, b, dim);
+        missing.iter().map(|&row| all[row]).collect()
+    })
 }
 
 /// Compares both ways of searching with the definition; returns for how many rows bytes were enough
@@ -81,14 +111,25 @@ fn compare(a: &[f32], b: &[f32], dim: usize) -> [usize; 2] {
     // The first search finds nothing prepared.
     let prepared = Prepared::default();
     for _ in 0..2 {
-        let found = two_nearest_floats(a, b, dim, &prepared);
+        let found = two_nearest_floats(a, b, dim, &prepared, None);
         assert_eq!(found, expected, "{dim} values");
+        for ratio in [0.4, 0.8] {
+            let found = two_nearest_floats(a, b, dim, &prepared, Some(ratio));
+            check_below(&found, &expected, ratio);
+        }
     }
     [false, true].map(|is_large| {
-        let found = find(a, b, dim, is_large, None, two_nearest_of([a, b], dim));
+        let found = find(
+            a,
+            b,
+            dim,
+            is_large,
+            Wanted::Near(None),
+            two_nearest_of([a, b], dim),
+        );
         let mut count = 0;
         for (row, (found, expected)) in found.iter().zip(&expected).enumerate() {
-            if let Some(found) = found {
+            if let Some(Some(found)) = found {
                 assert_eq!(found, expected, "row {row} of {dim} values, {is_large}");
                 count += 1;
             }
@@ -228,8 +269,12 @@ fn all_within_the_bound_are_found_where_two_must_be_apart() {
     };
     InstructionSet::for_each(|_| {
         for is_large in [false, true] {
-            let indices = |_, found: Found| found.near.iter().map(|&(index, _)| index).collect();
-            let near: Vec<Option<Vec<u32>>> = find(&a, &b, dim, is_large, Some(&apart), indices);
+            let indices = |_, found: Found| match found {
+                Found::Near { near, .. } => near.iter().map(|&(index, _)| index).collect(),
+                Found::Above { .. } | Found::Below => panic!("no ratio is wanted"),
+            };
+            let wanted = Wanted::Near(Some(&apart));
+            let near: Vec<Option<Vec<u32>>> = find(&a, &b, dim, is_large, wanted, indices);
             let are_all = near.iter().all(Option::is_some) || !is_large || !has_avx2_and_fma();
             assert!(are_all);
             for (row, near) in a.chunks_exact(dim).zip(near) {
@@ -245,6 +290,49 @@ fn all_within_the_bound_are_found_where_two_must_be_apart() {
             }
         }
     });
+}
+
+/// Whole numbers as those of SIFT.
+fn whole(values: &[f32]) -> Vec<f32> {
+    let whole = |value: &f32| (8.0 * value + 100.0).round().clamp(0.0, 255.0);
+    values.iter().map(whole).collect()
+}
+
+#[test]
+fn for_a_ratio_test_few_are_looked_at_and_the_same_are_kept() {
+    let mut rng = Seed(14).rng();
+    let dim = 128;
+    let directions = drawn(&mut rng, 20, dim);
+    let b = mixed(&mut rng, 1_500, dim, &directions);
+    // Some that have a near one, by different amounts, and some that have none.
+    let mut a = mixed(&mut rng, 100, dim, &directions);
+    for (number, row) in b.chunks_exact(dim).step_by(7).enumerate() {
+        let width = 0.02 * (number % 40) as f32;
+        a.extend((row.iter()).map(|value| value + width * rng.normal() as f32));
+    }
+    for [a, b] in [[whole(&a), whole(&b)], [a, b]] {
+        let expected = defined(&a, &b, dim);
+        InstructionSet::for_each(|set| {
+            for (is_large, ratio) in [(false, 0.8), (true, 0.8), (true, 0.6), (true, 0.95)] {
+                let mut counts = [0; 3];
+                let kind = |_, found: Found| {
+                    let kind = match found {
+                        Found::Near { .. } => 0,
+                        Found::Above { .. } => 1,
+                        Found::Below => 2,
+                    };
+                    counts[kind] += 1;
+                };
+                find(&a, &b, dim, is_large, Wanted::Below(ratio), kind);
+                if has_avx2_and_fma() && ratio <= MOST_RATIO {
+                    let name = set.name();
+                    assert!(counts.iter().all(|&count| count > 20), "{counts:?}, {name}");
+                }
+                let found = below(&a, &b, dim, is_large, ratio);
+                check_below(&found, &expected, ratio);
+            }
+        });
+    }
 }
 
 #[test]
@@ -416,7 +504,7 @@ fn whole_numbers_are_compared_by_the_definition() {
             a.extend(b.iter().map(|&value| (value - 1.0).max(0.0)));
             let expected = defined(&a, &b, dim);
             InstructionSet::for_each(|set| {
-                let found = two_nearest_floats(&a, &b, dim, &Prepared::default());
+                let found = two_nearest_floats(&a, &b, dim, &Prepared::default(), None);
                 assert_eq!(found, expected, "{dim} values below {most}, {}", set.name());
             });
         }

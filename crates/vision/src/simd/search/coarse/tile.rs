@@ -10,6 +10,16 @@ const AT_ONCE: usize = 4;
 /// Whether two rows of `b` are apart.
 pub(super) type Apart<'a> = &'a dyn Fn(u32, u32) -> bool;
 
+/// What is asked of a search.
+#[derive(Clone, Copy)]
+pub(super) enum Wanted<'a> {
+    /// All candidates that may be as near as the farther of any two that are apart; without it of any two.
+    Near(Option<Apart<'a>>),
+    /// The same without it, where the distance to the nearest is below this ratio of that to the second nearest;
+    /// elsewhere any two candidates whose distances have no such ratio.
+    Below(f32),
+}
+
 /// Some queries.
 pub(super) struct Tile {
     /// The place of the first of them in their order.
@@ -65,6 +75,15 @@ impl Tile {
         self.limits[query] = whole.limit(place, bound);
     }
 
+    /// [Skips](Query::skip) what does not decide on a `ratio` from here on.
+    pub(super) fn skip(&mut self, ratio: f32, step: &Bounds, whole: &Bounds) {
+        for query in 0..self.queries.len() {
+            if self.queries[query].skip(ratio) {
+                self.set_limits(query, step, whole);
+            }
+        }
+    }
+
     /// Lists what is within in `lanes`; returns how many pairs there are.
     pub(super) fn list_pairs(&mut self, lanes: u64) -> usize {
         // Without branches whose outcome nobody could predict: first the queries that have any.
@@ -100,6 +119,10 @@ impl Tile {
 pub(super) struct Query {
     /// Index of the nearest measured so far, and its distance.
     nearest: (u32, f32),
+    /// Distance to the second nearest measured so far.
+    second: f32,
+    /// Whether candidates were skipped that may be among the two nearest.
+    has_skipped: bool,
     /// Of two candidates that are apart the distance to the farther, or more: the least of those two
     /// of which one was the nearest when the other came. Others may have a smaller one, so it may be too
     /// large, but never too small.
@@ -112,6 +135,8 @@ impl Query {
     fn new() -> Self {
         Self {
             nearest: (0, f32::INFINITY),
+            second: f32::INFINITY,
+            has_skipped: false,
             bound: f32::INFINITY,
             near: Vec::with_capacity(16),
         }
@@ -119,8 +144,15 @@ impl Query {
 
     fn forget(&mut self) {
         self.nearest = (0, f32::INFINITY);
+        self.second = f32::INFINITY;
+        self.has_skipped = false;
         self.bound = f32::INFINITY;
         self.near.clear();
+    }
+
+    /// Whether candidates were skipped that may be among the two nearest.
+    pub(super) fn has_skipped(&self) -> bool {
+        self.has_skipped
     }
 
     /// Whether a measured candidate may be within the bound by the definition.
@@ -129,7 +161,7 @@ impl Query {
     }
 
     /// Takes a candidate and its squared distance; whether the bound is another now.
-    pub(super) fn offer(&mut self, index: u32, squared: f32, apart: Option<Apart>) -> bool {
+    pub(super) fn offer(&mut self, index: u32, squared: f32, wanted: Wanted) -> bool {
         let distance = squared.sqrt();
         if !self.admits(distance) {
             return false;
@@ -140,11 +172,52 @@ impl Query {
             self.nearest = (index, distance);
         }
         let farther = distance.max(nearest_distance);
-        let is_nearer = farther < self.bound && apart.is_none_or(|apart| apart(nearest, index));
+        self.second = self.second.min(farther);
+        if let Wanted::Below(ratio) = wanted
+            && self.has_skipped
+        {
+            return self.skip(ratio);
+        }
+        let is_nearer = match wanted {
+            Wanted::Near(Some(apart)) => farther < self.bound && apart(nearest, index),
+            Wanted::Near(None) | Wanted::Below(_) => farther < self.bound,
+        };
         if is_nearer {
             self.bound = farther;
         }
         is_nearer
+    }
+
+    /// Whether the measured candidates tell that the distance to the nearest is not below this `ratio` of that to the
+    /// second nearest.
+    fn fails(&self, ratio: f32) -> bool {
+        self.second < f32::INFINITY && self.nearest.1 >= ratio * (1.0 + ROUNDING) * self.second
+    }
+
+    /// From here on only candidates count that decide on whether the distance to the nearest is below a `ratio` of that
+    /// to the second nearest; whether the bound is another now.
+    ///
+    /// *Correctness*: let n be the nearest and s the second nearest of all candidates, and `|n| < ratio |s|`. As long as
+    /// n was not measured, the nearest measured one is not nearer than s, so n is within `ratio` times its distance. Once
+    /// n was measured, s is not within `1 / ratio` times the distance of n, nor is any other candidate.
+    pub(super) fn skip(&mut self, ratio: f32) -> bool {
+        let before = self.bound;
+        let nearest = self.nearest.1;
+        if self.fails(ratio) {
+            self.has_skipped = true;
+            self.bound = nearest * ratio * (1.0 + ROUNDING);
+        } else if self.has_skipped {
+            self.bound = nearest / ratio * (1.0 + ROUNDING);
+        }
+        self.bound != before
+    }
+
+    /// Two candidates, if their distances tell that the nearest is not below this `ratio` of the second nearest: which is
+    /// nearer, and both squared distances.
+    pub(super) fn two_above(&self, ratio: f32) -> Option<(u32, [f32; 2])> {
+        let (index, nearest) = self.nearest;
+        let both = [nearest, self.second].map(|distance| distance * distance);
+        self.fails(ratio).then_some((index, both))
     }
 
     /// The candidates that may be within the bound, in ascending order, and their squared distances.

@@ -9,10 +9,10 @@
 
 use std::arch::x86_64::{
     __m256i, __m512i, _mm256_add_epi16, _mm256_add_epi32, _mm256_castsi256_ps, _mm256_cmpgt_epi32,
-    _mm256_loadu_si256, _mm256_madd_epi16, _mm256_maddubs_epi16, _mm256_movemask_ps,
-    _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256, _mm512_cmpge_epi32_mask,
-    _mm512_dpbusd_epi32, _mm512_loadu_si512, _mm512_max_epi32, _mm512_min_epi32, _mm512_set1_epi32,
-    _mm512_storeu_si512,
+    _mm256_loadu_si256, _mm256_madd_epi16, _mm256_maddubs_epi16, _mm256_max_epi32,
+    _mm256_min_epi32, _mm256_movemask_ps, _mm256_set1_epi16, _mm256_set1_epi32,
+    _mm256_setzero_si256, _mm256_storeu_si256, _mm512_cmpge_epi32_mask, _mm512_dpbusd_epi32,
+    _mm512_loadu_si512, _mm512_max_epi32, _mm512_min_epi32, _mm512_set1_epi32, _mm512_storeu_si512,
 };
 
 /// Candidates of a panel: four vectors of sixteen, or eight of eight.
@@ -64,25 +64,12 @@ fn block(
     let rows = rows(quads, panel.len());
     let mut within = [0; ROWS];
     for first in (0..LANES).step_by(16) {
-        // Of each candidate two sums of products that belong together.
-        let mut sums = [[_mm256_setzero_si256(); 2]; ROWS];
-        for (k, candidates) in panel.iter().enumerate() {
-            let candidates = load(candidates, first);
-            for row in 0..ROWS {
-                let query = _mm256_set1_epi32(rows[row][k]);
-                for half in 0..2 {
-                    let products = _mm256_maddubs_epi16(query, candidates[half]);
-                    sums[row][half] = _mm256_add_epi16(sums[row][half], products);
-                }
-            }
-        }
+        let sums = sums(&rows, panel, first);
         let starts = load(starts, first);
-        let ones = _mm256_set1_epi16(1);
         for row in 0..ROWS {
             let least = _mm256_set1_epi32(least[row]);
             for half in 0..2 {
-                let products = _mm256_madd_epi16(sums[row][half], ones);
-                let sums = _mm256_add_epi32(starts[half], products);
+                let sums = complete(sums[row][half], starts[half]);
                 let far = _mm256_castsi256_ps(_mm256_cmpgt_epi32(least, sums));
                 let near = !_mm256_movemask_ps(far) as u8;
                 within[row] |= u64::from(near) << (first + 8 * half);
@@ -90,6 +77,32 @@ fn block(
         }
     }
     within
+}
+
+/// For each query of a block the sums of products of sixteen lanes from `first` on: of each candidate two that belong
+/// together.
+#[inline]
+#[target_feature(enable = "avx2,fma")]
+fn sums(rows: &[&[i32]; ROWS], panel: &[[i32; LANES]], first: usize) -> [[__m256i; 2]; ROWS] {
+    let mut sums = [[_mm256_setzero_si256(); 2]; ROWS];
+    for (k, candidates) in panel.iter().enumerate() {
+        let candidates = load(candidates, first);
+        for row in 0..ROWS {
+            let query = _mm256_set1_epi32(rows[row][k]);
+            for half in 0..2 {
+                let products = _mm256_maddubs_epi16(query, candidates[half]);
+                sums[row][half] = _mm256_add_epi16(sums[row][half], products);
+            }
+        }
+    }
+    sums
+}
+
+/// Both sums of each candidate, and what they start at.
+#[inline]
+#[target_feature(enable = "avx2,fma")]
+fn complete(sums: __m256i, starts: __m256i) -> __m256i {
+    _mm256_add_epi32(starts, _mm256_madd_epi16(sums, _mm256_set1_epi16(1)))
 }
 
 /// [`within`] with one instruction for the products of 64 bytes and their sums.
@@ -166,10 +179,43 @@ fn sums_avx512(
 }
 
 /// For each query, block by block, the second largest sum of all lanes of all `panels`: of the second nearest of
-/// their candidates.
-///
-/// *Benefit*: no candidate is looked at by itself. *Correctness*: as of [`within_avx512`]; the two largest of each of 16
-/// lanes are kept, and the second largest of all is among them.
+/// their candidates. No candidate is looked at by itself: the two largest of each of 8 lanes are kept, and the second
+/// largest of all is among them.
+#[target_feature(enable = "avx2,fma")]
+pub(super) fn second_sums(
+    quads: &[i32],
+    panels: &[(&[[i32; LANES]], &[i32; LANES])],
+    second: &mut [[i32; ROWS]],
+) {
+    let width = panels[0].0.len();
+    for (second, quads) in second.iter_mut().zip(quads.chunks_exact(ROWS * width)) {
+        let rows = rows(quads, width);
+        let mut most = [[_mm256_set1_epi32(i32::MIN); 2]; ROWS];
+        for (panel, starts) in panels {
+            for first in (0..LANES).step_by(16) {
+                let sums = sums(&rows, panel, first);
+                let starts = load(starts, first);
+                for ([most, next], sums) in most.iter_mut().zip(sums) {
+                    for half in 0..2 {
+                        let sums = complete(sums[half], starts[half]);
+                        *next = _mm256_max_epi32(*next, _mm256_min_epi32(*most, sums));
+                        *most = _mm256_max_epi32(*most, sums);
+                    }
+                }
+            }
+        }
+        for (second, most) in second.iter_mut().zip(most) {
+            let mut lanes = [[0_i32; 8]; 2];
+            for (lanes, most) in lanes.iter_mut().zip(most) {
+                // SAFETY: 32 bytes can be written to 8 lanes.
+                unsafe { _mm256_storeu_si256(lanes.as_mut_ptr().cast(), most) };
+            }
+            *second = second_of(lanes.as_flattened());
+        }
+    }
+}
+
+/// [`second_sums`] with vectors of 64 bytes. *Correctness*: as of [`within_avx512`].
 #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
 pub(super) fn second_sums_avx512(
     quads: &[i32],
