@@ -10,8 +10,8 @@ matchbench run tum --matchers "$(echo $all | tr ' ' ,)" --estimator ransac-e,bes
 matchbench run tum --matchers "$(echo $all | tr ' ' ,)" --estimator ransac-e,best --repeat 5 $(refined $all) --out runs/tum-refined
 matchbench run castle --matchers sift,orb --estimator ransac-e,best --repeat 5 --out runs/castle-plain
 matchbench run castle --matchers sift,orb --estimator ransac-e,best --repeat 5 $(refined sift orb) --out runs/castle-refined
-matchbench run object-wide office-wide facade --matchers sift,orb,akaze --estimator best --repeat 3 --out runs/rendered-plain
-matchbench run object-wide office-wide facade --matchers sift,orb,akaze --estimator best --repeat 3 $(refined sift orb akaze) --out runs/rendered-refined
+matchbench run object-wide office-wide facade --matchers sift,orb,akaze --estimator ransac-e,best --repeat 5 --out runs/rendered-plain
+matchbench run object-wide office-wide facade --matchers sift,orb,akaze --estimator ransac-e,best --repeat 5 $(refined sift orb akaze) --out runs/rendered-refined
 matchbench compare runs/tum-plain runs/tum-refined
 matchbench compare runs/castle-plain runs/castle-refined
 matchbench compare runs/rendered-plain runs/rendered-refined
