@@ -15,6 +15,13 @@ matchbench run object-wide office-wide facade --matchers sift,orb,akaze --estima
 matchbench compare runs/tum-plain runs/tum-refined
 matchbench compare runs/castle-plain runs/castle-refined
 matchbench compare runs/rendered-plain runs/rendered-refined
+matchbench import kitti odometry kitti --sequence 06
+matchbench import 7scenes redkitchen kitchen231 --pairs window:21,stride:7
+for scene in kitti kitchen231; do
+    matchbench run $scene --matchers sift,orb,akaze --estimator ransac-e,best --repeat 5 --out runs/$scene-plain
+    matchbench run $scene --matchers sift,orb,akaze --estimator ransac-e,best --repeat 5 $(refined sift orb akaze) --out runs/$scene-refined
+    matchbench compare runs/$scene-plain runs/$scene-refined
+done
 matchbench import oxford oxford oxf
 matchbench run oxf --matchers sift,orb,akaze --estimator ransac-h,best-h --repeat 5 --out runs/oxf-plain
 matchbench run oxf --matchers sift,orb,akaze --estimator ransac-h,best-h --repeat 5 $(refined sift orb akaze) --out runs/oxf-refined
