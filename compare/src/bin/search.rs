@@ -37,9 +37,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         .first()
         .map_or(Ok(5), |text| text.parse::<usize>())?;
     let is_kept = options.get(2).is_some_and(|option| option == "kept");
-    let ratio = (options.get(1))
+    let test = (options.get(1))
         .filter(|option| *option == "ratio")
-        .map(|_| RatioTest::default().ratio);
+        .map(|_| RatioTest::default());
     let kdforest = match options.get(1).map(String::as_str) {
         None | Some("exact" | "ratio") => None,
         Some("kdforest") => Some(KdForest::new(KdForestParams::default())?),
@@ -52,16 +52,14 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let mut times: Vec<Duration> = Vec::new();
     let mut matches = Vec::new();
-    let known = b.clone();
     for _ in 0..repetitions.max(1) {
-        // A copy, since the prepared candidates of a search are kept with the descriptors for the next one; so
-        // each search is a first search.
-        let copy = b.clone();
-        let b = if is_kept { &known } else { &copy };
+        // What a search prepares is kept with the descriptors for the next one, so a first search needs a copy.
+        let copy = (!is_kept).then(|| b.clone());
+        let b = copy.as_ref().unwrap_or(&b);
         let start = Instant::now();
         matches = match (&kdforest, &a, b) {
-            (None, ..) => match ratio {
-                Some(ratio) => two_nearest_below(&a, b, ratio),
+            (None, ..) => match &test {
+                Some(test) => two_nearest_below(&a, b, test.ratio),
                 None => two_nearest(&a, b),
             },
             (Some(forest), Descriptors::Float(a), Descriptors::Float(b)) => {
@@ -74,10 +72,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     times.sort_unstable();
     println!("{:.3}", times[times.len() / 2].as_secs_f64() * 1e3);
 
-    let passes = |m: &&Correspondence| ratio.is_none_or(|ratio| m.distance < ratio * m.second);
+    let is_kept = |found: &&Correspondence| test.is_none_or(|test| test.keeps(found));
     let bytes: Vec<u8> = matches
         .iter()
-        .filter(passes)
+        .filter(is_kept)
         .flat_map(|m| [m.a, m.b, m.distance.to_bits(), m.second.to_bits()])
         .flat_map(u32::to_le_bytes)
         .collect();

@@ -11,7 +11,7 @@
 //! features are dropped, also if both are at distance 0. Where there is no second neighbour the test is
 //! undefined, and the match is dropped too.
 
-use super::{Correspondences, Selector, View};
+use super::{Correspondence, Correspondences, Selector, View};
 use crate::params::ParamError;
 use crate::seed::Seed;
 
@@ -40,11 +40,16 @@ impl RatioTest {
         ParamError::unless(allowed, "ratio", ratio, "above 0 and at most 1")?;
         Ok(Self { ratio })
     }
+
+    /// Whether a match is kept.
+    pub fn keeps(&self, found: &Correspondence) -> bool {
+        found.second.is_finite() && found.distance < self.ratio * found.second
+    }
 }
 
 impl Selector for RatioTest {
     fn select(&self, _a: View<'_>, _b: View<'_>, matches: &mut Correspondences, _seed: Seed) {
-        matches.retain(|m| m.second.is_finite() && m.distance < self.ratio * m.second);
+        matches.retain(|found| self.keeps(found));
     }
 
     fn ratio(&self) -> Option<f32> {
@@ -57,7 +62,6 @@ mod tests {
     use super::*;
     use crate::features::{DescriptorKind, Descriptors, Features};
     use crate::image::Size;
-    use crate::matching::Correspondence;
 
     #[test]
     fn only_clear_matches_stay_and_in_their_order() {

@@ -97,7 +97,6 @@ mod moments;
 mod normalize;
 mod orb;
 mod pooling;
-#[cfg(target_arch = "x86_64")]
 mod prefetch;
 mod processor;
 mod rectify;
@@ -148,6 +147,7 @@ pub use pooling::{
     PATCHES_AT_ONCE, POOLED_ROWS, PoolStep, PoolUse, VECTORS_AT_ONCE, WeakLearner, box_responses,
     integrate_spread, pool_rows, project, vote,
 };
+pub use processor::second_level_cache;
 pub use rectify::{
     DIRECTIONS, Source, sample_line, sample_line_of_floats, spread_and_square, spread_gradients,
 };

@@ -13,6 +13,19 @@ pub(super) fn answer(question: u32) -> CpuidResult {
     }
 }
 
+/// Bytes of the second-level cache of a core, if the processor tells.
+pub fn second_level_cache() -> Option<usize> {
+    #[cfg(target_arch = "x86_64")]
+    {
+        const QUESTION: u32 = 0x8000_0006;
+        let is_known = answer(0x8000_0000).eax >= QUESTION;
+        let bytes = is_known.then(|| (answer(QUESTION).ecx >> 16) as usize * 1024);
+        bytes.filter(|&bytes| bytes > 0)
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    None
+}
+
 /// Whether this processor, which has AVX-512, executes vectors of 64 bytes in halves: AMD's family 25 (Zen 4).
 pub(super) fn halves_vectors() -> bool {
     #[cfg(target_arch = "x86_64")]

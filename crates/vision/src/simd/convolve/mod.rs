@@ -3,6 +3,7 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::InstructionSet;
+use super::prefetch::prefetch_at;
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -144,7 +145,7 @@ fn rows_pass<const R: usize>(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32
 }
 
 /// Columns `x..x + L` of `R` output rows. The first and the last `R - 1` input rows meet only
-/// some of the outputs.
+/// some of the outputs. Zen 3 gains from asking for the next blocks; Zen 4 is as fast without.
 #[inline(always)]
 fn rows_block<const R: usize, const L: usize>(
     rows: &[&[f32]],
@@ -152,10 +153,13 @@ fn rows_block<const R: usize, const L: usize>(
     out: &mut [&mut [f32]; R],
     x: usize,
 ) {
+    /// Blocks that are asked for ahead.
+    const AHEAD: usize = 2;
     let count = taps.len();
     let mut sums = [[0.0_f32; L]; R];
     for (j, row) in rows[..R - 1].iter().enumerate() {
         let values = lanes::<L>(row, x);
+        prefetch_at(row, x + AHEAD * L);
         for (r, sum) in sums.iter_mut().enumerate() {
             if r <= j {
                 add_scaled(sum, values, taps[j - r]);
@@ -164,12 +168,14 @@ fn rows_block<const R: usize, const L: usize>(
     }
     for (row, taps) in rows[R - 1..count].iter().zip(taps.windows(R)) {
         let values = lanes::<L>(row, x);
+        prefetch_at(row, x + AHEAD * L);
         for (r, sum) in sums.iter_mut().enumerate() {
             add_scaled(sum, values, taps[R - 1 - r]);
         }
     }
     for (i, row) in rows[count..].iter().enumerate() {
         let values = lanes::<L>(row, x);
+        prefetch_at(row, x + AHEAD * L);
         for (r, sum) in sums.iter_mut().enumerate() {
             if r > i {
                 add_scaled(sum, values, taps[count + i - r]);

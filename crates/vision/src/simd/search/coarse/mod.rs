@@ -99,28 +99,24 @@ pub(super) fn two_nearest(
             return best.into_iter().map(Some).collect();
         }
     }
-    let Some(ratio) = ratio.filter(|&ratio| ratio <= MOST_RATIO) else {
-        // SAFETY: as before.
-        let found = unsafe {
-            let result = two_nearest_of([a, b], dim);
-            search([a, b], &candidates, Wanted::Near(None), result)
-        };
-        return found.into_iter().map(Option::flatten).collect();
+    let wanted = match ratio {
+        Some(ratio) if ratio <= MOST_RATIO => Wanted::Below(ratio),
+        _ => Wanted::Near(None),
     };
-    two_nearest_below([a, b], dim, &candidates, ratio)
+    found([a, b], dim, &candidates, wanted)
 }
 
-/// [`two_nearest`] with a `ratio`: candidates that do not decide on it are skipped, and rows of `a` whose two nearest may
-/// be among these are searched for once more.
-fn two_nearest_below(
+/// [`two_nearest`] by bounds. Where the ratio is [`Wanted`], candidates that do not decide on it are skipped, and rows of
+/// `a` whose two nearest may be among these are searched for once more.
+fn found(
     [a, b]: [&[f32]; 2],
     dim: usize,
     candidates: &Candidates,
-    ratio: f32,
+    wanted: Wanted<'_>,
 ) -> Vec<Option<TwoNearest>> {
     let result = two_nearest_of([a, b], dim);
     // SAFETY: AVX2 and FMA were detected on this processor.
-    let found = unsafe { search([a, b], candidates, Wanted::Below(ratio), result) };
+    let found = unsafe { search([a, b], candidates, wanted, result) };
     let (mut again, mut rows) = (Vec::new(), Vec::new());
     for (row, found) in found.iter().enumerate() {
         if matches!(found, Some(None)) {
@@ -129,6 +125,9 @@ fn two_nearest_below(
         }
     }
     let mut best: Vec<Option<TwoNearest>> = found.into_iter().map(Option::flatten).collect();
+    if again.is_empty() {
+        return best;
+    }
     let result = two_nearest_of([&rows, b], dim);
     // SAFETY: as before.
     let found = unsafe { search([&rows, b], candidates, Wanted::Near(None), result) };

@@ -94,7 +94,7 @@ fn below(a: &[f32], b: &[f32], dim: usize, is_large: bool, ratio: f32) -> Vec<Tw
     let found = if has_avx2_and_fma() {
         // SAFETY: AVX2 and FMA were detected on this processor.
         let candidates = unsafe { Candidates::of(b, dim, is_wide(), is_large) }.expect("bytes");
-        super::two_nearest_below([a, b], dim, &candidates, ratio)
+        super::found([a, b], dim, &candidates, Wanted::Below(ratio))
     } else {
         vec![None; count]
     };
