@@ -26,3 +26,16 @@ matchbench import oxford oxford oxf
 matchbench run oxf --matchers sift,orb,akaze --estimator ransac-h,best-h --repeat 5 --out runs/oxf-plain
 matchbench run oxf --matchers sift,orb,akaze --estimator ransac-h,best-h --repeat 5 $(refined sift orb akaze) --out runs/oxf-refined
 matchbench compare runs/oxf-plain runs/oxf-refined
+adaptive() { # SCENES IDS NAME
+    matchbench run $1 --matchers $2 --estimator adaptive --repeat 5 --out runs/$3-adaptive-plain
+    matchbench run $1 --matchers $2 --estimator adaptive --repeat 5 $(refined $(echo $2 | tr , ' ')) --out runs/$3-adaptive-refined
+    matchbench compare runs/$3-adaptive-plain runs/$3-adaptive-refined
+}
+adaptive tum "$(echo $all | tr ' ' ,)" tum
+adaptive kitti sift,orb,akaze kitti
+adaptive kitchen231 sift,orb,akaze kitchen231
+adaptive castle sift,orb,adalam castle
+adaptive "object-wide office-wide facade" sift,orb,akaze rendered
+matchbench run castle --matchers adalam --estimator ransac-e,best --repeat 5 --out runs/adalam-plain
+matchbench run castle --matchers adalam --estimator ransac-e,best --repeat 5 $(refined adalam) --out runs/adalam-refined
+matchbench compare runs/adalam-plain runs/adalam-refined
