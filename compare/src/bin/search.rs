@@ -72,10 +72,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     times.sort_unstable();
     println!("{:.3}", times[times.len() / 2].as_secs_f64() * 1e3);
 
-    let is_kept = |found: &&Correspondence| test.is_none_or(|test| test.keeps(found));
+    let passes = |found: &&Correspondence| test.is_none_or(|test| test.keeps(found));
     let bytes: Vec<u8> = matches
         .iter()
-        .filter(is_kept)
+        .filter(passes)
         .flat_map(|m| [m.a, m.b, m.distance.to_bits(), m.second.to_bits()])
         .flat_map(u32::to_le_bytes)
         .collect();

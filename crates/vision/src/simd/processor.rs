@@ -2,6 +2,8 @@
 
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::{__cpuid_count, CpuidResult};
+#[cfg(target_arch = "x86_64")]
+use std::sync::LazyLock;
 
 /// What the processor answers to a question (CPUID, with subquestion 0).
 #[cfg(target_arch = "x86_64")]
@@ -13,14 +15,18 @@ pub(super) fn answer(question: u32) -> CpuidResult {
     }
 }
 
-/// Bytes of the second-level cache of a core, if the processor tells.
+/// Bytes of the second-level cache of a core, if the processor tells. It is asked once, since a virtual machine takes
+/// microseconds for an answer.
 pub fn second_level_cache() -> Option<usize> {
     #[cfg(target_arch = "x86_64")]
     {
-        const QUESTION: u32 = 0x8000_0006;
-        let is_known = answer(0x8000_0000).eax >= QUESTION;
-        let bytes = is_known.then(|| (answer(QUESTION).ecx >> 16) as usize * 1024);
-        bytes.filter(|&bytes| bytes > 0)
+        static BYTES: LazyLock<Option<usize>> = LazyLock::new(|| {
+            const QUESTION: u32 = 0x8000_0006;
+            let is_known = answer(0x8000_0000).eax >= QUESTION;
+            let bytes = is_known.then(|| (answer(QUESTION).ecx >> 16) as usize * 1024);
+            bytes.filter(|&bytes| bytes > 0)
+        });
+        *BYTES
     }
     #[cfg(not(target_arch = "x86_64"))]
     None
