@@ -75,6 +75,7 @@ macro_rules! multiversioned {
 }
 
 mod affine;
+mod alignment;
 mod area;
 mod bilinear;
 mod blur8;
@@ -118,6 +119,10 @@ mod truncated;
 pub use affine::{
     CANDIDATE, CANDIDATES_AT_ONCE, Others, PairLimits, add_prediction_errors, costs_beside,
     nearest_place, pair_costs,
+};
+pub use alignment::{
+    ALIGNED_SIDE, STEP_PARAMETERS, Samples, StepEquations, normalize_window, product_of_windows,
+    sample_window, sample_with_gradients, step_equations, step_sums,
 };
 pub use area::{Cover, cover_columns, cover_rows, halve_rows_u8, integrate_row};
 pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};

@@ -235,7 +235,11 @@ multiversioned! {
 
 /// Between the four pixels around a place: those above, from left to right, and those below.
 #[inline(always)]
-fn bilinear(corners: &[[f32; LANES]; 4], l: usize, (u, v): (f32, f32)) -> f32 {
+pub(super) fn bilinear<const L: usize>(
+    corners: &[[f32; L]; 4],
+    l: usize,
+    (u, v): (f32, f32),
+) -> f32 {
     let (a, b, c, d) = (corners[0][l], corners[1][l], corners[2][l], corners[3][l]);
     let (upper, lower) = (u.mul_add(b - a, a), u.mul_add(d - c, c));
     v.mul_add(lower - upper, upper)
@@ -244,7 +248,7 @@ fn bilinear(corners: &[[f32; LANES]; 4], l: usize, (u, v): (f32, f32)) -> f32 {
 /// The pixel before a position among `count` (of at least 2), and how far the position is from
 /// it; positions outside are moved to the border.
 #[inline(always)]
-fn split(position: f32, count: u32) -> (u32, f32) {
+pub(super) fn split(position: f32, count: u32) -> (u32, f32) {
     let position = position.max(0.0).min((count - 1) as f32);
     let first = super::truncated(position).min(count as i32 - 2);
     (first as u32, position - first as f32)

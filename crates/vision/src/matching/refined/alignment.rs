@@ -10,11 +10,15 @@
 
 use nalgebra::{Cholesky, Matrix2, Matrix6, Point2, Vector2, Vector6};
 
-use super::window::{Piece, REACH, SIDE};
+use super::window::Piece;
 use crate::image::GrayImage;
+use crate::simd::{
+    ALIGNED_SIDE, STEP_PARAMETERS, Samples, StepEquations, normalize_window, product_of_windows,
+    sample_window, sample_with_gradients, step_equations, step_sums,
+};
 
-/// Samples of a window.
-const SAMPLES: usize = SIDE * SIDE;
+/// Distance of the outermost samples from the middle, in samples.
+const REACH: usize = ALIGNED_SIDE / 2;
 
 /// Standard deviation of the weights, in samples.
 const SPREAD: f32 = 0.6 * REACH as f32;
@@ -72,7 +76,8 @@ pub(super) fn aligned(
     let piece = Piece::about(image_b, at_b, reach, apart[1])?;
     let (mut map, mut at) = (first, at_b);
     for _ in 0..STEPS {
-        let (window, _) = weights.normalized(sampled(&piece, at, map)?)?;
+        let mut window = sampled(&piece, at, map)?;
+        weights.normalize(&mut window)?;
         let (change, shift) = template.step(&window);
         map *= change.try_inverse()?;
         let shift = map * shift;
@@ -81,10 +86,11 @@ pub(super) fn aligned(
             return None;
         }
         if shift.norm() < SMALL * apart[1] {
-            let (window, _) = weights.normalized(sampled(&piece, at, map)?)?;
+            let mut window = sampled(&piece, at, map)?;
+            weights.normalize(&mut window)?;
             let areas = map.determinant() / first.determinant();
             let is_good = (1.0 / AREAS..=AREAS).contains(&areas)
-                && weights.product(&template.values, &window) >= CORRELATION;
+                && weights.correlation(&template.values, &window) >= CORRELATION;
             return is_good.then_some(at);
         }
     }
@@ -92,7 +98,7 @@ pub(super) fn aligned(
 }
 
 /// The values at the places `at + map g` of an image; `None` where it has not all of them.
-fn sampled(piece: &Piece, at: Point2<f64>, map: Matrix2<f64>) -> Option<[f32; SAMPLES]> {
+fn sampled(piece: &Piece, at: Point2<f64>, map: Matrix2<f64>) -> Option<Samples> {
     let reach = REACH as f64;
     let corners = [
         (-reach, -reach),
@@ -106,83 +112,48 @@ fn sampled(piece: &Piece, at: Point2<f64>, map: Matrix2<f64>) -> Option<[f32; SA
     if !corners.into_iter().all(margin) {
         return None;
     }
-    let [x, y] = piece.inside(at);
-    let [xx, yx, xy, yy] = [map.m11, map.m21, map.m12, map.m22].map(|v| v as f32);
-    let mut values = [0.0; SAMPLES];
-    for (row, line) in values.as_chunks_mut::<SIDE>().0.iter_mut().enumerate() {
-        let down = row as f32 - REACH as f32;
-        let (x, y) = (x + xy * down, y + yy * down);
-        for (column, value) in line.iter_mut().enumerate() {
-            let across = column as f32 - REACH as f32;
-            *value = piece.sample([x + xx * across, y + yx * across]);
-        }
-    }
-    Some(values)
+    let axes = [[map.m11, map.m21], [map.m12, map.m22]];
+    let axes = axes.map(|axis| axis.map(|v| v as f32));
+    let at = piece.inside(at);
+    Some(sample_window(&piece.pixels, piece.stride, at, axes))
 }
 
 /// The window of `a`.
 struct Template {
     /// Values, of mean 0 and standard deviation 1.
-    values: [f32; SAMPLES],
-    /// For each parameter of a step the derivatives of the values, times the weights.
-    slopes: [[f32; SAMPLES]; 6],
+    values: Samples,
+    /// See [`StepEquations`].
+    slopes: [Samples; STEP_PARAMETERS],
     /// The matrix of the normal equations.
-    normal: Cholesky<f64, nalgebra::Const<6>>,
+    normal: Cholesky<f64, nalgebra::Const<STEP_PARAMETERS>>,
 }
 
 impl Template {
     /// The window about a place; `None` where the image does not have all of it, or where its texture does not tell the
     /// place.
     fn of(weights: &Weights, image: &GrayImage, at: Point2<f64>, apart: f64) -> Option<Self> {
-        /// Samples of a side with one more on each end, for the gradients.
-        const WIDE: usize = SIDE + 2;
+        // One sample more on each side, for the gradients.
         let reach = (REACH + 1) as f64 * apart;
         let piece = Piece::about(image, at, reach, apart)?;
-        let [x, y] = piece.inside(at);
-        let place = |v: f32, i: usize| v + (i as f32 - (REACH + 1) as f32) * apart as f32;
-        let mut wide = [[0.0; WIDE]; WIDE];
-        for (row, line) in wide.iter_mut().enumerate() {
-            for (column, value) in line.iter_mut().enumerate() {
-                let at = [place(x, column), place(y, row)];
-                *value = if piece.has(at) {
-                    piece.sample(at)
-                } else {
-                    return None;
-                };
+        let middle = piece.inside(at);
+        let corners = [-reach, reach].map(|reach| middle.map(|v| v + reach as f32));
+        if !corners.into_iter().all(|corner| piece.has(corner)) {
+            return None;
+        }
+        let (pixels, stride) = (&piece.pixels, piece.stride);
+        let [mut values, mut across, mut down] =
+            sample_with_gradients(pixels, stride, middle, apart as f32);
+        let deviation = weights.normalize(&mut values)?;
+        for slope in [&mut across, &mut down] {
+            for slope in slope.as_flattened_mut() {
+                *slope /= deviation;
             }
         }
-        let inner = |f: &dyn Fn(usize, usize) -> f32| -> [f32; SAMPLES] {
-            std::array::from_fn(|i| f(i / SIDE + 1, i % SIDE + 1))
-        };
-        let raw = inner(&|row, column| wide[row][column]);
-        let (values, deviation) = weights.normalized(raw)?;
-        let half = 0.5 / deviation;
-        let across = inner(&|row, column| half * (wide[row][column + 1] - wide[row][column - 1]));
-        let down = inner(&|row, column| half * (wide[row + 1][column] - wide[row - 1][column]));
-        let mut slopes = [[0.0; SAMPLES]; 6];
-        for i in 0..SAMPLES {
-            let [x, y] = [i % SIDE, i / SIDE].map(|v| (v as f32 - REACH as f32) / REACH as f32);
-            let (along, below) = (across[i], down[i]);
-            let all = [along, below, along * x, along * y, below * x, below * y];
-            for (slopes, slope) in slopes.iter_mut().zip(all) {
-                slopes[i] = slope;
-            }
-        }
-        for slopes in &mut slopes {
-            // What brightness and contrast explain.
-            let (mean, share) = (weights.mean(slopes), weights.product(slopes, &values));
-            for (slope, value) in slopes.iter_mut().zip(&values) {
-                *slope -= mean + share * value;
-            }
-        }
-        let normal = Matrix6::from_fn(|i, j| f64::from(weights.product(&slopes[i], &slopes[j])));
+        let StepEquations { slopes, normal } =
+            step_equations(&weights.0, &values, [&across, &down]);
+        let normal = Matrix6::from_fn(|i, j| f64::from(normal[i][j]));
         // Directions that the texture does not tell stay nearly as they are.
         let normal = normal + Matrix6::identity() * (DAMPING * normal.trace());
-        for slopes in &mut slopes {
-            for (slope, weight) in slopes.iter_mut().zip(&weights.0) {
-                *slope *= weight;
-            }
-        }
         Some(Self {
             values,
             slopes,
@@ -191,11 +162,8 @@ impl Template {
     }
 
     /// The step that takes this window to another: the change of the linear part, and of the middle, in samples.
-    fn step(&self, window: &[f32; SAMPLES]) -> (Matrix2<f64>, Vector2<f64>) {
-        let sums = self.slopes.each_ref().map(|slopes| {
-            let terms = slopes.iter().zip(window.iter().zip(&self.values));
-            f64::from(terms.map(|(slope, (b, a))| slope * (b - a)).sum::<f32>())
-        });
+    fn step(&self, window: &Samples) -> (Matrix2<f64>, Vector2<f64>) {
+        let sums = step_sums(&self.slopes, &self.values, window).map(f64::from);
         let step = self.normal.solve(&Vector6::from(sums));
         let linear = |i: usize| step[i] / REACH as f64;
         let change = Matrix2::new(1.0 + linear(2), linear(3), linear(4), 1.0 + linear(5));
@@ -204,36 +172,31 @@ impl Template {
 }
 
 /// The weights of samples, whose sum is 1.
-pub(super) struct Weights([f32; SAMPLES]);
+pub(super) struct Weights(Samples);
 
 impl Weights {
     /// A Gaussian about the middle.
     pub(super) fn new() -> Self {
-        let weights: [f32; SAMPLES] = std::array::from_fn(|i| {
-            let [x, y] = [i % SIDE, i / SIDE].map(|v| v as f32 - REACH as f32);
-            libm::expf(-(x * x + y * y) / (2.0 * SPREAD * SPREAD))
-        });
-        let sum: f32 = weights.iter().sum();
-        Self(weights.map(|weight| weight / sum))
+        let mut weights = Samples::default();
+        for (row, line) in weights.iter_mut().enumerate() {
+            for (column, weight) in line[..ALIGNED_SIDE].iter_mut().enumerate() {
+                let [x, y] = [column, row].map(|v| v as f32 - REACH as f32);
+                *weight = libm::expf(-(x * x + y * y) / (2.0 * SPREAD * SPREAD));
+            }
+        }
+        let sum: f32 = weights.as_flattened().iter().sum();
+        Self(weights.map(|line| line.map(|weight| weight / sum)))
     }
 
-    /// The weighted sum of products.
-    fn product(&self, a: &[f32; SAMPLES], b: &[f32; SAMPLES]) -> f32 {
-        let products = self.0.iter().zip(a.iter().zip(b));
-        products.map(|(weight, (a, b))| weight * a * b).sum()
+    /// Takes the mean off all values and divides them by their standard deviation, which is returned; `None` where they are
+    /// nearly the same.
+    fn normalize(&self, values: &mut Samples) -> Option<f32> {
+        let deviation = normalize_window(&self.0, values);
+        (deviation > CONTRAST).then_some(deviation)
     }
 
-    /// The weighted mean.
-    fn mean(&self, values: &[f32; SAMPLES]) -> f32 {
-        let products = self.0.iter().zip(values);
-        products.map(|(weight, value)| weight * value).sum()
-    }
-
-    /// Values less their mean and divided by their standard deviation, and the latter; `None` where they are nearly the same.
-    fn normalized(&self, mut values: [f32; SAMPLES]) -> Option<([f32; SAMPLES], f32)> {
-        let mean = self.mean(&values);
-        values = values.map(|value| value - mean);
-        let deviation = self.product(&values, &values).sqrt();
-        (deviation > CONTRAST).then(|| (values.map(|value| value / deviation), deviation))
+    /// The correlation of two windows of mean 0 and standard deviation 1.
+    fn correlation(&self, a: &Samples, b: &Samples) -> f32 {
+        product_of_windows(&self.0, a, b)
     }
 }

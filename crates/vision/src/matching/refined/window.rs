@@ -6,12 +6,7 @@
 use nalgebra::Point2;
 
 use crate::image::{Border, GaussianKernel, GrayImage};
-
-/// Samples of a window's side.
-pub(super) const SIDE: usize = 15;
-
-/// Distance of the outermost samples from the middle, in samples.
-pub(super) const REACH: usize = SIDE / 2;
+use crate::simd::{ROWS_AT_ONCE, rows_together, weigh_rows, weigh_symmetric};
 
 /// Standard deviation of the filter, in distances of samples.
 const SMOOTHING: f64 = 0.6;
@@ -22,10 +17,12 @@ const CUT: f64 = 2.5;
 /// How the image continues for the filter.
 const BORDER: Border = Border::Mirror;
 
-/// A smoothed piece of an image.
+/// A smoothed piece of an image, of at least 2 x 2 pixels.
 pub(super) struct Piece {
-    /// Row by row.
-    pixels: Vec<f32>,
+    /// Row by row, each followed by some values that are no pixels.
+    pub(super) pixels: Vec<f32>,
+    /// Values of a row.
+    pub(super) stride: usize,
     width: usize,
     height: usize,
     /// Place of the first pixel in the image.
@@ -51,28 +48,40 @@ impl Piece {
         };
         let (columns, rows) = (range(at.x, image.width())?, range(at.y, image.height())?);
         let (width, height) = (columns.len(), rows.len());
-        // The columns that the sums along rows need.
-        let beside = kernel.radius() as isize;
-        let wide = columns.start as isize - beside..columns.end as isize + beside;
-        let wide: Vec<usize> = wide.map(|x| BORDER.index(x, image.width())).collect();
-        let mut line = vec![0.0_f32; wide.len()];
-        let mut pixels = vec![0.0; width * height];
-        for (y, smoothed) in rows.clone().zip(pixels.chunks_exact_mut(width)) {
-            line.fill(0.0);
-            for (tap, y) in kernel.taps().iter().zip(y as isize - beside..) {
-                let row = image.row(BORDER.index(y, image.height()));
-                for (sum, &x) in line.iter_mut().zip(&wide) {
-                    *sum += tap * f32::from(row[x]);
-                }
+        // What the sums need beside the piece. Rows are whole vectors.
+        let beside = kernel.radius();
+        let stride = width.next_multiple_of(8);
+        let wide = (stride + 2 * beside).next_multiple_of(16);
+        let (left, top) = (
+            columns.start as isize - beside as isize,
+            rows.start as isize - beside as isize,
+        );
+        let inside = left.max(0) as usize..image.width().min(columns.end + beside);
+        let skipped = (-left).max(0) as usize;
+        let mut source = vec![0.0; wide * (height + 2 * beside)];
+        for (y, line) in (top..).zip(source.chunks_exact_mut(wide)) {
+            let row = &image.row(BORDER.index(y, image.height()))[inside.clone()];
+            for (value, &pixel) in line[skipped..].iter_mut().zip(row) {
+                *value = f32::from(pixel);
             }
-            for (k, tap) in kernel.taps().iter().enumerate() {
-                for (sum, value) in smoothed.iter_mut().zip(&line[k..]) {
-                    *sum += tap * value;
-                }
+            BORDER.fill_ends(&mut line[..width + 2 * beside], left, image.width());
+        }
+        let source: Vec<&[f32]> = source.chunks_exact(wide).collect();
+        let mut between = vec![0.0; wide * ROWS_AT_ONCE];
+        let mut pixels = vec![0.0; stride * height];
+        let together = rows_together();
+        for (number, smoothed) in pixels.chunks_mut(stride * together).enumerate() {
+            let count = smoothed.len() / stride;
+            let rows = &source[number * together..][..count + 2 * beside];
+            let mut lines: Vec<&mut [f32]> = between.chunks_exact_mut(wide).take(count).collect();
+            weigh_rows(rows, kernel.taps(), &mut lines);
+            for (line, smoothed) in lines.iter().zip(smoothed.chunks_exact_mut(stride)) {
+                weigh_symmetric(&line[..stride + 2 * beside], kernel.taps(), smoothed);
             }
         }
         Some(Self {
             pixels,
+            stride,
             width,
             height,
             first: [columns.start as f64, rows.start as f64],
@@ -84,21 +93,9 @@ impl Piece {
         [(at.x - self.first[0]) as f32, (at.y - self.first[1]) as f32]
     }
 
-    /// Whether there is a sample at this place of the piece.
+    /// Whether this place of the piece lies between its pixels.
     pub(super) fn has(&self, [x, y]: [f32; 2]) -> bool {
         let within = |v: f32, length: usize| v >= 0.0 && v < (length - 1) as f32;
         within(x, self.width) && within(y, self.height)
-    }
-
-    /// The value at a place of the piece that it [`has`](Self::has).
-    #[inline]
-    pub(super) fn sample(&self, [x, y]: [f32; 2]) -> f32 {
-        let (column, row) = (x as usize, y as usize);
-        let (right, down) = (x - column as f32, y - row as f32);
-        let pixels = &self.pixels[row * self.width + column..];
-        let (above, below) = (&pixels[..2], &pixels[self.width..][..2]);
-        let above = above[0] + right * (above[1] - above[0]);
-        let below = below[0] + right * (below[1] - below[0]);
-        above + down * (below - above)
     }
 }
