@@ -38,6 +38,8 @@ pub(crate) struct Hdf5 {
     file: Reader,
     /// Its size.
     bytes: u64,
+    /// Most bytes of an array.
+    most_bytes: u64,
 }
 
 impl Hdf5 {
@@ -59,7 +61,14 @@ impl Hdf5 {
             path: path.into(),
             file,
             bytes: about.len(),
+            most_bytes: MOST_BYTES,
         })
+    }
+
+    /// The same file, with this limit for the bytes of an array.
+    pub(crate) fn with_arrays_of(mut self, bytes: usize) -> Self {
+        self.most_bytes = MOST_BYTES.min(bytes as u64);
+        self
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -140,6 +149,13 @@ impl Hdf5 {
                     "its shape {shape:?} claims {}, more than a file of {} can hold",
                     counted(claimed, "byte"),
                     self.bytes
+                ));
+            }
+            if claimed as u64 > self.most_bytes {
+                return Err(format!(
+                    "its shape {shape:?} is {}; {} are the most",
+                    counted(claimed, "byte"),
+                    self.most_bytes
                 ));
             }
             let bytes = dataset
@@ -287,6 +303,13 @@ mod tests {
             [1.0, -1.0, 70_000.0]
         );
         assert_eq!(file.array("empty").unwrap().length(), Ok(0));
+        let limited = Hdf5::open(&path).unwrap().with_arrays_of(12);
+        assert!(limited.array("a/x.png/n").is_ok());
+        let error = limited.array("a/x.png/keypoints").unwrap_err();
+        assert!(
+            error.what().contains("16 bytes; 12 are the most"),
+            "{error:?}"
+        );
         let error = file.array("a/y").err().unwrap();
         assert!(
             error.file == path && error.what().starts_with("array `a/y`: "),

@@ -5,6 +5,9 @@
 //! `fuzz/` with whatever a fuzzer comes upon. An error is always right; a panic or a promise that does not
 //! hold never is.
 
+pub(crate) mod archives;
+#[cfg(unix)] // `sh`
+pub(crate) mod children;
 mod sources;
 
 use std::fs;
@@ -16,7 +19,7 @@ use matchbench::datasets::{
 };
 use matchbench::exchange::{Export, Format, MatchFiles, PairExport, ReadOptions};
 use matchbench::external::{BuiltIn, Manifest};
-use matchbench::metrics::load;
+use matchbench::metrics::{Angle, load, load_errors};
 use matchbench::records::store::{self, RecordWriter};
 use matchbench::records::{MatchesFile, RunFolder, authors};
 use matchbench::study::Study;
@@ -24,7 +27,10 @@ use matchbench_vision::geometry::{Camera, MatchedPoints};
 use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Matrix3, Point2};
 
+use archives::npz;
 use sources::{MODEL_CAMERAS, SourceDoor, binary_cameras, source_doors, sources};
+
+pub(crate) use sources::{fixture, intrinsics, scannet_list};
 
 /// A door: its name, and what it does with bytes. It says whether they were accepted.
 type Door = (&'static str, fn(&Doors, &[u8]) -> bool);
@@ -71,9 +77,8 @@ const DOORS: &[Door] = &[
     ("superglue", |doors, bytes| {
         doors.import("superglue", "list.txt", bytes)
     }),
-    ("scannet", |doors, bytes| {
-        doors.import("scannet", "test.npz", bytes)
-    }),
+    ("scannet", Doors::scannet),
+    ("scannet intrinsics", Doors::intrinsics),
     ("megadepth", |doors, bytes| {
         doors.import("megadepth", "0015.npz", bytes)
     }),
@@ -97,6 +102,13 @@ const DOORS: &[Door] = &[
     }),
     ("manifest", Doors::manifest),
     ("run file", Doors::study),
+    ("errors", Doors::errors),
+    #[cfg(unix)]
+    ("answers", Doors::answers),
+    #[cfg(unix)]
+    ("answered matches", Doors::answered_matches),
+    #[cfg(unix)]
+    ("answered features", Doors::answered_features),
 ];
 
 /// A folder with a dataset and room for files.
@@ -119,14 +131,21 @@ impl Doors {
         for dataset in ["sound", "changed", "truth/sound"] {
             let at = |file: &str| doors.at(&format!("{dataset}/{file}"));
             fs::create_dir_all(at("Images")).expect("writable");
-            for image in ["0000.pgm", "0001.pgm", "0002.pgm"] {
+            fs::create_dir_all(at("Images/d")).expect("writable"); // of the labels of `imc`
+            for image in [
+                "0000.pgm",
+                "0001.pgm",
+                "0002.pgm",
+                "d/0000.pgm",
+                "d/0001.pgm",
+            ] {
                 let pixels = [&b"P5 4 3 255\n"[..], &[7; 12]].concat();
                 fs::write(at(&format!("Images/{image}")), pixels).expect("writable");
             }
             fs::write(at("camera.txt"), CAMERA).expect("writable");
             fs::write(at("pairs.txt"), PAIRS).expect("writable");
         }
-        for folder in ["run", "text", "binary", "results/sound", "source"] {
+        for folder in ["run", "text", "binary", "results/sound", "source", "errors"] {
             fs::create_dir_all(doors.at(folder)).expect("writable");
         }
         fs::write(doors.at("text/cameras.txt"), MODEL_CAMERAS).expect("writable");
@@ -326,6 +345,41 @@ impl Doors {
             ..ImportOptions::default()
         };
         check_imported(read_source(kind, &source, &options).ok())
+    }
+
+    /// LoFTR's list of ScanNet, whose intrinsics are sound.
+    fn scannet(&self, bytes: &[u8]) -> bool {
+        self.scannet_of(bytes, &intrinsics())
+    }
+
+    /// The array of the intrinsics of LoFTR's list of ScanNet, which is sound.
+    fn intrinsics(&self, bytes: &[u8]) -> bool {
+        self.scannet_of(&scannet_list(), bytes)
+    }
+
+    fn scannet_of(&self, list: &[u8], intrinsics: &[u8]) -> bool {
+        let source = self.file("source/test.npz", list);
+        let intrinsics = npz(&[("scene0707_00", intrinsics)]);
+        let options = ImportOptions {
+            intrinsics: Some(self.file("intrinsics.npz", &intrinsics)),
+            ..ImportOptions::default()
+        };
+        check_imported(read_source("scannet", &source, &options).ok())
+    }
+
+    /// A table of errors of poses.
+    fn errors(&self, bytes: &[u8]) -> bool {
+        self.file("errors/x.txt", bytes);
+        let Ok(sets) = load_errors(&self.at("errors")) else {
+            return false;
+        };
+        for pair in sets.iter().flat_map(|set| &set.pairs) {
+            let angles = [Angle::Pose, Angle::Rotation, Angle::Translation];
+            for angle in angles.into_iter().filter_map(|angle| pair.error(angle)) {
+                assert!((0.0..=180.0).contains(&angle), "{pair:?}");
+            }
+        }
+        true
     }
 
     /// A model whose cameras are sound.

@@ -1,5 +1,10 @@
 //! Sources of datasets, each with all its files, to which the doors offer one file after the other.
 
+use std::fs;
+use std::path::Path;
+
+use super::archives::{doubles, npy, npz};
+
 /// The doors to sources, one a line: the kind of the source, the file that the door offers, below the folder of the
 /// source, and the name of the door.
 const DOORS: &str = "\
@@ -13,7 +18,8 @@ const DOORS: &str = "\
     euroc euroc/state_groundtruth_estimate0/data.csv euroc states
     zeb zeb/room_0000_0001.txt zeb
     oxford oxford/H1to2p oxford
-    megadepth views/views.txt views";
+    megadepth views/views.txt views
+    imc calibrations/calibration_7.h5 imc calibration";
 
 /// A door to a source of a dataset.
 pub(super) struct SourceDoor {
@@ -60,6 +66,7 @@ pub(super) fn sources() -> Vec<(&'static str, Vec<u8>)> {
         ("oxford/H1to2p", text(HOMOGRAPHY)),
         ("views/views.txt", text(VIEWS)),
         ("views/pairs.txt", text("0000.pgm 0001.pgm\n")),
+        ("calibrations/calibration_7.h5", fixture("calibration_7.h5")),
     ];
     for path in [
         "fr3/0000.pgm",
@@ -75,6 +82,32 @@ pub(super) fn sources() -> Vec<(&'static str, Vec<u8>)> {
         files.push((path, image()));
     }
     files
+}
+
+/// A binary file that the authors' tools wrote.
+pub(crate) fn fixture(name: &str) -> Vec<u8> {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/lists"));
+    fs::read(folder.join(name)).expect("fixtures are part of the repository")
+}
+
+/// LoFTR's list of ScanNet, with two pairs of a scan.
+pub(crate) fn scannet_list() -> Vec<u8> {
+    let names: [u16; 8] = [707, 0, 15, 45, 707, 0, 15, 60];
+    let names: Vec<u8> = names.iter().flat_map(|name| name.to_le_bytes()).collect();
+    let pose = |x| [1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, 0.5, 0.0, 0.0, 1.0, 0.0];
+    let poses = [pose(-0.25), pose(0.75)].concat();
+    npz(&[
+        ("name", &npy("<u2", "(2, 4)", &names)),
+        ("rel_pose", &doubles("(2, 12)", &poses)),
+    ])
+}
+
+/// The array of the intrinsics of this scan.
+pub(crate) fn intrinsics() -> Vec<u8> {
+    doubles(
+        "(3, 3)",
+        &[575.7, 0.0, 320.5, 0.0, 578.0, 240.4, 0.0, 0.0, 1.0],
+    )
 }
 
 pub(super) const MODEL_CAMERAS: &str =

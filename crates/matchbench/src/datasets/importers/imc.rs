@@ -18,7 +18,6 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use hdf5_reader::{Hdf5File, OpenOptions};
 use matchbench_vision::geometry::Camera;
 use nalgebra::Isometry3;
 
@@ -26,13 +25,13 @@ use super::oxford::image;
 use super::{
     ImportOption, ImportOptions, Imported, base_name, given_camera, images_left_out, list,
 };
+use crate::arrays::Hdf5;
 use crate::counted::counted;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{About, DatasetError, Frame, read_size};
-use crate::files::read_file;
 
 /// Most bytes that a matrix of a calibration may have.
-const MAX_BYTES: usize = 1 << 16;
+const MAX_BYTES: usize = 1 << 12;
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     if src.is_dir() {
@@ -68,8 +67,7 @@ fn read_calibrations(src: &Path, options: &ImportOptions<'_>) -> Result<Imported
     let given = given_camera(src, options, &[])?;
     let mut frames = Vec::new();
     for (name, file) in calibrations(&folder)? {
-        let fail = |what: String| DatasetError::new(&file, what, "download the file again");
-        let (camera, camera_from_world) = calibration(&file).map_err(fail)?;
+        let (camera, camera_from_world) = calibration(&file)?;
         let image = image(&root, &name).unwrap_or_else(|| root.join(format!("{name}.jpg")));
         let camera = given.unwrap_or(camera);
         frames.push(Frame::with_pose(image, camera, camera_from_world.inverse()));
@@ -105,32 +103,21 @@ fn calibrations(folder: &Path) -> Result<Vec<(String, PathBuf)>, DatasetError> {
     Ok(found)
 }
 
-fn calibration(path: &Path) -> Result<(Camera, Isometry3<f64>), String> {
-    let options = OpenOptions::default()
-        .with_max_read_bytes(MAX_BYTES)
-        .with_max_chunk_bytes(MAX_BYTES);
-    let bytes = read_file(path).map_err(|error| error.to_string())?;
-    let file = Hdf5File::from_bytes_with_options(&bytes, options)
-        .map_err(|error| format!("this is no HDF5: {error}"))?;
+fn calibration(path: &Path) -> Result<(Camera, Isometry3<f64>), DatasetError> {
+    let fail = |what: String| DatasetError::new(path, what, "download the file again");
+    let file = (Hdf5::open(path).map_err(DatasetError::of_array)?).with_arrays_of(MAX_BYTES);
     let numbers = |name: &str, count: usize| {
-        let found = (file.dataset(name).and_then(|set| match set.dtype() {
-            hdf5_reader::Datatype::FloatingPoint { size: 4, .. } => {
-                let values = set.read_array::<f32>()?;
-                Ok(values
-                    .iter()
-                    .map(|&value| f64::from(value))
-                    .collect::<Vec<_>>())
-            }
-            _ => Ok(set.read_array::<f64>()?.iter().copied().collect()),
-        }))
-        .map_err(|error| format!("`{name}`: {error}"))?;
+        let found = (file.array(name).map_err(DatasetError::of_array)?).to_vec();
         if found.len() != count || !found.iter().all(|value| value.is_finite()) {
-            return Err(format!("`{name}` is not {count} finite numbers"));
+            return Err(fail(format!("`{name}` is not {count} finite numbers")));
         }
         Ok(found)
     };
     let (k, r, t) = (numbers("K", 9)?, numbers("R", 9)?, numbers("T", 3)?);
-    Ok((list::camera(&k)?, motion(&r, &t)?))
+    Ok((
+        list::camera(&k).map_err(fail)?,
+        motion(&r, &t).map_err(fail)?,
+    ))
 }
 
 /// [R t] from nine and three numbers.
