@@ -39,3 +39,7 @@ adaptive "object-wide office-wide facade" sift,orb,akaze rendered
 matchbench run castle --matchers adalam --estimator ransac-e,best --repeat 5 --out runs/adalam-plain
 matchbench run castle --matchers adalam --estimator ransac-e,best --repeat 5 $(refined adalam) --out runs/adalam-refined
 matchbench compare runs/adalam-plain runs/adalam-refined
+# With the program that makes sums over windows in whole vectors.
+matchbench run castle --matchers adalam-asift --estimator ransac-e,best,adaptive --repeat 5 --set adalam-asift.refine=true --out runs/adalam-asift-refined
+matchbench run castle --matchers adalam-asift --estimator ransac-e,best,adaptive --repeat 5 --out runs/adalam-asift-plain
+matchbench compare runs/adalam-asift-plain runs/adalam-asift-refined
