@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use hdf5_reader::group::Group;
 use hdf5_reader::storage::FileStorage;
-use hdf5_reader::{ByteOrder, Datatype, Hdf5File as Reader, OpenOptions};
+use hdf5_reader::{ByteOrder, DEFAULT_MAX_CHUNK_BYTES, Datatype, Hdf5File as Reader, OpenOptions};
 use hdf5_writer::{DatasetBuilder, Hdf5Builder, WriteOptions};
 
 use super::ArrayError;
@@ -38,8 +38,6 @@ pub(crate) struct Hdf5 {
     file: Reader,
     /// Its size.
     bytes: u64,
-    /// Most bytes of an array.
-    most_bytes: u64,
 }
 
 impl Hdf5 {
@@ -48,12 +46,21 @@ impl Hdf5 {
     /// # Errors
     /// If it cannot be read or is not an HDF5 file.
     pub(crate) fn open(path: &Path) -> Result<Self, ArrayError> {
+        Self::with_arrays_of(path, MOST_BYTES as usize)
+    }
+
+    /// Opens a file whose arrays have at most so many bytes, as has each chunk in which they are stored.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub(crate) fn with_arrays_of(path: &Path, bytes: usize) -> Result<Self, ArrayError> {
         let file = open_file(path).map_err(|error| ArrayError::unreadable(path, error))?;
         let about = (file.metadata()).map_err(|error| ArrayError::unreadable(path, error))?;
         let storage =
             FileStorage::from_file(file).map_err(|error| ArrayError::unreadable(path, error))?;
         let options = OpenOptions::default()
-            .with_max_read_bytes(MOST_BYTES as usize)
+            .with_max_read_bytes(bytes)
+            .with_max_chunk_bytes(bytes.min(DEFAULT_MAX_CHUNK_BYTES))
             .with_max_object_header_bytes(16 << 20);
         let file = Reader::from_storage_with_options(Arc::new(storage), options)
             .map_err(|error| ArrayError::damaged(path, format!("no HDF5 file ({error})")))?;
@@ -61,14 +68,7 @@ impl Hdf5 {
             path: path.into(),
             file,
             bytes: about.len(),
-            most_bytes: MOST_BYTES,
         })
-    }
-
-    /// The same file, with this limit for the bytes of an array.
-    pub(crate) fn with_arrays_of(mut self, bytes: usize) -> Self {
-        self.most_bytes = MOST_BYTES.min(bytes as u64);
-        self
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -149,13 +149,6 @@ impl Hdf5 {
                     "its shape {shape:?} claims {}, more than a file of {} can hold",
                     counted(claimed, "byte"),
                     self.bytes
-                ));
-            }
-            if claimed as u64 > self.most_bytes {
-                return Err(format!(
-                    "its shape {shape:?} is {}; {} are the most",
-                    counted(claimed, "byte"),
-                    self.most_bytes
                 ));
             }
             let bytes = dataset
@@ -303,13 +296,10 @@ mod tests {
             [1.0, -1.0, 70_000.0]
         );
         assert_eq!(file.array("empty").unwrap().length(), Ok(0));
-        let limited = Hdf5::open(&path).unwrap().with_arrays_of(12);
+        let limited = Hdf5::with_arrays_of(&path, 12).unwrap();
         assert!(limited.array("a/x.png/n").is_ok());
         let error = limited.array("a/x.png/keypoints").unwrap_err();
-        assert!(
-            error.what().contains("16 bytes; 12 are the most"),
-            "{error:?}"
-        );
+        assert!(error.what().contains("12"), "{error:?}");
         let error = file.array("a/y").err().unwrap();
         assert!(
             error.file == path && error.what().starts_with("array `a/y`: "),

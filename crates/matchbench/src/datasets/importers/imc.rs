@@ -30,8 +30,8 @@ use crate::counted::counted;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{About, DatasetError, Frame, read_size};
 
-/// Most bytes that a matrix of a calibration may have.
-const MAX_BYTES: usize = 1 << 12;
+/// Most bytes that a matrix of a calibration, or a chunk of it, may have.
+const MAX_BYTES: usize = 1 << 16;
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     if src.is_dir() {
@@ -105,7 +105,7 @@ fn calibrations(folder: &Path) -> Result<Vec<(String, PathBuf)>, DatasetError> {
 
 fn calibration(path: &Path) -> Result<(Camera, Isometry3<f64>), DatasetError> {
     let fail = |what: String| DatasetError::new(path, what, "download the file again");
-    let file = (Hdf5::open(path).map_err(DatasetError::of_array)?).with_arrays_of(MAX_BYTES);
+    let file = Hdf5::with_arrays_of(path, MAX_BYTES).map_err(DatasetError::of_array)?;
     let numbers = |name: &str, count: usize| {
         let found = (file.array(name).map_err(DatasetError::of_array)?).to_vec();
         if found.len() != count || !found.iter().all(|value| value.is_finite()) {
