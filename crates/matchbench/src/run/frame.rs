@@ -33,6 +33,9 @@ pub(super) struct FrameStage<'a> {
 pub(super) struct Extracted {
     /// The features, or why there are none: the pairs of this frame fail for the same reason.
     pub(super) features: Result<Features, Broken>,
+    /// The pixels, where there are features and the matcher [uses](matchbench_vision::matching::Matcher::uses_pixels)
+    /// pixels of pairs.
+    pub(super) pixels: Option<GrayImage>,
     /// How long the extraction took, if it was done: also the part of it, the detection, that an
     /// earlier matcher did.
     pub(super) seconds: Option<f64>,
@@ -48,25 +51,38 @@ impl FrameStage<'_> {
     /// that cannot be read is not an error.
     pub(super) fn extract(&self, index: u32, frame: &Frame) -> Result<Extracted, RunError> {
         let (mut seconds, mut noted) = (None, None);
-        let features = match read(&frame.image) {
+        let described = match read(&frame.image) {
             Err(reason) => Err(reason),
             Ok(file) => {
                 let hash = blake3::hash(&file);
                 lock(self.images).check(index, &frame.image, hash)?;
                 let key = Key::new(&file, frame.turn.into(), &self.matcher.extraction);
-                let features = match self.cache.load(key) {
-                    Some(features) => Ok(features),
+                let described = match self.cache.load(key) {
+                    Some(features) => self.pixels(frame, &file).map(|pixels| (features, pixels)),
                     None => self.compute(frame, &file, key, &mut seconds)?,
                 };
-                noted = features.is_ok().then_some(hash);
-                features
+                noted = described.is_ok().then_some(hash);
+                described
             }
+        };
+        let (features, pixels) = match described {
+            Ok((features, pixels)) => (Ok(features), pixels),
+            Err(reason) => (Err(reason), None),
         };
         Ok(Extracted {
             features,
+            pixels,
             seconds,
             hash: noted,
         })
+    }
+
+    /// The pixels of a frame whose features are known, if they are still needed.
+    fn pixels(&self, frame: &Frame, file: &[u8]) -> Result<Option<GrayImage>, Broken> {
+        let uses_pixels = self.matcher.matcher.uses_pixels();
+        uses_pixels
+            .then(|| decode(self.decode, frame, file))
+            .transpose()
     }
 
     fn compute(
@@ -75,7 +91,7 @@ impl FrameStage<'_> {
         file: &[u8],
         key: Key,
         seconds: &mut Option<f64>,
-    ) -> Result<Result<Features, Broken>, RunError> {
+    ) -> Result<Result<(Features, Option<GrayImage>), Broken>, RunError> {
         let image = match decode(self.decode, frame, file) {
             Ok(image) => image,
             Err(reason) => return Ok(Err(reason)),
@@ -97,7 +113,10 @@ impl FrameStage<'_> {
         if let Ok(features) = &features {
             self.cache.save(key, features)?;
         }
-        Ok(features.map_err(Broken::from))
+        let pixels = self.matcher.matcher.uses_pixels().then_some(image);
+        Ok(features
+            .map(|features| (features, pixels))
+            .map_err(Broken::from))
     }
 }
 
@@ -115,11 +134,6 @@ impl FrameStage<'_> {
             ))
         })
     }
-}
-
-/// The pixels of a frame.
-pub(super) fn load(decoder: Decode, frame: &Frame) -> Result<GrayImage, Broken> {
-    read(&frame.image).and_then(|file| decode(decoder, frame, &file))
 }
 
 /// How large the image of a frame is.

@@ -173,7 +173,8 @@ pub struct Run<'a> {
     pub decode: Decode,
     /// Which matches are written into the folder.
     pub keep_matches: KeepMatches,
-    /// How many bytes of features are kept in memory; [`Run::FEATURE_MEMORY`] serves well.
+    /// How many bytes of features, and of pixels where matchers use them, are kept in memory; [`Run::FEATURE_MEMORY`] serves
+    /// well.
     pub feature_memory: usize,
     /// Whether all that failed is done again, and not only what another try may do better.
     pub retry_failed: bool,
@@ -315,7 +316,6 @@ impl Run<'_> {
             run: self,
             stages: PairStages {
                 progress,
-                decode: self.decode,
                 root: self.settings.seed,
                 time_budget: self.time_budget(),
                 images,

@@ -13,7 +13,7 @@ use matchbench_vision::seed::Seed;
 
 use super::RunError;
 use super::depth::{DepthMaps, PairDepth};
-use super::frame::{Decode, load, lock, read, size};
+use super::frame::{lock, read, size};
 use super::guard::Broken;
 use super::matching::{search, select};
 use super::progress::{MatcherProgress, PairTasks, PendingTask};
@@ -34,7 +34,6 @@ use crate::records::{
 /// The stages that are done once per pair.
 pub(super) struct PairStages<'a> {
     pub(super) progress: &'a MatcherProgress<'a>,
-    pub(super) decode: Decode,
     /// Root of all random choices.
     pub(super) root: u64,
     /// How long an estimator may draw samples, if not as long as it likes.
@@ -65,9 +64,27 @@ impl PairTruth<'_> {
 struct Searched<'a> {
     a: &'a Features,
     b: &'a Features,
-    /// The pixels, for matchers that select by them.
-    images: Option<(GrayImage, GrayImage)>,
+    /// See [`Extracted::pixels`](super::frame::Extracted).
+    pixels: [Option<&'a GrayImage>; 2],
     putative: Correspondences,
+}
+
+impl<'a> Searched<'a> {
+    fn of(
+        matcher: &BuiltMatcher,
+        job: &PairJob<'a>,
+        counts: &mut Counts,
+        times: &mut StageTimes,
+    ) -> Result<Self, Broken> {
+        let (a, b) = features_of(job)?;
+        let putative = search(&*matcher.matcher, a, b, counts, times)?;
+        Ok(Self {
+            a,
+            b,
+            pixels: [job.a.pixels, job.b.pixels],
+            putative,
+        })
+    }
 }
 
 /// What came of a pair.
@@ -134,7 +151,7 @@ impl PairStages<'_> {
         let features = features_of(job);
         let searched = match features {
             Ok(_) if is_stored(stored, job.pair, job.due) => None,
-            _ => Some(self.search(matcher, job, &mut counts, &mut times)),
+            _ => Some(Searched::of(matcher, job, &mut counts, &mut times)),
         };
         let found = match &searched {
             Some(Err(_)) => None,
@@ -348,29 +365,6 @@ impl PairStages<'_> {
         &self.progress.sequence.frames[frame as usize].camera
     }
 
-    fn search<'j>(
-        &self,
-        matcher: &BuiltMatcher,
-        job: &PairJob<'j>,
-        counts: &mut Counts,
-        times: &mut StageTimes,
-    ) -> Result<Searched<'j>, Broken> {
-        let (a, b) = features_of(job)?;
-        let putative = search(&*matcher.matcher, a, b, counts, times)?;
-        let image = |frame: u32| {
-            let frame = &self.progress.sequence.frames[frame as usize];
-            load(self.decode, frame)
-        };
-        Ok(Searched {
-            a,
-            b,
-            images: (matcher.matcher.uses_pixels())
-                .then(|| Ok::<_, Broken>((image(job.pair.a)?, image(job.pair.b)?)))
-                .transpose()?,
-            putative,
-        })
-    }
-
     fn select(
         &self,
         matcher: &BuiltMatcher,
@@ -380,15 +374,15 @@ impl PairStages<'_> {
         counts: &mut Counts,
         times: &mut StageTimes,
     ) -> Result<SelectedMatches, Broken> {
-        let images = searched.images.as_ref();
+        let [image_a, image_b] = searched.pixels;
         let a = View {
             features: searched.a,
-            image: images.map(|(a, _)| a),
+            image: image_a,
             camera: Some(self.camera(pair.a)),
         };
         let b = View {
             features: searched.b,
-            image: images.map(|(_, b)| b),
+            image: image_b,
             camera: Some(self.camera(pair.b)),
         };
         let putative = searched.putative.clone();

@@ -1,9 +1,10 @@
-//! The features in memory: those of the pairs that are being done, and as many others as fit into a budget
-//! of bytes.
+//! The features in memory, and the pixels where a matcher uses them: those of the pairs that are being done, and as many
+//! others as fit into a budget of bytes.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use matchbench_vision::features::Features;
+use matchbench_vision::image::GrayImage;
 
 use super::frame::Extracted;
 use super::guard::Broken;
@@ -46,6 +47,8 @@ pub(super) struct PairJob<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct Side<'a> {
     pub(super) features: Result<&'a Features, &'a Broken>,
+    /// See [`Extracted::pixels`].
+    pub(super) pixels: Option<&'a GrayImage>,
     /// How long the extraction took, in the first pair after it.
     pub(super) seconds: Option<f64>,
 }
@@ -134,7 +137,8 @@ impl Resident {
     }
 
     pub(super) fn insert(&mut self, frame: u32, extracted: Extracted) {
-        let bytes = extracted.features.as_ref().map_or(0, Features::memory);
+        let pixels = (extracted.pixels.as_ref()).map_or(0, |image| image.size().area());
+        let bytes = extracted.features.as_ref().map_or(0, Features::memory) + pixels;
         self.largest = self.largest.max(Some(bytes));
         let slot = Slot {
             extracted,
@@ -157,9 +161,13 @@ impl Resident {
         let seconds: Vec<_> = (window.iter())
             .map(|tasks| (take(tasks.pair.a), take(tasks.pair.b)))
             .collect();
-        let side = |frame, seconds| Side {
-            features: self.slots[frame].extracted.features.as_ref(),
-            seconds,
+        let side = |frame, seconds| {
+            let extracted = &self.slots[frame].extracted;
+            Side {
+                features: extracted.features.as_ref(),
+                pixels: extracted.pixels.as_ref(),
+                seconds,
+            }
         };
         (window.iter().zip(seconds))
             .map(|(tasks, (seconds_a, seconds_b))| PairJob {
@@ -199,6 +207,7 @@ mod tests {
         );
         Extracted {
             features: Ok(features),
+            pixels: None,
             seconds: Some(0.5),
             hash: None,
         }
@@ -255,6 +264,24 @@ mod tests {
         let (loads, most) = walk(&pairs(&chain), 10, budget);
         assert!(most <= budget, "{most} of {budget}");
         assert_eq!(loads.concat().len(), 201, "each frame is loaded once");
+    }
+
+    #[test]
+    fn pixels_are_part_of_what_a_frame_needs() {
+        let mut resident = Resident::new(64 << 20, 2);
+        let pixels = Some(GrayImage::filled(Size::new(9, 9), 7));
+        resident.insert(
+            3,
+            Extracted {
+                pixels,
+                ..extracted(10)
+            },
+        );
+        assert_eq!(resident.largest, Some(10 * FEATURE + 81));
+        let pairs = pairs(&[(3, 3)]);
+        let pairs = without_tasks(&pairs);
+        let jobs = resident.jobs(&pairs);
+        assert_eq!(jobs[0].a.pixels.map(|image| image.at(8, 8)), Some(7));
     }
 
     #[test]

@@ -4,6 +4,7 @@ mod again;
 mod faults;
 mod homographies;
 mod outside;
+mod pixels;
 mod shards;
 mod share;
 
@@ -12,6 +13,7 @@ use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use matchbench_vision::image::GrayImage;
 use matchbench_vision::robust::NoPose;
 use nalgebra::Matrix3;
 use rayon::ThreadPoolBuilder;
@@ -481,20 +483,6 @@ fn what_breaks_is_recorded_and_counted() {
             "also when resumed"
         );
     }
-}
-
-#[test]
-fn matchers_that_select_by_pixels_are_given_them() {
-    let toy = Toy {
-        by_pixels: true,
-        ..Toy::default()
-    };
-    let bench = Bench::new(vec![toy.contender("pixels", &["first"])]);
-    assert_eq!(
-        bench.run("run").unwrap().failed,
-        0,
-        "the toy asserts that it has them"
-    );
 }
 
 #[test]
