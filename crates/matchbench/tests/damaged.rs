@@ -100,7 +100,7 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
         "answers" => text(&[
             &[children::READY, children::MATCHED].concat(),
             &[children::READY, "noise\n", children::MATCHED].concat(),
-            &[children::READY, FAILED].concat(),
+            &[children::READY, children::FAILED].concat(),
         ]),
         #[cfg(unix)]
         "answered matches" => vec![children::rows()],
@@ -111,10 +111,6 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
         source => vec![doors.sound(source)],
     }
 }
-
-/// What a child answers that cannot.
-#[cfg(unix)]
-const FAILED: &str = "{\"type\":\"failed\",\"pair\":[0,1],\"reason\":\"no memory\"}\n";
 
 const PLAN: &str = r#"{"format":2,"version":"0.1.0","settings":{"seed":0,"repetitions":1,"limit":null},
     "datasets":[{"name":"room","path":"/room","frames":3,"pairs":3,"fingerprint":"00"}],

@@ -1,7 +1,7 @@
 //! Doors to what a matcher from outside answers: a shell script that says and writes what it is told.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use matchbench::external::{BuiltIn, External, Image, Log, Manifest, Times};
 use matchbench_vision::features::Descriptors;
@@ -28,6 +28,9 @@ pub(crate) const READY: &str =
 /// The answer to a question for matches, of which two are in [`rows`].
 pub(crate) const MATCHED: &str = "{\"type\":\"matched\",\"pair\":[0,1],\"count\":2,\"features\":[3,2],\
      \"seconds\":{\"extract\":0.25,\"match\":0.5},\"device\":\"cpu\"}\n";
+
+/// The answer of one that has no matches.
+pub(crate) const FAILED: &str = "{\"type\":\"failed\",\"pair\":[0,1],\"reason\":\"no memory\"}\n";
 
 /// Two matches of images of [`SIZE`].
 pub(crate) fn rows() -> Vec<u8> {
@@ -128,7 +131,7 @@ impl Doors {
     }
 
     fn image(&self, name: &str) -> PathBuf {
-        self.at("truth/sound/Images").join(Path::new(name))
+        self.at("truth/sound/Images").join(name)
     }
 }
 

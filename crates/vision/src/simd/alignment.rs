@@ -1,12 +1,12 @@
 //! Windows of samples that are compared by least squares: their samples, weighted sums, and the normal equations of
 //! a step. `matching/refined` says what for.
 
-use super::sampling::{bilinear, split};
+use super::sampling::{bilinear, split, take_corners};
 
 /// Samples of a window's side.
 pub const ALIGNED_SIDE: usize = 15;
 /// Distance of the outermost samples from the middle, in samples.
-const REACH: usize = ALIGNED_SIDE / 2;
+pub const ALIGNED_REACH: usize = ALIGNED_SIDE / 2;
 /// Samples of a row: a whole vector. The last is the one before it again, and has no weight.
 const LANES: usize = 16;
 /// Samples of a row with one more on each end, in whole vectors, and rows with one more on each end.
@@ -86,9 +86,9 @@ multiversioned! {
         let [across, down] = gradients;
         let mut slopes = [[[0.0; LANES]; ALIGNED_SIDE]; STEP_PARAMETERS];
         for row in 0..ALIGNED_SIDE {
-            let y = (row as f32 - REACH as f32) / REACH as f32;
+            let y = (row as f32 - ALIGNED_REACH as f32) / ALIGNED_REACH as f32;
             for i in 0..LANES {
-                let x = (i as f32 - REACH as f32) / REACH as f32;
+                let x = (i as f32 - ALIGNED_REACH as f32) / ALIGNED_REACH as f32;
                 slopes[0][row][i] = across[row][i];
                 slopes[1][row][i] = down[row][i];
                 slopes[2][row][i] = across[row][i] * x;
@@ -171,11 +171,7 @@ fn sampled<const L: usize, const ROWS: usize>(
         }
         for (l, &place) in places.iter().enumerate() {
             let (upper, lower) = (place as usize, (place + columns) as usize);
-            let (upper, lower) = (&pixels[upper..][..2], &pixels[lower..][..2]);
-            corners[0][l] = upper[0];
-            corners[1][l] = upper[1];
-            corners[2][l] = lower[0];
-            corners[3][l] = lower[1];
+            take_corners(pixels, [upper, lower], &mut corners, l);
         }
         for l in 0..L {
             samples[l] = bilinear(&corners, l, (fractions[0][l], fractions[1][l]));
@@ -244,7 +240,10 @@ mod tests {
         let mut samples = Samples::default();
         for (j, row) in samples.iter_mut().enumerate() {
             for (i, sample) in row[..ALIGNED_SIDE].iter_mut().enumerate() {
-                *sample = value(i as f32 - REACH as f32, j as f32 - REACH as f32);
+                *sample = value(
+                    i as f32 - ALIGNED_REACH as f32,
+                    j as f32 - ALIGNED_REACH as f32,
+                );
             }
         }
         samples

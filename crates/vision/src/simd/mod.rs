@@ -121,8 +121,8 @@ pub use affine::{
     nearest_place, pair_costs,
 };
 pub use alignment::{
-    ALIGNED_SIDE, STEP_PARAMETERS, Samples, StepEquations, normalize_window, product_of_windows,
-    sample_window, sample_with_gradients, step_equations, step_sums,
+    ALIGNED_REACH, ALIGNED_SIDE, STEP_PARAMETERS, Samples, StepEquations, normalize_window,
+    product_of_windows, sample_window, sample_with_gradients, step_equations, step_sums,
 };
 pub use area::{Cover, cover_columns, cover_rows, halve_rows_u8, integrate_row};
 pub use bilinear::{Between, BlendColumns, COLUMNS_AT_ONCE, blend_rows};

@@ -192,11 +192,7 @@ multiversioned! {
             for (l, &place) in places.iter().enumerate() {
                 let (upper, lower) = (place as usize, (place + width) as usize);
                 for (corners, plane) in corners.iter_mut().zip([dx, dy]) {
-                    let (upper, lower) = (&plane[upper..][..2], &plane[lower..][..2]);
-                    corners[0][l] = upper[0];
-                    corners[1][l] = upper[1];
-                    corners[2][l] = lower[0];
-                    corners[3][l] = lower[1];
+                    take_corners(plane, [upper, lower], corners, l);
                 }
             }
             for l in 0..LANES {
@@ -231,6 +227,21 @@ multiversioned! {
         }
         sums
     }
+}
+
+/// The four pixels around a place, for [`bilinear`]: two from `upper` on and two from `lower` on.
+#[inline(always)]
+pub(super) fn take_corners<const L: usize>(
+    plane: &[f32],
+    [upper, lower]: [usize; 2],
+    corners: &mut [[f32; L]; 4],
+    l: usize,
+) {
+    let (upper, lower) = (&plane[upper..][..2], &plane[lower..][..2]);
+    corners[0][l] = upper[0];
+    corners[1][l] = upper[1];
+    corners[2][l] = lower[0];
+    corners[3][l] = lower[1];
 }
 
 /// Between the four pixels around a place: those above, from left to right, and those below.

@@ -13,15 +13,12 @@ use nalgebra::{Cholesky, Matrix2, Matrix6, Point2, Vector2, Vector6};
 use super::window::Piece;
 use crate::image::GrayImage;
 use crate::simd::{
-    ALIGNED_SIDE, STEP_PARAMETERS, Samples, StepEquations, normalize_window, product_of_windows,
-    sample_window, sample_with_gradients, step_equations, step_sums,
+    ALIGNED_REACH, ALIGNED_SIDE, STEP_PARAMETERS, Samples, StepEquations, normalize_window,
+    product_of_windows, sample_window, sample_with_gradients, step_equations, step_sums,
 };
 
-/// Distance of the outermost samples from the middle, in samples.
-const REACH: usize = ALIGNED_SIDE / 2;
-
 /// Standard deviation of the weights, in samples.
-const SPREAD: f32 = 0.6 * REACH as f32;
+const SPREAD: f32 = 0.6 * ALIGNED_REACH as f32;
 
 /// Largest ratio of the scales of the two images.
 const SCALES: f64 = 4.0;
@@ -42,7 +39,7 @@ const STEPS: usize = 12;
 const SMALL: f64 = 0.01;
 
 /// How far the middle may move, in distances of samples.
-const FARTHEST: f64 = 0.35 * REACH as f64;
+const FARTHEST: f64 = 0.35 * ALIGNED_REACH as f64;
 
 /// How much larger or smaller the map may make an area than the keypoints say.
 const AREAS: f64 = 3.0;
@@ -69,7 +66,7 @@ pub(super) fn aligned(
     let first = b_from_a * apart[0];
     let reach = first.row_iter().map(|row| row.abs().sum());
     // Room for the map to grow and the middle to move.
-    let reach = 1.2 * REACH as f64 * reach.fold(0.0, f64::max) + FARTHEST * apart[1];
+    let reach = 1.2 * ALIGNED_REACH as f64 * reach.fold(0.0, f64::max) + FARTHEST * apart[1];
     if reach > LARGEST {
         return None;
     }
@@ -99,7 +96,7 @@ pub(super) fn aligned(
 
 /// The values at the places `at + map g` of an image; `None` where it has not all of them.
 fn sampled(piece: &Piece, at: Point2<f64>, map: Matrix2<f64>) -> Option<Samples> {
-    let reach = REACH as f64;
+    let reach = ALIGNED_REACH as f64;
     let corners = [
         (-reach, -reach),
         (-reach, reach),
@@ -133,7 +130,7 @@ impl Template {
     /// place.
     fn of(weights: &Weights, image: &GrayImage, at: Point2<f64>, apart: f64) -> Option<Self> {
         // One sample more on each side, for the gradients.
-        let reach = (REACH + 1) as f64 * apart;
+        let reach = (ALIGNED_REACH + 1) as f64 * apart;
         let piece = Piece::about(image, at, reach, apart)?;
         let middle = piece.inside(at);
         let corners = [-reach, reach].map(|reach| middle.map(|v| v + reach as f32));
@@ -165,7 +162,7 @@ impl Template {
     fn step(&self, window: &Samples) -> (Matrix2<f64>, Vector2<f64>) {
         let sums = step_sums(&self.slopes, &self.values, window).map(f64::from);
         let step = self.normal.solve(&Vector6::from(sums));
-        let linear = |i: usize| step[i] / REACH as f64;
+        let linear = |i: usize| step[i] / ALIGNED_REACH as f64;
         let change = Matrix2::new(1.0 + linear(2), linear(3), linear(4), 1.0 + linear(5));
         (change, Vector2::new(step[0], step[1]))
     }
@@ -180,7 +177,7 @@ impl Weights {
         let mut weights = Samples::default();
         for (row, line) in weights.iter_mut().enumerate() {
             for (column, weight) in line[..ALIGNED_SIDE].iter_mut().enumerate() {
-                let [x, y] = [column, row].map(|v| v as f32 - REACH as f32);
+                let [x, y] = [column, row].map(|v| v as f32 - ALIGNED_REACH as f32);
                 *weight = libm::expf(-(x * x + y * y) / (2.0 * SPREAD * SPREAD));
             }
         }
