@@ -69,6 +69,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         }
     };
     let ending = environment().and_then(|()| in_pool(&cli.command));
+    stop::wait_if_ending();
     match ending {
         Ok(Ending::Done) => 0,
         Ok(Ending::SomeFailed) => 2,

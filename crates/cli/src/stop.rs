@@ -3,6 +3,8 @@
 //! Signals that were ignored when the program started stay ignored. `nohup` ignores the one that a closed terminal
 //! sends, and a script ignores Ctrl-C for what it starts in the background.
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use anyhow::{Context, Result};
 use matchbench::external;
 use matchbench::files::remove_temporary_folders;
@@ -12,6 +14,19 @@ use crate::output::say;
 
 /// The exit code after the user stopped the program.
 pub(crate) const STOPPED: u8 = 130;
+
+/// Held while the user ends the process.
+static ENDING: Mutex<()> = Mutex::new(());
+
+/// Where the user is ending the process, this never returns. Work that meets the end of its matcher fails, but that is
+/// no error to be told.
+pub(crate) fn wait_if_ending() {
+    drop(ending());
+}
+
+fn ending() -> MutexGuard<'static, ()> {
+    ENDING.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// A token that is set when the user stops the program, which also prints a message. The second time ends the process
 /// at once; then only the pairs in flight are lost.
@@ -37,6 +52,7 @@ pub(crate) fn end_on_ctrl_c() -> Result<()> {
 /// Ends the process, and the matchers from outside before it: they are no longer in the group that the terminal stops.
 /// Temporary folders go too.
 fn end() -> ! {
+    let _ending = ending();
     // None is started while the process goes.
     let _ended = external::end_all();
     remove_temporary_folders();
