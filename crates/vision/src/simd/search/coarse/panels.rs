@@ -1,6 +1,7 @@
 //! Panels of the bytes of candidates, and the bounds that are computed from them and the bytes of queries.
 
 use super::grid::{Bytes, Grid};
+use super::within::avx2::{arrange, twice};
 use super::within::{LANES, ROWS};
 use crate::simd::search::pack;
 
@@ -16,12 +17,15 @@ pub(super) const MAX_EXACT_DIM: usize = (1 << 24) / (255 * 255);
 /// Candidates as bytes, one after the other and in panels.
 pub(super) struct Panels {
     grid: Grid,
+    /// Whether sums of products may have more than 16 bits.
+    is_wide: bool,
     dim: usize,
     bytes: Bytes,
     /// Quads of a row.
     width: usize,
     /// The largest of the errors.
     error: f32,
+    /// [Arranged](arrange) where sums fit 16 bits.
     quads: Vec<[i32; LANES]>,
     /// Minus half of the candidates' parts of squared distances, rounded up.
     starts: Vec<[i32; LANES]>,
@@ -35,8 +39,13 @@ impl Panels {
         let bytes = grid.candidates(rows, order);
         let width = dim.div_ceil(4);
         let starts: Vec<i32> = bytes.norms.iter().map(|norm| -(norm >> 1)).collect();
+        let mut quads = pack(&bytes.quads, width);
+        if !is_wide {
+            arrange(&mut quads);
+        }
         Some(Self {
-            quads: pack(&bytes.quads, width),
+            is_wide,
+            quads,
             starts: pack(&starts, 1),
             error: bytes.error(),
             grid,
@@ -101,6 +110,8 @@ impl Panels {
 pub(super) struct Bounds<'a> {
     pub(super) panels: &'a Panels,
     queries: Bytes,
+    /// Their quads once more, [each word twice](twice), where sums fit 16 bits.
+    words: Vec<i32>,
     /// The largest of the candidates' errors.
     error: f32,
     /// Units of a byte in one unit of distances, at most.
@@ -126,6 +137,11 @@ impl<'a> Bounds<'a> {
             error: panels.error,
             scale,
             unit: 1.0 / scale,
+            words: if panels.is_wide {
+                Vec::new()
+            } else {
+                twice(&queries.quads)
+            },
             queries,
             panels,
         })
@@ -146,6 +162,16 @@ impl<'a> Bounds<'a> {
     /// The bytes of the query at a place and of those that follow it.
     pub(super) fn queries_from(&self, place: usize) -> &[i32] {
         &self.queries.quads[place * self.panels.width..]
+    }
+
+    /// Of the query at a place and of those that follow it what panels are multiplied with: their words where sums fit 16
+    /// bits, else their bytes.
+    pub(super) fn factors_from(&self, place: usize) -> &[i32] {
+        if self.panels.is_wide {
+            self.queries_from(place)
+        } else {
+            &self.words[2 * place * self.panels.width..]
+        }
     }
 
     /// Whether bytes lost nothing and squared distances of bytes are those of the rows, by the definition to the

@@ -3,11 +3,11 @@
 
 use super::candidates::{Candidates, Components};
 use super::grid::squared_distance;
-use super::keep::{keep, keep_avx512};
+use super::keep;
 use super::panels::Bounds;
 use super::principal::{self, Projected, mean_of};
 use super::tile::{Query, Tile, Wanted};
-use super::within::{LANES, ROWS, second_sums, second_sums_avx512, within, within_avx512};
+use super::within::{self, LANES, ROWS};
 use crate::simd::prefetch::prefetch;
 
 /// Queries that see a panel one after the other: whole blocks. Their bytes fill a tenth of a second-level
@@ -26,12 +26,10 @@ const LEFT: usize = 400;
 /// See [`MEASURED`].
 const MEASURED_SHARE: usize = 16;
 
-/// Panels whose second smallest distance is found at once: with 2 or 8 of them, or 1, a search for a ratio test among
-/// 6,098 takes 3 to 12 % longer (least times, Zen 3, busy).
-const FIRST: usize = 4;
-
-/// The same with AVX-512: with 2 of them 9,800 x 7,500 descriptors of SIFT take 4 % longer, with 16 of them 2 %.
-const FIRST_AVX512: usize = 8;
+/// Panels that are compared by all values, all at once: with 4 of them a search for a ratio test among 7,620 descriptors of
+/// SIFT takes 5 % longer, among 2,000 a tenth, with 12 of them 4 % (Zen 3; with AVX-512 it was not measured since these
+/// panels are compared but once).
+const FIRST: usize = 8;
 
 /// Panels after which candidates are skipped that do not decide on a ratio: the fewer, the more queries need a second
 /// search. With 4 of them the search is 3 to 9 % slower.
@@ -199,7 +197,8 @@ impl Search<'_> {
         order: &[usize],
         tile: &mut Tile,
     ) -> bool {
-        let is_warm = self.warm_up(step, whole, order, tile);
+        let first_panels = self.first_panels(order);
+        let found = self.find_first(&first_panels, step, whole, tile);
         let (mut left, mut seen) = (0, 0);
         for &number in order {
             if seen == PATIENCE * LANES
@@ -209,7 +208,10 @@ impl Search<'_> {
             }
             let first = number * LANES;
             let lanes = u64::MAX >> (LANES - LANES.min(self.orders[1].len() - first));
-            if seen == 0 && !is_warm {
+            if let Some(place) = first_panels.iter().position(|&first| first == number) {
+                tile.within.copy_from_slice(&found[place]);
+                left += self.look(step, whole, number, lanes, tile);
+            } else if seen == 0 {
                 // Nothing is known yet: the first few bring bounds for the next few.
                 for some in [0xff, 0xff << 8, 0xffff << 16, u64::MAX << 32] {
                     left += self.scan(step, whole, number, lanes & some, tile);
@@ -225,33 +227,51 @@ impl Search<'_> {
         true
     }
 
-    /// Sets the bounds of a tile of queries by the first panels of an order; whether that could be done.
-    #[target_feature(enable = "avx2,fma")]
-    fn warm_up(&self, step: &Bounds, whole: &Bounds, order: &[usize], tile: &mut Tile) -> bool {
+    /// The first panels of an order, as many as are compared by all values at once; none where that is no help.
+    fn first_panels(&self, order: &[usize]) -> Vec<usize> {
         if matches!(self.wanted, Wanted::Near(Some(_))) {
-            return false;
+            return Vec::new();
         }
-        let first = if self.is_wide { FIRST_AVX512 } else { FIRST };
         // Lanes without a candidate would pass for some.
         let full = self.orders[1].len() / LANES;
-        let panels = order.iter().filter(|&&number| number < full).take(first);
+        let full = order.iter().copied().filter(|&number| number < full);
+        full.take(FIRST).collect()
+    }
+
+    /// Sets the bounds of a tile of queries by the first panels, and finds those of their candidates that may be within.
+    #[target_feature(enable = "avx2,fma")]
+    fn find_first(
+        &self,
+        first_panels: &[usize],
+        step: &Bounds,
+        whole: &Bounds,
+        tile: &mut Tile,
+    ) -> Vec<Vec<[u64; ROWS]>> {
+        let mut found = vec![vec![[0; ROWS]; tile.least.len()]; first_panels.len()];
+        let panels = first_panels.iter();
         let panels: Vec<_> = panels.map(|&number| whole.panels.panel(number)).collect();
         if panels.is_empty() {
-            return false;
+            return found;
         }
-        let queries = whole.queries_from(tile.first);
-        let mut second = vec![[0; ROWS]; tile.least.len()];
+        let (first, count) = (tile.first, tile.queries.len());
+        let factors = whole.factors_from(first);
+        let least = |query: usize, second: i32| {
+            // The last block may have rows without a query.
+            if query >= count {
+                return i32::MAX;
+            }
+            let bound = whole.largest(first + query, second);
+            tile.queries[query].bound = bound;
+            tile.set_limits(query, step, whole);
+            whole.least(first + query, bound)
+        };
         if self.is_wide {
             // SAFETY: what is in use was detected on this processor.
-            unsafe { second_sums_avx512(queries, &panels, &mut second) };
+            unsafe { within::avx512::within_first(factors, &panels, least, &mut found) };
         } else {
-            second_sums(queries, &panels, &mut second);
+            within::avx2::within_first(factors, &panels, least, &mut found);
         }
-        for (number, &sum) in (0..tile.queries.len()).zip(second.as_flattened()) {
-            tile.queries[number].bound = whole.largest(tile.first + number, sum);
-            tile.set_limits(number, step, whole);
-        }
-        true
+        found
     }
 
     /// Looks at those of `lanes` of a panel that may be within the bounds, and returns how many `step` left.
@@ -265,24 +285,39 @@ impl Search<'_> {
         tile: &mut Tile,
     ) -> usize {
         let (panel, starts) = step.panels.panel(number);
-        let quads = step.queries_from(tile.first);
-        let queries = whole.queries_from(tile.first);
-        let (candidates, parts) = whole.panels.candidates_of_panel(number);
+        let factors = step.factors_from(tile.first);
         // On their way while the panel is compared.
-        prefetch(candidates);
+        prefetch(whole.panels.candidates_of_panel(number).0);
         if self.is_wide {
             // SAFETY: what is in use was detected on this processor.
-            unsafe { within_avx512(quads, &tile.least, panel, starts, &mut tile.within) };
+            unsafe {
+                within::avx512::within(factors, &tile.least, panel, starts, &mut tile.within);
+            };
         } else {
-            within(quads, &tile.least, panel, starts, &mut tile.within);
+            within::avx2::within(factors, &tile.least, panel, starts, &mut tile.within);
         }
+        self.look(step, whole, number, lanes, tile)
+    }
+
+    /// Looks at those of `lanes` of a panel that were found to be within the bounds, and returns how many there are.
+    #[target_feature(enable = "avx2,fma")]
+    fn look(
+        &self,
+        step: &Bounds,
+        whole: &Bounds,
+        number: usize,
+        lanes: u64,
+        tile: &mut Tile,
+    ) -> usize {
+        let queries = whole.queries_from(tile.first);
+        let (candidates, parts) = whole.panels.candidates_of_panel(number);
         let left = tile.list_pairs(lanes);
         let (pairs, limits) = (&tile.pairs[..left], &tile.limits);
         let kept = if self.is_wide {
-            // SAFETY: as before.
-            unsafe { keep_avx512(pairs, queries, candidates, parts, limits, &mut tile.kept) }
+            // SAFETY: what is in use was detected on this processor.
+            unsafe { keep::avx512::keep(pairs, queries, candidates, parts, limits, &mut tile.kept) }
         } else {
-            keep(pairs, queries, candidates, parts, limits, &mut tile.kept)
+            keep::avx2::keep(pairs, queries, candidates, parts, limits, &mut tile.kept)
         };
         if !whole.are_exact() {
             for (pair, _) in &tile.kept[..kept] {

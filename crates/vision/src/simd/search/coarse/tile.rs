@@ -25,9 +25,9 @@ pub(super) struct Tile {
     /// The place of the first of them in their order.
     pub(super) first: usize,
     pub(super) queries: Vec<Query>,
-    /// Of each query, block by block: what [`within`](super::within::within) compares with.
+    /// Of each query, block by block: what [`within`](super::within) compares with.
     pub(super) least: Vec<[i32; ROWS]>,
-    /// Of each query: what [`keep`](super::keep::keep) compares with.
+    /// Of each query: what [`keep`](super::keep) compares with.
     pub(super) limits: Vec<i32>,
     /// Of each query, block by block: candidates of the last panel that may be within its bound.
     pub(super) within: Vec<[u64; ROWS]>,

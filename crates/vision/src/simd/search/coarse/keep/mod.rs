@@ -1,0 +1,75 @@
+//! Which pairs of a query and a candidate remain, when they are compared by the bytes of all their values.
+//!
+//! *How it works.* After the principal components, few candidates of a panel are left, each for a few queries, so
+//! there is nothing to share. Each pair is a product of two rows, whose lanes are summed up, those of four such products
+//! together.
+
+pub(super) mod avx2;
+pub(super) mod avx512;
+
+use super::within::LANES;
+
+/// A query and a lane of a panel.
+#[derive(Clone, Copy)]
+pub(super) struct Pair(u32);
+
+impl Pair {
+    #[inline]
+    pub(super) fn new(query: usize, lane: usize) -> Self {
+        Self((query * LANES + lane) as u32)
+    }
+
+    #[inline]
+    pub(super) fn query(self) -> usize {
+        self.0 as usize / LANES
+    }
+
+    #[inline]
+    pub(super) fn lane(self) -> usize {
+        self.0 as usize % LANES
+    }
+}
+
+/// Pairs whose products are summed side by side.
+const AT_ONCE: usize = 4;
+
+/// Keeps those pairs of a query and a candidate of a panel whose squared distance in bytes, less the query's part of it,
+/// is at most the query's limit, and returns how many; `parts` are those of the candidates. Rows have `WIDTH` quads, or any
+/// number if that is 0: without a loop where rows are as long as SIFT's. Without branches, whose outcome nobody could
+/// predict.
+///
+/// `lanes` are sums of products of the bytes of a query and of a candidate, `none` of nothing, and `sums` add those of four
+/// pairs up.
+#[inline(always)]
+fn keep_of_width<const WIDTH: usize, V: Copy>(
+    pairs: &[Pair],
+    queries: &[i32],
+    candidates: &[i32],
+    parts: &[i32],
+    limits: &[i32],
+    kept: &mut [(Pair, i32)],
+    none: V,
+    lanes: impl Fn(&[i32], &[i32]) -> V,
+    sums: impl Fn([V; AT_ONCE]) -> [i32; AT_ONCE],
+) -> usize {
+    let width = match WIDTH {
+        0 => candidates.len() / parts.len(),
+        width => width,
+    };
+    let mut count = 0;
+    for pairs in pairs.chunks(AT_ONCE) {
+        let mut of_pairs = [none; AT_ONCE];
+        for (number, of_pair) in of_pairs.iter_mut().enumerate() {
+            let pair = pairs[number.min(pairs.len() - 1)];
+            let query = &queries[pair.query() * width..][..width];
+            *of_pair = lanes(query, &candidates[pair.lane() * width..][..width]);
+        }
+        let products = sums(of_pairs);
+        for (&pair, product) in pairs.iter().zip(products) {
+            let distance = parts[pair.lane()] - 2 * product;
+            kept[count] = (pair, distance);
+            count += usize::from(distance <= limits[pair.query()]);
+        }
+    }
+    count
+}
