@@ -3,7 +3,7 @@
 
 use super::candidates::{Candidates, Components};
 use super::grid::squared_distance;
-use super::keep;
+use super::keep::{self, Rows};
 use super::panels::Bounds;
 use super::principal::{self, Projected, mean_of};
 use super::tile::{Query, Tile, Wanted};
@@ -309,15 +309,20 @@ impl Search<'_> {
         lanes: u64,
         tile: &mut Tile,
     ) -> usize {
-        let queries = whole.queries_from(tile.first);
         let (candidates, parts) = whole.panels.candidates_of_panel(number);
         let left = tile.list_pairs(lanes);
-        let (pairs, limits) = (&tile.pairs[..left], &tile.limits);
+        let pairs = &tile.pairs[..left];
+        let rows = Rows {
+            queries: whole.queries_from(tile.first),
+            limits: &tile.limits,
+            candidates,
+            parts,
+        };
         let kept = if self.is_wide {
             // SAFETY: what is in use was detected on this processor.
-            unsafe { keep::avx512::keep(pairs, queries, candidates, parts, limits, &mut tile.kept) }
+            unsafe { keep::avx512::keep(pairs, rows, &mut tile.kept) }
         } else {
-            keep::avx2::keep(pairs, queries, candidates, parts, limits, &mut tile.kept)
+            keep::avx2::keep(pairs, rows, &mut tile.kept)
         };
         if !whole.are_exact() {
             for (pair, _) in &tile.kept[..kept] {

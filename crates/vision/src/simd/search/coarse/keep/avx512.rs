@@ -10,28 +10,17 @@ use std::arch::x86_64::{
     _mm512_unpackhi_epi32, _mm512_unpacklo_epi32,
 };
 
-use super::{AT_ONCE, Pair, keep_of_width};
+use super::{AT_ONCE, Pair, Rows, keep_of_width};
 
 /// See [`keep_of_width`].
 #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
-pub(in super::super) fn keep(
-    pairs: &[Pair],
-    queries: &[i32],
-    candidates: &[i32],
-    parts: &[i32],
-    limits: &[i32],
-    kept: &mut [(Pair, i32)],
-) -> usize {
+pub(in super::super) fn keep(pairs: &[Pair], rows: Rows<'_>, kept: &mut [(Pair, i32)]) -> usize {
     let none = _mm512_setzero_si512();
     let lanes = |query: &[i32], candidate: &[i32]| lanes(query, candidate);
     let sums = |of_pairs| sums(of_pairs);
-    match candidates.len() / parts.len() {
-        32 => keep_of_width::<32, _>(
-            pairs, queries, candidates, parts, limits, kept, none, lanes, sums,
-        ),
-        _ => keep_of_width::<0, _>(
-            pairs, queries, candidates, parts, limits, kept, none, lanes, sums,
-        ),
+    match rows.width() {
+        32 => keep_of_width::<32, _>(pairs, rows, kept, none, lanes, sums),
+        _ => keep_of_width::<0, _>(pairs, rows, kept, none, lanes, sums),
     }
 }
 

@@ -30,11 +30,32 @@ impl Pair {
     }
 }
 
+/// The rows of pairs, as bytes.
+#[derive(Clone, Copy)]
+pub(super) struct Rows<'a> {
+    /// Of the queries, one after the other.
+    pub(super) queries: &'a [i32],
+    /// Of each query the largest squared distance, less its own part of it.
+    pub(super) limits: &'a [i32],
+    /// Of the candidates of a panel, one after the other.
+    pub(super) candidates: &'a [i32],
+    /// Their parts of squared distances.
+    pub(super) parts: &'a [i32],
+}
+
+impl Rows<'_> {
+    /// Quads of a row.
+    #[inline]
+    fn width(&self) -> usize {
+        self.candidates.len() / self.parts.len()
+    }
+}
+
 /// Pairs whose products are summed side by side.
 const AT_ONCE: usize = 4;
 
 /// Keeps those pairs of a query and a candidate of a panel whose squared distance in bytes, less the query's part of it,
-/// is at most the query's limit, and returns how many; `parts` are those of the candidates. Rows have `WIDTH` quads, or any
+/// is at most the query's limit, and returns how many. Rows have `WIDTH` quads, or any
 /// number if that is 0: without a loop where rows are as long as SIFT's. Without branches, whose outcome nobody could
 /// predict.
 ///
@@ -43,17 +64,14 @@ const AT_ONCE: usize = 4;
 #[inline(always)]
 fn keep_of_width<const WIDTH: usize, V: Copy>(
     pairs: &[Pair],
-    queries: &[i32],
-    candidates: &[i32],
-    parts: &[i32],
-    limits: &[i32],
+    rows: Rows<'_>,
     kept: &mut [(Pair, i32)],
     none: V,
     lanes: impl Fn(&[i32], &[i32]) -> V,
     sums: impl Fn([V; AT_ONCE]) -> [i32; AT_ONCE],
 ) -> usize {
     let width = match WIDTH {
-        0 => candidates.len() / parts.len(),
+        0 => rows.width(),
         width => width,
     };
     let mut count = 0;
@@ -61,14 +79,14 @@ fn keep_of_width<const WIDTH: usize, V: Copy>(
         let mut of_pairs = [none; AT_ONCE];
         for (number, of_pair) in of_pairs.iter_mut().enumerate() {
             let pair = pairs[number.min(pairs.len() - 1)];
-            let query = &queries[pair.query() * width..][..width];
-            *of_pair = lanes(query, &candidates[pair.lane() * width..][..width]);
+            let query = &rows.queries[pair.query() * width..][..width];
+            *of_pair = lanes(query, &rows.candidates[pair.lane() * width..][..width]);
         }
         let products = sums(of_pairs);
         for (&pair, product) in pairs.iter().zip(products) {
-            let distance = parts[pair.lane()] - 2 * product;
+            let distance = rows.parts[pair.lane()] - 2 * product;
             kept[count] = (pair, distance);
-            count += usize::from(distance <= limits[pair.query()]);
+            count += usize::from(distance <= rows.limits[pair.query()]);
         }
     }
     count
