@@ -14,7 +14,7 @@ use super::within::LANES;
 use super::{WORTH, has_tiles, is_wide};
 
 /// Pairs from which on principal components are worth the work of finding them: with AVX2 SIFT's 4,000 x 4,000 are up to a
-/// fifth faster with them, 3,000 x 3,000 as fast, 2,000 x 2,000 slower (Zen 3).
+/// fifth faster with them, 3,000 x 3,000 between a tenth slower and a twentieth faster, 2,000 x 2,000 slower (Zen 3).
 const PAIRS: usize = 12_000_000;
 
 /// The same with AVX-512: of SIFT's descriptors 7,800 x 7,500 are faster with them, 6,100 x 7,500 slower.

@@ -1,5 +1,7 @@
 //! Panels of the bytes of candidates, and the bounds that are computed from them and the bytes of queries.
 
+use std::borrow::Cow;
+
 use super::grid::{Bytes, Grid};
 use super::within::avx2::{arrange, twice};
 use super::within::{LANES, ROWS};
@@ -110,8 +112,6 @@ impl Panels {
 pub(super) struct Bounds<'a> {
     pub(super) panels: &'a Panels,
     queries: Bytes,
-    /// Their quads once more, [each word twice](twice), where sums fit 16 bits.
-    words: Vec<i32>,
     /// The largest of the candidates' errors.
     error: f32,
     /// Units of a byte in one unit of distances, at most.
@@ -137,11 +137,6 @@ impl<'a> Bounds<'a> {
             error: panels.error,
             scale,
             unit: 1.0 / scale,
-            words: if panels.is_wide {
-                Vec::new()
-            } else {
-                twice(&queries.quads)
-            },
             queries,
             panels,
         })
@@ -164,13 +159,14 @@ impl<'a> Bounds<'a> {
         &self.queries.quads[place * self.panels.width..]
     }
 
-    /// Of the query at a place and of those that follow it what panels are multiplied with: their words where sums fit 16
-    /// bits, else their bytes.
-    pub(super) fn factors_from(&self, place: usize) -> &[i32] {
+    /// What panels are multiplied with for so many blocks of queries, from a place on: their words where sums fit 16 bits,
+    /// else their bytes.
+    pub(super) fn factors(&self, place: usize, blocks: usize) -> Cow<'_, [i32]> {
+        let quads = &self.queries_from(place)[..blocks * ROWS * self.panels.width];
         if self.panels.is_wide {
-            self.queries_from(place)
+            Cow::Borrowed(quads)
         } else {
-            &self.words[2 * place * self.panels.width..]
+            Cow::Owned(twice(quads))
         }
     }
 

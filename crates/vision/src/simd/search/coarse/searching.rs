@@ -199,6 +199,7 @@ impl Search<'_> {
     ) -> bool {
         let first_panels = self.first_panels(order);
         let found = self.find_first(&first_panels, step, whole, tile);
+        let factors = step.factors(tile.first, tile.least.len());
         let (mut left, mut seen) = (0, 0);
         for &number in order {
             if seen == PATIENCE * LANES
@@ -214,10 +215,10 @@ impl Search<'_> {
             } else if seen == 0 {
                 // Nothing is known yet: the first few bring bounds for the next few.
                 for some in [0xff, 0xff << 8, 0xffff << 16, u64::MAX << 32] {
-                    left += self.scan(step, whole, number, lanes & some, tile);
+                    left += self.scan(step, &factors, whole, number, lanes & some, tile);
                 }
             } else {
-                left += self.scan(step, whole, number, lanes, tile);
+                left += self.scan(step, &factors, whole, number, lanes, tile);
             }
             if left > tile.queries.len() * (allowed + seen / MEASURED_SHARE) {
                 return false;
@@ -254,7 +255,7 @@ impl Search<'_> {
             return found;
         }
         let (first, count) = (tile.first, tile.queries.len());
-        let factors = whole.factors_from(first);
+        let factors = whole.factors(first, tile.least.len());
         let least = |query: usize, second: i32| {
             // The last block may have rows without a query.
             if query >= count {
@@ -267,25 +268,26 @@ impl Search<'_> {
         };
         if self.is_wide {
             // SAFETY: what is in use was detected on this processor.
-            unsafe { within::avx512::within_first(factors, &panels, least, &mut found) };
+            unsafe { within::avx512::within_first(&factors, &panels, least, &mut found) };
         } else {
-            within::avx2::within_first(factors, &panels, least, &mut found);
+            within::avx2::within_first(&factors, &panels, least, &mut found);
         }
         found
     }
 
-    /// Looks at those of `lanes` of a panel that may be within the bounds, and returns how many `step` left.
+    /// Looks at those of `lanes` of a panel that may be within the bounds, and returns how many `step` left, for whose
+    /// panels the `factors` of the tile are.
     #[target_feature(enable = "avx2,fma")]
     fn scan(
         &self,
         step: &Bounds,
+        factors: &[i32],
         whole: &Bounds,
         number: usize,
         lanes: u64,
         tile: &mut Tile,
     ) -> usize {
         let (panel, starts) = step.panels.panel(number);
-        let factors = step.factors_from(tile.first);
         // On their way while the panel is compared.
         prefetch(whole.panels.candidates_of_panel(number).0);
         if self.is_wide {

@@ -186,8 +186,7 @@ fn within_first_of_width<const WIDTH: usize>(
         width => width,
     };
     let mut all = vec![[[0; LANES]; ROWS]; panels.len()];
-    let blocks = words.chunks_exact(2 * ROWS * width);
-    for (block, words) in blocks.take(found[0].len()).enumerate() {
+    for (block, words) in words.chunks_exact(2 * ROWS * width).enumerate() {
         let mut most = [[_mm256_set1_epi32(i32::MIN); 2]; ROWS];
         for ((panel, starts), all) in panels.iter().zip(&mut all) {
             for half in 0..2 {

@@ -93,8 +93,7 @@ pub(in super::super) fn within_first(
 ) {
     let width = panels[0].0.len();
     let mut all = vec![[[_mm512_set1_epi32(0); 4]; ROWS]; panels.len()];
-    let blocks = quads.chunks_exact(ROWS * width);
-    for (block, quads) in blocks.take(found[0].len()).enumerate() {
+    for (block, quads) in quads.chunks_exact(ROWS * width).enumerate() {
         let mut most = [[_mm512_set1_epi32(i32::MIN); 2]; ROWS];
         for ((panel, starts), all) in panels.iter().zip(&mut all) {
             *all = sums(quads, panel, starts);
