@@ -92,8 +92,6 @@ impl Kept {
 /// Candidates, ready for searches.
 pub(super) struct Candidates {
     pub(super) dim: usize,
-    /// See [`is_wide`].
-    pub(super) is_wide: bool,
     /// In which they are looked at.
     pub(super) order: Vec<u32>,
     /// All their values.
@@ -124,7 +122,6 @@ impl Candidates {
         Some(Self {
             whole: Panels::of(rows, &order, dim, is_wide)?,
             dim,
-            is_wide,
             order,
             components,
         })

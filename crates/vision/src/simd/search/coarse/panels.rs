@@ -61,6 +61,11 @@ impl Panels {
         self.starts.len()
     }
 
+    /// Whether they are as AVX-512 multiplies them: sums of products may have more than 16 bits.
+    pub(super) fn is_wide(&self) -> bool {
+        self.is_wide
+    }
+
     /// Quads of a row.
     pub(super) fn width(&self) -> usize {
         self.width

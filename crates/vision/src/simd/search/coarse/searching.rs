@@ -93,7 +93,6 @@ pub(super) fn search<T>(
         dim,
         orders: [&order, &candidates.order],
         wanted,
-        is_wide: candidates.is_wide,
     };
     let Some(whole) = Bounds::of(&candidates.whole, rows[0], &order) else {
         return (0..count).map(|_| None).collect();
@@ -141,8 +140,6 @@ struct Search<'a> {
     dim: usize,
     orders: [&'a [u32]; 2],
     wanted: Wanted<'a>,
-    /// See [`Candidates::is_wide`].
-    is_wide: bool,
 }
 
 impl Search<'_> {
@@ -198,7 +195,7 @@ impl Search<'_> {
         tile: &mut Tile,
     ) -> bool {
         let first_panels = self.first_panels(order);
-        let found = self.find_first(&first_panels, step, whole, tile);
+        let found = tile.find_first(&first_panels, step, whole);
         let factors = step.factors(tile.first, tile.least.len());
         let (mut left, mut seen) = (0, 0);
         for &number in order {
@@ -239,42 +236,6 @@ impl Search<'_> {
         full.take(FIRST).collect()
     }
 
-    /// Sets the bounds of a tile of queries by the first panels, and finds those of their candidates that may be within.
-    #[target_feature(enable = "avx2,fma")]
-    fn find_first(
-        &self,
-        first_panels: &[usize],
-        step: &Bounds,
-        whole: &Bounds,
-        tile: &mut Tile,
-    ) -> Vec<Vec<[u64; ROWS]>> {
-        let mut found = vec![vec![[0; ROWS]; tile.least.len()]; first_panels.len()];
-        let panels = first_panels.iter();
-        let panels: Vec<_> = panels.map(|&number| whole.panels.panel(number)).collect();
-        if panels.is_empty() {
-            return found;
-        }
-        let (first, count) = (tile.first, tile.queries.len());
-        let factors = whole.factors(first, tile.least.len());
-        let least = |query: usize, second: i32| {
-            // The last block may have rows without a query.
-            if query >= count {
-                return i32::MAX;
-            }
-            let bound = whole.largest(first + query, second);
-            tile.queries[query].bound = bound;
-            tile.set_limits(query, step, whole);
-            whole.least(first + query, bound)
-        };
-        if self.is_wide {
-            // SAFETY: what is in use was detected on this processor.
-            unsafe { within::avx512::within_first(&factors, &panels, least, &mut found) };
-        } else {
-            within::avx2::within_first(&factors, &panels, least, &mut found);
-        }
-        found
-    }
-
     /// Looks at those of `lanes` of a panel that may be within the bounds, and returns how many `step` left, for whose
     /// panels the `factors` of the tile are.
     #[target_feature(enable = "avx2,fma")]
@@ -290,7 +251,7 @@ impl Search<'_> {
         let (panel, starts) = step.panels.panel(number);
         // On their way while the panel is compared.
         prefetch(whole.panels.candidates_of_panel(number).0);
-        if self.is_wide {
+        if step.panels.is_wide() {
             // SAFETY: what is in use was detected on this processor.
             unsafe {
                 within::avx512::within(factors, &tile.least, panel, starts, &mut tile.within);
@@ -320,7 +281,7 @@ impl Search<'_> {
             candidates,
             parts,
         };
-        let kept = if self.is_wide {
+        let kept = if whole.panels.is_wide() {
             // SAFETY: what is in use was detected on this processor.
             unsafe { keep::avx512::keep(pairs, rows, &mut tile.kept) }
         } else {

@@ -2,7 +2,7 @@
 
 use super::keep::Pair;
 use super::panels::{Bounds, ROUNDING};
-use super::within::{LANES, ROWS};
+use super::within::{self, LANES, ROWS};
 
 /// Pairs that are listed without a look at how many there are.
 const AT_ONCE: usize = 4;
@@ -73,6 +73,41 @@ impl Tile {
         let (place, bound) = (self.first + query, self.queries[query].bound);
         self.least[query / ROWS][query % ROWS] = step.least(place, bound);
         self.limits[query] = whole.limit(place, bound);
+    }
+
+    /// Sets the bounds of the queries by the first panels, and finds those of their candidates that may be within.
+    #[target_feature(enable = "avx2,fma")]
+    pub(super) fn find_first(
+        &mut self,
+        first_panels: &[usize],
+        step: &Bounds,
+        whole: &Bounds,
+    ) -> Vec<Vec<[u64; ROWS]>> {
+        let mut found = vec![vec![[0; ROWS]; self.least.len()]; first_panels.len()];
+        let panels = first_panels.iter();
+        let panels: Vec<_> = panels.map(|&number| whole.panels.panel(number)).collect();
+        if panels.is_empty() {
+            return found;
+        }
+        let (first, count) = (self.first, self.queries.len());
+        let factors = whole.factors(first, self.least.len());
+        let least = |query: usize, second: i32| {
+            // The last block may have rows without a query.
+            if query >= count {
+                return i32::MAX;
+            }
+            let bound = whole.largest(first + query, second);
+            self.queries[query].bound = bound;
+            self.set_limits(query, step, whole);
+            whole.least(first + query, bound)
+        };
+        if whole.panels.is_wide() {
+            // SAFETY: what is in use was detected on this processor.
+            unsafe { within::avx512::within_first(&factors, &panels, least, &mut found) };
+        } else {
+            within::avx2::within_first(&factors, &panels, least, &mut found);
+        }
+        found
     }
 
     /// [Skips](Query::skip) what does not decide on a `ratio` from here on.

@@ -1,14 +1,13 @@
 //! With vectors of 32 bytes.
 
 use std::arch::x86_64::{
-    __m256i, _mm_add_epi32, _mm_storeu_si128, _mm256_add_epi16, _mm256_add_epi32,
-    _mm256_castsi256_si128, _mm256_cmpgt_epi32, _mm256_extracti128_si256, _mm256_loadu_si256,
+    __m256i, _mm256_add_epi16, _mm256_add_epi32, _mm256_cmpgt_epi32, _mm256_loadu_si256,
     _mm256_madd_epi16, _mm256_maddubs_epi16, _mm256_maskload_epi32, _mm256_set1_epi16,
     _mm256_set1_epi32, _mm256_setr_epi32, _mm256_setzero_si256, _mm256_unpackhi_epi32,
     _mm256_unpacklo_epi32,
 };
 
-use super::{AT_ONCE, Pair, Rows, keep_of_width};
+use super::{AT_ONCE, Pair, Rows, keep_of_width, sum_of_halves};
 
 /// See [`keep_of_width`].
 #[target_feature(enable = "avx2,fma")]
@@ -34,14 +33,7 @@ fn sums(mut sums: [__m256i; AT_ONCE]) -> [i32; AT_ONCE] {
     let bd = _mm256_add_epi32(_mm256_unpacklo_epi32(b, d), _mm256_unpackhi_epi32(b, d));
     // In each half: sums of a, b, c, d.
     let sums = _mm256_add_epi32(_mm256_unpacklo_epi32(ac, bd), _mm256_unpackhi_epi32(ac, bd));
-    let sums = _mm_add_epi32(
-        _mm256_castsi256_si128(sums),
-        _mm256_extracti128_si256::<1>(sums),
-    );
-    let mut products = [0; AT_ONCE];
-    // SAFETY: 16 bytes can be written to 4 lanes.
-    unsafe { _mm_storeu_si128(products.as_mut_ptr().cast(), sums) };
-    products
+    sum_of_halves(sums)
 }
 
 /// Sums of products of the bytes of a query and of a candidate, which add up to that of all.

@@ -4,13 +4,12 @@
 //! as long as SIFT's. *Correctness*: sums of 32 bits hold what those of 16 bits hold.
 
 use std::arch::x86_64::{
-    __m512i, _mm_add_epi32, _mm_storeu_si128, _mm256_add_epi32, _mm256_castsi256_si128,
-    _mm256_extracti128_si256, _mm512_add_epi32, _mm512_castsi512_si256, _mm512_dpbusd_epi32,
+    __m512i, _mm256_add_epi32, _mm512_add_epi32, _mm512_castsi512_si256, _mm512_dpbusd_epi32,
     _mm512_extracti64x4_epi64, _mm512_loadu_si512, _mm512_maskz_loadu_epi32, _mm512_setzero_si512,
     _mm512_unpackhi_epi32, _mm512_unpacklo_epi32,
 };
 
-use super::{AT_ONCE, Pair, Rows, keep_of_width};
+use super::{AT_ONCE, Pair, Rows, keep_of_width, sum_of_halves};
 
 /// See [`keep_of_width`].
 #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
@@ -32,18 +31,10 @@ fn sums([a, b, c, d]: [__m512i; AT_ONCE]) -> [i32; AT_ONCE] {
     let bd = _mm512_add_epi32(_mm512_unpacklo_epi32(b, d), _mm512_unpackhi_epi32(b, d));
     // In each quarter: sums of a, b, c, d.
     let sums = _mm512_add_epi32(_mm512_unpacklo_epi32(ac, bd), _mm512_unpackhi_epi32(ac, bd));
-    let sums = _mm256_add_epi32(
+    sum_of_halves(_mm256_add_epi32(
         _mm512_castsi512_si256(sums),
         _mm512_extracti64x4_epi64::<1>(sums),
-    );
-    let sums = _mm_add_epi32(
-        _mm256_castsi256_si128(sums),
-        _mm256_extracti128_si256::<1>(sums),
-    );
-    let mut products = [0; AT_ONCE];
-    // SAFETY: 16 bytes can be written to 4 lanes.
-    unsafe { _mm_storeu_si128(products.as_mut_ptr().cast(), sums) };
-    products
+    ))
 }
 
 /// Sums of products of the bytes of a query and of a candidate, which add up to that of all.

@@ -7,6 +7,10 @@
 pub(super) mod avx2;
 pub(super) mod avx512;
 
+use std::arch::x86_64::{
+    __m256i, _mm_add_epi32, _mm_storeu_si128, _mm256_castsi256_si128, _mm256_extracti128_si256,
+};
+
 use super::within::LANES;
 
 /// A query and a lane of a panel.
@@ -53,6 +57,20 @@ impl Rows<'_> {
 
 /// Pairs whose products are summed side by side.
 const AT_ONCE: usize = 4;
+
+/// The sums of four pairs, of which either half of the lanes has a part.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn sum_of_halves(sums: __m256i) -> [i32; AT_ONCE] {
+    let sums = _mm_add_epi32(
+        _mm256_castsi256_si128(sums),
+        _mm256_extracti128_si256::<1>(sums),
+    );
+    let mut products = [0; AT_ONCE];
+    // SAFETY: 16 bytes can be written to 4 lanes.
+    unsafe { _mm_storeu_si128(products.as_mut_ptr().cast(), sums) };
+    products
+}
 
 /// Keeps those pairs of a query and a candidate of a panel whose squared distance in bytes, less the query's part of it,
 /// is at most the query's limit, and returns how many. Rows have `WIDTH` quads, or any
