@@ -1,6 +1,5 @@
 #!/bin/sh
 # Image 0 and 1 of TUM freiburg3_long_office_household (640 x 480) and of castle-P30 (3072 x 2048), and castle as a dataset.
-# The load at the beginning is that of what had just ended.
 set -e
 cargo build --release --workspace
 matchbench import strecha castle-P30 castle
