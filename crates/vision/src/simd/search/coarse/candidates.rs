@@ -17,8 +17,8 @@ use super::{WORTH, has_tiles, is_wide};
 /// fifth faster with them, 3,000 x 3,000 between a tenth slower and a twentieth faster, 2,000 x 2,000 slower (Zen 3).
 const PAIRS: usize = 12_000_000;
 
-/// The same with AVX-512: SIFT's 5,500 x 5,500 take .98 of their time with them and .82 to .89 with a ratio test, 5,000 x
-/// 5,000 1.07 and .95, 4,000 x 4,000 1.27 and 1.14 (Intel).
+/// The same with AVX-512: SIFT's 6,000 x 6,000 take 0.98 of their time with them, and 0.85 with a ratio test; 5,500 x 5,500
+/// 1.02 and 0.89, 5,000 x 5,000 1.07 and 0.95, 4,000 x 4,000 1.28 and 1.14 (Intel).
 const PAIRS_AVX512: usize = 25_000_000;
 
 /// Candidates from which on principal components that are there help: among 1,000 of SIFT a search for 1,000 takes 3 %

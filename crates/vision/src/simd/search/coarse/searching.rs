@@ -27,8 +27,8 @@ const LEFT: usize = 400;
 const MEASURED_SHARE: usize = 16;
 
 /// Panels that are compared by all values, all at once: with 4 of them a search for a ratio test among 7,620 descriptors of
-/// SIFT takes 5 % longer, among 2,000 a tenth, with 12 of them 4 % (Zen 3); on Intel with AVX-512 4 to 8 % longer with 4 of
-/// them, 0 to 9 % with 12.
+/// SIFT takes 5 % longer, among 2,000 a tenth, with 12 of them 4 % (Zen 3). On Intel with AVX-512 any search takes 4 to 8 %
+/// longer with 4 of them; with 12 of them one for a ratio test up to 9 % longer, another between 5 % shorter and 2 % longer.
 const FIRST: usize = 8;
 
 /// Panels after which candidates are skipped that do not decide on a ratio: the fewer, the more queries need a second
