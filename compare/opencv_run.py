@@ -3,7 +3,7 @@
 Writes OUT/<dataset>/<matcher>.txt in the format of the paper's authors, so that
 `matchbench eval OUT --datasets DIR` scores OpenCV with the same code as matchbench:
 
-    python opencv_run.py DATASET... --matchers sift,orb --out OUT [--search flann|exact] [--every N]
+    python opencv_run.py DATASET... --matchers sift,orb --out OUT [--search flann|exact] [--every N] [--threads N]
 
 The protocol: OpenCV's default parameters (ORB with 100,000 features), two nearest neighbours,
 ratio 0.8, findEssentialMat (RANSAC, 0.999, 1.0 px), recoverPose over all matches; fewer than 20
@@ -105,8 +105,9 @@ def main():
     parser.add_argument("--out", required=True, type=Path)
     parser.add_argument("--search", choices=["flann", "exact"], default="exact")
     parser.add_argument("--every", type=int, default=1, help="only every Nth pair")
+    parser.add_argument("--threads", type=int, default=1, help="threads of OpenCV (its own default: one for each processor)")
     arguments = parser.parse_args()
-    cv2.setNumThreads(1)
+    cv2.setNumThreads(arguments.threads)
     for folder in arguments.datasets:
         images, cameras, pairs = read_dataset(folder)
         pairs = pairs[:: arguments.every]
