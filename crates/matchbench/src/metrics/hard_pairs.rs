@@ -16,7 +16,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use matchbench_vision::robust::RIGHT_POSE;
 
-use super::{Angle, DatasetGeometry, Model, PairResult, ResultSet};
+use super::{Angle, DatasetGeometry, Failure, Model, PairResult, ResultSet};
+use crate::records::Counts;
 
 /// Angle between the optical axes from which on a pair is wide, in degrees.
 pub const WIDE_ANGLE: f64 = 30.0;
@@ -155,7 +156,8 @@ pub fn hard_pairs(sets: &[&ResultSet], geometry: Option<&DatasetGeometry>) -> Ve
     all.filter(|hard| !hard.pairs.is_empty()).collect()
 }
 
-/// Pairs that most matchers find few features in, and those of which they select few matches.
+/// Pairs that most matchers find few features in, and those of which they select few matches. A matcher has a voice
+/// where it has the counts: one from outside may state no features, and none of what it selected from.
 fn by_counts(sets: &[&ResultSet]) -> [BTreeSet<(u32, u32)>; 2] {
     // Estimators of a matcher get the same matches.
     let mut matchers = BTreeMap::<&str, &ResultSet>::new();
@@ -163,48 +165,55 @@ fn by_counts(sets: &[&ResultSet]) -> [BTreeSet<(u32, u32)>; 2] {
         matchers.entry(&set.matcher).or_insert(set);
     }
     let mut votes = BTreeMap::<(u32, u32), [usize; 2]>::new();
-    let mut voters = 0;
+    let mut voters = [0; 2];
     for set in matchers.into_values() {
+        // What broke has no counts.
+        let counted = (set.pairs.iter())
+            .filter(|pair| pair.repetition == 0 && pair.outcome != Err(Failure::Broken))
+            .filter_map(|pair| Some(((pair.a, pair.b), pair.counts?)));
+        let counted: Vec<((u32, u32), Counts)> = counted.collect();
+        let selects = counted.iter().any(|(_, its)| its.selected < its.putative);
         // A pair without putative matches has features, but no share.
-        let counted: Vec<((u32, u32), f64, Option<f64>)> = (set.pairs.iter())
-            .filter(|pair| pair.repetition == 0)
-            .filter_map(|pair| {
-                let counts = pair.counts?;
-                let features = counts.features_a.min(counts.features_b);
-                let share = (counts.putative > 0)
-                    .then(|| f64::from(counts.selected) / f64::from(counts.putative));
-                Some(((pair.a, pair.b), f64::from(features), share))
-            })
-            .collect();
-        let [features, share] = [
-            counted.iter().map(|(_, features, _)| *features).collect(),
-            counted.iter().filter_map(|(_, _, share)| *share).collect(),
-        ]
-        .map(median);
-        voters += usize::from(!counted.is_empty());
-        for (pair, its_features, its_share) in counted {
-            let votes = votes.entry(pair).or_default();
-            votes[0] += usize::from(its_features < features / 2.0);
-            votes[1] += usize::from(its_share.is_some_and(|its| its < share / 2.0));
+        let share_of = |its: &Counts| {
+            let share = f64::from(its.selected) / f64::from(its.putative);
+            (selects && its.putative > 0).then_some(share)
+        };
+        let states = (counted.iter()).any(|(_, its)| its.features_a > 0 || its.features_b > 0);
+        let features_of = |its: &Counts| {
+            let fewer = f64::from(its.features_a.min(its.features_b));
+            (states && its.has_features()).then_some(fewer)
+        };
+        for (vote, number) in [&features_of as &dyn Fn(&Counts) -> _, &share_of]
+            .into_iter()
+            .enumerate()
+        {
+            let known = counted.iter().filter_map(|(_, its)| number(its));
+            let Some(usual) = median(known.collect()) else {
+                continue;
+            };
+            voters[vote] += 1;
+            for (pair, its) in &counted {
+                let is_low = number(its).is_some_and(|its| its < usual / 2.0);
+                votes.entry(*pair).or_default()[vote] += usize::from(is_low);
+            }
         }
     }
     [0, 1].map(|vote| {
-        let most = votes.iter().filter(|(_, votes)| 2 * votes[vote] > voters);
+        let most = (votes.iter()).filter(|(_, votes)| 2 * votes[vote] > voters[vote]);
         most.map(|(pair, _)| *pair).collect()
     })
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
+    values.get(values.len() / 2).copied()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::PairGeometry;
     use super::super::pair_result::tests::solved;
-    use super::super::{Failure, PairGeometry};
     use super::*;
-    use crate::records::Counts;
 
     /// Pairs (a, a + 1) of which each is right or not, with these numbers of features and selected matches of 100.
     fn set(pairs: &[(bool, u32, u32)]) -> ResultSet {
@@ -288,6 +297,45 @@ mod tests {
             .map(|hard| (hard.hardship, hard.telling))
             .collect();
         assert_eq!(kinds, [(Hardship::LittleTexture, Some((2, 3)))]);
+    }
+
+    #[test]
+    fn a_pair_that_broke_has_no_little_texture() {
+        let mut results = set(&[(true, 900, 50), (true, 900, 50), (false, 900, 50)]);
+        results.pairs[2].outcome = Err(Failure::Broken);
+        results.pairs[2].counts = Some(Counts::default());
+        assert_eq!(hard_pairs(&[&results], None), []);
+    }
+
+    #[test]
+    fn a_matcher_without_counts_has_no_voice() {
+        let counting = set(&[
+            (true, 900, 50),
+            (true, 900, 50),
+            (false, 100, 50),
+            (false, 900, 5),
+        ]);
+        let mut silent = ResultSet {
+            matcher: "mine".into(),
+            ..counting.clone()
+        };
+        for counts in silent
+            .pairs
+            .iter_mut()
+            .filter_map(|pair| pair.counts.as_mut())
+        {
+            (counts.features_a, counts.features_b) = (0, 0);
+            counts.putative = counts.selected;
+        }
+        let kinds = |sets: &[&ResultSet]| -> Vec<(Hardship, usize)> {
+            let found = hard_pairs(sets, None).into_iter();
+            found
+                .map(|hard| (hard.hardship, hard.pairs.len()))
+                .collect()
+        };
+        let known = [(Hardship::LittleTexture, 1), (Hardship::Ambiguous, 1)];
+        assert_eq!(kinds(&[&counting, &silent]), known);
+        assert_eq!(kinds(&[&silent]), []);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::records::StageTimes;
+use crate::records::{Counts, StageTimes};
 
 use super::bootstrap::quantile;
 use super::{Failure, PairResult};
@@ -60,9 +60,7 @@ impl StageQuartiles {
             |get: fn(&StageTimes) -> Option<f64>| pairs.iter().filter_map(move |p| get(&p.times));
         let features = (pairs.iter())
             .filter(|pair| pair.outcome != Err(Failure::Broken))
-            .filter_map(|pair| pair.counts)
-            // Matches that come from outside may come without the number of features.
-            .filter(|counts| counts.selected == 0 || counts.features_a > 0 || counts.features_b > 0)
+            .filter_map(|pair| pair.counts.filter(Counts::has_features))
             .flat_map(|counts| [counts.features_a, counts.features_b]);
         Self {
             features: Quartiles::of(features.map(f64::from)),

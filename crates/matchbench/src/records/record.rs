@@ -194,6 +194,13 @@ pub struct Counts {
     pub selected: u32,
 }
 
+impl Counts {
+    /// Whether the numbers of features are known: matches that come from outside may come without.
+    pub fn has_features(&self) -> bool {
+        self.selected == 0 || self.features_a > 0 || self.features_b > 0
+    }
+}
+
 /// Wall-clock time of each stage, in seconds; absent where the stage was not reached, or its
 /// result was there already: read from a cache, or computed for an earlier record (the features
 /// of an image serve many pairs, the matches of a pair serve many estimators). So each stage that
