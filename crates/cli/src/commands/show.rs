@@ -9,7 +9,8 @@ use matchbench::counted::counted;
 use matchbench::files::TemporaryFolder;
 use matchbench::matchers::ImageFiles;
 use matchbench::metrics::PairResult;
-use matchbench::records::Outcome;
+use matchbench::protocols::of_estimator;
+use matchbench::records::{Counts, Outcome};
 use matchbench::report::{Thumbnail, picture_png, picture_svg, sentence, view};
 use matchbench::run::{
     Contender, ContenderError, Dataset, ImagePair, Outside, check_truth, check_turns, evaluate,
@@ -95,6 +96,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
             *points = keypoints.map(|keypoint| keypoint.at.cast()).collect();
         }
     }
+    let protocol = of_estimator(&contender.estimators[0].name);
     let caption = format!(
         "{} {} – {}, {} + {}: {}",
         sequence.name,
@@ -102,7 +104,7 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
         args.b,
         contender.source.id(),
         contender.estimators[0].name,
-        sentence(&PairResult::of(pair.a, pair.b, outcome))
+        sentence(&PairResult::of(pair.a, pair.b, outcome), protocol)
     );
     let picture = if svg {
         picture_svg(&view, &caption).into_bytes()
@@ -113,21 +115,25 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
     if is_standard_output(&args.out) {
         return Ok(Ending::Done);
     }
-    let counts = matches.counts;
+    writeln!(
+        stdout(),
+        "{caption}\n{}, of which {} agree with the estimate\n{}",
+        in_words(&matches.counts),
+        view.tally.agree,
+        args.out.display()
+    )?;
+    Ok(Ending::Done)
+}
+
+/// `1207 and 1190 features, 1207 putative and 340 selected matches`.
+fn in_words(counts: &Counts) -> String {
     // A matcher from outside may have no features, or not state their number.
     let features = match (counts.features_a, counts.features_b) {
         (0, 0) if counts.putative > 0 => String::new(),
         (a, b) => format!("{a} and {}, ", counted(b, "feature")),
     };
-    writeln!(
-        stdout(),
-        "{caption}\n{features}{} putative and {}, of which {} agree with the estimate\n{}",
-        counts.putative,
-        counted(counts.selected, "selected match"),
-        view.tally.agree,
-        args.out.display()
-    )?;
-    Ok(Ending::Done)
+    let selected = counted(counts.selected, "selected match");
+    format!("{features}{} putative and {selected}", counts.putative)
 }
 
 /// The matcher with its estimator, and the folder of the files that a matcher from outside leaves behind, which

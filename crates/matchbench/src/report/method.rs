@@ -7,14 +7,14 @@ use serde_json::Value;
 
 use crate::counted::counted;
 use crate::metrics::{Bootstrap, Model, Portion};
-use crate::records::{MIN_MATCHES, MIN_SUPPORT, Plan};
+use crate::records::Plan;
 
 use super::citations::{BENCHMARK, TOOL, citations};
 use super::content::Content;
 use super::latex;
 use super::markdown;
 use super::names::{defaults, references, title};
-use super::words::protocol_notes;
+use super::words::{protocol_notes, protocols, when_pairs_fail};
 
 /// A piece of text, or keys of papers.
 enum Piece {
@@ -227,10 +227,9 @@ fn protocol(content: &Content, plan: Option<&Plan>) -> String {
     if of(Model::Pose) {
         let _ = write!(
             text,
-            "A pair fails with fewer than {MIN_MATCHES} selected matches, or fewer than {MIN_SUPPORT} in front \
-             of both cameras. The pose error is the larger of the angles of rotation and of (signed) \
-             translation; SP(k) is the share of pairs below k degrees, and the AUC is the mean of SP(1) to \
-             SP(15). "
+            "{} The pose error is the larger of the angles of rotation and of (signed) translation; SP(k) is the \
+             share of pairs below k degrees, and the AUC is the mean of SP(1) to SP(15). ",
+            when_pairs_fail(protocols(&content.summaries))
         );
     }
     if of(Model::Homography) {

@@ -6,8 +6,7 @@ use crate::counted::counted;
 use crate::metrics::{
     Angle, Detail, Deviation, Difference, Failure, Lead, Model, PairResult, ScoreKind, Summary,
 };
-use crate::protocols::PROTOCOLS;
-use crate::records::{MIN_MATCHES, MIN_SUPPORT};
+use crate::protocols::{PROTOCOLS, Protocol};
 
 /// The result in a word or two, for tables.
 pub(super) fn outcome(pair: &PairResult) -> &'static str {
@@ -38,21 +37,49 @@ pub(super) fn name(failure: Failure) -> &'static str {
     }
 }
 
-/// A failure in a sentence.
-pub(super) fn reason(failure: Failure) -> String {
+/// A failure in a sentence, under the protocol by which the pose was estimated.
+pub(super) fn reason(failure: Failure, protocol: &Protocol) -> String {
     match failure {
         Failure::TooFewMatches => format!(
-            "Too few selected matches: at least {MIN_MATCHES} are needed for a pose, 4 for a homography."
+            "Too few selected matches: at least {} are needed for a pose, 4 for a homography.",
+            protocol.min_matches
         ),
-        Failure::NoSupport => format!(
-            "No estimate that enough matches agree with: for a pose at least {MIN_SUPPORT} must lie in front of both cameras."
-        ),
+        Failure::NoSupport => {
+            let in_front = format!("at least {} must lie in front of both cameras", protocol.min_support);
+            let least = match protocol.min_inliers {
+                0 => in_front,
+                inliers => format!("it must have at least {}, and {in_front}", counted(inliers, "inlier")),
+            };
+            format!("No estimate that enough matches agree with: for a pose {least}.")
+        }
         Failure::Broken => {
             "A stage broke: an image that cannot be read, or an error of the matcher. The record says which.".into()
         }
         Failure::Unexplained => "No estimate, and the results do not say why.".into(),
         Failure::Missing => "The dataset lists this pair, but the results do not have it.".into(),
     }
+}
+
+/// When a pair fails for want of matches, a sentence for each of these protocols.
+pub(super) fn when_pairs_fail<'p>(protocols: impl IntoIterator<Item = &'p Protocol>) -> String {
+    let sentence = |protocol: &Protocol| {
+        let pair = if protocol.is_ours() {
+            "A pair".to_owned()
+        } else {
+            format!("With the protocol {} a pair", protocol.id)
+        };
+        let inliers = match protocol.min_inliers {
+            0 => String::new(),
+            inliers => format!("fewer than {}, ", counted(inliers, "inlier")),
+        };
+        format!(
+            "{pair} fails with fewer than {}, {inliers}or fewer than {} in front of both cameras.",
+            counted(protocol.min_matches, "selected match"),
+            protocol.min_support
+        )
+    };
+    let sentences: Vec<String> = protocols.into_iter().map(sentence).collect();
+    sentences.join(" ")
 }
 
 /// The number of correspondences, after a comma, if it is known.
@@ -62,10 +89,10 @@ fn correspondences(pair: &PairResult) -> String {
     })
 }
 
-/// The result of a pair, in a sentence.
-pub fn sentence(pair: &PairResult) -> String {
+/// The result of a pair in a sentence, under the protocol by which its pose was estimated.
+pub fn sentence(pair: &PairResult, protocol: &Protocol) -> String {
     match (&pair.outcome, pair.error(Angle::Pose)) {
-        (Err(failure), _) => reason(*failure),
+        (Err(failure), _) => reason(*failure, protocol),
         (Ok(Deviation::Corners(Some(error))), _) => {
             format!("corners off by {error:.2} px{}", correspondences(pair))
         }
@@ -113,11 +140,17 @@ pub(super) fn definitions(
     definitions
 }
 
+/// The protocols under which poses were estimated, in the order of [`PROTOCOLS`].
+pub(super) fn protocols(summaries: &[Summary]) -> impl Iterator<Item = &'static Protocol> {
+    let of =
+        |model: Model, id: &str| (summaries.iter()).any(|s| s.model == model && s.protocol == id);
+    (PROTOCOLS.iter().copied()).filter(move |protocol| of(Model::Pose, protocol.id))
+}
+
 /// What the names of estimators under a protocol mean, one sentence per protocol.
 pub(super) fn protocol_notes(summaries: &[Summary]) -> Vec<String> {
-    let under = |id: &str| summaries.iter().any(|summary| summary.protocol == id);
-    (PROTOCOLS.iter())
-        .filter(|protocol| !protocol.is_ours() && under(protocol.id))
+    protocols(summaries)
+        .filter(|protocol| !protocol.is_ours())
         .map(|protocol| {
             let (id, summary) = (protocol.id, protocol.summary);
             format!(
@@ -227,6 +260,7 @@ const SENTENCES: usize = 12;
 #[cfg(test)]
 mod tests {
     use crate::metrics::SCORES;
+    use crate::protocols::of_estimator;
 
     use super::*;
 
@@ -248,8 +282,28 @@ mod tests {
         for failure in FAILURES {
             let pair = PairResult::failed(0, 1, failure);
             assert_eq!(outcome(&pair), name(failure));
-            assert_eq!(sentence(&pair), reason(failure));
+            let protocol = of_estimator("best");
+            assert_eq!(sentence(&pair, protocol), reason(failure, protocol));
         }
+    }
+
+    #[test]
+    fn reasons_name_what_the_protocol_of_the_estimator_asks_for() {
+        let of = |failure: Failure, estimator: &str| reason(failure, of_estimator(estimator));
+        let (few, unseen) = (Failure::TooFewMatches, Failure::NoSupport);
+        assert!(of(few, "best").contains("at least 20 are needed"));
+        assert!(of(few, "ransac-e-inliers@superglue").contains("at least 5 are needed"));
+        assert!(of(unseen, "best").contains("at least 10 must lie in front"));
+        assert!(
+            of(unseen, "best@imc").contains("at least 8 inliers, and at least 1 must lie in front")
+        );
+        let both = when_pairs_fail(["best", "best@imc"].map(of_estimator));
+        assert_eq!(
+            both,
+            "A pair fails with fewer than 20 selected matches, or fewer than 10 in front of both cameras. With the \
+             protocol imc a pair fails with fewer than 8 selected matches, fewer than 8 inliers, or fewer than 1 in \
+             front of both cameras."
+        );
     }
 
     #[test]

@@ -9,6 +9,7 @@ use super::super::words::{advantage, outcome, sentence};
 use super::pair_pages::{colours, facts, picture};
 use super::{environment, template};
 use crate::metrics::{Model, PairGeometry};
+use crate::protocols::{Protocol, of_estimator};
 
 /// A pair as the page shows it.
 pub(in super::super) struct Shown<'a> {
@@ -41,10 +42,14 @@ pub(in super::super) fn difference_page(chapters: &[Chapter<'_>]) -> String {
 fn chapter(chapter: &Chapter<'_>) -> Value {
     let Duel { sides, comparison } = &chapter.duel;
     let names = sides.map(|side| side.name);
+    let protocols = sides.map(|side| of_estimator(&side.results.estimator));
     let on = &sides[0].results.dataset;
     let lists: Vec<Value> = (chapter.won.iter().zip(names))
         .map(|(won, name)| {
-            let pairs: Vec<Value> = won.iter().map(|shown| pair(shown, names)).collect();
+            let pairs: Vec<Value> = won
+                .iter()
+                .map(|shown| pair(shown, names, protocols))
+                .collect();
             context! { name, pairs }
         })
         .collect();
@@ -60,7 +65,7 @@ fn chapter(chapter: &Chapter<'_>) -> Value {
     }
 }
 
-fn pair(shown: &Shown<'_>, names: [&str; 2]) -> Value {
+fn pair(shown: &Shown<'_>, names: [&str; 2], protocols: [&Protocol; 2]) -> Value {
     let (a, b) = shown.twin.frames;
     let results = shown.twin.results;
     let unit = match results[0].model {
@@ -75,7 +80,7 @@ fn pair(shown: &Shown<'_>, names: [&str; 2]) -> Value {
     };
     let panels: Vec<Value> = (0..2)
         .map(|side| {
-            let words = sentence(results[side]);
+            let words = sentence(results[side], protocols[side]);
             if let Some(view) = &shown.views[side] {
                 picture(names[side], Some(words), view)
             } else {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use crate::metrics::{Angle, Model, PairResult, ResultSet};
+use crate::protocols::PROTOCOLS;
 use crate::records::Plan;
 
 use super::super::command_line::show;
@@ -25,9 +26,10 @@ const MOST_MATCHES: usize = 80;
 #[derive(Serialize)]
 struct Data<'a> {
     datasets: Vec<Listed<'a>>,
-    /// Short names of the failures, then sentences, in the order of their numbers.
+    /// Short names of the failures, in the order of their numbers.
     failures: [&'static str; FAILURES.len()],
-    reasons: [String; FAILURES.len()],
+    /// Sentences for them, under each protocol.
+    reasons: Vec<[String; FAILURES.len()]>,
     /// Colours and names of the distances to the true epipolar line.
     distances: [(&'static str, &'static str); 4],
     /// Images as data URLs.
@@ -61,6 +63,8 @@ struct Method<'a> {
     label: &'a str,
     matcher: &'a str,
     estimator: &'a str,
+    /// The number of its protocol.
+    protocol: usize,
     /// The command that draws a pair, without the numbers of its frames; absent if no command can do it.
     #[serde(skip_serializing_if = "Option::is_none")]
     show: Option<[String; 2]>,
@@ -119,7 +123,9 @@ pub(super) fn data(content: &Content, overview: &Overview<'_>, extent: &Extent) 
     let data = Data {
         datasets,
         failures: FAILURES.map(name),
-        reasons: FAILURES.map(reason),
+        reasons: (PROTOCOLS.iter())
+            .map(|protocol| FAILURES.map(|failure| reason(failure, protocol)))
+            .collect(),
         distances: DISTANCES,
         images: images.urls,
         all_pairs: extent.all_pairs(),
@@ -201,6 +207,9 @@ fn listed<'a>(
             label: &row.label,
             matcher: &set.matcher,
             estimator: &set.estimator,
+            protocol: (PROTOCOLS.iter())
+                .position(|protocol| protocol.id == summary.protocol)
+                .expect("all protocols are listed"),
             show: plan.as_ref().and_then(|plan| shown(plan, set)),
             rotation: Vec::with_capacity(count),
             corner: (summary.model == Model::Homography).then(Vec::new),

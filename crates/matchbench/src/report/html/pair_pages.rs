@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use minijinja::{Value, context};
 
 use crate::metrics::{PairGeometry, ResultSet};
+use crate::protocols::of_estimator;
 
 use super::super::content::Content;
 use super::super::file_names::file_names;
@@ -105,7 +106,8 @@ fn panel(content: &Content, view: &PairView) -> Value {
         pairs.find(|pair| (pair.a, pair.b) == view.frames && pair.repetition == 0)
     });
     let label = method(&view.matcher, &view.estimator);
-    picture(&label, result.map(sentence), view)
+    let protocol = of_estimator(&view.estimator);
+    picture(&label, result.map(|pair| sentence(pair, protocol)), view)
 }
 
 /// The images of a pair with the matches of one matcher over them.

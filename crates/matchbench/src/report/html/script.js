@@ -319,7 +319,7 @@
         : `Pose off by ${pose(m, i)?.toFixed(2) ?? "–"}°: rotation ${degrees(m.rotation[i]).toFixed(2)}°, translation ${degrees(m.translation[i])?.toFixed(2) ?? "–"}°.`);
       const numbers = [[m.correspondences[i], "correspondences"], [m.selected[i], "selected matches"]]
         .filter(([number]) => counted(number) !== null).map(([number, of]) => `${number} ${of}`).join(" of ");
-      const words = failed ? data.reasons[m.failure[i]] : `${off()}${numbers ? ` ${numbers}.` : ""}`;
+      const words = failed ? data.reasons[m.protocol][m.failure[i]] : `${off()}${numbers ? ` ${numbers}.` : ""}`;
       const button = (textContent, action) => {
         const button = make("button", { type: "button", textContent });
         button.addEventListener("click", action);
