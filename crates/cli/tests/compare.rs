@@ -175,6 +175,29 @@ fn what_cannot_be_compared_is_refused_in_words() {
 }
 
 #[test]
+fn results_judged_by_other_truths_are_not_compared() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let results = |name: &str, truth: &str| {
+        let sequence = folder.join(name).join("wall");
+        fs::create_dir_all(&sequence).expect("writable");
+        fs::write(sequence.join("groundtruth.txt"), truth).expect("writable");
+        let rows = "0 1 50 1 0 0 1 0 1 0 0 0 0 1 0\n";
+        fs::write(sequence.join("sift.txt"), rows).expect("writable");
+    };
+    results("one", "0 1 1 0 0 1 0 1 0 0 0 0 1 0\n");
+    results("same", "0 1 1 0 0 1 0 1 0 0 0 0 1 0\n");
+    results("inverse", "0 1 1 0 0 -1 0 1 0 0 0 0 1 0\n");
+    let said = succeeds(folder, &["compare", "one", "same"]);
+    assert!(said.contains("wall"), "{said}");
+    let message = refused(folder, &["compare", "one", "inverse"]);
+    assert!(
+        message.contains("different datasets called wall"),
+        "{message}"
+    );
+}
+
+#[test]
 fn a_run_that_is_not_finished_is_compared_with_a_warning() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();

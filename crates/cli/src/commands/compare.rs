@@ -1,11 +1,12 @@
 //! `matchbench compare`: what changed between two runs, or how two methods of one run differ.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
-use matchbench::metrics::{Bootstrap, Comparison, Difference, ResultSet, compare, load};
+use matchbench::metrics::{Bootstrap, Comparison, Difference, ResultSet, compare, load, load_each};
 use matchbench::records::{DatasetPlan, RunFolder};
 use matchbench::report::{Duel, Side, advantage, write_differences};
 
@@ -245,23 +246,37 @@ fn known(sets: &[ResultSet]) -> Vec<String> {
 
 /// Errors for different truths must not be compared, so datasets of the same name must be the same.
 fn same_truth(before: &Path, after: &Path) -> Result<()> {
-    if !(RunFolder::is_at(before) && RunFolder::is_at(after)) {
+    if RunFolder::is_at(before) != RunFolder::is_at(after) {
+        say!(
+            "note: {} and {} do not tell whether they were judged by the same true poses, since only one is a run",
+            before.display(),
+            after.display()
+        );
         return Ok(());
     }
-    let [of_before, of_after] = [RunFolder::open(before)?, RunFolder::open(after)?];
-    for dataset in &of_after.plan().datasets {
-        let same_name = |other: &&DatasetPlan| other.name == dataset.name;
-        if let Some(other) = of_before.plan().datasets.iter().find(same_name) {
-            ensure!(
-                other.fingerprint == dataset.fingerprint,
-                "{} and {} ran on different datasets called {}: cameras, pairs or true poses differ",
-                before.display(),
-                after.display(),
-                dataset.name
-            );
-        }
+    let of_before = truths(before)?;
+    for (dataset, truth) in truths(after)? {
+        ensure!(
+            of_before.get(&dataset).is_none_or(|other| *other == truth),
+            "{} and {} were judged by different datasets called {dataset}: cameras, pairs or true poses differ",
+            before.display(),
+            after.display()
+        );
     }
     Ok(())
+}
+
+/// A hash of each dataset's truth, by its name.
+fn truths(folder: &Path) -> Result<BTreeMap<String, String>> {
+    if RunFolder::is_at(folder) {
+        let run = RunFolder::open(folder)?;
+        let of = |dataset: &DatasetPlan| (dataset.name.clone(), dataset.fingerprint.clone());
+        return Ok(run.plan().datasets.iter().map(of).collect());
+    }
+    let files = load_each(folder, None)?.into_iter();
+    Ok(files
+        .filter_map(|file| Some((file.results.ok()?.dataset, file.truth?)))
+        .collect())
 }
 
 /// One line for each matcher, estimator and dataset that both runs have.
