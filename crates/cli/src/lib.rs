@@ -19,15 +19,13 @@ use std::thread::available_parallelism;
 
 use anyhow::Context;
 use clap::Parser;
+use matchbench::memory::STACK;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use args::{Cli, Command};
 use output::say;
 use stop::STOPPED;
 use threads::Threads;
-
-/// Bytes of the stack of a thread: as many as the system gives the main thread.
-const STACK: usize = 8 << 20;
 
 /// More threads per core than this take memory and gain nothing.
 const MOST_THREADS_A_CORE: usize = 4;

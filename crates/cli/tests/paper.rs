@@ -92,6 +92,18 @@ fn what_is_there_is_run_and_stands_beside_what_was_published() {
         told.contains("earlier") && !told.contains("timing"),
         "{told}"
     );
+
+    // Another run has other times, of the matchers that were changed.
+    fs::remove_dir_all(made("run")).expect("it is there");
+    let changed = paper(
+        folder.path(),
+        &[&arguments[..], &["--set", "sift.ratio=0.6"]].concat(),
+    );
+    let told = String::from_utf8_lossy(&changed.stderr);
+    assert!(
+        told.contains("timing sift") && !told.contains("timing surf"),
+        "{told}"
+    );
 }
 
 #[test]

@@ -15,9 +15,12 @@ use std::thread::available_parallelism;
 use matchbench_vision::InstructionSet;
 use rayon::ThreadPoolBuilder;
 
+use crate::counted::counted;
 use crate::files::TemporaryFolder;
-use crate::memory;
-use crate::metrics::{PairResult, Quartiles, ResultSet, ResultsError, StageQuartiles, load_run};
+use crate::memory::{self, STACK};
+use crate::metrics::{
+    Failure, PairResult, Quartiles, ResultSet, ResultsError, StageQuartiles, load_run,
+};
 use crate::records::{FolderError, KeepMatches, RunFolder, Settings, StageTimes};
 use crate::run::{Cancel, Contender, Dataset, Run, RunError, Silent};
 
@@ -29,12 +32,29 @@ const NOISE: f64 = 0.1;
 /// How long a matcher took.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timing {
-    /// Quartiles of the stages.
+    /// Quartiles of the stages, over the pairs that reached them.
     pub stages: StageQuartiles,
+    /// How many pairs broke at a stage: an image that cannot be read, or an error of the matcher.
+    pub broken: usize,
+    /// Number of all pairs.
+    pub pairs: usize,
     /// The most memory that the process used during the measurement, in bytes, if the system tells it (Linux).
     pub peak_memory: Option<f64>,
     /// Signs that the machine was busy with other work, in sentences.
     pub noise: Vec<String>,
+}
+
+impl Timing {
+    /// That pairs broke, in a sentence; `None` if none did.
+    pub fn breakage(&self) -> Option<String> {
+        (self.broken > 0).then(|| {
+            format!(
+                "{} of {} broke; `matchbench run` on this dataset records why",
+                self.broken,
+                counted(self.pairs, "pair")
+            )
+        })
+    }
 }
 
 /// Why nothing could be measured.
@@ -71,8 +91,8 @@ pub fn time(
     pairs: usize,
     cancel: &Cancel,
 ) -> Result<Option<Timing>, TimeError> {
-    let one_thread = (ThreadPoolBuilder::new().num_threads(1).build())
-        .map_err(|error| TimeError::Thread(error.to_string()))?;
+    let one_thread = ThreadPoolBuilder::new().num_threads(1).stack_size(STACK);
+    let one_thread = (one_thread.build()).map_err(|error| TimeError::Thread(error.to_string()))?;
     one_thread.install(|| {
         let measure = |pairs| measure(dataset, contender, pairs, cancel);
         let Some(_) = measure(PROBES)? else {
@@ -86,6 +106,10 @@ pub fn time(
         };
         Ok(Some(Timing {
             stages: StageQuartiles::new(&all.pairs),
+            broken: (all.pairs.iter())
+                .filter(|pair| pair.outcome == Err(Failure::Broken))
+                .count(),
+            pairs: all.pairs.len(),
             peak_memory: memory::peak().map(|bytes| bytes as f64),
             noise: noise(&probe, &all, &again).collect(),
         }))
@@ -237,7 +261,7 @@ mod tests {
     #[test]
     fn drift_is_the_median_ratio_of_the_same_pairs() {
         let timed = |a: u32, seconds: f64| {
-            let mut pair = PairResult::failed(a, a + 1, crate::metrics::Failure::NoSupport);
+            let mut pair = PairResult::failed(a, a + 1, Failure::NoSupport);
             pair.times.search = Some(seconds);
             pair
         };

@@ -37,8 +37,8 @@ pub(crate) fn run(args: &PaperArgs) -> Result<Ending> {
         return Ok(ending);
     }
     let file = paper.folder().join("times.json");
-    let timed = |matcher: &str| say!("timing {matcher}");
-    let Some(times) = times(&prepared, &file, paper.timed_pairs(), &cancel, &timed)? else {
+    let told = |news: &str| say!("{news}");
+    let Some(times) = times(&prepared, &file, paper.timed_pairs(), &cancel, &told)? else {
         return Ok(Ending::Stopped);
     };
     let options = ReportOptions {

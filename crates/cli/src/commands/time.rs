@@ -50,7 +50,7 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
         heads.join("  "),
         "memory"
     )?;
-    let mut noisy = false;
+    let (mut noisy, mut broken) = (false, false);
     let mut rows = Vec::new();
     for contender in &contenders {
         let id = contender.source.id();
@@ -75,6 +75,10 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
             matcher: id.to_owned(),
             stages: timing.stages,
         });
+        if let Some(breakage) = timing.breakage() {
+            say!("warning: {id}: {breakage}");
+            broken = true;
+        }
         for warning in &timing.noise {
             say!("warning: {id}: {warning}");
             noisy = true;
@@ -89,7 +93,11 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
     if noisy {
         say!("the machine was not quiet; measure again without other programs");
     }
-    Ok(Ending::Done)
+    Ok(if broken {
+        Ending::SomeFailed
+    } else {
+        Ending::Done
+    })
 }
 
 fn shown(spread: Option<Quartiles>) -> String {

@@ -22,6 +22,9 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 pub use pages::{HugePages, keep_freed};
 pub(crate) use system::{forget_peak, peak};
 
+/// Bytes of the stack of a thread that works on images: as many as the system gives the main thread.
+pub const STACK: usize = 8 << 20;
+
 /// Needs below this are not reserved, in bytes.
 const SMALL: u64 = 32 << 20;
 

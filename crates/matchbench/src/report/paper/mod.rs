@@ -27,6 +27,7 @@ use self::figures::PaperFigure;
 use super::csv::field;
 use super::folder::Pages;
 use super::{Content, MatcherTimes};
+use crate::records::MatcherPlan;
 
 /// The content of Table 3, and how it was measured.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -38,15 +39,33 @@ pub struct PaperTimes {
     pub sequence: String,
     /// How many pairs.
     pub pairs: usize,
+    /// [Fingerprint](crate::datasets::Sequence::fingerprint) of the sequence.
+    pub fingerprint: String,
     /// What was measured so far.
     pub rows: Vec<MatcherTimes>,
+    /// With which parameters; a plan for each of the rows.
+    pub plans: Vec<MatcherPlan>,
 }
 
 impl PaperTimes {
     /// Whether `other` was measured on the same machine, sequence and pairs.
     pub fn is_like(&self, other: &Self) -> bool {
-        (&self.machine, &self.sequence, self.pairs)
-            == (&other.machine, &other.sequence, other.pairs)
+        let measured = |times: &Self| {
+            let Self {
+                machine,
+                sequence,
+                pairs,
+                fingerprint,
+                ..
+            } = times;
+            (
+                machine.clone(),
+                sequence.clone(),
+                *pairs,
+                fingerprint.clone(),
+            )
+        };
+        measured(self) == measured(other)
     }
 }
 
@@ -204,6 +223,8 @@ mod tests {
             machine: "a <machine>".into(),
             sequence: "05-castle".into(),
             pairs: 200,
+            fingerprint: "1f".into(),
+            plans: Vec::new(),
             rows: vec![MatcherTimes {
                 matcher: "sift".into(),
                 stages: StageQuartiles {
@@ -253,11 +274,15 @@ mod tests {
         let text = serde_json::to_string(&times).expect("plain JSON");
         let back: PaperTimes = serde_json::from_str(&text).expect("written just now");
         assert!(back == times && back.is_like(&times));
-        let other = PaperTimes {
+        let fewer = PaperTimes {
             pairs: 9,
             ..times.clone()
         };
-        assert!(!other.is_like(&times));
+        let other = PaperTimes {
+            fingerprint: "2e".into(),
+            ..times.clone()
+        };
+        assert!(!fewer.is_like(&times) && !other.is_like(&times));
     }
 
     #[test]
