@@ -281,9 +281,11 @@ impl RunWriter {
         make_folder(path).map_err(FolderError::io("make the folder", path))?;
         refuse_links(path)?;
         let locks = lock(path)?;
-        // Nobody else writes here now: records that were rewritten, two folders down.
+        // Nobody else writes here now: records that were rewritten and what was merged, two folders down.
         remove_leftovers(path);
-        remove_leftovers_below(&path.join(store::FOLDER), 1);
+        for folder in [store::FOLDER, matches::FOLDER, matches::INLIERS] {
+            remove_leftovers_below(&path.join(folder), 1);
+        }
         let plan_file = path.join(PLAN);
         let written = read_plan(&plan_file)?;
         match &written {

@@ -120,16 +120,21 @@ pub struct MatchesFile {
     last: ((u32, u32), BTreeMap<u32, u64>),
 }
 
+/// The folder of matches within the folder of a run.
+pub(super) const FOLDER: &str = "matches";
+/// The folder of inliers within it.
+pub(super) const INLIERS: &str = "inliers";
+
 /// Where the matches of one dataset and matcher stand in the folder of a `run`.
 pub fn path(run: &Path, dataset: &str, matcher: &str) -> PathBuf {
-    run.join("matches")
+    run.join(FOLDER)
         .join(dataset)
         .join(format!("{matcher}.bin"))
 }
 
 /// Where the inliers of one dataset, matcher and estimator stand in the folder of a `run`.
 pub fn inliers_path(run: &Path, dataset: &str, matcher: &str, estimator: &str) -> PathBuf {
-    run.join("inliers")
+    run.join(INLIERS)
         .join(dataset)
         .join(format!("{matcher}+{estimator}.bin"))
 }

@@ -146,8 +146,8 @@ pub(crate) fn for_each<E: From<StoreError>>(
     Ok(whole)
 }
 
-/// In bytes.
-const LONGEST_LINE: usize = 8 << 20;
+/// The longest line that is taken for a record, in bytes.
+pub(super) const LONGEST_LINE: usize = 8 << 20;
 
 /// All records in the folder of a `run`, ordered by dataset, then by matcher and estimator, then
 /// as they were written.

@@ -15,9 +15,9 @@ use crate::records::{DatasetPlan, EstimatorPlan, FORMAT, MatcherPlan, Plan, Sett
 ///
 /// # Errors
 /// [`RunError::Contradiction`] if two datasets, matchers or estimators of a matcher have one name, a
-/// name cannot be that of a file, a matcher has no estimator, a pair names a frame that is not
-/// there, matches from outside would be those of images that the dataset turns, or a pair lacks the truth
-/// that an estimator is judged by.
+/// name cannot be that of a file, that of a matcher has a `+`, a matcher has no estimator, a pair names a
+/// frame that is not there, matches from outside would be those of images that the dataset turns, or a pair
+/// lacks the truth that an estimator is judged by.
 pub fn plan(
     datasets: &[Dataset],
     contenders: &[Contender],
@@ -32,8 +32,13 @@ pub fn plan(
         contenders.iter().map(|contender| contender.source.id()),
     )?;
     for contender in contenders {
+        let id = contender.source.id();
+        if id.contains('+') {
+            return contradiction(format!(
+                "`{id}` cannot be the name of a matcher: in names of files a + stands before the estimator"
+            ));
+        }
         if contender.estimators.is_empty() {
-            let id = contender.source.id();
             return contradiction(format!("matcher `{id}` is given no estimator"));
         }
         check_names(

@@ -27,7 +27,7 @@ pub struct Shard<'a> {
 /// # Errors
 /// [`RunError::Contradiction`] as [`plan`]; if there are fewer pairs than shards, none or too many of
 /// them; if a dataset has a pair twice, which two shards could not share; if only a sample of the pairs is
-/// asked for.
+/// asked for; if a dataset has matchers of its own.
 pub fn plan_shards(
     datasets: &[Dataset],
     contenders: &[Contender],
@@ -42,6 +42,17 @@ pub fn plan_shards(
         return Err(RunError::Contradiction(reason.into()));
     }
     let plan = plan(datasets, contenders, settings)?;
+    if let Some(dataset) = plan
+        .datasets
+        .iter()
+        .find(|dataset| dataset.matchers.is_some())
+    {
+        let name = &dataset.name;
+        let reason = format!(
+            "not all matchers are run on {name}: cut datasets with other matchers into shards apart"
+        );
+        return Err(RunError::Contradiction(reason));
+    }
     refuse_tuned(tuned, &plan, datasets)?;
     let cut = cut(datasets, settings, shards)?;
     Ok(ShardPlan::new(

@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use super::super::{FolderError, StoreError};
+use crate::counted::counted;
 
 /// Why shards cannot be planned, worked or merged.
 #[derive(Debug, thiserror::Error)]
@@ -122,6 +123,19 @@ pub enum ShardError {
         folder: PathBuf,
         /// What is wrong with it.
         reason: String,
+    },
+    /// The run has fewer failures than the shards: it was continued after an earlier merge.
+    #[error(
+        "{}: {} failed in the shards and not here, where the run was continued since; what was repaired would be lost. Merge \
+         into another folder, or delete this one",
+        path.display(),
+        counted(*repaired, "record")
+    )]
+    Repaired {
+        /// The file of records.
+        path: PathBuf,
+        /// How many more records of it did not fail.
+        repaired: u64,
     },
     /// The shards could not be merged to the end.
     #[error(

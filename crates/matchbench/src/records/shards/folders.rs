@@ -147,7 +147,7 @@ fn progress(plan: &ShardPlan, number: u32, folder: &Path) -> Result<(u64, u64), 
 }
 
 /// Every matcher with every estimator, by id, in the order of the plan.
-fn contenders(plan: &Plan) -> impl Iterator<Item = (&str, &str)> {
+pub(super) fn contenders(plan: &Plan) -> impl Iterator<Item = (&str, &str)> {
     plan.matchers.iter().flat_map(|matcher| {
         let estimators = matcher.estimators.iter();
         estimators.map(|estimator| (&*matcher.id, &*estimator.id))

@@ -3,7 +3,8 @@
 //! Every file is read from its beginning to its end, and written in the same way, in the order of the
 //! pairs. Memory holds only the cut, one line, one entry of matches, and a number for each image. Nothing
 //! is written before all shards are known to be done, and a file takes its place only when it is complete.
-//! So merging again does no harm.
+//! So merging again does no harm. Records that the run has repaired since then are never replaced: a file
+//! with fewer failures than the shards have is an error.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::Write;
@@ -13,10 +14,10 @@ use super::super::images::ImageNotes;
 use super::super::matches::{self, MAGIC};
 use super::super::{
     Counts, DatasetPlan, EstimatorPlan, FolderError, KeepMatches, MatcherPlan, Outcome, RunRecord,
-    RunWriter, Task, store,
+    RunWriter, StoreError, Task, store,
 };
 use super::entry_file::EntryFile;
-use super::folders::gather;
+use super::folders::{contenders, gather};
 use super::record_file::RecordFile;
 use super::{PairsHash, ShardError, ShardPlan, Stretches};
 use crate::files::WholeFile;
@@ -39,7 +40,8 @@ pub struct Merged {
 ///
 /// # Errors
 /// If a shard is missing, not done, not of this plan, damaged, or there twice with different results;
-/// if `out` holds another run, or cannot be written to. [`ShardError::Unfinished`] if `out` was begun.
+/// if `out` holds another run, or records that failed in the shards and were repaired since, or cannot be written to.
+/// [`ShardError::Unfinished`] if `out` was begun.
 pub fn merge(
     plan: &ShardPlan,
     home: &Path,
@@ -53,6 +55,7 @@ pub fn merge(
         folders: &folders,
         out,
     };
+    merging.refuse_repaired()?;
     merging
         .all(&writer)
         .map_err(|error| ShardError::Unfinished {
@@ -92,6 +95,31 @@ impl Frames {
 }
 
 impl Merging<'_> {
+    /// Refuses to replace records that did not fail by those of shards where they did.
+    fn refuse_repaired(&self) -> Result<(), ShardError> {
+        let plan = self.plan.plan();
+        for dataset in &plan.datasets {
+            for (matcher, estimator) in contenders(plan) {
+                let path = |folder: &Path| store::path(folder, &dataset.name, matcher, estimator);
+                let here = succeeded(path(self.out))?;
+                if here == 0 {
+                    continue;
+                }
+                let mut in_shards = 0;
+                for folder in self.folders {
+                    in_shards += succeeded(path(folder))?;
+                }
+                if here > in_shards {
+                    return Err(ShardError::Repaired {
+                        path: path(self.out),
+                        repaired: here - in_shards,
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// All files of the run besides its plan.
     fn all(&self, writer: &RunWriter) -> Result<Merged, ShardError> {
         if !self.plan.tuned().is_empty() {
@@ -306,6 +334,16 @@ impl Merging<'_> {
             reason: reason.into(),
         }
     }
+}
+
+/// How many records of a file did not fail; none if it is not there.
+fn succeeded(path: PathBuf) -> Result<u64, StoreError> {
+    let mut file = RecordFile::new(path);
+    let mut number = 0;
+    while let Some((_, record)) = file.next()? {
+        number += u64::from(!has_failed(&record));
+    }
+    Ok(number)
 }
 
 fn has_failed(record: &RunRecord) -> bool {

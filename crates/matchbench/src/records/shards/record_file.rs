@@ -5,11 +5,9 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use super::super::line::{LineReader, parse};
+use super::super::store::LONGEST_LINE;
 use super::super::{FORMAT, RunRecord, StoreError};
 use crate::files::open_file;
-
-/// Longest line that is taken for a record, in bytes.
-const LONGEST_LINE: u64 = 1 << 20;
 
 /// One file of records and how far it was read. It can be closed in between: many shards are read in
 /// turn, and a process may not have that many files open.
@@ -54,10 +52,10 @@ impl RecordFile {
             },
         };
         self.text.clear();
-        let mut limited = reader.take(LONGEST_LINE);
+        let mut limited = reader.take(LONGEST_LINE as u64);
         (limited.read_until(b'\n', &mut self.text)).map_err(io)?;
         let whole = self.text.last() == Some(&b'\n');
-        if !whole && (self.text.len() as u64) < LONGEST_LINE {
+        if !whole && self.text.len() < LONGEST_LINE {
             return Ok(None);
         }
         self.offset += self.text.len() as u64;

@@ -6,6 +6,8 @@ use crate::datasets::{DatasetError, DepthFile, DepthUnit};
 use crate::records::shards::{Asked, Merged, Part, merge};
 use crate::records::{KeepMatches, ShardError, ShardPlan};
 
+mod merged;
+
 impl Bench {
     /// What a run of this bench is, all of it or one part.
     fn work(
@@ -180,37 +182,6 @@ fn a_shard_that_was_stopped_torn_and_mended_elsewhere_comes_to_the_same() {
     let copies = [bench.path("node"), bench.path("plan")];
     merge(&plan, &bench.path("plan"), &copies, &bench.path("merged")).unwrap();
     assert!(bench.results("merged") == bench.results("single"));
-}
-
-#[test]
-fn a_source_that_failed_and_then_found_nothing_is_merged() {
-    // What it finds of this pair, and of some others, fails, since their depth cannot be read.
-    let pair = [0, 1];
-    let mut bench = Bench::new(Vec::new());
-    for frame in &mut bench.datasets[0].sequence.frames[..2] {
-        frame.depth = Some(DepthFile {
-            path: "nowhere.png".into(),
-            unit: DepthUnit::MILLIMETRES,
-        });
-    }
-    bench.contenders = vec![Flaky::on(&[pair], &[]).contender()];
-    let plan = bench.plan("plan", 2, KeepMatches::All);
-    bench.shards(&plan, "plan", [1, 2]);
-    bench.contenders = vec![Flaky::on(&[], &[pair]).contender()];
-    // Its matches, none, come behind those of the other pairs.
-    bench.shards(&plan, "plan", [1, 2]);
-    let merged = merge(&plan, &bench.path("plan"), &[], &bench.path("merged")).unwrap();
-    let single = bench.work(KeepMatches::All, "single", None, &Stop::never());
-    assert!(single.failed > 0 && merged.failed == single.failed as u64);
-    let but_for_devices = |name| {
-        let (mut records, others) = bench.results(name);
-        // What was tried again with matches that were stored has none.
-        for record in &mut records {
-            record.device = None;
-        }
-        (records, others)
-    };
-    assert!(but_for_devices("merged") == but_for_devices("single"));
 }
 
 #[test]
@@ -515,11 +486,23 @@ fn what_cannot_be_cut_is_refused() {
         sample: Some(1),
         ..Settings::default()
     };
-    let datasets = [table("street", 5, [(0, 1), (1, 2)].into_iter())];
-    let (contenders, asked) = (two_by_two(), Asked::default());
-    let keep = KeepMatches::All;
-    let error = plan_shards(&datasets, &contenders, settings, 1, asked, keep, &[]);
-    assert!(error.unwrap_err().to_string().contains("sample"));
+    let mut datasets = [table("street", 5, [(0, 1), (1, 2)].into_iter())];
+    let planned = |datasets: &[Dataset], settings| {
+        let (contenders, asked) = (two_by_two(), Asked::default());
+        let shards = plan_shards(
+            datasets,
+            &contenders,
+            settings,
+            1,
+            asked,
+            KeepMatches::All,
+            &[],
+        );
+        shards.unwrap_err().to_string()
+    };
+    assert!(planned(&datasets, settings).contains("sample"));
+    datasets[0].matchers = Some(["bright".to_owned()].into());
+    assert!(planned(&datasets, Settings::default()).contains("not all matchers"));
 }
 
 #[test]
@@ -547,35 +530,4 @@ fn what_is_surveyed_is_planned_as_what_is_opened() {
     let refused = planned(Dataset::open(&dir), None).unwrap_err();
     assert!(refused.contains("no pose of the pair 3 0"), "{refused}");
     assert_eq!(planned(Dataset::survey(&dir), None), Err(refused));
-}
-
-#[test]
-fn a_shard_is_merged_where_what_broke_later_has_few_matches() {
-    let toy = Toy {
-        threshold: 200,
-        ..Toy::default()
-    };
-    let bench = Bench::new(vec![toy.contender("toy", &["first"])]);
-    let plan = bench.plan("plan", 1, KeepMatches::All);
-    // The pairs of an image that came late have their matches at the end of the file.
-    let image = bench.path("street/0000.raw");
-    fs::rename(&image, bench.path("away")).unwrap();
-    bench.shards(&plan, "plan", [1]);
-    fs::rename(bench.path("away"), &image).unwrap();
-    bench.shards(&plan, "plan", [1]);
-    let file = store::path(&bench.path("plan/shards/1"), "street", "toy", "first");
-    let mut records = store::read(&file).unwrap();
-    for record in records.iter_mut().filter(|record| record.task.a == 0) {
-        let selected = record.counts.selected as usize;
-        assert!(selected > 0 && selected < MIN_MATCHES, "{selected}");
-        record.outcome = Outcome::Failed {
-            reason: "its depth cannot be read".into(),
-            may_pass: true,
-        };
-    }
-    store::rewrite(&file, &records).unwrap();
-    merge(&plan, &bench.path("plan"), &[], &bench.path("merged")).unwrap();
-    bench.run("single").unwrap();
-    let matches = |run: &str| fs::read(bench.path(run).join("matches/street/toy.bin")).unwrap();
-    assert_eq!(matches("merged"), matches("single"));
 }
