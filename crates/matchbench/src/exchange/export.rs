@@ -170,6 +170,9 @@ impl<'a> Export<'a> {
     }
 
     /// The same with nothing but the matches that agree with the estimates; pairs without an estimate are left out.
+    ///
+    /// # Panics
+    /// If a pair has not one entry of [`TwoView::inliers`] for each match.
     #[must_use]
     pub fn inliers_alone(mut self) -> Self {
         self.pairs.retain(|pair| pair.two_view.is_some());

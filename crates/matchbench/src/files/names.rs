@@ -3,7 +3,7 @@
 /// Longest name, in bytes. File systems allow 255, including the ending that is added.
 const LONGEST: usize = 200;
 
-/// Checks that a name can be a file name on every system, and is safe to print.
+/// Checks that a name can be that of a file in a folder of ours, and is safe to print.
 ///
 /// # Errors
 /// What is wrong with it, as the rest of a sentence that begins with the name.

@@ -3,6 +3,7 @@
 //! a pixel is added. The camera model is PINHOLE, or OPENCV if there is lens distortion, or FULL_OPENCV if that
 //! has k3.
 
+use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -19,11 +20,18 @@ const INFALLIBLE: &str = "writing to a string cannot fail";
 
 pub(super) fn write(sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetError> {
     let (root, names) = names(sequence)?;
+    let mut named = HashMap::new();
     let mut cameras: Vec<(Camera, Size)> = Vec::new();
     let mut camera_text = String::from("# id MODEL width height parameters\n");
     let mut image_text =
         String::from("# id qw qx qy qz tx ty tz camera name, then keypoints: none\n");
     for (index, (frame, name)) in sequence.frames.iter().zip(&names).enumerate() {
+        if let Some(first) = named.insert(name, index) {
+            let what = format!(
+                "frames {first} and {index} are one image, which a COLMAP model has only once"
+            );
+            return Err(cannot_say(frame, &what));
+        }
         let camera = stored_camera(frame)?;
         let number = cameras.iter().position(|known| *known == camera);
         let number = number.unwrap_or_else(|| {

@@ -293,6 +293,15 @@ fn megadepth_is_read_from_loftrs_pickle() {
     fs::write(src.join("cut.npz"), &bytes).unwrap();
     fs::write(src.join("more.npz"), &bytes).unwrap();
     assert_eq!(read("megadepth", &src).unwrap().pairs.unwrap().len(), 4);
+    // In the second file image 3.png stands at 2.5 instead of 2: the end of the first row of its pose and the next row.
+    let end = |x: f64| [x, 0.0, 1.0, 0.0].map(f64::to_le_bytes).concat();
+    let at = bytes.windows(32).position(|bytes| bytes == end(2.0));
+    let mut moved = bytes.clone();
+    moved[at.unwrap()..][..32].copy_from_slice(&end(2.5));
+    fs::write(src.join("more.npz"), &moved).unwrap();
+    let error = read("megadepth", &src).unwrap_err();
+    assert!(error.what.contains("another pose of it"), "{error}");
+    fs::write(src.join("more.npz"), &bytes).unwrap();
     let out = src.join("out");
     let error = import("megadepth", &src, &out, &ImportOptions::default()).unwrap_err();
     assert!(

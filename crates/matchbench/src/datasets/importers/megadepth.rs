@@ -193,9 +193,24 @@ impl<'a> Listing<'a> {
         let of_image = |what: String| format!("image {name}: {what}");
         let camera_from_world = pose.map_err(of_image)?;
         let camera = from_corner(camera.map_err(of_image)?);
-        let pose = Some(camera_from_world.inverse());
-        Ok(frames.number(root.join(name), Turn::None, camera, pose))
+        let pose = camera_from_world.inverse();
+        let number = frames.number(root.join(name), Turn::None, camera, Some(pose));
+        // Another file may name the image too.
+        let known = frames.frame(number).world_from_camera;
+        if known.is_some_and(|known| !is_same(&known, &pose)) {
+            return Err(of_image(
+                "another file has another pose of it; import files of other reconstructions apart"
+                    .into(),
+            ));
+        }
+        Ok(number)
     }
+}
+
+/// Whether two poses are the same but for rounding.
+fn is_same(a: &Isometry3<f64>, b: &Isometry3<f64>) -> bool {
+    let (a, b) = (a.to_homogeneous(), b.to_homogeneous());
+    (a - b).amax() <= 1e-6 * a.amax()
 }
 
 fn read_views(file: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {

@@ -120,14 +120,16 @@ struct Steps(AtomicU64);
 /// Opens the database for reading and nothing else: nothing is created beside it. A statement ends with an error if it
 /// takes more steps than a file of so many bytes explains.
 fn connect(path: &Path, bytes: u64, steps: &Arc<Steps>) -> Result<Connection, ExchangeError> {
-    let mut log = path.as_os_str().to_owned();
-    log.push("-wal");
-    if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
-        return Err(ExchangeError::new(
-            path,
-            "changes wait in the file `-wal` beside it",
-            "close the program that writes it, or open it once with COLMAP",
-        ));
+    for log in ["-wal", "-journal"] {
+        let mut beside = path.as_os_str().to_owned();
+        beside.push(log);
+        if fs::metadata(&beside).is_ok_and(|beside| beside.len() > 0) {
+            return Err(ExchangeError::new(
+                path,
+                format!("changes are not finished: they stand in the file `{log}` beside it"),
+                "close the program that writes it, or open it once with COLMAP",
+            ));
+        }
     }
     let path_in_uri: String = (path.as_os_str().as_encoded_bytes().iter())
         .map(|&byte| match byte {
