@@ -1,7 +1,7 @@
 //! The output of the program. A closed or full standard error loses no result, a file called `-` is standard
 //! output, and text from files of others reaches the terminal without control characters.
 
-use std::fmt;
+use std::fmt::{self, Write as _};
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -66,12 +66,14 @@ pub(crate) fn typed(path: &Path) -> String {
     shell_word(&dashed.unwrap_or(word))
 }
 
-/// The text without characters that control a terminal, since results hold names that others chose.
+/// The text without characters that control a terminal, since results hold names that others chose. They are
+/// written as JSON escapes them, so that JSON stays what it is.
 pub(crate) fn harmless(text: &str) -> String {
     let mut harmless = String::with_capacity(text.len());
     for c in text.chars() {
         if !matches!(c, '\n' | '\t') && (c.is_control() || turns_the_text(c)) {
-            harmless.extend(c.escape_unicode());
+            // All of them are of four digits at most.
+            let _ = write!(harmless, "\\u{:04x}", u32::from(c));
         } else {
             harmless.push(c);
         }
@@ -133,7 +135,7 @@ mod tests {
         let shown = plain("a.txt:3: `\u{1b}[2J\u{1b}]0;x\u{7}\r\u{202e}` is no number\nnext");
         assert_eq!(
             shown,
-            "a.txt:3: `\\u{1b}[2J\\u{1b}]0;x\\u{7}\\u{d}\\u{202e}` is no number\nnext"
+            "a.txt:3: `\\u001b[2J\\u001b]0;x\\u0007\\u000d\\u202e` is no number\nnext"
         );
         assert_eq!(plain("ünïcode – 数"), "ünïcode – 数");
     }

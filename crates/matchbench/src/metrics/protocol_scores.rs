@@ -4,7 +4,7 @@
 //! group is a score of its own, and their mean is shown, with the standard deviation. A run with fewer
 //! repetitions is scored all the same, and the output says so.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 use serde_json::Value;
@@ -27,7 +27,7 @@ pub struct ProtocolScores {
     pub matcher: String,
     /// Name of the estimator; empty where the results do not tell.
     pub estimator: String,
-    /// Pairs, once per repetition.
+    /// Pairs that are scored, once per repetition.
     pub pairs: usize,
     /// Those of them without a pose.
     pub failed: usize,
@@ -99,13 +99,11 @@ fn score(set: &ResultSet, plan: Option<&Plan>, protocol: &'static Protocol) -> P
         dataset: set.dataset.clone(),
         matcher: set.matcher.clone(),
         estimator: set.estimator.clone(),
-        pairs: set.pairs.len(),
-        failed: set
-            .pairs
-            .iter()
+        scores: scores.collect(),
+        pairs: groups.iter().map(Vec::len).sum(),
+        failed: (groups.iter().flatten())
             .filter(|pair| pair.outcome.is_err())
             .count(),
-        scores: scores.collect(),
         otherwise: otherwise(set, plan, protocol),
     }
 }
@@ -162,11 +160,20 @@ fn means(all: &[ProtocolScores]) -> Vec<ProtocolScores> {
             pairs: sets.iter().map(|set| set.pairs).sum(),
             failed: sets.iter().map(|set| set.failed).sum(),
             scores: scores.collect(),
-            otherwise: Vec::new(),
+            otherwise: alone(&sets, all).into_iter().collect(),
             ..sets[0].clone()
         }
     };
     several.map(mean_of).collect()
+}
+
+/// That a mean is over fewer datasets than others have under its protocol, if it is.
+fn alone(sets: &[&ProtocolScores], all: &[ProtocolScores]) -> Option<String> {
+    let its: BTreeSet<&str> = sets.iter().map(|set| &*set.dataset).collect();
+    let others = all.iter().filter(|one| one.protocol == sets[0].protocol);
+    let others: BTreeSet<&str> = others.map(|one| &*one.dataset).collect();
+    let names: Vec<&str> = its.iter().copied().collect();
+    (its != others).then(|| format!("its mean is over {} alone", names.join(", ")))
 }
 
 /// What the run of a set did otherwise than the protocol asks.
@@ -213,6 +220,14 @@ fn otherwise(set: &ResultSet, plan: Option<&Plan>, protocol: &Protocol) -> Vec<S
             "{} of each pair {} pooled, not {ours}",
             counted(theirs, "estimation"),
             if theirs == 1 { "was" } else { "were" }
+        ));
+    }
+    let left_over = set.repetitions % protocol.shuffles;
+    if left_over > 0 && set.repetitions > protocol.shuffles {
+        let (all, pooled) = (counted(set.repetitions, "repetition"), protocol.shuffles);
+        found.push(format!(
+            "the last {left_over} of {all} {} not scored, since {pooled} at a time are pooled",
+            if left_over == 1 { "is" } else { "are" }
         ));
     }
     found
@@ -373,6 +388,37 @@ mod tests {
             (3, "mean", 4)
         );
         assert_eq!(scores[2].scores[0].value, Some(0.75));
+        assert_eq!(scores[2].otherwise, [""; 0]);
+        // Another method has a third dataset.
+        let mut more = sets.clone();
+        for (set, dataset) in more.iter_mut().zip(["room", "attic"]) {
+            set.matcher = "orb".into();
+            set.dataset = dataset.into();
+        }
+        let scores = under_protocols(&[&sets[..], &more].concat(), None, &[&MATCHBENCH]);
+        let means = scores.iter().filter(|one| one.dataset == "mean");
+        let said: Vec<String> = means.map(|one| one.otherwise.join("; ")).collect();
+        assert_eq!(
+            said,
+            [
+                "its mean is over attic, room alone",
+                "its mean is over hall, room alone"
+            ]
+        );
+    }
+
+    #[test]
+    fn repetitions_that_are_left_over_are_not_counted() {
+        let results = set("ransac-e", &[&[1.0, 2.0][..]; 7]);
+        let scores = score(&results, None, &ROMA);
+        assert_eq!(scores.pairs, 10);
+        let said = scores.otherwise.join("; ");
+        assert!(
+            said.contains("the last 2 of 7 repetitions are not scored"),
+            "{said}"
+        );
+        let pooled = score(&set("ransac-e", &[&[1.0][..]; 10]), None, &ROMA);
+        assert!(!pooled.otherwise.join("; ").contains("not scored"));
     }
 
     #[test]
