@@ -152,7 +152,7 @@ impl<E: Extractor> Extractor for Asift<E> {
 
     fn memory(&self, size: Size) -> usize {
         let small = shrunk(size, self.params.max_pixels);
-        size.area() + views_memory(&self.extractor, self.views().len(), small)
+        size.area() + views_memory(&self.extractor, &self.views(), small)
     }
 }
 
@@ -181,6 +181,18 @@ mod tests {
             let mut rng = Seed(4).number((x / 9) as u64).number((y / 9) as u64).rng();
             30 + rng.below(200) as u8
         })
+    }
+
+    #[test]
+    fn a_thin_strip_takes_the_memory_of_its_turned_views() {
+        let asift = asift(AsiftParams::default());
+        let [strip, square] =
+            [(65_535, 100), (1386, 1386)].map(|(w, h)| asift.memory(Size::new(w, h)));
+        // Both are seen as 1.9 million pixels; turned, the strip fills a square of 600 million.
+        assert!(
+            strip > 4 * 600_000_000 && square < strip / 20,
+            "{strip}, {square}"
+        );
     }
 
     #[test]

@@ -193,7 +193,7 @@ impl<E: Extractor> Extractor for Sheared<E> {
             Change::ShrunkTo(max_pixels) => shrunk(size, Some(max_pixels)),
             Change::EnlargedTo(size) => size,
         };
-        size.area() + views_memory(&self.extractor, self.views().len(), shown)
+        size.area() + views_memory(&self.extractor, &self.views(), shown)
     }
 }
 

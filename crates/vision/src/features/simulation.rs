@@ -36,6 +36,20 @@ impl SimulatedView {
         tilt: 1.0,
         longitude: 0.0,
     };
+
+    /// The sizes of an image of this `size` turned, corners included, and of its view. Turned by an eighth of the
+    /// circle, a square has two times its pixels, and a thin strip many times as many.
+    fn sizes(self, size: Size) -> [Size; 2] {
+        let (sin, cos) = (libm::sin(self.longitude), libm::cos(self.longitude));
+        let (width, height) = (size.width as f64, size.height as f64);
+        let across = width * cos.abs() + height * sin.abs();
+        let down = width * sin.abs() + height * cos.abs();
+        let turned = Size::new(across.ceil() as usize, down.ceil() as usize);
+        [
+            turned,
+            Size::new(turned.width, (down / self.tilt).ceil() as usize),
+        ]
+    }
 }
 
 /// The features of all `views` of `image` in pixels of an image of `size` that `image` is a
@@ -59,13 +73,23 @@ pub(super) fn extract_views<E: Extractor>(
 }
 
 /// The memory of [`extract_views`] on an image of this `size`: as many views at a time as there are
-/// threads, and the features of all.
-pub(super) fn views_memory<E: Extractor>(extractor: &E, views: usize, size: Size) -> usize {
-    // A turned image has up to twice the pixels, as numbers of four bytes before it is compressed.
-    let simulated = 2 * 4 * size.area();
-    let at_once = rayon::current_num_threads().min(views);
-    at_once * (simulated + extractor.memory(size))
-        + views * memory_of(size, 0, extractor.kind()) / 2
+/// threads of the surrounding rayon pool, and the features of all.
+pub(super) fn views_memory<E: Extractor>(
+    extractor: &E,
+    views: &[SimulatedView],
+    size: Size,
+) -> usize {
+    let of_view = |view: &SimulatedView| {
+        if view.tilt == 1.0 {
+            return extractor.memory(size);
+        }
+        // Turned, an image of pixels of four bytes.
+        let [turned, seen] = view.sizes(size);
+        4 * turned.area() + seen.area() + extractor.memory(seen)
+    };
+    let largest = views.iter().map(of_view).max().unwrap_or(0);
+    let at_once = rayon::current_num_threads().min(views.len());
+    at_once * largest + views.len() * memory_of(size, 0, extractor.kind()) / 2
 }
 
 /// The features of one view, in pixels of `image`.
@@ -146,11 +170,7 @@ impl Placement {
 pub(super) fn simulate(image: &GrayImage, view: SimulatedView) -> (GrayImage, Placement) {
     let SimulatedView { tilt, longitude } = view;
     let (sin, cos) = (libm::sin(longitude), libm::cos(longitude));
-    let (width, height) = (image.width() as f64, image.height() as f64);
-    let across = width * cos.abs() + height * sin.abs();
-    let down = width * sin.abs() + height * cos.abs();
-    let turned = Size::new(across.ceil() as usize, down.ceil() as usize);
-    let size = Size::new(turned.width, (down / tilt).ceil() as usize);
+    let [turned, size] = view.sizes(image.size());
     let turned = turn(image, turned, sin as f32, cos as f32);
     let view = compress(&turned, size, tilt);
     let placement = Placement {
