@@ -31,6 +31,16 @@ impl Correspondence {
 /// Correspondences between two images, ordered by `a` unless a selector says otherwise.
 pub type Correspondences = Vec<Correspondence>;
 
+/// Keeps the matches whose entry in `mask` is `true`, in their order.
+///
+/// # Panics
+/// If the mask has another length.
+pub(super) fn retain_masked(matches: &mut Correspondences, mask: &[bool]) {
+    assert_eq!(matches.len(), mask.len(), "one entry for each match");
+    let mut mask = mask.iter();
+    matches.retain(|_| mask.next() == Some(&true));
+}
+
 impl MatchedPoints {
     /// The positions of the matched features, the ambiguity of each match, and how far its keypoints are
     /// turned.

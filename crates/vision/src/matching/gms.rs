@@ -6,8 +6,8 @@
 //! 1. Both images are divided into cells; `statistics[i][j]` counts the matches from cell i of a to
 //!    cell j of b. Cell i is paired with the j of the highest count.
 //! 2. The pair is supported by the matches between the nine cells around i and those around j (eq. 7).
-//!    It is accepted if they are at least `factor * sqrt(n)`, where n is the mean number of features
-//!    of the nine cells of a (eq. 8): a wrong pair collects support by chance only, a right one in
+//!    It is accepted if they are at least `factor * sqrt(n)`, where n is the mean number of matches
+//!    of the nine cells of a (eq. 8; features there, each of which has a match): a wrong pair collects support by chance only, a right one in
 //!    proportion to n.
 //! 3. A match is kept if its cells are an accepted pair. Matches near the border of a cell are lost
 //!    that way, so all is done four times with the grid of a moved by half a cell (sec. 4), and what
@@ -23,10 +23,11 @@
 //! | | cells along each side, `CELLS` | 20 | sec. 4 |
 //!
 //! *Choices*, as in the authors' program: a match that a moved grid does not reach is not counted in
-//! it; cells of a outside the image leave the mean; of cells with equal counts the first is taken.
+//! it; cells that are outside of image a, or whose partner is outside of image b, leave the mean; of cells with equal counts the first is taken.
 
 use nalgebra::Point2;
 
+use super::correspondence::retain_masked;
 use super::{Correspondences, Selector, View};
 use crate::image::Size;
 use crate::params::ParamError;
@@ -91,6 +92,9 @@ impl Gms {
     }
 
     /// Which of the matches `a[i]` to `b[i]`, in pixels of images of these sizes, are kept.
+    ///
+    /// # Panics
+    /// If `a` and `b` have different lengths.
     pub fn mask(
         &self,
         a: &[Point2<f32>],
@@ -98,6 +102,7 @@ impl Gms {
         b: &[Point2<f32>],
         size_b: Size,
     ) -> Vec<bool> {
+        assert_eq!(a.len(), b.len(), "a match has a point in each image");
         let scales = if self.params.scales { CELLS_B.len() } else { 1 };
         let rotations = if self.params.rotations { RING.len() } else { 1 };
         let left = grid_places(a, size_a);
@@ -130,10 +135,8 @@ impl Selector for Gms {
         let at_b: Vec<_> = (matches.iter())
             .map(|m| b.features.keypoints[m.b as usize].at)
             .collect();
-        let mut kept = self
-            .mask(&at_a, a.features.size, &at_b, b.features.size)
-            .into_iter();
-        matches.retain(|_| kept.next().expect("one for each match"));
+        let kept = self.mask(&at_a, a.features.size, &at_b, b.features.size);
+        retain_masked(matches, &kept);
     }
 }
 

@@ -41,8 +41,8 @@ pub trait Matcher: Send + Sync {
         self.extract(image)
     }
 
-    /// Putative correspondences. Called once per pair. Of those that [`select`](Self::select) drops in any case, the
-    /// candidate and the distances may be others than those of the two nearest.
+    /// Putative correspondences. Called once per pair. Those that [`select`](Self::select) drops by its ratio may have
+    /// other candidates and distances than the two nearest.
     ///
     /// # Errors
     /// If the stage fails, with the reason in words.
@@ -123,9 +123,9 @@ pub trait Search: Send + Sync {
     /// If the two images were described by descriptors of different kinds.
     fn search(&self, a: &Features, b: &Features) -> Correspondences;
 
-    /// The same for a [`Selector`] that drops what is not below a `ratio`, in less time where that is known: those
-    /// correspondences whose distance is not below `ratio` times that of the second nearest may be others, with other
-    /// distances, of which the same is true.
+    /// The same for a [`Selector`] that drops what is not below a `ratio`, in less time. Every correspondence with
+    /// `distance < ratio * second` is exactly that of [`search`](Self::search). For the other features of `a` it may be any
+    /// that fails this test too.
     fn search_below(&self, a: &Features, b: &Features, _ratio: f32) -> Correspondences {
         self.search(a, b)
     }
@@ -150,8 +150,8 @@ pub trait Selector: Send + Sync {
     /// Keeps only the good ones of `matches`, in their order.
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, seed: Seed);
 
-    /// A ratio, if every correspondence is dropped whose distance is not below this ratio of that of the second nearest,
-    /// and the others are kept or dropped whatever these are.
+    /// A ratio, if this selector drops every correspondence that fails `distance < ratio * second`, and if those that it
+    /// drops so do not influence which others it keeps. Only then may a search [save work](Search::search_below).
     fn ratio(&self) -> Option<f32> {
         None
     }

@@ -51,6 +51,7 @@ mod neighbourhood;
 
 use nalgebra::Point2;
 
+use super::correspondence::retain_masked;
 use super::mutual::keep_mutual;
 use super::{Correspondence, Correspondences, Selector, View};
 use crate::features::{Features, Keypoint};
@@ -228,8 +229,7 @@ impl Selector for Adalam {
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, _seed: Seed) {
         let mutual = (self.params.mutual_seeds).then(|| self.mutual(a, b, matches));
         let kept = self.mask(a.features, b.features, matches, mutual.as_deref());
-        let mut kept = kept.into_iter();
-        matches.retain(|_| kept.next().expect("one for each match"));
+        retain_masked(matches, &kept);
     }
 }
 

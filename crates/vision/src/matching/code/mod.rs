@@ -38,7 +38,8 @@ mod regression;
 
 pub(super) use coherence::{Coherence, Motions};
 
-use super::{Correspondence, Correspondences, Selector, View};
+use super::correspondence::retain_masked;
+use super::{Correspondence, Correspondences, RatioTest, Selector, View};
 use crate::params::ParamError;
 use crate::seed::Seed;
 
@@ -139,8 +140,11 @@ impl Code {
         seed: Seed,
     ) -> Vec<bool> {
         let params = &self.params;
+        let clear = RatioTest {
+            ratio: params.seed_ratio,
+        };
         let mut candidates: Vec<usize> = (0..matches.len())
-            .filter(|&i| matches[i].distance < params.seed_ratio * matches[i].second)
+            .filter(|&i| clear.keeps(&matches[i]))
             .collect();
         let mut kept = vec![false; matches.len()];
         for (pass, &least) in params.likelihoods.iter().enumerate() {
@@ -161,8 +165,7 @@ impl Selector for Code {
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, seed: Seed) {
         let motions = Motions::new(a.features, b.features, matches, &self.params);
         let kept = self.decide(&motions, matches, seed);
-        let mut kept = kept.into_iter();
-        matches.retain(|_| kept.next().unwrap_or(false));
+        retain_masked(matches, &kept);
     }
 }
 

@@ -54,6 +54,21 @@ fn select(a: &Features, b: &Features, mut matches: Correspondences) -> Vec<u32> 
 }
 
 #[test]
+fn a_match_without_a_second_neighbour_is_no_seed() {
+    let grid: Vec<(f32, f32)> = (0..300)
+        .map(|i| (20.0 * (i % 20) as f32 + 9.0, 20.0 * (i / 20) as f32 + 9.0))
+        .collect();
+    let (a, b) = (features(&grid), features(&[(300.0, 200.0)]));
+    let to_the_one = |a| Correspondence {
+        a,
+        b: 0,
+        distance: 1.0,
+        second: f32::INFINITY,
+    };
+    assert_eq!(select(&a, &b, (0..300).map(to_the_one).collect()), [0; 0]);
+}
+
+#[test]
 fn coherent_matches_stay_also_those_that_are_not_distinctive() {
     let (a, b, matches) = scene(1800);
     let kept = select(&a, &b, matches);

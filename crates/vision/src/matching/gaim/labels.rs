@@ -61,7 +61,9 @@ impl CandidateLabels {
     pub(super) fn of(&self, nodes: &[usize], a: &Features, b: &Features) -> Correspondences {
         let queries = a.descriptors.select(nodes.iter().copied());
         let mut nearest = vec![Vec::new(); nodes.len()];
-        let block = (b.len() / (BLOCKS_PER_LABEL * self.labels)).clamp(1, BLOCK);
+        // Parameters that were not checked find what one label finds.
+        let blocks = BLOCKS_PER_LABEL.saturating_mul(self.labels.max(1));
+        let block = (b.len() / blocks).clamp(1, BLOCK);
         for first in (0..b.len()).step_by(block) {
             let rows = b.descriptors.select(first..(first + block).min(b.len()));
             for found in two_nearest(&queries, &rows) {

@@ -46,6 +46,7 @@ mod quadratic;
 
 pub use labels::CandidateLabels;
 
+use super::correspondence::retain_masked;
 use super::{Correspondence, Correspondences, Selector, View};
 use crate::features::Features;
 use crate::params::ParamError;
@@ -169,7 +170,7 @@ impl Gaim {
             back.is_some_and(|back| (back - a.keypoints[m.a as usize].at).norm() < radius)
         });
         let consistent: Vec<bool> = consistent.by_ref().collect();
-        retain(matches, &consistent);
+        retain_masked(matches, &consistent);
         matches.sort_by_key(|m| m.a);
     }
 
@@ -186,17 +187,12 @@ impl Gaim {
             self.params.smooth_px * pixel(b),
             SMOOTH_ROUNDS,
         );
-        retain(matches, &smooth);
+        retain_masked(matches, &smooth);
     }
 }
 
 /// Number of times that outliers are removed.
 const SMOOTH_ROUNDS: usize = 3;
-
-fn retain(matches: &mut Correspondences, kept: &[bool]) {
-    let mut kept = kept.iter();
-    matches.retain(|_| kept.next().is_some_and(|&kept| kept));
-}
 
 impl Selector for Gaim {
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, _seed: Seed) {

@@ -52,6 +52,7 @@ mod consistency;
 mod gradients;
 mod virtual_line;
 
+use super::correspondence::retain_masked;
 use super::{Correspondences, Selector, View};
 use crate::params::ParamError;
 use crate::seed::Seed;
@@ -174,8 +175,7 @@ impl Selector for Kvld {
         for (&i, decided) in order.iter().zip(decided) {
             kept[i] = decided;
         }
-        let mut kept = kept.into_iter();
-        matches.retain(|_| kept.next().expect("one for each match"));
+        retain_masked(matches, &kept);
     }
 
     fn by_pixels(&self) -> bool {

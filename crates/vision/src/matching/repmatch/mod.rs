@@ -29,6 +29,7 @@
 //! matches of CODE are kept.
 
 use super::code::{Code, CodeParams, Coherence, Motions};
+use super::correspondence::retain_masked;
 use super::{Correspondence, Correspondences, Selector, View};
 use crate::geometry::{
     Camera, Loss, MatchedPoints, PointPairs, essential_from_pose, squared_sampson_distances,
@@ -194,8 +195,8 @@ impl RepMatch {
 
 impl Selector for RepMatch {
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, seed: Seed) {
-        let mut kept = self.decide(a, b, matches, seed).into_iter();
-        matches.retain(|_| kept.next().unwrap_or(false));
+        let kept = self.decide(a, b, matches, seed);
+        retain_masked(matches, &kept);
     }
 }
 
