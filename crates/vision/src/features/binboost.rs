@@ -39,7 +39,7 @@ use crate::simd::{
 };
 use crate::tables::BINBOOST;
 
-/// Bytes for each pixel of the image, measured: the blurred image.
+/// Bytes for each pixel of the image, measured: the octaves that patches are taken from.
 const BYTES_A_PIXEL: usize = 5;
 
 pub use crate::simd::WeakLearner;

@@ -10,7 +10,8 @@ use crate::image::Size;
 pub struct Keypoint {
     /// Position in pixels of the original image; pixel centres are at integers, y points down.
     pub at: Point2<f32>,
-    /// Diameter of the described neighbourhood, in pixels of the original image.
+    /// Diameter in pixels of the original image, as its detector measures it (SIFT: two standard deviations of the
+    /// blur). Describers look at a multiple of it, each at its own.
     pub size: f32,
     /// Dominant orientation in radians, in `[0, 2 pi)`, from the x axis towards the y axis (so
     /// clockwise on the screen); `None` before one is assigned.
@@ -22,8 +23,8 @@ pub struct Keypoint {
 }
 
 impl Keypoint {
-    /// The circle that was described, as a linear map (row after row): it takes the unit circle to
-    /// the keypoint's circle and the x axis to its orientation, or leaves it where there is none.
+    /// The keypoint's circle, of diameter [`size`](Self::size), as a linear map (row after row): it takes the unit
+    /// circle to this circle and the x axis to its orientation, or leaves it where there is none.
     pub fn frame(&self) -> [f32; 4] {
         let angle = self.angle.unwrap_or(0.0);
         let radius = 0.5 * self.size;
@@ -84,8 +85,8 @@ pub struct Features {
     pub keypoints: Vec<Keypoint>,
     /// Their descriptors, in the same order.
     pub descriptors: Descriptors,
-    /// For each keypoint the linear map (row after row) that takes the unit circle to the ellipse
-    /// that was described; `None` where all are circles, see [`Features::frame`].
+    /// For each keypoint the linear map (row after row) that takes the unit circle to its ellipse;
+    /// `None` where all are circles, see [`Features::frame`].
     pub frames: Option<Vec<[f32; 4]>>,
 }
 

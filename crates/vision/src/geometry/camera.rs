@@ -66,7 +66,8 @@ impl fmt::Display for CameraError {
 impl std::error::Error for CameraError {}
 
 impl Camera {
-    /// A camera without distortion.
+    /// A camera without distortion. The numbers are taken as they are; those of others should pass
+    /// [`check`](Self::check), since all that uses a camera relies on it.
     pub const fn pinhole(fx: f64, fy: f64, cx: f64, cy: f64) -> Self {
         Self {
             fx,
@@ -201,7 +202,7 @@ impl Distortion {
     ///
     /// The method is fixed-point iteration, and Newton's method where that does not converge (k1 r^2 above 1,
     /// or close to the fold). The *fold* is the radius beyond which the lens model maps points back inwards. No
-    /// point is seen at a place beyond the fold; there the answer is the point where the iteration stopped.
+    /// point is seen at a place beyond the fold; there the answer is the last finite point of the iteration.
     pub fn undistort(&self, seen: Point2<f64>) -> Point2<f64> {
         let mut p = seen;
         for _ in 0..50 {
@@ -210,6 +211,9 @@ impl Distortion {
             let (dx, dy) = self.tangential(p, r2);
             let next = Point2::new((seen.x - dx) / radial, (seen.y - dy) / radial);
             let step = (next - p).abs().max();
+            if !step.is_finite() {
+                break;
+            }
             p = next;
             if step < 1e-14 {
                 return p;
@@ -387,6 +391,15 @@ mod tests {
         // At most 0.574 is seen.
         for x in [0.6, 1.0, 3.0] {
             let p = lens.undistort(Point2::new(x, 0.1));
+            assert!(p.x.is_finite() && p.y.is_finite(), "{p}");
+        }
+        // The first step would divide by zero.
+        for (k1, x) in [(-1.0, 1.0), (-0.25, 2.0)] {
+            let lens = Distortion {
+                k1,
+                ..Distortion::default()
+            };
+            let p = lens.undistort(Point2::new(x, 0.0));
             assert!(p.x.is_finite() && p.y.is_finite(), "{p}");
         }
     }

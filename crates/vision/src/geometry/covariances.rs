@@ -9,7 +9,8 @@
 //! covariance `s^2 J J^T` at depth 1. The Sampson distance should say by how much the points must move *in the
 //! image*. It uses the gradients `g` of the epipolar equation by the points. Their squared lengths are `g^T g`
 //! if a pixel has the same length everywhere; with a lens they are `(J^T g)^T (J^T g) = g^T (J J^T) g`. The
-//! matrix `J J^T` is called the *covariance* of a point: that of noise of one pixel.
+//! matrix `J J^T` is called the *covariance* of a point: that of noise of one unit of depth 1 where the lens shows the
+//! point, which is a focal length in pixels. It is the identity without a lens.
 //!
 //! *Choice the paper leaves open*: the polynomials of a lens model may fold the image over, or stretch it a lot,
 //! beyond the pixels that they were fitted to. Where the image is folded, or the squared stretches along the axes of

@@ -19,8 +19,9 @@ use nalgebra::{Matrix3, Point2, Vector3};
 use super::PointPairs;
 use crate::simd;
 
-/// Writes the squared Sampson distance of each match in `range` to `out`. The unit is that of the image if the
-/// pairs have covariances, else that of the points. NaN or infinite for matches that are not finite.
+/// Writes the squared Sampson distance of each match in `range` to `out`, in the squared unit of the points. If the
+/// pairs have covariances, that is a unit of depth 1 where the lens shows the points. NaN or infinite for matches that
+/// are not finite.
 ///
 /// # Panics
 /// If `range` is not within `pairs`, or `out` has another length.

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Rotation3, SVD, UnitQuaternion, UnitVector3};
 use super::RelativePose;
 
 /// This number of steps is enough for the singular values of any 3 x 3 matrix of finite numbers.
-const MAX_SVD_STEPS: usize = 100;
+pub(super) const MAX_SVD_STEPS: usize = 100;
 
 /// The essential matrix `[t]x R` of a pose, of Frobenius norm sqrt 2.
 pub fn essential_from_pose(b_from_a: &RelativePose) -> Matrix3<f64> {
@@ -30,6 +30,7 @@ pub fn essential_defect(e: &Matrix3<f64>) -> f64 {
 /// The four poses whose essential matrix is the one nearest to `e`, up to sign. Their order is (R1, t), (R2,
 /// t), (R1, -t), (R2, -t), where `R1 = U W V^T` and `R2 = U W^T V^T`. `None` if `e` is zero or not finite.
 pub fn decompose_essential(e: &Matrix3<f64>) -> Option<[RelativePose; 4]> {
+    let e = scaled(e);
     if !(e.iter().all(|x| x.is_finite()) && e.norm_squared() > 0.0) {
         return None;
     }
@@ -47,6 +48,14 @@ pub fn decompose_essential(e: &Matrix3<f64>) -> Option<[RelativePose; 4]> {
     )
 }
 
+/// A matrix whose scale does not matter, as it is, or divided by its largest entry where products of entries would be
+/// too large or too small for a number.
+pub(super) fn scaled(m: &Matrix3<f64>) -> Matrix3<f64> {
+    let largest = m.amax();
+    let is_extreme = largest > 0.0 && !(1e-90..=1e90).contains(&largest);
+    if is_extreme { m / largest } else { *m }
+}
+
 /// The orthogonal matrix or its negative, whichever is a rotation; E is known up to sign only.
 fn proper(m: Matrix3<f64>) -> Matrix3<f64> {
     if m.determinant() < 0.0 { -m } else { m }
@@ -58,6 +67,25 @@ mod tests {
 
     use super::*;
     use crate::seed::{Rng, Seed};
+
+    #[test]
+    fn the_scale_of_an_essential_matrix_does_not_matter() {
+        let pose = RelativePose {
+            rotation: UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3),
+            direction: UnitVector3::new_normalize(Vector3::new(1.0, 2.0, -0.5)),
+        };
+        let e = essential_from_pose(&pose);
+        for scale in [1.0, 1e-200, 1e200, -1e-300] {
+            let poses = decompose_essential(&(e * scale)).expect("it is not zero");
+            let is_it = |found: &RelativePose| {
+                let turned = found.rotation.angle_to(&pose.rotation);
+                turned < 1e-7 && (found.direction.dot(&pose.direction) - 1.0).abs() < 1e-12
+            };
+            assert!(poses.iter().any(is_it), "{scale}");
+        }
+        assert!(decompose_essential(&Matrix3::zeros()).is_none());
+        assert!(decompose_essential(&(e * f64::NAN)).is_none());
+    }
 
     fn pose(rng: &mut Rng) -> RelativePose {
         let mut direction = || UnitVector3::new_normalize(Vector3::from_fn(|_, _| rng.normal()));

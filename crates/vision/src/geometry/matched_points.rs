@@ -81,9 +81,13 @@ impl MatchedPoints {
     }
 
     /// The matches whose entry in `mask` is `true`, in their order.
+    ///
+    /// # Panics
+    /// If the mask has another length.
     #[must_use]
     pub fn masked(&self, mask: &[bool]) -> Self {
-        let kept = (0..self.a.len().min(mask.len())).filter(|&i| mask[i]);
+        assert_eq!(mask.len(), self.a.len(), "one entry for each match");
+        let kept = (0..self.a.len()).filter(|&i| mask[i]);
         let indices: Vec<u32> = kept.map(|i| i as u32).collect();
         self.chosen(&indices)
     }

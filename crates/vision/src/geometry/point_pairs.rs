@@ -4,9 +4,11 @@ use nalgebra::Point2;
 
 use super::Covariances;
 
-/// Matched points at depth 1 (see [`Camera::normalize`](super::Camera::normalize)): point `i` of `a` and point
-/// `i` of `b` are assumed to show the same scene point. Each coordinate has its own array, so that kernels can
-/// read several matches at once.
+/// Matched points: point `i` of `a` and point `i` of `b` are assumed to show the same scene point. They are at depth 1
+/// (see [`Camera::normalize`](super::Camera::normalize)) wherever poses and essential matrices are concerned, and in
+/// pixels ([`MatchedPoints::in_pixels`](super::MatchedPoints::in_pixels)) or at depth 1 for homographies and fundamental
+/// matrices, whose unit is that of the points. Each coordinate has its own array, so that kernels can read several
+/// matches at once.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PointPairs {
     /// x in view `a`.

@@ -17,8 +17,8 @@ pub struct GaussianKernel {
 }
 
 impl GaussianKernel {
-    /// The kernel of standard deviation `sigma` in pixels. Its size is the smallest odd number that is at least
-    /// `8 sigma + 1`.
+    /// The kernel of standard deviation `sigma` in pixels. Its size is `8 sigma + 1` rounded, or the next number
+    /// where that is even, as in OpenCV.
     ///
     /// # Panics
     /// If `sigma` is not between 0.001 and 10,000.

@@ -64,8 +64,8 @@ pub struct Consensus<M> {
     pub samples: usize,
 }
 
-/// The model with the highest `score` among the models of random samples of the `problem`. `None` if no model
-/// has at least as many inliers as a sample has data.
+/// The model with the highest `score` among the models of random samples of the `problem`, and what they are refined
+/// to. `None` if no model of a sample has at least as many inliers as a sample has data.
 pub fn consensus<P: Problem>(
     problem: &P,
     score: &impl Scoring,

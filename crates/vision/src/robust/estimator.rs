@@ -8,7 +8,8 @@ use nalgebra::Matrix3;
 use crate::geometry::{Camera, MatchedPoints, PointPairs, RelativePose};
 use crate::seed::Seed;
 
-/// Matches of two images, and the cameras of these images.
+/// Matches of two images, and the cameras of these images, which must pass [`Camera::check`]: thresholds are
+/// divided by their focal lengths.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoViews<'a> {
     /// The matches, in pixels.
@@ -120,6 +121,9 @@ pub trait PoseEstimator: Send + Sync {
     ///
     /// # Errors
     /// [`NoPose`] if the matches determine none.
+    ///
+    /// # Panics
+    /// If the lists of the matched points have different lengths.
     fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoPose>;
 
     /// As [`PoseEstimator::estimate`], but samples are drawn only until `stop` returns true; it is given the number
@@ -127,6 +131,9 @@ pub trait PoseEstimator: Send + Sync {
     ///
     /// # Errors
     /// [`NoPose`] if the matches determine none, or if the time was too short to find one.
+    ///
+    /// # Panics
+    /// As [`PoseEstimator::estimate`].
     fn estimate_until(
         &self,
         views: TwoViews<'_>,

@@ -73,7 +73,7 @@ pub trait Problem {
     }
 
     /// Other models with which most data that agree with this one may agree too. It is called once at the end,
-    /// for the best model. Each result is refined, and the best of all is kept.
+    /// for the best model. Each result is refined if the best model is (local optimisation), and the best of all is kept.
     fn rivals(
         &self,
         _model: &Self::Model,

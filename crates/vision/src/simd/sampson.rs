@@ -24,7 +24,8 @@ multiversioned! {
         }
     }
 
-    /// As [`squared_sampson`], in units of the image: where a pixel of noise has the covariance S (xx, xy, yy; of
+    /// As [`squared_sampson`], in units of depth 1 where the lens shows the points: where noise of one such unit has the
+    /// covariance S (xx, xy, yy; of
     /// view a, then of view b), a gradient g has the squared length `g^T S g`.
     ///
     /// # Panics

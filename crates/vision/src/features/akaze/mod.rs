@@ -14,7 +14,7 @@
 //!    quadratic fit in the level (section 3.2).
 //! 3. Orientation: the longest sum of Gaussian-weighted gradients within a window of 60 degrees
 //!    that slides around the circle, as in SURF.
-//! 4. M-LDB (section 3.3): the patch of 20 scales, turned and sampled at steps of the scale, is
+//! 4. M-LDB (section 3.3): the patch of 20 steps of 1.5 scales, turned and sampled at these steps, is
 //!    divided into 2 x 2, 3 x 3 and 4 x 4 cells; for each pair of cells of a grid three bits
 //!    compare the means of intensity and of both derivatives.
 //!

@@ -44,7 +44,7 @@ use crate::params::ParamError;
 use crate::simd::{DIRECTIONS, VECTORS_AT_ONCE, project};
 use crate::tables::DLCO;
 
-/// Bytes for each pixel of the image, measured: the blurred image.
+/// Bytes for each pixel of the image, measured: the octaves that patches are taken from.
 const BYTES_A_PIXEL: usize = 5;
 
 /// Width and height of the described patch.

@@ -6,6 +6,9 @@ use crate::params::ParamError;
 /// First bytes of a table.
 const MAGIC: &[u8; 4] = b"DLC1";
 
+/// Least standard deviation of a region, in pixels: those of much smaller ones have no pixel with a weight.
+const LEAST_SIGMA: f32 = 0.1;
+
 /// Rings of pooling regions and a projection of what is pooled in them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DlcoTable {
@@ -53,7 +56,7 @@ impl DlcoTable {
         let fits = |count: usize| (1..=usize::from(u16::MAX)).contains(&count);
         let sound = |ring: &Ring| {
             let is_finite = ring.turn.is_finite() && ring.sigma.is_finite();
-            is_finite && ring.sigma > 0.0 && (0.0..=64.0).contains(&ring.radius)
+            is_finite && ring.sigma >= LEAST_SIGMA && (0.0..=64.0).contains(&ring.radius)
         };
         let whole =
             |row: &Vec<f32>| row.len() == columns && row.iter().all(|value| value.is_finite());
@@ -118,6 +121,12 @@ mod tests {
         };
         assert!(table(&[ring], vec![0.5; 32]).check().is_ok());
         assert!(table(&[], vec![]).check().is_err());
+        // A region about the corner of four pixels, with no weight for any of them.
+        let nothing = Ring {
+            sigma: 1e-2,
+            ..ring
+        };
+        assert!(table(&[nothing], vec![0.5; 32]).check().is_err());
         assert!(table(&[ring], vec![0.5; 31]).check().is_err());
         assert!(table(&[ring], vec![f32::NAN; 32]).check().is_err());
         assert!(
