@@ -87,7 +87,7 @@ pub(crate) fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Point
         return Ok(Vec::new());
     }
     let array: PyArrayLike2<'_, f64, AllowTypeChange> =
-        (numbers.extract()).map_err(|_| refused(value, name, expected))?;
+        converted(&numbers, || refused(value, name, expected))?;
     let view = array.as_array();
     if view.ncols() != 2 {
         return Err(refused(value, name, "n x 2 (x, y in pixels)"));
@@ -131,7 +131,7 @@ pub(crate) fn column(value: &Bound<'_, PyAny>, name: &str, count: usize) -> PyRe
         return Err(refused(value, name, &expected));
     }
     let array: PyArrayLike1<'_, f32, AllowTypeChange> =
-        (numbers.extract()).map_err(|_| refused(value, name, &expected))?;
+        converted(&numbers, || refused(value, name, &expected))?;
     flat(&array)
 }
 
@@ -143,7 +143,7 @@ pub(crate) fn rows(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyRe
     let expected = format!("an array of numbers, n x {columns}");
     let numbers = numbers(value, name, &expected)?;
     let array: PyArrayLike2<'_, f32, AllowTypeChange> =
-        (numbers.extract()).map_err(|_| refused(value, name, &expected))?;
+        converted(&numbers, || refused(value, name, &expected))?;
     if array.as_array().ncols() != columns {
         return Err(refused(value, name, &expected));
     }
@@ -165,16 +165,17 @@ pub(crate) fn chosen(value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<usi
     }
     match array.dtype().kind() {
         b'b' => {
-            let mask: PyArrayLike1<'_, bool> = array.extract().map_err(|_| refuse())?;
+            // A byte of a mask may be neither 0 nor 1 (`cv2_mask.view(bool)`), which is no bool here.
+            let bytes = array.call_method1("view", ("uint8",))?;
+            let mask: PyArrayLike1<'_, u8> = converted(&bytes, refuse)?;
             let mask = mask.as_array();
             if mask.len() != count {
                 return Err(refuse());
             }
-            Ok((0..count).filter(|&i| mask[i]).collect())
+            Ok((0..count).filter(|&i| mask[i] != 0).collect())
         }
         b'i' | b'u' => {
-            let indices: PyArrayLike1<'_, i64, AllowTypeChange> =
-                array.extract().map_err(|_| refuse())?;
+            let indices: PyArrayLike1<'_, i64, AllowTypeChange> = converted(&array, refuse)?;
             let within = |&index: &i64| usize::try_from(index).ok().filter(|&index| index < count);
             let indices = indices.as_array();
             let mut chosen = room(indices.len())?;
@@ -207,21 +208,33 @@ fn numbers<'py>(
     }
 }
 
-/// The value as an array, or the refusal, caused by what numpy says of a value that is none. Other errors are not about
-/// the value (too little memory, Ctrl-C) and stay what they are.
+/// The value as an array, or the refusal, see [`refusal_of`].
 fn array_or<'py>(
     value: &Bound<'py, PyAny>,
     refusal: impl Fn() -> PyErr,
 ) -> PyResult<Bound<'py, PyUntypedArray>> {
-    let py = value.py();
-    as_array(value).map_err(|error| {
-        if !error.is_instance_of::<PyTypeError>(py) && !error.is_instance_of::<PyValueError>(py) {
-            return error;
-        }
-        let refusal = refusal();
-        refusal.set_cause(py, Some(error));
-        refusal
-    })
+    as_array(value).map_err(|error| refusal_of(value.py(), error, refusal))
+}
+
+/// The array as one of another type, or the refusal, see [`refusal_of`].
+fn converted<'a, 'py, T>(array: &'a Bound<'py, PyAny>, refusal: impl Fn() -> PyErr) -> PyResult<T>
+where
+    T: FromPyObject<'a, 'py, Error: Into<PyErr>>,
+{
+    array
+        .extract()
+        .map_err(|error: T::Error| refusal_of(array.py(), error.into(), refusal))
+}
+
+/// The refusal, caused by what numpy says of a value that is no such array. Other errors are not about the value (too
+/// little memory, Ctrl-C) and stay what they are.
+fn refusal_of(py: Python<'_>, error: PyErr, refusal: impl Fn() -> PyErr) -> PyErr {
+    if !error.is_instance_of::<PyTypeError>(py) && !error.is_instance_of::<PyValueError>(py) {
+        return error;
+    }
+    let refusal = refusal();
+    refusal.set_cause(py, Some(error));
+    refusal
 }
 
 /// The value as a numpy array whose elements are aligned.
@@ -250,7 +263,7 @@ pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyRes
     if whole.len() > 0 && !matches!(whole.dtype().kind(), b'i' | b'u') {
         return Err(refuse());
     }
-    let array: PyArrayLike2<'_, i64, AllowTypeChange> = whole.extract().map_err(|_| refuse())?;
+    let array: PyArrayLike2<'_, i64, AllowTypeChange> = converted(&whole, refuse)?;
     let view = array.as_array();
     if view.ncols() != 2 {
         return Err(refuse());

@@ -2,8 +2,9 @@
 //!
 //! The rules are those for a matcher that is a program. It gets images and nothing else (no cameras, no truth),
 //! and its answer is checked. If it raises an exception, the pair is recorded as failed with the text of the
-//! exception, and is tried again when the run is repeated. Its time is measured by the clock of the run,
-//! without decoding and without waiting for the interpreter.
+//! exception, and is tried again when the run is repeated. Its time is measured by the clock of the run, from
+//! the call on, without decoding. With several threads it contains the turns of the other threads: while a matcher
+//! is pure Python, only one of them computes.
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -193,7 +194,12 @@ fn last_place(py: Python<'_>, error: &PyErr) -> Option<String> {
 /// The answer of a Python matcher: `Matches`, or (points_a, points_b), or (points_a, points_b, ambiguity).
 fn matched_points(answer: &Bound<'_, PyAny>) -> PyResult<MatchedPoints> {
     if let Ok(matches) = answer.cast::<Matches>() {
-        return Ok(matches.get().points().clone());
+        let mut points = matches.get().points().clone();
+        // It is above 1 where another candidate than the nearest was chosen, which no run takes from outside.
+        for ambiguity in &mut points.ambiguity {
+            *ambiguity = ambiguity.min(1.0);
+        }
+        return Ok(points);
     }
     let parts: Option<Vec<Bound<'_, PyAny>>> = answer.extract().ok();
     let (a, b, ambiguity) = match parts.as_deref() {

@@ -141,6 +141,14 @@ impl Camera {
         Ok((py.get_type::<Self>(), parts).into_pyobject(py)?.into_any())
     }
 
+    /// Equal cameras have equal hashes, as tuples of their numbers do.
+    fn __hash__(&self, py: Python<'_>) -> PyResult<isize> {
+        let geometry::Camera { fx, fy, cx, cy, .. } = self.inner;
+        (fx, fy, cx, cy, self.distortion())
+            .into_pyobject(py)?
+            .hash()
+    }
+
     fn __repr__(&self) -> String {
         let geometry::Camera { fx, fy, cx, cy, .. } = self.inner;
         let lens = (self.distortion()).map_or_else(String::new, |lens| format!(", {lens:?}"));

@@ -13,6 +13,7 @@ use crate::arrays::matrix;
 use crate::camera::Camera;
 use crate::detached::detached;
 use crate::errors::{error, value_error};
+use crate::integers::{index, whole};
 use crate::pickled::{Reduced, by_method};
 
 /// Images with known cameras, and pairs of them with their true relative pose. A pickle holds only the path of the
@@ -99,13 +100,17 @@ impl Dataset {
     }
 
     /// The image of a frame, grey, as a matcher gets it in a run.
-    fn read<'py>(&self, py: Python<'py>, frame: isize) -> PyResult<Bound<'py, PyAny>> {
+    fn read<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = index)] frame: isize,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let frame = self.frame(frame)?;
         pixels(py, &detached(py, || frame.pixels())?.map_err(error)?)
     }
 
     /// The camera of a frame.
-    fn camera(&self, frame: isize) -> PyResult<Camera> {
+    fn camera(&self, #[pyo3(from_py_with = index)] frame: isize) -> PyResult<Camera> {
         let inner = self.frame(frame)?.camera;
         Ok(Camera { inner })
     }
@@ -177,8 +182,8 @@ pub(crate) fn rendered_scene(
     py: Python<'_>,
     name: &str,
     cache: PathBuf,
-    frames: Option<u32>,
-    size: Option<(usize, usize)>,
+    #[pyo3(from_py_with = whole)] frames: Option<u32>,
+    #[pyo3(from_py_with = whole)] size: Option<(usize, usize)>,
 ) -> PyResult<PathBuf> {
     let scenes = rendered::scenes();
     let scene = scenes.iter().find(|scene| scene.name == name);

@@ -15,6 +15,7 @@ use crate::arrays::{chosen, column, matrix, points};
 use crate::camera::Camera;
 use crate::detached::detached;
 use crate::errors::{NoPose, value_error};
+use crate::integers::whole;
 use crate::params::parse;
 use crate::pickled::{Reduced, by_method};
 
@@ -103,7 +104,7 @@ impl Estimator {
         camera_b: Camera,
         ambiguity: Option<Bound<'_, PyAny>>,
         turns: Option<Bound<'_, PyAny>>,
-        seed: u64,
+        #[pyo3(from_py_with = whole)] seed: u64,
     ) -> PyResult<PoseEstimate> {
         let Built::Pose(pose) = &self.built.estimator else {
             let message = format!(
@@ -153,7 +154,7 @@ impl Estimator {
         points_b: &Bound<'_, PyAny>,
         ambiguity: Option<Bound<'_, PyAny>>,
         turns: Option<Bound<'_, PyAny>>,
-        seed: u64,
+        #[pyo3(from_py_with = whole)] seed: u64,
     ) -> PyResult<HomographyEstimate> {
         let Built::Homography(homography) = &self.built.estimator else {
             let message = format!("`{}` estimates poses; call `estimate`", self.built.id);
@@ -179,7 +180,7 @@ impl Estimator {
 /// The matches given by two arrays of points, row by row.
 ///
 /// # Errors
-/// If they are not points or their numbers differ, if an ambiguity is not from 0 to 1, or if a turn is not
+/// If they are not points or their numbers differ, if an ambiguity is negative or no number, or if a turn is not
 /// finite.
 pub(crate) fn matched(
     points_a: &Bound<'_, PyAny>,
@@ -200,9 +201,10 @@ pub(crate) fn matched(
         Some(ambiguity) => column(&ambiguity, "ambiguity", count)?,
         None => vec![0.5; count],
     };
-    if let Some(row) = ambiguity.iter().position(|x| !(0.0..=1.0).contains(x)) {
+    // It is above 1 where another candidate than the nearest was chosen.
+    if let Some(row) = ambiguity.iter().position(|x| !(0.0..).contains(x)) {
         let message = format!(
-            "`ambiguity` is from 0 (certain) to 1; row {row} is {}",
+            "`ambiguity` is from 0 (certain) on, and mostly below 1; row {row} is {}",
             ambiguity[row]
         );
         return Err(value_error(message));

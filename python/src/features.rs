@@ -16,6 +16,7 @@ use crate::arrays::{
 };
 use crate::camera::Origin;
 use crate::detached::detached;
+use crate::integers::whole;
 use crate::pickled::{Reduced, by_method};
 
 /// Keypoints of an image and their descriptors: row i of every array is feature i. The arrays are read-only; copy
@@ -93,7 +94,7 @@ impl Features {
     fn from_arrays(
         keypoints: &Bound<'_, PyAny>,
         descriptors: &Bound<'_, PyAny>,
-        image_size: (usize, usize),
+        #[pyo3(from_py_with = whole)] image_size: (usize, usize),
         sizes: Option<Bound<'_, PyAny>>,
         angles: Option<Bound<'_, PyAny>>,
         responses: Option<Bound<'_, PyAny>>,

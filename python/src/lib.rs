@@ -18,6 +18,7 @@ mod detached;
 mod errors;
 mod estimators;
 mod features;
+mod integers;
 mod matchers;
 mod params;
 mod pickled;

@@ -21,6 +21,7 @@ use crate::detached::detached;
 use crate::errors::{error, value_error};
 use crate::estimators::matched;
 use crate::features::Features;
+use crate::integers::whole;
 use crate::params::parse;
 use crate::pickled::{Reduced, by_method};
 
@@ -76,7 +77,8 @@ impl Matcher {
         Ok(found.into())
     }
 
-    /// The putative matches of two images: indices, distances, and distances to the second nearest.
+    /// The putative matches of two images: indices, distances, and distances to the second nearest. Where the
+    /// matcher has a ratio test, features that fail it may have other neighbours than the two nearest.
     fn search<'py>(&self, py: Python<'py>, a: &Features, b: &Features) -> PyResult<Arrays<'py>> {
         same_kind(&a.inner, &b.inner)?;
         let found = detached(py, || self.built.matcher.search(&a.inner, &b.inner))?;
@@ -93,8 +95,9 @@ impl Matcher {
         putative: Arrays<'py>,
         images: Option<(Bound<'py, PyAny>, Bound<'py, PyAny>)>,
         cameras: Option<(Camera, Camera)>,
-        seed: u64,
+        #[pyo3(from_py_with = whole)] seed: u64,
     ) -> PyResult<Arrays<'py>> {
+        same_kind(&a.inner, &b.inner)?;
         let putative = of_arrays(putative, &a.inner, &b.inner)?;
         let images = match &images {
             Some(given) => {
@@ -133,7 +136,7 @@ impl Matcher {
         b: &Bound<'_, PyAny>,
         camera_a: Option<Camera>,
         camera_b: Option<Camera>,
-        seed: u64,
+        #[pyo3(from_py_with = whole)] seed: u64,
     ) -> PyResult<Matches> {
         let (image_a, image_b) = (image(a)?, image(b)?);
         let matched = detached(py, || {
@@ -259,7 +262,8 @@ impl Matches {
         matrix(py, values.collect(), [self.points.len(), 2])
     }
 
-    /// m: from 0 (certain) to 1 (a second candidate is as good).
+    /// m: from 0 (certain) to 1 (a second candidate is as good); above 1 where another candidate than the nearest was
+    /// chosen (`gaim`).
     #[getter]
     fn ambiguity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         matrix(py, self.points.ambiguity.clone(), [self.points.len()])

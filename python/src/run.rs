@@ -21,6 +21,7 @@ use crate::callable::PythonMatcher;
 use crate::datasets::Dataset;
 use crate::errors::{error, value_error};
 use crate::estimators::Estimator;
+use crate::integers::whole;
 use crate::matchers::Matcher;
 use crate::progress::Progress;
 
@@ -74,7 +75,7 @@ pub(crate) fn run(
     estimators: Vec<AnyEstimator<'_>>,
     out: PathBuf,
     settings: Vec<String>,
-    seed: u64,
+    #[pyo3(from_py_with = whole)] seed: u64,
     repeat: NonZeroU32,
     limit: Option<NonZeroUsize>,
     time_budget_ms: Option<NonZeroU32>,
@@ -212,7 +213,7 @@ fn listening(
         thread::scope(|scope| {
             let (done, waiting) = channel();
             let pool = &pool;
-            scope.spawn(move || {
+            let worker = scope.spawn(move || {
                 let ended = pool.install(|| run.execute(observer, cancel));
                 // The receiver waits until this is sent.
                 let _ = done.send(ended);
@@ -222,7 +223,11 @@ fn listening(
                 let ended = match waiting.recv_timeout(TICK) {
                     Ok(ended) => Some(ended),
                     Err(RecvTimeoutError::Timeout) => None,
-                    Err(RecvTimeoutError::Disconnected) => return None,
+                    Err(RecvTimeoutError::Disconnected) => {
+                        // It panicked. A thread that is joined does not pass this on.
+                        let _ = worker.join();
+                        return None;
+                    }
                 };
                 let state = observer.state();
                 // The first error is raised in the end, and nothing is shown after it.
@@ -269,10 +274,10 @@ fn listening(
 pub(crate) fn pair_seed(
     dataset: &str,
     matcher: &str,
-    a: u32,
-    b: u32,
-    seed: u64,
-    repetition: u32,
+    #[pyo3(from_py_with = whole)] a: u32,
+    #[pyo3(from_py_with = whole)] b: u32,
+    #[pyo3(from_py_with = whole)] seed: u64,
+    #[pyo3(from_py_with = whole)] repetition: u32,
 ) -> u64 {
     seed_of_pair(seed, dataset, matcher, (a, b), repetition).0
 }

@@ -191,6 +191,13 @@ class NoArray:
         raise self.error
 
 
+def test_bytes_of_a_mask_need_not_be_ones(features):
+    one = features[0]
+    ones = np.arange(len(one)) % 3 == 0
+    twos = (2 * ones).astype(np.uint8).view(bool)
+    assert np.array_equal(one.select(twos).keypoints, one.select(ones).keypoints)
+
+
 def test_only_errors_about_the_value_become_refusals(features):
     one, image_size = features[0], features[0].image_size
     calls = [
@@ -206,6 +213,8 @@ def test_only_errors_about_the_value_become_refusals(features):
             with pytest.raises(type(other)) as raised:
                 call(NoArray(other))
             assert raised.value is other
+    with pytest.raises(MemoryError):  # numpy would make one of another type of it
+        mb.Features.from_arrays(np.broadcast_to(np.float32(1), (10**11, 2)), one.descriptors, image_size)
 
 
 def test_origins_differ_by_half_a_pixel(features):

@@ -64,6 +64,17 @@ def test_matches_hold_their_features(again, matched):
     same(matched.features_b, found.features_b, FEATURES)
 
 
+def test_matches_of_candidates_that_are_not_the_nearest(again, dataset, images):
+    """Their ambiguity is above 1, and an estimator takes it."""
+    small = [image[60:180, 80:240] for image in images]
+    matched = mb.matcher("gaim", extractor={"views": {"shears": 1}}).match(*small)
+    assert matched.ambiguity.max() > 1
+    same(matched, again(matched), MATCHES)
+    camera = dataset.camera(0)
+    mb.estimator("best-h").estimate_homography(matched.points_a, matched.points_b, ambiguity=matched.ambiguity)
+    assert hash(camera) == hash(again(camera))
+
+
 def test_estimates(again, dataset, matched):
     points, camera = (matched.points_a, matched.points_b), dataset.camera(0)
     pose = mb.estimator("best").estimate(*points, camera, camera)

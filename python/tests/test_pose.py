@@ -80,6 +80,9 @@ def test_poselibs_function(matches, dataset):
     assert np.array_equal(pose.R, ours.R) and np.array_equal(pose.t, ours.t)
     few, strict = mb.estimate_relative_pose(a, b, camera, camera, {"max_epipolar_error": 0.2})
     assert strict["num_inliers"] < info["num_inliers"] and few is not None
+    for options in ({"max_iterations": 100}, {"max_iterations": 100, "success_prob": 1.0}):
+        _, short = mb.estimate_relative_pose(a, b, camera, camera, options)
+        assert 0 < short["iterations"] <= 100
 
 
 def test_colmaps_origin_is_taken_off(matches, dataset):
@@ -163,8 +166,9 @@ def test_too_few_matches_are_no_pose():
             mb.estimator("best").estimate([], other, camera, camera)
     with pytest.raises(ValueError, match="4 points in image a and 3"):
         mb.estimator("best").estimate(points, points[:3], camera, camera)
-    with pytest.raises(ValueError, match="from 0"):
-        mb.estimator("best").estimate(points, points, camera, camera, ambiguity=[0, 0, 0, 2])
+    for ambiguity in (-1, np.nan):
+        with pytest.raises(ValueError, match="from 0.*row 3"):
+            mb.estimator("best").estimate(points, points, camera, camera, ambiguity=[0, 0, 0, ambiguity])
     with pytest.raises(ValueError, match="`turns`.*row 1.*leave them out"):
         mb.estimator("adaptive").estimate(points, points, camera, camera, turns=[0, np.nan, 0, 0])
     with pytest.raises(TypeError, match="turns.*4 numbers"):
@@ -173,6 +177,20 @@ def test_too_few_matches_are_no_pose():
         mb.estimator("bset")
     with pytest.raises(ValueError, match="treshold"):
         mb.estimator("best", treshold=1)
+
+
+@pytest.mark.parametrize("number", [-1, 2**64, 10**30])
+def test_a_number_out_of_range_is_an_argument_like_any_other(number, matches, dataset):
+    points, camera = (matches.points_a, matches.points_b), dataset.camera(0)
+    for call in (
+        lambda: mb.estimator("best").estimate(*points, camera, camera, seed=number),
+        lambda: mb.pair_seed("d", "m", number, 0),
+        lambda: mb.Features.from_arrays(np.zeros((1, 2)), np.zeros((1, 2), np.float32), (number, 5)),
+    ):
+        with pytest.raises(ValueError, match="negative, or too large"):
+            call()
+    with pytest.raises(IndexError):
+        dataset.read(number)
 
 
 def test_turns_are_refused_where_they_would_do_nothing(matches, dataset):

@@ -40,7 +40,8 @@ class Correspondences(_IndicesAndDistances):
 
     @property
     def ambiguity(self) -> NDArray[np.float32]:
-        """m: nearest divided by second nearest distance, from 0 (certain) to 1, as estimators take it."""
+        """m: nearest divided by second nearest distance, as estimators take it: from 0 (certain) to 1, and above 1 where
+        another candidate than the nearest was chosen."""
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = self.distances / self.second
         return np.where(np.isnan(ratio), np.float32(1), ratio)

@@ -122,7 +122,8 @@ class Matches:
         """m x 2, in pixels of image b."""
     @property
     def ambiguity(self) -> NDArray[np.float32]:
-        """m: from 0 (certain) to 1 (a second candidate is as good)."""
+        """m: from 0 (certain) to 1 (a second candidate is as good); above 1 where another candidate than the nearest was
+        chosen (`gaim`)."""
     @property
     def turns(self) -> NDArray[np.float32] | None:
         """m: the angle by which the keypoint of b is turned relative to that of a, in radians from 0 to 2 pi; None if
@@ -152,7 +153,8 @@ class Matcher:
     def extract(self, pixels: NDArray[np.uint8]) -> Features:
         """The features of an image."""
     def search(self, a: Features, b: Features) -> _Arrays:
-        """The putative matches of two images: indices, distances, and distances to the second nearest."""
+        """The putative matches of two images: indices, distances, and distances to the second nearest. Where the
+        matcher has a ratio test, features that fail it may have other neighbours than the two nearest."""
     def select(
         self,
         a: Features,

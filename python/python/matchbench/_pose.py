@@ -24,6 +24,8 @@ _WITHOUT_EFFECT = {
     "real_focal_check": "the focal lengths are known here",
     "score_initial_model": "there is no initial model here",
 }
+# That of "best".
+_LEAST_ITERATIONS = 1000
 _LOSSES = {"TRUNCATED": "truncated", "CAUCHY": "cauchy"}
 
 
@@ -96,6 +98,10 @@ def estimate_relative_pose(
             params["final_loss"] = _LOSSES[value]
         else:
             _put(params, "bundle_opt", {"max_iterations": "final_steps"}, key, value, "loss_type")
+    most = params.get("max_iterations")
+    if isinstance(most, int) and most < _LEAST_ITERATIONS and params.get("confidence") != 1:
+        # As in PoseLib, the least number needs no word where the most is smaller.
+        params.setdefault("min_iterations", most)
     best = estimator("best", **params)
     cameras = _camera(camera1, "camera1", origin), _camera(camera2, "camera2", origin)
     count = len(np.asarray(points2D_1))
