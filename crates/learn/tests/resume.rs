@@ -114,6 +114,18 @@ fn a_killed_run_goes_on_and_ends_with_the_same_bytes() {
     .output();
     let message = String::from_utf8(output.expect("it starts").stderr).expect("text");
     assert!(message.contains("named twice (as wall)"), "{message}");
+    // So is one place that is rendered twice, with other frames.
+    let output = learn(
+        folder,
+        "patches --train rendered:cabinet --test rendered:cabinet-wide",
+        "shared",
+    )
+    .output();
+    let message = String::from_utf8(output.expect("it starts").stderr).expect("text");
+    assert!(
+        message.contains("rendered:cabinet-wide: shows the place of rendered:cabinet"),
+        "{message}"
+    );
 
     // A folder is in the way of the table that is made next.
     fs::rename(folder.join("unbroken"), folder.join("set")).expect("both are there");

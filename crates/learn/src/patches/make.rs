@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use indicatif::ProgressBar;
 use matchbench::datasets::Sequence;
-use matchbench::datasets::rendered::{self, Scene, World};
+use matchbench::datasets::rendered::{self, Place, Scene, World};
 use matchbench_vision::features::{
     Descriptors, Extractor, Features, PatchSource, Sift, SiftParams, binboost, dlco,
 };
@@ -49,14 +49,7 @@ pub(crate) fn make(recipe: &Recipe, folder: &Path, bar: &ProgressBar) -> Result<
         "{}: exists; name another folder",
         path.display()
     );
-    let mut seen = Vec::new();
-    for scene in recipe.scenes.iter().flatten() {
-        let place = place(scene)?;
-        if let Some((_, first)) = seen.iter().find(|(other, _)| *other == place) {
-            bail!("{scene}: is named twice (as {first}); parts must not share scenes");
-        }
-        seen.push((place, scene));
-    }
+    refuse_shared(&recipe.scenes)?;
     let unfinished = folder.join("unfinished");
     let mut parts = Vec::new();
     for (name, scenes) in PARTS.iter().zip(&recipe.scenes) {
@@ -76,6 +69,33 @@ pub(crate) fn make(recipe: &Recipe, folder: &Path, bar: &ProgressBar) -> Result<
     manifest.write(folder)?;
     fs::remove_dir_all(&unfinished).with_context(|| format!("{}", unfinished.display()))?;
     Ok(manifest)
+}
+
+/// Refuses a scene that is named twice, and one that shows a place of another part: a place may be rendered several times,
+/// with other frames.
+fn refuse_shared(parts: &[Vec<String>; 3]) -> Result<()> {
+    let mut seen: Vec<(PathBuf, Option<Place>, usize, &str)> = Vec::new();
+    for (part, scenes) in parts.iter().enumerate() {
+        for scene in scenes {
+            let (path, shown) = (place(scene)?, rendered_place(scene)?);
+            for (its_path, its_shown, its_part, first) in &seen {
+                if *its_path == path {
+                    bail!("{scene}: is named twice (as {first}); parts must not share scenes");
+                }
+                if *its_part != part && shown.is_some() && *its_shown == shown {
+                    bail!("{scene}: shows the place of {first}; parts must not share scenes");
+                }
+            }
+            seen.push((path, shown, part, scene));
+        }
+    }
+    Ok(())
+}
+
+/// The place that a scene shows, if it is rendered.
+fn rendered_place(scene: &str) -> Result<Option<Place>> {
+    let name = scene.strip_prefix("rendered:");
+    name.map(|name| Ok(rendered_scene(name)?.place)).transpose()
 }
 
 /// What a scene is, however it is written: its folder without links, or its name if it is rendered. It must
