@@ -75,24 +75,26 @@ def estimate(curve, budget, chunk, k, seed):
     if curve in OURS:
         yield from estimators.ours(chunk, k, OURS[curve](budget), seed)
         return
+    # The default of PoseLib, COLMAP and `best`.
+    least = min(1000, budget)
     for key, matches in chunk:
         clearest = superansac.clearest_first(matches)
         shuffled = estimators.shuffled(key, matches, seed)
         if curve == "PoseLib":
-            options = {"max_iterations": budget, "min_iterations": min(100, budget)}
+            options = {"max_iterations": budget, "min_iterations": least}
             yield estimators.peer_poselib(shuffled, k, options, seed)
         elif curve == "PoseLib, PROSAC":
-            options = {"max_iterations": budget, "min_iterations": min(100, budget), "progressive_sampling": True}
+            options = {"max_iterations": budget, "min_iterations": least, "progressive_sampling": True}
             yield estimators.peer_poselib(clearest, k, options, seed)
         elif curve == "OpenCV USAC_MAGSAC":
             yield estimators.peer_opencv(shuffled, k, cv2.USAC_MAGSAC, budget)
         elif curve == "OpenCV USAC_PROSAC":
             yield estimators.peer_opencv(clearest, k, cv2.USAC_PROSAC, budget)
         elif curve == "SupeRANSAC":
-            options = {"max_iterations": budget, "min_iterations": min(1000, budget)}
+            options = {"max_iterations": budget, "min_iterations": least}
             yield superansac.peer(clearest, k, options)
         else:
-            options = {"max_num_trials": budget, "min_num_trials": min(100, budget), "max_error": 1.0}
+            options = {"max_num_trials": budget, "min_num_trials": least, "max_error": 1.0}
             yield estimators.peer_colmap(shuffled, k, options, seed)
 
 

@@ -30,7 +30,7 @@ LEAST_MATCHES = 6
 
 
 def clearest_first(matches):
-    """The order that PROSAC needs: by the fifth column, the distance."""
+    """The order that PROSAC needs: by the fifth column, the ambiguity."""
     return matches[np.argsort(matches[:, 4], kind="stable")]
 
 

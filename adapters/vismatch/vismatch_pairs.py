@@ -19,6 +19,8 @@ def load(params):
     if load.matcher is None:
         from vismatch import get_matcher
         load.matcher = get_matcher(params["model"], params["device"], params["max_keypoints"])
+        # The homography that it fits to its matches is not used here.
+        load.matcher.skip_ransac = True
     return load.matcher
 
 
