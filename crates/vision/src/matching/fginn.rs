@@ -23,6 +23,10 @@ use crate::params::ParamError;
 use crate::seed::Seed;
 use crate::simd::{near_rows, nearest_bits_among, two_nearest_among};
 
+/// How many radii two features must be apart so that one of them is certainly outside of any circle of that radius: two,
+/// and what the rounding of distances may hide.
+pub(super) const FAR: f32 = 2.0 * (1.0 + 1e-6);
+
 /// Keeps a match if its distance is below a ratio of the distance to the nearest feature at another place. That
 /// feature becomes its second nearest.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,9 +103,9 @@ impl Places<'_> {
     fn find_second_floats(&self, a: &FloatRows, b: &FloatRows, matches: &mut Correspondences) {
         let rows = matches.iter().flat_map(|found| a.row(found.a as usize));
         let rows: Vec<f32> = rows.copied().collect();
-        // Of two features so far apart one at least is elsewhere, wherever a match is. So the nearest elsewhere is no
-        // farther than the farther of any two that are.
-        let are_apart = |i, j| self.distance(i, j) > 2.0 * self.radius_px;
+        // Of two features so far apart one at least is elsewhere, wherever a match is, whatever their distances are
+        // rounded to. So the nearest elsewhere is no farther than the farther of any two that are.
+        let are_apart = |i, j| self.distance(i, j) > FAR * self.radius_px;
         let near = near_rows(&rows, b.data(), a.dim(), b.prepared(), Some(&are_apart));
         let all: Vec<u32> = (0..b.len() as u32).collect();
         let mut elsewhere = Vec::new();

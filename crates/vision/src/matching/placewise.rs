@@ -24,6 +24,7 @@
 //! another simulated view), so a block seldom holds two of them; where it does, `second` is too
 //! small and the ratio test too strict.
 
+use super::fginn::FAR;
 use super::{Correspondence, Correspondences, Search, two_nearest};
 use crate::features::{BinaryRows, Descriptors, Features, FloatRows, Keypoint};
 use crate::simd::{complete, near_rows, two_nearest_among};
@@ -71,7 +72,7 @@ impl PlacewiseNeighbours {
         assert_eq!(rows_a.dim(), rows_b.dim(), "descriptors of one kind");
         let apart = |i: u32, j: u32| {
             let [i, j] = [i, j].map(|index| b.keypoints[index as usize].at);
-            (i - j).norm() > 2.0 * self.same_place_px
+            (i - j).norm() > FAR * self.same_place_px
         };
         let (data_a, data_b) = (rows_a.data(), rows_b.data());
         let near = near_rows(

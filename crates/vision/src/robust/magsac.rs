@@ -59,7 +59,8 @@ impl Scoring for Magsac {
         let (mut quality, mut inliers) = (0.0, 0);
         for &squared in &*squared_residuals {
             if squared <= self.squared_threshold {
-                quality += self.table[(squared * scale) as usize];
+                // A threshold may be so small that its inverse is infinite.
+                quality += self.table[((squared * scale) as usize).min(ENTRIES)];
                 inliers += 1;
             }
         }

@@ -237,7 +237,10 @@ impl Task<'_> {
                     samples: drawn + found.samples,
                     ..found
                 });
-                let (Some(first), Some(samples)) = (first, ended.get()) else {
+                // The same where the search has no more samples than told the noise.
+                let most = self.search.max_iterations;
+                let few = (most <= noise_iterations).then_some(drawn + most);
+                let (Some(first), Some(samples)) = (first, ended.get().or(few)) else {
                     return found;
                 };
                 // There may have been no time for a better model than the one that told the noise.

@@ -54,8 +54,17 @@ impl InstructionSet {
         }
     }
 
-    /// The widest that this processor has.
+    /// The widest that this processor has. It asks the system for tiles, which a process cannot give back.
     pub fn widest() -> Self {
+        match Self::widest_vectors() {
+            #[cfg(target_arch = "x86_64")]
+            Avx512 if tiles::are_there() => Amx,
+            other => other,
+        }
+    }
+
+    /// The widest that has no tiles.
+    fn widest_vectors() -> Self {
         #[cfg(target_arch = "x86_64")]
         {
             macro_rules! has {
@@ -64,11 +73,7 @@ impl InstructionSet {
             if has!("avx2" "fma") {
                 let wider = has!("avx512f" "avx512bw" "avx512cd" "avx512dq" "avx512vl")
                     && has!("avx512vnni" "avx512vpopcntdq" "avx512vbmi");
-                return match wider {
-                    true if tiles::are_there() => Amx,
-                    true => Avx512,
-                    false => Avx2,
-                };
+                return if wider { Avx512 } else { Avx2 };
             }
         }
         Portable
@@ -83,12 +88,13 @@ impl InstructionSet {
             return Ok(Self::widest());
         };
         let name = name.to_string_lossy();
-        let widest = Self::widest();
         match Self::ALL.iter().find(|set| set.name() == name) {
-            Some(&set) if set <= widest => Ok(set),
+            // Tiles are not asked for where they are not wanted.
+            Some(&set) if set <= Self::widest_vectors() => Ok(set),
+            Some(&set) if set == Self::widest() => Ok(set),
             Some(_) => Err(ParamError(format!(
                 "MATCHBENCH_SIMD asks for `{name}`; this processor has no more than `{}`",
-                widest.name()
+                Self::widest().name()
             ))),
             None => Err(ParamError(format!(
                 "MATCHBENCH_SIMD is `{name}`, but must be portable, avx2, avx512 or amx"

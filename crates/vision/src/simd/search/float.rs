@@ -134,8 +134,10 @@ multiversioned! {
 
 #[cfg(test)]
 mod tests {
+    use super::super::coarse::WORTH;
     use super::*;
     use crate::seed::Seed;
+    use crate::simd::InstructionSet;
 
     /// The definition, one pair at a time.
     fn defined(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {
@@ -161,16 +163,19 @@ mod tests {
         let mut rng = Seed(5).rng();
         let mut draw = |len: usize| (0..len).map(|_| value(&mut rng)).collect::<Vec<f32>>();
         for dim in [1, 3, 64, 120, 128, 200, 259] {
-            for (rows_a, rows_b) in [(0, 7), (7, 0), (1, 1), (7, 33), (33, 7), (1, 16), (13, 100)] {
+            // The last is worth more than single comparisons.
+            let many = (9, WORTH / dim + 1);
+            let few = [(0, 7), (7, 0), (1, 1), (7, 33), (33, 7), (1, 16), (13, 100)];
+            for (rows_a, rows_b) in few.into_iter().chain([many]) {
                 let (a, b) = (draw(rows_a * dim), draw(rows_b * dim));
                 let expected = defined(&a, &b, dim);
-                let shape = format!("{rows_a} and {rows_b} rows of {dim}");
-                assert_eq!(two_nearest(&a, &b, dim), expected, "{shape}");
-                assert_eq!(
-                    two_nearest_floats(&a, &b, dim, &Prepared::default(), None),
-                    expected,
-                    "{shape}"
-                );
+                InstructionSet::for_each(|set| {
+                    let shape = format!("{set:?}: {rows_a} and {rows_b} rows of {dim}");
+                    assert_eq!(two_nearest(&a, &b, dim), expected, "{shape}");
+                    let prepared = Prepared::default();
+                    let found = two_nearest_floats(&a, &b, dim, &prepared, None);
+                    assert_eq!(found, expected, "{shape}");
+                });
             }
         }
     }

@@ -262,13 +262,14 @@ mod tests {
     }
 
     fn assert_exact(a: &[u64], b: &[u64], words: usize) {
-        let found = two_nearest_bits(a, b, words);
         let (rows_a, rows_b) = (a.len() / words, b.len() / words);
-        assert_eq!(found.len(), rows_a);
-        for (row, (a, found)) in a.chunks_exact(words).zip(found).enumerate() {
-            let place = format!("row {row} of {rows_a} and {rows_b} rows of {words} words");
-            assert_eq!(found, compare_one_by_one(a, b), "{place}");
-        }
+        let expected: Vec<TwoNearest> = (a.chunks_exact(words))
+            .map(|a| compare_one_by_one(a, b))
+            .collect();
+        InstructionSet::for_each(|set| {
+            let shape = format!("{set:?}: {rows_a} and {rows_b} rows of {words} words");
+            assert_eq!(two_nearest_bits(a, b, words), expected, "{shape}");
+        });
     }
 
     #[test]
@@ -285,7 +286,7 @@ mod tests {
     #[test]
     fn tables_agree_with_the_definition() {
         let mut rng = Seed(7).rng();
-        for words in [1, 2, 4, 7, 8, 16, 64] {
+        for words in [1, 2, 4, 7, 8, 16, 64, 65] {
             for (rows_a, rows_b) in [
                 (0, 7),
                 (7, 0),

@@ -49,7 +49,7 @@ pub(super) use self::candidates::{Kept, most_bytes};
 
 /// Values of `b` from which on bytes are worth the work of making them: with fewer, too many of the
 /// candidates are measured.
-const WORTH: usize = 40_000;
+pub(super) const WORTH: usize = 40_000;
 
 /// Ratios above this are searched for as if there were none. It was not measured from where on skipping pays.
 const MOST_RATIO: f32 = 0.9;

@@ -9,6 +9,8 @@ use crate::simd::search::pack;
 
 /// By how much two sums of the same squares in another order may differ, generously.
 pub(super) const ROUNDING: f32 = 1e-3;
+/// By how much distances may be off where the squares of differences are too small for all their digits.
+pub(super) const LEAST: f32 = 1e-18;
 
 /// What 32-bit floating point may lose, generously, of the length of a row or of a distance, in units of the bytes.
 const LOST: f32 = 0.01;

@@ -1,7 +1,7 @@
 //! A tile of queries during a search: their bounds and the nearest candidates so far.
 
 use super::keep::Pair;
-use super::panels::{Bounds, ROUNDING};
+use super::panels::{Bounds, LEAST, ROUNDING};
 use super::within::{self, LANES, ROWS};
 
 /// Pairs that are listed without a look at how many there are.
@@ -192,7 +192,7 @@ impl Query {
 
     /// Whether a measured candidate may be within the bound by the definition.
     fn admits(&self, distance: f32) -> bool {
-        distance <= self.bound * (1.0 + ROUNDING) + f32::MIN_POSITIVE
+        distance <= self.bound * (1.0 + ROUNDING) + LEAST
     }
 
     /// Takes a candidate and its squared distance; whether the bound is another now.
@@ -226,7 +226,8 @@ impl Query {
     /// Whether the measured candidates tell that the distance to the nearest is not below this `ratio` of that to the
     /// second nearest.
     fn fails(&self, ratio: f32) -> bool {
-        self.second < f32::INFINITY && self.nearest.1 >= ratio * (1.0 + ROUNDING) * self.second
+        self.second < f32::INFINITY
+            && self.nearest.1 >= ratio * (1.0 + ROUNDING) * self.second + LEAST
     }
 
     /// From here on only candidates count that decide on whether the distance to the nearest is below a `ratio` of that
